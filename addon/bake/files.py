@@ -1,0 +1,38 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Files that are there whole or not at all."""
+
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from .errors import BakeError
+
+
+def check_writable(path: Path) -> None:
+    """Raise BakeError unless a file can be put at `path`."""
+    if path.is_dir():
+        raise BakeError(f"{str(path)!r} is a folder: name a file.")
+    try:
+        # Ask the file system: permission bits say nothing about a full or read-only disk.
+        with tempfile.NamedTemporaryFile(dir=path.parent):
+            pass
+    except OSError as error:
+        raise BakeError(f"Nothing can be written to the folder {str(path.parent)!r}: {error.strerror}.") from error
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """A path beside `path` to write to; what was written takes the place of `path` when the block ends well.
+
+    Raises BakeError if it cannot; then `path` is as it was.
+    """
+    partial = path.with_name(f".{path.stem}.{os.getpid()}.partial{path.suffix}")
+    try:
+        yield partial
+        os.replace(partial, path)
+    except (OSError, RuntimeError) as error:  # Blender's writers raise RuntimeError
+        raise BakeError(f"{str(path)!r} could not be written: {str(error).strip()}") from error
+    finally:
+        partial.unlink(missing_ok=True)

@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Texels into an image datablock, and into a file."""
+
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from .errors import BakeError
+from .files import check_writable, replacing
+from .settings import FORMATS, Settings
+
+
+def name_for(low_name: str, settings: Settings) -> str:
+    """The name of the image datablock."""
+    return settings.image or f"{low_name}_normal"
+
+
+def check(low_name: str, settings: Settings) -> None:
+    """Raise BakeError if the image cannot be written to, before anything is baked."""
+    image = bpy.data.images.get((name_for(low_name, settings), None))
+    if image is not None and (image.source not in {"GENERATED", "FILE"} or image.type not in {"IMAGE", "UV_TEST"}):
+        raise BakeError(f"The image {image.name!r} is no single still picture: choose another name for the map.")
+    if settings.storage == "FILE":
+        check_writable(_path(settings))
+
+
+def store(texels: np.ndarray, low_name: str, settings: Settings) -> bpy.types.Image:
+    """Put `texels`, (height, width, 4) float32 with row 0 at v = 0, where the settings want them.
+
+    The image is Non-Color and channel-packed. A file is written beside its place and then moved there, so that an old
+    one is never half overwritten. Raises BakeError if the file cannot be written; then no image has changed.
+    """
+    name = name_for(low_name, settings)
+    image = bpy.data.images.get((name, None))
+    if settings.storage == "FILE":
+        _write_file(texels, settings)
+        image = image or bpy.data.images.new(name, 1, 1, is_data=True)
+        _forget_pixels(image)
+        image.filepath = settings.output
+        image.source = "FILE"
+        _mark_as_data(image)
+        image.reload()
+    else:
+        is_float = settings.depth > 8
+        if image is None:
+            height, width = texels.shape[:2]
+            image = bpy.data.images.new(name, width, height, alpha=True, float_buffer=is_float, is_data=True)
+        else:
+            _regenerate(image, texels.shape, is_float)
+        _mark_as_data(image)
+        image.pixels.foreach_set(texels.reshape(-1))
+        image.update()
+        if settings.storage == "PACK":
+            image.pack()
+    return image
+
+
+def _mark_as_data(image: bpy.types.Image) -> None:
+    # Before the pixels are set, since Blender drops those of a generated image when one of these changes; and not when
+    # nothing changes. By role, since a colour configuration may call it otherwise than "Non-Color".
+    if not image.colorspace_settings.is_data:
+        image.colorspace_settings.is_data = True
+    if image.alpha_mode != "CHANNEL_PACKED":
+        image.alpha_mode = "CHANNEL_PACKED"
+    if image.use_half_precision:  # the viewport would round the normals
+        image.use_half_precision = False
+
+
+def _forget_pixels(image: bpy.types.Image) -> None:
+    if image.packed_file is not None:
+        image.unpack(method="REMOVE")
+
+
+def _regenerate(image: bpy.types.Image, shape: tuple[int, ...], is_float: bool) -> None:
+    """Make an existing image one of this size and kind whose pixels are free to be set."""
+    height, width = shape[:2]
+    _forget_pixels(image)
+    if image.source != "GENERATED" or tuple(image.size) != (width, height) or image.is_float != is_float:
+        image.source = "GENERATED"
+        image.generated_width, image.generated_height = width, height
+        image.use_generated_float = is_float
+
+
+def _path(settings: Settings) -> Path:
+    return Path(bpy.path.abspath(settings.output)).absolute()
+
+
+def _write_file(texels: np.ndarray, settings: Settings) -> None:
+    path = _path(settings)
+    height, width = texels.shape[:2]
+    # A scene of its own for Blender's image writer: the artist's output settings stay as they are.
+    scene = bpy.data.scenes.new("Imprint output")
+    image = bpy.data.images.new(
+        "Imprint output", width, height, alpha=True, float_buffer=settings.depth > 8, is_data=True
+    )
+    try:
+        _mark_as_data(image)
+        image.pixels.foreach_set(texels.reshape(-1))
+        output = scene.render.image_settings
+        output.file_format = FORMATS[path.suffix.lower()][0]
+        output.color_mode, output.color_depth = "RGBA", str(settings.depth)
+        with replacing(path) as partial:
+            image.save_render(str(partial), scene=scene)
+    finally:
+        bpy.data.images.remove(image)
+        bpy.data.scenes.remove(scene)

@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a bake did, in numbers and in words."""
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field
+
+STAGES = ("extract", "upload", "draw", "read", "image")
+
+
+@dataclass
+class Report:
+    """Filled while the bake goes on. `seconds` holds the stages and the total; shares are of all texels."""
+
+    method: str
+    space: str
+    size: tuple[int, int]
+    low: str
+    high: list[str]
+    uv_layer: str = ""
+    triangles: dict[str, int] = field(default_factory=dict)
+    left_out: dict[str, int] = field(default_factory=dict)
+    coverage: float = 0.0
+    """Share of the texels that a mesh covers; the margin does not count."""
+    margin: float = 0.0
+    """Share of the texels that were filled as margin."""
+    image: str = ""
+    output: str = ""
+    backend: str = ""
+    renderer: str = ""
+    seconds: dict[str, float] = field(default_factory=lambda: dict.fromkeys((*STAGES, "total"), 0.0))
+    warnings: list[str] = field(default_factory=list)
+
+    def to_dict(self) -> dict:
+        """Plain data for json.dump."""
+        return asdict(self)
+
+    @contextmanager
+    def timed(self, stage: str) -> Iterator[None]:
+        """Add the time that the block takes to `stage`."""
+        start = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.seconds[stage] += time.perf_counter() - start
+
+    def summary(self) -> list[str]:
+        """Lines for a person: what was done, at what cost."""
+        width, height = self.size
+        stages = ", ".join(f"{stage} {self.seconds[stage]:.2f}" for stage in STAGES)
+        return [
+            f"{self.method.capitalize()}, {self.space.lower()} space, {width} x {height}: {self.image}",
+            f"{self.triangles['high']:,} triangles onto {self.triangles['low']:,}, {self.coverage:.1%} of the map covered",
+            f"{self.seconds['total']:.2f} s ({stages})",
+        ]

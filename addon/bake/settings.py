@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a bake is asked to do, as plain data."""
+
+from dataclasses import dataclass
+from pathlib import PurePath
+
+from .errors import BakeError
+
+SPACES = ("TANGENT", "OBJECT", "WORLD")
+BASES = ("BLENDER", "MIKKTSPACE")
+METHODS = ("FLATTEN",)
+GREENS = ("+Y", "-Y")
+MODIFIERS = ("RENDER", "VIEWPORT")
+STORAGES = ("PACK", "FILE", "MEMORY")
+MIN_SIZE, MAX_SIZE = 16, 16384
+FORMATS = {".png": ("PNG", (8, 16)), ".exr": ("OPEN_EXR", (16, 32))}
+"""File endings, what Blender calls their formats, and the bits a channel that each takes."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """One bake. Sizes and margin in texels, depth in bits a channel."""
+
+    method: str = "FLATTEN"
+    space: str = "TANGENT"
+    basis: str = "BLENDER"
+    """What the tangent-space map is decoded with: Blender's Normal Map node, or MikkTSpace's reference, as engines do."""
+    uv_layer: str = ""
+    """The low mesh's UV layer; empty for its active one."""
+    width: int = 1024
+    height: int = 1024
+    green: str = "+Y"
+    margin: int = 16
+    depth: int = 16
+    modifiers: str = "RENDER"
+    """Whether modifiers count as they are set for rendering or for the viewport."""
+    image: str = ""
+    """Name of the image datablock; empty for one named after the low object."""
+    storage: str = "PACK"
+    output: str = ""
+    """The file to write, for storage FILE."""
+    material: bool = True
+    """Whether to hook the map into the low object's material."""
+    single_user: bool = False
+    """Whether materials that other objects use as well are copied first."""
+
+    def check(self) -> None:
+        """Raise BakeError for what no bake can do, whatever the objects are."""
+        for name, value, known in (
+            ("method", self.method, METHODS),
+            ("space", self.space, SPACES),
+            ("basis", self.basis, BASES),
+            ("green", self.green, GREENS),
+            ("modifiers", self.modifiers, MODIFIERS),
+            ("storage", self.storage, STORAGES),
+            ("depth", self.depth, (8, 16, 32)),
+        ):
+            if value not in known:
+                raise BakeError(f"The {name} {value!r} is not one of {', '.join(map(str, known))}.")
+        if not all(MIN_SIZE <= side <= MAX_SIZE for side in (self.width, self.height)):
+            raise BakeError(
+                f"A map of {self.width} x {self.height} texels cannot be baked: each side takes {MIN_SIZE} to {MAX_SIZE}."
+            )
+        if not 0 <= self.margin <= MAX_SIZE:
+            raise BakeError(f"A margin of {self.margin} texels cannot be baked: it takes 0 to {MAX_SIZE}.")
+        if self.storage == "FILE":
+            self._check_output()
+
+    def _check_output(self) -> None:
+        if not self.output:
+            raise BakeError(
+                "The map is to be saved to a file, but no file is named: give a path, or choose to pack it."
+            )
+        ending = PurePath(self.output).suffix.lower()
+        if ending not in FORMATS:
+            raise BakeError(f"{self.output!r} does not end in {' or '.join(FORMATS)}.")
+        depths = FORMATS[ending][1]
+        if self.depth not in depths:
+            raise BakeError(f"A {ending} file holds {' or '.join(map(str, depths))} bits a channel, not {self.depth}.")

@@ -1,0 +1,168 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The command line: one parser for `blender --command imprint`, scripts/bake.py and scripts/imprint.py bake."""
+
+import argparse
+import difflib
+import json
+import sys
+from pathlib import Path
+
+import bpy
+
+from .bake import pipeline
+from .bake.errors import BakeError
+from .bake.files import check_writable, replacing
+from .bake.report import Report
+from .bake.settings import Settings
+
+DONE, FAILED, WRONG_USAGE = 0, 1, 2
+
+
+def parser(program: str) -> argparse.ArgumentParser:
+    """The arguments of a bake. Defaults are those of Settings, but for the map, which goes to a file."""
+    result = argparse.ArgumentParser(prog=program, description="Bake the detail of high meshes into a normal map.")
+    result.add_argument(
+        "file", nargs="?", metavar="FILE.blend", help="the file to open (default: the one that is open)"
+    )
+    result.add_argument("--low", required=True, metavar="NAME", help="the object that gets the map")
+    result.add_argument(
+        "--high",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="an object with detail; may be given again (default: the low object with its modifiers)",
+    )
+    result.add_argument("--method", choices=["flatten"], default="flatten", help="how the detail gets into the map")
+    result.add_argument("--space", choices=["tangent", "object", "world"], default="tangent")
+    result.add_argument(
+        "--basis",
+        choices=["blender", "mikktspace"],
+        default="blender",
+        help="what reads the tangent-space map: Blender's Normal Map node, or engines",
+    )
+    result.add_argument("--uv", default="", metavar="NAME", help="the low mesh's UV map (default: its active one)")
+    result.add_argument("--size", type=_size, default=(2048, 2048), metavar="2048|4096x1024", help="texels")
+    result.add_argument("--green", choices=["+y", "-y"], default="+y", help="+y: OpenGL, -y: DirectX")
+    result.add_argument("--margin", type=int, default=16, metavar="TEXELS", help="around the UV islands (default: 16)")
+    result.add_argument("--depth", type=int, choices=[8, 16, 32], default=16, help="bits a channel (default: 16)")
+    result.add_argument(
+        "--modifiers", choices=["render", "viewport"], default="render", help="whose levels and visibility count"
+    )
+    result.add_argument("--image", default="", metavar="NAME", help="the image datablock (default: LOW_normal)")
+    result.add_argument("--output", required=True, metavar="MAP.png|MAP.exr", help="the file to write")
+    result.add_argument("--no-material", action="store_true", help="leave the low object's material alone")
+    result.add_argument("--single-user", action="store_true", help="copy materials that other objects use as well")
+    result.add_argument("--save-blend", type=Path, metavar="OUT.blend", help="save the scene with the map hooked up")
+    result.add_argument("--report", type=Path, metavar="REPORT.json", help="write what was done, as JSON")
+    return result
+
+
+def run(arguments: list[str], program: str = "imprint") -> int:
+    """Bake as `arguments` say. Returns the exit code; what went wrong is one line on stderr."""
+    try:
+        options = parser(program).parse_args(_joined_green(arguments))
+    except SystemExit as stop:  # argparse has printed the usage, or the help
+        return stop.code
+    try:
+        report = _bake(options)
+    except BakeError as error:
+        print(f"{program}: {error}", file=sys.stderr)
+        return FAILED
+    for warning in report.warnings:
+        print(f"{program}: warning: {warning}", file=sys.stderr)
+    print("\n".join(report.summary()))
+    return DONE
+
+
+def _bake(options: argparse.Namespace) -> Report:
+    output = Path(options.output).absolute()
+    settings = Settings(
+        method=options.method.upper(),
+        space=options.space.upper(),
+        basis=options.basis.upper(),
+        uv_layer=options.uv,
+        width=options.size[0],
+        height=options.size[1],
+        green=options.green.upper(),
+        margin=options.margin,
+        depth=options.depth,
+        modifiers=options.modifiers.upper(),
+        image=options.image,
+        storage="FILE",
+        output=str(output),
+        material=not options.no_material,
+        single_user=options.single_user,
+    )
+    # Before the file is opened, which may take long: what could go wrong at the end.
+    settings.check()
+    for path in (output, options.save_blend, options.report):
+        if path is not None:
+            check_writable(path.absolute())
+    if options.file is not None:
+        _open(options.file)
+    low = _named(options.low)
+    highs = [_named(name) for name in options.high] or [low]
+    report = pipeline.bake(bpy.context, low, highs, settings)
+    if options.save_blend is not None:
+        _save(options.save_blend.absolute(), bpy.data.images[report.image])
+    if options.report is not None:
+        with replacing(options.report.absolute()) as partial:
+            partial.write_text(json.dumps(report.to_dict(), indent=2) + "\n", encoding="utf-8")
+    return report
+
+
+def _open(name: str) -> None:
+    path = Path(name).absolute()
+    if not path.is_file():
+        raise BakeError(f"There is no file {str(path)!r}.")
+    try:
+        bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False)
+    except RuntimeError as error:
+        raise BakeError(f"{str(path)!r} could not be opened: {str(error).strip()}") from error
+
+
+def _save(path: Path, image: bpy.types.Image) -> None:
+    if bpy.path.abspath(image.filepath).startswith(str(path.parent)):
+        # The two files can be moved together.
+        image.filepath = bpy.path.relpath(image.filepath, start=str(path.parent))
+    with replacing(path) as partial:
+        # As a copy: relative paths are those of the final place, which is in the same folder.
+        bpy.ops.wm.save_as_mainfile(filepath=str(partial), copy=True, compress=False, relative_remap=True)
+
+
+def _named(name: str) -> bpy.types.Object:
+    obj = bpy.data.objects.get(name)
+    if obj is None:
+        close = difflib.get_close_matches(name, bpy.data.objects.keys(), n=3, cutoff=0.4)
+        hint = f"did you mean {' or '.join(map(repr, close))}?" if close else f"it has {len(bpy.data.objects)} objects."
+        raise BakeError(f"There is no object called {name!r} in the file: {hint}")
+    return obj
+
+
+def _size(text: str) -> tuple[int, int]:
+    sides = text.lower().split("x")
+    if len(sides) > 2 or not all(side.isdecimal() for side in sides):
+        raise argparse.ArgumentTypeError(f"{text!r} is neither a number of texels nor two of them as 4096x1024")
+    return int(sides[0]), int(sides[-1])
+
+
+def _joined_green(arguments: list[str]) -> list[str]:
+    """argparse takes the -y of `--green -y` for an option of its own; `--green=-y` it understands."""
+    result = list(arguments)
+    for index, word in enumerate(result[:-1]):
+        if word == "--green":
+            result[index : index + 2] = [f"--green={result[index + 1]}"]
+            break
+    return result
+
+
+_handle = None
+
+
+def register() -> None:
+    global _handle  # noqa: PLW0603 - Blender gives a handle to take the command back with
+    _handle = bpy.utils.register_cli_command("imprint", run)
+
+
+def unregister() -> None:
+    bpy.utils.unregister_cli_command(_handle)

@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Reads Blender's meshes into arrays. The only reader of bpy meshes."""
+
+import ctypes
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+
+import bpy
+import numpy as np
+
+from .arrays import Mesh, finite_rows, keep_corners
+
+
+@contextmanager
+def evaluated(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> Iterator[bpy.types.Mesh]:
+    """The mesh of `obj` with its modifiers, as `depsgraph` evaluates it. It shares its arrays and costs no copy."""
+    owner = obj.evaluated_get(depsgraph)
+    try:
+        yield owner.to_mesh()
+    finally:
+        owner.to_mesh_clear()
+
+
+@contextmanager
+def base(obj: bpy.types.Object) -> Iterator[bpy.types.Mesh]:
+    """The mesh of `obj` without its modifiers."""
+    yield obj.data
+
+
+def surface(data: bpy.types.Mesh, uv_layer: str, name: str, to_world: np.ndarray) -> Mesh:
+    """Corner normals, UVs and triangles of `data`, without the triangles that hold NaN or infinity."""
+    corners = len(data.loops)
+    mesh = Mesh(
+        name=name,
+        uv=_read(data.uv_layers[uv_layer].uv, "vector", corners, 2),
+        normals=_read(data.corner_normals, "vector", corners, 3),
+        triangles=_triangles(data),
+        to_world=to_world,
+    )
+    return keep_corners(mesh, _finite_corners(data, mesh))
+
+
+def with_tangents(data: bpy.types.Mesh, uv_layer: str, name: str, to_world: np.ndarray) -> Mesh:
+    """As `surface`, and MikkTSpace's tangents for `uv_layer`.
+
+    Mesh.calc_tangents takes triangles and quads alone, so a mesh with n-gons is first triangulated as Blender draws it.
+    """
+    if _max_face_size(data) > 4:
+        with _triangulated(data, uv_layer) as triangles_only:
+            return with_tangents(triangles_only, uv_layer, name, to_world)
+    mesh = surface(data, uv_layer, name, to_world)
+    data.calc_tangents(uvmap=uv_layer)
+    tangents = np.empty((len(data.loops), 4), np.float32)
+    tangents[:, :3] = _read(data.loops, "tangent", len(data.loops), 3)
+    tangents[:, 3:] = _read(data.loops, "bitangent_sign", len(data.loops), 1)
+    return keep_corners(replace(mesh, tangents=tangents), finite_rows(tangents))
+
+
+def matrix(obj: bpy.types.Object) -> np.ndarray:
+    """The (4, 4) float64 matrix from `obj`'s space to the world's."""
+    return np.array(obj.matrix_world, dtype=np.float64)
+
+
+def _read(collection, attribute: str, count: int, width: int) -> np.ndarray:
+    values = np.empty((count, width), np.float32)
+    collection.foreach_get(attribute, values.reshape(-1))
+    return values
+
+
+def _triangles(data: bpy.types.Mesh) -> np.ndarray:
+    corners = len(data.loops)
+    data.calc_loop_triangles()
+    count = len(data.loop_triangles)
+    if count * 3 == corners:  # triangles alone, corner by corner
+        return np.arange(corners, dtype=np.int32).reshape(-1, 3)
+    triangles = np.empty((count, 3), np.int32)
+    if not _copy_triangles(data.loop_triangles, triangles):
+        data.loop_triangles.foreach_get("loops", triangles.reshape(-1))
+    return triangles
+
+
+def _copy_triangles(source, triangles: np.ndarray) -> bool:
+    """Copy loop triangles from memory: foreach_get calls a function for each of them, which is 80 times slower.
+
+    They are three consecutive int32 each. That is checked by the addresses and values of some of them; where it does
+    not hold, nothing is copied and False is returned.
+    """
+    first, last = source[0].as_pointer(), source[-1].as_pointer()
+    if last - first != 12 * (len(source) - 1):
+        return False
+    memory = np.frombuffer((ctypes.c_int32 * triangles.size).from_address(first), np.int32).reshape(-1, 3)
+    if any(tuple(memory[i]) != tuple(source[i].loops) for i in (0, len(source) // 2, -1)):
+        return False
+    np.copyto(triangles, memory)
+    return True
+
+
+def _finite_corners(data: bpy.types.Mesh, mesh: Mesh) -> np.ndarray | None:
+    finite = finite_rows(mesh.uv, mesh.normals)
+    positions = finite_rows(_read(data.attributes["position"].data, "vector", len(data.vertices), 3))
+    if positions is not None:
+        by_corner = positions[_corner_vertices(data)]
+        finite = by_corner if finite is None else finite & by_corner
+    return finite
+
+
+def _corner_vertices(data: bpy.types.Mesh) -> np.ndarray:
+    indices = np.empty(len(data.loops), np.int32)
+    data.attributes[".corner_vert"].data.foreach_get("value", indices)
+    return indices
+
+
+def _max_face_size(data: bpy.types.Mesh) -> int:
+    if len(data.loops) <= 3 * len(data.polygons):
+        return 3
+    sizes = np.empty(len(data.polygons), np.int32)
+    data.polygons.foreach_get("loop_total", sizes)
+    return int(sizes.max())
+
+
+@contextmanager
+def _triangulated(data: bpy.types.Mesh, uv_layer: str) -> Iterator[bpy.types.Mesh]:
+    """A temporary copy of `data` in triangles, with the same corner normals and the one UV layer."""
+    corners = _triangles(data).reshape(-1)
+    positions = _read(data.attributes["position"].data, "vector", len(data.vertices), 3)
+    normals = _read(data.corner_normals, "vector", len(data.loops), 3)[corners]
+    uv = _read(data.uv_layers[uv_layer].uv, "vector", len(data.loops), 2)[corners]
+    copy = bpy.data.meshes.new("Imprint triangles")
+    try:
+        copy.vertices.add(len(positions))
+        copy.attributes["position"].data.foreach_set("vector", positions.reshape(-1))
+        copy.loops.add(len(corners))
+        copy.loops.foreach_set("vertex_index", _corner_vertices(data)[corners])
+        copy.polygons.add(len(corners) // 3)
+        copy.polygons.foreach_set("loop_start", np.arange(0, len(corners), 3, dtype=np.int32))
+        copy.update(calc_edges=True)
+        copy.uv_layers.new(name=uv_layer).uv.foreach_set("vector", uv.reshape(-1))
+        # Normals as plain vectors, which Blender takes as they are; normals_split_custom_set would round them.
+        copy.attributes.new("custom_normal", "FLOAT_VECTOR", "CORNER").data.foreach_set("vector", normals.reshape(-1))
+        yield copy
+    finally:
+        bpy.data.meshes.remove(copy)

@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The "Imprint" tab of the 3D viewport's sidebar. It draws properties and messages, and decides nothing."""
+
+import textwrap
+
+import bpy
+
+from .bake import images, subjects
+from .properties import ImprintSettings
+
+
+class _Panel:
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "Imprint"
+
+
+class IMPRINT_UL_highs(bpy.types.UIList):
+    """The slots for high objects."""
+
+    def draw_item(self, _context, layout, _data, item, _icon, _active_data, _active_property) -> None:
+        layout.prop(item, "object", text="", emboss=True)
+
+
+class IMPRINT_PT_bake(_Panel, bpy.types.Panel):
+    """What is baked, and the button."""
+
+    bl_idname = "IMPRINT_PT_bake"
+    bl_label = "Imprint"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        settings = context.scene.imprint
+        column = layout.column()
+        column.label(text="High")
+        row = column.row()
+        row.template_list("IMPRINT_UL_highs", "", settings, "highs", settings, "active_high", rows=2, maxrows=5)
+        buttons = row.column(align=True)
+        buttons.operator("imprint.high_add", text="", icon="ADD")
+        buttons.operator("imprint.high_remove", text="", icon="REMOVE")
+        column.prop(settings, "low")
+        column.operator("imprint.use_selection", icon="RESTRICT_SELECT_OFF")
+
+        low, highs = settings.subjects(context)
+        problem = subjects.problem(context, low, highs)
+        lines = [problem] if problem else _plan(low, highs, settings)
+        _paragraphs(layout.box(), context, lines, "ERROR" if problem else "INFO")
+        row = layout.row()
+        row.scale_y = 1.6
+        row.enabled = not problem
+        row.operator("imprint.bake", icon="RENDER_STILL")
+        if context.window_manager.imprint_summary:
+            _paragraphs(layout.box(), context, context.window_manager.imprint_summary.split("\n"), "CHECKMARK")
+
+
+class IMPRINT_PT_map(_Panel, bpy.types.Panel):
+    """What the map is like."""
+
+    bl_idname = "IMPRINT_PT_map"
+    bl_parent_id = "IMPRINT_PT_bake"
+    bl_label = "Map"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        settings = context.scene.imprint
+        layout.prop(settings, "method")
+        layout.prop(settings, "space")
+        if settings.space == "TANGENT":
+            layout.prop(settings, "basis")
+        low, _ = settings.subjects(context)
+        if low is not None and low.type == "MESH":
+            layout.prop_search(settings, "uv_layer", low.data, "uv_layers", icon="GROUP_UVS")
+        column = layout.column(align=True)
+        column.prop(settings, "width")
+        column.prop(settings, "height")
+        layout.prop(settings, "margin")
+        layout.prop(settings, "green")
+        layout.prop(settings, "modifiers")
+
+
+class IMPRINT_PT_output(_Panel, bpy.types.Panel):
+    """Where the map goes."""
+
+    bl_idname = "IMPRINT_PT_output"
+    bl_parent_id = "IMPRINT_PT_bake"
+    bl_label = "Output"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        settings = context.scene.imprint
+        layout.prop_search(settings, "image", bpy.data, "images")
+        layout.prop(settings, "depth", expand=True)
+        layout.prop(settings, "storage")
+        if settings.storage == "FILE":
+            layout.prop(settings, "output")
+        layout.prop(settings, "material")
+        row = layout.row()
+        row.enabled = settings.material
+        row.prop(settings, "single_user")
+
+
+def _plan(low: bpy.types.Object, highs: list[bpy.types.Object], settings: ImprintSettings) -> list[str]:
+    """What a press of the button will do, in words."""
+    source = "its own modifiers" if low in highs else ", ".join(repr(high.name) for high in highs)
+    name = images.name_for(low.name, settings.to_settings())
+    known = "over the image" if bpy.data.images.get(name) else "into a new image"
+    return [
+        f"Bakes {source} onto {low.name!r}: {settings.space.lower()} space, {settings.width} x {settings.height}, "
+        f"{known} {name!r}."
+    ]
+
+
+def _paragraphs(layout: bpy.types.UILayout, context: bpy.types.Context, lines: list[str], icon: str) -> None:
+    """Lines wrapped to the width of the sidebar; Blender's labels do not wrap by themselves."""
+    width = max(20, int(context.region.width / (7.0 * context.preferences.system.ui_scale)) - 6)
+    column = layout.column(align=True)
+    for line in lines:
+        for number, part in enumerate(textwrap.wrap(line, width)):
+            column.label(text=part, icon="BLANK1" if number else icon)
+
+
+register, unregister = bpy.utils.register_classes_factory(
+    (IMPRINT_UL_highs, IMPRINT_PT_bake, IMPRINT_PT_map, IMPRINT_PT_output)
+)

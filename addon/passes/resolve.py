@@ -1,0 +1,30 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Turns unit normals into the stored map."""
+
+from . import shader, target
+
+PROGRAM = shader.Program(
+    vertex="fullscreen_vert.glsl",
+    fragment="resolve_frag.glsl",
+    inputs=(("VEC2", "position"),),
+    samplers=(("FLOAT_2D", "normals"), ("INT_2D", "nearest")),
+    constants=(("INT", "halo"), ("INT", "margin"), ("FLOAT", "green")),
+    outputs=(("VEC4", "map_out"), ("FLOAT", "state_out")),
+)
+MARGIN, WRITTEN = 1, 2
+"""What the state texture says of a texel; 0 is background."""
+
+
+def draw(
+    into: target.Target, normals: target.Target, nearest: target.Target, *, halo: int, margin: int, flip_green: bool
+) -> None:
+    """Write the map (RGBA32F) and the state of its texels (R8) into `into`, whose row 0 is row `halo` of `normals`."""
+    target.fill(
+        into,
+        PROGRAM,
+        normals=normals.texture,
+        nearest=nearest.texture,
+        halo=halo,
+        margin=margin,
+        green=-1.0 if flip_green else 1.0,
+    )

@@ -1,0 +1,38 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Draws the low mesh in UV space and turns object-space normals into its tangent space."""
+
+import gpu
+
+from . import shader, target
+
+PROGRAM = shader.Program(
+    vertex="tangent_vert.glsl",
+    fragment="tangent_frag.glsl",
+    inputs=(("VEC2", "uv"), ("VEC3", "normal"), ("VEC4", "tangent")),
+    varyings=(("VEC3", "v_normal"), ("VEC4", "v_tangent")),
+    samplers=(("FLOAT_2D", "normals"),),
+    constants=(("VEC4", "window"), ("INT", "normalize_normal")),
+    outputs=(("VEC4", "normal_out"),),
+)
+
+
+def draw(
+    into: target.Target,
+    low: gpu.types.GPUBatch,
+    normals: gpu.types.GPUTexture,
+    window: tuple[float, float, float, float],
+    *,
+    normalize_normal: bool,
+) -> None:
+    """Clear `into` (RGBA32F) and write tangent-space unit normals, alpha 1, where `low` and `normals` both are.
+
+    low: batch with attributes uv, normal and tangent (w = the bitangent's sign). normals: object-space unit normals of
+    the same size. normalize_normal: the basis of Blender's Normal Map node; without it MikkTSpace's reference.
+    """
+    compiled = shader.load(PROGRAM)
+    with into.framebuffer.bind():
+        into.framebuffer.clear(color=(0.0, 0.0, 0.0, 0.0))
+        into.framebuffer.viewport_set(0, 0, into.width, into.height)
+        compiled.bind()
+        target.bind(compiled, PROGRAM, normals=normals, window=window, normalize_normal=int(normalize_normal))
+        low.draw(compiled)

@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Render targets, kept between bakes, and the way back from them into numpy arrays."""
+
+import gpu
+import numpy as np
+
+from . import shader
+
+KEPT_BYTES = 512 * 2**20
+"""What the targets may hold between bakes; more than this is freed when a bake is done."""
+
+_TEXEL_BYTES = {"RGBA32F": 16, "RG16I": 4, "R8": 1}
+_READ_FORMAT = {"RGBA32F": ("FLOAT", 4, np.float32), "R8": ("UBYTE", 1, np.uint8)}
+_targets: dict[str, "Target"] = {}
+
+
+class Target:
+    """One framebuffer and its textures, all of `width` x `height` texels; row 0 is v = 0."""
+
+    def __init__(self, width: int, height: int, formats: tuple[str, ...]):
+        self.width, self.height, self.formats = width, height, formats
+        self.textures = [gpu.types.GPUTexture((width, height), format=name) for name in formats]
+        self.framebuffer = gpu.types.GPUFrameBuffer(color_slots=self.textures)
+        self.bytes = width * height * sum(_TEXEL_BYTES[name] for name in formats)
+
+    @property
+    def texture(self) -> gpu.types.GPUTexture:
+        return self.textures[0]
+
+    def read(self, out: np.ndarray, slot: int = 0) -> None:
+        """Fill `out`, a C-contiguous array of rows x width (x channels), with the first rows of texture `slot`."""
+        kind, channels, dtype = _READ_FORMAT[self.formats[slot]]
+        if out.dtype != dtype or not out.flags.c_contiguous:
+            raise ValueError(f"reading {self.formats[slot]} takes a contiguous {dtype.__name__} array")
+        rows = out.shape[0]
+        # The buffer is a view of the array, so that the driver writes where the caller wants the texels.
+        buffer = gpu.types.Buffer(kind, (rows, self.width, channels), out.reshape(rows, self.width, channels))
+        self.framebuffer.read_color(0, 0, self.width, rows, channels, slot, kind, data=buffer)
+
+    def finish(self) -> None:
+        """Wait for what was drawn: drivers work later than they are called, and a clock would not see it."""
+        channels = 4 if self.formats[0] == "RGBA32F" else 1
+        self.framebuffer.read_color(0, 0, 1, 1, channels, 0, "FLOAT")
+
+
+def get(role: str, width: int, height: int, *formats: str) -> Target:
+    """The target kept for `role` if it still fits, else a new one in its place."""
+    target = _targets.get(role)
+    if target is None or (target.width, target.height, target.formats) != (width, height, formats):
+        _targets.pop(role, None)
+        target = _targets[role] = Target(width, height, formats)
+    return target
+
+
+def trim() -> None:
+    """Free the targets if they hold more than KEPT_BYTES."""
+    if sum(target.bytes for target in _targets.values()) > KEPT_BYTES:
+        free()
+
+
+def free() -> None:
+    """Free all targets."""
+    _targets.clear()
+
+
+def fill(target: Target, program: shader.Program, **bindings) -> None:
+    """Run `program`'s fragment shader on every texel of `target`; `bindings` as in `bind`."""
+    compiled = shader.load(program)
+    with target.framebuffer.bind():
+        target.framebuffer.viewport_set(0, 0, target.width, target.height)
+        compiled.bind()
+        bind(compiled, program, **bindings)
+        _triangle().draw(compiled)
+
+
+def bind(compiled: gpu.types.GPUShader, program: shader.Program, **bindings) -> None:
+    """Set `program`'s samplers and push constants by name, each in the way of its declared type."""
+    for _, name in program.samplers:
+        compiled.uniform_sampler(name, bindings.pop(name))
+    for kind, name in program.constants:
+        value = bindings.pop(name)
+        (compiled.uniform_int if kind == "INT" else compiled.uniform_float)(name, value)
+    if bindings:
+        raise TypeError(f"{program.fragment} declares no {', '.join(bindings)}")
+
+
+def _triangle() -> gpu.types.GPUBatch:
+    layout = gpu.types.GPUVertFormat()
+    layout.attr_add(id="position", comp_type="F32", len=2, fetch_mode="FLOAT")
+    corners = gpu.types.GPUVertBuf(layout, 3)
+    corners.attr_fill("position", ((-1.0, -1.0), (3.0, -1.0), (-1.0, 3.0)))
+    return gpu.types.GPUBatch(type="TRIS", buf=corners)

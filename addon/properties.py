@@ -1,0 +1,160 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The settings as Blender properties: once for the scene, once for the operator's arguments."""
+
+from dataclasses import fields
+
+import bpy
+from bpy.props import (
+    BoolProperty,
+    CollectionProperty,
+    EnumProperty,
+    IntProperty,
+    PointerProperty,
+    StringProperty,
+)
+
+from .bake.settings import MAX_SIZE, MIN_SIZE, Settings
+
+
+class Options:
+    """The fields of Settings, under the same names."""
+
+    method: EnumProperty(
+        name="Method",
+        description="How the detail comes from the high mesh to the map",
+        items=[("FLATTEN", "Flatten", "Draw the high mesh in UV space: both meshes share their UV layout")],
+    )
+    space: EnumProperty(
+        name="Space",
+        description="What the normals are relative to",
+        items=[
+            ("TANGENT", "Tangent", "To the low surface: the mesh may deform, and the map may be tiled"),
+            ("OBJECT", "Object", "To the low object"),
+            ("WORLD", "World", "To the scene"),
+        ],
+    )
+    basis: EnumProperty(
+        name="Basis",
+        description="What will read the tangent-space map",
+        items=[
+            ("BLENDER", "Blender", "Blender's Normal Map node, which normalises the interpolated normal alone"),
+            ("MIKKTSPACE", "MikkTSpace", "Game engines that follow MikkTSpace's reference"),
+        ],
+    )
+    uv_layer: StringProperty(name="UV Map", description="The low mesh's UV map; empty for the active one")
+    width: IntProperty(name="Width", description="Texels", default=2048, min=MIN_SIZE, max=MAX_SIZE)
+    height: IntProperty(name="Height", description="Texels", default=2048, min=MIN_SIZE, max=MAX_SIZE)
+    green: EnumProperty(
+        name="Green",
+        description="Which way the green channel points",
+        items=[
+            ("+Y", "+Y (OpenGL)", "Up: Blender, Unity, Godot, glTF"),
+            ("-Y", "-Y (DirectX)", "Down: Unreal, DirectX"),
+        ],
+    )
+    margin: IntProperty(
+        name="Margin",
+        description="Texels around the UV islands that repeat their rims, so that no background shows",
+        default=16,
+        min=0,
+        soft_max=64,
+        max=MAX_SIZE,
+    )
+    depth: EnumProperty(
+        name="Depth",
+        description="Bits a channel",
+        items=[
+            ("8", "8", "Smallest; may show steps on smooth surfaces"),
+            ("16", "16", "Smooth: 16-bit PNG, half-float OpenEXR, or a float image inside Blender"),
+            ("32", "32", "Exact: float OpenEXR, or a float image inside Blender"),
+        ],
+        default="16",
+    )
+    modifiers: EnumProperty(
+        name="Modifiers",
+        description="Whose levels and visibility count",
+        items=[
+            ("RENDER", "Render", "As they are set for rendering"),
+            ("VIEWPORT", "Viewport", "As they are set for the viewport"),
+        ],
+    )
+    image: StringProperty(
+        name="Image", description="Name of the image to fill; empty for one named after the low object"
+    )
+    storage: EnumProperty(
+        name="Store",
+        description="Where the map is kept",
+        items=[
+            ("PACK", "Packed", "Inside the .blend file"),
+            ("FILE", "File", "In an image file beside it"),
+            ("MEMORY", "Memory", "Nowhere yet: Blender asks about unsaved images when it closes"),
+        ],
+    )
+    output: StringProperty(name="File", description="PNG (8, 16 bits) or OpenEXR (16, 32 bits)", subtype="FILE_PATH")
+    material: BoolProperty(name="Material", description="Put the map into the low object's material", default=True)
+    single_user: BoolProperty(
+        name="Single User", description="Copy materials that other objects use as well, so that those keep their looks"
+    )
+
+    def to_settings(self, fallback: "Options | None" = None) -> Settings:
+        """Plain data. What was not set here is taken from `fallback`."""
+        values = {}
+        for name in (field.name for field in fields(Settings)):
+            owner = self if fallback is None or self.properties.is_property_set(name) else fallback
+            values[name] = getattr(owner, name)
+        values["depth"] = int(values["depth"])
+        return Settings(**values)
+
+
+def _is_mesh(_settings, obj: bpy.types.Object) -> bool:
+    return obj.type == "MESH"
+
+
+class ImprintHigh(bpy.types.PropertyGroup):
+    """One slot for a high object."""
+
+    object: PointerProperty(type=bpy.types.Object, name="High", description="A mesh with detail", poll=_is_mesh)
+
+
+class ImprintSettings(bpy.types.PropertyGroup, Options):
+    """Scene.imprint."""
+
+    low: PointerProperty(
+        type=bpy.types.Object,
+        name="Low",
+        description="The mesh that gets the map; empty for the active object",
+        poll=_is_mesh,
+    )
+    highs: CollectionProperty(
+        type=ImprintHigh, name="High", description="The meshes with detail; empty for the selection"
+    )
+    active_high: IntProperty(name="Active High", description="The slot that is selected in the list")
+
+    def subjects(self, context: bpy.types.Context) -> tuple[bpy.types.Object | None, list[bpy.types.Object]]:
+        """The low object and the high ones: from the slots, else active and selected as in "Selected to Active".
+
+        A low object without others that has modifiers is its own high one.
+        """
+        low = self.low or context.active_object
+        highs = [slot.object for slot in self.highs if slot.object]
+        if not highs:
+            highs = [obj for obj in context.selected_objects if obj != low]
+        if not highs and low is not None and low.modifiers:
+            highs = [low]
+        return low, highs
+
+
+def register() -> None:
+    bpy.utils.register_class(ImprintHigh)
+    bpy.utils.register_class(ImprintSettings)
+    bpy.types.Scene.imprint = PointerProperty(type=ImprintSettings)
+    bpy.types.WindowManager.imprint_summary = StringProperty(
+        name="Last Bake", description="What the last bake of this session did, a line each", options={"SKIP_SAVE"}
+    )
+
+
+def unregister() -> None:
+    del bpy.types.WindowManager.imprint_summary
+    del bpy.types.Scene.imprint
+    bpy.utils.unregister_class(ImprintSettings)
+    bpy.utils.unregister_class(ImprintHigh)

@@ -1,0 +1,21 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Bakes inside Blender, without the extension being installed.
+
+blender --background FILE.blend --python scripts/bake.py -- --low lo --high hi --output MAP.png
+"""
+
+import sys
+from pathlib import Path
+
+import bpy  # noqa: F401 - the wheel has to be loaded before its submodules
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from addon import commands, passes  # noqa: E402
+
+arguments = sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else sys.argv[1:]
+try:
+    code = commands.run(arguments)
+finally:
+    passes.free()  # Blender crashes on exit while GPU objects live
+sys.exit(code)

@@ -1,0 +1,352 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Imprint from a checkout: demo, bake, test and build, with everything they need set up at the first use.
+
+Runs on any Python from 3.9, with the standard library alone. It finds a Python 3.13, which is what Blender's wheel is
+made for, gives it an environment in .venv, and hands each command to that.
+"""
+
+import argparse
+import ctypes
+import errno
+import hashlib
+import os
+import platform
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None
+    import msvcrt
+
+ROOT = Path(__file__).resolve().parent.parent
+SCRIPTS = ROOT / "scripts"
+REQUIREMENTS = SCRIPTS / "requirements.txt"
+
+WINDOWS = os.name == "nt"
+WANTED = "3.13"
+VENV = ROOT / ".venv"
+PYTHON = VENV / ("Scripts/python.exe" if WINDOWS else "bin/python")
+SITE_PACKAGES = VENV / ("Lib/site-packages" if WINDOWS else f"lib/python{WANTED}/site-packages")
+STAMP = VENV / "imprint-stamp"  # written last: an environment without it is half made
+GPU_STAMP = VENV / "imprint-gpu"  # the machine on which Blender's gpu module has been seen to start
+
+IS_ROOT = hasattr(os, "geteuid") and os.geteuid() == 0
+INSTALL = {"apt-get": "apt-get install --no-install-recommends", "dnf": "dnf install"}
+DRIVER = "a working OpenGL driver"
+PACKAGES = {  # what Blender's wheel takes from the system, and the packages for each installer above
+    "libEGL.so.1": ("libegl1", "libglvnd-egl"),
+    "libGL.so.1": ("libgl1", "libglvnd-glx"),
+    "libICE.so.6": ("libice6", "libICE"),
+    "libSM.so.6": ("libsm6", "libSM"),
+    "libX11.so.6": ("libx11-6", "libX11"),
+    "libXext.so.6": ("libxext6", "libXext"),
+    "libXfixes.so.3": ("libxfixes3", "libXfixes"),
+    "libXi.so.6": ("libxi6", "libXi"),
+    "libXrender.so.1": ("libxrender1", "libXrender"),
+    "libxkbcommon.so.0": ("libxkbcommon0", "libxkbcommon"),
+    DRIVER: ("libgl1-mesa-dri", "mesa-dri-drivers"),
+}
+
+
+class Failure(Exception):
+    """Something that the person can mend; the text is the one line they are told."""
+
+
+def say(text):
+    """Tell the person something without touching standard output, which belongs to the command."""
+    print(f"imprint: {text}", file=sys.stderr, flush=True)
+
+
+# A Python 3.13
+
+
+def pyenv_roots():
+    """Yield the folders where pyenv may keep its Pythons: HOME need not be the one that it was installed under."""
+    if os.environ.get("PYENV_ROOT"):
+        yield Path(os.environ["PYENV_ROOT"])
+    yield Path(os.path.expanduser("~/.pyenv"))
+    command = shutil.which("pyenv")
+    if command:
+        yield Path(command).resolve().parent.parent
+
+
+def python_candidates():
+    """Yield commands that may start a Python 3.13, the nearest first."""
+    yield [sys.executable]
+    yield [f"python{WANTED}"]
+    if WINDOWS:
+        yield ["py", f"-{WANTED}"]
+    for root in pyenv_roots():
+        for pattern in (f"versions/{WANTED}*/bin/python{WANTED}", f"versions/{WANTED}*/python.exe"):
+            yield from ([str(path)] for path in sorted(root.glob(pattern), reverse=True))
+    if shutil.which("uv"):
+        # --system keeps uv from answering with the very environment that is about to be made anew.
+        find = ["uv", "python", "find", "--system", WANTED]
+        yield [subprocess.run(find, capture_output=True, text=True, check=False).stdout.strip()]
+
+
+def base_python(command):
+    """Return the interpreter behind a command, or None where it is no Python 3.13 that can make environments.
+
+    It has to be run: a pyenv shim is there for every version and fails for most, Debian splits ensurepip off, the
+    wheel does not load in a free-threaded build, and the Python of a virtual environment is to lead to its base.
+    """
+    program = (
+        "import ensurepip, sys, sysconfig, venv\n"
+        "if not sysconfig.get_config_var('Py_GIL_DISABLED'):\n"
+        "    print('%d.%d' % sys.version_info[:2], sys._base_executable)"
+    )
+    try:
+        answer = subprocess.run([*command, "-c", program], capture_output=True, text=True, check=False)
+    except OSError:
+        return None
+    version, _, path = answer.stdout.strip().partition(" ")
+    return path if answer.returncode == 0 and version == WANTED else None
+
+
+def find_python(candidates):
+    """Return the first working Python 3.13 among the candidates."""
+    for command in candidates:
+        path = base_python(command)
+        if path:
+            return path
+    raise Failure(
+        f"no Python {WANTED} with venv was found, which Blender's wheel needs: install one, for example with "
+        f"'uv python install {WANTED}' or 'apt-get install python{WANTED}-venv', and run this again"
+    )
+
+
+# The environment
+
+
+def lock(file):
+    """Wait until no other process holds the file locked, and hold it until it is closed."""
+    if fcntl:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        return
+    file.seek(1 << 30)  # far past the end: Windows keeps others from reading what is locked
+    while True:
+        try:
+            msvcrt.locking(file.fileno(), msvcrt.LK_LOCK, 1)
+        except OSError as error:  # it gives up after ten seconds, sooner than an environment is made
+            if error.errno != errno.EDEADLK:
+                raise
+        else:
+            return
+
+
+def wanted_stamp():
+    """Return what the stamp of an environment that fits the requirements says."""
+    return f"{WANTED} {hashlib.sha256(REQUIREMENTS.read_bytes()).hexdigest()}\n"
+
+
+def is_ready():
+    """Say whether the environment was finished, fits the requirements and still has its Python."""
+    return PYTHON.is_file() and STAMP.is_file() and STAMP.read_text() == wanted_stamp()
+
+
+def make_environment():
+    """Make .venv from nothing, whatever lies there."""
+    base = find_python(python_candidates())
+    say(f"setting up {VENV} with {base}: about 500 MB to download, once")
+    quiet = [] if sys.stderr.isatty() else ["--quiet"]
+    pip = [str(PYTHON), "-m", "pip", "install", "--disable-pip-version-check", "--no-input", *quiet]
+    for command in ([base, "-m", "venv", "--clear", str(VENV)], [*pip, "-r", str(REQUIREMENTS)]):
+        if subprocess.call(command, stdout=sys.stderr):
+            raise Failure("the environment could not be set up, for the reason above; the next run starts it anew")
+    STAMP.write_text(wanted_stamp())
+
+
+def environment():
+    """Return the environment's Python; make it first where need be, once even if two processes ask at a time."""
+    if not is_ready():
+        with open(REQUIREMENTS, "r+b") as file:  # the lock is on a file that is there anyway, and outlives .venv
+            lock(file)
+            if not is_ready():
+                make_environment()
+    return str(PYTHON)
+
+
+# The GPU
+
+
+def crash(code):
+    """Say what killed a process that ended with this exit code, or nothing where it ended by itself."""
+    if code < 0:
+        return f"signal {-code}, {signal.strsignal(-code)}"
+    return f"exception {code:#x}" if code >= 0x80000000 else ""  # Windows
+
+
+def is_loadable(library):
+    """Say whether the system finds a shared library."""
+    try:
+        ctypes.CDLL(library)
+    except OSError:
+        return False
+    return True
+
+
+def missing(code, output):
+    """Return what a machine lacks on which the probe ended so: shared libraries, or a driver.
+
+    The loader names the first library that it misses and gpu.init() none, so all that Blender needs are tried.
+    """
+    if sys.platform != "linux":
+        return []
+    named = re.findall(r"(\S+\.so\S*): cannot open shared object", output)
+    absent = sorted({*named, *(name for name in PACKAGES if name != DRIVER and not is_loadable(name))})
+    return absent or ([DRIVER] if crash(code) else [])
+
+
+def remedy(things, installer):
+    """Return the command that installs the packages of these things, or nothing where none is known."""
+    if not installer:
+        return []
+    packages = sorted(PACKAGES[thing][list(INSTALL).index(installer)] for thing in things if thing in PACKAGES)
+    return [*([] if IS_ROOT else ["sudo"]), *INSTALL[installer].split(), *packages] if packages else []
+
+
+def explain(things, command, code, output):
+    """Return the one line that says why Blender does not start, and what to do where that is known."""
+    if not things:
+        lines = output.strip().splitlines() or [f"exit code {code}"]
+        return f"Blender does not start here: {crash(code) or lines[-1]}"
+    cure = f"to mend it: {' '.join(command)}" if command else "install what provides it"
+    return f"Blender does not start here for want of {', '.join(things)}; {cure}"
+
+
+def probe(python):
+    """Start Blender's gpu module in a process of its own; return its exit code and what it wrote.
+
+    Without a usable EGL, gpu.init() is no exception but a segmentation fault.
+    """
+    program = [python, "-c", "import bpy, gpu; gpu.init()"]
+    done = subprocess.run(program, capture_output=True, text=True, errors="replace", check=False)
+    return done.returncode, done.stderr
+
+
+def require_gpu(python):
+    """Make sure that Blender and its gpu module start; where root on Debian can mend it, do so.
+
+    Success is remembered for this machine, as probing costs a second; a process that dies makes us forget it again.
+    """
+    machine = f"{platform.node()} {platform.release()}\n"
+    if GPU_STAMP.is_file() and GPU_STAMP.read_text() == machine:
+        return
+    installer = next(filter(shutil.which, INSTALL), None)
+    for may_install in (IS_ROOT and installer == "apt-get", False):
+        code, output = probe(python)
+        if code == 0:
+            GPU_STAMP.write_text(machine)
+            return
+        things = missing(code, output)
+        command = remedy(things, installer)
+        if not (may_install and command):
+            raise Failure(explain(things, command, code, output))
+        say(f"Blender wants {', '.join(things)}: {' '.join(command)}")
+        unasked = dict(os.environ, DEBIAN_FRONTEND="noninteractive")
+        # What is installed already stays as it is: unasked, we add what is missing and upgrade nothing.
+        for step in (["apt-get", "update", "-qq"], [*command, "--no-upgrade", "--yes", "-qq"]):
+            subprocess.call(step, stdout=subprocess.DEVNULL, env=unasked)
+
+
+def run_blender(arguments, **options):
+    """Run the environment's Python on something that uses the GPU, and return its exit code."""
+    python = environment()
+    require_gpu(python)
+    code = subprocess.call([python, *arguments], **options)
+    if crash(code):
+        GPU_STAMP.unlink(missing_ok=True)
+        require_gpu(python)  # says so where the driver is to blame
+        raise Failure(f"Blender died of {crash(code)}")
+    return code
+
+
+# The commands
+
+
+def demo(options):
+    """Bake the example."""
+    return run_blender([str(SCRIPTS / "demo.py"), *options.rest])
+
+
+def bake(options):
+    """Bake with the arguments of scripts/bake.py, which takes them after the dashes as it does inside Blender."""
+    return run_blender([str(SCRIPTS / "bake.py"), "--", *options.rest])
+
+
+def test(options):
+    """Run ruff and pytest, both whatever the first finds, and keep Blender off the person's own settings."""
+    linted = subprocess.call([environment(), "-m", "ruff", "check"], cwd=ROOT)
+    with tempfile.TemporaryDirectory(prefix="imprint-test-") as profile:
+        apart = dict(os.environ, BLENDER_USER_RESOURCES=profile)
+        tested = run_blender(["-m", "pytest", *options.rest], cwd=ROOT, env=apart)
+    return tested or linted
+
+
+def build_zip(python, site_packages, source, output):
+    """Build the extension from a source folder with Blender's own tool, validate it, and return the path of the zip."""
+    scripts = next(site_packages.glob("bpy/*/scripts"))
+    tool = [python, str(scripts / "addons_core/bl_pkg/cli/blender_ext.py")]
+    tags = ["--valid-tags", str(scripts / "modules/_bpy_internal/extensions/tags.py")]
+
+    def run(*arguments):
+        done = subprocess.run([*tool, *arguments, *tags], capture_output=True, text=True, check=False)
+        if done.returncode:
+            raise Failure(f"the extension could not be built: {(done.stdout + done.stderr).strip()}")
+        return done.stdout
+
+    output.mkdir(parents=True, exist_ok=True)
+    built = run("build", "--source-dir", str(source), "--output-dir", str(output))
+    archive = Path(re.search(r'created: "(.+)", \d+', built).group(1))
+    run("validate", str(archive))
+    return archive
+
+
+def build(options):
+    """Build the extension's zip and print its path."""
+    print(build_zip(environment(), SITE_PACKAGES, ROOT, Path(options.output).resolve()))
+    return 0
+
+
+def parse(arguments):
+    """Return the options. What follows demo, bake and test is for what they start, --help included."""
+    parser = argparse.ArgumentParser(prog="imprint.py", description=__doc__.split("\n\n", maxsplit=1)[0])
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    for run, text in (
+        (demo, "bake the example"),
+        (bake, "bake a normal map: bake --help says how"),
+        (test, "run ruff, then pytest with the arguments that follow"),
+    ):
+        commands.add_parser(run.__name__, help=text, add_help=False).set_defaults(run=run)
+    building = commands.add_parser("build", help="make the extension's zip and print its path")
+    building.add_argument("--output", metavar="DIR", default=ROOT / "dist", help="where to put it (default: dist)")
+    building.set_defaults(run=build)
+    passes_on = arguments[:1] in (["demo"], ["bake"], ["test"])
+    options = parser.parse_args(arguments[:1] if passes_on else arguments)
+    options.rest = arguments[1:] if passes_on else []
+    return options
+
+
+def main(arguments):
+    """Run a command and return its exit code."""
+    options = parse(arguments)
+    try:
+        return options.run(options)
+    except (Failure, OSError) as failure:  # a folder that cannot be written is theirs to mend as well
+        say(failure)
+        return 1
+    except KeyboardInterrupt:
+        return 130
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,34 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Installs an extension's zip as a person would, enables it, uses it, and disables it again.
+
+test_build.py starts this in a process of its own, away from the checkout: nothing but the zip may give it the add-on.
+"""
+
+import sys
+
+import bpy
+
+MODULE = "bl_ext.user_default.imprint"
+
+
+def install(archive):
+    """Install the zip into the person's own repository and enable it."""
+    bpy.ops.extensions.package_install_files(filepath=archive, repo="user_default", enable_on_install=True)
+    assert MODULE in bpy.context.preferences.addons, f"{MODULE} is not enabled"
+
+
+def use():
+    """Do with the installed add-on what a person does. A bake belongs here."""
+
+
+def remove():
+    """Disable the add-on, which must leave without a trace of its classes."""
+    bpy.ops.preferences.addon_disable(module=MODULE)
+    assert MODULE not in bpy.context.preferences.addons, f"{MODULE} is still enabled"
+
+
+if __name__ == "__main__":
+    install(sys.argv[1])
+    use()
+    remove()
+    print("installed, used and removed")

@@ -1,0 +1,265 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The parts of scripts/imprint.py that can be tried without setting anything up."""
+
+import ast
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from scripts import imprint
+
+OLDEST = (3, 9)
+SEGFAULT = -11
+
+
+def fake_python(folder, body, name="python3.13"):
+    """Write an executable that behaves as the shell lines say and return the command that starts it."""
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / name
+    path.write_text(f"#!/bin/sh\n{body}\n")
+    path.chmod(0o755)
+    return [str(path)]
+
+
+@pytest.fixture
+def bare(tmp_path, monkeypatch):
+    """Point the script at an empty checkout, with requirements and no environment."""
+    venv = tmp_path / ".venv"
+    monkeypatch.setattr(imprint, "VENV", venv)
+    monkeypatch.setattr(imprint, "PYTHON", venv / "python")
+    monkeypatch.setattr(imprint, "STAMP", venv / "imprint-stamp")
+    monkeypatch.setattr(imprint, "GPU_STAMP", venv / "imprint-gpu")
+    monkeypatch.setattr(imprint, "REQUIREMENTS", tmp_path / "requirements.txt")
+    imprint.REQUIREMENTS.write_text("bpy==5.2.3\n")
+    return tmp_path
+
+
+def finish_environment():
+    """Stand in for make_environment()."""
+    imprint.VENV.mkdir(exist_ok=True)
+    imprint.PYTHON.touch()
+    imprint.STAMP.write_text(imprint.wanted_stamp())
+
+
+class TestOldPythons:
+    def test_syntax(self):
+        ast.parse(Path(imprint.__file__).read_text(), feature_version=OLDEST)
+
+    def test_help_runs_on_the_oldest(self):
+        found = [path for root in imprint.pyenv_roots() for path in root.glob("versions/3.9.*/bin/python3.9")]
+        if not found:
+            pytest.skip("no Python 3.9 here; its syntax is checked all the same")
+        shown = subprocess.run([found[0], imprint.__file__, "--help"], capture_output=True, text=True, check=True)
+        assert all(command in shown.stdout for command in ("demo", "bake", "test", "build"))
+
+
+class TestChoiceOfPython:
+    def test_a_shim_that_fails_is_passed_over(self, tmp_path):
+        shim = fake_python(tmp_path / "shims", "echo 'pyenv: command not found' >&2; exit 127")
+        real = fake_python(tmp_path / "real", "echo 3.13 /base/python3.13")
+        assert imprint.find_python([shim, real]) == "/base/python3.13"
+
+    def test_another_version_is_passed_over(self, tmp_path):
+        other = fake_python(tmp_path / "other", "echo 3.12 /base/python3.12")
+        real = fake_python(tmp_path / "real", "echo 3.13 /base/python3.13")
+        assert imprint.find_python([other, real]) == "/base/python3.13"
+
+    def test_one_that_is_not_there_is_passed_over(self, tmp_path):
+        assert imprint.base_python([str(tmp_path / "nowhere")]) is None
+
+    def test_this_python_leads_to_its_base(self):
+        assert imprint.base_python([sys.executable]) == sys._base_executable
+
+    def test_none_is_one_line_that_says_what_to_do(self):
+        with pytest.raises(imprint.Failure) as failure:
+            imprint.find_python([])
+        message = str(failure.value)
+        assert "\n" not in message
+        assert "uv python install 3.13" in message
+
+    def test_pyenv_is_found_by_its_command_when_home_is_empty(self, tmp_path, monkeypatch):
+        fake_python(tmp_path / "pyenv/libexec", "true", name="pyenv")
+        (tmp_path / "pyenv/bin").mkdir()
+        (tmp_path / "pyenv/bin/pyenv").symlink_to("../libexec/pyenv")
+        python = fake_python(tmp_path / "pyenv/versions/3.13.7/bin", "true")
+        monkeypatch.delenv("PYENV_ROOT", raising=False)
+        monkeypatch.setenv("HOME", str(tmp_path / "home"))
+        monkeypatch.setenv("PATH", str(tmp_path / "pyenv/bin"))
+        assert python in list(imprint.python_candidates())
+
+    def test_pyenv_root_is_looked_at_first(self, tmp_path, monkeypatch):
+        monkeypatch.setenv("PYENV_ROOT", str(tmp_path))
+        assert next(imprint.pyenv_roots()) == tmp_path
+
+
+class TestStamp:
+    def test_a_finished_environment_is_ready(self, bare):
+        assert not imprint.is_ready()
+        finish_environment()
+        assert imprint.is_ready()
+
+    def test_a_half_made_one_is_not(self, bare):
+        finish_environment()
+        imprint.STAMP.unlink()
+        assert not imprint.is_ready()
+
+    def test_one_whose_python_went_away_is_not(self, bare):
+        finish_environment()
+        imprint.PYTHON.unlink()
+        assert not imprint.is_ready()
+
+    def test_changed_requirements_make_it_anew(self, bare):
+        finish_environment()
+        imprint.REQUIREMENTS.write_text("bpy==5.2.4\n")
+        assert not imprint.is_ready()
+
+    def test_two_at_once_make_it_once(self, bare, monkeypatch):
+        made = []
+
+        def make():
+            made.append(1)
+            time.sleep(0.2)  # long enough for the other to arrive
+            finish_environment()
+
+        monkeypatch.setattr(imprint, "make_environment", make)
+        both = [threading.Thread(target=imprint.environment) for _ in range(2)]
+        for thread in both:
+            thread.start()
+        for thread in both:
+            thread.join()
+        assert made == [1]
+
+    def test_every_requirement_is_pinned(self):
+        lines = [line for line in imprint.REQUIREMENTS.read_text().splitlines() if line and not line.startswith("#")]
+        assert "bpy==5.2.3" in lines
+        assert [line for line in lines if line.count("==") != 1] == []
+
+
+@pytest.fixture
+def linux(monkeypatch):
+    """A Linux on which each library is there, whatever this machine has."""
+    monkeypatch.setattr(sys, "platform", "linux")
+    monkeypatch.setattr(imprint, "is_loadable", lambda library: True)
+
+
+class TestMissingLibraries:
+    IMPORT_ERROR = "ImportError: libSM.so.6: cannot open shared object file: No such file or directory"
+
+    def test_the_one_that_the_loader_names(self, linux):
+        assert imprint.missing(1, self.IMPORT_ERROR) == ["libSM.so.6"]
+
+    def test_all_others_that_are_absent_too(self, linux, monkeypatch):
+        monkeypatch.setattr(imprint, "is_loadable", lambda library: library != "libXi.so.6")
+        assert imprint.missing(1, self.IMPORT_ERROR) == ["libSM.so.6", "libXi.so.6"]
+
+    def test_a_crash_with_every_library_there_wants_a_driver(self, linux):
+        assert imprint.missing(SEGFAULT, "") == [imprint.DRIVER]
+
+    def test_the_command_names_the_packages(self, monkeypatch):
+        monkeypatch.setattr(imprint, "IS_ROOT", False)
+        things = ["libSM.so.6", "libEGL.so.1"]
+        apt = "sudo apt-get install --no-install-recommends libegl1 libsm6"
+        assert " ".join(imprint.remedy(things, "apt-get")) == apt
+        assert imprint.remedy(things, "dnf") == ["sudo", "dnf", "install", "libSM", "libglvnd-egl"]
+
+    def test_root_needs_no_sudo(self, monkeypatch):
+        monkeypatch.setattr(imprint, "IS_ROOT", True)
+        assert imprint.remedy(["libXi.so.6"], "dnf") == ["dnf", "install", "libXi"]
+
+    def test_an_unknown_library_is_named_without_a_command(self):
+        assert imprint.remedy(["libunheard.so.1"], "apt-get") == []
+        message = imprint.explain(["libunheard.so.1"], [], 1, "")
+        assert "libunheard.so.1" in message
+
+    def test_without_an_installer_there_is_no_command(self):
+        assert imprint.remedy(["libSM.so.6"], None) == []
+
+    def test_the_message_is_one_line_with_library_and_command(self):
+        message = imprint.explain(["libSM.so.6"], ["apt-get", "install", "libsm6"], 1, self.IMPORT_ERROR)
+        assert "libSM.so.6" in message
+        assert "apt-get install libsm6" in message
+        assert "\n" not in message
+
+    def test_another_error_is_passed_on(self):
+        assert "RuntimeError: no" in imprint.explain([], [], 1, "Traceback\nRuntimeError: no\n")
+
+
+class TestProbe:
+    def test_success_is_remembered(self, bare, monkeypatch):
+        finish_environment()
+        probes = []
+        monkeypatch.setattr(imprint, "probe", lambda python: probes.append(python) or (0, ""))
+        imprint.require_gpu("python")
+        imprint.require_gpu("python")
+        assert probes == ["python"]
+
+    def test_failure_is_not(self, bare, linux, monkeypatch):
+        finish_environment()
+        monkeypatch.setattr(imprint, "IS_ROOT", False)
+        monkeypatch.setattr(imprint, "probe", lambda python: (SEGFAULT, ""))
+        with pytest.raises(imprint.Failure, match="OpenGL driver"):
+            imprint.require_gpu("python")
+        assert not imprint.GPU_STAMP.exists()
+
+    def test_root_on_debian_installs_and_tries_again(self, bare, linux, monkeypatch):
+        finish_environment()
+        answers = [(1, TestMissingLibraries.IMPORT_ERROR), (0, "")]
+        commands = []
+        monkeypatch.setattr(imprint, "IS_ROOT", True)
+        monkeypatch.setattr(imprint.shutil, "which", lambda name: name if name == "apt-get" else None)
+        monkeypatch.setattr(imprint, "probe", lambda python: answers.pop(0))
+        monkeypatch.setattr(imprint.subprocess, "call", lambda command, **_: commands.append(command))
+        imprint.require_gpu("python")
+        assert [command[1] for command in commands] == ["update", "install"]
+        assert "libsm6" in commands[1]
+
+
+@pytest.fixture
+def ready(bare, monkeypatch):
+    """A checkout that is set up, with the commands that are started collected and ended as the test wants."""
+    finish_environment()
+    started = []
+    ending = {"code": 0}
+    monkeypatch.setattr(imprint, "probe", lambda python: (0, ""))
+    monkeypatch.setattr(imprint.subprocess, "call", lambda command, **_: started.append(command) or ending["code"])
+    return started, ending
+
+
+class TestCommands:
+    @pytest.mark.parametrize("arguments", [["--help"], ["--high", "a.obj", "--", "-x", "b"], ["-h"], []])
+    def test_bake_gets_its_arguments_untouched(self, ready, arguments):
+        started, _ = ready
+        assert imprint.main(["bake", *arguments]) == 0
+        assert started == [[str(imprint.PYTHON), str(imprint.SCRIPTS / "bake.py"), "--", *arguments]]
+
+    @pytest.mark.parametrize("code", [0, 1, 2])
+    def test_the_exit_code_is_passed_on_in_silence(self, ready, code, capfd):
+        ready[1]["code"] = code
+        assert imprint.main(["bake"]) == code
+        assert capfd.readouterr() == ("", "")
+
+    def test_a_crash_is_one_line_and_makes_us_probe_again(self, ready, monkeypatch, capfd):
+        ready[1]["code"] = SEGFAULT
+        probes = []
+        monkeypatch.setattr(imprint, "probe", lambda python: probes.append(python) or (0, ""))
+        assert imprint.main(["bake"]) == 1
+        message = capfd.readouterr().err
+        assert message.startswith("imprint: Blender died of signal 11")
+        assert message.count("\n") == 1
+        assert len(probes) == 2
+
+    def test_pytest_runs_after_ruff_whatever_ruff_says(self, ready):
+        started, ending = ready
+        ending["code"] = 1
+        assert imprint.main(["test", "-k", "word"]) == 1
+        assert [command[2] for command in started] == ["ruff", "pytest"]
+        assert started[1][3:] == ["-k", "word"]
+
+    def test_wrong_usage_is_two(self, capsys):
+        with pytest.raises(SystemExit) as ended:
+            imprint.main(["bakke"])
+        assert ended.value.code == 2

@@ -1,0 +1,65 @@
+"""Cycles as an oracle: it bakes what a material's Normal input ends up with."""
+
+import bpy
+import numpy as np
+
+from . import angles
+
+
+def world_normals(obj, size, **options) -> tuple[np.ndarray, np.ndarray]:
+    """World-space unit normals (H, W, 3) of `bake_normals` and the mask (H, W) of what was written.
+
+    Cycles' "object space" is M^-1 n, for an object with matrix M and the world normal n: the same as other people's
+    under rotation, and something of its own under uneven scale. M takes it back to world space in any case.
+    """
+    texels, mask = bake_normals(obj, size, space="OBJECT", **options)
+    normals = angles.decode(texels) @ np.array(obj.matrix_world)[:3, :3].T
+    return normals / np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-12), mask
+
+
+def bake_normals(obj, size, *, space, highs=(), extrusion=0.0, max_distance=0.0) -> tuple[np.ndarray, np.ndarray]:
+    """Cycles' NORMAL bake of `obj` onto its own active UV layer, one sample, no margin.
+
+    Returns texels (H, W, 4) float32, row 0 at v = 0, and the mask (H, W) of those that Cycles wrote. With `highs`,
+    a selected-to-active bake. Every material of `obj` gets the target's image node for the time of the bake.
+    """
+    width, height = size
+    scene = bpy.context.scene
+    scene.render.engine = "CYCLES"
+    scene.cycles.samples = 1
+    scene.cycles.use_denoising = False
+    image = bpy.data.images.new("oracle", width, height, alpha=True, float_buffer=True, is_data=True)
+    # Alpha 0 stays where the bake writes nothing.
+    image.pixels.foreach_set(np.zeros(width * height * 4, np.float32))
+    if not obj.data.materials:
+        obj.data.materials.append(bpy.data.materials.new("oracle"))
+    added = []
+    for material in {slot.material for slot in obj.material_slots if slot.material}:
+        tree = material.node_tree
+        active = tree.nodes.active
+        node = tree.nodes.new("ShaderNodeTexImage")
+        node.image = image
+        node.select = True
+        tree.nodes.active = node
+        added.append((tree, node, active))
+    bpy.ops.object.select_all(action="DESELECT")
+    for other in (*highs, obj):
+        other.select_set(True)
+    bpy.context.view_layer.objects.active = obj
+    bpy.ops.object.bake(
+        type="NORMAL",
+        normal_space=space,
+        margin=0,
+        use_clear=False,
+        use_selected_to_active=bool(highs),
+        cage_extrusion=extrusion,
+        max_ray_distance=max_distance,
+    )
+    texels = np.empty(width * height * 4, np.float32)
+    image.pixels.foreach_get(texels)
+    for tree, node, active in added:
+        tree.nodes.remove(node)
+        tree.nodes.active = active
+    bpy.data.images.remove(image)
+    texels = texels.reshape(height, width, 4)
+    return texels, texels[..., 3] > 0.5
