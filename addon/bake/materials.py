@@ -221,7 +221,9 @@ def _feed_normal_map(job, normal_map):
     if kind not in (None, "ShaderNodeTexImage.Color"):
         return job.leave(normal_map, "Color", texture, kind)
     if texture and _is_foreign(texture.image):
-        job.say(f'{_title(normal_map)} showed "{texture.image.name}"; {_title(texture)} still has it, unconnected.')
+        job.say(
+            f'{_title(normal_map)} no longer shows "{texture.image.name}"; {_title(texture)}, which has it, is kept.'
+        )
         texture, end = None, color
     texture = texture or _own(job, "ShaderNodeTexImage", "Color", end)
     _set(normal_map, **job.settings)
@@ -240,7 +242,9 @@ def _feed_coordinates(job, texture):
     if node and not node.get(MARK):
         if node.uv_map in job.layer_names:
             return None
-        job.say(f'{_title(texture)} used the UV map "{node.uv_map}"; {_title(node)} is still there, unconnected.')
+        job.say(
+            f'{_title(texture)} no longer uses the UV map "{node.uv_map}"; {_title(node)}, which names it, is kept.'
+        )
         node, end = None, vector
     return _set(node or _own(job, "ShaderNodeUVMap", "UV", end), uv_map=job.uv_layer)
 

@@ -1,0 +1,237 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The demo: a real terrain, baked onto a simplified one and onto a plane, as in Figures 7 to 9 of the paper.
+
+Started by `python3 scripts/imprint.py demo`. Makes the maps, a scene with the four terrains side by side, and a picture.
+"""
+
+import argparse
+import math
+import sys
+import time
+from pathlib import Path
+
+import bpy
+import numpy as np
+from mathutils import Euler, Vector
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+from addon import passes  # noqa: E402
+from addon.bake import pipeline  # noqa: E402
+from addon.bake.errors import BakeError  # noqa: E402
+from addon.bake.files import replacing  # noqa: E402
+from addon.bake.settings import Settings  # noqa: E402
+
+ELEVATIONS = ROOT / "scripts/data/jacksboro_fault_dem.npz"
+KM_PER_DEGREE = 111.2  # of latitude; one unit of the scene is a kilometre
+EXAGGERATION = 2.0  # of the heights: the real relief is 0.84 km on 30 x 32 km, which looks flat on a small picture
+LOW_TRIANGLES = 9079  # as many as the paper's simplified terrain has
+
+PICTURE = (2000, 620)
+GAP = 3.5  # between two terrains
+VIEW_ANGLE = math.radians(38)  # the camera's tilt from looking straight down
+SUN_HEIGHT, SUN_HEADING = math.radians(28), math.radians(-50)  # from the north-west, where a reader expects the light
+CLAY, NIGHT, CHALK = (0.62, 0.58, 0.52), (0.05, 0.05, 0.055), (0.85, 0.85, 0.85)
+
+
+def parse() -> argparse.Namespace:
+    """Read the command line."""
+    result = argparse.ArgumentParser(prog="imprint.py demo", description="Bake a terrain, and make a picture of it.")
+    result.add_argument("--size", type=int, default=2048, metavar="TEXELS", help="of the square maps (default: 2048)")
+    result.add_argument("--output", type=Path, default=ROOT / "out/demo", metavar="DIR", help="default: out/demo")
+    result.add_argument("--quick", action="store_true", help="a picture of a quarter of the size, and coarse")
+    return result.parse_args()
+
+
+# The meshes
+
+
+def read_terrain() -> tuple[np.ndarray, tuple[float, float]]:
+    """The heights in kilometres around their mean, row 0 in the south, and the extent from west to east and south to north."""
+    with np.load(ELEVATIONS) as dem:
+        metres = dem["elevation"][::-1].astype(np.float64)  # the file begins in the north
+        latitude = math.radians(float(dem["ymin"] + dem["ymax"]) / 2)
+        spacing = np.array([dem["dx"] * math.cos(latitude), dem["dy"]]) * KM_PER_DEGREE
+    rows, columns = metres.shape
+    width, depth = spacing * (columns - 1, rows - 1)
+    return (metres - metres.mean()) / 1000, (width, depth)
+
+
+def grid_mesh(name: str, heights: np.ndarray, extent: tuple[float, float]) -> bpy.types.Mesh:
+    """A smooth mesh of quads through a grid of heights, centred, whose UVs are the grid seen from above, from 0 to 1."""
+    rows, columns = heights.shape
+    u, v = np.meshgrid(np.linspace(0, 1, columns), np.linspace(0, 1, rows))
+    positions = np.stack([(u - 0.5) * extent[0], (v - 0.5) * extent[1], heights * EXAGGERATION], axis=-1)
+    index = np.arange(rows * columns, dtype=np.int32).reshape(rows, columns)
+    corners = np.stack([index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]], axis=-1).ravel()
+
+    mesh = bpy.data.meshes.new(name)
+    mesh.vertices.add(index.size)
+    mesh.vertices.foreach_set("co", positions.astype(np.float32).ravel())
+    mesh.loops.add(corners.size)
+    mesh.loops.foreach_set("vertex_index", corners)
+    mesh.polygons.add(corners.size // 4)
+    mesh.polygons.foreach_set("loop_start", np.arange(0, corners.size, 4, dtype=np.int32))
+    uvs = np.stack([u, v], axis=-1).reshape(-1, 2)[corners]
+    mesh.uv_layers.new(name="UVMap").uv.foreach_set("vector", uvs.astype(np.float32).ravel())
+    mesh.update(calc_edges=True)
+    mesh.shade_smooth()
+    return mesh
+
+
+def simplified(name: str, high: bpy.types.Object, triangles: int) -> bpy.types.Mesh:
+    """What Blender's Decimate modifier makes of a mesh. It takes the UVs along, so that both share their layout."""
+    decimate = high.modifiers.new("Decimate", "DECIMATE")
+    decimate.ratio = triangles / count_triangles(high)
+    decimate.use_collapse_triangulate = True
+    evaluated = high.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    mesh = bpy.data.meshes.new_from_object(evaluated)
+    mesh.name = name
+    high.modifiers.remove(decimate)
+    return mesh
+
+
+def count_triangles(obj: bpy.types.Object) -> int:
+    """How many triangles Blender draws for an object's mesh."""
+    return len(obj.data.loops) - 2 * len(obj.data.polygons)
+
+
+# The scene
+
+
+def add(name: str, data: bpy.types.ID) -> bpy.types.Object:
+    """A new object in the scene."""
+    obj = bpy.data.objects.new(name, data)
+    bpy.context.scene.collection.objects.link(obj)
+    return obj
+
+
+def add_terrain(mesh: bpy.types.Mesh) -> bpy.types.Object:
+    """A terrain of plain clay: dull, so that nothing but the light's angle shows. Each has a material of its own."""
+    material = bpy.data.materials.new(mesh.name)
+    shader = next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
+    shader.inputs["Base Color"].default_value = (*CLAY, 1)
+    shader.inputs["Roughness"].default_value = 1
+    shader.inputs["Specular IOR Level"].default_value = 0
+    mesh.materials.clear()
+    mesh.materials.append(material)
+    return add(mesh.name, mesh)
+
+
+def build_terrains() -> list[bpy.types.Object]:
+    """The four terrains, all in one place: high, low, low for a map and plane for a map."""
+    heights, extent = read_terrain()
+    high = add_terrain(grid_mesh("High", heights, extent))
+    low = add_terrain(simplified("Low", high, LOW_TRIANGLES))
+    mapped = low.data.copy()
+    mapped.name = "Low with map"
+    flat = grid_mesh("Plane with map", np.zeros((2, 2)), extent)
+    return [high, low, add_terrain(mapped), add_terrain(flat)]
+
+
+def bake(high: bpy.types.Object, low: bpy.types.Object, size: int, path: Path) -> bpy.types.Image:
+    """Bake the detail of one terrain into a map for another, and say how it went."""
+    settings = Settings(width=size, height=size, storage="FILE", output=str(path))
+    report = pipeline.bake(bpy.context, low, [high], settings)
+    print(*report.summary(), *(f"warning: {text}" for text in report.warnings), sep="\n")
+    return bpy.data.images[report.image]
+
+
+def add_labels(terrains: list[bpy.types.Object], turned: Euler) -> None:
+    """Under each terrain its name and what it costs, turned towards the camera and lit by nothing."""
+    chalk = bpy.data.materials.new("Label")
+    nodes = chalk.node_tree.nodes
+    nodes.clear()
+    emission, output = nodes.new("ShaderNodeEmission"), nodes.new("ShaderNodeOutputMaterial")
+    emission.inputs["Color"].default_value = (*CHALK, 1)
+    chalk.node_tree.links.new(emission.outputs["Emission"], output.inputs["Surface"])
+    for terrain in terrains:
+        text = bpy.data.curves.new(f"{terrain.name} label", "FONT")
+        text.body = f"{terrain.name}\n{count_triangles(terrain):,} triangles"
+        text.align_x, text.size = "CENTER", 2.1
+        text.materials.append(chalk)
+        label = add(text.name, text)
+        label.rotation_euler = turned
+        front = Vector((terrain.location.x, -terrain.dimensions.y / 2, 0))
+        label.location = front - turned.to_matrix() @ Vector((0, 3.2, 0))
+
+
+def arrange(terrains: list[bpy.types.Object]) -> None:
+    """Put the terrains side by side, with labels, a camera and a low sun."""
+    scene = bpy.context.scene
+    pitch = terrains[0].dimensions.x + GAP
+    for place, terrain in enumerate(terrains):
+        terrain.location.x = (place - (len(terrains) - 1) / 2) * pitch
+    turned = Euler((VIEW_ANGLE, 0, 0))
+    add_labels(terrains, turned)
+
+    scene.camera = add("Camera", bpy.data.cameras.new("Camera"))
+    scene.camera.data.type, scene.camera.data.clip_end = "ORTHO", 300
+    scene.camera.data.ortho_scale = pitch * len(terrains) + GAP  # of the longer side, which is the width
+    scene.camera.rotation_euler = turned
+    scene.camera.location = turned.to_matrix() @ Vector((0, -3.2, 100))  # a little lower, for the labels' sake
+    sun = add("Sun", bpy.data.lights.new("Sun", "SUN"))
+    sun.data.energy, sun.data.angle = 5.0, math.radians(1)
+    sun.rotation_euler = (SUN_HEIGHT - math.pi / 2, 0, -SUN_HEADING)
+    scene.world = bpy.data.worlds.new("Night")
+    background = next(node for node in scene.world.node_tree.nodes if node.type == "BACKGROUND")
+    background.inputs["Color"].default_value = (*NIGHT, 1)
+
+
+# The files
+
+
+def render(path: Path, quick: bool) -> None:
+    """Make the picture, by Cycles on the processor."""
+    scene = bpy.context.scene
+    scene.render.engine = "CYCLES"
+    scene.cycles.device = "CPU"
+    scene.cycles.samples = 4 if quick else 32
+    scene.cycles.use_denoising = False  # it would smooth what the maps are to show
+    scene.view_settings.view_transform = "Standard"
+    scene.render.resolution_x, scene.render.resolution_y = PICTURE
+    scene.render.resolution_percentage = 25 if quick else 100
+    with replacing(path) as partial:
+        scene.render.filepath = str(partial)
+        bpy.ops.render.render(write_still=True)
+    scene.render.filepath = "//"
+
+
+def save(path: Path, images: list[bpy.types.Image]) -> None:
+    """Save the scene, with the images beside it found wherever the folder is moved."""
+    for image in images:
+        image.filepath = f"//{Path(image.filepath).name}"
+    with replacing(path) as partial:
+        bpy.ops.wm.save_as_mainfile(filepath=str(partial), copy=True, relative_remap=False)
+
+
+def demo(folder: Path, size: int, quick: bool) -> None:
+    """Build, bake, render, save."""
+    folder.mkdir(parents=True, exist_ok=True)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    high, low, mapped, flat = terrains = build_terrains()
+    images = [bake(high, mapped, size, folder / "low_normal.png"), bake(high, flat, size, folder / "plane_normal.png")]
+    arrange(terrains)
+    render(folder / "terrain.png", quick)
+    save(folder / "terrain.blend", images)
+    print(*(folder / name for name in ("terrain.png", "terrain.blend", "low_normal.png", "plane_normal.png")), sep="\n")
+
+
+def main() -> int:
+    """Run the demo; return the exit code. What went wrong is one line on stderr."""
+    options = parse()
+    start = time.perf_counter()
+    try:
+        demo(options.output.absolute(), options.size, options.quick)
+    except (BakeError, OSError) as error:  # no folder can be made, say
+        print(f"imprint: {error}", file=sys.stderr)
+        return 1
+    finally:
+        passes.free()  # Blender crashes on exit while GPU objects live
+    print(f"{time.perf_counter() - start:.1f} s")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

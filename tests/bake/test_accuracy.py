@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Flatten on real meshes, against Cycles: what it makes of the high mesh, and what it reads out of the map."""
+
+from dataclasses import replace
+
+import bpy
+import mathutils
+import numpy as np
+import pytest
+
+from addon.bake import pipeline, render
+from addon.bake.report import Report
+from addon.bake.settings import Settings
+from addon.mesh import arrays, extract
+from tests.support import angles, cycles
+
+pytestmark = pytest.mark.shared
+
+SIZE = (1024, 1024)
+PAIRS = ["kepler_199712_9079", "sthelens_290088_9079", "spot_control_vs_subd5", "shaderball_48048_23378", "king_40480_4000"]
+
+OBJECT_SPACE_P99 = 0.05
+"""Degrees. Rasterisers snap corners to 1/256 texel; on these meshes that turns a normal by a few hundredths."""
+ROUND_TRIP_P99 = 0.1
+"""Degrees. As above, twice: once when the map is drawn, once when Cycles interpolates the low mesh."""
+VISIBLY_WRONG = 5.0
+"""Degrees."""
+UNEXPLAINED = 5e-5
+"""Share of texels that may be visibly wrong outside folded slivers: a few, on the rims of folds and where islands meet."""
+
+
+def open_pair(folder, name):
+    bpy.ops.wm.open_mainfile(filepath=str(folder / "pairs" / f"{name}.blend"))
+    return bpy.data.objects["lo"], bpy.data.objects["hi"]
+
+
+def bake(low, high, image="map", **settings):
+    """Texels (H, W, 4) of a float map without margin."""
+    settings = {"width": SIZE[0], "height": SIZE[1], "margin": 0, "depth": 32, "storage": "MEMORY", **settings}
+    pipeline.bake(bpy.context, low, [high], Settings(image=image, **settings))
+    texels = np.empty(SIZE[0] * SIZE[1] * 4, np.float32)
+    bpy.data.images[image].pixels.foreach_get(texels)
+    return texels.reshape(SIZE[1], SIZE[0], 4)
+
+
+@pytest.mark.parametrize("name", PAIRS)
+def test_object_space_is_what_cycles_bakes_of_the_high_mesh(shared_assets, name):
+    low, high = open_pair(shared_assets, name)
+    texels = bake(low, high, space="OBJECT", material=False)
+    expected, written = cycles.bake_normals(high, SIZE, space="OBJECT")
+    both = angles.eroded(written & (texels[..., 3] > 0), 1)
+    error = angles.degrees(angles.decode(texels), angles.decode(expected))[both]
+    print(f"{name}: median {np.median(error):.4f}, 99th percentile {np.percentile(error, 99):.4f}, max {error.max():.2f}")
+    assert both.mean() > 0.3  # most of each layout is compared
+    assert np.percentile(error, 99) < OBJECT_SPACE_P99
+
+
+TURNED = mathutils.Matrix.LocRotScale((2.0, -20.0, 3.0), mathutils.Euler((0.3, 1.1, -0.7)), (1.0, 2.0, 0.5))
+MIRRORED = mathutils.Matrix.LocRotScale((0.0, 5.0, 0.0), mathutils.Euler((-0.4, 0.2, 2.0)), (-1.0, 1.5, 1.0))
+TRANSFORMS = {"plain": mathutils.Matrix(), "turned_scaled": TURNED, "mirrored": MIRRORED}
+
+
+@pytest.mark.parametrize("transform", TRANSFORMS)
+@pytest.mark.parametrize("name", [*PAIRS, "helmet_23358_6117"])
+def test_tangent_map_comes_back_through_the_normal_map_node(shared_assets, name, transform):
+    low, high = open_pair(shared_assets, name)
+    for obj in (low, high):
+        obj.matrix_world = TRANSFORMS[transform] @ obj.matrix_world
+    low.data.materials.clear()
+    low.data.materials.append(diffuse_material())
+    expected = bake(low, high, "expected", space="WORLD", material=False)
+    texels = bake(low, high, "tangent", space="TANGENT")
+    seen, written = cycles.world_normals(low, SIZE)
+    both = angles.eroded(written & (texels[..., 3] > 0), 2)
+    folded = folds(low)[both]
+    error = angles.degrees(angles.decode(expected), seen)[both]
+    wrong = error > VISIBLY_WRONG
+    print(
+        f"{name} {transform}: median {np.median(error):.4f}, 99th percentile {np.percentile(error, 99):.4f}, "
+        f"without folds {np.percentile(error[~folded], 99):.4f}; over 5 degrees {wrong.mean():.4%}, "
+        f"of them in folds {np.count_nonzero(wrong & folded)} of {np.count_nonzero(wrong)}; folds {folded.mean():.3%}"
+    )
+    assert both.mean() > 0.3
+    assert np.percentile(error[~folded], 99) < ROUND_TRIP_P99
+    assert wrong[~folded].mean() < UNEXPLAINED
+
+
+def test_ten_kilometres_from_the_origin_the_map_is_the_same(shared_assets):
+    maps = []
+    for offset in (0.0, 10_000.0):
+        low, high = open_pair(shared_assets, "king_40480_4000")
+        for obj in (low, high):
+            obj.matrix_world = mathutils.Matrix.Translation((offset, offset, -offset)) @ obj.matrix_world
+        maps.append(bake(low, high))
+    assert np.array_equal(*maps)
+
+
+def diffuse_material():
+    """A material whose shader shows the Normal input as it is.
+
+    A glossy shader bends normals that would reflect below the surface, which hides what the map says.
+    """
+    material = bpy.data.materials.new("diffuse")
+    nodes, links = material.node_tree.nodes, material.node_tree.links
+    nodes.clear()
+    shader = nodes.new("ShaderNodeBsdfDiffuse")
+    links.new(shader.outputs[0], nodes.new("ShaderNodeOutputMaterial").inputs["Surface"])
+    return material
+
+
+def folds(low):
+    """Where (H, W) the low mesh has a triangle with a corner normal behind its own face.
+
+    Cycles takes such a texel for a back face and turns the normal round: no map can help a folded sliver.
+    """
+    with extract.evaluated(low, bpy.context.evaluated_depsgraph_get()) as data:
+        mesh = extract.surface(data, data.uv_layers.active.name, low.name, extract.matrix(low))
+        positions = np.empty((len(data.vertices), 3), np.float32)
+        data.attributes["position"].data.foreach_get("vector", positions.reshape(-1))
+        vertices = np.empty(len(data.loops), np.int32)
+        data.loops.foreach_get("vertex_index", vertices)
+    corners = positions[vertices[mesh.triangles]] @ mesh.to_world[:3, :3].T
+    face = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    face *= np.sign(np.linalg.det(mesh.to_world[:3, :3]))  # a mirror turns the winding, not the outside
+    world_normals = mesh.normals @ arrays.normal_matrix(mesh.to_world).T
+    behind = ((world_normals[mesh.triangles] * face[:, None]).sum(axis=-1) <= 0.0).any(axis=1)
+    # Drawn like any mesh: one normal for the folded triangles, its opposite for the others.
+    painted = replace(
+        mesh,
+        uv=mesh.uv[mesh.triangles.reshape(-1)],
+        normals=np.repeat(np.where(behind[:, None], (0.0, 0.0, -1.0), (0.0, 0.0, 1.0)), 3, axis=0).astype(np.float32),
+        triangles=np.arange(mesh.triangles.size, dtype=np.int32).reshape(-1, 3),
+        to_world=np.eye(4),
+    )
+    settings = Settings(space="WORLD", width=SIZE[0], height=SIZE[1], margin=0)
+    texels, _ = render.flattened(painted, [painted], settings, Report("FLATTEN", "WORLD", SIZE, "", []))
+    return texels[..., 2] < 0.5

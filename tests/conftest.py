@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What every test starts from: a profile of its own, an empty scene, and, where asked for, a GPU and the real meshes."""
+
+import atexit
+import os
+import shutil
+import sys
+import tempfile
+from pathlib import Path
+
+import pytest
+
+# Before bpy is imported, which reads it once: no test may touch the person's own Blender settings.
+_profile = tempfile.mkdtemp(prefix="imprint-profile-")
+atexit.register(shutil.rmtree, _profile, ignore_errors=True)
+os.environ["BLENDER_USER_RESOURCES"] = _profile
+
+import bpy  # noqa: E402
+
+from scripts import imprint  # noqa: E402
+
+ASSETS = imprint.ROOT.parent / "shared" / "assets"
+
+
+@pytest.fixture(autouse=True)
+def empty_scene():
+    """An empty file with factory settings for each test."""
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+
+
+@pytest.fixture(scope="session")
+def gpu_context():
+    """A GPU to draw on. Without one tests fail: a suite that skips its subject would look healthy."""
+    import gpu
+
+    from addon import passes
+
+    code, output = imprint.probe(sys.executable)  # in a process of its own, since a missing EGL kills it
+    if code:
+        pytest.fail(f"gpu.init() ended with {code}: {output}", pytrace=False)
+    gpu.init()
+    yield
+    passes.free()
+
+
+@pytest.fixture(scope="session")
+def shared_assets() -> Path:
+    """The folder of the real meshes, ../shared/assets, for tests marked `shared`."""
+    if not ASSETS.is_dir():
+        reason = f"the real meshes are not at {ASSETS}"
+        if os.environ.get("CI") == "true":
+            pytest.fail(reason, pytrace=False)
+        pytest.skip(reason)
+    return ASSETS
+
+
+@pytest.fixture(scope="module")
+def registered():
+    """The add-on, registered as Blender does when the extension is enabled."""
+    import addon
+
+    addon.register()
+    yield
+    addon.unregister()

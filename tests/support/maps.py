@@ -1,0 +1,28 @@
+"""Bakes for tests: a float map in memory, as an array."""
+
+import bpy
+import numpy as np
+
+from addon.bake import pipeline
+from addon.bake.settings import Settings
+
+
+def bake(low, *highs, image="map", **settings):
+    """The texels (H, W, 4) float32 of a bake, row 0 at v = 0; without margin and material unless asked for."""
+    size = settings.pop("size", (64, 64))
+    values = {"margin": 0, "depth": 32, "storage": "MEMORY", "material": False, **settings}
+    pipeline.bake(bpy.context, low, highs, Settings(image=image, width=size[0], height=size[1], **values))
+    return pixels(bpy.data.images[image])
+
+
+def pixels(image):
+    """The pixels (H, W, 4) float32 of an image datablock, row 0 at v = 0."""
+    texels = np.empty(image.size[0] * image.size[1] * 4, np.float32)
+    image.pixels.foreach_get(texels)
+    return texels.reshape(image.size[1], image.size[0], 4)
+
+
+def texel_uv(width, height):
+    """The coordinates (H, W, 2) that the texels stand for: their centres."""
+    u, v = np.meshgrid((np.arange(width) + 0.5) / width, (np.arange(height) + 0.5) / height)
+    return np.stack([u, v], axis=-1)

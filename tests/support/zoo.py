@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Small meshes of known shape. Each function returns an object that is linked to the scene's collection."""
+
+import bpy
+import numpy as np
+
+LAYER = "UVMap"
+
+
+def build(name, points, faces, uv=None, *, normals=None, smooth=True) -> bpy.types.Object:
+    """An object of whole arrays.
+
+    points (V, 3); faces (F, n) indices of points; uv (F, n, 2) by corner, or None for no UV layer; normals (F, n, 3)
+    custom corner normals, kept as they are.
+    """
+    faces = np.asarray(faces, np.int32)
+    count, sides = faces.shape
+    data = bpy.data.meshes.new(name)
+    data.vertices.add(len(points))
+    data.attributes["position"].data.foreach_set("vector", np.asarray(points, np.float32).ravel())
+    data.loops.add(count * sides)
+    data.loops.foreach_set("vertex_index", faces.ravel())
+    data.polygons.add(count)
+    data.polygons.foreach_set("loop_start", np.arange(0, count * sides, sides, dtype=np.int32))
+    data.update(calc_edges=True)
+    data.polygons.foreach_set("use_smooth", np.full(count, smooth))
+    if uv is not None:
+        data.uv_layers.new(name=LAYER).uv.foreach_set("vector", np.asarray(uv, np.float32).ravel())
+    if normals is not None:
+        # As vectors, which Blender takes as they are; normals_split_custom_set would round them.
+        layer = data.attributes.new("custom_normal", "FLOAT_VECTOR", "CORNER")
+        layer.data.foreach_set("vector", np.asarray(normals, np.float32).ravel())
+    obj = bpy.data.objects.new(name, data)
+    bpy.context.scene.collection.objects.link(obj)
+    return obj
+
+
+def grid_faces(nu: int, nv: int, offset: int = 0) -> np.ndarray:
+    """The (nu * nv, 4) quads, counter-clockwise, of a grid of (nu + 1) x (nv + 1) points, rows of constant v."""
+    i, j = np.meshgrid(np.arange(nu), np.arange(nv))
+    first = (offset + i + j * (nu + 1)).ravel()
+    return np.stack([first, first + 1, first + nu + 2, first + nu + 1], axis=1)
+
+
+def grid_uv(nu: int, nv: int) -> np.ndarray:
+    """The (points, 2) coordinates of such a grid, which fills 0..1."""
+    u, v = np.meshgrid(np.linspace(0, 1, nu + 1), np.linspace(0, 1, nv + 1))
+    return np.stack([u.ravel(), v.ravel()], axis=1)
+
+
+def sheet(name, surface, nu, nv, **options) -> bpy.types.Object:
+    """The grid of `surface`, which takes u and v (N,) to points (N, 3); the UVs fill 0..1."""
+    uv, faces = grid_uv(nu, nv), grid_faces(nu, nv)
+    return build(name, surface(*uv.T), faces, uv[faces], **options)
+
+
+def plane(name="Plane", n=1, *, slope=0.0, **options) -> bpy.types.Object:
+    """The square -1..1 in n x n quads, facing +Z; with a slope, z rises by it for each unit of x."""
+    return sheet(name, lambda u, v: np.stack([2 * u - 1, 2 * v - 1, slope * (2 * u - 1)], axis=1), n, n, **options)
+
+
+def terrain(name="Terrain", n=32, *, height=0.1, waves=2, **options) -> bpy.types.Object:
+    """z = height * sin(2 pi waves u) * sin(2 pi waves v) over the square -1..1."""
+
+    def surface(u, v):
+        z = height * np.sin(2 * np.pi * waves * u) * np.sin(2 * np.pi * waves * v)
+        return np.stack([2 * u - 1, 2 * v - 1, z], axis=1)
+
+    return sheet(name, surface, n, n, **options)
+
+
+def sphere(name="Sphere", n=32, *, latitude=75.0, **options) -> bpy.types.Object:
+    """The unit sphere's belt up to `latitude` degrees: u goes round, v up, and the normals are the sphere's own.
+
+    No poles, where a triangle's corner has no u of its own, and the seam's points are there twice.
+    """
+
+    def surface(u, v):
+        longitude, lat = 2 * np.pi * u, np.radians(latitude) * (2 * v - 1)
+        return np.stack([np.cos(longitude) * np.cos(lat), np.sin(longitude) * np.cos(lat), np.sin(lat)], axis=1)
+
+    normals = surface(*grid_uv(2 * n, n).T)[grid_faces(2 * n, n)]
+    return sheet(name, surface, 2 * n, n, normals=normals, **options)
+
+
+def cube(name="Cube", *, gap=0.05, **options) -> bpy.types.Object:
+    """The cube -1..1; each face has a cell of its own in a 3 x 2 atlas, `gap` of the cell's size away from its rim."""
+    points = np.array([(x, y, z) for z in (-1, 1) for y in (-1, 1) for x in (-1, 1)])
+    faces = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)]
+    corner = np.array([(0, 0), (1, 0), (1, 1), (0, 1)]) * (1 - 2 * gap) + gap
+    cells = np.array([(i, j) for j in range(2) for i in range(3)])
+    uv = (cells[:, None] + corner) / (3, 2)
+    return build(name, points, faces, uv, **{"smooth": False} | options)
+
+
+def disc(name="Disc", sides=7, **options) -> bpy.types.Object:
+    """One n-gon in the unit circle, facing +Z."""
+    angle = 2 * np.pi * np.arange(sides) / sides
+    points = np.stack([np.cos(angle), np.sin(angle), np.zeros(sides)], axis=1)
+    return build(name, points, [range(sides)], points[None, :, :2] * 0.5 + 0.5, **options)
+
+
+def two_islands(name="Islands", *, gap=0.25, **options) -> bpy.types.Object:
+    """Two squares side by side in the plane whose UV islands, one left and one right, are `gap` apart."""
+    points = np.array([(x, y, 0) for x in (-2, 0, 0, 2) for y in (-1, 1)])
+    faces = [(0, 2, 3, 1), (4, 6, 7, 5)]
+    corner, width = np.array([(0, 0), (1, 0), (1, 1), (0, 1)]), (1 - gap) / 2
+    uv = np.stack([corner * (width, 1), corner * (width, 1) + (1 - width, 0)])
+    return build(name, points, faces, uv, **options)
+
+
+def mirrored(name="Mirrored", n=8, *, slope=0.0, **options) -> bpy.types.Object:
+    """The square -1..1 in two halves that share their UVs: u = |x|, so that the left half's islands are mirrored.
+
+    With a slope it is a roof: z falls by it for each unit of |x|.
+    """
+    u, v = grid_uv(n, n).T
+    halves = [np.stack([side * u, 2 * v - 1, -slope * u], axis=1) for side in (1, -1)]
+    right, left = grid_faces(n, n), grid_faces(n, n)[:, ::-1]
+    faces, uv = np.concatenate([right, left + len(u)]), grid_uv(n, n)
+    return build(name, np.concatenate(halves), faces, np.concatenate([uv[right], uv[left]]), **options)
