@@ -12,7 +12,7 @@ from pathlib import Path
 
 import bpy
 import numpy as np
-from mathutils import Euler, Vector
+from mathutils import Euler, Matrix, Vector
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
@@ -25,14 +25,16 @@ from addon.bake.settings import Settings  # noqa: E402
 
 ELEVATIONS = ROOT / "scripts/data/jacksboro_fault_dem.npz"
 KM_PER_DEGREE = 111.2  # of latitude; one unit of the scene is a kilometre
-EXAGGERATION = 2.0  # of the heights: the real relief is 0.84 km on 30 x 32 km, which looks flat on a small picture
+EXAGGERATION = 2.0  # of the heights: the real relief, 0.84 km on 30 x 32 km, looks flat in a small picture
 LOW_TRIANGLES = 9079  # as many as the paper's simplified terrain has
 
-PICTURE = (2000, 620)
-GAP = 3.5  # between two terrains
-VIEW_ANGLE = math.radians(38)  # the camera's tilt from looking straight down
-SUN_HEIGHT, SUN_HEADING = math.radians(28), math.radians(-50)  # from the north-west, where a reader expects the light
-CLAY, NIGHT, CHALK = (0.62, 0.58, 0.52), (0.05, 0.05, 0.055), (0.85, 0.85, 0.85)
+PICTURE = (2000, 580)
+GAP = 3.0  # between two terrains, in kilometres as all that follow
+LABEL_SIZE, LABEL_DROP = 2.2, 3.3  # the height of the letters, and their baseline's distance from the terrain
+CAMERA_DROP = 2.8  # below the middle of the terrains, which leaves room for the labels
+VIEW = Euler((math.radians(38), 0, 0))  # tilted from looking straight down
+SUN = Euler((math.radians(38 - 90), 0, math.radians(50)))  # 38 degrees high in the north-west, as maps are shaded
+CLAY, NIGHT, CHALK = (0.62, 0.58, 0.52, 1), (0.06, 0.06, 0.065, 1), (0.85, 0.85, 0.85, 1)
 
 
 def parse() -> argparse.Namespace:
@@ -62,7 +64,7 @@ def grid_mesh(name: str, heights: np.ndarray, extent: tuple[float, float]) -> bp
     """A smooth mesh of quads through a grid of heights, centred, whose UVs are the grid seen from above, from 0 to 1."""
     rows, columns = heights.shape
     u, v = np.meshgrid(np.linspace(0, 1, columns), np.linspace(0, 1, rows))
-    positions = np.stack([(u - 0.5) * extent[0], (v - 0.5) * extent[1], heights * EXAGGERATION], axis=-1)
+    positions = np.stack([(u - 0.5) * extent[0], (v - 0.5) * extent[1], heights], axis=-1)
     index = np.arange(rows * columns, dtype=np.int32).reshape(rows, columns)
     corners = np.stack([index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]], axis=-1).ravel()
 
@@ -89,6 +91,11 @@ def simplified(name: str, high: bpy.types.Object, triangles: int) -> bpy.types.M
     mesh = bpy.data.meshes.new_from_object(evaluated)
     mesh.name = name
     high.modifiers.remove(decimate)
+
+    # It lets the border's corners slip a little, and so a texel out of the map.
+    uvs = np.empty(2 * len(mesh.loops), np.float32)
+    mesh.uv_layers.active.uv.foreach_get("vector", uvs)
+    mesh.uv_layers.active.uv.foreach_set("vector", uvs.clip(0, 1))
     return mesh
 
 
@@ -111,7 +118,7 @@ def add_terrain(mesh: bpy.types.Mesh) -> bpy.types.Object:
     """A terrain of plain clay: dull, so that nothing but the light's angle shows. Each has a material of its own."""
     material = bpy.data.materials.new(mesh.name)
     shader = next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
-    shader.inputs["Base Color"].default_value = (*CLAY, 1)
+    shader.inputs["Base Color"].default_value = CLAY
     shader.inputs["Roughness"].default_value = 1
     shader.inputs["Specular IOR Level"].default_value = 0
     mesh.materials.clear()
@@ -127,7 +134,10 @@ def build_terrains() -> list[bpy.types.Object]:
     mapped = low.data.copy()
     mapped.name = "Low with map"
     flat = grid_mesh("Plane with map", np.zeros((2, 2)), extent)
-    return [high, low, add_terrain(mapped), add_terrain(flat)]
+    terrains = [high, low, add_terrain(mapped), add_terrain(flat)]
+    for terrain in terrains:  # last, since Decimate does better on real proportions
+        terrain.data.transform(Matrix.Diagonal((1, 1, EXAGGERATION, 1)))
+    return terrains
 
 
 def bake(high: bpy.types.Object, low: bpy.types.Object, size: int, path: Path) -> bpy.types.Image:
@@ -138,45 +148,44 @@ def bake(high: bpy.types.Object, low: bpy.types.Object, size: int, path: Path) -
     return bpy.data.images[report.image]
 
 
-def add_labels(terrains: list[bpy.types.Object], turned: Euler) -> None:
+def add_labels(terrains: list[bpy.types.Object]) -> None:
     """Under each terrain its name and what it costs, turned towards the camera and lit by nothing."""
     chalk = bpy.data.materials.new("Label")
     nodes = chalk.node_tree.nodes
     nodes.clear()
     emission, output = nodes.new("ShaderNodeEmission"), nodes.new("ShaderNodeOutputMaterial")
-    emission.inputs["Color"].default_value = (*CHALK, 1)
+    emission.inputs["Color"].default_value = CHALK
     chalk.node_tree.links.new(emission.outputs["Emission"], output.inputs["Surface"])
     for terrain in terrains:
         text = bpy.data.curves.new(f"{terrain.name} label", "FONT")
         text.body = f"{terrain.name}\n{count_triangles(terrain):,} triangles"
-        text.align_x, text.size = "CENTER", 2.1
+        text.align_x, text.size = "CENTER", LABEL_SIZE
         text.materials.append(chalk)
         label = add(text.name, text)
-        label.rotation_euler = turned
+        label.rotation_euler = VIEW
         front = Vector((terrain.location.x, -terrain.dimensions.y / 2, 0))
-        label.location = front - turned.to_matrix() @ Vector((0, 3.2, 0))
+        label.location = front - VIEW.to_matrix() @ Vector((0, LABEL_DROP, 0))
 
 
 def arrange(terrains: list[bpy.types.Object]) -> None:
-    """Put the terrains side by side, with labels, a camera and a low sun."""
+    """Put the terrains side by side, each in an equal share of the picture, with labels, a camera and a sun."""
     scene = bpy.context.scene
-    pitch = terrains[0].dimensions.x + GAP
+    share = terrains[0].dimensions.x + GAP
     for place, terrain in enumerate(terrains):
-        terrain.location.x = (place - (len(terrains) - 1) / 2) * pitch
-    turned = Euler((VIEW_ANGLE, 0, 0))
-    add_labels(terrains, turned)
+        terrain.location.x = (place - (len(terrains) - 1) / 2) * share
+    add_labels(terrains)
 
     scene.camera = add("Camera", bpy.data.cameras.new("Camera"))
     scene.camera.data.type, scene.camera.data.clip_end = "ORTHO", 300
-    scene.camera.data.ortho_scale = pitch * len(terrains) + GAP  # of the longer side, which is the width
-    scene.camera.rotation_euler = turned
-    scene.camera.location = turned.to_matrix() @ Vector((0, -3.2, 100))  # a little lower, for the labels' sake
+    scene.camera.data.ortho_scale = share * len(terrains)
+    scene.camera.rotation_euler = VIEW
+    scene.camera.location = VIEW.to_matrix() @ Vector((0, -CAMERA_DROP, 100))
     sun = add("Sun", bpy.data.lights.new("Sun", "SUN"))
-    sun.data.energy, sun.data.angle = 5.0, math.radians(1)
-    sun.rotation_euler = (SUN_HEIGHT - math.pi / 2, 0, -SUN_HEADING)
+    sun.data.energy, sun.data.angle = 4.2, math.radians(1)
+    sun.rotation_euler = SUN
     scene.world = bpy.data.worlds.new("Night")
     background = next(node for node in scene.world.node_tree.nodes if node.type == "BACKGROUND")
-    background.inputs["Color"].default_value = (*NIGHT, 1)
+    background.inputs["Color"].default_value = NIGHT
 
 
 # The files
@@ -192,16 +201,17 @@ def render(path: Path, quick: bool) -> None:
     scene.view_settings.view_transform = "Standard"
     scene.render.resolution_x, scene.render.resolution_y = PICTURE
     scene.render.resolution_percentage = 25 if quick else 100
+    scene.render.image_settings.color_mode = "RGB"
     with replacing(path) as partial:
-        scene.render.filepath = str(partial)
-        bpy.ops.render.render(write_still=True)
-    scene.render.filepath = "//"
+        bpy.ops.render.render()
+        bpy.data.images["Render Result"].save_render(str(partial))
 
 
 def save(path: Path, images: list[bpy.types.Image]) -> None:
     """Save the scene, with the images beside it found wherever the folder is moved."""
     for image in images:
         image.filepath = f"//{Path(image.filepath).name}"
+    bpy.context.preferences.filepaths.file_preview_type = "NONE"  # it would lie among the person's own thumbnails
     with replacing(path) as partial:
         bpy.ops.wm.save_as_mainfile(filepath=str(partial), copy=True, relative_remap=False)
 

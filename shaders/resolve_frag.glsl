@@ -1,5 +1,6 @@
 // The map as it is stored: normal * 0.5 + 0.5, alpha 1 where it was written or lies in the margin. Elsewhere it holds
 // the flat normal with alpha 0. Beside it, for the report, where each value came from.
+#include "margin_lib.glsl"
 
 const float STATE_MARGIN = 1.0 / 255.0;
 const float STATE_WRITTEN = 2.0 / 255.0;
@@ -7,16 +8,30 @@ const float STATE_WRITTEN = 2.0 / 255.0;
 void main()
 {
   ivec2 texel = ivec2(gl_FragCoord.xy) + ivec2(0, halo);
-  ivec2 source = texelFetch(nearest, texel, 0).xy;
-  ivec2 away = source - texel;
-  bool written = source == texel;
-  bool in_reach = source.x >= 0 && away.x * away.x + away.y * away.y <= margin * margin;
+  int last = textureSize(offsets, 0).y - 1;
 
+  // The nearest written texel, at most `margin` away: the best of what the rows above and below have at this column.
+  // A written texel finds itself at once, and no row is asked that is farther than what was found.
+  int best = margin * margin + 1;
+  ivec2 source = texel;
+  for (int away = 0; away <= margin && away * away < best; away++) {
+    for (int side = -1; side <= 1; side += 2) {
+      int row = texel.y + side * away;
+      int offset = row < 0 || row > last ? MARGIN_NONE : texelFetch(offsets, ivec2(texel.x, row), 0).x;
+      int distance_squared = offset == MARGIN_NONE ? best : offset * offset + away * away;
+      if (distance_squared < best) {
+        best = distance_squared;
+        source = ivec2(texel.x + offset, row);
+      }
+    }
+  }
+
+  bool in_reach = best <= margin * margin;
   vec3 normal = vec3(0.0, 0.0, 1.0);
   if (in_reach) {
     normal = texelFetch(normals, source, 0).xyz;
     normal.y *= green;
   }
   map_out = vec4(normal * 0.5 + 0.5, in_reach ? 1.0 : 0.0);
-  state_out = written ? STATE_WRITTEN : (in_reach ? STATE_MARGIN : 0.0);
+  state_out = best == 0 ? STATE_WRITTEN : (in_reach ? STATE_MARGIN : 0.0);
 }

@@ -12,14 +12,22 @@ from .errors import BakeError
 
 def check_writable(path: Path) -> None:
     """Raise BakeError unless a file can be put at `path`."""
-    if path.is_dir():
-        raise BakeError(f"{str(path)!r} is a folder: name a file.")
     try:
+        if path.is_dir():
+            raise BakeError(f"{str(path)!r} is a folder: name a file.")
         # Ask the file system: permission bits say nothing about a full or read-only disk.
         with tempfile.NamedTemporaryFile(dir=path.parent):
             pass
     except OSError as error:
-        raise BakeError(f"Nothing can be written to the folder {str(path.parent)!r}: {error.strerror}.") from error
+        raise BakeError(f"{str(path)!r} cannot be written: {reason(error)}.") from error
+
+
+def reason(error: OSError | RuntimeError) -> str:
+    """What a failed operation of the system or of Blender says for itself, in one line without a full stop."""
+    if isinstance(error, OSError) and error.strerror:
+        return error.strerror
+    # Blender raises several reports at once, the first of them the cause.
+    return str(error).strip().partition("\n")[0].removeprefix("Error: ").rstrip(".")
 
 
 @contextmanager
@@ -28,11 +36,12 @@ def replacing(path: Path) -> Iterator[Path]:
 
     Raises BakeError if it cannot; then `path` is as it was.
     """
-    partial = path.with_name(f".{path.stem}.{os.getpid()}.partial{path.suffix}")
+    # Not made of path.stem, which may already be as long as the file system allows.
+    partial = path.with_name(f".imprint.{os.getpid()}.partial{path.suffix}")
     try:
         yield partial
         os.replace(partial, path)
     except (OSError, RuntimeError) as error:  # Blender's writers raise RuntimeError
-        raise BakeError(f"{str(path)!r} could not be written: {str(error).strip()}") from error
+        raise BakeError(f"{str(path)!r} could not be written: {reason(error)}.") from error
     finally:
         partial.unlink(missing_ok=True)

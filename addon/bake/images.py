@@ -10,6 +10,9 @@ from .errors import BakeError
 from .files import check_writable, replacing
 from .settings import FORMATS, Settings
 
+OPAQUE_BITS = {24, 96}
+"""Image.depth, bits a texel, of images without alpha: their pixels hold it, but a file written from them does not."""
+
 
 def name_for(low_name: str, settings: Settings) -> str:
     """The name of the image datablock."""
@@ -19,9 +22,12 @@ def name_for(low_name: str, settings: Settings) -> str:
 def check(low_name: str, settings: Settings) -> None:
     """Raise BakeError if the image cannot be written to, before anything is baked."""
     image = bpy.data.images.get((name_for(low_name, settings), None))
-    if image is not None and (image.source not in {"GENERATED", "FILE"} or image.type not in {"IMAGE", "UV_TEST"}):
+    is_still = image is None or (image.source in {"GENERATED", "FILE"} and image.type in {"IMAGE", "UV_TEST"})
+    if not is_still or (image and image.is_multiview):
         raise BakeError(f"The image {image.name!r} is no single still picture: choose another name for the map.")
     if settings.storage == "FILE":
+        if settings.output.startswith("//") and not bpy.data.filepath:
+            raise BakeError(f"{settings.output!r} is relative to a .blend file that was never saved: save it first.")
         check_writable(_path(settings))
 
 
@@ -48,6 +54,8 @@ def store(texels: np.ndarray, low_name: str, settings: Settings) -> bpy.types.Im
             image = bpy.data.images.new(name, width, height, alpha=True, float_buffer=is_float, is_data=True)
         else:
             _regenerate(image, texels.shape, is_float)
+            if settings.storage == "PACK" and image.depth in OPAQUE_BITS:
+                _give_alpha(image)
         _mark_as_data(image)
         image.pixels.foreach_set(texels.reshape(-1))
         image.update()
@@ -80,6 +88,23 @@ def _regenerate(image: bpy.types.Image, shape: tuple[int, ...], is_float: bool) 
         image.source = "GENERATED"
         image.generated_width, image.generated_height = width, height
         image.use_generated_float = is_float
+
+
+def _give_alpha(image: bpy.types.Image) -> None:
+    """Let an image that was made without alpha pack it.
+
+    Generating its pixels anew does not help, only reading them from a file does: one that is packed and has one texel.
+    """
+    width, height = image.size
+    seed = bpy.data.images.new("Imprint seed", 1, 1, alpha=True, float_buffer=image.is_float, is_data=True)
+    try:
+        seed.pixels[0] = 0.0  # an image that nobody has touched is not packed
+        seed.pack()
+        image.source = "FILE"
+        image.pack(data=seed.packed_file.data, data_len=seed.packed_file.size)
+    finally:
+        bpy.data.images.remove(seed)
+    image.scale(width, height)
 
 
 def _path(settings: Settings) -> Path:

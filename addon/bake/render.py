@@ -72,11 +72,13 @@ def flattened(low: Mesh, highs: Sequence[Mesh], settings: Settings, report: Repo
                 blender = settings.basis == "BLENDER"
                 tangent.draw(turned, basis, normals.texture, band.window, normalize_normal=blender)
                 normals = turned
+            offsets = target.get("margin", width, band.height, "R16I")
+            margin.draw(offsets, normals, settings.margin)
             stored = target.get("map", width, band.height, "RGBA32F", "R8")
             resolve.draw(
                 stored,
                 normals,
-                margin.flood(normals, settings.margin),
+                offsets,
                 halo=band.halo,
                 margin=settings.margin,
                 flip_green=settings.green == "-Y",

@@ -9,6 +9,9 @@ import numpy as np
 
 from .errors import BakeError
 
+MAX_CONDITION = 1e7
+"""Matrices are in single precision: beyond this ratio of scales their shortest axis is no more than rounding."""
+
 
 def problem(context: bpy.types.Context, low: bpy.types.Object | None, highs: Sequence[bpy.types.Object]) -> str:
     """The first reason why these objects cannot be baked, as a sentence; empty when none shows.
@@ -23,31 +26,48 @@ def problem(context: bpy.types.Context, low: bpy.types.Object | None, highs: Seq
         reason = _object_problem(context, obj)
         if reason:
             return reason
-    if len({obj.name_full for obj in highs}) < len(highs):
-        return "A high object is named twice."
+    twice = next((obj for number, obj in enumerate(highs) if obj in highs[:number]), None)
+    if twice is not None:
+        return f"{twice.name!r} is named twice as a high object: take it out once."
     if low in highs:
         if len(highs) > 1:
             return f"{low.name!r} is the low object and one of several high ones: take it out of the high ones."
         if not low.modifiers:
-            return f"{low.name!r} is both high and low and has no modifiers: there is no detail to bake."
-    if low.mode != "EDIT" and not low.data.uv_layers:
-        return f"{low.name!r} has no UV layer: unwrap it first."
+            return f"{low.name!r} is both high and low and has no modifiers: choose another high object, or add some."
+    for obj in (low, *highs):
+        reason = _mesh_problem(obj, evaluated=low not in highs)
+        if reason:
+            return reason
     return ""
 
 
 def _object_problem(context: bpy.types.Context, obj: bpy.types.Object) -> str:
     if obj.type != "MESH":
-        return f"{obj.name!r} is not a mesh but a {obj.type.lower().replace('_', ' ')}."
-    # `find` and not `in`: linked objects may share a name with local ones.
-    if context.view_layer.objects.get((obj.name, obj.library.filepath) if obj.library else obj.name) != obj:
+        kind = obj.type.lower().replace("_", " ")
+        return f"{obj.name!r} is of the type {kind}, which cannot be baked: choose a mesh, or convert it to one."
+    objects = context.view_layer.objects
+    # A linked object may share its name with a local one, and only one of them is found by it.
+    if objects.get(obj.name) != obj and obj not in objects.values():
         return (
-            f"{obj.name!r} is not in view layer {context.view_layer.name!r}: its collection is excluded or not linked."
+            f"{obj.name!r} is not in view layer {context.view_layer.name!r}: link it to the scene, or include its "
+            "collection."
         )
-    if (
-        np.linalg.matrix_rank(np.array(obj.matrix_world)[:3, :3], tol=0.0) < 3
-        or not np.isfinite(obj.matrix_world).all()
-    ):
-        return f"{obj.name!r} has no volume to bake: its scale is zero along an axis."
+    matrix = np.array(obj.matrix_world)[:3, :3]
+    if not np.isfinite(obj.matrix_world).all():
+        return f"{obj.name!r} is nowhere: set anew its location, rotation and scale, which are NaN or infinite."
+    if np.linalg.cond(matrix) > MAX_CONDITION:
+        return f"{obj.name!r} is pressed flat: make its scale, and its parents', other than zero along every axis."
+    return ""
+
+
+def _mesh_problem(obj: bpy.types.Object, evaluated: bool) -> str:
+    # Modifiers may make faces and UV layers, and in Edit Mode the mesh is out of date: then the bake itself will see.
+    if obj.data.is_editmode or (evaluated and obj.modifiers):
+        return ""
+    if not obj.data.polygons:
+        return f"{obj.name!r} has no faces: choose a mesh that has some."
+    if not obj.data.uv_layers:
+        return f"{obj.name!r} has no UV layer: unwrap it first."
     return ""
 
 
@@ -61,8 +81,10 @@ def ready(
     """
     objects = list(dict.fromkeys((low, *highs)))
     with ExitStack() as restore:
-        for obj in objects:
-            if obj.mode != "OBJECT":
+        # Edit Mode is the mesh's, whichever of the objects that share it has entered it.
+        meshes = {obj.data for obj in objects}
+        for obj in context.view_layer.objects:
+            if obj.mode != "OBJECT" and obj.data in meshes:
                 _leave_mode(context, obj, restore)
         for obj in objects:
             _reveal(context, obj, restore)

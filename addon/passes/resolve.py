@@ -7,7 +7,7 @@ PROGRAM = shader.Program(
     vertex="fullscreen_vert.glsl",
     fragment="resolve_frag.glsl",
     inputs=(("VEC2", "position"),),
-    samplers=(("FLOAT_2D", "normals"), ("INT_2D", "nearest")),
+    samplers=(("FLOAT_2D", "normals"), ("INT_2D", "offsets")),
     constants=(("INT", "halo"), ("INT", "margin"), ("FLOAT", "green")),
     outputs=(("VEC4", "map_out"), ("FLOAT", "state_out")),
 )
@@ -16,14 +16,17 @@ MARGIN, WRITTEN = 1, 2
 
 
 def draw(
-    into: target.Target, normals: target.Target, nearest: target.Target, *, halo: int, margin: int, flip_green: bool
+    into: target.Target, normals: target.Target, offsets: target.Target, *, halo: int, margin: int, flip_green: bool
 ) -> None:
-    """Write the map (RGBA32F) and the state of its texels (R8) into `into`, whose row 0 is row `halo` of `normals`."""
+    """Write the map (RGBA32F) and the state of its texels (R8) into `into`, whose row 0 is row `halo` of `normals`.
+
+    offsets: what margin.draw found for `normals`.
+    """
     target.fill(
         into,
         PROGRAM,
         normals=normals.texture,
-        nearest=nearest.texture,
+        offsets=offsets.texture,
         halo=halo,
         margin=margin,
         green=-1.0 if flip_green else 1.0,

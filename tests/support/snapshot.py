@@ -15,6 +15,7 @@ def snapshot(context=None, *, without=()) -> dict:
     and modes; nodes and links; mesh attributes and image pixels.
     """
     context = context or bpy.context
+    context.view_layer.update()  # matrices lag behind what was set
     state = {"active": context.view_layer.objects.active and context.view_layer.objects.active.name_full}
     for collection in _collections():
         if collection not in without:

@@ -1,0 +1,3 @@
+// What the margin's two searches share.
+
+const int MARGIN_NONE = 32767;
