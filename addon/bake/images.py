@@ -22,8 +22,9 @@ def name_for(low_name: str, settings: Settings) -> str:
 def check(low_name: str, settings: Settings) -> None:
     """Raise BakeError if the image cannot be written to, before anything is baked."""
     image = bpy.data.images.get((name_for(low_name, settings), None))
-    is_still = image is None or (image.source in {"GENERATED", "FILE"} and image.type in {"IMAGE", "UV_TEST"})
-    if not is_still or (image and image.is_multiview):
+    if image is not None and (
+        image.source not in {"GENERATED", "FILE"} or image.type not in {"IMAGE", "UV_TEST"} or image.is_multiview
+    ):
         raise BakeError(f"The image {image.name!r} is no single still picture: choose another name for the map.")
     if settings.storage == "FILE":
         if settings.output.startswith("//") and not bpy.data.filepath:
@@ -65,7 +66,7 @@ def store(texels: np.ndarray, low_name: str, settings: Settings) -> bpy.types.Im
 
 
 def _mark_as_data(image: bpy.types.Image) -> None:
-    # Before the pixels are set, since Blender drops those of a generated image when one of these changes; and not when
+    # Before the pixels are set, since Blender drops those that no file holds when one of these changes; and not when
     # nothing changes. By role, since a colour configuration may call it otherwise than "Non-Color".
     if not image.colorspace_settings.is_data:
         image.colorspace_settings.is_data = True
@@ -104,6 +105,7 @@ def _give_alpha(image: bpy.types.Image) -> None:
         image.pack(data=seed.packed_file.data, data_len=seed.packed_file.size)
     finally:
         bpy.data.images.remove(seed)
+    _mark_as_data(image)  # before it is scaled, see there
     image.scale(width, height)
 
 
