@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Imprint from a checkout: demo, bake, test and build, with everything they need set up at the first use.
+"""Imprint from a checkout: demo, bake, bench, test and build, with everything they need set up at the first use.
 
 Runs on any Python from 3.9, with the standard library alone. It finds a Python 3.13, which is what Blender's wheel is
 made for, gives it an environment in .venv, and hands each command to that.
@@ -278,6 +278,11 @@ def demo(options):
     return run_blender([str(SCRIPTS / "demo.py"), *options.rest])
 
 
+def bench(options):
+    """Time Imprint against Blender's own bakers."""
+    return run_blender([str(SCRIPTS / "bench.py"), *options.rest])
+
+
 def bake(options):
     """Bake with the arguments of scripts/bake.py, which takes them after the dashes as it does inside Blender."""
     return run_blender([str(SCRIPTS / "bake.py"), "--", *options.rest])
@@ -318,19 +323,20 @@ def build(options):
 
 
 def parse(arguments):
-    """Return the options. What follows demo, bake and test is for what they start, --help included."""
+    """Return the options. What follows demo, bake, bench and test is for what they start, --help included."""
     parser = argparse.ArgumentParser(prog="imprint.py", description=__doc__.split("\n\n", maxsplit=1)[0])
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for run, text in (
         (demo, "bake the example"),
         (bake, "bake a normal map: bake --help says how"),
+        (bench, "time Imprint against Blender's own bakers"),
         (test, "run ruff, then pytest with the arguments that follow"),
     ):
         commands.add_parser(run.__name__, help=text, add_help=False).set_defaults(run=run)
     building = commands.add_parser("build", help="make the extension's zip and print its path")
     building.add_argument("--output", metavar="DIR", default=ROOT / "dist", help="where to put it (default: dist)")
     building.set_defaults(run=build)
-    passes_on = arguments[:1] in (["demo"], ["bake"], ["test"])
+    passes_on = arguments[:1] in (["demo"], ["bake"], ["bench"], ["test"])
     options = parser.parse_args(arguments[:1] if passes_on else arguments)
     options.rest = arguments[1:] if passes_on else []
     return options

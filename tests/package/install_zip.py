@@ -4,6 +4,7 @@
 test_build.py starts this in a process of its own, away from the checkout: nothing but the zip may give it the add-on.
 """
 
+import math
 import sys
 
 import bpy
@@ -18,7 +19,17 @@ def install(archive):
 
 
 def use():
-    """Do with the installed add-on what a person does. A bake belongs here."""
+    """Do with the installed add-on what a person does: bake a plane that leans onto one that lies flat."""
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    bpy.ops.mesh.primitive_plane_add(rotation=(0.5, 0.0, 0.0))
+    high = bpy.context.object
+    bpy.ops.mesh.primitive_plane_add()
+    low = bpy.context.object
+    high.select_set(True)
+    assert bpy.ops.imprint.bake(width=16, height=16) == {"FINISHED"}
+    image = bpy.data.images[f"{low.name}_normal"]
+    assert abs(image.pixels[1] - (0.5 - 0.5 * math.sin(0.5))) < 1e-3, tuple(image.pixels[:4])
+    assert any(node.type == "NORMAL_MAP" for node in low.data.materials[0].node_tree.nodes)
 
 
 def remove():
