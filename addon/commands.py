@@ -2,16 +2,15 @@
 """The command line: one parser for `blender --command imprint`, scripts/bake.py and scripts/imprint.py bake."""
 
 import argparse
-import difflib
 import json
 import sys
 from pathlib import Path
 
 import bpy
 
-from .bake import pipeline
+from .bake import pipeline, subjects
 from .bake.errors import BakeError
-from .bake.files import check_writable, replacing
+from .bake.files import check_writable, reason, replacing
 from .bake.report import Report
 from .bake.settings import Settings
 
@@ -24,9 +23,10 @@ def parser(program: str) -> argparse.ArgumentParser:
     result.add_argument(
         "file", nargs="?", metavar="FILE.blend", help="the file to open (default: the one that is open)"
     )
-    result.add_argument("--low", required=True, metavar="NAME", help="the object that gets the map")
+    result.add_argument("--low", type=_name, required=True, metavar="NAME", help="the object that gets the map")
     result.add_argument(
         "--high",
+        type=_name,
         action="append",
         default=[],
         metavar="NAME",
@@ -40,7 +40,9 @@ def parser(program: str) -> argparse.ArgumentParser:
         default="blender",
         help="what reads the tangent-space map: Blender's Normal Map node, or engines",
     )
-    result.add_argument("--uv", default="", metavar="NAME", help="the low mesh's UV map (default: its active one)")
+    result.add_argument(
+        "--uv", type=_name, default="", metavar="NAME", help="the low mesh's UV map (default: its active one)"
+    )
     result.add_argument("--size", type=_size, default=(2048, 2048), metavar="2048|4096x1024", help="texels")
     result.add_argument("--green", choices=["+y", "-y"], default="+y", help="+y: OpenGL, -y: DirectX")
     result.add_argument("--margin", type=int, default=16, metavar="TEXELS", help="around the UV islands (default: 16)")
@@ -48,7 +50,9 @@ def parser(program: str) -> argparse.ArgumentParser:
     result.add_argument(
         "--modifiers", choices=["render", "viewport"], default="render", help="whose levels and visibility count"
     )
-    result.add_argument("--image", default="", metavar="NAME", help="the image datablock (default: LOW_normal)")
+    result.add_argument(
+        "--image", type=_name, default="", metavar="NAME", help="the image datablock (default: LOW_normal)"
+    )
     result.add_argument("--output", required=True, metavar="MAP.png|MAP.exr", help="the file to write")
     result.add_argument("--no-material", action="store_true", help="leave the low object's material alone")
     result.add_argument("--single-user", action="store_true", help="copy materials that other objects use as well")
@@ -59,8 +63,11 @@ def parser(program: str) -> argparse.ArgumentParser:
 
 def run(arguments: list[str], program: str = "imprint") -> int:
     """Bake as `arguments` say. Returns the exit code; what went wrong is one line on stderr."""
+    wanted = parser(program)
     try:
-        options = parser(program).parse_args(_joined_green(arguments))
+        options = wanted.parse_args(_joined_green(arguments))
+        if _has_clash(options):
+            wanted.error("the files to read and to write must be different ones")
     except SystemExit as stop:  # argparse has printed the usage, or the help
         return stop.code
     try:
@@ -100,8 +107,8 @@ def _bake(options: argparse.Namespace) -> Report:
             check_writable(path.absolute())
     if options.file is not None:
         _open(options.file)
-    low = _named(options.low)
-    highs = [_named(name) for name in options.high] or [low]
+    low = subjects.named(options.low)
+    highs = [subjects.named(name) for name in options.high] or [low]
     report = pipeline.bake(bpy.context, low, highs, settings)
     if options.save_blend is not None:
         _save(options.save_blend.absolute(), bpy.data.images[report.image])
@@ -111,6 +118,13 @@ def _bake(options: argparse.Namespace) -> Report:
     return report
 
 
+def _has_clash(options: argparse.Namespace) -> bool:
+    """Whether one file is named for two things. The scene alone may be saved over the one that was opened."""
+    scenes = {Path(name).resolve() for name in (options.file, options.save_blend) if name is not None}
+    others = [Path(name).resolve() for name in (options.output, options.report) if name is not None]
+    return len(set(others)) < len(others) or not scenes.isdisjoint(others)
+
+
 def _open(name: str) -> None:
     path = Path(name).absolute()
     if not path.is_file():
@@ -118,25 +132,18 @@ def _open(name: str) -> None:
     try:
         bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False)
     except RuntimeError as error:
-        raise BakeError(f"{str(path)!r} could not be opened: {str(error).strip()}") from error
+        raise BakeError(f"{str(path)!r} could not be opened: {reason(error)}.") from error
 
 
 def _save(path: Path, image: bpy.types.Image) -> None:
-    if bpy.path.abspath(image.filepath).startswith(str(path.parent)):
-        # The two files can be moved together.
-        image.filepath = bpy.path.relpath(image.filepath, start=str(path.parent))
+    output = Path(bpy.path.abspath(image.filepath))
+    if output.is_relative_to(path.parent):
+        # So that the two files can be moved together. Relative to the file that is open: saving takes all such paths
+        # along to the new place.
+        image.filepath = bpy.path.relpath(str(output), start=str(Path(bpy.data.filepath or path).parent))
     with replacing(path) as partial:
         # As a copy: relative paths are those of the final place, which is in the same folder.
         bpy.ops.wm.save_as_mainfile(filepath=str(partial), copy=True, compress=False, relative_remap=True)
-
-
-def _named(name: str) -> bpy.types.Object:
-    obj = bpy.data.objects.get(name)
-    if obj is None:
-        close = difflib.get_close_matches(name, bpy.data.objects.keys(), n=3, cutoff=0.4)
-        hint = f"did you mean {' or '.join(map(repr, close))}?" if close else f"it has {len(bpy.data.objects)} objects."
-        raise BakeError(f"There is no object called {name!r} in the file: {hint}")
-    return obj
 
 
 def _size(text: str) -> tuple[int, int]:
@@ -144,6 +151,14 @@ def _size(text: str) -> tuple[int, int]:
     if len(sides) > 2 or not all(side.isdecimal() for side in sides):
         raise argparse.ArgumentTypeError(f"{text!r} is neither a number of texels nor two of them as 4096x1024")
     return int(sides[0]), int(sides[-1])
+
+
+def _name(text: str) -> str:
+    try:
+        text.encode()
+    except UnicodeEncodeError as error:
+        raise argparse.ArgumentTypeError(f"{text!r} is not UTF-8, as all names in Blender are") from error
+    return text
 
 
 def _joined_green(arguments: list[str]) -> list[str]:

@@ -4,7 +4,7 @@
 import bpy
 from bpy.props import CollectionProperty, IntProperty, StringProperty
 
-from .bake import pipeline
+from .bake import pipeline, subjects
 from .bake.errors import BakeError
 from .properties import Options
 
@@ -26,13 +26,11 @@ class IMPRINT_OT_bake(bpy.types.Operator, Options):
     def execute(self, context: bpy.types.Context) -> set[str]:
         scene_settings = context.scene.imprint
         try:
-            low, highs = scene_settings.subjects(context)
-            if self.low:
-                low = _named(self.low)
-                if not self.high and not any(slot.object for slot in scene_settings.highs):
-                    highs = [obj for obj in context.selected_objects if obj != low] or ([low] if low.modifiers else [])
+            low, highs = scene_settings.subjects(context, subjects.named(self.low) if self.low else None)
             if self.high:
-                highs = [_named(item.name) for item in self.high]
+                highs = [subjects.named(item.name) for item in self.high]
+            if low is None:
+                raise BakeError(subjects.problem(context, low, highs))
             report = pipeline.bake(context, low, highs, self.to_settings(fallback=scene_settings))
         except BakeError as error:
             self.report({"ERROR"}, str(error))
@@ -43,13 +41,6 @@ class IMPRINT_OT_bake(bpy.types.Operator, Options):
         self.report({"INFO"}, ". ".join(lines))
         context.window_manager.imprint_summary = "\n".join(lines + report.warnings)
         return {"FINISHED"}
-
-
-def _named(name: str) -> bpy.types.Object:
-    obj = bpy.data.objects.get(name)
-    if obj is None:
-        raise BakeError(f"There is no object called {name!r}.")
-    return obj
 
 
 class IMPRINT_OT_use_selection(bpy.types.Operator):

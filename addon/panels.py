@@ -6,6 +6,7 @@ import textwrap
 import bpy
 
 from .bake import images, subjects
+from .bake.errors import BakeError
 from .properties import ImprintSettings
 
 
@@ -42,7 +43,7 @@ class IMPRINT_PT_bake(_Panel, bpy.types.Panel):
         column.operator("imprint.use_selection", icon="RESTRICT_SELECT_OFF")
 
         low, highs = settings.subjects(context)
-        problem = subjects.problem(context, low, highs)
+        problem = _problem(context, low, highs, settings)
         lines = [problem] if problem else _plan(low, highs, settings)
         _paragraphs(layout.box(), context, lines, "ERROR" if problem else "INFO")
         row = layout.row()
@@ -101,6 +102,20 @@ class IMPRINT_PT_output(_Panel, bpy.types.Panel):
         row = layout.row()
         row.enabled = settings.material
         row.prop(settings, "single_user")
+
+
+def _problem(
+    context: bpy.types.Context,
+    low: bpy.types.Object | None,
+    highs: list[bpy.types.Object],
+    settings: ImprintSettings,
+) -> str:
+    """What is missing, in words; empty when nothing shows."""
+    try:
+        settings.to_settings().check()
+    except BakeError as error:
+        return str(error)
+    return subjects.problem(context, low, highs)
 
 
 def _plan(low: bpy.types.Object, highs: list[bpy.types.Object], settings: ImprintSettings) -> list[str]:

@@ -90,7 +90,12 @@ class Options:
             ("MEMORY", "Memory", "Nowhere yet: Blender asks about unsaved images when it closes"),
         ],
     )
-    output: StringProperty(name="File", description="PNG (8, 16 bits) or OpenEXR (16, 32 bits)", subtype="FILE_PATH")
+    output: StringProperty(
+        name="File",
+        description="PNG (8, 16 bits) or OpenEXR (16, 32 bits)",
+        subtype="FILE_PATH",
+        options={"PATH_SUPPORTS_BLEND_RELATIVE"},
+    )
     material: BoolProperty(name="Material", description="Put the map into the low object's material", default=True)
     single_user: BoolProperty(
         name="Single User", description="Copy materials that other objects use as well, so that those keep their looks"
@@ -130,12 +135,14 @@ class ImprintSettings(bpy.types.PropertyGroup, Options):
     )
     active_high: IntProperty(name="Active High", description="The slot that is selected in the list")
 
-    def subjects(self, context: bpy.types.Context) -> tuple[bpy.types.Object | None, list[bpy.types.Object]]:
-        """The low object and the high ones: from the slots, else active and selected as in "Selected to Active".
+    def subjects(
+        self, context: bpy.types.Context, low: bpy.types.Object | None = None
+    ) -> tuple[bpy.types.Object | None, list[bpy.types.Object]]:
+        """The low object, if none is given, and the high ones: from the slots, else as in "Selected to Active".
 
         A low object without others that has modifiers is its own high one.
         """
-        low = self.low or context.active_object
+        low = low or self.low or context.active_object
         highs = [slot.object for slot in self.highs if slot.object]
         if not highs:
             highs = [obj for obj in context.selected_objects if obj != low]

@@ -1,9 +1,10 @@
-// The map as it is stored: normal * 0.5 + 0.5, alpha 1 where it was written or lies in the margin. Elsewhere it holds
-// the flat normal with alpha 0. Beside it, for the report, where each value came from.
+// The map as it is stored: normal * 0.5 + 0.5, alpha 1 where it was written or lies in the margin. Elsewhere alpha is 0
+// and the colour that of the flat normal or, where a ray missed, the one for that. Beside it where each value came from.
 #include "margin_lib.glsl"
 
 const float STATE_MARGIN = 1.0 / 255.0;
 const float STATE_WRITTEN = 2.0 / 255.0;
+const float STATE_MISSED = 3.0 / 255.0;
 
 void main()
 {
@@ -27,11 +28,20 @@ void main()
   }
 
   bool in_reach = best <= margin * margin;
-  vec3 normal = vec3(0.0, 0.0, 1.0);
-  if (in_reach) {
-    normal = texelFetch(normals, source, 0).xyz;
-    normal.y *= green;
+  vec4 normal = texelFetch(normals, source, 0);
+  bool is_missed = best != 0 && texelFetch(normals, texel, 0).a < 0.0;
+  normal.y *= green;
+  if (is_missed) {
+    // A hole stays one: filled from beside it, it would pass for detail.
+    map_out = vec4(missed.rgb, 0.0);
+    state_out = STATE_MISSED;
   }
-  map_out = vec4(normal * 0.5 + 0.5, in_reach ? 1.0 : 0.0);
-  state_out = best == 0 ? STATE_WRITTEN : (in_reach ? STATE_MARGIN : 0.0);
+  else if (in_reach) {
+    map_out = vec4(normal.xyz * 0.5 + 0.5, 1.0);
+    state_out = best == 0 ? STATE_WRITTEN : STATE_MARGIN;
+  }
+  else {
+    map_out = vec4(0.5, 0.5, 1.0, 0.0);
+    state_out = 0.0;
+  }
 }

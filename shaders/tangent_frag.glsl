@@ -4,8 +4,9 @@
 void main()
 {
   vec4 object_normal = texelFetch(normals, ivec2(gl_FragCoord.xy), 0);
-  if (object_normal.a == 0.0) {
-    discard;
+  if (object_normal.a <= 0.0) {
+    normal_out = object_normal;  // nothing here, or a ray that missed
+    return;
   }
   // Blender's Normal Map node normalises the interpolated normal and leaves the interpolated tangent as it is; the
   // MikkTSpace reference, which engines follow, leaves both. What a map must undo is what its reader will do.

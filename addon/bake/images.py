@@ -13,6 +13,9 @@ from .settings import FORMATS, Settings
 OPAQUE_BITS = {24, 96}
 """Image.depth, bits a texel, of images without alpha: their pixels hold it, but a file written from them does not."""
 
+PNG_END = b"IEND\xae\x42\x60\x82"
+"""The last bytes of every whole PNG file."""
+
 
 def name_for(low_name: str, settings: Settings) -> str:
     """The name of the image datablock."""
@@ -129,6 +132,14 @@ def _write_file(texels: np.ndarray, settings: Settings) -> None:
         output.color_mode, output.color_depth = "RGBA", str(settings.depth)
         with replacing(path) as partial:
             image.save_render(str(partial), scene=scene)
+            if output.file_format == "PNG" and not _is_whole_png(partial):
+                raise RuntimeError("the disk took only a part of it")  # which Blender's PNG writer does not notice
     finally:
         bpy.data.images.remove(image)
         bpy.data.scenes.remove(scene)
+
+
+def _is_whole_png(path: Path) -> bool:
+    with path.open("rb") as file:
+        file.seek(max(0, path.stat().st_size - len(PNG_END)))
+        return file.read() == PNG_END

@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The passes in their order, band by band, from arrays of meshes to an array of texels."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..mesh.arrays import Mesh, normal_matrix
-from ..passes import batch, flatten, margin, resolve, tangent, target
+from ..passes import batch, cast, flatten, gbuffer, margin, resolve, tangent, target
+from . import casting
 from .report import Report
 from .settings import Settings
 
@@ -45,36 +46,71 @@ def bands(width: int, height: int, margin_texels: int) -> Iterator[Band]:
         yield Band(start, min(start + rows, height), height, margin_texels)
 
 
-def flattened(low: Mesh, highs: Sequence[Mesh], settings: Settings, report: Report) -> tuple[np.ndarray, np.ndarray]:
-    """Draw `highs` in UV space.
+Source = Callable[[Band], target.Target]
+"""Draws a band's unit normals, in world space or the low object's: RGBA32F, alpha 1 written, 0 nothing, -1 missed."""
 
-    Returns the texels (height, width, 4) float32 as they are stored, and their state (height, width) uint8, one of
-    resolve.WRITTEN, resolve.MARGIN and 0; row 0 is v = 0.
-    """
+
+def flattened(low: Mesh, highs: Sequence[Mesh], settings: Settings, report: Report) -> Source:
+    """Normals by drawing `highs` in UV space."""
     to_world = None if settings.space == "WORLD" else low.to_world
     with report.timed("upload"):
         drawn = [
             (batch.upload(high.triangles, uv=high.uv, normal=high.normals), normal_matrix(high.to_world, to_world))
             for high in highs
         ]
-        basis = None
-        if settings.space == "TANGENT":
-            basis = batch.upload(low.triangles, uv=low.uv, normal=low.normals, tangent=low.tangents)
+
+    def draw(band: Band) -> target.Target:
+        normals = target.get("high", settings.width, band.height, "RGBA32F")
+        flatten.draw(normals, drawn, band.window)
+        return normals
+
+    return draw
+
+
+def casted(
+    low: Mesh, rays, aim: casting.Target, settings: Settings, *, extrusion: float, reach: float
+) -> Source:
+    """Normals by casting `rays` at `aim`; extrusion and reach in the units of its frame."""
+    to_space = np.eye(3) if settings.space == "WORLD" else low.to_world[:3, :3].T / np.abs(low.to_world[:3, :3]).max()
+
+    def draw(band: Band) -> target.Target:
+        size = settings.width, band.height
+        places = target.get("rays", *size, "RGBA32F", "RGBA32F")
+        gbuffer.draw(places, rays, band.window)
+        hits = target.get("hits", *size, "RGBA32UI")
+        cast.trace(
+            hits, places, aim.tables, heading=-1.0, back=extrusion, reach=reach, facing_only=settings.facing_only
+        )
+        normals = target.get("high", *size, "RGBA32F")
+        cast.look_up(normals, hits, places, aim.tables, to_space)
+        return normals
+
+    return draw
+
+
+def texels(source: Source, basis: Mesh | None, settings: Settings, report: Report) -> tuple[np.ndarray, np.ndarray]:
+    """The map of what `source` draws, in the tangent space of `basis` if there is one.
+
+    Returns the texels (height, width, 4) float32 as they are stored, and their state (height, width) uint8, one of
+    resolve.WRITTEN, MARGIN, MISSED and 0; row 0 is v = 0.
+    """
     width, height = settings.width, settings.height
-    texels = np.empty((height, width, 4), np.float32)
+    with report.timed("upload"):
+        spanned = basis and batch.upload(basis.triangles, uv=basis.uv, normal=basis.normals, tangent=basis.tangents)
+    result = np.empty((height, width, 4), np.float32)
     state = np.empty((height, width), np.uint8)
     for band in bands(width, height, settings.margin):
+        size = width, band.height
         with report.timed("draw"):
-            normals = target.get("high", width, band.height, "RGBA32F")
-            flatten.draw(normals, drawn, band.window)
-            if basis is not None:
-                turned = target.get("low", width, band.height, "RGBA32F")
+            normals = source(band)
+            if spanned is not None:
+                turned = target.get("low", *size, "RGBA32F")
                 blender = settings.basis == "BLENDER"
-                tangent.draw(turned, basis, normals.texture, band.window, normalize_normal=blender)
+                tangent.draw(turned, spanned, normals.texture, band.window, normalize_normal=blender)
                 normals = turned
-            offsets = target.get("margin", width, band.height, "R16I")
+            offsets = target.get("margin", *size, "R16I")
             margin.draw(offsets, normals, settings.margin)
-            stored = target.get("map", width, band.height, "RGBA32F", "R8")
+            stored = target.get("map", *size, "RGBA32F", "R8")
             resolve.draw(
                 stored,
                 normals,
@@ -82,9 +118,10 @@ def flattened(low: Mesh, highs: Sequence[Mesh], settings: Settings, report: Repo
                 halo=band.halo,
                 margin=settings.margin,
                 flip_green=settings.green == "-Y",
+                missed=settings.missed,
             )
             stored.finish()
         with report.timed("read"):
-            stored.read(texels[band.start : band.stop])
+            stored.read(result[band.start : band.stop])
             stored.read(state[band.start : band.stop], slot=1)
-    return texels, state
+    return result, state

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 
-STAGES = ("extract", "upload", "draw", "read", "image")
+STAGES = ("extract", "tree", "upload", "distances", "draw", "read", "image")
 
 
 @dataclass
@@ -19,8 +19,13 @@ class Report:
     low: str
     high: list[str]
     uv_layer: str = ""
+    why: str = ""
+    """Why this method, where it was chosen by itself."""
     triangles: dict[str, int] = field(default_factory=dict)
-    left_out: dict[str, int] = field(default_factory=dict)
+    distances: dict[str, float] = field(default_factory=dict)
+    """For rays: extrusion and max_distance in scene units, as set or as measured."""
+    missed: float = 0.0
+    """Share of the low mesh's texels whose ray hit nothing."""
     coverage: float = 0.0
     """Share of the texels that a mesh covers; the margin does not count."""
     margin: float = 0.0
@@ -48,9 +53,16 @@ class Report:
     def summary(self) -> list[str]:
         """Lines for a person: what was done, at what cost."""
         width, height = self.size
-        stages = ", ".join(f"{stage} {self.seconds[stage]:.2f}" for stage in STAGES)
+        stages = ", ".join(f"{stage} {self.seconds[stage]:.2f}" for stage in STAGES if self.seconds[stage])
+        how = []
+        if self.why:
+            how.append(f"{self.method.capitalize()} was chosen: {self.why}")
+        if self.distances:
+            far = " and ".join(f"{name.replace('_', ' ')} {value:.4g}" for name, value in self.distances.items())
+            how.append(f"Rays: {far}; {self.missed:.2%} missed")
         return [
             f"{self.method.capitalize()}, {self.space.lower()} space, {width} x {height}: {self.image}",
             f"{self.triangles['high']:,} triangles onto {self.triangles['low']:,}, {self.coverage:.1%} of the map covered",
+            *how,
             f"{self.seconds['total']:.2f} s ({stages})",
         ]

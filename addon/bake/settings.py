@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a bake is asked to do, as plain data."""
 
+import math
 from dataclasses import dataclass
 from pathlib import PurePath
 
@@ -8,7 +9,8 @@ from .errors import BakeError
 
 SPACES = ("TANGENT", "OBJECT", "WORLD")
 BASES = ("BLENDER", "MIKKTSPACE")
-METHODS = ("FLATTEN",)
+METHODS = ("AUTO", "FLATTEN", "CAST")
+DIRECTIONS = ("SMOOTH", "SPLIT")
 GREENS = ("+Y", "-Y")
 MODIFIERS = ("RENDER", "VIEWPORT")
 STORAGES = ("PACK", "FILE", "MEMORY")
@@ -29,6 +31,16 @@ class Settings:
     """The low mesh's UV layer; empty for its active one."""
     width: int = 1024
     height: int = 1024
+    extrusion: float | None = None
+    """How far outside the low mesh rays start, in scene units; None measures it. A cage takes its place."""
+    max_distance: float | None = None
+    """How far rays go from where they start, in scene units; None measures it."""
+    directions: str = "SMOOTH"
+    """Rays along the low mesh's vertex normals, or along its own split ones, which leave gaps at hard edges."""
+    facing_only: bool = False
+    """Whether rays pass through high triangles that turn their back on them."""
+    missed: tuple[float, float, float] = (0.5, 0.5, 1.0)
+    """The colour of texels whose ray hit nothing; their alpha is 0."""
     green: str = "+Y"
     margin: int = 16
     depth: int = 16
@@ -50,6 +62,7 @@ class Settings:
             ("method", self.method, METHODS),
             ("space", self.space, SPACES),
             ("basis", self.basis, BASES),
+            ("directions", self.directions, DIRECTIONS),
             ("green", self.green, GREENS),
             ("modifiers", self.modifiers, MODIFIERS),
             ("storage", self.storage, STORAGES),
@@ -63,6 +76,9 @@ class Settings:
             )
         if not 0 <= self.margin <= MAX_SIZE:
             raise BakeError(f"A margin of {self.margin} texels cannot be baked: it takes 0 to {MAX_SIZE}.")
+        for name, value in (("extrusion", self.extrusion), ("maximum distance", self.max_distance)):
+            if value is not None and not 0.0 <= value < math.inf:
+                raise BakeError(f"The {name} of {value} is no distance: it takes 0 or more.")
         if self.storage == "FILE":
             self._check_output()
 

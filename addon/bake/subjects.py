@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The objects of a bake: can they be baked, and how they are made ready for it and put back."""
 
+import difflib
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 
@@ -13,7 +14,21 @@ MAX_CONDITION = 1e7
 """Matrices are in single precision: beyond this ratio of scales their shortest axis is no more than rounding."""
 
 
-def problem(context: bpy.types.Context, low: bpy.types.Object | None, highs: Sequence[bpy.types.Object]) -> str:
+def named(name: str) -> bpy.types.Object:
+    """The object of that name. Raises BakeError if there is none, with the names that are like it."""
+    if name not in bpy.data.objects:
+        close = difflib.get_close_matches(name, bpy.data.objects.keys(), n=3, cutoff=0.4)
+        hint = f"did you mean {' or '.join(map(repr, close))}?" if close else f"it has {len(bpy.data.objects)} objects."
+        raise BakeError(f"There is no object called {name!r} in the file: {hint}")
+    return bpy.data.objects[name]
+
+
+def problem(
+    context: bpy.types.Context,
+    low: bpy.types.Object | None,
+    highs: Sequence[bpy.types.Object],
+    cage: bpy.types.Object | None = None,
+) -> str:
     """The first reason why these objects cannot be baked, as a sentence; empty when none shows.
 
     Cheap enough to be asked at every redraw: meshes are not evaluated.
@@ -22,7 +37,7 @@ def problem(context: bpy.types.Context, low: bpy.types.Object | None, highs: Seq
         return "No low object: select the high objects, then the low one, or fill the slots."
     if not highs:
         return f"No high object for {low.name!r}: select one as well, or give {low.name!r} modifiers that add detail."
-    for obj in (low, *highs):
+    for obj in (low, *highs, *([cage] if cage else [])):
         reason = _object_problem(context, obj)
         if reason:
             return reason
@@ -34,7 +49,7 @@ def problem(context: bpy.types.Context, low: bpy.types.Object | None, highs: Seq
             return f"{low.name!r} is the low object and one of several high ones: take it out of the high ones."
         if not low.modifiers:
             return f"{low.name!r} is both high and low and has no modifiers: choose another high object, or add some."
-    for obj in (low, *highs):
+    for obj in (low, *highs, *([cage] if cage else [])):
         reason = _mesh_problem(obj, evaluated=low not in highs)
         if reason:
             return reason
@@ -73,21 +88,24 @@ def _mesh_problem(obj: bpy.types.Object, evaluated: bool) -> str:
 
 @contextmanager
 def ready(
-    context: bpy.types.Context, low: bpy.types.Object, highs: Sequence[bpy.types.Object], modifiers: str
+    context: bpy.types.Context,
+    low: bpy.types.Object,
+    highs: Sequence[bpy.types.Object],
+    cage: bpy.types.Object | None,
+    modifiers: str,
 ) -> Iterator[bpy.types.Depsgraph]:
     """In Object Mode, visible to the dependency graph, modifiers at the levels asked for; afterwards as before.
 
     Yields the evaluated dependency graph. Raises BakeError for an object that cannot be made visible.
     """
-    objects = list(dict.fromkeys((low, *highs)))
+    objects = list(dict.fromkeys((low, *highs, *([cage] if cage else []))))
     with ExitStack() as restore:
-        # Edit Mode is the mesh's, whichever of the objects that share it has entered it.
-        meshes = {obj.data for obj in objects}
-        for obj in context.view_layer.objects:
-            if obj.mode != "OBJECT" and obj.data in meshes:
-                _leave_mode(context, obj, restore)
         for obj in objects:
             _reveal(context, obj, restore)
+        _leave_modes(context.view_layer, {obj.data for obj in objects}, restore)
+        for obj in objects:
+            if obj.data.is_editmode:
+                raise BakeError(f"The mesh of {obj.name!r} is in Edit Mode outside this view layer: leave it there.")
             if modifiers == "RENDER":
                 _set_for_render(obj, restore)
         if low in highs:
@@ -103,18 +121,29 @@ def _set(owner, name: str, value, restore: ExitStack) -> None:
         restore.callback(setattr, owner, name, before)
 
 
-def _leave_mode(context: bpy.types.Context, obj: bpy.types.Object, restore: ExitStack) -> None:
-    # The mesh of an object in Edit Mode or Sculpt Mode lags behind what is on screen until the mode is left.
-    mode = obj.mode
+def _leave_modes(layer: bpy.types.ViewLayer, meshes: set[bpy.types.Mesh], restore: ExitStack) -> None:
+    # The mesh of an object in Edit Mode or Sculpt Mode lags behind what is on screen until the mode is left; by whom,
+    # does not matter to the objects that share it.
+    leaving = [obj for obj in layer.objects if obj.mode != "OBJECT" and obj.data in meshes]
+    if any(obj.mode == "EDIT" for obj in leaving):  # which all objects leave together, and the selected ones enter
+        leaving += [obj for obj in layer.objects if obj.mode == "EDIT" and obj not in leaving]
+    if not leaving:
+        return
+    restore.callback(setattr, layer.objects, "active", layer.objects.active)
+    for obj in layer.objects.selected.values():
+        restore.callback(obj.select_set, True)
+        obj.select_set(False)
+    for obj in leaving:
+        _set(obj, "hide_viewport", False, restore)  # hidden objects are not let out of their modes, nor into them
+        restore.callback(_switch_mode, layer, obj, obj.mode)
+    for obj in leaving:
+        _switch_mode(layer, obj, "OBJECT")
 
-    def switch(to: str) -> None:
-        with context.temp_override(
-            object=obj, active_object=obj, selected_objects=[obj], selected_editable_objects=[obj]
-        ):
-            bpy.ops.object.mode_set(mode=to)
 
-    switch("OBJECT")
-    restore.callback(switch, mode)
+def _switch_mode(layer: bpy.types.ViewLayer, obj: bpy.types.Object, mode: str) -> None:
+    if obj.mode != mode:
+        layer.objects.active = obj
+        bpy.ops.object.mode_set(mode=mode)
 
 
 def _reveal(context: bpy.types.Context, obj: bpy.types.Object, restore: ExitStack) -> None:

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A mesh as plain arrays, and what can be said of it without Blender."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,18 +11,66 @@ import numpy as np
 class Mesh:
     """One object's surface, by face corners, in its own space.
 
-    uv (C, 2) and normals (C, 3) float32, one row a corner; tangents (C, 4) float32, w the bitangent's sign, or None.
+    positions (V, 3) float32. One row a corner: vertices (C,) int32, indices into positions; normals (C, 3) float32;
+    uv (C, 2) float32, or None where no layer was read; tangents (C, 4) float32, w the bitangent's sign, or None.
     triangles (T, 3) int32, indices into the corners. to_world (4, 4) float64. not_finite: how many triangles were left
     out for NaN or infinite values.
     """
 
     name: str
-    uv: np.ndarray
+    positions: np.ndarray
+    vertices: np.ndarray
     normals: np.ndarray
     triangles: np.ndarray
     to_world: np.ndarray
+    uv: np.ndarray | None = None
     tangents: np.ndarray | None = None
     not_finite: int = 0
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A space whose origin and unit fit some meshes, so that single precision is as good 10 km away as here.
+
+    centre (3,) float64 in world space; size in world units. World axes.
+    """
+
+    centre: np.ndarray
+    size: float
+
+    def points(self, mesh: Mesh) -> np.ndarray:
+        """The positions (V, 3) float32 of `mesh` in this space."""
+        matrix = mesh.to_world[:3, :3] / self.size
+        offset = (mesh.to_world[:3, 3] - self.centre) / self.size
+        return (mesh.positions @ matrix.T + offset).astype(np.float32)
+
+
+def frame_of(meshes: Sequence[Mesh]) -> Frame:
+    """The space in which `meshes` together lie around the origin with a radius of about 1."""
+    low, high = _world_box(meshes)
+    return Frame((low + high) / 2.0, max(float(np.linalg.norm(high - low)) / 2.0, np.finfo(np.float32).tiny))
+
+
+def _world_box(meshes: Sequence[Mesh]) -> tuple[np.ndarray, np.ndarray]:
+    """The lowest and highest coordinates (3,) float64 in world space of what the meshes' triangles use."""
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    for mesh in meshes:
+        used = mesh.positions[mesh.vertices[mesh.triangles.reshape(-1)]] if mesh.not_finite else mesh.positions
+        # Of the box's corners, the transformed ones hold the transformed mesh.
+        box = np.array(np.meshgrid(*np.stack([_bounds(used, np.min), _bounds(used, np.max)], axis=1))).reshape(3, -1).T
+        corners = box @ mesh.to_world[:3, :3].T + mesh.to_world[:3, 3]
+        low, high = np.minimum(low, corners.min(axis=0)), np.maximum(high, corners.max(axis=0))
+    return low, high
+
+
+def _bounds(positions: np.ndarray, pick) -> np.ndarray:
+    return np.array([pick(positions[:, axis]) for axis in range(3)], np.float64)
+
+
+def gap(low: Mesh, highs: Sequence[Mesh]) -> float:
+    """How far apart, in world units, the box around `low` and the one around `highs` are; 0 where they touch."""
+    one, other = _world_box([low]), _world_box(highs)
+    return float(np.linalg.norm(np.maximum(np.maximum(one[0] - other[1], other[0] - one[1]), 0.0)))
 
 
 def keep_corners(mesh: Mesh, finite: np.ndarray | None) -> Mesh:
@@ -43,14 +92,32 @@ def finite_rows(*arrays: np.ndarray) -> np.ndarray | None:
     return None if finite.all() else finite
 
 
+ON_THE_RIM = 1e-5
+"""How far outside the tile a UV may lie before it counts: subdivision rounds."""
+
+
 def uv_flaws(mesh: Mesh) -> tuple[int, int]:
     """Numbers of triangles without area in UV space, and of those that reach outside the tile 0..1."""
-    u, v = (np.ascontiguousarray(mesh.uv[:, axis])[mesh.triangles] for axis in (0, 1))
+    u, v = _uv_corners(mesh)
     area = (u[:, 1] - u[:, 0]) * (v[:, 2] - v[:, 0]) - (u[:, 2] - u[:, 0]) * (v[:, 1] - v[:, 0])
     outside = 0
-    if len(mesh.uv) and (mesh.uv.min() < 0.0 or mesh.uv.max() > 1.0):
-        outside = np.count_nonzero(((u < 0) | (u > 1) | (v < 0) | (v > 1)).any(axis=1))
+    # NaN lies in corners that no triangle uses any more, and must not pass for being inside.
+    if not (mesh.uv.min() >= -ON_THE_RIM and mesh.uv.max() <= 1.0 + ON_THE_RIM):
+        low, high = -ON_THE_RIM, 1.0 + ON_THE_RIM
+        outside = np.count_nonzero(((u < low) | (u > high) | (v < low) | (v > high)).any(axis=1))
     return int(np.count_nonzero(area == 0.0)), int(outside)
+
+
+def is_on_tile(mesh: Mesh) -> bool:
+    """Whether a triangle with area may cover part of the UV tile 0..1."""
+    u, v = _uv_corners(mesh)
+    spans = [(values.min(axis=1), values.max(axis=1)) for values in (u, v)]
+    return bool(np.logical_and.reduce([(low < 1.0) & (high > 0.0) & (low < high) for low, high in spans]).any())
+
+
+def _uv_corners(mesh: Mesh) -> list[np.ndarray]:
+    """u and v (T, 3) of the triangles' corners."""
+    return [np.ascontiguousarray(mesh.uv[:, axis])[mesh.triangles] for axis in (0, 1)]
 
 
 def normal_matrix(mesh_to_world: np.ndarray, space_to_world: np.ndarray | None = None) -> np.ndarray:

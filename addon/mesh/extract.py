@@ -29,22 +29,38 @@ def base(obj: bpy.types.Object) -> Iterator[bpy.types.Mesh]:
 
 
 def surface(data: bpy.types.Mesh, uv_layer: str, name: str, to_world: np.ndarray) -> Mesh:
-    """Corner normals, UVs and triangles of `data`, without the triangles that hold NaN or infinity."""
+    """Positions, corner normals, triangles and, unless `uv_layer` is empty, UVs of `data`.
+
+    Triangles that hold NaN or infinity are left out and counted.
+    """
     corners = len(data.loops)
     mesh = Mesh(
         name=name,
-        uv=_read(data.uv_layers[uv_layer].uv, "vector", corners, 2),
+        positions=_read(data.attributes["position"].data, "vector", len(data.vertices), 3),
+        vertices=_corner_vertices(data),
         normals=_read(data.corner_normals, "vector", corners, 3),
         triangles=_triangles(data),
         to_world=to_world,
+        uv=_read(data.uv_layers[uv_layer].uv, "vector", corners, 2) if uv_layer else None,
     )
-    return keep_corners(mesh, _finite_corners(data, mesh))
+    finite = finite_rows(mesh.normals) if mesh.uv is None else finite_rows(mesh.normals, mesh.uv)
+    positions = finite_rows(mesh.positions)
+    if positions is not None:
+        by_corner = positions[mesh.vertices]
+        finite = by_corner if finite is None else finite & by_corner
+    return keep_corners(mesh, finite)
+
+
+def smooth_normals(data: bpy.types.Mesh) -> np.ndarray:
+    """The vertex normals (V, 3) float32 of `data`, which know no sharp edges."""
+    return _read(data.vertex_normals, "vector", len(data.vertices), 3)
 
 
 def with_tangents(data: bpy.types.Mesh, uv_layer: str, name: str, to_world: np.ndarray) -> Mesh:
     """As `surface`, and MikkTSpace's tangents for `uv_layer`.
 
-    Mesh.calc_tangents takes triangles and quads alone, so a mesh with n-gons is first triangulated as Blender draws it.
+    Mesh.calc_tangents takes triangles and quads alone, so a mesh with n-gons is first triangulated as Blender draws it;
+    then the corners are those of the triangles.
     """
     if _max_face_size(data) > 4:
         with _triangulated(data, uv_layer) as triangles_only:
@@ -94,15 +110,6 @@ def _copy_triangles(source, triangles: np.ndarray) -> bool:
         return False
     np.copyto(triangles, memory)
     return True
-
-
-def _finite_corners(data: bpy.types.Mesh, mesh: Mesh) -> np.ndarray | None:
-    finite = finite_rows(mesh.uv, mesh.normals)
-    positions = finite_rows(_read(data.attributes["position"].data, "vector", len(data.vertices), 3))
-    if positions is not None:
-        by_corner = positions[_corner_vertices(data)]
-        finite = by_corner if finite is None else finite & by_corner
-    return finite
 
 
 def _corner_vertices(data: bpy.types.Mesh) -> np.ndarray:

@@ -34,12 +34,5 @@ def draw(
         into.framebuffer.viewport_set(0, 0, into.width, into.height)
         for batch, normal_matrix in meshes:
             compiled.bind()
-            target.bind(compiled, PROGRAM, normal_matrix=_mat4(normal_matrix), window=window)
+            target.bind(compiled, PROGRAM, normal_matrix=shader.mat4(normal_matrix), window=window)
             batch.draw(compiled)
-
-
-def _mat4(matrix: np.ndarray) -> list[float]:
-    """As GLSL wants it: by columns, and 4 x 4, since backends disagree on how a mat3 is padded."""
-    padded = np.eye(4)
-    padded[:3, :3] = matrix
-    return padded.T.ravel().tolist()

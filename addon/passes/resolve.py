@@ -8,19 +8,20 @@ PROGRAM = shader.Program(
     fragment="resolve_frag.glsl",
     inputs=(("VEC2", "position"),),
     samplers=(("FLOAT_2D", "normals"), ("INT_2D", "offsets")),
-    constants=(("INT", "halo"), ("INT", "margin"), ("FLOAT", "green")),
+    constants=(("INT", "halo"), ("INT", "margin"), ("FLOAT", "green"), ("VEC4", "missed")),
     outputs=(("VEC4", "map_out"), ("FLOAT", "state_out")),
 )
-MARGIN, WRITTEN = 1, 2
+MARGIN, WRITTEN, MISSED = 1, 2, 3
 """What the state texture says of a texel; 0 is background."""
 
 
 def draw(
-    into: target.Target, normals: target.Target, offsets: target.Target, *, halo: int, margin: int, flip_green: bool
+    into: target.Target, normals: target.Target, offsets: target.Target, *, halo: int, margin: int, flip_green: bool, missed: tuple[float, float, float]
 ) -> None:
     """Write the map (RGBA32F) and the state of its texels (R8) into `into`, whose row 0 is row `halo` of `normals`.
 
-    offsets: what margin.draw found for `normals`.
+    normals: alpha above 0 where a texel was written, below 0 where its ray missed. offsets: what margin.draw found there.
+    missed: the colour that stands for a miss.
     """
     target.fill(
         into,
@@ -30,4 +31,5 @@ def draw(
         halo=halo,
         margin=margin,
         green=-1.0 if flip_green else 1.0,
+        missed=(*missed, 0.0),
     )

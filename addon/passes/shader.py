@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import gpu
+import numpy as np
 
 SHADERS = Path(__file__).parents[2] / "shaders"
 _INCLUDE = re.compile(r'^#include "([^"]+)"\s*$')
@@ -16,20 +17,35 @@ Declaration = tuple[str, str]  # (type, name), in the words of gpu.types.GPUShad
 
 @dataclass(frozen=True)
 class Program:
-    """The interface of one pair of shader files, which themselves hold no declarations: the backend writes those."""
+    """The interface of a vertex and a fragment shader, or of a compute shader.
 
-    vertex: str
-    fragment: str
+    The files themselves hold no declarations: the backend writes those.
+    """
+
+    vertex: str = ""
+    fragment: str = ""
+    compute: str = ""
     inputs: tuple[Declaration, ...] = ()
     varyings: tuple[Declaration, ...] = ()
     samplers: tuple[Declaration, ...] = ()
     constants: tuple[Declaration, ...] = ()
     outputs: tuple[Declaration, ...] = ()
+    images: tuple[tuple[str, str, str], ...] = ()
+    """What a compute shader writes to: (format, type, name)."""
+    group: tuple[int, int] = (8, 8)
+    """A compute shader's workgroup, in texels."""
 
 
 def source(name: str) -> str:
     """The text of the shader file `name` with its includes in place (each once) and #line marks for the compiler."""
     return "\n".join(_lines(name, set()))
+
+
+def mat4(matrix: np.ndarray) -> list[float]:
+    """A (3, 3) matrix as a MAT4 constant: by columns, and 4 x 4, since backends disagree on how a mat3 is padded."""
+    padded = np.eye(4)
+    padded[:3, :3] = matrix
+    return padded.T.ravel().tolist()
 
 
 def _lines(name: str, seen: set[str]) -> list[str]:
@@ -61,6 +77,12 @@ def load(program: Program) -> gpu.types.GPUShader:
         info.push_constant(kind, name)
     for slot, (kind, name) in enumerate(program.outputs):
         info.fragment_out(slot, kind, name)
+    for slot, (texel, kind, name) in enumerate(program.images):
+        info.image(slot, texel, kind, name, qualifiers={"WRITE"})
+    if program.compute:
+        info.local_group_size(*program.group)
+        info.compute_source(source(program.compute))
+        return gpu.shader.create_from_info(info)
     info.vertex_source(source(program.vertex))
     info.fragment_source(source(program.fragment))
     return gpu.shader.create_from_info(info)

@@ -9,7 +9,7 @@ from . import shader
 KEPT_BYTES = 512 * 2**20
 """What the targets may hold between bakes; more than this is freed when a bake is done."""
 
-_TEXEL_BYTES = {"RGBA32F": 16, "R16I": 2, "R8": 1}
+_TEXEL_BYTES = {"RGBA32F": 16, "RGBA32UI": 16, "R16I": 2, "R8": 1}
 _READ_FORMAT = {"RGBA32F": ("FLOAT", 4, np.float32), "R8": ("UBYTE", 1, np.uint8)}
 _targets: dict[str, "Target"] = {}
 
@@ -73,15 +73,25 @@ def fill(target: Target, program: shader.Program, **bindings) -> None:
         _triangle().draw(compiled)
 
 
+def dispatch(program: shader.Program, width: int, height: int, **bindings) -> None:
+    """Run `program`'s compute shader on `width` x `height` texels; `bindings` as in `bind`."""
+    compiled = shader.load(program)
+    compiled.bind()
+    bind(compiled, program, **bindings)
+    gpu.compute.dispatch(compiled, -(-width // program.group[0]), -(-height // program.group[1]), 1)
+
+
 def bind(compiled: gpu.types.GPUShader, program: shader.Program, **bindings) -> None:
-    """Set `program`'s samplers and push constants by name, each in the way of its declared type."""
+    """Set `program`'s samplers, images and push constants by name, each in the way of its declared type."""
     for _, name in program.samplers:
         compiled.uniform_sampler(name, bindings.pop(name))
+    for _, _, name in program.images:
+        compiled.image(name, bindings.pop(name))
     for kind, name in program.constants:
         value = bindings.pop(name)
         (compiled.uniform_int if kind == "INT" else compiled.uniform_float)(name, value)
     if bindings:
-        raise TypeError(f"{program.fragment} declares no {', '.join(bindings)}")
+        raise TypeError(f"{program.fragment or program.compute} declares no {', '.join(bindings)}")
 
 
 def _triangle() -> gpu.types.GPUBatch:

@@ -36,7 +36,7 @@ def open_pair(folder, name):
 
 def bake(low, high, image="map", **settings):
     """Texels (H, W, 4) of a float map without margin."""
-    settings = {"width": SIZE[0], "height": SIZE[1], "margin": 0, "depth": 32, "storage": "MEMORY", **settings}
+    settings = {"width": SIZE[0], "height": SIZE[1], "margin": 0, "depth": 32, "storage": "MEMORY", "method": "FLATTEN", **settings}
     pipeline.bake(bpy.context, low, [high], Settings(image=image, **settings))
     texels = np.empty(SIZE[0] * SIZE[1] * 4, np.float32)
     bpy.data.images[image].pixels.foreach_get(texels)
@@ -115,11 +115,7 @@ def folds(low):
     """
     with extract.evaluated(low, bpy.context.evaluated_depsgraph_get()) as data:
         mesh = extract.surface(data, data.uv_layers.active.name, low.name, extract.matrix(low))
-        positions = np.empty((len(data.vertices), 3), np.float32)
-        data.attributes["position"].data.foreach_get("vector", positions.reshape(-1))
-        vertices = np.empty(len(data.loops), np.int32)
-        data.loops.foreach_get("vertex_index", vertices)
-    corners = positions[vertices[mesh.triangles]] @ mesh.to_world[:3, :3].T
+    corners = mesh.positions[mesh.vertices[mesh.triangles]] @ mesh.to_world[:3, :3].T
     face = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     face *= np.sign(np.linalg.det(mesh.to_world[:3, :3]))  # a mirror turns the winding, not the outside
     world_normals = mesh.normals @ arrays.normal_matrix(mesh.to_world).T
@@ -133,5 +129,6 @@ def folds(low):
         to_world=np.eye(4),
     )
     settings = Settings(space="WORLD", width=SIZE[0], height=SIZE[1], margin=0)
-    texels, _ = render.flattened(painted, [painted], settings, Report("FLATTEN", "WORLD", SIZE, "", []))
+    report = Report("FLATTEN", "WORLD", SIZE, "", [])
+    texels, _ = render.texels(render.flattened(painted, [painted], settings, report), None, settings, report)
     return texels[..., 2] < 0.5

@@ -4,13 +4,22 @@
 import pytest
 
 from addon import passes
-from addon.passes import flatten, margin, resolve, shader, tangent
+from addon.passes import cast, flatten, gbuffer, margin, resolve, shader, tangent
 
-PROGRAMS = [flatten.PROGRAM, tangent.PROGRAM, margin.PROGRAM, resolve.PROGRAM]
+PROGRAMS = [
+    flatten.PROGRAM,
+    tangent.PROGRAM,
+    margin.PROGRAM,
+    resolve.PROGRAM,
+    gbuffer.PROGRAM,
+    cast.TRACE,
+    cast.LOOKUP,
+    cast.DISTANCE,
+]
 
 
 def test_every_file_is_used_and_named_for_its_stage():
-    used = {name for program in PROGRAMS for name in (program.vertex, program.fragment)}
+    used = {name for program in PROGRAMS for name in (program.vertex, program.fragment, program.compute)}
     for path in shader.SHADERS.iterdir():
         stage = path.stem.rsplit("_", 1)[1]
         text = path.read_text(encoding="utf-8")
@@ -35,7 +44,7 @@ def test_includes_are_resolved_once_and_lines_keep_their_numbers(tmp_path, monke
 
 
 @pytest.mark.usefixtures("gpu_context")
-@pytest.mark.parametrize("program", PROGRAMS, ids=lambda program: program.fragment)
+@pytest.mark.parametrize("program", PROGRAMS, ids=lambda program: program.fragment or program.compute)
 def test_every_program_compiles_once(program):
     assert shader.load(program) is shader.load(program)
 

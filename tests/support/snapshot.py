@@ -5,7 +5,17 @@ import bpy
 import numpy as np
 
 # Which depend on what has been drawn or asked for, not on what the artist has set.
-FLEETING = {"rna_type", "bindcode", "has_data", "frame_duration", "users", "is_evaluated", "tag", "is_embedded_data"}
+FLEETING = {
+    "rna_type",
+    "bindcode",
+    "has_data",
+    "frame_duration",
+    "users",
+    "is_evaluated",
+    "tag",
+    "is_embedded_data",
+    "use_nodes",
+}
 
 
 def snapshot(context=None, *, without=()) -> dict:
@@ -105,7 +115,7 @@ def _attributes(data) -> dict:
 
 def _tree(tree) -> tuple:
     nodes = {node.name: {k: v for k, v in settings(node).items() if k != "dimensions"} for node in tree.nodes}
-    links = [(l.from_node.name, l.from_socket.identifier, l.to_node.name, l.to_socket.identifier) for l in tree.links]
+    links = [(x.from_node.name, x.from_socket.identifier, x.to_node.name, x.to_socket.identifier) for x in tree.links]
     return nodes, sorted(links)
 
 

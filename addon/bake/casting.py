@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Makes meshes ready for rays: one tree over all high triangles, kept while they stay the same, and the low's rays."""
+
+import zlib
+from collections import OrderedDict
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import gpu
+import numpy as np
+
+from ..mesh import bvh
+from ..mesh.arrays import Frame, Mesh, frame_of, normal_matrix
+from ..passes import batch, cast, table
+from .errors import BakeError
+from .report import Report
+
+KEPT_BYTES = 1024 * 2**20
+"""What trees may hold on the GPU between bakes; the one used longest ago goes first."""
+
+_kept: OrderedDict[tuple, "Target"] = OrderedDict()
+
+
+@dataclass(frozen=True)
+class Target:
+    """What rays can hit: the high meshes together, in a space that fits them."""
+
+    frame: Frame
+    tables: cast.Tables
+
+
+def target_of(highs: Sequence[Mesh], report: Report) -> Target:
+    """The tree over `highs`, built and uploaded unless it was kept.
+
+    Kept by content and not by name: nothing that Blender forgets to tell can make it stale.
+    """
+    with report.timed("tree"):
+        key = tuple(
+            (zlib.crc32(np.ascontiguousarray(array)), array.shape)
+            for mesh in highs
+            for array in (mesh.positions, mesh.vertices, mesh.normals, mesh.triangles, mesh.to_world)
+        )
+        found = _kept.pop(key, None)
+        if found is None:
+            found = _build(highs, report)
+        _kept[key] = found
+        while sum(kept.tables.bytes for kept in _kept.values()) > KEPT_BYTES and len(_kept) > 1:
+            _kept.popitem(last=False)
+    return found
+
+
+def free() -> None:
+    """Free the kept trees."""
+    _kept.clear()
+
+
+def trim() -> None:
+    """Free the kept trees if together they hold more than KEPT_BYTES."""
+    if sum(kept.tables.bytes for kept in _kept.values()) > KEPT_BYTES:
+        free()
+
+
+def _build(highs: Sequence[Mesh], report: Report) -> Target:
+    count, most = sum(len(high.triangles) for high in highs), table.limit() // 3
+    if count > most:
+        raise BakeError(f"The high meshes have {count:,} triangles together; this GPU takes {most:,} to cast rays at.")
+    frame = frame_of(highs)
+    corners = np.concatenate([frame.points(high)[high.vertices[high.triangles]] for high in highs])
+    normals = np.concatenate(
+        [(high.normals @ normal_matrix(high.to_world).T.astype(np.float32))[high.triangles] for high in highs]
+    )
+    tree = bvh.build(corners)
+    with report.timed("upload"):
+        tables = cast.upload(
+            tree.nodes,
+            corners[tree.order],
+            normals[tree.order],
+            first_leaf=tree.first_leaf,
+            origin=tree.origin,
+            scale=tree.scale,
+        )
+    return Target(frame, tables)
+
+
+def rays(low: Mesh, directions: np.ndarray, cage: Mesh | None, frame: Frame) -> gpu.types.GPUBatch:
+    """The low mesh as gbuffer.draw wants it.
+
+    directions (C, 3) float32: normals by corner, in the low mesh's space. With a cage, which has the same corners, rays
+    start on it and run towards the low mesh; where the two touch, along the low mesh's normals.
+    """
+    positions = frame.points(low)[low.vertices]
+    away = directions @ normal_matrix(low.to_world).T.astype(np.float32)
+    if cage is not None:
+        starts = frame.points(cage)[cage.vertices]
+        apart = starts - positions
+        touching = np.linalg.norm(apart, axis=1) < 1e-6
+        away = np.where(touching[:, None], away * np.float32(1e-6), apart)
+        positions = starts
+    return batch.upload(
+        low.triangles,
+        uv=low.uv,
+        position=np.ascontiguousarray(positions),
+        direction=np.ascontiguousarray(away, dtype=np.float32),
+    )
+
+
+def check_cage(low: Mesh, cage: Mesh, faces: tuple[int, int]) -> None:
+    """Raise BakeError unless `cage` has the topology of `low`; faces: how many each has."""
+    if faces[0] != faces[1]:
+        raise BakeError(f"The cage {cage.name!r} has {faces[1]:,} faces and {low.name!r} has {faces[0]:,}: take a copy of it.")
+    if len(cage.vertices) != len(low.vertices):
+        raise BakeError(
+            f"The cage {cage.name!r} has {len(cage.vertices):,} face corners and {low.name!r} has {len(low.vertices):,}: "
+            "take a copy of it."
+        )

@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Casts a ray from each texel of the low mesh to the high ones, and looks up what was hit."""
+
+from dataclasses import dataclass
+
+import gpu
+import numpy as np
+
+from . import shader, table, target
+
+TRACE = shader.Program(
+    compute="cast_comp.glsl",
+    samplers=(("FLOAT_2D", "positions"), ("FLOAT_2D", "directions"), ("FLOAT_2D", "nodes"), ("FLOAT_2D", "corners")),
+    images=(("RGBA32UI", "UINT_2D", "hits"),),
+    constants=(
+        ("VEC4", "grid_origin"),
+        ("VEC4", "grid_scale"),
+        ("FLOAT", "heading"),
+        ("FLOAT", "back"),
+        ("FLOAT", "reach"),
+        ("INT", "first_leaf"),
+        ("INT", "facing_only"),
+    ),
+)
+LOOKUP = shader.Program(
+    vertex="fullscreen_vert.glsl",
+    fragment="lookup_frag.glsl",
+    inputs=(("VEC2", "position"),),
+    samplers=(("UINT_2D", "hits"), ("FLOAT_2D", "positions"), ("FLOAT_2D", "normals")),
+    constants=(("MAT4", "normal_matrix"),),
+    outputs=(("VEC4", "normal_out"),),
+)
+DISTANCE = shader.Program(
+    vertex="fullscreen_vert.glsl",
+    fragment="distance_frag.glsl",
+    inputs=(("VEC2", "position"),),
+    samplers=(("UINT_2D", "hits"),),
+    outputs=(("VEC4", "distance_out"),),
+)
+
+
+@dataclass(frozen=True)
+class Tables:
+    """High triangles and their tree on the GPU. Triangle i has three texels in `corners` and three in `normals`."""
+
+    nodes: gpu.types.GPUTexture
+    corners: gpu.types.GPUTexture
+    normals: gpu.types.GPUTexture
+    first_leaf: int
+    origin: np.ndarray
+    scale: np.ndarray
+    bytes: int
+
+
+def upload(
+    nodes: np.ndarray,
+    corners: np.ndarray,
+    normals: np.ndarray,
+    *,
+    first_leaf: int,
+    origin: np.ndarray,
+    scale: np.ndarray,
+) -> Tables:
+    """Upload a tree (bvh.Tree: nodes (N, 3, 4), first_leaf, origin, scale) and its triangles in the tree's order.
+
+    corners and normals (T, 3, 3) float32. The normals need not be of length one.
+    """
+    edges = corners.copy()
+    edges[:, 1:] -= corners[:, :1]
+    textures = [
+        table.upload(nodes.reshape(-1, 4)),
+        table.upload(edges.reshape(-1, 3)),
+        table.upload(normals.reshape(-1, 3)),
+    ]
+    size = sum(texture.width * texture.height * 16 for texture in textures)
+    return Tables(*textures, first_leaf, origin, scale, size)
+
+
+def trace(
+    into: target.Target, rays: target.Target, tables: Tables, *, heading: float, back: float, reach: float, facing_only: bool
+) -> None:
+    """Write into `into` (RGBA32UI) for each texel the hit triangle's number + 1 or 0, and as float bits its barycentric
+    coordinates and the distance.
+
+    rays: what gbuffer.draw wrote, direction d. A ray starts at position - heading * back * d and runs along heading * d
+    for `reach` at the most. facing_only: pass through triangles that turn their back on the ray.
+    """
+    target.dispatch(
+        TRACE,
+        rays.width,
+        rays.height,
+        positions=rays.textures[0],
+        directions=rays.textures[1],
+        nodes=tables.nodes,
+        corners=tables.corners,
+        hits=into.texture,
+        grid_origin=(*tables.origin, 0.0),
+        grid_scale=(*tables.scale, 0.0),
+        heading=heading,
+        back=back,
+        reach=reach,
+        first_leaf=tables.first_leaf,
+        facing_only=int(facing_only),
+    )
+
+
+def look_up(
+    into: target.Target, hits: target.Target, rays: target.Target, tables: Tables, normal_matrix: np.ndarray
+) -> None:
+    """Write into `into` (RGBA32F) the unit normal where `hits` has one: alpha 1 hit, -1 missed, 0 no low mesh here.
+
+    normal_matrix: (3, 3), applied to the interpolated normal.
+    """
+    target.fill(
+        into,
+        LOOKUP,
+        hits=hits.texture,
+        positions=rays.textures[0],
+        normals=tables.normals,
+        normal_matrix=shader.mat4(normal_matrix),
+    )
+
+
+def distances(into: target.Target, hits: target.Target) -> None:
+    """Write into `into` (RGBA32F) how far each ray went, -1 where it hit nothing."""
+    target.fill(into, DISTANCE, hits=hits.texture)

@@ -1,0 +1,11 @@
+// What a texel's ray needs: a point, and the unit direction that leads away from the surface.
+
+void main()
+{
+  float length_squared = dot(v_direction, v_direction);
+  if (!(length_squared > 0.0)) {
+    discard;
+  }
+  position_out = vec4(v_position, 1.0);
+  direction_out = vec4(v_direction / sqrt(length_squared), 1.0);
+}

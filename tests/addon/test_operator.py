@@ -1,0 +1,443 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The buttons, as scripts press them, and the panel that they are on."""
+
+from types import SimpleNamespace
+
+import bpy
+import numpy as np
+import pytest
+
+from addon import panels
+from tests.support import maps, zoo
+from tests.support.snapshot import difference, snapshot
+
+pytestmark = pytest.mark.usefixtures("registered", "gpu_context")
+
+
+@pytest.fixture
+def pair():
+    """A low and a high object, neither selected nor active, and small maps."""
+    low, high = zoo.plane("lo"), zoo.plane("hi", slope=1.0)
+    settings = bpy.context.scene.imprint
+    settings.width = settings.height = 16
+    return low, high
+
+
+def select(active, *others):
+    for obj in bpy.context.selected_objects:
+        obj.select_set(False)
+    for obj in (active, *others):
+        obj.select_set(True)
+    bpy.context.view_layer.objects.active = active
+
+
+def fill_slots(low, *highs):
+    settings = bpy.context.scene.imprint
+    settings.low = low
+    for high in highs:
+        settings.highs.add().object = high
+
+
+def bake(**arguments):
+    """Press the button; return the texels of the image that it says it made."""
+    assert bpy.ops.imprint.bake(**arguments) == {"FINISHED"}
+    summary = bpy.context.window_manager.imprint_summary
+    return maps.pixels(bpy.data.images[summary.split("\n")[0].rpartition(": ")[2]])
+
+
+def refusal(**arguments):
+    """The message of a button that must refuse and change nothing."""
+    before = snapshot()
+    with pytest.raises(RuntimeError) as refused:
+        bpy.ops.imprint.bake(**arguments)
+    assert difference(before, snapshot()) == {}
+    message = str(refused.value)
+    assert message.startswith("Error: ")
+    assert "Traceback" not in message
+    return message.removeprefix("Error: ").strip()
+
+
+def leans(texels):
+    """Whether the map shows the sloped plane."""
+    return texels[8, 8, 0] < 0.2
+
+
+# Which objects
+
+
+def test_selected_to_active(pair):
+    low, high = pair
+    select(low, high)
+    assert leans(bake())
+    assert "lo_normal" in bpy.data.images
+
+
+def test_the_other_way_round(pair):
+    low, high = pair
+    select(high, low)
+    bake(space="OBJECT")
+    assert "hi_normal" in bpy.data.images
+
+
+def test_slots_before_selection(pair):
+    low, high = pair
+    other = zoo.cube("other")
+    select(other, zoo.cube("another"))
+    fill_slots(low, high)
+    assert leans(bake())
+
+
+def test_a_low_slot_and_selected_high_objects(pair):
+    low, high = pair
+    select(high)
+    fill_slots(low)
+    assert leans(bake())
+
+
+def test_arguments_before_slots(pair):
+    low, high = pair
+    fill_slots(zoo.cube("other"), zoo.cube("another"))
+    assert leans(bake(low="lo", high=[{"name": "hi"}]))
+
+
+def test_a_low_argument_and_the_slots(pair):
+    low, high = pair
+    fill_slots(zoo.cube("other"), high)
+    assert leans(bake(low="lo"))
+
+
+def test_a_low_argument_and_selected_high_objects(pair):
+    low, high = pair
+    select(high)
+    assert leans(bake(low="lo"))
+
+
+def test_one_object_with_modifiers(pair):
+    low, _ = pair
+    low.vertex_groups.new(name="right").add([v.index for v in low.data.vertices if v.co.x > 0], 1.0, "REPLACE")
+    low.modifiers.new("Lift", "DISPLACE").vertex_group = "right"
+    select(low)
+    assert bake()[8, 8, 0] < 0.4
+
+
+def test_several_high_arguments(pair):
+    before = snapshot()
+    assert bpy.ops.imprint.bake(low="lo", high=[{"name": "hi"}, {"name": "hi"}]) if False else True
+    message = refusal(low="lo", high=[{"name": "hi"}, {"name": "hi"}])
+    assert "'hi' is named twice" in message
+    assert difference(before, snapshot()) == {}
+    zoo.plane("third", slope=-1.0)
+    texels = bake(low="lo", high=[{"name": "hi"}, {"name": "third"}])
+    assert texels[8, 8, 0] > 0.8  # the last one lies on top
+
+
+def test_nothing_to_bake(pair):
+    assert refusal().startswith("No low object")
+
+
+def test_no_high_object(pair):
+    low, _ = pair
+    select(low)
+    assert refusal().startswith("No high object for 'lo'")
+
+
+@pytest.mark.parametrize("arguments", [{"low": "lol"}, {"low": "lo", "high": [{"name": "hih"}]}])
+def test_typos_get_a_hint(pair, arguments):
+    assert "did you mean" in refusal(**arguments)
+
+
+# Settings
+
+
+def test_arguments_before_the_scenes_settings(pair):
+    settings = bpy.context.scene.imprint
+    settings.space, settings.green, settings.image, settings.margin = "OBJECT", "-Y", "Scene", 3
+    texels = bake(low="lo", high=[{"name": "hi"}], width=32, image="Mine")
+    assert texels.shape[:2] == (16, 32)  # the height is the scene's
+    assert "Mine" in bpy.data.images
+    assert "Object space" in bpy.context.window_manager.imprint_summary.replace("object", "Object")
+    assert "Scene" not in bpy.data.images
+
+
+def test_an_argument_may_be_the_default_again(pair):
+    bpy.context.scene.imprint.storage = "MEMORY"
+    bake(low="lo", high=[{"name": "hi"}], storage="PACK")
+    assert bpy.data.images["lo_normal"].packed_file is not None
+
+
+def test_settings_that_do_not_fit_together(pair, tmp_path):
+    output = str(tmp_path / "map.png")
+    assert "8 or 16 bits" in refusal(low="lo", high=[{"name": "hi"}], storage="FILE", output=output, depth="32")
+
+
+def test_a_file_is_written(pair, tmp_path):
+    bake(low="lo", high=[{"name": "hi"}], storage="FILE", output=str(tmp_path / "map.exr"), depth="32")
+    assert (tmp_path / "map.exr").is_file()
+
+
+def test_what_was_done_is_told(pair):
+    low, high = pair
+    high.data.uv_layers[0].uv[0].vector = (-0.5, 0)
+    select(low, high)
+    bake()
+    summary = bpy.context.window_manager.imprint_summary
+    for word in ("Flatten", "16 x 16", "lo_normal", "covered", " s (", "outside the UV tile"):
+        assert word in summary
+
+
+# Undo
+
+
+def test_undo_is_one_step(pair):
+    low, high = pair
+    bpy.ops.ed.undo_push(message="before")
+    before = snapshot()
+    bpy.ops.imprint.bake("EXEC_DEFAULT", True, low="lo", high=[{"name": "hi"}])
+    assert "lo_normal" in bpy.data.images
+    assert bpy.ops.ed.undo() == {"FINISHED"}
+    assert difference(before, snapshot()) == {}
+    assert bpy.ops.ed.redo() == {"FINISHED"}
+    assert leans(maps.pixels(bpy.data.images["lo_normal"]))
+
+
+def test_undo_brings_the_packed_map_back(pair):
+    bpy.ops.imprint.bake("EXEC_DEFAULT", True, low="lo", high=[{"name": "hi"}])
+    first = maps.pixels(bpy.data.images["lo_normal"])
+    bpy.ops.imprint.bake(
+        "EXEC_DEFAULT", True, low="lo", high=[{"name": "hi"}], space="WORLD", green="-Y", basis="BLENDER"
+    )
+    bpy.ops.imprint.bake("EXEC_DEFAULT", True, low="hi", high=[{"name": "lo"}], image="lo_normal")
+    assert not np.array_equal(maps.pixels(bpy.data.images["lo_normal"]), first)
+    bpy.ops.ed.undo()
+    np.testing.assert_array_equal(maps.pixels(bpy.data.images["lo_normal"]), first)
+
+
+# Slots
+
+
+def test_slots_are_filled_from_the_selection(pair):
+    low, high = pair
+    settings = bpy.context.scene.imprint
+    settings.highs.add()  # an old one
+    sun = bpy.data.objects.new("sun", bpy.data.lights.new("sun", "SUN"))
+    bpy.context.scene.collection.objects.link(sun)
+    select(low, high, sun)
+    assert bpy.ops.imprint.use_selection() == {"FINISHED"}
+    assert settings.low == low
+    assert [slot.object for slot in settings.highs] == [high]
+
+
+@pytest.mark.parametrize("active", [None, "sun"])
+def test_only_a_mesh_can_be_the_low_slot(pair, active):
+    sun = bpy.data.objects.new("sun", bpy.data.lights.new("sun", "SUN"))
+    bpy.context.scene.collection.objects.link(sun)
+    bpy.context.view_layer.objects.active = bpy.data.objects[active] if active else None
+    assert not bpy.ops.imprint.use_selection.poll()
+
+
+def test_slots_are_added_and_removed(pair):
+    settings = bpy.context.scene.imprint
+    assert not bpy.ops.imprint.high_remove.poll()
+    for _ in range(3):
+        bpy.ops.imprint.high_add()
+    assert settings.active_high == 2
+    settings.highs[0].object, settings.highs[2].object = pair
+    bpy.ops.imprint.high_remove(index=1)
+    assert [slot.object for slot in settings.highs] == list(pair)
+    settings.active_high = 1
+    bpy.ops.imprint.high_remove()
+    assert [slot.object for slot in settings.highs] == [pair[0]]
+    assert settings.active_high == 0
+    bpy.ops.imprint.high_remove()
+    bpy.ops.imprint.high_add()
+    assert len(settings.highs) == 1
+
+
+# The panel
+
+
+class Layout:
+    """Takes what a panel draws, and holds it to what there is: properties, operators, icons."""
+
+    ICONS = set(bpy.types.UILayout.bl_rna.functions["label"].parameters["icon"].enum_items.keys())
+
+    def __init__(self, drawn=None):
+        self.drawn = drawn if drawn is not None else SimpleNamespace(labels=[], icons=[], buttons=[], properties=[])
+        self.enabled = True
+
+    def _part(self, **_):
+        return Layout(self.drawn)
+
+    row = column = box = split = _part
+
+    def label(self, text="", icon="NONE"):
+        assert icon in self.ICONS
+        self.drawn.labels.append(text)
+        self.drawn.icons.append(icon)
+
+    def prop(self, data, name, **_):
+        assert name in data.bl_rna.properties
+        self.drawn.properties.append(name)
+
+    def prop_search(self, data, name, source, collection, **_):
+        self.prop(data, name)
+        assert collection in source.bl_rna.properties
+
+    def template_list(self, list_type, _, data, name, active_data, active_name, **__):
+        assert hasattr(bpy.types, list_type)
+        assert {name} <= set(data.bl_rna.properties.keys())
+        assert {active_name} <= set(active_data.bl_rna.properties.keys())
+        for item in getattr(data, name):
+            panels.IMPRINT_UL_highs.draw_item(None, None, Layout(self.drawn), data, item, 0, data, name)
+
+    def operator(self, name, icon="NONE", **_):
+        assert icon in self.ICONS
+        bpy.ops.imprint.bake.get_rna_type()
+        getattr(getattr(bpy.ops, name.split(".")[0]), name.split(".")[1]).get_rna_type()  # raises if there is none
+        self.drawn.buttons.append((name, self.enabled))
+
+
+def draw(width=240):
+    """Draw all panels as the sidebar does; return what was drawn."""
+    layout = Layout()
+    bpy.context.view_layer.update()
+    context = SimpleNamespace(
+        scene=bpy.context.scene,
+        window_manager=bpy.context.window_manager,
+        view_layer=bpy.context.view_layer,
+        active_object=bpy.context.active_object,
+        selected_objects=bpy.context.selected_objects,
+        preferences=bpy.context.preferences,
+        region=SimpleNamespace(width=width),
+    )
+    for panel in (panels.IMPRINT_PT_bake, panels.IMPRINT_PT_map, panels.IMPRINT_PT_output):
+        panel.draw(SimpleNamespace(layout=layout), context)
+    layout.drawn.text = " ".join(layout.drawn.labels)
+    return layout.drawn
+
+
+def can_bake(drawn):
+    return dict(drawn.buttons)["imprint.bake"]
+
+
+def test_the_panel_says_what_will_happen(pair):
+    low, high = pair
+    select(low, high)
+    drawn = draw()
+    assert can_bake(drawn)
+    for word in ("'hi'", "'lo'", "tangent space", "16 x 16", "into a new image 'lo_normal'"):
+        assert word in drawn.text
+    assert "ERROR" not in drawn.icons
+
+
+def test_the_panel_says_when_an_image_is_filled_again(pair):
+    select(*pair)
+    bake()
+    assert "over the image 'lo_normal'" in draw().text
+
+
+def test_the_panel_says_what_was_done(pair):
+    select(*pair)
+    bake()
+    drawn = draw()
+    assert "CHECKMARK" in drawn.icons
+    assert "Flatten, tangent space, 16 x 16" in drawn.text
+
+
+def nothing(low, high):
+    pass
+
+
+def no_high(low, high):
+    select(low)
+
+
+def a_camera(low, high):
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    bpy.context.scene.collection.objects.link(camera)
+    select(camera, high)
+
+
+def no_uvs(low, high):
+    low.data.uv_layers.remove(low.data.uv_layers[0])
+    select(low, high)
+
+
+def not_finite(low, high):
+    low.scale.x = float("nan")
+    select(low, high)
+
+
+def gone_from_the_scene(low, high):
+    fill_slots(low, high)
+    bpy.context.scene.collection.objects.unlink(high)
+
+
+def no_file_named(low, high):
+    select(low, high)
+    bpy.context.scene.imprint.storage = "FILE"
+
+
+def does_not_fit_the_format(low, high):
+    select(low, high)
+    settings = bpy.context.scene.imprint
+    settings.storage, settings.output, settings.depth = "FILE", "//map.exr", "8"
+
+
+MISSING = {
+    nothing: "No low object",
+    no_high: "No high object for 'lo'",
+    a_camera: "'Camera' is of the type camera",
+    no_uvs: "'lo' has no UV layer",
+    not_finite: "NaN",
+    gone_from_the_scene: "'hi' is not in view layer",
+    no_file_named: "no file is named",
+    does_not_fit_the_format: "16 or 32 bits",
+}
+
+
+@pytest.mark.parametrize("state", MISSING, ids=lambda state: state.__name__)
+def test_the_panel_says_what_is_missing_before_the_button_is_pressed(pair, state):
+    state(*pair)
+    drawn = draw()
+    assert MISSING[state] in drawn.text
+    assert "ERROR" in drawn.icons
+    assert not can_bake(drawn)
+
+
+def edit_mode(low, high):
+    select(low, high)
+    bpy.ops.object.mode_set(mode="EDIT")
+
+
+def own_modifiers(low, high):
+    low.modifiers.new("Rounded", "SUBSURF")
+    select(low)
+
+
+def empty_slots(low, high):
+    bpy.context.scene.imprint.highs.add()
+    select(low, high)
+
+
+def every_setting(low, high):
+    settings = bpy.context.scene.imprint
+    settings.space, settings.storage, settings.output, settings.material = "OBJECT", "FILE", "//map.png", False
+    select(low, high)
+
+
+@pytest.mark.parametrize("width", [1, 240, 4000])
+@pytest.mark.parametrize("state", [edit_mode, own_modifiers, empty_slots, every_setting])
+def test_the_panel_draws_in_any_state_and_width(pair, state, width):
+    state(*pair)
+    drawn = draw(width)
+    assert can_bake(drawn)
+    assert "'lo'" in drawn.text
+
+
+def test_the_panel_shows_every_setting(pair):
+    select(*pair)
+    bpy.context.scene.imprint.storage = "FILE"
+    names = {prop.identifier for prop in bpy.context.scene.imprint.bl_rna.properties}
+    drawn = draw()
+    assert names - set(drawn.properties) == {"rna_type", "name", "highs", "active_high"}  # the last two are the list

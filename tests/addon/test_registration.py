@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The add-on comes and goes without a trace, and says what it does on everything that a person can press."""
+
+import atexit
+
+import bpy
+import pytest
+
+import addon
+from addon import commands, operators, panels, passes, properties
+from addon.bake.settings import Settings
+from addon.passes import target
+from tests.support import maps, zoo
+
+OPERATORS = ["IMPRINT_OT_bake", "IMPRINT_OT_use_selection", "IMPRINT_OT_high_add", "IMPRINT_OT_high_remove"]
+PANELS = ["IMPRINT_PT_bake", "IMPRINT_PT_map", "IMPRINT_PT_output"]
+
+
+def traces():
+    """What Blender knows of the add-on."""
+    kinds = (bpy.types.Operator, bpy.types.Panel, bpy.types.UIList, bpy.types.PropertyGroup)
+    found = {cls.__name__ for kind in kinds for cls in kind.__subclasses__() if cls.is_registered and is_ours(cls)}
+    found |= {"Scene.imprint"} if hasattr(bpy.types.Scene, "imprint") else set()
+    return found | {name for name in dir(bpy.types.WindowManager) if name.startswith("imprint")}
+
+
+def is_ours(cls):
+    return cls.__name__.lower().startswith("imprint")
+
+
+def test_it_comes_and_goes_twice():
+    assert traces() == set()
+    for _ in range(2):
+        addon.register()
+        assert traces() >= {*OPERATORS, *PANELS, "ImprintSettings", "Scene.imprint"}
+        assert commands._handle is not None
+        addon.unregister()
+        assert traces() == set()
+
+
+@pytest.mark.usefixtures("gpu_context")
+def test_it_frees_the_gpu_when_it_goes():
+    """Blender crashes on exit while GPU objects live."""
+    addon.register()
+    maps.bake(zoo.plane("lo"), zoo.plane("hi"))
+    assert target._targets
+    assert passes.shader.load.cache_info().currsize
+    addon.unregister()
+    assert not target._targets
+    assert not passes.shader.load.cache_info().currsize
+
+
+def test_it_frees_the_gpu_when_blender_ends(monkeypatch):
+    at_exit = []
+    monkeypatch.setattr(atexit, "register", at_exit.append)
+    monkeypatch.setattr(atexit, "unregister", at_exit.remove)
+    addon.register()
+    assert at_exit == [passes.free]
+    addon.unregister()
+    assert at_exit == []
+
+
+def test_errors_are_let_through(monkeypatch):
+    def fail():
+        raise ValueError("already registered as a subclass")
+
+    monkeypatch.setattr(operators, "register", fail)
+    with pytest.raises(ValueError, match="already registered"):
+        addon.register()
+    properties.unregister()
+
+
+@pytest.mark.usefixtures("registered")
+class TestWords:
+    def test_everything_has_a_tooltip(self):
+        for name in OPERATORS:
+            assert getattr(bpy.types, name).bl_rna.description, name
+        structs = [getattr(bpy.types, "IMPRINT_OT_bake").bl_rna, properties.ImprintSettings.bl_rna]
+        structs += [properties.ImprintHigh.bl_rna, bpy.types.IMPRINT_OT_high_remove.bl_rna]
+        for struct in structs:
+            for prop in struct.properties:
+                if prop.identifier not in {"rna_type", "name"}:
+                    assert prop.description, f"{struct.identifier}.{prop.identifier}"
+                    assert not prop.description.endswith("."), prop.description  # Blender adds the full stop
+                for item in prop.enum_items if prop.type == "ENUM" else ():
+                    assert item.description, f"{struct.identifier}.{prop.identifier} {item.identifier}"
+
+    def test_the_properties_are_the_settings(self):
+        """Same names, same defaults but for the size, which a button has no reason to keep small."""
+        settings = bpy.context.scene.imprint.to_settings()
+        assert settings == Settings(width=2048, height=2048)
+        settings.check()
+
+    def test_the_panels_are_one_tab(self):
+        for name in PANELS:
+            cls = getattr(panels, name)
+            assert (cls.bl_space_type, cls.bl_region_type, cls.bl_category) == ("VIEW_3D", "UI", "Imprint")

@@ -1,0 +1,338 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The image: what its pixels are, in memory, packed, and in files of every kind; and that the old is not lost."""
+
+import os
+from contextlib import contextmanager
+
+import bpy
+import numpy as np
+import pytest
+
+from addon.bake import files, images
+from addon.bake.errors import BakeError
+from addon.bake.settings import Settings
+from tests.support.maps import pixels
+from tests.support.snapshot import difference, snapshot
+
+ROUNDING = 1e-6
+"""Single precision, beside the quantisation of the formats below."""
+EXACT = 0.0
+STEP_8, STEP_16 = 0.5 / 255, 0.5 / 65535
+"""Half a step of whole numbers."""
+STEP_HALF = 2**-12
+"""Half a step of 16-bit floats between 0.5 and 1: they have 11 significant bits."""
+
+WIDTH, HEIGHT = 40, 24
+FLAT = (0.5, 0.5, 1.0, 0.0)
+"""Background: the flat normal under alpha 0."""
+FORMATS = {("map.png", 8): STEP_8, ("map.png", 16): STEP_16, ("map.exr", 16): STEP_HALF, ("map.exr", 32): EXACT}
+
+
+@pytest.fixture
+def texels():
+    return some_texels()
+
+
+def some_texels(width=WIDTH, height=HEIGHT, seed=1):
+    """Noise, no two rows or columns alike, with background here and there."""
+    random = np.random.default_rng(seed)
+    result = random.random((height, width, 4), dtype=np.float32)
+    result[..., 3] = 1.0
+    result[random.random((height, width)) > 0.7] = FLAT
+    return result
+
+
+def store(texels, **settings):
+    height, width = texels.shape[:2]
+    settings = Settings(width=width, height=height, **settings)
+    images.check("low", settings)
+    return images.store(texels, "low", settings)
+
+
+def assert_texels(image, texels, step):
+    """The pixels are the texels, colour under alpha 0 included; flat is as flat as the format allows."""
+    found = pixels(image)
+    assert found.shape == texels.shape
+    np.testing.assert_allclose(found, texels, rtol=0, atol=step + ROUNDING)
+    assert set(np.unique(found[..., 3])) == {0.0, 1.0}
+    np.testing.assert_allclose(found[found[..., 3] == 0][:, :3], [FLAT[:3]] * (found[..., 3] == 0).sum(), atol=step)
+
+
+def assert_is_data(image):
+    assert image.colorspace_settings.name == "Non-Color"
+    assert image.alpha_mode == "CHANNEL_PACKED"
+    assert not image.use_half_precision
+
+
+def save_and_reload(tmp_path):
+    """Save the scene and open it; return the map's image."""
+    bpy.data.images["low_normal"].use_fake_user = True
+    path = str(tmp_path / "scene.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.open_mainfile(filepath=path)
+    return bpy.data.images["low_normal"]
+
+
+# New images
+
+
+@pytest.mark.parametrize(("depth", "step"), [(8, STEP_8), (16, EXACT), (32, EXACT)])
+@pytest.mark.parametrize("storage", ["PACK", "MEMORY"])
+def test_a_new_image_holds_the_texels(texels, storage, depth, step):
+    image = store(texels, storage=storage, depth=depth)
+    assert image.name == "low_normal"
+    assert_texels(image, texels, step)
+    assert_is_data(image)
+    assert image.is_float == (depth > 8)
+    assert (image.packed_file is not None) == (storage == "PACK")
+    assert len(bpy.data.images) == 1
+
+
+def test_the_image_may_be_named(texels):
+    assert store(texels, image="Bark").name == "Bark"
+    assert list(bpy.data.images.keys()) == ["Bark"]
+
+
+@pytest.mark.parametrize(("depth", "step"), [(8, STEP_8), (16, EXACT), (32, EXACT)])
+def test_a_packed_image_survives_saving(texels, depth, step, tmp_path):
+    store(texels, storage="PACK", depth=depth)
+    image = save_and_reload(tmp_path)
+    assert_texels(image, texels, step)
+    assert_is_data(image)
+
+
+# Files
+
+
+@pytest.mark.parametrize(("name", "depth"), FORMATS)
+def test_a_file_holds_the_texels(texels, name, depth, tmp_path):
+    path = tmp_path / name
+    image = store(texels, storage="FILE", output=str(path), depth=depth)
+    for found in (image, bpy.data.images.load(str(path), check_existing=False)):
+        # Another program's reader takes the file as it is: so does a fresh image that is told nothing but Non-Color.
+        found.colorspace_settings.name = "Non-Color"
+        found.alpha_mode = "CHANNEL_PACKED"
+        assert_texels(found, texels, FORMATS[name, depth])
+        assert found.is_float == (depth > 8)
+    assert_is_data(image)
+    assert (image.source, image.filepath, image.packed_file) == ("FILE", str(path), None)
+    assert os.listdir(tmp_path) == [name]
+
+
+@pytest.mark.parametrize(("name", "depth"), FORMATS)
+def test_a_file_has_the_depth_asked_for(texels, name, depth, tmp_path):
+    """By its own header, and with an alpha channel."""
+    store(texels, storage="FILE", output=str(tmp_path / name), depth=depth)
+    content = (tmp_path / name).read_bytes()
+    if name.endswith(".png"):
+        bits, colour_type = content[24], content[25]
+        assert (bits, colour_type) == (depth, 6)  # 6: RGBA
+    else:
+        half, single = (b"R\0" + kind.to_bytes(4, "little") for kind in (1, 2))  # a channel's name and its type
+        assert {16: half, 32: single}[depth] in content
+        assert b"A\0" in content[: content.index(b"R\0")]
+
+
+def test_scene_settings_do_not_touch_the_file(texels, tmp_path):
+    view = bpy.context.scene.view_settings
+    view.view_transform, view.exposure, view.gamma = "AgX", 2.0, 2.0
+    bpy.context.scene.render.image_settings.compression = 100
+    store(texels, storage="FILE", output=str(tmp_path / "map.exr"), depth=32)
+    found = bpy.data.images.load(str(tmp_path / "map.exr"))
+    found.colorspace_settings.name, found.alpha_mode = "Non-Color", "CHANNEL_PACKED"
+    assert_texels(found, texels, EXACT)
+
+
+def test_a_path_relative_to_the_saved_scene(texels, tmp_path):
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    image = store(texels, storage="FILE", output="//map.png")
+    assert (tmp_path / "map.png").is_file()
+    assert image.filepath == "//map.png"
+    assert_texels(image, texels, STEP_16)
+
+
+def test_endings_may_be_capital_letters(texels, tmp_path):
+    assert_texels(store(texels, storage="FILE", output=str(tmp_path / "MAP.PNG")), texels, STEP_16)
+
+
+def test_names_may_be_as_long_as_the_file_system_takes(texels, tmp_path):
+    path = tmp_path / ("m" * 251 + ".png")
+    store(texels, storage="FILE", output=str(path))
+    assert os.listdir(tmp_path) == [path.name]
+
+
+def test_a_file_is_replaced(texels, tmp_path):
+    path = tmp_path / "map.png"
+    path.write_bytes(b"an old picture")
+    os.link(path, tmp_path / "witness.png")
+    store(texels, storage="FILE", output=str(path))
+    # Replaced as a whole, and not written over: whoever has the old file open, keeps it.
+    assert (tmp_path / "witness.png").read_bytes() == b"an old picture"
+    assert path.read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.fixture
+def full_disk():
+    """A disk that takes 2000 bytes of each file, for the time of a with block."""
+    resource = pytest.importorskip("resource")
+
+    @contextmanager
+    def limit():
+        before = resource.getrlimit(resource.RLIMIT_FSIZE)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (2000, before[1]))
+        try:
+            yield
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+    return limit
+
+
+@pytest.mark.parametrize(("name", "depth"), FORMATS)
+def test_a_full_disk_leaves_the_old_file_and_image(texels, name, depth, tmp_path, full_disk):
+    path = tmp_path / name
+    path.write_bytes(b"an old picture")
+    bpy.data.images.new("low_normal", 4, 4).pixels[0] = 0.25
+    before = snapshot()
+    with full_disk(), pytest.raises(BakeError) as refused:
+        store(texels, storage="FILE", output=str(path), depth=depth)
+    message = str(refused.value)
+    assert message.startswith(f"{str(path)!r} could not be written: ")
+    assert message.endswith(".")
+    assert "\n" not in message
+    assert "Error:" not in message
+    assert path.read_bytes() == b"an old picture"
+    assert os.listdir(tmp_path) == [name]
+    assert difference(before, snapshot()) == {}
+
+
+def test_a_file_that_cannot_be_moved_into_place_leaves_the_old(texels, tmp_path, monkeypatch):
+    def fail(*_):
+        raise OSError(13, "Permission denied")
+
+    path = tmp_path / "map.png"
+    path.write_bytes(b"an old picture")
+    before = snapshot()
+    monkeypatch.setattr(files.os, "replace", fail)
+    with pytest.raises(BakeError) as refused:
+        store(texels, storage="FILE", output=str(path))
+    assert str(refused.value) == f"{str(path)!r} could not be written: Permission denied."
+    assert path.read_bytes() == b"an old picture"
+    assert os.listdir(tmp_path) == ["map.png"]
+    assert difference(before, snapshot()) == {}
+
+
+# Images that are there already
+
+
+def opaque_file(tmp_path, mode="RGB", ending=".png"):
+    """An image datablock of a file without alpha."""
+    scene, path = bpy.context.scene, str(tmp_path / f"old{ending}")
+    source = bpy.data.images.new("source", 16, 16)
+    scene.render.image_settings.file_format = {".png": "PNG", ".jpg": "JPEG"}[ending]
+    scene.render.image_settings.color_mode = mode
+    source.save_render(path, scene=scene)
+    bpy.data.images.remove(source)
+    return bpy.data.images.load(path)
+
+
+def missing_file():
+    image = bpy.data.images.new("missing", 8, 8)
+    image.filepath, image.source = "//nowhere.png", "FILE"
+    return image
+
+
+OLD = {
+    "opaque": lambda _: bpy.data.images.new("old", 8, 8),
+    "opaque, of the same size": lambda _: bpy.data.images.new("old", WIDTH, HEIGHT),
+    "half float": lambda _: bpy.data.images.new("old", WIDTH, HEIGHT, alpha=True, float_buffer=True),
+    "checker": lambda _: bpy.data.images.new("old", 8, 8, alpha=True),
+    "sRGB file": opaque_file,
+    "grey file": lambda folder: opaque_file(folder, mode="BW"),
+    "JPEG file": lambda folder: opaque_file(folder, ending=".jpg"),
+    "missing file": lambda _: missing_file(),
+}
+
+
+@pytest.fixture(params=OLD)
+def old(request, tmp_path):
+    """An image of the map's name that somebody uses, told to be a colour with premultiplied alpha."""
+    image = OLD[request.param](tmp_path)
+    image.name = "low_normal"
+    image.generated_type = "UV_GRID" if request.param == "checker" else image.generated_type
+    image.use_half_precision, image.alpha_mode = True, "PREMUL"
+    image["note"] = "keep"
+    material = bpy.data.materials.new("user")
+    material.node_tree.nodes.new("ShaderNodeTexImage").image = image
+    material.use_fake_user = True
+    return image
+
+
+def user_of_image():
+    nodes = bpy.data.materials["user"].node_tree.nodes
+    return next(node.image for node in nodes if node.bl_idname == "ShaderNodeTexImage")
+
+
+@pytest.mark.parametrize(("depth", "step"), [(8, STEP_8), (32, EXACT)])
+@pytest.mark.parametrize("storage", ["PACK", "MEMORY"])
+def test_an_existing_image_is_filled(texels, old, storage, depth, step):
+    image = store(texels, storage=storage, depth=depth)
+    assert image == old == user_of_image()
+    assert image["note"] == "keep"
+    assert len(bpy.data.images) == 1
+    assert_texels(image, texels, step)
+    assert_is_data(image)
+    assert image.is_float == (depth > 8)
+
+
+@pytest.mark.parametrize(("depth", "step"), [(8, STEP_8), (32, EXACT)])
+@pytest.mark.usefixtures("old")
+def test_an_existing_image_is_packed_with_alpha(texels, depth, step, tmp_path):
+    store(texels, storage="PACK", depth=depth)
+    image = save_and_reload(tmp_path)
+    assert image == user_of_image()
+    assert_texels(image, texels, step)
+    assert_is_data(image)
+
+
+@pytest.mark.parametrize(("name", "depth"), FORMATS)
+def test_an_existing_image_shows_the_file(texels, old, name, depth, tmp_path):
+    image = store(texels, storage="FILE", output=str(tmp_path / name), depth=depth)
+    assert image == old == user_of_image()
+    assert_texels(image, texels, FORMATS[name, depth])
+    assert_is_data(image)
+    again = save_and_reload(tmp_path)
+    assert_texels(again, texels, FORMATS[name, depth])
+
+
+def test_one_image_goes_through_every_storage_size_and_depth(tmp_path):
+    steps = [("PACK", depth, "", STEP_8 if depth == 8 else EXACT) for depth in (8, 16, 32)]
+    steps += [("MEMORY", depth, "", STEP_8 if depth == 8 else EXACT) for depth in (8, 16, 32)]
+    steps += [("FILE", depth, str(tmp_path / name), step) for (name, depth), step in FORMATS.items()]
+    first = None
+    for turn in range(60):
+        storage, depth, output, step = steps[(turn * 7) % len(steps)]  # 7 and 10 share no factor: another neighbour
+        width, height = ((16, 16), (24, 16), (24, 40))[turn // 2 % 3]  # each twice in a row
+        texels = some_texels(width, height, seed=turn)
+        image = store(texels, storage=storage, depth=depth, output=output)
+        first = first or image
+        assert image == first
+        assert_texels(image, texels, step)
+        assert_is_data(image)
+        assert (image.packed_file is not None) == (storage == "PACK")
+        assert image.is_float == (depth > 8)
+    assert len(bpy.data.images) == 1
+
+
+def test_a_linked_image_of_that_name_is_left_alone(texels, tmp_path):
+    bpy.data.images.new("low_normal", 4, 4).use_fake_user = True
+    path = str(tmp_path / "library.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    with bpy.data.libraries.load(path, link=True) as (_, wanted):
+        wanted.images = ["low_normal"]
+    (linked,) = wanted.images
+    image = store(texels, storage="MEMORY")
+    assert image.library is None
+    assert tuple(linked.size) == (4, 4)
+    assert_texels(image, texels, EXACT)

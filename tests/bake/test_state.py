@@ -1,0 +1,282 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A bake changes an image and a material, and nothing else: not modes, not selection, not what is shown or hidden."""
+
+import bmesh
+import bpy
+import numpy as np
+import pytest
+
+from addon.bake import pipeline
+from addon.bake.settings import Settings
+from addon.mesh import extract
+from tests.support import maps, zoo
+from tests.support.snapshot import difference, snapshot
+
+pytestmark = pytest.mark.usefixtures("gpu_context")
+
+MODES = ["EDIT", "SCULPT", "VERTEX_PAINT", "WEIGHT_PAINT", "TEXTURE_PAINT"]
+SLOPE = 1.0
+"""Of the planes below: 45 degrees, whose normal nobody takes for another."""
+SLOPED = np.array([0.5 - 0.5 * np.sqrt(0.5), 0.5, 0.5 + 0.5 * np.sqrt(0.5)])
+"""Its texel in object space."""
+ROUNDING = 1e-6
+"""Single precision on the way from the mesh to the map."""
+
+
+@pytest.fixture
+def pair():
+    return zoo.plane("lo"), zoo.plane("hi", 4)
+
+
+def bake_without_trace(low, *highs, **settings):
+    """The texels of a bake that must leave everything but its image as it was."""
+    before = snapshot(without=("images",))
+    texels = maps.bake(low, *highs, **{"size": (16, 16)} | settings)
+    assert difference(before, snapshot(without=("images",))) == {}
+    return texels
+
+
+def enter(mode, *objects):
+    """Select these objects alone, make the first active and enter a mode."""
+    for obj in bpy.context.selected_objects:
+        obj.select_set(False)
+    for obj in objects:
+        obj.select_set(True)
+    bpy.context.view_layer.objects.active = objects[0]
+    bpy.ops.object.mode_set(mode=mode)
+    assert objects[0].mode == mode
+
+
+def lean(obj):
+    """Give a plane in Edit Mode a slope, as an edit that is not in its mesh yet."""
+    mesh = bmesh.from_edit_mesh(obj.data)
+    for vertex in mesh.verts:
+        vertex.co.z = SLOPE * vertex.co.x
+    bmesh.update_edit_mesh(obj.data)
+
+
+def is_sloped(texels):
+    return np.allclose(texels[..., :3], SLOPED, rtol=0, atol=ROUNDING)
+
+
+# Modes
+
+
+@pytest.mark.parametrize("name", ["lo", "hi"])
+@pytest.mark.parametrize("mode", MODES)
+def test_the_mode_is_come_back_to(pair, mode, name):
+    enter(mode, bpy.data.objects[name])
+    bake_without_trace(*pair)
+
+
+@pytest.mark.parametrize("hide", ["hide_viewport", "hide_set"])
+@pytest.mark.parametrize("mode", ["EDIT", "SCULPT"])
+def test_a_hidden_object_may_be_in_a_mode(pair, mode, hide):
+    low, high = pair
+    enter(mode, high)
+    high.hide_set(True) if hide == "hide_set" else setattr(high, hide, True)
+    bake_without_trace(low, high)
+
+
+def test_edits_count_before_they_are_left(pair):
+    low, high = pair
+    enter("EDIT", high)
+    lean(high)
+    assert is_sloped(bake_without_trace(low, high, space="OBJECT"))
+
+
+def test_edits_count_through_another_object_with_the_same_mesh(pair):
+    low, high = pair
+    twin = high.copy()
+    bpy.context.collection.objects.link(twin)
+    enter("EDIT", twin)
+    lean(twin)
+    assert is_sloped(bake_without_trace(low, high, space="OBJECT"))
+
+
+def test_edits_count_for_a_mesh_that_is_its_own_low_one():
+    obj = zoo.plane("own", 4)
+    obj.modifiers.new("Rounded", "SUBSURF")
+    twin = obj.copy()
+    bpy.context.collection.objects.link(twin)
+    enter("EDIT", twin)
+    lean(twin)
+    assert is_sloped(bake_without_trace(obj, obj, space="OBJECT"))
+
+
+def test_edits_count_where_another_object_is_active(pair):
+    low, high = pair
+    enter("EDIT", high)
+    lean(high)
+    bpy.context.view_layer.objects.active = low
+    assert is_sloped(bake_without_trace(low, high, space="OBJECT"))
+
+
+def test_a_modifier_that_edit_mode_does_not_show_counts(pair):
+    low, high = pair
+    displace = high.modifiers.new("Lift", "DISPLACE")
+    displace.direction, displace.texture_coords = "Z", "LOCAL"
+    displace.show_in_editmode = False
+    displace.vertex_group = high.vertex_groups.new(name="right").name
+    high.vertex_groups["right"].add([v.index for v in high.data.vertices if v.co.x > 0.1], 1.0, "REPLACE")
+    expected = maps.bake(low, high)
+    assert np.ptp(expected[..., 0]) > 0.1
+    enter("EDIT", high)
+    np.testing.assert_array_equal(bake_without_trace(low, high, size=(64, 64)), expected)
+
+
+def test_others_in_edit_mode_stay_there_and_take_nobody_along(pair):
+    low, high = pair
+    bystander, selected = zoo.cube("bystander"), zoo.cube("selected")
+    enter("EDIT", bystander, high)
+    bystander.select_set(False)
+    selected.select_set(True)
+    assert (bystander.mode, high.mode, selected.mode) == ("EDIT", "EDIT", "OBJECT")
+    bake_without_trace(low, high)
+
+
+def test_edits_of_others_are_not_lost(pair):
+    low, high = pair
+    bystander = zoo.plane("bystander")
+    enter("EDIT", bystander, high)
+    lean(bystander)
+    bake_without_trace(low, high)
+    bpy.ops.object.mode_set(mode="OBJECT")
+    assert bystander.data.vertices[-1].co.z == SLOPE
+
+
+def test_a_file_saved_in_edit_mode(pair, tmp_path):
+    """In the background its UV layers have no elements until Edit Mode is left."""
+    low, high = pair
+    enter("EDIT", low, high)
+    lean(high)
+    path = str(tmp_path / "editing.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.open_mainfile(filepath=path)
+    low, high = bpy.data.objects["lo"], bpy.data.objects["hi"]
+    assert low.mode == high.mode == "EDIT"
+    assert len(low.data.uv_layers[0].uv) == 0  # else this tests nothing
+    assert is_sloped(bake_without_trace(low, high, space="OBJECT"))
+
+
+# What is shown
+
+
+def in_collection(obj):
+    collection = bpy.data.collections.new("Shelf")
+    bpy.context.scene.collection.children.link(collection)
+    bpy.context.scene.collection.objects.unlink(obj)
+    collection.objects.link(obj)
+    return collection
+
+
+HIDDEN = {
+    "by the eye": lambda obj: obj.hide_set(True),
+    "in viewports": lambda obj: setattr(obj, "hide_viewport", True),
+    "in viewports and by the eye": lambda obj: (obj.hide_set(True), setattr(obj, "hide_viewport", True)),
+    "in renders": lambda obj: setattr(obj, "hide_render", True),
+    "from selection": lambda obj: setattr(obj, "hide_select", True),
+    "with its collection in renders": lambda obj: setattr(in_collection(obj), "hide_render", True),
+}
+
+
+@pytest.mark.parametrize("name", ["lo", "hi"])
+@pytest.mark.parametrize("way", HIDDEN)
+def test_hidden_objects_are_baked_and_stay_hidden(way, name):
+    low, high = zoo.plane("lo"), zoo.plane("hi", slope=SLOPE)
+    obj = bpy.data.objects[name]
+    obj.select_set(True)
+    bpy.context.view_layer.objects.active = obj
+    HIDDEN[way](obj)
+    bpy.context.view_layer.update()
+    assert is_sloped(bake_without_trace(low, high, space="OBJECT"))
+
+
+def test_a_linked_hidden_high_object_is_baked(tmp_path):
+    zoo.plane("hi", slope=SLOPE).hide_viewport = True
+    path = str(tmp_path / "library.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    low, namesake = zoo.plane("lo"), zoo.plane("hi")
+    with bpy.data.libraries.load(path, link=True) as (_, wanted):
+        wanted.objects = ["hi"]
+    (high,) = wanted.objects
+    bpy.context.scene.collection.objects.link(high)
+    assert high.name == namesake.name
+    assert is_sloped(bake_without_trace(low, high, space="OBJECT"))
+    assert not is_sloped(bake_without_trace(low, namesake, space="OBJECT"))
+
+
+# Modifiers
+
+
+@pytest.mark.parametrize(("modifiers", "level"), [("RENDER", 3), ("VIEWPORT", 1)])
+@pytest.mark.parametrize("kind", ["SUBSURF", "MULTIRES"])
+def test_modifiers_count_at_the_levels_asked_for_and_keep_theirs(pair, kind, modifiers, level):
+    low, high = pair
+    modifier = high.modifiers.new("Detail", kind)
+    if kind == "MULTIRES":
+        bpy.context.view_layer.objects.active = high
+        for _ in range(3):
+            bpy.ops.object.multires_subdivide(modifier="Detail")
+        modifier.sculpt_levels = 2
+    modifier.levels, modifier.render_levels = 1, 3
+    before = snapshot(without=("images",))
+    report = pipeline.bake(bpy.context, low, [high], Settings(width=16, height=16, modifiers=modifiers, material=False))
+    assert report.triangles["high"] == 2 * 16 * 4**level
+    assert difference(before, snapshot(without=("images",))) == {}
+
+
+@pytest.mark.parametrize(("modifiers", "counts"), [("RENDER", True), ("VIEWPORT", False)])
+def test_modifiers_count_where_they_are_shown(pair, modifiers, counts):
+    low, high = pair
+    array = high.modifiers.new("Row", "ARRAY")
+    array.show_viewport, array.show_render = False, True
+    before = snapshot(without=("images",))
+    report = pipeline.bake(bpy.context, low, [high], Settings(width=16, height=16, modifiers=modifiers, material=False))
+    assert report.triangles["high"] == 2 * 16 * (2 if counts else 1)
+    assert difference(before, snapshot(without=("images",))) == {}
+
+
+# Data
+
+
+@pytest.mark.parametrize("storage", ["PACK", "MEMORY", "FILE"])
+def test_a_bake_makes_one_image_and_one_material(pair, storage, tmp_path):
+    low, high = pair
+    made = ("images", "materials")
+    disc = zoo.disc("n-gon")  # triangulated in a mesh of its own
+    for obj in (low, disc):
+        before, images = snapshot(without=made), set(bpy.data.images)
+        settings = Settings(width=16, height=16, storage=storage, output=str(tmp_path / f"{obj.name}.png"))
+        report = pipeline.bake(bpy.context, obj, [high], settings)
+        changed = difference(before, snapshot(without=made))
+        assert list(changed) == [("object", obj.name)]  # whose material it is
+        assert obj.active_material.name == obj.name
+        assert set(bpy.data.images) - images == {bpy.data.images[report.image]}
+
+
+def test_meshes_are_not_changed_by_what_is_read_of_them(pair):
+    low, high = pair
+    low.data.uv_layers.new(name="Second")
+    low.data.uv_layers["Second"].active_render = True
+    low.data.uv_layers.active = low.data.uv_layers[0]
+    before = snapshot(without=("images",))
+    maps.bake(low, high, uv_layer="Second")
+    assert difference(before, snapshot(without=("images",))) == {}
+
+
+@pytest.mark.parametrize("error", [RuntimeError, KeyboardInterrupt])
+def test_what_goes_wrong_on_the_way_leaves_all_as_before(pair, monkeypatch, error):
+    def fail(*_):
+        raise error
+
+    low, high = pair
+    low.modifiers.new("Rounded", "SUBSURF").levels = 0
+    enter("EDIT", low)
+    low.hide_viewport = True
+    before = snapshot()
+    monkeypatch.setattr(extract, "surface", fail)
+    with pytest.raises(error):
+        pipeline.bake(bpy.context, low, [low], Settings(width=16, height=16))
+    assert difference(before, snapshot()) == {}

@@ -1,0 +1,183 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which objects are baked: one, several, parents and children, and a mesh onto its own base."""
+
+import bpy
+import mathutils
+import numpy as np
+import pytest
+
+from addon.bake import subjects
+from addon.bake.errors import BakeError
+from tests.support import angles, maps, zoo
+
+pytestmark = pytest.mark.usefixtures("gpu_context")
+
+UNIT = 1e-6
+"""Single precision, on the way from the mesh to the map."""
+SCULPT_P99 = 0.05
+"""Degrees. Multires keeps its displacements in tangent space and single precision: its normals are not quite the mesh's."""
+
+
+def link(obj):
+    bpy.context.scene.collection.objects.link(obj)
+    return obj
+
+
+def applied(obj):
+    """A copy of an object whose modifiers are its mesh, with the UVs that they give."""
+    mesh = bpy.data.meshes.new_from_object(obj.evaluated_get(bpy.context.evaluated_depsgraph_get()))
+    return link(bpy.data.objects.new("applied", mesh))
+
+
+def base(obj):
+    """A copy of an object without modifiers."""
+    return link(bpy.data.objects.new("base", obj.data.copy()))
+
+
+def problem(low, *highs):
+    bpy.context.view_layer.update()  # as it has been when a panel is drawn
+    return subjects.problem(bpy.context, low, highs)
+
+
+# Names and reasons
+
+
+def test_an_object_is_found_by_its_name():
+    cube = zoo.cube("Cube")
+    assert subjects.named("Cube") == cube
+
+
+@pytest.mark.parametrize(("typo", "hint"), [("Kube", "did you mean 'Cube'?"), ("xyz", "it has 2 objects.")])
+def test_a_name_that_is_not_there_gets_a_hint(typo, hint):
+    zoo.cube("Cube")
+    zoo.plane("Plane")
+    with pytest.raises(BakeError) as refused:
+        subjects.named(typo)
+    assert repr(typo) in str(refused.value)
+    assert hint in str(refused.value)
+
+
+def test_nothing_stands_in_the_way_of_a_good_pair():
+    low, high = zoo.plane("lo"), zoo.terrain("hi")
+    assert problem(low, high) == ""
+
+
+def test_no_low_object():
+    assert problem(None).startswith("No low object: select")
+
+
+def test_modifiers_may_make_faces_and_uvs():
+    """Which of them do is known when they are evaluated: asked at every redraw, that would be too slow."""
+    low, bare = zoo.plane("lo"), link(bpy.data.objects.new("bare", bpy.data.meshes.new("bare")))
+    assert problem(low, bare).startswith("'bare' has no faces")
+    bare.modifiers.new("Nodes", "NODES")
+    assert problem(low, bare) == ""
+    assert problem(bare, low) == ""
+    assert problem(bare, bare).startswith("'bare' has no faces")
+
+
+def test_an_object_in_edit_mode_is_not_judged_by_its_old_mesh():
+    low = link(bpy.data.objects.new("lo", bpy.data.meshes.new("lo")))
+    bpy.context.view_layer.objects.active = low
+    bpy.ops.object.mode_set(mode="EDIT")
+    bpy.ops.mesh.primitive_plane_add()
+    assert len(low.data.polygons) == 0
+    assert problem(low, zoo.terrain("hi")) == ""
+
+
+@pytest.mark.parametrize("scale", [(1e-12, 1e-12, 1e-12), (1e12, 1e12, 1e12), (1e-3, 1, 1e3), (-1, 1, 1)])
+def test_odd_scales_are_no_problem(scale):
+    low, high = zoo.plane("lo"), zoo.terrain("hi")
+    high.scale = scale
+    assert problem(low, high) == ""
+
+
+# What is baked
+
+
+def test_several_high_objects_fill_one_map():
+    low = zoo.two_islands("lo")
+    parts = []
+    for side, slope in ((0, 1.0), (1, -2.0)):
+        points = np.array([(x, y, slope * x) for x in (0, 1) for y in (0, 1)])
+        corner = np.array([(0, 0), (1, 0), (1, 1), (0, 1)]) * (0.375, 1) + (0.625 * side, 0)
+        parts.append(zoo.build(f"part {side}", points, [(0, 2, 3, 1)], [corner]))
+    texels = maps.bake(low, *parts, space="OBJECT", size=(64, 64))
+    for texel, slope in ((texels[32, 10], 1.0), (texels[32, 53], -2.0)):
+        expected = np.array([-slope, 0, 1]) / np.hypot(slope, 1)
+        np.testing.assert_allclose(texel, [*(expected * 0.5 + 0.5), 1], rtol=0, atol=UNIT)
+    assert texels[32, 32, 3] == 0
+    one = maps.bake(low, parts[1], space="OBJECT", size=(64, 64))
+    assert one[32, 10, 3] == 0
+
+
+def test_parents_count():
+    """The normal of a plane in the low object's space, by the matrices that the parents' transforms make."""
+    low, high = zoo.plane("lo"), zoo.plane("hi")
+    lean = mathutils.Matrix.LocRotScale((1, 2, 3), mathutils.Euler((0.3, 1.1, -0.7)), (1, -2, 0.5))
+    turn = mathutils.Matrix.LocRotScale((-4, 0, 1), mathutils.Euler((1.0, -0.2, 0.4)), (3, 1, 1))
+    for obj, matrix in ((low, lean), (high, turn)):
+        obj.parent = link(bpy.data.objects.new("parent", None))
+        obj.parent.matrix_basis = matrix
+    texels = maps.bake(low, high, space="OBJECT", size=(16, 16))
+    in_world = np.linalg.inv(np.array(turn))[:3, :3].T @ (0, 0, 1)
+    expected = np.array(lean)[:3, :3].T @ in_world  # the inverse of the low object's own inverse transpose
+    expected /= np.linalg.norm(expected)
+    np.testing.assert_allclose(texels[8, 8, :3] * 2 - 1, expected, rtol=0, atol=4 * UNIT)
+
+
+def test_subdivision_onto_its_own_base():
+    cube = zoo.cube("cube", smooth=True)
+    modifier = cube.modifiers.new("Rounded", "SUBSURF")
+    modifier.levels, modifier.render_levels = 0, 3
+    texels = maps.bake(cube, cube)
+    assert not np.array_equal(texels, maps.bake(cube, cube, modifiers="VIEWPORT"))
+    # The same by hand, with UVs that stay where the base has them.
+    modifier.levels, modifier.uv_smooth = 3, "NONE"
+    np.testing.assert_array_equal(texels, maps.bake(base(cube), applied(cube)))
+
+
+def test_displacement_onto_its_own_base():
+    plane = zoo.plane("plane", 16)
+    plane.vertex_groups.new(name="right").add([v.index for v in plane.data.vertices if v.co.x > 0], 1.0, "REPLACE")
+    lift = plane.modifiers.new("Lift", "DISPLACE")
+    lift.vertex_group, lift.strength, lift.mid_level = "right", 0.25, 0.0  # a step twice as high as wide
+    texels = maps.bake(plane, plane, size=(32, 32))
+    np.testing.assert_array_equal(texels, maps.bake(base(plane), applied(plane), size=(32, 32)))
+    np.testing.assert_allclose(texels[16, 2, :3], [0.5, 0.5, 1], rtol=0, atol=UNIT)
+    assert texels[16, 16, 0] < 0.3  # the step goes up to the right, so its normals lean to the left
+
+
+def test_multires_onto_its_own_base():
+    """A sculpt, with the viewport at its base level: what a person has who works on something else."""
+    sculpt = zoo.plane("sculpt", 4)
+    modifier = sculpt.modifiers.new("Multires", "MULTIRES")
+    bpy.context.view_layer.objects.active = sculpt
+    sculpt.select_set(True)
+    for _ in range(3):
+        bpy.ops.object.multires_subdivide(modifier="Multires", mode="SIMPLE")
+    bumpy = applied(sculpt)
+    points = np.empty((len(bumpy.data.vertices), 3), np.float32)
+    bumpy.data.vertices.foreach_get("co", points.ravel())
+    points[:, 2] = 0.05 * np.sin(4 * points[:, 0]) * np.cos(3 * points[:, 1])
+    bumpy.data.vertices.foreach_set("co", points.ravel())
+    bumpy.data.update()
+    bumpy.select_set(True)
+    assert bpy.ops.object.multires_reshape(modifier="Multires") == {"FINISHED"}
+    modifier.levels, modifier.sculpt_levels, modifier.render_levels = 0, 1, 3
+    expected = maps.bake(sculpt, bumpy, space="OBJECT")
+    assert np.ptp(expected[..., 0]) > 0.1
+    error = angles.degrees(angles.decode(maps.bake(sculpt, sculpt, space="OBJECT")), angles.decode(expected))
+    assert np.percentile(error, 99) < SCULPT_P99
+
+
+def test_the_uv_layer_of_the_same_name_is_shared():
+    """The high mesh's layer of the low's name counts, whichever is active there."""
+    low, high = zoo.plane("lo"), zoo.plane("hi", slope=1.0)
+    other = high.data.uv_layers.new(name="Other")
+    other.uv.foreach_set("vector", np.full(8, 0.5, np.float32))
+    high.data.uv_layers.active = other
+    assert maps.bake(low, high, size=(16, 16))[..., 3].all()
+    low.data.uv_layers[0].name = "Nowhere else"
+    with pytest.raises(BakeError):  # then it is the active one, which has no area
+        maps.bake(low, high, size=(16, 16))

@@ -1,0 +1,474 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What cannot be baked: one sentence that names the thing and the remedy, and nothing is changed or written.
+
+What can be baked in part is baked, and the rest is counted.
+"""
+
+import os
+import re
+
+import bpy
+import gpu
+import numpy as np
+import pytest
+
+from addon.bake import pipeline, subjects
+from addon.bake.errors import BakeError
+from addon.bake.settings import Settings
+from tests.support import maps, zoo
+from tests.support.snapshot import difference, snapshot
+
+pytestmark = pytest.mark.usefixtures("gpu_context")
+
+SMALL = {"method": "FLATTEN", "width": 32, "height": 32}
+
+
+def is_one_sentence(text):
+    return text.endswith(".") and "\n" not in text and not re.search(r"[.!?]\s", text)
+
+
+@pytest.fixture
+def pair():
+    """A low and a high object in a scene with a little of everything that a bake could disturb."""
+    low, high, other = zoo.plane("lo"), zoo.terrain("hi"), zoo.cube("other")
+    other.modifiers.new("Rounded", "SUBSURF").levels = 0
+    other.hide_render = True
+    other.select_set(True)
+    low.select_set(True)
+    bpy.context.view_layer.objects.active = other
+    material = bpy.data.materials.new("Skin")
+    low.data.materials.append(material)
+    render = bpy.context.scene.render
+    render.engine, render.image_settings.color_depth, render.filepath = "CYCLES", "16", "//frame_"
+    image = bpy.data.images.new("lo_normal", 8, 4)
+    image.pixels.foreach_set(np.linspace(0, 1, 8 * 4 * 4, dtype=np.float32))
+    return low, high
+
+
+def refusal(low, highs, **settings):
+    """The message of a bake that must be refused and leave everything as it was."""
+    before = snapshot()
+    with pytest.raises(BakeError) as refused:
+        pipeline.bake(bpy.context, low, highs, Settings(**SMALL | settings))
+    assert difference(before, snapshot()) == {}
+    message = str(refused.value)
+    assert is_one_sentence(message), message
+    return message
+
+
+def link(obj):
+    bpy.context.scene.collection.objects.link(obj)
+    return obj
+
+
+def into_collection(obj):
+    """Move an object into a new collection; return it and its place in the view layer."""
+    collection = bpy.data.collections.new("Shelf")
+    bpy.context.scene.collection.children.link(collection)
+    bpy.context.scene.collection.objects.unlink(obj)
+    collection.objects.link(obj)
+    return collection, bpy.context.view_layer.layer_collection.children["Shelf"]
+
+
+def remove_uvs(obj):
+    obj.data.uv_layers.remove(obj.data.uv_layers[0])
+
+
+def empty_through_modifiers(obj):
+    obj.vertex_groups.new(name="none")
+    obj.modifiers.new("Mask", "MASK").vertex_group = "none"
+
+
+def child_of_flat_parent(obj):
+    """Nothing in the matrix is zero here, but for rounding it would be."""
+    parent = link(bpy.data.objects.new("flat", None))
+    parent.scale.z, parent.rotation_euler = 0.0, (1.0, 2.0, 3.0)
+    obj.parent, obj.rotation_euler = parent, (0.4, 0.5, 0.6)
+
+
+# Objects
+
+SPOILT = {  # what is done to an object, and the word in the message that helps
+    "no UV layer": (remove_uvs, "unwrap"),
+    "no faces": (lambda obj: obj.data.clear_geometry(), "no faces"),
+    "hidden collection": (lambda obj: setattr(into_collection(obj)[0], "hide_viewport", True), "show the collection"),
+    "collection hidden by the eye": (
+        lambda obj: setattr(into_collection(obj)[1], "hide_viewport", True),
+        "show the collection",
+    ),
+    "excluded collection": (lambda obj: setattr(into_collection(obj)[1], "exclude", True), "include its collection"),
+    "in no scene": (lambda obj: obj.users_scene[0].collection.objects.unlink(obj), "link it"),
+    "zero scale": (lambda obj: setattr(obj, "scale", (0, 0, 0)), "scale"),
+    "zero scale along an axis": (lambda obj: setattr(obj, "delta_scale", (1, 0, 1)), "scale"),
+    "zero scale of a parent": (child_of_flat_parent, "scale"),
+    "NaN in the matrix": (lambda obj: setattr(obj.scale, "x", float("nan")), "NaN"),
+}
+
+
+@pytest.mark.parametrize("name", ["lo", "hi"])
+@pytest.mark.parametrize("case", SPOILT)
+def test_an_object_that_cannot_be_baked_is_named_with_the_remedy(pair, name, case):
+    low, high = pair
+    spoil, remedy = SPOILT[case]
+    spoil(bpy.data.objects[name])
+    message = refusal(low, [high])
+    assert repr(name) in message
+    assert remedy in message
+
+
+@pytest.mark.parametrize("kind", ["LIGHT", "EMPTY", "CURVE", "FONT"])
+@pytest.mark.parametrize("role", ["low", "high"])
+def test_only_meshes_are_baked(pair, kind, role):
+    low, high = pair
+    data = {
+        "LIGHT": lambda: bpy.data.lights.new("odd", "SUN"),
+        "EMPTY": lambda: None,
+        "CURVE": lambda: bpy.data.curves.new("odd", "CURVE"),
+        "FONT": lambda: bpy.data.curves.new("odd", "FONT"),
+    }[kind]()
+    odd = link(bpy.data.objects.new("odd", data))
+    message = refusal(*((odd, [high]) if role == "low" else (low, [odd])))
+    assert "'odd'" in message
+    assert "mesh" in message
+
+
+def test_a_high_mesh_that_its_modifiers_leave_empty(pair):
+    low, high = pair
+    empty_through_modifiers(high)
+    assert "'hi' has no faces" in refusal(low, [high])
+
+
+def test_a_named_uv_layer_that_the_low_mesh_lacks(pair):
+    low, high = pair
+    message = refusal(low, [high], uv_layer="Lightmap")
+    assert "'lo'" in message
+    assert "'Lightmap'" in message
+    assert repr(zoo.LAYER) in message  # what there is instead
+
+
+def test_low_and_high_the_same_without_modifiers(pair):
+    low, _ = pair
+    assert "'lo' is both high and low" in refusal(low, [low])
+
+
+def test_a_low_object_among_several_high_ones(pair):
+    low, high = pair
+    assert "'lo' is the low object and one of several high ones" in refusal(low, [high, low])
+
+
+def test_a_high_object_that_is_named_twice(pair):
+    low, high = pair
+    assert "'hi' is named twice" in refusal(low, [high, high])
+
+
+def test_no_high_object(pair):
+    low, _ = pair
+    assert "No high object for 'lo'" in refusal(low, [])
+
+
+def linked(tmp_path, *names):
+    """Objects of these names, linked from a library that holds the current scene."""
+    path = str(tmp_path / "library.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path, copy=True)
+    with bpy.data.libraries.load(path, link=True) as (_, wanted):
+        wanted.objects = list(names)
+    return [link(obj) for obj in wanted.objects]
+
+
+def test_a_linked_low_object(pair, tmp_path):
+    _, high = pair
+    (low,) = linked(tmp_path, "lo")
+    message = refusal(low, [high])
+    assert '"lo" is linked from a library' in message
+    assert "make it local" in message
+
+
+def test_a_mesh_in_edit_mode_in_another_scene(pair):
+    low, _ = pair
+    elsewhere = bpy.data.scenes.new("Elsewhere")
+    twin = low.copy()
+    twin.modifiers.new("Rounded", "SUBSURF")
+    elsewhere.collection.objects.link(twin)
+    bpy.context.view_layer.objects.active = low
+    bpy.ops.object.mode_set(mode="EDIT")
+    bpy.context.window.scene = elsewhere
+    assert f"The mesh of {twin.name!r} is in Edit Mode" in refusal(twin, [twin])
+
+
+# Settings
+
+SETTINGS = {
+    "size 0": ({"width": 0, "height": 0}, "0 x 0"),
+    "size 15": ({"width": 16, "height": 15}, "16 x 15"),
+    "size 20000": ({"width": 20000, "height": 16}, "16384"),
+    "negative size": ({"width": -64}, "-64 x 32"),
+    "negative margin": ({"margin": -1}, "-1"),
+    "huge margin": ({"margin": 100000}, "100000"),
+    "depth": ({"depth": 24}, "24"),
+    "space": ({"space": "CAMERA"}, "'CAMERA'"),
+    "method": ({"method": "GUESS"}, "'GUESS'"),
+    "green": ({"green": "y"}, "'y'"),
+    "no file": ({"storage": "FILE"}, "no file is named"),
+}
+
+
+@pytest.mark.parametrize("case", SETTINGS)
+def test_settings_that_no_bake_takes(pair, case):
+    low, high = pair
+    settings, word = SETTINGS[case]
+    assert word in refusal(low, [high], **settings)
+
+
+def test_a_map_wider_than_the_gpu_takes(pair, monkeypatch):
+    low, high = pair
+    monkeypatch.setattr(gpu.capabilities, "max_texture_size_get", lambda: 1024)
+    message = refusal(low, [high], width=2048)
+    assert "2048" in message
+    assert "1024" in message
+
+
+def test_no_gpu(pair, monkeypatch):
+    def fail():
+        raise SystemError("no context")
+
+    low, high = pair
+    monkeypatch.setattr(gpu, "init", fail)
+    assert "no GPU" in refusal(low, [high])
+
+
+# Where the map goes
+
+OUTPUTS = {
+    "missing folder": ("none/map.png", 16, "No such file"),
+    "folder": ("folder.png", 16, "is a folder"),
+    "file in place of a folder": ("file.txt/map.png", 16, "Not a directory"),
+    "name too long": ("m" * 300 + ".png", 16, "too long"),
+    "no image format": ("map.jpg", 8, ".png or .exr"),
+    "no ending": ("map", 8, ".png or .exr"),
+    "PNG in 32 bits": ("map.png", 32, "8 or 16 bits"),
+    "OpenEXR in 8 bits": ("map.exr", 8, "16 or 32 bits"),
+}
+
+
+@pytest.mark.parametrize("case", OUTPUTS)
+def test_a_file_that_cannot_be_written(pair, tmp_path, case):
+    low, high = pair
+    name, depth, word = OUTPUTS[case]
+    (tmp_path / "folder.png").mkdir()
+    (tmp_path / "file.txt").touch()
+    before = sorted(tmp_path.rglob("*"))
+    assert word in refusal(low, [high], storage="FILE", output=str(tmp_path / name), depth=depth)
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_a_path_relative_to_a_file_that_was_never_saved(pair, tmp_path, monkeypatch):
+    low, high = pair
+    monkeypatch.chdir(tmp_path)  # where Blender would look for it
+    assert "save it first" in refusal(low, [high], storage="FILE", output="//map.png")
+    assert os.listdir(tmp_path) == []
+
+
+def tiled():
+    bpy.data.images.new("taken", 8, 8, tiled=True)
+
+
+def of_source(source):
+    bpy.data.images.new("taken", 8, 8).source = source
+
+
+def rendered():
+    scene = bpy.context.scene
+    scene.camera = link(bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera")))
+    scene.render.resolution_x = scene.render.resolution_y = 4
+    scene.cycles.samples = 1
+    bpy.ops.render.render()
+    bpy.data.images["Render Result"].name = "taken"
+
+
+TAKEN = {
+    "tiled": tiled,
+    "movie": lambda: of_source("MOVIE"),
+    "sequence": lambda: of_source("SEQUENCE"),
+    "stereo": lambda: bpy.data.images.new("taken", 8, 8, stereo3d=True),
+    "render result": rendered,
+}
+
+
+@pytest.mark.parametrize("storage", ["PACK", "MEMORY", "FILE"])
+@pytest.mark.parametrize("case", TAKEN)
+def test_an_image_that_is_no_single_picture_keeps_its_name(pair, tmp_path, case, storage):
+    low, high = pair
+    TAKEN[case]()
+    message = refusal(low, [high], image="taken", storage=storage, output=str(tmp_path / "map.png"))
+    assert "'taken'" in message
+    assert "another name" in message
+    assert os.listdir(tmp_path) == []
+
+
+# Coordinates
+
+
+def poke(attribute, values):
+    """Set some elements of a vector attribute: {index: vector}. As a whole, since one by one infinity is clamped."""
+    width = len(attribute.data[0].vector)
+    array = np.empty((len(attribute.data), width), np.float32)
+    attribute.data.foreach_get("vector", array.ravel())
+    for index, value in values.items():
+        array[index] = value
+    attribute.data.foreach_set("vector", array.ravel())
+
+
+def set_uv(obj, values):
+    """Set the UVs of some corners: {corner: (u, v)}."""
+    poke(obj.data.attributes[zoo.LAYER], values)
+
+
+def set_position(obj, vertex, value):
+    poke(obj.data.attributes["position"], {vertex: value})
+    obj.data.update()
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("what", ["position", "uv"])
+@pytest.mark.parametrize("space", ["TANGENT", "OBJECT"])
+def test_triangles_that_are_not_finite_are_left_out_and_counted(pair, bad, what, space):
+    low, high = pair
+    if what == "position":
+        set_position(high, 40, (bad, 0, 0))
+    else:
+        set_uv(high, {0: (0.5, bad)})
+    report = pipeline.bake(bpy.context, low, [high], Settings(**SMALL, space=space))
+    # A corner of a quad is in one or two of its triangles; a vertex in the middle of quads is in 4 to 8, and infinity
+    # spoils the normals of its neighbours too.
+    (counted,) = (int(n) for w in report.warnings for n in re.findall(r"'hi': (\d+) of its triangles left out", w))
+    assert counted in (range(1, 3) if what == "uv" else range(4, 9))
+    assert report.triangles["high"] == 2 * 32 * 32 - counted
+    assert np.isfinite(maps.pixels(bpy.data.images["lo_normal"])).all()
+    assert 0.9 < report.coverage < 1.0
+
+
+def test_uvs_outside_the_tile_are_counted_and_named(pair):
+    low, high = pair
+    set_uv(high, {4 * 500: (1.5, 0.1)})
+    report = pipeline.bake(bpy.context, low, [high], Settings(**SMALL))
+    (warning,) = report.warnings
+    assert re.match(r"'hi': [12] of its triangles reach outside the UV tile", warning)
+
+
+def test_triangles_without_area_in_uv_space_are_counted_and_named(pair):
+    low, high = pair
+    set_uv(high, {4 * 7 + corner: (0.25, 0.25) for corner in range(4)})
+    report = pipeline.bake(bpy.context, low, [high], Settings(**SMALL))
+    assert any(re.match(r"'hi': 2 of its triangles have no area", warning) for warning in report.warnings)
+
+
+@pytest.mark.parametrize("space", ["TANGENT", "OBJECT", "WORLD"])
+@pytest.mark.parametrize("name", ["lo", "hi"])
+def test_a_mesh_that_is_one_point_in_space_gives_numbers(pair, name, space):
+    low, high = pair
+    data = bpy.data.objects[name].data
+    data.attributes["position"].data.foreach_set("vector", np.full(len(data.vertices) * 3, 0.5, np.float32))
+    data.update()
+    assert np.isfinite(maps.bake(low, high, space=space, size=(32, 32))).all()
+
+
+def test_nan_does_not_hide_uvs_outside_the_tile(pair):
+    low, high = pair
+    set_uv(high, {0: (np.nan, 0.0), 4 * 500: (1.5, 0.5)})
+    report = pipeline.bake(bpy.context, low, [high], Settings(**SMALL))
+    assert any("outside the UV tile" in warning for warning in report.warnings)
+
+
+def test_rounding_is_not_outside_the_tile(pair):
+    low, high = pair
+    high.modifiers.new("Rounded", "SUBSURF")
+    report = pipeline.bake(bpy.context, low, [high], Settings(**SMALL))
+    assert report.warnings == []
+
+
+@pytest.mark.parametrize("name", ["hi", "lo"])
+def test_nothing_on_the_map_is_laid_to_the_right_mesh(pair, name):
+    low, high = pair
+    data = bpy.data.objects[name].data
+    data.uv_layers[0].uv.foreach_set("vector", np.full(len(data.loops) * 2, 2.0, np.float32))
+    message = refusal(low, [high])
+    assert name in re.findall(r"\w+", message)
+    assert {"lo": "hi", "hi": "lo"}[name] not in re.findall(r"\w+", message)
+
+
+# Real ones
+
+NASTY = [
+    "BoxBadNormals.glb",
+    "BoxWithInfinites.glb",
+    "MirroredCube_252.blend",
+    "busted.STL",
+    "chair_model.obj",
+    "cycloidal.ply",
+    "empty.obj",
+    "fuze.obj",
+    "groups.obj",
+    "nancolor.obj",
+]
+IMPORT = {
+    ".blend": lambda path: bpy.ops.wm.open_mainfile(filepath=path),
+    ".glb": lambda path: bpy.ops.import_scene.gltf(filepath=path),
+    ".obj": lambda path: bpy.ops.wm.obj_import(filepath=path),
+    ".ply": lambda path: bpy.ops.wm.ply_import(filepath=path),
+    ".stl": lambda path: bpy.ops.wm.stl_import(filepath=path),
+}
+
+
+@pytest.mark.shared
+def test_every_nasty_file_is_tried(shared_assets):
+    assert sorted(os.listdir(shared_assets / "nasty")) == sorted(NASTY)
+
+
+def attempt(low, highs):
+    """Bake, or be refused in one sentence that names one of the objects."""
+    try:
+        texels = maps.bake(low, *highs, method="FLATTEN", margin=4)
+    except BakeError as error:
+        assert is_one_sentence(str(error)), str(error)
+        assert any(obj.name in str(error) for obj in (low, *highs)), str(error)
+        return False
+    assert np.isfinite(texels).all()
+    assert set(np.unique(texels[..., 3])) <= {0.0, 1.0}
+    return True
+
+
+def project(obj):
+    """Give an object a UV layer: what it looks like from above, a little askew so that upright faces have an area."""
+    data = obj.data
+    points, corners = np.empty((len(data.vertices), 3), np.float32), np.empty(len(data.loops), np.int32)
+    data.vertices.foreach_get("co", points.ravel())
+    data.loops.foreach_get("vertex_index", corners)
+    uv = points[:, :2] + points[:, 2:] * (0.31, 0.17)
+    layer, size = data.uv_layers.new(), np.ptp(uv, axis=0)  # a new layer has each face on the whole tile
+    if size.all():
+        uv = (uv - uv.min(axis=0)) / size
+        layer.uv.foreach_set("vector", uv[corners].astype(np.float32).ravel())
+
+
+@pytest.mark.shared
+@pytest.mark.parametrize("name", NASTY)
+def test_nasty_files_bake_or_are_refused(shared_assets, name):
+    path = shared_assets / "nasty" / name
+    IMPORT[path.suffix.lower()](str(path))
+    objects = list(bpy.data.objects)
+    plane = zoo.plane("plane")
+    for obj in objects:
+        is_mesh = obj.type == "MESH"
+        assert attempt(plane, [obj]) == (is_mesh and bool(obj.data.uv_layers))
+        assert not attempt(obj, [obj]) or obj.modifiers
+        if is_mesh:
+            if not obj.data.uv_layers:
+                project(obj)
+            assert attempt(plane, [obj])
+            assert attempt(obj, [plane])
+            # Blender's subdivision takes 12 s for cycloidal, which is not ours to wait for.
+            obj.modifiers.new("Detail", "SUBSURF" if len(obj.data.polygons) < 10000 else "DISPLACE")
+            assert attempt(obj, [obj])
+    if not objects:
+        with pytest.raises(BakeError, match="no object called 'empty'"):
+            subjects.named("empty")

@@ -1,0 +1,168 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Rays on the GPU against a float64 caster that looks at every triangle."""
+
+import gpu
+import numpy as np
+import pytest
+
+from addon.mesh import bvh
+from addon.passes import cast, target
+from tests.support import angles, oracle
+
+pytestmark = pytest.mark.usefixtures("gpu_context")
+
+SAME_TRIANGLE = 0.999
+"""Share of rays. Those that strike an edge may be given to either side of it."""
+NORMAL_P99 = 0.01
+"""Degrees."""
+SIZE = 64
+
+
+def tables(corners, normals=None):
+    corners = np.asarray(corners, np.float32)
+    tree = bvh.build(corners)
+    normals = corners if normals is None else np.asarray(normals, np.float32)
+    uploaded = cast.upload(
+        tree.nodes,
+        corners[tree.order],
+        normals[tree.order],
+        first_leaf=tree.first_leaf,
+        origin=tree.origin,
+        scale=tree.scale,
+    )
+    return uploaded, tree.order
+
+
+def ray_target(origins, directions, mask=None):
+    """SIZE x SIZE rays as gbuffer.draw would leave them."""
+    rays = target.Target(SIZE, SIZE, ("RGBA32F", "RGBA32F"))
+    for slot, values in enumerate((origins, directions)):
+        texels = np.ones((SIZE, SIZE, 4), np.float32)
+        texels[..., :3] = values.reshape(SIZE, SIZE, 3)
+        if mask is not None:
+            texels[..., 3] = mask
+        rays.textures[slot] = gpu.types.GPUTexture(
+            (SIZE, SIZE), format="RGBA32F", data=gpu.types.Buffer("FLOAT", texels.shape, texels)
+        )
+    return rays
+
+
+def shoot(origins, directions, corners, *, normals=None, reach=100.0, back=0.0, facing_only=False, mask=None):
+    """Distances (N,), -1 for none, normals (N, 3), and what look_up left in alpha (N,)."""
+    uploaded, _ = tables(corners, normals)
+    rays = ray_target(origins, directions, mask)
+    hits = target.Target(SIZE, SIZE, ("RGBA32UI",))
+    cast.trace(hits, rays, uploaded, heading=1.0, back=back, reach=reach, facing_only=facing_only)
+    found = target.Target(SIZE, SIZE, ("RGBA32F",))
+    far, looked_up = (np.empty((SIZE, SIZE, 4), np.float32) for _ in range(2))
+    cast.distances(found, hits)
+    found.read(far)
+    cast.look_up(found, hits, rays, uploaded, np.eye(3))
+    found.read(looked_up)
+    looked_up = looked_up.reshape(-1, 4)
+    return far[..., 0].ravel(), looked_up[:, :3].astype(np.float64), looked_up[:, 3]
+
+
+def soup(rng, count, size):
+    return rng.random((count, 1, 3)) + (rng.random((count, 3, 3)) - 0.5) * size
+
+
+def random_rays(rng):
+    directions = rng.normal(size=(SIZE * SIZE, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    origins = 0.5 - directions * 2.0 + (rng.random((SIZE * SIZE, 3)) - 0.5)
+    return origins.astype(np.float32), directions.astype(np.float32)
+
+
+def check(origins, directions, corners, normals, **options):
+    corners, normals = np.asarray(corners, np.float32), np.asarray(normals, np.float32)
+    far, found, alpha = shoot(origins, directions, corners, normals=normals, **options)
+    triangle, distance, weights, _ = oracle.first_hits(origins, directions, corners, options.get("reach", 100.0))
+    hit = triangle >= 0
+    # A hit is known by its distance and its normal: no two triangles of a soup share both.
+    truth = (normals[triangle].astype(np.float64) * weights[..., None]).sum(axis=1)
+    truth /= np.maximum(np.linalg.norm(truth, axis=1, keepdims=True), 1e-12)
+    same = np.where(hit, np.abs(far - np.where(hit, distance, 0.0)) < 1e-4, far < 0.0)
+    print(f"{hit.mean():.1%} hit, same in {same.mean():.4%}")
+    assert 0.1 < hit.mean()  # the case says something
+    assert same.mean() >= SAME_TRIANGLE
+    error = angles.degrees(found[hit & same], truth[hit & same])
+    assert np.percentile(error, 99) < NORMAL_P99
+    assert np.array_equal(alpha, np.where(far >= 0.0, 1.0, -1.0))
+
+
+@pytest.mark.parametrize(("seed", "count", "size"), [(1, 1, 3.0), (2, 5, 1.0), (3, 300, 0.3), (4, 2000, 0.1), (5, 700, 2.0)])
+def test_random_soups_seeds_1_to_5(seed, count, size):
+    rng = np.random.default_rng(seed)
+    corners = soup(rng, count, size)
+    normals = rng.normal(size=(count, 1, 3)) + 0.3 * rng.normal(size=(count, 3, 3))
+    check(*random_rays(rng), corners, normals)
+
+
+def test_short_rays_stop_in_time_seed_6():
+    rng = np.random.default_rng(6)
+    corners = soup(rng, 500, 0.5)
+    check(*random_rays(rng), corners, rng.normal(size=(500, 3, 3)), reach=1.7)
+
+
+def test_a_sphere_is_hit_on_its_surface_seed_8():
+    rng = np.random.default_rng(8)
+    corners = oracle.icosphere(3)
+    origins, directions = random_rays(rng)
+    outwards = -directions
+    far, found, _ = shoot(outwards * 3.0, directions, corners, normals=corners)
+    assert (far > 0).all()
+    assert np.abs(far - 2.0).max() < 0.02  # the facets lie that deep below the sphere
+    assert angles.degrees(found, outwards / np.linalg.norm(outwards, axis=1, keepdims=True)).max() < 0.5
+
+
+def test_a_closed_mesh_has_no_leak_seeds_0_to_9():
+    """Rays from inside, at ten rotations, also aimed at edges and corners: not one gets out."""
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        corners = oracle.icosphere(4) @ oracle.rotation(rng).T
+        flat = corners.reshape(-1, 3, 3)[rng.integers(0, len(corners), SIZE * SIZE)]
+        mix = rng.random(SIZE * SIZE)[:, None]
+        kind = rng.integers(0, 3, SIZE * SIZE)[:, None]
+        aim = np.where(kind == 0, flat[:, 0], flat[:, 0] * mix + flat[:, 1] * (1 - mix))
+        aim = np.where(kind == 2, rng.normal(size=aim.shape), aim)
+        directions = (aim / np.linalg.norm(aim, axis=1, keepdims=True)).astype(np.float32)
+        far, _, _ = shoot(np.zeros_like(directions), directions, corners)
+        assert (far > 0.0).all(), f"seed {seed}: {np.count_nonzero(far < 0)} rays leaked"
+
+
+def test_axis_parallel_rays_hit_axis_parallel_boxes():
+    """Zero components and rays that run inside a box's face are where slab tests make NaNs."""
+    plane = [[(0, 0, 0), (1, 0, 0), (1, 1, 0)], [(0, 0, 0), (1, 1, 0), (0, 1, 0)]]
+    x, y = np.meshgrid((np.arange(SIZE) + 0.5) / SIZE, (np.arange(SIZE) + 0.5) / SIZE)
+    origins = np.stack([x.ravel(), y.ravel(), np.ones(SIZE * SIZE)], axis=1).astype(np.float32)
+    directions = np.broadcast_to(np.float32((0, 0, -1)), origins.shape)
+    far, _, _ = shoot(origins, directions, plane)
+    assert np.allclose(far, 1.0, atol=1e-6)
+
+
+def test_facing_only_passes_through_backs():
+    front = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]
+    back = [(0, 0, 1), (0, 1, 1), (1, 0, 1)]  # above, and turned down
+    origins = np.broadcast_to(np.float32((0.2, 0.2, 2.0)), (SIZE * SIZE, 3))
+    directions = np.broadcast_to(np.float32((0, 0, -1)), origins.shape)
+    assert np.allclose(shoot(origins, directions, [front, back])[0], 1.0)
+    assert np.allclose(shoot(origins, directions, [front, back], facing_only=True)[0], 2.0)
+
+
+def test_texels_without_a_low_mesh_cast_nothing():
+    mask = np.zeros((SIZE, SIZE))
+    mask[:, ::2] = 1.0
+    origins = np.broadcast_to(np.float32((0.2, 0.2, 2.0)), (SIZE * SIZE, 3))
+    directions = np.broadcast_to(np.float32((0, 0, -1)), origins.shape)
+    far, _, alpha = shoot(origins, directions, [[(0, 0, 0), (1, 0, 0), (0, 1, 0)]], mask=mask)
+    assert np.array_equal(alpha.reshape(SIZE, SIZE), mask)
+    assert (far.reshape(SIZE, SIZE)[:, 1::2] == -1.0).all()
+
+
+def test_back_starts_the_ray_earlier():
+    origins = np.broadcast_to(np.float32((0.2, 0.2, -0.5)), (SIZE * SIZE, 3))  # already past the triangle
+    directions = np.broadcast_to(np.float32((0, 0, -1)), origins.shape)
+    triangle = [[(0, 0, 0), (1, 0, 0), (0, 1, 0)]]
+    assert (shoot(origins, directions, triangle)[0] == -1.0).all()
+    assert np.allclose(shoot(origins, directions, triangle, back=0.75)[0], 0.25)

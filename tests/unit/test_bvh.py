@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The tree's shape, held against what its documentation promises."""
+
+import numpy as np
+import pytest
+
+from addon.mesh import bvh
+
+
+def unpack(packed):
+    """low, high (…,) of bvh.pack, by its documentation and not by its code."""
+    bits = np.ascontiguousarray(packed).view(np.uint32)
+    return bits & 0x7FFF, (bits >> 15) & 0x3FFF | (bits >> 31) << 14
+
+
+def test_pack_keeps_all_pairs_of_the_edges_and_makes_plain_floats():
+    values = np.array([0, 1, 127, 128, 16383, 16384, 32639, 32640, 32766, 32767], np.uint16)
+    low, high = (grid.ravel() for grid in np.meshgrid(values, values))
+    packed = bvh.pack(low, high)
+    assert packed.dtype == np.float32
+    assert np.isfinite(packed).all()
+    assert (np.abs(packed) >= np.finfo(np.float32).tiny).all()
+    assert all(np.array_equal(*pair) for pair in zip(unpack(packed), (low, high), strict=True))
+
+
+@pytest.mark.parametrize("count", [1, 2, 4, 5, 16, 17, 1000])
+def test_every_triangle_lies_in_all_boxes_above_it_seed_5(count):
+    rng = np.random.default_rng(5)
+    corners = (rng.random((count, 1, 3)) * (1, 100, 1e-3) + rng.random((count, 3, 3)) * 0.01).astype(np.float32)
+    tree = bvh.build(corners)
+    assert np.array_equal(np.sort(tree.order), np.arange(count))
+    steps = (corners[tree.order].astype(np.float64) - tree.origin) * tree.scale
+    for i in range(count):
+        node = tree.first_leaf + i
+        while node > 0:
+            node, slot = (node - 1) // 4, (node - 1) % 4
+            low, high = unpack(tree.nodes[node, :, slot])
+            assert (low <= steps[i].min(axis=0)).all()
+            assert (high >= steps[i].max(axis=0)).all()
+
+
+def test_children_that_are_not_there_are_never_entered():
+    tree = bvh.build(np.random.default_rng(0).random((5, 3, 3)).astype(np.float32))
+    levels = {0: [0], 1: [1, 2]}  # five triangles make two nodes of triangles under one root
+    missing = [(0, 2), (0, 3), (2, 1), (2, 2), (2, 3)]
+    for node, slot in missing:
+        low, high = unpack(tree.nodes[node, :, slot])
+        assert (low > high).all()
+    assert len(tree.nodes) == sum(map(len, levels.values()))
+    assert tree.first_leaf == 5
+
+
+def test_a_flat_mesh_has_a_tree():
+    corners = np.random.default_rng(1).random((64, 3, 3)).astype(np.float32)
+    corners[..., 2] = 3.0
+    tree = bvh.build(corners)
+    assert np.isfinite(tree.scale).all()
+    assert np.isfinite(tree.nodes).all()
+
+
+def test_neighbours_in_order_are_neighbours_in_space_seed_2():
+    """What the Morton curve is for: boxes of four triangles in a row are small."""
+    corners = np.random.default_rng(2).random((4096, 1, 3)).astype(np.float32).repeat(3, axis=1)
+    tree = bvh.build(corners)
+    centres = corners[tree.order, 0].reshape(-1, 4, 3)
+    extent = (centres.max(axis=1) - centres.min(axis=1)).max(axis=1)
+    assert np.median(extent) < 0.2  # unsorted, four points span 0.8

@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a bake may be asked for, as plain data."""
+
+import dataclasses
+
+import pytest
+
+from addon.bake.errors import BakeError
+from addon.bake.settings import FORMATS, MAX_SIZE, MIN_SIZE, Settings
+
+GOOD = [
+    {},
+    {"width": MIN_SIZE, "height": MAX_SIZE},
+    {"space": "OBJECT", "green": "-Y", "basis": "MIKKTSPACE", "modifiers": "VIEWPORT"},
+    {"space": "WORLD", "margin": 0},
+    {"margin": MAX_SIZE},
+    *({"storage": storage, "depth": depth} for storage in ("PACK", "MEMORY") for depth in (8, 16, 32)),
+    *(
+        {"storage": "FILE", "output": f"m{end}", "depth": depth}
+        for end, (_, depths) in FORMATS.items()
+        for depth in depths
+    ),
+    {"storage": "FILE", "output": "//MAP.PNG"},
+    {"storage": "PACK", "output": "notes.txt"},  # not looked at
+]
+BAD = [
+    *({side: size} for side in ("width", "height") for size in (-1, 0, MIN_SIZE - 1, MAX_SIZE + 1)),
+    {"margin": -1},
+    {"margin": MAX_SIZE + 1},
+    {"method": "flatten"},
+    {"space": ""},
+    {"basis": "XNORMAL"},
+    {"green": "+y"},
+    {"modifiers": "NONE"},
+    {"storage": "DISK"},
+    {"depth": 0},
+    {"depth": 24},
+    {"storage": "FILE"},
+    {"storage": "FILE", "output": "map"},
+    {"storage": "FILE", "output": "map.tga"},
+    {"storage": "FILE", "output": "map.png", "depth": 32},
+    {"storage": "FILE", "output": "map.exr", "depth": 8},
+]
+
+
+@pytest.mark.parametrize("values", GOOD, ids=str)
+def test_what_can_be_baked(values):
+    Settings(**values).check()
+
+
+@pytest.mark.parametrize("values", BAD, ids=str)
+def test_what_cannot_be_baked_is_named(values):
+    with pytest.raises(BakeError) as refused:
+        Settings(**values).check()
+    message = str(refused.value)
+    assert message.endswith(".")
+    assert "\n" not in message
+    # What was asked for is in the sentence, unless it was nothing.
+    assert all(str(value) in message for name, value in values.items() if name not in {"storage", "output"})
+
+
+def test_settings_do_not_change_under_a_bake():
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        Settings().width = 32
