@@ -6,20 +6,39 @@ def register() -> None:
     """Called by Blender when the extension is enabled."""
     import atexit
 
-    from . import commands, operators, panels, passes, properties
+    import bpy
+
+    from . import commands, operators, panels, properties
 
     for module in (properties, operators, panels, commands):
         module.register()
-    atexit.register(passes.free)
+    bpy.app.handlers.load_pre.append(free)
+    atexit.register(free)
 
 
 def unregister() -> None:
     """Called by Blender when the extension is disabled."""
     import atexit
 
-    from . import commands, operators, panels, passes, properties
+    import bpy
 
+    from . import commands, operators, panels, preview, properties
+
+    preview.show(False)
     for module in (commands, panels, operators, properties):
         module.unregister()
-    atexit.unregister(passes.free)
+    bpy.app.handlers.load_pre.remove(free)
+    atexit.unregister(free)
+    free()
+
+
+def free(*_) -> None:
+    """Free what is kept on the GPU between bakes. Blender crashes on exit while such objects live."""
+    from . import passes
+    from .bake import casting
+
+    casting.free()
     passes.free()
+
+
+free._bpy_persistent = None  # as bpy.app.handlers.persistent does: the handler outlives the file that it is called for

@@ -4,8 +4,10 @@
 import bpy
 from bpy.props import CollectionProperty, IntProperty, StringProperty
 
-from .bake import pipeline, subjects
+from . import preview
+from .bake import pairs, pipeline, subjects
 from .bake.errors import BakeError
+from .bake.report import Report
 from .properties import Options
 
 
@@ -23,6 +25,8 @@ class IMPRINT_OT_bake(bpy.types.Operator, Options):
         description='Names of the high objects, as [{"name": "sculpt"}]; empty for the slots or the selection',
     )
 
+    cage: StringProperty(name="Cage", description="Name of the cage; empty for the slot")
+
     def execute(self, context: bpy.types.Context) -> set[str]:
         scene_settings = context.scene.imprint
         try:
@@ -31,15 +35,82 @@ class IMPRINT_OT_bake(bpy.types.Operator, Options):
                 highs = [subjects.named(item.name) for item in self.high]
             if low is None:
                 raise BakeError(subjects.problem(context, low, highs))
-            report = pipeline.bake(context, low, highs, self.to_settings(fallback=scene_settings))
+            cage = subjects.named(self.cage) if self.cage else scene_settings.cage
+            report = pipeline.bake(context, low, highs, self.to_settings(fallback=scene_settings), cage)
         except BakeError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-        for warning in report.warnings:
-            self.report({"WARNING"}, warning)
-        lines = report.summary()
-        self.report({"INFO"}, ". ".join(lines))
-        context.window_manager.imprint_summary = "\n".join(lines + report.warnings)
+        _tell(self, context, [report])
+        return {"FINISHED"}
+
+
+class IMPRINT_OT_bake_pairs(bpy.types.Operator):
+    """Bake each low object of the scene against the high ones that are named like it"""
+
+    bl_idname = "imprint.bake_pairs"
+    bl_label = "Bake Pairs by Name"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        settings = context.scene.imprint
+        try:
+            found, problems = pairs.match(context.view_layer.objects.keys(), settings.suffixes())
+            if not found:
+                raise BakeError(" ".join(problems) or f"No object is called something{settings.low_suffix}.")
+            jobs = [pipeline.job_of(pair) for pair in found]
+            reports = pipeline.bake_all(context, jobs, settings.to_settings(), share_image=settings.share_image)
+        except BakeError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        for problem in problems:
+            self.report({"WARNING"}, problem)
+        _tell(self, context, reports)
+        return {"FINISHED"}
+
+
+def _tell(operator: bpy.types.Operator, context: bpy.types.Context, reports: list[Report]) -> None:
+    """Put what was done where an artist sees it: the status bar, the info log, the panel."""
+    manager = context.window_manager
+    lines, warnings = [line for report in reports for line in report.summary()], []
+    for warning in (warning for report in reports for warning in report.warnings):
+        operator.report({"WARNING"}, warning)
+        warnings.append(warning)
+    operator.report({"INFO"}, ". ".join(lines))
+    manager.imprint_summary, manager.imprint_warnings = "\n".join(lines), "\n".join(warnings)
+    for name, value in reports[-1].distances.items():
+        setattr(manager.imprint_found, name, value)
+
+
+class IMPRINT_OT_freeze_distances(bpy.types.Operator):
+    """Take the distances that the last bake measured as the ones that are set"""
+
+    bl_idname = "imprint.freeze_distances"
+    bl_label = "Freeze Distances"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return context.window_manager.imprint_found.max_distance > 0.0
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        settings, found = context.scene.imprint, context.window_manager.imprint_found
+        settings.extrusion, settings.max_distance = found.extrusion, found.max_distance
+        settings.measure = False
+        return {"FINISHED"}
+
+
+class IMPRINT_OT_show_cage(bpy.types.Operator):
+    """Show around the low mesh where rays start (blue) and where they end (orange), or stop showing it"""
+
+    bl_idname = "imprint.show_cage"
+    bl_label = "Show Cage"
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        preview.show(not preview.is_on())
+        for window in context.window_manager.windows:
+            for area in window.screen.areas:
+                if area.type == "VIEW_3D":
+                    area.tag_redraw()
         return {"FINISHED"}
 
 
@@ -98,6 +169,13 @@ class IMPRINT_OT_high_remove(bpy.types.Operator):
         return {"FINISHED"}
 
 
-register, unregister = bpy.utils.register_classes_factory(
-    (IMPRINT_OT_bake, IMPRINT_OT_use_selection, IMPRINT_OT_high_add, IMPRINT_OT_high_remove)
+CLASSES = (
+    IMPRINT_OT_bake,
+    IMPRINT_OT_bake_pairs,
+    IMPRINT_OT_freeze_distances,
+    IMPRINT_OT_show_cage,
+    IMPRINT_OT_use_selection,
+    IMPRINT_OT_high_add,
+    IMPRINT_OT_high_remove,
 )
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

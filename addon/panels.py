@@ -5,7 +5,8 @@ import textwrap
 
 import bpy
 
-from .bake import images, subjects
+from . import preview
+from .bake import images, pairs, subjects
 from .bake.errors import BakeError
 from .properties import ImprintSettings
 
@@ -50,8 +51,11 @@ class IMPRINT_PT_bake(_Panel, bpy.types.Panel):
         row.scale_y = 1.6
         row.enabled = not problem
         row.operator("imprint.bake", icon="RENDER_STILL")
-        if context.window_manager.imprint_summary:
-            _paragraphs(layout.box(), context, context.window_manager.imprint_summary.split("\n"), "CHECKMARK")
+        manager = context.window_manager
+        if manager.imprint_summary:
+            box = layout.box()
+            _paragraphs(box, context, manager.imprint_summary.split("\n"), "CHECKMARK")
+            _paragraphs(box, context, manager.imprint_warnings.split("\n"), "ERROR")
 
 
 class IMPRINT_PT_map(_Panel, bpy.types.Panel):
@@ -79,6 +83,68 @@ class IMPRINT_PT_map(_Panel, bpy.types.Panel):
         layout.prop(settings, "margin")
         layout.prop(settings, "green")
         layout.prop(settings, "modifiers")
+
+
+class IMPRINT_PT_rays(_Panel, bpy.types.Panel):
+    """Where rays start and end."""
+
+    bl_idname = "IMPRINT_PT_rays"
+    bl_parent_id = "IMPRINT_PT_bake"
+    bl_label = "Rays"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return context.scene.imprint.method != "FLATTEN"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        settings = context.scene.imprint
+        found = context.window_manager.imprint_found
+        layout.prop(settings, "cage")
+        layout.prop(settings, "measure")
+        column = layout.column(align=True)
+        if settings.measure:
+            column.enabled = False
+            column.prop(found, "extrusion")
+            column.prop(found, "max_distance")
+            layout.operator("imprint.freeze_distances", icon="FREEZE")
+        else:
+            column.prop(settings, "extrusion")
+            column.prop(settings, "max_distance")
+        layout.operator("imprint.show_cage", icon="MESH_UVSPHERE", depress=preview.is_on())
+        layout.prop(settings, "directions")
+        layout.prop(settings, "facing_only")
+        layout.prop(settings, "missed")
+        layout.prop(settings, "mask")
+
+
+class IMPRINT_PT_pairs(_Panel, bpy.types.Panel):
+    """Many at once, by name."""
+
+    bl_idname = "IMPRINT_PT_pairs"
+    bl_parent_id = "IMPRINT_PT_bake"
+    bl_label = "Pairs by Name"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        settings = context.scene.imprint
+        row = layout.row(align=True)
+        for name in ("low_suffix", "high_suffix", "cage_suffix"):
+            row.prop(settings, name, text="")
+        try:
+            found, problems = pairs.match(context.view_layer.objects.keys(), settings.suffixes())
+        except BakeError as error:
+            found, problems = [], [str(error)]
+        box = layout.box()
+        _paragraphs(box, context, [f"{pair.low}: {', '.join(pair.highs)}" for pair in found], "CHECKMARK")
+        _paragraphs(box, context, problems or ([] if found else ["No object has one of these endings."]), "ERROR")
+        layout.prop(settings, "share_image")
+        row = layout.row()
+        row.enabled = bool(found)
+        row.operator("imprint.bake_pairs", icon="RENDER_STILL")
 
 
 class IMPRINT_PT_output(_Panel, bpy.types.Panel):
@@ -115,7 +181,7 @@ def _problem(
         settings.to_settings().check()
     except BakeError as error:
         return str(error)
-    return subjects.problem(context, low, highs)
+    return subjects.problem(context, low, highs, settings.cage, settings.method)
 
 
 def _plan(low: bpy.types.Object, highs: list[bpy.types.Object], settings: ImprintSettings) -> list[str]:
@@ -123,10 +189,9 @@ def _plan(low: bpy.types.Object, highs: list[bpy.types.Object], settings: Imprin
     source = "its own modifiers" if low in highs else ", ".join(repr(high.name) for high in highs)
     name = images.name_for(low.name, settings.to_settings())
     known = "over the image" if bpy.data.images.get(name) else "into a new image"
-    return [
-        f"Bakes {source} onto {low.name!r}: {settings.space.lower()} space, {settings.width} x {settings.height}, "
-        f"{known} {name!r}."
-    ]
+    how = {"AUTO": "Bakes", "FLATTEN": "Flattens", "CAST": "Casts rays from"}[settings.method]
+    onto = f"{low.name!r} to {source}" if settings.method == "CAST" else f"{source} onto {low.name!r}"
+    return [f"{how} {onto}: {settings.space.lower()} space, {settings.width} x {settings.height}, {known} {name!r}."]
 
 
 def _paragraphs(layout: bpy.types.UILayout, context: bpy.types.Context, lines: list[str], icon: str) -> None:
@@ -138,6 +203,12 @@ def _paragraphs(layout: bpy.types.UILayout, context: bpy.types.Context, lines: l
             column.label(text=part, icon="BLANK1" if number else icon)
 
 
-register, unregister = bpy.utils.register_classes_factory(
-    (IMPRINT_UL_highs, IMPRINT_PT_bake, IMPRINT_PT_map, IMPRINT_PT_output)
+CLASSES = (
+    IMPRINT_UL_highs,
+    IMPRINT_PT_bake,
+    IMPRINT_PT_map,
+    IMPRINT_PT_rays,
+    IMPRINT_PT_output,
+    IMPRINT_PT_pairs,
 )
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

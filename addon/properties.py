@@ -8,11 +8,14 @@ from bpy.props import (
     BoolProperty,
     CollectionProperty,
     EnumProperty,
+    FloatProperty,
+    FloatVectorProperty,
     IntProperty,
     PointerProperty,
     StringProperty,
 )
 
+from .bake.pairs import Suffixes
 from .bake.settings import MAX_SIZE, MIN_SIZE, Settings
 
 
@@ -22,8 +25,60 @@ class Options:
     method: EnumProperty(
         name="Method",
         description="How the detail comes from the high mesh to the map",
-        items=[("FLATTEN", "Flatten", "Draw the high mesh in UV space: both meshes share their UV layout")],
+        items=[
+            (
+                "AUTO",
+                "Auto",
+                "Flatten where the meshes share their UV layout, else Cast; the report says which and why",
+            ),
+            ("FLATTEN", "Flatten", "Draw the high mesh in UV space: both meshes share their UV layout"),
+            ("CAST", "Cast", "Rays from the low mesh to the high one: they share nothing but their place in space"),
+        ],
     )
+    measure: BoolProperty(
+        name="Measure Distances",
+        description="Find out how far the high surface lies from the low one, instead of taking the two numbers below",
+        default=True,
+    )
+    extrusion: FloatProperty(
+        name="Extrusion",
+        description="How far outside the low mesh rays start",
+        default=0.05,
+        min=0.0,
+        soft_max=1.0,
+        precision=4,
+        subtype="DISTANCE",
+    )
+    max_distance: FloatProperty(
+        name="Max Distance",
+        description="How far rays go from where they start",
+        default=0.1,
+        min=0.0,
+        soft_max=2.0,
+        precision=4,
+        subtype="DISTANCE",
+    )
+    directions: EnumProperty(
+        name="Directions",
+        description="Which of the low mesh's normals rays follow",
+        items=[
+            ("SMOOTH", "Smooth", "As if the mesh had no hard edge, so that none leaves a gap"),
+            ("SPLIT", "Split", "Its own normals, with hard edges and custom ones"),
+        ],
+    )
+    facing_only: BoolProperty(
+        name="Facing Only", description="Pass through high triangles that turn their back on the ray"
+    )
+    missed: FloatVectorProperty(
+        name="Missed",
+        description="Colour of texels whose ray hit nothing; their alpha is 0",
+        subtype="COLOR_GAMMA",
+        size=3,
+        min=0.0,
+        max=1.0,
+        default=(0.5, 0.5, 1.0),
+    )
+    mask: BoolProperty(name="Mask of Misses", description="Make a second image that is white where rays hit nothing")
     space: EnumProperty(
         name="Space",
         description="What the normals are relative to",
@@ -108,6 +163,11 @@ class Options:
             owner = self if fallback is None or self.properties.is_property_set(name) else fallback
             values[name] = getattr(owner, name)
         values["depth"] = int(values["depth"])
+        values["missed"] = tuple(values["missed"])
+        for name in ("extrusion", "max_distance"):
+            named = fallback is not None and self.properties.is_property_set(name)
+            if not named and (fallback or self).measure:
+                values[name] = None
         return Settings(**values)
 
 
@@ -133,6 +193,20 @@ class ImprintSettings(bpy.types.PropertyGroup, Options):
     highs: CollectionProperty(
         type=ImprintHigh, name="High", description="The meshes with detail; empty for the selection"
     )
+    cage: PointerProperty(
+        type=bpy.types.Object,
+        name="Cage",
+        description="A mesh with the low one's topology on which rays start; empty for none",
+        poll=_is_mesh,
+    )
+    low_suffix: StringProperty(
+        name="Low", description="What the names of low objects end in, in any case", default="_low"
+    )
+    high_suffix: StringProperty(
+        name="High", description="What the names of high objects end in, before an underscore and more", default="_high"
+    )
+    cage_suffix: StringProperty(name="Cage", description="What the names of cages end in", default="_cage")
+    share_image: BoolProperty(name="One Image", description="All pairs by name go into one image, an atlas")
     active_high: IntProperty(name="Active High", description="The slot that is selected in the list")
 
     def subjects(
@@ -150,18 +224,46 @@ class ImprintSettings(bpy.types.PropertyGroup, Options):
             highs = [low]
         return low, highs
 
+    def suffixes(self) -> Suffixes:
+        """How pairs are named."""
+        return Suffixes(self.low_suffix, self.high_suffix, self.cage_suffix)
+
+    def distances(self, context: bpy.types.Context) -> tuple[float, float]:
+        """Extrusion and maximum distance as set or, where they are measured, as the last bake found them."""
+        owner = context.window_manager.imprint_found if self.measure else self
+        return owner.extrusion, owner.max_distance
+
+
+class ImprintFound(bpy.types.PropertyGroup):
+    """WindowManager.imprint_found: what the last bake measured."""
+
+    extrusion: FloatProperty(
+        name="Extrusion", description="As the last bake measured it", subtype="DISTANCE", precision=4
+    )
+    max_distance: FloatProperty(
+        name="Max Distance", description="As the last bake measured it", subtype="DISTANCE", precision=4
+    )
+
 
 def register() -> None:
     bpy.utils.register_class(ImprintHigh)
     bpy.utils.register_class(ImprintSettings)
+    bpy.utils.register_class(ImprintFound)
+    bpy.types.WindowManager.imprint_found = PointerProperty(type=ImprintFound)
     bpy.types.Scene.imprint = PointerProperty(type=ImprintSettings)
     bpy.types.WindowManager.imprint_summary = StringProperty(
         name="Last Bake", description="What the last bake of this session did, a line each", options={"SKIP_SAVE"}
     )
+    bpy.types.WindowManager.imprint_warnings = StringProperty(
+        name="Warnings", description="What the last bake found to be suspicious, a line each", options={"SKIP_SAVE"}
+    )
 
 
 def unregister() -> None:
+    del bpy.types.WindowManager.imprint_warnings
     del bpy.types.WindowManager.imprint_summary
     del bpy.types.Scene.imprint
+    del bpy.types.WindowManager.imprint_found
+    bpy.utils.unregister_class(ImprintFound)
     bpy.utils.unregister_class(ImprintSettings)
     bpy.utils.unregister_class(ImprintHigh)

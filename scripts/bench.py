@@ -44,7 +44,12 @@ def main() -> None:
         rows += [against_cycles(path, size) for path, size in sorted_pairs(options.pairs)]
     import gpu
 
-    result = {"machine": platform.machine(), "cores": os.cpu_count(), "renderer": gpu.platform.renderer_get(), "rows": rows}
+    result = {
+        "machine": platform.machine(),
+        "cores": os.cpu_count(),
+        "renderer": gpu.platform.renderer_get(),
+        "rows": rows,
+    }
     options.output.parent.mkdir(parents=True, exist_ok=True)
     options.output.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
     for row in rows:
@@ -54,7 +59,8 @@ def main() -> None:
 def sorted_pairs(folder: Path) -> list[tuple[Path, int]]:
     """Terrains at 2048, all others at 1024."""
     return [
-        (path, 2048 if path.name.startswith(("kepler", "sthelens")) else 1024) for path in sorted(folder.glob("*.blend"))
+        (path, 2048 if path.name.startswith(("kepler", "sthelens")) else 1024)
+        for path in sorted(folder.glob("*.blend"))
     ]
 
 
@@ -74,7 +80,7 @@ def against_multires() -> dict:
     bake = bpy.context.scene.render.bake
     bake.use_multires, bake.type, bake.margin = True, "NORMALS", 16
     bpy.context.scene.render.engine = "CYCLES"
-    multires = times(lambda: bpy.ops.object.bake_image())
+    multires = times(bpy.ops.object.bake_image)
     return row("grid 524,288 triangles, 1024", imprint, stages, "multires", multires)
 
 

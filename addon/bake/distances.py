@@ -44,9 +44,7 @@ def _probe(tables: cast.Tables, places: target.Target, heading: float, facing_on
     """How far each ray goes, (N,) float32 for the texels that the low mesh covers; -1 where it hits nothing."""
     hits = target.get("hits", places.width, places.height, "RGBA32UI")
     found = target.get("high", places.width, places.height, "RGBA32F")
-    cast.trace(
-        hits, places, tables, heading=heading, back=1e-5, reach=WHOLE_WORLD, facing_only=facing_only
-    )
+    cast.trace(hits, places, tables, heading=heading, back=1e-5, reach=WHOLE_WORLD, facing_only=facing_only)
     cast.distances(found, hits)
     far = np.empty((places.height, places.width, 4), np.float32)
     covered = np.empty_like(far)

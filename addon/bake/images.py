@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Texels into an image datablock, and into a file."""
 
-from pathlib import Path
+from dataclasses import replace
+from pathlib import Path, PurePath
 
 import bpy
 import numpy as np
@@ -18,8 +19,8 @@ PNG_END = b"IEND\xae\x42\x60\x82"
 
 
 def name_for(low_name: str, settings: Settings) -> str:
-    """The name of the image datablock."""
-    return settings.image or f"{low_name}_normal"
+    """The name of the image datablock; "{low}" in it stands for the low object's."""
+    return settings.image.replace("{low}", low_name) or f"{low_name}_normal"
 
 
 def check(low_name: str, settings: Settings) -> None:
@@ -66,6 +67,18 @@ def store(texels: np.ndarray, low_name: str, settings: Settings) -> bpy.types.Im
         if settings.storage == "PACK":
             image.pack()
     return image
+
+
+def store_mask(where: np.ndarray, name: str, settings: Settings) -> bpy.types.Image:
+    """Put a mask, white where `where` (height, width) is true, beside the map of `settings`, whose image is named."""
+    texels = np.ones((*where.shape, 4), np.float32)
+    texels[..., :3] = where[..., None]
+    path = PurePath(settings.output)
+    output = str(path.with_stem(f"{path.stem}_{name}")) if settings.output else ""
+    own = replace(settings, image=f"{settings.image}_{name}", output=output)
+    # Black and white need no more than the fewest bits that the format has.
+    depth = FORMATS[path.suffix.lower()][1][0] if settings.storage == "FILE" else 8
+    return store(texels, "", replace(own, depth=depth))
 
 
 def _mark_as_data(image: bpy.types.Image) -> None:

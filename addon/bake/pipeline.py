@@ -2,6 +2,7 @@
 """The story of a bake: check, read the meshes, draw, read back, store, hook up, report."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import bpy
 import gpu
@@ -11,11 +12,30 @@ from ..mesh import arrays
 from ..passes import resolve, target
 from . import agreement, casting, distances, images, materials, reading, render, subjects
 from .errors import BakeError
+from .pairs import Pair
 from .report import Report
 from .settings import Settings
 
 MANY_MISSES = 1e-3
 """Share of rays that may hit nothing without a warning."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """The objects of one bake. `highs` may be [low] alone: its surface with modifiers goes onto its own base mesh.
+
+    cage: has the topology of `low`; rays start on it.
+    """
+
+    low: bpy.types.Object
+    highs: Sequence[bpy.types.Object]
+    cage: bpy.types.Object | None = None
+
+
+def job_of(pair: Pair) -> Job:
+    """The job of objects matched by name."""
+    cage = subjects.named(pair.cage) if pair.cage else None
+    return Job(subjects.named(pair.low), [subjects.named(name) for name in pair.highs], cage)
 
 
 def bake(
@@ -27,35 +47,95 @@ def bake(
 ) -> Report:
     """Bake the detail of `highs` into a map for `low`, and put the map into its material.
 
-    `highs` may be [low] alone: then its surface with modifiers goes onto its own base mesh. `cage` has the topology of
-    `low`; rays start on it. Raises BakeError, with the scene, the image and its file as before, when that cannot be done.
+    Raises BakeError, with the scene, the image and its file as before, when that cannot be done.
     """
-    report = Report(settings.method, settings.space, (settings.width, settings.height), low.name, [h.name for h in highs])
-    with report.timed("total"):
-        _check(context, low, highs, cage, settings)
-        report.backend, report.renderer = gpu.platform.backend_type_get(), gpu.platform.renderer_get()
-        with report.timed("extract"):
-            meshes = reading.read(context, low, highs, cage, settings)
-        report.uv_layer = meshes.uv_layer
-        try:
-            texels, state = _draw(meshes, settings, report)
-        finally:
-            target.trim()
-            casting.trim()
-        _tell(meshes, state, report)
-        with report.timed("image"):
-            image = images.store(texels, low.name, settings)
+    return bake_all(context, [Job(low, highs, cage)], settings)[0]
+
+
+def bake_all(
+    context: bpy.types.Context, jobs: Sequence[Job], settings: Settings, *, share_image: bool = False
+) -> list[Report]:
+    """Bake several jobs, each low against its own highs alone, into an image each or, shared, into one (an atlas).
+
+    "{low}" in the settings' image and output stands for the low object's name. What can be known beforehand is checked
+    for all jobs before the first is baked. Raises BakeError; jobs before the one that failed are done, unless they were
+    to share its image.
+    """
+    named = [_for_low(settings, "atlas" if share_image else job.low.name) for job in jobs]
+    if (
+        not share_image
+        and len({(s.output, s.image) for s in named}) < len(jobs)
+        and (settings.output or settings.image)
+    ):
+        raise BakeError("Several maps would go into one: put {low} into its name, or let them share it.")
+    for job, own in zip(jobs, named, strict=True):
+        _check(context, job, own)
+    reports, shared = [], None
+    for job, own in zip(jobs, named, strict=True):
+        report = Report(own.method, own.space, (own.width, own.height), job.low.name, [h.name for h in job.highs])
+        reports.append(report)
+        with report.timed("total"):
+            drawn = _texels(context, job, own, report)
+            if share_image:
+                shared = drawn if shared is None else _merge(shared, drawn)
+            else:
+                _store(*drawn, [job], [report], own)
+    if share_image:
+        with reports[-1].timed("total"):
+            _store(*shared, jobs, reports, named[0])
+    return reports
+
+
+def _for_low(settings: Settings, name: str) -> Settings:
+    """The settings with names filled in; without one the image is called after the low object."""
+    return replace(
+        settings,
+        image=images.name_for(name, settings),
+        output=settings.output.replace("{low}", bpy.path.clean_name(name)),
+    )
+
+
+def _texels(context: bpy.types.Context, job: Job, settings: Settings, report: Report) -> tuple[np.ndarray, np.ndarray]:
+    """Read the objects and draw their map: texels and their state, as render.texels has them."""
+    report.backend, report.renderer = gpu.platform.backend_type_get(), gpu.platform.renderer_get()
+    with report.timed("extract"):
+        meshes = reading.read(context, job.low, job.highs, job.cage, settings)
+    report.uv_layer = meshes.uv_layer
+    try:
+        texels, state = _draw(meshes, settings, report)
+    finally:
+        target.trim()
+        casting.trim()
+    _tell(meshes, state, report)
+    return texels, state
+
+
+def _merge(below: tuple[np.ndarray, np.ndarray], above: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Two maps in one. Margins yield to what was drawn, misses to what was hit; else the later one stays."""
+    rank = np.array([0, 2, 3, 1], np.uint8)  # background, margin, written, missed
+    wins = (rank[above[1]] >= rank[below[1]]) & (above[1] > 0)
+    return np.where(wins[..., None], above[0], below[0]), np.where(wins, above[1], below[1])
+
+
+def _store(
+    texels: np.ndarray, state: np.ndarray, jobs: Sequence[Job], reports: Sequence[Report], settings: Settings
+) -> None:
+    """Put a map into its image and into the materials of the low objects that it is for."""
+    with reports[-1].timed("image"):
+        image = images.store(texels, jobs[0].low.name, settings)
+        if settings.mask:
+            images.store_mask(state == resolve.MISSED, "missed", settings)
+        for job, report in zip(jobs, reports, strict=True):
             report.image, report.output = image.name, settings.output
             if settings.material:
                 report.warnings += materials.hook_up(
-                    low,
+                    job.low,
                     image,
                     space=settings.space,
                     uv_layer=report.uv_layer,
                     green=settings.green,
                     single_user=settings.single_user,
                 )
-    return report
 
 
 def _draw(meshes: reading.Meshes, settings: Settings, report: Report) -> tuple[np.ndarray, np.ndarray]:
@@ -137,22 +217,16 @@ def _tell(meshes: reading.Meshes, state: np.ndarray, report: Report) -> None:
                 report.warnings.append(f"{mesh.name!r}: {count:,} of its triangles {what}.")
 
 
-def _check(
-    context: bpy.types.Context,
-    low: bpy.types.Object,
-    highs: Sequence[bpy.types.Object],
-    cage: bpy.types.Object | None,
-    settings: Settings,
-) -> None:
+def _check(context: bpy.types.Context, job: Job, settings: Settings) -> None:
     settings.check()
     # Scripts link, move and bake without a redraw between: view layers and matrices lag behind until asked.
     context.view_layer.update()
-    reason = subjects.problem(context, low, highs, cage)
+    reason = subjects.problem(context, job.low, job.highs, job.cage, settings.method)
     if reason:
         raise BakeError(reason)
-    images.check(low.name, settings)
+    images.check(job.low.name, settings)
     if settings.material:
-        materials.check(low)
+        materials.check(job.low)
     try:
         gpu.init()
     except (SystemError, RuntimeError) as error:

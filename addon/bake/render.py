@@ -67,9 +67,7 @@ def flattened(low: Mesh, highs: Sequence[Mesh], settings: Settings, report: Repo
     return draw
 
 
-def casted(
-    low: Mesh, rays, aim: casting.Target, settings: Settings, *, extrusion: float, reach: float
-) -> Source:
+def casted(low: Mesh, rays, aim: casting.Target, settings: Settings, *, extrusion: float, reach: float) -> Source:
     """Normals by casting `rays` at `aim`; extrusion and reach in the units of its frame."""
     to_space = np.eye(3) if settings.space == "WORLD" else low.to_world[:3, :3].T / np.abs(low.to_world[:3, :3]).max()
 

@@ -23,7 +23,7 @@ FORMATS = {".png": ("PNG", (8, 16)), ".exr": ("OPEN_EXR", (16, 32))}
 class Settings:
     """One bake. Sizes and margin in texels, depth in bits a channel."""
 
-    method: str = "FLATTEN"
+    method: str = "AUTO"
     space: str = "TANGENT"
     basis: str = "BLENDER"
     """What the tangent-space map is decoded with: Blender's Normal Map node, or MikkTSpace's reference, as engines do."""
@@ -41,6 +41,8 @@ class Settings:
     """Whether rays pass through high triangles that turn their back on them."""
     missed: tuple[float, float, float] = (0.5, 0.5, 1.0)
     """The colour of texels whose ray hit nothing; their alpha is 0."""
+    mask: bool = False
+    """Whether a second image shows which texels were missed."""
     green: str = "+Y"
     margin: int = 16
     depth: int = 16

@@ -28,8 +28,9 @@ def problem(
     low: bpy.types.Object | None,
     highs: Sequence[bpy.types.Object],
     cage: bpy.types.Object | None = None,
+    method: str = "FLATTEN",
 ) -> str:
-    """The first reason why these objects cannot be baked, as a sentence; empty when none shows.
+    """The first reason why these objects cannot be baked by `method`, as a sentence; empty when none shows.
 
     Cheap enough to be asked at every redraw: meshes are not evaluated.
     """
@@ -50,9 +51,12 @@ def problem(
         if not low.modifiers:
             return f"{low.name!r} is both high and low and has no modifiers: choose another high object, or add some."
     for obj in (low, *highs, *([cage] if cage else [])):
-        reason = _mesh_problem(obj, evaluated=low not in highs)
+        needs_uv = obj == low or (obj in highs and method == "FLATTEN")
+        reason = _mesh_problem(obj, evaluated=low not in highs, needs_uv=needs_uv)
         if reason:
             return reason
+    if cage is not None and method == "FLATTEN":
+        return f"The cage {cage.name!r} is for rays: choose the method Cast or Auto, or take the cage out."
     return ""
 
 
@@ -75,13 +79,13 @@ def _object_problem(context: bpy.types.Context, obj: bpy.types.Object) -> str:
     return ""
 
 
-def _mesh_problem(obj: bpy.types.Object, evaluated: bool) -> str:
+def _mesh_problem(obj: bpy.types.Object, *, evaluated: bool, needs_uv: bool) -> str:
     # Modifiers may make faces and UV layers, and in Edit Mode the mesh is out of date: then the bake itself will see.
     if obj.data.is_editmode or (evaluated and obj.modifiers):
         return ""
     if not obj.data.polygons:
         return f"{obj.name!r} has no faces: choose a mesh that has some."
-    if not obj.data.uv_layers:
+    if needs_uv and not obj.data.uv_layers:
         return f"{obj.name!r} has no UV layer: unwrap it first."
     return ""
 

@@ -43,8 +43,12 @@ def build(corners: np.ndarray) -> Tree:
     extent = np.maximum(extent, max(float(extent.max()) * 1e-5, np.finfo(np.float32).tiny))
     scale = (GRID - 4) / extent
     origin -= 2.0 / scale
-    lows = [(np.floor((low - origin[axis]) * scale[axis]) - 1.0).astype(np.uint16) for axis, (low, _) in enumerate(boxes)]
-    highs = [(np.ceil((high - origin[axis]) * scale[axis]) + 1.0).astype(np.uint16) for axis, (_, high) in enumerate(boxes)]
+    lows = [
+        (np.floor((low - origin[axis]) * scale[axis]) - 1.0).astype(np.uint16) for axis, (low, _) in enumerate(boxes)
+    ]
+    highs = [
+        (np.ceil((high - origin[axis]) * scale[axis]) + 1.0).astype(np.uint16) for axis, (_, high) in enumerate(boxes)
+    ]
     order = np.argsort(_morton_codes(lows, highs), kind="stable")
     return _stack(order, [low[order] for low in lows], [high[order] for high in highs], origin, scale)
 

@@ -77,7 +77,14 @@ def upload(
 
 
 def trace(
-    into: target.Target, rays: target.Target, tables: Tables, *, heading: float, back: float, reach: float, facing_only: bool
+    into: target.Target,
+    rays: target.Target,
+    tables: Tables,
+    *,
+    heading: float,
+    back: float,
+    reach: float,
+    facing_only: bool,
 ) -> None:
     """Write into `into` (RGBA32UI) for each texel the hit triangle's number + 1 or 0, and as float bits its barycentric
     coordinates and the distance.

@@ -16,7 +16,14 @@ MARGIN, WRITTEN, MISSED = 1, 2, 3
 
 
 def draw(
-    into: target.Target, normals: target.Target, offsets: target.Target, *, halo: int, margin: int, flip_green: bool, missed: tuple[float, float, float]
+    into: target.Target,
+    normals: target.Target,
+    offsets: target.Target,
+    *,
+    halo: int,
+    margin: int,
+    flip_green: bool,
+    missed: tuple[float, float, float],
 ) -> None:
     """Write the map (RGBA32F) and the state of its texels (R8) into `into`, whose row 0 is row `halo` of `normals`.
 

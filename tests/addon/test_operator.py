@@ -20,6 +20,7 @@ def pair():
     low, high = zoo.plane("lo"), zoo.plane("hi", slope=1.0)
     settings = bpy.context.scene.imprint
     settings.width = settings.height = 16
+    settings.method = "FLATTEN"  # the high one is so steep that Auto would not trust its UVs
     return low, high
 
 
@@ -121,14 +122,9 @@ def test_one_object_with_modifiers(pair):
 
 
 def test_several_high_arguments(pair):
-    before = snapshot()
-    assert bpy.ops.imprint.bake(low="lo", high=[{"name": "hi"}, {"name": "hi"}]) if False else True
-    message = refusal(low="lo", high=[{"name": "hi"}, {"name": "hi"}])
-    assert "'hi' is named twice" in message
-    assert difference(before, snapshot()) == {}
+    assert "'hi' is named twice" in refusal(low="lo", high=[{"name": "hi"}, {"name": "hi"}])
     zoo.plane("third", slope=-1.0)
-    texels = bake(low="lo", high=[{"name": "hi"}, {"name": "third"}])
-    assert texels[8, 8, 0] > 0.8  # the last one lies on top
+    assert bake(low="lo", high=[{"name": "hi"}, {"name": "third"}])[8, 8, 0] > 0.8  # the last one lies on top
 
 
 def test_nothing_to_bake(pair):
@@ -155,7 +151,7 @@ def test_arguments_before_the_scenes_settings(pair):
     texels = bake(low="lo", high=[{"name": "hi"}], width=32, image="Mine")
     assert texels.shape[:2] == (16, 32)  # the height is the scene's
     assert "Mine" in bpy.data.images
-    assert "Object space" in bpy.context.window_manager.imprint_summary.replace("object", "Object")
+    assert "object space" in bpy.context.window_manager.imprint_summary
     assert "Scene" not in bpy.data.images
 
 
@@ -180,9 +176,10 @@ def test_what_was_done_is_told(pair):
     high.data.uv_layers[0].uv[0].vector = (-0.5, 0)
     select(low, high)
     bake()
-    summary = bpy.context.window_manager.imprint_summary
-    for word in ("Flatten", "16 x 16", "lo_normal", "covered", " s (", "outside the UV tile"):
-        assert word in summary
+    manager = bpy.context.window_manager
+    for word in ("Flatten", "16 x 16", "lo_normal", "covered", " s ("):
+        assert word in manager.imprint_summary
+    assert "outside the UV tile" in manager.imprint_warnings
 
 
 # Undo
@@ -201,12 +198,11 @@ def test_undo_is_one_step(pair):
 
 
 def test_undo_brings_the_packed_map_back(pair):
+    zoo.cube("third")
+    bpy.ops.ed.undo_push(message="before")  # without a first step the background has no undo
     bpy.ops.imprint.bake("EXEC_DEFAULT", True, low="lo", high=[{"name": "hi"}])
     first = maps.pixels(bpy.data.images["lo_normal"])
-    bpy.ops.imprint.bake(
-        "EXEC_DEFAULT", True, low="lo", high=[{"name": "hi"}], space="WORLD", green="-Y", basis="BLENDER"
-    )
-    bpy.ops.imprint.bake("EXEC_DEFAULT", True, low="hi", high=[{"name": "lo"}], image="lo_normal")
+    bpy.ops.imprint.bake("EXEC_DEFAULT", True, low="lo", high=[{"name": "third"}])
     assert not np.array_equal(maps.pixels(bpy.data.images["lo_normal"]), first)
     bpy.ops.ed.undo()
     np.testing.assert_array_equal(maps.pixels(bpy.data.images["lo_normal"]), first)
@@ -297,7 +293,7 @@ class Layout:
         self.drawn.buttons.append((name, self.enabled))
 
 
-def draw(width=240):
+def draw(width=240, ui_scale=1.0):
     """Draw all panels as the sidebar does; return what was drawn."""
     layout = Layout()
     bpy.context.view_layer.update()
@@ -307,10 +303,12 @@ def draw(width=240):
         view_layer=bpy.context.view_layer,
         active_object=bpy.context.active_object,
         selected_objects=bpy.context.selected_objects,
-        preferences=bpy.context.preferences,
+        preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=ui_scale)),  # which is 0 in the background
         region=SimpleNamespace(width=width),
     )
-    for panel in (panels.IMPRINT_PT_bake, panels.IMPRINT_PT_map, panels.IMPRINT_PT_output):
+    for panel in panels.CLASSES[1:]:
+        if hasattr(panel, "poll") and not panel.poll(context):
+            continue
         panel.draw(SimpleNamespace(layout=layout), context)
     layout.drawn.text = " ".join(layout.drawn.labels)
     return layout.drawn
@@ -426,18 +424,19 @@ def every_setting(low, high):
     select(low, high)
 
 
-@pytest.mark.parametrize("width", [1, 240, 4000])
+@pytest.mark.parametrize(("width", "ui_scale"), [(1, 1.0), (240, 2.0), (4000, 0.5)])
 @pytest.mark.parametrize("state", [edit_mode, own_modifiers, empty_slots, every_setting])
-def test_the_panel_draws_in_any_state_and_width(pair, state, width):
+def test_the_panel_draws_in_any_state_and_width(pair, state, width, ui_scale):
     state(*pair)
-    drawn = draw(width)
+    drawn = draw(width, ui_scale)
     assert can_bake(drawn)
     assert "'lo'" in drawn.text
 
 
 def test_the_panel_shows_every_setting(pair):
     select(*pair)
-    bpy.context.scene.imprint.storage = "FILE"
-    names = {prop.identifier for prop in bpy.context.scene.imprint.bl_rna.properties}
+    settings = bpy.context.scene.imprint
+    settings.storage, settings.method, settings.measure = "FILE", "CAST", False
+    names = {prop.identifier for prop in settings.bl_rna.properties}
     drawn = draw()
     assert names - set(drawn.properties) == {"rna_type", "name", "highs", "active_high"}  # the last two are the list

@@ -12,8 +12,8 @@ from addon.bake.settings import Settings
 from addon.passes import target
 from tests.support import maps, zoo
 
-OPERATORS = ["IMPRINT_OT_bake", "IMPRINT_OT_use_selection", "IMPRINT_OT_high_add", "IMPRINT_OT_high_remove"]
-PANELS = ["IMPRINT_PT_bake", "IMPRINT_PT_map", "IMPRINT_PT_output"]
+OPERATORS = [cls.__name__ for cls in operators.CLASSES]
+PANELS = [cls.__name__ for cls in panels.CLASSES if issubclass(cls, bpy.types.Panel)]
 
 
 def traces():
@@ -55,7 +55,7 @@ def test_it_frees_the_gpu_when_blender_ends(monkeypatch):
     monkeypatch.setattr(atexit, "register", at_exit.append)
     monkeypatch.setattr(atexit, "unregister", at_exit.remove)
     addon.register()
-    assert at_exit == [passes.free]
+    assert at_exit == [addon.free]
     addon.unregister()
     assert at_exit == []
 
@@ -73,10 +73,11 @@ def test_errors_are_let_through(monkeypatch):
 @pytest.mark.usefixtures("registered")
 class TestWords:
     def test_everything_has_a_tooltip(self):
-        for name in OPERATORS:
-            assert getattr(bpy.types, name).bl_rna.description, name
-        structs = [getattr(bpy.types, "IMPRINT_OT_bake").bl_rna, properties.ImprintSettings.bl_rna]
-        structs += [properties.ImprintHigh.bl_rna, bpy.types.IMPRINT_OT_high_remove.bl_rna]
+        buttons = [getattr(bpy.ops.imprint, name).get_rna_type() for name in dir(bpy.ops.imprint)]
+        assert len(buttons) == len(OPERATORS)
+        for button in buttons:
+            assert button.description, button.identifier
+        structs = [*buttons, properties.ImprintSettings.bl_rna, properties.ImprintHigh.bl_rna]
         for struct in structs:
             for prop in struct.properties:
                 if prop.identifier not in {"rna_type", "name"}:

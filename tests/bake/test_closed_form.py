@@ -99,8 +99,12 @@ def test_objects_may_be_turned_together_without_the_map_changing():
 
 
 def test_the_high_mesh_may_be_in_several_objects():
-    left = zoo.build("left", [(-1, -1, 0), (0, -1, 0), (0, 1, 0), (-1, 1, 0)], [(0, 1, 2, 3)], [[(0, 0), (0.5, 0), (0.5, 1), (0, 1)]])
-    right = zoo.build("right", [(0, -1, 0), (1, -1, 1), (1, 1, 1), (0, 1, 0)], [(0, 1, 2, 3)], [[(0.5, 0), (1, 0), (1, 1), (0.5, 1)]])
+    left = zoo.build(
+        "left", [(-1, -1, 0), (0, -1, 0), (0, 1, 0), (-1, 1, 0)], [(0, 1, 2, 3)], [[(0, 0), (0.5, 0), (0.5, 1), (0, 1)]]
+    )
+    right = zoo.build(
+        "right", [(0, -1, 0), (1, -1, 1), (1, 1, 1), (0, 1, 0)], [(0, 1, 2, 3)], [[(0.5, 0), (1, 0), (1, 1), (0.5, 1)]]
+    )
     texels = bake(zoo.plane("low"), left, right, size=(32, 32))
     assert (texels[:, :16] == np.float32((0.5, 0.5, 1.0, 1.0))).all()
     assert np.allclose(angles.decode(texels[:, 16:]), np.float64((-1, 0, 1)) / np.sqrt(2), atol=1e-6)
@@ -125,7 +129,9 @@ def test_order_of_vertices_and_faces_does_not_matter_seed_7():
     shuffled[new_place] = points
     order = rng.permutation(len(faces))
     after = bake(
-        bpy.data.objects["low"], zoo.build("shuffled", shuffled, new_place[faces][order], uv[faces][order]), image="after"
+        bpy.data.objects["low"],
+        zoo.build("shuffled", shuffled, new_place[faces][order], uv[faces][order]),
+        image="after",
     )
     # Sums of face normals are added in another order: the last bits of a float may differ.
     assert np.abs(before - after).max() < 1e-6
@@ -155,7 +161,9 @@ def test_low_meshes_with_ngons_work():
 def test_both_bases_agree_on_a_plane_and_differ_on_a_bent_mesh():
     high = zoo.sphere("high", n=48)
     low = zoo.sphere("low", n=4)
-    blender, reference = (bake(low, high, basis=basis, image=basis, size=(128, 128)) for basis in ("BLENDER", "MIKKTSPACE"))
+    blender, reference = (
+        bake(low, high, basis=basis, image=basis, size=(128, 128)) for basis in ("BLENDER", "MIKKTSPACE")
+    )
     assert angles.degrees(angles.decode(blender), angles.decode(reference)).max() > 0.05
     plane = zoo.plane("plane")
     assert np.array_equal(bake(plane, high, basis="BLENDER"), bake(plane, high, basis="MIKKTSPACE"))

@@ -26,7 +26,7 @@ def use():
     bpy.ops.mesh.primitive_plane_add()
     low = bpy.context.object
     high.select_set(True)
-    assert bpy.ops.imprint.bake(width=16, height=16) == {"FINISHED"}
+    assert bpy.ops.imprint.bake(method="FLATTEN", width=16, height=16) == {"FINISHED"}
     image = bpy.data.images[f"{low.name}_normal"]
     assert abs(image.pixels[1] - (0.5 - 0.5 * math.sin(0.5))) < 1e-3, tuple(image.pixels[:4])
     assert any(node.type == "NORMAL_MAP" for node in low.data.materials[0].node_tree.nodes)

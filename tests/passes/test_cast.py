@@ -84,14 +84,16 @@ def check(origins, directions, corners, normals, **options):
     truth /= np.maximum(np.linalg.norm(truth, axis=1, keepdims=True), 1e-12)
     same = np.where(hit, np.abs(far - np.where(hit, distance, 0.0)) < 1e-4, far < 0.0)
     print(f"{hit.mean():.1%} hit, same in {same.mean():.4%}")
-    assert 0.1 < hit.mean()  # the case says something
+    assert hit.mean() > 0.1  # the case says something
     assert same.mean() >= SAME_TRIANGLE
     error = angles.degrees(found[hit & same], truth[hit & same])
     assert np.percentile(error, 99) < NORMAL_P99
     assert np.array_equal(alpha, np.where(far >= 0.0, 1.0, -1.0))
 
 
-@pytest.mark.parametrize(("seed", "count", "size"), [(1, 1, 3.0), (2, 5, 1.0), (3, 300, 0.3), (4, 2000, 0.1), (5, 700, 2.0)])
+@pytest.mark.parametrize(
+    ("seed", "count", "size"), [(1, 1, 3.0), (2, 5, 1.0), (3, 300, 0.3), (4, 2000, 0.1), (5, 700, 2.0)]
+)
 def test_random_soups_seeds_1_to_5(seed, count, size):
     rng = np.random.default_rng(seed)
     corners = soup(rng, count, size)

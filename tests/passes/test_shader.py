@@ -4,7 +4,7 @@
 import pytest
 
 from addon import passes
-from addon.passes import cast, flatten, gbuffer, margin, resolve, shader, tangent
+from addon.passes import cast, flatten, gbuffer, margin, resolve, shader, shell, tangent
 
 PROGRAMS = [
     flatten.PROGRAM,
@@ -15,6 +15,7 @@ PROGRAMS = [
     cast.TRACE,
     cast.LOOKUP,
     cast.DISTANCE,
+    shell.PROGRAM,
 ]
 
 
@@ -25,7 +26,9 @@ def test_every_file_is_used_and_named_for_its_stage():
         text = path.read_text(encoding="utf-8")
         assert text.count("void main()") == (0 if stage == "lib" else 1), path.name
         if stage == "lib":
-            assert any(f'#include "{path.name}"' in other.read_text(encoding="utf-8") for other in shader.SHADERS.iterdir())
+            assert any(
+                f'#include "{path.name}"' in other.read_text(encoding="utf-8") for other in shader.SHADERS.iterdir()
+            )
         else:
             assert stage in {"vert", "frag", "comp"}
             assert path.name in used, path.name

@@ -28,6 +28,20 @@ def first_hits(origins, directions, corners, reach):
     return triangle, best, weights, weights.min(axis=1)
 
 
+def depth_inside(points, triangles):
+    """How deep (N,) each of the points (N, 2) lies inside the triangle (T, 3, 2) that holds it best; below 0 outside."""
+    corners = np.asarray(triangles, np.float64)
+    result = np.full(len(points), -np.inf)
+    for i, point in enumerate(points):
+        edges = np.roll(corners, -1, axis=1) - corners
+        to_point = point - corners
+        distance = edges[..., 0] * to_point[..., 1] - edges[..., 1] * to_point[..., 0]
+        distance /= np.maximum(np.linalg.norm(edges, axis=-1), 1e-300)
+        # Either winding may be the inside.
+        result[i] = max(distance.min(axis=1).max(), (-distance).min(axis=1).max())
+    return result
+
+
 def rotation(rng):
     """A random rotation matrix (3, 3)."""
     q, r = np.linalg.qr(rng.normal(size=(3, 3)))
@@ -45,12 +59,36 @@ def icosphere(level):
         np.float64,
     )
     faces = np.array(
-        [(0, 11, 5), (0, 5, 1), (0, 1, 7), (0, 7, 10), (0, 10, 11), (1, 5, 9), (5, 11, 4), (11, 10, 2), (10, 7, 6), (7, 1, 8)]
-        + [(3, 9, 4), (3, 4, 2), (3, 2, 6), (3, 6, 8), (3, 8, 9), (4, 9, 5), (2, 4, 11), (6, 2, 10), (8, 6, 7), (9, 8, 1)]
+        [
+            (0, 11, 5),
+            (0, 5, 1),
+            (0, 1, 7),
+            (0, 7, 10),
+            (0, 10, 11),
+            (1, 5, 9),
+            (5, 11, 4),
+            (11, 10, 2),
+            (10, 7, 6),
+            (7, 1, 8),
+        ]
+        + [
+            (3, 9, 4),
+            (3, 4, 2),
+            (3, 2, 6),
+            (3, 6, 8),
+            (3, 8, 9),
+            (4, 9, 5),
+            (2, 4, 11),
+            (6, 2, 10),
+            (8, 6, 7),
+            (9, 8, 1),
+        ]
     )
     corners = points[faces]
     for _ in range(level):
         a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
         ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
-        corners = np.concatenate([np.stack(parts, axis=1) for parts in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))])
+        corners = np.concatenate(
+            [np.stack(parts, axis=1) for parts in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))]
+        )
     return corners / np.linalg.norm(corners, axis=-1, keepdims=True)

@@ -1,0 +1,25 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The shells around the low mesh where rays start and end, for the viewport."""
+
+import bpy
+import gpu
+import numpy as np
+
+from ..mesh import extract
+from ..mesh.arrays import normal_matrix
+from ..passes import batch
+from ..passes.shell import draw
+
+__all__ = ["draw", "upload"]
+
+
+def upload(low: bpy.types.Object, depsgraph: bpy.types.Depsgraph, directions: str) -> gpu.types.GPUBatch:
+    """The low mesh in world space with unit directions, as shell.draw wants it; directions as in Settings."""
+    to_world = extract.matrix(low)
+    with extract.evaluated(low, depsgraph) as data:
+        mesh = extract.surface(data, "", low.name, to_world)
+        away = extract.smooth_normals(data)[mesh.vertices] if directions == "SMOOTH" else mesh.normals
+    away = away @ normal_matrix(to_world).T
+    away /= np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-12)
+    positions = mesh.positions[mesh.vertices] @ to_world[:3, :3].T + to_world[:3, 3]
+    return batch.upload(mesh.triangles, position=positions.astype(np.float32), direction=away.astype(np.float32))

@@ -1,0 +1,6 @@
+// One colour, seen through.
+
+void main()
+{
+  colour_out = colour;
+}

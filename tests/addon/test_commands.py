@@ -1,0 +1,293 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The command line: exit codes, one line on stderr, and nothing written unless all went well."""
+
+import json
+import subprocess
+import sys
+
+import bpy
+import numpy as np
+import pytest
+
+from addon import commands
+from addon.bake import pipeline
+from addon.bake.errors import BakeError
+from scripts.imprint import ROOT
+from tests.support import maps, zoo
+
+pytestmark = pytest.mark.usefixtures("gpu_context")
+
+ROUNDING_16 = 1e-5
+"""Half a step of 16-bit whole numbers, and single precision."""
+
+
+@pytest.fixture
+def scene(tmp_path, monkeypatch):
+    """A folder to work in, with scene/file.blend: a low object, a high one, and a texture with a relative path."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "scene").mkdir()
+    zoo.plane("lo")
+    zoo.plane("hi", slope=1.0)
+    texture = bpy.data.images.new("texture", 4, 4)
+    texture.filepath_raw, texture.file_format = str(tmp_path / "scene" / "texture.png"), "PNG"
+    texture.save()
+    texture.source, texture.filepath, texture.use_fake_user = "FILE", "//texture.png", True
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene" / "file.blend"))
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    return tmp_path
+
+
+def files(folder):
+    return sorted(str(path.relative_to(folder)) for path in folder.rglob("*"))
+
+
+BAKE = ["scene/file.blend", "--low", "lo", "--high", "hi", "--size", "16"]
+
+
+@pytest.fixture
+def fails(scene, capsys):
+    """Runs arguments that must fail with this code and write nothing; returns the last line on stderr."""
+
+    def run(code, *arguments):
+        before = files(scene)
+        assert commands.run(list(arguments)) == code
+        assert files(scene) == before
+        captured = capsys.readouterr()
+        assert all(line.startswith("Error: ") for line in captured.out.splitlines())  # Blender's own
+        lines = captured.err.splitlines()
+        assert "Traceback" not in captured.err
+        assert lines[-1].startswith("imprint: ")
+        assert code == commands.WRONG_USAGE or len(lines) == 1, captured.err
+        return lines[-1]
+
+    return run
+
+
+# Parsing
+
+
+def test_the_readmes_lines_are_understood():
+    line = (
+        "FILE.blend --low lo --high hi --high hi2 --space object --uv Layout --method flatten --size 4096x1024 --green +y "
+        "--margin 8 --depth 32 --output MAP.exr --save-blend OUT.blend --report REPORT.json"
+    )
+    options = commands.parser("imprint").parse_args(line.split())
+    assert (options.file, options.low, options.high) == ("FILE.blend", "lo", ["hi", "hi2"])
+    assert (options.space, options.uv, options.method, options.size) == ("object", "Layout", "flatten", (4096, 1024))
+    assert (options.green, options.margin, options.depth) == ("+y", 8, 32)
+    assert (options.output, str(options.save_blend), str(options.report)) == ("MAP.exr", "OUT.blend", "REPORT.json")
+
+
+@pytest.mark.parametrize(("text", "size"), [("2048", (2048, 2048)), ("4096x1024", (4096, 1024)), ("64X32", (64, 32))])
+def test_sizes(text, size):
+    assert commands.parser("imprint").parse_args(["--low", "lo", "--output", "m.png", "--size", text]).size == size
+
+
+WRONG = {
+    "no low object": ["scene/file.blend", "--output", "m.png"],
+    "no output": BAKE,
+    "unknown option": [*BAKE, "--output", "m.png", "--quality", "high"],
+    "unknown space": [*BAKE, "--output", "m.png", "--space", "camera"],
+    "unknown method": [*BAKE, "--output", "m.png", "--method", "guess"],
+    "size in words": [*BAKE, "--output", "m.png", "--size", "big"],
+    "three sizes": [*BAKE, "--output", "m.png", "--size", "16x16x16"],
+    "half a size": [*BAKE, "--output", "m.png", "--size", "16x"],
+    "green": [*BAKE, "--output", "m.png", "--green", "y"],
+    "green without a value": [*BAKE, "--output", "m.png", "--green"],
+    "depth": [*BAKE, "--output", "m.png", "--depth", "24"],
+    "margin": [*BAKE, "--output", "m.png", "--margin", "wide"],
+    "a name that is no text": ["scene/file.blend", "--low", "\udcff", "--high", "hi", "--output", "m.png"],
+    "map and report in one": [*BAKE, "--output", "m.png", "--report", "./m.png"],
+    "map and scene in one": [*BAKE, "--output", "m.png", "--save-blend", "scene/../m.png"],
+    "report over the scene": [*BAKE, "--output", "m.png", "--report", "scene/file.blend"],
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_wrong_usage(fails, case):
+    assert "error:" in fails(commands.WRONG_USAGE, *WRONG[case])
+
+
+def test_help(capsys):
+    assert commands.run(["--help"]) == commands.DONE
+    assert "--save-blend" in capsys.readouterr().out
+
+
+# Failing
+
+CANNOT = {
+    "no such file": (["nothing.blend", *BAKE[1:], "--output", "m.png"], "no file"),
+    "a folder for a file": (["scene", *BAKE[1:], "--output", "m.png"], "no file"),
+    "no scene file": (["scene/texture.png", *BAKE[1:], "--output", "m.png"], "could not be opened"),
+    "a broken scene file": (["broken.blend", *BAKE[1:], "--output", "m.png"], "could not be opened"),
+    "low object misspelt": ([*BAKE, "--low", "loo", "--output", "m.png"], "did you mean 'lo'?"),
+    "high object misspelt": ([*BAKE, "--high", "hii", "--output", "m.png"], "did you mean 'hi'?"),
+    "nothing alike": ([*BAKE, "--low", "Suzanne", "--output", "m.png"], "it has 2 objects"),
+    "no detail": ([*BAKE[:3], "--output", "m.png"], "'lo' is both high and low"),
+    "no such UV map": ([*BAKE, "--uv", "Lightmap", "--output", "m.png"], "'lo' has no UV layer 'Lightmap'"),
+    "size 0": ([*BAKE, "--size", "0", "--output", "m.png"], "0 x 0"),
+    "size beyond all": ([*BAKE, "--size", "9" * 30, "--output", "m.png"], "16384"),
+    "negative margin": ([*BAKE, "--margin", "-1", "--output", "m.png"], "-1"),
+    "format": ([*BAKE, "--output", "m.tga"], ".png or .exr"),
+    "format and depth": ([*BAKE, "--output", "m.png", "--depth", "32"], "8 or 16 bits"),
+    "missing folder": ([*BAKE, "--output", "none/m.png"], "No such file or directory"),
+    "missing folder for the report": ([*BAKE, "--output", "m.png", "--report", "none/r.json"], "No such file"),
+    "missing folder for the scene": ([*BAKE, "--output", "m.png", "--save-blend", "none/s.blend"], "No such file"),
+    "folder for a report": ([*BAKE, "--output", "m.png", "--report", "scene"], "is a folder"),
+    "file for a folder": ([*BAKE, "--output", "broken.blend/m.png"], "Not a directory"),
+}
+
+
+@pytest.mark.parametrize("case", CANNOT)
+def test_what_cannot_be_done_is_told_in_one_line(scene, fails, case):
+    (scene / "broken.blend").write_bytes((scene / "scene" / "file.blend").read_bytes()[:2000])
+    arguments, words = CANNOT[case]
+    assert words in fails(commands.FAILED, *arguments)
+
+
+def test_no_partial_report(scene, fails, monkeypatch):
+    """Whatever goes wrong at the end: what was there before is there."""
+
+    def fail(*_, **__):
+        raise BakeError("The bake went wrong.")
+
+    (scene / "m.png").write_bytes(b"an old picture")
+    (scene / "r.json").write_text("an old report")
+    monkeypatch.setattr(pipeline, "bake", fail)
+    line = fails(commands.FAILED, *BAKE, "--output", "m.png", "--report", "r.json", "--save-blend", "s.blend")
+    assert line == "imprint: The bake went wrong."
+    assert (scene / "m.png").read_bytes() == b"an old picture"
+    assert (scene / "r.json").read_text() == "an old report"
+
+
+# Baking
+
+
+def test_a_map_is_written(scene, capsys):
+    before = files(scene)
+    assert commands.run([*BAKE, "--output", "m.png", "--margin", "0"]) == commands.DONE
+    assert files(scene) == sorted([*before, "m.png"])
+    captured = capsys.readouterr()
+    assert captured.err == ""
+    assert "16 x 16" in captured.out
+    image = bpy.data.images.load(str(scene / "m.png"))
+    image.colorspace_settings.name, image.alpha_mode = "Non-Color", "CHANNEL_PACKED"
+    expected = maps.bake(bpy.data.objects["lo"], bpy.data.objects["hi"], size=(16, 16))
+    np.testing.assert_allclose(maps.pixels(image), expected, rtol=0, atol=ROUNDING_16)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "is_up"), [([], True), (["--green", "+y"], True), (["--green", "-y"], False), (["--green=-y"], False)]
+)
+def test_green_points_up_or_down(scene, arguments, is_up):
+    bpy.ops.wm.open_mainfile(filepath=str(scene / "scene" / "file.blend"))
+    bpy.data.objects["hi"].rotation_euler.z = np.pi / 2  # so that it rises with y, and its normal leans to -y
+    assert commands.run([*BAKE[1:], "--output", "m.exr", *arguments]) == commands.DONE
+    green = maps.pixels(bpy.data.images["lo_normal"])[8, 8, 1]
+    assert (green < 0.2) == is_up
+    assert (green > 0.8) != is_up
+
+
+def test_the_open_file_is_the_default(scene):
+    bpy.ops.wm.open_mainfile(filepath=str(scene / "scene" / "file.blend"))
+    assert commands.run([*BAKE[1:], "--output", "m.png"]) == commands.DONE
+
+
+def test_the_report(scene):
+    assert commands.run([*BAKE, "--output", "m.png", "--report", "r.json"]) == commands.DONE
+    report = json.loads((scene / "r.json").read_text())
+    assert report["method"] == "FLATTEN"
+    assert report["space"] == "TANGENT"
+    assert report["size"] == [16, 16]
+    assert (report["low"], report["high"], report["uv_layer"]) == ("lo", ["hi"], zoo.LAYER)
+    assert report["triangles"] == {"high": 2, "low": 2}
+    assert report["coverage"] == 1.0
+    assert report["output"] == str(scene / "m.png")
+    assert report["image"] == "lo_normal"
+    assert report["backend"]
+    assert report["renderer"]
+    assert report["warnings"] == []
+    seconds = report["seconds"]
+    assert {"extract", "upload", "draw", "read", "image", "total"} <= seconds.keys()
+    assert all(value >= 0 for value in seconds.values())
+    assert seconds["total"] >= sum(value for stage, value in seconds.items() if stage != "total") * 0.999
+
+
+def test_warnings_are_told_and_do_not_fail(scene, capsys):
+    bpy.ops.wm.open_mainfile(filepath=str(scene / "scene" / "file.blend"))
+    bpy.data.objects["hi"].data.uv_layers[0].uv[0].vector = (-1, 0)
+    assert commands.run([*BAKE[1:], "--output", "m.png", "--report", "r.json"]) == commands.DONE
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("imprint: warning: 'hi': 2 of its triangles reach outside")
+    assert json.loads((scene / "r.json").read_text())["warnings"] == [line.removeprefix("imprint: warning: ")]
+
+
+def shown(path):
+    """Open a scene; return the image that its low object wears, by following the wires from the output."""
+    bpy.ops.wm.open_mainfile(filepath=str(path))
+    low = bpy.data.objects["lo"]
+    assert low.mode == "OBJECT"
+    normal = low.active_material.node_tree.nodes["Principled BSDF"].inputs["Normal"]
+    normal_map = normal.links[0].from_node
+    assert normal_map.bl_idname == "ShaderNodeNormalMap"
+    return normal_map.inputs["Color"].links[0].from_node.image
+
+
+@pytest.mark.parametrize(
+    ("output", "blend", "filepath"),
+    [
+        ("m.png", "s.blend", "//m.png"),  # beside each other, elsewhere than the scene that was opened
+        ("scene/m.png", "scene/s.blend", "//m.png"),
+        ("out/maps/m.png", "out/s.blend", "//maps/m.png"),
+        ("out/m.png", "outer/s.blend", None),  # not to be moved together: the path is a whole one
+        ("m.png", "out/s.blend", None),
+    ],
+)
+def test_the_saved_scene_wears_the_map(scene, output, blend, filepath):
+    for path in (scene / output, scene / blend):
+        path.parent.mkdir(parents=True, exist_ok=True)
+    before = files(scene)
+    assert commands.run([*BAKE, "--output", output, "--save-blend", blend]) == commands.DONE
+    assert files(scene) == sorted({*before, output, blend})
+    image = shown(scene / blend)
+    assert image.filepath == (filepath or str(scene / output))
+    assert image.colorspace_settings.is_data
+    assert maps.pixels(image).shape == (16, 16, 4)
+    assert bpy.data.images["texture"].size[:] == (4, 4)  # what was relative before still finds its file
+    if filepath:
+        home = (scene / blend).parent
+        for path in (scene / output, scene / blend):
+            to = scene / "moved" / path.relative_to(home)
+            to.parent.mkdir(parents=True, exist_ok=True)
+            path.rename(to)
+        assert maps.pixels(shown(scene / "moved" / (scene / blend).name)).shape == (16, 16, 4)
+
+
+def test_the_scene_may_be_saved_over_itself(scene):
+    assert commands.run([*BAKE, "--output", "m.png", "--save-blend", "scene/file.blend"]) == commands.DONE
+    assert tuple(shown(scene / "scene" / "file.blend").size) == (16, 16)
+
+
+def test_the_material_may_be_left_alone(scene):
+    assert commands.run([*BAKE, "--output", "m.png", "--save-blend", "s.blend", "--no-material"]) == commands.DONE
+    bpy.ops.wm.open_mainfile(filepath=str(scene / "s.blend"))
+    assert bpy.data.objects["lo"].active_material is None
+
+
+def script(*arguments):
+    """Run scripts/bake.py in a process of its own, as people do."""
+    program = [sys.executable, str(ROOT / "scripts" / "bake.py"), "--", *arguments]
+    return subprocess.run(program, capture_output=True, text=True, errors="replace", check=False)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code"),
+    [([*BAKE, "--output", "m.png"], 0), ([*BAKE, "--low", "loo", "--output", "m.png"], 1), (BAKE, 2)],
+)
+def test_the_scripts_exit_codes(scene, arguments, code):
+    done = script(*arguments)
+    assert done.returncode == code, done.stderr
+    assert (scene / "m.png").exists() == (code == 0)
+    said = [line for line in done.stderr.splitlines() if line.startswith("imprint: ")]
+    assert len(said) == (code != 0)
+    assert "Traceback" not in done.stderr

@@ -1,0 +1,265 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Rays on real meshes, against Cycles' selected-to-active bake and a published map; distances, misses, cages."""
+
+import bpy
+import mathutils
+import numpy as np
+import pytest
+
+from addon.bake import casting, pipeline
+from addon.bake.errors import BakeError
+from addon.bake.settings import Settings
+from tests.support import angles, cycles, maps, oracle, zoo
+
+pytestmark = pytest.mark.usefixtures("gpu_context")
+
+PAIRS = [
+    "kepler_199712_9079",
+    "sthelens_290088_9079",
+    "spot_1696_536",
+    "shaderball_48048_23378",
+    "shaderball_61644_20517",
+    "spot_control_vs_subd5",
+    "king_40480_4000",
+    "helmet_23358_6117",
+    "normaltangenttest_published",
+]
+SIZE = (1024, 1024)
+MEDIAN, P99 = 0.01, 0.1
+"""Degrees from Cycles, which casts the same rays from positions that differ in the last bits."""
+HAIRS_BREADTH = 8
+"""Texels of a million that Cycles alone hits inside low triangles. In double precision their rays pass an edge of the high
+mesh by less than 1e-4 of a triangle, or end less than 1e-4 of their length before it."""
+OTHER_LAYER = 5e-4
+"""Share of texels where the two may hit different layers: rays along an edge or between two skins."""
+SNAP = 1 / 128
+"""Texels. Rasterisers snap corners to 1/256 of a texel: an edge that near may pass on either side of a centre."""
+
+
+def open_pair(folder, name):
+    bpy.ops.wm.open_mainfile(filepath=str(folder / "pairs" / f"{name}.blend"))
+    low, high = bpy.data.objects["lo"], bpy.data.objects["hi"]
+    if name.startswith("normaltangenttest"):
+        return low, high, 0.12, 0.3
+    extrusion = 0.02 * max(low.dimensions)
+    return low, high, extrusion, 2.0 * extrusion
+
+
+def cast(low, *highs, cage=None, **settings):
+    """Texels and the report."""
+    width, height = settings.pop("size", (64, 64))
+    values = {
+        "method": "CAST",
+        "margin": 0,
+        "depth": 32,
+        "storage": "MEMORY",
+        "material": False,
+        "image": "cast",
+        **settings,
+    }
+    report = pipeline.bake(bpy.context, low, highs, Settings(width=width, height=height, **values), cage)
+    return maps.pixels(bpy.data.images[report.image]), report
+
+
+@pytest.mark.shared
+@pytest.mark.parametrize("name", PAIRS)
+def test_rays_hit_what_cycles_hits(shared_assets, name):
+    low, high, extrusion, reach = open_pair(shared_assets, name)
+    texels, _ = cast(low, high, space="OBJECT", size=SIZE, extrusion=extrusion, max_distance=reach)
+    expected, written = cycles.bake_normals(
+        low, SIZE, space="OBJECT", highs=[high], extrusion=extrusion, max_distance=reach
+    )
+    ours = texels[..., 3] > 0
+    both = ours & written
+    error = angles.degrees(angles.decode(texels), angles.decode(expected))[both]
+    print(
+        f"{name}: median {np.median(error):.4f}, 99th percentile {np.percentile(error, 99):.4f}, over 5 degrees "
+        f"{(error > 5).mean():.4%}; hit by Cycles alone {np.count_nonzero(written & ~ours)}, by us alone "
+        f"{np.count_nonzero(ours & ~written)}"
+    )
+    assert both.mean() > 0.15
+    assert np.median(error) < MEDIAN
+    assert np.percentile(error, 99) < P99
+    assert (error > 5.0).mean() < OTHER_LAYER
+    # What Cycles alone has lies on rims, but for a handful of rays that a hair's breadth decides.
+    row, column = np.nonzero(written & ~ours)
+    centres = (np.stack([column, row], axis=1) + 0.5) / SIZE
+    layer = low.data.uv_layers.active.uv
+    uv = np.empty((len(layer), 2), np.float32)
+    layer.foreach_get("vector", uv.reshape(-1))
+    triangles = np.empty((len(low.data.loop_triangles), 3), np.int32)
+    low.data.loop_triangles.foreach_get("loops", triangles.reshape(-1))
+    inside = oracle.depth_inside(centres, uv[triangles]) * SIZE[0] > SNAP
+    assert np.count_nonzero(inside) <= HAIRS_BREADTH
+
+
+@pytest.mark.shared
+def test_the_published_map_of_the_normal_tangent_test(shared_assets):
+    """Made by others with another tool: it pins +Y, MikkTSpace with turned UVs, and the place of texels."""
+    low, high, extrusion, reach = open_pair(shared_assets, "normaltangenttest_published")
+    size = (2048, 2048)
+    texels, _ = cast(low, high, size=size, extrusion=extrusion, max_distance=reach)
+    published = bpy.data.images.load(str(shared_assets / "pairs" / "normaltangenttest_published_normal.png"))
+    published.colorspace_settings.is_data = True
+    inside = angles.eroded(texels[..., 3] > 0, 2)
+    error = angles.degrees(angles.decode(texels), angles.decode(maps.pixels(published)))[inside]
+    print(f"mean {error.mean():.3f}, 95th percentile {np.percentile(error, 95):.3f}")
+    assert inside.mean() > 0.15
+    assert error.mean() <= 0.30
+    assert np.percentile(error, 95) <= 0.40
+
+
+@pytest.mark.shared
+@pytest.mark.parametrize("name", PAIRS)
+def test_measured_distances_reach_the_high_mesh(shared_assets, name):
+    low, high, extrusion, reach = open_pair(shared_assets, name)
+    texels, report = cast(low, high, space="OBJECT", size=SIZE)
+    by_hand, _ = cast(low, high, space="OBJECT", size=SIZE, extrusion=extrusion, max_distance=reach, image="by hand")
+    both = (texels[..., 3] > 0) & (by_hand[..., 3] > 0)
+    differs = (angles.degrees(angles.decode(texels), angles.decode(by_hand))[both] > 5.0).mean()
+    print(f"{name}: {report.distances}, missed {report.missed:.4%}, over 5 degrees from 2 % by hand {differs:.4%}")
+    assert report.missed < 1e-3
+    if name not in {"spot_control_vs_subd5", "king_40480_4000", "helmet_23358_6117"}:
+        # Those three have other skins within 2 % of the surface, which rays from that far strike first.
+        assert differs < 1e-3
+
+
+@pytest.mark.parametrize(("scale", "offset"), [(1.0, 10_000.0), (1e-3, 0.0), (1e-3, 10.0)])
+def test_far_away_and_tiny_objects_give_the_same_map(scale, offset):
+    low, high = zoo.sphere("low", n=8), zoo.sphere("high", n=48)
+    high.scale = (1.05, 1.05, 1.05)
+    bpy.context.view_layer.update()
+    before, near = cast(low, high)
+    for obj in (low, high):
+        obj.matrix_world = (
+            mathutils.Matrix.Translation((offset, -offset, offset))
+            @ mathutils.Matrix.Scale(scale, 4)
+            @ obj.matrix_world
+        )
+    after, far = cast(low, high)
+    assert near.missed == far.missed == 0.0
+    assert np.array_equal(before[..., 3], after[..., 3])
+    assert angles.degrees(angles.decode(before), angles.decode(after)).max() < 0.05
+
+
+def test_a_sphere_inside_a_sphere_is_found_whole():
+    """Flatten's truth for cast: concentric spheres see each other's normals along the same ray."""
+    low, high = zoo.sphere("low", n=24), zoo.sphere("high", n=96)
+    high.scale = (0.9, 0.9, 0.9)
+    bpy.context.view_layer.update()
+    texels, report = cast(low, high, space="OBJECT", size=(256, 128))
+    flat = maps.bake(low, high, space="OBJECT", size=(256, 128), image="flat")
+    assert report.missed < 0.02  # the belt's rims: rays from the outer one pass above the inner one
+    both = (texels[..., 3] > 0) & (flat[..., 3] > 0)
+    assert angles.degrees(angles.decode(texels), angles.decode(flat))[both].max() < 0.5
+
+
+def test_misses_are_counted_and_never_disguised():
+    low, high = zoo.plane("low"), zoo.plane("high")
+    high.scale = (0.5, 1.0, 1.0)  # covers the middle half
+    bpy.context.view_layer.update()
+    texels, report = cast(low, high, margin=4, missed=(1.0, 0.0, 1.0))
+    assert report.missed == pytest.approx(0.5, abs=0.01)
+    assert any("hit nothing" in warning for warning in report.warnings)
+    holes = texels[..., 3] == 0.0
+    assert holes.mean() == pytest.approx(report.missed)
+    assert (texels[holes] == np.float32((1.0, 0.0, 1.0, 0.0))).all()
+
+
+def test_several_high_objects_are_one_target():
+    left, right = (zoo.plane(name) for name in ("left", "right"))
+    for side, obj in ((-0.5, left), (0.5, right)):
+        obj.matrix_world = mathutils.Matrix.LocRotScale((side, 0, 0.01), None, (0.5, 1, 1))
+    right.data.transform(mathutils.Matrix.Rotation(0.2, 4, "X"))
+    bpy.context.view_layer.update()
+    texels, report = cast(zoo.plane("low"), left, right, extrusion=0.3, max_distance=0.6)
+    assert report.missed < 0.02  # the turned one is a little shorter
+    assert np.allclose(texels[20:44, :30], np.float32((0.5, 0.5, 1, 1)), atol=1e-5)
+    turned = angles.decode(texels[20:44, 34:])
+    assert angles.degrees(turned, np.float64((0, -np.sin(0.2), np.cos(0.2)))).max() < 0.01
+
+
+def test_smooth_directions_leave_no_gap_at_hard_edges():
+    """Rays along a cube's split normals spread at its edges and miss what lies before them."""
+    low, high = zoo.cube("low", smooth=False), zoo.cube("high", smooth=False)
+    high.scale = (1.1, 1.1, 1.1)
+    bpy.context.view_layer.update()
+    distances = {"extrusion": 0.4, "max_distance": 0.8}
+    _, smooth = cast(low, high, **distances)
+    assert smooth.missed == 0.0
+
+
+def test_a_cage_says_where_rays_start():
+    """A high plane whose half at x > 0 lies above the cage is not seen there."""
+    low = zoo.plane("low", n=2)
+    cage = zoo.plane("cage", n=2)
+    cage.location.z = 0.5
+    high = zoo.plane("high")
+    high.location.z = 0.4
+    lid = zoo.plane("lid", slope=0.3)
+    lid.location.z = 1.5
+    bpy.context.view_layer.update()
+    texels, report = cast(low, high, lid, cage=cage)
+    assert report.missed == 0.0
+    assert (texels == np.float32((0.5, 0.5, 1, 1))).all()
+    cage.location.z = 3.0
+    bpy.context.view_layer.update()
+    texels, _ = cast(low, high, lid, cage=cage)
+    assert (texels[..., 0] < 0.45).all()  # the lid's slope
+
+
+def test_a_cage_of_another_mesh_is_refused_with_both_numbers():
+    with pytest.raises(BakeError, match=r"'cage' has 9 faces and 'low' has 4"):
+        cast(zoo.plane("low", n=2), zoo.plane("high"), cage=zoo.plane("cage", n=3))
+
+
+def test_objects_that_do_not_meet_are_refused_with_the_distance():
+    high = zoo.plane("high")
+    high.location.x = 12.0
+    bpy.context.view_layer.update()
+    with pytest.raises(BakeError, match="do not overlap: they are 10 apart"):
+        cast(zoo.plane("low"), high)
+
+
+@pytest.mark.parametrize("value", [-0.1, float("nan"), float("inf")])
+@pytest.mark.parametrize("name", ["extrusion", "max_distance"])
+def test_distances_that_are_none_are_refused(name, value):
+    with pytest.raises(BakeError, match="no distance"):
+        cast(zoo.plane("low"), zoo.plane("high"), **{name: value})
+
+
+def test_the_tree_is_kept_until_the_high_mesh_changes(monkeypatch):
+    built = []
+    monkeypatch.setattr(casting, "_build", lambda *args, build=casting._build: built.append(1) or build(*args))
+    casting.free()
+    low, high = zoo.plane("low"), zoo.terrain("high")
+    cast(low, high)
+    cast(low, high, extrusion=0.2, max_distance=0.5, space="WORLD", size=(32, 32))
+    assert len(built) == 1
+    high.data.vertices[40].co.z += 0.1
+    high.data.update()
+    changed, _ = cast(low, high)
+    assert len(built) == 2
+    high.rotation_euler.z = 0.1
+    cast(low, high)
+    assert len(built) == 3
+    assert changed[..., 3].all()
+
+
+def test_auto_measures_whether_uvs_are_shared():
+    low, shared, other = zoo.plane("low"), zoo.terrain("shared"), zoo.terrain("other")
+    layer = other.data.uv_layers[0].uv
+    uv = np.empty(len(layer) * 2, np.float32)
+    layer.foreach_get("vector", uv)
+    layer.foreach_set("vector", uv.reshape(-1, 2)[:, ::-1].ravel())  # turned over
+    _, report = cast(low, shared, method="AUTO")
+    assert (report.method, "agree" in report.why) == ("FLATTEN", True)
+    shared.location = (3.0, 1.0, 0.0)  # put aside to look at it
+    _, report = cast(low, shared, method="AUTO")
+    assert report.method == "FLATTEN"
+    _, report = cast(low, other, method="AUTO")
+    assert (report.method, "differ" in report.why) == ("CAST", True)
+    other.data.uv_layers.remove(other.data.uv_layers[0])
+    other.data.update()
+    _, report = cast(low, other, method="AUTO")
+    assert (report.method, "no UV layer" in report.why) == ("CAST", True)
