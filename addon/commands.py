@@ -8,9 +8,10 @@ from pathlib import Path
 
 import bpy
 
-from .bake import pipeline, subjects
+from .bake import pairs, pipeline, subjects
 from .bake.errors import BakeError
 from .bake.files import check_writable, reason, replacing
+from .bake.pairs import Suffixes
 from .bake.report import Report
 from .bake.settings import Settings
 
@@ -23,7 +24,13 @@ def parser(program: str) -> argparse.ArgumentParser:
     result.add_argument(
         "file", nargs="?", metavar="FILE.blend", help="the file to open (default: the one that is open)"
     )
-    result.add_argument("--low", type=_name, required=True, metavar="NAME", help="the object that gets the map")
+    which = result.add_mutually_exclusive_group(required=True)
+    which.add_argument("--low", type=_name, metavar="NAME", help="the object that gets the map")
+    which.add_argument(
+        "--pairs",
+        action="store_true",
+        help="bake x_low against x_high, x_high_2, … with x_cage, for every x; {low} in --output gives each its own map",
+    )
     result.add_argument(
         "--high",
         type=_name,
@@ -32,7 +39,37 @@ def parser(program: str) -> argparse.ArgumentParser:
         metavar="NAME",
         help="an object with detail; may be given again (default: the low object with its modifiers)",
     )
-    result.add_argument("--method", choices=["flatten"], default="flatten", help="how the detail gets into the map")
+    result.add_argument(
+        "--suffixes",
+        type=_suffixes,
+        default=Suffixes(),
+        metavar="LOW,HIGH,CAGE",
+        help="what --pairs looks for at the end of names (default: _low,_high,_cage)",
+    )
+    result.add_argument(
+        "--method",
+        choices=["auto", "flatten", "cast"],
+        default="auto",
+        help="flatten draws meshes that share UVs, cast sends rays, auto (default) measures which of them fits",
+    )
+    result.add_argument(
+        "--extrusion", type=float, metavar="D", help="where rays start, outside the low mesh (measured)"
+    )
+    result.add_argument("--max-distance", type=float, metavar="D", help="how far rays go from there (measured)")
+    result.add_argument(
+        "--cage", type=_name, metavar="NAME", help="a mesh with the low one's topology: rays start on it"
+    )
+    result.add_argument(
+        "--directions",
+        choices=["smooth", "split"],
+        default="smooth",
+        help="which of the low mesh's normals rays follow",
+    )
+    result.add_argument("--facing-only", action="store_true", help="rays pass through triangles seen from behind")
+    result.add_argument(
+        "--missed", type=_colour, default=(0.5, 0.5, 1.0), metavar="R,G,B", help="colour where rays hit nothing"
+    )
+    result.add_argument("--mask", action="store_true", help="write a mask of misses beside the map as well")
     result.add_argument("--space", choices=["tangent", "object", "world"], default="tangent")
     result.add_argument(
         "--basis",
@@ -66,22 +103,25 @@ def run(arguments: list[str], program: str = "imprint") -> int:
     wanted = parser(program)
     try:
         options = wanted.parse_args(_joined_green(arguments))
+        if options.pairs and (options.high or options.cage):
+            wanted.error("--pairs finds the high objects and the cages by itself")
         if _has_clash(options):
             wanted.error("the files to read and to write must be different ones")
     except SystemExit as stop:  # argparse has printed the usage, or the help
         return stop.code
     try:
-        report = _bake(options)
+        reports, problems = _bake(options)
     except BakeError as error:
         print(f"{program}: {error}", file=sys.stderr)
         return FAILED
-    for warning in report.warnings:
+    for warning in (*problems, *(warning for report in reports for warning in report.warnings)):
         print(f"{program}: warning: {warning}", file=sys.stderr)
-    print("\n".join(report.summary()))
+    print("\n".join(line for report in reports for line in report.summary()))
     return DONE
 
 
-def _bake(options: argparse.Namespace) -> Report:
+def _bake(options: argparse.Namespace) -> tuple[list[Report], list[str]]:
+    """The reports, and what was found to be wrong with names."""
     output = Path(options.output).absolute()
     settings = Settings(
         method=options.method.upper(),
@@ -90,6 +130,12 @@ def _bake(options: argparse.Namespace) -> Report:
         uv_layer=options.uv,
         width=options.size[0],
         height=options.size[1],
+        extrusion=options.extrusion,
+        max_distance=options.max_distance,
+        directions=options.directions.upper(),
+        facing_only=options.facing_only,
+        missed=options.missed,
+        mask=options.mask,
         green=options.green.upper(),
         margin=options.margin,
         depth=options.depth,
@@ -107,15 +153,29 @@ def _bake(options: argparse.Namespace) -> Report:
             check_writable(path.absolute())
     if options.file is not None:
         _open(options.file)
+    jobs, problems = _jobs(options)
+    share_image = options.pairs and "{low}" not in options.output
+    reports = pipeline.bake_all(bpy.context, jobs, settings, share_image=share_image)
+    if options.save_blend is not None:
+        _save(options.save_blend.absolute(), {bpy.data.images[report.image] for report in reports})
+    if options.report is not None:
+        result = [report.to_dict() for report in reports]
+        with replacing(options.report.absolute()) as partial:
+            text = json.dumps({"pairs": result, "problems": problems} if options.pairs else result[0], indent=2)
+            partial.write_text(text + "\n", encoding="utf-8")
+    return reports, problems
+
+
+def _jobs(options: argparse.Namespace) -> tuple[list[pipeline.Job], list[str]]:
+    """What to bake, and what was found to be wrong with names."""
+    if options.pairs:
+        found, problems = pairs.match(bpy.context.view_layer.objects.keys(), options.suffixes)
+        if not found:
+            raise BakeError(" ".join(problems) or f"No object is called something{options.suffixes.low}.")
+        return [pipeline.job_of(pair) for pair in found], problems
     low = subjects.named(options.low)
     highs = [subjects.named(name) for name in options.high] or [low]
-    report = pipeline.bake(bpy.context, low, highs, settings)
-    if options.save_blend is not None:
-        _save(options.save_blend.absolute(), bpy.data.images[report.image])
-    if options.report is not None:
-        with replacing(options.report.absolute()) as partial:
-            partial.write_text(json.dumps(report.to_dict(), indent=2) + "\n", encoding="utf-8")
-    return report
+    return [pipeline.Job(low, highs, subjects.named(options.cage) if options.cage else None)], []
 
 
 def _has_clash(options: argparse.Namespace) -> bool:
@@ -135,12 +195,13 @@ def _open(name: str) -> None:
         raise BakeError(f"{str(path)!r} could not be opened: {reason(error)}.") from error
 
 
-def _save(path: Path, image: bpy.types.Image) -> None:
-    output = Path(bpy.path.abspath(image.filepath))
-    if output.is_relative_to(path.parent):
-        # So that the two files can be moved together. Relative to the file that is open: saving takes all such paths
-        # along to the new place.
-        image.filepath = bpy.path.relpath(str(output), start=str(Path(bpy.data.filepath or path).parent))
+def _save(path: Path, images: set[bpy.types.Image]) -> None:
+    for image in images:
+        output = Path(bpy.path.abspath(image.filepath))
+        if output.is_relative_to(path.parent):
+            # So that the files can be moved together. Relative to the file that is open: saving takes all such paths
+            # along to the new place.
+            image.filepath = bpy.path.relpath(str(output), start=str(Path(bpy.data.filepath or path).parent))
     with replacing(path) as partial:
         # As a copy: relative paths are those of the final place, which is in the same folder.
         bpy.ops.wm.save_as_mainfile(filepath=str(partial), copy=True, compress=False, relative_remap=True)
@@ -151,6 +212,21 @@ def _size(text: str) -> tuple[int, int]:
     if len(sides) > 2 or not all(side.isdecimal() for side in sides):
         raise argparse.ArgumentTypeError(f"{text!r} is neither a number of texels nor two of them as 4096x1024")
     return int(sides[0]), int(sides[-1])
+
+
+def _suffixes(text: str) -> Suffixes:
+    parts = text.split(",")
+    if len(parts) != 3:
+        raise argparse.ArgumentTypeError(f"{text!r} is not three endings as _low,_high,_cage")
+    return Suffixes(*parts)
+
+
+def _colour(text: str) -> tuple[float, float, float]:
+    try:
+        red, green, blue = (float(part) for part in text.split(","))
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"{text!r} is not three numbers as 1,0,1") from error
+    return red, green, blue
 
 
 def _name(text: str) -> str:

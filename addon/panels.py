@@ -140,7 +140,9 @@ class IMPRINT_PT_pairs(_Panel, bpy.types.Panel):
             found, problems = [], [str(error)]
         box = layout.box()
         _paragraphs(box, context, [f"{pair.low}: {', '.join(pair.highs)}" for pair in found], "CHECKMARK")
-        _paragraphs(box, context, problems or ([] if found else ["No object has one of these endings."]), "ERROR")
+        _paragraphs(box, context, problems, "ERROR")
+        if not found and not problems:
+            _paragraphs(box, context, ["No object has one of these endings."], "INFO")
         layout.prop(settings, "share_image")
         row = layout.row()
         row.enabled = bool(found)

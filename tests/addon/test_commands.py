@@ -41,7 +41,7 @@ def files(folder):
     return sorted(str(path.relative_to(folder)) for path in folder.rglob("*"))
 
 
-BAKE = ["scene/file.blend", "--low", "lo", "--high", "hi", "--size", "16"]
+BAKE = ["scene/file.blend", "--low", "lo", "--high", "hi", "--method", "flatten", "--size", "16"]
 
 
 @pytest.fixture
@@ -153,7 +153,7 @@ def test_no_partial_report(scene, fails, monkeypatch):
 
     (scene / "m.png").write_bytes(b"an old picture")
     (scene / "r.json").write_text("an old report")
-    monkeypatch.setattr(pipeline, "bake", fail)
+    monkeypatch.setattr(pipeline, "bake_all", fail)
     line = fails(commands.FAILED, *BAKE, "--output", "m.png", "--report", "r.json", "--save-blend", "s.blend")
     assert line == "imprint: The bake went wrong."
     assert (scene / "m.png").read_bytes() == b"an old picture"
@@ -291,3 +291,104 @@ def test_the_scripts_exit_codes(scene, arguments, code):
     said = [line for line in done.stderr.splitlines() if line.startswith("imprint: ")]
     assert len(said) == (code != 0)
     assert "Traceback" not in done.stderr
+
+
+# Rays and pairs
+
+
+@pytest.fixture
+def rocks(tmp_path, monkeypatch):
+    """rocks.blend: two pairs by name side by side, one with a cage, whose UVs lie in halves of one atlas; a loose high."""
+    monkeypatch.chdir(tmp_path)
+    for number, (name, slope) in enumerate([("a", 0.0), ("b", 0.3)]):
+        low, high = zoo.plane(f"{name}_low"), zoo.plane(f"{name.upper()}_High.001", slope=slope)
+        high.data.uv_layers.remove(high.data.uv_layers[0])
+        uv = np.array([(0.1, 0.1), (0.4, 0.1), (0.4, 0.9), (0.1, 0.9)]) + (0.5 * number, 0.0)
+        low.data.uv_layers[0].uv.foreach_set("vector", uv.astype(np.float32).ravel())
+        for obj in (low, high):
+            obj.location.x = number * 1.5  # they overlap in space
+    zoo.plane("a_cage").location.z = 0.4
+    zoo.plane("c_high")
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rocks.blend"))
+    return tmp_path
+
+
+PAIRS = ["rocks.blend", "--pairs", "--size", "32", "--depth", "16", "--margin", "2"]
+
+
+def read(path):
+    image = bpy.data.images.load(str(path))
+    image.colorspace_settings.is_data = True
+    return maps.pixels(image)
+
+
+def test_pairs_may_share_an_atlas(rocks, capsys):
+    arguments = [*PAIRS, "--output", "atlas.png", "--report", "r.json", "--save-blend", "out.blend"]
+    assert commands.run(arguments) == commands.DONE
+    captured = capsys.readouterr()
+    assert "'c_high' has no low object" in captured.err
+    report = json.loads((rocks / "r.json").read_text())
+    assert [(pair["low"], pair["method"], pair["missed"]) for pair in report["pairs"]] == [
+        ("a_low", "CAST", 0.0),
+        ("b_low", "CAST", 0.0),
+    ]
+    assert len(report["problems"]) == 1
+    texels = read(rocks / "atlas.png")
+    # Neighbours overlap in space, and each low mesh sees its own high one alone.
+    assert np.allclose(texels[8:24, 4:12, :3], (0.5, 0.5, 1.0), atol=ROUNDING_16)
+    lean = np.array((-0.3, 0.0, 1.0)) / np.hypot(0.3, 1.0)
+    assert np.allclose(texels[8:24, 20:28, :3], lean * 0.5 + 0.5, atol=1e-3)
+    assert (texels[0, :, 3] == 0.0).all()
+    bpy.ops.wm.open_mainfile(filepath=str(rocks / "out.blend"))
+    images = {
+        node.image
+        for low in ("a_low", "b_low")
+        for node in bpy.data.objects[low].data.materials[0].node_tree.nodes
+        if node.type == "TEX_IMAGE"
+    }
+    assert [image.filepath for image in images] == ["//atlas.png"]
+
+
+def test_pairs_may_have_a_map_each(rocks):
+    assert commands.run([*PAIRS, "--output", "{low}_n.png"]) == commands.DONE
+    assert files(rocks) == ["a_low_n.png", "b_low_n.png", "rocks.blend"]
+
+
+def test_pairs_that_are_not_there(rocks, capsys):
+    arguments = ["rocks.blend", "--pairs", "--suffixes", ".lp,.hp,.cg", "--output", "m.png"]
+    assert commands.run(arguments) == commands.FAILED
+    assert capsys.readouterr().err == "imprint: No object is called something.lp.\n"
+    assert files(rocks) == ["rocks.blend"]
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["--pairs", "--high", "x"],
+        ["--pairs", "--low", "x"],
+        ["--pairs", "--cage", "x"],
+        ["--pairs", "--suffixes", "a,b"],
+        ["--low", "x", "--missed", "red"],
+        ["--low", "x", "--extrusion", "far"],
+        [],
+    ],
+)
+def test_wrong_usage_of_rays(arguments, capsys):
+    assert commands.run([*arguments, "--output", "m.png"]) == commands.WRONG_USAGE
+    assert "Traceback" not in capsys.readouterr().err
+
+
+def test_distances_cage_and_mask(scene, fails):
+    cast = ["scene/file.blend", "--low", "lo", "--high", "hi", "--method", "cast", "--size", "16", "--depth", "8"]
+    assert "no distance" in fails(commands.FAILED, *cast, "--extrusion=-1", "--output", "n.png")
+    assert "no object called 'cag'" in fails(commands.FAILED, *cast, "--cage", "cag", "--output", "n.png")
+    # The high plane rises from -1 to 1 over the low one: rays of 0.5 reach its middle half.
+    numbers = ["--extrusion", "0.5", "--max-distance", "1", "--missed", "1,0,1"]
+    assert commands.run([*cast, *numbers, "--mask", "--output", "m.png", "--report", "r.json"]) == commands.DONE
+    report = json.loads((scene / "r.json").read_text())
+    assert report["distances"] == {"extrusion": 0.5, "max_distance": 1.0}
+    assert report["missed"] == pytest.approx(0.5, abs=0.01)
+    texels, mask = read(scene / "m.png"), read(scene / "m_missed.png")
+    holes = texels[..., 3] == 0.0
+    assert np.array_equal(mask[..., 0] == 1.0, holes & (texels[..., 1] == 0.0))
+    assert mask[..., 0].mean() == pytest.approx(report["missed"])
