@@ -11,11 +11,12 @@ import bpy  # noqa: F401 - the wheel has to be loaded before its submodules
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from addon import commands, passes  # noqa: E402
+import addon  # noqa: E402
+from addon import commands  # noqa: E402
 
 arguments = sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else sys.argv[1:]
 try:
     code = commands.run(arguments)
 finally:
-    passes.free()  # Blender crashes on exit while GPU objects live
+    addon.free()  # Blender crashes on exit while GPU objects live
 sys.exit(code)

@@ -24,8 +24,8 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from addon import passes  # noqa: E402
-from addon.bake import pipeline  # noqa: E402
+import addon  # noqa: E402
+from addon.bake import casting, pipeline  # noqa: E402
 from addon.bake.errors import BakeError  # noqa: E402
 from addon.bake.settings import Settings  # noqa: E402
 
@@ -41,7 +41,7 @@ def main() -> None:
     rows = [large()] if options.large else []  # first: the peak memory of a process never falls
     rows.append(against_multires())
     if options.pairs is not None:
-        rows += [against_cycles(path, size) for path, size in sorted_pairs(options.pairs)]
+        rows += [row for path, size in sorted_pairs(options.pairs) for row in against_cycles(path, size)]
     import gpu
 
     result = {
@@ -68,7 +68,7 @@ def against_multires() -> dict:
     """A grid of half a million triangles at 1024, against Blender's multires bake of as many."""
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     low, high = plane(1), plane(512)
-    imprint, stages = bake_times(low, [high], 1024)
+    imprint, stages = bake_times(low, [high], 1024, method="FLATTEN")
     sculpt = plane(1)
     bpy.context.view_layer.objects.active = sculpt
     sculpt.select_set(True)
@@ -84,27 +84,36 @@ def against_multires() -> dict:
     return row("grid 524,288 triangles, 1024", imprint, stages, "multires", multires)
 
 
-def against_cycles(path: Path, size: int) -> dict:
-    """A real pair against Cycles' selected-to-active bake, one sample, scene kept warm."""
+def against_cycles(path: Path, size: int) -> list[dict]:
+    """A real pair by each method against Cycles' selected-to-active bake of it, one sample, scene kept warm."""
     bpy.ops.wm.open_mainfile(filepath=str(path))
     low, high = bpy.data.objects["lo"], bpy.data.objects["hi"]
+    extrusion = max(low.dimensions) * 0.02
+    distances = {"extrusion": extrusion, "max_distance": 2.0 * extrusion}
+    ours = {}
     try:
-        imprint, stages = bake_times(low, [high], size)
+        ours["flatten"] = bake_times(low, [high], size, method="FLATTEN")
     except BakeError as error:
-        return {"case": path.stem, "not baked": str(error)}
+        print(f"{path.stem}: {error}")
+    ours["cast, tree rebuilt"] = bake_times(low, [high], size, method="CAST", keep=False, **distances)
+    ours["cast, tree kept"] = bake_times(low, [high], size, method="CAST", **distances)
+    ours["cast, distances measured"] = bake_times(low, [high], size, method="CAST")
     scene = bpy.context.scene
     scene.render.engine, scene.cycles.samples = "CYCLES", 1
     target_image(low, size)
     for obj in bpy.data.objects:
         obj.select_set(obj in (low, high))
     bpy.context.view_layer.objects.active = low
-    extent = max(low.dimensions) * 0.02
     cycles = times(
         lambda: bpy.ops.object.bake(
-            type="NORMAL", margin=16, use_selected_to_active=True, cage_extrusion=extent, max_ray_distance=2 * extent
+            type="NORMAL",
+            margin=16,
+            use_selected_to_active=True,
+            cage_extrusion=extrusion,
+            max_ray_distance=2.0 * extrusion,
         )
     )
-    return row(f"{path.stem}, {size}", imprint, stages, "cycles", cycles)
+    return [row(f"{path.stem}, {size}, {how}", *timed, "cycles", cycles) for how, timed in ours.items()]
 
 
 def large() -> dict:
@@ -113,7 +122,9 @@ def large() -> dict:
     low, high = plane(1), plane(2237)
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     start = time.perf_counter()
-    report = pipeline.bake(bpy.context, low, [high], Settings(width=8192, height=8192, storage="MEMORY", depth=32))
+    report = pipeline.bake(
+        bpy.context, low, [high], Settings(width=8192, height=8192, storage="MEMORY", depth=32, method="FLATTEN")
+    )
     return {
         "case": "plane 10,008,338 triangles, 8192",
         "triangles": report.triangles["high"],
@@ -123,13 +134,17 @@ def large() -> dict:
     }
 
 
-def bake_times(low: bpy.types.Object, highs: list[bpy.types.Object], size: int) -> tuple[list[float], dict[str, float]]:
-    """Seconds of each bake, and the medians of its stages."""
+def bake_times(
+    low: bpy.types.Object, highs: list[bpy.types.Object], size: int, *, keep: bool = True, **settings
+) -> tuple[list[float], dict[str, float]]:
+    """Seconds of each bake, and the medians of its stages. keep: whether the tree of one bake serves the next."""
     reports = []
+    wanted = Settings(width=size, height=size, depth=32, storage="MEMORY", **settings)
 
     def bake() -> None:
-        settings = Settings(width=size, height=size, depth=32, storage="MEMORY")
-        reports.append(pipeline.bake(bpy.context, low, highs, settings))
+        if not keep:
+            casting.free()
+        reports.append(pipeline.bake(bpy.context, low, highs, wanted))
 
     seconds = times(bake)
     stages = {name: statistics.median(r.seconds[name] for r in reports[1:]) for name in reports[0].seconds}
@@ -189,4 +204,4 @@ if __name__ == "__main__":
     try:
         main()
     finally:
-        passes.free()
+        addon.free()

@@ -17,7 +17,7 @@ from mathutils import Euler, Matrix, Vector
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from addon import passes  # noqa: E402
+import addon  # noqa: E402
 from addon.bake import pipeline  # noqa: E402
 from addon.bake.errors import BakeError  # noqa: E402
 from addon.bake.files import replacing  # noqa: E402
@@ -238,7 +238,7 @@ def main() -> int:
         print(f"imprint: {error}", file=sys.stderr)
         return 1
     finally:
-        passes.free()  # Blender crashes on exit while GPU objects live
+        addon.free()  # Blender crashes on exit while GPU objects live
     print(f"{time.perf_counter() - start:.1f} s")
     return 0
 

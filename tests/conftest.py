@@ -33,14 +33,14 @@ def gpu_context():
     """A GPU to draw on. Without one tests fail: a suite that skips its subject would look healthy."""
     import gpu
 
-    from addon import passes
+    import addon
 
     code, output = imprint.probe(sys.executable)  # in a process of its own, since a missing EGL kills it
     if code:
         pytest.fail(f"gpu.init() ended with {code}: {output}", pytrace=False)
     gpu.init()
     yield
-    passes.free()
+    addon.free()
 
 
 @pytest.fixture(scope="session")

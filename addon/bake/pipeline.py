@@ -196,10 +196,11 @@ def _nothing_drawn(meshes: reading.Meshes, report: Report) -> str:
 def _tell(meshes: reading.Meshes, state: np.ndarray, report: Report) -> None:
     """Put into the report what was covered, what was missed and what was left out."""
     report.triangles = {"high": sum(len(high.triangles) for high in meshes.highs), "low": len(meshes.low.triangles)}
-    counts = np.bincount(state.reshape(-1), minlength=4)
-    report.coverage = int(counts[resolve.WRITTEN]) / state.size
-    report.margin = int(counts[resolve.MARGIN]) / state.size
-    report.missed = int(counts[resolve.MISSED]) / max(1, int(counts[resolve.MISSED] + counts[resolve.WRITTEN]))
+    written, in_margin, missed = (
+        int(np.count_nonzero(state == which)) for which in (resolve.WRITTEN, resolve.MARGIN, resolve.MISSED)
+    )
+    report.coverage, report.margin = written / state.size, in_margin / state.size
+    report.missed = missed / max(1, missed + written)
     if report.missed > MANY_MISSES:
         report.warnings.append(
             f"{report.missed:.2%} of the rays from {report.low!r} hit nothing: those texels have alpha 0. "

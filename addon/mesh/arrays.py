@@ -98,26 +98,29 @@ ON_THE_RIM = 1e-5
 
 def uv_flaws(mesh: Mesh) -> tuple[int, int]:
     """Numbers of triangles without area in UV space, and of those that reach outside the tile 0..1."""
-    u, v = _uv_corners(mesh)
-    area = (u[:, 1] - u[:, 0]) * (v[:, 2] - v[:, 0]) - (u[:, 2] - u[:, 0]) * (v[:, 1] - v[:, 0])
+    a, b, c = _uv_corners(mesh)
+    b, c = b - a, c - a
+    no_area = np.count_nonzero(b.real * c.imag == b.imag * c.real)
     outside = 0
     # NaN lies in corners that no triangle uses any more, and must not pass for being inside.
     if not (mesh.uv.min() >= -ON_THE_RIM and mesh.uv.max() <= 1.0 + ON_THE_RIM):
+        u, v = (np.stack(parts, axis=1) for parts in zip(*((p.real, p.imag) for p in _uv_corners(mesh)), strict=True))
         low, high = -ON_THE_RIM, 1.0 + ON_THE_RIM
         outside = np.count_nonzero(((u < low) | (u > high) | (v < low) | (v > high)).any(axis=1))
-    return int(np.count_nonzero(area == 0.0)), int(outside)
+    return int(no_area), int(outside)
 
 
 def is_on_tile(mesh: Mesh) -> bool:
     """Whether a triangle with area may cover part of the UV tile 0..1."""
-    u, v = _uv_corners(mesh)
-    spans = [(values.min(axis=1), values.max(axis=1)) for values in (u, v)]
+    corners = np.stack(_uv_corners(mesh), axis=1)
+    spans = [(values.min(axis=1), values.max(axis=1)) for values in (corners.real, corners.imag)]
     return bool(np.logical_and.reduce([(low < 1.0) & (high > 0.0) & (low < high) for low, high in spans]).any())
 
 
 def _uv_corners(mesh: Mesh) -> list[np.ndarray]:
-    """u and v (T, 3) of the triangles' corners."""
-    return [np.ascontiguousarray(mesh.uv[:, axis])[mesh.triangles] for axis in (0, 1)]
+    """The UVs of the triangles' three corners, (T,) each, as u + v i: one gather for both."""
+    uv = mesh.uv.view(np.complex64)[:, 0]
+    return [np.take(uv, mesh.triangles[:, corner], mode="clip") for corner in range(3)]
 
 
 def normal_matrix(mesh_to_world: np.ndarray, space_to_world: np.ndarray | None = None) -> np.ndarray:

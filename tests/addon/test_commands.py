@@ -126,6 +126,10 @@ CANNOT = {
     "no detail": ([*BAKE[:3], "--output", "m.png"], "'lo' is both high and low"),
     "no such UV map": ([*BAKE, "--uv", "Lightmap", "--output", "m.png"], "'lo' has no UV layer 'Lightmap'"),
     "size 0": ([*BAKE, "--size", "0", "--output", "m.png"], "0 x 0"),
+    "size 0, before a file is opened that may take long": (
+        ["none.blend", *BAKE[1:-1], "0", "--output", "m.png"],
+        "0 x 0",
+    ),
     "size beyond all": ([*BAKE, "--size", "9" * 30, "--output", "m.png"], "16384"),
     "negative margin": ([*BAKE, "--margin", "-1", "--output", "m.png"], "-1"),
     "format": ([*BAKE, "--output", "m.tga"], ".png or .exr"),
@@ -239,7 +243,7 @@ def shown(path):
         ("m.png", "s.blend", "//m.png"),  # beside each other, elsewhere than the scene that was opened
         ("scene/m.png", "scene/s.blend", "//m.png"),
         ("out/maps/m.png", "out/s.blend", "//maps/m.png"),
-        ("out/m.png", "outer/s.blend", None),  # not to be moved together: the path is a whole one
+        ("outer/m.png", "out/s.blend", None),  # not to be moved together: the path is a whole one
         ("m.png", "out/s.blend", None),
     ],
 )

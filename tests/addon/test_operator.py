@@ -182,6 +182,16 @@ def test_what_was_done_is_told(pair):
     assert "outside the UV tile" in manager.imprint_warnings
 
 
+def test_a_file_beside_the_saved_scene(pair, tmp_path, recwarn):
+    """A path that Blender's file selector gives, and that Blender warns of where a property does not take such."""
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    settings = bpy.context.scene.imprint
+    settings.storage, settings.output = "FILE", "//map.png"
+    assert [str(warning.message) for warning in recwarn] == []
+    assert leans(bake(low="lo", high=[{"name": "hi"}]))
+    assert (tmp_path / "map.png").is_file()
+
+
 # Undo
 
 

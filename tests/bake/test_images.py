@@ -171,6 +171,13 @@ def test_a_file_is_replaced(texels, tmp_path):
     assert path.read_bytes().startswith(b"\x89PNG")
 
 
+def test_a_file_is_shown_anew(texels, tmp_path):
+    """By the same image, as when an artist bakes again."""
+    path, other = str(tmp_path / "map.png"), some_texels(seed=2)
+    store(texels, storage="FILE", output=path)
+    assert_texels(store(other, storage="FILE", output=path), other, STEP_16)
+
+
 @pytest.fixture
 def full_disk():
     """A disk that takes 2000 bytes of each file, for the time of a with block."""

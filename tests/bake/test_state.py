@@ -104,6 +104,17 @@ def test_edits_count_for_a_mesh_that_is_its_own_low_one():
     assert is_sloped(bake_without_trace(obj, obj, space="OBJECT"))
 
 
+@pytest.mark.parametrize("mode", ["EDIT", "SCULPT"])
+def test_a_hidden_twin_in_a_mode_is_let_out_of_it_and_back(mode):
+    obj = zoo.plane("own", 4)
+    obj.modifiers.new("Rounded", "SUBSURF")
+    twin = obj.copy()
+    bpy.context.collection.objects.link(twin)
+    enter(mode, twin)
+    twin.hide_viewport = True
+    bake_without_trace(obj, obj)
+
+
 def test_edits_count_where_another_object_is_active(pair):
     low, high = pair
     enter("EDIT", high)
