@@ -126,7 +126,8 @@ def _store(
         if settings.mask:
             images.store_mask(state == resolve.MISSED, "missed", settings)
         for job, report in zip(jobs, reports, strict=True):
-            report.image, report.output = image.name, settings.output
+            report.image = image.name
+            report.output = settings.output if settings.storage == "FILE" else ""
             if settings.material:
                 report.warnings += materials.hook_up(
                     job.low,

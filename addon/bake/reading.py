@@ -53,6 +53,11 @@ def read(
             basis = extract.with_tangents(data, uv_layer, low.name, to_world) if settings.space == "TANGENT" else None
             cage_mesh = cage and _cage(cage, depsgraph, low_mesh, len(data.polygons))
         high_meshes = [_high(high, depsgraph, uv_layer, settings.method) for high in highs]
+    for mesh in (low_mesh, *high_meshes, *([cage_mesh] if cage_mesh else [])):
+        if not len(mesh.triangles):
+            raise BakeError(
+                f"{mesh.name!r} has no triangle left to bake: the coordinates of all of them are NaN or infinite."
+            )
     return Meshes(low_mesh, high_meshes, basis, directions, cage_mesh, uv_layer, is_own_base)
 
 

@@ -48,7 +48,7 @@ class Frame:
 def frame_of(meshes: Sequence[Mesh]) -> Frame:
     """The space in which `meshes` together lie around the origin with a radius of about 1."""
     low, high = _world_box(meshes)
-    return Frame((low + high) / 2.0, max(float(np.linalg.norm(high - low)) / 2.0, np.finfo(np.float32).tiny))
+    return Frame((low + high) / 2.0, float(np.linalg.norm(high - low)) / 2.0 or 1.0)  # a single point has no size
 
 
 def _world_box(meshes: Sequence[Mesh]) -> tuple[np.ndarray, np.ndarray]:

@@ -263,3 +263,51 @@ def test_auto_measures_whether_uvs_are_shared():
     other.data.update()
     _, report = cast(low, other, method="AUTO")
     assert (report.method, "no UV layer" in report.why) == ("CAST", True)
+
+
+def test_more_triangles_than_the_gpu_takes_are_refused_with_the_number(monkeypatch):
+    monkeypatch.setattr(casting.table, "limit", lambda: 300)
+    casting.free()
+    with pytest.raises(BakeError, match=r"2,048 triangles together; this GPU takes 100"):
+        cast(zoo.plane("low"), zoo.terrain("high", n=32))
+
+
+def test_kept_trees_are_bounded_and_the_oldest_goes_first(monkeypatch):
+    casting.free()
+    low = zoo.plane("low")
+    cast(low, zoo.terrain("a"))
+    one = next(iter(casting._kept.values())).tables.bytes
+    monkeypatch.setattr(casting, "KEPT_BYTES", 2 * one)
+    first = next(iter(casting._kept))
+    cast(low, zoo.terrain("b", height=0.2))
+    cast(low, zoo.terrain("c", height=0.3))
+    assert len(casting._kept) == 2
+    assert first not in casting._kept
+    monkeypatch.setattr(casting, "KEPT_BYTES", 0)
+    cast(low, zoo.terrain("d", height=0.4))
+    assert not casting._kept
+
+
+def test_facing_only_passes_through_a_lid_that_is_turned_away():
+    low, high, lid = zoo.plane("low"), zoo.plane("high"), zoo.plane("lid", slope=0.2)
+    lid.data.flip_normals()
+    lid.location.z = 0.3
+    high.location.z = 0.01
+    bpy.context.view_layer.update()
+    distances = {"extrusion": 1.0, "max_distance": 2.0}
+    first, _ = cast(low, high, lid, **distances)
+    facing, _ = cast(low, high, lid, facing_only=True, **distances)
+    assert (first[..., 2] < 0.5).all()  # the lid's back
+    assert (facing == np.float32((0.5, 0.5, 1, 1))).all()
+
+
+def test_split_directions_leave_gaps_at_hard_edges():
+    """What Directions is for: along split normals rays of a cube never look at what lies off its edges."""
+    low, high = zoo.cube("low", smooth=False), zoo.sphere("high", n=48)
+    high.scale = (1.9, 1.9, 1.9)
+    bpy.context.view_layer.update()
+    distances = {"extrusion": 1.2, "max_distance": 2.4}
+    smooth, _ = cast(low, high, directions="SMOOTH", space="OBJECT", **distances)
+    split, _ = cast(low, high, directions="SPLIT", space="OBJECT", **distances)
+    both = (smooth[..., 3] > 0) & (split[..., 3] > 0)
+    assert angles.degrees(angles.decode(smooth), angles.decode(split))[both].max() > 5.0

@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Buttons and panels for rays: measured distances, pairs by name, the shells in the viewport, what is freed."""
+
+import bpy
+import numpy as np
+import pytest
+
+import addon
+from addon import preview
+from addon.bake import casting
+from tests.support import maps, zoo
+
+pytestmark = pytest.mark.usefixtures("registered", "gpu_context")
+
+
+@pytest.fixture(autouse=True)
+def small():
+    settings = bpy.context.scene.imprint
+    settings.width = settings.height = 16
+    settings.method, settings.storage = "CAST", "MEMORY"
+    return settings
+
+
+def test_measured_distances_are_shown_and_can_be_frozen(small):
+    zoo.plane("lo")
+    high = zoo.plane("hi")
+    high.location.z = 0.2
+    assert not bpy.ops.imprint.freeze_distances.poll()
+    assert bpy.ops.imprint.bake(low="lo", high=[{"name": "hi"}]) == {"FINISHED"}
+    found = bpy.context.window_manager.imprint_found
+    assert 0.2 < found.extrusion < 0.5
+    bpy.ops.imprint.freeze_distances()
+    assert not small.measure
+    assert (small.extrusion, small.max_distance) == (found.extrusion, found.max_distance)
+    assert small.to_settings().extrusion == found.extrusion
+
+
+def test_distances_named_in_a_script_need_no_switch(small):
+    zoo.plane("lo")
+    zoo.plane("hi").location.z = 0.2
+    assert bpy.ops.imprint.bake(low="lo", high=[{"name": "hi"}], extrusion=0.5, max_distance=0.75) == {"FINISHED"}
+    assert "extrusion 0.5 and max distance 0.75" in bpy.context.window_manager.imprint_summary
+
+
+def test_a_cage_by_name(small):
+    zoo.plane("lo", n=2)
+    zoo.plane("cage", n=2).location.z = 0.5
+    zoo.plane("hi").location.z = 0.4
+    assert bpy.ops.imprint.bake(low="lo", high=[{"name": "hi"}], cage="cage") == {"FINISHED"}
+    with pytest.raises(RuntimeError, match="The cage 'cage' is for rays"):
+        bpy.ops.imprint.bake(low="lo", high=[{"name": "hi"}], cage="cage", method="FLATTEN")
+
+
+def test_pairs_by_name(small):
+    for name, slope in (("a", 0.0), ("b", 0.5)):
+        zoo.plane(f"{name}_low")
+        zoo.plane(f"{name}_high", slope=slope)
+    zoo.plane("c_low")
+    assert bpy.ops.imprint.bake_pairs() == {"FINISHED"}
+    assert (maps.pixels(bpy.data.images["a_low_normal"])[..., 0] == 0.5).all()
+    lean = 0.5 - 0.5 * 0.5 / np.hypot(0.5, 1.0)
+    assert np.allclose(maps.pixels(bpy.data.images["b_low_normal"])[..., 0], lean, atol=1e-3)
+    assert "c_low_normal" not in bpy.data.images
+
+
+def test_no_pairs(small):
+    zoo.plane("a")
+    with pytest.raises(RuntimeError, match="No object is called something_low"):
+        bpy.ops.imprint.bake_pairs()
+    small.high_suffix = "_LOW"
+    with pytest.raises(RuntimeError, match="three different ones"):
+        bpy.ops.imprint.bake_pairs()
+
+
+def test_the_shells_come_and_go_without_a_trace():
+    def handlers():
+        return len(bpy.app.handlers.depsgraph_update_post), len(bpy.app.handlers.load_pre)
+
+    before = handlers()
+    bpy.ops.imprint.show_cage()
+    assert preview.is_on()
+    preview.show(True)  # twice is once
+    assert handlers() == (before[0] + 1, before[1] + 1)
+    bpy.ops.imprint.show_cage()
+    assert not preview.is_on()
+    assert handlers() == before
+    bpy.ops.imprint.show_cage()
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    assert not preview.is_on()
+    assert handlers() == before
+
+
+def test_trees_are_freed_when_another_file_is_opened():
+    zoo.plane("lo")
+    zoo.plane("hi")
+    bpy.ops.imprint.bake(low="lo", high=[{"name": "hi"}])
+    assert casting._kept
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    assert not casting._kept
+    assert addon.free in bpy.app.handlers.load_pre  # it outlives the file
