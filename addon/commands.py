@@ -13,7 +13,7 @@ from .bake.errors import BakeError
 from .bake.files import check_writable, reason, replacing
 from .bake.pairs import Suffixes
 from .bake.report import Report
-from .bake.settings import Settings
+from .bake.settings import SAMPLES, Settings
 
 DONE, FAILED, WRONG_USAGE = 0, 1, 2
 
@@ -81,6 +81,9 @@ def parser(program: str) -> argparse.ArgumentParser:
         "--uv", type=_name, default="", metavar="NAME", help="the low mesh's UV map (default: its active one)"
     )
     result.add_argument("--size", type=_size, default=(2048, 2048), metavar="2048|4096x1024", help="texels")
+    result.add_argument(
+        "--samples", type=int, choices=SAMPLES, default=1, help="a texel; several are antialiased (default: 1)"
+    )
     result.add_argument("--green", choices=["+y", "-y"], default="+y", help="+y: OpenGL, -y: DirectX")
     result.add_argument("--margin", type=int, default=16, metavar="TEXELS", help="around the UV islands (default: 16)")
     result.add_argument("--depth", type=int, choices=[8, 16, 32], default=16, help="bits a channel (default: 16)")
@@ -130,6 +133,7 @@ def _bake(options: argparse.Namespace) -> tuple[list[Report], list[str]]:
         uv_layer=options.uv,
         width=options.size[0],
         height=options.size[1],
+        samples=options.samples,
         extrusion=options.extrusion,
         max_distance=options.max_distance,
         directions=options.directions.upper(),

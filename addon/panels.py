@@ -80,6 +80,7 @@ class IMPRINT_PT_map(_Panel, bpy.types.Panel):
         column = layout.column(align=True)
         column.prop(settings, "width")
         column.prop(settings, "height")
+        layout.prop(settings, "samples")
         layout.prop(settings, "margin")
         layout.prop(settings, "green")
         layout.prop(settings, "modifiers")

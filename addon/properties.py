@@ -16,7 +16,7 @@ from bpy.props import (
 )
 
 from .bake.pairs import Suffixes
-from .bake.settings import MAX_SIZE, MIN_SIZE, Settings
+from .bake.settings import MAX_SIZE, MIN_SIZE, SAMPLES, Settings
 
 
 class Options:
@@ -99,6 +99,11 @@ class Options:
     uv_layer: StringProperty(name="UV Map", description="The low mesh's UV map; empty for the active one")
     width: IntProperty(name="Width", description="Texels", default=2048, min=MIN_SIZE, max=MAX_SIZE)
     height: IntProperty(name="Height", description="Texels", default=2048, min=MIN_SIZE, max=MAX_SIZE)
+    samples: EnumProperty(
+        name="Samples",
+        description="How often each texel is drawn; several are antialiased and take as many times as long",
+        items=[(str(n), str(n), "One, at the texel's centre" if n == 1 else f"The mean of {n}") for n in SAMPLES],
+    )
     green: EnumProperty(
         name="Green",
         description="Which way the green channel points",
@@ -162,7 +167,8 @@ class Options:
         for name in (field.name for field in fields(Settings)):
             owner = self if fallback is None or self.properties.is_property_set(name) else fallback
             values[name] = getattr(owner, name)
-        values["depth"] = int(values["depth"])
+        for name in ("depth", "samples"):
+            values[name] = int(values[name])
         values["missed"] = tuple(values["missed"])
         for name in ("extrusion", "max_distance"):
             named = fallback is not None and self.properties.is_property_set(name)

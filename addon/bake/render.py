@@ -2,12 +2,12 @@
 """The passes in their order, band by band, from arrays of meshes to an array of texels."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..mesh.arrays import Mesh, normal_matrix
-from ..passes import batch, cast, flatten, gbuffer, margin, resolve, tangent, target
+from ..passes import batch, cast, flatten, gbuffer, margin, resolve, samples, tangent, target
 from . import casting
 from .report import Report
 from .settings import Settings
@@ -18,12 +18,16 @@ BAND_TEXELS = 4096 * 4096
 
 @dataclass(frozen=True)
 class Band:
-    """Rows `start` to `stop` of a map `total` high, drawn with `halo` rows more on either side for the margin."""
+    """Rows `start` to `stop` of a map of `size`, drawn with `halo` rows more on either side for the margin.
+
+    offset: where in its texel a sample lies, from the centre, in texels.
+    """
 
     start: int
     stop: int
-    total: int
+    size: tuple[int, int]
     halo: int
+    offset: tuple[float, float] = (0.0, 0.0)
 
     @property
     def height(self) -> int:
@@ -32,18 +36,19 @@ class Band:
     @property
     def window(self) -> tuple[float, float, float, float]:
         """From uv to the band's clip space: xy scale, zw offset."""
-        scale = 2.0 * self.total / self.height
-        return 2.0, scale, -1.0, -2.0 * (self.start - self.halo) / self.height - 1.0
+        (width, total), (x, y) = self.size, self.offset
+        first = self.start - self.halo + y
+        return 2.0, 2.0 * total / self.height, -2.0 * x / width - 1.0, -2.0 * first / self.height - 1.0
 
 
 def bands(width: int, height: int, margin_texels: int) -> Iterator[Band]:
     """Cut a map into bands that are contiguous in memory: whole rows, at most BAND_TEXELS without the halo."""
     rows = max(1, BAND_TEXELS // width)
     if rows >= height:
-        yield Band(0, height, height, 0)
+        yield Band(0, height, (width, height), 0)
         return
     for start in range(0, height, rows):
-        yield Band(start, min(start + rows, height), height, margin_texels)
+        yield Band(start, min(start + rows, height), (width, height), margin_texels)
 
 
 Source = Callable[[Band], target.Target]
@@ -100,12 +105,7 @@ def texels(source: Source, basis: Mesh | None, settings: Settings, report: Repor
     for band in bands(width, height, settings.margin):
         size = width, band.height
         with report.timed("draw"):
-            normals = source(band)
-            if spanned is not None:
-                turned = target.get("low", *size, "RGBA32F")
-                blender = settings.basis == "BLENDER"
-                tangent.draw(turned, spanned, normals.texture, band.window, normalize_normal=blender)
-                normals = turned
+            normals = _sampled(band, source, spanned, settings)
             offsets = target.get("margin", *size, "R16I")
             margin.draw(offsets, normals, settings.margin)
             stored = target.get("map", *size, "RGBA32F", "R8")
@@ -123,3 +123,22 @@ def texels(source: Source, basis: Mesh | None, settings: Settings, report: Repor
             stored.read(result[band.start : band.stop])
             stored.read(state[band.start : band.stop], slot=1)
     return result, state
+
+
+def _sampled(band: Band, source: Source, spanned, settings: Settings) -> target.Target:
+    """The normals of a band as they are to be stored, in all their samples."""
+    size = settings.width, band.height
+    sums = target.get("sums", *size, "RGBA32F") if settings.samples > 1 else None
+    for number, offset in enumerate(samples.offsets(settings.samples)):
+        sample = replace(band, offset=offset)
+        normals = source(sample)
+        if spanned is not None:
+            turned = target.get("low", *size, "RGBA32F")
+            blender = settings.basis == "BLENDER"
+            tangent.draw(turned, spanned, normals.texture, sample.window, normalize_normal=blender)
+            normals = turned
+        if sums is not None:
+            samples.add(sums, normals, is_first=number == 0)
+    if sums is not None:
+        samples.average(normals, sums)
+    return normals

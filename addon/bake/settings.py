@@ -12,6 +12,7 @@ BASES = ("BLENDER", "MIKKTSPACE")
 METHODS = ("AUTO", "FLATTEN", "CAST")
 DIRECTIONS = ("SMOOTH", "SPLIT")
 GREENS = ("+Y", "-Y")
+SAMPLES = (1, 2, 4, 8, 16, 64)
 MODIFIERS = ("RENDER", "VIEWPORT")
 STORAGES = ("PACK", "FILE", "MEMORY")
 MIN_SIZE, MAX_SIZE = 16, 16384
@@ -31,6 +32,8 @@ class Settings:
     """The low mesh's UV layer; empty for its active one."""
     width: int = 1024
     height: int = 1024
+    samples: int = 1
+    """How many samples a texel takes; the mean of several is antialiased."""
     extrusion: float | None = None
     """How far outside the low mesh rays start, in scene units; None measures it. A cage takes its place."""
     max_distance: float | None = None
@@ -69,6 +72,7 @@ class Settings:
             ("modifiers", self.modifiers, MODIFIERS),
             ("storage", self.storage, STORAGES),
             ("depth", self.depth, (8, 16, 32)),
+            ("number of samples", self.samples, SAMPLES),
         ):
             if value not in known:
                 raise BakeError(f"The {name} {value!r} is not one of {', '.join(map(str, known))}.")

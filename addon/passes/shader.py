@@ -78,7 +78,7 @@ def load(program: Program) -> gpu.types.GPUShader:
     for slot, (kind, name) in enumerate(program.outputs):
         info.fragment_out(slot, kind, name)
     for slot, (texel, kind, name) in enumerate(program.images):
-        info.image(slot, texel, kind, name, qualifiers={"WRITE"})
+        info.image(slot, texel, kind, name, qualifiers={"READ", "WRITE"})
     if program.compute:
         info.local_group_size(*program.group)
         info.compute_source(source(program.compute))

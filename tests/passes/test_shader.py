@@ -4,7 +4,7 @@
 import pytest
 
 from addon import passes
-from addon.passes import cast, flatten, gbuffer, margin, resolve, shader, shell, tangent
+from addon.passes import cast, flatten, gbuffer, margin, resolve, samples, shader, shell, tangent
 
 PROGRAMS = [
     flatten.PROGRAM,
@@ -16,6 +16,8 @@ PROGRAMS = [
     cast.LOOKUP,
     cast.DISTANCE,
     shell.PROGRAM,
+    samples.ADD,
+    samples.AVERAGE,
 ]
 
 

@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Antialiasing: the mean of several samples a texel, by both methods."""
+
+import numpy as np
+import pytest
+
+from addon.bake.settings import SAMPLES
+from addon.passes import samples
+from tests.support import angles, zoo
+from tests.support.maps import bake, texel_uv
+
+pytestmark = pytest.mark.usefixtures("gpu_context")
+
+METHODS = ["FLATTEN", "CAST"]
+RAYS = {"extrusion": 1.5, "max_distance": 3.0}
+AREA_MEAN = 2.0
+"""Degrees between a rim texel of 16 samples and the mean by area: a sample more or less on one side is one sixteenth."""
+
+
+@pytest.mark.parametrize("count", SAMPLES)
+def test_samples_are_spread_evenly_around_the_centre(count):
+    x, y = np.array(samples.offsets(count)).T
+    assert np.allclose([x.mean(), y.mean()], 0.0)
+    if count in (4, 16, 64):
+        assert np.isclose((x * y).mean(), 0.0)  # no diagonal is preferred
+    for values in (x, y):  # one in each row and column
+        assert np.array_equal(np.sort(np.floor((values + 0.5) * count)), np.arange(count))
+
+
+def step(slope, at):
+    """A roof whose ridge, along v, lies at u = `at`; and the plane below it."""
+    x = 2.0 * at - 1.0
+    points = [(-1, -1, -slope * (x + 1)), (x, -1, 0), (1, -1, -slope * (1 - x))]
+    points += [(px, 1, z) for px, _, z in points]
+    faces, uv = [(0, 1, 4, 3), (1, 2, 5, 4)], [((px + 1) / 2, (py + 1) / 2) for px, py, _ in points]
+    high = zoo.build("high", points, faces, np.array(uv)[np.array(faces)], smooth=False)
+    return zoo.plane("low"), high
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("share", [0.25, 0.5, 0.8])
+def test_the_rim_between_two_facets_is_their_mean_by_area(method, share):
+    size, column = 16, 7
+    low, high = step(0.6, (column + share) / size)
+    left, right = np.array((-0.6, 0, 1)) / np.hypot(0.6, 1), np.array((0.6, 0, 1)) / np.hypot(0.6, 1)
+    rays = RAYS if method == "CAST" else {}
+    one = angles.decode(bake(low, high, method=method, size=(size, size), image="one", **rays))[:, column]
+    many = angles.decode(bake(low, high, method=method, size=(size, size), samples=16, image="many", **rays))
+    mean = share * left + (1 - share) * right
+    assert angles.degrees(many[:, column], mean / np.linalg.norm(mean)).max() < AREA_MEAN
+    assert min(angles.degrees(one, left).max(), angles.degrees(one, right).max()) < 0.1  # one of them, all or nothing
+    assert angles.degrees(many[:, column - 1], left).max() < 0.1
+    assert angles.degrees(many[:, column + 1], right).max() < 0.1
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_the_error_of_a_sine_terrain_falls_with_every_doubling(method):
+    """Against the mean of the true normals over each texel's area, 32 x 32 points in each."""
+    size, waves, height, fine = 32, 6, 0.04, 32
+    u, v = np.moveaxis(texel_uv(size * fine, size * fine), -1, 0)
+    step_ = 2 * np.pi * waves
+    dx, dy = (0.5 * step_ * height * a(step_ * u) * b(step_ * v) for a, b in ((np.cos, np.sin), (np.sin, np.cos)))
+    truth = np.stack([-dx, -dy, np.ones_like(dx)], axis=-1)
+    truth /= np.linalg.norm(truth, axis=-1, keepdims=True)
+    truth = truth.reshape(size, fine, size, fine, 3).mean(axis=(1, 3))
+    truth /= np.linalg.norm(truth, axis=-1, keepdims=True)
+    low, high = zoo.plane("low"), zoo.terrain("high", n=640, waves=waves, height=height)
+    rays = {"extrusion": 0.3, "max_distance": 0.6} if method == "CAST" else {}
+    inner = angles.eroded(np.ones((size, size), bool), 1)
+    errors = []
+    for count in (1, 2, 4, 8, 16):
+        texels = bake(low, high, method=method, size=(size, size), samples=count, **rays)
+        errors.append(angles.degrees(angles.decode(texels), truth)[inner].mean())
+    print(method, [round(error, 4) for error in errors])
+    assert errors == sorted(errors, reverse=True)
+    assert errors[-1] < errors[0] / 10
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_only_covered_samples_count(method):
+    """At an island's rim the mean is that of the samples that lie on it, of length one again."""
+    low, high = zoo.two_islands("low", gap=0.33), zoo.two_islands("high", gap=0.33)
+    rays = RAYS if method == "CAST" else {}
+    texels = bake(low, high, method=method, size=(33, 33), samples=16, space="OBJECT", **rays)
+    covered = texels[..., 3] > 0
+    single = bake(low, high, method=method, size=(33, 33), space="OBJECT", image="single", **rays)[..., 3] > 0
+    assert np.abs(texels[covered] - np.float32((0.5, 0.5, 1.0, 1.0))).max() < 1e-6
+    assert covered.sum() > single.sum()  # a texel is covered where any sample is
+    assert covered[single].all()
+
+
+def test_a_texel_is_missed_when_no_ray_of_it_hits():
+    low, high = zoo.plane("low"), zoo.plane("high")
+    high.scale.x = 0.53
+    options = {"method": "CAST", "size": (32, 32), "missed": (1.0, 0.0, 0.0), **RAYS}
+    one, many = bake(low, high, **options), bake(low, high, samples=16, image="many", **options)
+    holes = many[..., 3] == 0.0
+    assert (many[holes] == np.float32((1, 0, 0, 0))).all()
+    assert holes.sum() <= (one[..., 3] == 0.0).sum()
+    assert np.abs(many[~holes] - np.float32((0.5, 0.5, 1, 1))).max() < 1e-6
+
+
+def test_bands_and_samples_together(monkeypatch):
+    from addon.bake import render
+
+    low, high = zoo.sphere("low", n=8), zoo.sphere("high", n=32)
+    whole = bake(low, high, samples=4, size=(64, 60), image="whole")
+    monkeypatch.setattr(render, "BAND_TEXELS", 64 * 16)
+    banded = bake(low, high, samples=4, size=(64, 60), image="banded")
+    assert np.array_equal(whole[..., 3], banded[..., 3])
+    assert angles.degrees(angles.decode(whole), angles.decode(banded)).max() < 0.03
