@@ -16,6 +16,8 @@ from .pairs import Pair
 from .report import Report
 from .settings import Settings
 
+MUCH_OVERLAP = 1e-3
+"""Share of texels that triangles may share without a warning: decimation leaves a few slivers."""
 MANY_MISSES = 1e-3
 """Share of rays that may hit nothing without a warning."""
 
@@ -103,10 +105,10 @@ def _texels(context: bpy.types.Context, job: Job, settings: Settings, report: Re
     report.uv_layer = meshes.uv_layer
     try:
         texels, state = _draw(meshes, settings, report)
+        _tell(meshes, state, report)
     finally:
         target.trim()
         casting.trim()
-    _tell(meshes, state, report)
     return texels, state
 
 
@@ -206,6 +208,13 @@ def _tell(meshes: reading.Meshes, state: np.ndarray, report: Report) -> None:
         report.warnings.append(
             f"{report.missed:.2%} of the rays from {report.low!r} hit nothing: those texels have alpha 0. "
             "Look at the extrusion and the maximum distance."
+        )
+    report.overlap = render.overlap(meshes.low, (state.shape[1], state.shape[0]))
+    report.mirrored = arrays.mirrored(meshes.low)
+    if report.overlap > MUCH_OVERLAP:
+        report.warnings.append(
+            f"{report.overlap:.2%} of the texels of {report.low!r} belong to two of its triangles or more: they show the "
+            "detail of one of them."
         )
     for mesh in (meshes.low, *meshes.highs):
         laid_flat = mesh is meshes.low or report.method == "FLATTEN"

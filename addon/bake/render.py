@@ -8,12 +8,16 @@ import numpy as np
 
 from ..mesh.arrays import Mesh, normal_matrix
 from ..passes import batch, cast, flatten, gbuffer, margin, resolve, samples, tangent, target
+from ..passes import overlap as overlap_pass
 from . import casting
 from .report import Report
 from .settings import Settings
 
 BAND_TEXELS = 4096 * 4096
 """A larger map is drawn in bands of rows, so that the GPU holds a few textures of this many texels at the most."""
+
+PROBE = 1024
+"""Texels a side, at most, of the map on which overlaps are counted."""
 
 
 @dataclass(frozen=True)
@@ -123,6 +127,16 @@ def texels(source: Source, basis: Mesh | None, settings: Settings, report: Repor
             stored.read(result[band.start : band.stop])
             stored.read(state[band.start : band.stop], slot=1)
     return result, state
+
+
+def overlap(low: Mesh, size: tuple[int, int]) -> float:
+    """Share of the texels under `low` that two or more of its triangles share; measured on at most PROBE a side."""
+    width, height = (min(side, PROBE) for side in size)
+    counts = target.get("overlap", width, height, "R16F")
+    overlap_pass.draw(counts, batch.upload(low.triangles, uv=low.uv), (2.0, 2.0, -1.0, -1.0))
+    covered = np.empty((height, width), np.float32)
+    counts.read(covered)
+    return np.count_nonzero(covered > 1.0) / max(1, np.count_nonzero(covered))
 
 
 def _sampled(band: Band, source: Source, spanned, settings: Settings) -> target.Target:

@@ -30,6 +30,10 @@ class Report:
     """Share of the texels that a mesh covers; the margin does not count."""
     margin: float = 0.0
     """Share of the texels that were filled as margin."""
+    overlap: float = 0.0
+    """Share of the low mesh's texels that two or more of its triangles share."""
+    mirrored: int = 0
+    """How many of the low mesh's triangles are mirrored in UV space."""
     image: str = ""
     output: str = ""
     backend: str = ""

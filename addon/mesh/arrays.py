@@ -110,6 +110,13 @@ def uv_flaws(mesh: Mesh) -> tuple[int, int]:
     return int(no_area), int(outside)
 
 
+def mirrored(mesh: Mesh) -> int:
+    """How many triangles turn the other way round in UV space than on the surface."""
+    a, b, c = _uv_corners(mesh)
+    b, c = b - a, c - a
+    return int(np.count_nonzero(b.real * c.imag < b.imag * c.real))
+
+
 def is_on_tile(mesh: Mesh) -> bool:
     """Whether a triangle with area may cover part of the UV tile 0..1."""
     corners = np.stack(_uv_corners(mesh), axis=1)

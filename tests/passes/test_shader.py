@@ -4,7 +4,7 @@
 import pytest
 
 from addon import passes
-from addon.passes import cast, flatten, gbuffer, margin, resolve, samples, shader, shell, tangent
+from addon.passes import cast, flatten, gbuffer, margin, overlap, resolve, samples, shader, shell, tangent
 
 PROGRAMS = [
     flatten.PROGRAM,
@@ -16,6 +16,7 @@ PROGRAMS = [
     cast.LOOKUP,
     cast.DISTANCE,
     shell.PROGRAM,
+    overlap.PROGRAM,
     samples.ADD,
     samples.AVERAGE,
 ]
