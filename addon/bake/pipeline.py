@@ -8,18 +8,12 @@ import bpy
 import gpu
 import numpy as np
 
-from ..mesh import arrays
 from ..passes import resolve, target
-from . import agreement, casting, distances, images, materials, reading, render, subjects
+from . import audit, casting, images, materials, methods, reading, subjects
 from .errors import BakeError
 from .pairs import Pair
 from .report import Report
 from .settings import Settings
-
-MUCH_OVERLAP = 1e-3
-"""Share of texels that triangles may share without a warning: decimation leaves a few slivers."""
-MANY_MISSES = 1e-3
-"""Share of rays that may hit nothing without a warning."""
 
 
 @dataclass(frozen=True)
@@ -104,8 +98,8 @@ def _texels(context: bpy.types.Context, job: Job, settings: Settings, report: Re
         meshes = reading.read(context, job.low, job.highs, job.cage, settings)
     report.uv_layer = meshes.uv_layer
     try:
-        texels, state = _draw(meshes, settings, report)
-        _tell(meshes, state, report)
+        texels, state = methods.draw(meshes, settings, report)
+        audit.tell(meshes, state, report)
     finally:
         target.trim()
         casting.trim()
@@ -139,93 +133,6 @@ def _store(
                     green=settings.green,
                     single_user=settings.single_user,
                 )
-
-
-def _draw(meshes: reading.Meshes, settings: Settings, report: Report) -> tuple[np.ndarray, np.ndarray]:
-    """Texels and their state, by the method asked for or, with AUTO, by the one that fits."""
-    if settings.method == "AUTO":
-        if meshes.is_own_base:
-            report.method, report.why = "FLATTEN", "a surface and its own base mesh share their UVs"
-        elif meshes.cage is not None:
-            report.method, report.why = "CAST", "there is a cage"
-        else:
-            report.method, report.why = agreement.choose(meshes.low, meshes.highs)
-    if report.method == "FLATTEN":
-        source = render.flattened(meshes.low, meshes.highs, settings, report)
-    else:
-        source = _rays(meshes, settings, report)
-    texels, state = render.texels(source, meshes.basis, settings, report)
-    if not (state == resolve.WRITTEN).any():
-        raise BakeError(_nothing_drawn(meshes, report))
-    return texels, state
-
-
-def _rays(meshes: reading.Meshes, settings: Settings, report: Report) -> render.Source:
-    aim = casting.target_of(meshes.highs, report)
-    rays = casting.rays(meshes.low, meshes.directions, meshes.cage, aim.frame)
-    extrusion, reach = settings.extrusion, settings.max_distance
-    if extrusion is None or reach is None:
-        with report.timed("distances"):
-            size = settings.width, settings.height
-            measured = distances.measure(
-                aim.tables, rays, size, has_cage=meshes.cage is not None, facing_only=settings.facing_only
-            )
-        if reach is None:
-            # What was measured from the low surface, from wherever rays start.
-            reach = (measured[1] - measured[0]) * aim.frame.size
-            reach += measured[0] * aim.frame.size if extrusion is None else extrusion
-        extrusion = measured[0] * aim.frame.size if extrusion is None else extrusion
-    report.distances = {"extrusion": extrusion, "max_distance": reach}
-    return render.casted(
-        meshes.low, rays, aim, settings, extrusion=extrusion / aim.frame.size, reach=reach / aim.frame.size
-    )
-
-
-def _nothing_drawn(meshes: reading.Meshes, report: Report) -> str:
-    """Why no texel was written, as a sentence."""
-    names = ", ".join(map(repr, report.high))
-    if not arrays.is_on_tile(meshes.low):
-        return f"No triangle of {report.low!r} lies on the map: its UVs are outside 0 to 1, or empty."
-    if report.method == "FLATTEN":
-        if not any(map(arrays.is_on_tile, meshes.highs)):
-            return f"No triangle of {names} lies on the map: its UVs are outside 0 to 1, or empty."
-        return f"{report.low!r} and {names} have no texel in common: their UV layouts differ, so cast rays instead."
-    gap = arrays.gap(meshes.low, meshes.highs)
-    if gap > 0.0:
-        return f"{report.low!r} and {names} do not overlap: they are {gap:.4g} apart."
-    return f"No ray from {report.low!r} hit {names}: give a larger extrusion and maximum distance."
-
-
-def _tell(meshes: reading.Meshes, state: np.ndarray, report: Report) -> None:
-    """Put into the report what was covered, what was missed and what was left out."""
-    report.triangles = {"high": sum(len(high.triangles) for high in meshes.highs), "low": len(meshes.low.triangles)}
-    written, in_margin, missed = (
-        int(np.count_nonzero(state == which)) for which in (resolve.WRITTEN, resolve.MARGIN, resolve.MISSED)
-    )
-    report.coverage, report.margin = written / state.size, in_margin / state.size
-    report.missed = missed / max(1, missed + written)
-    if report.missed > MANY_MISSES:
-        report.warnings.append(
-            f"{report.missed:.2%} of the rays from {report.low!r} hit nothing: those texels have alpha 0. "
-            "Look at the extrusion and the maximum distance."
-        )
-    report.overlap = render.overlap(meshes.low, (state.shape[1], state.shape[0]))
-    report.mirrored = arrays.mirrored(meshes.low)
-    if report.overlap > MUCH_OVERLAP:
-        report.warnings.append(
-            f"{report.overlap:.2%} of the texels of {report.low!r} belong to two of its triangles or more: they show the "
-            "detail of one of them."
-        )
-    for mesh in (meshes.low, *meshes.highs):
-        laid_flat = mesh is meshes.low or report.method == "FLATTEN"
-        no_area, outside = arrays.uv_flaws(mesh) if laid_flat else (0, 0)
-        for count, what in (
-            (mesh.not_finite, "left out: their coordinates are NaN or infinite"),
-            (no_area, "have no area in UV space and cannot be drawn"),
-            (outside, "reach outside the UV tile 0 to 1 and are cut off there"),
-        ):
-            if count:
-                report.warnings.append(f"{mesh.name!r}: {count:,} of its triangles {what}.")
 
 
 def _check(context: bpy.types.Context, job: Job, settings: Settings) -> None:

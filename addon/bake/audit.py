@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The truth about a map: what was covered, missed, shared and left out, in numbers."""
+
+import numpy as np
+
+from ..mesh import arrays
+from ..passes import resolve
+from . import render
+from .reading import Meshes
+from .report import Report
+
+MUCH_OVERLAP = 1e-3
+"""Share of texels that triangles may share without a warning: decimation leaves a few slivers."""
+MANY_MISSES = 1e-3
+"""Share of rays that may hit nothing without a warning."""
+
+
+def tell(meshes: Meshes, state: np.ndarray, report: Report) -> None:
+    """Put into the report what was covered, what was missed and what was left out."""
+    report.triangles = {"high": sum(len(high.triangles) for high in meshes.highs), "low": len(meshes.low.triangles)}
+    written, in_margin, missed = (
+        int(np.count_nonzero(state == which)) for which in (resolve.WRITTEN, resolve.MARGIN, resolve.MISSED)
+    )
+    report.coverage, report.margin = written / state.size, in_margin / state.size
+    report.missed = missed / max(1, missed + written)
+    if report.missed > MANY_MISSES:
+        report.warnings.append(
+            f"{report.missed:.2%} of the rays from {report.low!r} hit nothing: those texels have alpha 0. "
+            "Look at the extrusion and the maximum distance."
+        )
+    report.overlap = render.overlap(meshes.low, (state.shape[1], state.shape[0]))
+    report.mirrored = arrays.mirrored(meshes.low)
+    if report.overlap > MUCH_OVERLAP:
+        report.warnings.append(
+            f"{report.overlap:.2%} of the texels of {report.low!r} belong to two of its triangles or more: they show the "
+            "detail of one of them."
+        )
+    for mesh in (meshes.low, *meshes.highs):
+        laid_flat = mesh is meshes.low or report.method == "FLATTEN"
+        no_area, outside = arrays.uv_flaws(mesh) if laid_flat else (0, 0)
+        for count, what in (
+            (mesh.not_finite, "left out: their coordinates are NaN or infinite"),
+            (no_area, "have no area in UV space and cannot be drawn"),
+            (outside, "reach outside the UV tile 0 to 1 and are cut off there"),
+        ):
+            if count:
+                report.warnings.append(f"{mesh.name!r}: {count:,} of its triangles {what}.")
