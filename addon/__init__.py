@@ -12,7 +12,7 @@ def register() -> None:
 
     for module in (properties, operators, panels, commands):
         module.register()
-    bpy.app.handlers.load_pre.append(free)
+    bpy.app.handlers.load_pre.append(_before_loading)
     atexit.register(free)
 
 
@@ -27,12 +27,12 @@ def unregister() -> None:
     preview.show(False)
     for module in (commands, panels, operators, properties):
         module.unregister()
-    bpy.app.handlers.load_pre.remove(free)
+    bpy.app.handlers.load_pre.remove(_before_loading)
     atexit.unregister(free)
     free()
 
 
-def free(*_) -> None:
+def free() -> None:
     """Free what is kept on the GPU between bakes. Blender crashes on exit while such objects live."""
     from . import passes
     from .bake import casting
@@ -41,4 +41,11 @@ def free(*_) -> None:
     passes.free()
 
 
-free._bpy_persistent = None  # as bpy.app.handlers.persistent does: the handler outlives the file that it is called for
+def _before_loading(*_) -> None:
+    from . import preview
+
+    preview.show(False)
+    free()
+
+
+_before_loading._bpy_persistent = None  # as bpy.app.handlers.persistent marks it: it outlives the file that is left

@@ -18,14 +18,21 @@ class IMPRINT_OT_bake(bpy.types.Operator, Options):
     bl_label = "Bake Normal Map"
     bl_options = {"REGISTER", "UNDO"}
 
-    low: StringProperty(name="Low", description="Name of the low object; empty for the slot or the active object")
+    # Names are not remembered for the next call: the panel's button means what the panel shows.
+    low: StringProperty(
+        name="Low",
+        description="Name of the low object; empty for the slot or the active object",
+        options={"SKIP_SAVE"},
+    )
     high: CollectionProperty(
         type=bpy.types.OperatorFileListElement,
         name="High",
         description='Names of the high objects, as [{"name": "sculpt"}]; empty for the slots or the selection',
+        options={"SKIP_SAVE"},
     )
-
-    cage: StringProperty(name="Cage", description="Name of the cage; empty for the slot")
+    cage: StringProperty(
+        name="Cage", description="Name of the cage; empty for the slot, which counts for rays", options={"SKIP_SAVE"}
+    )
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         scene_settings = context.scene.imprint
@@ -35,8 +42,9 @@ class IMPRINT_OT_bake(bpy.types.Operator, Options):
                 highs = [subjects.named(item.name) for item in self.high]
             if low is None:
                 raise BakeError(subjects.problem(context, low, highs))
-            cage = subjects.named(self.cage) if self.cage else scene_settings.cage
-            report = pipeline.bake(context, low, highs, self.to_settings(fallback=scene_settings), cage)
+            settings = self.to_settings(fallback=scene_settings)
+            cage = subjects.named(self.cage) if self.cage else scene_settings.cage_for(settings.method)
+            report = pipeline.bake(context, low, highs, settings, cage)
         except BakeError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
@@ -77,8 +85,10 @@ def _tell(operator: bpy.types.Operator, context: bpy.types.Context, reports: lis
         warnings.append(warning)
     operator.report({"INFO"}, ". ".join(lines))
     manager.imprint_summary, manager.imprint_warnings = "\n".join(lines), "\n".join(warnings)
-    for name, value in reports[-1].distances.items():
-        setattr(manager.imprint_found, name, value)
+    measured = [report.distances for report in reports if report.measured]
+    for name in measured[0] if measured else ():
+        # Of several, what is far enough for all of them.
+        setattr(manager.imprint_found, name, max(found[name] for found in measured))
 
 
 class IMPRINT_OT_freeze_distances(bpy.types.Operator):

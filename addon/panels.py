@@ -184,7 +184,7 @@ def _problem(
         settings.to_settings().check()
     except BakeError as error:
         return str(error)
-    return subjects.problem(context, low, highs, settings.cage, settings.method)
+    return subjects.problem(context, low, highs, settings.cage_for(settings.method), settings.method)
 
 
 def _plan(low: bpy.types.Object, highs: list[bpy.types.Object], settings: ImprintSettings) -> list[str]:

@@ -164,15 +164,18 @@ class Options:
     def to_settings(self, fallback: "Options | None" = None) -> Settings:
         """Plain data. What was not set here is taken from `fallback`."""
         values = {}
+
+        def owner(name: str) -> Options:
+            return self if fallback is None or self.properties.is_property_set(name) else fallback
+
         for name in (field.name for field in fields(Settings)):
-            owner = self if fallback is None or self.properties.is_property_set(name) else fallback
-            values[name] = getattr(owner, name)
+            values[name] = getattr(owner(name), name)
         for name in ("depth", "samples"):
             values[name] = int(values[name])
         values["missed"] = tuple(values["missed"])
         for name in ("extrusion", "max_distance"):
-            named = fallback is not None and self.properties.is_property_set(name)
-            if not named and (fallback or self).measure:
+            # A script that names a distance means it, whatever the switch says.
+            if owner("measure").measure and (owner(name) is fallback or fallback is None):
                 values[name] = None
         return Settings(**values)
 
@@ -229,6 +232,10 @@ class ImprintSettings(bpy.types.PropertyGroup, Options):
         if not highs and low is not None and low.modifiers:
             highs = [low]
         return low, highs
+
+    def cage_for(self, method: str) -> bpy.types.Object | None:
+        """The cage in the slot, which flattening has no use for."""
+        return None if method == "FLATTEN" else self.cage
 
     def suffixes(self) -> Suffixes:
         """How pairs are named."""

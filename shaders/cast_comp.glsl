@@ -1,7 +1,11 @@
 // One ray a texel, from the low mesh's cage to the first triangle of the high meshes (mesh/bvh.py has the tree).
 #include "texture_lib.glsl"
 
-const float CAST_EDGE = 1e-5;  // barycentric: neighbours overlap by this much rather than leave a gap
+// Neighbours overlap by this much, in barycentric coordinates, rather than leave a gap: a part of the triangle, and what
+// single precision loses where the triangle is small and far from where the ray starts.
+const float CAST_EDGE = 1e-5;
+const float CAST_ROUNDING = 4e-7;
+const float CAST_MOST = 1e-3;
 
 // The two numbers of 15 bits in a box's float (bvh.pack).
 vec4 cast_low(uvec4 bits)
@@ -106,7 +110,9 @@ void main()
         vec3 to_origin = origin - corner;
         vec3 q = cross(to_origin, edge1);
         vec3 solved = vec3(dot(to_origin, p), dot(direction, q), dot(edge2, q)) / determinant;
-        bool inside = solved.x >= -CAST_EDGE && solved.y >= -CAST_EDGE && solved.x + solved.y <= 1.0 + CAST_EDGE;
+        float lever = sqrt(dot(to_origin, to_origin) * max(dot(edge1, edge1), dot(edge2, edge2)));
+        float slack = CAST_EDGE + min(CAST_ROUNDING * lever / abs(determinant), CAST_MOST);
+        bool inside = solved.x >= -slack && solved.y >= -slack && solved.x + solved.y <= 1.0 + slack;
         bool faces = determinant > 0.0 || facing_only == 0;
         if (inside && faces && solved.z >= 0.0 && solved.z < best) {
           best = solved.z;

@@ -28,6 +28,11 @@ def tell(meshes: Meshes, state: np.ndarray, report: Report) -> None:
             f"{report.missed:.2%} of the rays from {report.low!r} hit nothing: those texels have alpha 0. "
             "Look at the extrusion and the maximum distance."
         )
+    with report.timed("audit"):
+        _tell_of_uvs(meshes, state, report)
+
+
+def _tell_of_uvs(meshes: Meshes, state: np.ndarray, report: Report) -> None:
     report.overlap = render.overlap(meshes.low, (state.shape[1], state.shape[0]))
     report.mirrored = arrays.mirrored(meshes.low)
     if report.overlap > MUCH_OVERLAP:

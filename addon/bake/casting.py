@@ -65,10 +65,13 @@ def _build(highs: Sequence[Mesh], report: Report) -> Target:
     if count > most:
         raise BakeError(f"The high meshes have {count:,} triangles together; this GPU takes {most:,} to cast rays at.")
     frame = frame_of(highs)
-    corners = np.concatenate([frame.points(high)[high.vertices[high.triangles]] for high in highs])
-    normals = np.concatenate(
-        [(high.normals @ normal_matrix(high.to_world).T.astype(np.float32))[high.triangles] for high in highs]
-    )
+    corners, normals = [], []
+    for high in highs:
+        # A mirror turns the winding, by which rays know a front from a back.
+        triangles = high.triangles[:, ::-1] if np.linalg.det(high.to_world[:3, :3]) < 0.0 else high.triangles
+        corners.append(frame.points(high)[high.vertices[triangles]])
+        normals.append((high.normals @ normal_matrix(high.to_world).T.astype(np.float32))[triangles])
+    corners, normals = np.concatenate(corners), np.concatenate(normals)
     tree = bvh.build(corners)
     with report.timed("upload"):
         tables = cast.upload(

@@ -19,7 +19,7 @@ WHOLE_WORLD = 8.0
 def measure(
     tables: cast.Tables, rays: gpu.types.GPUBatch, size: tuple[int, int], *, has_cage: bool, facing_only: bool
 ) -> tuple[float, float]:
-    """Extrusion and maximum distance, in the frame's units, that reach the high surface from all over the low one.
+    """How far the high surface lies outside and inside the low one, in the frame's units, with something to spare.
 
     size: the map's width and height. With a cage rays start where it says, and only how far they go is measured.
     """
@@ -36,8 +36,7 @@ def measure(
     outwards = np.where(outwards < 0.0, np.inf, outwards)
     is_outside = outwards < inwards
     outside, inside = outwards[is_outside], inwards[~is_outside & np.isfinite(inwards)]
-    extrusion = _spare(outside)
-    return extrusion, extrusion + _spare(inside)
+    return _spare(outside), _spare(inside)
 
 
 def _probe(tables: cast.Tables, places: target.Target, heading: float, facing_only: bool) -> np.ndarray:

@@ -11,6 +11,9 @@ from .errors import BakeError
 from .files import check_writable, replacing
 from .settings import FORMATS, Settings
 
+MISSED = "missed"
+"""What the name of a mask of misses ends in."""
+
 OPAQUE_BITS = {24, 96}
 """Image.depth, bits a texel, of images without alpha: their pixels hold it, but a file written from them does not."""
 
@@ -34,6 +37,8 @@ def check(low_name: str, settings: Settings) -> None:
         if settings.output.startswith("//") and not bpy.data.filepath:
             raise BakeError(f"{settings.output!r} is relative to a .blend file that was never saved: save it first.")
         check_writable(_path(settings))
+        if settings.mask:
+            check_writable(_path(_of_mask(settings, MISSED)))
 
 
 def store(texels: np.ndarray, low_name: str, settings: Settings) -> bpy.types.Image:
@@ -73,12 +78,19 @@ def store_mask(where: np.ndarray, name: str, settings: Settings) -> bpy.types.Im
     """Put a mask, white where `where` (height, width) is true, beside the map of `settings`, whose image is named."""
     texels = np.ones((*where.shape, 4), np.float32)
     texels[..., :3] = where[..., None]
+    return store(texels, "", _of_mask(settings, name))
+
+
+def _of_mask(settings: Settings, name: str) -> Settings:
     path = PurePath(settings.output)
-    output = str(path.with_stem(f"{path.stem}_{name}")) if settings.output else ""
-    own = replace(settings, image=f"{settings.image}_{name}", output=output)
-    # Black and white need no more than the fewest bits that the format has.
-    depth = FORMATS[path.suffix.lower()][1][0] if settings.storage == "FILE" else 8
-    return store(texels, "", replace(own, depth=depth))
+    is_file = settings.storage == "FILE"
+    return replace(
+        settings,
+        image=f"{settings.image}_{name}",
+        output=str(path.with_stem(f"{path.stem}_{name}")) if is_file else "",
+        # Black and white need no more than the fewest bits that the format has.
+        depth=FORMATS[path.suffix.lower()][1][0] if is_file else 8,
+    )
 
 
 def _mark_as_data(image: bpy.types.Image) -> None:

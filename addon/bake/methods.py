@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Flatten or Cast: which of them it is, and what it needs before the passes run."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from ..mesh import arrays
@@ -12,15 +14,27 @@ from .report import Report
 from .settings import Settings
 
 
-def draw(meshes: Meshes, settings: Settings, report: Report) -> tuple[np.ndarray, np.ndarray]:
-    """Texels and their state, by the method asked for or, with AUTO, by the one that fits."""
+def choose(meshes: Meshes, settings: Settings, report: Report) -> Meshes:
+    """Put into the report which method it is, and why where that was left open. Returns what that method can use."""
     if settings.method == "AUTO":
-        if meshes.is_own_base:
-            report.method, report.why = "FLATTEN", "a surface and its own base mesh share their UVs"
-        elif meshes.cage is not None:
-            report.method, report.why = "CAST", "there is a cage"
-        else:
-            report.method, report.why = agreement.choose(meshes.low, meshes.highs)
+        with report.timed("method"):
+            if meshes.is_own_base:
+                report.method, report.why = "FLATTEN", "a surface and its own base mesh share their UVs"
+            elif meshes.cage is not None:
+                report.method, report.why = "CAST", "there is a cage"
+            else:
+                report.method, report.why = agreement.choose(meshes.low, meshes.highs)
+    if report.method == "FLATTEN":
+        return replace(meshes, highs=[arrays.keep_corners(high, arrays.finite_rows(high.uv)) for high in meshes.highs])
+    # What no ray can reach would only make the tree coarse: the size of its boxes' steps is that of all high meshes.
+    far = max(settings.extrusion or 0.0, settings.max_distance or 0.0, 2.0 * arrays.frame_of([meshes.low]).size)
+    return replace(
+        meshes, highs=[high for high in meshes.highs if arrays.gap(meshes.low, [high]) <= far] or meshes.highs
+    )
+
+
+def draw(meshes: Meshes, settings: Settings, report: Report) -> tuple[np.ndarray, np.ndarray]:
+    """Texels and their state, as render.texels has them. Raises BakeError when there are none."""
     if report.method == "FLATTEN":
         source = render.flattened(meshes.low, meshes.highs, settings, report)
     else:
@@ -33,19 +47,23 @@ def draw(meshes: Meshes, settings: Settings, report: Report) -> tuple[np.ndarray
 
 def _rays(meshes: Meshes, settings: Settings, report: Report) -> render.Source:
     aim = casting.target_of(meshes.highs, report)
-    rays = casting.rays(meshes.low, meshes.directions, meshes.cage, aim.frame)
-    extrusion, reach = settings.extrusion, settings.max_distance
+    with report.timed("upload"):
+        rays = casting.rays(meshes.low, meshes.directions, meshes.cage, aim.frame)
+    # With a cage rays start on it, and nowhere else.
+    extrusion, reach = 0.0 if meshes.cage is not None else settings.extrusion, settings.max_distance
     if extrusion is None or reach is None:
         with report.timed("distances"):
-            size = settings.width, settings.height
-            measured = distances.measure(
-                aim.tables, rays, size, has_cage=meshes.cage is not None, facing_only=settings.facing_only
+            outside, inside = distances.measure(
+                aim.tables,
+                rays,
+                (settings.width, settings.height),
+                has_cage=meshes.cage is not None,
+                facing_only=settings.facing_only,
             )
-        if reach is None:
-            # What was measured from the low surface, from wherever rays start.
-            reach = (measured[1] - measured[0]) * aim.frame.size
-            reach += measured[0] * aim.frame.size if extrusion is None else extrusion
-        extrusion = measured[0] * aim.frame.size if extrusion is None else extrusion
+        extrusion = outside * aim.frame.size if extrusion is None else extrusion
+        # What was measured from the low surface, from wherever rays start.
+        reach = extrusion + inside * aim.frame.size if reach is None else reach
+        report.measured = True
     report.distances = {"extrusion": extrusion, "max_distance": reach}
     return render.casted(
         meshes.low, rays, aim, settings, extrusion=extrusion / aim.frame.size, reach=reach / aim.frame.size

@@ -9,7 +9,7 @@ import gpu
 import numpy as np
 
 from ..passes import resolve, target
-from . import audit, casting, images, materials, methods, reading, subjects
+from . import audit, casting, images, materials, methods, reading, render, subjects
 from .errors import BakeError
 from .pairs import Pair
 from .report import Report
@@ -58,12 +58,9 @@ def bake_all(
     to share its image.
     """
     named = [_for_low(settings, "atlas" if share_image else job.low.name) for job in jobs]
-    if (
-        not share_image
-        and len({(s.output, s.image) for s in named}) < len(jobs)
-        and (settings.output or settings.image)
-    ):
-        raise BakeError("Several maps would go into one: put {low} into its name, or let them share it.")
+    places = {(own.output if own.storage == "FILE" else own.image).casefold() for own in named}
+    if not share_image and len(places) < len(jobs):
+        raise BakeError("Several maps would go into one place: put {low} into its name, or let them share it.")
     for job, own in zip(jobs, named, strict=True):
         _check(context, job, own)
     reports, shared = [], None
@@ -98,6 +95,7 @@ def _texels(context: bpy.types.Context, job: Job, settings: Settings, report: Re
         meshes = reading.read(context, job.low, job.highs, job.cage, settings)
     report.uv_layer = meshes.uv_layer
     try:
+        meshes = methods.choose(meshes, settings, report)
         texels, state = methods.draw(meshes, settings, report)
         audit.tell(meshes, state, report)
     finally:
@@ -107,8 +105,8 @@ def _texels(context: bpy.types.Context, job: Job, settings: Settings, report: Re
 
 
 def _merge(below: tuple[np.ndarray, np.ndarray], above: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """Two maps in one. Margins yield to what was drawn, misses to what was hit; else the later one stays."""
-    rank = np.array([0, 2, 3, 1], np.uint8)  # background, margin, written, missed
+    """Two maps in one. Margins yield to what a mesh covers, hit or missed, and misses to hits; else the later one stays."""
+    rank = np.array([0, 1, 3, 2], np.uint8)  # background, margin, written, missed
     wins = (rank[above[1]] >= rank[below[1]]) & (above[1] > 0)
     return np.where(wins[..., None], above[0], below[0]), np.where(wins, above[1], below[1])
 
@@ -120,7 +118,7 @@ def _store(
     with reports[-1].timed("image"):
         image = images.store(texels, jobs[0].low.name, settings)
         if settings.mask:
-            images.store_mask(state == resolve.MISSED, "missed", settings)
+            images.store_mask(state == resolve.MISSED, images.MISSED, settings)
         for job, report in zip(jobs, reports, strict=True):
             report.image = image.name
             report.output = settings.output if settings.storage == "FILE" else ""
@@ -150,5 +148,9 @@ def _check(context: bpy.types.Context, job: Job, settings: Settings) -> None:
     except (SystemError, RuntimeError) as error:
         raise BakeError(f"There is no GPU to bake on: {error}.") from error
     limit = gpu.capabilities.max_texture_size_get()
-    if settings.width > limit:
-        raise BakeError(f"A map {settings.width} texels wide does not fit this GPU, whose limit is {limit}.")
+    tallest = max(band.height for band in render.bands(settings.width, settings.height, settings.margin))
+    if max(settings.width, tallest) > limit:
+        raise BakeError(
+            f"A map of {settings.width} x {settings.height} texels with a margin of {settings.margin} does not fit this GPU, "
+            f"whose textures have at most {limit} a side."
+        )

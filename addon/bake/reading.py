@@ -69,7 +69,7 @@ def _high(high: bpy.types.Object, depsgraph: bpy.types.Depsgraph, low_layer: str
             layer = _uv_layer(high, data, low_layer if low_layer in data.uv_layers else "")
         elif not data.polygons:
             raise BakeError(f"{high.name!r} has no faces.")
-        return extract.surface(data, layer, high.name, extract.matrix(high))
+        return extract.surface(data, layer, high.name, extract.matrix(high), is_laid_flat=method == "FLATTEN")
 
 
 def _cage(cage: bpy.types.Object, depsgraph: bpy.types.Depsgraph, low: Mesh, low_faces: int) -> Mesh:

@@ -51,6 +51,7 @@ def bands(width: int, height: int, margin_texels: int) -> Iterator[Band]:
     if rows >= height:
         yield Band(0, height, (width, height), 0)
         return
+    margin_texels = min(margin_texels, height)
     for start in range(0, height, rows):
         yield Band(start, min(start + rows, height), (width, height), margin_texels)
 
@@ -112,7 +113,7 @@ def texels(source: Source, basis: Mesh | None, settings: Settings, report: Repor
             normals = _sampled(band, source, spanned, settings)
             offsets = target.get("margin", *size, "R16I")
             margin.draw(offsets, normals, settings.margin)
-            stored = target.get("map", *size, "RGBA32F", "R8")
+            stored = target.get("map", width, band.stop - band.start, "RGBA32F", "R8")
             resolve.draw(
                 stored,
                 normals,

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 
-STAGES = ("extract", "tree", "upload", "distances", "draw", "read", "image")
+STAGES = ("extract", "method", "tree", "upload", "distances", "draw", "read", "audit", "image")
 
 
 @dataclass
@@ -24,6 +24,8 @@ class Report:
     triangles: dict[str, int] = field(default_factory=dict)
     distances: dict[str, float] = field(default_factory=dict)
     """For rays: extrusion and max_distance in scene units, as set or as measured."""
+    measured: bool = False
+    """Whether one of the two was measured."""
     missed: float = 0.0
     """Share of the low mesh's texels whose ray hit nothing."""
     coverage: float = 0.0

@@ -82,6 +82,8 @@ class Settings:
             )
         if not 0 <= self.margin <= MAX_SIZE:
             raise BakeError(f"A margin of {self.margin} texels cannot be baked: it takes 0 to {MAX_SIZE}.")
+        if not all(0.0 <= value <= 1.0 for value in self.missed):
+            raise BakeError(f"The colour of misses {self.missed} is none: it takes three numbers from 0 to 1.")
         for name, value in (("extrusion", self.extrusion), ("maximum distance", self.max_distance)):
             if value is not None and not 0.0 <= value < math.inf:
                 raise BakeError(f"The {name} of {value} is no distance: it takes 0 or more.")

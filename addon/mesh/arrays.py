@@ -55,7 +55,10 @@ def _world_box(meshes: Sequence[Mesh]) -> tuple[np.ndarray, np.ndarray]:
     """The lowest and highest coordinates (3,) float64 in world space of what the meshes' triangles use."""
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     for mesh in meshes:
-        used = mesh.positions[mesh.vertices[mesh.triangles.reshape(-1)]] if mesh.not_finite else mesh.positions
+        # Loose vertices, which may be anywhere, do not count.
+        is_used = np.zeros(len(mesh.positions), bool)
+        is_used[mesh.vertices[mesh.triangles]] = True
+        used = mesh.positions if is_used.all() else mesh.positions[is_used]
         # Of the box's corners, the transformed ones hold the transformed mesh.
         box = np.array(np.meshgrid(*np.stack([_bounds(used, np.min), _bounds(used, np.max)], axis=1))).reshape(3, -1).T
         corners = box @ mesh.to_world[:3, :3].T + mesh.to_world[:3, 3]

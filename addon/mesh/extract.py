@@ -28,10 +28,10 @@ def base(obj: bpy.types.Object) -> Iterator[bpy.types.Mesh]:
     yield obj.data
 
 
-def surface(data: bpy.types.Mesh, uv_layer: str, name: str, to_world: np.ndarray) -> Mesh:
+def surface(data: bpy.types.Mesh, uv_layer: str, name: str, to_world: np.ndarray, *, is_laid_flat: bool = True) -> Mesh:
     """Positions, corner normals, triangles and, unless `uv_layer` is empty, UVs of `data`.
 
-    Triangles that hold NaN or infinity are left out and counted.
+    Triangles that hold NaN or infinity are left out and counted; in their UVs only if the mesh is to be laid flat.
     """
     corners = len(data.loops)
     mesh = Mesh(
@@ -43,7 +43,7 @@ def surface(data: bpy.types.Mesh, uv_layer: str, name: str, to_world: np.ndarray
         to_world=to_world,
         uv=_read(data.uv_layers[uv_layer].uv, "vector", corners, 2) if uv_layer else None,
     )
-    finite = finite_rows(mesh.normals) if mesh.uv is None else finite_rows(mesh.normals, mesh.uv)
+    finite = finite_rows(mesh.normals, mesh.uv) if is_laid_flat and uv_layer else finite_rows(mesh.normals)
     positions = finite_rows(mesh.positions)
     if positions is not None:
         by_corner = positions[mesh.vertices]

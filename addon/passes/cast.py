@@ -11,7 +11,7 @@ from . import shader, table, target
 TRACE = shader.Program(
     compute="cast_comp.glsl",
     samplers=(("FLOAT_2D", "positions"), ("FLOAT_2D", "directions"), ("FLOAT_2D", "nodes"), ("FLOAT_2D", "corners")),
-    images=(("RGBA32UI", "UINT_2D", "hits"),),
+    images=(("RGBA32UI", "UINT_2D", "hits", "WRITE"),),
     constants=(
         ("VEC4", "grid_origin"),
         ("VEC4", "grid_scale"),

@@ -6,7 +6,7 @@ from . import shader, target
 ADD = shader.Program(
     compute="accumulate_comp.glsl",
     samplers=(("FLOAT_2D", "normals"),),
-    images=(("RGBA32F", "FLOAT_2D", "sums"),),
+    images=(("RGBA32F", "FLOAT_2D", "sums", "READ WRITE"),),
     constants=(("INT", "is_first"),),
 )
 AVERAGE = shader.Program(

@@ -30,8 +30,8 @@ class Program:
     samplers: tuple[Declaration, ...] = ()
     constants: tuple[Declaration, ...] = ()
     outputs: tuple[Declaration, ...] = ()
-    images: tuple[tuple[str, str, str], ...] = ()
-    """What a compute shader writes to: (format, type, name)."""
+    images: tuple[tuple[str, str, str, str], ...] = ()
+    """What a compute shader writes to: (format, type, name, "WRITE" or "READ WRITE")."""
     group: tuple[int, int] = (8, 8)
     """A compute shader's workgroup, in texels."""
 
@@ -77,8 +77,8 @@ def load(program: Program) -> gpu.types.GPUShader:
         info.push_constant(kind, name)
     for slot, (kind, name) in enumerate(program.outputs):
         info.fragment_out(slot, kind, name)
-    for slot, (texel, kind, name) in enumerate(program.images):
-        info.image(slot, texel, kind, name, qualifiers={"READ", "WRITE"})
+    for slot, (texel, kind, name, access) in enumerate(program.images):
+        info.image(slot, texel, kind, name, qualifiers=set(access.split()))
     if program.compute:
         info.local_group_size(*program.group)
         info.compute_source(source(program.compute))

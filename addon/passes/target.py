@@ -85,7 +85,7 @@ def bind(compiled: gpu.types.GPUShader, program: shader.Program, **bindings) -> 
     """Set `program`'s samplers, images and push constants by name, each in the way of its declared type."""
     for _, name in program.samplers:
         compiled.uniform_sampler(name, bindings.pop(name))
-    for _, _, name in program.images:
+    for _, _, name, _ in program.images:
         compiled.image(name, bindings.pop(name))
     for kind, name in program.constants:
         value = bindings.pop(name)

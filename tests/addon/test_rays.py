@@ -49,6 +49,8 @@ def test_a_cage_by_name(small):
     assert bpy.ops.imprint.bake(low="lo", high=[{"name": "hi"}], cage="cage") == {"FINISHED"}
     with pytest.raises(RuntimeError, match="The cage 'cage' is for rays"):
         bpy.ops.imprint.bake(low="lo", high=[{"name": "hi"}], cage="cage", method="FLATTEN")
+    small.cage = bpy.data.objects["cage"]  # in the slot, which is not seen then, it does no harm
+    assert bpy.ops.imprint.bake(low="lo", high=[{"name": "hi"}], method="FLATTEN") == {"FINISHED"}
 
 
 def test_pairs_by_name(small):
@@ -74,7 +76,7 @@ def test_no_pairs(small):
 
 def test_the_shells_come_and_go_without_a_trace():
     def handlers():
-        return len(bpy.app.handlers.depsgraph_update_post), len(bpy.app.handlers.load_pre)
+        return len(bpy.app.handlers.depsgraph_update_post), len(bpy.app.handlers.frame_change_post)
 
     before = handlers()
     bpy.ops.imprint.show_cage()
@@ -97,4 +99,4 @@ def test_trees_are_freed_when_another_file_is_opened():
     assert casting._kept
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     assert not casting._kept
-    assert addon.free in bpy.app.handlers.load_pre  # it outlives the file
+    assert addon._before_loading in bpy.app.handlers.load_pre  # it outlives the file
