@@ -100,3 +100,41 @@ def test_trees_are_freed_when_another_file_is_opened():
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     assert not casting._kept
     assert addon._before_loading in bpy.app.handlers.load_pre  # it outlives the file
+
+
+def test_the_switch_may_be_named_in_a_script(small):
+    zoo.plane("lo")
+    zoo.plane("hi").location.z = 0.2
+    names = {"low": "lo", "high": [{"name": "hi"}]}
+    small.extrusion, small.max_distance = 0.5, 0.75
+    assert bpy.ops.imprint.bake(measure=False, **names) == {"FINISHED"}
+    assert "extrusion 0.5 and max distance 0.75" in bpy.context.window_manager.imprint_summary
+    small.measure = False
+    assert bpy.ops.imprint.bake(measure=True, **names) == {"FINISHED"}
+    assert "extrusion 0.5 " not in bpy.context.window_manager.imprint_summary
+
+
+def test_set_distances_are_not_shown_as_measured(small):
+    zoo.plane("lo")
+    zoo.plane("hi").location.z = 0.2
+    found = bpy.context.window_manager.imprint_found
+    before = found.extrusion
+    bpy.ops.imprint.bake(low="lo", high=[{"name": "hi"}], extrusion=0.7, max_distance=1.4)
+    assert found.extrusion == before
+
+
+def test_distances_of_several_pairs_are_far_enough_for_all(small):
+    for name, height in (("a", 0.5), ("b", 0.01)):
+        zoo.plane(f"{name}_low")
+        zoo.plane(f"{name}_high").location.z = height
+    bpy.ops.imprint.bake_pairs()
+    assert bpy.context.window_manager.imprint_found.extrusion > 0.5
+
+
+def test_names_are_not_remembered(small):
+    for name in ("lo", "hi", "lo2"):
+        zoo.plane(name)
+    bpy.ops.imprint.bake("EXEC_DEFAULT", True, low="lo", high=[{"name": "hi"}])
+    small.low, small.highs.add().object = bpy.data.objects["lo2"], bpy.data.objects["hi"]
+    bpy.ops.imprint.bake("INVOKE_DEFAULT", True)
+    assert "lo2_normal" in bpy.data.images

@@ -311,3 +311,147 @@ def test_split_directions_leave_gaps_at_hard_edges():
     split, _ = cast(low, high, directions="SPLIT", space="OBJECT", **distances)
     both = (smooth[..., 3] > 0) & (split[..., 3] > 0)
     assert angles.degrees(angles.decode(smooth), angles.decode(split))[both].max() > 5.0
+
+
+# What a review found
+
+
+def test_facing_only_knows_front_from_back_on_a_mirrored_object():
+    low, high = zoo.plane("low"), zoo.plane("high", slope=0.2)
+    high.scale.x = -1.0
+    bpy.context.view_layer.update()
+    distances = {"extrusion": 1.0, "max_distance": 2.0}
+    plain, _ = cast(low, high, **distances)
+    facing, report = cast(low, high, facing_only=True, **distances)
+    assert report.missed == 0.0
+    assert np.array_equal(plain, facing)
+
+
+def turned_uvs(obj, degrees, scale=1.0):
+    layer = obj.data.uv_layers[0].uv
+    uv = np.empty(len(layer) * 2, np.float32)
+    layer.foreach_get("vector", uv)
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    turned = (uv.reshape(-1, 2) - 0.5) @ np.array([(c, s), (-s, c)]) * scale + 0.5
+    layer.foreach_set("vector", turned.astype(np.float32).ravel())
+
+
+@pytest.mark.parametrize(
+    ("degrees", "scale", "height", "method"),
+    [
+        (0, 1.0, 0.05, "FLATTEN"),
+        (0, 1.0, 0.8, "FLATTEN"),
+        (10, 1.0, 0.05, "CAST"),
+        (90, 1.0, 0.05, "CAST"),
+        (0, 0.8, 0.05, "CAST"),
+    ],
+)
+def test_auto_looks_along_the_surface(degrees, scale, height, method):
+    """Detail of any height agrees with its layout; a layout that is turned or shrunk does not."""
+    high = zoo.terrain("high", height=height)
+    turned_uvs(high, degrees, scale)
+    _, report = cast(zoo.plane("low"), high, method="AUTO")
+    assert (report.method, report.why) == (method, report.why)
+
+
+def add_loose_vertex(obj, place):
+    obj.data.vertices.add(1)
+    obj.data.vertices[-1].co = place
+    obj.data.update()
+
+
+@pytest.mark.parametrize("place", [(np.nan, 0, 0), (1e6, 0, 0)])
+@pytest.mark.parametrize("name", ["low", "high"])
+@pytest.mark.parametrize("method", ["CAST", "AUTO"])
+def test_loose_vertices_change_nothing(name, place, method):
+    low, high = zoo.plane("low"), zoo.terrain("high")
+    before, one = cast(low, high, method=method)
+    add_loose_vertex(bpy.data.objects[name], place)
+    after, other = cast(low, high, method=method)
+    assert one.method == other.method
+    assert one.distances == pytest.approx(other.distances)
+    assert np.abs(before - after).max() < 1e-5
+
+
+def test_uvs_of_the_high_mesh_do_not_matter_to_rays():
+    low, high = zoo.plane("low"), zoo.terrain("high")
+    layer = high.data.uv_layers[0].uv
+    uv = np.random.default_rng(9).random(len(layer) * 2).astype(np.float32)
+    uv[::7] = np.nan
+    layer.foreach_set("vector", uv)
+    texels, report = cast(low, high, method="AUTO")
+    assert report.method == "CAST"
+    assert report.missed == 0.0
+    high.data.uv_layers.remove(high.data.uv_layers[0])
+    high.data.update()
+    assert np.array_equal(texels, cast(low, high)[0])
+
+
+def test_high_objects_out_of_reach_do_not_coarsen_the_tree():
+    low, high, far = zoo.plane("low"), zoo.terrain("high"), zoo.plane("far")
+    alone, _ = cast(low, high)
+    far.location.x = 10_000.0
+    bpy.context.view_layer.update()
+    together, report = cast(low, high, far)
+    assert report.missed == 0.0
+    assert np.array_equal(alone, together)
+
+
+def test_a_cage_takes_the_place_of_the_extrusion():
+    low, cage, high, lid = zoo.plane("low", n=2), zoo.plane("cage", n=2), zoo.plane("high"), zoo.plane("lid", slope=0.3)
+    cage.location.z, high.location.z, lid.location.z = 0.5, 0.4, 1.5
+    bpy.context.view_layer.update()
+    texels, report = cast(low, high, lid, cage=cage, extrusion=2.0, max_distance=4.0)
+    assert report.distances["extrusion"] == 0.0
+    assert (texels == np.float32((0.5, 0.5, 1, 1))).all()
+
+
+def test_a_neighbours_margin_does_not_hide_misses_in_an_atlas():
+    def strip(name, start, stop):
+        """A piece of the plane from x to x, with its UVs where it lies."""
+        x = 2.0 * np.array((start, stop)) - 1.0
+        points = [(x[0], -1, 0), (x[1], -1, 0), (x[1], 1, 0), (x[0], 1, 0)]
+        return zoo.build(name, points, [(0, 1, 2, 3)], [[(start, 0), (stop, 0), (stop, 1), (start, 1)]])
+
+    jobs = [
+        pipeline.Job(strip("a", 0.0, 0.5), [strip("a high", 0.0, 0.25)]),  # its right half is missed
+        pipeline.Job(strip("b", 0.5, 1.0), [strip("b high", 0.5, 1.0)]),
+    ]
+    settings = Settings(
+        method="CAST", width=64, height=16, margin=8, depth=32, storage="MEMORY", material=False, image="atlas"
+    )
+    reports = pipeline.bake_all(bpy.context, jobs, settings, share_image=True)
+    alpha = maps.pixels(bpy.data.images["atlas"])[..., 3]
+    assert (alpha[:, 16:32] == 0.0).all()
+    assert (alpha[:, 32:] == 1.0).all()
+    assert reports[0].missed == pytest.approx(0.5, abs=0.02)
+
+
+def test_maps_of_several_pairs_never_go_into_one_file(tmp_path):
+    jobs = [pipeline.Job(zoo.plane(name), [zoo.plane(name + " high")]) for name in ("a", "b")]
+    settings = Settings(width=16, height=16, storage="FILE", output=str(tmp_path / "m.png"), material=False)
+    with pytest.raises(BakeError, match="go into one place"):
+        pipeline.bake_all(bpy.context, jobs, settings)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("missed", [(float("nan"), 0, 0), (2.0, 0, 0), (-0.1, 0, 0)])
+def test_a_colour_that_is_none_is_refused(missed):
+    with pytest.raises(BakeError, match="colour of misses"):
+        Settings(missed=missed).check()
+
+
+def test_a_margin_that_does_not_fit_is_refused_with_the_limit():
+    with pytest.raises(BakeError, match="whose textures have at most"):
+        maps.bake(zoo.plane("low"), zoo.plane("high"), size=(16384, 16384), margin=16384)
+
+
+def test_a_dense_closed_mesh_has_no_pinhole():
+    """Through a bake: half a million triangles, each smaller than a texel, under rays from far away."""
+    low, high = zoo.plane("low"), zoo.terrain("high", n=512, height=0.05)
+    for obj in (low, high):
+        obj.rotation_euler = (0.4, 1.1, -0.3)
+    bpy.context.view_layer.update()
+    for extrusion in (0.1, 0.5):
+        _, report = cast(low, high, size=(512, 512), extrusion=extrusion, max_distance=2.0 * extrusion)
+        assert report.missed == 0.0

@@ -122,7 +122,8 @@ def test_a_closed_mesh_has_no_leak_seeds_0_to_9():
     """Rays from inside, at ten rotations, also aimed at edges and corners: not one gets out."""
     for seed in range(10):
         rng = np.random.default_rng(seed)
-        corners = oracle.icosphere(4) @ oracle.rotation(rng).T
+        # The last one has 327,680 triangles: there single precision is coarse against a triangle, and the tree is deep.
+        corners = oracle.icosphere(4 if seed < 9 else 7) @ oracle.rotation(rng).T
         flat = corners.reshape(-1, 3, 3)[rng.integers(0, len(corners), SIZE * SIZE)]
         mix = rng.random(SIZE * SIZE)[:, None]
         kind = rng.integers(0, 3, SIZE * SIZE)[:, None]
