@@ -114,12 +114,17 @@ def run(arguments: list[str], program: str = "imprint") -> int:
         return stop.code
     try:
         reports, problems = _bake(options)
+    except KeyboardInterrupt:
+        print(f"{program}: stopped, nothing was finished.", file=sys.stderr)
+        return FAILED
     except BakeError as error:
         print(f"{program}: {error}", file=sys.stderr)
         return FAILED
     for warning in (*problems, *(warning for report in reports for warning in report.warnings)):
         print(f"{program}: warning: {warning}", file=sys.stderr)
     print("\n".join(line for report in reports for line in report.summary()))
+    written = [*dict.fromkeys(report.output for report in reports), options.save_blend, options.report]
+    print("Wrote", ", ".join(str(path) for path in written if path is not None))
     return DONE
 
 
@@ -155,8 +160,12 @@ def _bake(options: argparse.Namespace) -> tuple[list[Report], list[str]]:
     for path in (output, options.save_blend, options.report):
         if path is not None:
             check_writable(path.absolute())
+    if options.save_blend is not None and options.save_blend.suffix != ".blend":
+        raise BakeError(f"{str(options.save_blend)!r} does not end in .blend.")
     if options.file is not None:
         _open(options.file)
+    elif not bpy.data.filepath:
+        raise BakeError("There is no scene to bake: give a FILE.blend.")
     jobs, problems = _jobs(options)
     share_image = options.pairs and "{low}" not in options.output
     reports = pipeline.bake_all(bpy.context, jobs, settings, share_image=share_image)

@@ -170,6 +170,8 @@ class Options:
 
         for name in (field.name for field in fields(Settings)):
             values[name] = getattr(owner(name), name)
+        if fallback is not None and owner("output") is self and owner("storage") is fallback:
+            values["storage"] = "FILE"  # who names a file wants it written
         for name in ("depth", "samples"):
             values[name] = int(values[name])
         values["missed"] = tuple(values["missed"])

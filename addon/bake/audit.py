@@ -15,7 +15,11 @@ MANY_MISSES = 1e-3
 """Share of rays that may hit nothing without a warning."""
 
 
-def tell(meshes: Meshes, state: np.ndarray, report: Report) -> None:
+TURNED_AWAY = 0.5
+"""Share of normals that may point into the low mesh without a warning."""
+
+
+def tell(meshes: Meshes, texels: np.ndarray, state: np.ndarray, report: Report) -> None:
     """Put into the report what was covered, what was missed and what was left out."""
     report.triangles = {"high": sum(len(high.triangles) for high in meshes.highs), "low": len(meshes.low.triangles)}
     written, in_margin, missed = (
@@ -28,6 +32,13 @@ def tell(meshes: Meshes, state: np.ndarray, report: Report) -> None:
             f"{report.missed:.2%} of the rays from {report.low!r} hit nothing: those texels have alpha 0. "
             "Look at the extrusion and the maximum distance."
         )
+    if report.space == "TANGENT":
+        # A look at some texels is enough for a half of them.
+        blue, seen = texels[::4, ::4, 2], state[::4, ::4] == resolve.WRITTEN
+        if np.count_nonzero(blue[seen] < 0.5) > TURNED_AWAY * max(1, np.count_nonzero(seen)):
+            report.warnings.append(
+                f"Most high normals point into {report.low!r}: the normals of one of the two are inside out, turn them round."
+            )
     with report.timed("audit"):
         _tell_of_uvs(meshes, state, report)
 

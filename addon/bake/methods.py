@@ -13,6 +13,9 @@ from .reading import Meshes
 from .report import Report
 from .settings import Settings
 
+FAR_APART = 0.5
+"""Of the low mesh's radius: boxes that lie farther from each other than this have nothing to do with each other."""
+
 
 def choose(meshes: Meshes, settings: Settings, report: Report) -> Meshes:
     """Put into the report which method it is, and why where that was left open. Returns what that method can use."""
@@ -26,8 +29,12 @@ def choose(meshes: Meshes, settings: Settings, report: Report) -> Meshes:
                 report.method, report.why = agreement.choose(meshes.low, meshes.highs)
     if report.method == "FLATTEN":
         return replace(meshes, highs=[arrays.keep_corners(high, arrays.finite_rows(high.uv)) for high in meshes.highs])
+    apart = arrays.gap(meshes.low, meshes.highs)
+    radius = arrays.frame_of([meshes.low]).size
+    if apart > FAR_APART * radius and settings.max_distance is None and meshes.cage is None:
+        raise BakeError(_apart(report, apart))
     # What no ray can reach would only make the tree coarse: the size of its boxes' steps is that of all high meshes.
-    far = max(settings.extrusion or 0.0, settings.max_distance or 0.0, 2.0 * arrays.frame_of([meshes.low]).size)
+    far = max(settings.extrusion or 0.0, settings.max_distance or 0.0, 2.0 * radius)
     return replace(
         meshes, highs=[high for high in meshes.highs if arrays.gap(meshes.low, [high]) <= far] or meshes.highs
     )
@@ -79,7 +86,12 @@ def _nothing_drawn(meshes: Meshes, report: Report) -> str:
         if not any(map(arrays.is_on_tile, meshes.highs)):
             return f"No triangle of {names} lies on the map: its UVs are outside 0 to 1, or empty."
         return f"{report.low!r} and {names} have no texel in common: their UV layouts differ, so cast rays instead."
-    gap = arrays.gap(meshes.low, meshes.highs)
-    if gap > 0.0:
-        return f"{report.low!r} and {names} do not overlap: they are {gap:.4g} apart."
+    apart = arrays.gap(meshes.low, meshes.highs)
+    if apart > 0.0:
+        return _apart(report, apart)
     return f"No ray from {report.low!r} hit {names}: give a larger extrusion and maximum distance."
+
+
+def _apart(report: Report, distance: float) -> str:
+    names = ", ".join(map(repr, report.high))
+    return f"{report.low!r} and {names} do not overlap: they are {distance:.4g} apart."

@@ -70,7 +70,7 @@ def bake_all(
         with report.timed("total"):
             drawn = _texels(context, job, own, report)
             if share_image:
-                shared = drawn if shared is None else _merge(shared, drawn)
+                shared = drawn if shared is None else _merge(shared, drawn, report)
             else:
                 _store(*drawn, [job], [report], own)
     if share_image:
@@ -97,15 +97,23 @@ def _texels(context: bpy.types.Context, job: Job, settings: Settings, report: Re
     try:
         meshes = methods.choose(meshes, settings, report)
         texels, state = methods.draw(meshes, settings, report)
-        audit.tell(meshes, state, report)
+        audit.tell(meshes, texels, state, report)
     finally:
         target.trim()
         casting.trim()
     return texels, state
 
 
-def _merge(below: tuple[np.ndarray, np.ndarray], above: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+def _merge(
+    below: tuple[np.ndarray, np.ndarray], above: tuple[np.ndarray, np.ndarray], report: Report
+) -> tuple[np.ndarray, np.ndarray]:
     """Two maps in one. Margins yield to what a mesh covers, hit or missed, and misses to hits; else the later one stays."""
+    lost = np.count_nonzero((below[1] == resolve.WRITTEN) & (above[1] == resolve.WRITTEN))
+    if lost > audit.MUCH_OVERLAP * max(1, np.count_nonzero(above[1] == resolve.WRITTEN)):
+        report.warnings.append(
+            f"{lost:,} texels of {report.low!r} lie over those of others in the same image: give each its own place, or a "
+            "map each with {low} in the name."
+        )
     rank = np.array([0, 1, 3, 2], np.uint8)  # background, margin, written, missed
     wins = (rank[above[1]] >= rank[below[1]]) & (above[1] > 0)
     return np.where(wins[..., None], above[0], below[0]), np.where(wins, above[1], below[1])

@@ -2,6 +2,7 @@
 """What a bake is asked to do, as plain data."""
 
 import math
+import re
 from dataclasses import dataclass
 from pathlib import PurePath
 
@@ -84,9 +85,16 @@ class Settings:
             raise BakeError(f"A margin of {self.margin} texels cannot be baked: it takes 0 to {MAX_SIZE}.")
         if not all(0.0 <= value <= 1.0 for value in self.missed):
             raise BakeError(f"The colour of misses {self.missed} is none: it takes three numbers from 0 to 1.")
-        for name, value in (("extrusion", self.extrusion), ("maximum distance", self.max_distance)):
-            if value is not None and not 0.0 <= value < math.inf:
-                raise BakeError(f"The {name} of {value} is no distance: it takes 0 or more.")
+        if self.extrusion is not None and not 0.0 <= self.extrusion < math.inf:
+            raise BakeError(f"The extrusion of {self.extrusion} is no distance: it takes 0 or more.")
+        if self.max_distance is not None and not 0.0 < self.max_distance < math.inf:
+            raise BakeError(f"The maximum distance of {self.max_distance} is no distance: it takes more than 0.")
+        for text in (self.image, self.output):
+            for word in re.findall(r"\{\w*\}", text):
+                if word != "{low}":
+                    raise BakeError(
+                        f"Nothing is known to stand for {word} in {text!r}: {{low}} is the low object's name."
+                    )
         if self.storage == "FILE":
             self._check_output()
 
