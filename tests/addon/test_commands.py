@@ -396,3 +396,23 @@ def test_distances_cage_and_mask(scene, fails):
     holes = texels[..., 3] == 0.0
     assert np.array_equal(mask[..., 0] == 1.0, holes & (texels[..., 1] == 0.0))
     assert mask[..., 0].mean() == pytest.approx(report["missed"])
+
+
+def test_what_was_written_is_told(scene, capsys):
+    assert commands.run([*BAKE, "--output", "m.png", "--report", "r.json"]) == commands.DONE
+    assert capsys.readouterr().out.rstrip().endswith(f"Wrote {scene / 'm.png'}, r.json")
+
+
+def test_a_forgotten_file_and_a_wrong_ending(scene, fails):
+    forgotten = ["--low", "lo", "--high", "hi", "--output", "m.png"]
+    assert fails(commands.FAILED, *forgotten) == "imprint: There is no scene to bake: give a FILE.blend."
+    assert "does not end in .blend" in fails(commands.FAILED, *BAKE, "--output", "m.png", "--save-blend", "s.txt")
+
+
+def test_stopping_is_told_in_one_line(scene, monkeypatch, capsys):
+    def stop(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(pipeline, "bake_all", stop)
+    assert commands.run([*BAKE, "--output", "m.png"]) == commands.FAILED
+    assert capsys.readouterr().err == "imprint: stopped, nothing was finished.\n"

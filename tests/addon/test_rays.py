@@ -138,3 +138,11 @@ def test_names_are_not_remembered(small):
     small.low, small.highs.add().object = bpy.data.objects["lo2"], bpy.data.objects["hi"]
     bpy.ops.imprint.bake("INVOKE_DEFAULT", True)
     assert "lo2_normal" in bpy.data.images
+
+
+def test_a_file_that_is_named_is_written(small, tmp_path):
+    zoo.plane("lo")
+    zoo.plane("hi")
+    path = tmp_path / "map.png"
+    assert bpy.ops.imprint.bake(low="lo", high=[{"name": "hi"}], output=str(path)) == {"FINISHED"}
+    assert path.is_file()

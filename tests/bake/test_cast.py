@@ -455,3 +455,38 @@ def test_a_dense_closed_mesh_has_no_pinhole():
     for extrusion in (0.1, 0.5):
         _, report = cast(low, high, size=(512, 512), extrusion=extrusion, max_distance=2.0 * extrusion)
         assert report.missed == 0.0
+
+
+# What a first user stumbled over
+
+
+def test_an_atlas_whose_uvs_overlap_is_told():
+    jobs = [pipeline.Job(zoo.plane(name), [zoo.plane(name + " high")]) for name in ("a", "b")]
+    settings = Settings(width=16, height=16, storage="MEMORY", image="atlas", material=False)
+    reports = pipeline.bake_all(bpy.context, jobs, settings, share_image=True)
+    assert reports[0].warnings == []
+    assert "256 texels of 'b' lie over those of others" in reports[1].warnings[0]
+
+
+def test_a_mesh_that_is_inside_out_is_told():
+    low, high = zoo.plane("low"), zoo.plane("high")
+    _, report = cast(low, high)
+    assert report.warnings == []
+    high.data.flip_normals()
+    _, report = cast(low, high)
+    assert any("inside out" in warning for warning in report.warnings)
+
+
+@pytest.mark.parametrize("offset", [3.0, 6.0])
+def test_objects_apart_are_refused_though_a_few_rays_would_hit(offset):
+    low, high = zoo.sphere("low", n=8), zoo.sphere("high", n=16)
+    high.location.x = offset + 1.0
+    bpy.context.view_layer.update()
+    with pytest.raises(BakeError, match=r"do not overlap: they are \d"):
+        cast(low, high)
+
+
+@pytest.mark.parametrize("name", ["{Low}.png", "{name}.png", "map_{}.png"])
+def test_unknown_placeholders_are_refused(tmp_path, name):
+    with pytest.raises(BakeError, match="Nothing is known to stand for"):
+        cast(zoo.plane("low"), zoo.plane("high"), storage="FILE", output=str(tmp_path / name), depth=16)
