@@ -17,6 +17,8 @@ from .report import Report
 
 KEPT_BYTES = 1024 * 2**20
 """What trees may hold on the GPU between bakes; the one used longest ago goes first."""
+KEPT_TREES = 4
+"""And how many there may be: a mesh that is being edited leaves one behind at every change."""
 
 _kept: OrderedDict[tuple, "Target"] = OrderedDict()
 
@@ -44,7 +46,7 @@ def target_of(highs: Sequence[Mesh], report: Report) -> Target:
         if found is None:
             found = _build(highs, report)
         _kept[key] = found
-        while sum(kept.tables.bytes for kept in _kept.values()) > KEPT_BYTES and len(_kept) > 1:
+        while len(_kept) > 1 and (len(_kept) > KEPT_TREES or _bytes() > KEPT_BYTES):
             _kept.popitem(last=False)
     return found
 
@@ -56,8 +58,12 @@ def free() -> None:
 
 def trim() -> None:
     """Free the kept trees if together they hold more than KEPT_BYTES."""
-    if sum(kept.tables.bytes for kept in _kept.values()) > KEPT_BYTES:
+    if _bytes() > KEPT_BYTES:
         free()
+
+
+def _bytes() -> int:
+    return sum(kept.tables.bytes for kept in _kept.values())
 
 
 def _build(highs: Sequence[Mesh], report: Report) -> Target:

@@ -283,6 +283,11 @@ def test_kept_trees_are_bounded_and_the_oldest_goes_first(monkeypatch):
     cast(low, zoo.terrain("c", height=0.3))
     assert len(casting._kept) == 2
     assert first not in casting._kept
+    monkeypatch.undo()
+    monkeypatch.setattr(casting, "KEPT_TREES", 3)
+    for height in (0.5, 0.6, 0.7):
+        cast(low, zoo.terrain("e", height=height))
+    assert len(casting._kept) == 3
     monkeypatch.setattr(casting, "KEPT_BYTES", 0)
     cast(low, zoo.terrain("d", height=0.4))
     assert not casting._kept
