@@ -12,7 +12,8 @@ def register() -> None:
 
     for module in (properties, operators, panels, commands):
         module.register()
-    bpy.app.handlers.load_pre.append(_before_loading)
+    handlers = bpy.app.handlers
+    handlers.load_pre.append(handlers.persistent(_before_loading))  # it outlives the file that is left
     atexit.register(free)
 
 
@@ -46,6 +47,3 @@ def _before_loading(*_) -> None:
 
     preview.show(False)
     free()
-
-
-_before_loading._bpy_persistent = None  # as bpy.app.handlers.persistent marks it: it outlives the file that is left

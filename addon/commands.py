@@ -8,7 +8,7 @@ from pathlib import Path
 
 import bpy
 
-from .bake import pairs, pipeline, subjects
+from .bake import pipeline, subjects
 from .bake.errors import BakeError
 from .bake.files import check_writable, reason, replacing
 from .bake.pairs import Suffixes
@@ -182,10 +182,7 @@ def _bake(options: argparse.Namespace) -> tuple[list[Report], list[str]]:
 def _jobs(options: argparse.Namespace) -> tuple[list[pipeline.Job], list[str]]:
     """What to bake, and what was found to be wrong with names."""
     if options.pairs:
-        found, problems = pairs.match(bpy.context.view_layer.objects.keys(), options.suffixes)
-        if not found:
-            raise BakeError(" ".join(problems) or f"No object is called something{options.suffixes.low}.")
-        return [pipeline.job_of(pair) for pair in found], problems
+        return pipeline.jobs_by_name(bpy.context, options.suffixes)
     low = subjects.named(options.low)
     highs = [subjects.named(name) for name in options.high] or [low]
     return [pipeline.Job(low, highs, subjects.named(options.cage) if options.cage else None)], []

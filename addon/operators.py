@@ -5,7 +5,7 @@ import bpy
 from bpy.props import CollectionProperty, IntProperty, StringProperty
 
 from . import preview
-from .bake import pairs, pipeline, subjects
+from .bake import pipeline, subjects
 from .bake.errors import BakeError
 from .bake.report import Report
 from .properties import Options
@@ -62,10 +62,7 @@ class IMPRINT_OT_bake_pairs(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         settings = context.scene.imprint
         try:
-            found, problems = pairs.match(context.view_layer.objects.keys(), settings.suffixes())
-            if not found:
-                raise BakeError(" ".join(problems) or f"No object is called something{settings.low_suffix}.")
-            jobs = [pipeline.job_of(pair) for pair in found]
+            jobs, problems = pipeline.jobs_by_name(context, settings.suffixes())
             reports = pipeline.bake_all(context, jobs, settings.to_settings(), share_image=settings.share_image)
         except BakeError as error:
             self.report({"ERROR"}, str(error))

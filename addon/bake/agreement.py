@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..mesh.arrays import Frame, Mesh, frame_of, normal_matrix
+from ..mesh.arrays import Frame, Mesh, frame_of
 from ..passes import batch, gbuffer, target
 
 PROBE = 128
@@ -49,9 +49,9 @@ def _positions(meshes: Sequence[Mesh], frame: Frame) -> list[np.ndarray]:
             mesh.triangles,
             uv=mesh.uv,
             position=frame.points(mesh)[mesh.vertices],
-            direction=mesh.normals @ normal_matrix(mesh.to_world).T.astype(np.float32),
+            direction=mesh.to_world_normals(mesh.normals),
         )
-        gbuffer.draw(probe, uploaded, (2.0, 2.0, -1.0, -1.0))
+        gbuffer.draw(probe, uploaded, target.WHOLE_MAP)
         for slot, texels in enumerate(result):
             probe.read(drawn, slot)
             np.copyto(texels, drawn, where=drawn[..., 3:] > 0.0)

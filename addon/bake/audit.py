@@ -4,8 +4,8 @@
 import numpy as np
 
 from ..mesh import arrays
-from ..passes import resolve
-from . import render
+from ..mesh.arrays import Mesh
+from ..passes import batch, overlap, resolve, target
 from .reading import Meshes
 from .report import Report
 
@@ -13,10 +13,10 @@ MUCH_OVERLAP = 1e-3
 """Share of texels that triangles may share without a warning: decimation leaves a few slivers."""
 MANY_MISSES = 1e-3
 """Share of rays that may hit nothing without a warning."""
-
-
 TURNED_AWAY = 0.5
 """Share of normals that may point into the low mesh without a warning."""
+PROBE = 1024
+"""Texels a side, at most, of the map on which overlaps are counted."""
 
 
 def tell(meshes: Meshes, texels: np.ndarray, state: np.ndarray, report: Report) -> None:
@@ -44,7 +44,7 @@ def tell(meshes: Meshes, texels: np.ndarray, state: np.ndarray, report: Report) 
 
 
 def _tell_of_uvs(meshes: Meshes, state: np.ndarray, report: Report) -> None:
-    report.overlap = render.overlap(meshes.low, (state.shape[1], state.shape[0]))
+    report.overlap = overlap_share(meshes.low, (state.shape[1], state.shape[0]))
     report.mirrored = arrays.mirrored(meshes.low)
     if report.overlap > MUCH_OVERLAP:
         report.warnings.append(
@@ -61,3 +61,13 @@ def _tell_of_uvs(meshes: Meshes, state: np.ndarray, report: Report) -> None:
         ):
             if count:
                 report.warnings.append(f"{mesh.name!r}: {count:,} of its triangles {what}.")
+
+
+def overlap_share(low: Mesh, size: tuple[int, int]) -> float:
+    """Share of the texels under `low` that two or more of its triangles share; measured on at most PROBE a side."""
+    width, height = (min(side, PROBE) for side in size)
+    counts = target.get("overlap", width, height, "R16F")
+    overlap.draw(counts, batch.upload(low.triangles, uv=low.uv), target.WHOLE_MAP)
+    covered = np.empty((height, width), np.float32)
+    counts.read(covered)
+    return np.count_nonzero(covered > 1.0) / max(1, np.count_nonzero(covered))

@@ -10,7 +10,7 @@ import gpu
 import numpy as np
 
 from ..mesh import bvh
-from ..mesh.arrays import Frame, Mesh, frame_of, normal_matrix
+from ..mesh.arrays import Frame, Mesh, frame_of
 from ..passes import batch, cast, table
 from .errors import BakeError
 from .report import Report
@@ -76,7 +76,7 @@ def _build(highs: Sequence[Mesh], report: Report) -> Target:
         # A mirror turns the winding, by which rays know a front from a back.
         triangles = high.triangles[:, ::-1] if np.linalg.det(high.to_world[:3, :3]) < 0.0 else high.triangles
         corners.append(frame.points(high)[high.vertices[triangles]])
-        normals.append((high.normals @ normal_matrix(high.to_world).T.astype(np.float32))[triangles])
+        normals.append(high.to_world_normals(high.normals)[triangles])
     corners, normals = np.concatenate(corners), np.concatenate(normals)
     tree = bvh.build(corners)
     with report.timed("upload"):
@@ -98,7 +98,7 @@ def rays(low: Mesh, directions: np.ndarray, cage: Mesh | None, frame: Frame) -> 
     start on it and run towards the low mesh; where the two touch, along the low mesh's normals.
     """
     positions = frame.points(low)[low.vertices]
-    away = directions @ normal_matrix(low.to_world).T.astype(np.float32)
+    away = low.to_world_normals(directions)
     if cage is not None:
         starts = frame.points(cage)[cage.vertices]
         apart = starts - positions

@@ -25,7 +25,7 @@ def measure(
     """
     width, height = (min(side, PROBE) for side in size)
     places = target.get("rays", width, height, "RGBA32F", "RGBA32F")
-    gbuffer.draw(places, rays, (2.0, 2.0, -1.0, -1.0))
+    gbuffer.draw(places, rays, target.WHOLE_MAP)
     inwards = _probe(tables, places, -1.0, facing_only)
     if has_cage:
         found = inwards[inwards >= 0.0]

@@ -35,15 +35,21 @@ def choose(meshes: Meshes, settings: Settings, report: Report) -> Meshes:
         raise BakeError(_apart(report, apart))
     # What no ray can reach would only make the tree coarse: the size of its boxes' steps is that of all high meshes.
     far = max(settings.extrusion or 0.0, settings.max_distance or 0.0, 2.0 * radius)
-    return replace(
-        meshes, highs=[high for high in meshes.highs if arrays.gap(meshes.low, [high]) <= far] or meshes.highs
-    )
+    out_of_reach = [arrays.gap(meshes.low, [high]) > far for high in meshes.highs]
+    if all(out_of_reach):
+        return meshes
+    report.warnings += [
+        f"{high.name!r} lies out of reach of the rays and was left out."
+        for high, is_out in zip(meshes.highs, out_of_reach, strict=True)
+        if is_out
+    ]
+    return replace(meshes, highs=[high for high, is_out in zip(meshes.highs, out_of_reach, strict=True) if not is_out])
 
 
 def draw(meshes: Meshes, settings: Settings, report: Report) -> tuple[np.ndarray, np.ndarray]:
     """Texels and their state, as render.texels has them. Raises BakeError when there are none."""
     if report.method == "FLATTEN":
-        source = render.flattened(meshes.low, meshes.highs, settings, report)
+        source = render.flatten_source(meshes.low, meshes.highs, settings, report)
     else:
         source = _rays(meshes, settings, report)
     texels, state = render.texels(source, meshes.basis, settings, report)
@@ -72,7 +78,7 @@ def _rays(meshes: Meshes, settings: Settings, report: Report) -> render.Source:
         reach = extrusion + inside * aim.frame.size if reach is None else reach
         report.measured = True
     report.distances = {"extrusion": extrusion, "max_distance": reach}
-    return render.casted(
+    return render.cast_source(
         meshes.low, rays, aim, settings, extrusion=extrusion / aim.frame.size, reach=reach / aim.frame.size
     )
 

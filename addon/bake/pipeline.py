@@ -11,7 +11,7 @@ import numpy as np
 from ..passes import resolve, target
 from . import audit, casting, images, materials, methods, reading, render, subjects
 from .errors import BakeError
-from .pairs import Pair
+from .pairs import Suffixes, match
 from .report import Report
 from .settings import Settings
 
@@ -28,10 +28,23 @@ class Job:
     cage: bpy.types.Object | None = None
 
 
-def job_of(pair: Pair) -> Job:
-    """The job of objects matched by name."""
-    cage = subjects.named(pair.cage) if pair.cage else None
-    return Job(subjects.named(pair.low), [subjects.named(name) for name in pair.highs], cage)
+def jobs_by_name(context: bpy.types.Context, suffixes: Suffixes) -> tuple[list[Job], list[str]]:
+    """The jobs of the view layer's objects that are matched by name, and sentences about those that are not.
+
+    Raises BakeError when there is no job.
+    """
+    found, problems = match(context.view_layer.objects.keys(), suffixes)
+    if not found:
+        raise BakeError(" ".join(problems) or f"No object is called something{suffixes.low}.")
+    jobs = [
+        Job(
+            subjects.named(pair.low),
+            [subjects.named(name) for name in pair.highs],
+            subjects.named(pair.cage) if pair.cage else None,
+        )
+        for pair in found
+    ]
+    return jobs, problems
 
 
 def bake(

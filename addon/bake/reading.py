@@ -47,9 +47,7 @@ def read(
             uv_layer = _uv_layer(low, data, settings.uv_layer)
             to_world = extract.matrix(low)
             low_mesh = extract.surface(data, uv_layer, low.name, to_world)
-            directions = low_mesh.normals
-            if settings.directions == "SMOOTH":
-                directions = extract.smooth_normals(data)[low_mesh.vertices]
+            directions = extract.directions(data, low_mesh, settings.directions)
             basis = extract.with_tangents(data, uv_layer, low.name, to_world) if settings.space == "TANGENT" else None
             cage_mesh = cage and _cage(cage, depsgraph, low_mesh, len(data.polygons))
         high_meshes = [_high(high, depsgraph, uv_layer, settings.method) for high in highs]

@@ -8,16 +8,12 @@ import numpy as np
 
 from ..mesh.arrays import Mesh, normal_matrix
 from ..passes import batch, cast, flatten, gbuffer, margin, resolve, samples, tangent, target
-from ..passes import overlap as overlap_pass
 from . import casting
 from .report import Report
 from .settings import Settings
 
 BAND_TEXELS = 4096 * 4096
 """A larger map is drawn in bands of rows, so that the GPU holds a few textures of this many texels at the most."""
-
-PROBE = 1024
-"""Texels a side, at most, of the map on which overlaps are counted."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +56,7 @@ Source = Callable[[Band], target.Target]
 """Draws a band's unit normals, in world space or the low object's: RGBA32F, alpha 1 written, 0 nothing, -1 missed."""
 
 
-def flattened(low: Mesh, highs: Sequence[Mesh], settings: Settings, report: Report) -> Source:
+def flatten_source(low: Mesh, highs: Sequence[Mesh], settings: Settings, report: Report) -> Source:
     """Normals by drawing `highs` in UV space."""
     to_world = None if settings.space == "WORLD" else low.to_world
     with report.timed("upload"):
@@ -77,7 +73,7 @@ def flattened(low: Mesh, highs: Sequence[Mesh], settings: Settings, report: Repo
     return draw
 
 
-def casted(low: Mesh, rays, aim: casting.Target, settings: Settings, *, extrusion: float, reach: float) -> Source:
+def cast_source(low: Mesh, rays, aim: casting.Target, settings: Settings, *, extrusion: float, reach: float) -> Source:
     """Normals by casting `rays` at `aim`; extrusion and reach in the units of its frame."""
     to_space = np.eye(3) if settings.space == "WORLD" else low.to_world[:3, :3].T / np.abs(low.to_world[:3, :3]).max()
 
@@ -128,16 +124,6 @@ def texels(source: Source, basis: Mesh | None, settings: Settings, report: Repor
             stored.read(result[band.start : band.stop])
             stored.read(state[band.start : band.stop], slot=1)
     return result, state
-
-
-def overlap(low: Mesh, size: tuple[int, int]) -> float:
-    """Share of the texels under `low` that two or more of its triangles share; measured on at most PROBE a side."""
-    width, height = (min(side, PROBE) for side in size)
-    counts = target.get("overlap", width, height, "R16F")
-    overlap_pass.draw(counts, batch.upload(low.triangles, uv=low.uv), (2.0, 2.0, -1.0, -1.0))
-    covered = np.empty((height, width), np.float32)
-    counts.read(covered)
-    return np.count_nonzero(covered > 1.0) / max(1, np.count_nonzero(covered))
 
 
 def _sampled(band: Band, source: Source, spanned, settings: Settings) -> target.Target:

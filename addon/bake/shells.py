@@ -6,7 +6,6 @@ import gpu
 import numpy as np
 
 from ..mesh import extract
-from ..mesh.arrays import normal_matrix
 from ..passes import batch
 from ..passes.shell import draw
 
@@ -18,8 +17,7 @@ def upload(low: bpy.types.Object, depsgraph: bpy.types.Depsgraph, directions: st
     to_world = extract.matrix(low)
     with extract.evaluated(low, depsgraph) as data:
         mesh = extract.surface(data, "", low.name, to_world)
-        away = extract.smooth_normals(data)[mesh.vertices] if directions == "SMOOTH" else mesh.normals
-    away = away @ normal_matrix(to_world).T
+        away = mesh.to_world_normals(extract.directions(data, mesh, directions))
     away /= np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-12)
     positions = mesh.positions[mesh.vertices] @ to_world[:3, :3].T + to_world[:3, 3]
-    return batch.upload(mesh.triangles, position=positions.astype(np.float32), direction=away.astype(np.float32))
+    return batch.upload(mesh.triangles, position=positions.astype(np.float32), direction=away)

@@ -27,6 +27,10 @@ class Mesh:
     tangents: np.ndarray | None = None
     not_finite: int = 0
 
+    def to_world_normals(self, normals: np.ndarray) -> np.ndarray:
+        """`normals` (N, 3) of this mesh's space in the world's; float32, not of length one."""
+        return (normals @ normal_matrix(self.to_world).T).astype(np.float32)
+
 
 @dataclass(frozen=True)
 class Frame:

@@ -51,9 +51,14 @@ def surface(data: bpy.types.Mesh, uv_layer: str, name: str, to_world: np.ndarray
     return keep_corners(mesh, finite)
 
 
-def smooth_normals(data: bpy.types.Mesh) -> np.ndarray:
-    """The vertex normals (V, 3) float32 of `data`, which know no sharp edges."""
-    return _read(data.vertex_normals, "vector", len(data.vertices), 3)
+def directions(data: bpy.types.Mesh, mesh: Mesh, which: str) -> np.ndarray:
+    """Where rays leave `mesh`, which was read from `data`: (C, 3) float32, by corner.
+
+    which: "SMOOTH" for the vertex normals, which know no sharp edges, or "SPLIT" for the corners' own.
+    """
+    if which == "SPLIT":
+        return mesh.normals
+    return _read(data.vertex_normals, "vector", len(data.vertices), 3)[mesh.vertices]
 
 
 def with_tangents(data: bpy.types.Mesh, uv_layer: str, name: str, to_world: np.ndarray) -> Mesh:

@@ -9,6 +9,9 @@ from . import shader
 KEPT_BYTES = 512 * 2**20
 """What the targets may hold between bakes; more than this is freed when a bake is done."""
 
+WHOLE_MAP = (2.0, 2.0, -1.0, -1.0)
+"""The window, from uv to clip space as xy scale and zw offset, that shows the UV tile 0..1 and no more."""
+
 _TEXEL_BYTES = {"RGBA32F": 16, "RGBA32UI": 16, "R16F": 2, "R16I": 2, "R8": 1}
 _READ_FORMAT = {"RGBA32F": ("FLOAT", 4, np.float32), "R16F": ("FLOAT", 1, np.float32), "R8": ("UBYTE", 1, np.uint8)}
 _targets: dict[str, "Target"] = {}

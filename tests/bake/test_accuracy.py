@@ -134,5 +134,5 @@ def folds(low):
     )
     settings = Settings(space="WORLD", width=SIZE[0], height=SIZE[1], margin=0)
     report = Report("FLATTEN", "WORLD", SIZE, "", [])
-    texels, _ = render.texels(render.flattened(painted, [painted], settings, report), None, settings, report)
+    texels, _ = render.texels(render.flatten_source(painted, [painted], settings, report), None, settings, report)
     return texels[..., 2] < 0.5

@@ -399,6 +399,7 @@ def test_high_objects_out_of_reach_do_not_coarsen_the_tree():
     bpy.context.view_layer.update()
     together, report = cast(low, high, far)
     assert report.missed == 0.0
+    assert report.warnings == ["'far' lies out of reach of the rays and was left out."]
     assert np.array_equal(alone, together)
 
 

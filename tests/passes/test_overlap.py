@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from addon.bake import render
+from addon.bake import audit
 from addon.mesh.arrays import Mesh, mirrored
 from tests.support import oracle
 
@@ -36,18 +36,18 @@ def test_triangles_that_meet_along_an_edge_share_nothing():
     triangles = np.concatenate(
         [np.stack([first, first + 1, first + n + 1], 1), np.stack([first, first + n + 1, first + n], 1)]
     )
-    assert render.overlap(laid_out(uv, triangles), (24, 24)) == 0.0
+    assert audit.overlap_share(laid_out(uv, triangles), (24, 24)) == 0.0
 
 
 def test_half_of_the_map_twice():
     uv = [*SQUARE, (0, 0), (0.5, 0), (0.5, 1), (0, 1)]
-    assert render.overlap(laid_out(uv, [*HALVES, (4, 5, 6), (4, 6, 7)]), (64, 64)) == pytest.approx(0.5)
+    assert audit.overlap_share(laid_out(uv, [*HALVES, (4, 5, 6), (4, 6, 7)]), (64, 64)) == pytest.approx(0.5)
 
 
 def test_many_on_the_same_place_count_as_one_overlap():
     uv = SQUARE * 30
     triangles = [np.array(half) + 4 * i for i in range(30) for half in HALVES]
-    assert render.overlap(laid_out(uv, triangles), (32, 32)) == 1.0
+    assert audit.overlap_share(laid_out(uv, triangles), (32, 32)) == 1.0
 
 
 def test_random_triangles_seed_4():
@@ -59,7 +59,7 @@ def test_random_triangles_seed_4():
     counts = sum((oracle.depth_inside(centres, triangle[None]) > 0.0).astype(int) for triangle in triangles)
     truth = np.count_nonzero(counts > 1) / np.count_nonzero(counts)
     mesh = laid_out(triangles.reshape(-1, 2), np.arange(120).reshape(-1, 3))
-    assert render.overlap(mesh, (size, size)) == pytest.approx(truth, abs=2e-3)
+    assert audit.overlap_share(mesh, (size, size)) == pytest.approx(truth, abs=2e-3)
 
 
 def test_mirrored_triangles_are_counted():
