@@ -81,9 +81,20 @@ class IMPRINT_PT_map(_Panel, bpy.types.Panel):
         column.prop(settings, "width")
         column.prop(settings, "height")
         layout.prop(settings, "samples")
-        layout.prop(settings, "margin")
-        layout.prop(settings, "green")
+        column = layout.column(align=True)
+        column.prop(settings, "margin_type")
+        row = column.row(align=True)
+        row.active = not settings.unlimited
+        row.prop(settings, "margin")
+        column.prop(settings, "unlimited")
+        column = layout.column(align=True)
+        for name in ("red", "green", "blue"):
+            column.prop(settings, name)
         layout.prop(settings, "modifiers")
+        column = layout.column(align=True)
+        column.prop(settings, "limited")
+        if settings.limited:
+            column.prop(settings, "limit")
 
 
 class IMPRINT_PT_rays(_Panel, bpy.types.Panel):
@@ -164,6 +175,12 @@ class IMPRINT_PT_output(_Panel, bpy.types.Panel):
         settings = context.scene.imprint
         layout.prop_search(settings, "image", bpy.data, "images")
         layout.prop(settings, "depth", expand=True)
+        if settings.depth == "8":
+            layout.prop(settings, "dither")
+        layout.prop(settings, "udim")
+        if settings.udim:
+            layout.prop(settings, "tiles")
+        layout.column().prop(settings, "maps")
         layout.prop(settings, "storage")
         if settings.storage == "FILE":
             layout.prop(settings, "output")

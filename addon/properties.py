@@ -16,7 +16,21 @@ from bpy.props import (
 )
 
 from .bake.pairs import Suffixes
-from .bake.settings import MAX_SIZE, MIN_SIZE, SAMPLES, Settings
+from .bake.settings import AXES, MAPS, MAX_SIZE, MIN_SIZE, SAMPLES, Settings, parse_tiles
+
+
+def _axes(first: str) -> list[tuple[str, str, str]]:
+    """The six directions as enum items, those of the axis that usually comes here first."""
+    hints = {"+Y": "Up: Blender, Unity, Godot, glTF", "-Y": "Down: Unreal, DirectX, CryEngine"}
+    labels = {"+Y": "+Y (OpenGL)", "-Y": "-Y (DirectX)"}
+    return [
+        (
+            axis,
+            labels.get(axis, axis),
+            hints.get(axis, f"The normal's {axis[1]}, {'as it is' if axis[0] == '+' else 'turned over'}"),
+        )
+        for axis in sorted(AXES, key=lambda axis: axis[1] != first)
+    ]
 
 
 class Options:
@@ -104,21 +118,57 @@ class Options:
         description="How often each texel is drawn; several are antialiased and take as many times as long",
         items=[(str(n), str(n), "One, at the texel's centre" if n == 1 else f"The mean of {n}") for n in SAMPLES],
     )
-    green: EnumProperty(
-        name="Green",
-        description="Which way the green channel points",
+    maps: EnumProperty(
+        name="Other Maps",
+        description="What else is baked, into an image each beside the normal map",
+        options={"ENUM_FLAG"},
         items=[
-            ("+Y", "+Y (OpenGL)", "Up: Blender, Unity, Godot, glTF"),
-            ("-Y", "-Y (DirectX)", "Down: Unreal, DirectX"),
+            ("POSITION", "Position", "Where the high surface lies, in the object's space or the world's"),
+            ("HEIGHT", "Height", "How far the high surface lies from the low one, along its normal"),
+            ("DISPLACEMENT", "Vector Displacement", "What leads from the low surface to the high one"),
+            ("DISTANCE", "Distance", "How far the high surface lies from the low one"),
+            ("COVERAGE", "Coverage", "Which texels a high mesh covers"),
+            ("OBJECT_ID", "Object ID", "A colour for each high object"),
+            ("MATERIAL_ID", "Material ID", "A colour for each material of the high objects"),
         ],
+        default=set(),
     )
+    red: EnumProperty(name="Red", description="What the red channel holds", items=_axes("X"), default="+X")
+    green: EnumProperty(name="Green", description="What the green channel holds", items=_axes("Y"), default="+Y")
+    blue: EnumProperty(name="Blue", description="What the blue channel holds", items=_axes("Z"), default="+Z")
     margin: IntProperty(
         name="Margin",
-        description="Texels around the UV islands that repeat their rims, so that no background shows",
+        description="Texels around the UV islands that are filled, so that no background shows",
         default=16,
         min=0,
         soft_max=64,
         max=MAX_SIZE,
+    )
+    unlimited: BoolProperty(name="Unlimited", description="Fill all that the islands leave")
+    margin_type: EnumProperty(
+        name="Margin Type",
+        description="What the margin is filled with",
+        items=[
+            ("EXTEND", "Extend", "The nearest texel of an island"),
+            ("ADJACENT_FACES", "Adjacent Faces", "What lies across the seam on the surface, turned to fit"),
+        ],
+    )
+    udim: BoolProperty(name="UDIM Tiles", description="A map for each UDIM tile that the low mesh covers")
+    tiles: StringProperty(
+        name="Tiles", description="Of these tiles alone, as 1001, 1003; empty for all that the low mesh covers"
+    )
+    limited: BoolProperty(
+        name="Set Limit",
+        description="Set how far the high surface may lie from the low one before it is told, instead of 5 % of its radius",
+    )
+    limit: FloatProperty(
+        name="Limit",
+        description="How far the high surface may lie from the low one before it is told",
+        default=0.1,
+        min=1e-6,
+        soft_max=2.0,
+        precision=4,
+        subtype="DISTANCE",
     )
     depth: EnumProperty(
         name="Depth",
@@ -129,6 +179,9 @@ class Options:
             ("32", "32", "Exact: float OpenEXR, or a float image inside Blender"),
         ],
         default="16",
+    )
+    dither: BoolProperty(
+        name="Dither", description="Hide the steps of 8 bits in fine noise, instead of rounding to the nearest"
     )
     modifiers: EnumProperty(
         name="Modifiers",
@@ -172,6 +225,15 @@ class Options:
             values[name] = getattr(owner(name), name)
         if fallback is not None and owner("output") is self and owner("storage") is fallback:
             values["storage"] = "FILE"  # who names a file wants it written
+        values["maps"] = tuple(name for name in MAPS if name in values["maps"])
+        # A script that names a number means it, whatever the switch says.
+        if owner("unlimited").unlimited and (
+            owner("margin") is fallback or fallback is None or owner("unlimited") is self
+        ):
+            values["margin"] = None
+        if not owner("limited").limited and (owner("limit") is fallback or fallback is None):
+            values["limit"] = None
+        values["tiles"] = parse_tiles(values["tiles"])
         for name in ("depth", "samples"):
             values[name] = int(values[name])
         values["missed"] = tuple(values["missed"])

@@ -3,7 +3,7 @@
 
 void main()
 {
-  ivec2 texel = ivec2(gl_GlobalInvocationID.xy);
+  ivec2 texel = ivec2(gl_GlobalInvocationID.xy) + ivec2(0, first_row);
   if (any(greaterThanEqual(texel, textureSize(normals, 0)))) {
     return;
   }

@@ -45,7 +45,7 @@ void main()
   // A workgroup is a square, and eight lanes in a row are a block of 4 x 2: rays that lie near each other go the same way.
   int lane = int(gl_LocalInvocationIndex);
   ivec2 inner = ivec2((lane & 3) | ((lane >> 1) & 4), ((lane >> 2) & 1) | ((lane >> 3) & 6));
-  ivec2 texel = ivec2(gl_WorkGroupID.xy) * 8 + inner;
+  ivec2 texel = ivec2(gl_WorkGroupID.xy) * 8 + inner + ivec2(0, first_row);
   if (any(greaterThanEqual(texel, textureSize(positions, 0)))) {
     return;
   }

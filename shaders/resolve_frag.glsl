@@ -30,18 +30,17 @@ void main()
   bool in_reach = best <= margin * margin;
   vec4 normal = texelFetch(normals, source, 0);
   bool is_missed = best != 0 && texelFetch(normals, texel, 0).a < 0.0;
-  normal.y *= green;
   if (is_missed) {
     // A hole stays one: filled from beside it, it would pass for detail.
     map_out = vec4(missed.rgb, 0.0);
     state_out = STATE_MISSED;
   }
   else if (in_reach) {
-    map_out = vec4(normal.xyz * 0.5 + 0.5, 1.0);
+    map_out = vec4(mat3(channels) * normal.xyz * 0.5 + 0.5, 1.0);
     state_out = best == 0 ? STATE_WRITTEN : STATE_MARGIN;
   }
   else {
-    map_out = vec4(0.5, 0.5, 1.0, 0.0);
+    map_out = vec4(mat3(channels) * vec3(0.0, 0.0, 1.0) * 0.5 + 0.5, 0.0);
     state_out = 0.0;
   }
 }

@@ -16,13 +16,13 @@ SHARE = 0.96
 """How many of the low mesh's texels must have such a point on the high meshes."""
 
 
-def choose(low: Mesh, highs: Sequence[Mesh]) -> tuple[str, str]:
-    """The method for these meshes, FLATTEN or CAST, and why, as a clause."""
+def choose(low: Mesh, highs: Sequence[Mesh], tiles: Sequence[int]) -> tuple[str, str]:
+    """The method for these meshes on these UDIM tiles, FLATTEN or CAST, and why, as a clause."""
     without = [high.name for high in highs if high.uv is None]
     if without:
         return "CAST", f"{without[0]!r} has no UV layer"
     frame = frame_of([low])
-    (low_points, away), (high_points, _) = (_positions(meshes, frame) for meshes in ([low], highs))
+    (low_points, away), (high_points, _) = (_positions(meshes, frame, tiles) for meshes in ([low], highs))
     on_low = low_points[..., 3] > 0.0
     both = on_low & (high_points[..., 3] > 0.0)
     if not both.any():
@@ -39,10 +39,10 @@ def choose(low: Mesh, highs: Sequence[Mesh]) -> tuple[str, str]:
     return "CAST", f"the UV layouts differ: on {share:.1%} of the texels alone the meshes' points lie close"
 
 
-def _positions(meshes: Sequence[Mesh], frame: Frame) -> list[np.ndarray]:
-    """Positions and unit normals (PROBE, PROBE, 4) of `meshes` in UV space, alpha 0 where there are none."""
+def _positions(meshes: Sequence[Mesh], frame: Frame, tiles: Sequence[int]) -> list[np.ndarray]:
+    """Positions and unit normals (tiles, PROBE, PROBE, 4) of `meshes` in UV space, alpha 0 where there are none."""
     probe = target.get("rays", PROBE, PROBE, "RGBA32F", "RGBA32F")
-    result = [np.zeros((PROBE, PROBE, 4), np.float32) for _ in range(2)]
+    result = [np.zeros((len(tiles), PROBE, PROBE, 4), np.float32) for _ in range(2)]
     drawn = np.empty((PROBE, PROBE, 4), np.float32)
     for mesh in meshes:
         uploaded = batch.upload(
@@ -51,8 +51,9 @@ def _positions(meshes: Sequence[Mesh], frame: Frame) -> list[np.ndarray]:
             position=frame.points(mesh)[mesh.vertices],
             direction=mesh.to_world_normals(mesh.normals),
         )
-        gbuffer.draw(probe, uploaded, target.WHOLE_MAP)
-        for slot, texels in enumerate(result):
-            probe.read(drawn, slot)
-            np.copyto(texels, drawn, where=drawn[..., 3:] > 0.0)
+        for number, tile in enumerate(tiles):
+            gbuffer.draw(probe, uploaded, target.window(tile))
+            for slot, texels in enumerate(result):
+                probe.read(drawn, slot)
+                np.copyto(texels[number], drawn, where=drawn[..., 3:] > 0.0)
     return result

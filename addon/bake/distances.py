@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """How far the high surface really lies from the low one: distances for rays when nobody has set them."""
 
+from collections.abc import Sequence
+
 import gpu
 import numpy as np
 
@@ -17,21 +19,33 @@ WHOLE_WORLD = 8.0
 
 
 def measure(
-    tables: cast.Tables, rays: gpu.types.GPUBatch, size: tuple[int, int], *, has_cage: bool, facing_only: bool
+    tables: cast.Tables,
+    rays: gpu.types.GPUBatch,
+    size: tuple[int, int],
+    tiles: Sequence[int],
+    *,
+    has_cage: bool,
+    facing_only: bool,
 ) -> tuple[float, float]:
     """How far the high surface lies outside and inside the low one, in the frame's units, with something to spare.
 
-    size: the map's width and height. With a cage rays start where it says, and only how far they go is measured.
+    size: the map's width and height; tiles: its UDIM tiles. With a cage rays start where it says, and only how far they go
+    is measured.
     """
     width, height = (min(side, PROBE) for side in size)
     places = target.get("rays", width, height, "RGBA32F", "RGBA32F")
-    gbuffer.draw(places, rays, target.WHOLE_MAP)
-    inwards = _probe(tables, places, -1.0, facing_only)
+    inwards, outwards = [], []
+    for tile in tiles:
+        gbuffer.draw(places, rays, target.window(tile))
+        inwards.append(_probe(tables, places, -1.0, facing_only))
+        if not has_cage:
+            # Seen from the low surface, a high triangle that lies outside turns its front away from the ray.
+            outwards.append(_probe(tables, places, 1.0, facing_only=False))
+    inwards = np.concatenate(inwards)
     if has_cage:
         found = inwards[inwards >= 0.0]
         return 0.0, _spare(found) if found.size else WHOLE_WORLD
-    # Seen from the low surface, a high triangle that lies outside turns its front away from the ray.
-    outwards = _probe(tables, places, 1.0, facing_only=False)
+    outwards = np.concatenate(outwards)
     inwards = np.where(inwards < 0.0, np.inf, inwards)
     outwards = np.where(outwards < 0.0, np.inf, outwards)
     is_outside = outwards < inwards

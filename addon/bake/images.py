@@ -38,7 +38,7 @@ def check(low_name: str, settings: Settings) -> None:
             raise BakeError(f"{settings.output!r} is relative to a .blend file that was never saved: save it first.")
         check_writable(_path(settings))
         if settings.mask:
-            check_writable(_path(_of_mask(settings, MISSED)))
+            check_writable(_path(beside(settings, MISSED)))
 
 
 def store(texels: np.ndarray, low_name: str, settings: Settings) -> bpy.types.Image:
@@ -74,23 +74,42 @@ def store(texels: np.ndarray, low_name: str, settings: Settings) -> bpy.types.Im
     return image
 
 
-def store_mask(where: np.ndarray, name: str, settings: Settings) -> bpy.types.Image:
-    """Put a mask, white where `where` (height, width) is true, beside the map of `settings`, whose image is named."""
-    texels = np.ones((*where.shape, 4), np.float32)
-    texels[..., :3] = where[..., None]
-    return store(texels, "", _of_mask(settings, name))
+class Writer:
+    """A map on its way into an image datablock, and a file. Nothing of an artist's changes before commit."""
+
+    def __init__(self, low_name: str, settings: Settings):
+        self.low_name, self.settings = low_name, settings
+        self._texels: dict[int, np.ndarray] = {}
+
+    def add(self, tile: int, texels: np.ndarray) -> None:
+        """Take one UDIM tile, (height, width, 4) float32 with row 0 at v = 0."""
+        self._texels[tile] = texels
+
+    def commit(self) -> bpy.types.Image:
+        """Put what was added where the settings want it. Raises BakeError if that cannot be done."""
+        return store(self._texels[1001], self.low_name, self.settings)
 
 
-def _of_mask(settings: Settings, name: str) -> Settings:
+def beside(settings: Settings, name: str, depth: int | None = None) -> Settings:
+    """The settings of another map beside that of `settings`, whose image is named: `name` is what its name ends in.
+
+    depth: bits a channel; None for the fewest that the format has.
+    """
     path = PurePath(settings.output)
     is_file = settings.storage == "FILE"
     return replace(
         settings,
         image=f"{settings.image}_{name}",
         output=str(path.with_stem(f"{path.stem}_{name}")) if is_file else "",
-        # Black and white need no more than the fewest bits that the format has.
-        depth=FORMATS[path.suffix.lower()][1][0] if is_file else 8,
+        depth=depth or (FORMATS[path.suffix.lower()][1][0] if is_file else 8),
     )
+
+
+def black_and_white(where: np.ndarray) -> np.ndarray:
+    """Texels (height, width, 4) float32 that are white where `where` (height, width) is true."""
+    texels = np.ones((*where.shape, 4), np.float32)
+    texels[..., :3] = where[..., None]
+    return texels
 
 
 def _mark_as_data(image: bpy.types.Image) -> None:

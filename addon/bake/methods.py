@@ -1,14 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Flatten or Cast: which of them it is, and what it needs before the passes run."""
 
+from collections.abc import Generator, Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from ..mesh import arrays
-from ..passes import resolve
 from . import agreement, casting, distances, render
 from .errors import BakeError
+from .pace import Pace, Step
 from .reading import Meshes
 from .report import Report
 from .settings import Settings
@@ -17,7 +16,7 @@ FAR_APART = 0.5
 """Of the low mesh's radius: boxes that lie farther from each other than this have nothing to do with each other."""
 
 
-def choose(meshes: Meshes, settings: Settings, report: Report) -> Meshes:
+def choose(meshes: Meshes, tiles: Sequence[int], settings: Settings, report: Report) -> Meshes:
     """Put into the report which method it is, and why where that was left open. Returns what that method can use."""
     if settings.method == "AUTO":
         with report.timed("method"):
@@ -26,7 +25,7 @@ def choose(meshes: Meshes, settings: Settings, report: Report) -> Meshes:
             elif meshes.cage is not None:
                 report.method, report.why = "CAST", "there is a cage"
             else:
-                report.method, report.why = agreement.choose(meshes.low, meshes.highs)
+                report.method, report.why = agreement.choose(meshes.low, meshes.highs, tiles)
     if report.method == "FLATTEN":
         return replace(meshes, highs=[arrays.keep_corners(high, arrays.finite_rows(high.uv)) for high in meshes.highs])
     apart = arrays.gap(meshes.low, meshes.highs)
@@ -46,20 +45,15 @@ def choose(meshes: Meshes, settings: Settings, report: Report) -> Meshes:
     return replace(meshes, highs=[high for high, is_out in zip(meshes.highs, out_of_reach, strict=True) if not is_out])
 
 
-def draw(meshes: Meshes, settings: Settings, report: Report) -> tuple[np.ndarray, np.ndarray]:
-    """Texels and their state, as render.texels has them. Raises BakeError when there are none."""
+def source(
+    meshes: Meshes, tiles: Sequence[int], settings: Settings, report: Report, pace: Pace
+) -> Generator[Step, None, render.Source]:
+    """What draws the normals."""
     if report.method == "FLATTEN":
-        source = render.flatten_source(meshes.low, meshes.highs, settings, report)
-    else:
-        source = _rays(meshes, settings, report)
-    texels, state = render.texels(source, meshes.basis, settings, report)
-    if not (state == resolve.WRITTEN).any():
-        raise BakeError(_nothing_drawn(meshes, report))
-    return texels, state
-
-
-def _rays(meshes: Meshes, settings: Settings, report: Report) -> render.Source:
+        return render.flatten_source(meshes.low, meshes.highs, settings, report)
+    yield Step("Building the tree", 0.0)
     aim = casting.target_of(meshes.highs, report)
+    yield Step("Measuring distances", 0.5)
     with report.timed("upload"):
         rays = casting.rays(meshes.low, meshes.directions, meshes.cage, aim.frame)
     # With a cage rays start on it, and nowhere else.
@@ -70,6 +64,7 @@ def _rays(meshes: Meshes, settings: Settings, report: Report) -> render.Source:
                 aim.tables,
                 rays,
                 (settings.width, settings.height),
+                tiles,
                 has_cage=meshes.cage is not None,
                 facing_only=settings.facing_only,
             )
@@ -79,23 +74,27 @@ def _rays(meshes: Meshes, settings: Settings, report: Report) -> render.Source:
         report.measured = True
     report.distances = {"extrusion": extrusion, "max_distance": reach}
     return render.cast_source(
-        meshes.low, rays, aim, settings, extrusion=extrusion / aim.frame.size, reach=reach / aim.frame.size
+        meshes.low, rays, aim, settings, pace, extrusion=extrusion / aim.frame.size, reach=reach / aim.frame.size
     )
 
 
-def _nothing_drawn(meshes: Meshes, report: Report) -> str:
+def nothing_drawn(meshes: Meshes, tiles: Sequence[int], report: Report) -> str:
     """Why no texel was written, as a sentence."""
     names = ", ".join(map(repr, report.high))
-    if not arrays.is_on_tile(meshes.low):
-        return f"No triangle of {report.low!r} lies on the map: its UVs are outside 0 to 1, or empty."
+    if not set(tiles).intersection(arrays.tiles(meshes.low)):
+        return f"No triangle of {report.low!r} lies on the map: its UVs are outside {_place(tiles)}, or empty."
     if report.method == "FLATTEN":
-        if not any(map(arrays.is_on_tile, meshes.highs)):
-            return f"No triangle of {names} lies on the map: its UVs are outside 0 to 1, or empty."
+        if not any(set(tiles).intersection(arrays.tiles(high)) for high in meshes.highs):
+            return f"No triangle of {names} lies on the map: its UVs are outside {_place(tiles)}, or empty."
         return f"{report.low!r} and {names} have no texel in common: their UV layouts differ, so cast rays instead."
     apart = arrays.gap(meshes.low, meshes.highs)
     if apart > 0.0:
         return _apart(report, apart)
     return f"No ray from {report.low!r} hit {names}: give a larger extrusion and maximum distance."
+
+
+def _place(tiles: Sequence[int]) -> str:
+    return "0 to 1" if list(tiles) == [1001] else f"the tiles {', '.join(map(str, tiles))}"
 
 
 def _apart(report: Report, distance: float) -> str:

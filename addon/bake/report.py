@@ -36,6 +36,8 @@ class Report:
     """Share of the low mesh's texels that two or more of its triangles share."""
     mirrored: int = 0
     """How many of the low mesh's triangles are mirrored in UV space."""
+    tiles: list[int] = field(default_factory=lambda: [1001])
+    """The UDIM tiles that were baked."""
     image: str = ""
     output: str = ""
     backend: str = ""

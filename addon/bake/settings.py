@@ -12,13 +12,29 @@ SPACES = ("TANGENT", "OBJECT", "WORLD")
 BASES = ("BLENDER", "MIKKTSPACE")
 METHODS = ("AUTO", "FLATTEN", "CAST")
 DIRECTIONS = ("SMOOTH", "SPLIT")
-GREENS = ("+Y", "-Y")
+AXES = ("+X", "-X", "+Y", "-Y", "+Z", "-Z")
+MARGINS = ("EXTEND", "ADJACENT_FACES")
+MAPS = ("POSITION", "HEIGHT", "DISPLACEMENT", "DISTANCE", "COVERAGE", "OBJECT_ID", "MATERIAL_ID")
+"""What can be baked beside the normal map, from the same passes."""
 SAMPLES = (1, 2, 4, 8, 16, 64)
 MODIFIERS = ("RENDER", "VIEWPORT")
 STORAGES = ("PACK", "FILE", "MEMORY")
 MIN_SIZE, MAX_SIZE = 16, 16384
-FORMATS = {".png": ("PNG", (8, 16)), ".exr": ("OPEN_EXR", (16, 32))}
+TILES = range(1001, 2000)
+"""The UDIM tiles that Blender knows: 1001 + u + 10 v, u below 10 and v below 100."""
+FORMATS = {
+    ".png": ("PNG", (8, 16)),
+    ".exr": ("OPEN_EXR", (16, 32)),
+}
 """File endings, what Blender calls their formats, and the bits a channel that each takes."""
+
+
+def parse_tiles(text: str) -> tuple[int, ...]:
+    """UDIM numbers from "1001, 1003". Raises BakeError for what is none."""
+    words = text.replace(",", " ").split()
+    if not all(word.isdecimal() for word in words):
+        raise BakeError(f"{text!r} is not a list of UDIM tiles as 1001, 1003.")
+    return tuple(int(word) for word in words)
 
 
 @dataclass(frozen=True)
@@ -47,9 +63,26 @@ class Settings:
     """The colour of texels whose ray hit nothing; their alpha is 0."""
     mask: bool = False
     """Whether a second image shows which texels were missed."""
+    maps: tuple[str, ...] = ()
+    """What else is baked, some of MAPS: an image each, named after the map."""
+    red: str = "+X"
     green: str = "+Y"
-    margin: int = 16
+    blue: str = "+Z"
+    """Which component of the normal each channel holds: one of AXES."""
+    margin: int | None = 16
+    """How far around the islands texels are filled; None for as far as the map goes."""
+    margin_type: str = "EXTEND"
+    """With the nearest texel, or with what lies across the seam on the surface."""
+    udim: bool = False
+    """Whether each UDIM tile that the low mesh covers gets a map of its own."""
+    tiles: tuple[int, ...] = ()
+    """Of these tiles alone, as 1002; empty for all that the low mesh covers."""
+    limit: float | None = None
+    """How far from the low surface the high one may lie, in scene units, before it is told; None for 5 % of the low
+    mesh's radius."""
     depth: int = 16
+    dither: bool = False
+    """Whether 8 bits are dithered, or rounded."""
     modifiers: str = "RENDER"
     """Whether modifiers count as they are set for rendering or for the viewport."""
     image: str = ""
@@ -69,7 +102,10 @@ class Settings:
             ("space", self.space, SPACES),
             ("basis", self.basis, BASES),
             ("directions", self.directions, DIRECTIONS),
-            ("green", self.green, GREENS),
+            ("red channel", self.red, AXES),
+            ("green channel", self.green, AXES),
+            ("blue channel", self.blue, AXES),
+            ("margin type", self.margin_type, MARGINS),
             ("modifiers", self.modifiers, MODIFIERS),
             ("storage", self.storage, STORAGES),
             ("depth", self.depth, (8, 16, 32)),
@@ -77,18 +113,8 @@ class Settings:
         ):
             if value not in known:
                 raise BakeError(f"The {name} {value!r} is not one of {', '.join(map(str, known))}.")
-        if not all(MIN_SIZE <= side <= MAX_SIZE for side in (self.width, self.height)):
-            raise BakeError(
-                f"A map of {self.width} x {self.height} texels cannot be baked: each side takes {MIN_SIZE} to {MAX_SIZE}."
-            )
-        if not 0 <= self.margin <= MAX_SIZE:
-            raise BakeError(f"A margin of {self.margin} texels cannot be baked: it takes 0 to {MAX_SIZE}.")
-        if not all(0.0 <= value <= 1.0 for value in self.missed):
-            raise BakeError(f"The colour of misses {self.missed} is none: it takes three numbers from 0 to 1.")
-        if self.extrusion is not None and not 0.0 <= self.extrusion < math.inf:
-            raise BakeError(f"The extrusion of {self.extrusion} is no distance: it takes 0 or more.")
-        if self.max_distance is not None and not 0.0 < self.max_distance < math.inf:
-            raise BakeError(f"The maximum distance of {self.max_distance} is no distance: it takes more than 0.")
+        self._check_map()
+        self._check_distances()
         for text in (self.image, self.output):
             for word in re.findall(r"\{\w*\}", text):
                 if word != "{low}":
@@ -97,6 +123,35 @@ class Settings:
                     )
         if self.storage == "FILE":
             self._check_output()
+
+    def _check_map(self) -> None:
+        if not all(MIN_SIZE <= side <= MAX_SIZE for side in (self.width, self.height)):
+            raise BakeError(
+                f"A map of {self.width} x {self.height} texels cannot be baked: each side takes {MIN_SIZE} to {MAX_SIZE}."
+            )
+        if self.margin is not None and not 0 <= self.margin <= MAX_SIZE:
+            raise BakeError(f"A margin of {self.margin} texels cannot be baked: it takes 0 to {MAX_SIZE}, or no limit.")
+        if len({axis[1] for axis in (self.red, self.green, self.blue)}) < 3:
+            raise BakeError(
+                f"Red, green and blue hold {self.red}, {self.green} and {self.blue}: each axis takes a channel of its own."
+            )
+        unknown = [name for name in self.maps if name not in MAPS]
+        if unknown:
+            raise BakeError(f"The map {unknown[0]!r} is not one of {', '.join(MAPS)}.")
+        if any(tile not in TILES for tile in self.tiles):
+            raise BakeError(f"The tiles {self.tiles} are not all of 1001 to 1999.")
+        if self.tiles and not self.udim:
+            raise BakeError("Tiles are named, but the map is to have one tile alone: choose UDIM as well.")
+        if not all(0.0 <= value <= 1.0 for value in self.missed):
+            raise BakeError(f"The colour of misses {self.missed} is none: it takes three numbers from 0 to 1.")
+
+    def _check_distances(self) -> None:
+        if self.extrusion is not None and not 0.0 <= self.extrusion < math.inf:
+            raise BakeError(f"The extrusion of {self.extrusion} is no distance: it takes 0 or more.")
+        if self.max_distance is not None and not 0.0 < self.max_distance < math.inf:
+            raise BakeError(f"The maximum distance of {self.max_distance} is no distance: it takes more than 0.")
+        if self.limit is not None and not 0.0 < self.limit < math.inf:
+            raise BakeError(f"The limit of {self.limit} is no distance: it takes more than 0.")
 
     def _check_output(self) -> None:
         if not self.output:

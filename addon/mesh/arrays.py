@@ -103,17 +103,17 @@ ON_THE_RIM = 1e-5
 """How far outside the tile a UV may lie before it counts: subdivision rounds."""
 
 
-def uv_flaws(mesh: Mesh) -> tuple[int, int]:
-    """Numbers of triangles without area in UV space, and of those that reach outside the tile 0..1."""
+def uv_flaws(mesh: Mesh, tiles: tuple[int, int] = (1, 1)) -> tuple[int, int]:
+    """Numbers of triangles without area in UV space, and of those that reach outside the `tiles` along u and v."""
     a, b, c = _uv_corners(mesh)
     b, c = b - a, c - a
     no_area = np.count_nonzero(b.real * c.imag == b.imag * c.real)
     outside = 0
     # NaN lies in corners that no triangle uses any more, and must not pass for being inside.
-    if not (mesh.uv.min() >= -ON_THE_RIM and mesh.uv.max() <= 1.0 + ON_THE_RIM):
+    if not (mesh.uv.min() >= -ON_THE_RIM and (mesh.uv.max(axis=0) <= np.add(tiles, ON_THE_RIM)).all()):
         u, v = (np.stack(parts, axis=1) for parts in zip(*((p.real, p.imag) for p in _uv_corners(mesh)), strict=True))
-        low, high = -ON_THE_RIM, 1.0 + ON_THE_RIM
-        outside = np.count_nonzero(((u < low) | (u > high) | (v < low) | (v > high)).any(axis=1))
+        low, (u_high, v_high) = -ON_THE_RIM, np.add(tiles, ON_THE_RIM)
+        outside = np.count_nonzero(((u < low) | (u > u_high) | (v < low) | (v > v_high)).any(axis=1))
     return int(no_area), int(outside)
 
 
@@ -124,11 +124,30 @@ def mirrored(mesh: Mesh) -> int:
     return int(np.count_nonzero(b.real * c.imag < b.imag * c.real))
 
 
-def is_on_tile(mesh: Mesh) -> bool:
-    """Whether a triangle with area may cover part of the UV tile 0..1."""
+UDIM = (10, 100)
+"""How many tiles there are along u and along v."""
+
+
+def tiles(mesh: Mesh) -> list[int]:
+    """The numbers of the UDIM tiles that triangles with area may cover, 1001 + u + 10 v."""
     corners = np.stack(_uv_corners(mesh), axis=1)
-    spans = [(values.min(axis=1), values.max(axis=1)) for values in (corners.real, corners.imag)]
-    return bool(np.logical_and.reduce([(low < 1.0) & (high > 0.0) & (low < high) for low, high in spans]).any())
+    corners = corners[np.isfinite(corners).all(axis=1)]
+    spans = []
+    for values, count in zip((corners.real, corners.imag), UDIM, strict=True):
+        low, high = values.min(axis=1), values.max(axis=1)
+        # What lies on the rim between two tiles belongs to one of them; what has no extent, to none.
+        first, last = np.floor(low + ON_THE_RIM), np.ceil(high - ON_THE_RIM) - 1.0
+        last = np.where(low < high, np.maximum(last, first), first - 1.0)
+        spans += [np.maximum(first, 0.0), np.minimum(last, count - 1.0)]
+    boxes = np.stack(spans, axis=1)
+    boxes = np.unique(boxes[(boxes[:, 0] <= boxes[:, 1]) & (boxes[:, 2] <= boxes[:, 3])], axis=0).astype(int)
+    found = {
+        1001 + u + 10 * v
+        for u_first, u_last, v_first, v_last in boxes.tolist()
+        for u in range(u_first, u_last + 1)
+        for v in range(v_first, v_last + 1)
+    }
+    return sorted(found)
 
 
 def _uv_corners(mesh: Mesh) -> list[np.ndarray]:

@@ -15,6 +15,7 @@ TRACE = shader.Program(
     constants=(
         ("VEC4", "grid_origin"),
         ("VEC4", "grid_scale"),
+        ("INT", "first_row"),
         ("FLOAT", "heading"),
         ("FLOAT", "back"),
         ("FLOAT", "reach"),
@@ -85,17 +86,19 @@ def trace(
     back: float,
     reach: float,
     facing_only: bool,
+    rows: range | None = None,
 ) -> None:
     """Write into `into` (RGBA32UI) for each texel the hit triangle's number + 1 or 0, and as float bits its barycentric
     coordinates and the distance.
 
     rays: what gbuffer.draw wrote, direction d. A ray starts at position - heading * back * d and runs along heading * d
     for `reach` at the most. facing_only: pass through triangles that turn their back on the ray.
+    rows: in these rows alone, the first a multiple of 8.
     """
     target.dispatch(
         TRACE,
         rays.width,
-        rays.height,
+        rows or range(rays.height),
         positions=rays.textures[0],
         directions=rays.textures[1],
         nodes=tables.nodes,
@@ -112,15 +115,22 @@ def trace(
 
 
 def look_up(
-    into: target.Target, hits: target.Target, rays: target.Target, tables: Tables, normal_matrix: np.ndarray
+    into: target.Target,
+    hits: target.Target,
+    rays: target.Target,
+    tables: Tables,
+    normal_matrix: np.ndarray,
+    *,
+    rows: range | None = None,
 ) -> None:
     """Write into `into` (RGBA32F) the unit normal where `hits` has one: alpha 1 hit, -1 missed, 0 no low mesh here.
 
-    normal_matrix: (3, 3), applied to the interpolated normal.
+    normal_matrix: (3, 3), applied to the interpolated normal. rows: in these rows alone.
     """
     target.fill(
         into,
         LOOKUP,
+        rows=rows,
         hits=hits.texture,
         positions=rays.textures[0],
         normals=tables.normals,

@@ -29,9 +29,7 @@ def draw(
     space. window: uv to clip space, scale and offset. Where meshes overlap, the later one stays.
     """
     compiled = shader.load(PROGRAM)
-    with into.framebuffer.bind():
-        into.framebuffer.clear(color=(0.0, 0.0, 0.0, 0.0))
-        into.framebuffer.viewport_set(0, 0, into.width, into.height)
+    with target.drawing(into):
         for batch, normal_matrix in meshes:
             compiled.bind()
             target.bind(compiled, PROGRAM, normal_matrix=shader.mat4(normal_matrix), window=window)

@@ -21,9 +21,7 @@ def draw(into: target.Target, low: gpu.types.GPUBatch, window: tuple[float, floa
     low: batch with attributes uv, position and direction, which leads away from the surface and need not be of length 1.
     """
     compiled = shader.load(PROGRAM)
-    with into.framebuffer.bind():
-        into.framebuffer.clear(color=(0.0, 0.0, 0.0, 0.0))
-        into.framebuffer.viewport_set(0, 0, into.width, into.height)
+    with target.drawing(into):
         compiled.bind()
         target.bind(compiled, PROGRAM, window=window)
         low.draw(compiled)

@@ -5,6 +5,8 @@ Exact where jump flooding is not, and two passes over the map where that takes o
 rasteriser a margin of 16 texels costs a third.
 """
 
+import gpu
+
 from . import shader, target
 
 PROGRAM = shader.Program(
@@ -17,9 +19,9 @@ PROGRAM = shader.Program(
 )
 
 
-def draw(into: target.Target, normals: target.Target, margin: int) -> None:
+def draw(into: target.Target, normals: gpu.types.GPUTexture, margin: int) -> None:
     """Write into `into` (R16I) how many columns away the nearest written texel of the same row is, at most `margin`.
 
     0 is the texel itself, 32767 stands for none.
     """
-    target.fill(into, PROGRAM, normals=normals.texture, margin=margin)
+    target.fill(into, PROGRAM, normals=normals, margin=margin)

@@ -20,9 +20,7 @@ def draw(into: target.Target, mesh: gpu.types.GPUBatch, window: tuple[float, flo
     mesh: batch with the attribute uv. Triangles that share an edge do not share texels along it.
     """
     compiled = shader.load(PROGRAM)
-    with into.framebuffer.bind():
-        into.framebuffer.clear(color=(0.0, 0.0, 0.0, 0.0))
-        into.framebuffer.viewport_set(0, 0, into.width, into.height)
+    with target.drawing(into):
         gpu.state.blend_set("ADDITIVE")
         compiled.bind()
         target.bind(compiled, PROGRAM, window=window)

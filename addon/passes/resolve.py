@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Turns unit normals into the stored map."""
 
+import gpu
+import numpy as np
+
 from . import shader, target
 
 PROGRAM = shader.Program(
@@ -8,7 +11,7 @@ PROGRAM = shader.Program(
     fragment="resolve_frag.glsl",
     inputs=(("VEC2", "position"),),
     samplers=(("FLOAT_2D", "normals"), ("INT_2D", "offsets")),
-    constants=(("INT", "halo"), ("INT", "margin"), ("FLOAT", "green"), ("VEC4", "missed")),
+    constants=(("INT", "halo"), ("INT", "margin"), ("MAT4", "channels"), ("VEC4", "missed")),
     outputs=(("VEC4", "map_out"), ("FLOAT", "state_out")),
 )
 MARGIN, WRITTEN, MISSED = 1, 2, 3
@@ -17,26 +20,26 @@ MARGIN, WRITTEN, MISSED = 1, 2, 3
 
 def draw(
     into: target.Target,
-    normals: target.Target,
+    normals: gpu.types.GPUTexture,
     offsets: target.Target,
     *,
     halo: int,
     margin: int,
-    flip_green: bool,
+    channels: np.ndarray,
     missed: tuple[float, float, float],
 ) -> None:
     """Write the map (RGBA32F) and the state of its texels (R8) into `into`, whose row 0 is row `halo` of `normals`.
 
     normals: alpha above 0 where a texel was written, below 0 where its ray missed. offsets: what margin.draw found there.
-    missed: the colour that stands for a miss.
+    channels: (3, 3), from a normal to what red, green and blue hold. missed: the colour that stands for a miss.
     """
     target.fill(
         into,
         PROGRAM,
-        normals=normals.texture,
+        normals=normals,
         offsets=offsets.texture,
         halo=halo,
         margin=margin,
-        green=-1.0 if flip_green else 1.0,
+        channels=shader.mat4(channels),
         missed=(*missed, 0.0),
     )

@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Several samples a texel: where they lie, and their mean. Memory does not grow with their number."""
 
+import gpu
+
 from . import shader, target
 
 ADD = shader.Program(
     compute="accumulate_comp.glsl",
     samplers=(("FLOAT_2D", "normals"),),
     images=(("RGBA32F", "FLOAT_2D", "sums", "READ WRITE"),),
-    constants=(("INT", "is_first"),),
+    constants=(("INT", "first_row"), ("INT", "is_first")),
 )
 AVERAGE = shader.Program(
     vertex="fullscreen_vert.glsl",
@@ -35,9 +37,9 @@ def offsets(count: int) -> list[tuple[float, float]]:
     return [((i + 0.5) / count - 0.5, (row + 0.5) / count - 0.5) for i, row in enumerate(rows)]
 
 
-def add(sums: target.Target, normals: target.Target, *, is_first: bool) -> None:
-    """Add `normals` (RGBA32F; alpha 1 hit, 0 nothing, -1 missed) to `sums` (RGBA32F), or start them anew."""
-    target.dispatch(ADD, sums.width, sums.height, normals=normals.texture, sums=sums.texture, is_first=int(is_first))
+def add(sums: target.Target, normals: gpu.types.GPUTexture, rows: range, *, is_first: bool) -> None:
+    """Add `normals` (RGBA32F; alpha 1 hit, 0 nothing, -1 missed) to `sums` (RGBA32F) in these rows, or start anew."""
+    target.dispatch(ADD, sums.width, rows, normals=normals, sums=sums.texture, is_first=int(is_first))
 
 
 def average(into: target.Target, sums: target.Target) -> None:

@@ -23,16 +23,16 @@ def draw(
     window: tuple[float, float, float, float],
     *,
     normalize_normal: bool,
+    rows: range | None = None,
 ) -> None:
     """Clear `into` (RGBA32F) and write tangent-space unit normals, alpha 1, where `low` and `normals` both are.
 
     low: batch with attributes uv, normal and tangent (w = the bitangent's sign). normals: object-space unit normals of
     the same size. normalize_normal: the basis of Blender's Normal Map node; without it MikkTSpace's reference.
+    rows: in these rows alone; it is cleared with the first of them.
     """
     compiled = shader.load(PROGRAM)
-    with into.framebuffer.bind():
-        into.framebuffer.clear(color=(0.0, 0.0, 0.0, 0.0))
-        into.framebuffer.viewport_set(0, 0, into.width, into.height)
+    with target.drawing(into, rows, clear=not rows or rows.start == 0):
         compiled.bind()
         target.bind(compiled, PROGRAM, normals=normals, window=window, normalize_normal=int(normalize_normal))
         low.draw(compiled)

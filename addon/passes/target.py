@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Render targets, kept between bakes, and the way back from them into numpy arrays."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 import gpu
 import numpy as np
 
@@ -9,10 +12,14 @@ from . import shader
 KEPT_BYTES = 512 * 2**20
 """What the targets may hold between bakes; more than this is freed when a bake is done."""
 
-WHOLE_MAP = (2.0, 2.0, -1.0, -1.0)
-"""The window, from uv to clip space as xy scale and zw offset, that shows the UV tile 0..1 and no more."""
 
-_TEXEL_BYTES = {"RGBA32F": 16, "RGBA32UI": 16, "R16F": 2, "R16I": 2, "R8": 1}
+def window(tile: int) -> tuple[float, float, float, float]:
+    """From uv to clip space, as xy scale and zw offset, so that one UDIM tile is seen and no more; 1001 is 0 to 1."""
+    column, row = (tile - 1001) % 10, (tile - 1001) // 10
+    return 2.0, 2.0, -1.0 - 2.0 * column, -1.0 - 2.0 * row
+
+
+_TEXEL_BYTES = {"RGBA32F": 16, "RGBA32UI": 16, "RGBA16F": 8, "R16F": 2, "R16I": 2, "R8": 1}
 _READ_FORMAT = {"RGBA32F": ("FLOAT", 4, np.float32), "R16F": ("FLOAT", 1, np.float32), "R8": ("UBYTE", 1, np.uint8)}
 _targets: dict[str, "Target"] = {}
 
@@ -42,8 +49,20 @@ class Target:
 
     def finish(self) -> None:
         """Wait for what was drawn: drivers work later than they are called, and a clock would not see it."""
-        channels = 4 if self.formats[0] == "RGBA32F" else 1
-        self.framebuffer.read_color(0, 0, 1, 1, channels, 0, "FLOAT")
+        wait(self.framebuffer)
+
+
+def wait(framebuffer: gpu.types.GPUFrameBuffer) -> None:
+    """Wait for what was drawn into `framebuffer`, of four channels."""
+    framebuffer.read_color(0, 0, 1, 1, 4, 0, "FLOAT")
+
+
+def read(texture: gpu.types.GPUTexture, out: np.ndarray) -> None:
+    """Fill `out`, a C-contiguous float32 array of rows x width x 4, with the first rows of `texture` (RGBA32F)."""
+    framebuffer = gpu.types.GPUFrameBuffer(color_slots=[texture])
+    with framebuffer.bind():  # what was never bound cannot be read
+        buffer = gpu.types.Buffer("FLOAT", out.shape, out)
+        framebuffer.read_color(0, 0, out.shape[1], out.shape[0], 4, 0, "FLOAT", data=buffer)
 
 
 def get(role: str, width: int, height: int, *formats: str) -> Target:
@@ -66,22 +85,39 @@ def free() -> None:
     _targets.clear()
 
 
-def fill(target: Target, program: shader.Program, **bindings) -> None:
-    """Run `program`'s fragment shader on every texel of `target`; `bindings` as in `bind`."""
+@contextmanager
+def drawing(into: Target, rows: range | None = None, *, clear: bool = True) -> Iterator[None]:
+    """What is drawn in this block goes into `into`, which is cleared first, and into these rows of it alone."""
+    with into.framebuffer.bind():
+        if clear:
+            into.framebuffer.clear(color=(0.0, 0.0, 0.0, 0.0))
+        into.framebuffer.viewport_set(0, 0, into.width, into.height)
+        if rows is None:
+            yield
+            return
+        gpu.state.scissor_test_set(True)
+        gpu.state.scissor_set(0, rows.start, into.width, len(rows))
+        try:
+            yield
+        finally:
+            gpu.state.scissor_test_set(False)
+
+
+def fill(target: Target, program: shader.Program, rows: range | None = None, **bindings) -> None:
+    """Run `program`'s fragment shader on every texel of `target`, or of these rows; `bindings` as in `bind`."""
     compiled = shader.load(program)
-    with target.framebuffer.bind():
-        target.framebuffer.viewport_set(0, 0, target.width, target.height)
+    with drawing(target, rows, clear=False):
         compiled.bind()
         bind(compiled, program, **bindings)
         _triangle().draw(compiled)
 
 
-def dispatch(program: shader.Program, width: int, height: int, **bindings) -> None:
-    """Run `program`'s compute shader on `width` x `height` texels; `bindings` as in `bind`."""
+def dispatch(program: shader.Program, width: int, rows: range, **bindings) -> None:
+    """Run `program`'s compute shader on these rows of `width` texels; `bindings` as in `bind`, less first_row."""
     compiled = shader.load(program)
     compiled.bind()
-    bind(compiled, program, **bindings)
-    gpu.compute.dispatch(compiled, -(-width // program.group[0]), -(-height // program.group[1]), 1)
+    bind(compiled, program, first_row=rows.start, **bindings)
+    gpu.compute.dispatch(compiled, -(-width // program.group[0]), -(-len(rows) // program.group[1]), 1)
 
 
 def bind(compiled: gpu.types.GPUShader, program: shader.Program, **bindings) -> None:

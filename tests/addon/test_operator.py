@@ -447,6 +447,7 @@ def test_the_panel_shows_every_setting(pair):
     select(*pair)
     settings = bpy.context.scene.imprint
     settings.storage, settings.method, settings.measure = "FILE", "CAST", False
+    settings.depth, settings.udim, settings.limited = "8", True, True
     names = {prop.identifier for prop in settings.bl_rna.properties}
     drawn = draw()
     assert names - set(drawn.properties) == {"rna_type", "name", "highs", "active_high"}  # the last two are the list

@@ -8,7 +8,8 @@ import mathutils
 import numpy as np
 import pytest
 
-from addon.bake import render
+from addon.bake import pace, render
+from addon.bake.finish import Finish
 from addon.bake.report import Report
 from addon.bake.settings import Settings
 from addon.mesh import arrays, extract
@@ -134,5 +135,7 @@ def folds(low):
     )
     settings = Settings(space="WORLD", width=SIZE[0], height=SIZE[1], margin=0)
     report = Report("FLATTEN", "WORLD", SIZE, "", [])
-    texels, _ = render.texels(render.flatten_source(painted, [painted], settings, report), None, settings, report)
+    source = render.flatten_source(painted, [painted], settings, report)
+    renderer = render.Renderer(source, None, settings, report, pace.Pace())
+    texels, _ = pace.finish(renderer.texels(1001, Finish([painted], settings)))
     return texels[..., 2] < 0.5

@@ -24,8 +24,16 @@ def resolved(written, margin_texels):
     )
     stored = target.Target(width, height, ("RGBA32F", "R8"))
     offsets = target.Target(width, height, ("R16I",))
-    margin.draw(offsets, normals, margin_texels)
-    resolve.draw(stored, normals, offsets, halo=0, margin=margin_texels, flip_green=False, missed=(0.5, 0.5, 1.0))
+    margin.draw(offsets, normals.texture, margin_texels)
+    resolve.draw(
+        stored,
+        normals.texture,
+        offsets,
+        halo=0,
+        margin=margin_texels,
+        channels=np.eye(3),
+        missed=(0.5, 0.5, 1.0),
+    )
     out, state = np.empty((height, width, 4), np.float32), np.empty((height, width), np.uint8)
     stored.read(out)
     stored.read(state, slot=1)

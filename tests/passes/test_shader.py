@@ -4,7 +4,7 @@
 import pytest
 
 from addon import passes
-from addon.passes import cast, flatten, gbuffer, margin, overlap, resolve, samples, shader, shell, tangent
+from addon.passes import cast, flatten, gbuffer, margin, overlap, picture, resolve, samples, shader, shell, tangent
 
 PROGRAMS = [
     flatten.PROGRAM,
@@ -17,6 +17,7 @@ PROGRAMS = [
     cast.DISTANCE,
     shell.PROGRAM,
     overlap.PROGRAM,
+    picture.PROGRAM,
     samples.ADD,
     samples.AVERAGE,
 ]

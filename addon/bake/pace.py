@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Work in slices: what a bake says between two of them, and how large they are."""
+
+import time
+from collections.abc import Callable, Generator, Iterator
+from dataclasses import dataclass, replace
+
+import gpu
+
+
+@dataclass(frozen=True)
+class Step:
+    """Said between two slices: what is going on, how much of the whole is done (0 to 1), and the map as far as it is.
+
+    picture: a texture for the screen, or None where there is nothing to see yet.
+    """
+
+    what: str
+    done: float
+    picture: gpu.types.GPUTexture | None = None
+
+
+def part[Result](work: Generator[Step, None, Result], start: float, stop: float) -> Generator[Step, None, Result]:
+    """`work` as the part from `start` to `stop` of something larger."""
+    try:
+        while True:
+            step = next(work)
+            yield replace(step, done=start + (stop - start) * step.done)
+    except StopIteration as end:
+        return end.value
+    finally:
+        work.close()
+
+
+def finish[Result](work: Generator[Step, None, Result], tell: Callable[[Step], None] | None = None) -> Result:
+    """Do all of `work`; `tell` hears of each step."""
+    try:
+        while True:
+            step = next(work)
+            if tell is not None:
+                tell(step)
+    except StopIteration as end:
+        return end.value
+    finally:
+        work.close()
+
+
+class Pace:
+    """Cuts rows of texels into slices that take about `seconds` each; without a number all of them are one slice."""
+
+    FIRST = 64
+    STEP = 8
+    """Slices are made of this many rows: workgroups of compute shaders do not straddle them."""
+
+    def __init__(self, seconds: float | None = None):
+        self.seconds = seconds
+        self._rows = self.FIRST
+
+    @property
+    def is_sliced(self) -> bool:
+        return self.seconds is not None
+
+    def slices(self, height: int) -> Iterator[range]:
+        """The rows of one slice after another; the time until the next is asked for is what one takes."""
+        start = 0
+        while start < height:
+            stop = height if self.seconds is None else min(height, start + self._rows)
+            before = time.perf_counter()
+            yield range(start, stop)
+            if self.seconds is not None:
+                # At most double: one slice over empty texels says little of the next.
+                rate = (stop - start) / max(time.perf_counter() - before, 1e-4)
+                rows = min(rate * self.seconds, 2 * self._rows)
+                self._rows = max(self.STEP, int(rows) // self.STEP * self.STEP)
+            start = stop
