@@ -4,14 +4,88 @@
 import bpy
 from bpy.props import CollectionProperty, IntProperty, StringProperty
 
-from . import preview
-from .bake import pipeline, subjects
+from . import preview, progress
+from .bake import pace, pipeline, subjects
 from .bake.errors import BakeError
 from .bake.report import Report
 from .properties import Options
 
+SLICE = 0.03
+"""Seconds of rays between two looks at the clock."""
+TICK = 0.08
+"""Seconds of work between two events of the window."""
+LOOKING_AROUND = {
+    "MOUSEMOVE",
+    "MIDDLEMOUSE",
+    "WHEELUPMOUSE",
+    "WHEELDOWNMOUSE",
+    "TRACKPADPAN",
+    "TRACKPADZOOM",
+    "NDOF_MOTION",
+}
+"""Events that go on to the views while a bake is going on. All others could change what is being baked."""
 
-class IMPRINT_OT_bake(bpy.types.Operator, Options):
+
+class _InSlices:
+    """An operator that bakes: all at once for scripts, in slices with a progress bar from the window.
+
+    What it bakes comes from `_work`, a generator like pipeline.work, which may raise BakeError.
+    """
+
+    _steps = _timer = None
+
+    @classmethod
+    def poll(cls, _context: bpy.types.Context) -> bool:
+        return progress.current() is None
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        try:
+            reports = pace.finish(self._work(context, pace.Pace()))
+        except BakeError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        _tell(self, context, reports)
+        return {"FINISHED"}
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
+        if context.window is None:
+            return self.execute(context)
+        self._steps = self._work(context, pace.Pace(SLICE))
+        self._timer = context.window_manager.event_timer_add(0.01, window=context.window)
+        context.window_manager.modal_handler_add(self)
+        progress.show(context, pace.Step("Starting", 0.0))
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        if event.type == "ESC":
+            finished = progress.current().finished
+            self.cancel(context)
+            kept = f" {finished} maps were done before and are kept." if finished else " Nothing was changed."
+            self.report({"WARNING"}, "Stopped." + kept)
+            return {"CANCELLED"}
+        if event.type in LOOKING_AROUND:
+            return {"PASS_THROUGH"}
+        if event.type == "TIMER":
+            try:
+                progress.show(context, pace.some(self._steps, TICK))
+            except StopIteration as end:
+                self.cancel(context)
+                _tell(self, context, end.value)
+                return {"FINISHED"}
+            except BakeError as error:
+                self.cancel(context)
+                self.report({"ERROR"}, str(error))
+                return {"CANCELLED"}
+        return {"RUNNING_MODAL"}
+
+    def cancel(self, context: bpy.types.Context) -> None:
+        """Stop where it is; Blender calls this as well when the file is closed in the middle of a bake."""
+        self._steps.close()
+        context.window_manager.event_timer_remove(self._timer)
+        progress.hide(context)
+
+
+class IMPRINT_OT_bake(_InSlices, bpy.types.Operator, Options):
     """Bake the detail of the high objects into a normal map for the low one"""
 
     bl_idname = "imprint.bake"
@@ -34,43 +108,32 @@ class IMPRINT_OT_bake(bpy.types.Operator, Options):
         name="Cage", description="Name of the cage; empty for the slot, which counts for rays", options={"SKIP_SAVE"}
     )
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    def _work(self, context: bpy.types.Context, speed: pace.Pace) -> pace.Work:
         scene_settings = context.scene.imprint
-        try:
-            low, highs = scene_settings.subjects(context, subjects.named(self.low) if self.low else None)
-            if self.high:
-                highs = [subjects.named(item.name) for item in self.high]
-            if low is None:
-                raise BakeError(subjects.problem(context, low, highs))
-            settings = self.to_settings(fallback=scene_settings)
-            cage = subjects.named(self.cage) if self.cage else scene_settings.cage_for(settings.method)
-            report = pipeline.bake(context, low, highs, settings, cage)
-        except BakeError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        _tell(self, context, [report])
-        return {"FINISHED"}
+        low, highs = scene_settings.subjects(context, subjects.named(self.low) if self.low else None)
+        if self.high:
+            highs = [subjects.named(item.name) for item in self.high]
+        if low is None:
+            raise BakeError(subjects.problem(context, low, highs))
+        settings = self.to_settings(fallback=scene_settings)
+        cage = subjects.named(self.cage) if self.cage else scene_settings.cage_for(settings.method)
+        return (yield from pipeline.work(context, [pipeline.Job(low, highs, cage)], settings, speed))
 
 
-class IMPRINT_OT_bake_pairs(bpy.types.Operator):
+class IMPRINT_OT_bake_pairs(_InSlices, bpy.types.Operator):
     """Bake each low object of the scene against the high ones that are named like it"""
 
     bl_idname = "imprint.bake_pairs"
     bl_label = "Bake Pairs by Name"
     bl_options = {"REGISTER", "UNDO"}
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    def _work(self, context: bpy.types.Context, speed: pace.Pace) -> pace.Work:
         settings = context.scene.imprint
-        try:
-            jobs, problems = pipeline.jobs_by_name(context, settings.suffixes())
-            reports = pipeline.bake_all(context, jobs, settings.to_settings(), share_image=settings.share_image)
-        except BakeError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+        jobs, problems = pipeline.jobs_by_name(context, settings.suffixes())
         for problem in problems:
             self.report({"WARNING"}, problem)
-        _tell(self, context, reports)
-        return {"FINISHED"}
+        steps = pipeline.work(context, jobs, settings.to_settings(), speed, share_image=settings.share_image)
+        return (yield from steps)
 
 
 def _tell(operator: bpy.types.Operator, context: bpy.types.Context, reports: list[Report]) -> None:

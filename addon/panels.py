@@ -5,7 +5,7 @@ import textwrap
 
 import bpy
 
-from . import preview
+from . import preview, progress
 from .bake import images, pairs, subjects
 from .bake.errors import BakeError
 from .properties import ImprintSettings
@@ -49,6 +49,10 @@ class IMPRINT_PT_bake(_Panel, bpy.types.Panel):
         _paragraphs(layout.box(), context, lines, "ERROR" if problem else "INFO")
         row = layout.row()
         row.scale_y = 1.6
+        step = progress.current()
+        if step is not None:
+            row.progress(factor=step.done, text=progress.words(step))
+            return
         row.enabled = not problem
         row.operator("imprint.bake", icon="RENDER_STILL")
         manager = context.window_manager

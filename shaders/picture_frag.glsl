@@ -6,7 +6,9 @@ void main()
   ivec2 texel = ivec2(gl_FragCoord.xy * scale.xy);
   vec4 normal = texelFetch(normals, min(texel, size - 1), 0);
   float length_squared = dot(normal.xyz, normal.xyz);
-  picture_out = normal.a > 0.0 && length_squared > 0.0
-                    ? vec4(mat3(channels) * normal.xyz / sqrt(length_squared) * 0.5 + 0.5, 1.0)
-                    : vec4(0.0);
+  if (normal.a == 0.0) {
+    discard;  // not drawn yet: what was seen of it before stays
+  }
+  picture_out = length_squared > 0.0 ? vec4(mat3(channels) * normal.xyz / sqrt(length_squared) * 0.5 + 0.5, 1.0)
+                                     : vec4(0.0);
 }

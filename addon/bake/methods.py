@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Flatten or Cast: which of them it is, and what it needs before the passes run."""
 
-from collections.abc import Generator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 from ..mesh import arrays
 from . import agreement, casting, distances, render
 from .errors import BakeError
-from .pace import Pace, Step
+from .pace import Pace, Step, Work
 from .reading import Meshes
 from .report import Report
 from .settings import Settings
@@ -45,9 +45,7 @@ def choose(meshes: Meshes, tiles: Sequence[int], settings: Settings, report: Rep
     return replace(meshes, highs=[high for high, is_out in zip(meshes.highs, out_of_reach, strict=True) if not is_out])
 
 
-def source(
-    meshes: Meshes, tiles: Sequence[int], settings: Settings, report: Report, pace: Pace
-) -> Generator[Step, None, render.Source]:
+def source(meshes: Meshes, tiles: Sequence[int], settings: Settings, report: Report, pace: Pace) -> Work[render.Source]:
     """What draws the normals."""
     if report.method == "FLATTEN":
         return render.flatten_source(meshes.low, meshes.highs, settings, report)

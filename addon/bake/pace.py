@@ -12,15 +12,19 @@ import gpu
 class Step:
     """Said between two slices: what is going on, how much of the whole is done (0 to 1), and the map as far as it is.
 
-    picture: a texture for the screen, or None where there is nothing to see yet.
+    picture: a texture for the screen, or None where there is nothing to see yet. finished: how many maps are done.
     """
 
     what: str
     done: float
     picture: gpu.types.GPUTexture | None = None
+    finished: int = 0
 
 
-def part[Result](work: Generator[Step, None, Result], start: float, stop: float) -> Generator[Step, None, Result]:
+type Work[Result] = Generator[Step, None, Result]
+
+
+def part[Result](work: Work[Result], start: float, stop: float) -> Work[Result]:
     """`work` as the part from `start` to `stop` of something larger."""
     try:
         while True:
@@ -32,7 +36,7 @@ def part[Result](work: Generator[Step, None, Result], start: float, stop: float)
         work.close()
 
 
-def finish[Result](work: Generator[Step, None, Result], tell: Callable[[Step], None] | None = None) -> Result:
+def finish[Result](work: Work[Result], tell: Callable[[Step], None] | None = None) -> Result:
     """Do all of `work`; `tell` hears of each step."""
     try:
         while True:
@@ -43,6 +47,15 @@ def finish[Result](work: Generator[Step, None, Result], tell: Callable[[Step], N
         return end.value
     finally:
         work.close()
+
+
+def some[Result](work: Work[Result], seconds: float) -> Step:
+    """As much of `work` as takes about `seconds`. Raises StopIteration at its end, with the result as value."""
+    start = time.perf_counter()
+    while True:
+        step = next(work)
+        if time.perf_counter() - start > seconds:
+            return step
 
 
 class Pace:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The story of a bake: check, read the meshes, draw, read back, store, hook up, report."""
 
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import bpy
@@ -14,7 +14,7 @@ from ..passes import resolve, target
 from . import audit, casting, images, materials, methods, pace, reading, render, subjects
 from .errors import BakeError
 from .finish import Finish, upwards
-from .pace import Pace, Step, part
+from .pace import Pace, Step, Work, part
 from .pairs import Suffixes, match
 from .report import Report
 from .settings import Settings
@@ -82,7 +82,7 @@ def bake_all(
 
 def work(
     context: bpy.types.Context, jobs: Sequence[Job], settings: Settings, speed: Pace, *, share_image: bool = False
-) -> Generator[Step, None, list[Report]]:
+) -> Work[list[Report]]:
     """Bake several jobs, each low against its own highs alone, into an image each or, shared, into one (an atlas).
 
     A generator: between its steps Blender may go on, and closing it leaves everything as it was, but for jobs that were
@@ -101,7 +101,8 @@ def work(
         report = Report(own.method, own.space, (own.width, own.height), job.low.name, [h.name for h in job.highs])
         bakes.append(_Bake(job, own, report, speed))
         steps = bakes[-1].normals(context) if share_image else bakes[-1].whole(context)
-        yield from part(steps, number / len(jobs), (number + 1) / len(jobs))
+        for step in part(steps, number / len(jobs), (number + 1) / len(jobs)):
+            yield replace(step, finished=0 if share_image else number)
     if share_image:
         yield Step("Storing", 1.0)
         _store_atlas(bakes, named[0])
@@ -126,7 +127,7 @@ class _Bake:
         self.drawn: dict[int, np.ndarray] = {}
         self.low: Mesh | None = None
 
-    def whole(self, context: bpy.types.Context) -> Generator[Step]:
+    def whole(self, context: bpy.types.Context) -> Work[None]:
         """From the objects to the image and the material."""
         with self.report.timed("total"):
             outputs = _Outputs(self.job.low.name, self.settings)
@@ -135,12 +136,12 @@ class _Bake:
             with self.report.timed("image"):
                 outputs.commit([self.job], [self.report])
 
-    def normals(self, context: bpy.types.Context) -> Generator[Step]:
+    def normals(self, context: bpy.types.Context) -> Work[None]:
         """From the objects to normals, which stay in `drawn`."""
         with self.report.timed("total"):
             yield from self._drawn(context, None)
 
-    def _drawn(self, context: bpy.types.Context, add) -> Generator[Step]:
+    def _drawn(self, context: bpy.types.Context, add) -> Work[None]:
         """Read the objects and draw their map, tile by tile: `add` gets texels and state, or `drawn` the normals."""
         settings, report = self.settings, self.report
         name = self.job.low.name

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The passes in their order, band by band, from arrays of meshes to an array of texels."""
 
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import gpu
@@ -11,7 +11,7 @@ from ..mesh.arrays import Mesh, normal_matrix
 from ..passes import batch, cast, flatten, gbuffer, picture, samples, tangent, target
 from . import casting
 from .finish import Finish, channels
-from .pace import Pace, Step, part
+from .pace import Pace, Step, Work, part
 from .report import Report
 from .settings import Settings
 
@@ -102,6 +102,8 @@ def cast_source(
         gbuffer.draw(places, rays, band.window)
         hits = target.get("hits", *size, "RGBA32UI")
         normals = target.get("high", *size, "RGBA32F")
+        if pace.is_sliced:
+            target.clear(normals)  # what is not drawn yet must not be seen
         for rows in pace.slices(band.height):
             cast.trace(
                 hits,
@@ -143,7 +145,7 @@ class Renderer:
             with report.timed("upload"):
                 self.basis = batch.upload(basis.triangles, uv=basis.uv, normal=basis.normals, tangent=basis.tangents)
 
-    def texels(self, tile: int, finish: Finish) -> Generator[Step, None, Map]:
+    def texels(self, tile: int, finish: Finish) -> Work[Map]:
         """What is to be stored of a tile."""
         settings = self.settings
         result = np.empty((settings.height, settings.width, 4), np.float32)
@@ -160,7 +162,7 @@ class Renderer:
         yield from self._banded(tile, settings.margin, keep)
         return result, state
 
-    def normals(self, tile: int) -> Generator[Step, None, np.ndarray]:
+    def normals(self, tile: int) -> Work[np.ndarray]:
         """The normals of a tile in all their samples, (height, width, 4) float32, without a margin; alpha as in Source."""
         settings = self.settings
         result = np.empty((settings.height, settings.width, 4), np.float32)
@@ -172,7 +174,7 @@ class Renderer:
         yield from self._banded(tile, 0, keep)
         return result
 
-    def _banded(self, tile: int, margin: int | None, keep) -> Generator[Step]:
+    def _banded(self, tile: int, margin: int | None, keep) -> Work[None]:
         settings = self.settings
         parts = list(bands(settings.width, settings.height, margin, tile))
         if self.pace.is_sliced:
@@ -181,12 +183,12 @@ class Renderer:
             normals = yield from part(self._sampled(band), number / len(parts), (number + 1) / len(parts))
             keep(band, normals)
 
-    def _coarse(self, tile: int) -> Generator[Step]:
+    def _coarse(self, tile: int) -> Work[None]:
         """A first look at the whole."""
         settings = self.settings
         size = max(1, settings.width // COARSE), max(1, settings.height // COARSE)
-        for normals in self._drawn(Band(0, size[1], size, 0, tile)):
-            yield self._step(normals[0], 0.0)
+        for normals, _ in self._drawn(Band(0, size[1], size, 0, tile)):
+            yield self._step(normals, 0.0, clear=True)
 
     def _drawn(self, band: Band) -> Iterator[tuple[gpu.types.GPUTexture, range]]:
         """One sample of a band in the wanted space, slice by slice."""
@@ -204,10 +206,12 @@ class Renderer:
                     normals = turned.texture
             yield normals, rows
 
-    def _sampled(self, band: Band) -> Generator[Step, None, gpu.types.GPUTexture]:
+    def _sampled(self, band: Band) -> Work[gpu.types.GPUTexture]:
         """The normals of a band in all its samples."""
         settings, normals = self.settings, None
         sums = target.get("sums", band.width, band.height, "RGBA32F") if settings.samples > 1 else None
+        if sums is not None and self.pace.is_sliced:
+            target.clear(sums)  # what is not drawn yet must not be seen
         places = samples.offsets(settings.samples)
         for number, offset in enumerate(places):
             for drawn, rows in self._drawn(replace(band, offset=offset)):
@@ -223,5 +227,6 @@ class Renderer:
             samples.average(averaged, sums)
         return averaged.texture
 
-    def _step(self, normals: gpu.types.GPUTexture, done: float) -> Step:
-        return Step("Drawing", done, picture.draw(normals, channels(self.settings)))
+    def _step(self, normals: gpu.types.GPUTexture, done: float, *, clear: bool = False) -> Step:
+        size = self.settings.width, self.settings.height
+        return Step("Drawing", done, picture.draw(normals, size, channels(self.settings), clear=clear))

@@ -18,11 +18,18 @@ SIDE = 512
 """Texels of the longer side, at most."""
 
 
-def draw(normals: gpu.types.GPUTexture, channels: np.ndarray) -> gpu.types.GPUTexture:
-    """The picture of `normals` (RGBA32F, or sums of such), alpha 0 where there are none; channels as resolve.draw has it."""
-    shrink = max(1.0, max(normals.width, normals.height) / SIDE)
-    into = target.get("picture", max(1, int(normals.width / shrink)), max(1, int(normals.height / shrink)), "RGBA16F")
+def draw(
+    normals: gpu.types.GPUTexture, size: tuple[int, int], channels: np.ndarray, *, clear: bool
+) -> gpu.types.GPUTexture:
+    """The picture of `normals` (RGBA32F, or sums of such) of a map of `size`; channels as resolve.draw has it.
+
+    Where there are no normals, what was drawn before stays, unless it is cleared.
+    """
+    shrink = max(1.0, max(size) / SIDE)
+    into = target.get("picture", max(1, int(size[0] / shrink)), max(1, int(size[1] / shrink)), "RGBA16F")
     scale = normals.width / into.width, normals.height / into.height, 0.0, 0.0
+    if clear:
+        target.clear(into)
     target.fill(into, PROGRAM, normals=normals, scale=scale, channels=shader.mat4(channels))
     into.finish()  # so that the clock sees what was drawn before it
     return into.texture

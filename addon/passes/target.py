@@ -103,6 +103,12 @@ def drawing(into: Target, rows: range | None = None, *, clear: bool = True) -> I
             gpu.state.scissor_test_set(False)
 
 
+def clear(target: Target) -> None:
+    """Set all of `target` to 0: a new texture holds whatever its memory held before."""
+    with drawing(target):
+        pass
+
+
 def fill(target: Target, program: shader.Program, rows: range | None = None, **bindings) -> None:
     """Run `program`'s fragment shader on every texel of `target`, or of these rows; `bindings` as in `bind`."""
     compiled = shader.load(program)

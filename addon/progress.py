@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A bake that is going on, for the eye: its words and share for panel and status bar, the map as it refines in the views."""
+
+import time
+
+import blf
+import bpy
+from gpu_extras.presets import draw_texture_2d
+
+from .bake.pace import Step
+
+SIDE = 256
+"""Of the picture on screen, in pixels at a scale of 1."""
+EDGE = 24
+REDRAW = 0.25
+"""Seconds between two looks at the map."""
+
+_step: Step | None = None
+_drawn = 0.0
+_handles: list[tuple[type, object]] = []
+
+
+def current() -> Step | None:
+    """What the bake last said, or None where none is going on."""
+    return _step
+
+
+def show(context: bpy.types.Context, step: Step) -> None:
+    """Show `step` until `hide` is called."""
+    global _step, _drawn  # noqa: PLW0603 - there is one bake at a time, and drawing is called by Blender without arguments
+    _step = step
+    if not _handles:
+        for space in (bpy.types.SpaceView3D, bpy.types.SpaceImageEditor):
+            _handles.append((space, space.draw_handler_add(_draw, (), "WINDOW", "POST_PIXEL")))
+    # The views may take longer to draw than a slice of the bake.
+    if time.monotonic() - _drawn > REDRAW:
+        _drawn = time.monotonic()
+        context.workspace.status_text_set(f"{words(step)}   Esc: stop")
+        _redraw(context)
+
+
+def hide(context: bpy.types.Context) -> None:
+    """Take everything off the screen."""
+    global _step  # noqa: PLW0603 - see above
+    _step = None
+    while _handles:
+        space, handle = _handles.pop()
+        space.draw_handler_remove(handle, "WINDOW")
+    if context.workspace is not None:
+        context.workspace.status_text_set(None)
+    _redraw(context)
+
+
+def words(step: Step) -> str:
+    """`step` in a line."""
+    return f"{step.what}, {step.done:.0%}"
+
+
+def _redraw(context: bpy.types.Context) -> None:
+    for window in context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type in {"VIEW_3D", "IMAGE_EDITOR"}:
+                area.tag_redraw()
+
+
+def _draw() -> None:
+    if _step is None or _step.picture is None:
+        return
+    scale = bpy.context.preferences.system.ui_scale
+    longer = max(_step.picture.width, _step.picture.height)
+    width, height = (SIDE * scale * side / longer for side in (_step.picture.width, _step.picture.height))
+    draw_texture_2d(_step.picture, (EDGE * scale, EDGE * scale), width, height)
+    blf.position(0, EDGE * scale, EDGE * scale + height + 8 * scale, 0)
+    blf.size(0, 12 * scale)
+    blf.color(0, 1.0, 1.0, 1.0, 1.0)
+    blf.draw(0, words(_step))
