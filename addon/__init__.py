@@ -8,9 +8,9 @@ def register() -> None:
 
     import bpy
 
-    from . import commands, operators, panels, properties
+    from . import checks, commands, conventions, operators, panels, preview, properties
 
-    for module in (properties, operators, panels, commands):
+    for module in (properties, operators, conventions, panels, checks, preview, commands):
         module.register()
     handlers = bpy.app.handlers
     handlers.load_pre.append(handlers.persistent(_before_loading))  # it outlives the file that is left
@@ -23,10 +23,11 @@ def unregister() -> None:
 
     import bpy
 
-    from . import commands, operators, panels, preview, properties
+    from . import cages, checks, commands, conventions, live, operators, panels, preview, properties
 
-    preview.show(False)
-    for module in (commands, panels, operators, properties):
+    live.stop()
+    cages.show(False)
+    for module in (commands, preview, checks, panels, conventions, operators, properties):
         module.unregister()
     bpy.app.handlers.load_pre.remove(_before_loading)
     atexit.unregister(free)
@@ -35,15 +36,18 @@ def unregister() -> None:
 
 def free() -> None:
     """Free what is kept on the GPU between bakes. Blender crashes on exit while such objects live."""
-    from . import passes
+    from . import passes, preview
     from .bake import casting
 
+    preview.free()
     casting.free()
     passes.free()
 
 
 def _before_loading(*_) -> None:
-    from . import preview
+    from . import cages, live, preview
 
-    preview.show(False)
+    live.stop()
+    cages.show(False)
+    preview.off()
     free()

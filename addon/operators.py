@@ -4,10 +4,11 @@
 import bpy
 from bpy.props import CollectionProperty, IntProperty, StringProperty
 
-from . import preview, progress
-from .bake import pace, pipeline, subjects
+from . import cages, checks, live, progress
+from .bake import pace, pipeline, sequence, subjects
 from .bake.errors import BakeError
 from .bake.report import Report
+from .bake.settings import Settings
 from .properties import Options
 
 SLICE = 0.03
@@ -85,12 +86,8 @@ class _InSlices:
         progress.hide(context)
 
 
-class IMPRINT_OT_bake(_InSlices, bpy.types.Operator, Options):
-    """Bake the detail of the high objects into a normal map for the low one"""
-
-    bl_idname = "imprint.bake"
-    bl_label = "Bake Normal Map"
-    bl_options = {"REGISTER", "UNDO"}
+class _OnePair(_InSlices, Options):
+    """Bakes one low object, of the panel or of the arguments."""
 
     # Names are not remembered for the next call: the panel's button means what the panel shows.
     low: StringProperty(
@@ -109,6 +106,11 @@ class IMPRINT_OT_bake(_InSlices, bpy.types.Operator, Options):
     )
 
     def _work(self, context: bpy.types.Context, speed: pace.Pace) -> pace.Work:
+        job, settings = self._job(context)
+        return (yield from pipeline.work(context, [job], settings, speed))
+
+    def _job(self, context: bpy.types.Context) -> tuple[pipeline.Job, Settings]:
+        """What the arguments name, and the panel where they say nothing."""
         scene_settings = context.scene.imprint
         low, highs = scene_settings.subjects(context, subjects.named(self.low) if self.low else None)
         if self.high:
@@ -117,7 +119,61 @@ class IMPRINT_OT_bake(_InSlices, bpy.types.Operator, Options):
             raise BakeError(subjects.problem(context, low, highs))
         settings = self.to_settings(fallback=scene_settings)
         cage = subjects.named(self.cage) if self.cage else scene_settings.cage_for(settings.method)
-        return (yield from pipeline.work(context, [pipeline.Job(low, highs, cage)], settings, speed))
+        return pipeline.Job(low, highs, cage), settings
+
+
+class IMPRINT_OT_bake(_OnePair, bpy.types.Operator):
+    """Bake the detail of the high objects into a normal map for the low one"""
+
+    bl_idname = "imprint.bake"
+    bl_label = "Bake Normal Map"
+    bl_options = {"REGISTER", "UNDO"}
+
+
+class IMPRINT_OT_bake_sequence(_OnePair, bpy.types.Operator):
+    """Bake each frame of the scene's range into a numbered file of its own, as for wrinkle maps"""
+
+    bl_idname = "imprint.bake_sequence"
+    bl_label = "Bake Sequence"
+    bl_options = {"REGISTER", "UNDO"}
+
+    first: IntProperty(name="First", description="Frame; below 0 for the scene's first", default=-1)
+    last: IntProperty(name="Last", description="Frame; below 0 for the scene's last", default=-1)
+
+    def _work(self, context: bpy.types.Context, speed: pace.Pace) -> pace.Work:
+        job, settings = self._job(context)
+        scene = context.scene
+        first = self.first if self.first >= 0 else scene.frame_start
+        last = self.last if self.last >= 0 else scene.frame_end
+        return (yield from sequence.work(context, job, settings, range(first, last + 1), speed))
+
+
+class IMPRINT_OT_live(bpy.types.Operator):
+    """Bake anew whenever the high or the low objects change, or stop doing so"""
+
+    bl_idname = "imprint.live"
+    bl_label = "Live"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, _context: bpy.types.Context) -> bool:
+        return progress.current() is None
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        if live.session() is not None:
+            live.stop()
+            return {"FINISHED"}
+        settings = context.scene.imprint
+        try:
+            low, highs = settings.subjects(context)
+            if low is None:
+                raise BakeError(subjects.problem(context, low, highs))
+            plain = settings.to_settings()
+            live.start(context, pipeline.Job(low, highs, settings.cage_for(plain.method)), plain)
+        except BakeError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        return {"FINISHED"}
 
 
 class IMPRINT_OT_bake_pairs(_InSlices, bpy.types.Operator):
@@ -145,6 +201,7 @@ def _tell(operator: bpy.types.Operator, context: bpy.types.Context, reports: lis
         warnings.append(warning)
     operator.report({"INFO"}, ". ".join(lines))
     manager.imprint_summary, manager.imprint_warnings = "\n".join(lines), "\n".join(warnings)
+    checks.remember(context, reports)
     measured = [report.distances for report in reports if report.measured]
     for name in measured[0] if measured else ():
         # Of several, what is far enough for all of them.
@@ -176,7 +233,7 @@ class IMPRINT_OT_show_cage(bpy.types.Operator):
     bl_label = "Show Cage"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        preview.show(not preview.is_on())
+        cages.show(not cages.is_on())
         for window in context.window_manager.windows:
             for area in window.screen.areas:
                 if area.type == "VIEW_3D":
@@ -241,6 +298,8 @@ class IMPRINT_OT_high_remove(bpy.types.Operator):
 
 CLASSES = (
     IMPRINT_OT_bake,
+    IMPRINT_OT_bake_sequence,
+    IMPRINT_OT_live,
     IMPRINT_OT_bake_pairs,
     IMPRINT_OT_freeze_distances,
     IMPRINT_OT_show_cage,

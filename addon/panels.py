@@ -5,9 +5,10 @@ import textwrap
 
 import bpy
 
-from . import preview, progress
+from . import cages, live, progress
 from .bake import images, pairs, subjects
 from .bake.errors import BakeError
+from .conventions import IMPRINT_PT_conventions
 from .properties import ImprintSettings
 
 
@@ -15,6 +16,7 @@ class _Panel:
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
     bl_category = "Imprint"
+    bl_order = 1  # below the checks of the last bake
 
 
 class IMPRINT_UL_highs(bpy.types.UIList):
@@ -46,7 +48,7 @@ class IMPRINT_PT_bake(_Panel, bpy.types.Panel):
         low, highs = settings.subjects(context)
         problem = _problem(context, low, highs, settings)
         lines = [problem] if problem else _plan(low, highs, settings)
-        _paragraphs(layout.box(), context, lines, "ERROR" if problem else "INFO")
+        paragraphs(layout.box(), context, lines, "ERROR" if problem else "INFO")
         row = layout.row()
         row.scale_y = 1.6
         step = progress.current()
@@ -55,11 +57,18 @@ class IMPRINT_PT_bake(_Panel, bpy.types.Panel):
             return
         row.enabled = not problem
         row.operator("imprint.bake", icon="RENDER_STILL")
+        row = layout.row()
+        is_live = live.session() is not None
+        row.enabled = is_live or not problem
+        row.operator("imprint.live", icon="PLAY", depress=is_live)
+        row.prop(settings, "live_every_time")
+        if is_live and live.message:
+            paragraphs(layout.box(), context, [live.message], "ERROR")
         manager = context.window_manager
         if manager.imprint_summary:
             box = layout.box()
-            _paragraphs(box, context, manager.imprint_summary.split("\n"), "CHECKMARK")
-            _paragraphs(box, context, manager.imprint_warnings.split("\n"), "ERROR")
+            paragraphs(box, context, manager.imprint_summary.split("\n"), "CHECKMARK")
+            paragraphs(box, context, manager.imprint_warnings.split("\n"), "ERROR")
 
 
 class IMPRINT_PT_map(_Panel, bpy.types.Panel):
@@ -68,6 +77,9 @@ class IMPRINT_PT_map(_Panel, bpy.types.Panel):
     bl_idname = "IMPRINT_PT_map"
     bl_parent_id = "IMPRINT_PT_bake"
     bl_label = "Map"
+
+    def draw_header_preset(self, _context: bpy.types.Context) -> None:
+        IMPRINT_PT_conventions.draw_panel_header(self.layout)
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
@@ -129,7 +141,7 @@ class IMPRINT_PT_rays(_Panel, bpy.types.Panel):
         else:
             column.prop(settings, "extrusion")
             column.prop(settings, "max_distance")
-        layout.operator("imprint.show_cage", icon="MESH_UVSPHERE", depress=preview.is_on())
+        layout.operator("imprint.show_cage", icon="MESH_UVSPHERE", depress=cages.is_on())
         layout.prop(settings, "directions")
         layout.prop(settings, "facing_only")
         layout.prop(settings, "missed")
@@ -155,10 +167,10 @@ class IMPRINT_PT_pairs(_Panel, bpy.types.Panel):
         except BakeError as error:
             found, problems = [], [str(error)]
         box = layout.box()
-        _paragraphs(box, context, [f"{pair.low}: {', '.join(pair.highs)}" for pair in found], "CHECKMARK")
-        _paragraphs(box, context, problems, "ERROR")
+        paragraphs(box, context, [f"{pair.low}: {', '.join(pair.highs)}" for pair in found], "CHECKMARK")
+        paragraphs(box, context, problems, "ERROR")
         if not found and not problems:
-            _paragraphs(box, context, ["No object has one of these endings."], "INFO")
+            paragraphs(box, context, ["No object has one of these endings."], "INFO")
         layout.prop(settings, "share_image")
         row = layout.row()
         row.enabled = bool(found)
@@ -194,6 +206,26 @@ class IMPRINT_PT_output(_Panel, bpy.types.Panel):
         row.prop(settings, "single_user")
 
 
+class IMPRINT_PT_sequence(_Panel, bpy.types.Panel):
+    """A map for each frame."""
+
+    bl_idname = "IMPRINT_PT_sequence"
+    bl_parent_id = "IMPRINT_PT_bake"
+    bl_label = "Sequence"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        row = layout.row(align=True)
+        row.prop(context.scene, "frame_start", text="First")
+        row.prop(context.scene, "frame_end", text="Last")
+        row = layout.row()
+        row.enabled = context.scene.imprint.storage == "FILE"
+        row.operator("imprint.bake_sequence", icon="RENDER_ANIMATION")
+        if not row.enabled:
+            paragraphs(layout, context, ["A sequence is files: store the map in a file."], "INFO")
+
+
 def _problem(
     context: bpy.types.Context,
     low: bpy.types.Object | None,
@@ -218,7 +250,7 @@ def _plan(low: bpy.types.Object, highs: list[bpy.types.Object], settings: Imprin
     return [f"{how} {onto}: {settings.space.lower()} space, {settings.width} x {settings.height}, {known} {name!r}."]
 
 
-def _paragraphs(layout: bpy.types.UILayout, context: bpy.types.Context, lines: list[str], icon: str) -> None:
+def paragraphs(layout: bpy.types.UILayout, context: bpy.types.Context, lines: list[str], icon: str) -> None:
     """Lines wrapped to the width of the sidebar; Blender's labels do not wrap by themselves."""
     width = max(20, int(context.region.width / (7.0 * context.preferences.system.ui_scale)) - 6)
     column = layout.column(align=True)
@@ -234,5 +266,6 @@ CLASSES = (
     IMPRINT_PT_rays,
     IMPRINT_PT_output,
     IMPRINT_PT_pairs,
+    IMPRINT_PT_sequence,
 )
 register, unregister = bpy.utils.register_classes_factory(CLASSES)

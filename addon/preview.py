@@ -1,58 +1,437 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Shows in the 3D viewport where rays start and end: two shells around the low mesh that follow the two numbers."""
+"""Shows in the 3D viewport what the map does: the low mesh lit with it, beside the high one, and how far the two are off."""
 
+import blf
 import bpy
 import gpu
+import numpy as np
+from bpy.props import EnumProperty, FloatProperty, PointerProperty
+from gpu_extras.batch import batch_for_shader
 
-from .bake import shells
+from . import live, progress
+from .bake import live as sessions
+from .bake import pace, pipeline, shading, subjects
+from .bake.errors import BakeError
+from .bake.settings import Settings
+from .panels import paragraphs
 
-OUTER, INNER = (0.1, 0.45, 1.0, 0.25), (1.0, 0.45, 0.1, 0.25)
-"""Colours of where rays start and where they end."""
+MODES = [
+    ("OFF", "Off", "The viewport as it is"),
+    ("MAP", "Map", "The low mesh with the map, lit"),
+    ("SPLIT", "Split", "The high mesh, the low one, and the low one with the map, from left to right in one place"),
+    ("DEVIATION", "Deviation", "By how many degrees the low mesh with the map is off the high surface"),
+    ("BARE_DEVIATION", "Without Map", "By how many degrees the low mesh without the map is off the high surface"),
+]
+HEADLIGHT = np.array((-0.35, 0.45, 1.0, 0.0))
+"""Where the view's own light comes from, in view space: from a little above and from the left."""
+BAR = (240.0, 12.0)
+"""Width and height of the legend, in pixels at a scale of 1."""
+EDGE, TEXT = 60.0, 12.0
+DEGREES = "\N{DEGREE SIGN}"
+LINE = (0.9, 0.9, 0.9, 0.6)
+IN_REACH = 8.0
+"""How near to the line of the split the mouse takes hold of it, in pixels at a scale of 1."""
 
-_handle = None
-_uploaded: dict[tuple[str, str], gpu.types.GPUBatch] = {}
-"""The low mesh as it was when it was last drawn, by its name and directions; emptied when the scene changes."""
-
-
-def is_on() -> bool:
-    """Whether the shells are drawn."""
-    return _handle is not None
-
-
-def show(on: bool) -> None:
-    """Start or stop drawing. Nothing stays behind when it is off."""
-    global _handle  # noqa: PLW0603 - Blender gives a handle to take the drawing back with
-    handlers = bpy.app.handlers
-    if on and _handle is None:
-        _handle = bpy.types.SpaceView3D.draw_handler_add(_draw, (), "WINDOW", "POST_VIEW")
-        for changes in (handlers.depsgraph_update_post, handlers.frame_change_post):
-            changes.append(_forget)
-    elif not on and _handle is not None:
-        bpy.types.SpaceView3D.draw_handler_remove(_handle, "WINDOW")
-        for changes in (handlers.depsgraph_update_post, handlers.frame_change_post):
-            changes.remove(_forget)
-        _handle = None
-        _uploaded.clear()
-
-
-def _forget(*_) -> None:
-    _uploaded.clear()
+message = ""
+"""Why the view went off, in a sentence; empty when it did not, or on request."""
+_mode = "OFF"
+_own: sessions.Session | None = None
+"""Whose map is shown while live is off."""
+_own_settings: Settings | None = None
+_shading: shading.Shading | None = None
+_handles: list = []
+_keymap: list[tuple[bpy.types.KeyMap, bpy.types.KeyMapItem]] = []
 
 
-def _draw() -> None:
-    context = bpy.context
-    settings = context.scene.imprint
-    low, _ = settings.subjects(context)
-    if low is None or low.type != "MESH" or low.mode != "OBJECT" or not low.data.polygons:
+def mode() -> str:
+    """What is shown: one of MODES."""
+    return _mode
+
+
+def figures() -> shading.Figures | None:
+    """The deviations of the map that is shown, once one of their modes has been on."""
+    return _shading.figures if _shading is not None else None
+
+
+def switch(context: bpy.types.Context, wanted: str) -> None:
+    """Show one of MODES. Raises BakeError when there is nothing to show, and then the view is off."""
+    global _mode, message  # noqa: PLW0603 - what Blender calls to draw takes no arguments
+    message = ""
+    if wanted == "OFF":
+        off()
         return
-    extrusion, reach = settings.distances(context)
-    key = low.name, settings.directions
-    if key not in _uploaded:
-        _uploaded[key] = shells.upload(low, context.evaluated_depsgraph_get(), settings.directions)
-    gpu.state.blend_set("ALPHA")
-    gpu.state.depth_test_set("LESS_EQUAL")
-    view = context.region_data.perspective_matrix
-    for away, colour in ((extrusion, OUTER), (extrusion - reach, INNER)):
-        shells.draw(_uploaded[key], view, away, colour)
-    gpu.state.depth_test_set("NONE")
-    gpu.state.blend_set("NONE")
+    _mode = wanted
+    _take_up(context)
+    if not _handles:
+        for draw, event in ((_draw_view, "POST_VIEW"), (_draw_words, "POST_PIXEL")):
+            _handles.append(bpy.types.SpaceView3D.draw_handler_add(draw, (), "WINDOW", event))
+
+
+def off() -> None:
+    """Show the viewport as it is. Nothing stays behind."""
+    global _mode  # noqa: PLW0603 - see switch
+    _mode = "OFF"
+    while _handles:
+        bpy.types.SpaceView3D.draw_handler_remove(_handles.pop(), "WINDOW")
+    if bpy.app.timers.is_registered(catch_up):
+        bpy.app.timers.unregister(catch_up)
+    free()
+    _redraw()
+
+
+def free() -> None:
+    """Let go of what is on the GPU."""
+    global _own, _own_settings, _shading  # noqa: PLW0603 - see switch
+    if _own is not None:
+        _own.free()
+    _own = _own_settings = _shading = None
+
+
+def refresh(context: bpy.types.Context) -> None:
+    """Show the objects and settings as they are now. Raises BakeError, and then the view is off."""
+    free()
+    _take_up(context)
+
+
+def catch_up() -> None:
+    """Show what live has drawn since the last time, or what is there after live has gone."""
+    global message  # noqa: PLW0603 - see switch
+    if _mode == "OFF":
+        return
+    try:
+        _take_up(bpy.context)
+    except BakeError as error:
+        message = str(error)
+
+
+def is_outdated(context: bpy.types.Context) -> bool:
+    """Whether the settings are other ones than those of the map that is shown."""
+    return _own is not None and _own_settings != context.scene.imprint.to_settings()
+
+
+def _session() -> sessions.Session | None:
+    return live.session() or _own
+
+
+def _take_up(context: bpy.types.Context) -> None:
+    """Make ready what is to be shown. Not while a view is being drawn."""
+    global _own, _own_settings, _shading  # noqa: PLW0603 - see switch
+    if live.session() is not None and _own is not None:
+        free()
+    try:
+        if _session() is None:
+            _own, _own_settings = _draw_map(context)
+    except BakeError:
+        off()
+        raise
+    if _shading is None or _shading.session is not _session():
+        _shading = shading.Shading(_session())
+    _shading.update(is_measured=_mode.endswith("DEVIATION"))
+    _redraw()
+
+
+def _draw_map(context: bpy.types.Context) -> tuple[sessions.Session, Settings]:
+    """A map of the objects and settings that there are now, for the views alone."""
+    settings = context.scene.imprint
+    low, highs = settings.subjects(context)
+    if low is None:
+        raise BakeError(subjects.problem(context, low, highs))
+    plain = settings.to_settings()
+    job = pipeline.Job(low, highs, settings.cage_for(plain.method))
+    session = sessions.Session(context, job, shading.settings_for(plain), pace.Pace())
+    session.run(context)
+    return session, plain
+
+
+def _redraw() -> None:
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                area.tag_redraw()
+
+
+def _shown(context: bpy.types.Context) -> shading.Shading | None:
+    """What is to be drawn into a view, if the low object is to be seen there."""
+    session = _session()
+    if _shading is None or _shading.session is not session:
+        # Live has come or gone. Nothing is baked while a view is being drawn.
+        if not bpy.app.timers.is_registered(catch_up):
+            bpy.app.timers.register(catch_up)
+        return None
+    low = bpy.data.objects.get(session.low)
+    is_seen = low is not None and low.visible_get(view_layer=context.view_layer, viewport=context.space_data)
+    return _shading if is_seen else None
+
+
+def _draw_view() -> None:
+    context = bpy.context
+    drawn = _shown(context)
+    if drawn is None:
+        return
+    view = context.scene.imprint_view
+    drawn.draw(_mode, _eye(context.region_data, view.light), split=view.split, limit=view.limit)
+    if _mode.endswith("DEVIATION"):
+        scale = context.preferences.system.ui_scale
+        drawn.draw_legend(_place_of_bar(context.region, scale), (BAR[0] * scale, BAR[1] * scale))
+
+
+def _draw_words() -> None:
+    context = bpy.context
+    if _shown(context) is None:
+        return
+    view, region, scale = context.scene.imprint_view, context.region, context.preferences.system.ui_scale
+    if _mode == "SPLIT":
+        _, low, _ = shading.zones(region.width, view.split)
+        # Beside the line: sidebars may lie over the ends.
+        for word, x, share in (("High", low.start - TEXT * scale, 1.0), ("Low", (low.start + low.stop) / 2, 0.5)):
+            _write(word, x, EDGE * scale, scale, share)
+        _write("Low with Map", low.stop + TEXT * scale, EDGE * scale, scale, 0.0)
+    elif _mode != "MAP":
+        x, y = _place_of_bar(region, scale)
+        for end, degrees in ((0.0, 0.0), (1.0, view.limit)):
+            _write(f"{degrees:.3g}{DEGREES}", x + end * BAR[0] * scale, y - 1.5 * TEXT * scale, scale)
+        for number, line in enumerate(reversed(words())):
+            _write(line, region.width / 2, y + (BAR[1] + TEXT * (1.5 * number + 0.7)) * scale, scale)
+
+
+def words() -> list[str]:
+    """The deviations in two lines."""
+    found = figures()
+    if found is None:
+        return []
+    return [
+        f"{what}: {mean:.2f}{DEGREES}, 99 % below {most:.2f}{DEGREES}"
+        for what, mean, most in (
+            ("With the map", found.mean, found.percentile_99),
+            ("Without", found.bare_mean, found.bare_percentile_99),
+        )
+    ]
+
+
+def _write(text: str, x: float, y: float, scale: float, share: float = 0.5) -> None:
+    """Write a line of which this share lies left of x."""
+    blf.size(0, TEXT * scale)
+    blf.color(0, 1.0, 1.0, 1.0, 1.0)
+    blf.enable(0, blf.SHADOW)
+    blf.shadow(0, 3, 0.0, 0.0, 0.0, 1.0)
+    blf.position(0, x - blf.dimensions(0, text)[0] * share, y, 0)
+    blf.draw(0, text)
+    blf.disable(0, blf.SHADOW)
+
+
+def _place_of_bar(region: bpy.types.Region, scale: float) -> tuple[float, float]:
+    return (region.width - BAR[0] * scale) / 2, EDGE * scale
+
+
+def _eye(region_data: bpy.types.RegionView3D, light: bpy.types.Object | None) -> shading.Eye:
+    view = np.array(region_data.view_matrix, np.float64)
+    if light is None:
+        towards = view.T @ HEADLIGHT  # a view turns and does not stretch
+        towards[3] = 0.0
+    elif light.data.type == "SUN":
+        towards = np.array(light.matrix_world.col[2])
+    else:
+        towards = np.array(light.matrix_world.col[3])
+    return shading.Eye(view, np.array(region_data.window_matrix, np.float64), towards)
+
+
+def _is_light(_view, obj: bpy.types.Object) -> bool:
+    return obj.type == "LIGHT"
+
+
+def _get_mode(_view) -> int:
+    return [item[0] for item in MODES].index(_mode)
+
+
+def _set_mode(_view, number: int) -> None:
+    global message  # noqa: PLW0603 - see switch
+    try:
+        switch(bpy.context, MODES[number][0])
+    except BakeError as error:
+        message = str(error)
+
+
+class ImprintView(bpy.types.PropertyGroup):
+    """Scene.imprint_view: what the 3D viewport shows of the map. Its mode is that of the session, and not stored."""
+
+    mode: EnumProperty(
+        name="View", description="What the 3D viewport shows", items=MODES, get=_get_mode, set=_set_mode, options=set()
+    )
+    light: PointerProperty(
+        type=bpy.types.Object,
+        name="Light",
+        description="The light that shines on it; empty for one that follows the view",
+        poll=_is_light,
+    )
+    split: FloatProperty(
+        name="Line",
+        description="Where the line between high and low is, of the view's width",
+        default=0.5,
+        min=0.0,
+        max=1.0,
+        subtype="FACTOR",
+    )
+    limit: FloatProperty(
+        name="Range",
+        description="Degrees at which the colours of deviations end",
+        default=5.0,
+        min=0.01,
+        max=180.0,
+        soft_max=45.0,
+    )
+
+
+class IMPRINT_OT_view_next(bpy.types.Operator):
+    """Show the next of: nothing, the map, high and low beside it, deviations with it and without"""
+
+    bl_idname = "imprint.view_next"
+    bl_label = "Next View"
+
+    @classmethod
+    def poll(cls, _context: bpy.types.Context) -> bool:
+        return progress.current() is None
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        modes = [item[0] for item in MODES]
+        try:
+            switch(context, modes[(modes.index(_mode) + 1) % len(modes)])
+        except BakeError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        return {"FINISHED"}
+
+
+class IMPRINT_OT_view_refresh(bpy.types.Operator):
+    """Draw the map that the view shows anew, of the objects and settings as they are now"""
+
+    bl_idname = "imprint.view_refresh"
+    bl_label = "Refresh View"
+
+    @classmethod
+    def poll(cls, _context: bpy.types.Context) -> bool:
+        return progress.current() is None and _mode != "OFF" and live.session() is None
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        try:
+            refresh(context)
+        except BakeError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        return {"FINISHED"}
+
+
+class IMPRINT_GT_split(bpy.types.Gizmo):
+    """The line of the split, to be dragged."""
+
+    bl_idname = "IMPRINT_GT_split"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        region, view = context.region, context.scene.imprint_view
+        _, low, _ = shading.zones(region.width, view.split)
+        points = [(x, y) for x in (low.start, low.stop) for y in (0, region.height)]
+        program = gpu.shader.from_builtin("UNIFORM_COLOR")
+        gpu.state.blend_set("ALPHA")
+        gpu.state.line_width_set(2.0 if self.is_highlight else 1.0)
+        program.uniform_float("color", LINE[:3] + (1.0,) if self.is_highlight else LINE)
+        batch_for_shader(program, "LINES", {"pos": points}).draw(program)
+        gpu.state.line_width_set(1.0)
+        gpu.state.blend_set("NONE")
+
+    def test_select(self, context: bpy.types.Context, location: tuple[int, int]) -> int:
+        _, low, _ = shading.zones(context.region.width, context.scene.imprint_view.split)
+        reach = IN_REACH * context.preferences.system.ui_scale
+        return 0 if min(abs(location[0] - low.start), abs(location[0] - low.stop)) < reach else -1
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        self.before = context.scene.imprint_view.split
+        self.away = self.before - event.mouse_region_x / context.region.width
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event, _tweak: set[str]) -> set[str]:
+        context.scene.imprint_view.split = event.mouse_region_x / context.region.width + self.away
+        context.area.tag_redraw()
+        return {"RUNNING_MODAL"}
+
+    def exit(self, context: bpy.types.Context, cancel: bool) -> None:  # noqa: FBT001 - Blender calls it
+        if cancel:
+            context.scene.imprint_view.split = self.before
+
+
+class IMPRINT_GGT_split(bpy.types.GizmoGroup):
+    """Holds the line of the split in 3D viewports that show it."""
+
+    bl_idname = "IMPRINT_GGT_split"
+    bl_label = "Split"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "WINDOW"
+    bl_options = {"PERSISTENT", "SHOW_MODAL_ALL"}
+
+    @classmethod
+    def poll(cls, _context: bpy.types.Context) -> bool:
+        return _mode == "SPLIT"
+
+    def setup(self, _context: bpy.types.Context) -> None:
+        self.gizmos.new(IMPRINT_GT_split.bl_idname).use_draw_modal = True
+
+
+class IMPRINT_PT_view(bpy.types.Panel):
+    """What the viewport shows."""
+
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "Imprint"
+    bl_idname = "IMPRINT_PT_view"
+    bl_parent_id = "IMPRINT_PT_bake"
+    bl_label = "View"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, view = self.layout, context.scene.imprint_view
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        row = layout.row(align=True)
+        row.enabled = progress.current() is None
+        row.prop(view, "mode")
+        row.operator("imprint.view_refresh", text="", icon="FILE_REFRESH")
+        if is_outdated(context):
+            paragraphs(layout, context, ["The settings have changed: refresh the view."], "INFO")
+        if _mode in {"MAP", "SPLIT"}:
+            layout.prop(view, "light")
+        if _mode == "SPLIT":
+            layout.prop(view, "split")
+        if _mode.endswith("DEVIATION"):
+            layout.prop(view, "limit")
+            paragraphs(layout.box(), context, words(), "DRIVER_ROTATIONAL_DIFFERENCE")
+        if message:
+            paragraphs(layout.box(), context, [message], "ERROR")
+
+
+CLASSES = (
+    ImprintView,
+    IMPRINT_OT_view_next,
+    IMPRINT_OT_view_refresh,
+    IMPRINT_GT_split,
+    IMPRINT_GGT_split,
+    IMPRINT_PT_view,
+)
+_register, _unregister = bpy.utils.register_classes_factory(CLASSES)
+
+
+def register() -> None:
+    _register()
+    bpy.types.Scene.imprint_view = PointerProperty(type=ImprintView)
+    live.on_new.append(catch_up)
+    keys = bpy.context.window_manager.keyconfigs.addon
+    if keys is not None:  # there is none in the background
+        keymap = keys.keymaps.new("3D View", space_type="VIEW_3D")
+        item = keymap.keymap_items.new(IMPRINT_OT_view_next.bl_idname, "N", "PRESS", ctrl=True, alt=True)
+        _keymap.append((keymap, item))
+
+
+def unregister() -> None:
+    off()
+    while _keymap:
+        keymap, item = _keymap.pop()
+        keymap.keymap_items.remove(item)
+    live.on_new.remove(catch_up)
+    del bpy.types.Scene.imprint_view
+    _unregister()

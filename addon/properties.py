@@ -280,6 +280,10 @@ class ImprintSettings(bpy.types.PropertyGroup, Options):
     )
     cage_suffix: StringProperty(name="Cage", description="What the names of cages end in", default="_cage")
     share_image: BoolProperty(name="One Image", description="All pairs by name go into one image, an atlas")
+    live_every_time: BoolProperty(
+        name="Write Every Map",
+        description="While live is on, the image gets each map at once, and not only when the hand rests",
+    )
     active_high: IntProperty(name="Active High", description="The slot that is selected in the list")
 
     def subjects(

@@ -4,10 +4,14 @@
 blender --background FILE.blend --python scripts/bake.py -- --low lo --high hi --output MAP.png
 """
 
+import signal
 import sys
 from pathlib import Path
 
-import bpy  # noqa: F401 - the wheel has to be loaded before its submodules
+# Until the bake takes Ctrl-C into its own hands: Blender takes a second to load.
+signal.signal(signal.SIGINT, lambda *_: sys.exit("imprint: stopped, nothing was finished."))
+
+import bpy  # noqa: E402, F401 - the wheel has to be loaded before its submodules
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 

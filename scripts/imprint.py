@@ -285,7 +285,12 @@ def bench(options):
 
 def bake(options):
     """Bake with the arguments of scripts/bake.py, which takes them after the dashes as it does inside Blender."""
-    return run_blender([str(SCRIPTS / "bake.py"), "--", *options.rest])
+    # Ctrl-C reaches Blender as well, which stops in good order: wait for it.
+    before = signal.signal(signal.SIGINT, lambda *_: None)
+    try:
+        return run_blender([str(SCRIPTS / "bake.py"), "--", *options.rest])
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def test(options):

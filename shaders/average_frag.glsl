@@ -1,4 +1,4 @@
-// The mean of the samples that were covered, of length one again. Alpha as in a single sample: a texel is missed only when
+// The mean of the samples that were covered, of length one again where they are directions. Alpha as in a single sample: a texel is missed only when
 // no ray of it hit.
 #include "accumulate_lib.glsl"
 
@@ -6,6 +6,7 @@ void main()
 {
   vec4 sum = texelFetch(sums, ivec2(gl_FragCoord.xy), 0);
   float length_squared = dot(sum.xyz, sum.xyz);
-  bool is_hit = sum.a >= 1.0 && length_squared > 0.0;
-  normal_out = is_hit ? vec4(sum.xyz / sqrt(length_squared), 1.0) : vec4(0.0, 0.0, 0.0, sum.a > 0.0 ? -1.0 : 0.0);
+  bool is_hit = sum.a >= 1.0 && (length_squared > 0.0 || is_direction == 0);
+  float divisor = is_direction != 0 ? sqrt(length_squared) : floor(sum.a);
+  normal_out = is_hit ? vec4(sum.xyz / divisor, 1.0) : vec4(0.0, 0.0, 0.0, sum.a > 0.0 ? -1.0 : 0.0);
 }

@@ -15,3 +15,9 @@ vec3 basis_components(vec3 vector, vec3 tangent, float sign, vec3 normal)
   float vn = dot(vector, normal);
   return vec3(nn * vt - tn * vn, dot(vector, bitangent), tt * vn - tn * vt) / volume;
 }
+
+// The other way: the vector that has these components.
+vec3 basis_vector(vec3 components, vec3 tangent, float sign, vec3 normal)
+{
+  return components.x * tangent + components.y * sign * cross(normal, tangent) + components.z * normal;
+}

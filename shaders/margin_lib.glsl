@@ -1,3 +1,3 @@
-// What the margin's two searches share.
+// What the searches for the nearest written texel share.
 
 const int MARGIN_NONE = 32767;

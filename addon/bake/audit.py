@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The truth about a map: what was covered, missed, shared and left out, in numbers."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..mesh import arrays
+from ..mesh import arrays, faces
 from ..mesh.arrays import Mesh
 from ..passes import batch, overlap, resolve, target
+from . import apart
 from .reading import Meshes
 from .report import Report
 from .settings import Settings
@@ -17,10 +18,18 @@ MUCH_OVERLAP = 1e-3
 """Share of texels that triangles may share without a warning: decimation leaves a few slivers."""
 MANY_MISSES = 1e-3
 """Share of rays that may hit nothing without a warning."""
+MANY_UNCOVERED = 1e-2
+"""Share of texels without a high triangle, when nothing is cast, that raises no warning: rims of islands differ a little."""
+MANY_FAR = 0.25
+"""Share of texels that may lie farther apart than the limit without a warning, where the limit is nobody's wish."""
+MANY_BEYOND = 1e-3
+"""The same where somebody has set the limit."""
+MANY_UNEVEN = 0.1
+"""Share of faces that may depend on how they are cut into triangles without a warning."""
 TURNED_AWAY = 0.5
 """Share of normals that may point into the low mesh without a warning."""
 PROBE = 1024
-"""Texels a side, at most, of the map on which overlaps are counted."""
+"""Texels a side, at most, of those on which overlaps and gaps are counted."""
 
 
 @dataclass
@@ -33,6 +42,8 @@ class Tally:
     texels: int = 0
     probed: int = 0
     turned_away: int = 0
+    states: list[np.ndarray] = field(default_factory=list)
+    """Of each tile, the state of the texels that `looked_at` names."""
 
     def add(self, state: np.ndarray, upwards: np.ndarray | None) -> None:
         """Count one tile; state as render.Renderer.texels has it, upwards (height, width) the part of its normals along
@@ -42,6 +53,7 @@ class Tally:
         self.margin += int(counts[resolve.MARGIN])
         self.missed += int(counts[resolve.MISSED])
         self.texels += state.size
+        self.states.append(state[looked_at(state.shape)].copy())
         if upwards is not None:
             # A look at some texels is enough for a half of them.
             seen = state[::4, ::4] == resolve.WRITTEN
@@ -65,21 +77,29 @@ def tell(meshes: Meshes, tally: Tally, tiles: Sequence[int], settings: Settings,
         )
     with report.timed("audit"):
         _tell_of_uvs(meshes, tiles, settings, report)
+        _tell_of_texels(meshes, tally, tiles, settings, report)
+        _tell_of_distances(meshes, tiles, settings, report)
+        _tell_of_faces(meshes.low, report)
+
+
+def uv_space(settings: Settings) -> tuple[int, int]:
+    """How many tiles along u and v there are to lie on."""
+    return arrays.UDIM if settings.udim else (1, 1)
 
 
 def _tell_of_uvs(meshes: Meshes, tiles: Sequence[int], settings: Settings, report: Report) -> None:
-    report.overlap = overlap_share(meshes.low, (settings.width, settings.height), tiles)
-    report.mirrored = arrays.mirrored(meshes.low)
-    if report.overlap > MUCH_OVERLAP:
-        report.warnings.append(
-            f"{report.overlap:.2%} of the texels of {report.low!r} belong to two of its triangles or more: they show the "
-            "detail of one of them."
-        )
-    space = arrays.UDIM if settings.udim else (1, 1)
+    where = "UDIM tiles" if settings.udim else "UV tile 0 to 1"
     for mesh in (meshes.low, *meshes.highs):
-        laid_flat = mesh is meshes.low or report.method == "FLATTEN"
-        no_area, outside = arrays.uv_flaws(mesh, space) if laid_flat else (0, 0)
-        where = "UDIM tiles" if settings.udim else "UV tile 0 to 1"
+        no_area = outside = 0
+        if mesh is meshes.low or report.method == "FLATTEN":
+            areas = arrays.uv_areas(mesh)
+            no_area = int(np.count_nonzero(areas == 0.0))
+            outside = int(np.count_nonzero(arrays.outside(mesh, uv_space(settings))))
+        if mesh is meshes.low:
+            is_mirrored = areas < 0.0
+            report.mirrored = int(np.count_nonzero(is_mirrored))
+            report.checks["mirrored"] = {"count": report.mirrored, "islands": faces.islands(mesh, is_mirrored)}
+            report.checks["outside"], report.checks["no_area"] = {"count": outside}, {"count": no_area}
         for count, what in (
             (mesh.not_finite, "left out: their coordinates are NaN or infinite"),
             (no_area, "have no area in UV space and cannot be drawn"),
@@ -89,14 +109,89 @@ def _tell_of_uvs(meshes: Meshes, tiles: Sequence[int], settings: Settings, repor
                 report.warnings.append(f"{mesh.name!r}: {count:,} of its triangles {what}.")
 
 
-def overlap_share(low: Mesh, size: tuple[int, int], tiles: Sequence[int] = (1001,)) -> float:
-    """Share of the texels under `low` that two or more of its triangles share; measured on at most PROBE a side."""
-    width, height = (min(side, PROBE) for side in size)
-    counts = target.get("overlap", width, height, "R16F")
+def _tell_of_texels(meshes: Meshes, tally: Tally, tiles: Sequence[int], settings: Settings, report: Report) -> None:
+    covered = shared = uncovered = 0
+    for counts, state in zip(covering(meshes.low, (settings.width, settings.height), tiles), tally.states, strict=True):
+        covered += int(np.count_nonzero(counts))
+        shared += int(np.count_nonzero(counts > 1.0))
+        uncovered += int(np.count_nonzero((counts > 0.0) & (state != resolve.WRITTEN)))
+    report.checks["overlap"] = _share(shared, covered)
+    report.overlap = report.checks["overlap"]["share"]
+    if report.overlap > MUCH_OVERLAP:
+        report.warnings.append(
+            f"{report.overlap:.2%} of the texels of {report.low!r} belong to two of its triangles or more: they show the "
+            "detail of one of them."
+        )
+    is_cast = report.method == "CAST"
+    missing = _share(tally.missed, tally.missed + tally.written) if is_cast else _share(uncovered, covered)
+    report.checks["uncovered"] = missing
+    if not is_cast and missing["share"] > MANY_UNCOVERED:
+        report.warnings.append(
+            f"{missing['share']:.2%} of the texels of {report.low!r} lie under no high triangle and stay empty."
+        )
+
+
+def _tell_of_distances(meshes: Meshes, tiles: Sequence[int], settings: Settings, report: Report) -> None:
+    texels = meshes.apart
+    if texels is None:
+        look = apart.looking(meshes, settings, report, all_triangles=False)
+        texels = apart.probe(look, (settings.width, settings.height), tiles)
+    offset = apart.offset(texels, report.method)
+    found = apart.distances(texels, offset)
+    found = found[found >= 0.0]
+    limit = apart.limit(meshes.low, settings)
+    check = _share(int(np.count_nonzero(found > limit)), found.size)
+    check["maximum"], check["percentile_99"] = (
+        (float(found.max()), float(np.quantile(found, 0.99))) if found.size else (0.0, 0.0)
+    )
+    check["limit"], check["offset"] = limit, float(np.linalg.norm(offset))
+    report.checks["far"] = check
+    if check["share"] > (MANY_FAR if settings.limit is None else MANY_BEYOND):
+        report.warnings.append(
+            f"On {check['share']:.2%} of the texels of {report.low!r} the high surface lies farther from it than "
+            f"{limit:.4g}, at most {check['maximum']:.4g}."
+        )
+
+
+def _tell_of_faces(low: Mesh, report: Report) -> None:
+    many, uneven = int(np.count_nonzero(faces.polygons(low))), int(np.count_nonzero(faces.uneven(low)))
+    report.checks["polygons"], report.checks["uneven"] = {"count": many}, {"count": uneven}
+    total = int(low.faces.max()) + 1
+    if uneven > MANY_UNEVEN * total:
+        report.warnings.append(
+            f"{uneven:,} of the {total:,} faces of {report.low!r} are not flat and change their shape with the triangles "
+            "that an exporter cuts them into: add a Triangulate modifier."
+        )
+
+
+def _share(count: int, of: int) -> dict[str, float]:
+    return {"count": count, "of": of, "share": count / max(1, of)}
+
+
+def looked_at(shape: tuple[int, int]) -> tuple[slice, slice]:
+    """Rows and columns of a map with this height and width, evenly spaced: at most PROBE of each."""
+    return tuple(slice(None, None, -(-side // PROBE)) for side in shape)
+
+
+def covering(low: Mesh, size: tuple[int, int], tiles: Sequence[int] = (1001,)) -> Iterator[np.ndarray]:
+    """How many triangles of `low` cover the texels that `looked_at` names, of a map of width and height, tile by tile.
+
+    (height, width) float32; the array is used again for the next tile.
+    """
+    steps = [-(-side // PROBE) for side in size]
+    small = [-(-side // step) for side, step in zip(size, steps, strict=True)]
+    drawn = target.get("overlap", *small, "R16F")
     uploaded = batch.upload(low.triangles, uv=low.uv)
-    count, covered, shared = np.empty((height, width), np.float32), 0, 0
+    counts = np.empty(small[::-1], np.float32)
     for tile in tiles:
-        overlap.draw(counts, uploaded, target.window(tile))
-        counts.read(count)
-        covered, shared = covered + np.count_nonzero(count), shared + np.count_nonzero(count > 1.0)
-    return shared / max(1, covered)
+        overlap.draw(drawn, uploaded, _sparse(tile, size, steps, small))
+        drawn.read(counts)
+        yield counts
+
+
+def _sparse(tile: int, size: Sequence[int], steps: Sequence[int], small: Sequence[int]) -> tuple[float, ...]:
+    """From uv to clip space, as target.window, so that texel i of `small` lies where texel i * step of the map does."""
+    places = (tile - 1001) % 10, (tile - 1001) // 10
+    scale = [2.0 * side / (step * few) for side, step, few in zip(size, steps, small, strict=True)]
+    shift = [(step - 1.0) / (step * few) - 1.0 for step, few in zip(steps, small, strict=True)]
+    return *scale, *(back - one * place for back, one, place in zip(shift, scale, places, strict=True))

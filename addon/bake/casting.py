@@ -25,10 +25,12 @@ _kept: OrderedDict[tuple, "Target"] = OrderedDict()
 
 @dataclass(frozen=True)
 class Target:
-    """What rays can hit: the high meshes together, in a space that fits them."""
+    """What rays can hit: the high meshes together, in a space that fits them. order (T,) int: their triangles one mesh
+    after another, as they lie in the tree."""
 
     frame: Frame
     tables: cast.Tables
+    order: np.ndarray
 
 
 def target_of(highs: Sequence[Mesh], report: Report) -> Target:
@@ -88,7 +90,7 @@ def _build(highs: Sequence[Mesh], report: Report) -> Target:
             origin=tree.origin,
             scale=tree.scale,
         )
-    return Target(frame, tables)
+    return Target(frame, tables, tree.order)
 
 
 def rays(low: Mesh, directions: np.ndarray, cage: Mesh | None, frame: Frame) -> gpu.types.GPUBatch:

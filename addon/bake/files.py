@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Files that are there whole or not at all."""
 
+import itertools
 import os
 import tempfile
 from collections.abc import Iterator
@@ -8,6 +9,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from .errors import BakeError
+
+_NUMBERS = itertools.count()
 
 
 def check_writable(path: Path) -> None:
@@ -30,18 +33,45 @@ def reason(error: OSError | RuntimeError) -> str:
     return str(error).strip().partition("\n")[0].removeprefix("Error: ").rstrip(".")
 
 
+class Partial:
+    """What is to take the place of the file at `path`, which stays as it is until `commit`.
+
+    here: the path beside it to write to.
+    """
+
+    def __init__(self, path: Path):
+        self.path = path
+        # Not made of path.stem, which may already be as long as the file system allows.
+        self.here = path.with_name(f".imprint.{os.getpid()}.{next(_NUMBERS)}.partial{path.suffix}")
+
+    @contextmanager
+    def told(self) -> Iterator[None]:
+        """Turn what goes wrong in the block into a BakeError."""
+        try:
+            yield
+        except (OSError, RuntimeError) as error:  # Blender's writers raise RuntimeError
+            raise BakeError(f"{str(self.path)!r} could not be written: {reason(error)}.") from error
+
+    def commit(self) -> None:
+        """Put what was written into its place, in one step of the file system. Raises BakeError if that cannot be."""
+        with self.told():
+            os.replace(self.here, self.path)
+
+    def discard(self) -> None:
+        """Leave nothing behind; after `commit` there is nothing."""
+        self.here.unlink(missing_ok=True)
+
+
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
     """A path beside `path` to write to; what was written takes the place of `path` when the block ends well.
 
     Raises BakeError if it cannot; then `path` is as it was.
     """
-    # Not made of path.stem, which may already be as long as the file system allows.
-    partial = path.with_name(f".imprint.{os.getpid()}.partial{path.suffix}")
+    partial = Partial(path)
     try:
-        yield partial
-        os.replace(partial, path)
-    except (OSError, RuntimeError) as error:  # Blender's writers raise RuntimeError
-        raise BakeError(f"{str(path)!r} could not be written: {reason(error)}.") from error
+        with partial.told():
+            yield partial.here
+        partial.commit()
     finally:
-        partial.unlink(missing_ok=True)
+        partial.discard()

@@ -1,39 +1,101 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The last passes over a band: from normals to what is stored, with the margin around the islands."""
+"""The last passes over a band: from values to what is stored, with the margin around the islands."""
 
 from collections.abc import Sequence
 
 import gpu
 import numpy as np
 
+from ..mesh import seams as islands
 from ..mesh.arrays import Mesh
-from ..passes import margin, resolve, target
+from ..passes import margin, resolve, seams, target
+from . import stitch
+from .band import REACH, Band, bands
 from .settings import Settings
 
 
+class Borders:
+    """Where islands end, on one UDIM tile after another. Several maps may share it."""
+
+    def __init__(self, found: islands.Seams, settings: Settings):
+        self.found = found
+        self.size = settings.width, settings.height
+        self.tile = None
+
+    def on(self, tile: int) -> "Borders":
+        """This, with what lies on a tile: `similarities` as mesh.seams has them, and `uploaded`."""
+        if tile != self.tile:
+            self.similarities = self.found.similarities(self.size, tile)
+            self.uploaded = seams.upload(*self.found.strips(self.size, tile), self.similarities)
+            self.tile = tile
+        return self
+
+
 class Finish:
-    """Made once for a map; `lows` are the meshes whose islands lie on it."""
+    """Made once for a map.
 
-    def __init__(self, lows: Sequence[Mesh], settings: Settings):
-        self.lows = lows
-        self.settings = settings
+    kind: of its values, as passes.seams has them; normals are stored as half of what they are and a half, others as they
+    are. borders: where the islands on the map end, for a margin that goes on across them; None for one that does not.
+    """
 
-    def draw(self, band, normals: gpu.types.GPUTexture) -> target.Target:
-        """The stored texels (RGBA32F) of the band's own rows and their state (R8) from `normals`, which has its halo."""
-        settings = self.settings
-        offsets = target.get("margin", settings.width, band.height, "R16I")
-        margin.draw(offsets, normals, settings.margin)
-        stored = target.get("map", settings.width, band.stop - band.start, "RGBA32F", "R8")
+    def __init__(self, settings: Settings, kind: int, borders: Borders | None = None):
+        self.settings, self.kind, self.borders = settings, kind, borders
+        self.encode = np.eye(4)
+        if kind in (seams.NORMAL, seams.TANGENT):
+            self.encode[:3, :3], self.encode[:3, 3] = channels(settings) * 0.5, 0.5
+
+    def draw(self, band: Band, values: gpu.types.GPUTexture) -> target.Target:
+        """The stored texels (RGBA32F) of the band's own rows and their state (R8) from `values`, which has its halo.
+
+        `complete` has to follow the last band, unless there is one alone.
+        """
+        reach = self.settings.margin
+        near = REACH if reach is None else min(reach, REACH)
+        stored = target.get("map", band.width, band.stop - band.start, "RGBA32F", "R8")
+        nearest = margin.search(values, reach if band.is_whole else near)
         resolve.draw(
             stored,
-            normals,
-            offsets,
+            values,
+            nearest,
             halo=band.halo,
-            margin=settings.margin,
-            channels=channels(settings),
-            missed=settings.missed,
+            encode=self.encode,
+            missed=self.settings.missed,
         )
+        if self.borders:
+            seams.draw(
+                stored,
+                values,
+                nearest,
+                self.borders.on(band.tile).uploaded,
+                band.window,
+                halo=band.halo,
+                reach=near,
+                kind=self.kind,
+                encode=self.encode,
+                is_deferred=not band.is_whole,
+            )
         return stored
+
+    def complete(self, tile: int, texels: np.ndarray, state: np.ndarray) -> None:
+        """Fill what no band could alone, in place: texels (height, width, 4) float32, state (height, width) uint8."""
+        height, width = state.shape
+        if next(bands(width, height, None)).is_whole:
+            return
+        if self.borders:
+            stitch.across(texels, state, self.borders.on(tile).similarities, self.kind, self.encode)
+        if self.settings.margin is None or self.settings.margin > REACH:
+            stitch.beyond(texels, state, self.settings.margin)
+
+
+def all_of(lows: Sequence[Mesh], settings: Settings) -> dict[str, Finish]:
+    """One for each map of a bake, by name; `lows` are the meshes whose islands lie on it."""
+    borders = None
+    if settings.margin_type == "ADJACENT_FACES" and settings.margin != 0:
+        found = islands.find(lows)
+        borders = Borders(found, settings) if len(found.side) else None
+    kinds = {"NORMAL": seams.TANGENT if settings.space == "TANGENT" else seams.NORMAL}
+    kinds |= {name: seams.LABEL if name.endswith("_ID") else seams.VALUE for name in settings.maps}
+    return {name: Finish(settings, kind, borders) for name, kind in kinds.items()}
 
 
 def channels(settings: Settings) -> np.ndarray:

@@ -1,24 +1,22 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Texels into an image datablock, and into a file."""
+"""A map on its way into an image datablock, and into files."""
 
+import re
+import tempfile
 from dataclasses import replace
 from pathlib import Path, PurePath
 
 import bpy
 import numpy as np
 
+from . import datablocks, encode, quantise, values
+from .datablocks import TOKEN
 from .errors import BakeError
-from .files import check_writable, replacing
+from .files import Partial, check_writable
 from .settings import FORMATS, Settings
 
 MISSED = "missed"
 """What the name of a mask of misses ends in."""
-
-OPAQUE_BITS = {24, 96}
-"""Image.depth, bits a texel, of images without alpha: their pixels hold it, but a file written from them does not."""
-
-PNG_END = b"IEND\xae\x42\x60\x82"
-"""The last bytes of every whole PNG file."""
 
 
 def name_for(low_name: str, settings: Settings) -> str:
@@ -26,83 +24,44 @@ def name_for(low_name: str, settings: Settings) -> str:
     return settings.image.replace("{low}", low_name) or f"{low_name}_normal"
 
 
-def check(low_name: str, settings: Settings) -> None:
-    """Raise BakeError if the image cannot be written to, before anything is baked."""
-    image = bpy.data.images.get((name_for(low_name, settings), None))
-    if image is not None and (
-        image.source not in {"GENERATED", "FILE"} or image.type not in {"IMAGE", "UV_TEST"} or image.is_multiview
-    ):
-        raise BakeError(f"The image {image.name!r} is no single still picture: choose another name for the map.")
-    if settings.storage == "FILE":
-        if settings.output.startswith("//") and not bpy.data.filepath:
-            raise BakeError(f"{settings.output!r} is relative to a .blend file that was never saved: save it first.")
-        check_writable(_path(settings))
-        if settings.mask:
-            check_writable(_path(beside(settings, MISSED)))
-
-
-def store(texels: np.ndarray, low_name: str, settings: Settings) -> bpy.types.Image:
-    """Put `texels`, (height, width, 4) float32 with row 0 at v = 0, where the settings want them.
-
-    The image is Non-Color and channel-packed. A file is written beside its place and then moved there, so that an old
-    one is never half overwritten. Raises BakeError if the file cannot be written; then no image has changed.
-    """
-    name = name_for(low_name, settings)
-    image = bpy.data.images.get((name, None))
-    if settings.storage == "FILE":
-        _write_file(texels, settings)
-        image = image or bpy.data.images.new(name, 1, 1, is_data=True)
-        _forget_pixels(image)
-        image.filepath = settings.output
-        image.source = "FILE"
-        _mark_as_data(image)
-        image.reload()
-    else:
-        is_float = settings.depth > 8
-        if image is None:
-            height, width = texels.shape[:2]
-            image = bpy.data.images.new(name, width, height, alpha=True, float_buffer=is_float, is_data=True)
-        else:
-            _regenerate(image, texels.shape, is_float)
-            if settings.storage == "PACK" and image.depth in OPAQUE_BITS:
-                _give_alpha(image)
-        _mark_as_data(image)
-        image.pixels.foreach_set(texels.reshape(-1))
-        image.update()
-        if settings.storage == "PACK":
-            image.pack()
-    return image
-
-
-class Writer:
-    """A map on its way into an image datablock, and a file. Nothing of an artist's changes before commit."""
-
-    def __init__(self, low_name: str, settings: Settings):
-        self.low_name, self.settings = low_name, settings
-        self._texels: dict[int, np.ndarray] = {}
-
-    def add(self, tile: int, texels: np.ndarray) -> None:
-        """Take one UDIM tile, (height, width, 4) float32 with row 0 at v = 0."""
-        self._texels[tile] = texels
-
-    def commit(self) -> bpy.types.Image:
-        """Put what was added where the settings want it. Raises BakeError if that cannot be done."""
-        return store(self._texels[1001], self.low_name, self.settings)
+def output_for(settings: Settings) -> str:
+    """The path to write to as Blender takes it, with TOKEN for the tile's number in a UDIM bake; empty for no file."""
+    path = settings.output
+    if settings.storage != "FILE":
+        return ""
+    if settings.udim and TOKEN not in path:
+        ending = PurePath(path).suffix
+        path = f"{path.removesuffix(ending)}.{TOKEN}{ending}"
+    return path
 
 
 def beside(settings: Settings, name: str, depth: int | None = None) -> Settings:
     """The settings of another map beside that of `settings`, whose image is named: `name` is what its name ends in.
 
-    depth: bits a channel; None for the fewest that the format has.
+    depth: bits a channel; None for the fewest that the format has, which are not dithered.
     """
     path = PurePath(settings.output)
     is_file = settings.storage == "FILE"
+    # The number of a tile stays last, with what parts it from the name.
+    stem = re.sub(rf"[._ -]?{TOKEN}|$", rf"_{name}\g<0>", path.stem, count=1)
     return replace(
         settings,
         image=f"{settings.image}_{name}",
-        output=str(path.with_stem(f"{path.stem}_{name}")) if is_file else "",
+        output=str(path.with_stem(stem)) if is_file else "",
         depth=depth or (FORMATS[path.suffix.lower()][1][0] if is_file else 8),
+        dither=settings.dither and depth is not None,
     )
+
+
+def plan(settings: Settings) -> dict[str, Settings]:
+    """The settings of each image that a bake of `settings`, whose image is named, fills: by the map's name."""
+    result = {"NORMAL": settings}
+    if settings.mask:
+        result["MASK"] = beside(settings, MISSED)
+    for name in settings.maps:
+        few = name == "COVERAGE" or name.endswith("_ID")
+        result[name] = beside(settings, name.lower(), None if few else settings.depth)
+    return result
 
 
 def black_and_white(where: np.ndarray) -> np.ndarray:
@@ -112,78 +71,132 @@ def black_and_white(where: np.ndarray) -> np.ndarray:
     return texels
 
 
-def _mark_as_data(image: bpy.types.Image) -> None:
-    # Before the pixels are set, since Blender drops those that no file holds when one of these changes; and not when
-    # nothing changes. By role, since a colour configuration may call it otherwise than "Non-Color".
-    if not image.colorspace_settings.is_data:
-        image.colorspace_settings.is_data = True
-    if image.alpha_mode != "CHANNEL_PACKED":
-        image.alpha_mode = "CHANNEL_PACKED"
-    if image.use_half_precision:  # the viewport would round the normals
-        image.use_half_precision = False
+def check(low_name: str, settings: Settings) -> None:
+    """Raise BakeError if a map cannot be put where the settings want it, before anything is baked."""
+    for own in plan(replace(settings, image=name_for(low_name, settings))).values():
+        _check_image(own.image)
+        output = output_for(own)
+        if output.startswith("//") and not bpy.data.filepath:
+            raise BakeError(f"{output!r} is relative to a .blend file that was never saved: save it first.")
+        if output:
+            check_writable(_absolute(output))
 
 
-def _forget_pixels(image: bpy.types.Image) -> None:
-    if image.packed_file is not None:
-        image.unpack(method="REMOVE")
+class Writer:
+    """A map on its way into an image datablock, and files. Nothing of the artist's changes before commit.
 
+    Tiles for files, and for packing as UDIM, are encoded as they come, so that memory does not grow with their number.
+    To be used in a with statement, or discarded in the end.
 
-def _regenerate(image: bpy.types.Image, shape: tuple[int, ...], is_float: bool) -> None:
-    """Make an existing image one of this size and kind whose pixels are free to be set."""
-    height, width = shape[:2]
-    _forget_pixels(image)
-    if image.source != "GENERATED" or tuple(image.size) != (width, height) or image.is_float != is_float:
-        image.source = "GENERATED"
-        image.generated_width, image.generated_height = width, height
-        image.use_generated_float = is_float
-
-
-def _give_alpha(image: bpy.types.Image) -> None:
-    """Let an image that was made without alpha pack it.
-
-    Generating its pixels anew does not help, only reading them from a file does: one that is packed and has one texel.
+    is_normal: whether to measure what normals lose by being stored in whole numbers.
     """
-    width, height = image.size
-    seed = bpy.data.images.new("Imprint seed", 1, 1, alpha=True, float_buffer=image.is_float, is_data=True)
-    try:
-        seed.pixels[0] = 0.0  # an image that nobody has touched is not packed
-        seed.pack()
-        image.source = "FILE"
-        image.pack(data=seed.packed_file.data, data_len=seed.packed_file.size)
-    finally:
-        bpy.data.images.remove(seed)
-    _mark_as_data(image)  # before it is scaled, see there
-    image.scale(width, height)
+
+    def __init__(self, low_name: str, settings: Settings, *, is_normal: bool = False):
+        self.name, self.settings, self.is_normal = name_for(low_name, settings), settings, is_normal
+        self._texels: np.ndarray | None = None
+        self._partials: dict[int, Partial] = {}
+        self._folder: tempfile.TemporaryDirectory | None = None
+        self._path = output_for(settings)
+        """Of the files, as for Blender; empty where there are none."""
+        if settings.storage == "PACK" and settings.udim:  # Blender packs tiles out of files alone
+            self._folder = tempfile.TemporaryDirectory(prefix="imprint-")
+            self._path = str(Path(self._folder.name, f"map.{TOKEN}.{'exr' if settings.depth > 8 else 'png'}"))
+        self._angles: list[np.ndarray] = []
+        self.tiles: list[int] = []
+        """What was added."""
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.discard()
+
+    def add(self, tile: int, texels: np.ndarray) -> None:
+        """Take the map of one UDIM tile, (height, width, 4) float32 with row 0 at v = 0; of 1001 where there is but one.
+
+        Raises BakeError if it cannot be written.
+        """
+        settings = self.settings
+        self.tiles.append(tile)
+        stored = quantise.dithered(texels) if settings.dither and settings.depth == 8 else texels  # else Blender rounds
+        if self.is_normal and not values.is_float(settings):
+            rounded = quantise.rounded(quantise.sample(stored), settings.depth)
+            self._angles.append(quantise.angles(quantise.sample(texels), rounded))
+        if self._path:
+            partial = self._partials[tile] = Partial(_absolute(self._path.replace(TOKEN, str(tile))))
+            depth = 32 if self._folder and settings.depth > 8 else settings.depth  # as Blender packs other images
+            with partial.told():
+                encode.write(stored, partial.here, depth)
+        else:
+            self._texels = stored
+
+    @property
+    def loss(self) -> dict[str, float]:
+        """Median and maximum of the degrees by which normals were turned; empty where they are stored as floats."""
+        if not self._angles:
+            return {}
+        angles = np.concatenate(self._angles)
+        return {"median": float(np.median(angles)), "maximum": float(angles.max())} if len(angles) else {}
+
+    def commit(self) -> bpy.types.Image:
+        """Put what was added where the settings want it. The image is Non-Color and channel-packed.
+
+        Raises BakeError if that cannot be done; then the image is as it was, and so is each file, or it is the new one.
+        """
+        settings = self.settings
+        _check_image(self.name)  # an artist may have painted since
+        if not self._path:
+            is_float, pack = settings.depth > 8, settings.storage == "PACK"
+            return datablocks.fill(self.name, self._texels, is_float=is_float, pack=pack)
+        if settings.udim:
+            self._keep_other_tiles()
+        for partial in self._partials.values():
+            partial.commit()
+        return datablocks.show(self.name, self._path, pack=self._folder is not None)
+
+    def discard(self) -> None:
+        """Leave nothing behind of what was not committed. May be called at any time, and again."""
+        for partial in self._partials.values():
+            partial.discard()
+        if self._folder:
+            self._folder.cleanup()
+
+    def _keep_other_tiles(self) -> None:
+        """Take along the tiles of the image that were not baked, unless their files are in the place of this map."""
+        image = datablocks.get(self.name)
+        if image is None or image.source != "TILED":
+            return
+        with next(iter(self._partials.values())).here.open("rb") as file:
+            start = file.read(2)  # in which formats differ
+        for tile, content in datablocks.tile_contents(image):
+            partial = Partial(_absolute(self._path.replace(TOKEN, str(tile))))
+            if tile in self._partials or content == partial.path:
+                continue
+            with partial.told():
+                data = content.read_bytes() if isinstance(content, Path) else content
+                is_there = partial.path.exists()
+                if (data != partial.path.read_bytes()) if is_there else (data[:2] != start):
+                    raise BakeError(
+                        f"Tile {tile} of the image {self.name!r} would be lost: bake it as well, or choose another name."
+                    )
+                if not is_there:
+                    self._partials[tile] = partial
+                    partial.here.write_bytes(data)
 
 
-def _path(settings: Settings) -> Path:
-    return Path(bpy.path.abspath(settings.output)).absolute()
+def _check_image(name: str) -> None:
+    image = datablocks.get(name)
+    if image is None:
+        return
+    if (
+        image.source not in {"GENERATED", "FILE", "TILED"}
+        or image.type not in {"IMAGE", "UV_TEST"}
+        or image.is_multiview
+    ):
+        raise BakeError(f"The image {name!r} is no single still picture: choose another name for the map.")
+    if image.source == "TILED" and image.is_dirty:
+        raise BakeError(f"The image {name!r} has tiles with unsaved changes: save or pack it first.")
 
 
-def _write_file(texels: np.ndarray, settings: Settings) -> None:
-    path = _path(settings)
-    height, width = texels.shape[:2]
-    # A scene of its own for Blender's image writer: the artist's output settings stay as they are.
-    scene = bpy.data.scenes.new("Imprint output")
-    image = bpy.data.images.new(
-        "Imprint output", width, height, alpha=True, float_buffer=settings.depth > 8, is_data=True
-    )
-    try:
-        _mark_as_data(image)
-        image.pixels.foreach_set(texels.reshape(-1))
-        output = scene.render.image_settings
-        output.file_format = FORMATS[path.suffix.lower()][0]
-        output.color_mode, output.color_depth = "RGBA", str(settings.depth)
-        with replacing(path) as partial:
-            image.save_render(str(partial), scene=scene)
-            if output.file_format == "PNG" and not _is_whole_png(partial):
-                raise RuntimeError("the disk took only a part of it")  # which Blender's PNG writer does not notice
-    finally:
-        bpy.data.images.remove(image)
-        bpy.data.scenes.remove(scene)
-
-
-def _is_whole_png(path: Path) -> bool:
-    with path.open("rb") as file:
-        file.seek(max(0, path.stat().st_size - len(PNG_END)))
-        return file.read() == PNG_END
+def _absolute(path: str) -> Path:
+    return Path(bpy.path.abspath(path)).absolute()

@@ -19,6 +19,7 @@ from .errors import BakeError
 MARK = "imprint"
 NODE_HEIGHT = 320  # room for one node in a column: Blender knows the real height only once a window has drawn it
 NODE_GAP = 60
+CONVENTIONS = {("+X", "+Y", "+Z"): "OPENGL", ("+X", "-Y", "+Z"): "DIRECTX"}
 
 
 @dataclass
@@ -53,14 +54,16 @@ def check(low):
         )
 
 
-def hook_up(low, image, *, space, uv_layer, green, single_user=False):
+def hook_up(low, image, *, space, uv_layer, channels, single_user=False):
     """Show image as the normal map of every material that low's faces can show; return notes for the report.
 
-    space is 'TANGENT', 'OBJECT' or 'WORLD'; green is '+Y' or '-Y'. With single_user, a material that is linked from a
-    library or shown by other objects too is first copied for low.
+    space is 'TANGENT', 'OBJECT' or 'WORLD'; channels are what red, green and blue hold, as in Settings. With single_user,
+    a material that is linked from a library or shown by other objects too is first copied for low.
     """
     image[MARK] = True
-    settings = {"space": space, "convention": "OPENGL" if green == "+Y" else "DIRECTX"}
+    if channels not in CONVENTIONS:
+        return [f"No Normal Map node reads channels of {', '.join(channels)}: the material was left as it is."]
+    settings = {"space": space, "convention": CONVENTIONS[channels]}
     if space == "TANGENT":
         settings["uv_map"] = uv_layer
     is_default = any(layer.name == uv_layer and layer.active_render for layer in low.data.uv_layers)

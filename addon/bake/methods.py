@@ -5,7 +5,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from ..mesh import arrays
-from . import agreement, casting, distances, render
+from ..passes import batch
+from . import agreement, casting, distances, sources
 from .errors import BakeError
 from .pace import Pace, Step, Work
 from .reading import Meshes
@@ -20,12 +21,13 @@ def choose(meshes: Meshes, tiles: Sequence[int], settings: Settings, report: Rep
     """Put into the report which method it is, and why where that was left open. Returns what that method can use."""
     if settings.method == "AUTO":
         with report.timed("method"):
-            if meshes.is_own_base:
+            if meshes.is_own_base and meshes.highs[0].uv is not None:
                 report.method, report.why = "FLATTEN", "a surface and its own base mesh share their UVs"
             elif meshes.cage is not None:
                 report.method, report.why = "CAST", "there is a cage"
             else:
-                report.method, report.why = agreement.choose(meshes.low, meshes.highs, tiles)
+                report.method, report.why, seen = agreement.choose(meshes.low, meshes.highs, tiles)
+                meshes = replace(meshes, apart=seen)
     if report.method == "FLATTEN":
         return replace(meshes, highs=[arrays.keep_corners(high, arrays.finite_rows(high.uv)) for high in meshes.highs])
     apart = arrays.gap(meshes.low, meshes.highs)
@@ -45,10 +47,18 @@ def choose(meshes: Meshes, tiles: Sequence[int], settings: Settings, report: Rep
     return replace(meshes, highs=[high for high, is_out in zip(meshes.highs, out_of_reach, strict=True) if not is_out])
 
 
-def source(meshes: Meshes, tiles: Sequence[int], settings: Settings, report: Report, pace: Pace) -> Work[render.Source]:
-    """What draws the normals."""
+def source(
+    meshes: Meshes,
+    tiles: Sequence[int],
+    settings: Settings,
+    report: Report,
+    pace: Pace,
+    *,
+    kept: batch.Kept | None = None,
+) -> Work[sources.Source]:
+    """What draws the normals; `kept` holds what was uploaded before."""
     if report.method == "FLATTEN":
-        return render.flatten_source(meshes.low, meshes.highs, settings, report)
+        return sources.Flat(meshes.low, meshes.highs, settings, report, kept=kept)
     yield Step("Building the tree", 0.0)
     aim = casting.target_of(meshes.highs, report)
     yield Step("Measuring distances", 0.5)
@@ -71,8 +81,15 @@ def source(meshes: Meshes, tiles: Sequence[int], settings: Settings, report: Rep
         reach = extrusion + inside * aim.frame.size if reach is None else reach
         report.measured = True
     report.distances = {"extrusion": extrusion, "max_distance": reach}
-    return render.cast_source(
-        meshes.low, rays, aim, settings, pace, extrusion=extrusion / aim.frame.size, reach=reach / aim.frame.size
+    return sources.Rays(
+        meshes.low,
+        rays,
+        aim,
+        meshes.highs,
+        settings,
+        pace=pace,
+        extrusion=extrusion / aim.frame.size,
+        reach=reach / aim.frame.size,
     )
 
 

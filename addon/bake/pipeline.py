@@ -2,7 +2,7 @@
 """The story of a bake: check, read the meshes, draw, read back, store, hook up, report."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 
 import bpy
 import gpu
@@ -10,10 +10,11 @@ import numpy as np
 
 from ..mesh import arrays
 from ..mesh.arrays import Mesh
-from ..passes import resolve, target
-from . import audit, casting, images, materials, methods, pace, reading, render, subjects
+from ..passes import target
+from . import atlas, audit, casting, finish, images, materials, methods, pace, reading, render, subjects
+from .band import bands
 from .errors import BakeError
-from .finish import Finish, upwards
+from .outputs import Outputs, wanted
 from .pace import Pace, Step, Work, part
 from .pairs import Suffixes, match
 from .report import Report
@@ -95,17 +96,22 @@ def work(
     if not share_image and len(places) < len(jobs):
         raise BakeError("Several maps would go into one place: put {low} into its name, or let them share it.")
     for job, own in zip(jobs, named, strict=True):
-        _check(context, job, own)
-    bakes = []
+        check(context, job, own)
+    bakes, shared = [], atlas.Atlas(named[0])
     for number, (job, own) in enumerate(zip(jobs, named, strict=True)):
         report = Report(own.method, own.space, (own.width, own.height), job.low.name, [h.name for h in job.highs])
+        report.cage, report.settings = job.cage.name if job.cage else "", asdict(own)
         bakes.append(_Bake(job, own, report, speed))
-        steps = bakes[-1].normals(context) if share_image else bakes[-1].whole(context)
-        for step in part(steps, number / len(jobs), (number + 1) / len(jobs)):
-            yield replace(step, finished=0 if share_image else number)
+        share = number / len(jobs), (number + 1) / len(jobs)
+        if share_image:
+            drawn = yield from part(bakes[-1].raw(context), *share)
+            shared.add(drawn, bakes[-1].meshes, report)
+        else:
+            for step in part(bakes[-1].whole(context), *share):
+                yield replace(step, finished=number)
     if share_image:
         yield Step("Storing", 1.0)
-        _store_atlas(bakes, named[0])
+        shared.store([job.low for job in jobs], [bake.report for bake in bakes])
     return [bake.report for bake in bakes]
 
 
@@ -124,133 +130,70 @@ class _Bake:
     def __init__(self, job: Job, settings: Settings, report: Report, speed: Pace):
         self.job, self.settings, self.report, self.pace = job, settings, report, speed
         self.tally = audit.Tally()
-        self.drawn: dict[int, np.ndarray] = {}
-        self.low: Mesh | None = None
+        self.meshes: reading.Meshes | None = None
+        self.tiles: list[int] = []
 
     def whole(self, context: bpy.types.Context) -> Work[None]:
-        """From the objects to the image and the material."""
-        with self.report.timed("total"):
-            outputs = _Outputs(self.job.low.name, self.settings)
-            yield from self._drawn(context, outputs.add)
-            yield Step("Storing", 1.0)
-            with self.report.timed("image"):
-                outputs.commit([self.job], [self.report])
-
-    def normals(self, context: bpy.types.Context) -> Work[None]:
-        """From the objects to normals, which stay in `drawn`."""
-        with self.report.timed("total"):
-            yield from self._drawn(context, None)
-
-    def _drawn(self, context: bpy.types.Context, add) -> Work[None]:
-        """Read the objects and draw their map, tile by tile: `add` gets texels and state, or `drawn` the normals."""
+        """From the objects to images and materials."""
         settings, report = self.settings, self.report
-        name = self.job.low.name
+        with report.timed("total"), Outputs(settings) as outputs:
+            renderer = yield from part(self._renderer(context), 0.0, 0.2)
+            try:
+                finishes = finish.all_of([self.meshes.low], settings)
+                for number, tile in enumerate(self.tiles):
+                    maps = yield from part(renderer.texels(tile, finishes), *self._share(number))
+                    texels, state = maps["NORMAL"]
+                    is_tangent = settings.space == "TANGENT"
+                    self.tally.add(state, finish.upwards(texels, settings) if is_tangent else None)
+                    with report.timed("image"):
+                        outputs.add(tile, maps)
+                self._tell()
+            finally:
+                target.trim()
+                casting.trim()
+            yield Step("Storing", 1.0)
+            with report.timed("image"):
+                outputs.commit([self.job.low], [report], self.meshes.materials)
+
+    def raw(self, context: bpy.types.Context) -> Work[dict[int, dict[str, np.ndarray]]]:
+        """From the objects to the values of all maps without a margin, by tile and name, as Renderer.raw has them."""
+        drawn = {}
+        with self.report.timed("total"):
+            renderer = yield from part(self._renderer(context), 0.0, 0.2)
+            try:
+                for number, tile in enumerate(self.tiles):
+                    drawn[tile] = yield from part(renderer.raw(tile), *self._share(number))
+                    normals = drawn[tile]["NORMAL"]
+                    is_tangent = self.settings.space == "TANGENT"
+                    self.tally.add(atlas.state(normals), normals[..., 2] if is_tangent else None)
+                self._tell()
+            finally:
+                target.trim()
+                casting.trim()
+        return drawn
+
+    def _renderer(self, context: bpy.types.Context) -> Work[render.Renderer]:
+        """Read the objects and make ready for drawing."""
+        settings, report, name = self.settings, self.report, self.job.low.name
         report.backend, report.renderer = gpu.platform.backend_type_get(), gpu.platform.renderer_get()
         yield Step(f"Reading {name}", 0.0)
         with report.timed("extract"):
             meshes = reading.read(context, self.job.low, self.job.highs, self.job.cage, settings)
-        self.low, report.uv_layer = meshes.low, meshes.uv_layer
-        report.tiles = tiles = _tiles(meshes.low, settings)
-        try:
-            yield Step(f"Looking at {name}", 0.1)
-            meshes = methods.choose(meshes, tiles, settings, report)
-            source = yield from part(methods.source(meshes, tiles, settings, report, self.pace), 0.1, 0.2)
-            renderer = render.Renderer(source, meshes.basis, settings, report, self.pace)
-            finish = Finish([meshes.low], settings) if add else None
-            for number, tile in enumerate(tiles):
-                steps = renderer.texels(tile, finish) if add else renderer.normals(tile)
-                drawn = yield from part(steps, 0.2 + 0.7 * number / len(tiles), 0.2 + 0.7 * (number + 1) / len(tiles))
-                is_tangent = settings.space == "TANGENT"
-                if add:
-                    texels, state = drawn
-                    self.tally.add(state, upwards(texels, settings) if is_tangent else None)
-                    add(tile, texels, state)
-                else:
-                    self.drawn[tile] = drawn
-                    self.tally.add(_state(drawn), drawn[..., 2] if is_tangent else None)
-            if not self.tally.written:
-                raise BakeError(methods.nothing_drawn(meshes, tiles, report))
-            yield Step(f"Checking {name}", 0.9)
-            audit.tell(meshes, self.tally, tiles, settings, report)
-        finally:
-            target.trim()
-            casting.trim()
+        report.uv_layer = meshes.uv_layer
+        report.tiles = self.tiles = _tiles(meshes.low, settings)
+        yield Step(f"Looking at {name}", 0.5)
+        self.meshes = methods.choose(meshes, self.tiles, settings, report)
+        source = yield from part(methods.source(self.meshes, self.tiles, settings, report, self.pace), 0.5, 1.0)
+        return render.Renderer(source, meshes.basis, settings, report, self.pace)
 
+    def _share(self, number: int) -> tuple[float, float]:
+        """Where in the whole bake a tile begins and ends."""
+        return tuple(0.2 + 0.8 * n / len(self.tiles) for n in (number, number + 1))
 
-class _Outputs:
-    """The images that a bake fills: the map and what was asked for beside it."""
-
-    def __init__(self, low_name: str, settings: Settings):
-        self.settings = settings
-        self.map = images.Writer(low_name, settings)
-        self.mask = images.Writer(low_name, images.beside(settings, images.MISSED)) if settings.mask else None
-
-    def add(self, tile: int, texels: np.ndarray, state: np.ndarray) -> None:
-        """Take one tile."""
-        self.map.add(tile, texels)
-        if self.mask:
-            self.mask.add(tile, images.black_and_white(state == resolve.MISSED))
-
-    def commit(self, jobs: Sequence[Job], reports: Sequence[Report]) -> None:
-        """Put all images in their places and the map into the materials of the low objects that it is for."""
-        settings = self.settings
-        image = self.map.commit()
-        if self.mask:
-            self.mask.commit()
-        for job, report in zip(jobs, reports, strict=True):
-            report.image = image.name
-            report.output = settings.output if settings.storage == "FILE" else ""
-            if settings.material:
-                report.warnings += materials.hook_up(
-                    job.low,
-                    image,
-                    space=settings.space,
-                    uv_layer=report.uv_layer,
-                    green=settings.green,
-                    single_user=settings.single_user,
-                )
-
-
-def _store_atlas(bakes: Sequence[_Bake], settings: Settings) -> None:
-    """One map of what several bakes drew: the margin comes last, so that no object's runs over another's texels."""
-    report = bakes[-1].report
-    with report.timed("total"):
-        merged: dict[int, np.ndarray] = {}
-        for bake in bakes:
-            for tile, normals in bake.drawn.items():
-                merged[tile] = _merge(merged[tile], normals, bake.report) if tile in merged else normals
-        # In all their samples and in their own tangent spaces already.
-        plain = replace(settings, samples=1)
-        finish, outputs = Finish([bake.low for bake in bakes], plain), _Outputs("", settings)
-        tally = audit.Tally()
-        for tile, normals in merged.items():
-            renderer = render.Renderer(render.array_source(normals), None, plain, report, Pace())
-            texels, state = pace.finish(renderer.texels(tile, finish))
-            tally.add(state, None)
-            outputs.add(tile, texels, state)
-        with report.timed("image"):
-            outputs.commit([bake.job for bake in bakes], [bake.report for bake in bakes])
-    for bake in bakes:
-        bake.report.margin = tally.margin / tally.texels
-
-
-def _merge(below: np.ndarray, above: np.ndarray, report: Report) -> np.ndarray:
-    """Normals of two objects in one map. Misses yield to hits; else the later one stays."""
-    hits = above[..., 3] > 0.0
-    lost = np.count_nonzero(hits & (below[..., 3] > 0.0))
-    if lost > audit.MUCH_OVERLAP * max(1, np.count_nonzero(hits)):
-        report.warnings.append(
-            f"{lost:,} texels of {report.low!r} lie over those of others in the same image: give each its own place, or a "
-            "map each with {low} in the name."
-        )
-    wins = hits | ((above[..., 3] < 0.0) & (below[..., 3] <= 0.0))
-    return np.where(wins[..., None], above, below)
-
-
-def _state(normals: np.ndarray) -> np.ndarray:
-    """The state of texels without a margin, from the alpha of their normals."""
-    alpha = normals[..., 3]
-    return np.where(alpha > 0.0, resolve.WRITTEN, np.where(alpha < 0.0, resolve.MISSED, 0)).astype(np.uint8)
+    def _tell(self) -> None:
+        if not self.tally.written:
+            raise BakeError(methods.nothing_drawn(self.meshes, self.tiles, self.report))
+        audit.tell(self.meshes, self.tally, self.tiles, self.settings, self.report)
 
 
 def _tiles(low: Mesh, settings: Settings) -> list[int]:
@@ -272,14 +215,16 @@ def _tiles(low: Mesh, settings: Settings) -> list[int]:
     return wanted
 
 
-def _check(context: bpy.types.Context, job: Job, settings: Settings) -> None:
+def check(context: bpy.types.Context, job: Job, settings: Settings) -> None:
+    """Raise BakeError for what can be known before anything is read."""
     settings.check()
     # Scripts link, move and bake without a redraw between: view layers and matrices lag behind until asked.
     context.view_layer.update()
     reason = subjects.problem(context, job.low, job.highs, job.cage, settings.method)
     if reason:
         raise BakeError(reason)
-    images.check(job.low.name, settings)
+    for own in wanted(settings).values():
+        images.check(job.low.name, own)
     if settings.material:
         materials.check(job.low)
     try:
@@ -287,7 +232,7 @@ def _check(context: bpy.types.Context, job: Job, settings: Settings) -> None:
     except (SystemError, RuntimeError) as error:
         raise BakeError(f"There is no GPU to bake on: {error}.") from error
     limit = gpu.capabilities.max_texture_size_get()
-    tallest = max(band.height for band in render.bands(settings.width, settings.height, settings.margin))
+    tallest = max(band.height for band in bands(settings.width, settings.height, settings.margin))
     if max(settings.width, tallest) > limit:
         raise BakeError(
             f"A map of {settings.width} x {settings.height} texels with a margin of {settings.margin} does not fit this GPU, "

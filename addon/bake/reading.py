@@ -1,27 +1,33 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Reads the objects of a bake into arrays, all of them at once, so that Blender's state is borrowed only for that."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
 
 import bpy
 import numpy as np
 
 from ..mesh import extract
-from ..mesh.arrays import Mesh
+from ..mesh.arrays import Mesh, frame_of
 from . import subjects
 from .casting import check_cage
 from .errors import BakeError
 from .settings import Settings
+
+SMALLEST, LARGEST = 5e-9, 1e9
+"""Radius of a mesh, the first for each square root of its triangles' number. Blender takes the cross product of two edges
+for the normal of a face, and in single precision the square of its length is 0 for edges of 2e-9 and infinite for 4e9."""
 
 
 @dataclass(frozen=True)
 class Meshes:
     """What a bake works on.
 
-    low: as rays and checks see it. basis: the low mesh with tangents, for tangent space, else None. directions (C, 3)
-    float32: by corner of `low`, away from its surface. cage: with the corners of `low`, or None. is_own_base: the high
-    mesh is the low object's own surface with modifiers.
+    low: as rays and checks see it, with its faces. basis: the low mesh with tangents, for tangent space, else None.
+    directions (C, 3) float32: by corner of `low`, away from its surface. cage: with the corners of `low`, or None.
+    is_own_base: the high mesh is the low object's own surface with modifiers. materials: what the labels of the high
+    meshes stand for, from 1. apart: what apart.probe sees, where Auto has measured it already. shown: a surface on its
+    own base as it is shown, with the UVs that modifiers have moved; None where none does.
     """
 
     low: Mesh
@@ -31,6 +37,9 @@ class Meshes:
     cage: Mesh | None
     uv_layer: str
     is_own_base: bool
+    materials: list[str]
+    apart: np.ndarray | None = None
+    shown: Mesh | None = None
 
 
 def read(
@@ -41,33 +50,126 @@ def read(
     settings: Settings,
 ) -> Meshes:
     """Evaluate and read all objects. Raises BakeError for what only shows then: faces, UV layers, the cage's topology."""
-    is_own_base = low in highs
     with subjects.ready(context, low, highs, cage, settings.modifiers) as depsgraph:
-        with extract.base(low) if is_own_base else extract.evaluated(low, depsgraph) as data:
-            uv_layer = _uv_layer(low, data, settings.uv_layer)
-            to_world = extract.matrix(low)
-            low_mesh = extract.surface(data, uv_layer, low.name, to_world)
-            directions = extract.directions(data, low_mesh, settings.directions)
-            basis = extract.with_tangents(data, uv_layer, low.name, to_world) if settings.space == "TANGENT" else None
-            cage_mesh = cage and _cage(cage, depsgraph, low_mesh, len(data.polygons))
-        high_meshes = [_high(high, depsgraph, uv_layer, settings.method) for high in highs]
-    for mesh in (low_mesh, *high_meshes, *([cage_mesh] if cage_mesh else [])):
+        return _read(depsgraph, low, highs, cage, settings)
+
+
+def read_again(
+    context: bpy.types.Context,
+    low: bpy.types.Object,
+    highs: Sequence[bpy.types.Object],
+    cage: bpy.types.Object | None,
+    settings: Settings,
+    *,
+    before: Meshes | None = None,
+    changed: Collection[str] = (),
+) -> Meshes:
+    """As `read`, but of objects as they are shown, in the modes that they are in.
+
+    Those that are not named in `changed` are taken from `before`, which came from the same objects and settings.
+    """
+    depsgraph = context.evaluated_depsgraph_get()
+    if before is None or {low.name, cage and cage.name}.intersection(changed):
+        meshes = _read(depsgraph, low, highs, cage, settings)
+    else:
+        read = list(before.highs)
+        for number, high in enumerate(highs):
+            if high.name in changed:
+                with extract.evaluated(high, depsgraph) as data:
+                    read[number] = _high(high, data, before.uv_layer, settings)
+        _check_triangles(read)
+        meshes = replace(before, highs=read)
+    if meshes.is_own_base and subjects.smooths_uvs(low):
+        meshes = _with_kept_uvs(context, low, settings, meshes, before)
+    return meshes
+
+
+def _with_kept_uvs(
+    context: bpy.types.Context, low: bpy.types.Object, settings: Settings, meshes: Meshes, before: Meshes | None
+) -> Meshes:
+    """`meshes`, whose high one is the low object's own surface, with UVs that no modifier has moved.
+
+    Blender is asked for them only when those that are shown are not those of `before`: asking is a change as well.
+    """
+    (shown,) = meshes.highs
+    known = before and before.shown
+    if known is not None and known.uv.shape == shown.uv.shape and np.array_equal(known.uv, shown.uv):
+        uv = before.highs[0].uv
+    else:
+        with subjects.kept_uvs(context, low) as depsgraph, extract.evaluated(low, depsgraph) as data:
+            uv = _high(low, data, meshes.uv_layer, settings).uv
+    return replace(meshes, highs=[replace(shown, uv=uv)], shown=shown)
+
+
+def _read(
+    depsgraph: bpy.types.Depsgraph,
+    low: bpy.types.Object,
+    highs: Sequence[bpy.types.Object],
+    cage: bpy.types.Object | None,
+    settings: Settings,
+) -> Meshes:
+    is_own_base = low in highs
+    with extract.base(low) if is_own_base else extract.evaluated(low, depsgraph) as data:
+        uv_layer = _uv_layer(low, data, settings.uv_layer)
+        to_world = extract.matrix(low)
+        low_mesh = extract.surface(data, uv_layer, low.name, to_world, with_faces=True)
+        directions = extract.directions(data, low_mesh, settings.directions)
+        basis = extract.with_tangents(data, uv_layer, low.name, to_world) if settings.space == "TANGENT" else None
+        cage_mesh = cage and _cage(cage, depsgraph, low_mesh, len(data.polygons))
+    materials: dict[str, int] = {}
+    high_meshes = []
+    for number, high in enumerate(highs, start=1):
+        with extract.evaluated(high, depsgraph) as data:
+            mesh = _high(high, data, uv_layer, settings)
+            high_meshes.append(_labelled(mesh, number, high, data, materials) if settings.maps else mesh)
+    _check_triangles([low_mesh, *high_meshes, *([cage_mesh] if cage_mesh else [])])
+    return Meshes(low_mesh, high_meshes, basis, directions, cage_mesh, uv_layer, is_own_base, [*materials])
+
+
+def _check_triangles(meshes: Sequence[Mesh]) -> None:
+    for mesh in meshes:
         if not len(mesh.triangles):
             raise BakeError(
                 f"{mesh.name!r} has no triangle left to bake: the coordinates of all of them are NaN or infinite."
             )
-    return Meshes(low_mesh, high_meshes, basis, directions, cage_mesh, uv_layer, is_own_base)
+        _check_size(mesh)
 
 
-def _high(high: bpy.types.Object, depsgraph: bpy.types.Depsgraph, low_layer: str, method: str) -> Mesh:
-    with extract.evaluated(high, depsgraph) as data:
-        layer = ""
-        if method == "FLATTEN" or (method == "AUTO" and data.uv_layers):
-            # The layer of the same name is the shared one; else the one that the artist sees in the UV editor.
-            layer = _uv_layer(high, data, low_layer if low_layer in data.uv_layers else "")
-        elif not data.polygons:
-            raise BakeError(f"{high.name!r} has no faces.")
-        return extract.surface(data, layer, high.name, extract.matrix(high), is_laid_flat=method == "FLATTEN")
+def _check_size(mesh: Mesh) -> None:
+    most = float(max(mesh.positions.max(), -mesh.positions.min()))
+    stretch = max(1.0, float(np.linalg.norm(mesh.to_world[:3, :3])))
+    smallest = SMALLEST * len(mesh.triangles) ** 0.5
+    if smallest < most < LARGEST / stretch:  # which is a quick look, and says enough of nearly all meshes
+        return
+    own, in_scene = (frame_of([replace(mesh, to_world=to_world)]).size for to_world in (np.eye(4), mesh.to_world))
+    if own < smallest:
+        raise BakeError(f"{mesh.name!r} has a radius of {own:.1g}, too small for its normals: scale the mesh itself up.")
+    if max(own, in_scene) > LARGEST:
+        raise BakeError(
+            f"{mesh.name!r} has a radius of {max(own, in_scene):.1g}, too large for its normals: scale it down, or remove "
+            "what lies far away."
+        )
+
+
+def _high(high: bpy.types.Object, data: bpy.types.Mesh, low_layer: str, settings: Settings) -> Mesh:
+    layer, method = "", settings.method
+    if method == "FLATTEN" or (method == "AUTO" and data.uv_layers):
+        # The layer of the same name is the shared one; else the one that the artist sees in the UV editor.
+        layer = _uv_layer(high, data, low_layer if low_layer in data.uv_layers else "")
+    elif not data.polygons:
+        raise BakeError(f"{high.name!r} has no faces.")
+    laid_flat = method == "FLATTEN"
+    return extract.surface(
+        data, layer, high.name, extract.matrix(high), is_laid_flat=laid_flat, with_faces=bool(settings.maps)
+    )
+
+
+def _labelled(mesh: Mesh, number: int, high: bpy.types.Object, data: bpy.types.Mesh, materials: dict[str, int]) -> Mesh:
+    """`mesh` with the numbers of its object and of its materials as labels; `materials` takes up new names."""
+    indices, names = extract.materials(high, data, mesh)
+    numbers = np.array([materials.setdefault(name or "none", len(materials) + 1) for name in names])
+    labels = np.stack([np.full(len(indices), number), numbers[indices]], axis=1).astype(np.float32)
+    return replace(mesh, labels=labels)
 
 
 def _cage(cage: bpy.types.Object, depsgraph: bpy.types.Depsgraph, low: Mesh, low_faces: int) -> Mesh:

@@ -18,6 +18,9 @@ class Report:
     size: tuple[int, int]
     low: str
     high: list[str]
+    cage: str = ""
+    settings: dict = field(default_factory=dict)
+    """What was asked for, as settings.Settings has it."""
     uv_layer: str = ""
     why: str = ""
     """Why this method, where it was chosen by itself."""
@@ -36,8 +39,17 @@ class Report:
     """Share of the low mesh's texels that two or more of its triangles share."""
     mirrored: int = 0
     """How many of the low mesh's triangles are mirrored in UV space."""
+    checks: dict[str, dict[str, float]] = field(default_factory=dict)
+    """What the audit found, by kind. count: texels (overlap, uncovered, far), triangles (mirrored, outside, no_area) or
+    faces (polygons, uneven) of the low mesh; of and share: of how many texels that were looked at. mirrored has islands
+    as well; far has maximum, percentile_99, limit and the offset that was not counted, in scene units."""
     tiles: list[int] = field(default_factory=lambda: [1001])
     """The UDIM tiles that were baked."""
+    maps: dict[str, dict] = field(default_factory=dict)
+    """What was baked beside the normal map: its image, and how its numbers are stored: value = (stored - midlevel) *
+    scale + offset in scene units, or the colours of its labels."""
+    loss: dict[str, float] = field(default_factory=dict)
+    """Median and maximum of the degrees by which 8 or 16 bits turned the normals; empty where they are floats."""
     image: str = ""
     output: str = ""
     backend: str = ""
@@ -68,6 +80,13 @@ class Report:
         if self.distances:
             far = " and ".join(f"{name.replace('_', ' ')} {value:.4g}" for name, value in self.distances.items())
             how.append(f"Rays: {far}; {self.missed:.2%} missed")
+        far = self.checks.get("far")
+        if far and far["offset"] > far["limit"]:
+            how.append(f"High and low lie {far['offset']:.4g} apart as a whole, which was not counted as a distance")
+        if self.loss:
+            how.append(
+                f"Stored: normals off by {self.loss['median']:.2g} degrees (median), at most {self.loss['maximum']:.2g}"
+            )
         return [
             f"{self.method.capitalize()}, {self.space.lower()} space, {width} x {height}: {self.image}",
             f"{self.triangles['high']:,} triangles onto {self.triangles['low']:,}, {self.coverage:.1%} of the map covered",

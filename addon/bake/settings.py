@@ -25,6 +25,9 @@ TILES = range(1001, 2000)
 FORMATS = {
     ".png": ("PNG", (8, 16)),
     ".exr": ("OPEN_EXR", (16, 32)),
+    ".tif": ("TIFF", (8, 16)),
+    ".tiff": ("TIFF", (8, 16)),
+    ".tga": ("TARGA_RAW", (8,)),
 }
 """File endings, what Blender calls their formats, and the bits a channel that each takes."""
 
@@ -142,6 +145,8 @@ class Settings:
             raise BakeError(f"The tiles {self.tiles} are not all of 1001 to 1999.")
         if self.tiles and not self.udim:
             raise BakeError("Tiles are named, but the map is to have one tile alone: choose UDIM as well.")
+        if self.udim and self.storage == "MEMORY":
+            raise BakeError("Blender keeps UDIM tiles in files or packed, not in memory alone: choose one of the two.")
         if not all(0.0 <= value <= 1.0 for value in self.missed):
             raise BakeError(f"The colour of misses {self.missed} is none: it takes three numbers from 0 to 1.")
 
@@ -160,7 +165,11 @@ class Settings:
             )
         ending = PurePath(self.output).suffix.lower()
         if ending not in FORMATS:
-            raise BakeError(f"{self.output!r} does not end in {' or '.join(FORMATS)}.")
+            raise BakeError(f"{self.output!r} does not end in one of {', '.join(FORMATS)}.")
+        if "<UDIM>" in self.output and not self.udim:
+            raise BakeError(
+                f"{self.output!r} holds <UDIM>, but the map is to have one tile alone: choose UDIM as well."
+            )
         depths = FORMATS[ending][1]
         if self.depth not in depths:
             raise BakeError(f"A {ending} file holds {' or '.join(map(str, depths))} bits a channel, not {self.depth}.")

@@ -13,6 +13,9 @@ from .errors import BakeError
 MAX_CONDITION = 1e7
 """Matrices are in single precision: beyond this ratio of scales their shortest axis is no more than rounding."""
 
+SUBDIVIDING = {"SUBSURF", "MULTIRES"}
+"""Modifiers with levels, which smooth UVs as well."""
+
 
 def named(name: str) -> bpy.types.Object:
     """The object of that name. Raises BakeError if there is none, with the names that are like it."""
@@ -71,6 +74,11 @@ def _object_problem(context: bpy.types.Context, obj: bpy.types.Object) -> str:
             f"{obj.name!r} is not in view layer {context.view_layer.name!r}: link it to the scene, or include its "
             "collection."
         )
+    # The matrix of what is hidden is out of date: then the bake itself will see.
+    return _matrix_problem(obj) if obj.visible_get(view_layer=context.view_layer) else ""
+
+
+def _matrix_problem(obj: bpy.types.Object) -> str:
     matrix = np.array(obj.matrix_world)[:3, :3]
     if not np.isfinite(obj.matrix_world).all():
         return f"{obj.name!r} is nowhere: set anew its location, rotation and scale, which are NaN or infinite."
@@ -114,6 +122,28 @@ def ready(
                 _set_for_render(obj, restore)
         if low in highs:
             _keep_uvs(low, restore)
+        yield _evaluated(context, objects)
+
+
+def _evaluated(context: bpy.types.Context, objects: Sequence[bpy.types.Object]) -> bpy.types.Depsgraph:
+    """The dependency graph, evaluated. Raises BakeError for an object of which it shows that it has no place in space."""
+    depsgraph = context.evaluated_depsgraph_get()
+    reason = next(filter(None, map(_matrix_problem, objects)), "")
+    if reason:
+        raise BakeError(reason)
+    return depsgraph
+
+
+def smooths_uvs(obj: bpy.types.Object) -> bool:
+    """Whether a modifier of `obj` moves its UVs: a bake onto its own base keeps it from that."""
+    return any(modifier.type in SUBDIVIDING and modifier.uv_smooth != "NONE" for modifier in obj.modifiers)
+
+
+@contextmanager
+def kept_uvs(context: bpy.types.Context, obj: bpy.types.Object) -> Iterator[bpy.types.Depsgraph]:
+    """With no modifier of `obj` moving its UVs; afterwards as before. Yields the evaluated dependency graph."""
+    with ExitStack() as restore:
+        _keep_uvs(obj, restore)
         yield context.evaluated_depsgraph_get()
 
 
@@ -167,12 +197,12 @@ def _reveal(context: bpy.types.Context, obj: bpy.types.Object, restore: ExitStac
 def _set_for_render(obj: bpy.types.Object, restore: ExitStack) -> None:
     for modifier in obj.modifiers:
         _set(modifier, "show_viewport", modifier.show_render, restore)
-        if modifier.type in {"SUBSURF", "MULTIRES"}:
+        if modifier.type in SUBDIVIDING:
             _set(modifier, "levels", modifier.render_levels, restore)
 
 
 def _keep_uvs(obj: bpy.types.Object, restore: ExitStack) -> None:
     # Subdivision smooths UVs as well: the detail would be drawn beside the place where the base mesh looks for it.
     for modifier in obj.modifiers:
-        if modifier.type in {"SUBSURF", "MULTIRES"}:
+        if modifier.type in SUBDIVIDING:
             _set(modifier, "uv_smooth", "NONE", restore)

@@ -13,8 +13,9 @@ class Mesh:
 
     positions (V, 3) float32. One row a corner: vertices (C,) int32, indices into positions; normals (C, 3) float32;
     uv (C, 2) float32, or None where no layer was read; tangents (C, 4) float32, w the bitangent's sign, or None.
-    triangles (T, 3) int32, indices into the corners. to_world (4, 4) float64. not_finite: how many triangles were left
-    out for NaN or infinite values.
+    triangles (T, 3) int32, indices into the corners; faces (T,) int32, the number of the face that each is of, or None
+    where that was not asked for; labels (T, n), numbers that go with each triangle, or None. to_world (4, 4) float64.
+    not_finite: how many triangles were left out for NaN or infinite values.
     """
 
     name: str
@@ -26,10 +27,16 @@ class Mesh:
     uv: np.ndarray | None = None
     tangents: np.ndarray | None = None
     not_finite: int = 0
+    faces: np.ndarray | None = None
+    labels: np.ndarray | None = None
 
     def to_world_normals(self, normals: np.ndarray) -> np.ndarray:
         """`normals` (N, 3) of this mesh's space in the world's; float32, not of length one."""
         return (normals @ normal_matrix(self.to_world).T).astype(np.float32)
+
+
+FARTHEST = 1e8
+"""Of a frame's units: single precision rounds anything farther by more than the frame is large."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +53,7 @@ class Frame:
         """The positions (V, 3) float32 of `mesh` in this space."""
         matrix = mesh.to_world[:3, :3] / self.size
         offset = (mesh.to_world[:3, 3] - self.centre) / self.size
-        return (mesh.positions @ matrix.T + offset).astype(np.float32)
+        return np.clip(mesh.positions @ matrix.T + offset, -FARTHEST, FARTHEST).astype(np.float32)
 
 
 def frame_of(meshes: Sequence[Mesh]) -> Frame:
@@ -86,7 +93,10 @@ def keep_corners(mesh: Mesh, finite: np.ndarray | None) -> Mesh:
         return mesh
     keep = finite[mesh.triangles].all(axis=1)
     left_out = len(keep) - int(np.count_nonzero(keep))
-    return replace(mesh, triangles=mesh.triangles[keep], not_finite=mesh.not_finite + left_out)
+    faces, labels = (None if values is None else values[keep] for values in (mesh.faces, mesh.labels))
+    return replace(
+        mesh, triangles=mesh.triangles[keep], faces=faces, labels=labels, not_finite=mesh.not_finite + left_out
+    )
 
 
 def finite_rows(*arrays: np.ndarray) -> np.ndarray | None:
@@ -103,25 +113,24 @@ ON_THE_RIM = 1e-5
 """How far outside the tile a UV may lie before it counts: subdivision rounds."""
 
 
-def uv_flaws(mesh: Mesh, tiles: tuple[int, int] = (1, 1)) -> tuple[int, int]:
-    """Numbers of triangles without area in UV space, and of those that reach outside the `tiles` along u and v."""
+@np.errstate(over="ignore", invalid="ignore")  # of UVs that lie far outside
+def uv_areas(mesh: Mesh) -> np.ndarray:
+    """Twice the triangles' areas in UV space (T,) float32: below 0 where they turn the other way round than on the
+    surface, which is mirrored, and exactly 0 where nothing can be drawn."""
     a, b, c = _uv_corners(mesh)
     b, c = b - a, c - a
-    no_area = np.count_nonzero(b.real * c.imag == b.imag * c.real)
-    outside = 0
+    return b.real * c.imag - b.imag * c.real
+
+
+def outside(mesh: Mesh, tiles: tuple[int, int] = (1, 1)) -> np.ndarray:
+    """Which triangles (T,) bool reach outside the `tiles` along u and v."""
+    low, (u_high, v_high) = -ON_THE_RIM, np.add(tiles, ON_THE_RIM)
     # NaN lies in corners that no triangle uses any more, and must not pass for being inside.
-    if not (mesh.uv.min() >= -ON_THE_RIM and (mesh.uv.max(axis=0) <= np.add(tiles, ON_THE_RIM)).all()):
-        u, v = (np.stack(parts, axis=1) for parts in zip(*((p.real, p.imag) for p in _uv_corners(mesh)), strict=True))
-        low, (u_high, v_high) = -ON_THE_RIM, np.add(tiles, ON_THE_RIM)
-        outside = np.count_nonzero(((u < low) | (u > u_high) | (v < low) | (v > v_high)).any(axis=1))
-    return int(no_area), int(outside)
-
-
-def mirrored(mesh: Mesh) -> int:
-    """How many triangles turn the other way round in UV space than on the surface."""
-    a, b, c = _uv_corners(mesh)
-    b, c = b - a, c - a
-    return int(np.count_nonzero(b.real * c.imag < b.imag * c.real))
+    if mesh.uv.min() >= low and mesh.uv[:, 0].max() <= u_high and mesh.uv[:, 1].max() <= v_high:
+        return np.zeros(len(mesh.triangles), bool)
+    corners = np.stack(_uv_corners(mesh), axis=1)
+    u, v = corners.real, corners.imag
+    return ((u < low) | (u > u_high) | (v < low) | (v > v_high)).any(axis=1)
 
 
 UDIM = (10, 100)

@@ -11,6 +11,9 @@ import numpy as np
 
 from .arrays import Mesh, finite_rows, keep_corners
 
+_NUMBER = ".imprint_face"
+"""The attribute that `numbered` adds for a while; the dot keeps it from lists."""
+
 
 @contextmanager
 def evaluated(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> Iterator[bpy.types.Mesh]:
@@ -28,8 +31,16 @@ def base(obj: bpy.types.Object) -> Iterator[bpy.types.Mesh]:
     yield obj.data
 
 
-def surface(data: bpy.types.Mesh, uv_layer: str, name: str, to_world: np.ndarray, *, is_laid_flat: bool = True) -> Mesh:
-    """Positions, corner normals, triangles and, unless `uv_layer` is empty, UVs of `data`.
+def surface(
+    data: bpy.types.Mesh,
+    uv_layer: str,
+    name: str,
+    to_world: np.ndarray,
+    *,
+    is_laid_flat: bool = True,
+    with_faces: bool = False,
+) -> Mesh:
+    """Positions, corner normals, triangles and, unless `uv_layer` is empty, UVs of `data`; its faces if asked for.
 
     Triangles that hold NaN or infinity are left out and counted; in their UVs only if the mesh is to be laid flat.
     """
@@ -42,10 +53,12 @@ def surface(data: bpy.types.Mesh, uv_layer: str, name: str, to_world: np.ndarray
         triangles=_triangles(data),
         to_world=to_world,
         uv=_read(data.uv_layers[uv_layer].uv, "vector", corners, 2) if uv_layer else None,
+        faces=_faces(data) if with_faces else None,
     )
     finite = finite_rows(mesh.normals, mesh.uv) if is_laid_flat and uv_layer else finite_rows(mesh.normals)
     positions = finite_rows(mesh.positions)
     if positions is not None:
+        mesh.positions[~positions] = 0.0  # no triangle uses them any more, and sums are not spoilt
         by_corner = positions[mesh.vertices]
         finite = by_corner if finite is None else finite & by_corner
     return keep_corners(mesh, finite)
@@ -99,6 +112,59 @@ def _triangles(data: bpy.types.Mesh) -> np.ndarray:
     if not _copy_triangles(data.loop_triangles, triangles):
         data.loop_triangles.foreach_get("loops", triangles.reshape(-1))
     return triangles
+
+
+def _faces(data: bpy.types.Mesh) -> np.ndarray:
+    faces = np.empty(len(data.loop_triangles), np.int32)
+    data.loop_triangle_polygons.foreach_get("value", faces)
+    return faces
+
+
+def materials(obj: bpy.types.Object, data: bpy.types.Mesh, mesh: Mesh) -> tuple[np.ndarray, list[str]]:
+    """The material of each triangle of `mesh`, which was read with its faces from `data`, the mesh of `obj`: (T,) int32,
+    indices into the names that come second, "" for none."""
+    names = [slot.material.name if slot.material else "" for slot in obj.material_slots] or [""]
+    indices = np.empty(len(data.polygons), np.int32)
+    data.polygons.foreach_get("material_index", indices)
+    # A face whose index is too high shows the last slot.
+    return indices.clip(0, len(names) - 1)[mesh.faces], names
+
+
+@contextmanager
+def numbered(obj: bpy.types.Object) -> Iterator[None]:
+    """Let modifiers take the numbers of `obj`'s own faces along; `numbers` reads them from the evaluated mesh."""
+    data = obj.data
+    data.attributes.new(_NUMBER, "INT", "FACE").data.foreach_set("value", np.arange(1, len(data.polygons) + 1))
+    data.update_tag()
+    try:
+        yield
+    finally:
+        data.attributes.remove(data.attributes[_NUMBER])
+        data.update_tag()
+
+
+def numbers(data: bpy.types.Mesh) -> np.ndarray | None:
+    """Of each face of an evaluated mesh, the one of the `numbered` object's own that it comes from: (F,) int32, -1 for
+    none; or None where modifiers have lost them."""
+    layer = data.attributes.get(_NUMBER)
+    if layer is None or layer.domain != "FACE":
+        return None
+    values = np.empty(len(data.polygons), np.int32)
+    layer.data.foreach_get("value", values)
+    return values - 1
+
+
+def elements(data: bpy.types.Mesh, faces: np.ndarray) -> dict[str, np.ndarray]:
+    """What makes up `faces`, indices of polygons: indices of "polygons", "edges" and "vertices" of `data`."""
+    starts, totals = (np.empty(len(data.polygons), np.int32) for _ in range(2))
+    data.polygons.foreach_get("loop_start", starts)
+    data.polygons.foreach_get("loop_total", totals)
+    totals = totals[faces]
+    within = np.arange(totals.sum()) - np.repeat(np.cumsum(totals) - totals, totals)
+    corners = np.repeat(starts[faces], totals) + within
+    edges = np.empty(len(data.loops), np.int32)
+    data.attributes[".corner_edge"].data.foreach_get("value", edges)
+    return {"polygons": faces, "edges": edges[corners], "vertices": _corner_vertices(data)[corners]}
 
 
 def _copy_triangles(source, triangles: np.ndarray) -> bool:

@@ -5,20 +5,57 @@ import gpu
 import numpy as np
 
 
+class Kept:
+    """Meshes that are uploaded again and again: what stayed the same stays on the GPU."""
+
+    def __init__(self):
+        self._meshes: dict[str, _Buffers] = {}
+
+    def upload(self, key: str, triangles: np.ndarray, **attributes: np.ndarray) -> gpu.types.GPUBatch:
+        """As the function of this name, for the mesh `key`. Arrays that were given before must not be changed in place."""
+        return self._meshes.setdefault(key, _Buffers()).upload(triangles, **attributes)
+
+
+class _Buffers:
+    """The buffers of one mesh."""
+
+    def __init__(self):
+        self._triangles: tuple[np.ndarray, gpu.types.GPUIndexBuf] | None = None
+        self._attributes: dict[str, tuple[np.ndarray, gpu.types.GPUVertBuf]] = {}
+
+    def upload(self, triangles: np.ndarray, **attributes: np.ndarray) -> gpu.types.GPUBatch:
+        if self._triangles is None or not _same(self._triangles[0], triangles):
+            self._triangles = triangles, gpu.types.GPUIndexBuf(type="TRIS", seq=triangles)
+        for name, values in attributes.items():
+            if name not in self._attributes or not _same(self._attributes[name][0], values):
+                self._attributes[name] = values, _vertices(name, values)
+        return _batch(self._triangles[1], [self._attributes[name][1] for name in attributes])
+
+
 def upload(triangles: np.ndarray, **attributes: np.ndarray) -> gpu.types.GPUBatch:
     """Upload an indexed mesh.
 
     triangles: (T, 3) int32, indices into the corners. attributes: name = (C, n) float32, one row a corner; each gets a
     buffer of its own, so that nothing is interleaved on the CPU.
     """
-    batch = None
-    for name, values in attributes.items():
-        layout = gpu.types.GPUVertFormat()
-        layout.attr_add(id=name, comp_type="F32", len=values.shape[1], fetch_mode="FLOAT")
-        buffer = gpu.types.GPUVertBuf(layout, len(values))
-        buffer.attr_fill(name, values)
-        if batch is None:
-            batch = gpu.types.GPUBatch(type="TRIS", buf=buffer, elem=gpu.types.GPUIndexBuf(type="TRIS", seq=triangles))
-        else:
-            batch.vertbuf_add(buffer)
-    return batch
+    elements = gpu.types.GPUIndexBuf(type="TRIS", seq=triangles)
+    return _batch(elements, [_vertices(name, values) for name, values in attributes.items()])
+
+
+def _vertices(name: str, values: np.ndarray) -> gpu.types.GPUVertBuf:
+    layout = gpu.types.GPUVertFormat()
+    layout.attr_add(id=name, comp_type="F32", len=values.shape[1], fetch_mode="FLOAT")
+    buffer = gpu.types.GPUVertBuf(layout, len(values))
+    buffer.attr_fill(name, values)
+    return buffer
+
+
+def _batch(elements: gpu.types.GPUIndexBuf, buffers: list[gpu.types.GPUVertBuf]) -> gpu.types.GPUBatch:
+    result = gpu.types.GPUBatch(type="TRIS", buf=buffers[0], elem=elements)
+    for buffer in buffers[1:]:
+        result.vertbuf_add(buffer)
+    return result
+
+
+def _same(one: np.ndarray, other: np.ndarray) -> bool:
+    return one is other or (one.shape == other.shape and np.array_equal(one, other))

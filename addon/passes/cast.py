@@ -38,6 +38,13 @@ DISTANCE = shader.Program(
     samplers=(("UINT_2D", "hits"),),
     outputs=(("VEC4", "distance_out"),),
 )
+POINTS = shader.Program(
+    vertex="fullscreen_vert.glsl",
+    fragment="hit_points_frag.glsl",
+    inputs=(("VEC2", "position"),),
+    samplers=(("UINT_2D", "hits"), ("FLOAT_2D", "corners"), ("FLOAT_2D", "labels")),
+    outputs=(("VEC4", "point_out"), ("VEC4", "labels_out")),
+)
 
 
 @dataclass(frozen=True)
@@ -141,3 +148,11 @@ def look_up(
 def distances(into: target.Target, hits: target.Target) -> None:
     """Write into `into` (RGBA32F) how far each ray went, -1 where it hit nothing."""
     target.fill(into, DISTANCE, hits=hits.texture)
+
+
+def points(into: target.Target, hits: target.Target, tables: Tables, labels: gpu.types.GPUTexture) -> None:
+    """Write into `into` (two RGBA32F) the points that were hit and their labels, alpha 1, or 0 where there are none.
+
+    labels: a table with the numbers of object and material for each triangle, in the tree's order.
+    """
+    target.fill(into, POINTS, hits=hits.texture, corners=tables.corners, labels=labels)

@@ -1,45 +1,45 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Turns unit normals into the stored map."""
+"""Turns values into the stored map, with the nearest written texel in the margin."""
 
 import gpu
 import numpy as np
 
 from . import shader, target
+from .margin import Nearest
 
 PROGRAM = shader.Program(
     vertex="fullscreen_vert.glsl",
     fragment="resolve_frag.glsl",
     inputs=(("VEC2", "position"),),
-    samplers=(("FLOAT_2D", "normals"), ("INT_2D", "offsets")),
-    constants=(("INT", "halo"), ("INT", "margin"), ("MAT4", "channels"), ("VEC4", "missed")),
+    samplers=(("FLOAT_2D", "values"), ("INT_2D", "offsets"), ("INT_2D", "source_rows")),
+    constants=(("INT", "halo"), ("MAT4", "encode"), ("VEC4", "missed")),
     outputs=(("VEC4", "map_out"), ("FLOAT", "state_out")),
 )
-MARGIN, WRITTEN, MISSED = 1, 2, 3
-"""What the state texture says of a texel; 0 is background."""
+MARGIN, WRITTEN, MISSED, DEFERRED = 1, 2, 3, 4
+"""What the state texture says of a texel; 0 is background. Deferred ones have yet to be filled, as passes.seams says."""
 
 
 def draw(
     into: target.Target,
-    normals: gpu.types.GPUTexture,
-    offsets: target.Target,
+    values: gpu.types.GPUTexture,
+    nearest: Nearest,
     *,
     halo: int,
-    margin: int,
-    channels: np.ndarray,
+    encode: np.ndarray,
     missed: tuple[float, float, float],
 ) -> None:
-    """Write the map (RGBA32F) and the state of its texels (R8) into `into`, whose row 0 is row `halo` of `normals`.
+    """Write the map (RGBA32F) and the state of its texels (R8) into `into`, whose row 0 is row `halo` of `values`.
 
-    normals: alpha above 0 where a texel was written, below 0 where its ray missed. offsets: what margin.draw found there.
-    channels: (3, 3), from a normal to what red, green and blue hold. missed: the colour that stands for a miss.
+    values: alpha above 0 where a texel was written, below 0 where its ray missed. nearest: what margin.search found there.
+    encode: (4, 4), from a value and 1 to red, green and blue. missed: the colour that stands for a miss.
     """
     target.fill(
         into,
         PROGRAM,
-        normals=normals,
-        offsets=offsets.texture,
+        values=values,
+        offsets=nearest.offsets,
+        source_rows=nearest.rows,
         halo=halo,
-        margin=margin,
-        channels=shader.mat4(channels),
+        encode=shader.mat4(encode),
         missed=(*missed, 0.0),
     )

@@ -16,6 +16,7 @@ AVERAGE = shader.Program(
     fragment="average_frag.glsl",
     inputs=(("VEC2", "position"),),
     samplers=(("FLOAT_2D", "sums"),),
+    constants=(("INT", "is_direction"),),
     outputs=(("VEC4", "normal_out"),),
 )
 
@@ -42,6 +43,6 @@ def add(sums: target.Target, normals: gpu.types.GPUTexture, rows: range, *, is_f
     target.dispatch(ADD, sums.width, rows, normals=normals, sums=sums.texture, is_first=int(is_first))
 
 
-def average(into: target.Target, sums: target.Target) -> None:
-    """Write the means of `sums` into `into` (RGBA32F), as if they were one sample."""
-    target.fill(into, AVERAGE, sums=sums.texture)
+def average(into: target.Target, sums: target.Target, *, is_direction: bool = True) -> None:
+    """Write the means of `sums` into `into` (RGBA32F), as if they were one sample; directions are of length one again."""
+    target.fill(into, AVERAGE, sums=sums.texture, is_direction=int(is_direction))

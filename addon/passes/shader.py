@@ -42,9 +42,9 @@ def source(name: str) -> str:
 
 
 def mat4(matrix: np.ndarray) -> list[float]:
-    """A (3, 3) matrix as a MAT4 constant: by columns, and 4 x 4, since backends disagree on how a mat3 is padded."""
+    """A matrix of at most 4 x 4 as a MAT4 constant: by columns, and padded since backends disagree on how mat3 are."""
     padded = np.eye(4)
-    padded[:3, :3] = matrix
+    padded[: matrix.shape[0], : matrix.shape[1]] = matrix
     return padded.T.ravel().tolist()
 
 
@@ -86,3 +86,12 @@ def load(program: Program) -> gpu.types.GPUShader:
     info.vertex_source(source(program.vertex))
     info.fragment_source(source(program.fragment))
     return gpu.shader.create_from_info(info)
+
+
+def free() -> None:
+    """Free all shaders."""
+    if load.cache_info().currsize:
+        # Blender knows the shader that is bound by its address: one that is made later and lies where the last one lay
+        # would pass for bound, and the freed one would draw in its place.
+        gpu.shader.from_builtin("UNIFORM_COLOR").bind()
+    load.cache_clear()

@@ -20,17 +20,25 @@ def window(tile: int) -> tuple[float, float, float, float]:
 
 
 _TEXEL_BYTES = {"RGBA32F": 16, "RGBA32UI": 16, "RGBA16F": 8, "R16F": 2, "R16I": 2, "R8": 1}
+_TEXEL_BYTES |= {"R32F": 4, "R32I": 4, "DEPTH_COMPONENT32F": 4}
 _READ_FORMAT = {"RGBA32F": ("FLOAT", 4, np.float32), "R16F": ("FLOAT", 1, np.float32), "R8": ("UBYTE", 1, np.uint8)}
-_targets: dict[str, "Target"] = {}
+_READ_FORMAT |= {"R32F": ("FLOAT", 1, np.float32)}
+
+Pool = dict[str, "Target"]
+"""Targets by their roles."""
+_common: Pool = {}
+_pool = _common
 
 
 class Target:
-    """One framebuffer and its textures, all of `width` x `height` texels; row 0 is v = 0."""
+    """One framebuffer and its textures, all of `width` x `height` texels; row 0 is v = 0. A depth format comes last."""
 
     def __init__(self, width: int, height: int, formats: tuple[str, ...]):
         self.width, self.height, self.formats = width, height, formats
         self.textures = [gpu.types.GPUTexture((width, height), format=name) for name in formats]
-        self.framebuffer = gpu.types.GPUFrameBuffer(color_slots=self.textures)
+        depth = self.textures[-1] if formats[-1].startswith("DEPTH") else None
+        colors = [texture for texture in self.textures if texture is not depth]
+        self.framebuffer = gpu.types.GPUFrameBuffer(depth_slot=depth, color_slots=colors)
         self.bytes = width * height * sum(_TEXEL_BYTES[name] for name in formats)
 
     @property
@@ -67,22 +75,33 @@ def read(texture: gpu.types.GPUTexture, out: np.ndarray) -> None:
 
 def get(role: str, width: int, height: int, *formats: str) -> Target:
     """The target kept for `role` if it still fits, else a new one in its place."""
-    target = _targets.get(role)
+    target = _pool.get(role)
     if target is None or (target.width, target.height, target.formats) != (width, height, formats):
-        _targets.pop(role, None)
-        target = _targets[role] = Target(width, height, formats)
+        _pool.pop(role, None)
+        target = _pool[role] = Target(width, height, formats)
     return target
+
+
+@contextmanager
+def using(pool: Pool) -> Iterator[None]:
+    """In this block targets come from `pool`, which nobody else draws into, and stay there."""
+    global _pool  # noqa: PLW0603 - passes ask for targets by their roles alone
+    before, _pool = _pool, pool
+    try:
+        yield
+    finally:
+        _pool = before
 
 
 def trim() -> None:
     """Free the targets if they hold more than KEPT_BYTES."""
-    if sum(target.bytes for target in _targets.values()) > KEPT_BYTES:
+    if sum(target.bytes for target in _common.values()) > KEPT_BYTES:
         free()
 
 
 def free() -> None:
-    """Free all targets."""
-    _targets.clear()
+    """Free all targets but those of pools."""
+    _common.clear()
 
 
 @contextmanager

@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 import pytest
 
-from addon import commands
+from addon import arguments, commands
 from addon.bake import pipeline
 from addon.bake.errors import BakeError
 from scripts.imprint import ROOT
@@ -41,7 +41,7 @@ def files(folder):
     return sorted(str(path.relative_to(folder)) for path in folder.rglob("*"))
 
 
-BAKE = ["scene/file.blend", "--low", "lo", "--high", "hi", "--method", "flatten", "--size", "16"]
+BAKE = ["scene/file.blend", "--low", "lo", "--high", "hi", "--method", "flatten", "--limit", "9", "--size", "16"]
 
 
 @pytest.fixture
@@ -71,16 +71,21 @@ def test_the_readmes_lines_are_understood():
         "FILE.blend --low lo --high hi --high hi2 --space object --uv Layout --method flatten --size 4096x1024 --green +y "
         "--margin 8 --depth 32 --output MAP.exr --save-blend OUT.blend --report REPORT.json"
     )
-    options = commands.parser("imprint").parse_args(line.split())
-    assert (options.file, options.low, options.high) == ("FILE.blend", "lo", ["hi", "hi2"])
-    assert (options.space, options.uv, options.method, options.size) == ("object", "Layout", "flatten", (4096, 1024))
-    assert (options.green, options.margin, options.depth) == ("+y", 8, 32)
-    assert (options.output, str(options.save_blend), str(options.report)) == ("MAP.exr", "OUT.blend", "REPORT.json")
+    options = arguments.parse(line.split())
+    assert (options.file, options.low, options.high) == (["FILE.blend"], "lo", ["hi", "hi2"])
+    assert (options.space, options.uv_layer, options.method, options.size) == (
+        "OBJECT",
+        "Layout",
+        "FLATTEN",
+        (4096, 1024),
+    )
+    assert (options.green, options.margin, options.depth) == ("+Y", 8, 32)
+    assert (options.output, options.save_blend, options.report) == ("MAP.exr", "OUT.blend", "REPORT.json")
 
 
 @pytest.mark.parametrize(("text", "size"), [("2048", (2048, 2048)), ("4096x1024", (4096, 1024)), ("64X32", (64, 32))])
 def test_sizes(text, size):
-    assert commands.parser("imprint").parse_args(["--low", "lo", "--output", "m.png", "--size", text]).size == size
+    assert arguments.parse(["--low", "lo", "--output", "m.png", "--size", text]).size == size
 
 
 WRONG = {
@@ -132,7 +137,7 @@ CANNOT = {
     ),
     "size beyond all": ([*BAKE, "--size", "9" * 30, "--output", "m.png"], "16384"),
     "negative margin": ([*BAKE, "--margin", "-1", "--output", "m.png"], "-1"),
-    "format": ([*BAKE, "--output", "m.tga"], ".png or .exr"),
+    "format": ([*BAKE, "--output", "m.jpg"], "one of .png, .exr"),
     "format and depth": ([*BAKE, "--output", "m.png", "--depth", "32"], "8 or 16 bits"),
     "missing folder": ([*BAKE, "--output", "none/m.png"], "No such file or directory"),
     "missing folder for the report": ([*BAKE, "--output", "m.png", "--report", "none/r.json"], "No such file"),
@@ -190,6 +195,31 @@ def test_green_points_up_or_down(scene, arguments, is_up):
     green = maps.pixels(bpy.data.images["lo_normal"])[8, 8, 1]
     assert (green < 0.2) == is_up
     assert (green > 0.8) != is_up
+
+
+@pytest.mark.parametrize(
+    ("arguments", "written"),
+    [
+        (["--maps", "height,object-id", "--mask", "--output", "m.png"], ["m", "m_height", "m_missed", "m_object_id"]),
+        (["--output", "m.<UDIM>.png"], ["m.1001"]),
+        (["--udim", "--output", "m.png"], ["m.1001"]),
+        (["--tiles", "1001", "--mask", "--output", "{low}.<UDIM>.png"], ["lo.1001", "lo_missed.1001"]),
+    ],
+)
+def test_more_maps_and_tiles_are_files_beside(scene, arguments, written):
+    before = files(scene)
+    assert commands.run([*BAKE, *arguments]) == commands.DONE
+    assert sorted(set(files(scene)) - set(before)) == [f"{name}.png" for name in written]
+
+
+def test_a_format_of_8_bits_needs_no_word_of_them(scene):
+    assert commands.run([*BAKE, "--output", "m.tga"]) == commands.DONE
+    assert read(scene / "m.tga").shape == (16, 16, 4)
+    assert bpy.data.images["lo_normal"].depth == 32
+
+
+def test_tiles_that_the_mesh_does_not_cover(fails):
+    assert "1001, not on 1002" in fails(commands.FAILED, *BAKE, "--tiles", "1002", "--output", "m.png")
 
 
 def test_the_open_file_is_the_default(scene):
@@ -399,13 +429,13 @@ def test_distances_cage_and_mask(scene, fails):
 
 
 def test_what_was_written_is_told(scene, capsys):
-    assert commands.run([*BAKE, "--output", "m.png", "--report", "r.json"]) == commands.DONE
-    assert capsys.readouterr().out.rstrip().endswith(f"Wrote {scene / 'm.png'}, r.json")
+    assert commands.run([*BAKE, "--output", "m.png", "--mask", "--report", "r.json"]) == commands.DONE
+    assert capsys.readouterr().out.rstrip().endswith(f"Wrote {scene / 'm.png'}, {scene / 'm_missed.png'}, r.json")
 
 
 def test_a_forgotten_file_and_a_wrong_ending(scene, fails):
     forgotten = ["--low", "lo", "--high", "hi", "--output", "m.png"]
-    assert fails(commands.FAILED, *forgotten) == "imprint: There is no scene to bake: give a FILE.blend."
+    assert fails(commands.FAILED, *forgotten) == "imprint: There is no scene to bake: give a FILE."
     assert "does not end in .blend" in fails(commands.FAILED, *BAKE, "--output", "m.png", "--save-blend", "s.txt")
 
 

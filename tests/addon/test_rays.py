@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import addon
-from addon import preview
+from addon import cages
 from addon.bake import casting
 from tests.support import maps, zoo
 
@@ -80,15 +80,15 @@ def test_the_shells_come_and_go_without_a_trace():
 
     before = handlers()
     bpy.ops.imprint.show_cage()
-    assert preview.is_on()
-    preview.show(True)  # twice is once
+    assert cages.is_on()
+    cages.show(True)  # twice is once
     assert handlers() == (before[0] + 1, before[1] + 1)
     bpy.ops.imprint.show_cage()
-    assert not preview.is_on()
+    assert not cages.is_on()
     assert handlers() == before
     bpy.ops.imprint.show_cage()
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    assert not preview.is_on()
+    assert not cages.is_on()
     assert handlers() == before
 
 

@@ -7,12 +7,17 @@ import bpy
 import pytest
 
 import addon
-from addon import commands, operators, panels, passes, properties
+from addon import checks, commands, conventions, operators, panels, passes, preview, properties
 from addon.bake.settings import Settings
 from addon.passes import target
 from tests.support import maps, zoo
 
-OPERATORS = [cls.__name__ for cls in operators.CLASSES]
+OPERATORS = [
+    cls.__name__
+    for module in (operators, conventions, checks, preview)
+    for cls in module.CLASSES
+    if issubclass(cls, bpy.types.Operator)
+]
 PANELS = [cls.__name__ for cls in panels.CLASSES if issubclass(cls, bpy.types.Panel)]
 
 
@@ -43,10 +48,10 @@ def test_it_frees_the_gpu_when_it_goes():
     """Blender crashes on exit while GPU objects live."""
     addon.register()
     maps.bake(zoo.plane("lo"), zoo.plane("hi"))
-    assert target._targets
+    assert target._common
     assert passes.shader.load.cache_info().currsize
     addon.unregister()
-    assert not target._targets
+    assert not target._common
     assert not passes.shader.load.cache_info().currsize
 
 

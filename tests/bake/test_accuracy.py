@@ -8,8 +8,8 @@ import mathutils
 import numpy as np
 import pytest
 
-from addon.bake import pace, render
-from addon.bake.finish import Finish
+from addon.bake import pace, render, sources
+from addon.bake.finish import all_of
 from addon.bake.report import Report
 from addon.bake.settings import Settings
 from addon.mesh import arrays, extract
@@ -135,7 +135,7 @@ def folds(low):
     )
     settings = Settings(space="WORLD", width=SIZE[0], height=SIZE[1], margin=0)
     report = Report("FLATTEN", "WORLD", SIZE, "", [])
-    source = render.flatten_source(painted, [painted], settings, report)
+    source = sources.Flat(painted, [painted], settings, report)
     renderer = render.Renderer(source, None, settings, report, pace.Pace())
-    texels, _ = pace.finish(renderer.texels(1001, Finish([painted], settings)))
+    texels, _ = pace.finish(renderer.texels(1001, all_of([painted], settings)))["NORMAL"]
     return texels[..., 2] < 0.5

@@ -6,7 +6,7 @@ import mathutils
 import numpy as np
 import pytest
 
-from addon.bake import render
+from addon.bake import band
 from tests.support import angles, zoo
 from tests.support.maps import bake, texel_uv
 
@@ -178,8 +178,8 @@ def test_a_map_drawn_in_bands_is_the_same(monkeypatch, margin):
         layer.foreach_get("vector", uv)
         layer.foreach_set("vector", 0.1 + 0.6 * uv)
     whole = bake(low, high, size=(64, 60), margin=margin, image="whole")
-    monkeypatch.setattr(render, "BAND_TEXELS", 64 * 16)
-    bands = list(render.bands(64, 60, margin))
+    monkeypatch.setattr(band, "BAND_TEXELS", 64 * 16)
+    bands = list(band.bands(64, 60, margin))
     assert [band.stop - band.start for band in bands] == [16, 16, 16, 12]
     banded = bake(low, high, size=(64, 60), margin=margin, image="banded")
     assert np.array_equal(whole[..., 3], banded[..., 3])

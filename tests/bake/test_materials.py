@@ -49,7 +49,9 @@ def add(tree, kind, **values):
 
 
 def hook_up(low, image, **values):
-    return materials.hook_up(low, image, **{"space": "TANGENT", "uv_layer": "Layout", "green": "+Y"} | values)
+    return materials.hook_up(
+        low, image, **{"space": "TANGENT", "uv_layer": "Layout", "channels": ("+X", "+Y", "+Z")} | values
+    )
 
 
 # What is in a tree
@@ -390,7 +392,7 @@ def test_shaders_in_a_circle_end():
 @pytest.mark.parametrize(("green", "convention"), [("+Y", "OPENGL"), ("-Y", "DIRECTX")])
 def test_space_and_green(space, green, convention):
     material, _, principled = make_material()
-    hook_up(make_low(material), make_image(), space=space, green=green)
+    hook_up(make_low(material), make_image(), space=space, channels=("+X", green, "+Z"))
     normal_map, _ = shown(principled.inputs["Normal"])
     uv_map = "Layout" if space == "TANGENT" else ""
     assert (normal_map.space, normal_map.convention, normal_map.uv_map) == (space, convention, uv_map)
@@ -702,7 +704,7 @@ def test_cycles_shows_the_normal_of_the_map(space, green):
     low, image = make_low(), make_image()
     stored = np.array([TILTED[0], TILTED[1] if green == "+Y" else -TILTED[1], TILTED[2]]) * 0.5 + 0.5
     image.pixels = np.tile([*stored, 1.0], 64)
-    assert hook_up(low, image, space=space, green=green) == []
+    assert hook_up(low, image, space=space, channels=("+X", green, "+Z")) == []
     np.testing.assert_allclose(normal_in_cycles(low), TILTED, atol=CYCLES_TOLERANCE)
 
 

@@ -279,7 +279,7 @@ def test_meshes_are_not_changed_by_what_is_read_of_them(pair):
 
 @pytest.mark.parametrize("error", [RuntimeError, KeyboardInterrupt])
 def test_what_goes_wrong_on_the_way_leaves_all_as_before(pair, monkeypatch, error):
-    def fail(*_):
+    def fail(*_, **__):
         raise error
 
     low, high = pair

@@ -9,59 +9,107 @@ from addon.passes import margin, resolve, target
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
+NOTHING, WRITTEN, MISSED = 0.0, 1.0, -1.0
+"""What the alpha of a texel says before the margin."""
 
-def resolved(written, margin_texels):
-    """Run the two passes on texels that hold their own place.
+
+def resolved(alpha, reach):
+    """Run the passes on texels (H, W) of this alpha that hold their own place.
 
     Returns for each texel the place (H, W, 2) whose value it got, as column and row; its alpha; its state.
     """
-    height, width = written.shape
-    rows, columns = np.indices(written.shape)
-    texels = np.stack([columns, rows, np.zeros_like(rows), written], axis=-1).astype(np.float32)
-    normals = target.Target(width, height, ("RGBA32F",))
-    normals.textures[0] = gpu.types.GPUTexture(
-        (width, height), format="RGBA32F", data=gpu.types.Buffer("FLOAT", texels.shape, texels)
-    )
+    height, width = alpha.shape
+    rows, columns = np.indices(alpha.shape)
+    texels = np.stack([columns, rows, np.zeros_like(rows), alpha], axis=-1).astype(np.float32)
+    data = gpu.types.Buffer("FLOAT", texels.shape, texels)
+    values = gpu.types.GPUTexture((width, height), format="RGBA32F", data=data)
     stored = target.Target(width, height, ("RGBA32F", "R8"))
-    offsets = target.Target(width, height, ("R16I",))
-    margin.draw(offsets, normals.texture, margin_texels)
-    resolve.draw(
-        stored,
-        normals.texture,
-        offsets,
-        halo=0,
-        margin=margin_texels,
-        channels=np.eye(3),
-        missed=(0.5, 0.5, 1.0),
-    )
+    nearest = margin.search(values, reach)
+    resolve.draw(stored, values, nearest, halo=0, encode=np.eye(4), missed=(0.25, 0.5, 0.75))
     out, state = np.empty((height, width, 4), np.float32), np.empty((height, width), np.uint8)
     stored.read(out)
     stored.read(state, slot=1)
-    return (out[..., :2] - 0.5) * 2.0, out[..., 3], state
+    return out[..., :2], out[..., 3], state
 
 
-@pytest.mark.parametrize("margin_texels", [0, 1, 3, 16])
-def test_the_margin_repeats_the_nearest_written_texel_seed_3(margin_texels):
-    written = np.random.default_rng(3).random((48, 64)) < 0.01
-    place, alpha, state = resolved(written, margin_texels)
+def squares(alpha):
+    """The square of the distance (H, W) of each texel from the nearest written one, by looking at all of them."""
+    rows, columns = np.indices(alpha.shape)
+    y, x = np.nonzero(alpha == WRITTEN)
+    return ((rows[..., None] - y) ** 2 + (columns[..., None] - x) ** 2).min(axis=-1)
+
+
+def in_reach(alpha, reach):
+    """Which texels (H, W) have a written one at most `reach` rows and columns away."""
+    rows, columns = np.indices(alpha.shape)
+    y, x = np.nonzero(alpha == WRITTEN)
+    away = np.maximum(np.abs(rows[..., None] - y), np.abs(columns[..., None] - x)).min(axis=-1)
+    return np.ones(alpha.shape, bool) if reach is None else away <= reach
+
+
+def squares_of(place):
+    """The square of the distance (H, W) of each texel from the place (H, W, 2) whose value it got."""
+    rows, columns = np.indices(place.shape[:2])
+    return (place[..., 0] - columns) ** 2 + (place[..., 1] - rows) ** 2
+
+
+MAPS = {
+    "few seed 3": np.random.default_rng(3).random((48, 64)) < 0.01,
+    "many seed 4": np.random.default_rng(4).random((64, 48)) < 0.5,
+    "one": np.arange(40 * 90).reshape(40, 90) == 40 * 90 - 1,
+    "islands seed 5": np.kron(np.random.default_rng(5).random((9, 7)) < 0.2, np.ones((11, 13))) > 0,
+    "rows": np.tile(np.arange(70)[:, None] % 32 == 7, 33),
+    "columns": np.tile(np.arange(70) % 32 == 7, (33, 1)),
+    "a narrow map seed 6": np.random.default_rng(6).random((300, 16)) < 0.002,
+}
+
+
+@pytest.mark.parametrize("reach", [0, 1, 3, 16, 1000, None])
+@pytest.mark.parametrize("name", MAPS)
+def test_the_margin_repeats_the_nearest_written_texel(name, reach):
+    written = MAPS[name]
+    before = np.where(written, WRITTEN, NOTHING)
+    place, alpha, state = resolved(before, reach)
     rows, columns = np.indices(written.shape)
-    y, x = np.nonzero(written)
-    truth = np.sqrt(((rows[..., None] - y) ** 2 + (columns[..., None] - x) ** 2).min(axis=-1))
     filled = state == resolve.MARGIN
 
     assert np.array_equal(state == resolve.WRITTEN, written)
     assert np.array_equal(alpha, (written | filled).astype(np.float32))
     assert np.array_equal(place[written], np.stack([columns, rows], axis=-1)[written])
-    assert np.array_equal(filled, (truth <= margin_texels) & ~written)
-    distance = np.hypot(place[..., 0] - columns, place[..., 1] - rows)
-    assert np.array_equal(distance[filled], truth[filled])
+    assert np.array_equal(filled, in_reach(before, reach) & ~written)
+    assert np.array_equal(squares_of(place)[filled], squares(before)[filled])
     assert written[place[filled][:, 1].astype(int), place[filled][:, 0].astype(int)].all()
 
 
+def test_the_margin_is_exact_over_a_whole_large_map():
+    """Distances of thousands of texels, whose squares are large whole numbers."""
+    alpha = np.zeros((4096, 16), np.float32)
+    alpha[0, 3] = alpha[4000, 12] = WRITTEN
+    place, _, _ = resolved(alpha, None)
+    assert np.array_equal(squares_of(place), squares(alpha))
+
+
+@pytest.mark.parametrize("reach", [2, None])
+def test_missed_texels_stay_holes_seed_7(reach):
+    alpha = np.random.default_rng(7).choice([NOTHING, WRITTEN, MISSED], (40, 50), p=[0.8, 0.05, 0.15])
+    place, out, state = resolved(alpha, reach)
+    missed = alpha == MISSED
+    assert np.array_equal(state == resolve.MISSED, missed)
+    assert (out[missed] == 0.0).all()
+    assert (place[missed] == (0.25, 0.5)).all()
+    assert np.array_equal(state == resolve.MARGIN, (alpha == NOTHING) & in_reach(alpha, reach))
+
+
+def test_nothing_comes_from_nothing():
+    _, alpha, state = resolved(np.zeros((20, 30)), None)
+    assert not alpha.any()
+    assert not state.any()
+
+
 def test_background_is_the_flat_normal_with_alpha_0():
-    written = np.zeros((20, 20), bool)
-    written[0, 0] = True
+    written = np.zeros((20, 20))
+    written[0, 0] = WRITTEN
     place, alpha, state = resolved(written, 4)
     assert alpha[19, 19] == 0.0
     assert state[19, 19] == 0
-    assert (place[19, 19] == 0.0).all()  # 0.5 as stored
+    assert (place[19, 19] == 0.0).all()

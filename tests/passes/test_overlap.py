@@ -5,7 +5,9 @@ import numpy as np
 import pytest
 
 from addon.bake import audit
-from addon.mesh.arrays import Mesh, mirrored
+from addon.mesh import arrays
+from addon.mesh.arrays import Mesh
+from addon.passes import batch, overlap, target
 from tests.support import oracle
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -24,6 +26,12 @@ def laid_out(uv, triangles):
     )
 
 
+def overlap_share(low, size):
+    """Share of the texels under `low` that two or more of its triangles share."""
+    counts = next(audit.covering(low, size))
+    return np.count_nonzero(counts > 1) / np.count_nonzero(counts)
+
+
 SQUARE = [(0, 0), (1, 0), (1, 1), (0, 1)]
 HALVES = [(0, 1, 2), (0, 2, 3)]
 
@@ -36,18 +44,18 @@ def test_triangles_that_meet_along_an_edge_share_nothing():
     triangles = np.concatenate(
         [np.stack([first, first + 1, first + n + 1], 1), np.stack([first, first + n + 1, first + n], 1)]
     )
-    assert audit.overlap_share(laid_out(uv, triangles), (24, 24)) == 0.0
+    assert overlap_share(laid_out(uv, triangles), (24, 24)) == 0.0
 
 
 def test_half_of_the_map_twice():
     uv = [*SQUARE, (0, 0), (0.5, 0), (0.5, 1), (0, 1)]
-    assert audit.overlap_share(laid_out(uv, [*HALVES, (4, 5, 6), (4, 6, 7)]), (64, 64)) == pytest.approx(0.5)
+    assert overlap_share(laid_out(uv, [*HALVES, (4, 5, 6), (4, 6, 7)]), (64, 64)) == pytest.approx(0.5)
 
 
 def test_many_on_the_same_place_count_as_one_overlap():
     uv = SQUARE * 30
     triangles = [np.array(half) + 4 * i for i in range(30) for half in HALVES]
-    assert audit.overlap_share(laid_out(uv, triangles), (32, 32)) == 1.0
+    assert overlap_share(laid_out(uv, triangles), (32, 32)) == 1.0
 
 
 def test_random_triangles_seed_4():
@@ -59,9 +67,29 @@ def test_random_triangles_seed_4():
     counts = sum((oracle.depth_inside(centres, triangle[None]) > 0.0).astype(int) for triangle in triangles)
     truth = np.count_nonzero(counts > 1) / np.count_nonzero(counts)
     mesh = laid_out(triangles.reshape(-1, 2), np.arange(120).reshape(-1, 3))
-    assert audit.overlap_share(mesh, (size, size)) == pytest.approx(truth, abs=2e-3)
+    assert overlap_share(mesh, (size, size)) == pytest.approx(truth, abs=2e-3)
 
 
-def test_mirrored_triangles_are_counted():
-    assert mirrored(laid_out(SQUARE, HALVES)) == 0
-    assert mirrored(laid_out(SQUARE, [HALVES[0], HALVES[1][::-1]])) == 1
+@pytest.mark.parametrize(
+    "size", [(audit.PROBE, 8), (2 * audit.PROBE, 8), (3 * audit.PROBE - 1, 5), (7, audit.PROBE + 1)]
+)
+@pytest.mark.parametrize("tile", [1001, 1013])
+def test_what_is_looked_at_of_a_large_map_are_its_own_texels_seed_9(size, tile):
+    rng = np.random.default_rng(9)
+    uv = rng.random((60, 2)).astype(np.float32) + ((tile - 1001) % 10, (tile - 1001) // 10)
+    low = laid_out(uv, np.arange(60).reshape(-1, 3))
+    drawn, all_of_them = target.get("test", *size, "R16F"), np.empty(size[::-1], np.float32)
+    overlap.draw(drawn, batch.upload(low.triangles, uv=low.uv), target.window(tile))
+    drawn.read(all_of_them)
+    some = next(audit.covering(low, size, [tile]))
+    assert max(some.shape) <= audit.PROBE
+    truth = all_of_them[audit.looked_at(all_of_them.shape)]
+    assert some.shape == truth.shape
+    # Rasterisers round corners to a part of a texel, and texels are larger where fewer are drawn.
+    assert np.count_nonzero(some != truth) <= 0.005 * truth.size
+
+
+def test_mirrored_triangles_are_known():
+    assert (arrays.uv_areas(laid_out(SQUARE, HALVES)) > 0).all()
+    areas = arrays.uv_areas(laid_out(SQUARE, [HALVES[0], HALVES[1][::-1], (0, 1, 1)]))
+    assert areas.tolist() == [1.0, -1.0, 0.0]

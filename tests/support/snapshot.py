@@ -15,6 +15,9 @@ FLEETING = {
     "tag",
     "is_embedded_data",
     "use_nodes",
+    "face_count",
+    "bound_box",
+    "dimensions",
 }
 
 
@@ -114,7 +117,7 @@ def _attributes(data) -> dict:
 
 
 def _tree(tree) -> tuple:
-    nodes = {node.name: {k: v for k, v in settings(node).items() if k != "dimensions"} for node in tree.nodes}
+    nodes = {node.name: settings(node) for node in tree.nodes}
     links = [(x.from_node.name, x.from_socket.identifier, x.to_node.name, x.to_socket.identifier) for x in tree.links]
     return nodes, sorted(links)
 

@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How far the high surface lies from the low one on the same texels: the paper's second restriction."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import gpu
+import numpy as np
+
+from ..mesh.arrays import Frame, Mesh, frame_of
+from ..passes import batch, cast, gbuffer, points, target
+from . import casting
+from .reading import Meshes
+from .report import Report
+from .settings import Settings
+
+PROBE = 128
+"""Texels a side, at most, that are looked at when nobody asks for all of them."""
+TRIANGLES = 2**17
+"""How many triangles of a high mesh are laid flat then: of a larger one every second, third, … and fewer texels are seen."""
+LIMIT = 0.05
+"""Of the low mesh's radius: how far the high surface may lie from the low one where the settings set no limit."""
+
+Apart = Callable[[tuple[int, int], tuple[float, float, float, float]], np.ndarray]
+"""From width and height, and the window from uv to clip space, to texels (height, width, 4) float32: in w 1 where low and
+high mesh are, -1 where the low one is alone, 0 where it is not; in xyz, where both are, what leads from the low point to
+the high one, in scene units and along the world's axes."""
+
+
+def looking(meshes: Meshes, settings: Settings, report: Report, *, all_triangles: bool = True) -> Apart:
+    """What looks at these meshes as a bake by the report's method, and with its distances, does.
+
+    Where not all triangles are wanted, at most TRIANGLES of each high mesh that is laid flat.
+    """
+    if report.method == "FLATTEN":
+        return flattened(meshes.low, meshes.highs if all_triangles else [_thinned(high) for high in meshes.highs])
+    return _cast(meshes, settings, report)
+
+
+def limit(low: Mesh, settings: Settings) -> float:
+    """How far apart points of one texel may lie, in scene units."""
+    return LIMIT * frame_of([low]).size if settings.limit is None else settings.limit
+
+
+def probe(look: Apart, size: tuple[int, int], tiles: Sequence[int]) -> np.ndarray:
+    """What `look` sees of a map of `size` at PROBE texels a side at the most, (tiles, height, width, 4) float32."""
+    small = min(size[0], PROBE), min(size[1], PROBE)
+    return np.stack([look(small, target.window(tile)) for tile in tiles])
+
+
+def offset(texels: np.ndarray, method: str) -> np.ndarray:
+    """What high and low differ by as a whole, (3,), from texels (…, 4) as Apart has them.
+
+    Who flattens may put the two side by side to look at them: that is no distance. Who casts rays may not.
+    """
+    together = texels[texels[..., 3] > 0.0]
+    if method != "FLATTEN" or not len(together):
+        return np.zeros(3, np.float32)
+    return np.median(together[:, :3], axis=0)
+
+
+def distances(texels: np.ndarray, without: np.ndarray) -> np.ndarray:
+    """How far apart the points of texels (…, 4) are, less the offset `without` (3,): (…) float32, -1 where not both are."""
+    x, y, z = (texels[..., axis] - without[axis] for axis in range(3))
+    far = np.hypot(np.hypot(x, y), z)  # whose squares may be more than single precision holds
+    return np.where(texels[..., 3] > 0.0, far, np.float32(-1.0))
+
+
+def flattened(low: Mesh, highs: Sequence[Mesh]) -> Apart:
+    """What looks at meshes that are laid flat."""
+    frame = frame_of([low])
+    on_low, on_high = [_upload(low, frame)], [_upload(high, frame) for high in highs]
+
+    def look(size: tuple[int, int], window: tuple[float, float, float, float]) -> np.ndarray:
+        below, above = _points(on_low, size, window), _points(on_high, size, window)
+        is_alone = above[..., 3] == 0.0
+        above -= below
+        above *= np.float32(frame.size)
+        above[..., 3] = np.where(is_alone, -below[..., 3], below[..., 3])
+        return above
+
+    return look
+
+
+def _thinned(mesh: Mesh) -> Mesh:
+    step = -(-len(mesh.triangles) // TRIANGLES)
+    if step < 2:
+        return mesh
+    corners = mesh.triangles[::step].reshape(-1)
+    numbers = np.arange(len(corners), dtype=np.int32).reshape(-1, 3)
+    return replace(mesh, vertices=mesh.vertices[corners], uv=mesh.uv[corners], triangles=numbers)
+
+
+def _cast(meshes: Meshes, settings: Settings, report: Report) -> Apart:
+    aim = casting.target_of(
+        meshes.highs, replace(report, seconds=dict(report.seconds))
+    )  # its time is not counted twice
+    frame = aim.frame
+    rays = casting.rays(meshes.low, meshes.directions, meshes.cage, frame)
+    on_low = [_upload(meshes.low, frame)] if meshes.cage is not None else None
+    back, reach = (report.distances[name] / frame.size for name in ("extrusion", "max_distance"))
+
+    def look(size: tuple[int, int], window: tuple[float, float, float, float]) -> np.ndarray:
+        places = target.get("audit rays", *size, "RGBA32F", "RGBA32F")
+        hits = target.get("audit hits", *size, "RGBA32UI")
+        found = target.get("audit far", *size, "RGBA32F")
+        gbuffer.draw(places, rays, window)
+        cast.trace(hits, places, aim.tables, heading=-1.0, back=back, reach=reach, facing_only=settings.facing_only)
+        cast.distances(found, hits)
+        far, away = (np.empty((size[1], size[0], 4), np.float32) for _ in range(2))
+        found.read(far)
+        places.read(away, slot=1)
+        has_missed = far[..., 0] < 0.0
+        is_low = away[..., 3]
+        away[..., :3] *= np.float32(back) - far[..., :1]
+        if on_low is not None:  # rays start on the cage, and not on the low mesh
+            places.read(far)
+            away += far - _points(on_low, size, window)
+        away *= np.float32(frame.size)
+        away[..., 3] = np.where(has_missed, -is_low, is_low)
+        return away
+
+    return look
+
+
+def _upload(mesh: Mesh, frame: Frame) -> gpu.types.GPUBatch:
+    return batch.upload(
+        mesh.triangles,
+        uv=mesh.uv,
+        position=np.take(frame.points(mesh), mesh.vertices, axis=0),
+        labels=np.zeros_like(mesh.uv),
+    )
+
+
+def _points(
+    meshes: Sequence[gpu.types.GPUBatch], size: tuple[int, int], window: tuple[float, float, float, float]
+) -> np.ndarray:
+    """The points that `meshes` show, (height, width, 4) float32, alpha 0 where they show none."""
+    drawn = target.get("audit points", *size, "RGBA32F", "RGBA32F")
+    points.draw(drawn, meshes, window)
+    texels = np.empty((size[1], size[0], 4), np.float32)
+    drawn.read(texels)
+    return texels

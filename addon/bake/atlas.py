@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""One map of several bakes: the margin comes last, so that no object's runs over another's texels."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import bpy
+import numpy as np
+
+from ..mesh.arrays import Mesh
+from ..passes import resolve, target
+from . import audit, finish, pace
+from .outputs import Outputs
+from .reading import Meshes
+from .render import Renderer
+from .report import Report
+from .settings import Settings
+from .sources import Drawn
+
+
+class Atlas:
+    """Takes what bakes drew, as Renderer.raw has it, and stores it as one."""
+
+    def __init__(self, settings: Settings):
+        # In all their samples and in their own tangent spaces already.
+        self.settings = replace(settings, samples=1)
+        self.lows: list[Mesh] = []
+        self.tiles: dict[int, dict[str, np.ndarray]] = {}
+        self.objects = 0
+        self.materials: list[str] = []
+
+    def add(self, drawn: dict[int, dict[str, np.ndarray]], meshes: Meshes, report: Report) -> None:
+        """Lay the maps of one bake over those before. Misses yield to hits; else the later one stays."""
+        self.lows.append(meshes.low)
+        self._renumber(drawn, meshes.materials, len(report.high))
+        for tile, maps in drawn.items():
+            if tile not in self.tiles:
+                self.tiles[tile] = maps
+                continue
+            below, above = self.tiles[tile], maps["NORMAL"][..., 3]
+            hits, were_hits = above > 0.0, below["NORMAL"][..., 3] > 0.0
+            lost = np.count_nonzero(hits & were_hits)
+            if lost > audit.MUCH_OVERLAP * max(1, np.count_nonzero(hits)):
+                report.warnings.append(
+                    f"{lost:,} texels of {report.low!r} lie over those of others in the same image: give each its own "
+                    "place, or a map each with {low} in the name."
+                )
+            wins = hits | ((above < 0.0) & (below["NORMAL"][..., 3] <= 0.0))
+            for name, values in maps.items():
+                np.copyto(below[name], values, where=wins[..., None])
+
+    def store(self, lows: Sequence[bpy.types.Object], reports: Sequence[Report]) -> None:
+        """Add the margin, and put the maps where the settings want them."""
+        tally, last = audit.Tally(), reports[-1]
+        with last.timed("total"), Outputs(self.settings) as outputs:
+            finishes = finish.all_of(self.lows, self.settings)
+            try:
+                for tile, maps in self.tiles.items():
+                    renderer = Renderer(Drawn(maps), None, self.settings, last, pace.Pace())
+                    finished = pace.finish(renderer.texels(tile, finishes))
+                    tally.add(finished["NORMAL"][1], None)
+                    outputs.add(tile, finished)
+            finally:
+                target.trim()
+            with last.timed("image"):
+                outputs.commit(lows, reports, self.materials)
+        for report in reports:
+            report.margin = tally.margin / tally.texels
+
+    def _renumber(self, drawn: dict[int, dict[str, np.ndarray]], materials: Sequence[str], objects: int) -> None:
+        """Each bake numbers its objects and materials from 1; here each has a number of its own."""
+        self.materials += [name for name in materials if name not in self.materials]
+        places = np.array([0, *(self.materials.index(name) + 1 for name in materials)], np.float32)
+        for maps in drawn.values():
+            if "OBJECT_ID" in maps:
+                maps["OBJECT_ID"][..., :3] += self.objects
+            if "MATERIAL_ID" in maps:
+                maps["MATERIAL_ID"][..., :3] = places[maps["MATERIAL_ID"][..., :3].astype(np.int32)]
+        self.objects += objects
+
+
+def state(normals: np.ndarray) -> np.ndarray:
+    """The state of texels without a margin, from the alpha of their normals (height, width, 4)."""
+    alpha = normals[..., 3]
+    return np.where(alpha > 0.0, resolve.WRITTEN, np.where(alpha < 0.0, resolve.MISSED, 0)).astype(np.uint8)

@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Image datablocks: pixels set, files shown. Whoever uses a datablock keeps it."""
+
+from collections.abc import Iterator
+from pathlib import Path, PurePath
+
+import bpy
+import numpy as np
+
+TOKEN = "<UDIM>"
+"""What stands for the number of a tile in a path."""
+
+OPAQUE_BITS = {24, 96}
+"""Image.depth, bits a texel, of images without alpha: their pixels hold it, but a file written from them does not."""
+
+
+def get(name: str) -> bpy.types.Image | None:
+    """The image of this name in the open file; one that is linked from a library is none."""
+    return bpy.data.images.get((name, None))
+
+
+def fill(name: str, texels: np.ndarray, *, is_float: bool, pack: bool) -> bpy.types.Image:
+    """The image `name`, there or new, with `texels`, (height, width, 4) float32, in memory or packed."""
+    height, width = texels.shape[:2]
+    image = get(name)
+    if image is None:
+        image = bpy.data.images.new(name, width, height, alpha=True, float_buffer=is_float, is_data=True)
+    else:
+        _regenerate(image, width, height, is_float)
+        if pack and image.depth in OPAQUE_BITS:
+            _give_alpha(image)
+    mark_as_data(image)
+    image.pixels.foreach_set(texels.reshape(-1))
+    image.update()
+    if pack:
+        image.pack()
+    return image
+
+
+def show(name: str, path: str, *, pack: bool = False) -> bpy.types.Image:
+    """The image `name`, there or new, with what is in the file at `path`; with TOKEN in it, a tile for each such file.
+
+    Tiles that the image had and that have no file stay as empty ones. pack: the tiles, and forget where the files are.
+    """
+    image = get(name) or bpy.data.images.new(name, 1, 1, is_data=True)
+    is_tiled = TOKEN in path
+    numbers = {tile.number for tile in image.tiles} if is_tiled and image.source == "TILED" else set()
+    _forget_pixels(image)
+    image.source = "FILE"
+    image.filepath = path
+    if is_tiled:
+        image.source = "TILED"  # looks for the files
+    mark_as_data(image)
+    image.reload()
+    if pack:
+        _pack_tiles(image)
+    for number in sorted(numbers - {tile.number for tile in image.tiles}):
+        image.tiles.new(tile_number=number)
+    return image
+
+
+def _pack_tiles(image: bpy.types.Image) -> None:
+    image.pack()
+    place = f"//{bpy.path.clean_name(image.name)}.{TOKEN}{PurePath(image.filepath).suffix}"
+    image.filepath_raw = place  # loads nothing
+    for packed in image.packed_files:
+        packed.filepath = place.replace(TOKEN, str(packed.tile_number))
+
+
+def tile_contents(image: bpy.types.Image) -> Iterator[tuple[int, bytes | Path]]:
+    """The tiles of a tiled image by number, and what holds their pixels: packed bytes, or a file. Empty ones are left out."""
+    packed = {part.tile_number: part.packed_file for part in image.packed_files}
+    for tile in image.tiles:
+        path = Path(bpy.path.abspath(image.filepath.replace(TOKEN, str(tile.number)))).absolute()
+        if tile.number in packed:
+            yield tile.number, packed[tile.number].data
+        elif not packed and path.is_file():
+            yield tile.number, path
+
+
+def mark_as_data(image: bpy.types.Image) -> None:
+    """Let nobody take the numbers for colours, or multiply them with alpha.
+
+    Before the pixels are set, since Blender drops those that no file holds when one of these changes; and not when
+    nothing changes. By role, since a colour configuration may call it otherwise than "Non-Color".
+    """
+    if not image.colorspace_settings.is_data:
+        image.colorspace_settings.is_data = True
+    if image.alpha_mode != "CHANNEL_PACKED":
+        image.alpha_mode = "CHANNEL_PACKED"
+    if image.use_half_precision:  # the viewport would round the normals
+        image.use_half_precision = False
+
+
+def _forget_pixels(image: bpy.types.Image) -> None:
+    if image.packed_file is not None:
+        image.unpack(method="REMOVE")
+
+
+def _regenerate(image: bpy.types.Image, width: int, height: int, is_float: bool) -> None:
+    """Make an existing image one of this size and kind whose pixels are free to be set."""
+    _forget_pixels(image)
+    if image.source != "GENERATED" or tuple(image.size) != (width, height) or image.is_float != is_float:
+        image.source = "GENERATED"
+        image.generated_width, image.generated_height = width, height
+        image.use_generated_float = is_float
+
+
+def _give_alpha(image: bpy.types.Image) -> None:
+    """Let an image that was made without alpha pack it.
+
+    Generating its pixels anew does not help, only reading them from a file does: one that is packed and has one texel.
+    """
+    width, height = image.size
+    seed = bpy.data.images.new("Imprint seed", 1, 1, alpha=True, float_buffer=image.is_float, is_data=True)
+    try:
+        seed.pixels[0] = 0.0  # an image that nobody has touched is not packed
+        seed.pack()
+        image.source = "FILE"
+        image.pack(data=seed.packed_file.data, data_len=seed.packed_file.size)
+    finally:
+        bpy.data.images.remove(seed)
+    mark_as_data(image)  # before it is scaled, see there
+    image.scale(width, height)

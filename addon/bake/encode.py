@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Texels into the bytes of a picture's file, by Blender's own writers."""
+
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from . import datablocks, tiff, whole
+from .settings import FORMATS
+
+
+def write(texels: np.ndarray, path: Path, depth: int) -> None:
+    """Write `texels`, (height, width, 4) float32 with row 0 at v = 0, to `path`, in the format that its ending names.
+
+    Alpha is 0 or 1: by anything in between, Blender's 16-bit PNG writer divides. depth: bits a channel. The numbers are
+    stored as they are, colours under alpha 0 included. Raises OSError or RuntimeError if that cannot be done, and leaves
+    what was written by then.
+    """
+    height, width = texels.shape[:2]
+    file_format = FORMATS[path.suffix.lower()][0]
+    # A scene of its own for Blender's image writer: the artist's output settings stay as they are.
+    scene = bpy.data.scenes.new("Imprint output")
+    image = bpy.data.images.new("Imprint output", width, height, alpha=True, float_buffer=depth > 8, is_data=True)
+    try:
+        datablocks.mark_as_data(image)
+        image.pixels.foreach_set(texels.reshape(-1))
+        output = scene.render.image_settings
+        output.file_format = file_format
+        output.color_mode, output.color_depth = "RGBA", str(depth)
+        output.tiff_codec = "LZW"  # four times as fast as the default
+        image.save_render(str(path), scene=scene)
+    finally:
+        bpy.data.images.remove(image)
+        bpy.data.scenes.remove(scene)
+    if not whole.is_whole(path, (width, height)):
+        raise RuntimeError("the disk took only a part of it")
+    if file_format == "TIFF":
+        # Blender's writer calls 16-bit colours multiplied with alpha, which they are not: readers would divide them.
+        tiff.set_unassociated(path)

@@ -1,0 +1,177 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Where the flaws are that the audit counted: on all texels of a map, and on which faces of the low mesh."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import bpy
+import numpy as np
+
+from ..mesh import arrays, extract
+from ..mesh import faces as mesh_faces
+from ..passes import batch, faces, overlap, target
+from . import apart, casting, images, methods, pipeline, reading, subjects
+from .audit import uv_space
+from .band import Band
+from .errors import BakeError
+from .reading import Meshes
+from .report import Report
+from .settings import Settings
+
+ON_TEXELS = ("overlap", "uncovered", "far")
+ON_TRIANGLES = ("mirrored", "outside", "no_area")
+ON_FACES = ("polygons", "uneven")
+KINDS = (*ON_TEXELS, *ON_TRIANGLES, *ON_FACES)
+"""As in Report.checks."""
+TEXELS = 1024 * 1024
+"""How many texels are looked at together: what is read of them takes some 100 bytes each."""
+
+
+def of_low(report: Report) -> bpy.types.Object:
+    """The low object of a bake that was done. Raises BakeError if it is gone."""
+    return subjects.named(report.low)
+
+
+def find_faces(context: bpy.types.Context, report: Report, kind: str) -> np.ndarray:
+    """The low object's own faces (N,) int that have flaws of this kind, as the objects are now.
+
+    report: of the bake whose settings count. Raises BakeError if the objects cannot be baked like that any more, or if
+    modifiers make faces of which nobody knows where they come from.
+    """
+    view = _view(context, report, kind)
+    if kind in ON_FACES:
+        found = np.flatnonzero({"polygons": mesh_faces.polygons, "uneven": mesh_faces.uneven}[kind](view.meshes.low))
+    else:
+        found = np.unique(view.meshes.low.faces[_triangles(view, kind)])
+    return _own(context, view, found)
+
+
+def draw_mask(context: bpy.types.Context, report: Report, kind: str) -> bpy.types.Image:
+    """Fill an image, called after the map and the kind, that is white on the texels with flaws of a kind ON_TEXELS.
+
+    report and errors: as in `find_faces`.
+    """
+    view = _view(context, report, kind)
+    mask = np.empty((view.settings.height, view.settings.width), bool)
+    with images.Writer("", view.settings) as writer:
+        for band, seen, _ in _masks(view, kind):
+            mask[band.start : band.stop] = seen
+            if band.stop == len(mask):
+                writer.add(band.tile, images.black_and_white(mask))
+        return writer.commit()
+
+
+@dataclass(frozen=True)
+class _View:
+    """What is looked at. settings: those of the mask."""
+
+    job: pipeline.Job
+    meshes: Meshes
+    settings: Settings
+    report: Report
+
+
+def _view(context: bpy.types.Context, report: Report, kind: str) -> _View:
+    names = report.low, *report.high, *([report.cage] if report.cage else [])
+    low, *highs = (subjects.named(name) for name in names)
+    job = pipeline.Job(low, highs[: len(report.high)], highs[-1] if report.cage else None)
+    settings = Settings(**{k: tuple(v) if isinstance(v, list) else v for k, v in report.settings.items()})
+    # Of all that can be set, what the map looks like does not count, and nothing is written but the mask.
+    settings = replace(settings, method=report.method, space="OBJECT", maps=(), mask=False, material=False)
+    settings = replace(settings, output="", storage="PACK" if settings.udim else "MEMORY")
+    settings = images.beside(settings, kind)
+    pipeline.check(context, job, settings)
+    told = Report(report.method, "OBJECT", report.size, report.low, report.high, distances=report.distances)
+    meshes = reading.read(context, job.low, job.highs, job.cage, settings)
+    return _View(job, methods.choose(meshes, report.tiles, settings, told), settings, replace(told, tiles=report.tiles))
+
+
+def _triangles(view: _View, kind: str) -> np.ndarray:
+    """Which triangles of the low mesh, (T,) bool, have flaws of this kind."""
+    low = view.meshes.low
+    if kind == "outside":
+        return arrays.outside(low, uv_space(view.settings))
+    if kind in ON_TRIANGLES:
+        areas = arrays.uv_areas(low)
+        return areas < 0.0 if kind == "mirrored" else areas == 0.0
+    found = np.zeros(len(low.triangles) + 1, bool)
+    uploaded = faces.upload(low.triangles, low.uv)
+    for band, mask, depth in _masks(view, kind):
+        if mask.any():
+            for numbers in faces.layers(uploaded, mask.shape[::-1], band.window, depth):
+                found[numbers[mask].astype(np.int64)] = True
+    return found[1:]
+
+
+def _masks(view: _View, kind: str) -> Iterator[tuple[Band, np.ndarray, int]]:
+    """Band by band, which texels (height, width) bool have flaws, and how many triangles lie on one of them at most."""
+    settings, low, tiles = view.settings, view.meshes.low, view.report.tiles
+    size, rows = (settings.width, settings.height), max(1, TEXELS // settings.width)
+    bands = [
+        Band(start, min(start + rows, settings.height), size, 0, tile)
+        for tile in tiles
+        for start in range(0, settings.height, rows)
+    ]
+    try:
+        if kind == "overlap":
+            uploaded = batch.upload(low.triangles, uv=low.uv)
+            for band in bands:
+                drawn = target.get("overlap", band.width, band.height, "R16F")
+                overlap.draw(drawn, uploaded, band.window)
+                counts = np.empty((band.height, band.width), np.float32)
+                drawn.read(counts)
+                yield band, counts > 1.0, int(counts.max())
+            return
+        look = apart.looking(view.meshes, settings, view.report)
+        offset = apart.offset(apart.probe(look, size, tiles), view.report.method)
+        limit = apart.limit(low, settings)
+        for band in bands:
+            texels = look((band.width, band.height), band.window)
+            mask = texels[..., 3] < 0.0 if kind == "uncovered" else apart.distances(texels, offset) > limit
+            yield band, mask, 1
+    finally:
+        target.trim()
+        casting.trim()
+
+
+def _own(context: bpy.types.Context, view: _View, found: np.ndarray) -> np.ndarray:
+    """Faces of the mesh that was baked as those of the object that an artist edits."""
+    low = view.job.low
+    if low in view.job.highs or not low.modifiers:
+        return found
+    with (
+        subjects.ready(context, low, [], None, view.settings.modifiers),
+        extract.numbered(low),
+        extract.evaluated(low, context.evaluated_depsgraph_get()) as data,
+    ):
+        own = extract.numbers(data)
+    if own is None:
+        raise BakeError(f"The modifiers of {low.name!r} make faces that are not its own: apply them first.")
+    own = np.unique(own[found])
+    return own[own >= 0]
+
+
+def add_triangulate(context: bpy.types.Context, report: Report) -> tuple[bpy.types.Modifier, int]:
+    """Give the low object a modifier that cuts its faces as Blender draws them, and as they were baked.
+
+    Also returns how many quads the modifier nevertheless cuts otherwise: those that Blender turns since they would be
+    folded. Raises BakeError if the object cannot take one, or has one already.
+    """
+    low = of_low(report)
+    if not low.is_editable:
+        raise BakeError(f"{low.name!r} is linked from another file: make it local, so that it takes a modifier.")
+    if low.name in report.high:
+        raise BakeError(
+            f"{low.name!r} was baked from its own modifiers onto its base mesh: triangulate that one instead."
+        )
+    if low.modifiers and low.modifiers[-1].type == "TRIANGULATE":
+        raise BakeError(f"{low.name!r} has a Triangulate modifier already: {low.modifiers[-1].name!r}.")
+    with (
+        subjects.ready(context, low, [], None, report.settings["modifiers"]) as depsgraph,
+        extract.evaluated(low, depsgraph) as data,
+    ):
+        mesh = extract.surface(data, "", low.name, extract.matrix(low), with_faces=True)
+    modifier = low.modifiers.new("Triangulate", "TRIANGULATE")
+    modifier.quad_method, modifier.ngon_method = "FIXED", "CLIP"
+    modifier.keep_custom_normals = True
+    return modifier, int(np.count_nonzero(mesh_faces.folded(mesh)))

@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A map that is drawn again whenever its objects change: what stayed is neither read nor uploaded again."""
+
+from collections.abc import Collection
+from dataclasses import replace
+
+import bpy
+import gpu
+import numpy as np
+
+from ..mesh.arrays import Mesh
+from ..passes import resolve, target
+from ..passes.batch import Kept
+from . import datablocks, finish, images, methods, outputs, pace, pipeline, reading, render, sources, subjects
+from .band import Band
+from .errors import BakeError
+from .pace import Pace, Step, Work
+from .pipeline import Job
+from .report import Report
+from .settings import Settings
+
+
+class Session:
+    """Follows one low object and its high ones, by their names: references do not outlive an undo.
+
+    texels: the last whole map, (height, width, 4) float32 as it is stored; None before the first. report: of its bake.
+    """
+
+    def __init__(self, context: bpy.types.Context, job: Job, settings: Settings, speed: Pace):
+        """Raises BakeError for what cannot be baked, or not live."""
+        if settings.udim:
+            raise BakeError("Live follows one tile alone: switch UDIM tiles off.")
+        self.low, self.highs = job.low.name, [high.name for high in job.highs]
+        self.cage = job.cage.name if job.cage else ""
+        self.settings = replace(
+            settings, image=images.name_for(self.low, settings), modifiers="VIEWPORT", maps=(), mask=False
+        )
+        pipeline.check(context, job, self.settings)
+        self.pace = speed
+        self.texels: np.ndarray | None = None
+        self.report: Report | None = None
+        self._meshes: reading.Meshes | None = None
+        self._method = settings.method
+        self._finishes: dict[str, finish.Finish] = {}
+        self._kept = Kept()
+        self._source: sources.Source | None = None
+        self._pool: target.Pool = {}
+        self._state: np.ndarray | None = None
+        self._is_stored = False
+
+    @property
+    def names(self) -> set[str]:
+        """The objects that it follows."""
+        return {self.low, *self.highs, self.cage} - {""}
+
+    def work(self, context: bpy.types.Context, changed: Collection[str] | None = None) -> Work[None]:
+        """Draw the map anew; `changed`: the objects that are not as they were the last time, None for all.
+
+        Raises BakeError.
+        """
+        settings = replace(self.settings, method=self._method)
+        report = Report(
+            self._method, settings.space, (settings.width, settings.height), self.low, list(self.highs), cage=self.cage
+        )
+        with report.timed("total"):
+            yield Step(f"Reading {self.low}", 0.0)
+            low, *highs = (subjects.named(name) for name in (self.low, *self.highs))
+            cage = subjects.named(self.cage) if self.cage else None
+            reason = subjects.problem(context, low, highs, cage, self._method)
+            if reason:
+                raise BakeError(reason)
+            with report.timed("extract"):
+                before = None if changed is None else self._meshes
+                meshes = reading.read_again(context, low, highs, cage, settings, before=before, changed=changed or ())
+            self._meshes, report.uv_layer = meshes, meshes.uv_layer
+            if before is None or meshes.low is not before.low:
+                self._finishes = finish.all_of([meshes.low], settings)
+            shown = methods.choose(meshes, [1001], settings, report)
+            self._method = report.method
+            source = yield from methods.source(shown, [1001], settings, report, self.pace, kept=self._kept)
+            renderer = render.Renderer(source, shown.basis, settings, report, self.pace, kept=self._kept)
+            maps = yield from renderer.texels(1001, self._finishes)
+            texels, state = maps["NORMAL"]
+            if not (state == resolve.WRITTEN).any():
+                raise BakeError(methods.nothing_drawn(shown, [1001], report))
+        self.texels, self._state, self.report, self._source = texels, state, report, source
+
+    def run(self, context: bpy.types.Context, changed: Collection[str] | None = None) -> None:
+        """All of `work`, at once."""
+        with target.using(self._pool):
+            pace.finish(self.work(context, changed))
+
+    def free(self) -> None:
+        """Free what is kept on the GPU."""
+        self._pool.clear()
+        self._kept, self._source = Kept(), None
+
+    def advance(self, work: Work[None], seconds: float) -> Step:
+        """As pace.some, with the session's own textures: other bakes may go on between."""
+        with target.using(self._pool):
+            return pace.some(work, seconds)
+
+    @property
+    def map(self) -> gpu.types.GPUTexture | None:
+        """The last whole map on the GPU; None before the first, and where the map is drawn in bands."""
+        drawn = self._pool.get("map")
+        is_whole = self.texels is not None and drawn is not None and drawn.height == self.settings.height
+        return drawn.texture if is_whole else None
+
+    @property
+    def meshes(self) -> reading.Meshes | None:
+        """The objects as they were last read."""
+        return self._meshes
+
+    def upload(self, key: str, mesh: Mesh, **attributes: np.ndarray) -> gpu.types.GPUBatch:
+        """As batch.Kept has it, beside what the session itself has uploaded."""
+        return self._kept.upload(key, mesh.triangles, **attributes)
+
+    def truth(self) -> gpu.types.GPUTexture:
+        """The high surface's normals that the last map came from, at the texels' centres, as sources.Source has them. Into
+        targets of the pool in use."""
+        size = self.settings.width, self.settings.height
+        for normals, _ in self._source.normals(Band(0, size[1], size, 0)):
+            drawn = normals
+        return drawn
+
+    def store(self) -> None:
+        """Put the last map into the image datablock, and the image into the material if it is new."""
+        settings = self.settings
+        is_new = datablocks.get(settings.image) is None
+        image = datablocks.fill(settings.image, self.texels, is_float=settings.depth > 8, pack=False)
+        if settings.material and (is_new or not self._is_stored):
+            self.report.warnings += outputs.hook_up(subjects.named(self.low), image, self.report, settings)
+        self._is_stored = True
+
+    def commit(self) -> None:
+        """Store the last map as a bake does: in its file, or packed. Raises BakeError."""
+        if self.texels is not None and bpy.data.objects.get(self.low) is not None:
+            with outputs.Outputs(self.settings) as places:
+                places.add(1001, {"NORMAL": (self.texels, self._state)})
+                places.commit([bpy.data.objects[self.low]], [self.report], [])

@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The images that a bake fills: the normal map and what was asked for beside it."""
+
+from collections.abc import Sequence
+from contextlib import ExitStack
+
+import bpy
+import numpy as np
+
+from ..passes import resolve
+from . import images, materials, values
+from .render import Map
+from .report import Report
+from .settings import Settings
+
+
+def wanted(settings: Settings) -> dict[str, Settings]:
+    """The settings of each image that a bake fills, by name: "NORMAL", "MASK", and settings.maps."""
+    result = {"NORMAL": settings}
+    if settings.mask:
+        result["MASK"] = images.beside(settings, images.MISSED)
+    for name in settings.maps:
+        few = name == "COVERAGE" or name.endswith("_ID")
+        result[name] = images.beside(settings, name.lower(), None if few else settings.depth)
+    return result
+
+
+class Outputs:
+    """Used in a `with` block: nothing of the artist's changes before commit, and nothing is left behind without it."""
+
+    def __init__(self, settings: Settings):
+        self.settings = settings
+        self._writers = {
+            name: images.Writer("", own, is_normal=name == "NORMAL") for name, own in wanted(settings).items()
+        }
+        self._kept: dict[str, dict[int, np.ndarray]] = {name: {} for name in settings.maps}
+
+    def __enter__(self) -> "Outputs":
+        return self
+
+    def __exit__(self, *_) -> None:
+        with ExitStack() as all_of_them:
+            for writer in self._writers.values():
+                all_of_them.callback(writer.discard)
+
+    def add(self, tile: int, maps: dict[str, Map]) -> None:
+        """Take one UDIM tile of all maps, unless it stayed empty: triangles may pass by a tile without a texel in it."""
+        texels, state = maps["NORMAL"]
+        if not state.any():
+            return
+        self._writers["NORMAL"].add(tile, texels)
+        if "MASK" in self._writers:
+            self._writers["MASK"].add(tile, images.black_and_white(state == resolve.MISSED))
+        for name, kept in self._kept.items():
+            kept[tile] = maps[name][0]  # until the range of all tiles is known
+
+    def commit(
+        self, lows: Sequence[bpy.types.Object], reports: Sequence[Report], materials_seen: Sequence[str]
+    ) -> None:
+        """Put all images in their places and the map into the materials of `lows`.
+
+        materials_seen: what the numbers of a material map stand for.
+        """
+        settings = self.settings
+        maps = {name: self._encode(name, tiles, reports, materials_seen) for name, tiles in self._kept.items()}
+        stored = {name: writer.commit() for name, writer in self._writers.items()}
+        for low, report in zip(lows, reports, strict=True):
+            report.image = stored["NORMAL"].name
+            report.output, report.loss = images.output_for(settings), self._writers["NORMAL"].loss
+            report.tiles = [tile for tile in report.tiles if tile in self._writers["NORMAL"].tiles]
+            report.loss = self._writers["NORMAL"].loss
+            report.maps = {name.lower(): {"image": stored[name].name} | how for name, how in maps.items()}
+            if settings.material:
+                report.warnings += hook_up(low, stored["NORMAL"], report, settings)
+
+    def _encode(
+        self, name: str, tiles: dict[int, np.ndarray], reports: Sequence[Report], materials_seen: Sequence[str]
+    ) -> dict:
+        objects = [high for report in reports for high in report.high]
+        labels = objects if name == "OBJECT_ID" else materials_seen
+        how = values.encoding(name, list(tiles.values()), labels, self.settings)
+        for tile, texels in tiles.items():
+            values.encode(texels, how)
+            self._writers[name].add(tile, texels)
+        return how
+
+
+def hook_up(low: bpy.types.Object, image: bpy.types.Image, report: Report, settings: Settings) -> list[str]:
+    """Show `image` in the materials of `low`; returns what there is to say about it."""
+    return materials.hook_up(
+        low,
+        image,
+        space=settings.space,
+        uv_layer=report.uv_layer,
+        channels=(settings.red, settings.green, settings.blue),
+        single_user=settings.single_user,
+    )

@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Numbers from 0 to 1 as whole steps: rounded or dithered, and what normals lose by it."""
+
+import numpy as np
+
+SAMPLES = 1 << 17
+"""At most about this many texels of a tile are measured."""
+# Multiples of 1/g, 1/g^2 and 1/g^3, with g^4 = g + 1, spread evenly over rows, columns and channels together
+# (Roberts, "The Unreasonable Effectiveness of Quasirandom Sequences", 2018); here in units of 2^-32, that wrap around.
+_G = 1.2207440846057596
+_ROW, _COLUMN, _CHANNEL = (int(2**32 / _G**power) for power in (1, 2, 3))
+
+
+def rounded(values: np.ndarray, depth: int) -> np.ndarray:
+    """`values` float32 from 0 to 1 as the nearest multiples of 1 / (2^depth - 1): what Blender makes of them."""
+    steps = np.float32(2**depth - 1)
+    return np.floor(values * steps + np.float32(0.5)) / steps
+
+
+def dithered(texels: np.ndarray) -> np.ndarray:
+    """`texels` (height, width, 4) float32 as multiples of 1/255 whose mean over a neighbourhood is as before.
+
+    Each colour goes to one of the two multiples around it, by a threshold that depends on its place alone, so that baking
+    again gives the same. Alpha, and colours where it is 0, are rounded to the nearest: background stays of one colour.
+    """
+    height, width = texels.shape[:2]
+    rows, columns = (np.arange(side, dtype=np.uint32) for side in (height, width))
+    lattice = rows[:, None] * np.uint32(_ROW) + columns * np.uint32(_COLUMN)
+    is_background = texels[..., 3] == 0.0
+    result = texels * np.float32(255.0)
+    for channel in range(3):
+        # 15 bits, neither 0 nor 1: added to 255, they are exact in single precision.
+        threshold = ((lattice + np.uint32(channel * _CHANNEL % 2**32)) >> 17).astype(np.float32)
+        threshold += np.float32(0.5)
+        threshold *= np.float32(2**-15)
+        threshold[is_background] = 0.5
+        result[..., channel] += threshold
+    result[..., 3] += np.float32(0.5)
+    np.floor(result, out=result)
+    result /= np.float32(255.0)
+    return result
+
+
+def sample(texels: np.ndarray) -> np.ndarray:
+    """Texels (N, 4) from all over (height, width, 4)."""
+    flat = texels.reshape(-1, 4)
+    return flat[:: (len(flat) // SAMPLES) | 1]  # odd: not the same few columns of each row
+
+
+def angles(texels: np.ndarray, stored: np.ndarray) -> np.ndarray:
+    """Degrees (M,) float32 between the normals of texels (N, 4) and what is stored of them, where alpha is not 0."""
+    wanted = texels[..., 3] > 0.0
+    before, after = (_unit(values[wanted, :3].astype(np.float64) * 2.0 - 1.0) for values in (texels, stored))
+    # By the chord: the cosine of a small angle has no digits left.
+    chord = np.linalg.norm(after - before, axis=-1)
+    return np.degrees(2.0 * np.arcsin(np.minimum(chord / 2.0, 1.0))).astype(np.float32)
+
+
+def _unit(vectors: np.ndarray) -> np.ndarray:
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-30)

@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The maps beside the normal map, as numbers in scene units."""
+
+import gpu
+import numpy as np
+
+from ..mesh.arrays import Frame, Mesh
+from ..passes import batch, gbuffer, relief, target
+from .band import Band
+from .settings import Settings
+
+
+class Relief:
+    """Draws what lies between `low` and the points of the high meshes, which are in the space of `frame`."""
+
+    def __init__(self, low: Mesh, frame: Frame, settings: Settings):
+        self.frame = frame
+        self.low = batch.upload(
+            low.triangles,
+            uv=low.uv,
+            position=frame.points(low)[low.vertices],
+            direction=low.to_world_normals(low.normals),
+        )
+        # Positions and vectors go with the normals: in the low object's space, or in the world's.
+        from_world = np.eye(4) if settings.space == "WORLD" else np.linalg.inv(low.to_world)
+        self.to_space = from_world[:3, :3] * frame.size
+        self.origin = from_world[:3, :3] @ frame.centre + from_world[:3, 3]
+
+    def start(self, band: Band) -> None:
+        """Look at another band."""
+        self.places = target.get("places", band.width, band.height, "RGBA32F", "RGBA32F")
+        gbuffer.draw(self.places, self.low, band.window)
+
+    def draw(
+        self, into: target.Target, name: str, normals: gpu.types.GPUTexture, points: target.Target
+    ) -> gpu.types.GPUTexture:
+        """One of settings.MAPS into `into` (RGBA32F), alpha as in `normals`; returns its texture."""
+        relief.draw(
+            into, name, normals, points, self.places, to_space=self.to_space, origin=self.origin, scale=self.frame.size
+        )
+        return into.texture

@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Faces of an object selected in Edit Mode, where an artist looks at them."""
+
+import bpy
+import numpy as np
+
+from ..mesh import extract
+
+
+def problem(obj: bpy.types.Object) -> str:
+    """Why faces of `obj` cannot be selected, as a sentence; empty when they can."""
+    if not (obj.is_editable and obj.data.is_editable):
+        return f"{obj.name!r} is linked from another file: make it local, so that its faces can be selected."
+    if not obj.visible_get():
+        return f"{obj.name!r} is hidden: show it, so that its faces can be selected."
+    return ""
+
+
+def select(context: bpy.types.Context, obj: bpy.types.Object, faces: np.ndarray) -> None:
+    """Go into Edit Mode with `obj` alone, where `faces`, indices, are selected and nothing else is."""
+    layer = context.view_layer
+    _leave_mode(layer.objects.active)
+    for other in layer.objects.selected:
+        other.select_set(False)
+    layer.objects.active = obj
+    obj.select_set(True)
+    _leave_mode(obj)
+    for name, chosen in extract.elements(obj.data, faces).items():
+        elements = getattr(obj.data, name)
+        flags = np.zeros(len(elements), bool)
+        flags[chosen] = True
+        elements.foreach_set("select", flags)
+        hidden = np.empty_like(flags)
+        elements.foreach_get("hide", hidden)
+        if (hidden & flags).any():  # or they would not be seen, nor stay selected
+            elements.foreach_set("hide", hidden & ~flags)
+    obj.data.update_tag()
+    context.tool_settings.mesh_select_mode = (False, False, True)
+    # Undo from Edit Mode only leaves it: what was changed before is a step of its own.
+    bpy.ops.ed.undo_push(message="Select Faces")
+    bpy.ops.object.mode_set(mode="EDIT")
+
+
+def _leave_mode(active: bpy.types.Object | None) -> None:
+    if active is not None and active.mode != "OBJECT":
+        bpy.ops.object.mode_set(mode="OBJECT")

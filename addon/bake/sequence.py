@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Maps of an animation, a file for each frame: wrinkle maps."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import PurePath
+
+import bpy
+
+from . import datablocks, images, outputs, pipeline
+from .errors import BakeError
+from .pace import Pace, Step, Work, part
+from .pipeline import Job
+from .report import Report
+from .settings import Settings
+
+PASSING = "Imprint frame"
+"""The image that shows each frame in turn while the sequence is made."""
+
+
+def output_for(output: str, frame: int) -> str:
+    """The file of a frame: its number stands for the last run of # in the name, or comes before the ending, as _0001."""
+    path = PurePath(output)
+    runs = list(re.finditer("#+", path.stem))
+    if not runs:
+        return str(path.with_stem(f"{path.stem}_{frame:04}"))
+    start, stop = runs[-1].span()
+    return str(path.with_stem(f"{path.stem[:start]}{frame:0{stop - start}}{path.stem[stop:]}"))
+
+
+def work(
+    context: bpy.types.Context, job: Job, settings: Settings, frames: Sequence[int], speed: Pace
+) -> Work[list[Report]]:
+    """Bake each of `frames`, and put the image sequence into the low object's material. A generator as pipeline.work.
+
+    Frames that are done are kept when it is closed. Raises BakeError.
+    """
+    if settings.storage != "FILE":
+        raise BakeError("A sequence is files: choose to store the map in a file.")
+    if not frames:
+        raise BakeError("There is no frame to bake: let the sequence end after it starts.")
+    scene, before = context.scene, context.scene.frame_current
+    settings = replace(settings, output=settings.output.replace("{low}", bpy.path.clean_name(job.low.name)))
+    plain = replace(settings, image=PASSING, material=False)
+    image = datablocks.get(images.name_for(job.low.name, settings))
+    if image is not None and image.source not in {"GENERATED", "FILE", "SEQUENCE"}:
+        raise BakeError(f"The image {image.name!r} is no picture or sequence: choose another name for the map.")
+    reports: list[Report] = []
+    try:
+        for number, frame in enumerate(frames):
+            scene.frame_set(frame)
+            own = replace(plain, output=output_for(settings.output, frame))
+            steps = part(pipeline.work(context, [job], own, speed), number / len(frames), (number + 1) / len(frames))
+            try:
+                while True:
+                    step = next(steps)
+                    yield replace(step, what=f"Frame {frame}: {step.what}", finished=number)
+            except StopIteration as end:
+                reports += end.value
+        yield Step("Storing", 1.0, finished=len(frames))
+    finally:
+        scene.frame_set(before)
+        passing = datablocks.get(PASSING)
+        if passing is not None:
+            bpy.data.images.remove(passing)
+        if reports:
+            _show(job, settings, frames[: len(reports)], reports)
+    return reports
+
+
+def _show(job: Job, settings: Settings, frames: Sequence[int], reports: Sequence[Report]) -> None:
+    """Make the image a sequence of the frames that are done."""
+    name = images.name_for(job.low.name, settings)
+    image = datablocks.show(name, output_for(settings.output, frames[0]))
+    image.source = "SEQUENCE"
+    for report in reports:
+        report.image = image.name
+    if not settings.material:
+        return
+    last = reports[-1]
+    last.warnings += outputs.hook_up(job.low, image, last, settings)
+    for material in filter(None, (slot.material for slot in job.low.material_slots)):
+        for node in material.node_tree.nodes:
+            if node.bl_idname == "ShaderNodeTexImage" and node.image == image:
+                user = node.image_user
+                user.frame_start, user.frame_duration = frames[0], len(frames)
+                user.frame_offset, user.use_auto_refresh = frames[0] - 1, True

@@ -1,0 +1,160 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Where the texels of a map come from: high meshes laid flat, rays, or what was drawn before."""
+
+from collections.abc import Iterator, Sequence
+from typing import Protocol
+
+import gpu
+import numpy as np
+
+from ..mesh.arrays import Mesh, frame_of, normal_matrix
+from ..passes import batch, cast, flatten, gbuffer, points, table, target
+from . import casting
+from .band import Band
+from .pace import Pace
+from .relief import Relief
+from .report import Report
+from .settings import Settings
+
+
+class Source(Protocol):
+    """Draws a band of the normal map, and of the maps beside it."""
+
+    def normals(self, band: Band) -> Iterator[tuple[gpu.types.GPUTexture, range]]:
+        """Unit normals in world space or the low object's: RGBA32F, alpha 1 written, 0 nothing, -1 missed.
+
+        In slices: each step gives the texture and the rows of it that have become ready.
+        """
+
+    def other(self, name: str, band: Band, into: target.Target) -> gpu.types.GPUTexture:
+        """One of settings.MAPS for the band whose normals were just drawn, as relief.draw has it, in `into` or elsewhere."""
+
+
+class Flat:
+    """Draws `highs` in UV space; `kept` holds what was uploaded of them before."""
+
+    def __init__(
+        self, low: Mesh, highs: Sequence[Mesh], settings: Settings, report: Report, *, kept: batch.Kept | None = None
+    ):
+        kept = kept or batch.Kept()
+        to_world = None if settings.space == "WORLD" else low.to_world
+        with report.timed("upload"):
+            self.drawn = [
+                (
+                    kept.upload(high.name, high.triangles, uv=high.uv, normal=high.normals),
+                    normal_matrix(high.to_world, to_world),
+                )
+                for high in highs
+            ]
+            if settings.maps:
+                self.relief = Relief(low, frame_of([low]), settings)
+                self.surfaces = [
+                    batch.upload(
+                        high.triangles,
+                        uv=high.uv,
+                        position=self.relief.frame.points(high)[high.vertices],
+                        labels=_labels_by_corner(high),
+                    )
+                    for high in highs
+                ]
+
+    def normals(self, band: Band) -> Iterator[tuple[gpu.types.GPUTexture, range]]:
+        """As Source has it, all rows at once."""
+        self._normals, self._points = target.get("high", band.width, band.height, "RGBA32F"), None
+        flatten.draw(self._normals, self.drawn, band.window)
+        yield self._normals.texture, range(band.height)
+
+    def other(self, name: str, band: Band, into: target.Target) -> gpu.types.GPUTexture:
+        """As Source has it."""
+        if self._points is None:
+            self._points = target.get("points", band.width, band.height, "RGBA32F", "RGBA32F")
+            points.draw(self._points, self.surfaces, band.window)
+            self.relief.start(band)
+        return self.relief.draw(into, name, self._normals.texture, self._points)
+
+
+class Rays:
+    """Casts `rays` at `aim`, the tree over `highs`; extrusion and reach in the units of its frame."""
+
+    def __init__(
+        self,
+        low: Mesh,
+        rays: gpu.types.GPUBatch,
+        aim: casting.Target,
+        highs: Sequence[Mesh],
+        settings: Settings,
+        *,
+        pace: Pace,
+        extrusion: float,
+        reach: float,
+    ):
+        self.rays, self.aim, self.settings, self.pace = rays, aim, settings, pace
+        self.extrusion, self.reach = extrusion, reach
+        matrix = low.to_world[:3, :3]
+        self.to_space = np.eye(3) if settings.space == "WORLD" else matrix.T / np.abs(matrix).max()
+        if settings.maps:
+            self.relief = Relief(low, aim.frame, settings)
+            self.labels = table.upload(
+                np.pad(np.concatenate([high.labels for high in highs])[aim.order], ((0, 0), (0, 1)))
+            )
+
+    def normals(self, band: Band) -> Iterator[tuple[gpu.types.GPUTexture, range]]:
+        """As Source has it."""
+        size = band.width, band.height
+        places = target.get("rays", *size, "RGBA32F", "RGBA32F")
+        gbuffer.draw(places, self.rays, band.window)
+        self._hits = target.get("hits", *size, "RGBA32UI")
+        self._normals, self._points = target.get("high", *size, "RGBA32F"), None
+        if self.pace.is_sliced:
+            target.clear(self._normals)  # what is not drawn yet must not be seen
+        for rows in self.pace.slices(band.height):
+            cast.trace(
+                self._hits,
+                places,
+                self.aim.tables,
+                heading=-1.0,
+                back=self.extrusion,
+                reach=self.reach,
+                facing_only=self.settings.facing_only,
+                rows=rows,
+            )
+            cast.look_up(self._normals, self._hits, places, self.aim.tables, self.to_space, rows=rows)
+            yield self._normals.texture, rows
+
+    def other(self, name: str, band: Band, into: target.Target) -> gpu.types.GPUTexture:
+        """As Source has it."""
+        if self._points is None:
+            self._points = target.get("points", band.width, band.height, "RGBA32F", "RGBA32F")
+            cast.points(self._points, self._hits, self.aim.tables, self.labels)
+            self.relief.start(band)
+        return self.relief.draw(into, name, self._normals.texture, self._points)
+
+
+class Drawn:
+    """Maps that were drawn before, by name, (height, width, 4) float32 as render.Renderer.raw returns them."""
+
+    def __init__(self, maps: dict[str, np.ndarray]):
+        self.maps = maps
+
+    def normals(self, band: Band) -> Iterator[tuple[gpu.types.GPUTexture, range]]:
+        """As Source has it, all rows at once."""
+        yield self._upload("NORMAL", band), range(band.height)
+
+    def other(self, name: str, band: Band, _into: target.Target) -> gpu.types.GPUTexture:
+        """As Source has it."""
+        return self._upload(name, band)
+
+    def _upload(self, name: str, band: Band) -> gpu.types.GPUTexture:
+        values = np.zeros((band.height, band.width, 4), np.float32)
+        first, last = band.start - band.halo, band.stop + band.halo
+        kept = slice(max(0, first), min(last, len(self.maps[name])))
+        values[kept.start - first : kept.stop - first] = self.maps[name][kept]
+        data = gpu.types.Buffer("FLOAT", values.shape, values)
+        return gpu.types.GPUTexture((band.width, band.height), format="RGBA32F", data=data)
+
+
+def _labels_by_corner(mesh: Mesh) -> np.ndarray:
+    """The labels (C, n) float32 of corners, none of which two faces share."""
+    values = np.zeros((len(mesh.vertices), mesh.labels.shape[1]), np.float32)
+    values[mesh.triangles] = mesh.labels[:, None]
+    return values

@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The directory of a TIFF file: as much of TIFF 6.0 (Adobe, 1992) as it takes to find its strips and mend its alpha."""
+
+import struct
+from pathlib import Path
+from typing import BinaryIO, NamedTuple
+
+STRIP_OFFSETS, STRIP_BYTE_COUNTS, EXTRA_SAMPLES = 273, 279, 338
+ASSOCIATED, UNASSOCIATED = 1, 2
+"""Values of ExtraSamples: whether colours are multiplied with alpha or not."""
+_TYPES = {1: "B", 3: "H", 4: "I"}
+"""BYTE, SHORT and LONG, as struct calls them."""
+
+
+class Entry(NamedTuple):
+    """The whole numbers of one tag, and where in the file the first of them is."""
+
+    at: int
+    values: tuple[int, ...]
+
+
+def directory(file: BinaryIO) -> dict[int, Entry]:
+    """The whole-number entries of a file's first directory, by tag. Raises struct.error if the file ends before them."""
+    order = _order(file)
+    (start,) = struct.unpack(order + "I", _read(file, 4, 4))
+    if not start:
+        raise struct.error("there is no directory yet")
+    (count,) = struct.unpack(order + "H", _read(file, start, 2))
+    entries = {}
+    for row in range(count):
+        at = start + 2 + 12 * row + 8  # of the value, or of where to find it
+        tag, kind, number, value = struct.unpack(order + "HHII", _read(file, at - 8, 12))
+        if kind in _TYPES:
+            layout = f"{order}{number}{_TYPES[kind]}"
+            size = struct.calcsize(layout)
+            at = at if size <= 4 else value
+            entries[tag] = Entry(at, struct.unpack(layout, _read(file, at, size)))
+    return entries
+
+
+def set_unassociated(path: Path) -> None:
+    """Tell that the colours of a file are not multiplied with its alpha."""
+    with path.open("r+b") as file:
+        order = _order(file)
+        file.seek(directory(file)[EXTRA_SAMPLES].at)
+        file.write(struct.pack(order + "H", UNASSOCIATED))
+
+
+def _order(file: BinaryIO) -> str:
+    """The order of bytes, as struct calls it."""
+    return ">" if _read(file, 0, 2) == b"MM" else "<"
+
+
+def _read(file: BinaryIO, at: int, size: int) -> bytes:
+    file.seek(at)
+    return file.read(size)

@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The maps beside the normal map, from numbers to what an image holds, and what undoes it."""
+
+import colorsys
+from collections.abc import Sequence
+from pathlib import PurePath
+
+import numpy as np
+
+from .settings import FORMATS, Settings
+
+GOLDEN = 0.6180339887498949
+"""Hues that are this far apart on the circle stay apart, however many there are."""
+
+
+def is_float(settings: Settings) -> bool:
+    """Whether the images hold numbers as they are; else they are brought into 0 to 1."""
+    if settings.storage == "FILE":
+        return FORMATS[PurePath(settings.output).suffix.lower()][0] == "OPEN_EXR"
+    return settings.depth > 8
+
+
+def encoding(name: str, maps: Sequence[np.ndarray], labels: Sequence[str], settings: Settings) -> dict:
+    """How one of settings.MAPS is stored: value = (stored - midlevel) * scale + offset, or colours by label.
+
+    maps: all tiles of it, (height, width, 4) float32 with alpha 0 where there is nothing. labels: what 1, 2, … stand for.
+    """
+    if name.endswith("_ID"):
+        return {"colours": {label: list(colour(number)) for number, label in enumerate(labels)}}
+    if name == "COVERAGE" or is_float(settings):
+        return {"midlevel": 0.0, "scale": 1.0}
+    lows, highs = zip(*(_range(texels) for texels in maps), strict=True)
+    low, high = np.min(lows, axis=0), np.max(highs, axis=0)
+    if name == "POSITION":
+        return {"midlevel": 0.0, "scale": float((high - low).max()) or 1.0, "offset": low.tolist()}
+    if name == "DISTANCE":
+        return {"midlevel": 0.0, "scale": float(high.max()) or 1.0}
+    return {"midlevel": 0.5, "scale": 2.0 * float(max(-low.min(), high.max(), 0.0)) or 1.0}
+
+
+def encode(texels: np.ndarray, how: dict) -> None:
+    """Bring `texels` (height, width, 4) float32 into the form that `how` says, in place; alpha stays."""
+    known = texels[..., 3:] > 0.0
+    if "colours" in how:
+        palette = np.array([(0.0, 0.0, 0.0), *how["colours"].values()], np.float32)
+        texels[..., :3] = palette[texels[..., 0].astype(np.int32)]
+    else:
+        if (how["midlevel"], how["scale"]) != (0.0, 1.0):
+            texels[..., :3] -= np.float32(how.get("offset", 0.0))
+            texels[..., :3] /= np.float32(how["scale"])
+            texels[..., :3] += np.float32(how["midlevel"])
+        np.copyto(texels[..., :3], np.float32(how["midlevel"]), where=~known)
+
+
+def colour(number: int) -> tuple[float, float, float]:
+    """A colour for each number from 0, none of them black."""
+    return colorsys.hsv_to_rgb(number * GOLDEN % 1.0, 0.65 + 0.35 * (number // 7 % 2), 1.0 - 0.3 * (number // 14 % 2))
+
+
+def _range(texels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The lowest and highest of the three numbers, (3,) each, of the texels that are known."""
+    known = texels[texels[..., 3] > 0.0][:, :3]
+    return (known.min(axis=0), known.max(axis=0)) if len(known) else (np.zeros(3), np.zeros(3))

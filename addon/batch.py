@@ -1,0 +1,213 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""One bake of the command line, and many: each fails alone, and all are told of in the end."""
+
+import argparse
+import json
+import os
+import time
+from collections.abc import Callable, Iterator, Sequence
+from copy import copy
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import bpy
+
+from . import arguments, importing
+from .bake import images, outputs, pipeline, subjects
+from .bake.errors import BakeError
+from .bake.files import check_writable, replacing
+from .bake.pace import Step
+from .bake.report import Report
+from .bake.settings import Settings
+from .importing import Stage
+from .meter import Meter
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A bake to come: how it is called, what it is to do, and why it cannot be done, if that is known."""
+
+    name: str
+    options: argparse.Namespace
+    problem: str = ""
+
+
+@dataclass
+class Result:
+    """What became of a plan: reports, or an error."""
+
+    name: str
+    reports: list[Report] = field(default_factory=list)
+    maps: list[str] = field(default_factory=list)
+    """The files that were written."""
+    problems: list[str] = field(default_factory=list)
+    """What was found to be wrong with names."""
+    error: str = ""
+    seconds: float = 0.0
+    are_pairs: bool = False
+
+    @property
+    def warnings(self) -> list[str]:
+        """Sentences."""
+        return [*self.problems, *(warning for report in self.reports for warning in report.warnings)]
+
+    def to_json(self) -> dict | None:
+        """Plain data for json.dump: of one bake its report, of pairs all of theirs; None if there is none."""
+        reports = [report.to_dict() for report in self.reports]
+        if self.are_pairs:
+            return {"pairs": reports, "problems": self.problems}
+        return reports[0] if reports else None
+
+
+def plans(sets: Sequence[argparse.Namespace]) -> tuple[list[Plan], list[str]]:
+    """The bakes of several sets, where a folder of pairs is one for each pair, and sentences about files left over."""
+    result, problems = [], []
+    for number, options in enumerate(sets, 1):
+        label = "{}" if len(sets) == 1 else f"set {number} ({{}})"
+        name = label.format(subject(options))
+        if not arguments.is_folder(options):
+            result.append(Plan(name, options))
+            continue
+        try:
+            found, left = importing.pairs(options.pairs, options.suffixes)
+        except BakeError as error:
+            result.append(Plan(name, options, str(error)))
+            continue
+        problems += left
+        for pair, problem in found:
+            own = copy(options)
+            own.report = None  # which is of all
+            own.pairs, own.low_file, own.high_file, own.cage_file = None, pair.low, pair.highs, pair.cage
+            result.append(Plan(label.format(subject(own)), own, problem))
+    return result, problems
+
+
+def subject(options: argparse.Namespace) -> str:
+    """What a person would call the thing that is baked."""
+    if options.low or options.low_file:
+        return options.low or Path(options.low_file).stem
+    place = options.pairs if arguments.is_folder(options) else (*options.file, bpy.data.filepath)[0]
+    return os.path.basename(os.path.abspath(place))  # a folder may be called "."
+
+
+def bake_all(planned: Sequence[Plan], meter: Meter, tell: Callable[[Result], None]) -> tuple[list[Result], bool]:
+    """Bake one plan after the other; `tell` hears of each as it ends. Returns them and whether a person stopped it."""
+    results, stage = [], Stage()
+    taken: dict[str, str] = {}
+    for number, plan in enumerate(planned, 1):
+        meter.place = f"{number}/{len(planned)} "
+        start = time.perf_counter()
+        try:
+            result = bake(plan, stage, meter, taken)
+        except BakeError as error:
+            result = Result(plan.name, error=str(error))
+        except KeyboardInterrupt:
+            return results, True
+        result.seconds = time.perf_counter() - start
+        results.append(result)
+        meter.clear()
+        tell(result)
+    return results, False
+
+
+def bake(plan: Plan, stage: Stage, meter: Meter, taken: dict[str, str] | None = None) -> Result:
+    """Do what the plan says, and add the maps to `taken`: what was written, and by which plan. Raises BakeError."""
+    if plan.problem:
+        raise BakeError(plan.problem)
+    options, taken = plan.options, {} if taken is None else taken
+    settings = arguments.settings(options)
+    # Before a file is opened, which may take long: what could go wrong at the end.
+    settings.check()
+    report, scene = (Path(name).absolute() if name else None for name in (options.report, options.save_blend))
+    for path in (Path(settings.output), report, scene):
+        if path is not None and "{low}" not in str(path):
+            check_writable(path)
+    if scene is not None and scene.suffix != ".blend":
+        raise BakeError(f"{options.save_blend!r} does not end in .blend.")
+    if meter.is_on:
+        meter.tell(subject(options), Step("Opening", 0.0))
+    jobs, problems = _jobs(options, stage)
+    maps = list(dict.fromkeys(path for job in jobs for path in _maps(settings, job)))
+    for path in maps:
+        if path in taken:
+            raise BakeError(f"{path!r} was written by {taken[path]} already: give each map a place of its own.")
+    share_image = bool(options.pairs) and "{low}" not in options.output
+
+    def tell(step: Step) -> None:
+        meter.tell("the atlas" if share_image else jobs[step.finished].low.name, step)
+
+    reports = pipeline.bake_all(
+        bpy.context, jobs, settings, share_image=share_image, tell=tell if meter.is_on else None
+    )
+    taken.update(dict.fromkeys(maps, plan.name))
+    result = Result(plan.name, reports, maps, problems, are_pairs=bool(options.pairs))
+    if scene is not None:
+        _save(scene, {bpy.data.images[report.image] for report in reports})
+    if report is not None:
+        write_json(report, result.to_json())
+    return result
+
+
+def write_json(path: Path, value) -> None:
+    """Write plain data to a file. Raises BakeError."""
+    with replacing(path) as partial:
+        partial.write_text(json.dumps(value, indent=2) + "\n", encoding="utf-8")
+
+
+def table(results: Sequence[Result]) -> Iterator[str]:
+    """A line for each, and one for all."""
+    width = max((len(result.name) for result in results), default=0)
+    for result in results:
+        said = result.error or ", ".join(result.maps)
+        yield f"{'failed' if result.error else 'done':6}  {result.seconds:8.2f} s  {result.name:{width}}  {said}"
+    failed = sum(1 for result in results if result.error)
+    yield f"{len(results) - failed} done, {failed} failed, {sum(result.seconds for result in results):.2f} s"
+
+
+def to_json(results: Sequence[Result]) -> list[dict]:
+    """Plain data for json.dump."""
+    return [
+        {
+            "name": result.name,
+            "ok": not result.error,
+            "error": result.error,
+            "seconds": result.seconds,
+            "maps": result.maps,
+            "report": result.to_json(),
+        }
+        for result in results
+    ]
+
+
+def _jobs(options: argparse.Namespace, stage: Stage) -> tuple[list[pipeline.Job], list[str]]:
+    """What to bake, ready in the scene, and what was found to be wrong with names."""
+    if options.low_file:
+        return [stage.job(options.low_file, options.high_file, options.cage_file)], []
+    if options.file:
+        stage.open(options.file)
+    elif not bpy.data.filepath:
+        raise BakeError("There is no scene to bake: give a FILE.")
+    if options.pairs:
+        return pipeline.jobs_by_name(bpy.context, options.suffixes)
+    low = subjects.named(options.low)
+    highs = [subjects.named(name) for name in options.high] or [low]
+    return [pipeline.Job(low, highs, subjects.named(options.cage) if options.cage else None)], []
+
+
+def _maps(settings: Settings, job: pipeline.Job) -> list[str]:
+    """The files that a job writes."""
+    output = settings.output.replace("{low}", bpy.path.clean_name(job.low.name))
+    return [images.output_for(own) for own in outputs.wanted(replace(settings, output=output)).values()]
+
+
+def _save(path: Path, maps: set[bpy.types.Image]) -> None:
+    """Save the scene; the paths of its maps become relative."""
+    for image in maps:
+        output = Path(bpy.path.abspath(image.filepath))
+        if output.is_relative_to(path.parent):
+            # So that the files can be moved together. Relative to the file that is open: saving takes all such paths
+            # along to the new place.
+            image.filepath = bpy.path.relpath(str(output), start=str(Path(bpy.data.filepath or path).parent))
+    with replacing(path) as partial:
+        # As a copy: relative paths are those of the final place, which is in the same folder.
+        bpy.ops.wm.save_as_mainfile(filepath=str(partial), copy=True, compress=False, relative_remap=True)

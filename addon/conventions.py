@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What programs expect of a normal map, as Blender presets: those that come along, and the artist's own."""
+
+from pathlib import Path
+
+import bpy
+from bl_operators.presets import AddPresetBase
+from bl_ui.utils import PresetPanel
+from bpy.props import BoolProperty
+
+FOLDER = "imprint"
+"""Under "presets", here and among the artist's own."""
+
+
+class IMPRINT_PT_conventions(PresetPanel, bpy.types.Panel):
+    """Presets of what the channels hold, and for which reader"""
+
+    bl_label = "Conventions"
+    preset_subdir = FOLDER
+    preset_operator = "script.execute_preset"
+    preset_add_operator = "imprint.convention_add"
+
+
+class IMPRINT_OT_convention_add(AddPresetBase, bpy.types.Operator):
+    """Keep what the channels hold, and for which reader, under a name, or remove what was kept"""
+
+    bl_idname = "imprint.convention_add"
+    bl_label = "Add Convention"
+    preset_menu = "IMPRINT_PT_conventions"
+    preset_defines = ["settings = bpy.context.scene.imprint"]
+    preset_values = ["settings.red", "settings.green", "settings.blue", "settings.basis"]
+    preset_subdir = FOLDER
+
+    # As the base has them, which gives no descriptions.
+    remove_name: BoolProperty(description="Remove the one of this name", default=False, options={"HIDDEN", "SKIP_SAVE"})
+    remove_active: BoolProperty(
+        description="Remove the one that is shown", default=False, options={"HIDDEN", "SKIP_SAVE"}
+    )
+
+
+CLASSES = (IMPRINT_PT_conventions, IMPRINT_OT_convention_add)
+_register, _unregister = bpy.utils.register_classes_factory(CLASSES)
+_PLACE = str(Path(__file__).parent)
+
+
+def register() -> None:
+    bpy.utils.register_preset_path(_PLACE)
+    _register()
+
+
+def unregister() -> None:
+    _unregister()
+    bpy.utils.unregister_preset_path(_PLACE)

@@ -1,0 +1,190 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Scenes for a bake without a window: a .blend is opened, mesh files are imported into an empty scene."""
+
+import ctypes
+import os
+import sys
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from pathlib import Path
+
+import bpy
+
+from .bake.errors import BakeError
+from .bake.files import reason
+from .bake.pairs import Pair, Suffixes, match
+from .bake.pipeline import Job
+
+IMPORTERS = {
+    ".obj": ("wm", "obj_import", {}),
+    ".ply": ("wm", "ply_import", {}),
+    ".stl": ("wm", "stl_import", {}),
+    ".gltf": ("import_scene", "gltf", {"disable_bone_shape": True}),  # which would be one more mesh
+    ".glb": ("import_scene", "gltf", {"disable_bone_shape": True}),
+    ".fbx": ("wm", "fbx_import", {}),
+    ".usd": ("wm", "usd_import", {}),
+    ".usda": ("wm", "usd_import", {}),
+    ".usdc": ("wm", "usd_import", {}),
+}
+"""Blender's operators by the ending of files, and what they are told beside the path. All of them turn Z up."""
+
+ENDINGS = (".blend", *IMPORTERS)
+
+
+class Stage:
+    """The scene to bake in, which is changed only when other files are wanted."""
+
+    def __init__(self):
+        self._open: list[Path] = []
+
+    def open(self, names: Sequence[str]) -> None:
+        """Open a .blend, or import files into an empty scene; nothing where these are open already.
+
+        A .blend after the first file is appended. Raises BakeError.
+        """
+        first, *others = (str(_existing(name)) for name in names)
+        wanted = [Path(name).resolve() for name in names]
+        if wanted == self._open:
+            return
+        self._open = []
+        if _ending(first) in IMPORTERS:
+            _empty()
+            bring(first)
+        else:  # a .blend1 as well
+            _open_blend(first)
+        for name in others:
+            bring(name)
+        self._open = wanted
+
+    def job(self, low: str, highs: Sequence[str], cage: str | None = None) -> Job:
+        """An empty scene with these files: the low object, and the cage, are the one mesh of theirs.
+
+        The low object is called as its file, without the ending. Raises BakeError.
+        """
+        for name in (low, *highs, *([cage] if cage else [])):
+            _existing(name)
+        self._open = []
+        _empty()
+        low_object = _only(low, bring(low))
+        low_object.rename(Path(low).stem, mode="ALWAYS")
+        high_objects = [obj for name in highs for obj in bring(name)] or [low_object]
+        return Job(low_object, high_objects, _only(cage, bring(cage)) if cage else None)
+
+
+def pairs(folder: str, suffixes: Suffixes) -> tuple[list[tuple[Pair, str]], list[str]]:
+    """The pairs among the mesh files of a folder, their names turned to paths, each with what is wrong with it, or "".
+
+    Also sentences about files without a partner. Raises BakeError when there is no pair.
+    """
+    try:
+        files = sorted(path for path in Path(folder).iterdir() if _ending(path) in ENDINGS)
+    except OSError as error:
+        raise BakeError(f"The folder {folder!r} cannot be read: {reason(error)}.") from error
+    places: dict[str, list[Path]] = {}
+    for path in files:
+        places.setdefault(path.stem, []).append(path)
+    found, problems = match(places, suffixes)
+    if not found:
+        raise BakeError(" ".join(problems) or f"No mesh file in {folder!r} is called something{suffixes.low}.")
+    result = []
+    for pair in found:
+        names = [pair.low, *pair.highs, *([pair.cage] if pair.cage else [])]
+        twice = next((places[name] for name in names if len(places[name]) > 1), None)
+        problem = f"{twice[0].name!r} and {twice[1].name!r} share a name: take one of them away." if twice else ""
+        low, highs, cage = str(places[pair.low][0]), [str(places[high][0]) for high in pair.highs], pair.cage
+        result.append((Pair(pair.name, low, highs, str(places[cage][0]) if cage else ""), problem))
+    return result, problems
+
+
+def bring(name: str) -> list[bpy.types.Object]:
+    """Import a file, or append the objects of a .blend; returns the meshes that have faces. Raises BakeError."""
+    path = _existing(name)
+    ending = _ending(path)
+    if ending not in ENDINGS:
+        raise BakeError(f"{str(path)!r} is no mesh file that can be imported: {', '.join(ENDINGS)} can.")
+    before = set(bpy.data.objects)
+    try:
+        with _silence():
+            if ending == ".blend":
+                _append(path)
+            else:
+                module, operator, more = IMPORTERS[ending]
+                getattr(getattr(bpy.ops, module), operator)(filepath=str(path), **more)
+    except AttributeError as error:
+        raise BakeError(f"{str(path)!r} cannot be read: this Blender imports no {ending} files.") from error
+    except (RuntimeError, OSError) as error:
+        raise BakeError(f"{str(path)!r} could not be imported: {_cause(error)}.") from error
+    new = [obj for obj in bpy.data.objects if obj.type == "MESH" and obj not in before]
+    meshes = [obj for obj in new if obj.data.polygons or obj.modifiers]
+    if not meshes:
+        raise BakeError(f"{str(path)!r} holds no mesh with faces.")
+    return meshes
+
+
+def _ending(path: str | Path) -> str:
+    return Path(path).suffix.lower()
+
+
+def _existing(name: str) -> Path:
+    path = Path(name).absolute()
+    if not os.path.isfile(path):
+        raise BakeError(f"There is no file {str(path)!r}.")
+    return path
+
+
+def _open_blend(name: str) -> None:
+    try:
+        bpy.ops.wm.open_mainfile(filepath=name, load_ui=False)
+    except RuntimeError as error:
+        raise BakeError(f"{name!r} could not be opened: {reason(error)}.") from error
+
+
+def _empty() -> None:
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True, load_ui=False)
+
+
+def _append(path: Path) -> None:
+    with bpy.data.libraries.load(str(path)) as (there, here):
+        here.objects = there.objects
+    for obj in filter(None, here.objects):
+        bpy.context.scene.collection.objects.link(obj)
+
+
+def _only(name: str, meshes: Iterable[bpy.types.Object]) -> bpy.types.Object:
+    first, *others = meshes
+    if others:
+        raise BakeError(
+            f"{str(Path(name).absolute())!r} holds {len(others) + 1} meshes where one is wanted: join them, or give the "
+            "file as FILE and name one of them."
+        )
+    return first
+
+
+def _cause(error: RuntimeError | OSError) -> str:
+    """What an importer says for itself; those written in Python end with the cause, after a traceback."""
+    if "Traceback" not in str(error):
+        return reason(error)
+    last = [line for line in str(error).splitlines() if line.strip() and not line.startswith((" ", "Location"))][-1]
+    if last.startswith("KeyboardInterrupt"):
+        raise KeyboardInterrupt
+    return last.rstrip(".")
+
+
+@contextmanager
+def _silence() -> Iterator[None]:
+    """Keep what importers print, from C as well, off both standard streams: what matters is in their exceptions."""
+    library = ctypes.CDLL("ucrtbase" if os.name == "nt" else None)
+    for stream in (sys.stdout, sys.stderr):
+        stream.flush()
+    library.fflush(None)
+    kept = {number: os.dup(number) for number in (1, 2)}
+    try:
+        with open(os.devnull, "w", encoding="utf-8") as nowhere, redirect_stdout(nowhere), redirect_stderr(nowhere):
+            for number in kept:
+                os.dup2(nowhere.fileno(), number)
+            yield
+    finally:
+        library.fflush(None)
+        for number, copy in kept.items():
+            os.dup2(copy, number)
+            os.close(copy)

@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Job files: what to bake, in sets, as TOML or JSON. Each set becomes arguments, which the command line's parser reads."""
+
+import argparse
+import difflib
+import json
+import re
+import tomllib
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+
+from . import arguments
+from .arguments import FILE, OPTIONS, WrongUsage
+from .bake.errors import BakeError
+
+DEFAULTS, SETS = "defaults", "bake"
+KEYS = {"file": FILE, **{name: option for options in OPTIONS.values() for name, option in options.items()}}
+"""What a set may say, as argparse.add_argument takes it."""
+
+
+def read(name: str, more: Sequence[str] = ()) -> list[argparse.Namespace]:
+    """The options of each set of a job file, checked; `more` are arguments that count for all of them.
+
+    Paths in the file start at its folder. Raises WrongUsage with a line for each set that has a fault.
+    """
+    path = Path(name).absolute()
+    table = _load(name, path)
+    defaults, sets = _parts(name, table)
+    # Apart, so that what is wrong there is not told for each set.
+    faults = list(_faults(f"{name}, {DEFAULTS}", lambda: arguments.parse(_arguments(defaults, path.parent))))
+    found = []
+
+    def take(values: dict) -> None:
+        options = arguments.parse([*_arguments({**defaults, **values}, path.parent), *more])
+        if not options.file and not options.low_file and not arguments.is_folder(options):
+            raise WrongUsage("file, low-file or a folder for pairs is missing")
+        if options.report and arguments.is_folder(options):
+            raise WrongUsage("report: the pairs of a folder are told of by --report of the command line alone")
+        arguments.check(options)
+        arguments.settings(options).check()
+        found.append(options)
+
+    for number, values in enumerate([] if faults else sets, 1):
+        faults += _faults(f"{name}, set {number}", lambda values=values: take(values))
+    faults = faults or [f"{name}, {clash}" for clash in _clashes(found)]
+    if faults:
+        raise WrongUsage("\n".join(faults))
+    return found
+
+
+def _faults(where: str, act) -> Iterator[str]:
+    """What is wrong with a part of the file, if anything is."""
+    try:
+        act()
+    except (WrongUsage, BakeError) as error:
+        said = re.sub(r"(?<!\S)--(?=\w)", "", str(error))  # keys have no dashes in front
+        yield f"{where}: {said.removeprefix('argument ').rstrip('.')}"
+
+
+def _load(name: str, path: Path) -> dict:
+    readers = {".toml": tomllib.loads, ".json": json.loads}
+    if path.suffix.lower() not in readers:
+        raise WrongUsage(f"{name!r} does not end in .toml or .json")
+    try:
+        return readers[path.suffix.lower()](path.read_text(encoding="utf-8-sig"))
+    except OSError as error:
+        raise WrongUsage(f"{name!r} cannot be read: {error.strerror}") from error
+    except ValueError as error:  # what all three decoders raise
+        raise WrongUsage(f"{name!r} is no {path.suffix[1:].upper()}: {error}") from error
+
+
+def _parts(name: str, table) -> tuple[dict, list[dict]]:
+    """The defaults and the sets."""
+    if not isinstance(table, dict):
+        raise WrongUsage(f"{name}: a table with {SETS!r}, a list of sets, is expected")
+    for key in table:
+        _check_known(name, key, (DEFAULTS, SETS))
+    defaults, sets = table.get(DEFAULTS, {}), table.get(SETS, [])
+    if not isinstance(defaults, dict):
+        raise WrongUsage(f"{name}: {DEFAULTS!r} must be a table")
+    if not isinstance(sets, list) or not sets or not all(isinstance(values, dict) for values in sets):
+        raise WrongUsage(f"{name}: {SETS!r} must be a list of sets, and not empty")
+    return defaults, sets
+
+
+def _check_known(where: str, key: str, known: Iterable[str]) -> None:
+    if key not in known:
+        close = difflib.get_close_matches(key, list(known), n=1, cutoff=0.0)[0]
+        raise WrongUsage(f"{where}: unknown key {key!r}, did you mean {close!r}?")
+
+
+def _arguments(values: dict, folder: Path) -> list[str]:
+    """A set as the command line says it."""
+    result, files = [], []
+    for written, value in values.items():
+        key = written.replace("_", "-")
+        if key not in KEYS:
+            close = difflib.get_close_matches(key, KEYS, n=1, cutoff=0.0)[0]
+            raise WrongUsage(f"unknown key {written!r}, did you mean {close!r}?")
+        words = _words(key, value)
+        if KEYS[key].get("type") is arguments.path:
+            words = [str(folder / word) if word else word for word in words]
+        if key == "file":
+            files = words
+        elif value is True:
+            result.append(f"--{key}")
+        else:
+            result += [f"--{key}={word}" for word in words]
+    return [*files, *result]
+
+
+def _words(key: str, value) -> list[str]:
+    """A value as words of the command line: one of them, or several where an option may be given again."""
+    option = KEYS[key]
+    is_flag = option.get("action", "").startswith("store_")
+    is_text = option.get("type") in (arguments.text, arguments.path)
+    if isinstance(value, bool) and (is_flag or option.get("nargs") == "?"):
+        return []
+    parts = value if isinstance(value, list) else [value]
+    fits = all(isinstance(part, str if is_text else (str, int, float)) and not isinstance(part, bool) for part in parts)
+    may_repeat = option.get("action") == "append" or option.get("nargs") == "*"
+    if is_flag or not fits or (is_text and isinstance(value, list) and not may_repeat):
+        wanted = "true or false" if is_flag else "text, or a list of it" if may_repeat else "text"
+        if not is_flag and not is_text:
+            wanted = "a number or text"
+        raise WrongUsage(f"{key}: {wanted} is expected, not {json.dumps(value, default=str)}")
+    return list(map(str, parts)) if is_text else [",".join(map(str, parts))]
+
+
+def _clashes(sets: Sequence[argparse.Namespace]) -> Iterator[str]:
+    """Sets that write what another one writes; where {low} stands in a path, the bake itself will see."""
+    first: dict[Path, int] = {}
+    for number, options in enumerate(sets, 1):
+        for name in (options.output, options.report, options.save_blend):
+            if name and "{low}" not in name:
+                other = first.setdefault(Path(name).resolve(), number)
+                if other != number:
+                    yield f"set {number}: set {other} writes {name!r} as well"

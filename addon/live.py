@@ -1,0 +1,148 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Live: the map follows the objects. Blender tells what changed; a timer bakes it, a few milliseconds at a time."""
+
+import time
+from collections.abc import Callable
+
+import bpy
+
+from . import progress
+from .bake import live, pace
+from .bake.errors import BakeError
+
+TICK = 0.02
+"""Seconds between two looks at what has changed."""
+BUDGET = 0.05
+"""Seconds of work at a tick; what does not fit waits for the next. One draw is not cut in pieces."""
+SLICE = 0.02
+"""Seconds of rays between two looks at the clock."""
+REST = 0.4
+"""Seconds without a change after which the image gets the map."""
+
+_session: live.Session | None = None
+_work: pace.Work[None] | None = None
+_changed: set[str] = set()
+_all_changed = False
+_since = 0.0
+_is_stored = True
+message = ""
+"""What kept the last map from being drawn, in a sentence; empty when it was drawn."""
+on_new: list[Callable[[], None]] = []
+"""Called when there is something new to see."""
+
+
+def session() -> live.Session | None:
+    """What is being followed, or None while live is off."""
+    return _session
+
+
+def start(context: bpy.types.Context, job, settings) -> None:
+    """Follow the objects of a job; its first map is drawn and stored at once. Raises BakeError, and then live is off."""
+    global _session, _work, _all_changed, _is_stored, message  # noqa: PLW0603 - Blender's handlers are plain functions
+    stop()
+    following = live.Session(context, job, settings, pace.Pace())
+    following.run(context)
+    following.store()
+    following.pace.seconds = SLICE
+    _session, _work, _all_changed, _is_stored, message = following, None, False, True, ""
+    for handlers, handler in _handlers():
+        handlers.append(handler)
+    if not bpy.app.background:
+        bpy.app.timers.register(tick, first_interval=TICK)
+
+
+def stop() -> None:
+    """Stop following. No handler and no timer remains; the image keeps what it has."""
+    global _session, _work  # noqa: PLW0603 - see start
+    if _session is None:
+        return
+    for handlers, handler in _handlers():
+        if handler in handlers:
+            handlers.remove(handler)
+    if bpy.app.timers.is_registered(tick):
+        bpy.app.timers.unregister(tick)
+    if _work is not None:
+        _work.close()
+    _session.free()
+    _session, _work = None, None
+    _changed.clear()
+
+
+def tick() -> float | None:
+    """Go on with what there is to do. Returns the seconds until the next time, None when live is off."""
+    global _work, _is_stored, message  # noqa: PLW0603 - see start
+    if _session is None:
+        return None
+    if progress.current() is not None:  # a bake is going on
+        return TICK
+    if any(bpy.data.objects.get(name) is None for name in _session.names):
+        stop()
+        _announce()
+        return None
+    try:
+        if _changed or _all_changed:
+            _begin()
+        if _work is not None:
+            _advance()
+        elif not _is_stored and (every_time() or time.monotonic() - _since > REST):
+            _session.store()
+            _is_stored = True
+    except BakeError as error:
+        _work, message = None, str(error)
+        _announce()
+    return TICK
+
+
+def every_time() -> bool:
+    """Whether the image gets each map, and not only the last one when the hand rests."""
+    return bpy.context.scene.imprint.live_every_time
+
+
+def _begin() -> None:
+    global _work, _all_changed  # noqa: PLW0603 - see start
+    if _work is not None:
+        # What had not been drawn yet is still to be read.
+        _work.close()
+    _work = _session.work(bpy.context, None if _all_changed else set(_changed))
+    _changed.clear()
+    _all_changed = False
+
+
+def _advance() -> None:
+    global _work, _since, _is_stored, message  # noqa: PLW0603 - see start
+    try:
+        _session.advance(_work, BUDGET)
+    except StopIteration:
+        _work, _since, _is_stored, message = None, time.monotonic(), False, ""
+        if every_time():
+            _session.store()
+            _is_stored = True
+    _announce()
+
+
+def _announce() -> None:
+    for told in on_new:
+        told()
+
+
+def _handlers() -> list[tuple[list, Callable]]:
+    handlers = bpy.app.handlers
+    return [
+        (handlers.depsgraph_update_post, _on_update),
+        (handlers.frame_change_post, _on_update),
+        (handlers.undo_post, _on_undo),
+        (handlers.redo_post, _on_undo),
+    ]
+
+
+def _on_update(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+    if _session is None:
+        return
+    for update in depsgraph.updates:
+        if isinstance(update.id, bpy.types.Object) and (update.is_updated_geometry or update.is_updated_transform):
+            _changed.update({update.id.name}.intersection(_session.names))
+
+
+def _on_undo(*_) -> None:
+    global _all_changed  # noqa: PLW0603 - see start
+    _all_changed = True

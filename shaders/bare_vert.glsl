@@ -1,0 +1,8 @@
+// A mesh in its place.
+
+void main()
+{
+  gl_Position = view_projection * vec4(position, 1.0);
+  v_position = position;
+  v_normal = mat3(placed) * normal;
+}

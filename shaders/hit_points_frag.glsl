@@ -1,0 +1,18 @@
+// The point of the high surface that each ray hit, and the numbers of its object and its material.
+#include "texture_lib.glsl"
+
+void main()
+{
+  uvec4 hit = texelFetch(hits, ivec2(gl_FragCoord.xy), 0);
+  point_out = vec4(0.0);
+  labels_out = vec4(0.0);
+  if (hit.x != 0u) {
+    int triangle = int(hit.x - 1u);
+    // A corner and the two edges that leave it.
+    vec3 point = texelFetch(corners, texture_place(triangle * 3), 0).xyz +
+                 texelFetch(corners, texture_place(triangle * 3 + 1), 0).xyz * uintBitsToFloat(hit.y) +
+                 texelFetch(corners, texture_place(triangle * 3 + 2), 0).xyz * uintBitsToFloat(hit.z);
+    point_out = vec4(point, 1.0);
+    labels_out = vec4(texelFetch(labels, texture_place(triangle), 0).xy, 0.0, 1.0);
+  }
+}

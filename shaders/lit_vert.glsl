@@ -1,0 +1,10 @@
+// The low mesh in its place, with what its map is read by (Gumbau, González and Chover, Algorithm 3).
+
+void main()
+{
+  gl_Position = view_projection * vec4(position, 1.0);
+  v_position = position;
+  v_normal = normal;
+  v_uv = uv;
+  v_tangent = tangent;
+}

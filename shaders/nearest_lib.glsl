@@ -1,0 +1,12 @@
+// What the margin's two searches found, in the textures `offsets` and `source_rows`.
+#include "margin_lib.glsl"
+
+// The way from a texel to the nearest written one, MARGIN_NONE in both where none is in reach.
+ivec2 nearest_way(ivec2 texel)
+{
+  int row = texelFetch(source_rows, texel, 0).x;
+  if (row == MARGIN_NONE) {
+    return ivec2(MARGIN_NONE);
+  }
+  return ivec2(texelFetch(offsets, ivec2(texel.x, row), 0).x, row - texel.y);
+}

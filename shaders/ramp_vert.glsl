@@ -1,0 +1,7 @@
+// The low mesh in its place, with its texture coordinates.
+
+void main()
+{
+  gl_Position = view_projection * vec4(position, 1.0);
+  v_uv = uv;
+}

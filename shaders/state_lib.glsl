@@ -1,0 +1,6 @@
+// What the state of a texel says, as passes/resolve.py has it.
+
+const float STATE_MARGIN = 1.0 / 255.0;
+const float STATE_WRITTEN = 2.0 / 255.0;
+const float STATE_MISSED = 3.0 / 255.0;
+const float STATE_DEFERRED = 4.0 / 255.0;

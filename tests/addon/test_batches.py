@@ -1,0 +1,733 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Many bakes at once: mesh files, folders of pairs, job files; each fails alone, and all are told of in the end."""
+
+import argparse
+import json
+import logging
+import os
+import re
+import signal
+import subprocess
+import sys
+
+import bpy
+import numpy as np
+import pytest
+
+from addon import commands, importing
+from scripts import imprint
+from tests.support import angles, maps, zoo
+
+pytestmark = [
+    pytest.mark.usefixtures("gpu_context"),
+    pytest.mark.filterwarnings("ignore:Setting the shape:DeprecationWarning"),  # Blender's exporter of FBX
+]
+
+SMALL = ["--size", "16", "--margin", "0", "--limit", "9"]
+ROUNDING_16 = 1e-4
+"""Half a step of 16-bit whole numbers, and of the numbers in text files."""
+
+EXPORTERS = {
+    ".obj": lambda path: bpy.ops.wm.obj_export(filepath=path, export_selected_objects=True),
+    ".ply": lambda path: bpy.ops.wm.ply_export(filepath=path, export_selected_objects=True),
+    ".stl": lambda path: bpy.ops.wm.stl_export(filepath=path, export_selected_objects=True),
+    ".gltf": lambda path: bpy.ops.export_scene.gltf(filepath=path, use_selection=True, export_format="GLTF_SEPARATE"),
+    ".glb": lambda path: bpy.ops.export_scene.gltf(filepath=path, use_selection=True),
+    ".fbx": lambda path: bpy.ops.export_scene.fbx(filepath=path, use_selection=True),
+    **{
+        ending: lambda path: bpy.ops.wm.usd_export(filepath=path, selected_objects_only=True)
+        for ending in (".usd", ".usda", ".usdc")
+    },
+    ".blend": lambda path: bpy.data.libraries.write(path, set(bpy.context.selected_objects)),
+}
+
+
+def export(path, *objects):
+    """Write objects to a file, in the format of its ending."""
+    bpy.context.view_layer.update()
+    for obj in bpy.context.view_layer.objects:
+        obj.select_set(obj in objects)
+    EXPORTERS[path.suffix](str(path))
+
+
+def files(folder):
+    return sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
+
+
+def read(path):
+    image = bpy.data.images.load(str(path))
+    image.colorspace_settings.is_data = True
+    return maps.pixels(image)
+
+
+def leaning(slope):
+    """The colour of a plane that rises by `slope` along x, seen from the plane z = 0."""
+    return np.array((-slope, 0.0, 1.0)) / np.hypot(slope, 1.0) * 0.5 + 0.5
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """An empty folder to work in."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def run(capsys, monkeypatch):
+    """Bakes; returns the exit code and what was written to the two streams."""
+    monkeypatch.setattr(logging, "raiseExceptions", False)  # the importer of glTF logs to the output of an earlier test
+
+    def run(*words):
+        capsys.readouterr()
+        code = commands.run([str(word) for word in words])
+        captured = capsys.readouterr()
+        assert "Traceback" not in captured.err
+        return code, captured.out, captured.err
+
+    return run
+
+
+# Mesh files
+
+SAME_PLACE = 0.05
+"""Degrees between maps of the same surface out of different files, whose numbers are rounded: half floats at the most."""
+
+
+def test_all_endings_are_told_and_tried(capsys):
+    assert commands.run(["--help"]) == commands.DONE
+    said = capsys.readouterr().out.replace("\n", " ")
+    assert all(ending in said for ending in importing.ENDINGS)
+    assert set(EXPORTERS) == set(importing.ENDINGS)
+
+
+@pytest.fixture(scope="module")
+def bumps(tmp_path_factory):
+    """A low and a high surface without symmetry, turned and moved, in files of every format."""
+    folder = tmp_path_factory.mktemp("bumps")
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+
+    def surface(height):
+        def points(u, v):
+            z = 0.3 * u * v + 0.1 * u * u + height * np.sin(9 * u) * np.sin(7 * v)
+            return np.stack([2 * u - 1, 3 * v - 1, z], axis=1)
+
+        return points
+
+    low, high = zoo.sheet("a_low", surface(0.0), 4, 4), zoo.sheet("a_high", surface(0.05), 40, 40)
+    for obj in (low, high):
+        obj.location, obj.rotation_euler, obj.scale = (1, 2, 3), (0.3, 0.5, 0.7), (1.5, 1.5, 1.5)
+    for obj in (low, high):
+        for ending in EXPORTERS:
+            export(folder / f"{obj.name}{ending}", obj)
+    bpy.ops.wm.save_as_mainfile(filepath=str(folder / "scene.blend"))
+    return folder
+
+
+WITH_UVS = [ending for ending in EXPORTERS if ending != ".stl"]
+SHADED = [ending for ending in WITH_UVS if ending != ".ply"]  # which keeps smooth normals
+
+
+@pytest.mark.parametrize("number", range(len(WITH_UVS)), ids=WITH_UVS)
+def test_files_of_all_formats_land_on_each_other(bumps, folder, run, number):
+    """The low surface out of one format and the high one out of another, against the scene they came from."""
+    low, high = WITH_UVS[number], SHADED[(number + 3) % len(SHADED)]
+    numbers = ["--size", "32", "--margin", "0", "--depth", "32", "--method", "cast", "--space", "world"]
+    numbers += ["--extrusion", "0.3", "--max-distance", "0.6", "--output"]
+    assert run(bumps / "scene.blend", "--low", "a_low", "--high", "a_high", *numbers, "scene.exr")[0] == commands.DONE
+    by_file = ["--low-file", bumps / f"a_low{low}", "--high-file", bumps / f"a_high{high}"]
+    code, out, _ = run(*by_file, *numbers, "files.exr")
+    assert code == commands.DONE
+    assert "a_low_normal" in out
+    expected, found = read(folder / "scene.exr"), read(folder / "files.exr")
+    assert (expected[..., 3] > 0).mean() > 0.99
+    hits = (expected[..., 3] > 0) & (found[..., 3] > 0)
+    assert np.count_nonzero(hits != (expected[..., 3] > 0)) <= 4  # at the rim, where rounding decides
+    assert angles.degrees(angles.decode(expected), angles.decode(found))[hits].max() < SAME_PLACE
+
+
+def test_a_mesh_file_is_a_scene_as_well(folder, run):
+    low, high = zoo.plane("lo"), zoo.plane("hi", slope=0.3)
+    export(folder / "both.glb", low, high)
+    export(folder / "low.obj", low)
+    export(folder / "high.ply", high)
+    by_name = ["--low", "lo", "--high", "hi", *SMALL, "--output"]
+    assert run("both.glb", *by_name, "{low}.png")[0] == commands.DONE
+    assert np.allclose(read(folder / "lo.png")[8, 8, :3], leaning(0.3), atol=ROUNDING_16)
+    code, _, _ = run("low.obj", "high.ply", "--low", "lo", "--high", "high", *SMALL, "--output", "two.png")
+    assert code == commands.DONE
+    assert np.allclose(read(folder / "two.png")[8, 8, :3], leaning(0.3), atol=ROUNDING_16)
+
+
+def test_meshes_may_be_many_in_the_high_file_and_one_in_the_low(folder, run):
+    low, high, more = zoo.plane("lo"), zoo.plane("hi", slope=0.3), zoo.plane("more", slope=0.3)
+    more.location.z = -0.2
+    export(folder / "rock.obj", low)
+    export(folder / "two.glb", high, more)
+    export(folder / "cage.obj", low)
+    by_file = ["--high-file", "two.glb", "--cage-file", "cage.obj", *SMALL, "--output", "{low}.png"]
+    code, out, _ = run("--low-file", "rock.obj", *by_file, "--report", "r.json", "--save-blend", "s.blend")
+    assert code == commands.DONE, out
+    report = json.loads((folder / "r.json").read_text())
+    assert (report["low"], len(report["high"])) == ("rock", 2)
+    assert {"rock.png", "s.blend"} <= set(files(folder))
+    code, _, err = run("--low-file", "two.glb", "--high-file", "rock.obj", *SMALL, "--output", "m.png")
+    assert code == commands.FAILED
+    assert err.startswith(f"imprint: {str(folder / 'two.glb')!r} holds 2 meshes where one is wanted: ")
+
+
+def test_the_low_mesh_is_called_as_its_file_whatever_else_is_called_so(folder, run):
+    plane, parent = zoo.plane("Plane"), bpy.data.objects.new("rock", None)
+    bpy.context.scene.collection.objects.link(parent)
+    plane.parent = parent
+    export(folder / "rock.glb", plane, parent)
+    parent.name = "other"
+    export(folder / "high.glb", zoo.plane("rock", slope=0.2))
+    by_file = ["--low-file", "rock.glb", "--high-file", "high.glb", *SMALL]
+    assert run(*by_file, "--output", "{low}.png", "--report", "r.json")[0] == commands.DONE
+    report = json.loads((folder / "r.json").read_text())
+    assert (report["low"], report["image"]) == ("rock", "rock_normal")
+    assert report["high"][0].startswith("rock.")
+    assert "rock.png" in files(folder)
+
+
+def test_bones_are_no_meshes(folder, run):
+    """Blender's importer of glTF gives them a shape, which is one."""
+    high = zoo.plane("hi", slope=0.2)
+    export(folder / "low.obj", zoo.plane("lo"))
+    armature = bpy.data.objects.new("Armature", bpy.data.armatures.new("Armature"))
+    bpy.context.scene.collection.objects.link(armature)
+    bpy.context.view_layer.objects.active = armature
+    bpy.ops.object.mode_set(mode="EDIT")
+    armature.data.edit_bones.new("Bone").tail.z = 1.0
+    bpy.ops.object.mode_set(mode="OBJECT")
+    high.parent = armature
+    high.modifiers.new("Armature", "ARMATURE").object = armature
+    high.vertex_groups.new(name="Bone").add(range(4), 1.0, "REPLACE")
+    export(folder / "high.glb", high, armature)
+    by_file = ["--low-file", "low.obj", "--high-file", "high.glb", *SMALL]
+    assert run(*by_file, "--output", "m.png", "--report", "r.json")[0] == commands.DONE
+    assert json.loads((folder / "r.json").read_text())["high"] == ["hi"]
+    assert np.allclose(read(folder / "m.png")[8, 8, :3], leaning(0.2), atol=ROUNDING_16)
+
+
+BROKEN = {
+    "empty.obj": b"",
+    "words.obj": b"hello\n\0\xff",
+    "empty.glb": b"",
+    "words.gltf": b"hello",
+    "wrong.gltf": b'{"asset": {"version": "2.0"}, "scenes": [{"nodes": [7]}], "scene": 0}',
+    "old.gltf": b'{"asset": {"version": "1.0"}}',
+    "empty.fbx": b"",
+    "words.fbx": b"Kaydara FBX Binary  \0\x1a\0 and no more",
+    "empty.usda": b"",
+    "words.usdc": b"PXR-USDC and no more",
+    "empty.ply": b"ply\nformat ascii 1.0\nelement vertex 0\nend_header\n",
+    "words.ply": b"hello",
+    "words.stl": b"solid hello",
+    "words.blend": b"BLENDER17-01v0502 and no more",
+    "empty.blend": b"",
+    "words.txt": b"hello",
+}
+
+
+@pytest.mark.parametrize("role", ["low", "high", "cage"])
+@pytest.mark.parametrize("name", BROKEN)
+def test_broken_files_are_one_sentence(folder, run, name, role):
+    good = {"low": "low.obj", "high": "high.obj", "cage": "low.obj"}
+    export(folder / "low.obj", zoo.plane("lo"))
+    export(folder / "high.obj", zoo.plane("hi", slope=0.2))
+    (folder / name).write_bytes(BROKEN[name])
+    before = files(folder)
+    words = [word for key, value in {**good, role: name}.items() for word in (f"--{key}-file", value)]
+    code, _, err = run(*words, *SMALL, "--output", "m.png")
+    assert code == commands.FAILED
+    (line,) = err.splitlines()
+    assert line.startswith("imprint: ")
+    assert str(folder / name) in line
+    assert line.endswith(".")
+    assert files(folder) == before
+
+
+def test_a_missing_file_is_told_before_others_are_read(folder, run, monkeypatch):
+    export(folder / "low.obj", zoo.plane("lo"))
+    monkeypatch.setattr(importing, "bring", lambda name: pytest.fail(f"{name} was read"))
+    code, _, err = run("--low-file", "low.obj", "--high-file", "none.obj", *SMALL, "--output", "m.png")
+    assert code == commands.FAILED
+    assert err == f"imprint: There is no file {str(folder / 'none.obj')!r}.\n"
+
+
+@pytest.mark.shared
+@pytest.mark.parametrize("role", ["low", "high"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "BoxBadNormals.glb",
+        "BoxWithInfinites.glb",
+        "MirroredCube_252.blend",
+        "busted.STL",
+        "chair_model.obj",
+        "cycloidal.ply",
+        "empty.obj",
+        "fuze.obj",
+        "groups.obj",
+        "nancolor.obj",
+    ],
+)
+def test_nasty_files_end_with_a_map_or_a_sentence(shared_assets, folder, run, name, role):
+    other = "high" if role == "low" else "low"
+    export(folder / "other.obj", zoo.sphere("other", 8))
+    nasty = [f"--{role}-file", shared_assets / "nasty" / name, f"--{other}-file", "other.obj"]
+    code, _, err = run(*nasty, *SMALL, "--output", "m.png")
+    if code == commands.FAILED:
+        (line,) = err.splitlines()
+        assert line.startswith("imprint: ")
+        assert line.endswith(".")
+    else:
+        assert code == commands.DONE
+        assert np.isfinite(read(folder / "m.png")).all()
+    assert ("m.png" in files(folder)) == (code == commands.DONE)
+
+
+def test_importers_keep_quiet(folder):
+    """In a process of its own, where what C prints counts as well."""
+    export(folder / "low.obj", zoo.plane("lo"))
+    export(folder / "high.glb", zoo.plane("hi", slope=0.2))
+    done = script("--low-file", "low.obj", "--high-file", "high.glb", *SMALL, "--output", "m.png")
+    assert done.returncode == commands.DONE, done.stderr
+    assert "Flatten" in done.stdout
+    assert not re.search(r"\bimport\b", done.stdout + done.stderr, re.IGNORECASE)
+
+
+def script(*words, **options):
+    """Run scripts/bake.py in a process of its own."""
+    program = [sys.executable, str(imprint.ROOT / "scripts" / "bake.py"), "--", *map(str, words)]
+    return subprocess.run(program, capture_output=True, text=True, errors="replace", check=False, **options)
+
+
+# Folders of pairs
+
+
+@pytest.fixture
+def rocks(folder):
+    """Files of three pairs, one of which cannot be baked, and two loose ones."""
+    (folder / "rocks").mkdir()
+    low = zoo.plane("whatever")
+    for name, slope in (("a", 0.2), ("b", 0.4)):
+        export(folder / "rocks" / f"{name}_low.obj", low)
+        export(folder / "rocks" / f"{name.upper()}_High_2.glb", zoo.plane("hi", slope=slope))
+    export(folder / "rocks" / "c_low.obj", low)
+    (folder / "rocks" / "c_high.stl").write_bytes(b"solid nothing")
+    export(folder / "rocks" / "d_high.ply", low)
+    (folder / "rocks" / "e_low.txt").write_text("no mesh")
+    low.location.z = 0.5
+    export(folder / "rocks" / "a_cage.fbx", low)
+    return folder
+
+
+def test_a_folder_of_pairs(rocks, run):
+    code, out, err = run("--pairs", "rocks", *SMALL, "--output", "{low}_n.png", "--report", "r.json")
+    assert code == commands.FAILED
+    warning, failure = err.splitlines()
+    assert warning.startswith("imprint: warning: 'd_high' has no low object")
+    assert failure.startswith(f"imprint: c_low: {str(rocks / 'rocks' / 'c_high.stl')!r} could not be imported: ")
+    assert np.allclose(read(rocks / "a_low_n.png")[8, 8, :3], leaning(0.2), atol=ROUNDING_16)
+    assert np.allclose(read(rocks / "b_low_n.png")[8, 8, :3], leaning(0.4), atol=ROUNDING_16)
+    assert [name for name in files(rocks) if not name.startswith("rocks")] == ["a_low_n.png", "b_low_n.png", "r.json"]
+    a, b, c = json.loads((rocks / "r.json").read_text())
+    assert [(each["name"], each["ok"]) for each in (a, b, c)] == [("a_low", True), ("b_low", True), ("c_low", False)]
+    assert (a["error"], a["report"]["low"], a["maps"]) == ("", "a_low", [str(rocks / "a_low_n.png")])
+    assert (c["report"], c["maps"]) == (None, [])
+    assert c["error"] in failure
+    assert min(each["seconds"] for each in (a, b)) > 0.0
+    lines = out.splitlines()
+    assert [line.split()[0] for line in lines] == ["done", "done", "failed", "2", "Wrote"]
+    assert str(rocks / "b_low_n.png") in lines[1]
+    assert c["error"] in lines[2]
+    assert lines[3].startswith("2 done, 1 failed, ")
+
+
+def test_a_cage_of_a_folder_counts(rocks, run):
+    assert run("--pairs", "rocks", *SMALL, "--output", "{low}.png", "--method", "flatten")[0] == commands.FAILED
+    assert "a_low.png" not in files(rocks)  # flattening takes no cage
+    assert "b_low.png" in files(rocks)
+
+
+def test_two_files_of_one_name_are_one_too_many(rocks, run):
+    export(rocks / "rocks" / "b_low.ply", bpy.data.objects["whatever"])
+    _, _, err = run("--pairs", "rocks", *SMALL, "--output", "{low}.png")
+    assert "imprint: b_low: 'b_low.obj' and 'b_low.ply' share a name: take one of them away." in err.splitlines()
+    assert {"a_low.png", "b_low.png"} & set(files(rocks)) == {"a_low.png"}
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--pairs", "none"], "The folder 'none' cannot be read: No such file or directory."),
+        (["--pairs", "."], "No mesh file in '.' is called something_low."),
+        (["--pairs", "rocks", "--suffixes", ".l,.h,.c"], "No mesh file in 'rocks' is called something.l."),
+        (["--pairs", "rocks", "--suffixes", "_x,_x,_c"], "must be three different ones"),
+    ],
+)
+def test_folders_without_pairs(rocks, run, words, said):
+    code, _, err = run(*words, *SMALL, "--output", "{low}.png")
+    assert code == commands.FAILED
+    (line,) = err.splitlines()
+    assert line.startswith(f"imprint: {(rocks / words[1]).resolve().name}: ")
+    assert said in line
+
+
+# Job files
+
+
+@pytest.fixture
+def scenes(folder):
+    """rock.blend and hero.blend, each with two pairs, and a mesh file each of a third, in folders beside the job file."""
+    (folder / "in").mkdir()
+    (folder / "maps").mkdir()
+    for number, scene in enumerate(("rock", "hero")):
+        bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+        for name in ("a", "b"):
+            zoo.plane(f"{scene}_{name}_low")
+            zoo.plane(f"{scene}_{name}_high", slope=0.2 + 0.2 * number)
+        bpy.ops.wm.save_as_mainfile(filepath=str(folder / "in" / f"{scene}.blend"))
+    export(folder / "in" / "c_low.obj", bpy.data.objects["hero_a_low"])
+    export(folder / "in" / "c_high.glb", bpy.data.objects["hero_a_high"])
+    return folder
+
+
+JOBS = """
+[defaults]
+size = 16
+margin = 0
+limit = 9
+
+[[bake]]
+file = "in/rock.blend"
+low = "rock_a_low"
+high = "rock_a_high"
+output = "maps/a.png"
+report = "maps/a.json"
+
+[[bake]]
+file = "in/hero.blend"
+pairs = true
+output = "maps/{low}.png"
+
+[[bake]]
+file = "in/hero.blend"
+low = "hero_a_lo"
+high = ["hero_a_high"]
+output = "maps/no.png"
+
+[[bake]]
+low-file = "in/c_low.obj"
+high-file = "in/c_high.glb"
+output = "maps/{low}.exr"
+depth = 32
+
+[[bake]]
+pairs = "in"
+output = "maps/{low}_again.png"
+"""
+
+
+def test_a_job_file(scenes, run, monkeypatch):
+    (scenes / "jobs.toml").write_text(JOBS)
+    (scenes / "elsewhere").mkdir()
+    monkeypatch.chdir(scenes / "elsewhere")
+    code, out, err = run("--jobs", "../jobs.toml", "--report", "r.json")
+    assert code == commands.FAILED
+    (line,) = err.splitlines()
+    assert line.startswith(
+        "imprint: set 3 (hero_a_lo): There is no object called 'hero_a_lo' in the file: did you mean"
+    )
+    maps = ["a.json", "a.png", "c_low.exr", "c_low_again.png", "hero_a_low.png", "hero_b_low.png"]
+    assert files(scenes / "maps") == maps
+    assert np.allclose(read(scenes / "maps" / "a.png")[8, 8, :3], leaning(0.2), atol=ROUNDING_16)
+    assert np.allclose(read(scenes / "maps" / "hero_b_low.png")[8, 8, :3], leaning(0.4), atol=ROUNDING_16)
+    assert np.allclose(read(scenes / "maps" / "c_low.exr")[8, 8, :3], leaning(0.4), atol=ROUNDING_16)
+    told = json.loads((scenes / "elsewhere" / "r.json").read_text())
+    assert [each["name"] for each in told] == [
+        "set 1 (rock_a_low)",
+        "set 2 (hero.blend)",
+        "set 3 (hero_a_lo)",
+        "set 4 (c_low)",
+        "set 5 (c_low)",
+    ]
+    assert [each["ok"] for each in told] == [True, True, False, True, True]
+    assert told[0]["report"] == json.loads((scenes / "maps" / "a.json").read_text())
+    assert [pair["low"] for pair in told[1]["report"]["pairs"]] == ["hero_a_low", "hero_b_low"]
+    assert len(told[1]["maps"]) == 2
+    assert "4 done, 1 failed" in out
+
+
+def test_toml_and_json_bake_the_same(scenes, run):
+    import tomllib
+
+    (scenes / "jobs.toml").write_text(JOBS)
+    (scenes / "jobs.json").write_text(json.dumps(tomllib.loads(JOBS)))
+    found = []
+    for name in ("jobs.toml", "jobs.json"):
+        assert run("--jobs", name)[0] == commands.FAILED
+        found.append({path: (scenes / path).read_bytes() for path in files(scenes) if path.endswith((".png", ".exr"))})
+        for path in found[-1]:
+            (scenes / path).unlink()
+    assert len(found[0]) == 5
+    assert found[0] == found[1]
+
+
+def test_other_options_count_for_all_sets(scenes, run):
+    (scenes / "jobs.toml").write_text(JOBS)
+    run("--jobs", "jobs.toml", "--size", "32x16", "--green", "-y")
+    assert {read(scenes / path).shape for path in files(scenes) if path.endswith(".png")} == {(16, 32, 4)}
+
+
+FAULTY = {
+    "jobs.toml": JOBS + "samlpes = 4\n",
+    "none.toml": None,
+    "jobs.json": "{",
+}
+
+
+@pytest.mark.parametrize("name", FAULTY)
+def test_a_faulty_job_file_is_wrong_usage_and_nothing_is_baked(scenes, run, name, monkeypatch):
+    if FAULTY[name] is not None:
+        (scenes / name).write_text(FAULTY[name])
+    before = files(scenes)
+    code, out, err = run("--jobs", name)
+    assert (code, out) == (commands.WRONG_USAGE, "")
+    assert files(scenes) == before
+    line = err.splitlines()[-1]
+    assert line.startswith("imprint: error: ")
+    assert name in line
+    if name == "jobs.toml":
+        assert line == "imprint: error: jobs.toml, set 5: unknown key 'samlpes', did you mean 'samples'?"
+
+
+@pytest.fixture
+def opened(monkeypatch):
+    """The names of the scenes that are opened, and of files that are read, in order."""
+    result, open_blend, bring = [], importing._open_blend, importing.bring
+    monkeypatch.setattr(
+        importing, "_open_blend", lambda name: (result.append(os.path.basename(name)), open_blend(name))
+    )
+    monkeypatch.setattr(importing, "bring", lambda name: (result.append(os.path.basename(name)), bring(name))[1])
+    return result
+
+
+def jobs(*sets):
+    return json.dumps({"defaults": {"size": 16, "margin": 0, "limit": 9}, "bake": list(sets)})
+
+
+def test_a_scene_is_opened_once_for_sets_that_follow_each_other(scenes, run, opened):
+    a = {"file": "in/rock.blend", "low": "rock_a_low", "high": "rock_a_high", "output": "1.png"}
+    b = {"file": "in/../in/rock.blend", "low": "rock_b_low", "high": "rock_b_high", "output": "2.png"}
+    files_ = {"low-file": "in/c_low.obj", "high-file": "in/c_high.glb", "output": "3.png"}
+    last = {**a, "output": "4.png"}
+    (scenes / "jobs.json").write_text(jobs(a, b, files_, last))
+    assert run("--jobs", "jobs.json")[0] == commands.DONE
+    assert opened == ["rock.blend", "c_low.obj", "c_high.glb", "rock.blend"]
+
+
+def test_sets_do_not_see_what_others_have_changed(scenes, run):
+    a = {"file": "in/rock.blend", "low": "rock_a_low", "high": "rock_a_high", "output": "1.png"}
+    between = {"file": "in/hero.blend", "low": "hero_a_low", "high": "hero_a_high", "output": "2.png"}
+    b = {**a, "low": "rock_b_low", "high": "rock_b_high", "output": "3.png", "save-blend": "saved.blend"}
+    (scenes / "jobs.json").write_text(jobs(a, between, b))
+    assert run("--jobs", "jobs.json")[0] == commands.DONE
+    bpy.ops.wm.open_mainfile(filepath=str(scenes / "saved.blend"))
+    assert bpy.data.objects["rock_b_low"].active_material is not None
+    assert bpy.data.objects["rock_a_low"].active_material is None
+    (scenes / "jobs.json").write_text(jobs(a, b))
+    assert run("--jobs", "jobs.json")[0] == commands.DONE
+    bpy.ops.wm.open_mainfile(filepath=str(scenes / "saved.blend"))
+    assert bpy.data.objects["rock_a_low"].active_material is not None  # they share the open file
+
+
+def test_a_map_is_not_written_over_by_a_later_set(scenes, run):
+    a = {"file": "in/rock.blend", "low": "rock_a_low", "high": "rock_a_high", "output": "{low}.png"}
+    b = {"file": "in/rock.blend", "pairs": True, "output": "in/../{low}.png"}
+    (scenes / "jobs.json").write_text(jobs(a, b))
+    code, _, err = run("--jobs", "jobs.json")
+    assert code == commands.FAILED
+    (line,) = err.splitlines()
+    assert line.startswith(f"imprint: set 2 (rock.blend): {str(scenes / 'rock_a_low.png')!r} was written by set 1")
+    assert "rock_b_low.png" not in files(scenes)
+
+
+def test_a_set_that_failed_keeps_no_place(scenes, run):
+    bad = {"file": "in/rock.blend", "low": "rock_a_low", "high": "rock_a_low", "output": "{low}.png"}
+    good = {**bad, "high": "rock_a_high"}
+    (scenes / "jobs.json").write_text(jobs(bad, good))
+    code, _, err = run("--jobs", "jobs.json")
+    assert code == commands.FAILED
+    assert len(err.splitlines()) == 1
+    assert "rock_a_low.png" in files(scenes)
+
+
+@pytest.mark.parametrize(
+    ("fault", "said"),
+    [
+        ({"file": "none.blend"}, "There is no file"),
+        ({"file": "jobs.json"}, "could not be opened"),
+        ({"output": "none/m.png"}, "No such file or directory"),
+        ({"save-blend": "m.txt"}, "does not end in .blend"),
+        ({"cage": "none"}, "There is no object called 'none'"),
+    ],
+)
+def test_each_set_fails_alone(scenes, run, fault, said):
+    good = {"file": "in/rock.blend", "low": "rock_a_low", "high": "rock_a_high", "output": "{low}.png"}
+    (scenes / "jobs.json").write_text(jobs({**good, "output": "bad.png", **fault}, good))
+    code, out, err = run("--jobs", "jobs.json")
+    assert code == commands.FAILED
+    (line,) = err.splitlines()
+    assert line.startswith("imprint: set 1 (rock_a_low): ")
+    assert said in line
+    assert "rock_a_low.png" in files(scenes)
+    assert "bad.png" not in files(scenes)
+    assert "1 done, 1 failed" in out
+
+
+def test_a_report_that_cannot_be_written_is_told_first(scenes, run):
+    (scenes / "jobs.toml").write_text(JOBS)
+    before = files(scenes)
+    code, _, err = run("--jobs", "jobs.toml", "--report", "none/r.json")
+    assert code == commands.FAILED
+    assert "No such file or directory" in err
+    assert files(scenes) == before
+
+
+# Progress, and Ctrl-C
+
+posix = pytest.mark.skipif(os.name == "nt", reason="Windows has no pseudo-terminals")
+
+
+def on_terminal(*words, stop_at=None):
+    """Run scripts/bake.py with its errors on a terminal; at the word `stop_at` press Ctrl-C. Exit code and both texts."""
+    import threading
+
+    master, slave = os.openpty()
+    program = [sys.executable, str(imprint.ROOT / "scripts" / "bake.py"), "--", *words]
+    with subprocess.Popen(program, stdout=subprocess.PIPE, stderr=slave) as process:
+        os.close(slave)
+        out = []
+        reader = threading.Thread(target=lambda: out.append(process.stdout.read()))
+        reader.start()
+        seen = b""
+        while True:
+            try:
+                piece = os.read(master, 4096)
+            except OSError:  # Linux says so that the other end was closed
+                piece = b""
+            if not piece:
+                break
+            seen += piece
+            if stop_at is not None and stop_at in seen:
+                process.send_signal(signal.SIGINT)
+                stop_at = None
+        code = process.wait()
+        reader.join()
+    os.close(master)
+    return code, out[0].decode(errors="replace"), seen.decode(errors="replace")
+
+
+def screen(text):
+    """The lines that a terminal shows in the end."""
+    lines = []
+    for line in text.replace("\r\n", "\n").split("\n"):
+        shown = ""
+        for part in line.split("\r"):
+            shown = part + shown[len(part) :]
+        lines.append(shown.rstrip())
+    return [line for line in lines if line and "EGL" not in line]
+
+
+BIG = ["in/rock.blend", "--low", "rock_a_low", "--high", "rock_a_high", "--method", "cast", "--limit", "9"]
+BIG += ["--output", "m.png"]
+
+
+@posix
+def test_progress_is_one_line_on_a_terminal_that_is_erased(scenes):
+    code, _, seen = on_terminal(*BIG, "--size", "128")
+    assert code == commands.DONE
+    assert "\rReading rock_a_low, " in seen
+    assert "\rrock_a_low: Drawing, " in seen
+    assert "%" in seen
+    assert screen(seen) == []
+
+
+@posix
+def test_progress_of_many_says_which(scenes):
+    (scenes / "jobs.toml").write_text(JOBS)
+    code, out, seen = on_terminal("--jobs", "jobs.toml")
+    assert code == commands.FAILED
+    for said in ("1/5 rock_a_low: Opening, 0%", "2/5 hero_b_low: Drawing, ", "5/5 c_low: Opening, 0%"):
+        assert said in seen
+    (line,) = screen(seen)
+    assert line.startswith("imprint: set 3 (hero_a_lo): ")
+    assert "4 done, 1 failed" in out
+
+
+def test_no_progress_in_a_pipe(scenes):
+    done = script(*BIG, "--size", "128")
+    assert done.returncode == commands.DONE
+    assert [line for line in done.stderr.splitlines() if "EGL" not in line] == []
+    assert "\r" not in done.stdout
+
+
+@posix
+def test_ctrl_c_leaves_nothing_behind(scenes):
+    before = files(scenes)
+    code, _, seen = on_terminal(*BIG, "--size", "8192", "--samples", "64", stop_at=b"Drawing")
+    assert code == commands.FAILED
+    assert screen(seen) == ["imprint: stopped, nothing was finished."]
+    assert files(scenes) == before
+
+
+@posix
+def test_ctrl_c_stops_many_and_tells_of_those_that_are_done(scenes):
+    good = {"file": "in/rock.blend", "low": "rock_a_low", "high": "rock_a_high", "output": "1.png"}
+    long = {**good, "output": "2.png", "size": 8192, "samples": 64, "method": "cast"}
+    (scenes / "jobs.json").write_text(jobs(good, long, {**good, "output": "3.png"}))
+    before = files(scenes)
+    code, out, seen = on_terminal("--jobs", "jobs.json", "--report", "r.json", stop_at=b"2/3 rock_a_low: Drawing")
+    assert code == commands.FAILED
+    assert screen(seen) == ["imprint: stopped, 1 of 3 were finished."]
+    assert files(scenes) == sorted([*before, "1.png", "r.json"])
+    assert "1 done, 0 failed" in out
+    assert [each["name"] for each in json.loads((scenes / "r.json").read_text())] == ["set 1 (rock_a_low)"]
+
+
+@posix
+def test_ctrl_c_before_blender_is_there(scenes):
+    """The signal comes as soon as the program can have asked for it."""
+    program = [sys.executable, "-c", LATE, str(imprint.ROOT / "scripts" / "bake.py")]
+    done = subprocess.run(program, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (1, "imprint: stopped, nothing was finished.\n")
+
+
+LATE = """
+import runpy, signal, sys
+class Stop:
+    def find_spec(self, name, *_):
+        if name == "bpy":
+            signal.raise_signal(signal.SIGINT)
+sys.meta_path.insert(0, Stop())
+runpy.run_path(sys.argv[1])
+"""
+
+
+def test_the_set_up_waits_for_a_bake_that_is_stopped(monkeypatch):
+    before = signal.getsignal(signal.SIGINT)
+    monkeypatch.setattr(imprint, "run_blender", lambda _: signal.raise_signal(signal.SIGINT) or 7)
+    assert imprint.bake(argparse.Namespace(rest=[])) == 7
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_ctrl_c_is_what_it_was_after_a_bake(scenes, run):
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        assert run(*BIG, "--size", "16")[0] == commands.DONE
+        assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGINT, before)

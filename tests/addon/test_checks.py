@@ -1,0 +1,412 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The checks in the panel, and the buttons that show where something is wrong."""
+
+from types import SimpleNamespace
+
+import bpy
+import numpy as np
+import pytest
+
+from addon import checks
+from addon.bake import flaws
+from tests.support import maps, zoo
+from tests.support.snapshot import difference, snapshot
+
+pytestmark = pytest.mark.usefixtures("registered", "gpu_context")
+
+
+@pytest.fixture(autouse=True)
+def nothing_baked():
+    """Reports outlive a new file."""
+    yield
+    bpy.context.window_manager.imprint_checks = ""
+
+
+@pytest.fixture
+def baked():
+    """A low object of 4 x 4 quads whose right half no high triangle covers, after its bake."""
+    low, high = zoo.plane("lo", 4), zoo.plane("hi", 4)
+    keep_left(high)
+    bake("lo", "hi")
+    return low, high
+
+
+LEFT, RIGHT = [0, 1, 4, 5, 8, 9, 12, 13], [2, 3, 6, 7, 10, 11, 14, 15]
+
+
+def keep_left(high):
+    """Move the right half's UVs out of the way."""
+    uv = np.array([corner.vector for corner in high.data.uv_layers[0].uv]).reshape(-1, 4, 2)
+    uv[uv.mean(axis=1)[:, 0] > 0.5] += (5, 0)
+    high.data.uv_layers[0].uv.foreach_set("vector", uv.astype(np.float32).ravel())
+
+
+def bake(low, high, **settings):
+    values = {"method": "FLATTEN", "width": 32, "height": 32, "material": False} | settings
+    assert bpy.ops.imprint.bake(low=low, high=[{"name": high}], **values) == {"FINISHED"}
+
+
+def select(kind="UNCOVERED", **arguments):
+    assert bpy.ops.imprint.select_flaws(kind=kind, **arguments) == {"FINISHED"}
+
+
+def selected(obj):
+    """Indices of the polygons, edges and vertices of an object that are selected."""
+    if obj.mode == "EDIT":
+        obj.update_from_editmode()
+    return [
+        [e.index for e in elements if e.select] for elements in (obj.data.polygons, obj.data.edges, obj.data.vertices)
+    ]
+
+
+def is_right_half(obj):
+    """Whether the right half's faces, edges and vertices are selected, and nothing else is."""
+    faces, edges, vertices = selected(obj)
+    right = {vertex.index for vertex in obj.data.vertices if vertex.co.x > -1e-6}
+    return (
+        faces == RIGHT
+        and set(vertices) == right
+        and edges == [edge.index for edge in obj.data.edges if set(edge.vertices) <= right]
+    )
+
+
+def refusal(operator, **arguments):
+    """The message of a button that must refuse and change nothing."""
+    before = snapshot()
+    with pytest.raises(RuntimeError) as refused:
+        operator(**arguments)
+    assert difference(before, snapshot()) == {}
+    message = str(refused.value).removeprefix("Error: ").strip()
+    assert "Traceback" not in message
+    assert "\n" not in message
+    return message
+
+
+# Faces
+
+
+def test_the_faces_are_selected_in_edit_mode(baked):
+    low, high = baked
+    bpy.context.tool_settings.mesh_select_mode = (True, False, False)
+    high.select_set(True)
+    bpy.context.view_layer.objects.active = high
+    select()
+    assert bpy.context.view_layer.objects.active == low
+    assert (low.mode, high.mode) == ("EDIT", "OBJECT")
+    assert not high.select_get()
+    assert tuple(bpy.context.tool_settings.mesh_select_mode) == (False, False, True)
+    assert is_right_half(low)
+
+
+@pytest.mark.parametrize("editing", ["lo", "hi", "both"])
+def test_it_works_in_edit_mode(baked, editing):
+    low, high = baked
+    for obj in baked:
+        obj.select_set(editing in {obj.name, "both"})
+    bpy.context.view_layer.objects.active = low if editing == "lo" else high
+    bpy.ops.object.mode_set(mode="EDIT")
+    bpy.ops.mesh.select_all(action="SELECT")
+    select()
+    assert (low.mode, high.mode) == ("EDIT", "OBJECT")
+    assert is_right_half(low)
+    select("POLYGONS")
+    assert selected(low)[0] == list(range(16))
+
+
+def test_it_works_in_another_mode(baked):
+    low, _ = baked
+    bpy.context.view_layer.objects.active = low
+    bpy.ops.object.mode_set(mode="VERTEX_PAINT")
+    select()
+    assert low.mode == "EDIT"
+    assert is_right_half(low)
+
+
+def test_it_works_in_a_mode_that_another_object_took_over(baked):
+    low, high = baked
+    bpy.context.view_layer.objects.active = low
+    bpy.ops.object.mode_set(mode="EDIT")
+    bpy.context.view_layer.objects.active = high
+    select()
+    assert is_right_half(low)
+
+
+def test_hidden_faces_show_up_if_they_are_the_ones(baked):
+    low, _ = baked
+    bpy.context.view_layer.objects.active = low
+    bpy.ops.object.mode_set(mode="EDIT")
+    bpy.ops.mesh.select_all(action="SELECT")
+    bpy.ops.mesh.hide()
+    bpy.ops.object.mode_set(mode="OBJECT")
+    select()
+    assert is_right_half(low)
+    assert [polygon.index for polygon in low.data.polygons if polygon.hide] == LEFT
+
+
+def test_undo_of_a_selection(baked):
+    low, high = baked
+    low.data.polygons.foreach_set("select", [True] * 16)
+    low.data.polygons[3].hide = True
+    bpy.context.view_layer.objects.active = high
+    bpy.ops.ed.undo_push(message="before")
+    before, chosen = snapshot(), selected(low)
+    bpy.ops.imprint.select_flaws("EXEC_DEFAULT", True, kind="UNCOVERED")
+    assert is_right_half(bpy.data.objects["lo"])
+    for _ in range(2):  # out of Edit Mode, and what was selected
+        assert bpy.ops.ed.undo() == {"FINISHED"}
+    low = bpy.data.objects["lo"]
+    assert difference(before, snapshot()) == {}
+    assert selected(low) == chosen
+    assert [polygon.index for polygon in low.data.polygons if polygon.hide] == [3]
+    for _ in range(2):
+        assert bpy.ops.ed.redo() == {"FINISHED"}
+    assert bpy.data.objects["lo"].mode == "EDIT"
+    assert is_right_half(bpy.data.objects["lo"])
+
+
+def test_undo_of_a_selection_in_edit_mode(baked):
+    low, _ = baked
+    bpy.context.view_layer.objects.active = low
+    bpy.ops.ed.undo_push(message="before")
+    bpy.ops.object.mode_set("EXEC_DEFAULT", True, mode="EDIT")
+    bpy.ops.mesh.select_all("EXEC_DEFAULT", True, action="SELECT")
+    bpy.ops.imprint.select_flaws("EXEC_DEFAULT", True, kind="UNCOVERED")
+    for _ in range(2):
+        assert bpy.ops.ed.undo() == {"FINISHED"}
+    assert bpy.data.objects["lo"].mode == "EDIT"
+    assert selected(bpy.data.objects["lo"])[0] == list(range(16))
+
+
+def hidden(low, high):
+    low.hide_set(True)
+
+
+def hidden_in_viewports(low, high):
+    low.hide_viewport = True
+
+
+def gone(low, high):
+    bpy.data.objects.remove(low)
+
+
+def high_gone(low, high):
+    bpy.data.objects.remove(high)
+
+
+def out_of_the_scene(low, high):
+    bpy.context.scene.collection.objects.unlink(high)
+
+
+def mended(low, high):
+    high.data.uv_layers[0].uv.foreach_set("vector", np.ravel([c.vector for c in low.data.uv_layers[0].uv]))
+
+
+REFUSALS = {
+    hidden: "'lo' is hidden",
+    hidden_in_viewports: "'lo' is hidden",
+    gone: "no object called 'lo'",
+    high_gone: "no object called 'hi'",
+    out_of_the_scene: "'hi' is not in view layer",
+    mended: "No face of 'lo' has this flaw: without high",
+}
+
+
+@pytest.mark.parametrize("state", REFUSALS, ids=lambda state: state.__name__)
+def test_what_cannot_be_selected_is_told(baked, state):
+    state(*baked)
+    assert REFUSALS[state] in refusal(bpy.ops.imprint.select_flaws, kind="UNCOVERED")
+
+
+def test_linked_objects_are_left_alone(baked, tmp_path):
+    path = str(tmp_path / "library.blend")
+    bpy.data.libraries.write(path, {bpy.data.objects["lo"]})
+    bpy.data.objects.remove(bpy.data.objects["lo"])
+    with bpy.data.libraries.load(path, link=True) as (_, wanted):
+        wanted.objects = ["lo"]
+    bpy.context.scene.collection.objects.link(wanted.objects[0])
+    bpy.context.view_layer.update()
+    assert "'lo' is linked" in refusal(bpy.ops.imprint.select_flaws, kind="UNCOVERED")
+    assert "'lo' is linked" in refusal(bpy.ops.imprint.add_triangulate)
+    assert bpy.ops.imprint.show_mask(kind="UNCOVERED") == {"FINISHED"}
+
+
+def test_buttons_wait_for_a_bake(baked):
+    bpy.context.window_manager.imprint_checks = ""
+    for operator in (bpy.ops.imprint.select_flaws, bpy.ops.imprint.show_mask, bpy.ops.imprint.add_triangulate):
+        assert not operator.poll()
+
+
+# Masks
+
+
+def test_the_mask_is_an_image_beside_the_map(baked):
+    for _ in range(2):
+        assert bpy.ops.imprint.show_mask(kind="UNCOVERED") == {"FINISHED"}
+    image = bpy.data.images["lo_normal_uncovered"]
+    assert image.packed_file is None
+    assert image.colorspace_settings.is_data
+    truth = np.zeros((32, 32), bool)
+    truth[:, 16:] = True
+    np.testing.assert_array_equal(maps.pixels(image)[..., 0], truth)
+    assert len(bpy.data.images) == 2
+
+
+def test_the_mask_follows_the_settings_of_the_bake(baked):
+    """And not those of the panel, which may have been changed since."""
+    bpy.context.scene.imprint.width = 128
+    bake("lo", "hi", image="{low} map", height=64)
+    bpy.context.scene.imprint.image = "Other"
+    bpy.ops.imprint.show_mask(kind="UNCOVERED")
+    assert tuple(bpy.data.images["lo map_uncovered"].size) == (32, 64)
+
+
+def test_an_open_image_editor_shows_it(baked):
+    window = SimpleNamespace(
+        screen=SimpleNamespace(areas=[area("VIEW_3D"), area("IMAGE_EDITOR"), area("IMAGE_EDITOR")])
+    )
+    context = SimpleNamespace(window_manager=SimpleNamespace(windows=[SimpleNamespace(screen=empty_screen()), window]))
+    image = bpy.data.images["lo_normal"]
+    checks.show(context, image)
+    assert [editor.spaces.active.image for editor in window.screen.areas] == [None, image, None]
+
+
+def empty_screen():
+    return SimpleNamespace(areas=[])
+
+
+def area(kind):
+    return SimpleNamespace(type=kind, spaces=SimpleNamespace(active=SimpleNamespace(image=None)))
+
+
+def test_undo_of_a_mask(baked):
+    bpy.ops.ed.undo_push(message="before")
+    before = snapshot()
+    bpy.ops.imprint.show_mask("EXEC_DEFAULT", True, kind="FAR")
+    assert "lo_normal_far" in bpy.data.images
+    assert bpy.ops.ed.undo() == {"FINISHED"}
+    assert difference(before, snapshot()) == {}
+
+
+@pytest.mark.parametrize("state", [gone, high_gone, out_of_the_scene])
+def test_masks_that_cannot_be_made_are_told(baked, state):
+    state(*baked)
+    assert REFUSALS[state] in refusal(bpy.ops.imprint.show_mask, kind="UNCOVERED")
+
+
+# Triangles
+
+
+def test_a_modifier_is_added_once(baked):
+    low, _ = baked
+    bpy.ops.ed.undo_push(message="before")
+    before = snapshot()
+    bpy.ops.imprint.add_triangulate("EXEC_DEFAULT", True)
+    assert [modifier.type for modifier in bpy.data.objects["lo"].modifiers] == ["TRIANGULATE"]
+    assert "has a Triangulate modifier already" in refusal(bpy.ops.imprint.add_triangulate)
+    assert bpy.ops.ed.undo() == {"FINISHED"}
+    assert difference(before, snapshot()) == {}
+
+
+# The panel
+
+
+class Layout:
+    """Takes what the panel draws."""
+
+    def __init__(self, drawn=None):
+        self.drawn = drawn if drawn is not None else SimpleNamespace(labels=[], buttons=[])
+        self.enabled = True
+
+    def _part(self, **_):
+        part = Layout(self.drawn)
+        part.enabled = self.enabled
+        return part
+
+    row = column = _part
+
+    def label(self, text="", icon="NONE"):
+        assert icon in bpy.types.UILayout.bl_rna.functions["label"].parameters["icon"].enum_items
+        self.drawn.labels.append(text)
+
+    def operator(self, name, text="", icon="NONE"):
+        assert icon in bpy.types.UILayout.bl_rna.functions["label"].parameters["icon"].enum_items
+        known = getattr(bpy.ops.imprint, name.removeprefix("imprint.")).get_rna_type()
+        button = SimpleNamespace(name=name.removeprefix("imprint."), enabled=self.enabled)
+        self.drawn.buttons.append(button)
+        assert "low" in known.properties
+        return button
+
+
+def draw(active=None):
+    layout = Layout()
+    context = SimpleNamespace(window_manager=bpy.context.window_manager, active_object=active)
+    assert checks.IMPRINT_PT_checks.poll(context)
+    checks.IMPRINT_PT_checks.draw(SimpleNamespace(layout=layout), context)
+    return layout.drawn
+
+
+def test_the_panel_waits_for_a_bake():
+    context = SimpleNamespace(window_manager=bpy.context.window_manager)
+    assert not checks.IMPRINT_PT_checks.poll(context)
+
+
+def test_the_panel_shows_a_number_for_each_check(baked):
+    drawn = draw()
+    assert drawn.labels == [
+        "lo",
+        "Shared texels: 0.00%",
+        "Without high: 50.00%",
+        "Far apart: 0.00% over 0.07071",
+        "99 %: 0, at most 0",
+        "Mirrored: 0 in 0 islands",
+        "Outside the tile: 0",
+        "No UV area: 0",
+        "Quads, n-gons: 16",
+        "Not flat: 0",
+    ]
+    on = [(button.name, getattr(button, "kind", ""), button.low) for button in drawn.buttons if button.enabled]
+    assert on == [
+        ("show_mask", "UNCOVERED", "lo"),
+        ("select_flaws", "UNCOVERED", "lo"),
+        ("select_flaws", "POLYGONS", "lo"),
+        ("add_triangulate", "", "lo"),
+    ]
+    assert [b.kind for b in drawn.buttons if b.name == "show_mask"] == [kind.upper() for kind in flaws.ON_TEXELS]
+    assert {b.kind for b in drawn.buttons if b.name == "select_flaws"} == {kind.upper() for kind in flaws.KINDS}
+
+
+def test_every_enabled_button_can_be_pressed(baked):
+    for button in draw().buttons:
+        if button.enabled:
+            arguments = {"kind": button.kind} if hasattr(button, "kind") else {}
+            assert getattr(bpy.ops.imprint, button.name)(low=button.low, **arguments) == {"FINISHED"}
+
+
+def test_of_several_low_objects_the_active_one_is_shown():
+    for number, name in enumerate(("a", "b")):
+        zoo.plane(f"{name}_low", 1 + number)
+        zoo.plane(f"{name}_high")
+    settings = bpy.context.scene.imprint
+    settings.width = settings.height = 16
+    settings.method, settings.material = "FLATTEN", False
+    assert bpy.ops.imprint.bake_pairs() == {"FINISHED"}
+    first, second = bpy.data.objects["a_low"], bpy.data.objects["b_low"]
+    for active, name, count in ((None, "a_low", 1), (second, "b_low", 4), (first, "a_low", 1)):
+        drawn = draw(active)
+        assert drawn.labels[0] == name
+        assert f"Quads, n-gons: {count}" in drawn.labels
+        assert {button.low for button in drawn.buttons} == {name}
+    select("POLYGONS", low="b_low")
+    assert second.mode == "EDIT"
+    assert "no low object called 'c'" in refusal(bpy.ops.imprint.select_flaws, kind="POLYGONS", low="c")
+
+
+def test_a_bake_that_failed_leaves_the_checks_of_the_one_before(baked):
+    before = bpy.context.window_manager.imprint_checks
+    with pytest.raises(RuntimeError):
+        bake("lo", "nobody")
+    assert bpy.context.window_manager.imprint_checks == before
+
+
+def test_all_kinds_have_words():
+    assert tuple(sorted(checks.WORDS)) == tuple(sorted(flaws.KINDS))

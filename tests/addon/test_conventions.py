@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The presets: what comes along says what it should, and an artist's own are kept and removed."""
+
+from pathlib import Path
+
+import bpy
+import pytest
+
+import addon
+
+COMING_ALONG = sorted((Path(addon.__file__).parent / "presets" / "imprint").glob("*.py"))
+DOWN = {"Unreal", "DirectX", "CryEngine"}
+
+pytestmark = pytest.mark.usefixtures("registered")
+
+
+def test_all_of_them_are_found_where_blender_looks():
+    folders = {Path(folder) for folder in bpy.utils.preset_paths("imprint")}
+    assert COMING_ALONG[0].parent in folders
+    names = {path.stem for path in COMING_ALONG}
+    assert names == {"Blender", "Unity", "Godot", "glTF", "Unreal", "DirectX", "CryEngine"}
+
+
+@pytest.mark.parametrize("path", COMING_ALONG, ids=lambda path: path.stem)
+def test_a_preset_sets_the_channels_and_the_reader(path):
+    settings = bpy.context.scene.imprint
+    settings.red, settings.green, settings.blue = "-Z", "+X", "-Y"
+    settings.basis = "MIKKTSPACE" if path.stem == "Blender" else "BLENDER"
+    assert bpy.ops.script.execute_preset(filepath=str(path), menu_idname="IMPRINT_PT_conventions") == {"FINISHED"}
+    assert (settings.red, settings.green, settings.blue) == ("+X", "-Y" if path.stem in DOWN else "+Y", "+Z")
+    assert settings.basis == ("BLENDER" if path.stem == "Blender" else "MIKKTSPACE")
+
+
+def test_an_own_one_is_kept_and_removed():
+    settings = bpy.context.scene.imprint
+    settings.red, settings.green, settings.blue = "-X", "+Z", "+Y"
+    assert bpy.ops.imprint.convention_add(name="Our engine") == {"FINISHED"}
+    kept = [Path(folder, "Our_engine.py") for folder in bpy.utils.preset_paths("imprint")]
+    kept = next(path for path in kept if path.is_file())
+    settings.red, settings.green, settings.blue = "+X", "+Y", "+Z"
+    bpy.ops.script.execute_preset(filepath=str(kept), menu_idname="IMPRINT_PT_conventions")
+    assert (settings.red, settings.green, settings.blue) == ("-X", "+Z", "+Y")
+    bpy.ops.imprint.convention_add(name="Our engine", remove_active=True)
+    assert not kept.exists()

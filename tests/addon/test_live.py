@@ -1,0 +1,304 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Live: the map follows the objects, costs nothing twice, and leaves nothing when it is off."""
+
+import gc
+
+import bmesh
+import bpy
+import numpy as np
+import pytest
+
+import addon
+from addon import live
+from addon.bake import pace, pipeline
+from addon.bake.settings import Settings
+from tests.support import zoo
+from tests.support.maps import pixels
+
+pytestmark = pytest.mark.usefixtures("gpu_context", "registered")
+
+HANDLERS = ("depsgraph_update_post", "frame_change_post", "undo_post", "redo_post", "load_pre", "load_post")
+
+
+@pytest.fixture
+def pair(monkeypatch):
+    """A low terrain and a high one, small maps, and a hand that rests at once."""
+    low, high = zoo.terrain("lo", n=8), zoo.terrain("hi", n=24, height=0.15)
+    settings = bpy.context.scene.imprint
+    settings.low = low
+    settings.highs.add().object = high
+    settings.method, settings.width, settings.height = "FLATTEN", 64, 64
+    monkeypatch.setattr(live, "REST", 0.0)
+    yield low, high
+    live.stop()
+
+
+def handlers():
+    """How many handlers there are."""
+    return {name: len(getattr(bpy.app.handlers, name)) for name in HANDLERS}
+
+
+def switch(on):
+    """Press the button."""
+    assert (live.session() is not None) != on
+    assert bpy.ops.imprint.live() == {"FINISHED"}
+    assert (live.session() is not None) == on
+
+
+def follow():
+    """Let the timer run until there is nothing to do."""
+    bpy.context.view_layer.update()
+    for _ in range(200):
+        live.tick()
+        if live.session() is None or (live._work is None and not live._changed and live._is_stored):
+            return
+    raise AssertionError("live does not come to an end")
+
+
+def fresh(**changes):
+    """The texels of a bake of what is there now, as the panel says it, seen in the viewport."""
+    settings = bpy.context.scene.imprint
+    low, highs = settings.subjects(bpy.context)
+    plain = {
+        **vars(settings.to_settings()),
+        "image": "fresh",
+        "storage": "MEMORY",
+        "material": False,
+        "modifiers": "VIEWPORT",
+    }
+    pipeline.bake(bpy.context, low, highs, Settings(**plain | changes), settings.cage_for(settings.method))
+    return pixels(bpy.data.images["fresh"])
+
+
+def move(obj, seed):
+    """Push the vertices about, as a sculpt stroke does."""
+    rng = np.random.default_rng(seed)
+    points = np.empty(len(obj.data.vertices) * 3, np.float32)
+    position = obj.data.attributes["position"].data
+    position.foreach_get("vector", points)
+    points[2::3] += rng.normal(0, 0.02, len(points) // 3)
+    position.foreach_set("vector", points)
+    obj.data.update()
+
+
+def test_switching_it_on_is_enough(pair):
+    low, _ = pair
+    switch(True)
+    image = bpy.data.images["lo_normal"]
+    assert np.array_equal(pixels(image), fresh())
+    nodes = low.data.materials[0].node_tree.nodes
+    assert image in {node.image for node in nodes if node.bl_idname == "ShaderNodeTexImage"}
+
+
+@pytest.mark.parametrize("method", ["FLATTEN", "CAST", "AUTO"])
+@pytest.mark.parametrize("which", ["hi", "lo"])
+def test_it_follows_vertices_and_places(pair, method, which):
+    bpy.context.scene.imprint.method = method
+    switch(True)
+    obj = bpy.data.objects[which]
+    before = pixels(bpy.data.images["lo_normal"])
+    for change in (lambda: move(obj, 1), lambda: setattr(obj, "rotation_euler", (0.02, 0.0, 0.01))):
+        change()
+        follow()
+        now = pixels(bpy.data.images["lo_normal"])
+        assert not np.array_equal(now, before)
+        assert np.array_equal(now, fresh(method=live.session()._method))
+        before = now
+
+
+def test_it_follows_modifiers_shape_keys_and_frames(pair):
+    _, high = pair
+    modifier = high.modifiers.new("Wave", "DISPLACE")
+    modifier.texture = bpy.data.textures.new("Clouds", "CLOUDS")
+    high.shape_key_add(name="Basis")
+    key = high.shape_key_add(name="Up")
+    points = np.empty(len(high.data.vertices) * 3, np.float32)
+    key.data.foreach_get("co", points)
+    points[2::3] *= 3.0
+    key.data.foreach_set("co", points)
+    switch(True)
+    seen = [pixels(bpy.data.images["lo_normal"])]
+
+    def changed():
+        follow()
+        seen.append(pixels(bpy.data.images["lo_normal"]))
+        assert not np.array_equal(seen[-1], seen[-2])
+        assert np.array_equal(seen[-1], fresh())
+
+    modifier.strength = 0.3
+    changed()
+    key.value = 0.7
+    changed()
+    key.keyframe_insert("value", frame=1)
+    key.value = 0.1
+    key.keyframe_insert("value", frame=11)
+    bpy.context.scene.frame_set(6)
+    changed()
+
+
+def test_it_follows_a_mesh_in_edit_mode(pair):
+    low, high = pair
+    switch(True)
+    bpy.context.view_layer.objects.active = high
+    high.select_set(True)
+    bpy.ops.object.mode_set(mode="EDIT")
+    follow()
+    edited = bmesh.from_edit_mesh(high.data)
+    for vertex in edited.verts:
+        vertex.co.z *= 2.0
+    bmesh.update_edit_mesh(high.data)
+    follow()
+    now = pixels(bpy.data.images["lo_normal"])
+    assert high.mode == "EDIT"
+    bpy.ops.object.mode_set(mode="OBJECT")
+    follow()
+    assert np.array_equal(pixels(bpy.data.images["lo_normal"]), fresh())
+    assert np.array_equal(now, fresh())
+    # Another topology.
+    bpy.ops.object.mode_set(mode="EDIT")
+    bpy.ops.mesh.select_all(action="SELECT")
+    bpy.ops.mesh.subdivide(smoothness=1.0)
+    follow()
+    now = pixels(bpy.data.images["lo_normal"])
+    bpy.ops.object.mode_set(mode="OBJECT")
+    assert np.array_equal(now, fresh())
+    assert low.mode == "OBJECT"
+
+
+def test_an_object_on_its_own_base(pair):
+    low, _ = pair
+    settings = bpy.context.scene.imprint
+    settings.highs.clear()
+    low.modifiers.new("Subdivision", "SUBSURF").levels = 2
+    displace = low.modifiers.new("Detail", "DISPLACE")
+    displace.texture = bpy.data.textures.new("Clouds", "CLOUDS")
+    smoothing = low.modifiers["Subdivision"].uv_smooth
+    switch(True)
+    displace.strength = 0.2
+    follow()
+    # The bake reads a surface that was subdivided anew, without moving UVs: its normals differ in the last digits.
+    assert np.abs(pixels(bpy.data.images["lo_normal"]) - fresh()).max() < 5e-6
+    assert low.modifiers["Subdivision"].uv_smooth == smoothing
+    follow()
+    assert live._work is None  # reading is no change
+
+
+@pytest.mark.parametrize("seed", [7])
+def test_fifty_edits_undos_and_redos(pair, seed):
+    rng = np.random.default_rng(seed)
+    bpy.ops.ed.undo_push(message="start")
+    switch(True)
+    for number in range(50):
+        action = rng.choice(["move", "turn", "undo", "redo", "scale"], p=[0.4, 0.2, 0.2, 0.1, 0.1])
+        obj = bpy.data.objects[rng.choice(["hi", "lo"], p=[0.7, 0.3])]
+        if action == "undo" and bpy.ops.ed.undo.poll():
+            bpy.ops.ed.undo()
+        elif action == "redo" and bpy.ops.ed.redo.poll():
+            bpy.ops.ed.redo()
+        else:
+            if action == "turn":
+                obj.rotation_euler.z += 0.01
+            elif action == "scale":
+                obj.scale.z *= 1.1
+            else:
+                move(obj, 1000 * seed + number)
+            bpy.ops.ed.undo_push(message=f"edit {number}")
+        if rng.random() < 0.5:
+            follow()
+            assert live.session() is not None
+    follow()
+    assert np.array_equal(pixels(bpy.data.images["lo_normal"]), fresh())
+
+
+def test_nothing_remains_when_it_is_off(pair):
+    before = handlers()
+    for _ in range(3):
+        switch(True)
+        assert handlers()["depsgraph_update_post"] == before["depsgraph_update_post"] + 1
+        switch(False)
+        assert handlers() == before
+        assert live.tick() is None
+
+
+def test_a_thousand_updates_leave_no_more_than_one(pair):
+    """Objects that Python and the GPU hold, counted; and one handler however many updates there were."""
+    _, high = pair
+    switch(True)
+    before = handlers()
+    counts = []
+    for number in range(1000):
+        if number % 10 == 0:
+            move(high, number)
+        else:
+            high.location.x = 1e-3 * number
+        follow()
+        if number in (100, 999):
+            gc.collect()
+            counts.append(sum(type(item).__module__ == "gpu.types" for item in gc.get_objects()))
+    assert counts[0] == counts[1]
+    assert handlers() == before
+    assert len(bpy.data.images) == 1
+
+
+@pytest.mark.parametrize("name", ["hi", "lo"])
+def test_an_object_that_is_deleted_ends_it(pair, name):
+    switch(True)
+    bpy.data.objects.remove(bpy.data.objects[name])
+    follow()
+    assert live.session() is None
+
+
+def test_an_extension_that_is_disabled_ends_it(pair):
+    switch(True)
+    addon.unregister()
+    try:
+        assert live.session() is None
+    finally:
+        addon.register()
+
+
+def test_maps_stay_right_however_often_shaders_are_freed(pair):
+    """Blender knows the shader that is bound by its address, where one that is made later may come to lie."""
+    low, high = pair
+    settings = Settings("FLATTEN", width=64, height=64, storage="MEMORY", material=False)
+    maps = []
+    for _ in range(60):
+        following = live.live.Session(bpy.context, pipeline.Job(low, [high]), settings, pace.Pace())
+        following.run(bpy.context)
+        following.free()
+        maps.append(following.texels)
+        addon.free()
+    assert all(np.array_equal(texels, maps[0]) for texels in maps)
+
+
+def test_another_file_ends_it(pair, tmp_path):
+    before = handlers()
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    switch(True)
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "scene.blend"))
+    assert live.session() is None
+    assert handlers() == before
+
+
+def test_what_cannot_be_baked_for_now_is_told_and_waited_for(pair):
+    _, high = pair
+    switch(True)
+    layer = high.data.uv_layers[0].name
+    bpy.context.scene.imprint.highs[0].object.data.uv_layers.remove(high.data.uv_layers[0])
+    high.data.update()
+    high.update_tag()
+    follow()
+    assert "unwrap it first" in live.message
+    high.data.uv_layers.new(name=layer)
+    move(high, 3)
+    high.update_tag()
+    bpy.context.view_layer.update()
+    live.tick()
+    assert "unwrap it first" not in live.message
+
+
+def test_what_cannot_be_baked_at_all_does_not_start_it(pair):
+    bpy.context.scene.imprint.udim = True
+    with pytest.raises(RuntimeError, match="Live follows one tile alone"):
+        bpy.ops.imprint.live()
+    assert live.session() is None

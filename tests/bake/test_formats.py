@@ -1,0 +1,297 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Files by another program's eyes, rounding and dithering, and that a file is the old one or the new one at any moment."""
+
+import os
+import random
+import subprocess
+import sys
+import time
+
+import bpy
+import numpy as np
+import pytest
+
+from addon.bake import images, pipeline, quantise, tiff, whole
+from addon.bake.errors import BakeError
+from addon.bake.pace import Pace
+from addon.bake.settings import FORMATS, Settings
+from scripts.imprint import ROOT
+from tests.support import pictures, zoo
+from tests.support.maps import pixels
+
+WIDTH, HEIGHT = 56, 40
+FLAT = (0.5, 0.5, 1.0, 0.0)
+KINDS = [(f"map{ending}", depth) for ending, (_, depths) in FORMATS.items() for depth in depths]
+IN_DOUBT = 1e-4
+"""Of a step: so near to the middle between two steps, single precision may take either."""
+MEAN = 2e-3
+"""Degrees: what is left of the error of 64 x 64 dithered normals in their mean; of one it is 0.2."""
+BLOCK = 0.1
+"""Of a step: how far the mean over 8 x 8 dithered texels may be from the true one; independent noise reaches 0.2."""
+
+
+def some_texels(seed=1):
+    """Noise with background here and there, and with the ends of the scale."""
+    generator = np.random.default_rng(seed)
+    texels = generator.random((HEIGHT, WIDTH, 4), dtype=np.float32)
+    texels[..., 3] = 1.0
+    texels[generator.random((HEIGHT, WIDTH)) > 0.7] = FLAT
+    texels[0, 0], texels[0, 1] = (0.0, 0.0, 0.0, 1.0), 1.0
+    return texels
+
+
+def gradient(size=256):
+    """Unit normals (size, size, 3) that turn slowly, and the texels for them."""
+    u, v = np.meshgrid(np.linspace(-0.03, 0.03, size), np.linspace(-0.02, 0.04, size))
+    normals = np.stack([u, v, np.sqrt(1.0 - u * u - v * v)], axis=-1)
+    texels = np.ones((size, size, 4), np.float32)
+    texels[..., :3] = normals * 0.5 + 0.5
+    return normals, texels
+
+
+def store(texels, **settings):
+    """What the Writer makes of a map; returns the image and the loss."""
+    height, width = texels.shape[:2]
+    settings = Settings(width=width, height=height, **settings)
+    settings.check()
+    images.check("low", settings)
+    with images.Writer("low", settings, is_normal=True) as writer:
+        writer.add(1001, texels)
+        return writer.commit(), writer.loss
+
+
+# Other programs
+
+
+@pytest.mark.parametrize(("name", "depth"), KINDS)
+def test_another_program_reads_the_numbers(name, depth, tmp_path):
+    """To the last bit, alpha and the colours under it included."""
+    texels = some_texels()
+    store(texels, storage="FILE", output=str(tmp_path / name), depth=depth)
+    found = pictures.read(tmp_path / name)
+    if name.endswith(".exr"):
+        np.testing.assert_array_equal(found, texels.astype({16: np.float16, 32: np.float32}[depth]), strict=True)
+        return
+    steps = 2**depth - 1
+    assert found.dtype == {8: np.uint8, 16: np.uint16}[depth]
+    assert np.abs(found - texels.astype(np.float64) * steps).max() <= 0.5 + (IN_DOUBT if depth == 8 else 4e-3)
+    np.testing.assert_array_equal(pictures.pillow(tmp_path / name)[..., 3], texels[..., 3] * 255)
+    if depth == 8:
+        np.testing.assert_array_equal(pictures.pillow(tmp_path / name), found)
+
+
+@pytest.mark.parametrize("name", ["map.png", "map.tif"])
+def test_sixteen_bits_are_sixteen(name, tmp_path):
+    """Each of 65536 steps is a number of its own: a file of 8 true bits would have 256."""
+    texels = np.ones((256, 256, 4), np.float32)
+    texels[..., 0] = (np.arange(65536) / 65535).reshape(256, 256)
+    store(texels, storage="FILE", output=str(tmp_path / name), depth=16)
+    np.testing.assert_array_equal(pictures.read(tmp_path / name)[..., 0].ravel(), np.arange(65536))
+
+
+@pytest.mark.parametrize("depth", [8, 16])
+def test_a_tiff_says_that_its_colours_are_not_multiplied_with_alpha(depth, tmp_path):
+    """Else a reader divides by alpha, and loses what lies under 0."""
+    texels = some_texels()
+    store(texels, storage="FILE", output=str(tmp_path / "map.tif"), depth=depth)
+    with (tmp_path / "map.tif").open("rb") as file:
+        assert tiff.directory(file)[tiff.EXTRA_SAMPLES].values == (tiff.UNASSOCIATED,)
+    found = pictures.pillow(tmp_path / "map.tif")
+    np.testing.assert_allclose(
+        found[texels[..., 3] == 0][:, :3], [(127.5, 127.5, 255)] * (texels[..., 3] == 0).sum(), atol=0.5
+    )
+
+
+@pytest.mark.parametrize(("name", "depth"), KINDS)
+def test_the_beginning_of_a_file_is_not_taken_for_the_whole(name, depth, tmp_path):
+    """Wherever it is cut, its tables whole or not."""
+    texels, path = np.random.default_rng(1).random((100, 60, 4), dtype=np.float32), tmp_path / name
+    store(texels, storage="FILE", output=str(path), depth=depth)
+    content = path.read_bytes()
+    assert whole.is_whole(path, (60, 100))
+    lengths = {*range(40), *range(0, len(content), 97), *range(len(content) - 40, len(content))}
+    for length in sorted(lengths, reverse=True):
+        os.truncate(path, length)
+        assert not whole.is_whole(path, (60, 100)), length
+
+
+# Eight bits
+
+
+@pytest.mark.parametrize("dither", [False, True], ids=["rounded", "dithered"])
+def test_eight_bits_are_the_same_wherever_they_are_stored(dither, tmp_path):
+    texels = some_texels()
+    found = []
+    for storage, output in (("MEMORY", ""), ("PACK", ""), *(("FILE", str(tmp_path / f"map{e}")) for e in FORMATS)):
+        if not output.endswith(".exr"):
+            image, _ = store(texels, storage=storage, output=output, depth=8, dither=dither)
+            found.append(np.round(pixels(image) * 255).astype(np.uint8))
+            if output:
+                np.testing.assert_array_equal(pictures.read(output), found[-1])
+    assert len(found) == 6
+    for other in found[1:]:
+        np.testing.assert_array_equal(other, found[0])
+    expected = quantise.dithered(texels) if dither else quantise.rounded(texels, 8)
+    np.testing.assert_array_equal(found[0], np.round(expected * 255))
+
+
+def test_rounding_goes_to_the_nearest():
+    texels = some_texels()
+    steps = quantise.rounded(texels, 8).astype(np.float64) * 255
+    np.testing.assert_allclose(steps, np.round(steps), atol=1e-4)
+    assert np.abs(steps - texels.astype(np.float64) * 255).max() <= 0.5 + IN_DOUBT
+
+
+def test_dithering_goes_to_one_of_the_two_around_and_leaves_what_is_exact():
+    texels = some_texels()
+    texels[5:20, 5:20, :3] = (np.random.default_rng(2).integers(0, 256, (15, 15, 3)) / 255).astype(np.float32)
+    texels[5:20, 5:20, 3] = 1.0
+    before = texels.copy()
+    steps = quantise.dithered(texels).astype(np.float64) * 255
+    np.testing.assert_array_equal(texels, before)
+    np.testing.assert_allclose(steps, np.round(steps), atol=1e-4)
+    assert np.abs(steps - texels.astype(np.float64) * 255).max() < 1.0
+    assert not np.array_equal(np.round(steps), np.round(quantise.rounded(texels, 8) * 255))
+    np.testing.assert_allclose(steps[5:20, 5:20], texels[5:20, 5:20] * 255.0, atol=1e-4)
+    np.testing.assert_array_equal(steps[..., 3], texels[..., 3] * 255.0)
+    background = texels[..., 3] == 0.0
+    np.testing.assert_allclose(steps[background][:, :3], [(128, 128, 255)] * background.sum(), atol=1e-4)
+
+
+def test_dithering_is_the_same_each_time():
+    np.testing.assert_array_equal(quantise.dithered(some_texels()), quantise.dithered(some_texels()))
+
+
+def test_the_mean_of_dithered_normals_is_unbiased():
+    normals, texels = gradient()
+    error = quantise.dithered(texels)[..., :3].astype(np.float64) * 2.0 - 1.0 - normals
+    blocks = np.abs(error.reshape(32, 8, 32, 8, 3).mean(axis=(1, 3))) / (2.0 / 255)
+    assert blocks.max() < BLOCK
+    means = error.reshape(4, 64, 4, 64, 3).mean(axis=(1, 3))  # small beside 1: as good as angles in radians
+    assert np.degrees(np.abs(means)).max() < MEAN
+    rounded = quantise.rounded(texels, 8)[..., :3].astype(np.float64) * 2.0 - 1.0 - normals
+    assert np.abs(rounded.reshape(32, 8, 32, 8, 3).mean(axis=(1, 3))).max() / (2.0 / 255) > 3 * BLOCK
+
+
+@pytest.mark.parametrize(("depth", "output"), [(8, ""), (8, "map.tga"), (16, "map.png"), (16, "map.tiff")])
+def test_the_loss_is_the_angle_between_what_was_baked_and_what_is_stored(depth, output, tmp_path):
+    normals, texels = gradient()
+    texels[:9] = FLAT  # does not count
+    storage = "FILE" if output else "PACK"
+    output = output and str(tmp_path / output)
+    image, loss = store(texels, storage=storage, output=output, depth=depth)
+    stored = pictures.read(output).astype(np.float64) / (2**depth - 1) if output else pixels(image).astype(np.float64)
+    stored = stored[..., :3] * 2.0 - 1.0
+    cross = np.linalg.norm(np.cross(normals, stored), axis=-1)
+    angles = np.degrees(np.arctan2(cross, (normals * stored).sum(axis=-1)))[9:]
+    assert loss["median"] == pytest.approx(np.median(angles), rel=0.01)
+    assert loss["maximum"] == pytest.approx(angles.max(), rel=0.01)
+
+
+def test_dithering_loses_more_and_floats_nothing(tmp_path):
+    _, texels = gradient()
+    rounded, dithered = (store(texels, depth=8, dither=dither)[1] for dither in (False, True))
+    assert rounded["median"] < dithered["median"] < 2.0 * rounded["median"]
+    assert store(texels, depth=16)[1] == {}
+    assert store(texels, storage="FILE", output=str(tmp_path / "map.exr"), depth=16)[1] == {}
+
+
+@pytest.mark.usefixtures("gpu_context")
+def test_the_report_tells_the_loss():
+    low, high = zoo.plane("low"), zoo.terrain("high")
+    settings = Settings(method="FLATTEN", width=64, height=64, depth=8, mask=True)
+    report = pipeline.bake(bpy.context, low, [high], settings)
+    assert 0.05 < report.loss["median"] < report.loss["maximum"] < 0.5
+    assert sum(f"{report.loss['median']:.2g} degrees" in line for line in report.summary()) == 1
+    floats = pipeline.bake(bpy.context, low, [high], Settings(method="FLATTEN", width=64, height=64))
+    assert floats.loss == {}
+    assert not any("degrees" in line for line in floats.summary())
+
+
+# The old file or the new one
+
+
+def test_nothing_is_left_of_what_is_discarded(tmp_path):
+    path = tmp_path / "map.png"
+    path.write_bytes(b"an old picture")
+    settings = Settings(storage="FILE", output=str(path))
+    writer = images.Writer("low", settings)
+    writer.add(1001, some_texels())
+    assert len(os.listdir(tmp_path)) == 2
+    writer.discard()
+    writer.discard()
+    assert path.read_bytes() == b"an old picture"
+    assert os.listdir(tmp_path) == ["map.png"]
+    assert not bpy.data.images
+
+
+def test_discarding_after_commit_changes_nothing(tmp_path):
+    texels, path = some_texels(), tmp_path / "map.tga"
+    store(texels, storage="FILE", output=str(path), depth=8)
+    np.testing.assert_array_equal(pictures.read(path), np.round(quantise.rounded(texels, 8) * 255))
+
+
+@pytest.mark.usefixtures("gpu_context")
+def test_a_bake_that_is_stopped_leaves_nothing(tmp_path):
+    """Wherever: with its file written and not yet moved, too."""
+    low, high = zoo.plane("low"), zoo.terrain("high")
+    path = tmp_path / "map.tif"
+    path.write_bytes(b"an old picture")
+    settings = Settings(method="FLATTEN", width=64, height=64, storage="FILE", output=str(path), mask=True)
+    seen, stops = set(), 0
+    while True:
+        work = pipeline.work(bpy.context, [pipeline.Job(low, [high])], settings, Pace(0.001))
+        steps = [next(work, None) for _ in range(stops + 1)]
+        seen |= {name.partition(".partial")[2] for name in os.listdir(tmp_path) if "partial" in name}
+        if steps[-1] is None:
+            break
+        work.close()
+        assert os.listdir(tmp_path) == ["map.tif"]
+        assert path.read_bytes() == b"an old picture"
+        stops += 1
+    assert seen == {".tif"}
+    assert sorted(os.listdir(tmp_path)) == ["map.tif", "map_missed.tif"]
+
+
+FOREVER = """
+import os, sys
+import numpy as np
+from addon.bake import images
+from addon.bake.settings import Settings
+
+texels = np.ones((128, 128, 4), np.float32)
+turn = 0
+while True:
+    for name in sys.argv[1:]:
+        texels[..., :3] = np.random.default_rng(turn % 2).random((128, 128, 3))
+        with images.Writer("low", Settings(storage="FILE", output=name, depth=8)) as writer:
+            writer.add(1001, texels)
+            writer.commit()
+    turn += 1
+    if turn == 2:
+        print("ready", flush=True)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there is no such signal")
+@pytest.mark.parametrize("seed", range(10), ids=lambda seed: f"seed {seed}")
+def test_a_process_that_is_killed_leaves_the_old_file_or_the_new_one(seed, tmp_path):
+    paths = [tmp_path / f"map{ending}" for ending in (".png", ".tif", ".tga")]
+    whole = [np.random.default_rng(turn).random((128, 128, 3)) * 255 for turn in range(2)]
+    command = [sys.executable, "-c", FOREVER, *map(str, paths)]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment, cwd=tmp_path) as process:
+        try:
+            while process.stdout.readline() not in {"ready\n", ""}:
+                pass
+            time.sleep(random.Random(seed).uniform(0.0, 0.2))
+        finally:
+            process.kill()
+    for path in paths:
+        found = pictures.pillow(path)[..., :3]
+        assert any(np.abs(found - wanted).max() < 0.51 for wanted in whole), path
+
+
+def test_the_message_names_all_formats():
+    with pytest.raises(BakeError, match=r"does not end in one of .png, .exr, .tif, .tiff, .tga\."):
+        Settings(storage="FILE", output="map.jpg").check()

@@ -1,0 +1,149 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The maps beside the normal map, against closed forms: where, how high, how far, whose."""
+
+import bmesh
+import bpy
+import numpy as np
+import pytest
+
+from addon.bake import pipeline, values
+from addon.bake.settings import MAPS, Settings
+from tests.support import zoo
+from tests.support.maps import pixels, texel_uv
+
+pytestmark = pytest.mark.usefixtures("gpu_context")
+
+HEIGHT, WAVES, SCALE, PLACE = 0.1, 2, 2.0, (3.0, 4.0, 5.0)
+TRIANGLES = 1e-3
+"""What 128 quads along the terrain and the triangles' flatness leave of the closed form, in the object's units."""
+
+
+def truth(size):
+    """The terrain's height (N, N) at the texels' centres, in its own units."""
+    u, v = np.moveaxis(texel_uv(size, size), -1, 0)
+    return HEIGHT * np.sin(2 * np.pi * WAVES * u) * np.sin(2 * np.pi * WAVES * v)
+
+
+def pair():
+    """A plane and a terrain over it that share their place and their scale."""
+    low, high = zoo.plane("lo"), zoo.terrain("hi", n=128, height=HEIGHT, waves=WAVES)
+    for obj in (low, high):
+        obj.location, obj.scale = PLACE, (SCALE,) * 3
+    return low, high
+
+
+def bake(low, *highs, maps=MAPS, size=64, **settings):
+    """The report and the maps by name, as arrays."""
+    values_ = {"method": "FLATTEN", "depth": 32, "storage": "MEMORY", "material": False, "margin": 0, **settings}
+    report = pipeline.bake(
+        bpy.context, low, highs, Settings(width=size, height=size, image="map", maps=tuple(maps), **values_)
+    )
+    return report, {name: pixels(bpy.data.images[found["image"]]) for name, found in report.maps.items()}
+
+
+@pytest.mark.parametrize("method", ["FLATTEN", "CAST"])
+@pytest.mark.parametrize("space", ["TANGENT", "OBJECT", "WORLD"])
+@pytest.mark.parametrize("samples", [1, 4])
+def test_distances_and_places_are_those_of_the_surface(method, space, samples):
+    report, maps = bake(*pair(), method=method, space=space, samples=samples)
+    z = truth(64)
+    assert set(maps) == {name.lower() for name in MAPS}
+    assert np.abs(maps["height"][..., 0] - SCALE * z).max() < SCALE * TRIANGLES
+    # Samples lie on both sides of the zero, where distances do not cancel out.
+    assert np.abs(maps["distance"][..., 0] - SCALE * np.abs(z)).max() < SCALE * (TRIANGLES if samples == 1 else 0.01)
+    place = np.concatenate([texel_uv(64, 64) * 2 - 1, z[..., None]], axis=-1)
+    apart = np.stack([0 * z, 0 * z, z], axis=-1)
+    if space == "WORLD":
+        place, apart = place * SCALE + PLACE, apart * SCALE
+    assert np.abs(maps["position"][..., :3] - place).max() < SCALE * TRIANGLES
+    assert np.abs(maps["displacement"][..., :3] - apart).max() < SCALE * TRIANGLES
+    assert all((texels[..., 3] == 1.0).all() for texels in maps.values())
+    assert report.maps["height"]["scale"] == 1.0
+
+
+@pytest.mark.parametrize(("ending", "depth"), [(".png", 8), (".png", 16), (".exr", 32)])
+def test_what_the_report_says_undoes_what_the_file_holds(tmp_path, ending, depth):
+    report, maps = bake(*pair(), storage="FILE", output=str(tmp_path / f"map{ending}"), depth=depth, space="WORLD")
+    z = truth(64) * SCALE
+    wanted = {
+        "height": z[..., None],
+        "distance": np.abs(z)[..., None],
+        "displacement": np.stack([0 * z, 0 * z, z], axis=-1),
+        "position": np.concatenate([(texel_uv(64, 64) * 2 - 1) * SCALE, z[..., None]], axis=-1) + PLACE,
+    }
+    for name, value in wanted.items():
+        how = report.maps[name]
+        found = (maps[name][..., : value.shape[-1]] - how["midlevel"]) * how["scale"] + how.get("offset", 0.0)
+        step = 0.5 * how["scale"] / (2**depth - 1) if ending == ".png" else 0.0
+        assert np.abs(found - value).max() < step + SCALE * TRIANGLES, name
+        assert (tmp_path / f"map_{name}{ending}").is_file()
+
+
+@pytest.mark.parametrize("method", ["FLATTEN", "CAST"])
+def test_objects_and_materials_have_a_colour_each(method):
+    low = zoo.plane("lo", n=2)
+    half = zoo.plane("left", n=2)
+    other = zoo.plane("right", n=2)
+    for obj, keep in ((half, 0), (other, 1)):
+        for name in ("moss", "stone"):
+            obj.data.materials.append(bpy.data.materials.get(name) or bpy.data.materials.new(name))
+        obj.data.polygons.foreach_set("material_index", np.array([0, 0, 1, 1]))
+        # Left and right halves: the columns of the 2 x 2 quads.
+        mesh = bmesh.new()
+        mesh.from_mesh(obj.data)
+        mesh.faces.ensure_lookup_table()
+        bmesh.ops.delete(mesh, geom=[mesh.faces[i] for i in (1 - keep, 3 - keep)], context="FACES")
+        mesh.to_mesh(obj.data)
+        mesh.free()
+    report, maps = bake(low, half, other, method=method, maps=["OBJECT_ID", "MATERIAL_ID"], size=32, samples=4)
+    colours = report.maps["object_id"]["colours"]
+    assert list(colours) == ["left", "right"]
+    assert np.allclose(maps["object_id"][:, :16, :3], colours["left"], atol=2 / 255)
+    assert np.allclose(maps["object_id"][:, 16:, :3], colours["right"], atol=2 / 255)
+    colours = report.maps["material_id"]["colours"]
+    assert list(colours) == ["moss", "stone"]
+    assert np.allclose(maps["material_id"][:16, :, :3], colours["moss"], atol=2 / 255)
+    assert np.allclose(maps["material_id"][16:, :, :3], colours["stone"], atol=2 / 255)
+
+
+def test_coverage_is_the_share_of_a_texel(tmp_path):
+    """A high mesh over u < 1/2 + 1/4 texel: of four samples a texel at the rim has one or none."""
+    low, high = zoo.plane("lo"), zoo.plane("hi")
+    layer = high.data.uv_layers[0].uv
+    uv = np.empty(len(layer) * 2, np.float32)
+    layer.foreach_get("vector", uv)
+    layer.foreach_set("vector", (uv.reshape(-1, 2) * (0.5 + 0.5 / 32, 1.0)).ravel())
+    _, maps = bake(low, high, maps=["COVERAGE"], size=32, samples=64, storage="MEMORY")
+    cover = maps["coverage"][..., 0]
+    assert (cover[:, :16] == 1.0).all() and (cover[:, 17:] == 0.0).all()
+    assert np.allclose(cover[:, 16], 0.5, atol=1 / 64)
+
+
+def test_values_of_an_atlas_keep_their_owners():
+    lows = [zoo.plane(f"{name}_low") for name in "ab"]
+    highs = [zoo.plane(f"{name}_high") for name in "ab"]
+    for number, (low, high) in enumerate(zip(lows, highs, strict=True)):
+        high.location.z = 0.1 * (number + 1)
+        for obj in (low, high):
+            layer = obj.data.uv_layers[0].uv
+            uv = np.empty(len(layer) * 2, np.float32)
+            layer.foreach_get("vector", uv)
+            layer.foreach_set("vector", (uv.reshape(-1, 2) * (0.4, 1.0) + (0.55 * number, 0.0)).ravel())
+    jobs = [pipeline.Job(low, [high]) for low, high in zip(lows, highs, strict=True)]
+    settings = Settings(
+        "FLATTEN", width=32, height=32, image="atlas", maps=("HEIGHT", "OBJECT_ID"), depth=32, storage="MEMORY"
+    )
+    reports = pipeline.bake_all(bpy.context, jobs, settings, share_image=True)
+    height, owner = (pixels(bpy.data.images[reports[0].maps[name]["image"]]) for name in ("height", "object_id"))
+    assert np.allclose(height[:, :12, 0], 0.1, atol=1e-6)
+    assert np.allclose(height[:, 18:30, 0], 0.2, atol=1e-6)
+    colours = reports[1].maps["object_id"]["colours"]
+    assert list(colours) == ["a_high", "b_high"]
+    assert np.allclose(owner[:, :12, :3], colours["a_high"], atol=2 / 255)
+    assert np.allclose(owner[:, 18:30, :3], colours["b_high"], atol=2 / 255)
+
+
+def test_colours_differ():
+    colours = np.array([values.colour(number) for number in range(40)])
+    apart = np.abs(colours[:, None] - colours[None]).max(axis=-1) + np.eye(40)
+    assert apart.min() > 0.04

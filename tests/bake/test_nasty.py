@@ -1,0 +1,190 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Files that break tools, and states that a file or a script leaves behind: a map, or a sentence."""
+
+import bpy
+import numpy as np
+import pytest
+from mathutils import Matrix, Vector
+
+from addon.bake import pipeline
+from addon.bake.errors import BakeError
+from addon.bake.settings import METHODS, Settings
+from tests.support import angles, maps, outcome, zoo
+
+pytestmark = pytest.mark.usefixtures("gpu_context")
+
+FILES = {  # and how many meshes each holds
+    "BoxBadNormals.glb": 1,
+    "BoxWithInfinites.glb": 1,  # which the importer puts into one point
+    "MirroredCube_252.blend": 2,
+    "busted.STL": 1,
+    "chair_model.obj": 4,
+    "cycloidal.ply": 1,
+    "empty.obj": 0,
+    "fuze.obj": 1,
+    "groups.obj": 2,
+    "nancolor.obj": 1,
+}
+IMPORTERS = {
+    ".obj": lambda path: bpy.ops.wm.obj_import(filepath=path),
+    ".ply": lambda path: bpy.ops.wm.ply_import(filepath=path),
+    ".stl": lambda path: bpy.ops.wm.stl_import(filepath=path),
+    ".glb": lambda path: bpy.ops.import_scene.gltf(filepath=path),
+    ".blend": lambda path: bpy.ops.wm.open_mainfile(filepath=path),
+}
+AROUND = 1.2
+"""How much larger than an object a shape is that is put around it."""
+ROUNDING = 1e-3
+"""Degrees: positions in single precision over quads that are a 64th of them large."""
+SMALL = {"width": 32, "height": 32, "storage": "MEMORY"}
+
+
+@pytest.fixture(params=FILES)
+def meshes(request, shared_assets):
+    """The mesh objects of a file."""
+    path = shared_assets / "nasty" / request.param
+    IMPORTERS[path.suffix.lower()](str(path))
+    found = [obj for obj in bpy.context.scene.objects if obj.type == "MESH"]
+    assert len(found) == FILES[request.param]
+    return found
+
+
+def around(shape, obj):
+    """Move and scale a shape of radius 1 so that it holds the object's box."""
+    bpy.context.view_layer.update()
+    corners = np.array([obj.matrix_world @ Vector(corner) for corner in obj.bound_box])
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    shape.location, shape.scale = (low + high) / 2, np.maximum((high - low) / 2, 1e-3) * AROUND
+    return shape
+
+
+def unwrap(obj):
+    """UVs from the vertices' x and y, so that most of the faces lie on others."""
+    points = np.array([vertex.co[:2] for vertex in obj.data.vertices])
+    points = (points - points.min(axis=0)) / np.maximum(np.ptp(points, axis=0), 1e-9)
+    corners = [loop.vertex_index for loop in obj.data.loops]
+    obj.data.uv_layers.new(name=zoo.LAYER).uv.foreach_set("vector", points[corners].astype(np.float32).ravel())
+
+
+def is_map(result):
+    return not isinstance(result, str)
+
+
+def is_a_point(obj):
+    return not any(obj.dimensions)
+
+
+def bake(low, high, method, folder, **settings):
+    return outcome.of_bake(low, [high], Settings(method=method, **SMALL | settings), folder)
+
+
+@pytest.mark.shared
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("make", [zoo.plane, zoo.sphere])
+def test_a_file_as_high(meshes, make, method, tmp_path):
+    for high in meshes:
+        result = bake(around(make("lo", 8), high), high, method, tmp_path)
+        if method == "FLATTEN" and not high.data.uv_layers:
+            assert "has no UV layer" in result
+        else:
+            edge_on = make is zoo.plane and high.name == "something!"  # a disc that stands upright
+            assert is_map(result) or is_a_point(high) or edge_on, result
+        bpy.data.objects.remove(bpy.data.objects["lo"])
+
+
+@pytest.mark.shared
+@pytest.mark.parametrize("method", METHODS)
+def test_a_file_as_low(meshes, method, tmp_path):
+    for low in meshes:
+        high = around(zoo.sphere("hi", 8), low)
+        if not low.data.uv_layers:
+            assert "has no UV layer" in bake(low, high, method, tmp_path)
+            unwrap(low)
+        result = bake(low, high, method, tmp_path)
+        assert is_map(result) or is_a_point(low), result
+        bpy.data.objects.remove(high)
+
+
+@pytest.mark.shared
+@pytest.mark.parametrize("method", METHODS)
+def test_a_file_onto_itself(meshes, method, tmp_path):
+    """Through a modifier that adds detail, and with the file's own UVs where there are some."""
+    for obj in meshes:
+        if not obj.data.uv_layers:
+            unwrap(obj)
+        obj.modifiers.new("Detail", "DISPLACE").strength = 0.01
+        result = bake(obj, obj, method, tmp_path)
+        assert is_map(result) or is_a_point(obj), result
+
+
+# Sizes
+
+
+def scaled_pair(size):
+    """A plane and a terrain over it whose meshes themselves are as large as that."""
+    pair = zoo.plane("lo", 8), zoo.terrain("hi", 64)
+    for obj in pair:
+        obj.data.transform(Matrix.Scale(size, 4))
+    return pair
+
+
+@pytest.mark.parametrize("size", [1e-6, 1e-3, 1e3, 1e6, 5e8])
+@pytest.mark.parametrize("method", ["FLATTEN", "CAST"])
+def test_the_map_does_not_depend_on_the_size(method, size):
+    expected = maps.bake(*scaled_pair(1.0), method=method, space="TANGENT")
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    texels = maps.bake(*scaled_pair(size), method=method, space="TANGENT")
+    assert angles.degrees(angles.decode(texels), angles.decode(expected)).max() < ROUNDING
+
+
+@pytest.mark.parametrize("size", [1e-37, 1e-30, 1e-20, 1e-12, 1e-9, 1e-8, 1e10, 1e12, 1e20, 1e30, 1e37])
+@pytest.mark.parametrize("method", METHODS)
+def test_a_size_of_which_blender_has_no_normals(method, size, tmp_path):
+    result = bake(*scaled_pair(size), method, tmp_path)
+    assert ("too small" if size < 1.0 else "too large") in result
+
+
+@pytest.mark.parametrize("size", [1e-9, 1e9])
+@pytest.mark.parametrize("method", METHODS)
+def test_a_size_that_the_object_has_and_not_the_mesh(method, size, tmp_path):
+    low, high = zoo.plane("lo", 8), zoo.terrain("hi", 64)
+    low.scale = high.scale = [size / 2] * 3
+    assert is_map(bake(low, high, method, tmp_path))
+
+
+# States
+
+
+@pytest.mark.parametrize("scale", [0.0, np.nan])
+@pytest.mark.parametrize("name", ["lo", "hi"])
+@pytest.mark.parametrize("method", METHODS)
+def test_a_hidden_object_whose_matrix_is_out_of_date(method, name, scale):
+    """Blender looks at what is hidden only when it is shown."""
+    low, high = zoo.plane("lo"), zoo.plane("hi", 4)
+    obj = bpy.data.objects[name]
+    obj.hide_viewport = True
+    bpy.context.view_layer.update()
+    obj.scale.x = scale
+    with pytest.raises(BakeError, match=f"^{name!r} is (pressed flat|nowhere): "):
+        pipeline.bake(bpy.context, low, [high], Settings(method=method, **SMALL))
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_hidden_object_that_was_pressed_flat_and_is_no_more(method):
+    low, high = zoo.plane("lo"), zoo.plane("hi", 4)
+    high.scale.x = 0.0
+    bpy.context.view_layer.update()
+    high.hide_viewport = True
+    high.scale.x = 1.0
+    pipeline.bake(bpy.context, low, [high], Settings(method=method, **SMALL))
+
+
+def test_a_base_mesh_whose_modifiers_lose_its_uvs(tmp_path):
+    obj = zoo.cube("own")
+    tree = bpy.data.node_groups.new("Another cube", "GeometryNodeTree")
+    tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+    cube, output = tree.nodes.new("GeometryNodeMeshCube"), tree.nodes.new("NodeGroupOutput")
+    cube.inputs["Size"].default_value = (2.1, 2.1, 2.1)
+    tree.links.new(cube.outputs["Mesh"], output.inputs[0])
+    obj.modifiers.new("Another cube", "NODES").node_group = tree
+    assert bake(obj, obj, "AUTO", tmp_path).method == "CAST"

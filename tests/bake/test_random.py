@@ -1,0 +1,423 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Random objects and settings, mostly odd ones: each bake ends in a map or in one sentence, and never in anything else.
+
+The seed is the test's name. More of them: IMPRINT_RANDOM=1000:5000 pytest tests/bake/test_random.py
+"""
+
+import os
+from collections import Counter
+
+import bpy
+import numpy as np
+import pytest
+
+from addon.bake.settings import AXES, BASES, DIRECTIONS, FORMATS, MAPS, MARGINS, METHODS, MODIFIERS, SPACES, Settings
+from tests.support import outcome, zoo
+
+pytestmark = pytest.mark.usefixtures("gpu_context")
+
+FIRST, LAST = map(int, os.environ.get("IMPRINT_RANDOM", "0:360").split(":"))
+MAPS_AT_LEAST = 0.3
+"""Share of the cases that must end in a map, else refusing everything would pass."""
+NAMES = (
+    *("rock", "Rock.001", ".hidden", "a b  c", "it's", 'say "so"', "tab\there", "ends."),
+    *("{low}", "<UDIM>", "a/b", "C:\\x", "//", "..", "%s %d", "{", "CON", "a" * 63, "é" * 31),
+    *("岩", "\U0001f5ff\U0001f30b", "صخرة", "\u202eabc", "a\u0301", "\u00a0", "ﬀ", "\u2028"),
+)
+
+
+@pytest.fixture(scope="module")
+def outcomes():
+    """How many cases ended how."""
+    count = Counter()
+    yield count
+    if count.total() >= 200:
+        assert count["map"] >= MAPS_AT_LEAST * count.total(), count
+
+
+# Meshes
+
+
+def grid(rng):
+    nu, nv = rng.integers(1, 9, 2)
+    uv = zoo.grid_uv(nu, nv)
+    return np.column_stack([2 * uv - 1, rng.normal(0, 0.05, len(uv))]), zoo.grid_faces(nu, nv).tolist()
+
+
+def soup(rng):
+    points = rng.uniform(-1, 1, (rng.integers(8, 40), 3))
+    sides = rng.integers(3, 9, rng.integers(1, 30))
+    return points, [rng.choice(len(points), size, replace=False).tolist() for size in sides]
+
+
+def ball(rng):
+    nu, nv = 12, 6
+    u, v = zoo.grid_uv(nu, nv).T
+    longitude, latitude = 2 * np.pi * u, 1.4 * (2 * v - 1)
+    points = np.stack([np.cos(longitude) * np.cos(latitude), np.sin(longitude) * np.cos(latitude), np.sin(latitude)])
+    return points.T * rng.uniform(0.9, 1.1), zoo.grid_faces(nu, nv).tolist()
+
+
+def fan(rng):
+    angle = np.linspace(0, 2 * np.pi, rng.integers(3, 60), endpoint=False)
+    return np.stack([np.cos(angle), np.sin(angle), 0.1 * np.sin(3 * angle)], axis=1), [list(range(len(angle)))]
+
+
+def parts(rng):
+    """Loose parts, one of them far off, and vertices and an edge's ends without a face."""
+    points, faces = grid(rng)
+    count = len(points)
+    moved = [points, points * 0.5 + rng.normal(0, 1, 3), points * 1e-3 + (50, 0, 0), rng.normal(0, 9, (3, 3))]
+    return np.concatenate(moved), [[i + k * count for i in face] for k in range(3) for face in faces]
+
+
+def doubled(rng):
+    """Duplicate vertices and duplicate faces."""
+    points, faces = grid(rng)
+    count = len(points)
+    return np.concatenate([points, points]), faces + [[i + count for i in face][::-1] for face in faces] + faces[:1]
+
+
+SHAPES = {
+    grid: 10,
+    ball: 4,
+    soup: 3,
+    fan: 1,
+    parts: 2,
+    doubled: 1,
+    (lambda rng: (np.zeros((0, 3)), [])): 0.3,
+    (lambda rng: (rng.normal(size=(5, 3)), [])): 0.3,
+}
+
+
+def some(change):
+    """Apply `change` to a few rows alone."""
+
+    def spoil(rng, values):
+        rows = rng.random(len(values)) < rng.choice([0.05, 0.5])
+        values[rows] = change(rng, values[rows])
+        return values
+
+    return spoil
+
+
+def one_number(value):
+    def spoil(rng, values):
+        values[..., rng.integers(values.shape[-1])] = value
+        return values
+
+    return spoil
+
+
+COORDINATES = {
+    "plain": (lambda rng, p: p, 80),
+    "scaled": (lambda rng, p: p * 10.0 ** rng.choice([-30, -12, -6, -4, 3, 6, 8, 12, 20, 30, 38]), 6),
+    "far away": (lambda rng, p: p + 10.0 ** rng.choice([3, 7, 12, 30]), 3),
+    "some far away": (some(lambda rng, p: p * 10.0 ** rng.choice([3, 12, 30, 38])), 2),
+    "some not finite": (some(one_number(np.nan)), 2),
+    "some infinite": (some(one_number(-np.inf)), 2),
+    "none finite": (one_number(np.nan), 0.5),
+    "in a point": (lambda rng, p: p * 0 + 0.25, 0.5),
+    "on a line": (lambda rng, p: p * (0, 1, 0), 0.5),
+    "flat": (lambda rng, p: p * (1, 1, 0), 2),
+    "some in a point": (some(lambda rng, p: p * 0), 2),
+    "denormal": (lambda rng, p: p * 1e-42, 0.5),
+}
+UVS = {
+    "plain": (lambda rng, uv: uv, 40),
+    "scattered": (lambda rng, uv: rng.random(uv.shape), 3),
+    "scaled": (lambda rng, uv: uv * 10.0 ** rng.choice([-30, -9, -4, 1, 6, 12, 30, 38]), 4),
+    "outside": (lambda rng, uv: uv + rng.integers(-2, 3, 2), 3),
+    "across": (lambda rng, uv: uv * 2 - rng.random(2), 3),
+    "mirrored": (lambda rng, uv: uv * (-1, 1) + (1, 0), 2),
+    "in a point": (lambda rng, uv: uv * 0 + 0.5, 1),
+    "on a line": (lambda rng, uv: uv * (0, 1) + (0.5, 0), 1),
+    "some not finite": (some(one_number(np.nan)), 2),
+    "some infinite": (some(one_number(np.inf)), 2),
+    "none finite": (one_number(np.nan), 0.5),
+    "some huge": (some(lambda rng, uv: uv * 10.0 ** rng.choice([3, 12, 38])), 2),
+    "none": (None, 1.5),
+}
+
+
+def pick(rng, weighted: dict):
+    """One of the keys, by its weight: the value, or the last of the value's parts."""
+    weights = np.array([value[-1] if isinstance(value, tuple) else value for value in weighted.values()], float)
+    return list(weighted)[rng.choice(len(weights), p=weights / weights.sum())]
+
+
+def mesh(rng, name):
+    points, faces = pick(rng, SHAPES)(rng)
+    flat = points[:, :2] * 0.5 + 0.5
+    if len(points) == 91:  # the ball, laid flat as a belt
+        flat = zoo.grid_uv(12, 6)
+    data = bpy.data.meshes.new(name)
+    with np.errstate(over="ignore", invalid="ignore"):
+        points = COORDINATES[pick(rng, COORDINATES)][0](rng, points.astype(np.float64)).astype(np.float32)
+        data.from_pydata([(0.0, 0.0, 0.0)] * len(points), [(0, 1)] if not faces and len(points) > 3 else [], faces)
+        if len(points):
+            data.attributes["position"].data.foreach_set("vector", points.ravel())
+        data.update()
+        data.polygons.foreach_set("use_smooth", rng.random(len(data.polygons)) < rng.choice([0.0, 1.0, 0.5]))
+        corners = np.array([i for face in faces for i in face], int)
+        for number in range(rng.choice([1, 1, 1, 2, 8])):
+            lay = UVS[pick(rng, UVS)][0]
+            if lay is not None and len(corners):
+                layer = data.uv_layers.new(name=str(rng.choice(NAMES)) if number else zoo.LAYER)
+                layer.uv.foreach_set("vector", lay(rng, flat[corners].copy()).astype(np.float32).ravel())
+    if data.uv_layers and rng.random() < 0.2:
+        data.uv_layers[-1].active_render = True
+        data.uv_layers.active = data.uv_layers[0]
+    return data
+
+
+# Objects
+
+
+def chain(rng, obj):
+    """Parents that turn and scale unevenly, so that the matrix shears."""
+    for number in range(rng.integers(1, 4)):
+        parent = link(bpy.data.objects.new(f"parent {number}", None))
+        parent.rotation_euler, parent.scale = rng.normal(0, 1, 3), rng.uniform(0.3, 2, 3) * rng.choice([-1, 1], 3)
+        obj.parent, obj = parent, parent
+
+
+MATRICES = {
+    "plain": (lambda rng, obj: None, 20),
+    "moved": (
+        lambda rng, obj: setattr(obj, "location", rng.normal(0, 1, 3) * 10.0 ** rng.choice([-1, 0, 4, 20])),
+        2,
+    ),
+    "turned": (lambda rng, obj: setattr(obj, "rotation_euler", rng.normal(0, 3, 3)), 2),
+    "scaled": (lambda rng, obj: setattr(obj, "scale", 10.0 ** rng.uniform(-2, 2, 3)), 2),
+    "mirrored": (lambda rng, obj: setattr(obj, "scale", rng.choice([-1, 1], 3)), 2),
+    "huge or tiny": (lambda rng, obj: setattr(obj, "scale", [10.0 ** rng.choice([-38, -20, -9, 8, 20, 38])] * 3), 1),
+    "pressed flat": (lambda rng, obj: setattr(obj, "scale", rng.integers(0, 2, 3)), 0.5),
+    "not finite": (lambda rng, obj: setattr(obj, "location", (0, rng.choice([np.nan, np.inf]), 0)), 0.3),
+    "in a chain": (chain, 3),
+}
+
+
+def link(obj):
+    bpy.context.scene.collection.objects.link(obj)
+    return obj
+
+
+MODIFIERS_MADE = {
+    "SUBSURF": lambda rng, m: (setattr(m, "levels", 0), setattr(m, "render_levels", int(rng.integers(0, 3)))),
+    "MIRROR": lambda rng, m: setattr(m, "use_axis", (rng.random(3) < 0.5).tolist()),
+    "ARRAY": lambda rng, m: setattr(m, "count", int(rng.integers(1, 4))),
+    "DISPLACE": lambda rng, m: setattr(m, "strength", rng.choice([0.1, 0.1, 1e20, np.nan])),
+    # "Beauty", the default, never comes to an end on coordinates of 1e20: Blender's own.
+    "TRIANGULATE": lambda rng, m: (setattr(m, "quad_method", "FIXED"), setattr(m, "ngon_method", "CLIP")),
+    "SOLIDIFY": lambda rng, m: setattr(m, "thickness", rng.normal()),
+    "EDGE_SPLIT": lambda rng, m: None,
+    "WELD": lambda rng, m: setattr(m, "merge_threshold", rng.choice([0.0, 0.5, 100.0])),
+    "SHRINKWRAP": lambda rng, m: None,
+    "MULTIRES": lambda rng, m: None,
+    # These leave no face, often.
+    "NODES": lambda rng, m: setattr(m, "node_group", geometry_nodes(rng)),
+    "MASK": lambda rng, m: None,
+    "DECIMATE": lambda rng, m: setattr(m, "ratio", rng.choice([0.0, 0.5, 1.0])),
+}
+
+
+def geometry_nodes(rng):
+    """A group that gives nothing at all, or a mesh without UVs in the place of the object's."""
+    tree = bpy.data.node_groups.new("Other geometry", "GeometryNodeTree")
+    tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+    output = tree.nodes.new("NodeGroupOutput")
+    kind = rng.choice(["", "GeometryNodeMeshCube", "GeometryNodeMeshLine", "GeometryNodeCurvePrimitiveCircle"])
+    if kind:
+        tree.links.new(tree.nodes.new(kind).outputs[0], output.inputs[0])
+    return tree
+
+
+def add_modifiers(rng, obj):
+    for _ in range(rng.integers(1, 3)):
+        kind = str(rng.choice(list(MODIFIERS_MADE)[: None if rng.random() < 0.2 else -3]))
+        modifier = obj.modifiers.new(kind, kind)
+        MODIFIERS_MADE[kind](rng, modifier)
+        modifier.show_viewport, modifier.show_render = (rng.random(2) < 0.8).tolist()
+
+
+def add_shape_keys(rng, obj):
+    if obj.data.shape_keys is None and len(obj.data.vertices):
+        obj.shape_key_add(name="Basis")
+        key = obj.shape_key_add(name=str(rng.choice(NAMES)))
+        values = rng.normal(0, 0.1, (len(obj.data.vertices), 3)) * rng.choice([0.0, 1.0, 1.0, 1e30])
+        key.points.foreach_set("co", values.astype(np.float32).ravel())
+        key.value = rng.random()
+
+
+def add_materials(rng, obj):
+    for _ in range(rng.integers(1, 4)):
+        shared = bpy.data.materials.get("Shared") or bpy.data.materials.new("Shared")
+        obj.data.materials.append(rng.choice([None, shared, bpy.data.materials.new(str(rng.choice(NAMES)))]))
+    obj.data.polygons.foreach_set("material_index", rng.integers(0, 9, len(obj.data.polygons)).astype(np.int32))
+    if rng.random() < 0.3:
+        obj.material_slots[0].link = "OBJECT"
+
+
+def hide(rng, obj):
+    match rng.choice(
+        ["eye", "viewport", "render", "collection", "excluded", "nowhere"], p=[0.4, 0.4, 0.1, 0.03, 0.04, 0.03]
+    ):
+        case "eye":
+            obj.hide_set(True)
+        case "viewport":
+            obj.hide_viewport = True
+        case "render":
+            obj.hide_render = True
+        case "nowhere":
+            bpy.context.scene.collection.objects.unlink(obj)
+        case where:
+            collection = bpy.data.collections.new("Shelf")
+            bpy.context.scene.collection.children.link(collection)
+            bpy.context.scene.collection.objects.unlink(obj)
+            collection.objects.link(obj)
+            setattr(
+                bpy.context.view_layer.layer_collection.children[-1],
+                {"collection": "hide_viewport"}.get(where, "exclude"),
+                True,
+            )
+
+
+def enter_mode(rng, obj):
+    bpy.context.view_layer.objects.active = obj
+    obj.select_set(True)
+    bpy.ops.object.mode_set(mode=str(rng.choice(["EDIT", "SCULPT", "WEIGHT_PAINT", "TEXTURE_PAINT"])))
+
+
+def make_object(rng):
+    name = str(rng.choice(NAMES))
+    if rng.random() < 0.02:
+        data = rng.choice([None, bpy.data.lights.new(name, "SUN"), bpy.data.curves.new(name, "CURVE")])
+        return link(bpy.data.objects.new(name, data))
+    others = [obj for obj in bpy.data.objects if obj.type == "MESH"]
+    data = others[0].data if others and rng.random() < 0.05 else mesh(rng, name)
+    obj = link(bpy.data.objects.new(name, data))
+    for chance, change in ((0.2, add_modifiers), (0.1, add_shape_keys), (0.3, add_materials)):
+        if rng.random() < chance and is_local(data):
+            change(rng, obj)
+    MATRICES[pick(rng, MATRICES)][0](rng, obj)
+    return obj
+
+
+def is_local(datablock):
+    return not (datablock.library or datablock.override_library)
+
+
+def place(rng, obj):
+    """Where it is and what is being done to it, which comes last."""
+    if obj.mode == "OBJECT" and rng.random() < 0.1 and obj.type == "MESH" and is_local(obj.data):
+        enter_mode(rng, obj)
+    if rng.random() < 0.1:
+        hide(rng, obj)
+
+
+def make_cage(rng, low):
+    match rng.choice(["copy", "same", "other"]):
+        case "same":
+            return low
+        case "other":
+            return make_object(rng)
+        case _:
+            cage = low.copy()
+            if low.type == "MESH":
+                cage.data = low.data.copy()
+                cage.scale = np.array(low.scale) * 1.2
+            return link(cage)
+
+
+def from_library(rng, obj, folder):
+    """The object linked from a file, perhaps overridden, in the place of the one that was made here."""
+    path = str(folder / "library.blend")
+    bpy.data.libraries.write(path, {obj})
+    name = obj.name
+    bpy.data.objects.remove(obj)
+    with bpy.data.libraries.load(path, link=True) as (_, wanted):
+        wanted.objects = [name]
+    linked = wanted.objects[0]
+    if rng.random() < 0.5:
+        linked = linked.override_create()
+        if linked.data and rng.random() < 0.5:
+            linked.data.override_create()
+    return link(linked)
+
+
+def make_settings(rng, folder, low):
+    def any_of(values):
+        return values[rng.integers(len(values))]
+
+    udim = rng.random() < 0.1
+    storage = any_of(("PACK", "FILE") if udim else ("PACK", "MEMORY", "FILE"))
+    ending = any_of((*FORMATS, ".PNG"))
+    name = any_of(("{low}", "map", "a.b", "{low} map")) + any_of(("", " <UDIM>")) * udim
+    axes = rng.permutation(3)
+    return Settings(
+        method=any_of(METHODS),
+        space=any_of(SPACES),
+        basis=any_of(BASES),
+        uv_layer="" if rng.random() < 0.9 else any_of((zoo.LAYER, zoo.LAYER, any_of(NAMES))),
+        width=any_of((16, 32, 33, 48, 64)),
+        height=any_of((16, 32, 47, 64)),
+        samples=any_of((1, 1, 1, 2, 4, 8)),
+        extrusion=None if rng.random() < 0.8 else any_of((0.0, 0.1, 1e-30, 1e30)),
+        max_distance=None if rng.random() < 0.8 else any_of((0.5, 0.5, 1e-30, 1e30)),
+        directions=any_of(DIRECTIONS),
+        facing_only=rng.random() < 0.3,
+        missed=any_of(((0.5, 0.5, 1.0), (1.0, 0.0, 1.0))),
+        mask=rng.random() < 0.2,
+        maps=tuple(name for name in MAPS if rng.random() < 0.3) if rng.random() < 0.1 else (),
+        red=AXES[2 * axes[0] + rng.integers(2)],
+        green=AXES[2 * axes[1] + rng.integers(2)],
+        blue=AXES[2 * axes[2] + rng.integers(2)],
+        margin=any_of((0, 16, None, 3)),
+        margin_type=any_of(MARGINS),
+        udim=udim,
+        tiles=any_of(((), (1001,), (1001, 1002), (1999,))) if udim else (),
+        limit=any_of((None, None, 0.1)),
+        depth=any_of(FORMATS[ending.lower()][1] if storage == "FILE" and rng.random() < 0.95 else (8, 16, 32)),
+        dither=rng.random() < 0.2,
+        modifiers=any_of(MODIFIERS),
+        image=any_of(("", "", "map", "{low}", "of {low}", *NAMES)),
+        storage=storage,
+        output=str(folder / "out" / name) + ending if storage == "FILE" else "",
+        material=rng.random() < 0.7,
+        single_user=rng.random() < 0.3,
+    )
+
+
+def existing_image(rng, name):
+    """An image that already has the map's name."""
+    image = bpy.data.images.new(name, 7, 5, alpha=rng.random() < 0.5, float_buffer=rng.random() < 0.5)
+    image.source = str(rng.choice(["GENERATED", "GENERATED", "GENERATED", "FILE", "TILED", "MOVIE"]))
+
+
+# The test
+
+
+@pytest.mark.parametrize("seed", range(FIRST, LAST))
+def test_a_map_or_a_sentence(seed, tmp_path, outcomes):
+    rng = np.random.default_rng(seed)
+    (tmp_path / "out").mkdir()
+    low = make_object(rng)
+    highs = [make_object(rng) for _ in range(rng.choice([1, 1, 1, 2, 3]))]
+    if rng.random() < 0.03:
+        low = from_library(rng, low, tmp_path)
+    if rng.random() < 0.03:
+        highs[0] = from_library(rng, highs[0], tmp_path)
+    if rng.random() < 0.08:
+        highs = [low]
+        if low.type == "MESH" and low.is_editable and rng.random() < 0.9:
+            low.modifiers.new("Detail", "SUBSURF")
+    cage = make_cage(rng, low) if rng.random() < 0.08 else None
+    bpy.context.view_layer.update()  # what is hidden is not kept up to date
+    for obj in bpy.context.scene.objects.values():
+        place(rng, obj)
+    settings = make_settings(rng, tmp_path, low)
+    if rng.random() < 0.06:
+        existing_image(rng, settings.image.replace("{low}", low.name) or f"{low.name}_normal")
+    result = outcome.of_bake(low, highs, settings, tmp_path, cage)
+    outcomes["sentence" if isinstance(result, str) else "map"] += 1

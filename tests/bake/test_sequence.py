@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A map for each frame of an animation."""
+
+import bpy
+import numpy as np
+import pytest
+
+from addon.bake import pipeline, sequence
+from addon.bake.errors import BakeError
+from addon.bake.pace import Pace, finish
+from addon.bake.settings import Settings
+from tests.support import zoo
+from tests.support.maps import pixels
+from tests.support.snapshot import difference, snapshot
+
+pytestmark = pytest.mark.usefixtures("gpu_context")
+
+
+@pytest.fixture
+def job():
+    """A plane, and one that a shape key tilts from frame 1 to frame 11."""
+    low, high = zoo.plane("lo"), zoo.plane("hi", n=4)
+    high.shape_key_add(name="Basis")
+    key = high.shape_key_add(name="Tilted")
+    points = np.empty(len(high.data.vertices) * 3, np.float32)
+    key.data.foreach_get("co", points)
+    points[2::3] = points[0::3]
+    key.data.foreach_set("co", points)
+    for frame, value in ((1, 0.0), (11, 1.0)):
+        key.value = value
+        key.keyframe_insert("value", frame=frame)
+    for curve in high.data.shape_keys.animation_data.action.layers[0].strips[0].channelbags[0].fcurves:
+        for point in curve.keyframe_points:
+            point.interpolation = "LINEAR"
+    return pipeline.Job(low, [high])
+
+
+def settings(tmp_path, name="map.exr", **values):
+    return Settings(
+        "FLATTEN", "OBJECT", width=16, height=16, storage="FILE", depth=32, output=str(tmp_path / name), **values
+    )
+
+
+def test_each_frame_has_the_map_of_its_surface(job, tmp_path):
+    bpy.context.scene.frame_set(3)
+    frames = range(1, 12, 5)
+    reports = finish(sequence.work(bpy.context, job, settings(tmp_path), frames, Pace()))
+    assert [report.output for report in reports] == [str(tmp_path / f"map_{frame:04}.exr") for frame in frames]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["map_0001.exr", "map_0006.exr", "map_0011.exr"]
+    for frame, report in zip(frames, reports, strict=True):
+        slope = (frame - 1) / 10
+        normal = np.array([-slope, 0.0, 1.0]) / np.hypot(slope, 1.0)
+        image = bpy.data.images.load(report.output)
+        assert np.abs(pixels(image)[8, 8, :3] - (normal * 0.5 + 0.5)).max() < 1e-6
+    assert bpy.context.scene.frame_current == 3
+    image = bpy.data.images["lo_normal"]
+    assert image.source == "SEQUENCE"
+    nodes = job.low.data.materials[0].node_tree.nodes
+    (texture,) = [node for node in nodes if node.bl_idname == "ShaderNodeTexImage"]
+    assert texture.image == image
+    assert (texture.image_user.frame_start, texture.image_user.frame_duration) == (1, 3)
+    assert sequence.PASSING not in bpy.data.images
+    finish(sequence.work(bpy.context, job, settings(tmp_path), frames, Pace()))  # and again, over itself
+
+
+@pytest.mark.parametrize(
+    ("name", "wanted"), [("map.png", "map_0007.png"), ("m_##_a.exr", "m_07_a.exr"), ("#.png", "7.png")]
+)
+def test_the_number_stands_where_a_person_would_look(name, wanted):
+    assert sequence.output_for(name, 7) == wanted
+
+
+def test_frames_that_are_done_are_kept_when_it_is_stopped(job, tmp_path):
+    bpy.context.scene.frame_set(3)
+    work = sequence.work(bpy.context, job, settings(tmp_path), range(1, 49), Pace())
+    while next(work).finished < 2:
+        pass
+    work.close()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["map_0001.exr", "map_0002.exr"]
+    assert bpy.context.scene.frame_current == 3
+    assert bpy.data.images["lo_normal"].source == "SEQUENCE"
+    assert sequence.PASSING not in bpy.data.images
+
+
+def test_one_that_is_stopped_at_its_first_frame_leaves_nothing(job, tmp_path):
+    before = snapshot()
+    work = sequence.work(bpy.context, job, settings(tmp_path), range(1, 49), Pace())
+    next(work)
+    work.close()
+    assert difference(before, snapshot()) == {}
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_cannot_be_a_sequence(job, tmp_path):
+    for wrong in (Settings(), settings(tmp_path)):
+        with pytest.raises(BakeError, match="sequence"):
+            finish(sequence.work(bpy.context, job, wrong, range(0) if wrong.output else range(3), Pace()))

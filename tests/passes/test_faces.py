@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which triangles lie on a texel, in their order, on layouts where that is known."""
+
+import numpy as np
+import pytest
+
+from addon.passes import faces, target
+from tests.support import maps, oracle
+
+pytestmark = pytest.mark.usefixtures("gpu_context")
+
+RIM = 1 / 128
+"""Of a texel: rasterisers round corners to a 256th of it, and on which side of an edge a centre lies that is nearer than
+this is their choice."""
+
+
+def layers(uv, triangles, size, count, tile=1001):
+    mesh = faces.upload(np.asarray(triangles, np.int32), np.asarray(uv, np.float32))
+    return np.stack([numbers.copy() for numbers in faces.layers(mesh, size, target.window(tile), count)]).astype(int)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_random_triangles(seed):
+    rng = np.random.default_rng(seed)
+    triangles, size, count = rng.random((12, 3, 2)), 48, 12
+    centres = maps.texel_uv(size, size).reshape(-1, 2)
+    depths = np.stack([oracle.depth_inside(centres, triangle[None]) for triangle in triangles], axis=1)
+    is_clear = (np.abs(depths) > RIM / size).all(axis=1)
+    assert is_clear.mean() > 0.9
+    drawn = layers(triangles.reshape(-1, 2), np.arange(36).reshape(-1, 3), (size, size), count)
+    drawn = drawn.reshape(count, -1)
+    assert (depths > 0).sum(axis=1).max() > 4
+    for depth, found in zip(depths[is_clear], drawn[:, is_clear].T, strict=True):
+        truth = [*np.flatnonzero(depth > 0.0)[::-1] + 1, 0]
+        np.testing.assert_array_equal(found, np.resize(truth, count))  # then they come again
+
+
+def test_large_numbers_are_exact():
+    """One triangle a texel, on tiles of two digits, so that there are more than one part of a number can hold."""
+    size = 300
+    i, j = np.meshgrid(np.arange(size), np.arange(size))
+    first = np.stack([i.ravel(), j.ravel()], axis=1)
+    uv = (first[:, None] + np.array([(0.1, 0.1), (0.9, 0.1), (0.5, 1.0)])) / size + (2, 3)
+    numbers = layers(uv.reshape(-1, 2), np.arange(3 * size * size).reshape(-1, 3), (size, size), 1, tile=1033)[0]
+    np.testing.assert_array_equal(numbers.ravel(), np.arange(1, size * size + 1))
+
+
+def test_corners_may_be_shared():
+    numbers = layers([(0, 0), (1, 0), (1, 1), (0, 1)], [(0, 1, 2), (0, 2, 3)], (8, 4), 1)[0]
+    assert numbers[0, -1] == 1
+    assert numbers[-1, 0] == 2
+    assert numbers.shape == (4, 8)

@@ -1,0 +1,405 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the views show is what arithmetic says: pictures against a rasteriser in float64, deviations against known ones."""
+
+import math
+
+import bpy
+import gpu
+import numpy as np
+import pytest
+from mathutils import Euler, Matrix
+
+from addon.bake import band, live, pace, pipeline, quantise, shading
+from addon.bake.settings import Settings
+from addon.passes import batch, lit, target
+from tests.support import oracle, raster, zoo
+
+pytestmark = pytest.mark.usefixtures("gpu_context")
+
+SIZE = (256, 192)
+DIFFUSE, AMBIENT = 0.8, 0.04
+TOLERANCE = 5e-4
+"""Of a colour: positions are rounded to 1/256 of a pixel before anything is interpolated. An eye would not see 2/255."""
+SHARE = 0.995
+"""Of the pixels: along edges between triangles, the one in front may be the other."""
+
+ASLANT = Matrix.LocRotScale((3.0, -2.0, 5.0), Euler((0.4, -0.3, 0.8)), (1.0, 1.0, 1.0))
+UNEVEN = Matrix.LocRotScale((0.0, 0.0, 0.0), Euler((0.2, 0.3, 0.1)), (1.5, 0.6, 1.1))
+MIRRORED = Matrix.LocRotScale((1.0, 0.0, 0.0), Euler((0.0, 0.0, 0.5)), (-1.2, 0.8, 1.0))
+
+
+def session_of(low, highs, **settings):
+    """A session that has drawn its map."""
+    values = {"method": "FLATTEN", "width": 128, "height": 128, "depth": 32, "material": False, **settings}
+    bpy.context.view_layer.update()
+    following = live.Session(bpy.context, pipeline.Job(low, highs), Settings(**values), pace.Pace())
+    following.run(bpy.context)
+    return following
+
+
+def picture(draw):
+    """What `draw` draws: (H, W, 4) float32."""
+    into = target.Target(*SIZE, ("RGBA32F", "DEPTH_COMPONENT32F"))
+    with target.drawing(into):
+        into.framebuffer.clear(depth=1.0)
+        draw()
+    pixels = np.empty((SIZE[1], SIZE[0], 4), np.float32)
+    into.read(pixels)
+    return pixels
+
+
+def eye_on(low, light=(0.3, -0.4, 0.8, 0.0), *, is_parallel=False):
+    """An eye somewhat above that sees the whole object."""
+    points = np.array([low.matrix_world @ vertex.co for vertex in low.data.vertices])
+    centre, radius = points.mean(axis=0), np.linalg.norm(points - points.mean(axis=0), axis=1).max()
+    view = raster.look_at(centre + np.array((0.9, -1.6, 1.9)) * 1.3 * radius, centre)
+    aspect = SIZE[0] / SIZE[1]
+    lens = (
+        raster.parallel(2.1 * radius, 0.1, 100.0, aspect) if is_parallel else raster.perspective(40, 0.1, 100, aspect)
+    )
+    return shading.Eye(view, lens, np.array(light, np.float64))
+
+
+def brightness(normals, points, light):
+    """The shading of unit normals (N, 3) at points (N, 3) of the world."""
+    towards = raster.unit(light[:3] - points * light[3])
+    return AMBIENT + DIFFUSE * np.maximum(0.0, (normals * towards).sum(axis=1))
+
+
+def shown(low, texels, settings):
+    """The colours and world normals of `low`, by the pixels of its picture, as functions of an eye."""
+    mesh = raster.corners(low, with_tangents=settings.space == "TANGENT")
+    points = mesh.position @ mesh.matrix[:3, :3].T + mesh.matrix[:3, 3]
+    if settings.depth == 8:
+        texels = np.round(texels.astype(np.float64) * 255.0) / 255.0
+
+    def seen(eye):
+        owner, weights = raster.rasterise(points, eye.projection @ eye.view, SIZE)
+        colours = raster.bilinear(texels[..., :3], raster.interpolate(mesh.uv, owner, weights))
+        normals = raster.decode(colours, (settings.red, settings.green, settings.blue))
+        if settings.space == "TANGENT":
+            own = (raster.interpolate(values, owner, weights) for values in (mesh.normal, mesh.tangent))
+            normals = raster.from_tangent_space(normals, *own, settings.basis)
+        if settings.space != "WORLD":
+            normals = normals @ mesh.to_world_normals.T
+        return owner >= 0, brightness(raster.unit(normals), raster.interpolate(points, owner, weights), eye.light)
+
+    return seen
+
+
+def check(pixels, mask, expected):
+    """Most of the pixels are as expected, and drawn where expected."""
+    assert mask.mean() > 0.1
+    assert (np.abs(pixels[mask][:, :3] - expected[:, None]).max(axis=1) <= TOLERANCE).mean() >= SHARE
+    assert ((pixels[..., 3] == 1.0) == mask).mean() >= SHARE
+    assert expected.std() > 0.02  # a picture of one colour would prove nothing
+
+
+def pair(matrix, n=60):
+    low, high = zoo.sphere("lo", n=10, latitude=60.0), wavy("hi", n)
+    for obj in (low, high):
+        obj.matrix_world = matrix
+    return low, high
+
+
+def wavy(name, n):
+    """A sphere's belt with waves, in 2 n x n quads."""
+
+    def surface(u, v):
+        longitude, latitude = 2 * np.pi * u, np.radians(60.0) * (2 * v - 1)
+        radius = 1.0 + 0.02 * np.sin(10 * longitude) * np.sin(8 * latitude)
+        belt = [np.cos(longitude) * np.cos(latitude), np.sin(longitude) * np.cos(latitude), np.sin(latitude)]
+        return radius[:, None] * np.stack(belt, axis=1)
+
+    return zoo.sheet(name, surface, 2 * n, n)
+
+
+@pytest.mark.parametrize("matrix", [ASLANT, UNEVEN, MIRRORED], ids=["aslant", "uneven", "mirrored"])
+@pytest.mark.parametrize("space", ["TANGENT", "OBJECT", "WORLD"])
+def test_the_map_is_lit_as_arithmetic_says(space, matrix):
+    low, high = pair(matrix)
+    session = session_of(low, [high], space=space)
+    eye = eye_on(low)
+    pixels = picture(lambda: shading.Shading(session).draw("MAP", eye))
+    check(pixels, *shown(low, session.texels, session.settings)(eye))
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"green": "-Y"},
+        {"red": "+Z", "green": "-X", "blue": "+Y"},
+        {"red": "-Y", "green": "+Z", "blue": "-X", "space": "OBJECT"},
+        {"basis": "MIKKTSPACE"},
+        {"depth": 8, "width": 64, "height": 32},
+    ],
+    ids=lambda settings: " ".join(map(str, settings.values())),
+)
+def test_the_map_is_read_as_it_was_written(settings):
+    low, high = pair(UNEVEN)
+    session = session_of(low, [high], **settings)
+    eye = eye_on(low)
+    pixels = picture(lambda: shading.Shading(session).draw("MAP", eye))
+    check(pixels, *shown(low, session.texels, session.settings)(eye))
+
+
+def test_a_lamp_shines_from_its_place():
+    low, high = pair(ASLANT)
+    session = session_of(low, [high])
+    eye = eye_on(low, light=(*(ASLANT @ Matrix.Translation((0.5, -1.2, 1.0))).translation, 1.0))
+    pixels = picture(lambda: shading.Shading(session).draw("MAP", eye))
+    check(pixels, *shown(low, session.texels, session.settings)(eye))
+
+
+def test_an_eye_without_vanishing_points():
+    low, high = pair(ASLANT)
+    session = session_of(low, [high])
+    eye = eye_on(low, is_parallel=True)
+    pixels = picture(lambda: shading.Shading(session).draw("MAP", eye))
+    check(pixels, *shown(low, session.texels, session.settings)(eye))
+
+
+@pytest.mark.shared
+@pytest.mark.parametrize("space", ["TANGENT", "OBJECT", "WORLD"])
+def test_a_real_pair_is_lit_as_arithmetic_says(space, shared_assets):
+    bpy.ops.wm.open_mainfile(filepath=str(shared_assets / "pairs" / "spot_1696_536.blend"), load_ui=False)
+    low, high = bpy.data.objects["lo"], bpy.data.objects["hi"]
+    session = session_of(low, [high], space=space, width=512, height=512)
+    eye = eye_on(low)
+    pixels = picture(lambda: shading.Shading(session).draw("MAP", eye))
+    check(pixels, *shown(low, session.texels, session.settings)(eye))
+
+
+def bare(obj, eye):
+    """Where `obj` is seen, and its colours without a map."""
+    mesh = raster.corners(obj, with_tangents=False)
+    points = mesh.position @ mesh.matrix[:3, :3].T + mesh.matrix[:3, 3]
+    owner, weights = raster.rasterise(points, eye.projection @ eye.view, SIZE)
+    normals = raster.interpolate(mesh.normal, owner, weights) @ mesh.to_world_normals.T
+    return owner >= 0, brightness(raster.unit(normals), raster.interpolate(points, owner, weights), eye.light)
+
+
+@pytest.mark.parametrize("split", [0.4, 0.95])
+def test_a_line_parts_high_and_low_and_low_with_map(split):
+    low, high = pair(UNEVEN, n=20)
+    session = session_of(low, [high])
+    eye = eye_on(low)
+    pixels = picture(lambda: shading.Shading(session).draw("SPLIT", eye, split=split))
+    zones = shading.zones(SIZE[0], split)
+    assert [column for zone in zones for column in zone] == list(range(SIZE[0]))
+    for zone, (mask, colours) in zip(
+        zones, (bare(high, eye), bare(low, eye), shown(low, session.texels, session.settings)(eye)), strict=True
+    ):
+        expected = np.zeros(mask.shape)
+        expected[mask] = colours
+        wrong = np.abs(pixels[..., :3] - expected[..., None]).max(axis=-1) > TOLERANCE
+        assert wrong[:, zone.start : zone.stop].sum() <= (1.0 - SHARE) * mask.sum()
+
+
+@pytest.mark.parametrize("is_parallel", [False, True])
+def test_it_covers_what_lies_around_it_and_not_what_is_before_it(is_parallel):
+    """The high object stands out of the low one, and is on screen as well."""
+    low, high = pair(ASLANT)
+    drawn = shading.Shading(session_of(low, [high]))
+    eye = eye_on(low, is_parallel=is_parallel)
+    around = raster.corners(high, with_tangents=False).position
+
+    def over(corners):
+        points = np.asarray(corners, np.float32).reshape(-1, 3)
+        triangles = np.arange(len(points), dtype=np.int32).reshape(-1, 3)
+        in_scene = batch.upload(triangles, position=points, normal=np.zeros_like(points))
+        gpu.state.depth_test_set("LESS_EQUAL")
+        gpu.state.depth_mask_set(True)
+        lit.draw_bare(in_scene, eye.projection @ eye.view @ np.array(ASLANT), lit.placed(np.eye(3), eye.light))
+        drawn.draw("MAP", eye)
+        gpu.state.depth_mask_set(False)
+        gpu.state.depth_test_set("NONE")
+
+    alone, over_high, hidden = (
+        picture(draw)
+        for draw in (lambda: drawn.draw("MAP", eye), lambda: over(around), lambda: over(oracle.icosphere(3) * 1.3))
+    )
+    mask = alone[..., 3] == 1.0
+    assert (alone[mask] == over_high[mask]).mean() > 0.98  # the rim sees the high one from the side
+    assert np.abs(hidden[mask][:, :3] - AMBIENT).max() < 1e-6
+
+
+def test_a_map_that_is_drawn_in_bands_is_not_shown(monkeypatch):
+    """Its last band is no map."""
+    monkeypatch.setattr(band, "BAND_TEXELS", 128 * 64)
+    low, high = pair(ASLANT)
+    session = session_of(low, [high])
+    assert session.texels.shape == (128, 128, 4)
+    assert session.map is None
+    drawn = shading.Shading(session)
+    drawn.update(is_measured=True)
+    assert drawn.figures is None
+    assert not picture(lambda: drawn.draw("MAP", eye_on(low))).any()
+
+
+def test_what_was_moved_aside_is_shown_in_its_place():
+    low, high = pair(UNEVEN)
+    eye = eye_on(low)
+    pictures = []
+    for aside in (0.0, 10.0):
+        high.location.x = aside
+        session = session_of(low, [high])
+        pictures.append(picture(lambda drawn=session: shading.Shading(drawn).draw("SPLIT", eye, split=0.9)))
+    mask = pictures[0][..., 3] == 1.0
+    assert (mask == (pictures[1][..., 3] == 1.0)).mean() >= SHARE
+    # Their boxes have centres that differ by a hair.
+    assert np.percentile(np.abs(pictures[0] - pictures[1])[mask].max(axis=1), 90) < 0.02
+
+
+def test_what_moves_is_drawn_where_it_is():
+    low, high = pair(Matrix())
+    session = session_of(low, [high])
+    drawn = shading.Shading(session)
+    for matrix in (Matrix(), MIRRORED):
+        low.matrix_world = matrix
+        bpy.context.view_layer.update()
+        eye = eye_on(low)
+        pixels = picture(lambda eye=eye: drawn.draw("MAP", eye))
+        check(pixels, *shown(low, session.texels, session.settings)(eye))
+
+
+def test_what_has_not_changed_is_not_uploaded_again(monkeypatch):
+    low, high = pair(Matrix())
+    session = session_of(low, [high])
+    drawn, eye = shading.Shading(session), eye_on(low)
+    uploads = []
+    monkeypatch.setattr(
+        session, "upload", lambda *args, given=session.upload, **more: uploads.append(args) or given(*args, **more)
+    )
+    first = [picture(lambda: drawn.draw("SPLIT", eye)) for _ in range(3)]
+    assert len(uploads) == 2
+    assert np.array_equal(first[0], first[2])
+    session.run(bpy.context)
+    drawn.update(is_measured=False)
+    picture(lambda: drawn.draw("SPLIT", eye))
+    assert len(uploads) == 4
+
+
+def test_nothing_is_drawn_of_what_is_gone_or_flat():
+    low, high = pair(Matrix())
+    session = session_of(low, [high])
+    drawn, eye = shading.Shading(session), eye_on(low)
+    low.scale.x = 0.0
+    bpy.context.view_layer.update()
+    assert not picture(lambda: drawn.draw("MAP", eye)).any()
+    low.scale.x = 1.0
+    bpy.data.objects.remove(high)
+    bpy.context.view_layer.update()
+    assert not picture(lambda: drawn.draw("SPLIT", eye)).any()
+    assert picture(lambda: drawn.draw("MAP", eye)).any()
+    bpy.data.objects.remove(low)
+    for mode in shading.MODES:
+        assert not picture(lambda mode=mode: drawn.draw(mode, eye)).any()
+    session.free()
+    assert not picture(lambda: drawn.draw("MAP", eye)).any()
+
+
+class TestDeviation:
+    """How far what is seen is from the high surface."""
+
+    @staticmethod
+    def of(low, high, **settings):
+        """What is measured of a map."""
+        drawn = shading.Shading(session_of(low, [high], **settings))
+        drawn.update(is_measured=True)
+        return drawn
+
+    @pytest.mark.parametrize("matrix", [ASLANT, UNEVEN, MIRRORED], ids=["aslant", "uneven", "mirrored"])
+    @pytest.mark.parametrize(
+        "settings",
+        [{}, {"basis": "MIKKTSPACE"}, {"space": "OBJECT"}, {"space": "WORLD"}, {"red": "-Z", "blue": "+X"}],
+        ids=str,
+    )
+    def test_a_float_map_is_the_truth(self, settings, matrix):
+        drawn = self.of(*pair(matrix), **settings)
+        measured = values(drawn)
+        assert (measured[..., 3] == 1.0).mean() > 0.99
+        assert measured[..., 0].max() < 0.1
+        assert measured[..., 1].max() > 1.0
+        figures = drawn.figures
+        assert figures.mean <= figures.percentile_99 < 0.1 < figures.bare_mean < figures.bare_percentile_99
+
+    def test_eight_bits_lose_what_rounding_loses(self):
+        drawn = self.of(*pair(Matrix()), space="OBJECT", depth=8)
+        texels = drawn.session.texels.reshape(-1, 4)
+        lost = quantise.angles(texels, quantise.rounded(texels, 8))
+        assert drawn.figures.mean == pytest.approx(lost.mean(), rel=1e-3)
+        assert drawn.figures.percentile_99 == pytest.approx(np.percentile(lost, 99), rel=1e-2)
+        assert drawn.figures.mean > 0.1
+
+    @pytest.mark.parametrize("scale", [1.0, 2.5])
+    @pytest.mark.parametrize("slopes", [(0.0, 0.2), (0.2, 0.0)], ids=["high", "low"])
+    def test_without_a_map_a_plane_is_off_by_the_slope(self, slopes, scale):
+        low, high = zoo.plane("lo", slope=slopes[0]), zoo.plane("hi", slope=slopes[1])
+        for obj in (low, high):
+            obj.scale.z = scale
+        figures = self.of(low, high).figures
+        slope = math.degrees(math.atan(0.2 * scale))
+        assert figures.bare_mean == pytest.approx(slope, abs=1e-3)
+        assert figures.bare_percentile_99 == pytest.approx(slope, abs=1e-3)
+        assert figures.percentile_99 < 0.01
+
+    @pytest.mark.parametrize(("limit", "colour"), [(3.0, (0.0, 0.35, 0.1)), (1.0, (0.7, 0.0, 0.0))])
+    def test_angles_are_shown_as_colours(self, limit, colour):
+        """A third of the way it is green, and from the limit on red; the map itself is as blue as the ramp's beginning."""
+        low, high = zoo.plane("lo"), zoo.plane("hi", slope=math.tan(math.radians(1.0)))
+        drawn, eye = self.of(low, high), eye_on(low)
+        pixels = picture(lambda: drawn.draw("BARE_DEVIATION", eye, limit=limit))
+        assert np.abs(pixels[pixels[..., 3] > 0.0][:, :3] - colour).max() < 5e-3
+        pixels = picture(lambda: drawn.draw("DEVIATION", eye, limit=limit))
+        assert np.abs(pixels[pixels[..., 3] > 0.0][:, :3] - (0.0, 0.01, 0.15)).max() < 5e-3
+
+    def test_where_no_high_surface_is_nothing_is_known(self):
+        low, high = zoo.plane("lo"), zoo.plane("hi", slope=0.2)
+        high.data.uv_layers[0].uv.foreach_set("vector", [0, 0, 0.5, 0, 0.5, 1, 0, 1])
+        drawn = self.of(low, high)
+        measured = values(drawn)
+        assert (measured[:, :64, 3] == 1.0).all()
+        assert (measured[:, 64:, 3] == -1.0).all()
+        assert drawn.figures.bare_mean == pytest.approx(math.degrees(math.atan(0.2)), abs=1e-3)
+        pixels = picture(lambda: drawn.draw("BARE_DEVIATION", eye_on(low)))
+        assert (np.abs(pixels[..., :3] - 0.1).max(axis=-1) < 1e-4).sum() > 0.3 * (pixels[..., 3] > 0.0).sum()
+
+    def test_the_rim_of_an_island_is_not_grey(self):
+        """Half a texel of it is nearest to a texel that the island does not reach."""
+        low, high = zoo.disc("lo", sides=31), zoo.disc("hi", sides=31)
+        drawn = self.of(low, high, width=16, height=16, space="OBJECT")
+        pixels = picture(lambda: drawn.draw("DEVIATION", eye_on(low)))
+        seen = pixels[..., 3] > 0.0
+        assert (np.abs(pixels[seen][:, :3] - 0.1).max(axis=-1) < 1e-4).mean() < 0.02
+
+    def test_rays_have_a_truth_as_well(self):
+        low, high = pair(Matrix())
+        drawn = self.of(low, high, method="CAST", samples=4, extrusion=0.1, max_distance=0.2)
+        assert drawn.figures.percentile_99 < 1.0 < drawn.figures.bare_mean
+
+
+def values(drawn):
+    """What was measured, texel by texel."""
+    measured = np.empty((drawn.session.settings.height, drawn.session.settings.width, 4), np.float32)
+    drawn._measured.read(measured)
+    return measured
+
+
+def test_the_legend_goes_from_left_to_right():
+    low, high = zoo.plane("lo"), zoo.plane("hi")
+    drawn = shading.Shading(session_of(low, [high]))
+    pixels = picture(lambda: drawn.draw_legend((10, 20), (90, 12)))
+    assert pixels[20:32, 10:100, 3].all()
+    assert pixels[..., 3].sum() == 90 * 12
+    assert np.abs(pixels[25, 10, :3] - (0.0, 0.01, 0.15)).max() < 0.01
+    assert np.abs(pixels[25, 99, :3] - (0.7, 0.0, 0.0)).max() < 0.02
+
+
+def test_a_view_needs_no_place_for_its_map_and_no_more_than_fits():
+    settings = shading.settings_for(
+        Settings(width=16384, height=4096, udim=True, tiles=(1002,), storage="FILE", output="x.png")
+    )
+    settings.check()
+    assert (settings.width, settings.height) == (8192, 2048)
+    assert (settings.udim, settings.storage, settings.material) == (False, "MEMORY", False)

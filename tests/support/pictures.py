@@ -1,0 +1,42 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Pictures' files as other programs see them: OpenImageIO, and Pillow where it knows the format."""
+
+import importlib
+import sys
+from pathlib import Path
+
+import bpy
+import numpy as np
+from PIL import Image
+
+
+def _openimageio():
+    """The module that Blender brings along, in its own Python."""
+    folder = next(Path(bpy.utils.resource_path("LOCAL"), "python").rglob("site-packages"))
+    sys.path.append(str(folder))
+    try:
+        return importlib.import_module("OpenImageIO")
+    finally:
+        sys.path.remove(str(folder))
+
+
+def read(path) -> np.ndarray:
+    """The numbers (H, W, 4) of a file as they stand in it, in its own type, row 0 at v = 0."""
+    oiio = _openimageio()
+    as_it_is = oiio.ImageSpec()
+    as_it_is.attribute("oiio:UnassociatedAlpha", 1)  # else OpenImageIO multiplies colours with alpha
+    picture = oiio.ImageInput.open(str(path), as_it_is)
+    assert picture, oiio.geterror()
+    spec = picture.spec()
+    assert spec.channelnames == ("R", "G", "B", "A")
+    values = picture.read_image(spec.format)
+    assert values is not None, picture.geterror()
+    picture.close()
+    return np.asarray(values)[::-1]
+
+
+def pillow(path) -> np.ndarray:
+    """The bytes (H, W, 4) of a file as Pillow reads it, row 0 at v = 0. Raises OSError for a file in pieces."""
+    with Image.open(path) as picture:
+        assert picture.mode == "RGBA"
+        return np.asarray(picture)[::-1]

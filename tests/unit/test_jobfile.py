@@ -1,0 +1,348 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the command line and job files understand, and what they say of the rest, before anything is baked."""
+
+import json
+from dataclasses import fields
+
+import pytest
+
+from addon import arguments, jobfile
+from addon.arguments import WrongUsage
+from addon.bake.pairs import Suffixes
+from addon.bake.settings import AXES, FORMATS, MAPS, Settings
+
+LOW = ["--low", "lo", "--output", "m.png"]
+
+
+def settings(*more, low=LOW):
+    return arguments.settings(arguments.parse([*low, *more]))
+
+
+# The command line
+
+
+def test_defaults_are_those_of_the_settings(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    expected = Settings(width=2048, height=2048, storage="FILE", output=str(tmp_path / "m.png"))
+    assert settings() == expected
+
+
+SAID = {
+    "method": ("--method cast", "CAST"),
+    "space": ("--space WORLD", "WORLD"),
+    "basis": ("--basis mikktspace", "MIKKTSPACE"),
+    "uv_layer": ("--uv Layout", "Layout"),
+    "width": ("--size 64x32", 64),
+    "height": ("--size 64x32", 32),
+    "samples": ("--samples 16", 16),
+    "extrusion": ("--extrusion 0.5", 0.5),
+    "max_distance": ("--max-distance 1.5", 1.5),
+    "directions": ("--directions split", "SPLIT"),
+    "facing_only": ("--facing-only", True),
+    "missed": ("--missed 1,0,1", (1.0, 0.0, 1.0)),
+    "mask": ("--mask", True),
+    "maps": ("--maps object_id,height", ("HEIGHT", "OBJECT_ID")),
+    "red": ("--red -y", "-Y"),
+    "green": ("--green -Z", "-Z"),
+    "blue": ("--blue=-x", "-X"),
+    "margin": ("--margin unlimited", None),
+    "margin_type": ("--margin-type adjacent-faces", "ADJACENT_FACES"),
+    "udim": ("--udim", True),
+    "tiles": ("--tiles 1001,1003", (1001, 1003)),
+    "limit": ("--limit 0.25", 0.25),
+    "depth": ("--depth 8", 8),
+    "dither": ("--dither", True),
+    "modifiers": ("--modifiers viewport", "VIEWPORT"),
+    "image": ("--image Map", "Map"),
+    "output": ("--output /n.exr", "/n.exr"),
+    "material": ("--no-material", False),
+    "single_user": ("--single-user", True),
+}
+
+
+def test_every_setting_can_be_said():
+    assert set(SAID) | {"storage"} == {field.name for field in fields(Settings)}
+
+
+@pytest.mark.parametrize("name", SAID)
+def test_each_option_is_that_setting(name):
+    words, value = SAID[name]
+    assert getattr(settings(), name) != value
+    assert getattr(settings(*words.split()), name) == value
+
+
+@pytest.mark.parametrize("channel", ["red", "green", "blue"])
+@pytest.mark.parametrize("axis", AXES)
+@pytest.mark.parametrize("joint", [" ", "="])
+def test_axes_whose_names_look_like_options(channel, axis, joint):
+    assert getattr(settings(*f"--{channel}{joint}{axis.lower()}".split()), channel) == axis
+
+
+def test_all_three_axes_at_once():
+    found = settings("--red", "-x", "--green", "-y", "--blue", "-z")
+    assert (found.red, found.green, found.blue) == ("-X", "-Y", "-Z")
+
+
+def test_every_map_can_be_said():
+    words = ",".join(name.lower().replace("_", "-") for name in MAPS)
+    assert settings("--maps", words).maps == MAPS
+
+
+@pytest.mark.parametrize("words", ["--tiles 1002", "--udim", "--output m.<UDIM>.png"])
+def test_what_switches_tiles_on(words):
+    assert settings(*words.split()).udim
+
+
+@pytest.mark.parametrize("ending", FORMATS)
+def test_the_usual_depth_is_the_best_up_to_16_that_the_format_has(ending):
+    found = settings("--output", f"m{ending.upper()}")
+    found.check()
+    assert found.depth == (16 if 16 in FORMATS[ending][1] else 8)
+
+
+def test_help_names_every_map_and_ending():
+    said = arguments.parser("imprint").format_help()
+    assert all(name.lower().replace("_", "-") in "".join(said.split()) for name in MAPS)
+    assert all(ending in said for ending in FORMATS)
+    assert all(title in said for title in ("what to bake:", "rays:", "map:", "output:"))
+
+
+WRONG = {
+    "nothing": ("--output m.png", "one of --low"),
+    "two ways": ("--low a --pairs --output m.png", "exclude each other"),
+    "two other ways": ("--low a --low-file a.obj --output m.png", "exclude each other"),
+    "no output": ("--low a", "--output is required"),
+    "pairs and names": ("--pairs --high a --output m.png", "by itself"),
+    "pairs and files": ("--pairs --high-file a.obj --output m.png", "by itself"),
+    "files and names": ("--low-file a.obj --high a --output m.png", "go together"),
+    "names and files": ("--low a --high-file a.obj --output m.png", "go together"),
+    "files and a scene": ("x.blend --low-file a.obj --output m.png", "go together"),
+    "a folder and a scene": ("x.blend --pairs folder --output {low}.png", "name no others"),
+    "a folder and one map": ("--pairs folder --output m.png", "put {low} into --output"),
+    "a folder and one scene": ("--pairs folder --output {low}.png --save-blend s.blend", "--save-blend"),
+    "a map over a mesh": ("--low-file a.obj --output m.png --report a.obj", "different"),
+    "a scene over one of two": ("a.blend b.blend --low a --output m.png --save-blend b.blend", "different"),
+    "no such map": ("--low a --output m.png --maps heigth", "'heigth' is not one of position, height"),
+    "no such axis": ("--low a --output m.png --red x", "'x' is not one of +x, -x"),
+    "no such margin": ("--low a --output m.png --margin-type wide", "not one of extend, adjacent-faces"),
+    "a margin in words": ("--low a --output m.png --margin wide", "unlimited"),
+    "no tiles": ("--low a --output m.png --tiles x", "not a list of UDIM tiles"),
+    "an abbreviation": ("--low a --outp m.png", "--outp"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_wrong_usage_is_named(case):
+    words, said = WRONG[case]
+    with pytest.raises(WrongUsage) as refused:
+        arguments.check(arguments.parse(words.split()))
+    assert said in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_pairs_may_be_followed_by_the_file(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "rocks.blend").touch()
+    (tmp_path / "folder").mkdir()
+    for words in (["rocks.blend", "--pairs"], ["--pairs", "rocks.blend"]):
+        found = arguments.parse([*words, "--output", "m.png"])
+        assert (found.file, found.pairs) == (["rocks.blend"], True)
+    for words in (["folder", "--pairs"], ["--pairs", "folder"]):
+        found = arguments.parse([*words, "--output", "m.png"])
+        assert (found.file, found.pairs) == ([], "folder")
+
+
+# Job files
+
+TOML = """
+[defaults]
+size = 512
+space = "object"
+samples = 4
+green = "-y"
+tiles = [1001, 1002]
+
+[[bake]]
+file = "rock.blend"
+low = "-rock low"
+high = ["rock_high", "moss"]
+cage = "rock_cage"
+output = "maps/rock.png"
+missed = [1, 0, 1]
+mask = true
+
+[[bake]]
+file = ["a.obj", "b.glb"]
+pairs = true
+suffixes = ["_lp", "_hp", "_cg"]
+output = "/elsewhere/{low}.exr"
+depth = 32
+margin = "unlimited"
+samples = 1
+
+[[bake]]
+low-file = "a_low.obj"
+high_file = "a_high.fbx"
+size = "64x32"
+extrusion = 0.125
+no-material = true
+facing-only = false
+output = "a.png"
+"""
+
+
+@pytest.fixture
+def write(tmp_path, monkeypatch):
+    """Writes a job file and returns its name."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "jobs").mkdir()
+
+    def file(content, name="jobs/jobs.toml"):
+        text = content if isinstance(content, str) else json.dumps(content)
+        (tmp_path / name).write_text(text, encoding="utf-8")
+        return name
+
+    return file
+
+
+def test_what_a_job_file_says(write, tmp_path):
+    here = tmp_path / "jobs"
+    rock, scene, files = jobfile.read(write(TOML))
+    assert (rock.file, rock.low, rock.high, rock.cage) == (
+        [str(here / "rock.blend")],
+        "-rock low",
+        ["rock_high", "moss"],
+        "rock_cage",
+    )
+    assert rock.output == str(here / "maps" / "rock.png")
+    assert (rock.size, rock.space, rock.samples, rock.green) == ((512, 512), "OBJECT", 4, "-Y")
+    assert (rock.missed, rock.mask, rock.tiles) == ((1.0, 0.0, 1.0), True, (1001, 1002))
+    assert scene.file == [str(here / "a.obj"), str(here / "b.glb")]
+    assert (scene.pairs, scene.suffixes, scene.output) == (True, Suffixes("_lp", "_hp", "_cg"), "/elsewhere/{low}.exr")
+    assert (scene.depth, scene.margin, scene.samples) == (32, None, 1)
+    assert (files.low_file, files.high_file) == (str(here / "a_low.obj"), [str(here / "a_high.fbx")])
+    assert (files.size, files.extrusion, files.material, files.facing_only) == ((64, 32), 0.125, False, False)
+
+
+def test_json_says_the_same(write):
+    import tomllib
+
+    assert jobfile.read(write(tomllib.loads(TOML), "jobs/jobs.json")) == jobfile.read(write(TOML))
+
+
+def test_a_mark_of_the_byte_order_is_no_fault(write):
+    assert len(jobfile.read(write("\ufeff" + TOML))) == 3
+
+
+def test_what_a_set_says_counts_over_the_defaults(write):
+    text = "[defaults]\nmask = true\nhigh = ['a', 'b']\nfile = 'x.blend'\nlow = 'l'\noutput = 'm.png'\n[[bake]]\n"
+    (default,) = jobfile.read(write(text))
+    (own,) = jobfile.read(write(text + "mask = false\nhigh = 'c'\n"))
+    assert (default.mask, default.high) == (True, ["a", "b"])
+    assert (own.mask, own.high) == (False, ["c"])
+
+
+def test_options_of_the_command_line_count_over_the_file():
+    words = "--size 32 --jobs j.toml --green -x --report r.json --mask"
+    known, more = arguments.split_jobs(words.split())
+    assert (known.jobs, known.report) == ("j.toml", "r.json")
+    assert more == ["--size", "32", "--green=-x", "--mask"]
+
+
+def test_for_all_sets(write):
+    found = jobfile.read(write(TOML), ["--size", "32", "--green=+y"])
+    assert {options.size for options in found} == {(32, 32)}
+    assert {options.green for options in found} == {"+Y"}
+
+
+@pytest.mark.parametrize("words", ["--low x", "x.blend", "--pairs", "--low-file x.obj", "--high x"])
+def test_objects_are_named_in_the_file_alone(words):
+    with pytest.raises(WrongUsage, match="names what to bake"):
+        arguments.split_jobs(["--jobs", "j.toml", *words.split()])
+
+
+SET = "[[bake]]\nfile='a.blend'\nlow='a'\noutput='{n}.png'\n"
+FIRST = SET.format(n=1)
+FAULTS = {
+    "a misspelt key": (
+        FIRST + SET.format(n=2) + "sampels = 4",
+        "set 2: unknown key 'sampels', did you mean 'samples'?",
+    ),
+    "a misspelt default": (
+        "[defaults]\nmaxdistance = 4\n" + FIRST,
+        "defaults: unknown key 'maxdistance', did you mean 'max-distance'?",
+    ),
+    "a misspelt table": ("[default]\nsize = 4\n" + FIRST, ": unknown key 'default', did you mean 'defaults'?"),
+    "misspelt sets": ("[[bakes]]\nlow='a'", ": unknown key 'bakes', did you mean 'bake'?"),
+    "a word for an option": (FIRST + "jobs = 'x.toml'", "set 1: unknown key 'jobs'"),
+    "no choice": (FIRST + "samples = 3", "set 1: samples: invalid choice: 3"),
+    "a fraction": (FIRST + "samples = 4.0", "set 1: samples: invalid int value: '4.0'"),
+    "a word for a number": (FIRST + "extrusion = 'far'", "set 1: extrusion: invalid float value: 'far'"),
+    "a number for a name": (FIRST.replace("'a'\n", "5\n", 1), "set 1: low: text is expected, not 5"),
+    "a number for a path": ("[[bake]]\nfile=7", "set 1: file: text, or a list of it is expected, not 7"),
+    "a list for a name": (FIRST.replace("low='a'", "low=['a']"), 'set 1: low: text is expected, not ["a"]'),
+    "numbers among names": (FIRST + "high = ['a', 1]", "set 1: high: text, or a list of it is expected"),
+    "text for a switch": (FIRST + "mask = 'yes'", 'set 1: mask: true or false is expected, not "yes"'),
+    "a number for a switch": (FIRST + "mask = 1", "set 1: mask: true or false is expected, not 1"),
+    "a switch for a number": (FIRST + "size = true", "set 1: size: a number or text is expected, not true"),
+    "a switch for a name": (FIRST.replace("'a'\n", "true\n", 1), "set 1: low: text is expected, not true"),
+    "a table for a number": (FIRST + "size = {x = 1}", "set 1: size: a number or text is expected"),
+    "a day for a number": (FIRST + "size = 2026-01-01", "set 1: size: a number or text is expected"),
+    "no such word": (FIRST + "space = 'tangnet'", "set 1: space: 'tangnet' is not one of tangent, object, world"),
+    "no output": ("[[bake]]\nfile='a.blend'\nlow='a'", "set 1: output is required"),
+    "no low": ("[[bake]]\nfile='a.blend'\noutput='m.png'", "set 1: one of low, low-file and pairs is required"),
+    "no file": ("[[bake]]\nlow='a'\noutput='m.png'", "set 1: file, low-file or a folder for pairs is missing"),
+    "no size": (FIRST + "size = 0", "set 1: A map of 0 x 0 texels"),
+    "no format": (FIRST.replace("png", "gif"), "'{here}/1.gif' does not end in"),
+    "an empty path": (FIRST.replace("1.png", ""), "set 1: output: a path is empty"),
+    "no sets": ("[defaults]\nsize = 4", ": 'bake' must be a list of sets"),
+    "a set alone": ("[bake]\nlow = 'a'", ": 'bake' must be a list of sets"),
+    "defaults in a list": ("[[defaults]]\nsize = 4\n" + FIRST, ": 'defaults' must be a table"),
+    "one map for two": (FIRST + FIRST, "set 2: set 1 writes '{here}/1.png' as well"),
+    "a report of a folder": (
+        "[[bake]]\npairs='x'\noutput='{low}.png'\nreport='r.json'",
+        "set 1: report: the pairs of a folder",
+    ),
+    "no TOML": ("[[bake]\nlow = 3", "'jobs/jobs.toml' is no TOML: "),
+}
+
+
+@pytest.mark.parametrize("case", FAULTS)
+def test_a_fault_is_one_line_that_names_the_place(write, tmp_path, case):
+    text, said = FAULTS[case]
+    name = write(text)
+    with pytest.raises(WrongUsage) as refused:
+        jobfile.read(name)
+    message = str(refused.value)
+    assert said.replace("{here}", str(tmp_path / "jobs")) in message
+    assert name in message
+    assert "\n" not in message
+
+
+def test_all_sets_with_a_fault_are_told_at_once(write):
+    with pytest.raises(WrongUsage) as refused:
+        jobfile.read(write(FIRST + "sise = 4\n" + SET.format(n=2) + SET.format(n=3) + "mask = 3\n"))
+    first, second = str(refused.value).splitlines()
+    assert "set 1: unknown key 'sise', did you mean 'size'?" in first
+    assert "set 3: mask" in second
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "said"),
+    [
+        ("jobs/jobs.json", "[1]", "a table with 'bake'"),
+        ("jobs/jobs.json", "{'bake': []}", "is no JSON"),
+        ("jobs/jobs.json", {"bake": [{"low": None}]}, "set 1: low: text is expected, not null"),
+        ("jobs/jobs.json", {"bake": [{"low": "a\0"}]}, "set 1: low: 'a\\x00' holds a zero"),
+        ("jobs/jobs.txt", TOML, "does not end in .toml or .json"),
+    ],
+)
+def test_other_faults_of_files(write, name, content, said):
+    with pytest.raises(WrongUsage) as refused:
+        jobfile.read(write(content, name))
+    assert said in str(refused.value)
+
+
+def test_a_file_that_is_not_there(tmp_path):
+    with pytest.raises(WrongUsage, match="cannot be read: No such file"):
+        jobfile.read(str(tmp_path / "none.toml"))
