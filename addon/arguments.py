@@ -66,6 +66,13 @@ def _margin(value: str) -> int | None:
         raise argparse.ArgumentTypeError(f"{value!r} is neither a number of texels nor unlimited") from error
 
 
+def _frames(value: str) -> tuple[int, int]:
+    first, _, last = value.partition("-")
+    if not (first.isdecimal() and last.isdecimal()) or int(first) > int(last):
+        raise argparse.ArgumentTypeError(f"{value!r} is not a range of frames as 1-48")
+    return int(first), int(last)
+
+
 def _suffixes(value: str) -> Suffixes:
     parts = value.split(",")
     if len(parts) != 3:
@@ -247,6 +254,11 @@ OPTIONS: dict[str, dict[str, dict]] = {
             "metavar": "1001,1002...",
             "help": "these UDIM tiles alone (default: all that the low mesh covers)",
         },
+        "frames": {
+            "type": _frames,
+            "metavar": "1-48",
+            "help": "a map for each of these frames; its number stands for ### in --output, or before the ending",
+        },
     },
     "output": {
         "output": {
@@ -350,6 +362,8 @@ def check(options: argparse.Namespace) -> None:
         raise WrongUsage("--low, --low-file and --pairs exclude each other")
     if not options.output:
         raise WrongUsage("--output is required")
+    if options.pairs and options.frames:
+        raise WrongUsage("--frames is for one low object, --pairs for many")
     if options.pairs and (options.high or options.cage or by_file):
         raise WrongUsage("--pairs finds the high objects and the cages by itself")
     if by_file and (options.file or options.low or options.high or options.cage):

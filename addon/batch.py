@@ -13,7 +13,7 @@ from pathlib import Path
 import bpy
 
 from . import arguments, importing
-from .bake import images, outputs, pipeline, subjects
+from .bake import images, outputs, pace, pipeline, sequence, subjects
 from .bake.errors import BakeError
 from .bake.files import check_writable, replacing
 from .bake.pace import Step
@@ -44,7 +44,8 @@ class Result:
     """What was found to be wrong with names."""
     error: str = ""
     seconds: float = 0.0
-    are_pairs: bool = False
+    are: str = ""
+    """What several reports are of: "pairs" or "frames"."""
 
     @property
     def warnings(self) -> list[str]:
@@ -52,10 +53,10 @@ class Result:
         return [*self.problems, *(warning for report in self.reports for warning in report.warnings)]
 
     def to_json(self) -> dict | None:
-        """Plain data for json.dump: of one bake its report, of pairs all of theirs; None if there is none."""
+        """Plain data for json.dump: of one bake its report, of pairs and frames all of theirs; None if there is none."""
         reports = [report.to_dict() for report in self.reports]
-        if self.are_pairs:
-            return {"pairs": reports, "problems": self.problems}
+        if self.are:
+            return {self.are: reports, "problems": self.problems}
         return reports[0] if reports else None
 
 
@@ -127,20 +128,29 @@ def bake(plan: Plan, stage: Stage, meter: Meter, taken: dict[str, str] | None = 
     if meter.is_on:
         meter.tell(subject(options), Step("Opening", 0.0))
     jobs, problems = _jobs(options, stage)
-    maps = list(dict.fromkeys(path for job in jobs for path in _maps(settings, job)))
+    own = [replace(settings, output=sequence.output_for(settings.output, frame)) for frame in _frames(options)] or [
+        settings
+    ]
+    maps = list(dict.fromkeys(path for job in jobs for one in own for path in _maps(one, job)))
     for path in maps:
         if path in taken:
             raise BakeError(f"{path!r} was written by {taken[path]} already: give each map a place of its own.")
     share_image = bool(options.pairs) and "{low}" not in options.output
 
     def tell(step: Step) -> None:
-        meter.tell("the atlas" if share_image else jobs[step.finished].low.name, step)
+        job = jobs[0 if options.frames else step.finished]
+        meter.tell("the atlas" if share_image else job.low.name, step)
 
-    reports = pipeline.bake_all(
-        bpy.context, jobs, settings, share_image=share_image, tell=tell if meter.is_on else None
-    )
+    heard = tell if meter.is_on else None
+    if options.frames:
+        speed = pace.Pace(pipeline.TOLD_EVERY if heard else None)
+        reports = pace.finish(sequence.work(bpy.context, jobs[0], settings, _frames(options), speed), heard)
+    else:
+        reports = pipeline.bake_all(bpy.context, jobs, settings, share_image=share_image, tell=heard)
     taken.update(dict.fromkeys(maps, plan.name))
-    result = Result(plan.name, reports, maps, problems, are_pairs=bool(options.pairs))
+    result = Result(
+        plan.name, reports, maps, problems, are="pairs" if options.pairs else "frames" if options.frames else ""
+    )
     if scene is not None:
         _save(scene, {bpy.data.images[report.image] for report in reports})
     if report is not None:
@@ -192,6 +202,11 @@ def _jobs(options: argparse.Namespace, stage: Stage) -> tuple[list[pipeline.Job]
     low = subjects.named(options.low)
     highs = [subjects.named(name) for name in options.high] or [low]
     return [pipeline.Job(low, highs, subjects.named(options.cage) if options.cage else None)], []
+
+
+def _frames(options: argparse.Namespace) -> range:
+    """The frames of a sequence; none for a single map."""
+    return range(options.frames[0], options.frames[1] + 1) if options.frames else range(0)
 
 
 def _maps(settings: Settings, job: pipeline.Job) -> list[str]:

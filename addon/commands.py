@@ -38,7 +38,7 @@ def run(words: Sequence[str], program: str = "imprint") -> int:
                 return _bake_many(sets, options.report, program, meter)
             return _bake_one(options, program, meter)
         except KeyboardInterrupt:
-            problem = "stopped, nothing was finished."
+            problem = "stopped, the frames before are kept." if options.frames else "stopped, nothing was finished."
         except BakeError as error:
             problem = str(error)
         meter.clear()

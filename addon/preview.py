@@ -22,7 +22,7 @@ MODES = [
     ("DEVIATION", "Deviation", "By how many degrees the low mesh with the map is off the high surface"),
     ("BARE_DEVIATION", "Without Map", "By how many degrees the low mesh without the map is off the high surface"),
 ]
-HEADLIGHT = np.array((-0.35, 0.45, 1.0, 0.0))
+HEADLIGHT = np.array((-0.6, 0.7, 1.0, 0.0))
 """Where the view's own light comes from, in view space: from a little above and from the left."""
 BAR = (240.0, 12.0)
 """Width and height of the legend, in pixels at a scale of 1."""
@@ -124,7 +124,7 @@ def _take_up(context: bpy.types.Context) -> None:
     except BakeError:
         off()
         raise
-    if _shading is None or _shading.session is not _session():
+    if _shading is None:
         _shading = shading.Shading(_session())
     _shading.update(is_measured=_mode.endswith("DEVIATION"))
     _redraw()

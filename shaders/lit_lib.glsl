@@ -1,6 +1,6 @@
 // The light of Gumbau, González and Chover, Algorithm 4: N . L, and a little from everywhere.
 
-const float LIT_DIFFUSE = 0.8;
+const float LIT_DIFFUSE = 0.5;
 const float LIT_AMBIENT = 0.04;
 
 // `light`: the direction towards it with w = 0, or its place with w = 1.

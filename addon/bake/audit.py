@@ -79,7 +79,7 @@ def tell(meshes: Meshes, tally: Tally, tiles: Sequence[int], settings: Settings,
         _tell_of_uvs(meshes, tiles, settings, report)
         _tell_of_texels(meshes, tally, tiles, settings, report)
         _tell_of_distances(meshes, tiles, settings, report)
-        _tell_of_faces(meshes.low, report)
+        _tell_of_faces(meshes, report)
 
 
 def uv_space(settings: Settings) -> tuple[int, int]:
@@ -153,11 +153,12 @@ def _tell_of_distances(meshes: Meshes, tiles: Sequence[int], settings: Settings,
         )
 
 
-def _tell_of_faces(low: Mesh, report: Report) -> None:
+def _tell_of_faces(meshes: Meshes, report: Report) -> None:
+    low = meshes.low
     many, uneven = int(np.count_nonzero(faces.polygons(low))), int(np.count_nonzero(faces.uneven(low)))
     report.checks["polygons"], report.checks["uneven"] = {"count": many}, {"count": uneven}
     total = int(low.faces.max()) + 1
-    if uneven > MANY_UNEVEN * total:
+    if uneven > MANY_UNEVEN * total and not meshes.is_own_base:  # whose modifiers are its detail
         report.warnings.append(
             f"{uneven:,} of the {total:,} faces of {report.low!r} are not flat and change their shape with the triangles "
             "that an exporter cuts them into: add a Triangulate modifier."

@@ -69,6 +69,11 @@ class Session:
             reason = subjects.problem(context, low, highs, cage, self._method)
             if reason:
                 raise BakeError(reason)
+            hidden = next(filter(subjects.hides_detail, highs), None)
+            if hidden is not None:
+                raise BakeError(
+                    f"The map will follow when {hidden.name!r} leaves Sculpt Mode, which keeps Multires detail."
+                )
             with report.timed("extract"):
                 before = None if changed is None else self._meshes
                 meshes = reading.read_again(context, low, highs, cage, settings, before=before, changed=changed or ())

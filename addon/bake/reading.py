@@ -143,7 +143,9 @@ def _check_size(mesh: Mesh) -> None:
         return
     own, in_scene = (frame_of([replace(mesh, to_world=to_world)]).size for to_world in (np.eye(4), mesh.to_world))
     if own < smallest:
-        raise BakeError(f"{mesh.name!r} has a radius of {own:.1g}, too small for its normals: scale the mesh itself up.")
+        raise BakeError(
+            f"{mesh.name!r} has a radius of {own:.1g}, too small for its normals: scale the mesh itself up."
+        )
     if max(own, in_scene) > LARGEST:
         raise BakeError(
             f"{mesh.name!r} has a radius of {max(own, in_scene):.1g}, too large for its normals: scale it down, or remove "

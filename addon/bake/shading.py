@@ -12,7 +12,7 @@ import numpy as np
 from ..mesh import extract
 from ..mesh.arrays import Frame, Mesh, frame_of, gap, normal_matrix
 from ..passes import batch, deviation, lit, target
-from . import finish
+from . import finish, quantise
 from .band import BAND_TEXELS
 from .live import Session
 from .reading import Meshes
@@ -41,8 +41,7 @@ class Eye:
 
 @dataclass(frozen=True)
 class Figures:
-    """Degrees between what is seen and the high surface over all texels on which that is known, with the map and
-    without."""
+    """Degrees between what is seen and the high surface, with the map and without, over texels from all over the map."""
 
     mean: float
     percentile_99: float
@@ -159,7 +158,8 @@ class Shading:
             deviation.measure(self._measured, self._upload(low), self.session.map, self.session.truth(), reading)
             values = np.empty((size[1], size[0], 4), np.float32)
             self._measured.read(values)
-        known = values[values[..., 3] > 0.0]
+        known = quantise.sample(values)
+        known = known[known[:, 3] > 0.0]
         if len(known):
             means = known[:, :2].mean(axis=0, dtype=np.float64)
             highest = np.percentile(known[:, :2], 99, axis=0)

@@ -134,6 +134,11 @@ def _evaluated(context: bpy.types.Context, objects: Sequence[bpy.types.Object]) 
     return depsgraph
 
 
+def hides_detail(obj: bpy.types.Object) -> bool:
+    """Whether Blender gives nobody the detail of `obj` for now: Sculpt Mode keeps that of Multires to itself."""
+    return obj.mode == "SCULPT" and any(modifier.type == "MULTIRES" for modifier in obj.modifiers)
+
+
 def smooths_uvs(obj: bpy.types.Object) -> bool:
     """Whether a modifier of `obj` moves its UVs: a bake onto its own base keeps it from that."""
     return any(modifier.type in SUBDIVIDING and modifier.uv_smooth != "NONE" for modifier in obj.modifiers)

@@ -731,3 +731,24 @@ def test_ctrl_c_is_what_it_was_after_a_bake(scenes, run):
         assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+def test_a_sequence_has_a_file_and_a_report_for_each_frame(tmp_path):
+    low, high = zoo.plane("lo"), zoo.plane("hi", slope=0.2)
+    for frame, angle in ((1, 0.0), (3, 0.3)):
+        high.rotation_euler.y = angle
+        high.keyframe_insert("rotation_euler", frame=frame)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    words = ["--low", low.name, "--high", high.name, "--space", "object", "--size", "16", "--frames", "1-3"]
+    places = ["--output", str(tmp_path / "map.##.png"), "--report", str(tmp_path / "report.json")]
+    assert commands.run([*words, *places]) == 0
+    maps = [str(tmp_path / f"map.{frame:02}.png") for frame in (1, 2, 3)]
+    assert sorted(map(str, tmp_path.glob("*.png"))) == maps
+    report = json.loads((tmp_path / "report.json").read_text())
+    assert [frame["output"] for frame in report["frames"]] == maps
+
+
+@pytest.mark.parametrize("wrong", ["3-1", "1", "a-b", "1-", "-3"])
+def test_a_wrong_range_of_frames_is_told(wrong, capsys, tmp_path):
+    assert commands.run(["--low", "lo", "--output", str(tmp_path / "map.png"), f"--frames={wrong}"]) == 2
+    assert "is not a range of frames as 1-48" in capsys.readouterr().err

@@ -183,6 +183,28 @@ def test_an_object_on_its_own_base(pair):
     assert live._work is None  # reading is no change
 
 
+def test_multires_detail_is_waited_for(pair):
+    """In Sculpt Mode Blender gives the base mesh in its place, whose map would wipe out the detail."""
+    low, _ = pair
+    bpy.context.scene.imprint.highs.clear()
+    bpy.context.view_layer.objects.active = low
+    low.select_set(True)
+    low.modifiers.new("Multires", "MULTIRES")
+    for _ in range(2):
+        bpy.ops.object.multires_subdivide(modifier="Multires", mode="CATMULL_CLARK")
+    switch(True)
+    before = pixels(bpy.data.images["lo_normal"])
+    bpy.ops.object.mode_set(mode="SCULPT")
+    low.update_tag()
+    follow()
+    assert "leaves Sculpt Mode" in live.message
+    assert np.array_equal(pixels(bpy.data.images["lo_normal"]), before)
+    bpy.ops.object.mode_set(mode="OBJECT")
+    low.update_tag()
+    follow()
+    assert live.message == ""
+
+
 @pytest.mark.parametrize("seed", [7])
 def test_fifty_edits_undos_and_redos(pair, seed):
     rng = np.random.default_rng(seed)

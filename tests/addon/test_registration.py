@@ -25,7 +25,8 @@ def traces():
     """What Blender knows of the add-on."""
     kinds = (bpy.types.Operator, bpy.types.Panel, bpy.types.UIList, bpy.types.PropertyGroup)
     found = {cls.__name__ for kind in kinds for cls in kind.__subclasses__() if cls.is_registered and is_ours(cls)}
-    found |= {"Scene.imprint"} if hasattr(bpy.types.Scene, "imprint") else set()
+    found |= {name for name in dir(bpy.types) if name.startswith(("IMPRINT_GT", "IMPRINT_GGT"))}
+    found |= {f"Scene.{name}" for name in dir(bpy.types.Scene) if name.startswith("imprint")}
     return found | {name for name in dir(bpy.types.WindowManager) if name.startswith("imprint")}
 
 
@@ -37,7 +38,7 @@ def test_it_comes_and_goes_twice():
     assert traces() == set()
     for _ in range(2):
         addon.register()
-        assert traces() >= {*OPERATORS, *PANELS, "ImprintSettings", "Scene.imprint"}
+        assert traces() >= {*OPERATORS, *PANELS, "ImprintSettings", "Scene.imprint", "IMPRINT_GT_split"}
         assert commands._handle is not None
         addon.unregister()
         assert traces() == set()
@@ -83,6 +84,7 @@ class TestWords:
         for button in buttons:
             assert button.description, button.identifier
         structs = [*buttons, properties.ImprintSettings.bl_rna, properties.ImprintHigh.bl_rna]
+        structs.append(preview.ImprintView.bl_rna)
         for struct in structs:
             for prop in struct.properties:
                 if prop.identifier not in {"rna_type", "name"}:

@@ -398,6 +398,10 @@ def test_a_surface_and_its_own_base_mesh():
     report = bake(low, low, method="AUTO")
     assert report.checks["far"]["count"] > 0
     assert faces(report, "far") == [3]
+    low.data.vertices[4].co.z = 0.7
+    again = bake(low, low, method="AUTO")
+    assert again.checks["uneven"]["count"] == 4
+    assert not any("add a Triangulate" in warning for warning in again.warnings)
     with pytest.raises(BakeError, match="triangulate that one instead"):
         flaws.add_triangulate(bpy.context, report)
 

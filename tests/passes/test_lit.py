@@ -17,7 +17,7 @@ from tests.support import oracle, raster, zoo
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
 SIZE = (256, 192)
-DIFFUSE, AMBIENT = 0.8, 0.04
+DIFFUSE, AMBIENT = 0.5, 0.04
 TOLERANCE = 5e-4
 """Of a colour: positions are rounded to 1/256 of a pixel before anything is interpolated. An eye would not see 2/255."""
 SHARE = 0.995

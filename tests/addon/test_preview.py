@@ -1,0 +1,291 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The views of the map: they come when asked, show what is there, and leave nothing when they are off."""
+
+import bpy
+import numpy as np
+import pytest
+from mathutils import Matrix, Vector
+
+import addon
+from addon import live, preview
+from addon.bake import shading
+from addon.bake.errors import BakeError
+from addon.passes import target
+from tests.support import raster, zoo
+from tests.support.snapshot import difference, snapshot
+
+pytestmark = pytest.mark.usefixtures("gpu_context", "registered")
+
+SIZE = (160, 120)
+
+
+@pytest.fixture
+def pair():
+    """A low terrain and a high one, in the slots."""
+    low, high = zoo.terrain("lo", n=8), zoo.terrain("hi", n=24, height=0.15)
+    settings = bpy.context.scene.imprint
+    settings.low = low
+    settings.highs.add().object = high
+    settings.method, settings.width, settings.height = "FLATTEN", 64, 64
+    yield low, high
+    live.stop()
+    preview.off()
+
+
+def view():
+    """The settings of the views; an undo and a new file make others."""
+    return bpy.context.scene.imprint_view
+
+
+def is_clean():
+    """Whether nothing is left."""
+    has_timer = bpy.app.timers.is_registered(preview.catch_up)
+    kept = (preview._own, preview._shading, preview._own_settings)
+    return preview.mode() == "OFF" and not preview._handles and not has_timer and kept == (None, None, None)
+
+
+def viewport():
+    """The window, area and region of a 3D viewport."""
+    window = bpy.context.window_manager.windows[0]
+    area = next(area for area in window.screen.areas if area.type == "VIEW_3D")
+    return {"window": window, "area": area, "region": next(r for r in area.regions if r.type == "WINDOW")}
+
+
+def looking():
+    """The view of that viewport, which looks down on the origin."""
+    data = viewport()["area"].spaces.active.region_3d
+    data.view_matrix = Matrix(raster.look_at((1.0, -3.0, 3.0), (0.0, 0.0, 0.0)))
+    data.update()
+    return data
+
+
+def seen():
+    """What the handlers draw into it: (H, W, 4) float32."""
+    looking()
+    into = target.Target(*SIZE, ("RGBA32F", "DEPTH_COMPONENT32F"))
+    with bpy.context.temp_override(**viewport()):
+        with target.drawing(into):
+            into.framebuffer.clear(depth=1.0)
+            preview._draw_view()
+            pixels = np.empty((SIZE[1], SIZE[0], 4), np.float32)
+            into.read(pixels)
+    return pixels
+
+
+@pytest.mark.parametrize("mode", shading.MODES)
+def test_a_view_comes_and_goes_without_a_trace(mode, pair):
+    before = snapshot()
+    view().mode = mode
+    assert view().mode == preview.mode() == mode
+    assert len(preview._handles) == 2
+    assert seen().any()
+    view().mode = mode  # twice is once
+    assert len(preview._handles) == 2
+    view().mode = "OFF"
+    assert is_clean()
+    assert not difference(before, snapshot())
+
+
+def test_the_views_differ_and_the_modes_are_one_key_apart(pair):
+    pictures = []
+    for mode in (*shading.MODES, "OFF"):
+        assert bpy.ops.imprint.view_next() == {"FINISHED"}
+        assert preview.mode() == mode
+        pictures.append(seen() if mode != "OFF" else np.zeros_like(pictures[0]))
+    for number, picture in enumerate(pictures):
+        assert not any(np.array_equal(picture, other) for other in pictures[:number])
+
+
+def test_the_deviations_are_told(pair):
+    view().mode = "MAP"
+    assert preview.figures() is None
+    assert preview.words() == []
+    view().mode = "BARE_DEVIATION"
+    found = preview.figures()
+    assert found.percentile_99 < 0.1
+    assert found.bare_mean > 1.0
+    assert preview.words() == [
+        f"With the map: {found.mean:.2f}°, 99 % below {found.percentile_99:.2f}°",
+        f"Without: {found.bare_mean:.2f}°, 99 % below {found.bare_percentile_99:.2f}°",
+    ]
+
+
+def test_what_cannot_be_shown_is_told_and_leaves_it_off(pair):
+    bpy.context.scene.imprint.highs.clear()
+    view().mode = "MAP"
+    assert preview.message.startswith("No high object for 'lo'")
+    assert is_clean()
+    with pytest.raises(RuntimeError, match="No high object for 'lo'"):
+        bpy.ops.imprint.view_next()
+    with pytest.raises(BakeError, match="No high object"):
+        preview.switch(bpy.context, "SPLIT")
+    assert is_clean()
+    bpy.context.scene.imprint.highs.add().object = pair[1]
+    view().mode = "MAP"
+    assert (preview.mode(), preview.message) == ("MAP", "")
+
+
+def test_where_the_map_would_go_does_not_matter(pair):
+    """A view needs no file, no material and no tile."""
+    settings = bpy.context.scene.imprint
+    settings.storage, settings.output, settings.udim = "FILE", "", True
+    view().mode = "MAP"
+    assert preview.mode() == "MAP"
+    assert not bpy.data.images
+    assert not pair[0].material_slots
+
+
+def test_refresh_shows_what_has_changed(pair):
+    view().mode = "BARE_DEVIATION"
+    before = preview.figures().bare_mean
+    assert not preview.is_outdated(bpy.context)
+    bpy.context.scene.imprint.width = 128
+    assert preview.is_outdated(bpy.context)
+    pair[1].scale.z = 2.0
+    assert preview.figures().bare_mean == before
+    assert bpy.ops.imprint.view_refresh() == {"FINISHED"}
+    assert not preview.is_outdated(bpy.context)
+    assert preview.figures().bare_mean > 1.5 * before
+    assert preview._shading.session.map.width == 128
+    bpy.context.scene.imprint.low = bpy.data.objects["hi"]
+    with pytest.raises(RuntimeError, match="'hi'"):
+        bpy.ops.imprint.view_refresh()
+    assert is_clean()
+    assert not bpy.ops.imprint.view_refresh.poll()
+
+
+def test_live_takes_over_and_gives_back(pair):
+    view().mode = "BARE_DEVIATION"
+    before = preview.figures().bare_mean
+    assert bpy.ops.imprint.live() == {"FINISHED"}
+    preview.catch_up()
+    assert preview._own is None
+    assert preview._shading.session is live.session()
+    pair[1].scale.z = 2.0
+    bpy.context.view_layer.update()
+    for _ in range(100):
+        live.tick()
+    assert preview.figures().bare_mean > 1.5 * before
+    assert seen().any()
+    assert bpy.ops.imprint.live() == {"FINISHED"}
+    assert not seen().any()  # nothing is baked while a view is being drawn
+    assert bpy.app.timers.is_registered(preview.catch_up)
+    preview.catch_up()
+    assert preview._own is not None
+    assert seen().any()
+    preview.off()
+    assert is_clean()
+
+
+def test_nothing_to_go_on_with_after_live_is_told(pair):
+    assert bpy.ops.imprint.live() == {"FINISHED"}
+    view().mode = "MAP"
+    assert preview._own is None
+    bpy.data.objects.remove(pair[1])
+    bpy.context.view_layer.update()
+    live.tick()
+    preview.catch_up()
+    assert preview.message.startswith("No high object")
+    assert is_clean()
+
+
+def test_what_is_gone_or_hidden_is_not_drawn(pair):
+    view().mode = "MAP"
+    assert seen().any()
+    pair[0].hide_set(True)
+    assert not seen().any()
+    pair[0].hide_set(False)
+    assert seen().any()
+    bpy.data.objects.remove(pair[0])
+    for mode in shading.MODES:
+        view().mode = mode
+        assert not seen()[40:].any()  # above the legend
+
+
+def test_it_outlives_undo_and_modes(pair):
+    bpy.ops.ed.undo_push(message="before")
+    pair[0].location.x = 0.5
+    bpy.ops.ed.undo_push(message="moved")
+    view().mode = "SPLIT"
+    moved = seen()
+    bpy.ops.ed.undo()
+    assert preview.mode() == "SPLIT"
+    assert seen().any()
+    assert not np.array_equal(seen(), moved)
+    bpy.context.view_layer.objects.active = bpy.data.objects["lo"]
+    for mode in ("EDIT", "SCULPT", "OBJECT"):
+        bpy.ops.object.mode_set(mode=mode)
+        assert seen().any()
+        assert bpy.ops.imprint.view_refresh() == {"FINISHED"}
+
+
+@pytest.mark.parametrize("kind", ["SUN", "POINT", "SPOT", "AREA"])
+def test_a_light_of_the_scene_shines(kind, pair):
+    view().mode = "MAP"
+    by_the_view = seen()
+    light = bpy.data.objects.new("light", bpy.data.lights.new("light", kind))
+    bpy.context.scene.collection.objects.link(light)
+    light.matrix_world = Matrix(raster.look_at((-2.0, 0.0, 0.5), (0.0, 0.0, 0.0))).inverted()
+    bpy.context.view_layer.update()
+    view().light = light
+    expected = light.matrix_world.col[2 if kind == "SUN" else 3]
+    assert np.array_equal(preview._eye(looking(), light).light, expected)
+    assert preview._eye(looking(), light).light[3] == (kind != "SUN")
+    assert not np.array_equal(seen(), by_the_view)
+    bpy.data.objects.remove(light)
+    assert view().light is None
+    assert np.array_equal(seen(), by_the_view)
+
+
+def test_the_views_own_light_comes_from_above_and_from_the_left():
+    data = looking()
+    light = preview._eye(data, None).light
+    assert light[3] == 0.0
+    x, y, z = data.view_matrix.to_3x3() @ Vector(light[:3])
+    assert (x < 0.0, y > 0.0, z > max(-x, y)) == (True, True, True)
+
+
+def test_the_range_of_the_colours_can_be_set(pair):
+    view().mode = "BARE_DEVIATION"
+    before = seen()
+    view().limit = 30.0
+    assert not np.array_equal(seen(), before)
+
+
+def test_the_line_of_the_split_can_be_moved(pair):
+    view().mode = "SPLIT"
+    pictures = []
+    for split in (0.0, 0.5, 1.0):
+        view().split = split
+        pictures.append(seen())
+    assert not np.array_equal(pictures[0], pictures[1])
+    assert not np.array_equal(pictures[1], pictures[2])
+
+
+def test_another_file_switches_it_off(pair):
+    view().mode = "SPLIT"
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    assert is_clean()
+    assert view().mode == "OFF"
+
+
+def test_it_goes_with_the_add_on(pair):
+    view().mode = "DEVIATION"
+    addon.unregister()
+    try:
+        assert is_clean()
+        assert preview.catch_up not in live.on_new
+        assert not hasattr(bpy.types.Scene, "imprint_view")
+    finally:
+        addon.register()
+
+
+def test_a_key_shows_the_next_view():
+    keymap = bpy.context.window_manager.keyconfigs.addon.keymaps["3D View"]
+    items = [item for item in keymap.keymap_items if item.idname == "imprint.view_next"]
+    assert [(item.type, item.ctrl, item.alt) for item in items] == [("N", True, True)]
+    addon.unregister()
+    try:
+        assert not [item for item in keymap.keymap_items if item.idname.startswith("imprint.")]
+    finally:
+        addon.register()

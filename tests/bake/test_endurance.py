@@ -1,0 +1,183 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Hundreds of bakes, many samples, and bakes that are broken off: nothing grows, and nothing is left behind."""
+
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+from addon.bake import casting, pipeline
+from addon.bake.pace import Pace
+from addon.bake.settings import Settings
+from addon.passes import target
+from scripts import imprint
+from tests.support import zoo
+from tests.support.snapshot import difference, snapshot
+
+pytestmark = pytest.mark.usefixtures("gpu_context")
+
+METHODS = ("FLATTEN", "CAST")
+MIB = 2**20
+needs_proc = pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="memory is read from /proc")
+
+
+# Many bakes
+
+WARM, BAKES = 100, int(os.environ.get("IMPRINT_BAKES", "500"))
+"""After how many bakes memory is measured first and last."""
+GROWTH = 8 * MIB
+"""What memory may have grown by in between; a 64 x 64 map that is kept a bake would be 25 times 1 MiB."""
+SIZES = ((16, 16), (64, 64), (128, 32), (256, 256))
+
+
+def resident():
+    """Bytes of memory that this process holds."""
+    return int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1]) * resource.getpagesize()
+
+
+def held():
+    """What must not become more from bake to bake."""
+    lists = [p.identifier for p in bpy.data.bl_rna.properties if p.type == "COLLECTION"]
+    nodes = [len(material.node_tree.nodes) for material in bpy.data.materials]
+    return {name: len(getattr(bpy.data, name)) for name in lists}, nodes, sorted(target._common)
+
+
+@needs_proc
+def test_memory_stays_flat_over_hundreds_of_bakes(tmp_path, monkeypatch):
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(temporary))
+    rng = np.random.default_rng(0)
+    low, high = zoo.plane("lo", 4), zoo.terrain("hi", 32)
+    positions = high.data.attributes["position"].data
+    points = np.empty((len(positions), 3), np.float32)
+    positions.foreach_get("vector", points.ravel())
+    for number in range(BAKES):
+        points[:, 2] = rng.uniform(-0.05, 0.05, len(points))
+        positions.foreach_set("vector", points.ravel())
+        high.data.update()
+        width, height = SIZES[number % len(SIZES)]
+        storage = ("PACK", "FILE", "MEMORY")[number % 3]
+        settings = Settings(
+            method=METHODS[number // 2 % 2],
+            width=width,
+            height=height,
+            samples=(1, 4)[number // 4 % 2],
+            depth=(8, 16)[number // 8 % 2],
+            image=storage,
+            storage=storage,
+            output=str(tmp_path / "map.png"),
+        )
+        pipeline.bake(bpy.context, low, [high], settings)
+        assert len(casting._kept) <= casting.KEPT_TREES
+        assert sum(kept.bytes for kept in target._common.values()) <= target.KEPT_BYTES
+        if os.environ.get("DEBUGRSS") and number % 50 == 49: print(number + 1, resident() / MIB, flush=True)
+        if number + 1 == min(WARM, BAKES // 2):
+            before, memory = held(), resident()
+    assert not list(temporary.iterdir())
+    assert held() == before
+    assert resident() - memory < GROWTH
+
+
+# Many samples
+
+SIDE = 2048
+MORE = 1.3
+"""How many times the memory of one sample sixteen may need."""
+PEAK = """
+import resource, sys
+import bpy, gpu
+gpu.init()
+from addon.bake import pipeline
+from addon.bake.settings import Settings
+from tests.support import zoo
+
+method, samples, output = sys.argv[1:]
+bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+settings = Settings(method=method, samples=int(samples), width={side}, height={side}, storage="FILE", output=output)
+low, high = zoo.plane("lo", 1), zoo.terrain("hi", 16)
+for obj in (low, high):
+    uv = obj.data.uv_layers[0].uv
+    uv.foreach_set("vector", [0.25 * part.vector[axis] for part in uv for axis in range(2)])
+report = pipeline.bake(bpy.context, low, [high], settings)
+print("peak", resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+"""
+
+
+@needs_proc
+@pytest.mark.parametrize("method", METHODS)
+def test_memory_does_not_grow_with_samples(method, tmp_path):
+    """Peaks of a process for each. Where OpenGL is software, they hold the textures as well, which are as large as the
+    map, however little of it is covered."""
+    peaks = {}
+    for samples in (1, 16):
+        output = str(tmp_path / f"{samples}.png")
+        command = [sys.executable, "-c", PEAK.format(side=SIDE), method, str(samples), output]
+        run = subprocess.run(command, cwd=imprint.ROOT, capture_output=True, text=True, check=True)
+        peaks[samples] = int(run.stdout.rpartition("peak ")[2])
+    assert peaks[16] < MORE * peaks[1], peaks
+
+
+# Breaking off
+
+SHARES = (0.0, *np.random.default_rng(0).random(8).round(3), 1.0)
+"""Of a bake, when it is broken off; at 1 all is drawn, and nothing stored."""
+
+
+def break_off(low, high, settings, share):
+    """Close a bake when so much of it is done."""
+    work = pipeline.work(bpy.context, [pipeline.Job(low, [high])], settings, Pace(0.01))
+    next(step for step in work if step.done >= share)
+    work.close()
+
+
+def files(folder):
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+def contents(path):
+    """The pixels of the images as they are stored, the nodes and the lists of a saved file, which is opened for that."""
+    bpy.ops.wm.open_mainfile(filepath=str(path))
+    state = snapshot()
+    images = [
+        (image.name, image.source, tuple(image.size), [part.packed_file.data for part in image.packed_files])
+        for image in bpy.data.images
+    ]
+    return images, {key: value for key, value in state.items() if isinstance(key, str) or key[0] == "material"}
+
+
+@pytest.mark.parametrize("is_there", [False, True], ids=["no map", "over a map"])
+@pytest.mark.parametrize("storage", ["PACK", "FILE"])
+@pytest.mark.parametrize("method", METHODS)
+def test_a_bake_that_is_broken_off_leaves_no_trace(method, storage, is_there, tmp_path):
+    low, high = zoo.plane("lo", 4), zoo.terrain("hi", 48)
+    low.data.materials.append(bpy.data.materials.new("Skin"))
+    folder, old, new = tmp_path / "maps", tmp_path / "old.blend", tmp_path / "new.blend"
+    folder.mkdir()
+    output = str(folder / "map.png")
+    settings = Settings(
+        method=method, width=256, height=256, samples=4, mask=True, depth=8, storage=storage, output=output
+    )
+    if is_there:
+        pipeline.bake(bpy.context, low, [high], settings)
+        high.rotation_euler.x = 0.1  # else the new map would be the old one
+    before, there = snapshot(), files(folder)
+    bpy.ops.wm.save_as_mainfile(filepath=str(old), copy=True)
+    for share in SHARES:
+        break_off(low, high, settings, share)
+        assert difference(before, snapshot()) == {}
+        assert files(folder) == there
+    bpy.ops.wm.save_as_mainfile(filepath=str(new), copy=True)
+    expected = contents(old)
+    assert contents(new) == expected
+
+    pipeline.bake(bpy.context, bpy.data.objects["lo"], [bpy.data.objects["hi"]], settings)
+    assert set(files(folder)) == ({"map.png", "map_missed.png"} if storage == "FILE" else set())
+    bpy.ops.wm.save_as_mainfile(filepath=str(new), copy=True)
+    assert contents(new) != expected or files(folder) != there
