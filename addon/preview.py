@@ -121,11 +121,11 @@ def _take_up(context: bpy.types.Context) -> None:
     try:
         if _session() is None:
             _own, _own_settings = _draw_map(context)
+        if _shading is None or _shading.session is not _session():
+            _shading = shading.Shading(_session())
     except BakeError:
         off()
         raise
-    if _shading is None:
-        _shading = shading.Shading(_session())
     _shading.update(is_measured=_mode.endswith("DEVIATION"))
     _redraw()
 

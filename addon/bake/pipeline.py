@@ -235,6 +235,6 @@ def check(context: bpy.types.Context, job: Job, settings: Settings) -> None:
     tallest = max(band.height for band in bands(settings.width, settings.height, settings.margin))
     if max(settings.width, tallest) > limit:
         raise BakeError(
-            f"A map of {settings.width} x {settings.height} texels with a margin of {settings.margin} does not fit this GPU, "
-            f"whose textures have at most {limit} a side."
+            f"A map of {settings.width} x {settings.height} texels does not fit this GPU, whose textures have at most {limit} "
+            "a side."
         )

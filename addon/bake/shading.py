@@ -14,6 +14,7 @@ from ..mesh.arrays import Frame, Mesh, frame_of, gap, normal_matrix
 from ..passes import batch, deviation, lit, target
 from . import finish, quantise
 from .band import BAND_TEXELS
+from .errors import BakeError
 from .live import Session
 from .reading import Meshes
 from .settings import Settings
@@ -82,6 +83,13 @@ class Shading:
     """
 
     def __init__(self, session: Session):
+        """Raises BakeError for a map that is not on the GPU as a whole."""
+        if session.map is None:
+            settings = session.settings
+            raise BakeError(
+                f"A map of {settings.width} x {settings.height} texels is drawn in bands and never there as a whole: choose a "
+                "smaller one to see it live."
+            )
         self.session = session
         self.figures: Figures | None = None
         self._texels: np.ndarray | None = None
@@ -94,7 +102,7 @@ class Shading:
         """Take up the session's last map, if it is another than the last time. Not while a view is being drawn."""
         if self.session.texels is not self._texels:
             self._texels, self.figures, self._measured = self.session.texels, None, None
-        if is_measured and self.figures is None and self.session.map is not None:
+        if is_measured and self._measured is None:
             self._measure()
 
     def draw(self, mode: str, eye: Eye, *, split: float = 0.5, limit: float = 5.0) -> None:

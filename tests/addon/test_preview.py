@@ -63,12 +63,11 @@ def seen():
     """What the handlers draw into it: (H, W, 4) float32."""
     looking()
     into = target.Target(*SIZE, ("RGBA32F", "DEPTH_COMPONENT32F"))
-    with bpy.context.temp_override(**viewport()):
-        with target.drawing(into):
-            into.framebuffer.clear(depth=1.0)
-            preview._draw_view()
-            pixels = np.empty((SIZE[1], SIZE[0], 4), np.float32)
-            into.read(pixels)
+    with bpy.context.temp_override(**viewport()), target.drawing(into):
+        into.framebuffer.clear(depth=1.0)
+        preview._draw_view()
+        pixels = np.empty((SIZE[1], SIZE[0], 4), np.float32)
+        into.read(pixels)
     return pixels
 
 

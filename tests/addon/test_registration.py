@@ -25,7 +25,8 @@ def traces():
     """What Blender knows of the add-on."""
     kinds = (bpy.types.Operator, bpy.types.Panel, bpy.types.UIList, bpy.types.PropertyGroup)
     found = {cls.__name__ for kind in kinds for cls in kind.__subclasses__() if cls.is_registered and is_ours(cls)}
-    found |= {name for name in dir(bpy.types) if name.startswith(("IMPRINT_GT", "IMPRINT_GGT"))}
+    gizmos = {preview.IMPRINT_GT_split: bpy.types.Gizmo, preview.IMPRINT_GGT_split: bpy.types.GizmoGroup}
+    found |= {cls.__name__ for cls, kind in gizmos.items() if kind.bl_rna_get_subclass_py(cls.__name__)}
     found |= {f"Scene.{name}" for name in dir(bpy.types.Scene) if name.startswith("imprint")}
     return found | {name for name in dir(bpy.types.WindowManager) if name.startswith("imprint")}
 

@@ -77,7 +77,6 @@ def test_memory_stays_flat_over_hundreds_of_bakes(tmp_path, monkeypatch):
         pipeline.bake(bpy.context, low, [high], settings)
         assert len(casting._kept) <= casting.KEPT_TREES
         assert sum(kept.bytes for kept in target._common.values()) <= target.KEPT_BYTES
-        if os.environ.get("DEBUGRSS") and number % 50 == 49: print(number + 1, resident() / MIB, flush=True)
         if number + 1 == min(WARM, BAKES // 2):
             before, memory = held(), resident()
     assert not list(temporary.iterdir())

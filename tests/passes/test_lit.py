@@ -10,6 +10,7 @@ import pytest
 from mathutils import Euler, Matrix
 
 from addon.bake import band, live, pace, pipeline, quantise, shading
+from addon.bake.errors import BakeError
 from addon.bake.settings import Settings
 from addon.passes import batch, lit, target
 from tests.support import oracle, raster, zoo
@@ -231,10 +232,8 @@ def test_a_map_that_is_drawn_in_bands_is_not_shown(monkeypatch):
     session = session_of(low, [high])
     assert session.texels.shape == (128, 128, 4)
     assert session.map is None
-    drawn = shading.Shading(session)
-    drawn.update(is_measured=True)
-    assert drawn.figures is None
-    assert not picture(lambda: drawn.draw("MAP", eye_on(low))).any()
+    with pytest.raises(BakeError, match="128 x 128 texels is drawn in bands"):
+        shading.Shading(session)
 
 
 def test_what_was_moved_aside_is_shown_in_its_place():

@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Writes pairs as .npz, with the tree over the high mesh, for scripts/hardware.py on a machine without Blender."""
+
+import argparse
+import sys
+from pathlib import Path
+
+import bpy
+import gpu
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+import addon  # noqa: E402
+from addon.bake import casting, distances, methods, reading  # noqa: E402
+from addon.bake.report import Report  # noqa: E402
+from addon.bake.settings import Settings  # noqa: E402
+from addon.mesh import arrays, bvh  # noqa: E402
+
+
+def export(source: Path, target: Path) -> None:
+    """Write the objects 'hi' and 'lo' of a .blend: what the passes of Flatten and Cast take."""
+    bpy.ops.wm.open_mainfile(filepath=str(source))
+    low, high = bpy.data.objects["lo"], bpy.data.objects["hi"]
+    settings = Settings(method="CAST", space="WORLD")
+    meshes = reading.read(bpy.context, low, [high], None, settings)
+    report = Report("CAST", "WORLD", (512, 512), "lo", ["hi"])
+    meshes = methods.choose(meshes, [1001], settings, report)
+    aim = casting.target_of(meshes.highs, report)
+    rays = casting.rays(meshes.low, meshes.directions, None, aim.frame)
+    outside, inside = distances.measure(aim.tables, rays, (512, 512), [1001], has_cage=False, facing_only=False)
+    (mesh,) = meshes.highs
+    laid_flat = reading.read(bpy.context, low, [high], None, Settings(method="FLATTEN", space="WORLD")).highs[0]
+    corners = aim.frame.points(mesh)[mesh.vertices[mesh.triangles]]
+    tree = bvh.build(corners)
+    edges = corners[tree.order]
+    edges[:, 1:] -= edges[:, :1]
+    np.savez_compressed(
+        target,
+        high_triangles=laid_flat.triangles,
+        high_uv=laid_flat.uv,
+        high_normal=laid_flat.normals @ arrays.normal_matrix(laid_flat.to_world).T,
+        low_triangles=meshes.low.triangles,
+        low_uv=meshes.low.uv,
+        low_position=aim.frame.points(meshes.low)[meshes.low.vertices],
+        low_direction=meshes.low.to_world_normals(meshes.directions),
+        nodes=tree.nodes.reshape(-1, 4),
+        corners=edges.reshape(-1, 3),
+        normals=mesh.to_world_normals(mesh.normals)[mesh.triangles][tree.order].reshape(-1, 3),
+        first_leaf=tree.first_leaf,
+        origin=tree.origin,
+        scale=tree.scale,
+        extrusion=outside,
+        reach=outside + inside,
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="export.py", description=__doc__)
+    parser.add_argument("files", nargs="+", type=Path, metavar="FILE.blend")
+    parser.add_argument("--output", type=Path, default=ROOT / "out" / "export", metavar="DIR")
+    options = parser.parse_args()
+    gpu.init()
+    options.output.mkdir(parents=True, exist_ok=True)
+    for path in options.files:
+        export(path, options.output / f"{path.stem}.npz")
+    addon.free()
+
+
+if __name__ == "__main__":
+    main()

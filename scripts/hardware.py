@@ -1,0 +1,268 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Times the shaders themselves on whatever OpenGL the machine has, without Blender: moderngl on EGL, meshes as .npz.
+
+python3 scripts/hardware.py FILE.npz ... [--output RESULT.json]     needs numpy and moderngl
+
+The files come from scripts/export.py, on a machine with Blender. The shader files are taken as they are; the
+interface that addon/passes declares for them becomes plain GLSL here, where in Blender its backend writes it.
+"""
+
+import argparse
+import json
+import statistics
+import sys
+import time
+import types
+from pathlib import Path
+
+import moderngl
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[1]
+REPEATS = 9
+TYPES = {"VEC2": "vec2", "VEC3": "vec3", "VEC4": "vec4", "MAT4": "mat4", "FLOAT": "float", "INT": "int"}
+SAMPLERS = {"FLOAT_2D": "sampler2D", "UINT_2D": "usampler2D", "INT_2D": "isampler2D"}
+IMAGES = {"FLOAT_2D": "image2D", "UINT_2D": "uimage2D", "INT_2D": "iimage2D"}
+QUALIFIERS = {"WRITE": "writeonly", "READ": "readonly", "READ WRITE": ""}
+TABLE_WIDTH = 4096
+
+
+class _Absent:
+    """Stands for Blender's gpu module and all in it: declarations are read here, nothing of it is called."""
+
+    def __getattr__(self, _name: str):
+        return self
+
+    def __call__(self, *_, **__):
+        return self
+
+    def __or__(self, _other):
+        return self
+
+    __ror__ = __or__
+
+
+def passes():
+    """The modules flatten, gbuffer, cast, tangent and shader of addon/passes, for what they declare."""
+    for name in ("gpu", "bpy"):
+        sys.modules.setdefault(name, types.SimpleNamespace(types=_Absent()) if name == "gpu" else _Absent())
+    sys.path.insert(0, str(ROOT))
+    from addon.passes import cast, flatten, gbuffer, shader, tangent
+
+    return types.SimpleNamespace(cast=cast, flatten=flatten, gbuffer=gbuffer, shader=shader, tangent=tangent)
+
+
+def header(program, stage: str) -> str:
+    """The declarations of a Program for one stage, "vertex", "fragment" or "compute", in plain GLSL."""
+    lines = ["#version 430"]
+    if stage == "compute":
+        lines.append(f"layout(local_size_x = {program.group[0]}, local_size_y = {program.group[1]}) in;")
+    if stage == "vertex":
+        lines += [f"layout(location = {i}) in {TYPES[kind]} {name};" for i, (kind, name) in enumerate(program.inputs)]
+    way = {"vertex": "out", "fragment": "in"}.get(stage)
+    lines += [f"smooth {way} {TYPES[kind]} {name};" for kind, name in program.varyings]
+    lines += [f"uniform {SAMPLERS[kind]} {name};" for kind, name in program.samplers]
+    lines += [f"uniform {TYPES[kind]} {name};" for kind, name in program.constants]
+    if stage == "fragment":
+        lines += [f"layout(location = {i}) out {TYPES[kind]} {name};" for i, (kind, name) in enumerate(program.outputs)]
+    lines += [
+        f"layout({texel.lower()}, binding = {i}) uniform {QUALIFIERS[access]} {IMAGES[kind]} {name};"
+        for i, (texel, kind, name, access) in enumerate(program.images)
+    ]
+    return "\n".join(lines)
+
+
+def load(ctx: moderngl.Context, shader, program):
+    """The compiled Program, as moderngl has it."""
+    stages = {stage: getattr(program, stage) for stage in ("vertex", "fragment", "compute") if getattr(program, stage)}
+    sources = {stage: f"{header(program, stage)}\n#line 1\n{shader.source(name)}" for stage, name in stages.items()}
+    if "compute" in sources:
+        return ctx.compute_shader(sources["compute"])
+    return ctx.program(vertex_shader=sources["vertex"], fragment_shader=sources["fragment"])
+
+
+def bind(compiled, program, **values) -> None:
+    """Set samplers, images and constants by their declared types; what the compiler has dropped is left out."""
+    for unit, (_, name) in enumerate(program.samplers):
+        values[name].use(location=unit)
+        if name in compiled:
+            compiled[name].value = unit
+    for unit, (_, _, name, access) in enumerate(program.images):
+        values[name].bind_to_image(unit, read="READ" in access, write="WRITE" in access)
+    for kind, name in program.constants:
+        if name in compiled:
+            value = values[name]
+            compiled[name].value = int(value) if kind == "INT" else value
+
+
+class Scene:
+    """One pair on the GPU: the meshes of a file, the targets of a size, the shaders."""
+
+    def __init__(self, ctx: moderngl.Context, code, data, size: int):
+        self.ctx, self.code, self.size, self.data = ctx, code, size, data
+        shader = code.shader
+        self.flatten = load(ctx, shader, code.flatten.PROGRAM)
+        self.gbuffer = load(ctx, shader, code.gbuffer.PROGRAM)
+        self.trace = load(ctx, shader, code.cast.TRACE)
+        self.lookup = load(ctx, shader, code.cast.LOOKUP)
+        self.window = (2.0, 2.0, -1.0, -1.0)
+        self.identity = tuple(np.eye(4).ravel().tolist())
+        self.high = self._mesh(self.flatten, code.flatten.PROGRAM, "high_triangles", uv="high_uv", normal="high_normal")
+        self.low = self._mesh(
+            self.gbuffer, code.gbuffer.PROGRAM, "low_triangles", uv="low_uv", position="low_position",
+            direction="low_direction",
+        )  # fmt: skip
+        self.triangle = ctx.vertex_array(
+            self.lookup, [(ctx.buffer(np.array([-1, -1, 3, -1, -1, 3], "f4").tobytes()), "2f", "position")]
+        )
+        self.nodes, self.corners, self.normals = (self._table(name) for name in ("nodes", "corners", "normals"))
+        self.positions, self.directions, self.map = (self._texture("f4") for _ in range(3))
+        self.hits = self._texture("u4")
+        self.places = ctx.framebuffer([self.positions, self.directions])
+        self.drawn = ctx.framebuffer([self.map])
+
+    def _texture(self, dtype: str) -> moderngl.Texture:
+        texture = self.ctx.texture((self.size, self.size), 4, dtype=dtype)
+        texture.filter = moderngl.NEAREST, moderngl.NEAREST
+        return texture
+
+    def _mesh(self, compiled, program, triangles: str, **attributes: str) -> moderngl.VertexArray:
+        parts = []
+        for kind, name in program.inputs:
+            values = np.ascontiguousarray(self.data[attributes[name]], np.float32)
+            parts.append((self.ctx.buffer(values.tobytes()), f"{TYPES[kind][-1]}f", name))
+        index = self.ctx.buffer(np.ascontiguousarray(self.data[triangles], np.int32).tobytes())
+        return self.ctx.vertex_array(compiled, parts, index_buffer=index)
+
+    def _table(self, name: str) -> moderngl.Texture:
+        values = self.data[name].reshape(-1, self.data[name].shape[-1])
+        rows = max(1, -(-len(values) // TABLE_WIDTH))
+        padded = np.zeros((rows * TABLE_WIDTH, 4), np.float32)
+        padded[: len(values), : values.shape[1]] = values
+        texture = self.ctx.texture((TABLE_WIDTH, rows), 4, padded.tobytes(), dtype="f4")
+        texture.filter = moderngl.NEAREST, moderngl.NEAREST
+        return texture
+
+    def bake_flat(self) -> None:
+        """The paper's one draw."""
+        self.drawn.use()
+        self.drawn.clear()
+        bind(self.flatten, self.code.flatten.PROGRAM, normal_matrix=self.identity, window=self.window)
+        self.high.render(moderngl.TRIANGLES)
+
+    def start_rays(self) -> None:
+        """Where rays start, which is drawn before they are cast."""
+        self.places.use()
+        self.places.clear()
+        bind(self.gbuffer, self.code.gbuffer.PROGRAM, window=self.window)
+        self.low.render(moderngl.TRIANGLES)
+
+    def cast_rays(self) -> None:
+        """Every ray, to the triangle that it hits."""
+        data = self.data
+        bind(
+            self.trace,
+            self.code.cast.TRACE,
+            positions=self.positions,
+            directions=self.directions,
+            nodes=self.nodes,
+            corners=self.corners,
+            hits=self.hits,
+            grid_origin=(*data["origin"].tolist(), 0.0),
+            grid_scale=(*data["scale"].tolist(), 0.0),
+            first_row=0,
+            heading=-1.0,
+            back=float(data["extrusion"]),
+            reach=float(data["reach"]),
+            first_leaf=int(data["first_leaf"]),
+            facing_only=0,
+        )
+        self.trace.run(-(-self.size // 8), -(-self.size // 8), 1)
+        self.ctx.memory_barrier()
+
+    def look_up(self) -> None:
+        """What was hit, as normals."""
+        self.drawn.use()
+        bind(
+            self.lookup,
+            self.code.cast.LOOKUP,
+            hits=self.hits,
+            positions=self.positions,
+            normals=self.normals,
+            normal_matrix=self.identity,
+        )
+        self.triangle.render(moderngl.TRIANGLES)
+
+    def read(self) -> np.ndarray:
+        """The map (size, size, 4) float32."""
+        return np.frombuffer(self.map.read(), np.float32).reshape(self.size, self.size, 4)
+
+
+def timed(ctx: moderngl.Context, *works) -> float:
+    """Median seconds of `works` one after the other, until the GPU is done."""
+    times = []
+    for _ in range(REPEATS + 1):
+        ctx.finish()
+        start = time.perf_counter()
+        for work in works:
+            work()
+        ctx.finish()
+        times.append(time.perf_counter() - start)
+    return statistics.median(times[1:])
+
+
+def measure(ctx: moderngl.Context, code, path: Path, size: int) -> dict:
+    """Times of one pair at one size."""
+    with np.load(path) as file:
+        data = dict(file)
+    scene = Scene(ctx, code, data, size)
+    flat = timed(ctx, scene.bake_flat)
+    flat_with_reading = timed(ctx, scene.bake_flat, scene.read)
+    covered = float((scene.read()[..., 3] > 0.0).mean())
+    starts = timed(ctx, scene.start_rays)
+    rays = int((np.frombuffer(scene.positions.read(), np.float32).reshape(-1, 4)[:, 3] > 0.0).sum())
+    cast = timed(ctx, scene.cast_rays)
+    whole = timed(ctx, scene.start_rays, scene.cast_rays, scene.look_up, scene.read)
+    hit = int((np.frombuffer(scene.hits.read(), np.uint32).reshape(-1, 4)[:, 0] > 0).sum())
+    triangles = len(data["high_triangles"])
+    return {
+        "pair": path.stem,
+        "size": size,
+        "high": triangles,
+        "low": len(data["low_triangles"]),
+        "flatten_ms": flat * 1e3,
+        "flatten_with_read_back_ms": flat_with_reading * 1e3,
+        "triangles_per_second": triangles / flat,
+        "coverage": covered,
+        "starts_ms": starts * 1e3,
+        "cast_ms": cast * 1e3,
+        "cast_with_read_back_ms": whole * 1e3,
+        "rays": rays,
+        "hits": hit,
+        "rays_per_second": rays / cast,
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="hardware.py", description=__doc__.split("\n", maxsplit=1)[0])
+    parser.add_argument("files", nargs="+", type=Path, metavar="FILE.npz")
+    parser.add_argument("--sizes", type=int, nargs="+", default=[512, 1024, 2048])
+    parser.add_argument("--output", type=Path, help="write the figures as JSON")
+    options = parser.parse_args()
+    code = passes()
+    ctx = moderngl.create_standalone_context(backend="egl", require=430)
+    renderer = ctx.info["GL_RENDERER"]
+    print(renderer, "(in software)" if "llvmpipe" in renderer else "")
+    rows = [measure(ctx, code, path, size) for path in options.files for size in options.sizes]
+    for row in rows:
+        print(
+            f"{row['pair']:32} {row['size']:5}  flatten {row['flatten_ms']:8.3f} ms "
+            f"({row['triangles_per_second'] / 1e6:8.1f} M triangles/s)  cast {row['cast_ms']:8.2f} ms ({row['rays_per_second'] / 1e6:8.1f} M rays/s, "
+            f"{row['hits'] / max(1, row['rays']):.2%} hit)"
+        )
+    if options.output:
+        options.output.write_text(json.dumps({"renderer": renderer, "rows": rows}, indent=2) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
