@@ -256,9 +256,11 @@ def main() -> None:
     rows = [measure(ctx, code, path, size) for path in options.files for size in options.sizes]
     for row in rows:
         print(
-            f"{row['pair']:32} {row['size']:5}  flatten {row['flatten_ms']:8.3f} ms "
-            f"({row['triangles_per_second'] / 1e6:8.1f} M triangles/s)  cast {row['cast_ms']:8.2f} ms ({row['rays_per_second'] / 1e6:8.1f} M rays/s, "
-            f"{row['hits'] / max(1, row['rays']):.2%} hit)"
+            f"{row['pair']:32} {row['size']:5}",
+            f"flatten {row['flatten_ms']:8.3f} ms ({row['triangles_per_second'] / 1e6:8.1f} M triangles/s)",
+            f"cast {row['cast_ms']:8.2f} ms ({row['rays_per_second'] / 1e6:8.1f} M rays/s)",
+            f"{row['hits'] / max(1, row['rays']):.2%} hit",
+            sep="  ",
         )
     if options.output:
         options.output.write_text(json.dumps({"renderer": renderer, "rows": rows}, indent=2) + "\n", encoding="utf-8")
