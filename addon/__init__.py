@@ -36,9 +36,10 @@ def unregister() -> None:
 
 def free() -> None:
     """Free what is kept on the GPU between bakes. Blender crashes on exit while such objects live."""
-    from . import passes, preview
+    from . import live, passes, preview
     from .bake import casting
 
+    live.free()
     preview.free()
     casting.free()
     passes.free()

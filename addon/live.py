@@ -68,6 +68,12 @@ def stop() -> None:
     _changed.clear()
 
 
+def free() -> None:
+    """Free what is kept on the GPU, which the next map makes anew."""
+    if _session is not None:
+        _session.free()
+
+
 def tick() -> float | None:
     """Go on with what there is to do. Returns the seconds until the next time, None when live is off."""
     global _work, _is_stored, message  # noqa: PLW0603 - see start

@@ -6,5 +6,5 @@ from . import shader, target
 
 def free() -> None:
     """Free every GPU object that is kept between bakes. Blender crashes on exit while such objects live."""
-    shader.free()
+    shader.load.cache_clear()
     target.free()

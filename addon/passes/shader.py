@@ -82,16 +82,11 @@ def load(program: Program) -> gpu.types.GPUShader:
     if program.compute:
         info.local_group_size(*program.group)
         info.compute_source(source(program.compute))
-        return gpu.shader.create_from_info(info)
-    info.vertex_source(source(program.vertex))
-    info.fragment_source(source(program.fragment))
-    return gpu.shader.create_from_info(info)
-
-
-def free() -> None:
-    """Free all shaders."""
-    if load.cache_info().currsize:
-        # Blender knows the shader that is bound by its address: one that is made later and lies where the last one lay
-        # would pass for bound, and the freed one would draw in its place.
-        gpu.shader.from_builtin("UNIFORM_COLOR").bind()
-    load.cache_clear()
+    else:
+        info.vertex_source(source(program.vertex))
+        info.fragment_source(source(program.fragment))
+    compiled = gpu.shader.create_from_info(info)
+    # Blender knows the shader that is bound by its address. Where this one lies, one that was freed while it was bound may
+    # have lain: it would pass for bound, and the other would draw in its place.
+    gpu.shader.from_builtin("UNIFORM_COLOR").bind()
+    return compiled

@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a bake costs in things that do not depend on the machine: passes, uploads, bytes, and nodes of the tree."""
+
+from collections import Counter
+
+import bpy
+import numpy as np
+import pytest
+
+from addon.bake import casting, live, pace, pipeline
+from addon.bake.settings import Settings
+from addon.mesh import bvh
+from addon.passes import batch, table, target
+from tests.support import zoo
+
+pytestmark = pytest.mark.usefixtures("gpu_context")
+
+SIZE = 64
+TEXELS = SIZE * SIZE
+
+
+@pytest.fixture
+def counts(monkeypatch):
+    """How often each program was run, and how many bytes went up and came down, since the test began."""
+    seen = Counter()
+    bind, vertices, upload, read = target.bind, batch._vertices, table.upload, target.Target.read
+
+    def counting_bind(compiled, program, **bindings):
+        seen[program.compute or program.fragment] += 1
+        return bind(compiled, program, **bindings)
+
+    def counting_vertices(name, values):
+        seen["bytes of vertices"] += values.nbytes
+        return vertices(name, values)
+
+    def counting_upload(values):
+        seen["bytes of tables"] += len(values) * 16
+        return upload(values)
+
+    def counting_read(self, out, slot=0):
+        seen["bytes read"] += out.nbytes
+        return read(self, out, slot)
+
+    monkeypatch.setattr(target, "bind", counting_bind)
+    monkeypatch.setattr(batch, "_vertices", counting_vertices)
+    monkeypatch.setattr(table, "upload", counting_upload)
+    monkeypatch.setattr(target.Target, "read", counting_read)
+    casting.free()
+    return seen
+
+
+def pair():
+    """Two terrains, one over the other: 128 and 8,192 triangles."""
+    return zoo.terrain("lo", n=8), zoo.terrain("hi", n=64)
+
+
+def settings(method, **values):
+    return Settings(method, width=SIZE, height=SIZE, storage="MEMORY", material=False, **values)
+
+
+def passes(counts):
+    """The runs by shader file, without those of the audit, which looks at small maps of its own."""
+    audit = {"overlap_frag.glsl", "gbuffer_frag.glsl", "points_frag.glsl", "faces_frag.glsl", "distance_frag.glsl"}
+    return {name: count for name, count in counts.items() if name.endswith(".glsl") and name not in audit}
+
+
+@pytest.mark.parametrize("samples", [1, 4, 16])
+def test_flatten_is_one_draw_a_sample(counts, samples):
+    low, high = pair()
+    pipeline.bake(bpy.context, low, [high], settings("FLATTEN", samples=samples))
+    accumulated = {"accumulate_comp.glsl": samples, "average_frag.glsl": 1} if samples > 1 else {}
+    assert passes(counts) == {
+        "flatten_frag.glsl": samples,
+        "tangent_frag.glsl": samples,
+        "margin_rows_comp.glsl": 1,
+        "margin_columns_comp.glsl": 1,
+        "resolve_frag.glsl": 1,
+        **accumulated,
+    }
+
+
+@pytest.mark.parametrize("samples", [1, 4])
+def test_cast_is_one_dispatch_a_sample(counts, samples):
+    low, high = pair()
+    distances = {"extrusion": 0.3, "max_distance": 0.6}
+    pipeline.bake(bpy.context, low, [high], settings("CAST", samples=samples, **distances))
+    found = passes(counts)
+    # One more for the audit, which asks how far the rays went.
+    assert samples <= found["cast_comp.glsl"] <= samples + 1
+    assert found["lookup_frag.glsl"] == found["tangent_frag.glsl"] == samples
+
+
+def test_what_goes_up_and_comes_down(counts):
+    low, high = pair()
+    pipeline.bake(bpy.context, low, [high], settings("FLATTEN"))
+    corners = 4 * (64 * 64 + 8 * 8)
+    assert counts["bytes of tables"] == 0
+    # UVs and normals of both, the low's tangents; the audit lays both flat once more.
+    flat = corners * (2 + 3) * 4 + 4 * 8 * 8 * 4 * 4
+    assert flat <= counts["bytes of vertices"] <= 4 * flat
+    # The map and its state; the audit's small maps are of the same size here.
+    assert TEXELS * 17 <= counts["bytes read"] <= TEXELS * 17 * 5
+
+
+def test_a_tree_is_uploaded_once(counts):
+    low, high = pair()
+    for _ in range(3):
+        pipeline.bake(bpy.context, low, [high], settings("CAST"))
+    triangles = 2 * 64 * 64
+    nodes = sum(4**level for level in range(6)) + triangles // 4  # six levels above the one of the triangles
+    assert counts["bytes of tables"] == 16 * (3 * nodes + 2 * 3 * triangles)
+
+
+def test_a_live_map_uploads_what_has_changed_alone(counts):
+    low, high = pair()
+    following = live.Session(bpy.context, pipeline.Job(low, [high]), settings("FLATTEN"), pace.Pace())
+    following.run(bpy.context)
+    counts.clear()
+    points = np.empty(len(high.data.vertices) * 3, np.float32)
+    high.data.attributes["position"].data.foreach_get("vector", points)
+    high.data.attributes["position"].data.foreach_set("vector", points * np.tile((1.0, 1.0, 1.5), len(points) // 3))
+    high.data.update()
+    bpy.context.view_layer.update()
+    following.run(bpy.context, {"hi"})
+    assert counts["bytes of vertices"] == 4 * 64 * 64 * 3 * 4  # normals
+    assert counts["bytes read"] == TEXELS * 17
+    counts.clear()
+    following.run(bpy.context, set())
+    assert counts["bytes of vertices"] == 0
+    following.free()
+
+
+def test_rays_visit_few_nodes_seed_3():
+    """On a fixed terrain: a walk over the tree as the shader does it, node by node, without the shader."""
+    n, rays = 64, 200
+    grid = zoo.grid_uv(n, n)
+    points = np.column_stack([grid, 0.1 * np.sin(9 * grid[:, 0]) * np.cos(7 * grid[:, 1])]).astype(np.float32)
+    quads = zoo.grid_faces(n, n)
+    corners = points[np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])]
+    tree = bvh.build(corners)
+    bits = tree.nodes.view(np.uint32).astype(np.int64)
+    low, high = bits & 0x7FFF, ((bits >> 15) & 0x3FFF) | ((bits >> 31) << 14)
+    rng = np.random.default_rng(3)
+    starts = np.column_stack([rng.random((rays, 2)), np.ones(rays)])
+    tilt = np.column_stack([rng.normal(0, 0.3, (rays, 2)), -np.ones(rays)])
+    visited = []
+    for start, direction in zip((starts - tree.origin) * tree.scale, tilt * tree.scale, strict=True):
+        waiting, count = [0], 0
+        while waiting:
+            node = waiting.pop()
+            count += 1
+            near = (np.where(direction[:, None] > 0, low[node], high[node]) - start[:, None]) / direction[:, None]
+            far = (np.where(direction[:, None] > 0, high[node], low[node]) - start[:, None]) / direction[:, None]
+            hit = np.maximum(near.max(axis=0), 0.0) <= far.min(axis=0)
+            children = node * 4 + 1 + np.flatnonzero(hit)
+            waiting += children[children < tree.first_leaf].tolist()
+        visited.append(count)
+    assert 20 < np.mean(visited) < 28  # of 3,413
