@@ -113,15 +113,6 @@ def test_it_works_in_edit_mode(baked, editing):
     assert selected(low)[0] == list(range(16))
 
 
-def test_it_works_in_another_mode(baked):
-    low, _ = baked
-    bpy.context.view_layer.objects.active = low
-    bpy.ops.object.mode_set(mode="VERTEX_PAINT")
-    select()
-    assert low.mode == "EDIT"
-    assert is_right_half(low)
-
-
 def test_it_works_in_a_mode_that_another_object_took_over(baked):
     low, high = baked
     bpy.context.view_layer.objects.active = low

@@ -18,7 +18,8 @@ pytestmark = pytest.mark.usefixtures("registered", "gpu_context")
 def pair():
     """A low and a high object, neither selected nor active, and small maps."""
     low, high = zoo.plane("lo"), zoo.plane("hi", slope=1.0)
-    settings = bpy.context.scene.imprint
+    manager, settings = bpy.context.window_manager, bpy.context.scene.imprint
+    manager.imprint_summary = manager.imprint_warnings = ""  # which outlive a new file
     settings.width = settings.height = 16
     settings.method = "FLATTEN"  # the high one is so steep that Auto would not trust its UVs
     return low, high

@@ -18,6 +18,7 @@ FLEETING = {
     "face_count",
     "bound_box",
     "dimensions",
+    "pixels",  # see below: asking for them loads them
 }
 
 
