@@ -16,7 +16,7 @@ from .settings import Settings
 
 PROBE = 128
 """Texels a side, at most, that are looked at when nobody asks for all of them."""
-TRIANGLES = 2**17
+TRIANGLES = 2**16
 """How many triangles of a high mesh are laid flat then: of a larger one every second, third, … and fewer texels are seen."""
 LIMIT = 0.05
 """Of the low mesh's radius: how far the high surface may lie from the low one where the settings set no limit."""

@@ -196,14 +196,18 @@ def test_a_file_beside_the_saved_scene(pair, tmp_path, recwarn):
 # Undo
 
 
+OF_SCULPT_MODE = ("brushes", "libraries")
+"""Which Blender brings back by itself once Sculpt Mode has been entered in this process."""
+
+
 def test_undo_is_one_step(pair):
     low, high = pair
     bpy.ops.ed.undo_push(message="before")
-    before = snapshot()
+    before = snapshot(without=OF_SCULPT_MODE)
     bpy.ops.imprint.bake("EXEC_DEFAULT", True, low="lo", high=[{"name": "hi"}])
     assert "lo_normal" in bpy.data.images
     assert bpy.ops.ed.undo() == {"FINISHED"}
-    assert difference(before, snapshot()) == {}
+    assert difference(before, snapshot(without=OF_SCULPT_MODE)) == {}
     assert bpy.ops.ed.redo() == {"FINISHED"}
     assert leans(maps.pixels(bpy.data.images["lo_normal"]))
 
