@@ -76,6 +76,33 @@ def test_the_error_of_a_sine_terrain_falls_with_every_doubling(method):
     assert errors[-1] < errors[0] / 10
 
 
+def test_the_error_falls_over_256_texels():
+    """A strip of the same terrain with as many waves a texel: 48 of them, over 256 x 16 texels."""
+    (width, height), (along, across), quads, fine = (256, 16), (48, 3), 106, 16
+    angle = 2 * np.pi
+
+    def surface(u, v):
+        return np.stack([along * u, across * v, 0.15 * np.sin(angle * along * u) * np.sin(angle * across * v)], axis=1)
+
+    truth = np.zeros((height, width, 3))
+    for du, dv in np.ndindex(fine, fine):
+        x, y = np.meshgrid(np.arange(width) + (du + 0.5) / fine, np.arange(height) + (dv + 0.5) / fine)
+        x, y = angle * along * x / width, angle * across * y / height
+        slopes = 0.15 * angle * np.cos(x) * np.sin(y), 0.15 * angle * np.sin(x) * np.cos(y)
+        normals = np.stack([-slopes[0], -slopes[1], np.ones_like(x)], axis=-1)
+        truth += normals / np.linalg.norm(normals, axis=-1, keepdims=True)
+    truth /= np.linalg.norm(truth, axis=-1, keepdims=True)
+    high = zoo.sheet("high", surface, along * quads, across * quads)
+    low = zoo.sheet("low", lambda u, v: np.stack([along * u, across * v, 0 * u], axis=1), 1, 1)
+    inner = angles.eroded(np.ones((height, width), bool), 1)
+    errors = []
+    for count in (1, 2, 4, 8, 16):
+        texels = bake(low, high, size=(width, height), samples=count)
+        errors.append(angles.degrees(angles.decode(texels), truth)[inner].mean())
+    print([round(error, 4) for error in errors])
+    assert errors == sorted(errors, reverse=True)
+
+
 @pytest.mark.parametrize("method", METHODS)
 def test_only_covered_samples_count(method):
     """At an island's rim the mean is that of the samples that lie on it, of length one again."""
