@@ -9,6 +9,8 @@ import bpy
 from . import progress
 from .bake import live, pace
 from .bake.errors import BakeError
+from .bake.pipeline import Job
+from .bake.settings import Settings
 
 TICK = 0.02
 """Seconds between two looks at what has changed."""
@@ -21,7 +23,9 @@ REST = 0.4
 
 _session: live.Session | None = None
 _work: pace.Work[None] | None = None
+_asked: Settings | None = None
 _changed: set[str] = set()
+_unread: set[str] = set()
 _all_changed = False
 _since = 0.0
 _is_stored = True
@@ -36,19 +40,28 @@ def session() -> live.Session | None:
     return _session
 
 
-def start(context: bpy.types.Context, job, settings) -> None:
+def start(context: bpy.types.Context, job: Job, settings: Settings) -> None:
     """Follow the objects of a job; its first map is drawn and stored at once. Raises BakeError, and then live is off."""
-    global _session, _work, _all_changed, _is_stored, message  # noqa: PLW0603 - Blender's handlers are plain functions
+    global _session, _asked, _work, _all_changed, _is_stored, message  # noqa: PLW0603 - Blender calls plain functions
     stop()
     following = live.Session(context, job, settings, pace.Pace())
     following.run(context)
     following.store()
     following.pace.seconds = SLICE
-    _session, _work, _all_changed, _is_stored, message = following, None, False, True, ""
+    _session, _asked, _work, _all_changed, _is_stored, message = following, settings, None, False, True, ""
     for handlers, handler in _handlers():
         handlers.append(handler)
     if not bpy.app.background:
         bpy.app.timers.register(tick, first_interval=TICK)
+
+
+def finish() -> None:
+    """Store the last map for good, in its file or packed, and stop. Raises BakeError if it cannot be stored."""
+    try:
+        if _session is not None:
+            _session.commit()
+    finally:
+        stop()
 
 
 def stop() -> None:
@@ -66,6 +79,7 @@ def stop() -> None:
     _session.free()
     _session, _work = None, None
     _changed.clear()
+    _unread.clear()
 
 
 def free() -> None:
@@ -86,6 +100,7 @@ def tick() -> float | None:
         _announce()
         return None
     try:
+        _look_at_settings()
         if _changed or _all_changed:
             _begin()
         if _work is not None:
@@ -104,14 +119,33 @@ def every_time() -> bool:
     return bpy.context.scene.imprint.live_every_time
 
 
+def _look_at_settings() -> None:
+    """Start anew with the same objects where the panel says something else."""
+    global _session, _asked, _work, _all_changed  # noqa: PLW0603 - see start
+    wanted = bpy.context.scene.imprint.to_settings()
+    if wanted == _asked:
+        return
+    _asked = wanted
+    objects = bpy.data.objects
+    job = Job(objects[_session.low], [objects[name] for name in _session.highs], objects.get(_session.cage))
+    following = live.Session(bpy.context, job, wanted, pace.Pace(SLICE))
+    if _work is not None:
+        _work.close()
+    _session.free()
+    _session, _work, _all_changed = following, None, True
+
+
 def _begin() -> None:
     global _work, _all_changed  # noqa: PLW0603 - see start
     if _work is not None:
-        # What had not been drawn yet is still to be read.
         _work.close()
-    _work = _session.work(bpy.context, None if _all_changed else set(_changed))
+    # Until a map is done, what it was to show counts as changed.
+    _unread.update(_changed)
+    if _all_changed:
+        _unread.update(_session.names)
     _changed.clear()
     _all_changed = False
+    _work = _session.work(bpy.context, set(_unread))
 
 
 def _advance() -> None:
@@ -120,6 +154,7 @@ def _advance() -> None:
         _session.advance(_work, BUDGET)
     except StopIteration:
         _work, _since, _is_stored, message = None, time.monotonic(), False, ""
+        _unread.clear()
         if every_time():
             _session.store()
             _is_stored = True

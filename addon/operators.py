@@ -161,7 +161,10 @@ class IMPRINT_OT_live(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         if live.session() is not None:
-            live.stop()
+            try:
+                live.finish()
+            except BakeError as error:
+                self.report({"ERROR"}, str(error))
             return {"FINISHED"}
         settings = context.scene.imprint
         try:

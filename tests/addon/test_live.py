@@ -205,6 +205,57 @@ def test_multires_detail_is_waited_for(pair):
     assert live.message == ""
 
 
+def test_it_follows_the_settings(pair):
+    switch(True)
+    settings = bpy.context.scene.imprint
+    for name, value in (("width", 32), ("green", "-Y"), ("space", "OBJECT"), ("samples", "4"), ("method", "CAST")):
+        setattr(settings, name, value)
+        follow()
+        assert np.array_equal(pixels(bpy.data.images["lo_normal"]), fresh()), name
+    settings.udim = True
+    follow()
+    assert "switch UDIM tiles off" in live.message
+    settings.udim = False
+    follow()
+    assert live.message == ""
+
+
+def test_files_are_written_when_it_is_switched_off(pair, tmp_path):
+    _, high = pair
+    settings = bpy.context.scene.imprint
+    settings.storage, settings.output, settings.depth = "FILE", str(tmp_path / "map.exr"), "32"
+    switch(True)
+    assert list(tmp_path.iterdir()) == []
+    move(high, 5)
+    follow()
+    wanted = pixels(bpy.data.images["lo_normal"])
+    switch(False)
+    image = bpy.data.images["lo_normal"]
+    assert image.source == "FILE"
+    assert np.array_equal(pixels(image), wanted)
+    assert [path.name for path in tmp_path.iterdir()] == ["map.exr"]
+
+
+def test_the_map_is_packed_when_it_is_switched_off(pair):
+    switch(True)
+    assert bpy.data.images["lo_normal"].packed_file is None
+    switch(False)
+    assert bpy.data.images["lo_normal"].packed_file is not None
+
+
+def test_what_was_not_drawn_is_still_to_be_read(pair):
+    """Stopped before it was read, by another change."""
+    low, high = pair
+    switch(True)
+    move(high, 5)
+    bpy.context.view_layer.update()
+    live._look_at_settings()
+    live._begin()
+    low.location.x = 0.01
+    follow()
+    assert np.array_equal(pixels(bpy.data.images["lo_normal"]), fresh())
+
+
 @pytest.mark.parametrize("seed", [7])
 def test_fifty_edits_undos_and_redos(pair, seed):
     rng = np.random.default_rng(seed)
