@@ -365,8 +365,7 @@ def test_what_cannot_be_baked_for_now_is_told_and_waited_for(pair):
     high.data.uv_layers.new(name=layer)
     move(high, 3)
     high.update_tag()
-    bpy.context.view_layer.update()
-    live.tick()
+    follow()
     assert "unwrap it first" not in live.message
 
 
