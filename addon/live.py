@@ -24,6 +24,9 @@ REST = 0.4
 _session: live.Session | None = None
 _work: pace.Work[None] | None = None
 _asked: Settings | None = None
+_refused: Settings | None = None
+"""What the panel asks for and cannot be done."""
+_scene = ""
 _changed: set[str] = set()
 _unread: set[str] = set()
 _all_changed = False
@@ -42,13 +45,14 @@ def session() -> live.Session | None:
 
 def start(context: bpy.types.Context, job: Job, settings: Settings) -> None:
     """Follow the objects of a job; its first map is drawn and stored at once. Raises BakeError, and then live is off."""
-    global _session, _asked, _work, _all_changed, _is_stored, message  # noqa: PLW0603 - Blender calls plain functions
+    global _session, _asked, _refused, _scene, _work, _all_changed, _is_stored, message  # noqa: PLW0603 - see tick
     stop()
-    following = live.Session(context, job, settings, pace.Pace())
+    following = live.Session(context, job, settings, pace.Pace(looks=False))
     following.run(context)
     following.store()
     following.pace.seconds = SLICE
     _session, _asked, _work, _all_changed, _is_stored, message = following, settings, None, False, True, ""
+    _refused, _scene = None, context.scene.name
     for handlers, handler in _handlers():
         handlers.append(handler)
     if not bpy.app.background:
@@ -90,16 +94,17 @@ def free() -> None:
 
 def tick() -> float | None:
     """Go on with what there is to do. Returns the seconds until the next time, None when live is off."""
-    global _work, _is_stored, message  # noqa: PLW0603 - see start
+    global _work, _is_stored  # noqa: PLW0603 - Blender calls plain functions, and there is one session
     if _session is None:
         return None
     if progress.current() is not None:  # a bake is going on
         return TICK
-    if any(bpy.data.objects.get(name) is None for name in _session.names):
-        stop()
-        _announce()
-        return None
+    is_well = False
     try:
+        if any(bpy.data.objects.get(name) is None for name in _session.names) or _settings() is None:
+            finish()
+            _announce()
+            return None
         _look_at_settings()
         if _changed or _all_changed:
             _begin()
@@ -108,31 +113,47 @@ def tick() -> float | None:
         elif not _is_stored and (every_time() or time.monotonic() - _since > REST):
             _session.store()
             _is_stored = True
+        is_well = True
     except BakeError as error:
-        _work, message = None, str(error)
-        _announce()
-    return TICK
+        _work, is_well = None, _session is not None
+        _say(str(error))
+    finally:
+        if not is_well:
+            stop()
+    return TICK if is_well else None
 
 
 def every_time() -> bool:
     """Whether the image gets each map, and not only the last one when the hand rests."""
-    return bpy.context.scene.imprint.live_every_time
+    return _settings().live_every_time
+
+
+def _settings():
+    """The settings of the scene in which live was switched on, whichever is shown; None where it is gone."""
+    scene = bpy.data.scenes.get(_scene)
+    return scene and scene.imprint
 
 
 def _look_at_settings() -> None:
     """Start anew with the same objects where the panel says something else."""
-    global _session, _asked, _work, _all_changed  # noqa: PLW0603 - see start
-    wanted = bpy.context.scene.imprint.to_settings()
+    global _session, _asked, _refused, _work, _all_changed  # noqa: PLW0603 - see start
+    wanted = _settings().to_settings()
     if wanted == _asked:
+        if _refused is not None:
+            _refused = None
+            _say("")
         return
-    _asked = wanted
+    if wanted == _refused:
+        raise BakeError(message)
+    _refused = wanted
     objects = bpy.data.objects
     job = Job(objects[_session.low], [objects[name] for name in _session.highs], objects.get(_session.cage))
-    following = live.Session(bpy.context, job, wanted, pace.Pace(SLICE))
+    following = live.Session(bpy.context, job, wanted, pace.Pace(SLICE, looks=False))
+    _session.commit()  # the image need not be the same from now on
     if _work is not None:
         _work.close()
     _session.free()
-    _session, _work, _all_changed = following, None, True
+    _session, _asked, _refused, _work, _all_changed = following, wanted, None, None, True
 
 
 def _begin() -> None:
@@ -161,6 +182,23 @@ def _advance() -> None:
     _announce()
 
 
+def _say(what: str) -> None:
+    """Change the message; it is drawn only when it is another one."""
+    global message  # noqa: PLW0603 - see start
+    if what != message:
+        message = what
+        _announce()
+
+
+def _on_save(*_) -> None:
+    """What is in memory alone would not be in the file."""
+    if _session is not None:
+        try:
+            _session.commit()
+        except BakeError as error:
+            _say(str(error))
+
+
 def _announce() -> None:
     for told in on_new:
         told()
@@ -171,6 +209,7 @@ def _handlers() -> list[tuple[list, Callable]]:
     return [
         (handlers.depsgraph_update_post, _on_update),
         (handlers.frame_change_post, _on_update),
+        (handlers.save_pre, _on_save),
         (handlers.undo_post, _on_undo),
         (handlers.redo_post, _on_undo),
     ]

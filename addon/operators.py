@@ -37,6 +37,9 @@ class _InSlices:
 
     @classmethod
     def poll(cls, _context: bpy.types.Context) -> bool:
+        if live.session() is not None:
+            cls.poll_message_set("Live bakes into the same image: switch it off first")
+            return False
         return progress.current() is None
 
     def execute(self, context: bpy.types.Context) -> set[str]:
@@ -67,16 +70,19 @@ class _InSlices:
         if event.type in LOOKING_AROUND:
             return {"PASS_THROUGH"}
         if event.type == "TIMER":
+            goes_on = False
             try:
                 progress.show(context, pace.some(self._steps, TICK))
+                goes_on = True
             except StopIteration as end:
-                self.cancel(context)
                 _tell(self, context, end.value)
                 return {"FINISHED"}
             except BakeError as error:
-                self.cancel(context)
                 self.report({"ERROR"}, str(error))
                 return {"CANCELLED"}
+            finally:  # after an error that nobody has thought of as well: else the next bake would wait for this one
+                if not goes_on:
+                    self.cancel(context)
         return {"RUNNING_MODAL"}
 
     def cancel(self, context: bpy.types.Context) -> None:

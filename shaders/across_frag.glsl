@@ -49,8 +49,8 @@ void main()
   vec2 start = ends.zw + across_product((vec2(beside) + 0.5 - ends.xy) * mirror, turn.xy);
   vec2 place = ends.zw + across_product((vec2(texel) + 0.5 - ends.xy) * mirror, turn.xy);
   float far = distance(start, place);
-  if (far > ACROSS_FARTHEST) {
-    discard;
+  if (!(far <= ACROSS_FARTHEST)) {
+    discard;  // NaN as well, of UVs that lie far outside
   }
   // The island across may end, and another begin.
   for (float at = 1.0; at < far; at += 1.0) {
@@ -79,7 +79,11 @@ void main()
     value.xy = across_product(value.xy * mirror, normalize(turn.xy) * vec2(1.0, -turn.z));
   }
   if (kind >= ACROSS_NORMAL) {
-    value = normalize(value);
+    float length_squared = dot(value, value);
+    if (!(length_squared > 0.0)) {
+      discard;
+    }
+    value /= sqrt(length_squared);
   }
   map_out = vec4((encode * vec4(value, 1.0)).xyz, 1.0);
   state_out = STATE_MARGIN;

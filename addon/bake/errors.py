@@ -1,6 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The one exception that a person is meant to read."""
 
+from collections.abc import Iterable
+
 
 class BakeError(Exception):
     """The bake cannot be done. Its text is one sentence that names the thing to mend."""
+
+
+def few(things: Iterable[object], most: int = 3) -> str:
+    """`things` in a sentence that stays short: some of them, and how many more there are."""
+    words = list(map(str, things))
+    more = len(words) - most
+    return ", ".join(words) if more < 1 else f"{', '.join(words[:most])} and {more} more"

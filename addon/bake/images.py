@@ -53,17 +53,6 @@ def beside(settings: Settings, name: str, depth: int | None = None) -> Settings:
     )
 
 
-def plan(settings: Settings) -> dict[str, Settings]:
-    """The settings of each image that a bake of `settings`, whose image is named, fills: by the map's name."""
-    result = {"NORMAL": settings}
-    if settings.mask:
-        result["MASK"] = beside(settings, MISSED)
-    for name in settings.maps:
-        few = name == "COVERAGE" or name.endswith("_ID")
-        result[name] = beside(settings, name.lower(), None if few else settings.depth)
-    return result
-
-
 def black_and_white(where: np.ndarray) -> np.ndarray:
     """Texels (height, width, 4) float32 that are white where `where` (height, width) is true."""
     texels = np.ones((*where.shape, 4), np.float32)
@@ -73,13 +62,12 @@ def black_and_white(where: np.ndarray) -> np.ndarray:
 
 def check(low_name: str, settings: Settings) -> None:
     """Raise BakeError if a map cannot be put where the settings want it, before anything is baked."""
-    for own in plan(replace(settings, image=name_for(low_name, settings))).values():
-        _check_image(own.image)
-        output = output_for(own)
-        if output.startswith("//") and not bpy.data.filepath:
-            raise BakeError(f"{output!r} is relative to a .blend file that was never saved: save it first.")
-        if output:
-            check_writable(_absolute(output))
+    _check_image(name_for(low_name, settings))
+    output = output_for(settings)
+    if output.startswith("//") and not bpy.data.filepath:
+        raise BakeError(f"{output!r} is relative to a .blend file that was never saved: save it first.")
+    if output:
+        check_writable(_absolute(output))
 
 
 class Writer:
@@ -189,7 +177,7 @@ def _check_image(name: str) -> None:
     if image is None:
         return
     if (
-        image.source not in {"GENERATED", "FILE", "TILED"}
+        image.source not in {"GENERATED", "FILE", "TILED", *(["SEQUENCE"] if image.get("imprint") else [])}
         or image.type not in {"IMAGE", "UV_TEST"}
         or image.is_multiview
     ):

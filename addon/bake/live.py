@@ -18,6 +18,7 @@ from .pace import Pace, Step, Work
 from .pipeline import Job
 from .report import Report
 from .settings import Settings
+from .sources import Source
 
 
 class Session:
@@ -45,6 +46,8 @@ class Session:
         self._kept = Kept()
         self._source: sources.Source | None = None
         self._pool: target.Pool = {}
+        self._coarse_pool: target.Pool = {}
+        self._coarse: gpu.types.GPUTexture | None = None
         self._state: np.ndarray | None = None
         self._is_stored = False
 
@@ -69,6 +72,10 @@ class Session:
             reason = subjects.problem(context, low, highs, cage, self._method)
             if reason:
                 raise BakeError(reason)
+            if low in highs and low.mode == "EDIT":
+                raise BakeError(
+                    f"The map will follow when {self.low!r}, which is its own high object, leaves Edit Mode."
+                )
             hidden = next(filter(subjects.hides_detail, highs), None)
             if hidden is not None:
                 raise BakeError(
@@ -78,17 +85,35 @@ class Session:
                 before = None if changed is None else self._meshes
                 meshes = reading.read_again(context, low, highs, cage, settings, before=before, changed=changed or ())
             self._meshes, report.uv_layer = meshes, meshes.uv_layer
-            if before is None or meshes.low is not before.low:
+            if not self._finishes or before is None or meshes.low is not before.low:
                 self._finishes = finish.all_of([meshes.low], settings)
             shown = methods.choose(meshes, [1001], settings, report)
             self._method = report.method
             source = yield from methods.source(shown, [1001], settings, report, self.pace, kept=self._kept)
+            if source.takes_time and self.pace.is_sliced:
+                yield self._first_look(source, shown.basis, settings, report)
             renderer = render.Renderer(source, shown.basis, settings, report, self.pace, kept=self._kept)
             maps = yield from renderer.texels(1001, self._finishes)
             texels, state = maps["NORMAL"]
             if not (state == resolve.WRITTEN).any():
                 raise BakeError(methods.nothing_drawn(shown, [1001], report))
         self.texels, self._state, self.report, self._source = texels, state, report, source
+        self._coarse = None
+
+    def _first_look(self, source: Source, basis: Mesh | None, settings: Settings, report: Report) -> Step:
+        """A coarse map, to be seen until the whole one is done."""
+        small = replace(
+            settings,
+            width=max(16, settings.width // render.COARSE),
+            height=max(16, settings.height // render.COARSE),
+            samples=1,
+        )
+        # In targets of their own: those of the whole map stay as large as they are.
+        with target.using(self._coarse_pool):
+            renderer = render.Renderer(source, basis, small, report, Pace(), kept=self._kept)
+            pace.finish(renderer.texels(1001, finish.all_of([self._meshes.low], small)))
+        self._coarse = self._coarse_pool["map"].texture
+        return Step("Drawing", 0.0, self._coarse)
 
     def run(self, context: bpy.types.Context, changed: Collection[str] | None = None) -> None:
         """All of `work`, at once."""
@@ -98,6 +123,9 @@ class Session:
     def free(self) -> None:
         """Free what is kept on the GPU."""
         self._pool.clear()
+        self._coarse_pool.clear()
+        self._coarse = None
+        self._finishes = {}
         self._kept, self._source = Kept(), None
 
     def advance(self, work: Work[None], seconds: float) -> Step:
@@ -107,7 +135,10 @@ class Session:
 
     @property
     def map(self) -> gpu.types.GPUTexture | None:
-        """The last whole map on the GPU; None before the first, and where the map is drawn in bands."""
+        """The last map on the GPU, coarse while rays for a whole one are on their way; None before the first, and where the
+        map is drawn in bands."""
+        if self._coarse is not None:
+            return self._coarse
         drawn = self._pool.get("map")
         is_whole = self.texels is not None and drawn is not None and drawn.height == self.settings.height
         return drawn.texture if is_whole else None

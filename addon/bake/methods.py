@@ -7,7 +7,7 @@ from dataclasses import replace
 from ..mesh import arrays
 from ..passes import batch
 from . import agreement, casting, distances, sources
-from .errors import BakeError
+from .errors import BakeError, few
 from .pace import Pace, Step, Work
 from .reading import Meshes
 from .report import Report
@@ -95,7 +95,7 @@ def source(
 
 def nothing_drawn(meshes: Meshes, tiles: Sequence[int], report: Report) -> str:
     """Why no texel was written, as a sentence."""
-    names = ", ".join(map(repr, report.high))
+    names = few(map(repr, report.high))
     if not set(tiles).intersection(arrays.tiles(meshes.low)):
         return f"No triangle of {report.low!r} lies on the map: its UVs are outside {_place(tiles)}, or empty."
     if report.method == "FLATTEN":
@@ -109,9 +109,9 @@ def nothing_drawn(meshes: Meshes, tiles: Sequence[int], report: Report) -> str:
 
 
 def _place(tiles: Sequence[int]) -> str:
-    return "0 to 1" if list(tiles) == [1001] else f"the tiles {', '.join(map(str, tiles))}"
+    return "0 to 1" if list(tiles) == [1001] else f"the tiles {few(tiles)}"
 
 
 def _apart(report: Report, distance: float) -> str:
-    names = ", ".join(map(repr, report.high))
+    names = few(map(repr, report.high))
     return f"{report.low!r} and {names} do not overlap: they are {distance:.4g} apart."

@@ -59,14 +59,17 @@ def some[Result](work: Work[Result], seconds: float) -> Step:
 
 
 class Pace:
-    """Cuts rows of texels into slices that take about `seconds` each; without a number all of them are one slice."""
+    """Cuts rows of texels into slices that take about `seconds` each; without a number all of them are one slice.
+
+    looks: whether somebody looks at the picture of each step, and wants to see a coarse one first.
+    """
 
     FIRST = 64
     STEP = 8
     """Slices are made of this many rows: workgroups of compute shaders do not straddle them."""
 
-    def __init__(self, seconds: float | None = None):
-        self.seconds = seconds
+    def __init__(self, seconds: float | None = None, *, looks: bool = True):
+        self.seconds, self.looks = seconds, looks
         self._rows = self.FIRST
 
     @property

@@ -13,7 +13,7 @@ from ..mesh.arrays import Mesh
 from ..passes import target
 from . import atlas, audit, casting, finish, images, materials, methods, pace, reading, render, subjects
 from .band import bands
-from .errors import BakeError
+from .errors import BakeError, few
 from .outputs import Outputs, wanted
 from .pace import Pace, Step, Work, part
 from .pairs import Suffixes, match
@@ -92,8 +92,11 @@ def work(
     they were to share its image.
     """
     named = [_for_low(settings, "atlas" if share_image else job.low.name) for job in jobs]
-    places = {(own.output if own.storage == "FILE" else own.image).casefold() for own in named}
-    if not share_image and len(places) < len(jobs):
+    filled = [one for own in named for one in wanted(own).values()]
+    places = {images.output_for(one).casefold() for one in filled if one.storage == "FILE"}
+    if not share_image and (
+        len({one.image.casefold() for one in filled}) < len(filled) or 0 < len(places) < len(filled)
+    ):
         raise BakeError("Several maps would go into one place: put {low} into its name, or let them share it.")
     for job, own in zip(jobs, named, strict=True):
         check(context, job, own)
@@ -152,8 +155,9 @@ class _Bake:
                 target.trim()
                 casting.trim()
             yield Step("Storing", 1.0)
+            low = subjects.named(report.low)  # it may be gone by now
             with report.timed("image"):
-                outputs.commit([self.job.low], [report], self.meshes.materials)
+                outputs.commit([low], [report], self.meshes.materials)
 
     def raw(self, context: bpy.types.Context) -> Work[dict[int, dict[str, np.ndarray]]]:
         """From the objects to the values of all maps without a margin, by tile and name, as Renderer.raw has them."""
@@ -203,14 +207,10 @@ def _tiles(low: Mesh, settings: Settings) -> list[int]:
     found = arrays.tiles(low)
     wanted = [tile for tile in found if not settings.tiles or tile in settings.tiles]
     if not wanted:
-        where = ", ".join(map(str, found)) or "no tile"
+        where = few(found) or "no tile"
         raise BakeError(
             f"{low.name!r} lies on {where}"
-            + (
-                f", not on {', '.join(map(str, settings.tiles))}."
-                if settings.tiles
-                else ": its UVs are empty or negative."
-            )
+            + (f", not on {few(settings.tiles)}." if settings.tiles else ": its UVs are empty or negative.")
         )
     return wanted
 

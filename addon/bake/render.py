@@ -43,6 +43,7 @@ class Renderer:
         kept: batch.Kept | None = None,
     ):
         self.source, self.settings, self.report, self.pace = source, settings, report, pace
+        self._picture: gpu.types.GPUTexture | None = None
         self.basis = None
         if basis is not None:
             with report.timed("upload"):
@@ -91,7 +92,7 @@ class Renderer:
     ) -> Work[None]:
         settings = self.settings
         parts = list(bands(settings.width, settings.height, margin, tile))
-        if self.pace.is_sliced:
+        if self.pace.is_sliced and self.pace.looks and self.source.takes_time:
             yield from part(self._coarse(tile), 0.0, 0.0)
         for number, band in enumerate(parts):
             maps = yield from part(self._sampled(band), number / len(parts), (number + 1) / len(parts))
@@ -102,8 +103,9 @@ class Renderer:
         """A first look at the whole."""
         settings = self.settings
         size = max(1, settings.width // COARSE), max(1, settings.height // COARSE)
-        for normals, _ in self._normals(Band(0, size[1], size, 0, tile)):
-            yield self._step(normals, 0.0, clear=True)
+        band = Band(0, size[1], size, 0, tile)
+        for normals, _ in self._normals(band):
+            yield self._step(normals, 0.0, band, clear=True)
 
     def _sampled(self, band: Band) -> Work[dict[str, gpu.types.GPUTexture]]:
         """The maps of a band in all their samples."""
@@ -112,7 +114,7 @@ class Renderer:
         if count == 1:
             for drawn, rows in self._normals(band):
                 if self.pace.is_sliced:
-                    yield self._step(drawn, rows.stop / band.height)
+                    yield self._step(drawn, rows.stop / band.height, band)
             return {"NORMAL": drawn} | {name: self._other(name, band) for name in settings.maps}
         sums = target.get("sums", *size, "RGBA32F")
         if self.pace.is_sliced:
@@ -124,7 +126,7 @@ class Renderer:
             for drawn, rows in self._normals(sample):
                 samples.add(sums, drawn, rows, is_first=number == 0)
                 if self.pace.is_sliced:
-                    yield self._step(sums.texture, (number + rows.stop / band.height) / count)
+                    yield self._step(sums.texture, (number + rows.stop / band.height) / count, band)
             for name in settings.maps:
                 if name not in LABELS:
                     total = target.get(f"sums of {name}", *size, "RGBA32F")
@@ -162,6 +164,8 @@ class Renderer:
         with self.report.timed("draw"):
             return self.source.other(name, band, target.get(name, band.width, band.height, "RGBA32F"))
 
-    def _step(self, normals: gpu.types.GPUTexture, done: float, *, clear: bool = False) -> Step:
+    def _step(self, normals: gpu.types.GPUTexture, done: float, band: Band, *, clear: bool = False) -> Step:
         size = self.settings.width, self.settings.height
-        return Step("Drawing", done, picture.draw(normals, size, channels(self.settings), clear=clear))
+        if band.is_whole:  # of a larger map the first look is all that is shown
+            self._picture = picture.draw(normals, size, channels(self.settings), clear=clear)
+        return Step("Drawing", done, self._picture)

@@ -36,11 +36,8 @@ def work(
 
     Frames that are done are kept when it is closed. Raises BakeError.
     """
-    if settings.storage != "FILE":
-        raise BakeError("A sequence is files: choose to store the map in a file.")
-    if not frames:
-        raise BakeError("There is no frame to bake: let the sequence end after it starts.")
-    scene, before = context.scene, context.scene.frame_current
+    _check(settings, frames)
+    scene, before = context.scene, context.scene.frame_current_final
     settings = replace(settings, output=settings.output.replace("{low}", bpy.path.clean_name(job.low.name)))
     plain = replace(settings, image=PASSING, material=False)
     image = datablocks.get(images.name_for(job.low.name, settings))
@@ -60,13 +57,30 @@ def work(
                 reports += end.value
         yield Step("Storing", 1.0, finished=len(frames))
     finally:
-        scene.frame_set(before)
-        passing = datablocks.get(PASSING)
-        if passing is not None:
-            bpy.data.images.remove(passing)
+        scene.frame_set(int(before), subframe=before - int(before))
+        for own in outputs.wanted(plain).values():
+            passing = datablocks.get(own.image)
+            if passing is not None:
+                bpy.data.images.remove(passing)
         if reports:
             _show(job, settings, frames[: len(reports)], reports)
     return reports
+
+
+def _check(settings: Settings, frames: Sequence[int]) -> None:
+    """Raise BakeError for what cannot be a sequence."""
+    if settings.storage != "FILE":
+        raise BakeError("A sequence is files: choose to store the map in a file.")
+    if settings.udim:
+        raise BakeError("A sequence has one tile alone: switch UDIM tiles off.")
+    if any(frame < 0 for frame in frames):
+        raise BakeError("A sequence has no frames below 0: Blender would not find their files.")
+    if re.search(r"#[^#]*\d", PurePath(settings.output).stem):
+        raise BakeError(
+            f"{settings.output!r} has a number behind the frame's, which Blender would take for it: put it in front."
+        )
+    if not frames:
+        raise BakeError("There is no frame to bake: let the sequence end after it starts.")
 
 
 def _show(job: Job, settings: Settings, frames: Sequence[int], reports: Sequence[Report]) -> None:

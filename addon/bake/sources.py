@@ -18,7 +18,9 @@ from .settings import Settings
 
 
 class Source(Protocol):
-    """Draws a band of the normal map, and of the maps beside it."""
+    """Draws a band of the normal map, and of the maps beside it. takes_time: whether it does so in slices."""
+
+    takes_time: bool
 
     def normals(self, band: Band) -> Iterator[tuple[gpu.types.GPUTexture, range]]:
         """Unit normals in world space or the low object's: RGBA32F, alpha 1 written, 0 nothing, -1 missed.
@@ -32,6 +34,8 @@ class Source(Protocol):
 
 class Flat:
     """Draws `highs` in UV space; `kept` holds what was uploaded of them before."""
+
+    takes_time = False
 
     def __init__(
         self, low: Mesh, highs: Sequence[Mesh], settings: Settings, report: Report, *, kept: batch.Kept | None = None
@@ -75,6 +79,8 @@ class Flat:
 
 class Rays:
     """Casts `rays` at `aim`, the tree over `highs`; extrusion and reach in the units of its frame."""
+
+    takes_time = True
 
     def __init__(
         self,
@@ -132,6 +138,8 @@ class Rays:
 
 class Drawn:
     """Maps that were drawn before, by name, (height, width, 4) float32 as render.Renderer.raw returns them."""
+
+    takes_time = False
 
     def __init__(self, maps: dict[str, np.ndarray]):
         self.maps = maps

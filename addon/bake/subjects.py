@@ -168,6 +168,8 @@ def _leave_modes(layer: bpy.types.ViewLayer, meshes: set[bpy.types.Mesh], restor
         leaving += [obj for obj in layer.objects if obj.mode == "EDIT" and obj not in leaving]
     if not leaving:
         return
+    # First, and so entered last: Blender crashes where a mesh in Edit Mode is to be painted on another object.
+    leaving.sort(key=lambda obj: obj.mode != "EDIT")
     restore.callback(setattr, layer.objects, "active", layer.objects.active)
     for obj in layer.objects.selected.values():
         restore.callback(obj.select_set, True)

@@ -42,6 +42,7 @@ def encode(texels: np.ndarray, how: dict) -> None:
     """Bring `texels` (height, width, 4) float32 into the form that `how` says, in place; alpha stays."""
     known = texels[..., 3:] > 0.0
     if "colours" in how:
+        np.copyto(texels[..., :3], np.float32(0.0), where=~known)
         palette = np.array([(0.0, 0.0, 0.0), *how["colours"].values()], np.float32)
         texels[..., :3] = palette[texels[..., 0].astype(np.int32)]
     else:

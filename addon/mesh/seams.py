@@ -13,6 +13,8 @@ CONNECTED = 1e-5
 INSIDE, OUTSIDE = 0.05, 2.5
 """How far strips along borders reach into the island and out of it, in texels. A texel whose neighbour is written lies at
 most a diagonal, and half of one for samples beside the centre, from the border."""
+SMALLEST_TURN = 1e-6
+"""Times that the edge across may be shorter or longer: beyond, one of the two is a point that has no direction."""
 _STRIP = np.array([(0, 2, 1), (1, 2, 3), (2, 4, 5), (2, 5, 3), (4, 6, 7), (4, 7, 5)])
 """Its triangles, of four pairs of corners, inside and outside, from before the edge to past it. Beyond the ends, where the
 distance is no longer linear, they part between along and across, so that it is at most 8 % too large."""
@@ -33,6 +35,7 @@ class Seams:
     there: np.ndarray
     is_mirrored: np.ndarray
 
+    @np.errstate(over="ignore")  # of UVs that lie far outside
     def similarities(self, size: tuple[int, int], tile: int) -> np.ndarray:
         """What takes texels past each border to where the surface goes on: (2 B, 4) float32, two rows a border.
 
@@ -43,10 +46,11 @@ class Seams:
         here, there = (_texels(ends, size, tile) for ends in (self.here, self.there))
         along = here[:, 1] - here[:, 0]
         turn = (there[:, 1] - there[:, 0]) / np.where(self.is_mirrored, along.conj(), along)
-        is_known = np.isfinite(turn) & (turn != 0.0)
         rows = np.zeros((len(here), 2, 4), np.float32)
         for row, column, values in ((0, 0, here[:, 0]), (0, 2, there[:, 0]), (1, 0, turn)):
             rows[:, row, column], rows[:, row, column + 1] = values.real, values.imag
+        scale = np.abs(turn)
+        is_known = np.isfinite(rows).all(axis=(1, 2)) & (scale > SMALLEST_TURN) & (scale < 1.0 / SMALLEST_TURN)
         rows[:, 1, 2], rows[:, 1, 3] = np.where(self.is_mirrored, -1.0, 1.0), is_known
         return np.where(is_known[:, None, None], rows, np.float32(0.0)).reshape(-1, 4)
 

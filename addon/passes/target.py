@@ -107,19 +107,22 @@ def free() -> None:
 @contextmanager
 def drawing(into: Target, rows: range | None = None, *, clear: bool = True) -> Iterator[None]:
     """What is drawn in this block goes into `into`, which is cleared first, and into these rows of it alone."""
+    blending = gpu.state.blend_get()
+    gpu.state.blend_set("NONE")  # whatever a script has drawn before
+    gpu.state.color_mask_set(True, True, True, True)
     with into.framebuffer.bind():
         if clear:
             into.framebuffer.clear(color=(0.0, 0.0, 0.0, 0.0))
         into.framebuffer.viewport_set(0, 0, into.width, into.height)
-        if rows is None:
-            yield
-            return
-        gpu.state.scissor_test_set(True)
-        gpu.state.scissor_set(0, rows.start, into.width, len(rows))
+        if rows is not None:
+            gpu.state.scissor_test_set(True)
+            gpu.state.scissor_set(0, rows.start, into.width, len(rows))
         try:
             yield
         finally:
-            gpu.state.scissor_test_set(False)
+            if rows is not None:
+                gpu.state.scissor_test_set(False)
+            gpu.state.blend_set(blending)
 
 
 def clear(target: Target) -> None:

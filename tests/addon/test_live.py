@@ -17,7 +17,7 @@ from tests.support.maps import pixels
 
 pytestmark = pytest.mark.usefixtures("gpu_context", "registered")
 
-HANDLERS = ("depsgraph_update_post", "frame_change_post", "undo_post", "redo_post", "load_pre", "load_post")
+HANDLERS = ("depsgraph_update_post", "frame_change_post", "undo_post", "redo_post", "save_pre", "load_pre", "load_post")
 
 
 @pytest.fixture
@@ -241,6 +241,84 @@ def test_the_map_is_packed_when_it_is_switched_off(pair):
     assert bpy.data.images["lo_normal"].packed_file is None
     switch(False)
     assert bpy.data.images["lo_normal"].packed_file is not None
+
+
+def test_the_map_is_in_a_file_that_is_saved_meanwhile(pair, tmp_path):
+    _, high = pair
+    switch(True)
+    move(high, 9)
+    follow()
+    wanted = pixels(bpy.data.images["lo_normal"])
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    assert live.session() is not None
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "scene.blend"))
+    assert np.allclose(pixels(bpy.data.images["lo_normal"]), wanted, atol=1e-6)
+
+
+def test_another_scene_changes_nothing(pair):
+    switch(True)
+    session = live.session()
+    other = bpy.data.scenes.new("Other")
+    with bpy.context.temp_override(scene=other):
+        live._look_at_settings()
+    assert live.session() is session
+    bpy.data.scenes.remove(other)
+
+
+def test_bake_waits_until_it_is_off(pair):
+    switch(True)
+    with pytest.raises(RuntimeError, match="switch it off first"):
+        bpy.ops.imprint.bake()
+    switch(False)
+    assert bpy.ops.imprint.bake() == {"FINISHED"}
+
+
+def test_an_own_base_in_edit_mode_is_waited_for(pair):
+    low, _ = pair
+    bpy.context.scene.imprint.highs.clear()
+    low.modifiers.new("Subdivision", "SUBSURF").levels = 2
+    bpy.context.view_layer.objects.active = low
+    low.select_set(True)
+    switch(True)
+    bpy.ops.object.mode_set(mode="EDIT")
+    low.update_tag()
+    follow()
+    assert "leaves Edit Mode" in live.message
+    bpy.ops.object.mode_set(mode="OBJECT")
+    move(low, 3)
+    follow()
+    assert live.message == ""
+
+
+def test_an_error_of_ours_switches_it_off(pair, monkeypatch):
+    before = handlers()
+    switch(True)
+    monkeypatch.setattr(live.session(), "advance", lambda *_: 1 / 0)
+    move(pair[1], 3)
+    bpy.context.view_layer.update()
+    with pytest.raises(ZeroDivisionError):
+        live.tick()
+    assert live.session() is None
+    assert handlers()["undo_post"] == before["undo_post"]
+
+
+def test_rays_show_a_coarse_map_first(pair, monkeypatch):
+    """Which the preview has, and the image never."""
+    _, high = pair
+    bpy.context.scene.imprint.method = "CAST"
+    switch(True)
+    before = pixels(bpy.data.images["lo_normal"])
+    monkeypatch.setattr(live, "BUDGET", 0.0)
+    move(high, 3)
+    bpy.context.view_layer.update()
+    sizes = []
+    while not sizes or live._work is not None:
+        live.tick()
+        sizes.append(live.session().map.width)
+        assert np.array_equal(pixels(bpy.data.images["lo_normal"]), before)
+    assert 16 in sizes and sizes[-1] == 64
+    follow()
+    assert np.array_equal(pixels(bpy.data.images["lo_normal"]), fresh())
 
 
 def test_what_was_not_drawn_is_still_to_be_read(pair):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from addon.bake import pipeline, values
+from addon.bake.errors import BakeError
 from addon.bake.settings import MAPS, Settings
 from tests.support import zoo
 from tests.support.maps import pixels, texel_uv
@@ -147,3 +148,29 @@ def test_colours_differ():
     colours = np.array([values.colour(number) for number in range(40)])
     apart = np.abs(colours[:, None] - colours[None]).max(axis=-1) + np.eye(40)
     assert apart.min() > 0.04
+
+
+def test_what_was_missed_is_nobodys():
+    low, high = zoo.plane("lo"), zoo.plane("hi")
+    high.scale.x = 0.5
+    rays = {"method": "CAST", "extrusion": 0.1, "max_distance": 0.2, "missed": (1.0, 0.0, 0.0)}
+    _, maps = bake(low, high, maps=["OBJECT_ID", "HEIGHT"], size=32, **rays)
+    missed = maps["object_id"][..., 3] == 0.0
+    assert missed.sum() == 16 * 32
+    assert (maps["object_id"][missed] == 0.0).all()
+    assert (maps["height"][missed] == 0.0).all()
+
+
+@pytest.mark.parametrize(
+    ("names", "values"),
+    [
+        (("a_low", "b_low"), {"image": "Normal", "output": "{low}.png"}),
+        (("rock", "rock_height"), {"output": "{low}.png", "maps": ("HEIGHT",)}),
+    ],
+)
+def test_two_bakes_share_no_image_and_no_file(tmp_path, names, values):
+    jobs = [pipeline.Job(zoo.plane(name), [zoo.plane(f"high of {name}")]) for name in names]
+    own = {**values, "output": str(tmp_path / values["output"]), "storage": "FILE"}
+    with pytest.raises(BakeError, match="one place"):
+        pipeline.bake_all(bpy.context, jobs, Settings("FLATTEN", width=32, height=32, **own))
+    assert list(tmp_path.iterdir()) == []

@@ -8,7 +8,7 @@ from mathutils import Matrix, Vector
 
 from addon.bake import pipeline
 from addon.bake.errors import BakeError
-from addon.bake.settings import METHODS, Settings
+from addon.bake.settings import MARGINS, METHODS, Settings
 from tests.support import angles, maps, outcome, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -152,6 +152,46 @@ def test_a_size_that_the_object_has_and_not_the_mesh(method, size, tmp_path):
     assert is_map(bake(low, high, method, tmp_path))
 
 
+@pytest.mark.parametrize("margin_type", MARGINS)
+@pytest.mark.parametrize("size", [1e3, 1e9, 1e20, 1e37])
+@pytest.mark.parametrize("method", METHODS)
+def test_uvs_that_lie_far_outside(method, size, margin_type, tmp_path):
+    """Of one quad, which is a part of the map's seams."""
+    low, high = zoo.plane("lo", 8), zoo.terrain("hi", 8)
+    for obj in (low, high):
+        for corner in obj.data.polygons[0].loop_indices:
+            obj.data.uv_layers[0].uv[corner].vector *= size
+    report = bake(low, high, method, tmp_path, margin_type=margin_type)
+    assert any("reach outside" in warning for warning in report.warnings)
+
+
+@pytest.mark.parametrize("size", [0.0, 1e-30, 1e-25, 1e-10, 1e-5])
+def test_an_island_that_is_a_point_beside_the_one_across_its_seam(size, tmp_path):
+    """The point lies on an island, from which the margin of its neighbours would take texels."""
+    low, high = zoo.plane("lo", 2), zoo.terrain("hi", 2)
+    for obj in (low, high):
+        uv = obj.data.uv_layers[0].uv
+        for face in obj.data.polygons:
+            for corner in face.loop_indices:
+                uv[corner].vector = uv[corner].vector * size if face.index == 0 else Vector((1, 1)) - uv[corner].vector
+    assert is_map(bake(low, high, "FLATTEN", tmp_path, margin_type="ADJACENT_FACES", depth=32))
+
+
+def test_a_sentence_stays_short_however_many_tiles_and_objects_there_are(tmp_path):
+    low, highs = zoo.plane("lo"), [zoo.plane(f"high {number:02} {'x' * 40}") for number in range(20)]
+    for corner in low.data.uv_layers[0].uv:
+        corner.vector = 10.0 * corner.vector.x, 90.0 * corner.vector.y + 1.0
+    for high in highs:
+        high.data.uv_layers[0].uv.foreach_set("vector", [-1.0] * 8)
+    sizes = SMALL | {"width": 16, "height": 16, "storage": "PACK", "udim": True, "method": "FLATTEN"}
+    sentence = outcome.of_bake(low, highs, Settings(**sizes), tmp_path)
+    assert (
+        "'high 00" in sentence and "and 17 more" in sentence and "the tiles 1011, 1012, 1013 and 897 more" in sentence
+    )
+    sentence = outcome.of_bake(low, highs, Settings(**sizes, tiles=(1001,)), tmp_path)
+    assert sentence == "'lo' lies on 1011, 1012, 1013 and 897 more, not on 1001."
+
+
 # States
 
 
@@ -188,3 +228,17 @@ def test_a_base_mesh_whose_modifiers_lose_its_uvs(tmp_path):
     tree.links.new(cube.outputs["Mesh"], output.inputs[0])
     obj.modifiers.new("Another cube", "NODES").node_group = tree
     assert bake(obj, obj, "AUTO", tmp_path).method == "CAST"
+
+
+@pytest.mark.parametrize("mode", ["WEIGHT_PAINT", "VERTEX_PAINT", "TEXTURE_PAINT", "SCULPT"])
+def test_a_mesh_that_is_painted_on_one_object_and_edited_on_another(mode, tmp_path):
+    """Blender crashes where the one mode is entered after the other."""
+    low, high = zoo.plane("lo"), zoo.plane("hi", 4)
+    twin = high.copy()
+    bpy.context.collection.objects.link(twin)
+    high.modifiers.new("Mirror", "MIRROR"), twin.modifiers.new("Thick", "SOLIDIFY")
+    for obj, name in ((high, mode), (twin, "EDIT")):
+        bpy.context.view_layer.objects.active = obj
+        bpy.ops.object.mode_set(mode=name)
+    assert is_map(bake(low, high, "FLATTEN", tmp_path))
+    assert (high.mode, twin.mode) == (mode, "EDIT")

@@ -284,6 +284,8 @@ def hide(rng, obj):
 
 
 def enter_mode(rng, obj):
+    if any(other.mode == "EDIT" and other.data == obj.data for other in bpy.data.objects):
+        return  # Blender itself crashes
     bpy.context.view_layer.objects.active = obj
     obj.select_set(True)
     bpy.ops.object.mode_set(mode=str(rng.choice(["EDIT", "SCULPT", "WEIGHT_PAINT", "TEXTURE_PAINT"])))

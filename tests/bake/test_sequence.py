@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A map for each frame of an animation."""
 
+from dataclasses import replace
+
 import bpy
 import numpy as np
 import pytest
@@ -91,7 +93,32 @@ def test_one_that_is_stopped_at_its_first_frame_leaves_nothing(job, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_what_cannot_be_a_sequence(job, tmp_path):
-    for wrong in (Settings(), settings(tmp_path)):
-        with pytest.raises(BakeError, match="sequence"):
-            finish(sequence.work(bpy.context, job, wrong, range(0) if wrong.output else range(3), Pace()))
+def test_what_is_baked_beside_it_leaves_no_image_behind(job, tmp_path):
+    bpy.context.scene.frame_set(3, subframe=0.5)
+    work = sequence.work(bpy.context, job, settings(tmp_path, maps=("HEIGHT",), mask=True), range(1, 3), Pace())
+    finish(work)
+    assert [image.name for image in bpy.data.images] == ["lo_normal"]
+    assert len(list(tmp_path.iterdir())) == 6
+    assert bpy.context.scene.frame_current_final == 3.5
+    pipeline.bake(bpy.context, job.low, job.highs, settings(tmp_path))  # one map in its place
+    assert bpy.data.images["lo_normal"].source == "FILE"
+
+
+@pytest.mark.parametrize(
+    ("wrong", "frames"),
+    [
+        ({"storage": "PACK"}, range(3)),
+        ({}, range(0)),
+        ({"udim": True}, range(3)),
+        ({}, range(-2, 3)),
+        ({"name": "a_##_v2.exr"}, range(3)),
+    ],
+)
+def test_what_cannot_be_a_sequence(job, tmp_path, wrong, frames):
+    before = snapshot()
+    values = {"name": "map.exr"} | wrong
+    asked = replace(settings(tmp_path, values.pop("name")), **values)
+    with pytest.raises(BakeError):
+        finish(sequence.work(bpy.context, job, asked, frames, Pace()))
+    assert difference(before, snapshot()) == {}
+    assert list(tmp_path.iterdir()) == []
