@@ -279,8 +279,10 @@ def demo(options):
 
 
 def bench(options):
-    """Time Imprint against Blender's own bakers."""
-    return run_blender([str(SCRIPTS / "bench.py"), *options.rest])
+    """Measure Imprint against other bakers, and keep Blender off the person's own settings."""
+    with tempfile.TemporaryDirectory(prefix="imprint-bench-") as profile:
+        apart = dict(os.environ, BLENDER_USER_RESOURCES=profile)
+        return run_blender([str(SCRIPTS / "bench.py"), *options.rest], env=apart)
 
 
 def bake(options):
@@ -334,7 +336,7 @@ def parse(arguments):
     for run, text in (
         (demo, "bake the example"),
         (bake, "bake a normal map: bake --help says how"),
-        (bench, "time Imprint against Blender's own bakers"),
+        (bench, "measure Imprint against other bakers and write a report: bench --help says how"),
         (test, "run ruff, then pytest with the arguments that follow"),
     ):
         commands.add_parser(run.__name__, help=text, add_help=False).set_defaults(run=run)

@@ -1,0 +1,210 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Who bakes, how their times are taken, and how far their maps are from the truth."""
+
+import statistics
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import bpy
+import numpy as np
+
+from addon.bake import casting, pipeline
+from addon.bake.errors import BakeError
+from addon.bake.settings import Settings
+from tests.support import angles
+
+from .peers import NAMES, PeerError, Peers
+from .scenes import Pair
+
+FLATTEN, CAST, KEPT, CYCLES, MULTIRES = (
+    "Imprint, Flatten",
+    "Imprint, Cast",
+    "Imprint, Cast, tree kept",
+    "Cycles, selected to active",
+    "Blender, multires",
+)
+PATIENCE = 10.0
+"""Seconds of a first bake after which a contender from outside Blender is not asked again."""
+RIM = 2
+"""Texels at the rim of the map that are not compared: bakers differ in which of them they write."""
+
+
+@dataclass
+class Contender:
+    """A baker of one pair at one size. `bake` returns the seconds of one bake, `normals` the map it left."""
+
+    name: str
+    bake: Callable[[], float]
+    normals: Callable[[], np.ndarray]
+
+
+@dataclass
+class Timed:
+    """Seconds of one contender: of the first bake, and of those after it, one a round."""
+
+    first: float = 0.0
+    seconds: list[float] = field(default_factory=list)
+    stages: dict[str, float] = field(default_factory=dict)
+    gap: str = ""
+
+    @property
+    def median(self) -> float:
+        return statistics.median(self.seconds)
+
+
+def clocked(work: Callable[[], object]) -> float:
+    start = time.perf_counter()
+    work()
+    return time.perf_counter() - start
+
+
+class Imprint(Contender):
+    """Ours, from the objects to an image in the low object's material. keep: whether the tree of rays serves again."""
+
+    def __init__(self, name: str, pair: Pair, size: int, *, keep: bool = False, **settings):
+        self.pair, self.keep, self.stages = pair, keep, []
+        if settings["method"] == "CAST":
+            settings |= {"extrusion": pair.extrusion, "max_distance": 2.0 * pair.extrusion}
+        settings = {"image": name, **settings}
+        self.settings = Settings(width=size, height=size, depth=32, storage="MEMORY", **settings)
+        super().__init__(name, self._bake, self._normals)
+
+    def _bake(self) -> float:
+        if not self.keep:
+            casting.free()
+        start = time.perf_counter()
+        report = pipeline.bake(bpy.context, self.pair.low, [self.pair.high], self.settings)
+        seconds = time.perf_counter() - start
+        self.stages.append(report.seconds)
+        return seconds
+
+    def _normals(self) -> np.ndarray:
+        return normals_of(bpy.data.images[self.settings.image], self.settings.width)
+
+    def median_stages(self) -> dict[str, float]:
+        """Median seconds of each stage, without the first bake."""
+        return {name: statistics.median(s[name] for s in self.stages[1:]) for name in self.stages[0]}
+
+
+def cycles(pair: Pair, size: int, *, samples: int = 1, space: str = "TANGENT") -> Contender:
+    """Blender's own selected-to-active bake, with the rays that Cast has."""
+    image = target_image(pair.low, "cycles", size)
+
+    def bake() -> float:
+        scene = bpy.context.scene
+        scene.render.engine, scene.cycles.device, scene.cycles.samples = "CYCLES", "CPU", samples
+        scene.cycles.use_denoising = False
+        scene.render.bake.use_multires = False
+        activate(pair.low, "cycles")
+        for obj in bpy.data.objects:
+            obj.select_set(obj in (pair.low, pair.high))
+        bpy.context.view_layer.objects.active = pair.low
+        return clocked(
+            lambda: bpy.ops.object.bake(
+                type="NORMAL",
+                normal_space=space,
+                margin=16,
+                use_selected_to_active=True,
+                cage_extrusion=pair.extrusion,
+                max_ray_distance=2.0 * pair.extrusion,
+            )
+        )
+
+    return Contender(CYCLES, bake, lambda: normals_of(image, size))
+
+
+def multires(sculpt: bpy.types.Object, size: int) -> Contender:
+    """Blender's multires bake: tangent space, which for a plane along x and y is world space as well."""
+    image = target_image(sculpt, "multires", size)
+
+    def bake() -> float:
+        scene = bpy.context.scene
+        scene.render.engine = "CYCLES"
+        settings = scene.render.bake
+        settings.use_multires, settings.type, settings.margin = True, "NORMALS", 16
+        for obj in bpy.data.objects:
+            obj.select_set(obj is sculpt)
+        bpy.context.view_layer.objects.active = sculpt
+        return clocked(bpy.ops.object.bake_image)
+
+    return Contender(MULTIRES, bake, lambda: normals_of(image, size))
+
+
+def others(peers: Peers, size: int) -> list[Contender]:
+    """The peers outside Blender, for the pair that they have loaded."""
+    return [
+        Contender(NAMES[name], lambda name=name: peers.seconds(name, size), lambda name=name: peers.normals(name, size))
+        for name in peers.bakers
+    ]
+
+
+def target_image(obj: bpy.types.Object, name: str, size: int) -> bpy.types.Image:
+    """What Blender's bakers ask for: an image node in each of the object's materials."""
+    if old := bpy.data.images.get(name):
+        bpy.data.images.remove(old)
+    image = bpy.data.images.new(name, size, size, float_buffer=True, is_data=True)
+    if not any(slot.material for slot in obj.material_slots):
+        obj.data.materials.append(bpy.data.materials.new("target"))
+    for slot in obj.material_slots:
+        if slot.material:
+            nodes = slot.material.node_tree.nodes
+            node = nodes.get(name) or nodes.new("ShaderNodeTexImage")
+            node.name, node.image = name, image
+    activate(obj, name)
+    return image
+
+
+def activate(obj: bpy.types.Object, name: str) -> None:
+    """Make the image node of that name the one that Blender bakes to."""
+    for slot in obj.material_slots:
+        if slot.material:
+            nodes = slot.material.node_tree.nodes
+            nodes.active = nodes[name]
+            nodes[name].select = True
+
+
+def normals_of(image: bpy.types.Image, size: int) -> np.ndarray:
+    """World-space normals (size, size, 3) of an image in which n is stored as n * 0.5 + 0.5."""
+    texels = np.empty(size * size * 4, np.float32)
+    image.pixels.foreach_get(texels)
+    return angles.decode(texels.reshape(size, size, 4))
+
+
+def race(contenders: list[Contender], repeats: int) -> dict[str, Timed]:
+    """A first bake of each, then rounds in which each bakes once, so that what disturbs one disturbs all."""
+    result = {contender.name: Timed() for contender in contenders}
+    for turn in range(repeats + 1):
+        for contender in contenders:
+            timed = result[contender.name]
+            if timed.gap:
+                continue
+            try:
+                seconds = contender.bake()
+            except (BakeError, PeerError, RuntimeError) as error:  # a RuntimeError is a Blender operator's
+                timed.gap = str(error).strip().splitlines()[0]
+                continue
+            if turn:
+                timed.seconds.append(seconds)
+                continue
+            timed.first = seconds
+            if contender.name in NAMES.values() and seconds > PATIENCE:
+                timed.gap = f"its first bake took {seconds:.0f} s, so there were no others"
+    for contender in contenders:
+        if isinstance(contender, Imprint) and not result[contender.name].gap:
+            result[contender.name].stages = contender.median_stages()
+    return result
+
+
+def deviation(pair: Pair, normals: np.ndarray) -> dict[str, float]:
+    """Degrees from the truth: median, 99th percentile and maximum, and the share of texels that were written."""
+    size = len(normals)
+    centres = (np.arange(size) + 0.5) / size
+    truth = pair.truth(*np.meshgrid(centres, centres))
+    inside = np.s_[RIM:-RIM, RIM:-RIM]
+    lengths = np.linalg.norm(normals[inside], axis=-1)
+    written = lengths > 0.5
+    found = normals[inside][written] / lengths[written][:, None]
+    degrees = angles.degrees(found, truth[inside][written])
+    median, high, most = np.percentile(degrees, (50, 99, 100)).tolist() if written.any() else (float("nan"),) * 3
+    return {"median": median, "percentile_99": high, "maximum": most, "written": float(written.mean())}

@@ -1,0 +1,149 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Pictures after Figures 1 and 3 to 9 of the paper, from models that this repository or Blender makes."""
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import bpy
+import numpy as np
+from mathutils import Euler, Vector
+from PIL import Image
+
+from addon.bake import pipeline
+from addon.bake.settings import Settings
+from scripts import demo
+
+from . import scenes
+
+VIEW = Euler((math.radians(78), 0, math.radians(25)))
+SUN = Euler((math.radians(50), math.radians(-15), math.radians(-20)))
+
+
+def make(folder: Path, scratch: Path, quick: bool) -> dict[str, str]:
+    """Write the pictures into a folder; return their names with what they show."""
+    return sphere(folder, scratch) | creature(folder, scratch, quick) | terrain(folder, scratch, quick)
+
+
+def sphere(folder: Path, scratch: Path) -> dict[str, str]:
+    """Figure 1: the map of one surface in world and in tangent space."""
+    pair = scenes.belt(256)
+    maps = []
+    for space in ("WORLD", "TANGENT"):
+        path = scratch / f"{space}.png"
+        bake(pair.low, pair.high, path, space=space, method="FLATTEN", width=1024, height=512)
+        maps.append(path)
+    beside(maps, folder / "figure_1.png")
+    return {"figure_1.png": "Figure 1: waves on a sphere, the map in world space and in tangent space"}
+
+
+def creature(folder: Path, scratch: Path, quick: bool) -> dict[str, str]:
+    """Figures 3 to 6: high mesh, low mesh, map, and the low mesh with the map."""
+    scenes.empty()
+    bpy.ops.mesh.primitive_monkey_add()
+    low = demo.add_terrain(_subdivided(bpy.context.object, "Low", 1))
+    high = demo.add_terrain(_subdivided(bpy.context.object, "High", 5))
+    bpy.data.objects.remove(bpy.context.object)
+    _wrinkle(high.data)
+    _set_the_stage(low, 640, quick)
+    count = {obj.name: f"{demo.count_triangles(obj):,} triangles" for obj in (high, low)}
+    _render(high, folder / "figure_3.png")
+    _render(low, folder / "figure_4.png")
+    high.hide_render = False
+    bake(low, high, folder / "figure_5.png", method="CAST", width=1024, height=1024)
+    _render(low, folder / "figure_6.png")
+    return {
+        "figure_3.png": f"Figure 3: the high mesh, {count['High']}",
+        "figure_4.png": f"Figure 4: the low mesh, {count['Low']}",
+        "figure_5.png": "Figure 5: the map that Cast makes of the two",
+        "figure_6.png": f"Figure 6: the low mesh, {count['Low']}, with the map",
+    }
+
+
+def terrain(folder: Path, scratch: Path, quick: bool) -> dict[str, str]:
+    """Figures 7 to 9, from the demo: the map, the high mesh beside the low one with it, and a plane with it."""
+    demo.demo(scratch / "demo", 1024 if quick else 2048, quick)
+    with Image.open(scratch / "demo" / "low_normal.png") as picture:
+        picture.convert("RGB").resize((1024, 1024)).save(folder / "figure_7.png")
+    with Image.open(scratch / "demo" / "terrain.png") as picture:
+        width, height = picture.size
+        high, _, mapped, plane = (
+            picture.crop((part * width // 4, 0, (part + 1) * width // 4, height)) for part in range(4)
+        )
+        _paste((high, mapped), folder / "figure_8.png")
+        plane.save(folder / "figure_9.png")
+    return {
+        "figure_7.png": "Figure 7: a terrain's map",
+        "figure_8.png": "Figure 8: the high mesh, and the low one with the map",
+        "figure_9.png": "Figure 9: a plane with its map",
+    }
+
+
+def bake(low: bpy.types.Object, high: bpy.types.Object, path: Path, **settings) -> None:
+    """A map into a file of 8 bits."""
+    pipeline.bake(bpy.context, low, [high], Settings(storage="FILE", output=str(path), depth=8, **settings))
+
+
+def beside(paths: Sequence[Path], path: Path) -> None:
+    """Pictures from files side by side."""
+    pictures = []
+    for one in paths:
+        with Image.open(one) as picture:
+            pictures.append(picture.convert("RGB"))
+    _paste(pictures, path)
+
+
+def _paste(pictures: Sequence[Image.Image], path: Path) -> None:
+    Image.fromarray(np.concatenate([np.asarray(picture) for picture in pictures], axis=1)).save(path)
+
+
+def _subdivided(obj: bpy.types.Object, name: str, levels: int) -> bpy.types.Mesh:
+    """An object's mesh after Catmull and Clark, with its UVs kept linear, so that all levels share them."""
+    modifier = obj.modifiers.new("Subdivision", "SUBSURF")
+    modifier.levels, modifier.uv_smooth = levels, "NONE"
+    mesh = bpy.data.meshes.new_from_object(obj.evaluated_get(bpy.context.evaluated_depsgraph_get()))
+    obj.modifiers.remove(modifier)
+    mesh.name = name
+    mesh.shade_smooth()
+    return mesh
+
+
+def _wrinkle(mesh: bpy.types.Mesh) -> None:
+    """Move the points along their normals by waves that bend one another."""
+    points, normals = (np.empty(3 * len(mesh.vertices), np.float32) for _ in range(2))
+    mesh.vertices.foreach_get("co", points)
+    mesh.vertex_normals.foreach_get("vector", normals)
+    x, y, z = points.reshape(-1, 3).T
+    waves = np.sin(30 * x + 3 * np.sin(9 * z)) * np.sin(28 * y + 3 * np.sin(8 * x)) + 0.6 * np.sin(
+        55 * z + 4 * np.sin(12 * x)
+    )
+    points += (0.006 * waves[:, None] * normals.reshape(-1, 3)).ravel()
+    mesh.vertices.foreach_set("co", points)
+    mesh.update()
+
+
+def _set_the_stage(obj: bpy.types.Object, side: int, quick: bool) -> None:
+    """A camera on an object, a sun, and the night around."""
+    scene = bpy.context.scene
+    scene.camera = demo.add("Camera", bpy.data.cameras.new("Camera"))
+    scene.camera.data.type, scene.camera.data.ortho_scale = "ORTHO", 1.15 * max(obj.dimensions)
+    scene.camera.rotation_euler = VIEW
+    scene.camera.location = VIEW.to_matrix() @ Vector((0, 0, 20))
+    sun = demo.add("Sun", bpy.data.lights.new("Sun", "SUN"))
+    sun.data.energy, sun.data.angle, sun.rotation_euler = 4.0, math.radians(1), SUN
+    scene.world = bpy.data.worlds.new("Night")
+    background = next(node for node in scene.world.node_tree.nodes if node.type == "BACKGROUND")
+    background.inputs["Color"].default_value = demo.NIGHT
+    scene.render.resolution_x = scene.render.resolution_y = side
+    scene.render.engine, scene.cycles.device, scene.cycles.samples = "CYCLES", "CPU", 8 if quick else 64
+    scene.cycles.use_denoising = False
+    scene.view_settings.view_transform = "Standard"
+    scene.render.image_settings.color_mode = "RGB"
+
+
+def _render(shown: bpy.types.Object, path: Path) -> None:
+    """A picture of one mesh alone."""
+    for obj in bpy.context.scene.objects:
+        obj.hide_render = obj.type == "MESH" and obj is not shown
+    bpy.ops.render.render()
+    bpy.data.images["Render Result"].save_render(str(path))

@@ -1,0 +1,313 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What is measured, as plain data for report.py."""
+
+import json
+import os
+import platform
+import re
+import statistics
+import subprocess
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import bpy
+import gpu
+import numpy as np
+
+from scripts import export
+
+from . import contenders, peers, scenes
+from .contenders import CAST, FLATTEN, KEPT, Imprint, Timed
+from .peers import Peers
+
+PAPER = (
+    # high and low polygons; milliseconds on the paper's GPU, of ATI NormalMapper and of nVidia Melody
+    (1696, 536, "under 1", 16850, 16306),
+    (7910, 4274, "under 1", 24125, 50589),
+    (48048, 23378, "31", 97704, 160975),
+    (61644, 20517, "31", 129969, 179569),
+)
+"""Table 1 of Gumbau, González and Chover, Hardware generation of normal maps."""
+TERRAIN = (275_772, 9_079)
+"""The demo's, where no folder of pairs has a terrain."""
+COPIED = 256 * 2**20
+
+
+def machine() -> dict:
+    """What the figures were taken on."""
+    gpu.init()
+    renderer = gpu.platform.renderer_get()
+    return {
+        "processor": _processor(),
+        "cores": os.cpu_count(),
+        "load": round(os.getloadavg()[0], 1) if hasattr(os, "getloadavg") else None,
+        "system": f"{platform.system()} {platform.machine()}",
+        "renderer": renderer,
+        "in_software": "llvmpipe" in renderer or "softpipe" in renderer,
+        "backend": gpu.platform.backend_type_get(),
+        "blender": bpy.app.version_string,
+        "copy_gigabytes_per_second": copy_bandwidth() / 1e9,
+    }
+
+
+def _processor() -> str:
+    try:
+        text = Path("/proc/cpuinfo").read_text(encoding="utf-8")
+    except OSError:
+        return platform.processor()
+    found = re.search(r"model name\s*: (.+)", text)
+    return found[1] if found else platform.processor()
+
+
+def copy_bandwidth() -> float:
+    """Bytes a second that numpy reads and writes when it copies, the best of several."""
+    source = np.ones(COPIED // 4, np.float32)
+    target = np.zeros_like(source)
+    return 2.0 * COPIED / min(contenders.clocked(lambda: np.copyto(target, source)) for _ in range(5))
+
+
+# Pairs
+
+
+def pairs(folder: Path | None, quick: bool) -> Iterator[tuple[Callable[[], scenes.Pair], tuple[int, ...]]]:
+    """What opens each pair, and the sizes to bake it at: those of the paper's table first, then terrains and others."""
+    usual = (1024,) if quick else (512, 1024, 2048)
+    for high, low, *_ in PAPER:
+        yield scenes.sized(folder, high, low), usual
+    known = {(high, low) for high, low, *_ in PAPER}
+    found = [path for path in sorted(folder.glob("*.blend")) if scenes.sizes(path)] if folder else []
+    others = [path for path in found if scenes.sizes(path) not in known]
+    terrains = [path for path in others if path.name.startswith(scenes.TERRAINS)]
+    for path in terrains[:1] if quick else terrains:
+        yield (lambda path=path: scenes.opened(path)), (2048,) if quick else usual
+    if not terrains:
+        yield (lambda: scenes.made(*TERRAIN)), (2048,) if quick else usual
+    for path in () if quick else others:
+        if path not in terrains:
+            yield (lambda path=path: scenes.opened(path)), usual
+
+
+def time_pair(pair: scenes.Pair, sizes: tuple[int, ...], repeats: int, beside: Peers, quick: bool) -> list[dict]:
+    """A pair by all contenders at all sizes, tangent space, one sample; a quick one leaves out Cast with a kept tree."""
+    beside.load(pair) if beside.bakers else None
+    rows = []
+    for size in sizes:
+        ours = [
+            Imprint(FLATTEN, pair, size, method="FLATTEN"),
+            Imprint(CAST, pair, size, method="CAST"),
+        ]
+        if not quick:
+            ours.append(Imprint(KEPT, pair, size, method="CAST", keep=True))
+        field = [*ours, contenders.cycles(pair, size), *contenders.others(beside, size)]
+        rows.append(_row(pair, size, contenders.race(field, repeats)))
+    return rows
+
+
+def time_samples(pair: scenes.Pair, size: int, repeats: int, samples: int = 16) -> dict:
+    """The same with several samples a texel, for those that take them."""
+    ours = [
+        Imprint(FLATTEN, pair, size, method="FLATTEN", samples=samples),
+        Imprint(CAST, pair, size, method="CAST", samples=samples),
+    ]
+    row = _row(pair, size, contenders.race([*ours, contenders.cycles(pair, size, samples=samples)], repeats))
+    return row | {"samples": samples}
+
+
+def _row(pair: scenes.Pair, size: int, timed: dict[str, Timed]) -> dict:
+    high, low = pair.triangles
+    return {
+        "pair": pair.name,
+        "is_terrain": pair.is_terrain,
+        "high": high,
+        "low": low,
+        "size": size,
+        "samples": 1,
+        "times": {name: vars(one) for name, one in timed.items()},
+    }
+
+
+# Accuracy
+
+
+def closed_forms(quick: bool, repeats: int, beside: Peers) -> list[dict]:
+    """Times, and degrees from the truth, on surfaces whose normals are known; world space, the same texels for all."""
+    size, n = (512, 256) if quick else (1024, 512)
+    rows = []
+    for build in (scenes.sine, scenes.belt):
+        pair = build(n)
+        beside.load(pair) if beside.bakers else None
+        field = [
+            Imprint(FLATTEN, pair, size, method="FLATTEN", space="WORLD"),
+            Imprint(CAST, pair, size, method="CAST", space="WORLD"),
+            contenders.cycles(pair, size, space="OBJECT"),
+            *contenders.others(beside, size),
+        ]
+        rows.append(_with_angles(pair, size, field, repeats))
+    pair, sculpt = scenes.multires(9)
+    field = [Imprint(FLATTEN, pair, size, method="FLATTEN", space="WORLD"), contenders.multires(sculpt, size)]
+    return [*rows, _with_angles(pair, size, field, repeats)]
+
+
+def _with_angles(pair: scenes.Pair, size: int, field: list[contenders.Contender], repeats: int) -> dict:
+    timed = contenders.race(field, repeats)
+    angles = {}
+    for contender in field:
+        if timed[contender.name].gap:
+            continue
+        try:
+            angles[contender.name] = contenders.deviation(pair, contender.normals())
+        except peers.PeerError as error:
+            timed[contender.name].gap = str(error)
+    return _row(pair, size, timed) | {"angles": angles}
+
+
+# Growth
+
+
+def growth(quick: bool, repeats: int) -> dict[str, list[dict]]:
+    """How cost grows with triangles (at 512), with texels (sides, one mesh) and with samples (at 256)."""
+    counts = (10_000, 31_623, 100_000, 316_228, 1_000_000) + (() if quick else (3_162_278, 10_000_000))
+    sides = (256, 512, 1024, 2048) + (() if quick else (4096, 8192))
+    samples = (1, 2, 4, 8, 16) + (() if quick else (64,))
+    scenes.empty()
+    meshes = [scenes.sine(round((count / 2) ** 0.5), alone=False) for count in counts]
+    triangles = _sweep([(pair, pair.triangles[0], 512, 1) for pair in meshes], repeats)
+    pair = scenes.sine(316)
+    texels = _sweep([(pair, side * side, side, 1) for side in sides], repeats)
+    pair = scenes.sine(316)
+    return {
+        "triangles": triangles,
+        "texels": texels,
+        "samples": _sweep([(pair, count, 256, count) for count in samples], repeats),
+    }
+
+
+def _sweep(cases: list[tuple[scenes.Pair, int, int, int]], repeats: int) -> list[dict]:
+    """Points of one curve, from (pair, amount, size, samples): in a round each bakes once, so that what disturbs the
+    machine for a while bends no curve."""
+    points, own = [], []
+    for pair, amount, size, samples in cases:
+        points.append({"amount": amount, "seconds": {}, "peak_gigabytes": {}})
+        for name, method in ((FLATTEN, "FLATTEN"), (CAST, "CAST")):
+            baker = Imprint(name, pair, size, method=method, samples=samples, image=f"{name} {amount}")
+            forget_peak()
+            baker.bake()
+            points[-1]["peak_gigabytes"][name] = peak_gigabytes()
+            own.append((baker, points[-1]["seconds"].setdefault(name, [])))
+    for _ in range(repeats):
+        for baker, seconds in own:
+            seconds.append(baker.bake())
+    return points
+
+
+def forget_peak() -> None:
+    """Let the system count this process's peak memory from now on, where it can."""
+    clear = Path("/proc/self/clear_refs")
+    if clear.exists():
+        clear.write_text("5", encoding="ascii")
+
+
+def peak_gigabytes() -> float | None:
+    """The most memory that this process held since then; None where the system does not tell."""
+    status = Path("/proc/self/status")
+    found = re.search(r"VmHWM:\s+(\d+) kB", status.read_text(encoding="ascii")) if status.exists() else None
+    return int(found[1]) * 1024 / 1e9 if found else None
+
+
+def exponents(points: list[dict], name: str, last: int | None = None) -> dict[str, float]:
+    """The b of seconds = a * amount ** b, by least squares of the logarithms: of the medians, and its range over rounds.
+
+    last: over so many of the largest points alone, where what a bake costs in any case hides the growth least.
+    """
+    points = points[-last:] if last else points
+    amounts = np.log([point["amount"] for point in points])
+    rounds = np.array([point["seconds"][name] for point in points])
+
+    def fitted(seconds: np.ndarray) -> float:
+        return float(np.polyfit(amounts, np.log(seconds), 1)[0])
+
+    each = [fitted(column) for column in rounds.T]
+    return {"median": fitted(np.median(rounds, axis=1)), "least": min(each), "most": max(each)}
+
+
+# The limit
+
+
+def terrain(folder: Path | None) -> scenes.Pair:
+    """The first terrain of the folder, or the demo's."""
+    found = [path for path in sorted(folder.glob("*.blend")) if path.name.startswith(scenes.TERRAINS)] if folder else []
+    return scenes.opened(found[0]) if found else scenes.made(*TERRAIN)
+
+
+def limit(row: dict, gigabytes_per_second: float) -> dict:
+    """The stages of Flatten and Cast in a row of `time_pair`, beside the bytes that each must move at the least, at the
+    best copying speed.
+
+    A texel has 16 bytes, a corner 32 (position, normal, UV) and each byte is read once and written once.
+    """
+    corners, texels = 2 * 3 * 32, 2 * 16 * row["size"] ** 2
+    least = {
+        "extract": (row["high"] + row["low"]) * corners,
+        "tree": row["high"] * corners,
+        "upload": row["high"] * corners,
+        "draw": texels,
+        "read": texels,
+        "audit": texels,
+        "image": texels,
+    }
+    methods = {}
+    for name in (FLATTEN, CAST):
+        stages = dict(row["times"][name]["stages"])
+        if not stages:
+            continue
+        total = stages.pop("total")
+        methods[name] = {
+            "total": total,
+            "stages": {
+                stage: {
+                    "seconds": seconds,
+                    "bytes": least.get(stage, 0),
+                    "least_seconds": least.get(stage, 0) / gigabytes_per_second / 1e9,
+                }
+                for stage, seconds in stages.items()
+                if seconds
+            },
+        }
+    return {
+        "pair": row["pair"],
+        "size": row["size"],
+        "gigabytes_per_second": gigabytes_per_second,
+        "methods": methods,
+    }
+
+
+# The shaders alone
+
+
+def hardware(folder: Path | None, scratch: Path, quick: bool) -> dict:
+    """What scripts/hardware.py says of the shaders without Blender, or {"error": why it does not}."""
+    files = []
+    sizes = (1024, 2048) if quick else (512, 1024, 2048)
+    wanted = [(high, low) for high, low, *_ in PAPER] + [TERRAIN]
+    for high, low in wanted[3:] if quick else wanted:
+        pair = terrain(folder) if (high, low) == TERRAIN else scenes.sized(folder, high, low)()
+        blend, file = scratch / f"{pair.name}.blend", scratch / f"{pair.name}.npz"
+        bpy.ops.wm.save_as_mainfile(filepath=str(blend), copy=True)
+        export.export(blend, file)
+        files.append(file)
+    result = scratch / "hardware.json"
+    command = [str(peers.PYTHON), str(peers.ROOT / "scripts/hardware.py"), *map(str, files)]
+    command += ["--sizes", *map(str, sizes), "--output", str(result)]
+    done = subprocess.run(command, check=False, capture_output=True, text=True)
+    if done.returncode:
+        return {"error": (done.stderr.strip().splitlines() or ["no message"])[-1]}
+    return json.loads(result.read_text(encoding="utf-8"))
+
+
+def ratios(row: dict, slower: str, faster: str) -> dict[str, float] | None:
+    """How many times faster: of the medians, and the least and most of the rounds. None for a gap."""
+    theirs, ours = (row["times"].get(name, {}).get("seconds") for name in (slower, faster))
+    if not theirs or not ours:
+        return None
+    each = [a / b for a, b in zip(theirs, ours, strict=True)]
+    return {"median": statistics.median(theirs) / statistics.median(ours), "least": min(each), "most": max(each)}

@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Other people's bakers, in an environment of their own and a process beside this one. None of them is needed."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from .scenes import Pair, arrays_of
+
+ROOT = Path(__file__).resolve().parents[2]
+HOME = ROOT / "out" / "bench" / "peers"
+PYTHON = HOME / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
+PACKAGES = (
+    "open3d==0.20.0",
+    "libusb-package==1.0.26.3",  # which Open3D's wheel wants from the system
+    "pymeshlab==2025.7.post1",
+    "moderngl==5.13.0",
+    "pillow==13.0.0",
+)
+NAMES = {"open3d": "Open3D, RaycastingScene", "pymeshlab": "pymeshlab, transfer to texture"}
+
+
+def install() -> None:
+    """Make the environment. A package without a wheel for this machine is told, and is a gap in the tables."""
+    if not PYTHON.is_file():
+        print(f"bench: setting up {HOME}: about 600 MB to download, once", file=sys.stderr)
+        subprocess.run([sys._base_executable, "-m", "venv", str(HOME)], check=True, stdout=sys.stderr)
+    pip = [str(PYTHON), "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-input"]
+    for package in PACKAGES:
+        done = subprocess.run([*pip, "--only-binary=:all:", package], check=False, stdout=sys.stderr)
+        if done.returncode:
+            print(f"bench: {package} cannot be installed here", file=sys.stderr)
+
+
+class PeerError(Exception):
+    """What a peer said when it could not bake."""
+
+
+class Peers:
+    """The process with the peers, for the time of a `with`; `versions` is empty where there is no environment."""
+
+    def __init__(self, scratch: Path):
+        self.scratch, self.process, self.versions = scratch, None, {}
+
+    def __enter__(self):
+        if PYTHON.is_file():
+            with open(self.scratch / "peers.log", "w", encoding="utf-8") as log:
+                self.process = subprocess.Popen(
+                    [str(PYTHON), str(Path(__file__).with_name("worker.py"))],
+                    stdin=subprocess.PIPE,
+                    stdout=subprocess.PIPE,
+                    stderr=log,
+                    text=True,
+                )
+            self.versions = self._ask(do="versions")
+        return self
+
+    def __exit__(self, *_):
+        if self.process is not None:
+            self.process.stdin.close()
+            self.process.wait()
+            self.process.stdout.close()
+
+    @property
+    def bakers(self) -> list[str]:
+        """The bakers among the modules that are there."""
+        return [name for name in NAMES if name in self.versions]
+
+    def load(self, pair: Pair) -> None:
+        """Hand a pair over. Both have it in memory afterwards, as Blender has its own."""
+        path = self.scratch / "pair.npz"
+        np.savez(path, **arrays_of(pair))
+        self._ask(do="load", path=str(path))
+        path.unlink()
+
+    def seconds(self, peer: str, size: int) -> float:
+        """How long one bake takes, by the peer's own clock, without the order's way there."""
+        return self._ask(do="bake", peer=peer, size=size, save=None)["seconds"]
+
+    def normals(self, peer: str, size: int) -> np.ndarray:
+        """World-space normals (size, size, 3), row 0 at v = 0; 0 where nothing was hit."""
+        path = self.scratch / "map.npy"
+        self._ask(do="bake", peer=peer, size=size, save=str(path))
+        texels = np.load(path)
+        path.unlink()
+        return texels
+
+    def _ask(self, **order) -> dict:
+        self.process.stdin.write(json.dumps(order) + "\n")
+        self.process.stdin.flush()
+        line = self.process.stdout.readline()
+        answer = json.loads(line) if line else {"error": f"the process died, see {self.scratch / 'peers.log'}"}
+        if "error" in answer:
+            raise PeerError(answer["error"])
+        return answer

@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which targets hold: in all rounds. Where some rounds reach a target and others do not, it is open."""
+
+from dataclasses import dataclass
+
+from .contenders import CAST, CYCLES, FLATTEN, MULTIRES
+from .measure import exponents, ratios
+from .peers import NAMES
+
+HOLDS, OPEN, MISSED, GAP = "holds", "open", "missed", "not measured"
+FINEST = 0.01
+"""Degrees below which two maps are equally exact: a channel of 8 bits resolves 0.4, one of 16 bits 0.002."""
+LARGEST = 3
+"""Over so many of the largest points growth is held to linear."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A target, HOLDS, OPEN, MISSED or GAP, and the figures that say so."""
+
+    target: str
+    outcome: str
+    figures: str
+
+
+def span(ratio: dict[str, float], digits: int = 2) -> str:
+    """A median with the least and most of its rounds."""
+    return f"{ratio['median']:.{digits}f} ({ratio['least']:.{digits}f} to {ratio['most']:.{digits}f})"
+
+
+def at_least(target: str, wanted: float, found: list[tuple[str, dict[str, float] | None]]) -> Verdict:
+    """Whether all of the named ratios are at least `wanted`; None is a gap and does not count."""
+    found = [(name, ratio) for name, ratio in found if ratio]
+    if not found:
+        return Verdict(target, GAP, "nothing to compare with was measured")
+    missed = [(name, ratio) for name, ratio in found if ratio["most"] < wanted]
+    unsure = [(name, ratio) for name, ratio in found if ratio["least"] < wanted <= ratio["most"]]
+    outcome = MISSED if missed else OPEN if unsure else HOLDS
+    medians = [ratio["median"] for _, ratio in found]
+    held = len(found) - len(missed) - len(unsure)
+    figures = f"{held} of {len(found)} hold, {min(medians):.2f} to {max(medians):.2f} times faster"
+    for word, those in (("missed", missed), ("open", unsure)):
+        if those:
+            figures += f"; {word}: " + ", ".join(f"{name} {span(ratio)}" for name, ratio in those)
+    return Verdict(target, outcome, figures)
+
+
+def judge(result: dict) -> list[Verdict]:
+    """The verdicts on a result of bench.py."""
+    rows = [*result.get("pairs", []), *result.get("closed_forms", [])]
+    several = [row for row in rows if row["samples"] > 1]
+    rows = [row for row in rows if row["samples"] == 1]
+
+    def against(slower: str, faster: str, chosen: list[dict]) -> list[tuple[str, dict[str, float] | None]]:
+        return [(f"{row['pair']} at {row['size']}", ratios(row, slower, faster)) for row in chosen]
+
+    terrains = [row for row in rows if row["is_terrain"] and row["size"] == 2048]
+    sculpts = [row for row in result.get("closed_forms", []) if MULTIRES in row["times"]]
+    return [
+        at_least("Flatten 10 times faster than Cycles, terrains at 2048", 10.0, against(CYCLES, FLATTEN, terrains)),
+        at_least("Flatten no slower than Blender's multires bake", 1.0, against(MULTIRES, FLATTEN, sculpts)),
+        at_least("Cast no slower than Cycles, its tree built anew each time", 1.0, against(CYCLES, CAST, rows)),
+        at_least("Cast no slower than Cycles with several samples a texel", 1.0, against(CYCLES, CAST, several)),
+        at_least("Cast faster than Open3D", 1.0, against(NAMES["open3d"], CAST, rows)),
+        *(accuracy(row) for row in result.get("closed_forms", [])),
+        *(
+            linear(kind, points, name)
+            for kind, points in result.get("growth", {}).items()
+            if kind != "samples"
+            for name in (FLATTEN, CAST)
+        ),
+    ]
+
+
+def accuracy(row: dict) -> Verdict:
+    """Whether ours is as exact as the best of the others, at the 99th percentile."""
+    ours = {name: degrees["percentile_99"] for name, degrees in row["angles"].items() if name in (FLATTEN, CAST)}
+    theirs = {name: degrees["percentile_99"] for name, degrees in row["angles"].items() if name not in ours}
+    target = f"As exact as the best other to {FINEST} degrees, {row['pair']}"
+    if not ours or not theirs:
+        return Verdict(target, GAP, "nothing to compare with was measured")
+    best = min(theirs, key=theirs.get)
+    figures = ", ".join(f"{name} {degrees:.4f}" for name, degrees in {**ours, best: theirs[best]}.items())
+    outcome = HOLDS if max(ours.values()) <= theirs[best] + FINEST else MISSED
+    return Verdict(target, outcome, f"99th percentile of degrees: {figures}")
+
+
+def linear(kind: str, points: list[dict], name: str) -> Verdict:
+    """Whether time grows no faster than linearly over the largest points."""
+    found = exponents(points, name, LARGEST)
+    outcome = HOLDS if found["most"] <= 1.0 else OPEN if found["least"] <= 1.0 else MISSED
+    return Verdict(f"{name}: time grows at most linearly with {kind}", outcome, f"exponent {span(found)}")

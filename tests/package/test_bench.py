@@ -1,0 +1,183 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The benchmark: fits, verdicts and report on numbers made up here, and one small measurement with known angles."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+
+import addon
+from scripts.benching import contenders, measure, report, scenes, verdicts
+from scripts.benching.contenders import CAST, CYCLES, FLATTEN, MULTIRES
+from tests.support import angles
+
+EXACT = 0.6
+"""Degrees: what triangles of 1/128 of the map, which interpolate normals, may miss of the waves."""
+
+
+def timed(*seconds, first=1.0, gap=""):
+    stages = dict.fromkeys(report.STAGES, 0.01) | {"draw": 0.02, "image": 0.5, "total": 0.6} if seconds else {}
+    return {"first": first, "seconds": list(seconds), "stages": stages, "gap": gap}
+
+
+def row(**changes):
+    times = {FLATTEN: timed(0.1, 0.2, 0.1), CAST: timed(1.0, 1.5, 1.0), CYCLES: timed(2.0, 2.0, 4.0)}
+    return {
+        "pair": "terrain",
+        "is_terrain": True,
+        "high": 200_000,
+        "low": 9_000,
+        "size": 2048,
+        "samples": 1,
+        "times": times,
+    } | changes
+
+
+def points(power, scatter=0.0, count=5):
+    amounts = [10.0 ** (3 + k) for k in range(count)]
+    return [
+        {
+            "amount": int(amount),
+            "seconds": dict.fromkeys((FLATTEN, CAST), [1e-6 * amount ** (power + s) for s in (-scatter, 0.0, scatter)]),
+            "peak_gigabytes": {FLATTEN: 1.0, CAST: None},
+        }
+        for amount in amounts
+    ]
+
+
+def result(**parts):
+    machine = {
+        "processor": "abacus",
+        "cores": 2,
+        "load": 0.0,
+        "system": "none",
+        "renderer": "llvmpipe",
+        "in_software": True,
+        "backend": "OPENGL",
+        "blender": "5.2.3",
+        "copy_gigabytes_per_second": 10.0,
+    }
+    return {"quick": True, "repeats": 3, "seconds": 1.0, "machine": machine, "peers": {}} | parts
+
+
+@pytest.mark.parametrize("power", [0.5, 1.0, 2.0])
+def test_the_exponent_of_a_power_is_found(power):
+    found = measure.exponents(points(power, scatter=0.1), FLATTEN)
+    assert found == pytest.approx({"median": power, "least": power - 0.1, "most": power + 0.1})
+
+
+def test_the_largest_points_can_be_fitted_alone():
+    bent = points(0.0, count=2) + points(2.0)[2:]
+    assert measure.exponents(bent, CAST, last=3)["median"] == pytest.approx(2.0)
+    assert measure.exponents(bent, CAST)["median"] != pytest.approx(2.0)
+
+
+def test_ratios_are_those_of_medians_and_of_rounds():
+    assert measure.ratios(row(), CYCLES, FLATTEN) == pytest.approx({"median": 20.0, "least": 10.0, "most": 40.0})
+    assert measure.ratios(row(), "Nobody", FLATTEN) is None
+
+
+@pytest.mark.parametrize(
+    ("seconds", "outcome"),
+    [
+        ((0.1, 0.1, 0.1), "holds"),
+        ((0.1, 0.1, 0.3), "open"),
+        ((0.3, 0.3, 0.1), "open"),
+        ((0.5, 0.5, 0.5), "missed"),
+        ((), "not measured"),
+    ],
+)
+def test_a_ratio_is_held_to_its_target(seconds, outcome):
+    times = {FLATTEN: timed(*seconds), CAST: timed(1.0, 1.0, 1.0), CYCLES: timed(2.0, 2.0, 2.0)}
+    verdict = verdicts.judge(result(pairs=[row(times=times)]))[0]
+    assert "10 times" in verdict.target
+    assert verdict.outcome == outcome
+
+
+@pytest.mark.parametrize(("ours", "outcome"), [(0.305, "holds"), (0.35, "missed")])
+def test_accuracy_is_held_to_the_best_other(ours, outcome):
+    found = {
+        name: {"median": 0.1, "percentile_99": degrees, "maximum": 1.0, "written": 1.0}
+        for name, degrees in ((FLATTEN, ours), (CYCLES, 0.3), (MULTIRES, 0.5))
+    }
+    assert verdicts.accuracy(row(angles=found)).outcome == outcome
+
+
+@pytest.mark.parametrize(
+    ("power", "scatter", "outcome"), [(0.7, 0.2, "holds"), (0.9, 0.2, "open"), (1.1, 0.2, "open"), (1.5, 0.2, "missed")]
+)
+def test_growth_is_held_to_linear(power, scatter, outcome):
+    assert verdicts.linear("triangles", points(power, scatter), FLATTEN).outcome == outcome
+
+
+def test_the_report_says_what_holds_first_and_leaves_gaps_where_nothing_was_measured(tmp_path):
+    gone = {"Open3D, RaycastingScene": timed(first=0.0, gap="not today")}
+    rows = [row(times=row()["times"] | gone)]
+    made = result(
+        pairs=rows,
+        closed_forms=[row(angles={})],
+        growth={"triangles": points(1.0), "texels": points(1.0), "samples": points(1.0)},
+        limit=measure.limit(rows[0], 10.0),
+        hardware={"error": "no context"},
+        figures={"figure_1.png": "A sphere"},
+    )
+    text = report.markdown(json.loads(json.dumps(made)))
+    assert "targets hold" in text.split("\n## ", maxsplit=1)[0]
+    assert "nan" not in text.lower()
+    assert "None" not in text
+    assert "not today" in text
+    assert "| – |" in text
+    assert "attack next is **image**" in text
+    for table in re.findall(r"(?:^\|.*\n)+", text, re.MULTILINE):
+        assert len({line.count("|") for line in table.splitlines()}) == 1
+    report.plot(made["growth"], tmp_path / "growth.png")
+    assert (tmp_path / "growth.png").stat().st_size > 0
+
+
+def test_the_limit_counts_what_a_stage_must_move():
+    stages = measure.limit(row(), 10.0)["methods"][FLATTEN]["stages"]
+    assert stages["draw"]["least_seconds"] == pytest.approx(2 * 16 * 2048**2 / 10e9)
+    assert stages["extract"]["bytes"] == 2 * 3 * 32 * 209_000
+    assert "total" not in stages
+
+
+@pytest.mark.parametrize("build", [scenes.sine, scenes.belt])
+def test_maps_are_held_to_the_closed_form(build):
+    """The formula is checked on the mesh itself, whose quads have nearly the surface's normal at their middle."""
+    pair = build(128)
+    high = pair.high.data
+    normals, uv = np.empty(3 * len(high.polygons), np.float32), np.empty(2 * len(high.loops), np.float32)
+    high.polygons.foreach_get("normal", normals)
+    high.uv_layers.active.uv.foreach_get("vector", uv)
+    truth = pair.truth(*uv.reshape(-1, 4, 2).mean(axis=1, dtype=np.float64).T)
+    assert angles.degrees(normals.reshape(-1, 3), truth).max() < EXACT
+
+    own = contenders.Imprint(FLATTEN, pair, 64, method="FLATTEN", space="WORLD")
+    own.bake()
+    found = contenders.deviation(pair, own.normals())
+    assert found["maximum"] < EXACT
+    assert found["written"] == 1.0
+    turned = contenders.deviation(pair, -own.normals())
+    assert turned["median"] > 179.0
+
+
+def test_a_race_keeps_contenders_apart_and_tells_gaps():
+    order = []
+
+    def runner(name):
+        return contenders.Contender(name, lambda: order.append(name) or 0.5, lambda: None)
+
+    def fails():
+        raise RuntimeError("Error: no image\nmore")
+
+    timed = contenders.race([runner("A"), contenders.Contender("X", fails, lambda: None), runner("B")], 2)
+    assert order == ["A", "B"] * 3
+    assert timed["A"].seconds == [0.5, 0.5]
+    assert timed["X"].gap == "Error: no image"
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _freed():
+    yield
+    addon.free()
