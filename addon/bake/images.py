@@ -62,7 +62,7 @@ def black_and_white(where: np.ndarray) -> np.ndarray:
 
 def check(low_name: str, settings: Settings) -> None:
     """Raise BakeError if a map cannot be put where the settings want it, before anything is baked."""
-    _check_image(name_for(low_name, settings))
+    _check_image(settings.image or name_for(low_name, settings))
     output = output_for(settings)
     if output.startswith("//") and not bpy.data.filepath:
         raise BakeError(f"{output!r} is relative to a .blend file that was never saved: save it first.")
@@ -80,7 +80,7 @@ class Writer:
     """
 
     def __init__(self, low_name: str, settings: Settings, *, is_normal: bool = False):
-        self.name, self.settings, self.is_normal = name_for(low_name, settings), settings, is_normal
+        self.name, self.settings, self.is_normal = settings.image or name_for(low_name, settings), settings, is_normal
         self._texels: np.ndarray | None = None
         self._partials: dict[int, Partial] = {}
         self._folder: tempfile.TemporaryDirectory | None = None

@@ -36,6 +36,7 @@ class Session:
         self.settings = replace(
             settings, image=images.name_for(self.low, settings), modifiers="VIEWPORT", maps=(), mask=False
         )
+        settings.check()
         pipeline.check(context, job, self.settings)
         self.pace = speed
         self.texels: np.ndarray | None = None

@@ -91,6 +91,7 @@ def work(
     is checked for all jobs before the first is baked. Raises BakeError; jobs before the one that failed are done, unless
     they were to share its image.
     """
+    settings.check()  # before names are filled in, which may hold anything
     named = [_for_low(settings, "atlas" if share_image else job.low.name) for job in jobs]
     filled = [one for own in named for one in wanted(own).values()]
     places = {images.output_for(one).casefold() for one in filled if one.storage == "FILE"}
@@ -217,7 +218,6 @@ def _tiles(low: Mesh, settings: Settings) -> list[int]:
 
 def check(context: bpy.types.Context, job: Job, settings: Settings) -> None:
     """Raise BakeError for what can be known before anything is read."""
-    settings.check()
     # Scripts link, move and bake without a redraw between: view layers and matrices lag behind until asked.
     context.view_layer.update()
     reason = subjects.problem(context, job.low, job.highs, job.cage, settings.method)

@@ -12,7 +12,7 @@ import gpu
 import numpy as np
 import pytest
 
-from addon.bake import pipeline, subjects
+from addon.bake import pipeline
 from addon.bake.errors import BakeError
 from addon.bake.settings import Settings
 from tests.support import maps, zoo
@@ -483,27 +483,3 @@ def project(obj):
     if size.all():
         uv = (uv - uv.min(axis=0)) / size
         layer.uv.foreach_set("vector", uv[corners].astype(np.float32).ravel())
-
-
-@pytest.mark.shared
-@pytest.mark.parametrize("name", NASTY)
-def test_nasty_files_bake_or_are_refused(shared_assets, name):
-    path = shared_assets / "nasty" / name
-    IMPORT[path.suffix.lower()](str(path))
-    objects = list(bpy.data.objects)
-    plane = zoo.plane("plane")
-    for obj in objects:
-        is_mesh = obj.type == "MESH"
-        assert attempt(plane, [obj]) == (is_mesh and bool(obj.data.uv_layers))
-        assert not attempt(obj, [obj]) or obj.modifiers
-        if is_mesh:
-            if not obj.data.uv_layers:
-                project(obj)
-            assert attempt(plane, [obj])
-            assert attempt(obj, [plane])
-            # Blender's subdivision takes 12 s for cycloidal, which is not ours to wait for.
-            obj.modifiers.new("Detail", "SUBSURF" if len(obj.data.polygons) < 10000 else "DISPLACE")
-            assert attempt(obj, [obj])
-    if not objects:
-        with pytest.raises(BakeError, match="no object called 'empty'"):
-            subjects.named("empty")
