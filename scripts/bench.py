@@ -15,9 +15,9 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 import addon  # noqa: E402
-from scripts.benching import figures, measure, peers, report, verdicts  # noqa: E402
+from scripts.benching import figures, following, measure, peers, report, verdicts  # noqa: E402
 
-PARTS = ("pairs", "closed_forms", "growth", "hardware", "figures")
+PARTS = ("pairs", "closed_forms", "growth", "live", "hardware", "figures")
 
 
 def parse() -> argparse.Namespace:
@@ -63,6 +63,9 @@ def bench(options: argparse.Namespace, scratch: Path) -> dict:
         say("growth")
         result["growth"] = measure.growth(quick, repeats)
         report.plot(result["growth"], options.output / "growth.png")
+    if "live" in only:
+        say("live")
+        result["live"] = following.measure()
     if "hardware" in only and "moderngl" in result["peers"]:
         say("shaders alone")
         result["hardware"] = measure.hardware(options.pairs, scratch, quick)

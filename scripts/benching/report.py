@@ -40,6 +40,7 @@ def markdown(result: dict) -> str:
         ("pairs", lambda rows: paper(rows) + contest(rows)),
         ("closed_forms", closed_forms),
         ("growth", growth),
+        ("live", live),
         ("limit", lambda found: limit(found, result.get("hardware"))),
         ("hardware", hardware),
         ("figures", figures),
@@ -266,6 +267,24 @@ def hardware(found: dict) -> list[str]:
                     f"{row['rays_per_second'] / 1e6:.2f}",
                 ]
                 for row in found["rows"]
+            ],
+        ),
+    ]
+
+
+def live(rows: list[dict]) -> list[str]:
+    return [
+        "## Live",
+        "",
+        "An update while vertices move, from the changed mesh to the map's texels in memory, and putting those into the image; "
+        "milliseconds, with the least and most of all updates.",
+        "",
+        *table(
+            ["triangles", "map", "update", "image"],
+            [
+                [f"{row['triangles']:,}", row["size"], *(f"{a:,.1f} ({b:,.1f} to {c:,.1f})" for a, b, c in parts)]
+                for row in rows
+                for parts in [(row["update_ms"], row["image_ms"])]
             ],
         ),
     ]

@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What an update of the live map costs while a mesh is sculpted: its vertices move, its topology stays."""
+
+import statistics
+import time
+
+import bpy
+import numpy as np
+
+from addon.bake import live, pace, pipeline
+from addon.bake.settings import Settings
+from tests.support import zoo
+
+CASES = ((224, 1024), (100, 512))
+"""Quads a side of the high terrain, two triangles each, and texels a side of the map."""
+
+
+def measure(updates: int = 30) -> list[dict]:
+    """Milliseconds of an update, its map read back, and of putting it into the image: median, least and most of many."""
+    return [_measure(quads, size, updates) for quads, size in CASES]
+
+
+def _measure(quads: int, size: int, updates: int) -> dict:
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    high, low = zoo.terrain("high", n=quads, waves=8), zoo.terrain("low", n=16)
+    settings = Settings("FLATTEN", width=size, height=size, storage="MEMORY", modifiers="VIEWPORT")
+    session = live.Session(bpy.context, pipeline.Job(low, [high]), settings, pace.Pace())
+    session.run(bpy.context)
+    session.store()
+    rng, position = np.random.default_rng(1), high.data.attributes["position"].data
+    points = np.empty((len(high.data.vertices), 3), np.float32)
+    position.foreach_get("vector", points.reshape(-1))
+    drawn, stored = [], []
+    for _ in range(updates):
+        points[:, 2] += rng.normal(0, 1e-3, len(points))
+        position.foreach_set("vector", points.reshape(-1))
+        high.data.update()
+        bpy.context.view_layer.update()
+        start = time.perf_counter()
+        session.run(bpy.context, {"high"})
+        between = time.perf_counter()
+        session.store()
+        drawn.append(1e3 * (between - start))
+        stored.append(1e3 * (time.perf_counter() - between))
+    session.free()
+    return {
+        "triangles": 2 * quads * quads,
+        "size": size,
+        "update_ms": [statistics.median(drawn), min(drawn), max(drawn)],
+        "image_ms": [statistics.median(stored), min(stored), max(stored)],
+    }
