@@ -39,6 +39,11 @@ ROUNDING = 1e-3
 SMALL = {"width": 32, "height": 32, "storage": "MEMORY"}
 
 
+@pytest.mark.shared
+def test_every_file_is_tried(shared_assets):
+    assert sorted(path.name for path in (shared_assets / "nasty").iterdir()) == sorted(FILES)
+
+
 @pytest.fixture(params=FILES)
 def meshes(request, shared_assets):
     """The mesh objects of a file."""
