@@ -32,10 +32,9 @@ def export(source: Path, target: Path) -> None:
     outside, inside = distances.measure(aim.tables, rays, (512, 512), [1001], has_cage=False, facing_only=False)
     (mesh,) = meshes.highs
     laid_flat = reading.read(bpy.context, low, [high], None, Settings(method="FLATTEN", space="WORLD")).highs[0]
-    corners = aim.frame.points(mesh)[mesh.vertices[mesh.triangles]]
-    tree = bvh.build(corners)
-    edges = corners[tree.order]
-    edges[:, 1:] -= edges[:, :1]
+    points = aim.frame.points(mesh)
+    tree = bvh.build(points, mesh.vertices[mesh.triangles])
+    triangles = mesh.triangles[tree.order]
     np.savez_compressed(
         target,
         high_triangles=laid_flat.triangles,
@@ -46,8 +45,8 @@ def export(source: Path, target: Path) -> None:
         low_position=aim.frame.points(meshes.low)[meshes.low.vertices],
         low_direction=meshes.low.to_world_normals(meshes.directions),
         nodes=tree.nodes.reshape(-1, 4),
-        corners=edges.reshape(-1, 3),
-        normals=mesh.to_world_normals(mesh.normals)[mesh.triangles][tree.order].reshape(-1, 3),
+        corners=points[mesh.vertices[triangles]].reshape(-1, 3),
+        normals=mesh.to_world_normals(mesh.normals)[triangles].reshape(-1, 3),
         first_leaf=tree.first_leaf,
         origin=tree.origin,
         scale=tree.scale,

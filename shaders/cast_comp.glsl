@@ -102,8 +102,8 @@ void main()
         int triangle = first + findLSB(triangles);
         triangles &= triangles - 1u;
         vec3 corner = texelFetch(corners, texture_place(triangle * 3), 0).xyz;
-        vec3 edge1 = texelFetch(corners, texture_place(triangle * 3 + 1), 0).xyz;
-        vec3 edge2 = texelFetch(corners, texture_place(triangle * 3 + 2), 0).xyz;
+        vec3 edge1 = texelFetch(corners, texture_place(triangle * 3 + 1), 0).xyz - corner;
+        vec3 edge2 = texelFetch(corners, texture_place(triangle * 3 + 2), 0).xyz - corner;
         // Möller and Trumbore 1997.
         vec3 p = cross(direction, edge2);
         float determinant = dot(edge1, p);

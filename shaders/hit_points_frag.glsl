@@ -8,10 +8,11 @@ void main()
   labels_out = vec4(0.0);
   if (hit.x != 0u) {
     int triangle = int(hit.x - 1u);
-    // A corner and the two edges that leave it.
-    vec3 point = texelFetch(corners, texture_place(triangle * 3), 0).xyz +
-                 texelFetch(corners, texture_place(triangle * 3 + 1), 0).xyz * uintBitsToFloat(hit.y) +
-                 texelFetch(corners, texture_place(triangle * 3 + 2), 0).xyz * uintBitsToFloat(hit.z);
+    vec2 weights = vec2(uintBitsToFloat(hit.y), uintBitsToFloat(hit.z));
+    vec3 corner = texelFetch(corners, texture_place(triangle * 3), 0).xyz;
+    vec3 edge1 = texelFetch(corners, texture_place(triangle * 3 + 1), 0).xyz - corner;
+    vec3 edge2 = texelFetch(corners, texture_place(triangle * 3 + 2), 0).xyz - corner;
+    vec3 point = corner + edge1 * weights.x + edge2 * weights.y;
     point_out = vec4(point, 1.0);
     labels_out = vec4(texelFetch(labels, texture_place(triangle), 0).xy, 0.0, 1.0);
   }

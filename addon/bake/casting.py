@@ -73,19 +73,25 @@ def _build(highs: Sequence[Mesh], report: Report) -> Target:
     if count > most:
         raise BakeError(f"The high meshes have {count:,} triangles together; this GPU takes {most:,} to cast rays at.")
     frame = frame_of(highs)
-    corners, normals = [], []
+    points, normals, vertices, corners = [], [], [], []
+    points_before = corners_before = 0
     for high in highs:
         # A mirror turns the winding, by which rays know a front from a back.
         triangles = high.triangles[:, ::-1] if np.linalg.det(high.to_world[:3, :3]) < 0.0 else high.triangles
-        corners.append(frame.points(high)[high.vertices[triangles]])
-        normals.append(high.to_world_normals(high.normals)[triangles])
-    corners, normals = np.concatenate(corners), np.concatenate(normals)
-    tree = bvh.build(corners)
+        points.append(frame.points(high))
+        normals.append(high.to_world_normals(high.normals))
+        vertices.append(np.take(high.vertices, triangles, mode="clip") + points_before)
+        corners.append(triangles + corners_before)
+        points_before, corners_before = points_before + len(high.positions), corners_before + len(high.normals)
+    points, normals, vertices, corners = map(np.concatenate, (points, normals, vertices, corners))
+    tree = bvh.build(points, vertices)
     with report.timed("upload"):
         tables = cast.upload(
             tree.nodes,
-            corners[tree.order],
-            normals[tree.order],
+            points,
+            np.take(vertices, tree.order, axis=0),
+            normals,
+            np.take(corners, tree.order, axis=0),
             first_leaf=tree.first_leaf,
             origin=tree.origin,
             scale=tree.scale,

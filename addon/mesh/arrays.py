@@ -3,6 +3,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -33,6 +34,16 @@ class Mesh:
     def to_world_normals(self, normals: np.ndarray) -> np.ndarray:
         """`normals` (N, 3) of this mesh's space in the world's; float32, not of length one."""
         return (normals @ normal_matrix(self.to_world).T).astype(np.float32)
+
+    @cached_property
+    def box(self) -> np.ndarray:
+        """The lowest and the highest coordinates (2, 3) float64, in the mesh's space, of what its triangles use."""
+        # Loose vertices, which may be anywhere, do not count.
+        is_used = np.zeros(len(self.positions), bool)
+        is_used[np.take(self.vertices, self.triangles, mode="clip")] = True
+        used = self.positions if is_used.all() else self.positions[is_used]
+        # One axis after another: reducing along a short last axis is ten times slower.
+        return np.array([[pick(axis) for axis in used.T] for pick in (np.min, np.max)], np.float64)
 
 
 FARTHEST = 1e8
@@ -66,19 +77,11 @@ def _world_box(meshes: Sequence[Mesh]) -> tuple[np.ndarray, np.ndarray]:
     """The lowest and highest coordinates (3,) float64 in world space of what the meshes' triangles use."""
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     for mesh in meshes:
-        # Loose vertices, which may be anywhere, do not count.
-        is_used = np.zeros(len(mesh.positions), bool)
-        is_used[mesh.vertices[mesh.triangles]] = True
-        used = mesh.positions if is_used.all() else mesh.positions[is_used]
         # Of the box's corners, the transformed ones hold the transformed mesh.
-        box = np.array(np.meshgrid(*np.stack([_bounds(used, np.min), _bounds(used, np.max)], axis=1))).reshape(3, -1).T
+        box = np.array(np.meshgrid(*mesh.box.T)).reshape(3, -1).T
         corners = box @ mesh.to_world[:3, :3].T + mesh.to_world[:3, 3]
         low, high = np.minimum(low, corners.min(axis=0)), np.maximum(high, corners.max(axis=0))
     return low, high
-
-
-def _bounds(positions: np.ndarray, pick) -> np.ndarray:
-    return np.array([pick(positions[:, axis]) for axis in range(3)], np.float64)
 
 
 def gap(low: Mesh, highs: Sequence[Mesh]) -> float:

@@ -1,13 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A tree of boxes over triangles, built from whole arrays and laid out for a shader that walks it without a stack.
 
-Triangles are sorted along a Morton curve; four in a row make a node, four nodes make the next, up to one root. The tree
-is complete, so that a node's place says all: the children of n are 4 n + 1 to 4 n + 4 (a heap with four children).
+Triangles are sorted so that runs of them lie close together (kd.py); four in a row make a node, four nodes make the next,
+up to one root. The tree is complete, so that a node's place says all: the children of n are 4 n + 1 to 4 n + 4 (a heap
+with four children).
 """
 
 from dataclasses import dataclass
 
 import numpy as np
+
+from . import kd
 
 GRID = 32767
 """Boxes are rounded outwards to a grid of this many steps along each axis, and stored as 15-bit integers."""
@@ -29,12 +32,12 @@ class Tree:
     scale: np.ndarray
 
 
-def build(corners: np.ndarray) -> Tree:
-    """The tree over triangles whose corners are `corners` (T, 3, 3) float32, T > 0: triangle, corner, axis."""
+def build(points: np.ndarray, triangles: np.ndarray) -> Tree:
+    """The tree over `triangles` (T, 3) int, T > 0, indices into `points` (P, 3) float32."""
     # One axis after another, in contiguous arrays: reducing along a short last axis is ten times slower.
-    boxes = []
-    for axis in range(3):
-        a, b, c = (np.ascontiguousarray(corners[:, corner, axis]) for corner in range(3))
+    boxes, corners = [], np.ascontiguousarray(triangles.T)
+    for values in np.ascontiguousarray(points.T):
+        a, b, c = (np.take(values, corner, mode="clip") for corner in corners)
         boxes.append((np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)))
     origin = np.array([low.min() for low, _ in boxes], np.float64)
     extent = np.array([high.max() for _, high in boxes], np.float64) - origin
@@ -49,7 +52,10 @@ def build(corners: np.ndarray) -> Tree:
     highs = [
         (np.ceil((high - origin[axis]) * scale[axis]) + 1.0).astype(np.uint16) for axis, (_, high) in enumerate(boxes)
     ]
-    order = np.argsort(_morton_codes(lows, highs), kind="stable")
+    # The centres of the boxes on one scale for all axes: what counts is how near they are in space.
+    shares = (extent / extent.max()).astype(np.float32)
+    centres = [(low.astype(np.uint32) + high) * share for low, high, share in zip(lows, highs, shares, strict=True)]
+    order = kd.order(np.array(centres, np.uint16))
     return _stack(order, [low[order] for low in lows], [high[order] for high in highs], origin, scale)
 
 
@@ -91,17 +97,3 @@ def _level_start(level: int) -> int:
 
 def _reduce(pick: np.ufunc, values: np.ndarray) -> np.ndarray:
     return pick(pick(values[0::4], values[1::4]), pick(values[2::4], values[3::4]))
-
-
-_SPREAD = np.zeros(256, np.uint64)
-for _bit in range(8):
-    _SPREAD |= (np.arange(256, dtype=np.uint64) >> np.uint64(_bit) & np.uint64(1)) << np.uint64(3 * _bit)
-
-
-def _morton_codes(lows: list, highs: list) -> np.ndarray:
-    """The boxes' centres, bits of the three axes in turn: 48 bits, so that near codes are near in space."""
-    codes = np.zeros(len(lows[0]), np.uint64)
-    for axis in range(3):
-        centre = (lows[axis].astype(np.uint32) + highs[axis]) >> np.uint32(1)
-        codes |= (_SPREAD[centre & 255] | _SPREAD[centre >> 8] << np.uint64(24)) << np.uint64(axis)
-    return codes

@@ -62,23 +62,24 @@ class Tables:
 
 def upload(
     nodes: np.ndarray,
-    corners: np.ndarray,
+    points: np.ndarray,
+    vertices: np.ndarray,
     normals: np.ndarray,
+    corners: np.ndarray,
     *,
     first_leaf: int,
     origin: np.ndarray,
     scale: np.ndarray,
 ) -> Tables:
-    """Upload a tree (bvh.Tree: nodes (N, 3, 4), first_leaf, origin, scale) and its triangles in the tree's order.
+    """Upload a tree (bvh.Tree: nodes (N, 3, 4), first_leaf, origin, scale) and its triangles.
 
-    corners and normals (T, 3, 3) float32. The normals need not be of length one.
+    vertices (T, 3), indices into points (P, 3) float32, and corners (T, 3), indices into normals (C, 3) float32, are in
+    the tree's order. The normals need not be of length one.
     """
-    edges = corners.copy()
-    edges[:, 1:] -= corners[:, :1]
     textures = [
         table.upload(nodes.reshape(-1, 4)),
-        table.upload(edges.reshape(-1, 3)),
-        table.upload(normals.reshape(-1, 3)),
+        table.gathered(points, vertices.reshape(-1)),
+        table.gathered(normals, corners.reshape(-1)),
     ]
     size = sum(texture.width * texture.height * 16 for texture in textures)
     return Tables(*textures, first_leaf, origin, scale, size)

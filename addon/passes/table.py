@@ -15,7 +15,23 @@ def limit() -> int:
 
 def upload(values: np.ndarray) -> gpu.types.GPUTexture:
     """A texture with `values` (N, 3 or 4) float32, texel i in row i / WIDTH."""
-    rows = max(1, -(-len(values) // WIDTH))
-    padded = np.zeros((rows * WIDTH, 4), np.float32)
+    padded = _padded(len(values))
     padded[: len(values), : values.shape[1]] = values
-    return gpu.types.GPUTexture((WIDTH, rows), format="RGBA32F", data=gpu.types.Buffer("FLOAT", padded.shape, padded))
+    return _texture(padded)
+
+
+def gathered(values: np.ndarray, places: np.ndarray) -> gpu.types.GPUTexture:
+    """As `upload` of values[places], values (N, 3) float32 and places (M,) int."""
+    padded, wide = _padded(len(places)), np.zeros((len(values), 4), np.float32)
+    wide[:, :3] = values
+    np.take(wide, places, axis=0, out=padded[: len(places)], mode="clip")
+    return _texture(padded)
+
+
+def _padded(count: int) -> np.ndarray:
+    return np.zeros((max(1, -(-count // WIDTH)) * WIDTH, 4), np.float32)
+
+
+def _texture(padded: np.ndarray) -> gpu.types.GPUTexture:
+    data = gpu.types.Buffer("FLOAT", padded.shape, padded)
+    return gpu.types.GPUTexture((WIDTH, len(padded) // WIDTH), format="RGBA32F", data=data)

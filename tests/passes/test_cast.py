@@ -20,12 +20,17 @@ SIZE = 64
 
 def tables(corners, normals=None):
     corners = np.asarray(corners, np.float32)
-    tree = bvh.build(corners)
+    numbers = np.arange(len(corners) * 3).reshape(-1, 3)
     normals = corners if normals is None else np.asarray(normals, np.float32)
+    points, normals = corners.reshape(-1, 3), normals.reshape(-1, 3)
+    tree = bvh.build(points, numbers)
+    sorted_numbers = numbers[tree.order]
     uploaded = cast.upload(
         tree.nodes,
-        corners[tree.order],
-        normals[tree.order],
+        points,
+        sorted_numbers,
+        normals,
+        sorted_numbers,
         first_leaf=tree.first_leaf,
         origin=tree.origin,
         scale=tree.scale,

@@ -13,6 +13,11 @@ def unpack(packed):
     return bits & 0x7FFF, (bits >> 15) & 0x3FFF | (bits >> 31) << 14
 
 
+def tree_of(corners):
+    """Of triangles (T, 3, 3) that share no points."""
+    return bvh.build(corners.reshape(-1, 3), np.arange(len(corners) * 3).reshape(-1, 3))
+
+
 def test_pack_keeps_all_pairs_of_the_edges_and_makes_plain_floats():
     values = np.array([0, 1, 127, 128, 16383, 16384, 32639, 32640, 32766, 32767], np.uint16)
     low, high = (grid.ravel() for grid in np.meshgrid(values, values))
@@ -27,7 +32,7 @@ def test_pack_keeps_all_pairs_of_the_edges_and_makes_plain_floats():
 def test_every_triangle_lies_in_all_boxes_above_it_seed_5(count):
     rng = np.random.default_rng(5)
     corners = (rng.random((count, 1, 3)) * (1, 100, 1e-3) + rng.random((count, 3, 3)) * 0.01).astype(np.float32)
-    tree = bvh.build(corners)
+    tree = tree_of(corners)
     assert np.array_equal(np.sort(tree.order), np.arange(count))
     steps = (corners[tree.order].astype(np.float64) - tree.origin) * tree.scale
     for i in range(count):
@@ -40,7 +45,7 @@ def test_every_triangle_lies_in_all_boxes_above_it_seed_5(count):
 
 
 def test_children_that_are_not_there_are_never_entered():
-    tree = bvh.build(np.random.default_rng(0).random((5, 3, 3)).astype(np.float32))
+    tree = tree_of(np.random.default_rng(0).random((5, 3, 3)).astype(np.float32))
     levels = {0: [0], 1: [1, 2]}  # five triangles make two nodes of triangles under one root
     missing = [(0, 2), (0, 3), (2, 1), (2, 2), (2, 3)]
     for node, slot in missing:
@@ -53,15 +58,15 @@ def test_children_that_are_not_there_are_never_entered():
 def test_a_flat_mesh_has_a_tree():
     corners = np.random.default_rng(1).random((64, 3, 3)).astype(np.float32)
     corners[..., 2] = 3.0
-    tree = bvh.build(corners)
+    tree = tree_of(corners)
     assert np.isfinite(tree.scale).all()
     assert np.isfinite(tree.nodes).all()
 
 
 def test_neighbours_in_order_are_neighbours_in_space_seed_2():
-    """What the Morton curve is for: boxes of four triangles in a row are small."""
+    """Boxes of four triangles in a row are small."""
     corners = np.random.default_rng(2).random((4096, 1, 3)).astype(np.float32).repeat(3, axis=1)
-    tree = bvh.build(corners)
+    tree = tree_of(corners)
     centres = corners[tree.order, 0].reshape(-1, 4, 3)
     extent = (centres.max(axis=1) - centres.min(axis=1)).max(axis=1)
     assert np.median(extent) < 0.2  # unsorted, four points span 0.8

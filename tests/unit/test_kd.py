@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The order of a k-d tree, held against what its documentation promises."""
+
+import numpy as np
+import pytest
+
+from addon.mesh import kd
+
+
+def is_cut(one, other):
+    """Whether a plane across an axis parts points (3, N) from (3, M)."""
+    return bool(np.any((one.max(axis=1) <= other.min(axis=1)) | (other.max(axis=1) <= one.min(axis=1))))
+
+
+@pytest.mark.parametrize("count", [0, 1, 3, 4, 5, 8, 9, 16, 17, 63, 64, 65, 1000, 4096, 5000, 40_000, 70_000])
+def test_runs_are_cut_by_planes_seed_11(count):
+    points = np.random.default_rng(11).integers(0, 2**16, (3, count), dtype=np.uint16)
+    order = kd.order(points)
+    assert np.array_equal(np.sort(order), np.arange(count))
+    points = points[:, order]
+    size = 4
+    while size < count:
+        for start in range(0, count, 2 * size):
+            one, other = points[:, start : start + size], points[:, start + size : start + 2 * size]
+            assert not other.size or is_cut(one, other)
+        size *= 2
+
+
+def test_the_longest_side_is_cut_first():
+    side = np.arange(64, dtype=np.uint16)
+    for axis in range(3):
+        points = np.zeros((3, 64), np.uint16)
+        points[axis] = side[::-1]
+        points[axis - 1] = side % 4
+        found = points[axis, kd.order(points)].reshape(-1, 4)
+        assert np.array_equal(np.sort(found, axis=1), side.reshape(-1, 4))
+
+
+def test_points_in_one_place_have_an_order():
+    assert np.array_equal(np.sort(kd.order(np.full((3, 100), 7, np.uint16))), np.arange(100))
