@@ -4,10 +4,10 @@
 void main()
 {
   ivec2 texel = ivec2(gl_GlobalInvocationID.xy) + ivec2(0, first_row);
-  if (any(greaterThanEqual(texel, textureSize(normals, 0)))) {
+  if (any(greaterThanEqual(texel, imageSize(normals)))) {
     return;
   }
-  vec4 normal = texelFetch(normals, texel, 0);
+  vec4 normal = imageLoad(normals, texel);
   vec4 sum = is_first != 0 ? vec4(0.0) : imageLoad(sums, texel);
   if (normal.a > 0.0) {
     sum += vec4(normal.xyz, 1.0);

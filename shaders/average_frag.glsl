@@ -1,10 +1,10 @@
-// The mean of the samples that were covered, of length one again where they are directions. Alpha as in a single sample: a texel is missed only when
-// no ray of it hit.
+// The mean of the samples that were covered, of length one again where they are directions. Alpha as in a single sample: a
+// texel is missed only when no ray of it hit.
 #include "accumulate_lib.glsl"
 
 void main()
 {
-  vec4 sum = texelFetch(sums, ivec2(gl_FragCoord.xy), 0);
+  vec4 sum = imageLoad(sums, ivec2(gl_FragCoord.xy));
   float length_squared = dot(sum.xyz, sum.xyz);
   bool is_hit = sum.a >= 1.0 && (length_squared > 0.0 || is_direction == 0);
   float divisor = is_direction != 0 ? sqrt(length_squared) : floor(sum.a);

@@ -10,8 +10,13 @@ from . import shader, table, target
 
 TRACE = shader.Program(
     compute="cast_comp.glsl",
-    samplers=(("FLOAT_2D", "positions"), ("FLOAT_2D", "directions"), ("FLOAT_2D", "nodes"), ("FLOAT_2D", "corners")),
-    images=(("RGBA32UI", "UINT_2D", "hits", "WRITE"),),
+    images=(
+        ("RGBA32F", "FLOAT_2D", "positions", "READ"),
+        ("RGBA32F", "FLOAT_2D", "directions", "READ"),
+        ("RGBA32F", "FLOAT_2D", "nodes", "READ"),
+        ("RGBA32F", "FLOAT_2D", "corners", "READ"),
+        ("RGBA32UI", "UINT_2D", "hits", "WRITE"),
+    ),
     constants=(
         ("VEC4", "grid_origin"),
         ("VEC4", "grid_scale"),
@@ -27,7 +32,11 @@ LOOKUP = shader.Program(
     vertex="fullscreen_vert.glsl",
     fragment="lookup_frag.glsl",
     inputs=(("VEC2", "position"),),
-    samplers=(("UINT_2D", "hits"), ("FLOAT_2D", "positions"), ("FLOAT_2D", "normals")),
+    images=(
+        ("RGBA32UI", "UINT_2D", "hits", "READ"),
+        ("RGBA32F", "FLOAT_2D", "positions", "READ"),
+        ("RGBA32F", "FLOAT_2D", "normals", "READ"),
+    ),
     constants=(("MAT4", "normal_matrix"),),
     outputs=(("VEC4", "normal_out"),),
 )

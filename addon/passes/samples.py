@@ -7,15 +7,17 @@ from . import shader, target
 
 ADD = shader.Program(
     compute="accumulate_comp.glsl",
-    samplers=(("FLOAT_2D", "normals"),),
-    images=(("RGBA32F", "FLOAT_2D", "sums", "READ WRITE"),),
+    images=(
+        ("RGBA32F", "FLOAT_2D", "normals", "READ"),
+        ("RGBA32F", "FLOAT_2D", "sums", "READ WRITE"),
+    ),
     constants=(("INT", "first_row"), ("INT", "is_first")),
 )
 AVERAGE = shader.Program(
     vertex="fullscreen_vert.glsl",
     fragment="average_frag.glsl",
     inputs=(("VEC2", "position"),),
-    samplers=(("FLOAT_2D", "sums"),),
+    images=(("RGBA32F", "FLOAT_2D", "sums", "READ"),),
     constants=(("INT", "is_direction"),),
     outputs=(("VEC4", "normal_out"),),
 )

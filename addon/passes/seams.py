@@ -28,11 +28,10 @@ ACROSS = shader.Program(
     inputs=(("VEC2", "position"),),
     samplers=(
         ("FLOAT_2D", "values"),
-        ("INT_2D", "offsets"),
-        ("INT_2D", "source_rows"),
         ("FLOAT_2D", "borders"),
         ("FLOAT_2D", "similarities"),
     ),
+    images=(("R16I", "INT_2D", "offsets", "READ"), ("R32I", "INT_2D", "source_rows", "READ")),
     constants=(("INT", "halo"), ("INT", "reach"), ("INT", "kind"), ("INT", "is_deferred"), ("MAT4", "encode")),
     outputs=(("VEC4", "map_out"), ("FLOAT", "state_out")),
 )

@@ -31,7 +31,8 @@ class Program:
     constants: tuple[Declaration, ...] = ()
     outputs: tuple[Declaration, ...] = ()
     images: tuple[tuple[str, str, str, str], ...] = ()
-    """What a compute shader writes to: (format, type, name, "WRITE" or "READ WRITE")."""
+    """What is written or read by whole numbers: (format, type, name, "READ", "WRITE" or "READ WRITE"). A sampler could be
+    read as well, but drivers in software take twice as long for it."""
     group: tuple[int, int] = (8, 8)
     """A compute shader's workgroup, in texels."""
 
