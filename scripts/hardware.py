@@ -68,6 +68,7 @@ def header(program, stage: str) -> str:
     lines += [
         f"layout({texel.lower()}, binding = {i}) uniform {QUALIFIERS[access]} {IMAGES[kind]} {name};"
         for i, (texel, kind, name, access) in enumerate(program.images)
+        if stage != "vertex"
     ]
     return "\n".join(lines)
 

@@ -15,7 +15,7 @@ vec4 cast_low(uvec4 bits)
 
 vec4 cast_high(uvec4 bits)
 {
-  return vec4(((bits >> 15) & 0x3fffu) | ((bits >> 31) << 14));
+  return vec4(bits >> 15);
 }
 
 // Where `node` goes on when its subtree is done: to a sibling of its own or of an ancestor. `trail` holds four bits for

@@ -27,14 +27,19 @@ high mesh are, -1 where the low one is alone, 0 where it is not; in xyz, where b
 the high one, in scene units and along the world's axes."""
 
 
-def looking(meshes: Meshes, settings: Settings, report: Report, *, all_triangles: bool = True) -> Apart:
-    """What looks at these meshes as a bake by the report's method, and with its distances, does.
-
-    Where not all triangles are wanted, at most TRIANGLES of each high mesh that is laid flat.
-    """
+def looking(meshes: Meshes, settings: Settings, report: Report) -> Apart:
+    """What looks at these meshes as a bake by the report's method, and with its distances, does."""
     if report.method == "FLATTEN":
-        return flattened(meshes.low, meshes.highs if all_triangles else [_thinned(high) for high in meshes.highs])
-    return _cast(meshes, settings, report)
+        return flattened(meshes.low, meshes.highs)
+    aim = casting.target_of(meshes.highs, report)
+    rays = casting.rays(meshes.low, meshes.directions, meshes.cage, aim.frame)
+    back, reach = (report.distances[name] / aim.frame.size for name in ("extrusion", "max_distance"))
+    return along(meshes, casting.Shot(aim, rays, back, reach, settings.facing_only))
+
+
+def glancing(meshes: Meshes, shot: casting.Shot | None) -> Apart:
+    """What looks at these meshes as a bake just did, along its `shot`; without one, at most at TRIANGLES of each high mesh."""
+    return along(meshes, shot) if shot else flattened(meshes.low, [_thinned(high) for high in meshes.highs])
 
 
 def limit(low: Mesh, settings: Settings) -> float:
@@ -91,28 +96,24 @@ def _thinned(mesh: Mesh) -> Mesh:
     return replace(mesh, vertices=mesh.vertices[corners], uv=mesh.uv[corners], triangles=numbers)
 
 
-def _cast(meshes: Meshes, settings: Settings, report: Report) -> Apart:
-    aim = casting.target_of(
-        meshes.highs, replace(report, seconds=dict(report.seconds))
-    )  # its time is not counted twice
-    frame = aim.frame
-    rays = casting.rays(meshes.low, meshes.directions, meshes.cage, frame)
+def along(meshes: Meshes, shot: casting.Shot) -> Apart:
+    """What looks along rays."""
+    frame = shot.aim.frame
     on_low = [_upload(meshes.low, frame)] if meshes.cage is not None else None
-    back, reach = (report.distances[name] / frame.size for name in ("extrusion", "max_distance"))
 
     def look(size: tuple[int, int], window: tuple[float, float, float, float]) -> np.ndarray:
         places = target.get("audit rays", *size, "RGBA32F", "RGBA32F")
         hits = target.get("audit hits", *size, "RGBA32UI")
         found = target.get("audit far", *size, "RGBA32F")
-        gbuffer.draw(places, rays, window)
-        cast.trace(hits, places, aim.tables, heading=-1.0, back=back, reach=reach, facing_only=settings.facing_only)
+        gbuffer.draw(places, shot.rays, window)
+        shot.trace(hits, places)
         cast.distances(found, hits)
         far, away = (np.empty((size[1], size[0], 4), np.float32) for _ in range(2))
         found.read(far)
         places.read(away, slot=1)
         has_missed = far[..., 0] < 0.0
         is_low = away[..., 3]
-        away[..., :3] *= np.float32(back) - far[..., :1]
+        away[..., :3] *= np.float32(shot.back) - far[..., :1]
         if on_low is not None:  # rays start on the cage, and not on the low mesh
             places.read(far)
             away += far - _points(on_low, size, window)

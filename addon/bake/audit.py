@@ -9,7 +9,7 @@ import numpy as np
 from ..mesh import arrays, faces
 from ..mesh.arrays import Mesh
 from ..passes import batch, overlap, resolve, target
-from . import apart
+from . import apart, casting
 from .reading import Meshes
 from .report import Report
 from .settings import Settings
@@ -61,8 +61,16 @@ class Tally:
             self.turned_away += int(np.count_nonzero(upwards[::4, ::4][seen] < 0.0))
 
 
-def tell(meshes: Meshes, tally: Tally, tiles: Sequence[int], settings: Settings, report: Report) -> None:
-    """Put into the report what was covered, what was missed and what was left out."""
+def tell(
+    meshes: Meshes,
+    tally: Tally,
+    tiles: Sequence[int],
+    settings: Settings,
+    report: Report,
+    *,
+    shot: casting.Shot | None = None,
+) -> None:
+    """Put into the report what was covered, what was missed and what was left out. shot: what was cast, if it was."""
     report.triangles = {"high": sum(len(high.triangles) for high in meshes.highs), "low": len(meshes.low.triangles)}
     report.coverage, report.margin = tally.written / tally.texels, tally.margin / tally.texels
     report.missed = tally.missed / max(1, tally.missed + tally.written)
@@ -78,7 +86,7 @@ def tell(meshes: Meshes, tally: Tally, tiles: Sequence[int], settings: Settings,
     with report.timed("audit"):
         _tell_of_uvs(meshes, tiles, settings, report)
         _tell_of_texels(meshes, tally, tiles, settings, report)
-        _tell_of_distances(meshes, tiles, settings, report)
+        _tell_of_distances(meshes, tiles, settings, report, shot)
         _tell_of_faces(meshes, report)
 
 
@@ -131,11 +139,12 @@ def _tell_of_texels(meshes: Meshes, tally: Tally, tiles: Sequence[int], settings
         )
 
 
-def _tell_of_distances(meshes: Meshes, tiles: Sequence[int], settings: Settings, report: Report) -> None:
+def _tell_of_distances(
+    meshes: Meshes, tiles: Sequence[int], settings: Settings, report: Report, shot: casting.Shot | None
+) -> None:
     texels = meshes.apart
     if texels is None:
-        look = apart.looking(meshes, settings, report, all_triangles=False)
-        texels = apart.probe(look, (settings.width, settings.height), tiles)
+        texels = apart.probe(apart.glancing(meshes, shot), (settings.width, settings.height), tiles)
     offset = apart.offset(texels, report.method)
     found = apart.distances(texels, offset)
     found = found[found >= 0.0]

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..mesh import bvh
 from ..mesh.arrays import Frame, Mesh, frame_of
-from ..passes import batch, cast, table
+from ..passes import batch, cast, table, target
 from .errors import BakeError
 from .report import Report
 
@@ -31,6 +31,30 @@ class Target:
     frame: Frame
     tables: cast.Tables
     order: np.ndarray
+
+
+@dataclass(frozen=True)
+class Shot:
+    """Rays from a low mesh at the high ones: `rays` as gbuffer.draw wants it, back and reach in units of the aim's frame."""
+
+    aim: Target
+    rays: gpu.types.GPUBatch
+    back: float
+    reach: float
+    facing_only: bool
+
+    def trace(self, hits: target.Target, places: target.Target, rows: range | None = None) -> None:
+        """Cast those that gbuffer.draw has written into `places`, as cast.trace does."""
+        cast.trace(
+            hits,
+            places,
+            self.aim.tables,
+            heading=-1.0,
+            back=self.back,
+            reach=self.reach,
+            facing_only=self.facing_only,
+            rows=rows,
+        )
 
 
 def target_of(highs: Sequence[Mesh], report: Report) -> Target:

@@ -81,16 +81,9 @@ def source(
         reach = extrusion + inside * aim.frame.size if reach is None else reach
         report.measured = True
     report.distances = {"extrusion": extrusion, "max_distance": reach}
-    return sources.Rays(
-        meshes.low,
-        rays,
-        aim,
-        meshes.highs,
-        settings,
-        pace=pace,
-        extrusion=extrusion / aim.frame.size,
-        reach=reach / aim.frame.size,
-    )
+    size = aim.frame.size
+    shot = casting.Shot(aim, rays, extrusion / size, reach / size, settings.facing_only)
+    return sources.Rays(meshes.low, shot, meshes.highs, settings, pace)
 
 
 def nothing_drawn(meshes: Meshes, tiles: Sequence[int], report: Report) -> str:

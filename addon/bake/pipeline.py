@@ -136,6 +136,7 @@ class _Bake:
         self.tally = audit.Tally()
         self.meshes: reading.Meshes | None = None
         self.tiles: list[int] = []
+        self.shot: casting.Shot | None = None
 
     def whole(self, context: bpy.types.Context) -> Work[None]:
         """From the objects to images and materials."""
@@ -189,6 +190,7 @@ class _Bake:
         yield Step(f"Looking at {name}", 0.5)
         self.meshes = methods.choose(meshes, self.tiles, settings, report)
         source = yield from part(methods.source(self.meshes, self.tiles, settings, report, self.pace), 0.5, 1.0)
+        self.shot = source.shot
         return render.Renderer(source, meshes.basis, settings, report, self.pace)
 
     def _share(self, number: int) -> tuple[float, float]:
@@ -198,7 +200,7 @@ class _Bake:
     def _tell(self) -> None:
         if not self.tally.written:
             raise BakeError(methods.nothing_drawn(self.meshes, self.tiles, self.report))
-        audit.tell(self.meshes, self.tally, self.tiles, self.settings, self.report)
+        audit.tell(self.meshes, self.tally, self.tiles, self.settings, self.report, shot=self.shot)
 
 
 def _tiles(low: Mesh, settings: Settings) -> list[int]:

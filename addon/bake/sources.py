@@ -18,9 +18,11 @@ from .settings import Settings
 
 
 class Source(Protocol):
-    """Draws a band of the normal map, and of the maps beside it. takes_time: whether it does so in slices."""
+    """Draws a band of the normal map, and of the maps beside it. takes_time: whether it does so in slices. shot: what it
+    casts, if it does."""
 
     takes_time: bool
+    shot: casting.Shot | None
 
     def normals(self, band: Band) -> Iterator[tuple[gpu.types.GPUTexture, range]]:
         """Unit normals in world space or the low object's: RGBA32F, alpha 1 written, 0 nothing, -1 missed.
@@ -36,6 +38,7 @@ class Flat:
     """Draws `highs` in UV space; `kept` holds what was uploaded of them before."""
 
     takes_time = False
+    shot = None
 
     def __init__(
         self, low: Mesh, highs: Sequence[Mesh], settings: Settings, report: Report, *, kept: batch.Kept | None = None
@@ -78,24 +81,13 @@ class Flat:
 
 
 class Rays:
-    """Casts `rays` at `aim`, the tree over `highs`; extrusion and reach in the units of its frame."""
+    """Casts the rays of `shot` from `low` to `highs`."""
 
     takes_time = True
 
-    def __init__(
-        self,
-        low: Mesh,
-        rays: gpu.types.GPUBatch,
-        aim: casting.Target,
-        highs: Sequence[Mesh],
-        settings: Settings,
-        *,
-        pace: Pace,
-        extrusion: float,
-        reach: float,
-    ):
-        self.rays, self.aim, self.settings, self.pace = rays, aim, settings, pace
-        self.extrusion, self.reach = extrusion, reach
+    def __init__(self, low: Mesh, shot: casting.Shot, highs: Sequence[Mesh], settings: Settings, pace: Pace):
+        self.shot, self.settings, self.pace = shot, settings, pace
+        aim = shot.aim
         matrix = low.to_world[:3, :3]
         self.to_space = np.eye(3) if settings.space == "WORLD" else matrix.T / np.abs(matrix).max()
         if settings.maps:
@@ -108,30 +100,21 @@ class Rays:
         """As Source has it."""
         size = band.width, band.height
         places = target.get("rays", *size, "RGBA32F", "RGBA32F")
-        gbuffer.draw(places, self.rays, band.window)
+        gbuffer.draw(places, self.shot.rays, band.window)
         self._hits = target.get("hits", *size, "RGBA32UI")
         self._normals, self._points = target.get("high", *size, "RGBA32F"), None
         if self.pace.is_sliced:
             target.clear(self._normals)  # what is not drawn yet must not be seen
         for rows in self.pace.slices(band.height):
-            cast.trace(
-                self._hits,
-                places,
-                self.aim.tables,
-                heading=-1.0,
-                back=self.extrusion,
-                reach=self.reach,
-                facing_only=self.settings.facing_only,
-                rows=rows,
-            )
-            cast.look_up(self._normals, self._hits, places, self.aim.tables, self.to_space, rows=rows)
+            self.shot.trace(self._hits, places, rows)
+            cast.look_up(self._normals, self._hits, places, self.shot.aim.tables, self.to_space, rows=rows)
             yield self._normals.texture, rows
 
     def other(self, name: str, band: Band, into: target.Target) -> gpu.types.GPUTexture:
         """As Source has it."""
         if self._points is None:
             self._points = target.get("points", band.width, band.height, "RGBA32F", "RGBA32F")
-            cast.points(self._points, self._hits, self.aim.tables, self.labels)
+            cast.points(self._points, self._hits, self.shot.aim.tables, self.labels)
             self.relief.start(band)
         return self.relief.draw(into, name, self._normals.texture, self._points)
 
@@ -140,6 +123,7 @@ class Drawn:
     """Maps that were drawn before, by name, (height, width, 4) float32 as render.Renderer.raw returns them."""
 
     takes_time = False
+    shot = None
 
     def __init__(self, maps: dict[str, np.ndarray]):
         self.maps = maps

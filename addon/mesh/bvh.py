@@ -12,9 +12,9 @@ import numpy as np
 
 from . import kd
 
-GRID = 32767
-"""Boxes are rounded outwards to a grid of this many steps along each axis, and stored as 15-bit integers."""
-_EMPTY_LOW, _EMPTY_HIGH = np.uint16(GRID), np.uint16(0)
+GRID = 256, 32767
+"""Boxes are rounded outwards to a grid whose steps along each axis have these numbers, from first to last."""
+_EMPTY_LOW, _EMPTY_HIGH = np.uint16(GRID[1]), np.uint16(GRID[0])
 
 
 @dataclass(frozen=True)
@@ -44,8 +44,8 @@ def build(points: np.ndarray, triangles: np.ndarray) -> Tree:
     # A flat mesh has no extent along an axis; what is smaller than this is flat. Two steps on either side are left free
     # for rounding outwards by more than what single precision loses on the way.
     extent = np.maximum(extent, max(float(extent.max()) * 1e-5, np.finfo(np.float32).tiny))
-    scale = (GRID - 4) / extent
-    origin -= 2.0 / scale
+    scale = (GRID[1] - GRID[0] - 4) / extent
+    origin -= (GRID[0] + 2.0) / scale
     lows = [
         (np.floor((low - origin[axis]) * scale[axis]) - 1.0).astype(np.uint16) for axis, (low, _) in enumerate(boxes)
     ]
@@ -56,7 +56,7 @@ def build(points: np.ndarray, triangles: np.ndarray) -> Tree:
     shares = (extent / extent.max()).astype(np.float32)
     centres = [(low.astype(np.uint32) + high) * share for low, high, share in zip(lows, highs, shares, strict=True)]
     order = kd.order(np.array(centres, np.uint16))
-    return _stack(order, [low[order] for low in lows], [high[order] for high in highs], origin, scale)
+    return _stack(order, [np.take(low, order) for low in lows], [np.take(high, order) for high in highs], origin, scale)
 
 
 def _stack(order: np.ndarray, lows: list, highs: list, origin: np.ndarray, scale: np.ndarray) -> Tree:
@@ -64,8 +64,9 @@ def _stack(order: np.ndarray, lows: list, highs: list, origin: np.ndarray, scale
     levels = []
     while not levels or len(levels[-1]) > 1:
         missing = -len(lows[0]) % 4
-        lows = [np.pad(low, (0, missing), constant_values=_EMPTY_LOW) for low in lows]
-        highs = [np.pad(high, (0, missing), constant_values=_EMPTY_HIGH) for high in highs]
+        if missing:
+            lows = [np.pad(low, (0, missing), constant_values=_EMPTY_LOW) for low in lows]
+            highs = [np.pad(high, (0, missing), constant_values=_EMPTY_HIGH) for high in highs]
         nodes = np.empty((len(lows[0]) // 4, 3, 4), np.float32)
         for axis in range(3):
             nodes[:, axis] = pack(lows[axis], highs[axis]).reshape(-1, 4)
@@ -81,13 +82,11 @@ def _stack(order: np.ndarray, lows: list, highs: list, origin: np.ndarray, scale
 
 
 def pack(low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Two numbers of 15 bits in the bits of a float32: textures can be filled with floats alone.
+    """Two numbers on the grid, of 15 bits each, in the bits of a float32: textures can be filled with floats alone.
 
-    Bit 30 is 1 and bit 29 is 0, so that no pair is a NaN, an infinity or a denormal, which a driver might not keep.
+    Since the grid begins at 256 no pair is a denormal, which a driver might not keep, and none is a NaN or an infinity.
     """
-    high = high.astype(np.uint32)
-    bits = low | (high & 0x3FFF) << 15 | (high >> 14) << 31 | np.uint32(1 << 30)
-    return bits.astype(np.uint32, copy=False).view(np.float32)
+    return (low | high.astype(np.uint32) << 15).astype(np.uint32, copy=False).view(np.float32)
 
 
 def _level_start(level: int) -> int:

@@ -144,7 +144,7 @@ def test_rays_visit_few_nodes_seed_3():
     quads = zoo.grid_faces(n, n)
     tree = bvh.build(points, np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]))
     bits = tree.nodes.view(np.uint32).astype(np.int64)
-    low, high = bits & 0x7FFF, ((bits >> 15) & 0x3FFF) | ((bits >> 31) << 14)
+    low, high = bits & 0x7FFF, bits >> 15
     rng = np.random.default_rng(3)
     starts = np.column_stack([rng.random((rays, 2)), np.ones(rays)])
     tilt = np.column_stack([rng.normal(0, 0.3, (rays, 2)), -np.ones(rays)])
