@@ -3,6 +3,7 @@
 
 import re
 import tempfile
+import zlib
 from dataclasses import replace
 from pathlib import Path, PurePath
 
@@ -18,10 +19,20 @@ from .settings import FORMATS, Settings
 MISSED = "missed"
 """What the name of a mask of misses ends in."""
 
+LONGEST = 220
+"""Bytes of an image's name: Blender takes 255, and the names of other maps are longer."""
+
 
 def name_for(low_name: str, settings: Settings) -> str:
-    """The name of the image datablock; "{low}" in it stands for the low object's."""
-    return settings.image.replace("{low}", low_name) or f"{low_name}_normal"
+    """The name of the image datablock; "{low}" in it stands for the low object's.
+
+    One that Blender would cut, so that the image were not found again, is cut here, and others cut alike stay apart.
+    """
+    name = settings.image.replace("{low}", low_name) or f"{low_name}_normal"
+    letters = name.encode()
+    if len(letters) <= LONGEST:
+        return name
+    return f"{letters[: LONGEST - 9].decode(errors='ignore')}_{zlib.crc32(letters):08x}"
 
 
 def output_for(settings: Settings) -> str:

@@ -22,6 +22,8 @@ from .settings import Settings
 
 TOLD_EVERY = 0.25
 """Seconds between two steps of which somebody wants to hear."""
+MANY_TILES = 100
+"""More UDIM tiles than this are only baked by name: a single stray UV covers hundreds."""
 
 
 @dataclass(frozen=True)
@@ -208,6 +210,8 @@ def _tiles(low: Mesh, settings: Settings) -> list[int]:
     if not settings.udim:
         return [1001]
     found = arrays.tiles(low)
+    if len(found) > MANY_TILES and not settings.tiles:
+        raise BakeError(f"{low.name!r} lies on {len(found)} UDIM tiles: name those to bake, or look for stray UVs.")
     wanted = [tile for tile in found if not settings.tiles or tile in settings.tiles]
     if not wanted:
         where = few(found) or "no tile"

@@ -8,9 +8,10 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.bake import files, images
+from addon.bake import files, images, pipeline
 from addon.bake.errors import BakeError
 from addon.bake.settings import Settings
+from tests.support import zoo
 from tests.support.maps import pixels
 from tests.support.snapshot import difference, snapshot
 
@@ -345,3 +346,18 @@ def test_a_linked_image_of_that_name_is_left_alone(texels, tmp_path):
     assert image.library is None
     assert tuple(linked.size) == (4, 4)
     assert_texels(image, texels, EXACT)
+
+
+@pytest.mark.usefixtures("gpu_context")
+def test_an_object_with_the_longest_name_has_one_image():
+    """Blender cuts names: what is not found again would be made anew at every bake."""
+    names = ["\u00e9" * 120 + end for end in ("one", "two")]
+    high = zoo.plane("high")
+    found = set()
+    for name in names:
+        low = zoo.plane(name)
+        for _ in range(2):
+            settings = Settings("FLATTEN", width=16, height=16, maps=("DISPLACEMENT",), storage="MEMORY")
+            found.add(pipeline.bake(bpy.context, low, [high], settings).image)
+    assert len(found) == 2
+    assert len(bpy.data.images) == 4

@@ -416,6 +416,17 @@ def test_baking_one_tile_leaves_the_others(storage, tmp_path):
 
 
 @pytest.mark.usefixtures("gpu_context")
+def test_a_stray_uv_bakes_no_thousand_tiles():
+    low, high = zoo.plane("low", n=2), zoo.plane("high")
+    low.data.uv_layers[0].uv[0].vector = 1e6, 1e6
+    with pytest.raises(
+        BakeError, match=r"^'low' lies on 1000 UDIM tiles: name those to bake, or look for stray UVs\.$"
+    ):
+        bake(low, high, storage="PACK")
+    assert bake(low, high, storage="PACK", tiles=(1001,)).tiles == [1001]
+
+
+@pytest.mark.usefixtures("gpu_context")
 def test_a_tile_that_triangles_pass_by_is_not_touched(tmp_path):
     """The box around a slanting triangle reaches over tiles that the triangle does not."""
     corners = np.array([[0.2, 0.2], [1.8, 0.3], [1.8, 1.8]])
