@@ -60,8 +60,7 @@ def bench(options: argparse.Namespace, scratch: Path) -> dict:
             say("surfaces with known normals")
             result["closed_forms"] = measure.closed_forms(quick, repeats, beside)
     if "growth" in only:
-        say("growth")
-        result["growth"] = measure.growth(quick, repeats)
+        result["growth"] = measure.growth(quick, repeats, say)
         report.plot(result["growth"], options.output / "growth.png")
     if "live" in only:
         say("live")
