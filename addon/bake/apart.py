@@ -92,8 +92,9 @@ def _thinned(mesh: Mesh) -> Mesh:
     if step < 2:
         return mesh
     corners = mesh.triangles[::step].reshape(-1)
-    numbers = np.arange(len(corners), dtype=np.int32).reshape(-1, 3)
-    return replace(mesh, vertices=mesh.vertices[corners], uv=mesh.uv[corners], triangles=numbers)
+    numbers = np.arange(len(corners), dtype=np.int32)
+    positions, uv = mesh.positions[mesh.vertices[corners]], mesh.uv[corners]
+    return replace(mesh, positions=positions, vertices=numbers, uv=uv, triangles=numbers.reshape(-1, 3))
 
 
 def along(meshes: Meshes, shot: casting.Shot) -> Apart:

@@ -112,6 +112,8 @@ def finite_rows(*arrays: np.ndarray) -> np.ndarray | None:
     return None if finite.all() else finite
 
 
+BLOCK = 2**16
+"""Triangles whose intermediate values fit in a processor's cache."""
 ON_THE_RIM = 1e-5
 """How far outside the tile a UV may lie before it counts: subdivision rounds."""
 
@@ -120,9 +122,12 @@ ON_THE_RIM = 1e-5
 def uv_areas(mesh: Mesh) -> np.ndarray:
     """Twice the triangles' areas in UV space (T,) float32: below 0 where they turn the other way round than on the
     surface, which is mirrored, and exactly 0 where nothing can be drawn."""
-    a, b, c = _uv_corners(mesh)
-    b, c = b - a, c - a
-    return b.real * c.imag - b.imag * c.real
+    areas = np.empty(len(mesh.triangles), np.float32)
+    for start in range(0, len(areas), BLOCK):
+        a, b, c = _uv_corners(mesh, slice(start, start + BLOCK))
+        b, c = b - a, c - a
+        areas[start : start + BLOCK] = b.real * c.imag - b.imag * c.real
+    return areas
 
 
 def outside(mesh: Mesh, tiles: tuple[int, int] = (1, 1)) -> np.ndarray:
@@ -162,10 +167,10 @@ def tiles(mesh: Mesh) -> list[int]:
     return sorted(found)
 
 
-def _uv_corners(mesh: Mesh) -> list[np.ndarray]:
-    """The UVs of the triangles' three corners, (T,) each, as u + v i: one gather for both."""
+def _uv_corners(mesh: Mesh, which: slice = slice(None)) -> list[np.ndarray]:
+    """The UVs of three corners of the triangles `which`, (T,) each, as u + v i: one gather for both."""
     uv = mesh.uv.view(np.complex64)[:, 0]
-    return [np.take(uv, mesh.triangles[:, corner], mode="clip") for corner in range(3)]
+    return [np.take(uv, corner, mode="clip") for corner in mesh.triangles[which].T]
 
 
 def normal_matrix(mesh_to_world: np.ndarray, space_to_world: np.ndarray | None = None) -> np.ndarray:
