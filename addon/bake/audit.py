@@ -28,6 +28,8 @@ MANY_UNEVEN = 0.1
 """Share of faces that may depend on how they are cut into triangles without a warning."""
 TURNED_AWAY = 0.5
 """Share of normals that may point into the low mesh without a warning."""
+SOME = np.s_[::4, ::4]
+"""The texels whose normals are looked at, to see whether half of them point into the low mesh."""
 PROBE = 1024
 """Texels a side, at most, of those on which overlaps and gaps are counted."""
 
@@ -46,19 +48,17 @@ class Tally:
     """Of each tile, the state of the texels that `looked_at` names."""
 
     def add(self, state: np.ndarray, upwards: np.ndarray | None) -> None:
-        """Count one tile; state as render.Renderer.texels has it, upwards (height, width) the part of its normals along
-        the low mesh's, or None where they are not relative to it."""
-        counts = np.bincount(state.reshape(-1), minlength=4)
-        self.written += int(counts[resolve.WRITTEN])
-        self.margin += int(counts[resolve.MARGIN])
-        self.missed += int(counts[resolve.MISSED])
+        """Count one tile; state as render.Renderer.texels has it, upwards the part of its normals along the low mesh's on
+        SOME texels, or None where they are not relative to it."""
+        self.written += int(np.count_nonzero(state == resolve.WRITTEN))
+        self.margin += int(np.count_nonzero(state == resolve.MARGIN))
+        self.missed += int(np.count_nonzero(state == resolve.MISSED))
         self.texels += state.size
         self.states.append(state[looked_at(state.shape)].copy())
         if upwards is not None:
-            # A look at some texels is enough for a half of them.
-            seen = state[::4, ::4] == resolve.WRITTEN
+            seen = state[SOME] == resolve.WRITTEN
             self.probed += int(np.count_nonzero(seen))
-            self.turned_away += int(np.count_nonzero(upwards[::4, ::4][seen] < 0.0))
+            self.turned_away += int(np.count_nonzero(upwards[seen] < 0.0))
 
 
 def tell(

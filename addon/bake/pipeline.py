@@ -151,7 +151,7 @@ class _Bake:
                     maps = yield from part(renderer.texels(tile, finishes), *self._share(number))
                     texels, state = maps["NORMAL"]
                     is_tangent = settings.space == "TANGENT"
-                    self.tally.add(state, finish.upwards(texels, settings) if is_tangent else None)
+                    self.tally.add(state, finish.upwards(texels[audit.SOME], settings) if is_tangent else None)
                     with report.timed("image"):
                         outputs.add(tile, maps)
                 self._tell()
@@ -173,7 +173,7 @@ class _Bake:
                     drawn[tile] = yield from part(renderer.raw(tile), *self._share(number))
                     normals = drawn[tile]["NORMAL"]
                     is_tangent = self.settings.space == "TANGENT"
-                    self.tally.add(atlas.state(normals), normals[..., 2] if is_tangent else None)
+                    self.tally.add(atlas.state(normals), normals[audit.SOME][..., 2] if is_tangent else None)
                 self._tell()
             finally:
                 target.trim()

@@ -124,7 +124,8 @@ class Renderer:
         for number, offset in enumerate(places):
             sample = replace(band, offset=offset)
             for drawn, rows in self._normals(sample):
-                samples.add(sums, drawn, rows, is_first=number == 0)
+                with self.report.timed("draw"):
+                    samples.add(sums, drawn, rows, is_first=number == 0)
                 if self.pace.is_sliced:
                     yield self._step(sums.texture, (number + rows.stop / band.height) / count, band)
             for name in settings.maps:
