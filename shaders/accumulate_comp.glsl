@@ -8,6 +8,9 @@ void main()
     return;
   }
   vec4 normal = imageLoad(normals, texel);
+  if (normal.a == 0.0 && is_first == 0) {
+    return;
+  }
   vec4 sum = is_first != 0 ? vec4(0.0) : imageLoad(sums, texel);
   if (normal.a > 0.0) {
     sum += vec4(normal.xyz, 1.0);
