@@ -252,7 +252,7 @@ OPTIONS: dict[str, dict[str, dict]] = {
             "type": _tiles,
             "default": _USUAL.tiles,
             "metavar": "1001,1002...",
-            "help": "these UDIM tiles alone (default: all that the low mesh covers)",
+            "help": "these UDIM tiles alone (default: all that the low mesh covers, 100 at the most)",
         },
         "frames": {
             "type": _frames,

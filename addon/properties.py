@@ -155,7 +155,8 @@ class Options:
     )
     udim: BoolProperty(name="UDIM Tiles", description="A map for each UDIM tile that the low mesh covers")
     tiles: StringProperty(
-        name="Tiles", description="Of these tiles alone, as 1001, 1003; empty for all that the low mesh covers"
+        name="Tiles",
+        description="Of these tiles alone, as 1001, 1003; empty for all that the low mesh covers, 100 at the most",
     )
     limited: BoolProperty(
         name="Set Limit",

@@ -27,7 +27,7 @@ def export(source: Path, target: Path) -> None:
     meshes = reading.read(bpy.context, low, [high], None, settings)
     report = Report("CAST", "WORLD", (512, 512), "lo", ["hi"])
     meshes = methods.choose(meshes, [1001], settings, report)
-    aim = casting.target_of(meshes.highs, report)
+    aim = casting.aim_at(meshes.highs, report)
     rays = casting.rays(meshes.low, meshes.directions, None, aim.frame)
     outside, inside = distances.measure(aim.tables, rays, (512, 512), [1001], has_cage=False, facing_only=False)
     (mesh,) = meshes.highs

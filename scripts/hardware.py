@@ -52,8 +52,11 @@ def passes():
     return types.SimpleNamespace(cast=cast, flatten=flatten, gbuffer=gbuffer, shader=shader, tangent=tangent)
 
 
-def header(program, stage: str) -> str:
-    """The declarations of a Program for one stage, "vertex", "fragment" or "compute", in plain GLSL."""
+def header(program, stage: str, as_images: bool) -> str:
+    """The declarations of a Program for one stage, "vertex", "fragment" or "compute", in plain GLSL.
+
+    as_images: whether what is read by whole numbers is an image, or a sampler.
+    """
     lines = ["#version 430"]
     if stage == "compute":
         lines.append(f"layout(local_size_x = {program.group[0]}, local_size_y = {program.group[1]}) in;")
@@ -61,51 +64,49 @@ def header(program, stage: str) -> str:
         lines += [f"layout(location = {i}) in {TYPES[kind]} {name};" for i, (kind, name) in enumerate(program.inputs)]
     way = {"vertex": "out", "fragment": "in"}.get(stage)
     lines += [f"smooth {way} {TYPES[kind]} {name};" for kind, name in program.varyings]
-    lines += [f"uniform {SAMPLERS[kind]} {name};" for kind, name in program.samplers]
+    lines += [f"uniform {SAMPLERS[kind]} {name};" for kind, name in samplers(program, as_images)]
     lines += [f"uniform {TYPES[kind]} {name};" for kind, name in program.constants]
     if stage == "fragment":
         lines += [f"layout(location = {i}) out {TYPES[kind]} {name};" for i, (kind, name) in enumerate(program.outputs)]
     lines += [
         f"layout({texel.lower()}, binding = {i}) uniform {QUALIFIERS[access]} {IMAGES[kind]} {name};"
-        for i, (texel, kind, name, access) in enumerate(program.images)
+        for i, (texel, kind, name, access) in enumerate(images(program, as_images))
         if stage != "vertex"
     ]
     return "\n".join(lines)
 
 
-def load(ctx: moderngl.Context, shader, program):
+def samplers(program, as_images: bool) -> list[tuple[str, str]]:
+    """Types and names, by unit."""
+    return [*program.samplers, *([] if as_images else [(kind, name) for _, kind, name in program.texels])]
+
+
+def images(program, as_images: bool) -> list[tuple[str, str, str, str]]:
+    """Formats, types, names and access, by unit."""
+    return [*program.images, *([(*texel, "READ") for texel in program.texels] if as_images else [])]
+
+
+def load(ctx: moderngl.Context, shader, program, as_images: bool):
     """The compiled Program, as moderngl has it."""
     stages = {stage: getattr(program, stage) for stage in ("vertex", "fragment", "compute") if getattr(program, stage)}
-    sources = {stage: f"{header(program, stage)}\n#line 1\n{shader.source(name)}" for stage, name in stages.items()}
+    sources = {
+        stage: f"{header(program, stage, as_images)}\n{shader.prelude(as_images)}{shader.source(name)}"
+        for stage, name in stages.items()
+    }
     if "compute" in sources:
         return ctx.compute_shader(sources["compute"])
     return ctx.program(vertex_shader=sources["vertex"], fragment_shader=sources["fragment"])
 
 
-def bind(compiled, program, **values) -> None:
-    """Set samplers, images and constants by their declared types; what the compiler has dropped is left out."""
-    for unit, (_, name) in enumerate(program.samplers):
-        values[name].use(location=unit)
-        if name in compiled:
-            compiled[name].value = unit
-    for unit, (_, _, name, access) in enumerate(program.images):
-        values[name].bind_to_image(unit, read="READ" in access, write="WRITE" in access)
-    for kind, name in program.constants:
-        if name in compiled:
-            value = values[name]
-            compiled[name].value = int(value) if kind == "INT" else value
-
-
 class Scene:
     """One pair on the GPU: the meshes of a file, the targets of a size, the shaders."""
 
-    def __init__(self, ctx: moderngl.Context, code, data, size: int):
-        self.ctx, self.code, self.size, self.data = ctx, code, size, data
-        shader = code.shader
-        self.flatten = load(ctx, shader, code.flatten.PROGRAM)
-        self.gbuffer = load(ctx, shader, code.gbuffer.PROGRAM)
-        self.trace = load(ctx, shader, code.cast.TRACE)
-        self.lookup = load(ctx, shader, code.cast.LOOKUP)
+    def __init__(self, ctx: moderngl.Context, code, data, size: int, *, as_images: bool):
+        self.ctx, self.code, self.size, self.data, self.as_images = ctx, code, size, data, as_images
+        self.flatten, self.gbuffer, self.trace, self.lookup = (
+            load(ctx, code.shader, program, as_images)
+            for program in (code.flatten.PROGRAM, code.gbuffer.PROGRAM, code.cast.TRACE, code.cast.LOOKUP)
+        )
         self.window = (2.0, 2.0, -1.0, -1.0)
         self.identity = tuple(np.eye(4).ravel().tolist())
         self.high = self._mesh(self.flatten, code.flatten.PROGRAM, "high_triangles", uv="high_uv", normal="high_normal")
@@ -121,6 +122,19 @@ class Scene:
         self.hits = self._texture("u4")
         self.places = ctx.framebuffer([self.positions, self.directions])
         self.drawn = ctx.framebuffer([self.map])
+
+    def _bind(self, compiled, program, **values) -> None:
+        """Set samplers, images and constants by their declared types; what the compiler has dropped is left out."""
+        for unit, (_, name) in enumerate(samplers(program, self.as_images)):
+            values[name].use(location=unit)
+            if name in compiled:
+                compiled[name].value = unit
+        for unit, (_, _, name, access) in enumerate(images(program, self.as_images)):
+            values[name].bind_to_image(unit, read="READ" in access, write="WRITE" in access)
+        for kind, name in program.constants:
+            if name in compiled:
+                value = values[name]
+                compiled[name].value = int(value) if kind == "INT" else value
 
     def _texture(self, dtype: str) -> moderngl.Texture:
         texture = self.ctx.texture((self.size, self.size), 4, dtype=dtype)
@@ -148,20 +162,20 @@ class Scene:
         """The paper's one draw."""
         self.drawn.use()
         self.drawn.clear()
-        bind(self.flatten, self.code.flatten.PROGRAM, normal_matrix=self.identity, window=self.window)
+        self._bind(self.flatten, self.code.flatten.PROGRAM, normal_matrix=self.identity, window=self.window)
         self.high.render(moderngl.TRIANGLES)
 
     def start_rays(self) -> None:
         """Where rays start, which is drawn before they are cast."""
         self.places.use()
         self.places.clear()
-        bind(self.gbuffer, self.code.gbuffer.PROGRAM, window=self.window)
+        self._bind(self.gbuffer, self.code.gbuffer.PROGRAM, window=self.window)
         self.low.render(moderngl.TRIANGLES)
 
     def cast_rays(self) -> None:
         """Every ray, to the triangle that it hits."""
         data = self.data
-        bind(
+        self._bind(
             self.trace,
             self.code.cast.TRACE,
             positions=self.positions,
@@ -184,7 +198,7 @@ class Scene:
     def look_up(self) -> None:
         """What was hit, as normals."""
         self.drawn.use()
-        bind(
+        self._bind(
             self.lookup,
             self.code.cast.LOOKUP,
             hits=self.hits,
@@ -216,7 +230,8 @@ def measure(ctx: moderngl.Context, code, path: Path, size: int) -> dict:
     """Times of one pair at one size."""
     with np.load(path) as file:
         data = dict(file)
-    scene = Scene(ctx, code, data, size)
+    in_software = code.shader.in_software(ctx.info["GL_RENDERER"])
+    scene = Scene(ctx, code, data, size, as_images=in_software)
     flat = timed(ctx, scene.bake_flat)
     flat_with_reading = timed(ctx, scene.bake_flat, scene.read)
     covered = float((scene.read()[..., 3] > 0.0).mean())
@@ -226,6 +241,9 @@ def measure(ctx: moderngl.Context, code, path: Path, size: int) -> dict:
     whole = timed(ctx, scene.start_rays, scene.cast_rays, scene.look_up, scene.read)
     hit = int((np.frombuffer(scene.hits.read(), np.uint32).reshape(-1, 4)[:, 0] > 0).sum())
     triangles = len(data["high_triangles"])
+    other = Scene(ctx, code, data, size, as_images=not in_software)
+    other.start_rays()
+    cast_otherwise = timed(ctx, other.cast_rays)
     return {
         "pair": path.stem,
         "size": size,
@@ -238,6 +256,8 @@ def measure(ctx: moderngl.Context, code, path: Path, size: int) -> dict:
         "starts_ms": starts * 1e3,
         "cast_ms": cast * 1e3,
         "cast_with_read_back_ms": whole * 1e3,
+        "cast_from_images_ms": (cast if in_software else cast_otherwise) * 1e3,
+        "cast_from_samplers_ms": (cast_otherwise if in_software else cast) * 1e3,
         "rays": rays,
         "hits": hit,
         "rays_per_second": rays / cast,
@@ -253,7 +273,7 @@ def main() -> None:
     code = passes()
     ctx = moderngl.create_standalone_context(backend="egl", require=430)
     renderer = ctx.info["GL_RENDERER"]
-    print(renderer, "(in software)" if "llvmpipe" in renderer else "")
+    print(renderer, "(in software)" if code.shader.in_software(renderer) else "")
     rows = [measure(ctx, code, path, size) for path in options.files for size in options.sizes]
     for row in rows:
         print(

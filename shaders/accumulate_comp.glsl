@@ -4,10 +4,10 @@
 void main()
 {
   ivec2 texel = ivec2(gl_GlobalInvocationID.xy) + ivec2(0, first_row);
-  if (any(greaterThanEqual(texel, imageSize(normals)))) {
+  if (any(greaterThanEqual(texel, texel_size(normals)))) {
     return;
   }
-  vec4 normal = imageLoad(normals, texel);
+  vec4 normal = texel_at(normals, texel);
   if (normal.a == 0.0 && is_first == 0) {
     return;
   }

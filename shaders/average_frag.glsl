@@ -4,7 +4,7 @@
 
 void main()
 {
-  vec4 sum = imageLoad(sums, ivec2(gl_FragCoord.xy));
+  vec4 sum = texel_at(sums, ivec2(gl_FragCoord.xy));
   float length_squared = dot(sum.xyz, sum.xyz);
   bool is_hit = sum.a >= 1.0 && (length_squared > 0.0 || is_direction == 0);
   float divisor = is_direction != 0 ? sqrt(length_squared) : floor(sum.a);

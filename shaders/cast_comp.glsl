@@ -46,13 +46,13 @@ void main()
   int lane = int(gl_LocalInvocationIndex);
   ivec2 inner = ivec2((lane & 3) | ((lane >> 1) & 4), ((lane >> 2) & 1) | ((lane >> 3) & 6));
   ivec2 texel = ivec2(gl_WorkGroupID.xy) * 8 + inner + ivec2(0, first_row);
-  if (any(greaterThanEqual(texel, imageSize(positions)))) {
+  if (any(greaterThanEqual(texel, texel_size(positions)))) {
     return;
   }
-  vec4 start = imageLoad(positions, texel);
+  vec4 start = texel_at(positions, texel);
   uvec4 hit = uvec4(0u);
   if (start.a > 0.0) {
-    vec3 direction = imageLoad(directions, texel).xyz * heading;
+    vec3 direction = texel_at(directions, texel).xyz * heading;
     vec3 origin = start.xyz - direction * back;
     float best = reach;
 
@@ -70,9 +70,9 @@ void main()
       // Down and along until a node of triangles is hit: the test of triangles stays out of this loop, since lanes that
       // have found one would otherwise wait in it for the others at every step.
       while (node >= 0 && triangles == 0u) {
-        uvec4 x = floatBitsToUint(imageLoad(nodes, texture_place(node * 3)));
-        uvec4 y = floatBitsToUint(imageLoad(nodes, texture_place(node * 3 + 1)));
-        uvec4 z = floatBitsToUint(imageLoad(nodes, texture_place(node * 3 + 2)));
+        uvec4 x = floatBitsToUint(texel_at(nodes, texture_place(node * 3)));
+        uvec4 y = floatBitsToUint(texel_at(nodes, texture_place(node * 3 + 1)));
+        uvec4 z = floatBitsToUint(texel_at(nodes, texture_place(node * 3 + 2)));
         vec4 x_low = (cast_low(x) - grid_start.x) * inverse.x;
         vec4 y_low = (cast_low(y) - grid_start.y) * inverse.y;
         vec4 z_low = (cast_low(z) - grid_start.z) * inverse.z;
@@ -101,9 +101,9 @@ void main()
       while (triangles != 0u) {
         int triangle = first + findLSB(triangles);
         triangles &= triangles - 1u;
-        vec3 corner = imageLoad(corners, texture_place(triangle * 3)).xyz;
-        vec3 edge1 = imageLoad(corners, texture_place(triangle * 3 + 1)).xyz - corner;
-        vec3 edge2 = imageLoad(corners, texture_place(triangle * 3 + 2)).xyz - corner;
+        vec3 corner = texel_at(corners, texture_place(triangle * 3)).xyz;
+        vec3 edge1 = texel_at(corners, texture_place(triangle * 3 + 1)).xyz - corner;
+        vec3 edge2 = texel_at(corners, texture_place(triangle * 3 + 2)).xyz - corner;
         // Möller and Trumbore 1997.
         vec3 p = cross(direction, edge2);
         float determinant = dot(edge1, p);

@@ -22,14 +22,14 @@ void columns_store(ivec2 place, ivec2 parabola)
 // The square of the distance within the row.
 int columns_square(ivec2 place)
 {
-  int offset = imageLoad(offsets, place).x;
+  int offset = texel_at(offsets, place).x;
   return offset * offset;
 }
 
 void main()
 {
   int x = int(gl_GlobalInvocationID.x);
-  ivec2 size = imageSize(offsets);
+  ivec2 size = texel_size(offsets);
   if (x >= size.x) {
     return;
   }

@@ -5,7 +5,7 @@
 void main()
 {
   int y = int(gl_GlobalInvocationID.x);
-  ivec2 size = imageSize(values);
+  ivec2 size = texel_size(values);
   if (y >= size.y) {
     return;
   }
@@ -14,7 +14,7 @@ void main()
   int x = 0;
   for (int next = 0; next <= size.x; next++) {
     bool is_end = next == size.x;
-    if (!is_end && imageLoad(values, ivec2(next, y)).a <= 0.0) {
+    if (!is_end && texel_at(values, ivec2(next, y)).a <= 0.0) {
       continue;
     }
     int right = is_end ? 2 * MARGIN_NONE : next;

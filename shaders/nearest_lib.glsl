@@ -4,9 +4,9 @@
 // The way from a texel to the nearest written one, MARGIN_NONE in both where none is in reach.
 ivec2 nearest_way(ivec2 texel)
 {
-  int row = imageLoad(source_rows, texel).x;
+  int row = texel_at(source_rows, texel).x;
   if (row == MARGIN_NONE) {
     return ivec2(MARGIN_NONE);
   }
-  return ivec2(imageLoad(offsets, ivec2(texel.x, row)).x, row - texel.y);
+  return ivec2(texel_at(offsets, ivec2(texel.x, row)).x, row - texel.y);
 }

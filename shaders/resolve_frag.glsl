@@ -7,12 +7,12 @@
 void main()
 {
   ivec2 texel = ivec2(gl_FragCoord.xy) + ivec2(0, halo);
-  vec4 value = imageLoad(values, texel);
+  vec4 value = texel_at(values, texel);
   state_out = value.a > 0.0 ? STATE_WRITTEN : value.a < 0.0 ? STATE_MISSED : 0.0;
   if (value.a == 0.0) {
     ivec2 way = nearest_way(texel);
     bool in_reach = way.x != MARGIN_NONE;
-    value = in_reach ? imageLoad(values, texel + way) : vec4(0.0, 0.0, 1.0, 0.0);
+    value = in_reach ? texel_at(values, texel + way) : vec4(0.0, 0.0, 1.0, 0.0);
     state_out = in_reach ? STATE_MARGIN : 0.0;
   }
   map_out = vec4(value.a < 0.0 ? missed.rgb : (encode * vec4(value.xyz, 1.0)).xyz, value.a > 0.0 ? 1.0 : 0.0);

@@ -3,7 +3,7 @@
 
 void main()
 {
-  vec4 object_normal = imageLoad(normals, ivec2(gl_FragCoord.xy));
+  vec4 object_normal = texel_at(normals, ivec2(gl_FragCoord.xy));
   if (object_normal.a <= 0.0) {
     normal_out = object_normal;  // nothing here, or a ray that missed
     return;

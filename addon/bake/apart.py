@@ -31,7 +31,7 @@ def looking(meshes: Meshes, settings: Settings, report: Report) -> Apart:
     """What looks at these meshes as a bake by the report's method, and with its distances, does."""
     if report.method == "FLATTEN":
         return flattened(meshes.low, meshes.highs)
-    aim = casting.target_of(meshes.highs, report)
+    aim = casting.aim_at(meshes.highs, report)
     rays = casting.rays(meshes.low, meshes.directions, meshes.cage, aim.frame)
     back, reach = (report.distances[name] / aim.frame.size for name in ("extrusion", "max_distance"))
     return along(meshes, casting.Shot(aim, rays, back, reach, settings.facing_only))

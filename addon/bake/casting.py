@@ -20,11 +20,11 @@ KEPT_BYTES = 1024 * 2**20
 KEPT_TREES = 4
 """And how many there may be: a mesh that is being edited leaves one behind at every change."""
 
-_kept: OrderedDict[tuple, "Target"] = OrderedDict()
+_kept: OrderedDict[tuple, "Aim"] = OrderedDict()
 
 
 @dataclass(frozen=True)
-class Target:
+class Aim:
     """What rays can hit: the high meshes together, in a space that fits them. order (T,) int: their triangles one mesh
     after another, as they lie in the tree."""
 
@@ -37,7 +37,7 @@ class Target:
 class Shot:
     """Rays from a low mesh at the high ones: `rays` as gbuffer.draw wants it, back and reach in units of the aim's frame."""
 
-    aim: Target
+    aim: Aim
     rays: gpu.types.GPUBatch
     back: float
     reach: float
@@ -57,7 +57,7 @@ class Shot:
         )
 
 
-def target_of(highs: Sequence[Mesh], report: Report) -> Target:
+def aim_at(highs: Sequence[Mesh], report: Report) -> Aim:
     """The tree over `highs`, built and uploaded unless it was kept.
 
     Kept by content and not by name: nothing that Blender forgets to tell can make it stale.
@@ -92,7 +92,7 @@ def _bytes() -> int:
     return sum(kept.tables.bytes for kept in _kept.values())
 
 
-def _build(highs: Sequence[Mesh], report: Report) -> Target:
+def _build(highs: Sequence[Mesh], report: Report) -> Aim:
     count, most = sum(len(high.triangles) for high in highs), table.limit() // 3
     if count > most:
         raise BakeError(f"The high meshes have {count:,} triangles together; this GPU takes {most:,} to cast rays at.")
@@ -120,7 +120,7 @@ def _build(highs: Sequence[Mesh], report: Report) -> Target:
             origin=tree.origin,
             scale=tree.scale,
         )
-    return Target(frame, tables, tree.order)
+    return Aim(frame, tables, tree.order)
 
 
 def rays(low: Mesh, directions: np.ndarray, cage: Mesh | None, frame: Frame) -> gpu.types.GPUBatch:

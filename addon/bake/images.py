@@ -19,8 +19,8 @@ from .settings import FORMATS, Settings
 MISSED = "missed"
 """What the name of a mask of misses ends in."""
 
-LONGEST = 220
-"""Bytes of an image's name: Blender takes 255, and the names of other maps are longer."""
+LONGEST = 240
+"""Bytes of an image's name: Blender takes 255, and the names of other maps end in a word more."""
 
 
 def name_for(low_name: str, settings: Settings) -> str:

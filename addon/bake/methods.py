@@ -60,7 +60,7 @@ def source(
     if report.method == "FLATTEN":
         return sources.Flat(meshes.low, meshes.highs, settings, report, kept=kept)
     yield Step("Building the tree", 0.0)
-    aim = casting.target_of(meshes.highs, report)
+    aim = casting.aim_at(meshes.highs, report)
     yield Step("Measuring distances", 0.5)
     with report.timed("upload"):
         rays = casting.rays(meshes.low, meshes.directions, meshes.cage, aim.frame)

@@ -138,7 +138,6 @@ class _Bake:
         self.tally = audit.Tally()
         self.meshes: reading.Meshes | None = None
         self.tiles: list[int] = []
-        self.shot: casting.Shot | None = None
 
     def whole(self, context: bpy.types.Context) -> Work[None]:
         """From the objects to images and materials."""
@@ -154,7 +153,7 @@ class _Bake:
                     self.tally.add(state, finish.upwards(texels[audit.SOME], settings) if is_tangent else None)
                     with report.timed("image"):
                         outputs.add(tile, maps)
-                self._tell()
+                self._tell(renderer.source.shot)
             finally:
                 target.trim()
                 casting.trim()
@@ -174,7 +173,7 @@ class _Bake:
                     normals = drawn[tile]["NORMAL"]
                     is_tangent = self.settings.space == "TANGENT"
                     self.tally.add(atlas.state(normals), normals[audit.SOME][..., 2] if is_tangent else None)
-                self._tell()
+                self._tell(renderer.source.shot)
             finally:
                 target.trim()
                 casting.trim()
@@ -192,17 +191,16 @@ class _Bake:
         yield Step(f"Looking at {name}", 0.5)
         self.meshes = methods.choose(meshes, self.tiles, settings, report)
         source = yield from part(methods.source(self.meshes, self.tiles, settings, report, self.pace), 0.5, 1.0)
-        self.shot = source.shot
         return render.Renderer(source, meshes.basis, settings, report, self.pace)
 
     def _share(self, number: int) -> tuple[float, float]:
         """Where in the whole bake a tile begins and ends."""
         return tuple(0.2 + 0.8 * n / len(self.tiles) for n in (number, number + 1))
 
-    def _tell(self) -> None:
+    def _tell(self, shot: casting.Shot | None) -> None:
         if not self.tally.written:
             raise BakeError(methods.nothing_drawn(self.meshes, self.tiles, self.report))
-        audit.tell(self.meshes, self.tally, self.tiles, self.settings, self.report, shot=self.shot)
+        audit.tell(self.meshes, self.tally, self.tiles, self.settings, self.report, shot=shot)
 
 
 def _tiles(low: Mesh, settings: Settings) -> list[int]:
@@ -211,7 +209,9 @@ def _tiles(low: Mesh, settings: Settings) -> list[int]:
         return [1001]
     found = arrays.tiles(low)
     if len(found) > MANY_TILES and not settings.tiles:
-        raise BakeError(f"{low.name!r} lies on {len(found)} UDIM tiles: name those to bake, or look for stray UVs.")
+        raise BakeError(
+            f"{low.name!r} reaches over {len(found)} UDIM tiles: name those to bake, or look for stray UVs."
+        )
     wanted = [tile for tile in found if not settings.tiles or tile in settings.tiles]
     if not wanted:
         where = few(found) or "no tile"

@@ -130,8 +130,9 @@ class Renderer:
                     yield self._step(sums.texture, (number + rows.stop / band.height) / count, band)
             for name in settings.maps:
                 if name not in LABELS:
-                    total = target.get(f"sums of {name}", *size, "RGBA32F")
-                    samples.add(total, self._other(name, sample), range(band.height), is_first=number == 0)
+                    total, drawn = target.get(f"sums of {name}", *size, "RGBA32F"), self._other(name, sample)
+                    with self.report.timed("draw"):
+                        samples.add(total, drawn, range(band.height), is_first=number == 0)
                 elif offset == central:
                     self._other(name, sample)
         with self.report.timed("draw"):

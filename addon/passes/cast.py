@@ -10,13 +10,13 @@ from . import shader, table, target
 
 TRACE = shader.Program(
     compute="cast_comp.glsl",
-    images=(
-        ("RGBA32F", "FLOAT_2D", "positions", "READ"),
-        ("RGBA32F", "FLOAT_2D", "directions", "READ"),
-        ("RGBA32F", "FLOAT_2D", "nodes", "READ"),
-        ("RGBA32F", "FLOAT_2D", "corners", "READ"),
-        ("RGBA32UI", "UINT_2D", "hits", "WRITE"),
+    texels=(
+        ("RGBA32F", "FLOAT_2D", "positions"),
+        ("RGBA32F", "FLOAT_2D", "directions"),
+        ("RGBA32F", "FLOAT_2D", "nodes"),
+        ("RGBA32F", "FLOAT_2D", "corners"),
     ),
+    images=(("RGBA32UI", "UINT_2D", "hits", "WRITE"),),
     constants=(
         ("VEC4", "grid_origin"),
         ("VEC4", "grid_scale"),
@@ -32,11 +32,7 @@ LOOKUP = shader.Program(
     vertex="fullscreen_vert.glsl",
     fragment="lookup_frag.glsl",
     inputs=(("VEC2", "position"),),
-    images=(
-        ("RGBA32UI", "UINT_2D", "hits", "READ"),
-        ("RGBA32F", "FLOAT_2D", "positions", "READ"),
-        ("RGBA32F", "FLOAT_2D", "normals", "READ"),
-    ),
+    texels=(("RGBA32UI", "UINT_2D", "hits"), ("RGBA32F", "FLOAT_2D", "positions"), ("RGBA32F", "FLOAT_2D", "normals")),
     constants=(("MAT4", "normal_matrix"),),
     outputs=(("VEC4", "normal_out"),),
 )

@@ -15,20 +15,16 @@ from . import shader, target
 GROUP = 64
 ROWS = shader.Program(
     compute="margin_rows_comp.glsl",
+    texels=(("RGBA32F", "FLOAT_2D", "values"),),
     constants=(("INT", "farthest"),),
-    images=(
-        ("RGBA32F", "FLOAT_2D", "values", "READ"),
-        ("R16I", "INT_2D", "offsets", "WRITE"),
-    ),
+    images=(("R16I", "INT_2D", "offsets", "WRITE"),),
     group=(GROUP, 1),
 )
 COLUMNS = shader.Program(
     compute="margin_columns_comp.glsl",
+    texels=(("R16I", "INT_2D", "offsets"),),
     constants=(("INT", "reach"),),
-    images=(
-        ("R16I", "INT_2D", "offsets", "READ"),
-        ("R32I", "INT_2D", "source_rows", "READ WRITE"),
-    ),
+    images=(("R32I", "INT_2D", "source_rows", "READ WRITE"),),
     group=(GROUP, 1),
 )
 

@@ -11,11 +11,7 @@ PROGRAM = shader.Program(
     vertex="fullscreen_vert.glsl",
     fragment="resolve_frag.glsl",
     inputs=(("VEC2", "position"),),
-    images=(
-        ("RGBA32F", "FLOAT_2D", "values", "READ"),
-        ("R16I", "INT_2D", "offsets", "READ"),
-        ("R32I", "INT_2D", "source_rows", "READ"),
-    ),
+    texels=(("RGBA32F", "FLOAT_2D", "values"), ("R16I", "INT_2D", "offsets"), ("R32I", "INT_2D", "source_rows")),
     constants=(("INT", "halo"), ("MAT4", "encode"), ("VEC4", "missed")),
     outputs=(("VEC4", "map_out"), ("FLOAT", "state_out")),
 )

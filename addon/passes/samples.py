@@ -7,17 +7,15 @@ from . import shader, target
 
 ADD = shader.Program(
     compute="accumulate_comp.glsl",
-    images=(
-        ("RGBA32F", "FLOAT_2D", "normals", "READ"),
-        ("RGBA32F", "FLOAT_2D", "sums", "READ WRITE"),
-    ),
+    texels=(("RGBA32F", "FLOAT_2D", "normals"),),
+    images=(("RGBA32F", "FLOAT_2D", "sums", "READ WRITE"),),
     constants=(("INT", "first_row"), ("INT", "is_first")),
 )
 AVERAGE = shader.Program(
     vertex="fullscreen_vert.glsl",
     fragment="average_frag.glsl",
     inputs=(("VEC2", "position"),),
-    images=(("RGBA32F", "FLOAT_2D", "sums", "READ"),),
+    texels=(("RGBA32F", "FLOAT_2D", "sums"),),
     constants=(("INT", "is_direction"),),
     outputs=(("VEC4", "normal_out"),),
 )

@@ -26,12 +26,8 @@ ACROSS = shader.Program(
     vertex="fullscreen_vert.glsl",
     fragment="across_frag.glsl",
     inputs=(("VEC2", "position"),),
-    samplers=(
-        ("FLOAT_2D", "values"),
-        ("FLOAT_2D", "borders"),
-        ("FLOAT_2D", "similarities"),
-    ),
-    images=(("R16I", "INT_2D", "offsets", "READ"), ("R32I", "INT_2D", "source_rows", "READ")),
+    samplers=(("FLOAT_2D", "values"), ("FLOAT_2D", "borders"), ("FLOAT_2D", "similarities")),
+    texels=(("R16I", "INT_2D", "offsets"), ("R32I", "INT_2D", "source_rows")),
     constants=(("INT", "halo"), ("INT", "reach"), ("INT", "kind"), ("INT", "is_deferred"), ("MAT4", "encode")),
     outputs=(("VEC4", "map_out"), ("FLOAT", "state_out")),
 )

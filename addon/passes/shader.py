@@ -31,10 +31,32 @@ class Program:
     constants: tuple[Declaration, ...] = ()
     outputs: tuple[Declaration, ...] = ()
     images: tuple[tuple[str, str, str, str], ...] = ()
-    """What is written or read by whole numbers: (format, type, name, "READ", "WRITE" or "READ WRITE"). A sampler could be
-    read as well, but drivers in software take twice as long for it."""
+    """What a compute shader writes to: (format, type, name, "WRITE" or "READ WRITE")."""
+    texels: tuple[tuple[str, str, str], ...] = ()
+    """What is read by whole numbers, with texel_at and texel_size: (format, type, name). Images for drivers in software,
+    which take twice as long to read a sampler; samplers for all others, since what they cache best are textures."""
     group: tuple[int, int] = (8, 8)
     """A compute shader's workgroup, in texels."""
+
+
+_SOFTWARE = "llvmpipe", "softpipe", "lavapipe", "swiftshader", "software"
+
+
+def in_software(renderer: str) -> bool:
+    """Whether a renderer of this name draws on the processor."""
+    return any(name in renderer.casefold() for name in _SOFTWARE)
+
+
+@functools.cache
+def reads_images() -> bool:
+    """Whether a Program's `texels` are images."""
+    return in_software(gpu.platform.renderer_get())
+
+
+def prelude(as_images: bool) -> str:
+    """What goes before every source: the ways to read a Program's `texels`."""
+    at, size = ("imageLoad(t, p)", "imageSize(t)") if as_images else ("texelFetch(t, p, 0)", "textureSize(t, 0)")
+    return f"#define texel_at(t, p) {at}\n#define texel_size(t) {size}\n#line 1\n"
 
 
 def source(name: str) -> str:
@@ -72,20 +94,23 @@ def load(program: Program) -> gpu.types.GPUShader:
         for kind, name in program.varyings:
             interface.smooth(kind, name)
         info.vertex_out(interface)
-    for slot, (kind, name) in enumerate(program.samplers):
+    as_images = reads_images()
+    textures = [(kind, name) for _, kind, name in program.texels]
+    for slot, (kind, name) in enumerate([*program.samplers, *([] if as_images else textures)]):
         info.sampler(slot, kind, name)
     for kind, name in program.constants:
         info.push_constant(kind, name)
     for slot, (kind, name) in enumerate(program.outputs):
         info.fragment_out(slot, kind, name)
-    for slot, (texel, kind, name, access) in enumerate(program.images):
+    read = [(*texel, "READ") for texel in program.texels]
+    for slot, (texel, kind, name, access) in enumerate([*program.images, *(read if as_images else [])]):
         info.image(slot, texel, kind, name, qualifiers=set(access.split()))
     if program.compute:
         info.local_group_size(*program.group)
-        info.compute_source(source(program.compute))
+        info.compute_source(prelude(as_images) + source(program.compute))
     else:
         info.vertex_source(source(program.vertex))
-        info.fragment_source(source(program.fragment))
+        info.fragment_source(prelude(as_images) + source(program.fragment))
     compiled = gpu.shader.create_from_info(info)
     # Blender knows the shader that is bound by its address. Where this one lies, one that was freed while it was bound may
     # have lain: it would pass for bound, and the other would draw in its place.

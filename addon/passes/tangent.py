@@ -10,7 +10,7 @@ PROGRAM = shader.Program(
     fragment="tangent_frag.glsl",
     inputs=(("VEC2", "uv"), ("VEC3", "normal"), ("VEC4", "tangent")),
     varyings=(("VEC3", "v_normal"), ("VEC4", "v_tangent")),
-    images=(("RGBA32F", "FLOAT_2D", "normals", "READ"),),
+    texels=(("RGBA32F", "FLOAT_2D", "normals"),),
     constants=(("VEC4", "window"), ("INT", "normalize_normal")),
     outputs=(("VEC4", "normal_out"),),
 )

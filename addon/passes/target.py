@@ -149,7 +149,9 @@ def dispatch(program: shader.Program, width: int, rows: range, **bindings) -> No
 
 
 def bind(compiled: gpu.types.GPUShader, program: shader.Program, **bindings) -> None:
-    """Set `program`'s samplers, images and push constants by name, each in the way of its declared type."""
+    """Set `program`'s samplers, texels, images and push constants by name, each in the way of its declared type."""
+    for _, _, name in program.texels:
+        (compiled.image if shader.reads_images() else compiled.uniform_sampler)(name, bindings.pop(name))
     for _, name in program.samplers:
         compiled.uniform_sampler(name, bindings.pop(name))
     for _, _, name, _ in program.images:

@@ -14,6 +14,7 @@ import bpy
 import gpu
 import numpy as np
 
+from addon.passes import shader
 from scripts import export
 
 from . import contenders, peers, scenes
@@ -43,7 +44,7 @@ def machine() -> dict:
         "load": round(os.getloadavg()[0], 1) if hasattr(os, "getloadavg") else None,
         "system": f"{platform.system()} {platform.machine()}",
         "renderer": renderer,
-        "in_software": "llvmpipe" in renderer or "softpipe" in renderer,
+        "in_software": shader.in_software(renderer),
         "backend": gpu.platform.backend_type_get(),
         "blender": bpy.app.version_string,
         "copy_gigabytes_per_second": copy_bandwidth() / 1e9,

@@ -4,6 +4,8 @@
 import statistics
 from pathlib import Path
 
+from addon.passes import shader
+
 from .contenders import CAST, CYCLES, FLATTEN
 from .measure import PAPER, exponents, ratios
 from .verdicts import HOLDS, LARGEST, Verdict, judge, span
@@ -248,11 +250,21 @@ def hardware(found: dict) -> list[str]:
     if "error" in found:
         return [*lines, f"Not measured: {found['error']}.", ""]
     renderer = found["renderer"]
-    how = f"{renderer}, in software" if "llvmpipe" in renderer else renderer
-    head = ["pair", "map", "Flatten", "with read-back", "Cast's rays", "Cast with read-back", "M rays/s"]
+    how = f"{renderer}, in software" if shader.in_software(renderer) else renderer
+    head = [
+        "pair",
+        "map",
+        "Flatten",
+        "with read-back",
+        "rays by images",
+        "by samplers",
+        "Cast with read-back",
+        "M rays/s",
+    ]
     return [
         *lines,
-        f"Without Blender, on {how}: the same GLSL by scripts/hardware.py, milliseconds until the GPU is done.",
+        f"Without Blender, on {how}: the same GLSL by scripts/hardware.py, milliseconds until the GPU is done. "
+        "The addon reads by images in software and by samplers elsewhere.",
         "",
         *table(
             head,
@@ -262,7 +274,8 @@ def hardware(found: dict) -> list[str]:
                     row["size"],
                     f"{row['flatten_ms']:.2f}",
                     f"{row['flatten_with_read_back_ms']:.2f}",
-                    f"{row['cast_ms']:.1f}",
+                    f"{row['cast_from_images_ms']:.1f}",
+                    f"{row['cast_from_samplers_ms']:.1f}",
                     f"{row['cast_with_read_back_ms']:.1f}",
                     f"{row['rays_per_second'] / 1e6:.2f}",
                 ]

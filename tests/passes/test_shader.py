@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The shader files and their loader."""
 
+import numpy as np
 import pytest
 
 from addon import passes
@@ -23,6 +24,8 @@ from addon.passes import (
     shell,
     tangent,
 )
+from tests.support import zoo
+from tests.support.maps import bake
 
 PROGRAMS = [
     flatten.PROGRAM,
@@ -80,10 +83,51 @@ def test_includes_are_resolved_once_and_lines_keep_their_numbers(tmp_path, monke
     assert text.splitlines()[text.splitlines().index("void main() {}") - 1] == "#line 3"
 
 
-@pytest.mark.usefixtures("gpu_context")
+@pytest.fixture(params=[True, False], ids=["images", "samplers"])
+def reading(request, monkeypatch):
+    """Programs read their texels as drivers in software want it, and as others do."""
+    shader.load.cache_clear()
+    monkeypatch.setattr(shader, "reads_images", lambda: request.param)
+    yield
+    shader.load.cache_clear()
+
+
+@pytest.mark.usefixtures("gpu_context", "reading")
 @pytest.mark.parametrize("program", PROGRAMS, ids=lambda program: program.fragment or program.compute)
 def test_every_program_compiles_once(program):
     assert shader.load(program) is shader.load(program)
+
+
+@pytest.mark.usefixtures("gpu_context")
+@pytest.mark.parametrize("method", ["FLATTEN", "CAST"])
+def test_samplers_and_images_make_the_same_map(method, monkeypatch):
+    """Seams, margin, tangents and samples included."""
+    low, high = zoo.sphere("low", 8), zoo.sphere("high", 32)
+    high.scale.z = 1.2
+    rays = {"extrusion": 0.3, "max_distance": 0.6} if method == "CAST" else {}
+    maps = []
+    for as_images in (True, False):
+        shader.load.cache_clear()
+        monkeypatch.setattr(shader, "reads_images", lambda as_images=as_images: as_images)
+        maps.append(bake(low, high, method=method, samples=4, margin=4, margin_type="ADJACENT_FACES", **rays))
+    shader.load.cache_clear()
+    assert len(np.unique(maps[0])) > 1000
+    assert np.array_equal(*maps)
+
+
+@pytest.mark.parametrize(
+    ("renderer", "expected"),
+    [
+        ("llvmpipe (LLVM 15.0.6, 256 bits)", True),
+        ("Google SwiftShader", True),
+        ("NVIDIA H200/PCIe/SSE2", False),
+        ("AMD Radeon RX 7900 XTX (radeonsi, navi31, LLVM 17.0.6)", False),
+        ("Intel(R) UHD Graphics 620", False),
+        ("Apple M3 Max", False),
+    ],
+)
+def test_what_draws_in_software(renderer, expected):
+    assert shader.in_software(renderer) == expected
 
 
 @pytest.mark.usefixtures("gpu_context")

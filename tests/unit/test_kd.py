@@ -13,7 +13,9 @@ def is_cut(one, other):
 
 
 @pytest.mark.parametrize("count", [0, 1, 3, 4, 5, 8, 9, 16, 17, 63, 64, 65, 1000, 4096, 5000, 40_000, 70_000])
-def test_runs_are_cut_by_planes_seed_11(count):
+@pytest.mark.parametrize("part", [64, kd.PART])
+def test_runs_are_cut_by_planes_seed_11(count, part, monkeypatch):
+    monkeypatch.setattr(kd, "PART", part)
     points = np.random.default_rng(11).integers(0, 2**16, (3, count), dtype=np.uint16)
     order = kd.order(points)
     assert np.array_equal(np.sort(order), np.arange(count))
@@ -26,7 +28,9 @@ def test_runs_are_cut_by_planes_seed_11(count):
         size *= 2
 
 
-def test_the_longest_side_is_cut_first():
+@pytest.mark.parametrize("part", [4, 16, kd.PART])
+def test_the_longest_side_is_cut_first(part, monkeypatch):
+    monkeypatch.setattr(kd, "PART", part)  # what is larger is cut half by half, by several threads
     side = np.arange(64, dtype=np.uint16)
     for axis in range(3):
         points = np.zeros((3, 64), np.uint16)
