@@ -104,10 +104,12 @@ def _build(highs: Sequence[Mesh], report: Report) -> Aim:
         triangles = high.triangles[:, ::-1] if np.linalg.det(high.to_world[:3, :3]) < 0.0 else high.triangles
         points.append(frame.points(high))
         normals.append(high.to_world_normals(high.normals))
-        vertices.append(np.take(high.vertices, triangles, mode="clip") + points_before)
-        corners.append(triangles + corners_before)
+        vertices.append(_behind(points_before, np.take(high.vertices, triangles, mode="clip")))
+        corners.append(_behind(corners_before, triangles))
         points_before, corners_before = points_before + len(high.positions), corners_before + len(high.normals)
-    points, normals, vertices, corners = map(np.concatenate, (points, normals, vertices, corners))
+    points, normals, vertices, corners = (
+        parts[0] if len(parts) == 1 else np.concatenate(parts) for parts in (points, normals, vertices, corners)
+    )
     tree = bvh.build(points, vertices)
     with report.timed("upload"):
         tables = cast.upload(
@@ -121,6 +123,11 @@ def _build(highs: Sequence[Mesh], report: Report) -> Aim:
             scale=tree.scale,
         )
     return Aim(frame, tables, tree.order)
+
+
+def _behind(count: int, numbers: np.ndarray) -> np.ndarray:
+    """`numbers` behind so many others; large arrays are not copied for nothing."""
+    return numbers + count if count else numbers
 
 
 def rays(low: Mesh, directions: np.ndarray, cage: Mesh | None, frame: Frame) -> gpu.types.GPUBatch:

@@ -7,6 +7,8 @@ from functools import cached_property
 
 import numpy as np
 
+from . import blocks
+
 
 @dataclass(frozen=True)
 class Mesh:
@@ -33,7 +35,7 @@ class Mesh:
 
     def to_world_normals(self, normals: np.ndarray) -> np.ndarray:
         """`normals` (N, 3) of this mesh's space in the world's; float32, not of length one."""
-        return (normals @ normal_matrix(self.to_world).T).astype(np.float32)
+        return normals @ normal_matrix(self.to_world).T.astype(np.float32)
 
     @cached_property
     def box(self) -> np.ndarray:
@@ -112,21 +114,22 @@ def finite_rows(*arrays: np.ndarray) -> np.ndarray | None:
     return None if finite.all() else finite
 
 
-BLOCK = 2**16
-"""Triangles whose intermediate values fit in a processor's cache."""
 ON_THE_RIM = 1e-5
 """How far outside the tile a UV may lie before it counts: subdivision rounds."""
 
 
-@np.errstate(over="ignore", invalid="ignore")  # of UVs that lie far outside
 def uv_areas(mesh: Mesh) -> np.ndarray:
     """Twice the triangles' areas in UV space (T,) float32: below 0 where they turn the other way round than on the
     surface, which is mirrored, and exactly 0 where nothing can be drawn."""
     areas = np.empty(len(mesh.triangles), np.float32)
-    for start in range(0, len(areas), BLOCK):
-        a, b, c = _uv_corners(mesh, slice(start, start + BLOCK))
-        b, c = b - a, c - a
-        areas[start : start + BLOCK] = b.real * c.imag - b.imag * c.real
+
+    def measure(part: slice) -> None:
+        a, b, c = _uv_corners(mesh, part)
+        with np.errstate(over="ignore", invalid="ignore"):  # of UVs that lie far outside
+            b, c = b - a, c - a
+            areas[part] = b.real * c.imag - b.imag * c.real
+
+    blocks.each(len(areas), measure)
     return areas
 
 

@@ -10,11 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from . import kd
+from . import blocks, kd
 
 GRID = 256, 32767
 """Boxes are rounded outwards to a grid whose steps along each axis have these numbers, from first to last."""
-_EMPTY_LOW, _EMPTY_HIGH = np.uint16(GRID[1]), np.uint16(GRID[0])
 
 
 @dataclass(frozen=True)
@@ -34,51 +33,61 @@ class Tree:
 
 def build(points: np.ndarray, triangles: np.ndarray) -> Tree:
     """The tree over `triangles` (T, 3) int, T > 0, indices into `points` (P, 3) float32."""
-    # One axis after another, in contiguous arrays: reducing along a short last axis is ten times slower.
-    boxes, corners = [], np.ascontiguousarray(triangles.T)
-    for values in np.ascontiguousarray(points.T):
-        a, b, c = (np.take(values, corner, mode="clip") for corner in corners)
-        boxes.append((np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)))
-    origin = np.array([low.min() for low, _ in boxes], np.float64)
-    extent = np.array([high.max() for _, high in boxes], np.float64) - origin
+    boxes = _boxes(points, triangles)
+    origin = boxes[0].min(axis=1).astype(np.float64)
+    extent = boxes[1].max(axis=1) - origin
     # A flat mesh has no extent along an axis; what is smaller than this is flat. Two steps on either side are left free
     # for rounding outwards by more than what single precision loses on the way.
     extent = np.maximum(extent, max(float(extent.max()) * 1e-5, np.finfo(np.float32).tiny))
     scale = (GRID[1] - GRID[0] - 4) / extent
     origin -= (GRID[0] + 2.0) / scale
-    lows = [
-        (np.floor((low - origin[axis]) * scale[axis]) - 1.0).astype(np.uint16) for axis, (low, _) in enumerate(boxes)
-    ]
-    highs = [
-        (np.ceil((high - origin[axis]) * scale[axis]) + 1.0).astype(np.uint16) for axis, (_, high) in enumerate(boxes)
-    ]
-    # The centres of the boxes on one scale for all axes: what counts is how near they are in space.
-    shares = (extent / extent.max()).astype(np.float32)
-    centres = [(low.astype(np.uint32) + high) * share for low, high, share in zip(lows, highs, shares, strict=True)]
-    order = kd.order(np.array(centres, np.uint16))
-    return _stack(order, [np.take(low, order) for low in lows], [np.take(high, order) for high in highs], origin, scale)
+    grid, centres = np.empty(boxes.shape, np.uint16), np.empty((3, len(triangles)), np.uint16)
+
+    def round_outwards(part: slice) -> None:
+        low, high = ((side[:, part] - origin[:, None]) * scale[:, None] for side in boxes)
+        grid[0, :, part], grid[1, :, part] = np.floor(low) - 1.0, np.ceil(high) + 1.0
+        # On one scale for all axes: what counts is how near they are in space.
+        centres[:, part] = (grid[0, :, part] + grid[1, :, part]) * (extent / extent.max())[:, None]
+
+    blocks.each(len(triangles), round_outwards)
+    order = kd.order(centres)
+    lows, highs = np.take(grid, order, axis=2)
+    nodes, first_leaf = _stack(lows, highs)
+    return Tree(order, nodes, first_leaf, origin, scale)
 
 
-def _stack(order: np.ndarray, lows: list, highs: list, origin: np.ndarray, scale: np.ndarray) -> Tree:
-    """Group the sorted boxes by four until one node is left."""
-    levels = []
-    while not levels or len(levels[-1]) > 1:
-        missing = -len(lows[0]) % 4
-        if missing:
-            lows = [np.pad(low, (0, missing), constant_values=_EMPTY_LOW) for low in lows]
-            highs = [np.pad(high, (0, missing), constant_values=_EMPTY_HIGH) for high in highs]
-        nodes = np.empty((len(lows[0]) // 4, 3, 4), np.float32)
+def _boxes(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """The lowest and the highest coordinates (2, 3, T) float32 of each triangle."""
+    # One axis after another, in contiguous arrays: reducing along a short last axis is ten times slower.
+    axes, boxes = np.ascontiguousarray(points.T), np.empty((2, 3, len(triangles)), np.float32)
+
+    def enclose(part: slice) -> None:
+        corners = np.ascontiguousarray(triangles[part].T)
+        for axis, values in enumerate(axes):
+            a, b, c = (np.take(values, corner, mode="clip") for corner in corners)
+            boxes[0, axis, part] = np.minimum(np.minimum(a, b), c)
+            boxes[1, axis, part] = np.maximum(np.maximum(a, b), c)
+
+    blocks.each(len(triangles), enclose)
+    return boxes
+
+
+def _stack(lows: np.ndarray, highs: np.ndarray) -> tuple[np.ndarray, int]:
+    """Group the sorted boxes (3, T) by four until one node is left: nodes and first_leaf of a Tree."""
+    count, depth = lows.shape[1], 1
+    while 4**depth < count:
+        depth += 1
+    heap = np.zeros((_level_start(depth - 1) + -(-count // 4), 3, 4), np.float32)
+    for level in reversed(range(depth)):
+        missing = (0, 0), (0, -lows.shape[1] % 4)
+        if missing[1][1]:
+            lows = np.pad(lows, missing, constant_values=GRID[1])
+            highs = np.pad(highs, missing, constant_values=GRID[0])
+        nodes = heap[_level_start(level) :][: lows.shape[1] // 4]
         for axis in range(3):
             nodes[:, axis] = pack(lows[axis], highs[axis]).reshape(-1, 4)
-        levels.append(nodes)
-        lows = [_reduce(np.minimum, low) for low in lows]
-        highs = [_reduce(np.maximum, high) for high in highs]
-    depth = len(levels)
-    heap = np.zeros((_level_start(depth - 1) + len(levels[0]), 3, 4), np.float32)
-    for level, nodes in enumerate(reversed(levels)):
-        start = _level_start(level)
-        heap[start : start + len(nodes)] = nodes
-    return Tree(order, heap, _level_start(depth), origin, scale)
+        lows, highs = _reduce(np.minimum, lows), _reduce(np.maximum, highs)
+    return heap, _level_start(depth)
 
 
 def pack(low: np.ndarray, high: np.ndarray) -> np.ndarray:
@@ -95,4 +104,4 @@ def _level_start(level: int) -> int:
 
 
 def _reduce(pick: np.ufunc, values: np.ndarray) -> np.ndarray:
-    return pick(pick(values[0::4], values[1::4]), pick(values[2::4], values[3::4]))
+    return pick(pick(values[:, 0::4], values[:, 1::4]), pick(values[:, 2::4], values[:, 3::4]))

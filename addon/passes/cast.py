@@ -81,10 +81,11 @@ def upload(
     vertices (T, 3), indices into points (P, 3) float32, and corners (T, 3), indices into normals (C, 3) float32, are in
     the tree's order. The normals need not be of length one.
     """
+    room = table.room(vertices.size)  # for one after the other: of large meshes, memory is what takes the time
     textures = [
         table.upload(nodes.reshape(-1, 4)),
-        table.gathered(points, vertices.reshape(-1)),
-        table.gathered(normals, corners.reshape(-1)),
+        table.gathered(points, vertices.reshape(-1), room),
+        table.gathered(normals, corners.reshape(-1), room),
     ]
     size = sum(texture.width * texture.height * 16 for texture in textures)
     return Tables(*textures, first_leaf, origin, scale, size)

@@ -15,20 +15,21 @@ def limit() -> int:
 
 def upload(values: np.ndarray) -> gpu.types.GPUTexture:
     """A texture with `values` (N, 3 or 4) float32, texel i in row i / WIDTH."""
-    padded = _padded(len(values))
+    padded = room(len(values))
     padded[: len(values), : values.shape[1]] = values
     return _texture(padded)
 
 
-def gathered(values: np.ndarray, places: np.ndarray) -> gpu.types.GPUTexture:
-    """As `upload` of values[places], values (N, 3) float32 and places (M,) int."""
-    padded, wide = _padded(len(places)), np.zeros((len(values), 4), np.float32)
+def gathered(values: np.ndarray, places: np.ndarray, into: np.ndarray) -> gpu.types.GPUTexture:
+    """As `upload` of values[places], values (N, 3) float32 and places (M,) int, which `into`, room for M, holds then."""
+    wide = np.zeros((len(values), 4), np.float32)
     wide[:, :3] = values
-    np.take(wide, places, axis=0, out=padded[: len(places)], mode="clip")
-    return _texture(padded)
+    np.take(wide, places, axis=0, out=into[: len(places)], mode="clip")
+    return _texture(into)
 
 
-def _padded(count: int) -> np.ndarray:
+def room(count: int) -> np.ndarray:
+    """An array (rows * WIDTH, 4) float32 for so many texels."""
     return np.zeros((max(1, -(-count // WIDTH)) * WIDTH, 4), np.float32)
 
 

@@ -38,9 +38,9 @@ def counts(monkeypatch):
         seen["bytes of tables"] += len(values) * 16
         return upload(values)
 
-    def counting_gathered(values, places):
+    def counting_gathered(values, places, into):
         seen["bytes of tables"] += len(places) * 16
-        return gathered(values, places)
+        return gathered(values, places, into)
 
     def counting_read(self, out, slot=0):
         seen["bytes read"] += out.nbytes
