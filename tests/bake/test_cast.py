@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Rays on real meshes, against Cycles' selected-to-active bake and a published map; distances, misses, cages."""
 
+import gc
+
 import bpy
 import gpu
 import mathutils
@@ -271,6 +273,24 @@ def test_more_triangles_than_the_gpu_takes_are_refused_with_the_number(monkeypat
     casting.free()
     with pytest.raises(BakeError, match=r"2,048 triangles together; this GPU takes 100"):
         cast(zoo.plane("low"), zoo.terrain("high", n=32))
+
+
+def test_trees_of_jobs_that_are_done_are_let_go(monkeypatch):
+    """Though the jobs themselves are kept to the end of their batch, for their reports."""
+    casting.free()
+    monkeypatch.setattr(casting, "KEPT_TREES", 1)
+    jobs = [
+        pipeline.Job(zoo.plane(f"low {number}"), [zoo.terrain(f"high {number}", height=0.02 * (number + 1))])
+        for number in range(5)
+    ]
+    alive = []
+
+    def count(_step):
+        alive.append(sum(isinstance(found, casting.Aim) for found in gc.get_objects()))
+
+    settings = Settings("CAST", width=16, height=16, storage="MEMORY", extrusion=0.5, max_distance=1.0)
+    pipeline.bake_all(bpy.context, jobs, settings, tell=count)
+    assert max(alive) <= 2  # the one that is kept and the one at work
 
 
 def test_kept_trees_are_bounded_and_the_oldest_goes_first(monkeypatch):
