@@ -24,7 +24,6 @@ TYPES = {"VEC2": "vec2", "VEC3": "vec3", "VEC4": "vec4", "MAT4": "mat4", "FLOAT"
 SAMPLERS = {"FLOAT_2D": "sampler2D", "UINT_2D": "usampler2D", "INT_2D": "isampler2D"}
 IMAGES = {"FLOAT_2D": "image2D", "UINT_2D": "uimage2D", "INT_2D": "iimage2D"}
 QUALIFIERS = {"WRITE": "writeonly", "READ": "readonly", "READ WRITE": ""}
-TABLE_WIDTH = 4096
 
 
 class _Absent:
@@ -43,13 +42,13 @@ class _Absent:
 
 
 def passes():
-    """The modules flatten, gbuffer, cast, tangent and shader of addon/passes, for what they declare."""
+    """The modules of addon/passes that are used here, for what they declare."""
     for name in ("gpu", "bpy"):
         sys.modules.setdefault(name, types.SimpleNamespace(types=_Absent()) if name == "gpu" else _Absent())
     sys.path.insert(0, str(ROOT))
-    from addon.passes import cast, flatten, gbuffer, shader, tangent
+    from addon.passes import cast, flatten, gbuffer, shader, table
 
-    return types.SimpleNamespace(cast=cast, flatten=flatten, gbuffer=gbuffer, shader=shader, tangent=tangent)
+    return types.SimpleNamespace(cast=cast, flatten=flatten, gbuffer=gbuffer, shader=shader, table=table)
 
 
 def header(program, stage: str, as_images: bool) -> str:
@@ -64,26 +63,16 @@ def header(program, stage: str, as_images: bool) -> str:
         lines += [f"layout(location = {i}) in {TYPES[kind]} {name};" for i, (kind, name) in enumerate(program.inputs)]
     way = {"vertex": "out", "fragment": "in"}.get(stage)
     lines += [f"smooth {way} {TYPES[kind]} {name};" for kind, name in program.varyings]
-    lines += [f"uniform {SAMPLERS[kind]} {name};" for kind, name in samplers(program, as_images)]
+    lines += [f"uniform {SAMPLERS[kind]} {name};" for kind, name in program.all_samplers(as_images)]
     lines += [f"uniform {TYPES[kind]} {name};" for kind, name in program.constants]
     if stage == "fragment":
         lines += [f"layout(location = {i}) out {TYPES[kind]} {name};" for i, (kind, name) in enumerate(program.outputs)]
     lines += [
         f"layout({texel.lower()}, binding = {i}) uniform {QUALIFIERS[access]} {IMAGES[kind]} {name};"
-        for i, (texel, kind, name, access) in enumerate(images(program, as_images))
+        for i, (texel, kind, name, access) in enumerate(program.all_images(as_images))
         if stage != "vertex"
     ]
     return "\n".join(lines)
-
-
-def samplers(program, as_images: bool) -> list[tuple[str, str]]:
-    """Types and names, by unit."""
-    return [*program.samplers, *([] if as_images else [(kind, name) for _, kind, name in program.texels])]
-
-
-def images(program, as_images: bool) -> list[tuple[str, str, str, str]]:
-    """Formats, types, names and access, by unit."""
-    return [*program.images, *([(*texel, "READ") for texel in program.texels] if as_images else [])]
 
 
 def load(ctx: moderngl.Context, shader, program, as_images: bool):
@@ -125,11 +114,11 @@ class Scene:
 
     def _bind(self, compiled, program, **values) -> None:
         """Set samplers, images and constants by their declared types; what the compiler has dropped is left out."""
-        for unit, (_, name) in enumerate(samplers(program, self.as_images)):
+        for unit, (_, name) in enumerate(program.all_samplers(self.as_images)):
             values[name].use(location=unit)
             if name in compiled:
                 compiled[name].value = unit
-        for unit, (_, _, name, access) in enumerate(images(program, self.as_images)):
+        for unit, (_, _, name, access) in enumerate(program.all_images(self.as_images)):
             values[name].bind_to_image(unit, read="READ" in access, write="WRITE" in access)
         for kind, name in program.constants:
             if name in compiled:
@@ -151,10 +140,9 @@ class Scene:
 
     def _table(self, name: str) -> moderngl.Texture:
         values = self.data[name].reshape(-1, self.data[name].shape[-1])
-        rows = max(1, -(-len(values) // TABLE_WIDTH))
-        padded = np.zeros((rows * TABLE_WIDTH, 4), np.float32)
+        padded, width = self.code.table.room(len(values)), self.code.table.WIDTH
         padded[: len(values), : values.shape[1]] = values
-        texture = self.ctx.texture((TABLE_WIDTH, rows), 4, padded.tobytes(), dtype="f4")
+        texture = self.ctx.texture((width, len(padded) // width), 4, padded.tobytes(), dtype="f4")
         texture.filter = moderngl.NEAREST, moderngl.NEAREST
         return texture
 
@@ -226,11 +214,10 @@ def timed(ctx: moderngl.Context, *works) -> float:
     return statistics.median(times[1:])
 
 
-def measure(ctx: moderngl.Context, code, path: Path, size: int) -> dict:
+def measure(ctx: moderngl.Context, code, path: Path, size: int, in_software: bool) -> dict:
     """Times of one pair at one size."""
     with np.load(path) as file:
         data = dict(file)
-    in_software = code.shader.in_software(ctx.info["GL_RENDERER"])
     scene = Scene(ctx, code, data, size, as_images=in_software)
     flat = timed(ctx, scene.bake_flat)
     flat_with_reading = timed(ctx, scene.bake_flat, scene.read)
@@ -273,8 +260,9 @@ def main() -> None:
     code = passes()
     ctx = moderngl.create_standalone_context(backend="egl", require=430)
     renderer = ctx.info["GL_RENDERER"]
-    print(renderer, "(in software)" if code.shader.in_software(renderer) else "")
-    rows = [measure(ctx, code, path, size) for path in options.files for size in options.sizes]
+    in_software = code.shader.in_software(renderer)
+    print(renderer, "(in software)" if in_software else "")
+    rows = [measure(ctx, code, path, size, in_software) for path in options.files for size in options.sizes]
     for row in rows:
         print(
             f"{row['pair']:32} {row['size']:5}",
@@ -283,8 +271,9 @@ def main() -> None:
             f"{row['hits'] / max(1, row['rays']):.2%} hit",
             sep="  ",
         )
+    result = {"renderer": renderer, "in_software": in_software, "rows": rows}
     if options.output:
-        options.output.write_text(json.dumps({"renderer": renderer, "rows": rows}, indent=2) + "\n", encoding="utf-8")
+        options.output.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

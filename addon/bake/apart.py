@@ -34,12 +34,12 @@ def looking(meshes: Meshes, settings: Settings, report: Report) -> Apart:
     aim = casting.aim_at(meshes.highs, report)
     rays = casting.rays(meshes.low, meshes.directions, meshes.cage, aim.frame)
     back, reach = (report.distances[name] / aim.frame.size for name in ("extrusion", "max_distance"))
-    return along(meshes, casting.Shot(aim, rays, back, reach, settings.facing_only))
+    return _along(meshes, casting.Shot(aim, rays, back, reach, settings.facing_only))
 
 
 def glancing(meshes: Meshes, shot: casting.Shot | None) -> Apart:
     """What looks at these meshes as a bake just did, along its `shot`; without one, at most at TRIANGLES of each high mesh."""
-    return along(meshes, shot) if shot else flattened(meshes.low, [_thinned(high) for high in meshes.highs])
+    return _along(meshes, shot) if shot else flattened(meshes.low, [_thinned(high) for high in meshes.highs])
 
 
 def limit(low: Mesh, settings: Settings) -> float:
@@ -97,7 +97,7 @@ def _thinned(mesh: Mesh) -> Mesh:
     return replace(mesh, positions=positions, vertices=numbers, uv=uv, triangles=numbers.reshape(-1, 3))
 
 
-def along(meshes: Meshes, shot: casting.Shot) -> Apart:
+def _along(meshes: Meshes, shot: casting.Shot) -> Apart:
     """What looks along rays."""
     frame = shot.aim.frame
     on_low = [_upload(meshes.low, frame)] if meshes.cage is not None else None

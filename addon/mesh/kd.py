@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Puts points in an order in which runs lie close together: a balanced k-d tree, less its nodes."""
 
-import os
-from concurrent.futures import ThreadPoolExecutor
-
 import numpy as np
+
+from . import blocks
 
 LEAF = 4
 """Runs of so many are not cut any more."""
@@ -19,12 +18,11 @@ def order(points: np.ndarray) -> np.ndarray:
     runs, size = [(np.arange(points.shape[1]), points)], LEAF
     while size < points.shape[1]:
         size *= 4
-    with ThreadPoolExecutor(os.cpu_count()) as threads:
-        while size > PART:
-            size //= 2
-            runs = [half for pair in threads.map(lambda run, half=size: _halves(*run, half), runs) for half in pair]
-        parts = threads.map(lambda run: run[0][_Part(run[1]).order(size)], runs)
-        return np.concatenate(list(parts))
+    while size > PART:
+        size //= 2
+        pairs = blocks.at_once(lambda run, half=size: _halves(*run, half), runs)
+        runs = [half for pair in pairs for half in pair]
+    return np.concatenate(blocks.at_once(lambda run: run[0][_Part(run[1]).order(size)], runs))
 
 
 def _halves(places: np.ndarray, points: np.ndarray, half: int) -> list[tuple[np.ndarray, np.ndarray]]:

@@ -12,6 +12,8 @@ import numpy as np
 SHADERS = Path(__file__).parents[2] / "shaders"
 _INCLUDE = re.compile(r'^#include "([^"]+)"\s*$')
 
+_SOFTWARE = "llvmpipe", "softpipe", "lavapipe", "swiftshader", "software"
+
 Declaration = tuple[str, str]  # (type, name), in the words of gpu.types.GPUShaderCreateInfo
 
 
@@ -38,8 +40,13 @@ class Program:
     group: tuple[int, int] = (8, 8)
     """A compute shader's workgroup, in texels."""
 
+    def all_samplers(self, as_images: bool) -> list[Declaration]:
+        """By slot, with `texels` unless they are images."""
+        return [*self.samplers, *(() if as_images else ((kind, name) for _, kind, name in self.texels))]
 
-_SOFTWARE = "llvmpipe", "softpipe", "lavapipe", "swiftshader", "software"
+    def all_images(self, as_images: bool) -> list[tuple[str, str, str, str]]:
+        """By slot, with `texels` if they are images."""
+        return [*self.images, *(((*texel, "READ") for texel in self.texels) if as_images else ())]
 
 
 def in_software(renderer: str) -> bool:
@@ -95,15 +102,13 @@ def load(program: Program) -> gpu.types.GPUShader:
             interface.smooth(kind, name)
         info.vertex_out(interface)
     as_images = reads_images()
-    textures = [(kind, name) for _, kind, name in program.texels]
-    for slot, (kind, name) in enumerate([*program.samplers, *([] if as_images else textures)]):
+    for slot, (kind, name) in enumerate(program.all_samplers(as_images)):
         info.sampler(slot, kind, name)
     for kind, name in program.constants:
         info.push_constant(kind, name)
     for slot, (kind, name) in enumerate(program.outputs):
         info.fragment_out(slot, kind, name)
-    read = [(*texel, "READ") for texel in program.texels]
-    for slot, (texel, kind, name, access) in enumerate([*program.images, *(read if as_images else [])]):
+    for slot, (texel, kind, name, access) in enumerate(program.all_images(as_images)):
         info.image(slot, texel, kind, name, qualifiers=set(access.split()))
     if program.compute:
         info.local_group_size(*program.group)

@@ -149,12 +149,11 @@ def dispatch(program: shader.Program, width: int, rows: range, **bindings) -> No
 
 
 def bind(compiled: gpu.types.GPUShader, program: shader.Program, **bindings) -> None:
-    """Set `program`'s samplers, texels, images and push constants by name, each in the way of its declared type."""
-    for _, _, name in program.texels:
-        (compiled.image if shader.reads_images() else compiled.uniform_sampler)(name, bindings.pop(name))
-    for _, name in program.samplers:
+    """Set `program`'s samplers, images and push constants by name, each in the way of its declared type."""
+    as_images = shader.reads_images()
+    for _, name in program.all_samplers(as_images):
         compiled.uniform_sampler(name, bindings.pop(name))
-    for _, _, name, _ in program.images:
+    for _, _, name, _ in program.all_images(as_images):
         compiled.image(name, bindings.pop(name))
     for kind, name in program.constants:
         value = bindings.pop(name)

@@ -4,8 +4,6 @@
 import statistics
 from pathlib import Path
 
-from addon.passes import shader
-
 from .contenders import CAST, CYCLES, FLATTEN
 from .measure import PAPER, exponents, ratios
 from .verdicts import HOLDS, LARGEST, Verdict, judge, span
@@ -250,7 +248,7 @@ def hardware(found: dict) -> list[str]:
     if "error" in found:
         return [*lines, f"Not measured: {found['error']}.", ""]
     renderer = found["renderer"]
-    how = f"{renderer}, in software" if shader.in_software(renderer) else renderer
+    how = f"{renderer}, in software" if found["in_software"] else renderer
     head = [
         "pair",
         "map",
