@@ -2,6 +2,7 @@
 """What the audit of the last bake found, in the panel, and the buttons that show where it is."""
 
 import json
+from dataclasses import asdict
 
 import bpy
 from bpy.props import EnumProperty, StringProperty
@@ -28,18 +29,18 @@ WORDS = {
 
 def remember(context: bpy.types.Context, reports: list[Report]) -> None:
     """Keep what was baked last, for the panel and its buttons."""
-    context.window_manager.imprint_checks = json.dumps([report.to_dict() for report in reports])
+    context.window_manager.imprint_checks = json.dumps([asdict(report) for report in reports])
 
 
 def last(context: bpy.types.Context, low: str = "") -> Report | None:
     """The report of the last bake onto the object `low`; without a name, onto the active one if there is such a report,
     else the first. None where there is none."""
     reports = [Report(**values) for values in json.loads(context.window_manager.imprint_checks or "[]")]
-    by_name = {report.low: report for report in reports}
     if low:
-        return by_name.get(low)
+        return next((report for report in reports if report.low == low), None)
     active = context.active_object
-    return by_name.get(active.name if active else "", next(iter(reports), None))
+    uid = active.session_uid if active else 0
+    return next((report for report in reports if report.uids[:1] == [uid]), next(iter(reports), None))
 
 
 def show(context: bpy.types.Context, image: bpy.types.Image) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import bpy
 
 from . import progress
-from .bake import live, pace
+from .bake import live, pace, subjects
 from .bake.errors import BakeError
 from .bake.pipeline import Job
 from .bake.settings import Settings
@@ -26,9 +26,11 @@ _work: pace.Work[None] | None = None
 _asked: Settings | None = None
 _refused: Settings | None = None
 """What the panel asks for and cannot be done."""
-_scene = ""
-_changed: set[str] = set()
-_unread: set[str] = set()
+_scene = 0
+"""session_uid of the scene in which live was switched on."""
+_changed: set[int] = set()
+"""session_uid of the objects that are not as they were read."""
+_unread: set[int] = set()
 _all_changed = False
 _since = 0.0
 _is_stored = True
@@ -52,7 +54,7 @@ def start(context: bpy.types.Context, job: Job, settings: Settings) -> None:
     following.store()
     following.pace.seconds = SLICE
     _session, _asked, _work, _all_changed, _is_stored, message = following, settings, None, False, True, ""
-    _refused, _scene = None, context.scene.name
+    _refused, _scene = None, context.scene.session_uid
     for handlers, handler in _handlers():
         handlers.append(handler)
     if not bpy.app.background:
@@ -101,7 +103,7 @@ def tick() -> float | None:
         return TICK
     is_well = False
     try:
-        if any(bpy.data.objects.get(name) is None for name in _session.names) or _settings() is None:
+        if any(ref.find() is None for ref in _session.job.refs) or _settings() is None:
             finish()
             _announce()
             return None
@@ -130,7 +132,7 @@ def every_time() -> bool:
 
 def _settings():
     """The settings of the scene in which live was switched on, whichever is shown; None where it is gone."""
-    scene = bpy.data.scenes.get(_scene)
+    scene = subjects.scene_of(_scene)
     return scene and scene.imprint
 
 
@@ -146,9 +148,7 @@ def _look_at_settings() -> None:
     if wanted == _refused:
         raise BakeError(message)
     _refused = wanted
-    objects = bpy.data.objects
-    job = Job(objects[_session.low], [objects[name] for name in _session.highs], objects.get(_session.cage))
-    following = live.Session(bpy.context, job, wanted, pace.Pace(SLICE, looks=False))
+    following = live.Session(bpy.context, _session.job, wanted, pace.Pace(SLICE, looks=False))
     _session.commit()  # the image need not be the same from now on
     if _work is not None:
         _work.close()
@@ -163,7 +163,7 @@ def _begin() -> None:
     # Until a map is done, what it was to show counts as changed.
     _unread.update(_changed)
     if _all_changed:
-        _unread.update(_session.names)
+        _unread.update(_session.uids)
     _changed.clear()
     _all_changed = False
     _work = _session.work(bpy.context, set(_unread))
@@ -220,7 +220,7 @@ def _on_update(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
         return
     for update in depsgraph.updates:
         if isinstance(update.id, bpy.types.Object) and (update.is_updated_geometry or update.is_updated_transform):
-            _changed.update({update.id.name}.intersection(_session.names))
+            _changed.update({update.id.original.session_uid}.intersection(_session.uids))
 
 
 def _on_undo(*_) -> None:

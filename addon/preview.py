@@ -158,7 +158,7 @@ def _shown(context: bpy.types.Context) -> shading.Shading | None:
         if not bpy.app.timers.is_registered(catch_up):
             bpy.app.timers.register(catch_up)
         return None
-    low = bpy.data.objects.get(session.low)
+    low = session.job.refs[0].find()
     is_seen = low is not None and low.visible_get(view_layer=context.view_layer, viewport=context.space_data)
     return _shading if is_seen else None
 

@@ -29,7 +29,14 @@ TEXELS = 1024 * 1024
 
 def of_low(report: Report) -> bpy.types.Object:
     """The low object of a bake that was done. Raises BakeError if it is gone."""
-    return subjects.named(report.low)
+    return _objects(report)[0]
+
+
+def _objects(report: Report) -> list[bpy.types.Object]:
+    """The low object of a bake that was done, the high ones and the cage. Raises BakeError if one is gone."""
+    names = [report.low, *report.high, *([report.cage] if report.cage else [])]
+    uids = report.uids or [0] * len(names)  # from a file: whatever is called so
+    return [subjects.ObjectRef(uid, name).resolve() for uid, name in zip(uids, names, strict=True)]
 
 
 def find_faces(context: bpy.types.Context, report: Report, kind: str) -> np.ndarray:
@@ -72,8 +79,7 @@ class _View:
 
 
 def _view(context: bpy.types.Context, report: Report, kind: str) -> _View:
-    names = report.low, *report.high, *([report.cage] if report.cage else [])
-    low, *highs = (subjects.named(name) for name in names)
+    low, *highs = _objects(report)
     job = pipeline.Job(low, highs[: len(report.high)], highs[-1] if report.cage else None)
     settings = Settings(**{k: tuple(v) if isinstance(v, list) else v for k, v in report.settings.items()})
     # Of all that can be set, what the map looks like does not count, and nothing is written but the mask.

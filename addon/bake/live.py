@@ -22,7 +22,7 @@ from .sources import Source
 
 
 class Session:
-    """Follows one low object and its high ones, by their names: references do not outlive an undo.
+    """Follows the objects of a job.
 
     texels: the last whole map, (height, width, 4) float32 as it is stored; None before the first. report: of its bake.
     """
@@ -31,10 +31,9 @@ class Session:
         """Raises BakeError for what cannot be baked, or not live."""
         if settings.udim:
             raise BakeError("Live follows one tile alone: switch UDIM tiles off.")
-        self.low, self.highs = job.low.name, [high.name for high in job.highs]
-        self.cage = job.cage.name if job.cage else ""
+        self.job = job
         self.settings = replace(
-            settings, image=images.name_for(self.low, settings), modifiers="VIEWPORT", maps=(), mask=False
+            settings, image=images.name_for(job.low.name, settings), modifiers="VIEWPORT", maps=(), mask=False
         )
         settings.check()
         pipeline.check(context, job, self.settings)
@@ -53,29 +52,26 @@ class Session:
         self._is_stored = False
 
     @property
-    def names(self) -> set[str]:
-        """The objects that it follows."""
-        return {self.low, *self.highs, self.cage} - {""}
+    def uids(self) -> set[int]:
+        """The session_uid of each object that it follows."""
+        return {ref.uid for ref in self.job.refs}
 
-    def work(self, context: bpy.types.Context, changed: Collection[str] | None = None) -> Work[None]:
-        """Draw the map anew; `changed`: the objects that are not as they were the last time, None for all.
+    def work(self, context: bpy.types.Context, changed: Collection[int] | None = None) -> Work[None]:
+        """Draw the map anew; `changed`: session_uid of the objects that are not as they were the last time, None for all.
 
         Raises BakeError.
         """
         settings = replace(self.settings, method=self._method)
-        report = Report(
-            self._method, settings.space, (settings.width, settings.height), self.low, list(self.highs), cage=self.cage
-        )
+        report = self.job.report(settings)
         with report.timed("total"):
-            yield Step(f"Reading {self.low}", 0.0)
-            low, *highs = (subjects.named(name) for name in (self.low, *self.highs))
-            cage = subjects.named(self.cage) if self.cage else None
+            yield Step(f"Reading {report.low}", 0.0)
+            low, highs, cage = self.job.low, self.job.highs, self.job.cage
             reason = subjects.problem(context, low, highs, cage, self._method)
             if reason:
                 raise BakeError(reason)
             if low in highs and low.mode == "EDIT":
                 raise BakeError(
-                    f"The map will follow when {self.low!r}, which is its own high object, leaves Edit Mode."
+                    f"The map will follow when {low.name!r}, which is its own high object, leaves Edit Mode."
                 )
             hidden = next(filter(subjects.hides_detail, highs), None)
             if hidden is not None:
@@ -116,7 +112,7 @@ class Session:
         self._coarse = self._coarse_pool["map"].texture
         return Step("Drawing", 0.0, self._coarse)
 
-    def run(self, context: bpy.types.Context, changed: Collection[str] | None = None) -> None:
+    def run(self, context: bpy.types.Context, changed: Collection[int] | None = None) -> None:
         """All of `work`, at once."""
         with target.using(self._pool):
             pace.finish(self.work(context, changed))
@@ -167,12 +163,13 @@ class Session:
         is_new = datablocks.get(settings.image) is None
         image = datablocks.fill(settings.image, self.texels, is_float=settings.depth > 8, pack=False)
         if settings.material and (is_new or not self._is_stored):
-            self.report.warnings += outputs.hook_up(subjects.named(self.low), image, self.report, settings)
+            self.report.warnings += outputs.hook_up(self.job.low, image, self.report, settings)
         self._is_stored = True
 
     def commit(self) -> None:
         """Store the last map as a bake does: in its file, or packed. Raises BakeError."""
-        if self.texels is not None and bpy.data.objects.get(self.low) is not None:
+        low = self.job.refs[0].find()
+        if self.texels is not None and low is not None:
             with outputs.Outputs(self.settings) as places:
                 places.add(1001, {"NORMAL": (self.texels, self._state)})
-                places.commit([bpy.data.objects[self.low]], [self.report], [])
+                places.commit([low], [self.report], [])

@@ -2,7 +2,7 @@
 """The story of a bake: check, read the meshes, draw, read back, store, hook up, report."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 
 import bpy
 import gpu
@@ -26,16 +26,43 @@ MANY_TILES = 100
 """More UDIM tiles than this are only baked by name: a single stray UV covers hundreds."""
 
 
-@dataclass(frozen=True)
 class Job:
     """The objects of one bake. `highs` may be [low] alone: its surface with modifiers goes onto its own base mesh.
 
-    cage: has the topology of `low`; rays start on it.
+    It outlives renaming and undo. The attributes `low`, `highs` and `cage`, which has the topology of `low` and lets rays
+    start on it, raise BakeError for an object that was deleted.
     """
 
-    low: bpy.types.Object
-    highs: Sequence[bpy.types.Object]
-    cage: bpy.types.Object | None = None
+    def __init__(
+        self, low: bpy.types.Object, highs: Sequence[bpy.types.Object], cage: bpy.types.Object | None = None
+    ):
+        self.refs = [subjects.hold(obj) for obj in (low, *highs, *([cage] if cage else []))]
+        self._has_cage = cage is not None
+
+    @property
+    def low(self) -> bpy.types.Object:
+        return self.refs[0].resolve()
+
+    @property
+    def highs(self) -> list[bpy.types.Object]:
+        return [ref.resolve() for ref in self.refs[1 : len(self.refs) - self._has_cage]]
+
+    @property
+    def cage(self) -> bpy.types.Object | None:
+        return self.refs[-1].resolve() if self._has_cage else None
+
+    def report(self, settings: Settings) -> Report:
+        """What a bake of these objects is to fill. Raises BakeError if one was deleted."""
+        low, highs, cage = self.low, self.highs, self.cage
+        return Report(
+            settings.method,
+            settings.space,
+            (settings.width, settings.height),
+            low.name,
+            [high.name for high in highs],
+            cage=cage.name if cage else "",
+            uids=[ref.uid for ref in self.refs],
+        )
 
 
 def jobs_by_name(context: bpy.types.Context, suffixes: Suffixes) -> tuple[list[Job], list[str]]:
@@ -43,15 +70,12 @@ def jobs_by_name(context: bpy.types.Context, suffixes: Suffixes) -> tuple[list[J
 
     Raises BakeError when there is no job.
     """
-    found, problems = match(context.view_layer.objects.keys(), suffixes)
+    objects = context.view_layer.objects
+    found, problems = match(objects.keys(), suffixes)
     if not found:
         raise BakeError(" ".join(problems) or f"No object is called something{suffixes.low}.")
     jobs = [
-        Job(
-            subjects.named(pair.low),
-            [subjects.named(name) for name in pair.highs],
-            subjects.named(pair.cage) if pair.cage else None,
-        )
+        Job(objects[pair.low], [objects[name] for name in pair.highs], objects[pair.cage] if pair.cage else None)
         for pair in found
     ]
     return jobs, problems
@@ -105,8 +129,7 @@ def work(
         check(context, job, own)
     bakes, shared = [], atlas.Atlas(named[0])
     for number, (job, own) in enumerate(zip(jobs, named, strict=True)):
-        report = Report(own.method, own.space, (own.width, own.height), job.low.name, [h.name for h in job.highs])
-        report.cage, report.settings = job.cage.name if job.cage else "", asdict(own)
+        report = replace(job.report(own), settings=asdict(own))
         bakes.append(_Bake(job, own, report, speed))
         share = number / len(jobs), (number + 1) / len(jobs)
         if share_image:
@@ -158,9 +181,8 @@ class _Bake:
                 target.trim()
                 casting.trim()
             yield Step("Storing", 1.0)
-            low = subjects.named(report.low)  # it may be gone by now
             with report.timed("image"):
-                outputs.commit([low], [report], self.meshes.materials)
+                outputs.commit([self.job.low], [report], self.meshes.materials)
 
     def raw(self, context: bpy.types.Context) -> Work[dict[int, dict[str, np.ndarray]]]:
         """From the objects to the values of all maps without a margin, by tile and name, as Renderer.raw has them."""

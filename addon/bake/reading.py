@@ -62,19 +62,19 @@ def read_again(
     settings: Settings,
     *,
     before: Meshes | None = None,
-    changed: Collection[str] = (),
+    changed: Collection[int] = (),
 ) -> Meshes:
     """As `read`, but of objects as they are shown, in the modes that they are in.
 
-    Those that are not named in `changed` are taken from `before`, which came from the same objects and settings.
+    Those whose session_uid is not in `changed` are taken from `before`, which came from the same objects and settings.
     """
     depsgraph = context.evaluated_depsgraph_get()
-    if before is None or {low.name, cage and cage.name}.intersection(changed):
+    if before is None or {low.session_uid, cage and cage.session_uid}.intersection(changed):
         meshes = _read(depsgraph, low, highs, cage, settings)
     else:
         read = list(before.highs)
         for number, high in enumerate(highs):
-            if high.name in changed:
+            if high.session_uid in changed:
                 with extract.evaluated(high, depsgraph) as data:
                     read[number] = _high(high, data, before.uv_layer, settings)
         _check_triangles(read)

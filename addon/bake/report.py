@@ -19,6 +19,8 @@ class Report:
     low: str
     high: list[str]
     cage: str = ""
+    uids: list[int] = field(default_factory=list)
+    """The session_uid of the low object, the high ones and the cage; empty in a report of another session."""
     settings: dict = field(default_factory=dict)
     """What was asked for, as settings.Settings has it."""
     uv_layer: str = ""
@@ -58,8 +60,10 @@ class Report:
     warnings: list[str] = field(default_factory=list)
 
     def to_dict(self) -> dict:
-        """Plain data for json.dump."""
-        return asdict(self)
+        """Plain data for json.dump, of use outside this session as well."""
+        values = asdict(self)
+        del values["uids"]
+        return values
 
     @contextmanager
     def timed(self, stage: str) -> Iterator[None]:

@@ -8,7 +8,7 @@ from pathlib import PurePath
 
 import bpy
 
-from . import datablocks, images, outputs, pipeline
+from . import datablocks, images, outputs, pipeline, subjects
 from .errors import BakeError
 from .pace import Pace, Step, Work, part
 from .pipeline import Job
@@ -37,16 +37,21 @@ def work(
     Frames that are done are kept when it is closed. Raises BakeError.
     """
     _check(settings, frames)
-    scene, before = context.scene, context.scene.frame_current_final
-    settings = replace(settings, output=settings.output.replace("{low}", bpy.path.clean_name(job.low.name)))
+    scene, before = context.scene.session_uid, context.scene.frame_current_final
+    low = job.low.name
+    settings = replace(
+        settings,
+        image=images.name_for(low, settings),
+        output=settings.output.replace("{low}", bpy.path.clean_name(low)),
+    )
     plain = replace(settings, image=PASSING, material=False)
-    image = datablocks.get(images.name_for(job.low.name, settings))
+    image = datablocks.get(settings.image)
     if image is not None and image.source not in {"GENERATED", "FILE", "SEQUENCE"}:
         raise BakeError(f"The image {image.name!r} is no picture or sequence: choose another name for the map.")
     reports: list[Report] = []
     try:
         for number, frame in enumerate(frames):
-            scene.frame_set(frame)
+            _go_to(scene, frame)
             own = replace(plain, output=output_for(settings.output, frame))
             steps = part(pipeline.work(context, [job], own, speed), number / len(frames), (number + 1) / len(frames))
             try:
@@ -57,7 +62,8 @@ def work(
                 reports += end.value
         yield Step("Storing", 1.0, finished=len(frames))
     finally:
-        scene.frame_set(int(before), subframe=before - int(before))
+        if subjects.scene_of(scene) is not None:
+            _go_to(scene, before)
         for own in outputs.wanted(plain).values():
             passing = datablocks.get(own.image)
             if passing is not None:
@@ -65,6 +71,13 @@ def work(
         if reports:
             _show(job, settings, frames[: len(reports)], reports)
     return reports
+
+
+def _go_to(uid: int, frame: float) -> None:
+    scene = subjects.scene_of(uid)
+    if scene is None:
+        raise BakeError("The scene of the sequence was deleted: bring it back with Undo, or choose another one.")
+    scene.frame_set(int(frame), subframe=frame - int(frame))
 
 
 def _check(settings: Settings, frames: Sequence[int]) -> None:
@@ -84,17 +97,17 @@ def _check(settings: Settings, frames: Sequence[int]) -> None:
 
 
 def _show(job: Job, settings: Settings, frames: Sequence[int], reports: Sequence[Report]) -> None:
-    """Make the image a sequence of the frames that are done."""
-    name = images.name_for(job.low.name, settings)
-    image = datablocks.show(name, output_for(settings.output, frames[0]))
+    """Make the image a sequence of the frames that are done, which are there even if the low object is not any more."""
+    image = datablocks.show(settings.image, output_for(settings.output, frames[0]))
     image.source = "SEQUENCE"
     for report in reports:
         report.image = image.name
-    if not settings.material:
+    low = job.refs[0].find()
+    if low is None or not settings.material:
         return
     last = reports[-1]
-    last.warnings += outputs.hook_up(job.low, image, last, settings)
-    for material in filter(None, (slot.material for slot in job.low.material_slots)):
+    last.warnings += outputs.hook_up(low, image, last, settings)
+    for material in filter(None, (slot.material for slot in low.material_slots)):
         for node in material.node_tree.nodes:
             if node.bl_idname == "ShaderNodeTexImage" and node.image == image:
                 user = node.image_user

@@ -5,7 +5,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
-import bpy
 import gpu
 import numpy as np
 
@@ -187,7 +186,7 @@ class Shading:
         """The objects where they are now."""
         meshes = self.session.meshes
         shown = [self._low(), *(meshes.highs if with_highs else [])]
-        objects = [bpy.data.objects.get(mesh.name) for mesh in shown]
+        objects = [ref.find() for ref in self.session.job.refs[: len(shown)]]
         if None in objects:
             return None
         matrices = [extract.matrix(obj) for obj in objects]

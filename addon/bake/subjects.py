@@ -4,6 +4,7 @@
 import difflib
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 
 import bpy
 import numpy as np
@@ -24,6 +25,44 @@ def named(name: str) -> bpy.types.Object:
         hint = f"did you mean {' or '.join(map(repr, close))}?" if close else f"it has {len(bpy.data.objects)} objects."
         raise BakeError(f"There is no object called {name!r} in the file: {hint}")
     return bpy.data.objects[name]
+
+
+@dataclass(frozen=True)
+class ObjectRef:
+    """An object that may be renamed, or deleted and brought back, before it is asked for: a plain reference does not outlive
+    that, and the name may be another's as well, whether linked or made later.
+
+    uid: its session_uid; 0 for whichever object has the name. name: what it was called.
+    """
+
+    uid: int
+    name: str
+
+    def find(self) -> bpy.types.Object | None:
+        """The object, or None if it was deleted."""
+        found = bpy.data.objects.get(self.name)  # nearly always it, and then not all of them are looked at
+        if found is None or self.uid not in {0, found.session_uid}:
+            found = next((obj for obj in bpy.data.objects if obj.session_uid == self.uid), None)
+        return found
+
+    def resolve(self) -> bpy.types.Object:
+        """The object. Raises BakeError if it was deleted."""
+        if not self.uid:
+            return named(self.name)
+        found = self.find()
+        if found is None:
+            raise BakeError(f"{self.name!r} was deleted: bring it back with Undo, or choose another object.")
+        return found
+
+
+def hold(obj: bpy.types.Object) -> ObjectRef:
+    """A reference to `obj` that may be kept."""
+    return ObjectRef(obj.session_uid, obj.name)
+
+
+def scene_of(uid: int) -> bpy.types.Scene | None:
+    """The scene of that session_uid, or None if it was deleted."""
+    return next((scene for scene in bpy.data.scenes if scene.session_uid == uid), None)
 
 
 def problem(

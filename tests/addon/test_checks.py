@@ -195,8 +195,8 @@ def mended(low, high):
 REFUSALS = {
     hidden: "'lo' is hidden",
     hidden_in_viewports: "'lo' is hidden",
-    gone: "no object called 'lo'",
-    high_gone: "no object called 'hi'",
+    gone: "'lo' was deleted",
+    high_gone: "'hi' was deleted",
     out_of_the_scene: "'hi' is not in view layer",
     mended: "No face of 'lo' has this flaw: without high",
 }
@@ -215,7 +215,7 @@ def test_linked_objects_are_left_alone(baked, tmp_path):
     with bpy.data.libraries.load(path, link=True) as (_, wanted):
         wanted.objects = ["lo"]
     bpy.context.scene.collection.objects.link(wanted.objects[0])
-    bpy.context.view_layer.update()
+    bake("lo", "hi")
     assert "'lo' is linked" in refusal(bpy.ops.imprint.select_flaws, kind="UNCOVERED")
     assert "'lo' is linked" in refusal(bpy.ops.imprint.add_triangulate)
     assert bpy.ops.imprint.show_mask(kind="UNCOVERED") == {"FINISHED"}

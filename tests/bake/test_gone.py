@@ -1,0 +1,197 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Objects that are deleted or renamed between two slices of a bake, and objects that share a name."""
+
+import itertools
+
+import bpy
+import numpy as np
+import pytest
+
+from addon.bake import datablocks, flaws, live, pipeline, sequence
+from addon.bake.errors import BakeError
+from addon.bake.pace import Pace, finish
+from addon.bake.settings import Settings
+from tests.support import zoo
+from tests.support.maps import pixels
+from tests.support.snapshot import difference, snapshot
+
+pytestmark = pytest.mark.usefixtures("gpu_context")
+
+SLICED = 1e-9
+"""Seconds of a slice: as many steps as there can be."""
+STEEP = 1.0
+"""Slope of a surface whose normals nobody takes for a flat one's."""
+
+
+def settings(**values):
+    return Settings(**{"method": "CAST", "space": "OBJECT", "width": 16, "height": 16, "storage": "MEMORY"} | values)
+
+
+def pairs(names="ab"):
+    lows = [zoo.plane(name) for name in names]
+    return [pipeline.Job(low, [zoo.plane(f"{low.name} high", 4)]) for low in lows]
+
+
+def remove(name):
+    bpy.data.objects.remove(bpy.data.objects[name])
+
+
+def steps_of(work):
+    """The steps of `work`, and at last the sentence that it ends with; empty when it is done."""
+    try:
+        yield from work
+    except BakeError as error:
+        yield str(error)
+    else:
+        yield ""
+
+
+def stopped_by(work, change, step):
+    """What `work` ends with where `change` comes after this many steps; None where it is done by then."""
+    told = list(itertools.islice(work, step))
+    if len(told) < step:
+        return None
+    change()
+    return list(steps_of(work))[-1]
+
+
+def endings(make, change):
+    """What a bake says when `change` comes after its first step, its second, ... each in a file of its own."""
+    for step in itertools.count(1):
+        bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+        said = stopped_by(make(), change, step)
+        if said is None:
+            return
+        yield said
+
+
+@pytest.mark.parametrize("share_image", [False, True], ids=["several", "atlas"])
+@pytest.mark.parametrize("name", ["a", "a high", "b", "b high"])
+def test_an_object_that_is_deleted_is_a_sentence_at_every_step(name, share_image):
+    def make():
+        return pipeline.work(bpy.context, pairs(), settings(), Pace(SLICED), share_image=share_image)
+
+    said = list(endings(make, lambda: remove(name)))
+    assert len(said) > 6
+    assert set(said) <= {"", f"{name!r} was deleted: bring it back with Undo, or choose another object."}
+    assert any(said)
+
+
+@pytest.mark.parametrize("name", ["a", "a high"])
+def test_nothing_changes_where_the_only_object_goes(name):
+    work = pipeline.work(bpy.context, pairs("a"), settings(), Pace(SLICED))
+    next(work)
+    remove(name)
+    before = snapshot()
+    with pytest.raises(BakeError, match=f"'{name}' was deleted"):
+        finish(work)
+    assert difference(before, snapshot()) == {}
+
+
+def test_maps_of_jobs_that_are_done_stay():
+    work = pipeline.work(bpy.context, pairs(), settings(), Pace(SLICED))
+    while next(work).finished < 1:
+        pass
+    remove("b")
+    with pytest.raises(BakeError, match="'b' was deleted"):
+        finish(work)
+    assert [image.name for image in bpy.data.images] == ["a_normal"]
+
+
+def test_an_atlas_is_not_replaced():
+    grey = np.full((16, 16, 4), 0.5, np.float32)
+    datablocks.fill("atlas", grey, is_float=True, pack=False)
+    work = pipeline.work(bpy.context, pairs(), settings(image="atlas"), Pace(SLICED), share_image=True)
+    while next(work).what != "Storing":
+        pass
+    remove("b")
+    with pytest.raises(BakeError, match="'b' was deleted"):
+        finish(work)
+    assert np.array_equal(pixels(bpy.data.images["atlas"]), grey)
+    assert not bpy.data.objects["a"].data.materials
+
+
+def of_frames(tmp_path):
+    files = settings(storage="FILE", depth=32, output=str(tmp_path / "map.exr"))
+    return sequence.work(bpy.context, pairs("a")[0], files, range(3, 6), Pace(SLICED))
+
+
+@pytest.mark.parametrize("name", ["a", "a high"])
+def test_frames_that_are_done_stay(tmp_path, name):
+    work = of_frames(tmp_path)
+    while next(work).finished < 1:
+        pass
+    remove(name)
+    with pytest.raises(BakeError, match=f"'{name}' was deleted"):
+        finish(work)
+    assert [path.name for path in tmp_path.iterdir()] == ["map_0003.exr"]
+    assert bpy.data.images["a_normal"].source == "SEQUENCE"
+    assert bpy.context.scene.frame_current == 1
+
+
+def test_a_scene_that_is_deleted_ends_its_sequence(tmp_path):
+    scene = bpy.context.scene
+    work = of_frames(tmp_path)
+    while next(work).finished < 1:
+        pass
+    bpy.data.scenes.new("Other")
+    bpy.data.scenes.remove(scene)
+    with pytest.raises(BakeError):
+        finish(work)
+    assert bpy.data.images["a_normal"].source == "SEQUENCE"
+
+
+@pytest.mark.parametrize("share_image", [False, True], ids=["several", "atlas"])
+def test_renaming_changes_nothing(share_image):
+    jobs = pairs()
+    work = pipeline.work(bpy.context, jobs, settings(image="{low}"), Pace(SLICED), share_image=share_image)
+    next(work)
+    for obj in list(bpy.data.objects):
+        obj.name = f"{obj.name} renamed"
+    zoo.plane("a high", slope=STEEP)  # which is not the one
+    finish(work)
+    images = {"atlas"} if share_image else {"a", "b"}
+    assert {image.name for image in bpy.data.images} == images
+    assert all(bpy.data.objects[f"{name} renamed"].data.materials for name in "ab")
+    texels = pixels(next(iter(bpy.data.images)))
+    assert np.abs(texels[8, 8, :3] - (0.5, 0.5, 1.0)).max() < 1e-3
+
+
+@pytest.fixture
+def namesakes(tmp_path):
+    """A low plane, and two objects called "hi": a flat one, and a steep one that is linked."""
+    zoo.plane("hi", slope=STEEP)
+    path = str(tmp_path / "library.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    low, flat = zoo.plane("lo"), zoo.plane("hi")
+    with bpy.data.libraries.load(path, link=True) as (_, wanted):
+        wanted.objects = ["hi"]
+    (steep,) = wanted.objects
+    bpy.context.scene.collection.objects.link(steep)
+    assert flat.name == steep.name
+    return low, flat, steep
+
+
+@pytest.mark.parametrize("which", [1, 2], ids=["flat", "steep"])
+def test_live_knows_namesakes_apart(namesakes, which):
+    job = pipeline.Job(namesakes[0], [namesakes[which]])
+    pipeline.bake_all(bpy.context, [job], settings(depth=32, image="baked"))
+    following = live.Session(bpy.context, job, settings(), Pace())
+    following.run(bpy.context)
+    assert np.array_equal(following.texels, pixels(bpy.data.images["baked"]))
+    following.free()
+
+
+@pytest.mark.parametrize("which", [1, 2], ids=["flat", "steep"])
+def test_checks_know_namesakes_apart(namesakes, which):
+    low, *highs = namesakes
+    highs[which - 1].location.x = 0.9  # no longer above all of the low plane
+    bpy.context.view_layer.update()
+    job = pipeline.Job(low, [highs[which - 1]])
+    near = settings(extrusion=2.0, max_distance=4.0)
+    report = pipeline.bake_all(bpy.context, [job], near)[0]
+    low.name = "renamed"
+    mask = pixels(flaws.draw_mask(bpy.context, report, "uncovered"))[..., 0] > 0.5
+    assert mask.mean() == pytest.approx(report.checks["uncovered"]["share"])
+    assert mask.any()
