@@ -15,7 +15,7 @@ import bpy
 from . import arguments, importing
 from .bake import images, outputs, pace, pipeline, sequence, subjects
 from .bake.errors import BakeError
-from .bake.files import check_writable, replacing
+from .bake.files import Replaced, check_writable, replacing
 from .bake.pace import Step
 from .bake.report import Report
 from .bake.settings import Settings
@@ -102,6 +102,7 @@ def bake_all(planned: Sequence[Plan], meter: Meter, tell: Callable[[Result], Non
             result = bake(plan, stage, meter, taken)
         except BakeError as error:
             result = Result(plan.name, error=str(error))
+            stage = Stage()  # what the bake has changed before it failed is nothing for the next one
         except KeyboardInterrupt:
             return results, True
         result.seconds = time.perf_counter() - start
@@ -142,19 +143,21 @@ def bake(plan: Plan, stage: Stage, meter: Meter, taken: dict[str, str] | None = 
         meter.tell("the atlas" if share_image else job.low.name, step)
 
     heard = tell if meter.is_on else None
-    if options.frames:
-        speed = pace.Pace(pipeline.TOLD_EVERY if heard else None)
-        reports = pace.finish(sequence.work(bpy.context, jobs[0], settings, _frames(options), speed), heard)
-    else:
-        reports = pipeline.bake_all(bpy.context, jobs, settings, share_image=share_image, tell=heard)
+    with Replaced() as replaced:
+        if options.frames:
+            speed = pace.Pace(pipeline.TOLD_EVERY if heard else None)
+            reports = pace.finish(sequence.work(bpy.context, jobs[0], settings, _frames(options), speed), heard)
+        else:
+            reports = pipeline.bake_all(bpy.context, jobs, settings, share_image=share_image, tell=heard)
+        result = Result(
+            plan.name, reports, maps, problems, are="pairs" if options.pairs else "frames" if options.frames else ""
+        )
+        with replaced.restoring():  # a bake whose scene or report cannot be saved has failed
+            if scene is not None:
+                _save(scene, {bpy.data.images[report.image] for report in reports})
+            if report is not None:
+                write_json(report, result.to_json())
     taken.update(dict.fromkeys(maps, plan.name))
-    result = Result(
-        plan.name, reports, maps, problems, are="pairs" if options.pairs else "frames" if options.frames else ""
-    )
-    if scene is not None:
-        _save(scene, {bpy.data.images[report.image] for report in reports})
-    if report is not None:
-        write_json(report, result.to_json())
     return result
 
 

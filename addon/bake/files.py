@@ -3,26 +3,49 @@
 
 import itertools
 import os
+import shutil
+import stat
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from pathlib import Path
 
 from .errors import BakeError
 
 _NUMBERS = itertools.count()
+_MADE: set[Path] = set()
+"""Folders that were made for files of which none is there yet."""
 
 
 def check_writable(path: Path) -> None:
-    """Raise BakeError unless a file can be put at `path`."""
+    """Raise BakeError unless a file can be put at `path`; folders that are missing above it can be made then."""
     try:
-        if path.is_dir():
-            raise BakeError(f"{str(path)!r} is a folder: name a file.")
+        place = _place(path)
+        folder = next(folder for folder in place.parents if os.path.lexists(folder))
         # Ask the file system: permission bits say nothing about a full or read-only disk.
-        with tempfile.NamedTemporaryFile(dir=path.parent):
+        with tempfile.NamedTemporaryFile(dir=folder):
             pass
     except OSError as error:
         raise BakeError(f"{str(path)!r} cannot be written: {reason(error)}.") from error
+
+
+def _place(path: Path) -> Path:
+    """Where a file at `path` is to be put: links are followed, so that they stay.
+
+    Raises BakeError for what is there and no file, and OSError where nothing can be.
+    """
+    place = Path(os.path.realpath(path))
+    try:
+        mode = os.stat(place).st_mode
+    except FileNotFoundError:
+        return place
+    if stat.S_ISDIR(mode):
+        raise BakeError(f"{str(path)!r} is a folder: name a file.")
+    if not stat.S_ISREG(mode):
+        kind = "pipe" if stat.S_ISFIFO(mode) else "socket" if stat.S_ISSOCK(mode) else "device"
+        raise BakeError(f"{str(path)!r} is a {kind}: name a file, which can be replaced.")
+    return place
 
 
 def reason(error: OSError | RuntimeError) -> str:
@@ -34,20 +57,23 @@ def reason(error: OSError | RuntimeError) -> str:
 
 
 class Partial:
-    """What is to take the place of the file at `path`, which stays as it is until `commit`.
+    """What is to take the place of the file at `path`, which stays as it is until `commit`. A link keeps its place.
 
-    here: the path beside it to write to.
+    here: the path beside it to write to, inside `told`. Raises BakeError for what is no file.
     """
 
     def __init__(self, path: Path):
-        self.path = path
-        # Not made of path.stem, which may already be as long as the file system allows.
-        self.here = path.with_name(f".imprint.{os.getpid()}.{next(_NUMBERS)}.partial{path.suffix}")
+        try:
+            self.path = _place(path)
+        except OSError as error:
+            raise BakeError(f"{str(path)!r} cannot be written: {reason(error)}.") from error
+        self.here = _beside(self.path, path.suffix)
 
     @contextmanager
     def told(self) -> Iterator[None]:
-        """Turn what goes wrong in the block into a BakeError."""
+        """Make the folder if it is missing, and turn what goes wrong in the block into a BakeError."""
         try:
+            _make(self.path.parent)
             yield
         except (OSError, RuntimeError) as error:  # Blender's writers raise RuntimeError
             raise BakeError(f"{str(self.path)!r} could not be written: {reason(error)}.") from error
@@ -55,11 +81,107 @@ class Partial:
     def commit(self) -> None:
         """Put what was written into its place, in one step of the file system. Raises BakeError if that cannot be."""
         with self.told():
+            replaced = _REPLACED.get()
+            if replaced is not None:
+                replaced.keep(self.path)
             os.replace(self.here, self.path)
+        _MADE.difference_update(self.path.parents)
 
     def discard(self) -> None:
-        """Leave nothing behind; after `commit` there is nothing."""
-        self.here.unlink(missing_ok=True)
+        """Leave nothing behind, nor a folder that was made for it; after `commit` there is nothing."""
+        with suppress(NotADirectoryError):
+            self.here.unlink(missing_ok=True)
+        _remove_made(self.path)
+
+
+class Replaced:
+    """In a `with` statement: remembers the files that commits replace, until it ends."""
+
+    def __init__(self):
+        self._before: dict[Path, tuple[Path | None, list[Path]]] = {}
+        """By the path of a file: where its old content is, if it was there, and the folders that were made for it."""
+
+    def __enter__(self) -> "Replaced":
+        self._token = _REPLACED.set(self)
+        return self
+
+    def __exit__(self, *_) -> None:
+        _REPLACED.reset(self._token)
+        for copy, _folders in self._before.values():
+            if copy is not None:
+                copy.unlink(missing_ok=True)
+
+    def keep(self, path: Path) -> None:
+        """Hold what is at `path`, about to be replaced. Raises OSError if that cannot be."""
+        if path in self._before:
+            return
+        copy = None
+        if path.exists():
+            copy = _beside(path, path.suffix)
+            try:
+                os.link(path, copy)
+            except OSError:  # a file system without hard links
+                shutil.copy2(path, copy)
+        self._before[path] = copy, [folder for folder in path.parents if folder in _MADE]
+
+    @contextmanager
+    def restoring(self) -> Iterator[None]:
+        """Put back all that was replaced, unless the block ends well."""
+        is_done = False
+        try:
+            yield
+            is_done = True
+        finally:
+            if not is_done:
+                self._restore()
+
+    def _restore(self) -> None:
+        """Raises BakeError, when all is done that can be, for a file whose old content had to stay beside it."""
+        lost = ""
+        for path, (copy, folders) in self._before.items():
+            try:
+                if copy is not None:
+                    os.replace(copy, path)
+                else:
+                    path.unlink(missing_ok=True)
+            except OSError as error:
+                lost = f"{str(path)!r} could not be put back: {reason(error)}" + (f"; it is in {str(copy)!r}" if copy else "")
+            _MADE.update(folders)
+            _remove_made(path)
+        self._before.clear()
+        if lost:
+            raise BakeError(f"{lost}.")
+
+
+_REPLACED: ContextVar[Replaced | None] = ContextVar("_REPLACED", default=None)
+
+
+def _beside(path: Path, ending: str) -> Path:
+    """A new path in the folder of `path`."""
+    # Not made of path.stem, which may already be as long as the file system allows.
+    return path.with_name(f".imprint.{os.getpid()}.{next(_NUMBERS)}.partial{ending}")
+
+
+def _make(folder: Path) -> None:
+    """Make a folder, and those above it that are missing."""
+    for missing in reversed([place for place in (folder, *folder.parents) if not place.exists()]):
+        with suppress(FileExistsError):  # another process was faster
+            missing.mkdir()
+            _MADE.add(missing)
+
+
+def _remove_made(path: Path) -> None:
+    """Remove the folders above `path` that were made for it and stayed empty."""
+    for folder in path.parents:
+        if folder not in _MADE:
+            break
+        try:
+            folder.rmdir()
+        except FileNotFoundError:
+            pass
+        except OSError:  # somebody uses it
+            break
+        _MADE.discard(folder)
 
 
 @contextmanager

@@ -169,7 +169,7 @@ class Writer:
             start = file.read(2)  # in which formats differ
         for tile, content in datablocks.tile_contents(image):
             partial = Partial(_absolute(self._path.replace(TOKEN, str(tile))))
-            if tile in self._partials or content == partial.path:
+            if tile in self._partials or (isinstance(content, Path) and content.resolve() == partial.path):
                 continue
             with partial.told():
                 data = content.read_bytes() if isinstance(content, Path) else content

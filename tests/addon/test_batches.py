@@ -570,7 +570,7 @@ def test_a_set_that_failed_keeps_no_place(scenes, run):
     [
         ({"file": "none.blend"}, "There is no file"),
         ({"file": "jobs.json"}, "could not be opened"),
-        ({"output": "none/m.png"}, "No such file or directory"),
+        ({"output": "jobs.json/m.png"}, "Not a directory"),
         ({"save-blend": "m.txt"}, "does not end in .blend"),
         ({"cage": "none"}, "There is no object called 'none'"),
     ],
@@ -591,9 +591,9 @@ def test_each_set_fails_alone(scenes, run, fault, said):
 def test_a_report_that_cannot_be_written_is_told_first(scenes, run):
     (scenes / "jobs.toml").write_text(JOBS)
     before = files(scenes)
-    code, _, err = run("--jobs", "jobs.toml", "--report", "none/r.json")
+    code, _, err = run("--jobs", "jobs.toml", "--report", "jobs.toml/r.json")
     assert code == commands.FAILED
-    assert "No such file or directory" in err
+    assert "Not a directory" in err
     assert files(scenes) == before
 
 

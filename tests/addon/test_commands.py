@@ -2,8 +2,10 @@
 """The command line: exit codes, one line on stderr, and nothing written unless all went well."""
 
 import json
+import os
 import subprocess
 import sys
+from pathlib import Path
 
 import bpy
 import numpy as np
@@ -139,9 +141,6 @@ CANNOT = {
     "negative margin": ([*BAKE, "--margin", "-1", "--output", "m.png"], "-1"),
     "format": ([*BAKE, "--output", "m.jpg"], "one of .png, .exr"),
     "format and depth": ([*BAKE, "--output", "m.png", "--depth", "32"], "8 or 16 bits"),
-    "missing folder": ([*BAKE, "--output", "none/m.png"], "No such file or directory"),
-    "missing folder for the report": ([*BAKE, "--output", "m.png", "--report", "none/r.json"], "No such file"),
-    "missing folder for the scene": ([*BAKE, "--output", "m.png", "--save-blend", "none/s.blend"], "No such file"),
     "folder for a report": ([*BAKE, "--output", "m.png", "--report", "scene"], "is a folder"),
     "file for a folder": ([*BAKE, "--output", "broken.blend/m.png"], "Not a directory"),
 }
@@ -167,6 +166,66 @@ def test_no_partial_report(scene, fails, monkeypatch):
     assert line == "imprint: The bake went wrong."
     assert (scene / "m.png").read_bytes() == b"an old picture"
     assert (scene / "r.json").read_text() == "an old report"
+
+
+LIMIT = 20_000
+"""Bytes that a file may have here: more than a small map, less than any .blend."""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no such limit")
+@pytest.mark.parametrize("end", ["scene", "report"])
+@pytest.mark.parametrize("more", [[], ["--frames", "1-2"], ["--mask", "--maps", "height"]])
+def test_a_scene_or_report_that_cannot_be_saved_leaves_nothing_of_the_bake(scene, monkeypatch, capsys, end, more):
+    import resource
+
+    def fail(*_, **__):
+        raise OSError(28, "No space left on device")
+
+    (scene / "m.png").write_bytes(b"an old picture")
+    (scene / "s.blend").write_bytes(b"an old scene")
+    before = {path: path.read_bytes() for path in scene.rglob("*") if path.is_file()}
+    if end == "report":
+        monkeypatch.setattr(Path, "write_text", fail)
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    try:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (LIMIT if end == "scene" else soft, hard))
+        code = commands.run([*BAKE, *more, "--output", "m.png", "--report", "new/r.json", "--save-blend", "s.blend"])
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert code == commands.FAILED
+    (line,) = capsys.readouterr().err.splitlines()
+    assert ("s.blend" if end == "scene" else "r.json") in line
+    assert {path: path.read_bytes() for path in scene.rglob("*") if path.is_file()} == before
+    assert not (scene / "new").exists()
+
+
+def test_missing_folders_are_made(scene):
+    """And removed again where the bake fails: see above, and tests/unit/test_replacing.py."""
+    words = [*BAKE, "--output", "a/b/m.png", "--report", "r/r.json", "--save-blend", "s/s.blend"]
+    assert commands.run(words) == commands.DONE
+    assert {"a/b/m.png", "r/r.json", "s/s.blend"} <= set(files(scene))
+
+
+@pytest.mark.skipif(os.name == "nt", reason="links and pipes of POSIX")
+@pytest.mark.parametrize("option", ["--output", "--report", "--save-blend"])
+def test_a_link_stays_and_a_pipe_is_refused(scene, capsys, option):
+    names = {"--output": "m.png", "--report": "r.json", "--save-blend": "s.blend"}
+    words = [*BAKE, *(word for item in names.items() for word in item)]
+    (scene / "store").mkdir()
+    link = scene / names[option]
+    link.symlink_to("store/it")
+    assert commands.run(words) == commands.DONE
+    assert link.is_symlink()
+    assert (scene / "store" / "it").stat().st_size > 0
+    link.unlink()
+    os.mkfifo(link)
+    others = [scene / name for name in names.values() if name != link.name]
+    for path in others:
+        path.unlink()
+    assert commands.run(words) == commands.FAILED
+    assert "is a pipe" in capsys.readouterr().err
+    assert link.is_fifo()
+    assert not any(path.exists() for path in others)
 
 
 # Baking

@@ -239,7 +239,7 @@ def test_no_gpu(pair, monkeypatch):
 # Where the map goes
 
 OUTPUTS = {
-    "missing folder": ("none/map.png", 16, "No such file"),
+    "name too long in a missing folder": ("none/" + "m" * 300 + ".png", 16, "too long"),
     "folder": ("folder.png", 16, "is a folder"),
     "file in place of a folder": ("file.txt/map.png", 16, "Not a directory"),
     "name too long": ("m" * 300 + ".png", 16, "too long"),

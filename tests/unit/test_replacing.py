@@ -1,0 +1,178 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Files take their places whole: links stay, folders come and go with them, what is no file is refused, all can be undone."""
+
+import os
+import socket
+
+import pytest
+
+from addon.bake.errors import BakeError
+from addon.bake.files import Partial, Replaced, check_writable, replacing
+
+posix = pytest.mark.skipif(os.name == "nt", reason="links and pipes of POSIX")
+
+
+def tree(folder):
+    """Every path below `folder`, with what a file holds and where a link points."""
+    return {
+        str(path.relative_to(folder)): os.readlink(path) if path.is_symlink() else path.is_file() and path.read_text()
+        for path in folder.rglob("*")
+    }
+
+
+def write(path, text="new"):
+    with replacing(path) as partial:
+        partial.write_text(text)
+
+
+@posix
+def test_a_link_stays_and_its_file_gets_the_content(tmp_path):
+    (tmp_path / "store").mkdir()
+    (tmp_path / "store" / "1234").write_text("old")
+    (tmp_path / "map.png").symlink_to("store/1234")
+    partial = Partial(tmp_path / "map.png")
+    assert partial.here.parent == tmp_path.resolve() / "store"  # else it could not be one step of the file system
+    assert partial.here.suffix == ".png"  # which names the format
+    write(tmp_path / "map.png")
+    assert tree(tmp_path) == {"store": False, "store/1234": "new", "map.png": "store/1234"}
+
+
+@posix
+def test_a_link_to_what_is_not_there_yet(tmp_path):
+    (tmp_path / "map.png").symlink_to("later/it.png")
+    check_writable(tmp_path / "map.png")
+    write(tmp_path / "map.png")
+    assert tree(tmp_path) == {"later": False, "later/it.png": "new", "map.png": "later/it.png"}
+
+
+def special(kind, path):
+    if kind == "pipe":
+        os.mkfifo(path)
+    elif kind == "socket":
+        with socket.socket(socket.AF_UNIX) as made:
+            made.bind(str(path))
+    elif kind == "device":
+        path.symlink_to("/dev/null")
+    elif kind == "folder":
+        path.mkdir()
+    else:
+        path.symlink_to(path.name)
+
+
+@posix
+@pytest.mark.parametrize(
+    ("kind", "said"),
+    [("pipe", "is a pipe"), ("socket", "is a socket"), ("device", "is a device"), ("folder", "is a folder"), ("loop", "links")],
+)
+def test_what_is_no_file_is_refused_and_stays(tmp_path, monkeypatch, kind, said):
+    monkeypatch.chdir(tmp_path)  # the paths of sockets are short
+    place = tmp_path / "x"
+    special(kind, place.relative_to(tmp_path))
+    before = os.lstat(place)
+    for refuse in (check_writable, Partial, write):
+        with pytest.raises(BakeError, match=said):
+            refuse(place)
+    assert os.lstat(place).st_mode == before.st_mode
+    assert os.listdir(tmp_path) == ["x"]
+
+
+def test_missing_folders_are_made_when_there_is_something_to_store(tmp_path):
+    place = tmp_path / "a" / "b" / "map.png"
+    check_writable(place)
+    assert os.listdir(tmp_path) == []
+    write(place)
+    assert tree(tmp_path) == {"a": False, "a/b": False, "a/b/map.png": "new"}
+
+
+@pytest.mark.parametrize("first", [0, 1])
+def test_folders_go_with_the_last_that_failed_and_not_with_those_that_are_used(tmp_path, first):
+    def partials():
+        result = [Partial(tmp_path / "a" / "b" / name) for name in ("1.png", "2.png")]
+        for partial in result:
+            with partial.told():
+                partial.here.write_text("x")
+        return result[first], result[1 - first]
+
+    one, other = partials()
+    one.discard()
+    assert (tmp_path / "a" / "b").is_dir()
+    other.discard()
+    assert os.listdir(tmp_path) == []
+    one, other = partials()
+    one.commit()
+    other.discard()
+    one.discard()
+    assert len(tree(tmp_path)) == 3
+
+
+def test_a_folder_that_was_there_stays(tmp_path):
+    (tmp_path / "a").mkdir()
+    with pytest.raises(BakeError), replacing(tmp_path / "a" / "b" / "map.png"):
+        raise OSError("full")
+    assert tree(tmp_path) == {"a": False}
+
+
+class Stop(Exception):
+    """What no code expects."""
+
+
+@pytest.mark.parametrize("can_link", [True, False])
+def test_what_was_replaced_is_put_back_unless_the_end_is_good(tmp_path, monkeypatch, can_link):
+    def fail(*_):
+        raise OSError("no hard links here")
+
+    if not can_link:
+        monkeypatch.setattr(os, "link", fail)
+    (tmp_path / "old.png").write_text("old")
+    before = tree(tmp_path)
+
+    def replace_all(end):
+        with Replaced() as replaced:
+            write(tmp_path / "old.png")
+            write(tmp_path / "a" / "b" / "new.png")
+            with replaced.restoring():
+                write(tmp_path / "old.png", "newer")
+                write(tmp_path / "a" / "report.json")
+                end()
+
+    with pytest.raises(Stop):
+        replace_all(lambda: (_ for _ in ()).throw(Stop()))
+    assert tree(tmp_path) == before
+    replace_all(lambda: None)
+    assert tree(tmp_path) == {
+        "old.png": "newer",
+        "a": False,
+        "a/b": False,
+        "a/b/new.png": "new",
+        "a/report.json": "new",
+    }
+
+
+def test_before_the_last_part_nothing_is_put_back(tmp_path):
+    """Frames and pairs that are done are kept when a later one fails."""
+    with pytest.raises(Stop), Replaced():
+        write(tmp_path / "1.png")
+        raise Stop
+    assert tree(tmp_path) == {"1.png": "new"}
+
+
+def test_what_cannot_be_put_back_is_told_and_kept(tmp_path, monkeypatch):
+    (tmp_path / "a.png").write_text("old")
+    (tmp_path / "b.png").write_text("old")
+    real = os.replace
+
+    def fail(source, target):
+        if str(target).endswith("a.png") and source.read_text() == "old":
+            raise OSError(5, "Input/output error")
+        real(source, target)
+
+    monkeypatch.setattr(os, "replace", fail)
+    with pytest.raises(BakeError, match="could not be put back") as told, Replaced() as replaced:
+        write(tmp_path / "a.png")
+        write(tmp_path / "b.png")
+        with replaced.restoring():
+            raise Stop
+    assert (tmp_path / "b.png").read_text() == "old"
+    (kept,) = (path for path in tmp_path.iterdir() if path.name not in {"a.png", "b.png"})
+    assert str(kept) in str(told.value)
+    assert kept.read_text() == "old"
