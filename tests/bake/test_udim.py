@@ -339,7 +339,8 @@ def test_what_cannot_be_stored(settings, message):
     assert str(refused.value) == message
 
 
-def test_a_folder_that_is_not_there(tmp_path):
+def test_a_file_in_place_of_a_folder(tmp_path):
+    (tmp_path / "no").touch()
     settings = Settings(udim=True, storage="FILE", output=str(tmp_path / "no" / "map.png"))
     with pytest.raises(BakeError, match="could not be written|cannot be written"):
         images.check("low", settings)
