@@ -245,9 +245,13 @@ def _plan(low: bpy.types.Object, highs: list[bpy.types.Object], settings: Imprin
     source = "its own modifiers" if low in highs else ", ".join(repr(high.name) for high in highs)
     name = images.name_for(low.name, settings.to_settings())
     known = "over the image" if bpy.data.images.get(name) else "into a new image"
+    other = images.replaced(name, [high.name for high in highs])
+    over = f", which holds a map of {other}" if other else ""
     how = {"AUTO": "Bakes", "FLATTEN": "Flattens", "CAST": "Casts rays from"}[settings.method]
     onto = f"{low.name!r} to {source}" if settings.method == "CAST" else f"{source} onto {low.name!r}"
-    return [f"{how} {onto}: {settings.space.lower()} space, {settings.width} x {settings.height}, {known} {name!r}."]
+    return [
+        f"{how} {onto}: {settings.space.lower()} space, {settings.width} x {settings.height}, {known} {name!r}{over}."
+    ]
 
 
 def paragraphs(layout: bpy.types.UILayout, context: bpy.types.Context, lines: list[str], icon: str) -> None:

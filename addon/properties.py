@@ -15,6 +15,7 @@ from bpy.props import (
     StringProperty,
 )
 
+from .bake import subjects
 from .bake.pairs import Suffixes
 from .bake.settings import AXES, MAPS, MAX_SIZE, MIN_SIZE, SAMPLES, Settings, parse_tiles
 
@@ -292,15 +293,13 @@ class ImprintSettings(bpy.types.PropertyGroup, Options):
     ) -> tuple[bpy.types.Object | None, list[bpy.types.Object]]:
         """The low object, if none is given, and the high ones: from the slots, else as in "Selected to Active".
 
-        A low object without others that has modifiers is its own high one.
+        A low object without others whose modifiers add detail is its own high one.
         """
         low = low or self.low or context.active_object
         highs = [slot.object for slot in self.highs if slot.object]
         if not highs:
             highs = [obj for obj in context.selected_objects if obj != low]
-        if not highs and low is not None and low.modifiers:
-            highs = [low]
-        return low, highs
+        return low, highs or subjects.own_highs(low)
 
     def cage_for(self, method: str) -> bpy.types.Object | None:
         """The cage in the slot, which flattening has no use for."""

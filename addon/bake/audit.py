@@ -10,6 +10,7 @@ from ..mesh import arrays, faces
 from ..mesh.arrays import Mesh
 from ..passes import batch, overlap, resolve, target
 from . import apart, casting
+from .errors import few
 from .reading import Meshes
 from .report import Report
 from .settings import Settings
@@ -28,6 +29,8 @@ MANY_UNEVEN = 0.1
 """Share of faces that may depend on how they are cut into triangles without a warning."""
 TURNED_AWAY = 0.5
 """Share of normals that may point into the low mesh without a warning."""
+FLAT = 0.5 * np.cos(np.radians(0.1))
+"""Half the z of normals that lean by less than anybody sees: a map that holds no others shows nothing."""
 SOME = np.s_[::4, ::4]
 """The texels whose normals are looked at, to see whether half of them point into the low mesh."""
 PROBE = 1024
@@ -44,6 +47,7 @@ class Tally:
     texels: int = 0
     probed: int = 0
     turned_away: int = 0
+    leaning: int = 0
     states: list[np.ndarray] = field(default_factory=list)
     """Of each tile, the state of the texels that `looked_at` names."""
 
@@ -59,6 +63,7 @@ class Tally:
             seen = state[SOME] == resolve.WRITTEN
             self.probed += int(np.count_nonzero(seen))
             self.turned_away += int(np.count_nonzero(upwards[seen] < 0.0))
+            self.leaning += int(np.count_nonzero(upwards[seen] < FLAT))
 
 
 def tell(
@@ -83,11 +88,18 @@ def tell(
         report.warnings.append(
             f"Most high normals point into {report.low!r}: the normals of one of the two are inside out, turn them round."
         )
+    if tally.probed and not tally.leaning:
+        report.warnings.append(_flat(meshes, report))
     with report.timed("audit"):
         _tell_of_uvs(meshes, tiles, settings, report)
         _tell_of_texels(meshes, tally, tiles, settings, report)
         _tell_of_distances(meshes, tiles, settings, report, shot)
         _tell_of_faces(meshes, report)
+
+
+def _flat(meshes: Meshes, report: Report) -> str:
+    what = "its own modifiers" if meshes.is_own_base else few(map(repr, report.high))
+    return f"The map is flat: nothing of {what} differs from {report.low!r}. Is that the right high object?"
 
 
 def uv_space(settings: Settings) -> tuple[int, int]:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Image datablocks: pixels set, files shown. Whoever uses a datablock keeps it."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path, PurePath
 
 import bpy
@@ -10,6 +10,9 @@ import numpy as np
 TOKEN = "<UDIM>"
 """What stands for the number of a tile in a path."""
 
+ORIGIN = "imprint_high"
+"""A custom property of images that hold a map: the names of the high objects that it came from, a line each."""
+
 OPAQUE_BITS = {24, 96}
 """Image.depth, bits a texel, of images without alpha: their pixels hold it, but a file written from them does not."""
 
@@ -17,6 +20,17 @@ OPAQUE_BITS = {24, 96}
 def get(name: str) -> bpy.types.Image | None:
     """The image of this name in the open file; one that is linked from a library is none."""
     return bpy.data.images.get((name, None))
+
+
+def origin(name: str) -> list[str]:
+    """The names of the high objects that the map in the image `name` came from; none where nobody knows."""
+    image = get(name)
+    return str(image.get(ORIGIN, "")).splitlines() if image is not None else []
+
+
+def sign(image: bpy.types.Image, highs: Iterable[str]) -> None:
+    """Let `origin` know from which high objects the map in `image` came."""
+    image[ORIGIN] = "\n".join(highs)
 
 
 def fill(name: str, texels: np.ndarray, *, is_float: bool, pack: bool) -> bpy.types.Image:

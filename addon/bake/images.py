@@ -4,6 +4,7 @@
 import re
 import tempfile
 import zlib
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path, PurePath
 
@@ -12,7 +13,7 @@ import numpy as np
 
 from . import datablocks, encode, quantise, values
 from .datablocks import TOKEN
-from .errors import BakeError
+from .errors import BakeError, few
 from .files import Partial, check_writable
 from .settings import FORMATS, Settings
 
@@ -79,6 +80,13 @@ def check(low_name: str, settings: Settings) -> None:
         raise BakeError(f"{output!r} is relative to a .blend file that was never saved: save it first.")
     if output:
         check_writable(_absolute(output))
+
+
+def replaced(name: str, highs: Iterable[str]) -> str:
+    """Whose map a bake from `highs` writes over in the image `name`, as names in a sentence: empty where it has none, where
+    nobody knows, and where one of `highs` was among those that it came from."""
+    before = datablocks.origin(name)
+    return "" if set(before).intersection(highs) else few(map(repr, before))
 
 
 class Writer:

@@ -162,6 +162,7 @@ class Session:
         settings = self.settings
         is_new = datablocks.get(settings.image) is None
         image = datablocks.fill(settings.image, self.texels, is_float=settings.depth > 8, pack=False)
+        datablocks.sign(image, self.report.high)
         if settings.material and (is_new or not self._is_stored):
             self.report.warnings += outputs.hook_up(self.job.low, image, self.report, settings)
         self._is_stored = True

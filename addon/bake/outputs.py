@@ -8,7 +8,8 @@ import bpy
 import numpy as np
 
 from ..passes import resolve
-from . import images, materials, values
+from . import datablocks, images, materials, values
+from .errors import few
 from .render import Map
 from .report import Report
 from .settings import Settings
@@ -63,7 +64,14 @@ class Outputs:
         """
         settings = self.settings
         maps = {name: self._encode(name, tiles, reports, materials_seen) for name, tiles in self._kept.items()}
+        highs = [high for report in reports for high in report.high]
+        before = images.replaced(settings.image, highs)
         stored = {name: writer.commit() for name, writer in self._writers.items()}
+        datablocks.sign(stored["NORMAL"], highs)
+        if before:
+            reports[0].warnings.append(
+                f"The image {settings.image!r} held a map of {before}, which the one of {few(map(repr, highs))} replaced."
+            )
         for low, report in zip(lows, reports, strict=True):
             report.image = stored["NORMAL"].name
             report.output, report.loss = images.output_for(settings), self._writers["NORMAL"].loss

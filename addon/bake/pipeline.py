@@ -194,7 +194,7 @@ class _Bake:
                     drawn[tile] = yield from part(renderer.raw(tile), *self._share(number))
                     normals = drawn[tile]["NORMAL"]
                     is_tangent = self.settings.space == "TANGENT"
-                    self.tally.add(atlas.state(normals), normals[audit.SOME][..., 2] if is_tangent else None)
+                    self.tally.add(atlas.state(normals), 0.5 * normals[audit.SOME][..., 2] if is_tangent else None)
                 self._tell(renderer.source.shot)
             finally:
                 target.trim()

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
+from . import detail
 from .errors import BakeError
 
 MAX_CONDITION = 1e7
@@ -79,7 +80,7 @@ def problem(
     if low is None:
         return "No low object: select the high objects, then the low one, or fill the slots."
     if not highs:
-        return f"No high object for {low.name!r}: select one as well, or give {low.name!r} modifiers that add detail."
+        return _no_high(low)
     for obj in (low, *highs, *([cage] if cage else [])):
         reason = _object_problem(context, obj)
         if reason:
@@ -92,6 +93,8 @@ def problem(
             return f"{low.name!r} is the low object and one of several high ones: take it out of the high ones."
         if not low.modifiers:
             return f"{low.name!r} is both high and low and has no modifiers: choose another high object, or add some."
+        if not detail.is_added(low):
+            return f"{low.name!r} is both high and low, {detail.without(low)}: choose another high object."
     for obj in (low, *highs, *([cage] if cage else [])):
         needs_uv = obj == low or (obj in highs and method == "FLATTEN")
         reason = _mesh_problem(obj, evaluated=low not in highs, needs_uv=needs_uv)
@@ -100,6 +103,17 @@ def problem(
     if cage is not None and method == "FLATTEN":
         return f"The cage {cage.name!r} is for rays: choose the method Cast or Auto, or take the cage out."
     return ""
+
+
+def own_highs(low: bpy.types.Object | None) -> list[bpy.types.Object]:
+    """The high objects of `low` where no others are named: itself, if it has modifiers that add detail."""
+    return [low] if low is not None and detail.is_added(low) else []
+
+
+def _no_high(low: bpy.types.Object) -> str:
+    if low.modifiers and not detail.is_added(low):
+        return f"No high object for {low.name!r}, {detail.without(low)}: select the high object too, {low.name!r} last."
+    return f"No high object for {low.name!r}: select one as well, or give {low.name!r} modifiers that add detail."
 
 
 def _object_problem(context: bpy.types.Context, obj: bpy.types.Object) -> str:

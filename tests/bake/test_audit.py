@@ -27,6 +27,11 @@ def bake(low, *highs, cage=None, size=(64, 64), **settings):
     return Report(**json.loads(json.dumps(report.to_dict())))
 
 
+def suspicious(report):
+    """The warnings, but for that planes have no detail."""
+    return [warning for warning in report.warnings if not warning.startswith("The map is flat")]
+
+
 def faces(report, kind):
     return flaws.find_faces(bpy.context, report, kind).tolist()
 
@@ -65,7 +70,7 @@ def test_nothing_is_wrong_with_two_planes():
     for kind in ("overlap", "uncovered", "far"):
         assert report.checks[kind]["of"] == 64 * 64
         assert not mask(report, kind).any()
-    assert report.warnings == []
+    assert suspicious(report) == []
     assert [kind for kind in flaws.KINDS if faces(report, kind)] == ["polygons"]
 
 
@@ -139,7 +144,7 @@ def test_uncovered_texels(settings):
 def test_a_few_uncovered_texels_are_counted_and_raise_no_warning():
     report = bake(tiles("lo", (0, 0, 1, 1)), tiles("hi", (0, 0, 0.995, 1)), size=(256, 256))
     assert report.checks["uncovered"]["count"] == 256
-    assert report.warnings == []
+    assert suspicious(report) == []
 
 
 # Distances
@@ -165,7 +170,7 @@ def test_far_texels(settings):
     truth[32:, :32] = True
     np.testing.assert_array_equal(mask(report, "far"), truth)
     assert faces(report, "far") == [2]
-    assert report.warnings == []
+    assert suspicious(report) == []
 
 
 @pytest.mark.parametrize(("limit", "count"), [(0.49, 32 * 32), (0.51, 0)])
@@ -173,15 +178,15 @@ def test_the_limit_is_in_scene_units(limit, count):
     report = bake(*stairs(), limit=limit)
     assert report.checks["far"]["count"] == count
     assert report.checks["far"]["limit"] == limit
-    assert bool(report.warnings) == bool(count)
+    assert bool(suspicious(report)) == bool(count)
     assert faces(report, "far") == [2] * bool(count)
 
 
 def test_many_far_texels_raise_a_warning():
     low, high = tiles("lo", *QUARTERS), tiles("hi", *QUARTERS, height=[0.0, 0.5, 0.5, 0.0])
     report = bake(low, high, **RAYS)
-    assert "On 50.00% of the texels of 'lo'" in report.warnings[0]
-    assert "farther from it than 0.03536, at most 0.5." in report.warnings[0]
+    assert "On 50.00% of the texels of 'lo'" in suspicious(report)[0]
+    assert "farther from it than 0.03536, at most 0.5." in suspicious(report)[0]
 
 
 def test_the_99th_percentile_is_not_the_maximum():

@@ -489,7 +489,7 @@ def test_a_dense_closed_mesh_has_no_pinhole():
 
 
 def test_an_atlas_whose_uvs_overlap_is_told():
-    jobs = [pipeline.Job(zoo.plane(name), [zoo.plane(name + " high")]) for name in ("a", "b")]
+    jobs = [pipeline.Job(zoo.plane(name), [zoo.terrain(name + " high")]) for name in ("a", "b")]
     settings = Settings(width=16, height=16, storage="MEMORY", image="atlas", material=False)
     reports = pipeline.bake_all(bpy.context, jobs, settings, share_image=True)
     assert reports[0].warnings == []
@@ -497,7 +497,7 @@ def test_an_atlas_whose_uvs_overlap_is_told():
 
 
 def test_a_mesh_that_is_inside_out_is_told():
-    low, high = zoo.plane("low"), zoo.plane("high")
+    low, high = zoo.plane("low"), zoo.terrain("high")
     _, report = cast(low, high)
     assert report.warnings == []
     high.data.flip_normals()

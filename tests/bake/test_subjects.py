@@ -74,6 +74,8 @@ def test_modifiers_may_make_faces_and_uvs():
     bare.modifiers.new("Nodes", "NODES")
     assert problem(low, bare) == ""
     assert problem(bare, low) == ""
+    bare.modifiers["Nodes"].node_group = bpy.data.node_groups.new("Cube", "GeometryNodeTree")
+    bare.modifiers["Nodes"].node_group.nodes.new("GeometryNodeMeshCube")
     assert problem(bare, bare).startswith("'bare' has no faces")
 
 

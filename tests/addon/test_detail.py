@@ -1,0 +1,201 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A low object alone in the selection: its own high one where its modifiers add detail, else no map is written over."""
+
+import bpy
+import numpy as np
+import pytest
+
+from addon import panels
+from addon.bake import pipeline, subjects
+from addon.bake.settings import Settings
+from tests.support import maps, zoo
+
+pytestmark = pytest.mark.usefixtures("registered", "gpu_context")
+
+WITHOUT_DETAIL = (
+    "TRIANGULATE",
+    "WEIGHTED_NORMAL",
+    "EDGE_SPLIT",
+    "ARMATURE",
+    "UV_WARP",
+    "MIRROR",
+    "SOLIDIFY",
+    "SHRINKWRAP",
+    "DATA_TRANSFER",
+    "DECIMATE",
+    "SMOOTH",
+)
+WITH_DETAIL = ("SUBSURF", "DISPLACE", "BEVEL", "REMESH", "WAVE")
+
+
+@pytest.fixture
+def low():
+    """A low object alone in the selection, with a good map from a high one that is still there."""
+    low, high = zoo.plane("lo", 2), zoo.terrain("hi")
+    settings = bpy.context.scene.imprint
+    settings.width = settings.height = 16
+    assert bpy.ops.imprint.bake(low="lo", high=[{"name": "hi"}]) == {"FINISHED"}
+    high.select_set(False)
+    low.select_set(True)
+    bpy.context.view_layer.objects.active = low
+    return low
+
+
+def map_of_low():
+    return maps.pixels(bpy.data.images["lo_normal"])
+
+
+def auto_smooth(obj):
+    assert bpy.ops.object.shade_auto_smooth() == {"FINISHED"}
+    assert obj.modifiers[0].type == "NODES"
+
+
+def nodes(obj, *kinds, nested=False):
+    """Geometry nodes of these kinds on `obj`, in a group of their own if they are to be nested."""
+    tree = bpy.data.node_groups.new("Nodes", "GeometryNodeTree")
+    for kind in kinds:
+        tree.nodes.new(kind)
+    obj.modifiers.new("Nodes", "NODES").node_group = tree
+    if nested:
+        outer = bpy.data.node_groups.new("Outer", "GeometryNodeTree")
+        outer.nodes.new("GeometryNodeGroup").node_tree = tree
+        obj.modifiers["Nodes"].node_group = outer
+
+
+@pytest.mark.parametrize("kind", WITHOUT_DETAIL)
+@pytest.mark.parametrize("from_slot", [False, True], ids=["selected", "slot"])
+def test_no_modifier_without_detail_writes_a_map_over(low, kind, from_slot):
+    low.modifiers.new("Some name", kind)
+    settings, before = bpy.context.scene.imprint, map_of_low()
+    if from_slot:
+        settings.low = low
+        settings.highs.add().object = low
+    with pytest.raises(RuntimeError, match=r"'lo'.*modifiers \(Some name\) add no detail") as refused:
+        bpy.ops.imprint.bake()
+    assert ("choose another high object" if from_slot else "select the high object too") in str(refused.value)
+    np.testing.assert_array_equal(map_of_low(), before)
+    assert subjects.problem(bpy.context, *settings.subjects(bpy.context)) in str(refused.value)
+
+
+def test_auto_smooth_is_no_detail(low):
+    auto_smooth(low)
+    assert subjects.own_highs(low) == []
+
+
+@pytest.mark.parametrize("nested", [False, True], ids=["plain", "nested"])
+def test_geometry_nodes_are_looked_into(low, nested):
+    nodes(low, "GeometryNodeSetMaterial", "GeometryNodeInputPosition", nested=nested)
+    assert subjects.own_highs(low) == []
+    low.modifiers.clear()
+    nodes(low, "GeometryNodeSetMaterial", "GeometryNodeSetPosition", nested=nested)
+    assert subjects.own_highs(low) == [low]
+    low.modifiers["Nodes"].node_group = None
+    assert subjects.own_highs(low) == []
+
+
+def test_a_group_that_holds_itself_ends():
+    obj, tree = zoo.plane(), bpy.data.node_groups.new("Nodes", "GeometryNodeTree")
+    other = bpy.data.node_groups.new("Other", "GeometryNodeTree")
+    obj.modifiers.new("Nodes", "NODES").node_group = tree
+    for one, held in ((tree, other), (other, other)):
+        one.nodes.new("GeometryNodeGroup").node_tree = held
+    assert subjects.own_highs(obj) == []
+
+
+@pytest.mark.parametrize("kind", WITH_DETAIL)
+@pytest.mark.parametrize("other", ["TRIANGULATE", "ARMATURE"])
+def test_modifiers_with_detail_among_others(low, kind, other):
+    low.modifiers.new("Other", other)
+    low.modifiers.new("Detail", kind)
+    assert subjects.own_highs(low) == [low]
+    low.modifiers["Detail"].show_viewport = low.modifiers["Detail"].show_render = False
+    assert subjects.own_highs(low) == []
+
+
+def test_subdivision_and_triangulate_bake_onto_their_base(low):
+    bump = low.modifiers.new("Bump", "DISPLACE")
+    low.vertex_groups.new(name="middle").add([4], 1.0, "REPLACE")
+    bump.vertex_group = "middle"
+    low.modifiers.new("Finer", "SUBSURF").render_levels = 2
+    low.modifiers.new("Triangles", "TRIANGULATE")
+    assert bpy.ops.imprint.bake() == {"FINISHED"}
+    assert np.ptp(map_of_low()[..., 0]) > 0.1
+
+
+# A flat map
+
+
+def report(*objects, image="map", **settings):
+    low, *highs = objects
+    values = {"width": 16, "height": 16, "image": image, "storage": "MEMORY", "material": False, **settings}
+    return pipeline.bake(bpy.context, low, highs, Settings(**values))
+
+
+def flat(warnings):
+    return [warning for warning in warnings if warning.startswith("The map is flat")]
+
+
+@pytest.mark.parametrize("method", ["FLATTEN", "CAST"])
+@pytest.mark.parametrize("depth", [8, 32])
+def test_a_flat_map_is_said(method, depth):
+    (warning,) = flat(report(zoo.plane("lo"), zoo.plane("hi", 4), method=method, depth=depth).warnings)
+    assert "'hi'" in warning
+    assert "'lo'" in warning
+
+
+def test_modifiers_that_do_nothing_are_said(low):
+    low.modifiers.new("Lift", "DISPLACE").strength = 0.0
+    (warning,) = flat(report(low, low).warnings)
+    assert "its own modifiers" in warning
+
+
+@pytest.mark.parametrize("green", ["+Y", "-Y"])
+def test_a_map_with_detail_is_not_flat(green):
+    assert not flat(report(zoo.plane("lo"), zoo.terrain("hi"), green=green).warnings)
+    assert not flat(report(zoo.plane("lo"), zoo.plane("hi", slope=0.005), green=green).warnings)
+
+
+def test_only_in_tangent_space_does_one_normal_mean_a_flat_map():
+    assert not flat(report(zoo.plane("lo"), zoo.plane("hi"), space="OBJECT").warnings)
+
+
+def test_maps_that_share_an_image_are_looked_at_alike():
+    low, high = zoo.plane("lo"), zoo.plane("hi", slope=1.0)  # whose normals' z is 0.7: more than one half
+    settings = Settings("FLATTEN", width=16, height=16, storage="MEMORY", material=False)
+    (told,) = pipeline.bake_all(bpy.context, [pipeline.Job(low, [high])], settings, share_image=True)
+    assert not flat(told.warnings)
+    (told,) = pipeline.bake_all(bpy.context, [pipeline.Job(low, [zoo.plane("flat")])], settings, share_image=True)
+    assert flat(told.warnings)
+
+
+# A map from another high object
+
+
+def replaced(warnings):
+    return [warning for warning in warnings if "replaced" in warning]
+
+
+def test_a_map_of_another_high_object_is_said_after():
+    low, one, other = zoo.plane("lo"), zoo.terrain("one"), zoo.terrain("other", height=0.05)
+    assert not replaced(report(low, one).warnings)
+    assert not replaced(report(low, one).warnings)
+    assert not replaced(report(low, one, other).warnings)  # a part more is the same work going on
+    assert not replaced(report(low, other).warnings)
+    (warning,) = replaced(report(low, one).warnings)
+    assert "'map'" in warning
+    assert "'other'" in warning
+    assert "'one'" in warning
+
+
+def test_nobody_knows_where_a_painted_image_came_from():
+    bpy.data.images.new("map", 16, 16)
+    assert not replaced(report(zoo.plane("lo"), zoo.terrain("hi")).warnings)
+
+
+def test_a_map_of_another_high_object_is_said_before(low):
+    settings, other = bpy.context.scene.imprint, zoo.terrain("other")
+    assert "which holds" not in panels._plan(low, [bpy.data.objects["hi"]], settings)[0]
+    (line,) = panels._plan(low, [other], settings)
+    assert line.endswith("over the image 'lo_normal', which holds a map of 'hi'.")
+    low.modifiers.new("Finer", "SUBSURF")
+    assert "holds a map of 'hi'" in panels._plan(*settings.subjects(bpy.context), settings)[0]
