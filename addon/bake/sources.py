@@ -66,8 +66,8 @@ class Flat:
                 ]
 
     def normals(self, band: Band) -> Iterator[tuple[gpu.types.GPUTexture, range]]:
-        """As Source has it, all rows at once."""
-        self._normals, self._points = target.get("high", band.width, band.height, "RGBA32F"), None
+        """As Source has it, all rows at once, in a GPUOffScreen."""
+        self._normals, self._points = target.offscreen("high", band.width, band.height, "RGBA32F"), None
         flatten.draw(self._normals, self.drawn, band.window)
         yield self._normals.texture, range(band.height)
 

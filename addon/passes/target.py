@@ -53,16 +53,41 @@ class Target:
         rows = out.shape[0]
         # The buffer is a view of the array, so that the driver writes where the caller wants the texels.
         buffer = gpu.types.Buffer(kind, (rows, self.width, channels), out.reshape(rows, self.width, channels))
-        self.framebuffer.read_color(0, 0, self.width, rows, channels, slot, kind, data=buffer)
+        with self.bound() as framebuffer:
+            framebuffer.read_color(0, 0, self.width, rows, channels, slot, kind, data=buffer)
 
     def finish(self) -> None:
         """Wait for what was drawn: drivers work later than they are called, and a clock would not see it."""
-        wait(self.framebuffer)
+        with self.bound() as framebuffer:
+            framebuffer.read_color(0, 0, 1, 1, 4, 0, "FLOAT")
+
+    @contextmanager
+    def bound(self) -> Iterator[gpu.types.GPUFrameBuffer]:
+        """In this block what is drawn goes into the framebuffer that it gives."""
+        with self.framebuffer.bind():
+            yield self.framebuffer
 
 
-def wait(framebuffer: gpu.types.GPUFrameBuffer) -> None:
-    """Wait for what was drawn into `framebuffer`, of four channels."""
-    framebuffer.read_color(0, 0, 1, 1, 4, 0, "FLOAT")
+class Offscreen(Target):
+    """A gpu.types.GPUOffScreen of one format. Blender gives it depth as well, which costs memory and is not used.
+
+    Not to be made while another target is drawn into: Blender then binds the window's framebuffer in its place.
+    """
+
+    DEPTH_BYTES = 8
+    """A texel's: single precision and a stencil, as drivers align them."""
+
+    def __init__(self, width: int, height: int, formats: tuple[str]):
+        self.width, self.height, self.formats = width, height, formats
+        self.offscreen = gpu.types.GPUOffScreen(width, height, format=formats[0])
+        self.textures = [self.offscreen.texture_color]
+        self.bytes = width * height * (_TEXEL_BYTES[formats[0]] + self.DEPTH_BYTES)
+
+    @contextmanager
+    def bound(self) -> Iterator[gpu.types.GPUFrameBuffer]:
+        """As Target has it; the framebuffer is one of the window's that is drawn in, and must not be kept."""
+        with self.offscreen.bind():
+            yield gpu.state.active_framebuffer_get()
 
 
 def read(texture: gpu.types.GPUTexture, out: np.ndarray) -> None:
@@ -75,10 +100,20 @@ def read(texture: gpu.types.GPUTexture, out: np.ndarray) -> None:
 
 def get(role: str, width: int, height: int, *formats: str) -> Target:
     """The target kept for `role` if it still fits, else a new one in its place."""
+    return _kept(role, Target, width, height, formats)
+
+
+def offscreen(role: str, width: int, height: int, texel: str) -> Offscreen:
+    """As `get`, of one format and a gpu.types.GPUOffScreen; who asks for `role` by `get` takes it as well."""
+    return _kept(role, Offscreen, width, height, (texel,))
+
+
+def _kept(role: str, kind: type[Target], width: int, height: int, formats: tuple[str, ...]) -> Target:
     target = _pool.get(role)
-    if target is None or (target.width, target.height, target.formats) != (width, height, formats):
+    fits = isinstance(target, kind) and (target.width, target.height, target.formats) == (width, height, formats)
+    if not fits:
         _pool.pop(role, None)
-        target = _pool[role] = Target(width, height, formats)
+        target = _pool[role] = kind(width, height, formats)
     return target
 
 
@@ -107,13 +142,14 @@ def free() -> None:
 @contextmanager
 def drawing(into: Target, rows: range | None = None, *, clear: bool = True) -> Iterator[None]:
     """What is drawn in this block goes into `into`, which is cleared first, and into these rows of it alone."""
-    blending = gpu.state.blend_get()
+    blending, test = gpu.state.blend_get(), gpu.state.depth_test_get()
     gpu.state.blend_set("NONE")  # whatever a script has drawn before
+    gpu.state.depth_test_set("NONE")
     gpu.state.color_mask_set(True, True, True, True)
-    with into.framebuffer.bind():
+    with into.bound() as framebuffer:
         if clear:
-            into.framebuffer.clear(color=(0.0, 0.0, 0.0, 0.0))
-        into.framebuffer.viewport_set(0, 0, into.width, into.height)
+            framebuffer.clear(color=(0.0, 0.0, 0.0, 0.0))
+        framebuffer.viewport_set(0, 0, into.width, into.height)
         if rows is not None:
             gpu.state.scissor_test_set(True)
             gpu.state.scissor_set(0, rows.start, into.width, len(rows))
@@ -122,6 +158,7 @@ def drawing(into: Target, rows: range | None = None, *, clear: bool = True) -> I
         finally:
             if rows is not None:
                 gpu.state.scissor_test_set(False)
+            gpu.state.depth_test_set(test)
             gpu.state.blend_set(blending)
 
 

@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Flatten draws into a gpu.types.GPUOffScreen, which holds what a framebuffer of our own would, to the bit."""
+
+import gpu
+import numpy as np
+import pytest
+
+from addon.passes import batch, flatten, target
+from tests.support import maps, zoo
+
+pytestmark = pytest.mark.usefixtures("gpu_context")
+
+SIZE = (48, 32)
+
+
+def triangle(into):
+    """Draw one triangle with a normal of its own at each corner into `into`; returns the texels."""
+    mesh = batch.upload(
+        np.array([[0, 1, 2]], np.int32),
+        uv=np.array([(0.1, 0.1), (0.9, 0.2), (0.4, 0.95)], np.float32),
+        normal=np.array([(0.0, 0.1, 1.0), (0.7, -0.2, 0.4), (-0.3, 0.5, 0.6)], np.float32),
+    )
+    flatten.draw(into, [(mesh, np.eye(3))], target.window(1001))
+    return texels_of(into)
+
+
+def texels_of(drawn):
+    texels = np.empty((drawn.height, drawn.width, 4), np.float32)
+    drawn.read(texels)
+    return texels
+
+
+@pytest.fixture
+def made(monkeypatch):
+    """Every GPUOffScreen that is made."""
+    found, make = [], gpu.types.GPUOffScreen
+
+    def spy(*arguments, **options):
+        found.append(make(*arguments, **options))
+        return found[-1]
+
+    monkeypatch.setattr(gpu.types, "GPUOffScreen", spy)
+    target.free()
+    yield found
+    target.free()
+
+
+@pytest.mark.parametrize("samples", [1, 4])
+def test_a_flattened_map_is_what_a_gpuoffscreen_holds(made, samples):
+    low, high = zoo.plane("lo"), zoo.terrain("hi")
+    stored = maps.bake(low, high, space="OBJECT", size=SIZE, samples=samples)
+    assert [(one.width, one.height) for one in made] == [SIZE]
+    held = np.empty((*SIZE[::-1], 4), np.float32)
+    target.read(made[0].texture_color, held)
+    assert len(np.unique(held)) > 1000
+    assert np.allclose(stored[..., :3], held[..., :3] * 0.5 + 0.5, rtol=0, atol=1e-6)
+
+
+def test_rays_need_none(made):
+    maps.bake(zoo.plane("lo"), zoo.plane("hi"), method="CAST")
+    assert made == []
+
+
+def test_it_holds_what_a_framebuffer_does_to_the_bit():
+    drawn = [triangle(kind(*SIZE, ("RGBA32F",))) for kind in (target.Target, target.Offscreen)]
+    assert 0 < np.count_nonzero(drawn[0][..., 3]) < SIZE[0] * SIZE[1]
+    assert np.array_equal(*drawn)
+
+
+def test_its_depth_hides_nothing_whatever_a_script_has_left_on():
+    expected = triangle(target.Offscreen(*SIZE, ("RGBA32F",)))
+    gpu.state.depth_test_set("EQUAL")
+    gpu.state.depth_mask_set(True)
+    try:
+        assert np.array_equal(triangle(target.Offscreen(*SIZE, ("RGBA32F",))), expected)
+        assert gpu.state.depth_test_get() == "EQUAL"
+    finally:
+        gpu.state.depth_test_set("NONE")
+        gpu.state.depth_mask_set(False)
+
+
+def test_it_is_kept_for_its_role_and_a_framebuffer_is_not_taken_for_it():
+    with target.using({}):
+        plain = target.get("high", *SIZE, "RGBA32F")
+        own = target.offscreen("high", *SIZE, "RGBA32F")
+        assert own is not plain
+        assert target.offscreen("high", *SIZE, "RGBA32F") is target.get("high", *SIZE, "RGBA32F") is own
+        assert target.offscreen("high", *SIZE[::-1], "RGBA32F") is not own
+
+
+def test_the_texture_outlives_it():
+    own = target.Offscreen(*SIZE, ("RGBA32F",))
+    expected, texture = triangle(own), own.texture
+    del own
+    found = np.empty_like(expected)
+    target.read(texture, found)
+    assert np.array_equal(found, expected)
+
+
+def test_what_was_bound_before_is_bound_again():
+    outer, own = target.Target(8, 8, ("RGBA32F",)), target.Offscreen(*SIZE, ("RGBA32F",))
+    with target.drawing(outer):
+        triangle(own)
+        gpu.state.active_framebuffer_get().clear(color=(1.0, 2.0, 3.0, 4.0))
+    assert (texels_of(outer) == (1.0, 2.0, 3.0, 4.0)).all()
