@@ -102,6 +102,7 @@ class Replaced:
         """By the path of a file: where its old content is, if it was there, and the folders that were made for it."""
 
     def __enter__(self) -> "Replaced":
+        self._around = _REPLACED.get()
         self._token = _REPLACED.set(self)
         return self
 
@@ -113,6 +114,8 @@ class Replaced:
 
     def keep(self, path: Path) -> None:
         """Hold what is at `path`, about to be replaced. Raises OSError if that cannot be."""
+        if self._around is not None:
+            self._around.keep(path)
         if path in self._before:
             return
         copy = None
@@ -140,7 +143,9 @@ class Replaced:
         lost = ""
         for path, (copy, folders) in self._before.items():
             try:
-                if copy is not None:
+                if copy is not None and path.exists() and copy.samefile(path):
+                    copy.unlink()  # it was about to be replaced and was not; and a file replaces no link to itself
+                elif copy is not None:
                     os.replace(copy, path)
                 else:
                     path.unlink(missing_ok=True)
@@ -154,6 +159,13 @@ class Replaced:
 
 
 _REPLACED: ContextVar[Replaced | None] = ContextVar("_REPLACED", default=None)
+
+
+@contextmanager
+def together() -> Iterator[None]:
+    """Files that are put into their places in this block are put there all or none."""
+    with Replaced() as replaced, replaced.restoring():
+        yield
 
 
 def _beside(path: Path, ending: str) -> Path:

@@ -4,14 +4,14 @@
 import re
 import tempfile
 import zlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path, PurePath
 
 import bpy
 import numpy as np
 
-from . import datablocks, encode, quantise, values
+from . import datablocks, encode, files, quantise, values
 from .datablocks import TOKEN
 from .errors import BakeError, few
 from .files import Partial, check_writable
@@ -146,20 +146,27 @@ class Writer:
         return {"median": float(np.median(angles)), "maximum": float(angles.max())} if len(angles) else {}
 
     def commit(self) -> bpy.types.Image:
-        """Put what was added where the settings want it. The image is Non-Color and channel-packed.
+        """As `commit_all`, for this map alone."""
+        return commit_all([self])[0]
 
-        Raises BakeError if that cannot be done; then the image is as it was, and so is each file, or it is the new one.
-        """
-        settings = self.settings
+    def prepare(self) -> None:
+        """All that may be refused, with BakeError, and all that takes room on a disk: nothing is in its place yet."""
         _check_image(self.name)  # an artist may have painted since
-        if not self._path:
-            is_float, pack = settings.depth > 8, settings.storage == "PACK"
-            return datablocks.fill(self.name, self._texels, is_float=is_float, pack=pack)
-        if settings.udim:
+        if self._path and self.settings.udim:
             self._keep_other_tiles()
+
+    def put_files(self) -> None:
+        """Put the files into their places. Raises BakeError if one cannot be."""
         for partial in self._partials.values():
             partial.commit()
-        return datablocks.show(self.name, self._path, pack=self._folder is not None)
+
+    def show(self) -> bpy.types.Image:
+        """The image with what was added."""
+        settings = self.settings
+        if self._path:
+            return datablocks.show(self.name, self._path, pack=self._folder is not None)
+        is_float, pack = settings.depth > 8, settings.storage == "PACK"
+        return datablocks.fill(self.name, self._texels, is_float=is_float, pack=pack)
 
     def discard(self) -> None:
         """Leave nothing behind of what was not committed. May be called at any time, and again."""
@@ -189,6 +196,19 @@ class Writer:
                 if not is_there:
                     self._partials[tile] = partial
                     partial.here.write_bytes(data)
+
+
+def commit_all(writers: Sequence[Writer]) -> list[bpy.types.Image]:
+    """Put what was added to all of `writers` where their settings want it. Images are Non-Color and channel-packed.
+
+    Raises BakeError if that cannot be done for one of them; then all images and files are as they were.
+    """
+    for writer in writers:
+        writer.prepare()
+    with files.together():
+        for writer in writers:
+            writer.put_files()
+        return [writer.show() for writer in writers]
 
 
 def _check_image(name: str) -> None:

@@ -58,7 +58,7 @@ class Outputs:
     def commit(
         self, lows: Sequence[bpy.types.Object], reports: Sequence[Report], materials_seen: Sequence[str]
     ) -> None:
-        """Put all images in their places and the map into the materials of `lows`.
+        """Put all images in their places, or none, and the map into the materials of `lows`. Raises BakeError.
 
         materials_seen: what the numbers of a material map stand for.
         """
@@ -66,7 +66,7 @@ class Outputs:
         maps = {name: self._encode(name, tiles, reports, materials_seen) for name, tiles in self._kept.items()}
         highs = [high for report in reports for high in report.high]
         before = images.replaced(settings.image, highs)
-        stored = {name: writer.commit() for name, writer in self._writers.items()}
+        stored = dict(zip(self._writers, images.commit_all(list(self._writers.values())), strict=True))
         datablocks.sign(stored["NORMAL"], highs)
         if before:
             reports[0].warnings.append(
@@ -74,7 +74,7 @@ class Outputs:
             )
         for low, report in zip(lows, reports, strict=True):
             report.image = stored["NORMAL"].name
-            report.output, report.loss = images.output_for(settings), self._writers["NORMAL"].loss
+            report.output = images.output_for(settings)
             report.tiles = [tile for tile in report.tiles if tile in self._writers["NORMAL"].tiles]
             report.loss = self._writers["NORMAL"].loss
             report.maps = {name.lower(): {"image": stored[name].name} | how for name, how in maps.items()}

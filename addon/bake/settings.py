@@ -20,7 +20,7 @@ SAMPLES = (1, 2, 4, 8, 16, 64)
 MODIFIERS = ("RENDER", "VIEWPORT")
 STORAGES = ("PACK", "FILE", "MEMORY")
 MIN_SIZE, MAX_SIZE = 16, 16384
-TILES = range(1001, 2000)
+TILES = range(1001, 2001)
 """The UDIM tiles that Blender knows: 1001 + u + 10 v, u below 10 and v below 100."""
 FORMATS = {
     ".png": ("PNG", (8, 16)),
@@ -142,7 +142,7 @@ class Settings:
         if unknown:
             raise BakeError(f"The map {unknown[0]!r} is not one of {', '.join(MAPS)}.")
         if any(tile not in TILES for tile in self.tiles):
-            raise BakeError(f"The tiles {self.tiles} are not all of 1001 to 1999.")
+            raise BakeError(f"The tiles {self.tiles} are not all of {TILES[0]} to {TILES[-1]}.")
         if self.tiles and not self.udim:
             raise BakeError("Tiles are named, but the map is to have one tile alone: choose UDIM as well.")
         if self.udim and self.storage == "MEMORY":

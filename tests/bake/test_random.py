@@ -378,7 +378,7 @@ def make_settings(rng, folder, low):
         margin=any_of((0, 16, None, 3)),
         margin_type=any_of(MARGINS),
         udim=udim,
-        tiles=any_of(((), (1001,), (1001, 1002), (1999,))) if udim else (),
+        tiles=any_of(((), (1001,), (1001, 1002), (2000,))) if udim else (),
         limit=any_of((None, None, 0.1)),
         depth=any_of(FORMATS[ending.lower()][1] if storage == "FILE" and rng.random() < 0.95 else (8, 16, 32)),
         dither=rng.random() < 0.2,

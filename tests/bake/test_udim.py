@@ -417,6 +417,58 @@ def test_baking_one_tile_leaves_the_others(storage, tmp_path):
 
 
 @pytest.mark.usefixtures("gpu_context")
+def test_the_last_tile_of_all(tmp_path):
+    """2000, which stands for u from 9 to 10 and v from 99 to 100."""
+    low, high = zoo.plane("low"), zoo.plane("high", slope=0.5)
+    for obj in (low, high):
+        layer = obj.data.uv_layers[0].uv
+        for corner in layer:
+            corner.vector = corner.vector[0] + 9.0, corner.vector[1] + 99.0
+    report = bake(low, high, space="OBJECT", storage="FILE", output=str(tmp_path / "map.png"), tiles=(2000,))
+    assert report.tiles == [2000]
+    assert report.coverage > 0.99
+    assert report.checks["outside"]["count"] == 0
+    assert numbers(bpy.data.images["map"]) == (2000,)
+    normal = np.array([-0.5, 0.0, 1.0]) / np.hypot(0.5, 1.0)
+    assert np.abs(picture(tmp_path / "map.2000.png")[16, 16, :3] - (normal * 0.5 + 0.5)).max() < 1e-4
+
+
+@pytest.mark.usefixtures("gpu_context")
+def test_a_tile_of_another_map_that_would_be_lost_stops_all_of_them(tmp_path):
+    low, high = wide("low", 0.0), wide("high", 1.0)
+    height = store(1001, depth=8, image="map_height")  # a packed PNG, which is no EXR
+    (tmp_path / "map.1002.exr").write_bytes(b"an old picture")
+    before, bytes_before = snapshot(), packed(height)
+    with pytest.raises(BakeError, match="^Tile 1001 of the image 'map_height' would be lost"):
+        bake(low, high, tiles=(1002,), maps=("HEIGHT",), storage="FILE", output=str(tmp_path / "map.exr"))
+    assert difference(before, snapshot()) == {}
+    assert packed(height) == bytes_before
+    assert os.listdir(tmp_path) == ["map.1002.exr"]
+    assert (tmp_path / "map.1002.exr").read_bytes() == b"an old picture"
+
+
+@pytest.mark.usefixtures("gpu_context")
+@pytest.mark.parametrize("names", [{"map.1003.png"}, {"map_missed.1001.png"}, {"map_height.1002.png"}])
+def test_files_that_cannot_all_be_put_into_their_places_are_all_as_before(tmp_path, names, monkeypatch):
+    low, high = wide("low", 0.0), wide("high", 1.0)
+    real = os.replace
+
+    def fail(source, place):
+        if Path(place).name in names:
+            raise OSError(13, "Permission denied")
+        real(source, place)
+
+    for name in ("map.1001.png", "map_missed.1001.png"):
+        (tmp_path / name).write_bytes(b"an old picture")
+    before = snapshot(), {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    monkeypatch.setattr(os, "replace", fail)
+    with pytest.raises(BakeError, match="could not be written: Permission denied"):
+        bake(low, high, maps=("HEIGHT",), mask=True, storage="FILE", output=str(tmp_path / "map.png"))
+    assert difference(before[0], snapshot()) == {}
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before[1]
+
+
+@pytest.mark.usefixtures("gpu_context")
 def test_a_stray_uv_bakes_no_thousand_tiles():
     low, high = zoo.plane("low", n=2), zoo.plane("high")
     low.data.uv_layers[0].uv[0].vector = 1e6, 1e6

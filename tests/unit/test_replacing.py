@@ -7,7 +7,7 @@ import socket
 import pytest
 
 from addon.bake.errors import BakeError
-from addon.bake.files import Partial, Replaced, check_writable, replacing
+from addon.bake.files import Partial, Replaced, check_writable, replacing, together
 
 posix = pytest.mark.skipif(os.name == "nt", reason="links and pipes of POSIX")
 
@@ -176,3 +176,43 @@ def test_what_cannot_be_put_back_is_told_and_kept(tmp_path, monkeypatch):
     (kept,) = (path for path in tmp_path.iterdir() if path.name not in {"a.png", "b.png"})
     assert str(kept) in str(told.value)
     assert kept.read_text() == "old"
+
+
+@pytest.mark.parametrize("can_link", [True, False])
+def test_all_take_their_places_or_none(tmp_path, monkeypatch, can_link):
+    real = os.replace
+
+    def fail(source, place):
+        if place.name == "c.png":
+            raise OSError(13, "Permission denied")
+        real(source, place)
+
+    def refuse(*_):
+        raise OSError("no hard links here")
+
+    for name in ("a.png", "c.png"):
+        (tmp_path / name).write_text(f"old {name}")
+    before = tree(tmp_path)
+    monkeypatch.setattr(os, "replace", fail)
+    if not can_link:
+        monkeypatch.setattr(os, "link", refuse)
+    with pytest.raises(BakeError, match="Permission denied"), Replaced(), together():
+        for name in ("a.png", "b.png"):
+            write(tmp_path / name)
+        if can_link:
+            write(tmp_path / "c.png")
+        else:  # of a copy nobody can tell whether it is the file that was there
+            raise BakeError("Permission denied.")
+    assert tree(tmp_path) == before
+
+
+def test_what_took_its_place_together_can_be_undone_by_who_began_before(tmp_path):
+    (tmp_path / "a.png").write_text("old")
+    with pytest.raises(Stop), Replaced() as replaced:
+        with together():
+            write(tmp_path / "a.png")
+            write(tmp_path / "b.png")
+        assert tree(tmp_path)["a.png"] == "new"
+        with replaced.restoring():
+            raise Stop
+    assert tree(tmp_path) == {"a.png": "old"}

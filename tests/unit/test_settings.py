@@ -22,11 +22,14 @@ GOOD = [
     ),
     {"storage": "FILE", "output": "//MAP.PNG"},
     {"storage": "PACK", "output": "notes.txt"},  # not looked at
+    {"udim": True, "tiles": (1001, 2000)},
 ]
 BAD = [
     *({side: size} for side in ("width", "height") for size in (-1, 0, MIN_SIZE - 1, MAX_SIZE + 1)),
     {"margin": -1},
     {"margin": MAX_SIZE + 1},
+    {"udim": True, "tiles": (1000,)},
+    {"udim": True, "tiles": (2001,)},
     {"method": "flatten"},
     {"space": ""},
     {"basis": "XNORMAL"},
@@ -56,7 +59,7 @@ def test_what_cannot_be_baked_is_named(values):
     assert message.endswith(".")
     assert "\n" not in message
     # What was asked for is in the sentence, unless it was nothing.
-    assert all(str(value) in message for name, value in values.items() if name not in {"storage", "output"})
+    assert all(str(value) in message for name, value in values.items() if name not in {"storage", "output", "udim"})
 
 
 def test_settings_do_not_change_under_a_bake():
