@@ -127,7 +127,7 @@ def test_a_live_map_uploads_what_has_changed_alone(counts):
     high.data.attributes["position"].data.foreach_set("vector", points * np.tile((1.0, 1.0, 1.5), len(points) // 3))
     high.data.update()
     bpy.context.view_layer.update()
-    following.run(bpy.context, {"hi"})
+    following.run(bpy.context, {high.session_uid})
     assert counts["bytes of vertices"] == 4 * 64 * 64 * 3 * 4  # normals
     assert counts["bytes read"] == TEXELS * 17
     counts.clear()
