@@ -8,9 +8,9 @@ def register() -> None:
 
     import bpy
 
-    from . import checks, commands, conventions, operators, panels, preview, properties
+    from . import checks, commands, conventions, operators, panels, preview, properties, sizes
 
-    for module in (properties, operators, conventions, panels, checks, preview, commands):
+    for module in (properties, operators, sizes, conventions, panels, checks, preview, commands):
         module.register()
     handlers = bpy.app.handlers
     handlers.load_pre.append(handlers.persistent(_before_loading))  # it outlives the file that is left
@@ -23,11 +23,12 @@ def unregister() -> None:
 
     import bpy
 
-    from . import cages, checks, commands, conventions, live, operators, panels, preview, properties
+    from . import cages, checks, commands, conventions, live, operators, panels, preview, properties, results, sizes
 
     live.stop()
+    results.forget()
     cages.show(False)
-    for module in (commands, preview, checks, panels, conventions, operators, properties):
+    for module in (commands, preview, checks, panels, conventions, sizes, operators, properties):
         module.unregister()
     bpy.app.handlers.load_pre.remove(_before_loading)
     atexit.unregister(free)
@@ -46,9 +47,10 @@ def free() -> None:
 
 
 def _before_loading(*_) -> None:
-    from . import cages, live, preview
+    from . import cages, live, preview, results
 
     live.stop()
+    results.forget()
     cages.show(False)
     preview.off()
     free()

@@ -200,9 +200,9 @@ OPTIONS: dict[str, dict[str, dict]] = {
         ),
         "size": {
             "type": _size,
-            "default": (2048, 2048),
+            "default": (_USUAL.width, _USUAL.height),
             "metavar": "2048|4096x1024",
-            "help": "in texels (default: 2048)",
+            "help": f"in texels (default: {_USUAL.width})",
         },
         "samples": {
             "type": int,
@@ -310,7 +310,7 @@ class _Parser(argparse.ArgumentParser):
 
 
 def parser(program: str) -> argparse.ArgumentParser:
-    """Of the command line. It raises WrongUsage. Defaults are those of Settings, but for the size and the file."""
+    """Of the command line. It raises WrongUsage. Defaults are those of Settings, but for the file."""
     result = _Parser(
         prog=program,
         usage="%(prog)s [FILE ...] --low NAME [--high NAME ...] --output MAP [option ...]\n"

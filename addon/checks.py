@@ -1,13 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the audit of the last bake found, in the panel, and the buttons that show where it is."""
 
-import json
-from dataclasses import asdict
-
 import bpy
 from bpy.props import EnumProperty, StringProperty
 
-from . import progress
+from . import progress, results, showing
 from .bake import flaws, selection
 from .bake.errors import BakeError
 from .bake.report import Report
@@ -27,28 +24,8 @@ WORDS = {
 }
 
 
-def remember(context: bpy.types.Context, reports: list[Report]) -> None:
-    """Keep what was baked last, for the panel and its buttons."""
-    context.window_manager.imprint_checks = json.dumps([asdict(report) for report in reports])
-
-
-def last(context: bpy.types.Context, low: str = "") -> Report | None:
-    """The report of the last bake onto the object `low`; without a name, onto the active one if there is such a report,
-    else the first. None where there is none."""
-    reports = [Report(**values) for values in json.loads(context.window_manager.imprint_checks or "[]")]
-    if low:
-        return next((report for report in reports if report.low == low), None)
-    active = context.active_object
-    uid = active.session_uid if active else 0
-    return next((report for report in reports if report.uids[:1] == [uid]), next(iter(reports), None))
-
-
-def show(context: bpy.types.Context, image: bpy.types.Image) -> None:
-    """Show `image` in an Image Editor, if one is open."""
-    areas = [area for window in context.window_manager.windows for area in window.screen.areas]
-    editor = next((area for area in areas if area.type == "IMAGE_EDITOR"), None)
-    if editor is not None:
-        editor.spaces.active.image = image
+SIGNS = {"GOOD": ("CHECKMARK", 0), "LOOK": ("INFO", 1), "WRONG": ("ERROR", 2)}
+"""The sign of each severity, and how much it weighs."""
 
 
 def _items(kinds: tuple[str, ...]) -> list[tuple[str, str, str]]:
@@ -61,19 +38,19 @@ class _OfLastBake:
 
     low: StringProperty(
         name="Low",
-        description="Name of a low object of the last bake; empty for the active one, or else the first",
+        description="Name of a low object that was baked; empty for the one that the panel means, or the last one",
         options={"SKIP_SAVE"},
     )
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return bool(context.window_manager.imprint_checks) and progress.current() is None
+        return results.is_there(context) and progress.current() is None
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         try:
-            report = last(context, self.low)
+            report = results.named(context, self.low)
             if report is None:
-                raise BakeError(f"The last bake had no low object called {self.low!r}.")
+                raise BakeError(f"Nothing was baked onto {self.low!r} in this session.")
             self.report({"INFO"}, self._apply(context, report))
         except BakeError as error:
             self.report({"ERROR"}, str(error))
@@ -90,6 +67,10 @@ class IMPRINT_OT_select_flaws(_OfLastBake, bpy.types.Operator):
 
     kind: EnumProperty(name="Check", description="Which faces", items=_items(flaws.KINDS))
 
+    @classmethod
+    def description(cls, _context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
+        return f"{WORDS[properties.kind.lower()][1]}. Select the faces in Edit Mode"
+
     def _apply(self, context: bpy.types.Context, report: Report) -> str:
         low, kind = flaws.of_low(report), self.kind.lower()
         problem = selection.problem(low)
@@ -99,6 +80,8 @@ class IMPRINT_OT_select_flaws(_OfLastBake, bpy.types.Operator):
         if not len(faces):
             raise BakeError(f"No face of {low.name!r} has this flaw: {WORDS[kind][0].lower()}.")
         selection.select(context, low, faces)
+        if self.options.is_invoke and context.window is not None:
+            showing.selection(context)
         return f"{len(faces):,} faces of {low.name!r} are selected"
 
 
@@ -111,8 +94,14 @@ class IMPRINT_OT_show_mask(_OfLastBake, bpy.types.Operator):
 
     kind: EnumProperty(name="Check", description="Which texels", items=_items(flaws.ON_TEXELS))
 
+    @classmethod
+    def description(cls, _context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
+        return f"{WORDS[properties.kind.lower()][1]}. Show them white in an image"
+
     def _apply(self, context: bpy.types.Context, report: Report) -> str:
         image = flaws.draw_mask(context, report, self.kind.lower())
+        is_pressed = self.options.is_invoke and context.window is not None
+        show = showing.image_in_window if is_pressed else showing.image
         show(context, image)
         return f"The mask is in the image {image.name!r}"
 
@@ -143,52 +132,67 @@ class IMPRINT_PT_checks(bpy.types.Panel):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return bool(context.window_manager.imprint_checks)
+        return results.of(context) is not None
+
+    def draw_header_preset(self, context: bpy.types.Context) -> None:
+        report = results.of(context)
+        if report is not None:
+            worst = max(report.checks.values(), key=lambda check: SIGNS[_severity(check)][1], default={})
+            self.layout.label(text="", icon=SIGNS[_severity(worst)][0])
 
     def draw(self, context: bpy.types.Context) -> None:
-        layout, report = self.layout, last(context)
-        layout.label(text=report.low, icon="OBJECT_DATA")
+        layout, report = self.layout, results.of(context)
         column = layout.column(align=True)
-        for kind, (name, _) in WORDS.items():
-            check = report.checks[kind]
-            row = column.row(align=True)
-            row.label(text=f"{name}: {_number(check)}")
-            buttons = row.row(align=True)
-            buttons.enabled = check["count"] > 0
-            for operator, icon, has_button in (
-                ("imprint.show_mask", "IMAGE_DATA", kind in flaws.ON_TEXELS),
-                ("imprint.select_flaws", "RESTRICT_SELECT_OFF", True),
-            ):
-                if has_button:
-                    button = buttons.operator(operator, text="", icon=icon)
-                    button.kind, button.low = kind.upper(), report.low
-            if kind == "far":
-                column.label(text=f"99 %: {check['percentile_99']:.4g}, at most {check['maximum']:.4g}", icon="BLANK1")
+        for kind in WORDS:
+            _draw_row(column, kind, report.checks[kind], report.low, context)
         row = layout.row()
         row.enabled = report.checks["polygons"]["count"] > 0
         row.operator("imprint.add_triangulate", icon="MOD_TRIANGULATE").low = report.low
 
 
-def _number(check: dict[str, float]) -> str:
+def _draw_row(column: bpy.types.UILayout, kind: str, check: dict, low: str, context: bpy.types.Context) -> None:
+    """A check in a row: its sign, its name, its number, and the buttons that show where."""
+    row = column.row(align=True)
+    row.label(text=WORDS[kind][0], icon=SIGNS[_severity(check)][0])
+    number = row.row()
+    number.alignment = "RIGHT"
+    number.label(text=_number(check))
+    buttons = row.row(align=True)
+    buttons.enabled = check["count"] > 0
+    for operator, icon, kinds in (
+        ("imprint.show_mask", "IMAGE_DATA", flaws.ON_TEXELS),
+        ("imprint.select_flaws", "RESTRICT_SELECT_OFF", flaws.KINDS),
+    ):
+        if kind in kinds:
+            button = buttons.operator(operator, text="", icon=icon)
+            button.kind, button.low = kind.upper(), low
+        else:
+            buttons.label(text="", icon="BLANK1")  # so that the others stay in their column
+    if "maximum" in check and check["count"]:
+        far = (_length(context, check[name]) for name in ("limit", "percentile_99", "maximum"))
+        column.label(text="Over {}; 99 % within {}, at most {}".format(*far), icon="BLANK1")
+
+
+def _severity(check: dict) -> str:
+    """One of SIGNS: as the audit weighed it or, where it did not, by whether there is anything to look at."""
+    return check.get("severity") or ("LOOK" if check.get("count") else "GOOD")
+
+
+def _number(check: dict) -> str:
     """A check's number in a few characters."""
     if "share" in check:
-        beyond = f" over {check['limit']:.4g}" if "limit" in check else ""
-        return f"{check['share']:.2%}{beyond}"
-    within = f" in {check['islands']:,} islands" if "islands" in check else ""
+        return f"{check['share']:.1%}" if check["share"] >= 0.001 or not check["count"] else "< 0.1%"
+    within = f" in {check['islands']:,}" if check.get("islands") else ""
     return f"{check['count']:,}{within}"
 
 
+def _length(context: bpy.types.Context, distance: float) -> str:
+    """A distance in the scene's unit of length."""
+    units = context.scene.unit_settings
+    if units.system == "NONE":
+        return f"{distance:.4g}"
+    return bpy.utils.units.to_string(units.system, "LENGTH", distance * units.scale_length, precision=4)
+
+
 CLASSES = (IMPRINT_OT_select_flaws, IMPRINT_OT_show_mask, IMPRINT_OT_add_triangulate, IMPRINT_PT_checks)
-_register, _unregister = bpy.utils.register_classes_factory(CLASSES)
-
-
-def register() -> None:
-    _register()
-    bpy.types.WindowManager.imprint_checks = StringProperty(
-        name="Checks", description="The reports of the last bake of this session, as JSON", options={"SKIP_SAVE"}
-    )
-
-
-def unregister() -> None:
-    del bpy.types.WindowManager.imprint_checks
-    _unregister()
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -4,7 +4,7 @@
 import bpy
 from bpy.props import CollectionProperty, IntProperty, StringProperty
 
-from . import cages, checks, live, progress
+from . import cages, live, progress, results, showing
 from .bake import pace, pipeline, sequence, subjects
 from .bake.errors import BakeError
 from .bake.report import Report
@@ -210,15 +210,13 @@ def _tell(operator: bpy.types.Operator, context: bpy.types.Context, reports: lis
         warnings.append(warning)
     operator.report({"INFO"}, ". ".join(lines))
     manager.imprint_summary, manager.imprint_warnings = "\n".join(lines), "\n".join(warnings)
-    checks.remember(context, reports)
-    measured = [report.distances for report in reports if report.measured]
-    for name in measured[0] if measured else ():
-        # Of several, what is far enough for all of them.
-        setattr(manager.imprint_found, name, max(found[name] for found in measured))
+    results.remember(context, reports)
+    if operator.options.is_invoke and context.window is not None and context.scene.imprint.show_result:
+        showing.bake(context, reports)
 
 
 class IMPRINT_OT_freeze_distances(bpy.types.Operator):
-    """Take the distances that the last bake measured as the ones that are set"""
+    """Take the distances that the last bake of the low object measured as the ones that are set"""
 
     bl_idname = "imprint.freeze_distances"
     bl_label = "Freeze Distances"
@@ -226,12 +224,33 @@ class IMPRINT_OT_freeze_distances(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return context.window_manager.imprint_found.max_distance > 0.0
+        if not results.distances(results.of(context)):
+            cls.poll_message_set("Bake this low object first, with Measure Distances on")
+            return False
+        return True
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        settings, found = context.scene.imprint, context.window_manager.imprint_found
-        settings.extrusion, settings.max_distance = found.extrusion, found.max_distance
+        settings, found = context.scene.imprint, results.distances(results.of(context))
+        settings.extrusion, settings.max_distance = found["extrusion"], found["max_distance"]
         settings.measure = False
+        return {"FINISHED"}
+
+
+class IMPRINT_OT_show_high(bpy.types.Operator):
+    """Hide the high objects of the last bake, so that the low one is seen with its map, or show them again"""
+
+    bl_idname = "imprint.show_high"
+    bl_label = "Show High"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        report = results.of(context)
+        return report is not None and bool(results.high_objects(report))
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        report = results.of(context)
+        showing.hide_high(context, report, hide=not showing.hides_high(report))
         return {"FINISHED"}
 
 
@@ -311,6 +330,7 @@ CLASSES = (
     IMPRINT_OT_live,
     IMPRINT_OT_bake_pairs,
     IMPRINT_OT_freeze_distances,
+    IMPRINT_OT_show_high,
     IMPRINT_OT_show_cage,
     IMPRINT_OT_use_selection,
     IMPRINT_OT_high_add,

@@ -5,9 +5,10 @@ import textwrap
 
 import bpy
 
-from . import cages, live, progress
+from . import cages, live, progress, results, showing, sizes
 from .bake import images, pairs, subjects
 from .bake.errors import BakeError
+from .bake.report import Report
 from .conventions import IMPRINT_PT_conventions
 from .properties import ImprintSettings
 
@@ -49,26 +50,61 @@ class IMPRINT_PT_bake(_Panel, bpy.types.Panel):
         problem = _problem(context, low, highs, settings)
         lines = [problem] if problem else _plan(low, highs, settings)
         paragraphs(layout.box(), context, lines, "ERROR" if problem else "INFO")
+        # The bar takes the button's place: nothing moves under the mouse when a bake begins or ends.
         row = layout.row()
         row.scale_y = 1.6
         step = progress.current()
-        if step is not None:
-            row.progress(factor=step.done, text=progress.words(step))
-            return
-        row.enabled = not problem
-        row.operator("imprint.bake", icon="RENDER_STILL")
+        if step is None:
+            row.enabled = not problem
+            row.operator("imprint.bake", icon="RENDER_STILL")
+        else:
+            row.progress(factor=step.done, text=progress.short(step))
         row = layout.row()
         is_live = live.session() is not None
-        row.enabled = is_live or not problem
+        row.enabled = step is None and (is_live or not problem)
         row.operator("imprint.live", icon="PLAY", depress=is_live)
         row.prop(settings, "live_every_time")
         if is_live and live.message:
             paragraphs(layout.box(), context, [live.message], "ERROR")
-        manager = context.window_manager
-        if manager.imprint_summary:
-            box = layout.box()
-            paragraphs(box, context, manager.imprint_summary.split("\n"), "CHECKMARK")
-            paragraphs(box, context, manager.imprint_warnings.split("\n"), "ERROR")
+        report = results.of(context)
+        if report is not None:
+            _draw_result(layout, report)
+
+
+def _draw_result(layout: bpy.types.UILayout, report: Report) -> None:
+    """What came out of the last bake in a line, beside a small picture of it."""
+    row = layout.box().row()
+    image = bpy.data.images.get(report.image)
+    if image is not None:
+        row.template_icon(row.icon(image), scale=2.6)
+    column = row.column(align=True)
+    head = column.row()
+    head.label(text=report.image)
+    if results.high_objects(report):
+        is_hidden = showing.hides_high(report)
+        head.operator("imprint.show_high", text="", icon="HIDE_ON" if is_hidden else "HIDE_OFF", emboss=False)
+    number = len(report.warnings)
+    line = f"{number} {'warning' if number == 1 else 'warnings'}" if number else f"{report.coverage:.0%} covered"
+    column.label(text=f"{line}, {report.seconds['total']:.1f} s", icon="ERROR" if number else "CHECKMARK")
+
+
+class IMPRINT_PT_report(_Panel, bpy.types.Panel):
+    """What the last bake did, in words."""
+
+    bl_idname = "IMPRINT_PT_report"
+    bl_parent_id = "IMPRINT_PT_bake"
+    bl_label = "Report"
+    bl_options = {"DEFAULT_CLOSED"}
+    bl_order = 0  # above the checks
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return results.of(context) is not None
+
+    def draw(self, context: bpy.types.Context) -> None:
+        report = results.of(context)
+        paragraphs(self.layout, context, report.warnings, "ERROR")
+        paragraphs(self.layout, context, report.summary(), "DOT")
 
 
 class IMPRINT_PT_map(_Panel, bpy.types.Panel):
@@ -93,9 +129,7 @@ class IMPRINT_PT_map(_Panel, bpy.types.Panel):
         low, _ = settings.subjects(context)
         if low is not None and low.type == "MESH":
             layout.prop_search(settings, "uv_layer", low.data, "uv_layers", icon="GROUP_UVS")
-        column = layout.column(align=True)
-        column.prop(settings, "width")
-        column.prop(settings, "height")
+        sizes.draw(layout, settings)
         layout.prop(settings, "samples")
         column = layout.column(align=True)
         column.prop(settings, "margin_type")
@@ -103,14 +137,58 @@ class IMPRINT_PT_map(_Panel, bpy.types.Panel):
         row.active = not settings.unlimited
         row.prop(settings, "margin")
         column.prop(settings, "unlimited")
-        column = layout.column(align=True)
-        for name in ("red", "green", "blue"):
-            column.prop(settings, name)
         layout.prop(settings, "modifiers")
         column = layout.column(align=True)
         column.prop(settings, "limited")
         if settings.limited:
             column.prop(settings, "limit")
+
+
+class IMPRINT_PT_channels(_Panel, bpy.types.Panel):
+    """What each channel holds; the presets in the map's header set it."""
+
+    bl_idname = "IMPRINT_PT_channels"
+    bl_parent_id = "IMPRINT_PT_map"
+    bl_label = "Channels"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        column = layout.column(align=True)
+        for name in ("red", "green", "blue"):
+            column.prop(context.scene.imprint, name)
+
+
+class IMPRINT_PT_output(_Panel, bpy.types.Panel):
+    """Where the map goes."""
+
+    bl_idname = "IMPRINT_PT_output"
+    bl_parent_id = "IMPRINT_PT_bake"
+    bl_label = "Output"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        settings = context.scene.imprint
+        layout.prop_search(settings, "image", bpy.data, "images")
+        layout.prop(settings, "depth", expand=True)
+        if settings.depth == "8":
+            layout.prop(settings, "dither")
+        layout.prop(settings, "udim")
+        if settings.udim:
+            layout.prop(settings, "tiles")
+        layout.column().prop(settings, "maps")
+        layout.prop(settings, "storage")
+        if settings.storage == "FILE":
+            layout.prop(settings, "output")
+        layout.prop(settings, "material")
+        row = layout.row()
+        row.enabled = settings.material
+        row.prop(settings, "single_user")
+        layout.prop(settings, "show_result")
 
 
 class IMPRINT_PT_rays(_Panel, bpy.types.Panel):
@@ -177,35 +255,6 @@ class IMPRINT_PT_pairs(_Panel, bpy.types.Panel):
         row.operator("imprint.bake_pairs", icon="RENDER_STILL")
 
 
-class IMPRINT_PT_output(_Panel, bpy.types.Panel):
-    """Where the map goes."""
-
-    bl_idname = "IMPRINT_PT_output"
-    bl_parent_id = "IMPRINT_PT_bake"
-    bl_label = "Output"
-
-    def draw(self, context: bpy.types.Context) -> None:
-        layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
-        settings = context.scene.imprint
-        layout.prop_search(settings, "image", bpy.data, "images")
-        layout.prop(settings, "depth", expand=True)
-        if settings.depth == "8":
-            layout.prop(settings, "dither")
-        layout.prop(settings, "udim")
-        if settings.udim:
-            layout.prop(settings, "tiles")
-        layout.column().prop(settings, "maps")
-        layout.prop(settings, "storage")
-        if settings.storage == "FILE":
-            layout.prop(settings, "output")
-        layout.prop(settings, "material")
-        row = layout.row()
-        row.enabled = settings.material
-        row.prop(settings, "single_user")
-
-
 class IMPRINT_PT_sequence(_Panel, bpy.types.Panel):
     """A map for each frame."""
 
@@ -266,9 +315,11 @@ def paragraphs(layout: bpy.types.UILayout, context: bpy.types.Context, lines: li
 CLASSES = (
     IMPRINT_UL_highs,
     IMPRINT_PT_bake,
+    IMPRINT_PT_report,
     IMPRINT_PT_map,
-    IMPRINT_PT_rays,
+    IMPRINT_PT_channels,
     IMPRINT_PT_output,
+    IMPRINT_PT_rays,
     IMPRINT_PT_pairs,
     IMPRINT_PT_sequence,
 )

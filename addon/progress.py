@@ -14,9 +14,11 @@ SIDE = 256
 EDGE = 24
 REDRAW = 0.25
 """Seconds between two looks at the map."""
+KNOWN = 0.05
+"""Share of a bake that must be done before the time of the rest is told."""
 
 _step: Step | None = None
-_drawn = 0.0
+_drawn = _began = 0.0
 _handles: list[tuple[type, object]] = []
 
 
@@ -27,7 +29,9 @@ def current() -> Step | None:
 
 def show(context: bpy.types.Context, step: Step) -> None:
     """Show `step` until `hide` is called."""
-    global _step, _drawn  # noqa: PLW0603 - there is one bake at a time, and drawing is called by Blender without arguments
+    global _step, _drawn, _began  # noqa: PLW0603 - there is one bake at a time, and Blender draws without arguments
+    if _step is None:
+        _began = time.monotonic()
     _step = step
     if not _handles:
         for space in (bpy.types.SpaceView3D, bpy.types.SpaceImageEditor):
@@ -53,7 +57,22 @@ def hide(context: bpy.types.Context) -> None:
 
 def words(step: Step) -> str:
     """`step` in a line."""
-    return f"{step.what}, {step.done:.0%}"
+    return f"{step.what}, {short(step)}"
+
+
+def short(step: Step) -> str:
+    """How far `step` is and, once that can be told, how much time is left."""
+    return f"{step.done:.0%}{_left(step.done, time.monotonic() - _began)}"
+
+
+def _left(done: float, seconds: float) -> str:
+    """How long the rest takes if it goes on as in the `seconds` that this share took, in steps that do not flicker."""
+    if done < KNOWN or seconds < 1.0:
+        return ""
+    left = seconds * (1.0 - done) / done
+    if left >= 60.0:
+        return f", {left / 60.0:.0f} min left"
+    return f", {left if left < 10.0 else 5.0 * round(left / 5.0):.0f} s left"
 
 
 def _redraw(context: bpy.types.Context) -> None:

@@ -15,9 +15,12 @@ from bpy.props import (
     StringProperty,
 )
 
+from . import results
 from .bake import subjects
 from .bake.pairs import Suffixes
 from .bake.settings import AXES, MAPS, MAX_SIZE, MIN_SIZE, SAMPLES, Settings, parse_tiles
+
+_USUAL = Settings()
 
 
 def _axes(first: str) -> list[tuple[str, str, str]]:
@@ -112,8 +115,8 @@ class Options:
         ],
     )
     uv_layer: StringProperty(name="UV Map", description="The low mesh's UV map; empty for the active one")
-    width: IntProperty(name="Width", description="Texels", default=2048, min=MIN_SIZE, max=MAX_SIZE)
-    height: IntProperty(name="Height", description="Texels", default=2048, min=MIN_SIZE, max=MAX_SIZE)
+    width: IntProperty(name="Width", description="Texels", default=_USUAL.width, min=MIN_SIZE, max=MAX_SIZE)
+    height: IntProperty(name="Height", description="Texels", default=_USUAL.height, min=MIN_SIZE, max=MAX_SIZE)
     samples: EnumProperty(
         name="Samples",
         description="How often each texel is drawn; several are antialiased and take as many times as long",
@@ -256,6 +259,15 @@ class ImprintHigh(bpy.types.PropertyGroup):
     object: PointerProperty(type=bpy.types.Object, name="High", description="A mesh with detail", poll=_is_mesh)
 
 
+def _set_size(settings: "ImprintSettings", texels: int) -> None:
+    settings.width = settings.height = texels
+
+
+def _make_square(settings: "ImprintSettings", _context: bpy.types.Context) -> None:
+    if settings.square:
+        settings.height = settings.width
+
+
 class ImprintSettings(bpy.types.PropertyGroup, Options):
     """Scene.imprint."""
 
@@ -286,6 +298,26 @@ class ImprintSettings(bpy.types.PropertyGroup, Options):
         name="Write Every Map",
         description="While live is on, the image gets each map at once, and not only when the hand rests",
     )
+    size: IntProperty(
+        name="Size",
+        description="Texels along each side",
+        min=MIN_SIZE,
+        max=MAX_SIZE,
+        get=lambda self: self.width,
+        set=_set_size,
+    )
+    square: BoolProperty(
+        name="Square",
+        description="One size for width and height",
+        default=True,
+        update=_make_square,
+    )
+    show_result: BoolProperty(
+        name="Show Result",
+        description="After a bake, show the map in an open Image Editor and the low mesh with it in the 3D viewport: "
+        "Material Preview instead of Solid, the high objects hidden",
+        default=True,
+    )
     active_high: IntProperty(name="Active High", description="The slot that is selected in the list")
 
     def subjects(
@@ -293,12 +325,16 @@ class ImprintSettings(bpy.types.PropertyGroup, Options):
     ) -> tuple[bpy.types.Object | None, list[bpy.types.Object]]:
         """The low object, if none is given, and the high ones: from the slots, else as in "Selected to Active".
 
-        A low object without others whose modifiers add detail is its own high one.
+        High objects that the low one was baked from, and that are hidden since, need not be selected. A low object
+        without others whose modifiers add detail is its own high one.
         """
         low = low or self.low or context.active_object
         highs = [slot.object for slot in self.highs if slot.object]
         if not highs:
             highs = [obj for obj in context.selected_objects if obj != low]
+        last = results.of(context, low) if low is not None and not highs else None
+        if last is not None:
+            highs = [obj for obj in results.high_objects(last) if not obj.visible_get()]
         return low, highs or subjects.own_highs(low)
 
     def cage_for(self, method: str) -> bpy.types.Object | None:
@@ -315,14 +351,27 @@ class ImprintSettings(bpy.types.PropertyGroup, Options):
         return owner.extrusion, owner.max_distance
 
 
+def _found(name: str):
+    """Reads a distance of the low object at hand, as its last bake in this session measured it; 0 where none did."""
+    return lambda _: results.distances(results.of(bpy.context)).get(name, 0.0)
+
+
 class ImprintFound(bpy.types.PropertyGroup):
-    """WindowManager.imprint_found: what the last bake measured."""
+    """WindowManager.imprint_found: what the last bake of the low object at hand measured."""
 
     extrusion: FloatProperty(
-        name="Extrusion", description="As the last bake measured it", subtype="DISTANCE", precision=4
+        name="Extrusion",
+        description="As the last bake measured it",
+        subtype="DISTANCE",
+        precision=4,
+        get=_found("extrusion"),
     )
     max_distance: FloatProperty(
-        name="Max Distance", description="As the last bake measured it", subtype="DISTANCE", precision=4
+        name="Max Distance",
+        description="As the last bake measured it",
+        subtype="DISTANCE",
+        precision=4,
+        get=_found("max_distance"),
     )
 
 

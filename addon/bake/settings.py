@@ -50,8 +50,8 @@ class Settings:
     """What the tangent-space map is decoded with: Blender's Normal Map node, or MikkTSpace's reference, as engines do."""
     uv_layer: str = ""
     """The low mesh's UV layer; empty for its active one."""
-    width: int = 1024
-    height: int = 1024
+    width: int = 2048
+    height: int = 2048
     samples: int = 1
     """How many samples a texel takes; the mean of several is antialiased."""
     extrusion: float | None = None

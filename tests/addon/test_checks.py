@@ -7,19 +7,12 @@ import bpy
 import numpy as np
 import pytest
 
-from addon import checks
+from addon import checks, results, showing
 from addon.bake import flaws
 from tests.support import maps, zoo
 from tests.support.snapshot import difference, snapshot
 
 pytestmark = pytest.mark.usefixtures("registered", "gpu_context")
-
-
-@pytest.fixture(autouse=True)
-def nothing_baked():
-    """Reports outlive a new file."""
-    yield
-    bpy.context.window_manager.imprint_checks = ""
 
 
 @pytest.fixture
@@ -222,7 +215,7 @@ def test_linked_objects_are_left_alone(baked, tmp_path):
 
 
 def test_buttons_wait_for_a_bake(baked):
-    bpy.context.window_manager.imprint_checks = ""
+    results.forget()
     for operator in (bpy.ops.imprint.select_flaws, bpy.ops.imprint.show_mask, bpy.ops.imprint.add_triangulate):
         assert not operator.poll()
 
@@ -252,21 +245,32 @@ def test_the_mask_follows_the_settings_of_the_bake(baked):
 
 
 def test_an_open_image_editor_shows_it(baked):
-    window = SimpleNamespace(
-        screen=SimpleNamespace(areas=[area("VIEW_3D"), area("IMAGE_EDITOR"), area("IMAGE_EDITOR")])
-    )
-    context = SimpleNamespace(window_manager=SimpleNamespace(windows=[SimpleNamespace(screen=empty_screen()), window]))
-    image = bpy.data.images["lo_normal"]
-    checks.show(context, image)
-    assert [editor.spaces.active.image for editor in window.screen.areas] == [None, image, None]
+    image, other = bpy.data.images["lo_normal"], bpy.data.images.new("other", 4, 4)
+    for editors, shows in (
+        ([], None),
+        ([editor(other), editor(other)], 0),
+        ([editor(other), editor(image)], 1),  # and the other picture stays
+        ([editor(other, use_image_pin=True), editor(None)], 1),
+        ([editor(other, use_image_pin=True)], None),
+    ):
+        before = [area.spaces.active.image for area in editors]
+        windows = [SimpleNamespace(screen=SimpleNamespace(areas=[area("VIEW_3D")])), window(editors)]
+        context = SimpleNamespace(window_manager=SimpleNamespace(windows=windows))
+        assert showing.image(context, image) == (shows is not None)
+        after = [image if number == shows else was for number, was in enumerate(before)]
+        assert [area.spaces.active.image for area in editors] == after
 
 
-def empty_screen():
-    return SimpleNamespace(areas=[])
+def window(areas):
+    return SimpleNamespace(screen=SimpleNamespace(areas=areas))
 
 
-def area(kind):
-    return SimpleNamespace(type=kind, spaces=SimpleNamespace(active=SimpleNamespace(image=None)))
+def area(kind, **space):
+    return SimpleNamespace(type=kind, width=100, height=100, spaces=SimpleNamespace(active=SimpleNamespace(**space)))
+
+
+def editor(image, *, use_image_pin=False):
+    return area("IMAGE_EDITOR", image=image, use_image_pin=use_image_pin)
 
 
 def test_undo_of_a_mask(baked):
@@ -304,8 +308,10 @@ def test_a_modifier_is_added_once(baked):
 class Layout:
     """Takes what the panel draws."""
 
+    ICONS = bpy.types.UILayout.bl_rna.functions["label"].parameters["icon"].enum_items
+
     def __init__(self, drawn=None):
-        self.drawn = drawn if drawn is not None else SimpleNamespace(labels=[], buttons=[])
+        self.drawn = drawn if drawn is not None else SimpleNamespace(labels=[], icons=[], buttons=[])
         self.enabled = True
 
     def _part(self, **_):
@@ -316,11 +322,13 @@ class Layout:
     row = column = _part
 
     def label(self, text="", icon="NONE"):
-        assert icon in bpy.types.UILayout.bl_rna.functions["label"].parameters["icon"].enum_items
-        self.drawn.labels.append(text)
+        assert icon in self.ICONS
+        if text:
+            self.drawn.labels.append(text)
+            self.drawn.icons.append(icon)
 
     def operator(self, name, text="", icon="NONE"):
-        assert icon in bpy.types.UILayout.bl_rna.functions["label"].parameters["icon"].enum_items
+        assert icon in self.ICONS
         known = getattr(bpy.ops.imprint, name.removeprefix("imprint.")).get_rna_type()
         button = SimpleNamespace(name=name.removeprefix("imprint."), enabled=self.enabled)
         self.drawn.buttons.append(button)
@@ -328,33 +336,32 @@ class Layout:
         return button
 
 
-def draw(active=None):
+def draw(active):
     layout = Layout()
-    context = SimpleNamespace(window_manager=bpy.context.window_manager, active_object=active)
+    context = SimpleNamespace(scene=bpy.context.scene, active_object=active)
     assert checks.IMPRINT_PT_checks.poll(context)
     checks.IMPRINT_PT_checks.draw(SimpleNamespace(layout=layout), context)
     return layout.drawn
 
 
 def test_the_panel_waits_for_a_bake():
-    context = SimpleNamespace(window_manager=bpy.context.window_manager)
-    assert not checks.IMPRINT_PT_checks.poll(context)
+    low = zoo.plane("lo")
+    assert not checks.IMPRINT_PT_checks.poll(SimpleNamespace(scene=bpy.context.scene, active_object=low))
 
 
-def test_the_panel_shows_a_number_for_each_check(baked):
-    drawn = draw()
-    assert drawn.labels == [
-        "lo",
-        "Shared texels: 0.00%",
-        "Without high: 50.00%",
-        "Far apart: 0.00% over 0.07071",
-        "99 %: 0, at most 0",
-        "Mirrored: 0 in 0 islands",
-        "Outside the tile: 0",
-        "No UV area: 0",
-        "Quads, n-gons: 16",
-        "Not flat: 0",
-    ]
+def test_the_panel_shows_a_sign_and_a_number_for_each_check(baked):
+    drawn = draw(baked[0])
+    rows = dict(zip(drawn.labels[::2], zip(drawn.icons[::2], drawn.labels[1::2], strict=True), strict=True))
+    assert rows == {
+        "Shared texels": ("CHECKMARK", "0.0%"),
+        "Without high": ("INFO", "50.0%"),
+        "Far apart": ("CHECKMARK", "0.0%"),
+        "Mirrored": ("CHECKMARK", "0"),
+        "Outside the tile": ("CHECKMARK", "0"),
+        "No UV area": ("CHECKMARK", "0"),
+        "Quads, n-gons": ("INFO", "16"),
+        "Not flat": ("CHECKMARK", "0"),
+    }
     on = [(button.name, getattr(button, "kind", ""), button.low) for button in drawn.buttons if button.enabled]
     assert on == [
         ("show_mask", "UNCOVERED", "lo"),
@@ -366,8 +373,32 @@ def test_the_panel_shows_a_number_for_each_check(baked):
     assert {b.kind for b in drawn.buttons if b.name == "select_flaws"} == {kind.upper() for kind in flaws.KINDS}
 
 
+def test_distances_have_their_unit(baked):
+    low, high = baked
+    high.location.z, high.data.vertices[0].co.z = 0.5, 3.0
+    bake("lo", "hi", method="CAST", limit=0.1)
+    units = bpy.context.scene.unit_settings
+    assert any(label.startswith("Over 10 cm; 99 % within ") for label in draw(low).labels)
+    units.system = "IMPERIAL"
+    assert any(label.startswith("Over 3.937") for label in draw(low).labels)
+    units.system = "NONE"
+    assert any(label.startswith("Over 0.1; 99 %") for label in draw(low).labels)
+
+
+@pytest.mark.parametrize(
+    ("operator", "kinds"),
+    [(checks.IMPRINT_OT_select_flaws, flaws.KINDS), (checks.IMPRINT_OT_show_mask, flaws.ON_TEXELS)],
+    ids=["select_flaws", "show_mask"],
+)
+def test_each_button_says_what_its_check_is_about(operator, kinds):
+    told = {operator.description(None, SimpleNamespace(kind=kind.upper())) for kind in kinds}
+    assert len(told) == len(kinds)
+    for kind in kinds:
+        assert operator.description(None, SimpleNamespace(kind=kind.upper())).startswith(checks.WORDS[kind][1])
+
+
 def test_every_enabled_button_can_be_pressed(baked):
-    for button in draw().buttons:
+    for button in draw(baked[0]).buttons:
         if button.enabled:
             arguments = {"kind": button.kind} if hasattr(button, "kind") else {}
             assert getattr(bpy.ops.imprint, button.name)(low=button.low, **arguments) == {"FINISHED"}
@@ -382,21 +413,22 @@ def test_of_several_low_objects_the_active_one_is_shown():
     settings.method, settings.material = "FLATTEN", False
     assert bpy.ops.imprint.bake_pairs() == {"FINISHED"}
     first, second = bpy.data.objects["a_low"], bpy.data.objects["b_low"]
-    for active, name, count in ((None, "a_low", 1), (second, "b_low", 4), (first, "a_low", 1)):
+    for active, name, count in ((second, "b_low", 4), (first, "a_low", 1)):
         drawn = draw(active)
-        assert drawn.labels[0] == name
-        assert f"Quads, n-gons: {count}" in drawn.labels
+        assert drawn.labels[drawn.labels.index("Quads, n-gons") + 1] == str(count)
         assert {button.low for button in drawn.buttons} == {name}
+    other = SimpleNamespace(scene=bpy.context.scene, active_object=bpy.data.objects["a_high"])
+    assert not checks.IMPRINT_PT_checks.poll(other)
     select("POLYGONS", low="b_low")
     assert second.mode == "EDIT"
-    assert "no low object called 'c'" in refusal(bpy.ops.imprint.select_flaws, kind="POLYGONS", low="c")
+    assert "Nothing was baked onto 'c'" in refusal(bpy.ops.imprint.select_flaws, kind="POLYGONS", low="c")
 
 
 def test_a_bake_that_failed_leaves_the_checks_of_the_one_before(baked):
-    before = bpy.context.window_manager.imprint_checks
+    before = results.named(bpy.context, "lo")
     with pytest.raises(RuntimeError):
         bake("lo", "nobody")
-    assert bpy.context.window_manager.imprint_checks == before
+    assert results.named(bpy.context, "lo") is before is not None
 
 
 def test_all_kinds_have_words():

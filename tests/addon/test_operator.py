@@ -7,7 +7,8 @@ import bpy
 import numpy as np
 import pytest
 
-from addon import panels
+from addon import panels, progress
+from addon.bake import pace
 from tests.support import maps, zoo
 from tests.support.snapshot import difference, snapshot
 
@@ -18,8 +19,7 @@ pytestmark = pytest.mark.usefixtures("registered", "gpu_context")
 def pair():
     """A low and a high object, neither selected nor active, and small maps."""
     low, high = zoo.plane("lo"), zoo.plane("hi", slope=1.0)
-    manager, settings = bpy.context.window_manager, bpy.context.scene.imprint
-    manager.imprint_summary = manager.imprint_warnings = ""  # which outlive a new file
+    settings = bpy.context.scene.imprint
     settings.width = settings.height = 16
     settings.method = "FLATTEN"  # the high one is so steep that Auto would not trust its UVs
     return low, high
@@ -281,6 +281,25 @@ class Layout:
 
     row = column = box = split = _part
 
+    def icon(self, image):
+        assert image.id_type == "IMAGE"
+        return 1
+
+    def template_icon(self, icon_value, scale):
+        assert icon_value
+        self.drawn.icons.append("picture")
+
+    def progress(self, factor, text):
+        assert 0.0 <= factor <= 1.0
+        self.drawn.labels.append(text)
+
+    def menu(self, name, icon="NONE", **_):
+        assert icon in self.ICONS
+        getattr(bpy.types, name).draw(SimpleNamespace(layout=self), None)
+
+    def separator(self):
+        pass
+
     def label(self, text="", icon="NONE"):
         assert icon in self.ICONS
         self.drawn.labels.append(text)
@@ -306,6 +325,7 @@ class Layout:
         bpy.ops.imprint.bake.get_rna_type()
         getattr(getattr(bpy.ops, name.split(".")[0]), name.split(".")[1]).get_rna_type()  # raises if there is none
         self.drawn.buttons.append((name, self.enabled))
+        return SimpleNamespace()
 
 
 def draw(width=240, ui_scale=1.0):
@@ -353,7 +373,9 @@ def test_the_panel_says_what_was_done(pair):
     select(*pair)
     bake()
     drawn = draw()
-    assert "CHECKMARK" in drawn.icons
+    assert "picture" in drawn.icons
+    assert "lo_normal" in drawn.labels
+    assert any(label.startswith("1 warning, ") for label in drawn.labels)
     assert "Flatten, tangent space, 16 x 16" in drawn.text
 
 
@@ -454,5 +476,67 @@ def test_the_panel_shows_every_setting(pair):
     settings.storage, settings.method, settings.measure = "FILE", "CAST", False
     settings.depth, settings.udim, settings.limited = "8", True, True
     names = {prop.identifier for prop in settings.bl_rna.properties}
-    drawn = draw()
-    assert names - set(drawn.properties) == {"rna_type", "name", "highs", "active_high"}  # the last two are the list
+    shown = {*draw().properties}
+    assert not {"width", "height"} & shown
+    settings.square = False
+    shown.update(draw().properties)
+    assert names - shown == {"rna_type", "name", "highs", "active_high"}  # the last two are the list
+
+
+def test_one_size_for_both_sides(pair):
+    settings = bpy.context.scene.imprint
+    settings.size = 512
+    assert (settings.width, settings.height, settings.size) == (512, 512, 512)
+    settings.width = 64  # by a script, which means what it says
+    assert (settings.width, settings.height) == (64, 512)
+    assert {"width", "height"} <= set(draw().properties)
+    settings.square = True
+    assert (settings.width, settings.height) == (64, 64)
+
+
+@pytest.mark.parametrize(
+    ("before", "arguments", "after"),
+    [
+        ((2048, 2048), {"side": 512}, (512, 512)),
+        ((2048, 512), {"side": 8192}, (8192, 2048)),
+        ((2048, 512), {"factor": 2.0}, (4096, 1024)),
+        ((512, 2048), {"factor": 0.5}, (256, 1024)),
+        ((16384, 16), {"factor": 2.0}, (16384, 32)),
+        ((16384, 16), {"factor": 0.5}, (8192, 16)),
+    ],
+)
+def test_the_menu_of_sizes(pair, before, arguments, after):
+    settings = bpy.context.scene.imprint
+    settings.width, settings.height = before
+    assert bpy.ops.imprint.resize(**arguments) == {"FINISHED"}
+    assert (settings.width, settings.height) == after
+
+
+# While a bake goes on
+
+
+def test_the_bar_takes_the_buttons_place(pair, monkeypatch):
+    """So that nothing moves when a bake begins or ends."""
+    select(*pair)
+    bake()
+    before = draw()
+    monkeypatch.setattr(progress, "current", lambda: pace.Step("Drawing", 0.25))
+    during = draw()
+    assert {name for name, _ in before.buttons} - {name for name, _ in during.buttons} == {"imprint.bake"}
+    bar = next(label for label in during.labels if label.startswith("25%"))
+    assert [label for label in during.labels if label != bar] == before.labels
+
+
+@pytest.mark.parametrize(
+    ("done", "seconds", "words"),
+    [
+        (0.01, 60.0, ""),
+        (0.5, 0.5, ""),
+        (0.5, 3.0, ", 3 s left"),
+        (0.25, 9.0, ", 25 s left"),
+        (0.1, 40.0, ", 6 min left"),
+        (1.0, 40.0, ", 0 s left"),
+    ],
+)
+def test_the_bar_says_how_long_it_still_takes(done, seconds, words):
+    assert progress._left(done, seconds) == words

@@ -22,7 +22,7 @@ def small():
 
 
 def test_measured_distances_are_shown_and_can_be_frozen(small):
-    zoo.plane("lo")
+    bpy.context.view_layer.objects.active = zoo.plane("lo")
     high = zoo.plane("hi")
     high.location.z = 0.2
     assert not bpy.ops.imprint.freeze_distances.poll()
@@ -115,20 +115,23 @@ def test_the_switch_may_be_named_in_a_script(small):
 
 
 def test_set_distances_are_not_shown_as_measured(small):
-    zoo.plane("lo")
+    small.low = zoo.plane("lo")
     zoo.plane("hi").location.z = 0.2
-    found = bpy.context.window_manager.imprint_found
-    before = found.extrusion
     bpy.ops.imprint.bake(low="lo", high=[{"name": "hi"}], extrusion=0.7, max_distance=1.4)
-    assert found.extrusion == before
+    assert bpy.context.window_manager.imprint_found.extrusion == 0.0
+    assert not bpy.ops.imprint.freeze_distances.poll()
 
 
-def test_distances_of_several_pairs_are_far_enough_for_all(small):
+def test_distances_are_those_of_the_low_object_at_hand(small):
     for name, height in (("a", 0.5), ("b", 0.01)):
         zoo.plane(f"{name}_low")
         zoo.plane(f"{name}_high").location.z = height
     bpy.ops.imprint.bake_pairs()
-    assert bpy.context.window_manager.imprint_found.extrusion > 0.5
+    found = bpy.context.window_manager.imprint_found
+    small.low = bpy.data.objects["a_low"]
+    assert found.extrusion > 0.5
+    small.low = bpy.data.objects["b_low"]
+    assert 0.0 < found.extrusion < 0.5
 
 
 def test_names_are_not_remembered(small):

@@ -7,14 +7,14 @@ import bpy
 import pytest
 
 import addon
-from addon import checks, commands, conventions, operators, panels, passes, preview, properties
+from addon import checks, commands, conventions, operators, panels, passes, preview, properties, sizes
 from addon.bake.settings import Settings
 from addon.passes import target
 from tests.support import maps, zoo
 
 OPERATORS = [
     cls.__name__
-    for module in (operators, conventions, checks, preview)
+    for module in (operators, sizes, conventions, checks, preview)
     for cls in module.CLASSES
     if issubclass(cls, bpy.types.Operator)
 ]
@@ -23,7 +23,7 @@ PANELS = [cls.__name__ for cls in panels.CLASSES if issubclass(cls, bpy.types.Pa
 
 def traces():
     """What Blender knows of the add-on."""
-    kinds = (bpy.types.Operator, bpy.types.Panel, bpy.types.UIList, bpy.types.PropertyGroup)
+    kinds = (bpy.types.Operator, bpy.types.Panel, bpy.types.UIList, bpy.types.Menu, bpy.types.PropertyGroup)
     found = {cls.__name__ for kind in kinds for cls in kind.__subclasses__() if cls.is_registered and is_ours(cls)}
     gizmos = {preview.IMPRINT_GT_split: bpy.types.Gizmo, preview.IMPRINT_GGT_split: bpy.types.GizmoGroup}
     found |= {cls.__name__ for cls, kind in gizmos.items() if kind.bl_rna_get_subclass_py(cls.__name__)}
@@ -95,9 +95,9 @@ class TestWords:
                     assert item.description, f"{struct.identifier}.{prop.identifier} {item.identifier}"
 
     def test_the_properties_are_the_settings(self):
-        """Same names, same defaults but for the size, which a button has no reason to keep small."""
+        """Same names, same defaults."""
         settings = bpy.context.scene.imprint.to_settings()
-        assert settings == Settings(width=2048, height=2048)
+        assert settings == Settings()
         settings.check()
 
     def test_the_panels_are_one_tab(self):

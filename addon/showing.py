@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Puts what was made where an artist looks: into an open Image Editor, and on the low mesh in the 3D viewport."""
+
+import bpy
+
+from . import results
+from .bake.report import Report
+
+
+def image(context: bpy.types.Context, shown: bpy.types.Image) -> bool:
+    """Show an image in an Image Editor, if one is open that is not pinned to another. Returns whether there was one."""
+    areas = [area for window in context.window_manager.windows for area in window.screen.areas]
+    editors = [area.spaces.active for area in areas if area.type == "IMAGE_EDITOR"]
+    free = [editor for editor in editors if editor.image == shown or not editor.use_image_pin]
+    # One that shows it already, so that no other picture goes.
+    editor = next((editor for editor in free if editor.image == shown), next(iter(free), None))
+    if editor is not None:
+        editor.image = shown
+    return editor is not None
+
+
+def image_in_window(context: bpy.types.Context, shown: bpy.types.Image) -> None:
+    """Show an image that was asked for: in an open Image Editor, else in a window of its own, as renders are."""
+    if image(context, shown):
+        return
+    before = set(context.window_manager.windows)
+    bpy.ops.wm.window_new()
+    window = next(window for window in context.window_manager.windows if window not in before)
+    area = window.screen.areas[0]
+    area.type = "IMAGE_EDITOR"
+    editor, (width, height) = area.spaces.active, (max(1, side) for side in shown.size)
+    editor.image = shown
+    editor.zoom_percentage = 90.0 * min(area.width / width, area.height / height)
+
+
+def bake(context: bpy.types.Context, reports: list[Report]) -> None:
+    """Show the first map, and the low mesh with it: Material Preview in place of Solid, the high objects out of the way.
+
+    What is not open is not opened. Hidden high objects still count for the next bake of their low one.
+    """
+    first = bpy.data.images.get(reports[0].image)
+    if first is not None:
+        image(context, first)
+    area = viewport(context)
+    if area is None:
+        return
+    shading = area.spaces.active.shading
+    if shading.type == "SOLID" and all(report.settings.get("material") for report in reports):
+        shading.type = "MATERIAL"
+    if shading.type in {"MATERIAL", "RENDERED"}:
+        for report in reports:
+            hide_high(context, report, True)
+
+
+def hide_high(context: bpy.types.Context, report: Report, hide: bool) -> None:
+    """Hide the high objects of a bake in the view layer, or show them again."""
+    for obj in results.high_objects(report):
+        if obj.name in context.view_layer.objects and context.view_layer.objects[obj.name] == obj:
+            obj.hide_set(hide)
+
+
+def hides_high(report: Report) -> bool:
+    """Whether no high object of a bake is to be seen."""
+    return not any(obj.visible_get() for obj in results.high_objects(report))
+
+
+def selection(context: bpy.types.Context) -> None:
+    """Bring the selected faces into view, through what lies before them."""
+    area = viewport(context)
+    if area is None:
+        return
+    shading = area.spaces.active.shading
+    if shading.type == "SOLID":
+        shading.show_xray = True
+    region = next(region for region in area.regions if region.type == "WINDOW")
+    with context.temp_override(area=area, region=region):
+        bpy.ops.view3d.view_selected()
+
+
+def viewport(context: bpy.types.Context) -> bpy.types.Area | None:
+    """The 3D viewport at hand, or else the largest one of the window; None where none is open."""
+    if context.area is not None and context.area.type == "VIEW_3D":
+        return context.area
+    areas = context.window.screen.areas if context.window is not None else ()
+    areas = [area for area in areas if area.type == "VIEW_3D"]
+    return max(areas, key=lambda area: area.width * area.height, default=None)

@@ -1,0 +1,190 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the window keeps and shows of the bakes of a session: each belongs to its scene, its low object and its file."""
+
+from types import SimpleNamespace
+
+import bpy
+import pytest
+
+from addon import results, showing
+from tests.support import zoo
+
+pytestmark = pytest.mark.usefixtures("registered", "gpu_context")
+
+
+@pytest.fixture
+def baked():
+    """A low and a high object after a bake that measured distances, the low one in its slot."""
+    low, high = zoo.plane("lo"), zoo.plane("hi")
+    high.location.z = 0.2
+    settings = bpy.context.scene.imprint
+    settings.width = settings.height = 16
+    settings.method, settings.low = "CAST", low
+    assert bpy.ops.imprint.bake(low="lo", high=[{"name": "hi"}]) == {"FINISHED"}
+    return low, high
+
+
+def is_known():
+    """Whether the panel has a report of the low object at hand, and distances to freeze; both or neither."""
+    known = results.of(bpy.context) is not None
+    assert bpy.ops.imprint.freeze_distances.poll() == known
+    assert (bpy.context.window_manager.imprint_found.extrusion > 0.0) == known
+    return known
+
+
+# Whose it is
+
+
+def test_it_belongs_to_its_scene(baked):
+    low, _ = baked
+    assert is_known()
+    bpy.context.window.scene = bpy.data.scenes.new("other")
+    bpy.context.scene.collection.objects.link(low)
+    bpy.context.scene.imprint.low = low
+    assert not is_known()
+    assert not bpy.ops.imprint.show_mask.poll()
+    bpy.context.window.scene = bpy.data.scenes["Scene"]
+    assert is_known()
+
+
+def test_it_belongs_to_its_low_object(baked):
+    low, high = baked
+    settings = bpy.context.scene.imprint
+    settings.low = high
+    assert not is_known()
+    settings.low = None
+    bpy.context.view_layer.objects.active = low
+    assert is_known()
+    low.name = "renamed"
+    assert is_known()
+    zoo.plane("lo")
+    assert results.named(bpy.context, "renamed") is results.of(bpy.context)
+    settings.low = bpy.data.objects["lo"]
+    assert not is_known()
+
+
+def test_it_belongs_to_its_file(baked, tmp_path):
+    """Also where Load UI is off, and the window manager stays."""
+    path = str(tmp_path / "scene.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.open_mainfile(filepath=path, load_ui=False)
+    assert bpy.context.scene.imprint.low.name == "lo"
+    assert not is_known()
+    manager = bpy.context.window_manager
+    assert (manager.imprint_summary, manager.imprint_warnings) == ("", "")
+
+
+def test_it_outlives_undo():
+    zoo.plane("lo")
+    zoo.plane("hi").location.z = 0.2
+    settings = bpy.context.scene.imprint
+    settings.width = settings.height = 16
+    settings.method, settings.low = "CAST", bpy.data.objects["lo"]
+    bpy.ops.ed.undo_push(message="before")
+    bpy.ops.imprint.bake("EXEC_DEFAULT", True, low="lo", high=[{"name": "hi"}])
+    bpy.data.objects["lo"].location.x = 1.0
+    bpy.ops.ed.undo_push(message="moved")
+    bpy.ops.ed.undo()
+    assert is_known()
+
+
+# What is seen after a bake
+
+
+def area(kind, size=100, **space):
+    return SimpleNamespace(type=kind, width=size, height=size, spaces=SimpleNamespace(active=SimpleNamespace(**space)))
+
+
+def view(shading, size=100):
+    return area("VIEW_3D", size, shading=SimpleNamespace(type=shading, show_xray=False))
+
+
+def window(*areas, at=None):
+    """A context of a window with these areas, `at` one of which the mouse is."""
+    opened = SimpleNamespace(screen=SimpleNamespace(areas=areas))
+    return SimpleNamespace(
+        window=opened,
+        window_manager=SimpleNamespace(windows=[opened]),
+        area=at,
+        scene=bpy.context.scene,
+        view_layer=bpy.context.view_layer,
+    )
+
+
+def shading(viewport):
+    return viewport.spaces.active.shading.type
+
+
+def test_a_bake_shows_the_low_mesh_with_its_map(baked):
+    low, high = baked
+    views, editor = [view("SOLID"), view("SOLID", 200)], area("IMAGE_EDITOR", image=None, use_image_pin=False)
+    showing.bake(window(*views, editor), [results.of(bpy.context)])
+    assert editor.spaces.active.image == bpy.data.images["lo_normal"]
+    assert [shading(each) for each in views] == ["SOLID", "MATERIAL"]  # the largest, where the mouse is in none
+    assert (low.visible_get(), high.visible_get()) == (True, False)
+    showing.bake(window(*views, at=views[0]), [results.of(bpy.context)])
+    assert shading(views[0]) == "MATERIAL"
+
+
+def test_a_view_that_is_not_solid_stays(baked):
+    _, high = baked
+    for kind, sees_high in (("WIREFRAME", True), ("RENDERED", False), ("MATERIAL", False)):
+        high.hide_set(False)
+        viewport = view(kind)
+        showing.bake(window(viewport), [results.of(bpy.context)])
+        assert (shading(viewport), high.visible_get()) == (kind, sees_high)
+
+
+def test_a_map_without_a_material_leaves_the_view_alone(baked):
+    _, high = baked
+    bpy.ops.imprint.bake(low="lo", high=[{"name": "hi"}], material=False)
+    viewport = view("SOLID")
+    showing.bake(window(viewport), [results.of(bpy.context)])
+    assert (shading(viewport), high.visible_get()) == ("SOLID", True)
+
+
+def test_without_a_3d_viewport_nothing_is_hidden(baked):
+    showing.bake(window(), [results.of(bpy.context)])
+    assert baked[1].visible_get()
+
+
+def test_a_low_object_that_is_its_own_high_one_stays():
+    low = zoo.plane("lo")
+    low.modifiers.new("Rounded", "SUBSURF")
+    settings = bpy.context.scene.imprint
+    settings.width = settings.height = 16
+    settings.low = low
+    bpy.ops.imprint.bake(low="lo", high=[{"name": "lo"}])
+    showing.bake(window(view("SOLID")), [results.of(bpy.context)])
+    assert low.visible_get()
+    assert not bpy.ops.imprint.show_high.poll()
+
+
+def test_scripts_change_no_view(baked, monkeypatch):
+    monkeypatch.setattr(showing, "bake", lambda *_: pytest.fail("shown"))
+    bpy.ops.imprint.bake("EXEC_DEFAULT", low="lo", high=[{"name": "hi"}])
+    bpy.ops.imprint.bake("INVOKE_DEFAULT", low="lo", high=[{"name": "hi"}])  # the background has no window
+
+
+# What was hidden still counts
+
+
+def test_hidden_high_objects_are_baked_again(baked):
+    low, high = baked
+    low.select_set(True)
+    bpy.context.view_layer.objects.active = low
+    low.modifiers.new("Cut", "TRIANGULATE")
+    showing.hide_high(bpy.context, results.of(bpy.context), hide=True)
+    assert bpy.context.selected_objects == [low]
+    assert bpy.context.scene.imprint.subjects(bpy.context) == (low, [high])
+    high.hide_set(False)
+    assert bpy.context.scene.imprint.subjects(bpy.context)[1] != [high]  # which is to be selected as ever
+
+
+def test_high_objects_are_hidden_and_shown_by_turns(baked):
+    _, high = baked
+    for is_visible in (False, True, False):
+        assert bpy.ops.imprint.show_high() == {"FINISHED"}
+        assert high.visible_get() == is_visible
+    bpy.data.objects.remove(high)
+    assert not bpy.ops.imprint.show_high.poll()
