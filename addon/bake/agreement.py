@@ -14,11 +14,20 @@ CLOSE = 0.05
 """Of the low mesh's radius: points of one texel that lie nearer than this, along the surface, belong together."""
 SHARE = 0.96
 """How many of the low mesh's texels must have such a point on the high meshes."""
+SHIFT = 0.5
+"""Of a part's extent: texels of a small part may differ in what leads from low to high by so much, on the average. A bolt
+in another place, or turned, differs by more than it is large, though it may lie close to the place where its UVs are."""
+SMALLEST = 1e-6
+"""In tiles: UVs that reach less far have no texel on any map."""
+WIDE = 2.0
+"""In tiles: UVs that reach farther are looked at tile by tile."""
+
+Window = tuple[float, float, float, float]
 
 
 def choose(low: Mesh, highs: Sequence[Mesh], tiles: Sequence[int]) -> tuple[str, str, np.ndarray | None]:
     """The method for these meshes on these UDIM tiles, FLATTEN or CAST, why, as a clause, and, for FLATTEN, what
-    apart.probe sees of a large map."""
+    apart.probe sees of a large map. One high mesh whose UVs are its own is enough for CAST."""
     without = [high.name for high in highs if high.uv is None]
     if without:
         return "CAST", f"{without[0]!r} has no UV layer", None
@@ -27,22 +36,106 @@ def choose(low: Mesh, highs: Sequence[Mesh], tiles: Sequence[int]) -> tuple[str,
     if not both.any():
         return "CAST", "the UV layouts have no texel in common", None
     # Artists put the two side by side to look at them: what they differ by as a whole does not count.
-    between = (texels[both][:, :3] - apart.offset(texels, "FLATTEN")) / frame_of([low]).size
+    offset, surface = apart.offset(texels, "FLATTEN"), _Surface(low)
+    away = np.stack([surface.draw(target.window(tile))[1] for tile in tiles])[both][:, :3]
     # Nor does detail, which stands up from the low surface; a layout that differs shows along it.
-    away = _directions(low, tiles)[both]
-    between -= (between * away).sum(axis=1, keepdims=True) * away
+    between = _along((texels[both][:, :3] - offset) / surface.frame.size, away)
     share = np.count_nonzero(np.linalg.norm(between, axis=1) < CLOSE) / np.count_nonzero(on_low)
-    if share >= SHARE:
-        return "FLATTEN", f"the UV layouts agree: on {share:.1%} of the texels the meshes' points lie close", texels
-    return "CAST", f"the UV layouts differ: on {share:.1%} of the texels alone the meshes' points lie close", None
+    other = differing(low, highs, tiles, offset) if len(highs) > 1 else ""
+    if other:
+        return "CAST", other, None
+    if share < SHARE:
+        return "CAST", f"the UV layouts differ: on {share:.1%} of the texels alone the meshes' points lie close", None
+    return "FLATTEN", f"the UV layouts agree: on {share:.1%} of the texels the meshes' points lie close", texels
 
 
-def _directions(low: Mesh, tiles: Sequence[int]) -> np.ndarray:
-    """The unit normals (tiles, PROBE, PROBE, 3) of `low` in UV space."""
-    uploaded = batch.upload(low.triangles, uv=low.uv, position=low.normals, direction=low.to_world_normals(low.normals))
-    drawn = target.get("audit rays", PROBE, PROBE, "RGBA32F", "RGBA32F")
-    result = np.empty((len(tiles), PROBE, PROBE, 4), np.float32)
-    for number, tile in enumerate(tiles):
-        gbuffer.draw(drawn, uploaded, target.window(tile))
-        drawn.read(result[number], slot=1)
-    return result[..., :3]
+def differing(low: Mesh, highs: Sequence[Mesh], tiles: Sequence[int], offset: np.ndarray) -> str:
+    """The first high mesh whose own UVs, looked at alone, are not those of `low`, in a clause; empty where there is none.
+
+    offset (3,): what low and high seem to differ by as a whole, in scene units. It is that of those that differ where they
+    cover the most, and so the meshes are looked at as they stand as well: what explains more of them is right.
+    """
+    surface = _Surface(low)
+    found = (
+        [_difference(surface, high, _windows(low, high, tiles), by) for high in highs] for by in (np.zeros(3), offset)
+    )
+    return next(iter(min((list(filter(None, clauses)) for clauses in found), key=len)), "")
+
+
+def _difference(surface: "_Surface", high: Mesh, windows: Sequence[Window], offset: np.ndarray) -> str:
+    close = [_close(surface, high, window, offset) for window in windows]
+    close = np.concatenate(close) if close else np.empty(0, bool)
+    if not close.size:
+        return f"{high.name!r} has no texel in common with the low mesh"
+    if close.mean() < SHARE:
+        return f"the UV layout of {high.name!r} differs: its points lie close on {close.mean():.1%} of its texels alone"
+    return ""
+
+
+def _close(surface: "_Surface", high: Mesh, window: Window, offset: np.ndarray) -> np.ndarray:
+    """Of the texels of `window` that both cover, (N,) bool, whether the points of `high` belong to those of the low mesh."""
+    above = apart.draw_points([apart.upload(high, surface.frame)], (PROBE, PROBE), window)
+    above[..., :3] -= offset / surface.frame.size
+    layers = []
+    for is_last in (True, False):
+        places, away = surface.draw(window, is_last=is_last)
+        both = (above[..., 3] > 0.0) & (places[..., 3] > 0.0)
+        points = places[both][:, :3]
+        layers.append((points, _along(above[both][:, :3] - points, away[both][:, :3])))
+    if not len(points):
+        return np.empty(0, bool)
+    far = np.array([np.linalg.norm(between, axis=1) for _, between in layers])
+    nearer, far = far.argmin(axis=0), far.min(axis=0)
+    points, between = (np.where(nearer[:, None] == 0, *sides) for sides in zip(*layers, strict=True))
+    shift = np.linalg.norm(between - np.median(between, axis=0), axis=1).mean()
+    extent = np.linalg.norm(points - points.mean(axis=0), axis=1).mean()
+    return (far < CLOSE) & (shift <= SHIFT * extent)
+
+
+def _windows(low: Mesh, high: Mesh, tiles: Sequence[int]) -> list[Window]:
+    """What shows where both meshes have UVs: it may be small, or lie outside the tiles that are baked."""
+    boxes = [_box(mesh.uv) for mesh in (low, high)]
+    first, last = np.max([box[0] for box in boxes], axis=0), np.min([box[1] for box in boxes], axis=0)
+    extent = last - first
+    if not (extent > SMALLEST).all():
+        return []
+    if extent.max() > WIDE:
+        return [target.window(tile) for tile in tiles]
+    scale = 2.0 / extent
+    return [(*scale.tolist(), *(-1.0 - first * scale).tolist())]
+
+
+def _box(uv: np.ndarray) -> np.ndarray:
+    """The lowest and the highest of `uv` (C, 2) that are numbers, (2, 2) float64; the lowest is above where none is."""
+    uv = uv[np.isfinite(uv).all(axis=1)]
+    return np.array([uv.min(axis=0, initial=np.inf), uv.max(axis=0, initial=-np.inf)], np.float64)
+
+
+class _Surface:
+    """The low mesh in UV space, to compare with."""
+
+    def __init__(self, low: Mesh):
+        self.frame = frame_of([low])
+        attributes = {
+            "uv": low.uv,
+            "position": np.take(self.frame.points(low), low.vertices, axis=0),
+            "direction": low.to_world_normals(low.normals),
+        }
+        # Mirrored halves lie on one another: what is drawn first is seen where it is drawn last.
+        orders = {True: low.triangles, False: np.ascontiguousarray(low.triangles[::-1])}
+        self.uploaded = {is_last: batch.upload(order, **attributes) for is_last, order in orders.items()}
+
+    def draw(self, window: Window, *, is_last: bool = True) -> list[np.ndarray]:
+        """The points in the frame and the unit normals, (PROBE, PROBE, 4) each: where triangles share texels, those of the
+        last or of the first one."""
+        drawn = target.get("audit rays", PROBE, PROBE, "RGBA32F", "RGBA32F")
+        gbuffer.draw(drawn, self.uploaded[is_last], window)
+        seen = [np.empty((PROBE, PROBE, 4), np.float32) for _ in range(2)]
+        for slot, array in enumerate(seen):
+            drawn.read(array, slot=slot)
+        return seen
+
+
+def _along(vectors: np.ndarray, away: np.ndarray) -> np.ndarray:
+    """What of `vectors` (N, 3) does not go along the unit vectors `away` (N, 3)."""
+    return vectors - (vectors * away).sum(axis=1, keepdims=True) * away

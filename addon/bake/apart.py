@@ -39,7 +39,7 @@ def looking(meshes: Meshes, settings: Settings, report: Report) -> Apart:
 
 def glancing(meshes: Meshes, shot: casting.Shot | None) -> Apart:
     """What looks at these meshes as a bake just did, along its `shot`; without one, at most at TRIANGLES of each high mesh."""
-    return _along(meshes, shot) if shot else flattened(meshes.low, [_thinned(high) for high in meshes.highs])
+    return _along(meshes, shot) if shot else flattened(meshes.low, [thinned(high) for high in meshes.highs])
 
 
 def limit(low: Mesh, settings: Settings) -> float:
@@ -74,10 +74,10 @@ def distances(texels: np.ndarray, without: np.ndarray) -> np.ndarray:
 def flattened(low: Mesh, highs: Sequence[Mesh]) -> Apart:
     """What looks at meshes that are laid flat."""
     frame = frame_of([low])
-    on_low, on_high = [_upload(low, frame)], [_upload(high, frame) for high in highs]
+    on_low, on_high = [upload(low, frame)], [upload(high, frame) for high in highs]
 
     def look(size: tuple[int, int], window: tuple[float, float, float, float]) -> np.ndarray:
-        below, above = _points(on_low, size, window), _points(on_high, size, window)
+        below, above = draw_points(on_low, size, window), draw_points(on_high, size, window)
         is_alone = above[..., 3] == 0.0
         above -= below
         above *= np.float32(frame.size)
@@ -87,7 +87,8 @@ def flattened(low: Mesh, highs: Sequence[Mesh]) -> Apart:
     return look
 
 
-def _thinned(mesh: Mesh) -> Mesh:
+def thinned(mesh: Mesh) -> Mesh:
+    """`mesh`, or of its triangles every second, third, … so that TRIANGLES are left at most."""
     step = -(-len(mesh.triangles) // TRIANGLES)
     if step < 2:
         return mesh
@@ -100,7 +101,7 @@ def _thinned(mesh: Mesh) -> Mesh:
 def _along(meshes: Meshes, shot: casting.Shot) -> Apart:
     """What looks along rays."""
     frame = shot.aim.frame
-    on_low = [_upload(meshes.low, frame)] if meshes.cage is not None else None
+    on_low = [upload(meshes.low, frame)] if meshes.cage is not None else None
 
     def look(size: tuple[int, int], window: tuple[float, float, float, float]) -> np.ndarray:
         places = target.get("audit rays", *size, "RGBA32F", "RGBA32F")
@@ -117,7 +118,7 @@ def _along(meshes: Meshes, shot: casting.Shot) -> Apart:
         away[..., :3] *= np.float32(shot.back) - far[..., :1]
         if on_low is not None:  # rays start on the cage, and not on the low mesh
             places.read(far)
-            away += far - _points(on_low, size, window)
+            away += far - draw_points(on_low, size, window)
         away *= np.float32(frame.size)
         away[..., 3] = np.where(has_missed, -is_low, is_low)
         return away
@@ -125,7 +126,8 @@ def _along(meshes: Meshes, shot: casting.Shot) -> Apart:
     return look
 
 
-def _upload(mesh: Mesh, frame: Frame) -> gpu.types.GPUBatch:
+def upload(mesh: Mesh, frame: Frame) -> gpu.types.GPUBatch:
+    """`mesh` as `draw_points` wants it."""
     return batch.upload(
         mesh.triangles,
         uv=mesh.uv,
@@ -134,10 +136,10 @@ def _upload(mesh: Mesh, frame: Frame) -> gpu.types.GPUBatch:
     )
 
 
-def _points(
+def draw_points(
     meshes: Sequence[gpu.types.GPUBatch], size: tuple[int, int], window: tuple[float, float, float, float]
 ) -> np.ndarray:
-    """The points that `meshes` show, (height, width, 4) float32, alpha 0 where they show none."""
+    """The points that `meshes` show in UV space, in their frame: (height, width, 4) float32, alpha 0 where there are none."""
     drawn = target.get("audit points", *size, "RGBA32F", "RGBA32F")
     points.draw(drawn, meshes, window)
     texels = np.empty((size[1], size[0], 4), np.float32)

@@ -9,7 +9,7 @@ import numpy as np
 from ..mesh import arrays, faces
 from ..mesh.arrays import Mesh
 from ..passes import batch, overlap, resolve, target
-from . import apart, casting
+from . import agreement, apart, casting
 from .errors import few
 from .reading import Meshes
 from .report import Report
@@ -167,6 +167,11 @@ def _tell_of_distances(
     )
     check["limit"], check["offset"] = limit, float(np.linalg.norm(offset))
     report.checks["far"] = check
+    # Of a single mesh that is laid flat where it does not belong most texels are far; of several, one may be small.
+    is_open = settings.method == "FLATTEN" and not meshes.is_own_base
+    if is_open and (len(meshes.highs) > 1 or check["share"] > MANY_FAR):
+        other = agreement.differing(meshes.low, [apart.thinned(high) for high in meshes.highs], tiles, offset)
+        report.warnings += [f"Cast rays, or choose Auto: {other}."] if other else []
     if check["share"] > (MANY_FAR if settings.limit is None else MANY_BEYOND):
         report.warnings.append(
             f"On {check['share']:.2%} of the texels of {report.low!r} the high surface lies farther from it than "

@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Auto, where there are several high objects: each of them must share the low mesh's UVs to be laid flat."""
+
+import bpy
+import numpy as np
+import pytest
+
+from addon.bake import pipeline
+from addon.bake.settings import Settings
+from tests.support import zoo
+
+pytestmark = pytest.mark.usefixtures("gpu_context")
+
+
+def bake(low, *highs, method="AUTO", **settings):
+    values = {"width": 64, "height": 64, "storage": "MEMORY", "material": False, **settings}
+    return pipeline.bake(bpy.context, low, highs, Settings(method, **values))
+
+
+def patch(name, box, uv, *, height=0.05, n=4):
+    """A bump over a box (x0, y0, x1, y1) of the plane, with UVs that fill the box `uv`."""
+
+    def surface(u, v):
+        x, y = (first + (last - first) * part for first, last, part in zip(box[:2], box[2:], (u, v), strict=True))
+        return np.stack([x, y, height * np.sin(np.pi * u) * np.sin(np.pi * v)], axis=1)
+
+    obj = zoo.sheet(name, surface, n, n)
+    layer = obj.data.uv_layers[0].uv
+    values = np.empty((len(layer), 2), np.float32)
+    layer.foreach_get("vector", values.reshape(-1))
+    layer.foreach_set("vector", (values * np.subtract(uv[2:], uv[:2]) + uv[:2]).astype(np.float32).ravel())
+    return obj
+
+
+def shared(box):
+    """The UVs that the plane -1..1 has there."""
+    return tuple((np.array(box) + 1) / 2)
+
+
+BOX = 0.2, 0.2, 0.25, 0.25
+CORNERS = {
+    "in a corner": (0.0, 0.0, 0.1, 0.1),
+    "small in a corner": (0.0, 0.0, 0.01, 0.01),
+    "all over": (0.0, 0.0, 1.0, 1.0),
+    "in its place, four times as large": (0.58, 0.58, 0.68, 0.68),
+    "beside the map": (1.5, 0.5, 1.6, 0.6),
+    "in its place, turned over": (0.625, 0.625, 0.6, 0.6),
+    "without area": (0.5, 0.5, 0.5, 0.5),
+}
+
+
+@pytest.mark.parametrize("uv", CORNERS.values(), ids=CORNERS)
+@pytest.mark.parametrize("is_first", [False, True])
+def test_a_bolt_with_uvs_of_its_own_is_cast(uv, is_first):
+    low, terrain, bolt = zoo.plane("lo"), zoo.terrain("hi", height=0.02), patch("bolt", BOX, uv)
+    report = bake(low, *((bolt, terrain) if is_first else (terrain, bolt)))
+    assert report.method == "CAST"
+    assert "'bolt'" in report.why
+    assert not any("'bolt'" in warning for warning in report.warnings)  # it is printed where it is
+
+
+@pytest.mark.parametrize("box", [BOX, (0.5, -0.9, 0.51, -0.89), (-1.0, -1.0, -0.99, 1.0)], ids=["bolt", "tiny", "rim"])
+def test_a_bolt_that_shares_the_layout_is_laid_flat(box):
+    low, terrain, bolt = zoo.plane("lo"), zoo.terrain("hi", height=0.02), patch("bolt", box, shared(box))
+    report = bake(low, terrain, bolt)
+    assert (report.method, "agree" in report.why) == ("FLATTEN", True)
+
+
+def test_what_is_put_aside_as_a_whole_is_laid_flat():
+    low, terrain, bolt = zoo.plane("lo"), zoo.terrain("hi", height=0.02), patch("bolt", BOX, shared(BOX))
+    terrain.location = bolt.location = (3.0, 1.0, 0.0)
+    assert bake(low, terrain, bolt).method == "FLATTEN"
+
+
+def test_mirrored_halves_on_the_same_uvs_are_laid_flat():
+    low = zoo.mirrored("lo")
+    halves = [patch(f"hi {side}", (0, -1, side, 1), (0, 0, 1, 1), height=0.1, n=8) for side in (1, -1)]
+    assert bake(low, *halves).method == "FLATTEN"
+
+
+def test_tiles_that_are_not_baked_do_not_count():
+    low, highs = (
+        zoo.plane("lo"),
+        [patch("left", (-1, -1, 0, 1), (0, 0, 1, 1)), patch("right", (0, -1, 1, 1), (1, 0, 2, 1))],
+    )
+    layer = low.data.uv_layers[0].uv
+    layer.foreach_set("vector", np.array([(0, 0), (2, 0), (2, 1), (0, 1)], np.float32).ravel())
+    assert bake(low, *highs, udim=True, tiles=(1002,), storage="PACK").method == "FLATTEN"
+
+
+# Where Flatten is forced
+
+
+def differs(report):
+    return [warning for warning in report.warnings if warning.startswith("Cast rays, or choose Auto")]
+
+
+@pytest.mark.parametrize("uv", [CORNERS["in a corner"], CORNERS["beside the map"]], ids=["in a corner", "beside"])
+def test_flatten_names_a_high_object_with_other_uvs(uv):
+    low, terrain, bolt = zoo.plane("lo"), zoo.terrain("hi", height=0.02), patch("bolt", BOX, uv)
+    (warning,) = differs(bake(low, terrain, bolt, method="FLATTEN"))
+    assert "'bolt'" in warning
+    assert not differs(bake(low, terrain, patch("good", BOX, shared(BOX)), method="FLATTEN"))
+
+
+def test_flatten_names_its_only_high_object():
+    low, high = zoo.plane("lo"), patch("hi", (-1, -1, 1, 1), (1, 0, 0, 1))  # turned over
+    (warning,) = differs(bake(low, high, method="FLATTEN"))
+    assert "'hi'" in warning
+    assert not differs(bake(low, zoo.terrain("good"), method="FLATTEN"))
