@@ -3,9 +3,10 @@
 
 import argparse
 import os
+import re
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import fields
-from pathlib import Path, PurePath
+from pathlib import PurePath
 
 from .bake.errors import BakeError
 from .bake.pairs import Suffixes
@@ -27,6 +28,9 @@ from .bake.settings import (
 USUAL_DEPTH = 16
 """Bits a channel where none are asked for and the format has them."""
 
+STDOUT = "-"
+"""A report's path that is none: standard output."""
+
 
 class WrongUsage(Exception):
     """What was asked for cannot be understood, or contradicts itself. Its text is for the person, without a full stop."""
@@ -47,7 +51,8 @@ def path(value: str) -> str:
     """A path. In a job file it starts at the job file's folder."""
     if not value:
         raise argparse.ArgumentTypeError("a path is empty")
-    return text(value)
+    # Two slashes are one to the system, and the folder of the open file to Blender. On Windows they start a server's name.
+    return text(value if os.name == "nt" else re.sub("^//+", "/", value))
 
 
 def _size(value: str) -> tuple[int, int]:
@@ -282,7 +287,7 @@ OPTIONS: dict[str, dict[str, dict]] = {
         "no-material": {"action": "store_false", "dest": "material", "help": "leave the low object's material alone"},
         "single-user": {"action": "store_true", "help": "copy materials that other objects use as well"},
         "save-blend": {"type": path, "metavar": "OUT.blend", "help": "save the scene with the map hooked up"},
-        "report": {"type": path, "metavar": "REPORT.json", "help": "write what was done, as JSON"},
+        "report": {"type": path, "metavar": "REPORT.json", "help": "write what was done, as JSON; - for standard output"},
     },
 }
 """The options without their dashes, by the group that --help shows them in, as argparse.add_argument takes them."""
@@ -375,8 +380,12 @@ def check(options: argparse.Namespace) -> None:
             raise WrongUsage("--pairs DIR makes a map for each pair: put {low} into --output")
         if options.save_blend:
             raise WrongUsage("--pairs DIR has a scene for each pair: --save-blend saves one alone")
-    if _has_clash(options):
-        raise WrongUsage("the files to read and to write must be different ones")
+    if options.save_blend and PurePath(options.save_blend).suffix != ".blend":
+        raise WrongUsage(f"{options.save_blend!r} does not end in .blend")
+    try:
+        settings(options).check()
+    except BakeError as error:
+        raise WrongUsage(str(error).rstrip(".")) from error
 
 
 def is_folder(options: argparse.Namespace) -> bool:
@@ -395,24 +404,6 @@ def settings(options: argparse.Namespace) -> Settings:
         depths = FORMATS.get(PurePath(options.output).suffix.lower(), ("", (USUAL_DEPTH,)))[1]
         values["depth"] = max((depth for depth in depths if depth <= USUAL_DEPTH), default=min(depths))
     return Settings(**values)
-
-
-def _has_clash(options: argparse.Namespace) -> bool:
-    """Whether one file is named for two things. The scene alone may be saved over the one that was opened."""
-
-    def resolved(*names: str | None) -> list[Path]:
-        return [Path(name).resolve() for name in names if name]
-
-    results = resolved(options.output, options.report)
-    scene, opened = resolved(options.save_blend), resolved(*options.file)
-    parts = resolved(options.low_file, *options.high_file, options.cage_file)
-    written = results + scene
-    return (
-        len(set(written)) < len(written)
-        or not set(opened).isdisjoint(results)
-        or not set(parts).isdisjoint(written)
-        or (len(opened) > 1 and not set(opened).isdisjoint(scene))
-    )
 
 
 def _joined(arguments: Sequence[str]) -> list[str]:

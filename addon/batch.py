@@ -7,18 +7,18 @@ import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from copy import copy
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import bpy
 
-from . import arguments, importing
-from .bake import images, outputs, pace, pipeline, sequence, subjects
+from . import arguments, clashes, importing
+from .arguments import STDOUT
+from .bake import naming, pace, pipeline, sequence, subjects
 from .bake.errors import BakeError
 from .bake.files import Replaced, check_writable, replacing
 from .bake.pace import Step
 from .bake.report import Report
-from .bake.settings import Settings
 from .importing import Stage
 from .meter import Meter
 
@@ -91,15 +91,19 @@ def subject(options: argparse.Namespace) -> str:
     return os.path.basename(os.path.abspath(place))  # a folder may be called "."
 
 
-def bake_all(planned: Sequence[Plan], meter: Meter, tell: Callable[[Result], None]) -> tuple[list[Result], bool]:
-    """Bake one plan after the other; `tell` hears of each as it ends. Returns them and whether a person stopped it."""
+def bake_all(
+    planned: Sequence[Plan], files: clashes.Run, meter: Meter, tell: Callable[[Result], None]
+) -> tuple[list[Result], bool]:
+    """Bake one plan after the other; `files` knows them, and `tell` hears of each as it ends.
+
+    Returns them and whether a person stopped it.
+    """
     results, stage = [], Stage()
-    taken: dict[str, str] = {}
     for number, plan in enumerate(planned, 1):
         meter.place = f"{number}/{len(planned)} "
         start = time.perf_counter()
         try:
-            result = bake(plan, stage, meter, taken)
+            result = bake(plan, stage, files, meter)
         except BakeError as error:
             result = Result(plan.name, error=str(error))
             stage = Stage()  # what the bake has changed before it failed is nothing for the next one
@@ -112,31 +116,24 @@ def bake_all(planned: Sequence[Plan], meter: Meter, tell: Callable[[Result], Non
     return results, False
 
 
-def bake(plan: Plan, stage: Stage, meter: Meter, taken: dict[str, str] | None = None) -> Result:
-    """Do what the plan says, and add the maps to `taken`: what was written, and by which plan. Raises BakeError."""
+def bake(plan: Plan, stage: Stage, files: clashes.Run, meter: Meter) -> Result:
+    """Do what the plan says, which `files` knows. Raises BakeError."""
     if plan.problem:
         raise BakeError(plan.problem)
-    options, taken = plan.options, {} if taken is None else taken
+    options = plan.options
     settings = arguments.settings(options)
+    report = Path(options.report).absolute() if options.report not in (None, STDOUT) else None
+    scene = Path(options.save_blend).absolute() if options.save_blend else None
     # Before a file is opened, which may take long: what could go wrong at the end.
-    settings.check()
-    report, scene = (Path(name).absolute() if name else None for name in (options.report, options.save_blend))
     for path in (Path(settings.output), report, scene):
-        if path is not None and "{low}" not in str(path):
+        if path is not None and naming.LOW not in str(path):
             check_writable(path)
-    if scene is not None and scene.suffix != ".blend":
-        raise BakeError(f"{options.save_blend!r} does not end in .blend.")
     if meter.is_on:
         meter.tell(subject(options), Step("Opening", 0.0))
     jobs, problems = _jobs(options, stage)
-    own = [replace(settings, output=sequence.output_for(settings.output, frame)) for frame in _frames(options)] or [
-        settings
-    ]
-    maps = list(dict.fromkeys(path for job in jobs for one in own for path in _maps(one, job)))
-    for path in maps:
-        if path in taken:
-            raise BakeError(f"{path!r} was written by {taken[path]} already: give each map a place of its own.")
-    share_image = bool(options.pairs) and "{low}" not in options.output
+    share_image = bool(options.pairs) and naming.LOW not in options.output
+    files.opened(plan.name, options, [pipeline.ATLAS] if share_image else [job.low.name for job in jobs])
+    frames = clashes.frames(options)
 
     def tell(step: Step) -> None:
         job = jobs[0 if options.frames else step.finished]
@@ -146,25 +143,33 @@ def bake(plan: Plan, stage: Stage, meter: Meter, taken: dict[str, str] | None = 
     with Replaced() as replaced:
         if options.frames:
             speed = pace.Pace(pipeline.TOLD_EVERY if heard else None)
-            reports = pace.finish(sequence.work(bpy.context, jobs[0], settings, _frames(options), speed), heard)
+            reports = pace.finish(sequence.work(bpy.context, jobs[0], settings, frames, speed), heard)
         else:
             reports = pipeline.bake_all(bpy.context, jobs, settings, share_image=share_image, tell=heard)
-        result = Result(
-            plan.name, reports, maps, problems, are="pairs" if options.pairs else "frames" if options.frames else ""
-        )
+        are = "pairs" if options.pairs else "frames" if options.frames else ""
+        result = Result(plan.name, reports, written(reports), problems, are=are)
         with replaced.restoring():  # a bake whose scene or report cannot be saved has failed
             if scene is not None:
                 _save(scene, {bpy.data.images[report.image] for report in reports})
             if report is not None:
                 write_json(report, result.to_json())
-    taken.update(dict.fromkeys(maps, plan.name))
     return result
+
+
+def written(reports: Sequence[Report]) -> list[str]:
+    """The files of several bakes, each once."""
+    return list(dict.fromkeys(path for report in reports for path in report.output))
 
 
 def write_json(path: Path, value) -> None:
     """Write plain data to a file. Raises BakeError."""
     with replacing(path) as partial:
-        partial.write_text(json.dumps(value, indent=2) + "\n", encoding="utf-8")
+        partial.write_text(as_text(value) + "\n", encoding="utf-8")
+
+
+def as_text(value) -> str:
+    """Plain data as JSON."""
+    return json.dumps(value, indent=2)
 
 
 def table(results: Sequence[Result]) -> Iterator[str]:
@@ -205,17 +210,6 @@ def _jobs(options: argparse.Namespace, stage: Stage) -> tuple[list[pipeline.Job]
     low = subjects.named(options.low)
     highs = [subjects.named(name) for name in options.high] or [low]
     return [pipeline.Job(low, highs, subjects.named(options.cage) if options.cage else None)], []
-
-
-def _frames(options: argparse.Namespace) -> range:
-    """The frames of a sequence; none for a single map."""
-    return range(options.frames[0], options.frames[1] + 1) if options.frames else range(0)
-
-
-def _maps(settings: Settings, job: pipeline.Job) -> list[str]:
-    """The files that a job writes."""
-    output = settings.output.replace("{low}", bpy.path.clean_name(job.low.name))
-    return [images.output_for(own) for own in outputs.wanted(replace(settings, output=output)).values()]
 
 
 def _save(path: Path, maps: set[bpy.types.Image]) -> None:

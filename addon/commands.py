@@ -7,12 +7,13 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TextIO
 
 import bpy
 
-from . import arguments, batch, jobfile
-from .arguments import WrongUsage
-from .bake.errors import BakeError
+from . import arguments, batch, clashes, jobfile
+from .arguments import STDOUT, WrongUsage
+from .bake.errors import BakeError, WrongPlace
 from .bake.files import check_writable
 from .batch import Plan, Result
 from .importing import Stage
@@ -25,18 +26,23 @@ def run(words: Sequence[str], program: str = "imprint") -> int:
     """Bake as `words`, the arguments, say. Returns the exit code; what went wrong is told on stderr, a line each."""
     try:
         options, sets = _read(words, program)
+        plans, problems, files = _plan(options, sets)
     except SystemExit as stop:  # argparse has printed the help
         return stop.code
     except WrongUsage as error:
         arguments.parser(program).print_usage(sys.stderr)
-        for line in str(error).splitlines():
-            print(f"{program}: error: {line}", file=sys.stderr)
-        return WRONG_USAGE
+        return _refuse(program, error)
+    except WrongPlace as error:
+        return _refuse(program, error)
     with _stoppable(), Meter(sys.stderr) as meter:
         try:
-            if options.jobs or arguments.is_folder(options):
-                return _bake_many(sets, options.report, program, meter)
-            return _bake_one(options, program, meter)
+            if _are_many(options):
+                _warn(program, problems)
+                return _bake_many(plans, files, options.report, program, meter)
+            return _bake_one(plans[0], files, program, meter)
+        except WrongPlace as error:
+            meter.clear()
+            return _refuse(program, error)
         except KeyboardInterrupt:
             problem = "stopped, the frames before are kept." if options.frames else "stopped, nothing was finished."
         except BakeError as error:
@@ -56,16 +62,47 @@ def _read(words: Sequence[str], program: str) -> tuple[argparse.Namespace, list[
     return options, [options]
 
 
-def _bake_one(options: argparse.Namespace, program: str, meter: Meter) -> int:
-    result = batch.bake(Plan("", options), Stage(), meter)
+def _are_many(options: argparse.Namespace) -> bool:
+    return bool(options.jobs) or arguments.is_folder(options)
+
+
+def _plan(
+    options: argparse.Namespace, sets: Sequence[argparse.Namespace]
+) -> tuple[list[Plan], list[str], clashes.Run]:
+    """The bakes to come, sentences about files left over, and the files of all. Raises WrongPlace, a line for each."""
+    are_many = _are_many(options)
+    plans, problems = batch.plans(sets) if are_many else ([Plan("", options)], [])
+    files = clashes.Run()
+    found = files.add(
+        [(plan.name, plan.options) for plan in plans],
+        options.jobs,
+        options.report if are_many else None,
+        [own.pairs for own in sets if arguments.is_folder(own)],
+    )
+    if found:
+        raise WrongPlace("\n".join(found))
+    return plans, problems, files
+
+
+def _refuse(program: str, error: Exception) -> int:
+    for line in str(error).splitlines():
+        print(f"{program}: error: {line}", file=sys.stderr)
+    return WRONG_USAGE
+
+
+def _bake_one(plan: Plan, files: clashes.Run, program: str, meter: Meter) -> int:
+    options, out = plan.options, _out(plan.options.report)
+    result = batch.bake(plan, Stage(), files, meter)
     meter.clear()
     _warn(program, result.warnings)
-    print("\n".join(line for report in result.reports for line in report.summary()))
-    print("Wrote", ", ".join(path for path in (*result.maps, options.save_blend, options.report) if path))
+    print("\n".join(line for report in result.reports for line in report.summary()), file=out)
+    print("Wrote", ", ".join(filter(None, (*result.maps, options.save_blend, _file(options.report)))), file=out)
+    if options.report == STDOUT:
+        print(batch.as_text(result.to_json()))
     return DONE
 
 
-def _bake_many(sets: Sequence[argparse.Namespace], report: str | None, program: str, meter: Meter) -> int:
+def _bake_many(plans: Sequence[Plan], files: clashes.Run, report: str | None, program: str, meter: Meter) -> int:
     """Each for itself; in the end a table, and the report of all."""
 
     def tell(result: Result) -> None:
@@ -73,19 +110,29 @@ def _bake_many(sets: Sequence[argparse.Namespace], report: str | None, program: 
             print(f"{program}: {result.name}: {result.error}", file=sys.stderr)
         _warn(f"{program}: {result.name}", result.warnings)
 
-    if report:
+    if _file(report):
         check_writable(Path(report).absolute())
-    plans, problems = batch.plans(sets)
-    _warn(program, problems)
-    results, is_stopped = batch.bake_all(plans, meter, tell)
+    results, is_stopped = batch.bake_all(plans, files, meter, tell)
     meter.clear()
     if is_stopped:
         print(f"{program}: stopped, {len(results)} of {len(plans)} were finished.", file=sys.stderr)
-    print("\n".join(batch.table(results)))
-    if report:
+    print("\n".join(batch.table(results)), file=_out(report))
+    if report == STDOUT:
+        print(batch.as_text(batch.to_json(results)))
+    elif report:
         batch.write_json(Path(report).absolute(), batch.to_json(results))
         print("Wrote", report)
     return FAILED if is_stopped or any(result.error for result in results) else DONE
+
+
+def _file(report: str | None) -> str | None:
+    """The file that a report goes to, if it is one."""
+    return None if report == STDOUT else report
+
+
+def _out(report: str | None) -> TextIO:
+    """Where a person is told what was done: standard output, unless the report has that for itself."""
+    return sys.stderr if report == STDOUT else sys.stdout
 
 
 def _warn(program: str, warnings: Sequence[str]) -> None:

@@ -80,10 +80,12 @@ def pairs(folder: str, suffixes: Suffixes) -> tuple[list[tuple[Pair, str]], list
         files = sorted(path for path in Path(folder).iterdir() if _ending(path) in ENDINGS)
     except OSError as error:
         raise BakeError(f"The folder {folder!r} cannot be read: {reason(error)}.") from error
+    files, strange = _split(files)
     places: dict[str, list[Path]] = {}
     for path in files:
         places.setdefault(path.stem, []).append(path)
     found, problems = match(places, suffixes)
+    problems += [f"{str(path)!r} is left out: its name is not UTF-8, as all names in Blender are." for path in strange]
     if not found:
         raise BakeError(" ".join(problems) or f"No mesh file in {folder!r} is called something{suffixes.low}.")
     result = []
@@ -94,6 +96,12 @@ def pairs(folder: str, suffixes: Suffixes) -> tuple[list[tuple[Pair, str]], list
         low, highs, cage = str(places[pair.low][0]), [str(places[high][0]) for high in pair.highs], pair.cage
         result.append((Pair(pair.name, low, highs, str(places[cage][0]) if cage else ""), problem))
     return result, problems
+
+
+def _split(files: Sequence[Path]) -> tuple[list[Path], list[Path]]:
+    """Those that Blender can open, and those whose names are not UTF-8."""
+    strange = [path for path in files if str(path) != str(path).encode(errors="replace").decode()]
+    return [path for path in files if path not in strange], strange
 
 
 def bring(name: str) -> list[bpy.types.Object]:

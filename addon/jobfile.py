@@ -10,10 +10,12 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from . import arguments
-from .arguments import FILE, OPTIONS, WrongUsage
+from .arguments import FILE, OPTIONS, STDOUT, WrongUsage
 from .bake.errors import BakeError
 
 DEFAULTS, SETS = "defaults", "bake"
+MOST_SAID = 80
+"""Characters of a wrong value that are shown."""
 KEYS = {"file": FILE, **{name: option for options in OPTIONS.values() for name, option in options.items()}}
 """What a set may say, as argparse.add_argument takes it."""
 
@@ -37,12 +39,10 @@ def read(name: str, more: Sequence[str] = ()) -> list[argparse.Namespace]:
         if options.report and arguments.is_folder(options):
             raise WrongUsage("report: the pairs of a folder are told of by --report of the command line alone")
         arguments.check(options)
-        arguments.settings(options).check()
         found.append(options)
 
     for number, values in enumerate([] if faults else sets, 1):
         faults += _faults(f"{name}, set {number}", lambda values=values: take(values))
-    faults = faults or [f"{name}, {clash}" for clash in _clashes(found)]
     if faults:
         raise WrongUsage("\n".join(faults))
     return found
@@ -65,6 +65,8 @@ def _load(name: str, path: Path) -> dict:
         return readers[path.suffix.lower()](path.read_text(encoding="utf-8-sig"))
     except OSError as error:
         raise WrongUsage(f"{name!r} cannot be read: {error.strerror}") from error
+    except RecursionError as error:
+        raise WrongUsage(f"{name!r} is nested too deeply to be a list of sets") from error
     except ValueError as error:  # what all three decoders raise
         raise WrongUsage(f"{name!r} is no {path.suffix[1:].upper()}: {error}") from error
 
@@ -98,6 +100,8 @@ def _arguments(values: dict, folder: Path) -> list[str]:
             close = difflib.get_close_matches(key, KEYS, n=1, cutoff=0.0)[0]
             raise WrongUsage(f"unknown key {written!r}, did you mean {close!r}?")
         words = _words(key, value)
+        if key == "report" and STDOUT in words:
+            raise WrongUsage(f"report: {STDOUT!r}, standard output, is for the command line alone")
         if KEYS[key].get("type") is arguments.path:
             words = [str(folder / word) if word else word for word in words]
         if key == "file":
@@ -107,6 +111,15 @@ def _arguments(values: dict, folder: Path) -> list[str]:
         else:
             result += [f"--{key}={word}" for word in words]
     return [*files, *result]
+
+
+def _short(value) -> str:
+    """A value as JSON has it, which may be of any length and depth."""
+    try:
+        said = json.dumps(value, default=str)
+    except RecursionError:
+        return "lists in lists"
+    return said if len(said) <= MOST_SAID else f"{said[:MOST_SAID]}…"
 
 
 def _words(key: str, value) -> list[str]:
@@ -123,16 +136,5 @@ def _words(key: str, value) -> list[str]:
         wanted = "true or false" if is_flag else "text, or a list of it" if may_repeat else "text"
         if not is_flag and not is_text:
             wanted = "a number or text"
-        raise WrongUsage(f"{key}: {wanted} is expected, not {json.dumps(value, default=str)}")
+        raise WrongUsage(f"{key}: {wanted} is expected, not {_short(value)}")
     return list(map(str, parts)) if is_text else [",".join(map(str, parts))]
-
-
-def _clashes(sets: Sequence[argparse.Namespace]) -> Iterator[str]:
-    """Sets that write what another one writes; where {low} stands in a path, the bake itself will see."""
-    first: dict[Path, int] = {}
-    for number, options in enumerate(sets, 1):
-        for name in (options.output, options.report, options.save_blend):
-            if name and "{low}" not in name:
-                other = first.setdefault(Path(name).resolve(), number)
-                if other != number:
-                    yield f"set {number}: set {other} writes {name!r} as well"

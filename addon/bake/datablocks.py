@@ -7,8 +7,8 @@ from pathlib import Path, PurePath
 import bpy
 import numpy as np
 
-TOKEN = "<UDIM>"
-"""What stands for the number of a tile in a path."""
+from .naming import file_name
+from .settings import TOKEN
 
 ORIGIN = "imprint_high"
 """A custom property of images that hold a map: the names of the high objects that it came from, a line each."""
@@ -75,7 +75,7 @@ def show(name: str, path: str, *, pack: bool = False) -> bpy.types.Image:
 
 def _pack_tiles(image: bpy.types.Image) -> None:
     image.pack()
-    place = f"//{bpy.path.clean_name(image.name)}.{TOKEN}{PurePath(image.filepath).suffix}"
+    place = f"//{file_name(image.name)}.{TOKEN}{PurePath(image.filepath).suffix}"
     image.filepath_raw = place  # loads nothing
     for packed in image.packed_files:
         packed.filepath = place.replace(TOKEN, str(packed.tile_number))
@@ -90,6 +90,19 @@ def tile_contents(image: bpy.types.Image) -> Iterator[tuple[int, bytes | Path]]:
             yield tile.number, packed[tile.number].data
         elif not packed and path.is_file():
             yield tile.number, path
+
+
+def sources() -> Iterator[tuple[str, str]]:
+    """The files that the open scene is made of, beside pictures in materials: absolute paths, and what they are."""
+    if bpy.data.filepath:
+        yield bpy.data.filepath, "the open file"
+    named = [(library.filepath, "a linked library") for library in bpy.data.libraries]
+    named += [(cache.filepath, "a cache of the scene") for cache in bpy.data.cache_files]
+    shapes = (texture.image for texture in bpy.data.textures if texture.type == "IMAGE")
+    named += [(image.filepath, f"the image {image.name!r} of a texture") for image in filter(None, shapes)]
+    for path, what in named:
+        if path:
+            yield bpy.path.abspath(path), what
 
 
 def mark_as_data(image: bpy.types.Image) -> None:

@@ -8,6 +8,10 @@ class BakeError(Exception):
     """The bake cannot be done. Its text is one sentence that names the thing to mend."""
 
 
+class WrongPlace(BakeError):
+    """A file cannot be written where it was asked to be: it would harm another one, or what is there is no file."""
+
+
 def few(things: Iterable[object], most: int = 3) -> str:
     """`things` in a sentence that stays short: some of them, and how many more there are."""
     words = list(map(str, things))

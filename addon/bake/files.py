@@ -11,7 +11,7 @@ from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from pathlib import Path
 
-from .errors import BakeError
+from .errors import BakeError, WrongPlace
 
 _NUMBERS = itertools.count()
 _MADE: set[Path] = set()
@@ -21,8 +21,8 @@ _MADE: set[Path] = set()
 def check_writable(path: Path) -> None:
     """Raise BakeError unless a file can be put at `path`; folders that are missing above it can be made then."""
     try:
-        place = _place(path)
-        folder = next(folder for folder in place.parents if os.path.lexists(folder))
+        target = place(path)
+        folder = next(folder for folder in target.parents if os.path.lexists(folder))
         # Ask the file system: permission bits say nothing about a full or read-only disk.
         with tempfile.NamedTemporaryFile(dir=folder):
             pass
@@ -30,22 +30,22 @@ def check_writable(path: Path) -> None:
         raise BakeError(f"{str(path)!r} cannot be written: {reason(error)}.") from error
 
 
-def _place(path: Path) -> Path:
+def place(path: Path) -> Path:
     """Where a file at `path` is to be put: links are followed, so that they stay.
 
-    Raises BakeError for what is there and no file, and OSError where nothing can be.
+    Raises WrongPlace for what is there and no file, and OSError where nothing can be.
     """
-    place = Path(os.path.realpath(path))
+    target = Path(os.path.realpath(path))
     try:
-        mode = os.stat(place).st_mode
+        mode = os.stat(target).st_mode
     except FileNotFoundError:
-        return place
+        return target
     if stat.S_ISDIR(mode):
-        raise BakeError(f"{str(path)!r} is a folder: name a file.")
+        raise WrongPlace(f"{str(path)!r} is a folder: name a file.")
     if not stat.S_ISREG(mode):
         kind = "pipe" if stat.S_ISFIFO(mode) else "socket" if stat.S_ISSOCK(mode) else "device"
-        raise BakeError(f"{str(path)!r} is a {kind}: name a file, which can be replaced.")
-    return place
+        raise WrongPlace(f"{str(path)!r} is a {kind}: name a file, which can be replaced.")
+    return target
 
 
 def reason(error: OSError | RuntimeError) -> str:
@@ -64,7 +64,7 @@ class Partial:
 
     def __init__(self, path: Path):
         try:
-            self.path = _place(path)
+            self.path = place(path)
         except OSError as error:
             raise BakeError(f"{str(path)!r} cannot be written: {reason(error)}.") from error
         self.here = _beside(self.path, path.suffix)

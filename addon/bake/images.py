@@ -12,10 +12,9 @@ import bpy
 import numpy as np
 
 from . import datablocks, encode, files, quantise, values
-from .datablocks import TOKEN
 from .errors import BakeError, few
 from .files import Partial, check_writable
-from .settings import FORMATS, Settings
+from .settings import FORMATS, TOKEN, Settings
 
 MISSED = "missed"
 """What the name of a mask of misses ends in."""
@@ -130,12 +129,20 @@ class Writer:
             rounded = quantise.rounded(quantise.sample(stored), settings.depth)
             self._angles.append(quantise.angles(quantise.sample(texels), rounded))
         if self._path:
-            partial = self._partials[tile] = Partial(_absolute(self._path.replace(TOKEN, str(tile))))
+            partial = self._partials[tile] = Partial(self._of_tile(tile))
             depth = 32 if self._folder and settings.depth > 8 else settings.depth  # as Blender packs other images
             with partial.told():
                 encode.write(stored, partial.here, depth)
         else:
             self._texels = stored
+
+    @property
+    def paths(self) -> list[str]:
+        """What is written to disk, by tile: whole paths, links as they are called."""
+        return [] if self._folder else [str(self._of_tile(tile)) for tile in sorted(self._partials)]
+
+    def _of_tile(self, tile: int) -> Path:
+        return _absolute(self._path.replace(TOKEN, str(tile)))
 
     @property
     def loss(self) -> dict[str, float]:
@@ -183,7 +190,7 @@ class Writer:
         with next(iter(self._partials.values())).here.open("rb") as file:
             start = file.read(2)  # in which formats differ
         for tile, content in datablocks.tile_contents(image):
-            partial = Partial(_absolute(self._path.replace(TOKEN, str(tile))))
+            partial = Partial(self._of_tile(tile))
             if tile in self._partials or (isinstance(content, Path) and content.resolve() == partial.path):
                 continue
             with partial.told():

@@ -8,11 +8,12 @@ import bpy
 import numpy as np
 
 from ..passes import resolve
-from . import datablocks, images, materials, values
-from .errors import few
+from . import datablocks, images, materials, naming, values
+from .errors import BakeError, few
+from .places import Places
 from .render import Map
 from .report import Report
-from .settings import Settings
+from .settings import TOKEN, Settings
 
 
 def wanted(settings: Settings) -> dict[str, Settings]:
@@ -24,6 +25,52 @@ def wanted(settings: Settings) -> dict[str, Settings]:
         few = name == "COVERAGE" or name.endswith("_ID")
         result[name] = images.beside(settings, name.lower(), None if few else settings.depth)
     return result
+
+
+def label(name: str) -> str:
+    """What a person calls an image of `wanted`."""
+    known = {"NORMAL": "the normal map", "MASK": "the mask of misses"}
+    return known.get(name) or f"the map {name.lower().replace('_', ' ')}"
+
+
+def check_apart(settings: Settings, each: Sequence[Settings], names: Sequence[str]) -> None:
+    """Raise BakeError if two of a bake's maps would be one, or replace a file that the scene is made of.
+
+    each, names: of each image that is baked the settings, those of `settings` filled in, and its object.
+    """
+    _check_images(each, names, _advice(settings.image))
+    check_places(each, names, _advice(settings.output))
+
+
+def _advice(name: str) -> str:
+    """What to do about two maps that would go into one place, called `name` in the settings."""
+    return "rename one of the objects" if naming.LOW in name else f"put {naming.LOW} into the name, or let them share it"
+
+
+def _check_images(each: Sequence[Settings], names: Sequence[str], advice: str) -> None:
+    """Raise BakeError if two maps would fill one image; see `check_apart`."""
+    owners: dict[str, str] = {}
+    for own, low in zip(each, names, strict=True):
+        for kind, one in wanted(own).items():
+            what = f"{label(kind)} of {low!r}"
+            other = owners.setdefault(one.image.casefold(), what)
+            if other != what:
+                raise BakeError(f"T{what[1:]} and {other} would both fill the image {one.image!r}: {advice}.")
+
+
+def check_places(each: Sequence[Settings], names: Sequence[str], advice: str) -> None:
+    """Raise WrongPlace if two files that bakes write would be one, or one of them is a file that the scene is made of.
+
+    each, names: as for `check_apart`. advice: what to do about two that would be one.
+    """
+    places = Places(advice)
+    for path, what in datablocks.sources():
+        places.read(path, what)
+    for own, low in zip(each, names, strict=True):
+        for kind, one in wanted(own).items():
+            path = images.output_for(one)
+            for tile in one.tiles or [TOKEN] if path else ():
+                places.write(bpy.path.abspath(path.replace(TOKEN, str(tile))), f"{label(kind)} of {low!r}")
 
 
 class Outputs:
@@ -74,7 +121,7 @@ class Outputs:
             )
         for low, report in zip(lows, reports, strict=True):
             report.image = stored["NORMAL"].name
-            report.output = images.output_for(settings)
+            report.output = [path for writer in self._writers.values() for path in writer.paths]
             report.tiles = [tile for tile in report.tiles if tile in self._writers["NORMAL"].tiles]
             report.loss = self._writers["NORMAL"].loss
             report.maps = {name.lower(): {"image": stored[name].name} | how for name, how in maps.items()}

@@ -11,10 +11,10 @@ import numpy as np
 from ..mesh import arrays
 from ..mesh.arrays import Mesh
 from ..passes import target
-from . import atlas, audit, casting, finish, images, materials, methods, pace, reading, render, subjects
+from . import atlas, audit, casting, finish, images, materials, methods, naming, pace, reading, render, subjects
 from .band import bands
 from .errors import BakeError, few
-from .outputs import Outputs, wanted
+from .outputs import Outputs, check_apart, wanted
 from .pace import Pace, Step, Work, part
 from .pairs import Suffixes, match
 from .report import Report
@@ -22,6 +22,8 @@ from .settings import Settings
 
 TOLD_EVERY = 0.25
 """Seconds between two steps of which somebody wants to hear."""
+ATLAS = "atlas"
+"""What stands for the low object's name where several share an image."""
 MANY_TILES = 100
 """More UDIM tiles than this are only baked by name: a single stray UV covers hundreds."""
 
@@ -118,13 +120,9 @@ def work(
     they were to share its image.
     """
     settings.check()  # before names are filled in, which may hold anything
-    named = [_for_low(settings, "atlas" if share_image else job.low.name) for job in jobs]
-    filled = [one for own in named for one in wanted(own).values()]
-    places = {images.output_for(one).casefold() for one in filled if one.storage == "FILE"}
-    if not share_image and (
-        len({one.image.casefold() for one in filled}) < len(filled) or 0 < len(places) < len(filled)
-    ):
-        raise BakeError("Several maps would go into one place: put {low} into its name, or let them share it.")
+    named = [_for_low(settings, ATLAS if share_image else job.low.name) for job in jobs]
+    each, names = (named[:1], [ATLAS]) if share_image else (named, [job.low.name for job in jobs])
+    check_apart(settings, each, names)
     for job, own in zip(jobs, named, strict=True):
         check(context, job, own)
     bakes, shared = [], atlas.Atlas(named[0])
@@ -149,7 +147,7 @@ def _for_low(settings: Settings, name: str) -> Settings:
     return replace(
         settings,
         image=images.name_for(name, settings),
-        output=settings.output.replace("{low}", bpy.path.clean_name(name)),
+        output=naming.fill(settings.output, name),
     )
 
 

@@ -53,7 +53,8 @@ class Report:
     loss: dict[str, float] = field(default_factory=dict)
     """Median and maximum of the degrees by which 8 or 16 bits turned the normals; empty where they are floats."""
     image: str = ""
-    output: str = ""
+    output: list[str] = field(default_factory=list)
+    """The files that were written, whole paths: of each tile the normal map, then of each other map."""
     backend: str = ""
     renderer: str = ""
     seconds: dict[str, float] = field(default_factory=lambda: dict.fromkeys((*STAGES, "total"), 0.0))

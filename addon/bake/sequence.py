@@ -8,7 +8,7 @@ from pathlib import PurePath
 
 import bpy
 
-from . import datablocks, images, outputs, pipeline, subjects
+from . import datablocks, images, naming, outputs, pipeline, subjects
 from .errors import BakeError
 from .pace import Pace, Step, Work, part
 from .pipeline import Job
@@ -29,6 +29,11 @@ def output_for(output: str, frame: int) -> str:
     return str(path.with_stem(f"{path.stem[:start]}{frame:0{stop - start}}{path.stem[stop:]}"))
 
 
+def filled(settings: Settings, low_name: str) -> Settings:
+    """The settings with the low object's name in the path, whose # are then still for frames alone."""
+    return replace(settings, output=naming.fill(settings.output, low_name.replace("#", "_")))
+
+
 def work(
     context: bpy.types.Context, job: Job, settings: Settings, frames: Sequence[int], speed: Pace
 ) -> Work[list[Report]]:
@@ -39,21 +44,18 @@ def work(
     _check(settings, frames)
     scene, before = context.scene.session_uid, context.scene.frame_current_final
     low = job.low.name
-    settings = replace(
-        settings,
-        image=images.name_for(low, settings),
-        output=settings.output.replace("{low}", bpy.path.clean_name(low)),
-    )
+    settings = replace(filled(settings, low), image=images.name_for(low, settings))
     plain = replace(settings, image=PASSING, material=False)
     image = datablocks.get(settings.image)
     if image is not None and image.source not in {"GENERATED", "FILE", "SEQUENCE"}:
         raise BakeError(f"The image {image.name!r} is no picture or sequence: choose another name for the map.")
+    each = [replace(plain, output=output_for(settings.output, frame)) for frame in frames]
+    outputs.check_places(each, [low] * len(each), "let the number of the frame stand in the name")
     reports: list[Report] = []
     try:
         for number, frame in enumerate(frames):
             _go_to(scene, frame)
-            own = replace(plain, output=output_for(settings.output, frame))
-            steps = part(pipeline.work(context, [job], own, speed), number / len(frames), (number + 1) / len(frames))
+            steps = part(pipeline.work(context, [job], each[number], speed), number / len(frames), (number + 1) / len(frames))
             try:
                 while True:
                     step = next(steps)

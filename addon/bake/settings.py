@@ -22,6 +22,8 @@ STORAGES = ("PACK", "FILE", "MEMORY")
 MIN_SIZE, MAX_SIZE = 16, 16384
 TILES = range(1001, 2001)
 """The UDIM tiles that Blender knows: 1001 + u + 10 v, u below 10 and v below 100."""
+TOKEN = "<UDIM>"
+"""What stands for the number of a tile in a path."""
 FORMATS = {
     ".png": ("PNG", (8, 16)),
     ".exr": ("OPEN_EXR", (16, 32)),
@@ -166,10 +168,12 @@ class Settings:
         ending = PurePath(self.output).suffix.lower()
         if ending not in FORMATS:
             raise BakeError(f"{self.output!r} does not end in one of {', '.join(FORMATS)}.")
-        if "<UDIM>" in self.output and not self.udim:
+        if TOKEN in self.output and not self.udim:
             raise BakeError(
-                f"{self.output!r} holds <UDIM>, but the map is to have one tile alone: choose UDIM as well."
+                f"{self.output!r} holds {TOKEN}, but the map is to have one tile alone: choose UDIM as well."
             )
+        if TOKEN in str(PurePath(self.output).parent):
+            raise BakeError(f"{self.output!r} has {TOKEN} in a folder's name: Blender looks for it in the file's alone.")
         depths = FORMATS[ending][1]
         if self.depth not in depths:
             raise BakeError(f"A {ending} file holds {' or '.join(map(str, depths))} bits a channel, not {self.depth}.")

@@ -551,18 +551,22 @@ def test_a_map_is_not_written_over_by_a_later_set(scenes, run):
     code, _, err = run("--jobs", "jobs.json")
     assert code == commands.FAILED
     (line,) = err.splitlines()
-    assert line.startswith(f"imprint: set 2 (rock.blend): {str(scenes / 'rock_a_low.png')!r} was written by set 1")
+    assert line.startswith("imprint: set 2 (rock.blend): The normal map of 'rock_a_low' of set 2 (rock.blend) and ")
+    assert "the normal map of set 1 (rock_a_low) would both be" in line
     assert "rock_b_low.png" not in files(scenes)
 
 
-def test_a_set_that_failed_keeps_no_place(scenes, run):
-    bad = {"file": "in/rock.blend", "low": "rock_a_low", "high": "rock_a_low", "output": "{low}.png"}
-    good = {**bad, "high": "rock_a_high"}
-    (scenes / "jobs.json").write_text(jobs(bad, good))
-    code, _, err = run("--jobs", "jobs.json")
-    assert code == commands.FAILED
-    assert len(err.splitlines()) == 1
-    assert "rock_a_low.png" in files(scenes)
+def test_sets_that_clash_are_told_before_the_first_is_baked(scenes, run):
+    a = {"file": "in/rock.blend", "low": "rock_a_low", "high": "rock_a_high", "output": "{low}.png"}
+    b = {**a, "low": "rock_b_low", "high": "rock_b_high", "report": "r.json"}
+    (scenes / "jobs.json").write_text(jobs(a, b, {**a, "mask": True}, {**b, "output": "x.png"}))
+    before = files(scenes)
+    code, out, err = run("--jobs", "jobs.json")
+    assert (code, out) == (commands.WRONG_USAGE, "")
+    third, fourth = err.splitlines()
+    assert "set 3 (rock_a_low): The normal map of set 3 (rock_a_low) and the normal map of set 1 (rock_a_low)" in third
+    assert "the report of set 2 (rock_b_low) would both be" in fourth
+    assert files(scenes) == before
 
 
 @pytest.mark.parametrize(
@@ -571,7 +575,6 @@ def test_a_set_that_failed_keeps_no_place(scenes, run):
         ({"file": "none.blend"}, "There is no file"),
         ({"file": "jobs.json"}, "could not be opened"),
         ({"output": "jobs.json/m.png"}, "Not a directory"),
-        ({"save-blend": "m.txt"}, "does not end in .blend"),
         ({"cage": "none"}, "There is no object called 'none'"),
     ],
 )
@@ -745,7 +748,7 @@ def test_a_sequence_has_a_file_and_a_report_for_each_frame(tmp_path):
     maps = [str(tmp_path / f"map.{frame:02}.png") for frame in (1, 2, 3)]
     assert sorted(map(str, tmp_path.glob("*.png"))) == maps
     report = json.loads((tmp_path / "report.json").read_text())
-    assert [frame["output"] for frame in report["frames"]] == maps
+    assert [frame["output"] for frame in report["frames"]] == [[path] for path in maps]
 
 
 @pytest.mark.parametrize("wrong", ["3-1", "1", "a-b", "1-", "-3"])

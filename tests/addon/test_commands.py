@@ -132,18 +132,29 @@ CANNOT = {
     "nothing alike": ([*BAKE, "--low", "Suzanne", "--output", "m.png"], "it has 2 objects"),
     "no detail": ([*BAKE[:3], "--output", "m.png"], "'lo' is both high and low"),
     "no such UV map": ([*BAKE, "--uv", "Lightmap", "--output", "m.png"], "'lo' has no UV layer 'Lightmap'"),
+    "file for a folder": ([*BAKE, "--output", "broken.blend/m.png"], "Not a directory"),
+}
+
+
+MAKES_NO_SENSE = {
     "size 0": ([*BAKE, "--size", "0", "--output", "m.png"], "0 x 0"),
-    "size 0, before a file is opened that may take long": (
-        ["none.blend", *BAKE[1:-1], "0", "--output", "m.png"],
-        "0 x 0",
-    ),
     "size beyond all": ([*BAKE, "--size", "9" * 30, "--output", "m.png"], "16384"),
     "negative margin": ([*BAKE, "--margin", "-1", "--output", "m.png"], "-1"),
     "format": ([*BAKE, "--output", "m.jpg"], "one of .png, .exr"),
     "format and depth": ([*BAKE, "--output", "m.png", "--depth", "32"], "8 or 16 bits"),
     "folder for a report": ([*BAKE, "--output", "m.png", "--report", "scene"], "is a folder"),
-    "file for a folder": ([*BAKE, "--output", "broken.blend/m.png"], "Not a directory"),
+    "size 0, before a file is opened that may take long": (
+        ["none.blend", *BAKE[1:-1], "0", "--output", "m.png"],
+        "0 x 0",
+    ),
+    "the ending of a scene": ([*BAKE, "--output", "m.png", "--save-blend", "s.txt"], "does not end in .blend"),
 }
+
+
+@pytest.mark.parametrize("case", MAKES_NO_SENSE)
+def test_what_makes_no_sense_is_wrong_usage(fails, case):
+    arguments, words = MAKES_NO_SENSE[case]
+    assert words in fails(commands.WRONG_USAGE, *arguments)
 
 
 @pytest.mark.parametrize("case", CANNOT)
@@ -222,7 +233,7 @@ def test_a_link_stays_and_a_pipe_is_refused(scene, capsys, option):
     others = [scene / name for name in names.values() if name != link.name]
     for path in others:
         path.unlink()
-    assert commands.run(words) == commands.FAILED
+    assert commands.run(words) == commands.WRONG_USAGE
     assert "is a pipe" in capsys.readouterr().err
     assert link.is_fifo()
     assert not any(path.exists() for path in others)
@@ -295,7 +306,7 @@ def test_the_report(scene):
     assert (report["low"], report["high"], report["uv_layer"]) == ("lo", ["hi"], zoo.LAYER)
     assert report["triangles"] == {"high": 2, "low": 2}
     assert report["coverage"] == 1.0
-    assert report["output"] == str(scene / "m.png")
+    assert report["output"] == [str(scene / "m.png")]
     assert report["image"] == "lo_normal"
     assert report["backend"]
     assert report["renderer"]
@@ -473,7 +484,7 @@ def test_wrong_usage_of_rays(arguments, capsys):
 
 def test_distances_cage_and_mask(scene, fails):
     cast = ["scene/file.blend", "--low", "lo", "--high", "hi", "--method", "cast", "--size", "16", "--depth", "8"]
-    assert "no distance" in fails(commands.FAILED, *cast, "--extrusion=-1", "--output", "n.png")
+    assert "no distance" in fails(commands.WRONG_USAGE, *cast, "--extrusion=-1", "--output", "n.png")
     assert "no object called 'cag'" in fails(commands.FAILED, *cast, "--cage", "cag", "--output", "n.png")
     # The high plane rises from -1 to 1 over the low one: rays of 0.5 reach its middle half.
     numbers = ["--extrusion", "0.5", "--max-distance", "1", "--missed", "1,0,1"]
@@ -492,10 +503,9 @@ def test_what_was_written_is_told(scene, capsys):
     assert capsys.readouterr().out.rstrip().endswith(f"Wrote {scene / 'm.png'}, {scene / 'm_missed.png'}, r.json")
 
 
-def test_a_forgotten_file_and_a_wrong_ending(scene, fails):
+def test_a_forgotten_file(fails):
     forgotten = ["--low", "lo", "--high", "hi", "--output", "m.png"]
     assert fails(commands.FAILED, *forgotten) == "imprint: There is no scene to bake: give a FILE."
-    assert "does not end in .blend" in fails(commands.FAILED, *BAKE, "--output", "m.png", "--save-blend", "s.txt")
 
 
 def test_stopping_is_told_in_one_line(scene, monkeypatch, capsys):

@@ -171,6 +171,6 @@ def test_what_was_missed_is_nobodys():
 def test_two_bakes_share_no_image_and_no_file(tmp_path, names, values):
     jobs = [pipeline.Job(zoo.plane(name), [zoo.plane(f"high of {name}")]) for name in names]
     own = {**values, "output": str(tmp_path / values["output"]), "storage": "FILE"}
-    with pytest.raises(BakeError, match="one place"):
+    with pytest.raises(BakeError, match="would both"):
         pipeline.bake_all(bpy.context, jobs, Settings("FLATTEN", width=32, height=32, **own))
     assert list(tmp_path.iterdir()) == []

@@ -47,12 +47,12 @@ def test_each_frame_has_the_map_of_its_surface(job, tmp_path):
     bpy.context.scene.frame_set(3)
     frames = range(1, 12, 5)
     reports = finish(sequence.work(bpy.context, job, settings(tmp_path), frames, Pace()))
-    assert [report.output for report in reports] == [str(tmp_path / f"map_{frame:04}.exr") for frame in frames]
+    assert [report.output for report in reports] == [[str(tmp_path / f"map_{frame:04}.exr")] for frame in frames]
     assert sorted(path.name for path in tmp_path.iterdir()) == ["map_0001.exr", "map_0006.exr", "map_0011.exr"]
     for frame, report in zip(frames, reports, strict=True):
         slope = (frame - 1) / 10
         normal = np.array([-slope, 0.0, 1.0]) / np.hypot(slope, 1.0)
-        image = bpy.data.images.load(report.output)
+        image = bpy.data.images.load(*report.output)
         assert np.abs(pixels(image)[8, 8, :3] - (normal * 0.5 + 0.5)).max() < 1e-6
     assert bpy.context.scene.frame_current == 3
     image = bpy.data.images["lo_normal"]

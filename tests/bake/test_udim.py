@@ -381,7 +381,7 @@ def test_a_mesh_over_three_tiles_gets_three_files(tmp_path):
     assert sorted(os.listdir(tmp_path)) == sorted(
         [*(f"map.{tile}.png" for tile in TILES), *(f"map_missed.{tile}.png" for tile in TILES)]
     )
-    assert report.output == str(tmp_path / "map.<UDIM>.png")
+    assert report.output == [str(tmp_path / f"{name}.{tile}.png") for name in ("map", "map_missed") for tile in TILES]
     assert report.tiles == list(TILES)
     assert set(report.loss) == {"median", "maximum"}
     assert numbers(bpy.data.images["map"]) == numbers(bpy.data.images["map_missed"]) == TILES

@@ -10,7 +10,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from addon.bake import images, outputs, pipeline, values
+from addon.bake import images, naming, outputs, pipeline, values
 from addon.bake.errors import BakeError
 
 from . import maps
@@ -40,7 +40,7 @@ def of_bake(low, highs, settings, folder, cage=None):
         assert not written, written
         return sentence
     _check_report(report)
-    plan = outputs.wanted(replace(settings, image=report.image, output=report.output))
+    plan = outputs.wanted(replace(settings, image=report.image, output=naming.fill(settings.output, report.low)))
     _check_changes(changed, low, [own.image for own in plan.values()])
     expected = set()
     for name, own in plan.items():
@@ -57,6 +57,7 @@ def of_bake(low, highs, settings, folder, cage=None):
             expected.add(file)
             _check_file(file, own, is_colour=is_colour)
     assert written == expected, written
+    assert {Path(path) for path in report.output} == expected
     return report
 
 

@@ -2,6 +2,7 @@
 """What the command line and job files understand, and what they say of the rest, before anything is baked."""
 
 import json
+import os
 from dataclasses import fields
 
 import pytest
@@ -93,6 +94,21 @@ def test_what_switches_tiles_on(words):
     assert settings(*words.split()).udim
 
 
+@pytest.mark.skipif(os.name == "nt", reason="two slashes start a server's name there")
+@pytest.mark.parametrize("slashes", ["//", "///", "////"])
+@pytest.mark.parametrize("option", ["output", "report", "save-blend", "low-file", "jobs", "pairs", "file"])
+def test_two_slashes_are_one(option, slashes):
+    """As a shell's $ROOT/map.png makes them; to Blender they would be the folder of the open file."""
+    words = [f"{slashes}x/y.png"] if option == "file" else [f"--{option}", f"{slashes}x/y.png"]
+    found = vars(arguments.parse(words))[option.replace("-", "_")]
+    assert found in ("/x/y.png", ["/x/y.png"])
+
+
+def test_two_slashes_of_a_job_file_are_one(write):
+    (found,) = jobfile.read(write({"bake": [{"file": "//a.blend", "low": "a", "output": "//m.png"}]}, "jobs/jobs.json"))
+    assert (found.file, arguments.settings(found).output) == (["/a.blend"], "/m.png")
+
+
 @pytest.mark.parametrize("ending", FORMATS)
 def test_the_usual_depth_is_the_best_up_to_16_that_the_format_has(ending):
     found = settings("--output", f"m{ending.upper()}")
@@ -120,8 +136,10 @@ WRONG = {
     "a folder and a scene": ("x.blend --pairs folder --output {low}.png", "name no others"),
     "a folder and one map": ("--pairs folder --output m.png", "put {low} into --output"),
     "a folder and one scene": ("--pairs folder --output {low}.png --save-blend s.blend", "--save-blend"),
-    "a map over a mesh": ("--low-file a.obj --output m.png --report a.obj", "different"),
-    "a scene over one of two": ("a.blend b.blend --low a --output m.png --save-blend b.blend", "different"),
+    "a wrong ending": ("--low a --output m.jpg", "does not end in one of .png"),
+    "a scene with a wrong ending": ("--low a --output m.png --save-blend s.txt", "does not end in .blend"),
+    "no size": ("--low a --output m.png --size 0", "0 x 0"),
+    "a tile in a folder's name": ("--low a --output <UDIM>/m.png", "in a folder's name"),
     "no such map": ("--low a --output m.png --maps heigth", "'heigth' is not one of position, height"),
     "no such axis": ("--low a --output m.png --red x", "'x' is not one of +x, -x"),
     "no such margin": ("--low a --output m.png --margin-type wide", "not one of extend, adjacent-faces"),
@@ -298,11 +316,13 @@ FAULTS = {
     "no sets": ("[defaults]\nsize = 4", ": 'bake' must be a list of sets"),
     "a set alone": ("[bake]\nlow = 'a'", ": 'bake' must be a list of sets"),
     "defaults in a list": ("[[defaults]]\nsize = 4\n" + FIRST, ": 'defaults' must be a table"),
-    "one map for two": (FIRST + FIRST, "set 2: set 1 writes '{here}/1.png' as well"),
     "a report of a folder": (
         "[[bake]]\npairs='x'\noutput='{low}.png'\nreport='r.json'",
         "set 1: report: the pairs of a folder",
     ),
+    "a scene with a wrong ending": (FIRST + "save-blend='s.txt'", "set 1: '{here}/s.txt' does not end in .blend"),
+    "standard output": (FIRST + "report='-'", "set 1: report: '-', standard output, is for the command line alone"),
+    "a long value": (FIRST + "size = [" + "[1]," * 999 + "]", "set 1: size: a number or text is expected"),
     "no TOML": ("[[bake]\nlow = 3", "'jobs/jobs.toml' is no TOML: "),
 }
 
@@ -317,6 +337,7 @@ def test_a_fault_is_one_line_that_names_the_place(write, tmp_path, case):
     assert said.replace("{here}", str(tmp_path / "jobs")) in message
     assert name in message
     assert "\n" not in message
+    assert len(message) < 500
 
 
 def test_all_sets_with_a_fault_are_told_at_once(write):
@@ -334,6 +355,10 @@ def test_all_sets_with_a_fault_are_told_at_once(write):
         ("jobs/jobs.json", "{'bake': []}", "is no JSON"),
         ("jobs/jobs.json", {"bake": [{"low": None}]}, "set 1: low: text is expected, not null"),
         ("jobs/jobs.json", {"bake": [{"low": "a\0"}]}, "set 1: low: 'a\\x00' holds a zero"),
+        ("jobs/jobs.json", "[" * 100_000, "nested too deeply"),
+        ("jobs/jobs.toml", "a = " + "[" * 100_000, "nested too deeply"),
+        ("jobs/jobs.json", '{"bake": [{"low": ' + "[" * 900 + "]" * 900 + "}]}", "set 1: low: text is expected"),
+        ("jobs/jobs.json", {"bake": [{"low": "a\udcff"}]}, "is not UTF-8"),
         ("jobs/jobs.txt", TOML, "does not end in .toml or .json"),
     ],
 )

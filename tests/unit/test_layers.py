@@ -16,7 +16,10 @@ MAY_IMPORT = {
     "passes": {"passes"},
     "mesh": {"mesh"},
 }
-PURE = ["addon/bake/settings.py", "addon/bake/errors.py", "addon/bake/report.py", "addon/mesh/arrays.py"]
+PURE = [
+    *("addon/bake/settings.py", "addon/bake/errors.py", "addon/bake/report.py", "addon/mesh/arrays.py"),
+    *("addon/bake/files.py", "addon/bake/places.py", "addon/companions.py"),
+]
 """Plain data and numbers: of use without Blender."""
 
 

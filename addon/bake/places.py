@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which files a run reads and which it writes. No two of them may be one file, whatever the paths look like."""
+
+import os
+import re
+import unicodedata
+from collections.abc import Hashable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from . import files
+from .errors import WrongPlace
+from .settings import TOKEN
+
+_TILE = re.compile(r"(?=(1\d{3}|2000))")
+_UNFINISHED = re.compile(r"\.imprint\..*\.partial")
+"""What Imprint calls the files that it has not finished, and may sweep away."""
+
+
+@dataclass(frozen=True)
+class _Use:
+    what: str
+    path: str
+    by: Hashable
+
+
+@dataclass
+class _Table:
+    """Uses by the keys of their paths."""
+
+    exact: dict[Hashable, list[_Use]] = field(default_factory=dict)
+    tiles: dict[Hashable, list[_Use]] = field(default_factory=dict)
+    """By what the path of a tile is called with TOKEN in place of its number."""
+    folders: dict[Hashable, list[_Use]] = field(default_factory=dict)
+    """By the folders that are to be made."""
+
+    def add(self, keys: "_Keys", use: _Use) -> None:
+        for table, own in ((self.exact, keys.exact), (self.tiles, keys.tiles), (self.folders, keys.folders)):
+            for key in own:
+                table.setdefault(key, []).append(use)
+
+    def find(self, keys: "_Keys", spared: Hashable = None) -> _Use | None:
+        """Who uses the same file, or one that is a folder for the other; not counting what `spared` does."""
+        pairs = (
+            *((self.exact, key) for key in (*keys.exact, *keys.tiles, *keys.folders)),
+            *((table, key) for table in (self.tiles, self.folders) for key in keys.exact),
+        )
+        found = (use for table, key in pairs for use in table.get(key, ()))
+        return next((use for use in found if spared is None or use.by != spared), None)
+
+
+@dataclass(frozen=True)
+class _Keys:
+    """What a path is known by: equal where two paths may lead to one file."""
+
+    exact: tuple[Hashable, ...]
+    tiles: tuple[Hashable, ...]
+    folders: tuple[Hashable, ...]
+
+
+class Places:
+    """Add what is read first, then what is written. A path may hold TOKEN for the numbers of tiles."""
+
+    def __init__(self, advice: str = "give each a place of its own"):
+        """advice: what to do about two that would be written to one place."""
+        self._advice = advice
+        self._reads, self._writes = _Table(), _Table()
+        self._folders: dict[str, tuple[Hashable, tuple[str, ...]]] = {}
+
+    def read(self, path: str, what: str, by: Hashable = None) -> None:
+        """Say that `path` is read, as `what`. Raises WrongPlace where it is written as well."""
+        keys, use = self._keys(path), _Use(what, path, by)
+        written = self._writes.find(keys)
+        if written is not None:
+            raise _over(written, use)
+        self._reads.add(keys, use)
+
+    def write(self, path: str, what: str, by: Hashable = None, *, may_replace: Hashable = None) -> None:
+        """Say that `path` is written, as `what`. Raises WrongPlace where it is read or written as well, or is no file.
+
+        may_replace: the `by` of reads that do not count, as those of the scene that is saved over itself.
+        """
+        with suppress(OSError):  # which the bake will tell
+            files.place(Path(path))
+        keys, use = self._keys(path), _Use(what, path, by)
+        read = self._reads.find(keys, may_replace)
+        if read is not None:
+            raise _over(use, read)
+        written = self._writes.find(keys)
+        if written is not None:
+            raise WrongPlace(
+                f"{_subject(use)} and {written.what} would both be {_both(path, written.path)}: {self._advice}."
+            )
+        self._writes.add(keys, use)
+
+    def _keys(self, path: str) -> _Keys:
+        """Raises WrongPlace for a name that only unfinished files have."""
+        path = os.path.join(os.getcwd(), path)
+        if os.path.islink(path) or os.path.basename(path) in {"", ".", ".."}:
+            path = os.path.realpath(path)
+        if _UNFINISHED.match(os.path.basename(path)):
+            raise WrongPlace(f"{path!r} is called as only Imprint's own unfinished files are: rename it.")
+        parent, name = os.path.split(path)
+        root, above = self._folder(parent)
+        name = _folded(name)
+        exact = [(root, *above, name)]
+        if TOKEN not in path:
+            try:
+                found = os.stat(path)
+                exact.append((found.st_dev, found.st_ino))  # of hard links the same
+            except (OSError, ValueError):  # not there yet, or no path at all
+                pass
+        tiles = [(root, *above, other) for other in _without_numbers(name)]
+        folders = [(root, *above[: end + 1]) for end in range(len(above))]
+        return _Keys(tuple(exact), tuple(tiles), tuple(folders))
+
+    def _folder(self, path: str) -> tuple[Hashable, tuple[str, ...]]:
+        """The folder at `path`: what tells the nearest one that is there, and the names of those below it."""
+        if path not in self._folders:
+            real = os.path.realpath(path)
+            try:
+                found = os.stat(real)
+                self._folders[path] = (found.st_dev, found.st_ino), ()
+            except (OSError, ValueError):
+                parent, name = os.path.split(real)
+                root, above = self._folder(parent) if name else (real, ())
+                self._folders[path] = root, (*above, _folded(name))
+        return self._folders[path]
+
+
+def _folded(name: str) -> str:
+    """A name as the least exact of file systems reads it: in any case, composed or not."""
+    return unicodedata.normalize("NFC", unicodedata.normalize("NFD", name).casefold())
+
+
+def _without_numbers(name: str) -> Iterator[str]:
+    """A folded name with the token for each number of a tile in it."""
+    for found in _TILE.finditer(name):
+        if "1001" <= found[1] <= "2000":
+            yield f"{name[: found.start(1)]}{_folded(TOKEN)}{name[found.end(1) :]}"
+
+
+def _over(written: _Use, read: _Use) -> WrongPlace:
+    return WrongPlace(
+        f"{_subject(written)} would be written over {read.what}, {_both(read.path, written.path)}: give it a place of its own."
+    )
+
+
+def _subject(use: _Use) -> str:
+    return use.what[:1].upper() + use.what[1:]
+
+
+def _both(path: str, other: str) -> str:
+    return repr(path) if path == other else f"{path!r}, which is {other!r} as well"

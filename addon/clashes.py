@@ -1,0 +1,146 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the command line reads and writes, in all its bakes: found to clash before anything is written."""
+
+import argparse
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import bpy
+
+from . import arguments, companions
+from .arguments import STDOUT
+from .bake import datablocks, images, naming, outputs, sequence
+from .bake.errors import WrongPlace
+from .bake.pipeline import ATLAS
+from .bake.places import Places
+from .bake.settings import TOKEN, Settings
+from .importing import ENDINGS
+
+
+class Run:
+    """The files of all bakes of one call."""
+
+    def __init__(self):
+        self.places = Places()
+        self._told: set[str] = set()
+        """The bakes whose maps are known to `places`."""
+
+    def add(
+        self,
+        bakes: Sequence[tuple[str, argparse.Namespace]],
+        jobs: str | None = None,
+        report: str | None = None,
+        folders: Iterable[str] = (),
+    ) -> list[str]:
+        """Take bakes to come by their names, which differ, the file that lists them, the report of all, folders of meshes.
+
+        Returns a sentence for each bake that would harm a file, or be harmed by another one.
+        """
+        problems = []
+
+        def look(name: str, act: Callable, *more) -> None:
+            try:
+                act(*more)
+            except WrongPlace as problem:
+                problems.append(f"{name}: {problem}" if name else str(problem))
+
+        if jobs:
+            look("", self.places.read, jobs, "the job file")
+        for path in (path for folder in dict.fromkeys(folders) for path in _meshes_in(folder)):
+            look("", self.places.read, path, "a mesh in the folder")
+        for name, options in bakes:
+            look(name, self._read, name, options)
+        for name, options in bakes:
+            look(name, self._write, name, options)
+        if report and report != STDOUT:
+            look("", self.places.write, report, "the report of all")
+        return problems
+
+    def opened(self, name: str, options: argparse.Namespace, lows: Sequence[str]) -> None:
+        """Take what is known of a bake once its files are open: `lows` are the names of its low objects.
+
+        Raises WrongPlace.
+        """
+        for path, what in _drawn_in(options):
+            if path != bpy.data.filepath:  # which is known, and may be saved over
+                self.places.read(path, _of(what, name), name)
+        if name not in self._told:
+            self._write_maps(name, options, lows)
+
+    def _read(self, name: str, options: argparse.Namespace) -> None:
+        for path, what, by in _read_by(options):
+            self.places.read(path, _of(what, name), (name, by))
+
+    def _write(self, name: str, options: argparse.Namespace) -> None:
+        low = options.low or (Path(options.low_file).stem if options.low_file else "")
+        if not low and naming.LOW not in options.output:
+            low = ATLAS
+        if low:
+            self._write_maps(name, options, [low])
+        if options.report and options.report != STDOUT:
+            self.places.write(options.report, _of("the report", name), name)
+        if options.save_blend:
+            own = (name, "scene") if len(options.file) < 2 else None
+            self.places.write(options.save_blend, _of("the scene to save", name), name, may_replace=own)
+
+    def _write_maps(self, name: str, options: argparse.Namespace, lows: Sequence[str]) -> None:
+        self._told.add(name)
+        several = len(lows) > 1
+        for low in lows:
+            for path, what in maps(arguments.settings(options), low, frames(options)):
+                self.places.write(path, _of(f"{what} of {low!r}" if several else what, name), name)
+
+
+def frames(options: argparse.Namespace) -> range:
+    """The frames of a sequence; none for a single map."""
+    return range(options.frames[0], options.frames[1] + 1) if options.frames else range(0)
+
+
+def maps(settings: Settings, low: str, of_frames: Sequence[int] = ()) -> Iterator[tuple[str, str]]:
+    """The files that a bake of the object `low` writes, with what they are; TOKEN stands for tiles that are not named."""
+    plain = sequence.filled(settings, low) if of_frames else replace(settings, output=naming.fill(settings.output, low))
+    each = [replace(plain, output=sequence.output_for(plain.output, frame)) for frame in of_frames] or [plain]
+    for one in each:
+        for kind, own in outputs.wanted(one).items():
+            path = images.output_for(own)
+            for tile in own.tiles or [TOKEN]:
+                yield path.replace(TOKEN, str(tile)), outputs.label(kind)
+
+
+def _of(what: str, name: str) -> str:
+    return f"{what} of {name}" if name else what
+
+
+def _read_by(options: argparse.Namespace) -> Iterator[tuple[str, str, str]]:
+    """What a bake reads: paths, what they are, and "scene" for what it may be saved over."""
+    opened = options.file or ([bpy.data.filepath] if not (options.low_file or arguments.is_folder(options)) else [])
+    for path in filter(None, opened):
+        yield path, "the file to open", "scene"
+    parts = [(options.low_file, "low"), *((name, "high") for name in options.high_file), (options.cage_file, "cage")]
+    for path, role in parts:
+        if path:
+            yield path, f"the {role} mesh's file", ""
+    for path in [*opened, *(path for path, _ in parts if path)]:
+        for other in companions.of(Path(path)):
+            yield str(other), f"what {os.path.basename(path)!r} refers to", ""
+
+
+def _meshes_in(folder: str) -> list[str]:
+    try:
+        names = os.listdir(folder)
+    except OSError:  # of which the bake will tell
+        return []
+    return [os.path.join(folder, name) for name in names if name.lower().endswith(ENDINGS)]
+
+
+def _drawn_in(options: argparse.Namespace) -> Iterator[tuple[str, str]]:
+    """What the files that are open now have drawn in: libraries, caches, textures of imported meshes."""
+    yield from datablocks.sources()
+    # The images of a .blend may be maps of an earlier bake, which the next one is to replace.
+    named = [*options.file, *filter(None, (options.low_file, *options.high_file, options.cage_file))]
+    if named and not any(Path(name).suffix.lower().startswith(".blend") for name in named):
+        for image in bpy.data.images:
+            if image.filepath and image.source in {"FILE", "TILED", "SEQUENCE"}:
+                yield bpy.path.abspath(image.filepath), "a texture of the meshes"

@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The files that a mesh file refers to: its materials, its buffers, its textures."""
+
+import json
+import os
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+from urllib.parse import unquote
+
+MOST = 1 << 24
+"""Bytes of a file that are looked at: an .obj names its materials before its points, and what is longer as JSON holds
+its buffers itself."""
+
+
+def of(path: Path) -> Iterator[Path]:
+    """What the mesh file at `path` names; of formats that only their importers read, nothing."""
+    find = {".obj": _of_obj, ".gltf": _of_gltf, ".glb": _of_glb}.get(path.suffix.lower())
+    if find is None:
+        return
+    try:
+        names = list(find(path))
+    except (OSError, ValueError, RecursionError, struct.error):  # the importer will tell what is wrong with it
+        return
+    for name in names:
+        yield path.parent / name
+
+
+def _of_obj(path: Path) -> Iterator[str]:
+    for library in _said(path, ("mtllib",)):
+        yield library
+        try:
+            maps = list(_said(path.parent / library, ("map_", "bump", "disp", "decal", "refl", "norm")))
+        except (OSError, ValueError):
+            continue
+        # Options may stand before the name, which may hold spaces.
+        yield from (os.path.join(os.path.dirname(library), name) for said in maps for name in {said, said.split()[-1]})
+
+
+def _said(path: Path, words: tuple[str, ...]) -> Iterator[str]:
+    """What stands behind these words at the start of a line."""
+    with path.open("rb") as file:
+        text = file.read(MOST).decode(errors="surrogateescape")
+    for line in text.splitlines():
+        word, _, rest = line.strip().partition(" ")
+        if rest.strip() and word.lower().startswith(words):
+            yield rest.strip()
+
+
+def _of_gltf(path: Path) -> Iterator[str]:
+    if path.stat().st_size <= MOST:
+        yield from _named_in(path.read_bytes())
+
+
+def _of_glb(path: Path) -> Iterator[str]:
+    with path.open("rb") as file:
+        (length,) = struct.unpack_from("<12xI", file.read(20))  # of the first chunk, which is the JSON
+        if length <= MOST:
+            yield from _named_in(file.read(length))
+
+
+def _named_in(content: bytes) -> Iterator[str]:
+    """The files that the JSON of a glTF names."""
+    table = json.loads(content)
+    for key in ("buffers", "images"):
+        found = table.get(key, []) if isinstance(table, dict) else []
+        for entry in found if isinstance(found, list) else []:
+            uri = entry.get("uri") if isinstance(entry, dict) else None
+            if isinstance(uri, str) and not uri.startswith("data:"):
+                yield unquote(uri)
