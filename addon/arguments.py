@@ -17,6 +17,7 @@ from .bake.settings import (
     FORMATS,
     MAPS,
     MARGINS,
+    MAX_MIPS,
     METHODS,
     MODIFIERS,
     SAMPLES,
@@ -239,6 +240,13 @@ OPTIONS: dict[str, dict[str, dict]] = {
             default=_USUAL.margin_type,
             help="filled with the nearest texel, or with what lies across the seam (default: extend)",
         ),
+        "mips": {
+            "type": int,
+            "choices": range(MAX_MIPS + 1),
+            "default": _USUAL.mips,
+            "metavar": "LEVELS",
+            "help": "how many mip levels the checks want clean: 3 take 8 texels between UV islands (default: %(default)s)",
+        },
         "missed": {
             "type": _colour,
             "default": _USUAL.missed,

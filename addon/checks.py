@@ -10,18 +10,45 @@ from .bake.errors import BakeError
 from .bake.report import Report
 
 WORDS = {
-    "overlap": ("Shared texels", "Texels that two triangles of the low mesh or more share: they show one of them"),
-    "uncovered": ("Without high", "Texels of the low mesh that no high triangle covers, or whose ray hit nothing"),
-    "far": ("Far apart", "Texels whose points on the low and the high mesh lie farther apart than the limit"),
-    "mirrored": ("Mirrored", "Triangles that are mirrored in UV space"),
+    "overlap": (
+        "Overlapping UVs",
+        "Texels that two triangles of the low mesh or more share: they show one of them. Parts that lie on the very same "
+        "place, as mirrored halves do, share their detail on purpose and do no harm in tangent space",
+    ),
+    "uncovered": ("Uncovered", "Texels of the low mesh that no high triangle covers, or whose ray hit nothing"),
+    "far": ("Far", "Texels whose points on the low and the high mesh lie farther apart than the limit"),
+    "gaps": (
+        "Close islands",
+        "Texels so close to another UV island, or to the border of the map, that the smaller mip levels mix them. How many "
+        "levels count is set beside the margin",
+    ),
+    "backwards": (
+        "Z below 0",
+        "Texels whose tangent-space normal points into the surface: lost by readers that store x and y and rebuild z",
+    ),
+    "mirrored": (
+        "Mirrored UVs",
+        "Triangles that are mirrored in UV space: right practice, as long as the reader knows",
+    ),
     "outside": (
         "Outside the tile",
-        "Triangles that reach outside the UV tile, or the UDIM tiles, and are cut off there",
+        "Triangles that reach outside the UV tile, or the UDIM tiles, and are cut off there. Parts that were moved by whole "
+        "tiles off others on which they lie when taken back do no harm",
     ),
-    "no_area": ("No UV area", "Triangles without area in UV space, which cannot be drawn"),
+    "no_area": ("Zero-area UVs", "Triangles without area in UV space, which cannot be drawn"),
+    "hard_edges": (
+        "Hard edges, no seam",
+        "Hard edges inside a UV island: each costs a visible line in tangent space. Mark a seam there and unwrap, or shade "
+        "smooth",
+    ),
+    "behind": (
+        "Normals behind",
+        "Triangles with a shading normal that points behind them, where no tangent-space map can be right",
+    ),
     "polygons": ("Quads, n-gons", "Faces with more than three corners: an exporter may cut them into other triangles"),
-    "uneven": ("Not flat", "Quads and n-gons whose shape depends on the triangles that they are cut into"),
+    "uneven": ("Non-planar faces", "Quads and n-gons whose shape depends on the triangles that they are cut into"),
 }
+"""Of each kind of check, its label and its tooltip."""
 
 
 SIGNS = {"GOOD": ("CHECKMARK", 0), "LOOK": ("INFO", 1), "WRONG": ("ERROR", 2)}
@@ -76,13 +103,14 @@ class IMPRINT_OT_select_flaws(_OfLastBake, bpy.types.Operator):
         problem = selection.problem(low)
         if problem:
             raise BakeError(problem)
-        faces = flaws.find_faces(context, report, kind)
-        if not len(faces):
-            raise BakeError(f"No face of {low.name!r} has this flaw: {WORDS[kind][0].lower()}.")
-        selection.select(context, low, faces)
+        found, is_edge = flaws.find(context, report, kind), kind in flaws.ON_EDGES
+        if not len(found):
+            which = "edge" if is_edge else "face"
+            raise BakeError(f"No {which} of {low.name!r} has this flaw: {WORDS[kind][0].lower()}.")
+        selection.select(context, low, found, "EDGE" if is_edge else "FACE")
         if self.options.is_invoke and context.window is not None:
             showing.selection(context)
-        return f"{len(faces):,} faces of {low.name!r} are selected"
+        return f"{len(found):,} {'edges' if is_edge else 'faces'} of {low.name!r} are selected"
 
 
 class IMPRINT_OT_show_mask(_OfLastBake, bpy.types.Operator):

@@ -137,6 +137,7 @@ class IMPRINT_PT_map(_Panel, bpy.types.Panel):
         row.active = not settings.unlimited
         row.prop(settings, "margin")
         column.prop(settings, "unlimited")
+        column.prop(settings, "mips")
         layout.prop(settings, "modifiers")
         column = layout.column(align=True)
         column.prop(settings, "limited")

@@ -18,7 +18,7 @@ from bpy.props import (
 from . import results
 from .bake import subjects
 from .bake.pairs import Suffixes
-from .bake.settings import AXES, MAPS, MAX_SIZE, MIN_SIZE, SAMPLES, Settings, parse_tiles
+from .bake.settings import AXES, MAPS, MAX_MIPS, MAX_SIZE, MIN_SIZE, SAMPLES, Settings, parse_tiles
 
 _USUAL = Settings()
 
@@ -156,6 +156,14 @@ class Options:
             ("EXTEND", "Extend", "The nearest texel of an island"),
             ("ADJACENT_FACES", "Adjacent Faces", "What lies across the seam on the surface, turned to fit"),
         ],
+    )
+    mips: IntProperty(
+        name="Clean Mip Levels",
+        description="How many mip levels the checks want without colours of another UV island: one takes 2 texels between "
+        "islands, two take 4, three 8, and half as many to the border",
+        default=3,
+        min=0,
+        max=MAX_MIPS,
     )
     udim: BoolProperty(name="UDIM Tiles", description="A map for each UDIM tile that the low mesh covers")
     tiles: StringProperty(

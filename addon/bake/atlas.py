@@ -9,7 +9,7 @@ import numpy as np
 
 from ..mesh.arrays import Mesh
 from ..passes import resolve, target
-from . import audit, finish, pace
+from . import audit, finish, pace, severity
 from .outputs import Outputs
 from .reading import Meshes
 from .render import Renderer
@@ -40,7 +40,7 @@ class Atlas:
             below, above = self.tiles[tile], maps["NORMAL"][..., 3]
             hits, were_hits = above > 0.0, below["NORMAL"][..., 3] > 0.0
             lost = np.count_nonzero(hits & were_hits)
-            if lost > audit.MUCH_OVERLAP * max(1, np.count_nonzero(hits)):
+            if lost > severity.MUCH_OVERLAP * max(1, np.count_nonzero(hits)):
                 report.warnings.append(
                     f"{lost:,} texels of {report.low!r} lie over those of others in the same image: give each its own "
                     "place, or a map each with {low} in the name."
@@ -58,7 +58,7 @@ class Atlas:
                 for tile, maps in self.tiles.items():
                     renderer = Renderer(Drawn(maps), None, self.settings, last, pace.Pace())
                     finished = pace.finish(renderer.texels(tile, finishes))
-                    tally.add(finished["NORMAL"][1], None)
+                    tally.add(finished["NORMAL"][1], None, 0)
                     outputs.add(tile, finished)
             finally:
                 target.trim()

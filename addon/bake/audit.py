@@ -2,31 +2,20 @@
 """The truth about a map: what was covered, missed, shared and left out, in numbers."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..mesh import arrays, faces
+from ..mesh import arrays, faces, layout, seams
 from ..mesh.arrays import Mesh
 from ..passes import batch, overlap, resolve, target
-from . import agreement, apart, casting
+from . import agreement, apart, casting, gaps, severity
 from .errors import few
 from .reading import Meshes
 from .report import Report
 from .settings import Settings
+from .sparse import Sparse, at_most
 
-MUCH_OVERLAP = 1e-3
-"""Share of texels that triangles may share without a warning: decimation leaves a few slivers."""
-MANY_MISSES = 1e-3
-"""Share of rays that may hit nothing without a warning."""
-MANY_UNCOVERED = 1e-2
-"""Share of texels without a high triangle, when nothing is cast, that raises no warning: rims of islands differ a little."""
-MANY_FAR = 0.25
-"""Share of texels that may lie farther apart than the limit without a warning, where the limit is nobody's wish."""
-MANY_BEYOND = 1e-3
-"""The same where somebody has set the limit."""
-MANY_UNEVEN = 0.1
-"""Share of faces that may depend on how they are cut into triangles without a warning."""
 TURNED_AWAY = 0.5
 """Share of normals that may point into the low mesh without a warning."""
 FLAT = 0.5 * np.cos(np.radians(0.1))
@@ -48,22 +37,25 @@ class Tally:
     probed: int = 0
     turned_away: int = 0
     leaning: int = 0
+    backwards: int = 0
     states: list[np.ndarray] = field(default_factory=list)
-    """Of each tile, the state of the texels that `looked_at` names."""
+    """Of each tile, the state of the texels that are `probed`."""
 
-    def add(self, state: np.ndarray, upwards: np.ndarray | None) -> None:
+    def add(self, state: np.ndarray, upwards: np.ndarray | None, backwards: int) -> None:
         """Count one tile; state as render.Renderer.texels has it, upwards the part of its normals along the low mesh's on
-        SOME texels, or None where they are not relative to it."""
+        SOME texels, or None where they are not relative to it, and backwards as finish.backwards counts them."""
         self.written += int(np.count_nonzero(state == resolve.WRITTEN))
         self.margin += int(np.count_nonzero(state == resolve.MARGIN))
         self.missed += int(np.count_nonzero(state == resolve.MISSED))
         self.texels += state.size
-        self.states.append(state[looked_at(state.shape)].copy())
         if upwards is not None:
             seen = state[SOME] == resolve.WRITTEN
             self.probed += int(np.count_nonzero(seen))
             self.turned_away += int(np.count_nonzero(upwards[seen] < 0.0))
             self.leaning += int(np.count_nonzero(upwards[seen] < FLAT))
+        self.backwards += backwards
+        columns, rows = probed(state.shape[::-1]).steps
+        self.states.append(state[::rows, ::columns].copy())
 
 
 def tell(
@@ -79,22 +71,24 @@ def tell(
     report.triangles = {"high": sum(len(high.triangles) for high in meshes.highs), "low": len(meshes.low.triangles)}
     report.coverage, report.margin = tally.written / tally.texels, tally.margin / tally.texels
     report.missed = tally.missed / max(1, tally.missed + tally.written)
-    if report.missed > MANY_MISSES:
-        report.warnings.append(
-            f"{report.missed:.2%} of the rays from {report.low!r} hit nothing: those texels have alpha 0. "
-            "Look at the extrusion and the maximum distance."
-        )
     if tally.turned_away > TURNED_AWAY * max(1, tally.probed):
         report.warnings.append(
-            f"Most high normals point into {report.low!r}: the normals of one of the two are inside out, turn them round."
+            f"Most high normals point into {report.low!r}: the normals of one of the two are flipped, recalculate them."
         )
     if tally.probed and not tally.leaning:
         report.warnings.append(_flat(meshes, report))
     with report.timed("audit"):
-        _tell_of_uvs(meshes, tiles, settings, report)
+        _tell_of_uvs(meshes, settings, report)
         _tell_of_texels(meshes, tally, tiles, settings, report)
+        _tell_of_gaps(meshes, tiles, settings, report)
         _tell_of_distances(meshes, tiles, settings, report, shot)
         _tell_of_faces(meshes, report)
+        _tell_of_normals(meshes, tally, report)
+    chosen = replace(settings, method=report.method)
+    for kind, check in report.checks.items():
+        check["severity"] = severity.of(kind, check, chosen)
+        if check["severity"] == severity.WRONG:
+            report.warnings.append(severity.warning(kind, check, report.low, chosen))
 
 
 def _flat(meshes: Meshes, report: Report) -> str:
@@ -107,48 +101,69 @@ def uv_space(settings: Settings) -> tuple[int, int]:
     return arrays.UDIM if settings.udim else (1, 1)
 
 
-def _tell_of_uvs(meshes: Meshes, tiles: Sequence[int], settings: Settings, report: Report) -> None:
-    where = "UDIM tiles" if settings.udim else "UV tile 0 to 1"
-    for mesh in (meshes.low, *meshes.highs):
-        no_area = outside = 0
-        if mesh is meshes.low or report.method == "FLATTEN":
-            areas = arrays.uv_areas(mesh)
-            no_area = int(np.count_nonzero(areas == 0.0))
-            outside = int(np.count_nonzero(arrays.outside(mesh, uv_space(settings))))
-        if mesh is meshes.low:
-            is_mirrored = areas < 0.0
-            report.mirrored = int(np.count_nonzero(is_mirrored))
-            report.checks["mirrored"] = {"count": report.mirrored, "islands": faces.islands(mesh, is_mirrored)}
-            report.checks["outside"], report.checks["no_area"] = {"count": outside}, {"count": no_area}
-        for count, what in (
-            (mesh.not_finite, "left out: their coordinates are NaN or infinite"),
-            (no_area, "have no area in UV space and cannot be drawn"),
-            (outside, f"reach outside the {where} and are cut off there"),
-        ):
-            if count:
-                report.warnings.append(f"{mesh.name!r}: {count:,} of its triangles {what}.")
+def _tell_of_uvs(meshes: Meshes, settings: Settings, report: Report) -> None:
+    low = meshes.low
+    areas, outside = arrays.uv_areas(low), arrays.outside(low, uv_space(settings))
+    is_mirrored, count = areas < 0.0, len(low.triangles)
+    report.mirrored = int(np.count_nonzero(is_mirrored))
+    # With UDIM tiles nothing lies on what is inside: readers find no tile there.
+    moved = layout.moved(low) if outside.any() and not settings.udim else np.zeros(1, bool)
+    report.checks["mirrored"] = {
+        "count": report.mirrored,
+        "of": count,
+        "islands": layout.count_islands(low, is_mirrored) if report.mirrored else 0,
+    }
+    report.checks["outside"] = _count(outside, count) | {"moved": int(np.count_nonzero(moved))}
+    report.checks["no_area"] = _count(areas == 0.0, count)
+    for mesh in (low, *meshes.highs):
+        _warn(report, mesh, mesh.not_finite, "left out: their coordinates are NaN or infinite")
+    if report.method == "FLATTEN":
+        for high in meshes.highs:
+            _warn(report, high, np.count_nonzero(arrays.uv_areas(high) == 0.0), NO_AREA)
+            # Those that lie outside by whole tiles leave texels uncovered, or were moved there on purpose.
+            outside = arrays.outside(high, uv_space(settings))
+            if outside.any():
+                _warn(report, high, np.count_nonzero(outside & layout.crossing(high)), _outside(settings))
+
+
+NO_AREA = "have no area in UV space and cannot be drawn"
+
+
+def _outside(settings: Settings) -> str:
+    return f"reach outside the {severity.TILES if settings.udim else severity.TILE} and are cut off there"
+
+
+def _warn(report: Report, mesh: Mesh, count: int, what: str) -> None:
+    if count:
+        report.warnings.append(f"{mesh.name!r}: {count:,} of its triangles {what}.")
 
 
 def _tell_of_texels(meshes: Meshes, tally: Tally, tiles: Sequence[int], settings: Settings, report: Report) -> None:
-    covered = shared = uncovered = 0
-    for counts, state in zip(covering(meshes.low, (settings.width, settings.height), tiles), tally.states, strict=True):
+    low, size = meshes.low, (settings.width, settings.height)
+    covered = shared = uncovered = crossed = 0
+    for counts, state in zip(covering(low, size, tiles), tally.states, strict=True):
         covered += int(np.count_nonzero(counts))
         shared += int(np.count_nonzero(counts > 1.0))
         uncovered += int(np.count_nonzero((counts > 0.0) & (state != resolve.WRITTEN)))
-    report.checks["overlap"] = _share(shared, covered)
+    if shared:
+        alone = replace(low, triangles=low.triangles[layout.without_copies(low)])
+        crossed = sum(int(np.count_nonzero(counts > 1.0)) for counts in covering(alone, size, tiles))
+    report.checks["overlap"] = _share(shared, covered) | {"stacked": shared - crossed}
     report.overlap = report.checks["overlap"]["share"]
-    if report.overlap > MUCH_OVERLAP:
-        report.warnings.append(
-            f"{report.overlap:.2%} of the texels of {report.low!r} belong to two of its triangles or more: they show the "
-            "detail of one of them."
-        )
     is_cast = report.method == "CAST"
-    missing = _share(tally.missed, tally.missed + tally.written) if is_cast else _share(uncovered, covered)
-    report.checks["uncovered"] = missing
-    if not is_cast and missing["share"] > MANY_UNCOVERED:
-        report.warnings.append(
-            f"{missing['share']:.2%} of the texels of {report.low!r} lie under no high triangle and stay empty."
-        )
+    report.checks["uncovered"] = (
+        _share(tally.missed, tally.missed + tally.written) if is_cast else _share(uncovered, covered)
+    )
+
+
+def _tell_of_gaps(meshes: Meshes, tiles: Sequence[int], settings: Settings, report: Report) -> None:
+    close = covered = border = 0
+    overlaps = report.checks["overlap"]["count"] > 0
+    for found in gaps.find(meshes.low, tiles, settings, gaps.grid(settings), overlaps=overlaps):
+        covered += int(np.count_nonzero(found.covered))
+        close += int(np.count_nonzero(found.close | found.border))
+        border += int(np.count_nonzero(found.border))
+    report.checks["gaps"] = _share(close, covered) | {"border": border, "needed": gaps.needed(settings)}
 
 
 def _tell_of_distances(
@@ -169,56 +184,48 @@ def _tell_of_distances(
     report.checks["far"] = check
     # Of a single mesh that is laid flat where it does not belong most texels are far; of several, one may be small.
     is_open = settings.method == "FLATTEN" and not meshes.is_own_base
-    if is_open and (len(meshes.highs) > 1 or check["share"] > MANY_FAR):
+    if is_open and (len(meshes.highs) > 1 or check["share"] > severity.MANY_FAR):
         other = agreement.differing(meshes.low, [apart.thinned(high) for high in meshes.highs], tiles, offset)
         report.warnings += [f"Cast rays, or choose Auto: {other}."] if other else []
-    if check["share"] > (MANY_FAR if settings.limit is None else MANY_BEYOND):
-        report.warnings.append(
-            f"On {check['share']:.2%} of the texels of {report.low!r} the high surface lies farther from it than "
-            f"{limit:.4g}, at most {check['maximum']:.4g}."
-        )
 
 
 def _tell_of_faces(meshes: Meshes, report: Report) -> None:
     low = meshes.low
-    many, uneven = int(np.count_nonzero(faces.polygons(low))), int(np.count_nonzero(faces.uneven(low)))
-    report.checks["polygons"], report.checks["uneven"] = {"count": many}, {"count": uneven}
-    total = int(low.faces.max()) + 1
-    if uneven > MANY_UNEVEN * total and not meshes.is_own_base:  # whose modifiers are its detail
-        report.warnings.append(
-            f"{uneven:,} of the {total:,} faces of {report.low!r} are not flat and change their shape with the triangles "
-            "that an exporter cuts them into: add a Triangulate modifier."
-        )
+    polygons, uneven = faces.polygons(low), faces.uneven(low)
+    report.checks["polygons"] = _count(polygons, len(polygons))
+    report.checks["uneven"] = _count(uneven, len(uneven)) | {"is_own_base": meshes.is_own_base}
+
+
+def _tell_of_normals(meshes: Meshes, tally: Tally, report: Report) -> None:
+    low = meshes.low
+    report.checks["hard_edges"] = {"count": len(seams.hard_edges(low))}
+    report.checks["behind"] = _count(faces.behind(low), len(low.triangles))
+    report.checks["backwards"] = _share(tally.backwards, tally.written)
 
 
 def _share(count: int, of: int) -> dict[str, float]:
     return {"count": count, "of": of, "share": count / max(1, of)}
 
 
-def looked_at(shape: tuple[int, int]) -> tuple[slice, slice]:
-    """Rows and columns of a map with this height and width, evenly spaced: at most PROBE of each."""
-    return tuple(slice(None, None, -(-side // PROBE)) for side in shape)
+def _count(found: np.ndarray, of: int) -> dict[str, float]:
+    return {"count": int(np.count_nonzero(found)), "of": of}
+
+
+def probed(size: tuple[int, int]) -> Sparse:
+    """Which texels of a map of width and height are looked at, evenly spaced: at most PROBE a side."""
+    return at_most(size, PROBE)
 
 
 def covering(low: Mesh, size: tuple[int, int], tiles: Sequence[int] = (1001,)) -> Iterator[np.ndarray]:
-    """How many triangles of `low` cover the texels that `looked_at` names, of a map of width and height, tile by tile.
+    """How many triangles of `low` cover the texels that are `probed`, of a map of width and height, tile by tile.
 
     (height, width) float32; the array is used again for the next tile.
     """
-    steps = [-(-side // PROBE) for side in size]
-    small = [-(-side // step) for side, step in zip(size, steps, strict=True)]
-    drawn = target.get("overlap", *small, "R16F")
+    sparse = probed(size)
+    drawn = target.get("overlap", *sparse.small, "R16F")
     uploaded = batch.upload(low.triangles, uv=low.uv)
-    counts = np.empty(small[::-1], np.float32)
+    counts = np.empty(sparse.small[::-1], np.float32)
     for tile in tiles:
-        overlap.draw(drawn, uploaded, _sparse(tile, size, steps, small))
+        overlap.draw(drawn, uploaded, sparse.window(tile))
         drawn.read(counts)
         yield counts
-
-
-def _sparse(tile: int, size: Sequence[int], steps: Sequence[int], small: Sequence[int]) -> tuple[float, ...]:
-    """From uv to clip space, as target.window, so that texel i of `small` lies where texel i * step of the map does."""
-    places = (tile - 1001) % 10, (tile - 1001) // 10
-    scale = [2.0 * side / (step * few) for side, step, few in zip(size, steps, small, strict=True)]
-    shift = [(step - 1.0) / (step * few) - 1.0 for step, few in zip(steps, small, strict=True)]
-    return *scale, *(back - one * place for back, one, place in zip(shift, scale, places, strict=True))

@@ -106,6 +106,15 @@ def channels(settings: Settings) -> np.ndarray:
     return matrix
 
 
+def backwards(texels: np.ndarray, state: np.ndarray, settings: Settings) -> int:
+    """On how many of the written texels z is 0 or less: texels (height, width, 4) of normals as they are stored, and their
+    state."""
+    z = channels(settings)[:, 2]
+    stored = texels[..., int(np.argmax(np.abs(z)))]
+    half = np.float32(0.5)
+    return int(np.count_nonzero((stored <= half if z.sum() > 0.0 else stored >= half) & (state == resolve.WRITTEN)))
+
+
 def upwards(texels: np.ndarray, settings: Settings) -> np.ndarray:
     """The z of the normals that stored texels (height, width, 4) stand for, (height, width), times one half."""
     z = channels(settings)[:, 2]

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 import bpy
 import numpy as np
 
-from ..mesh import arrays, extract
+from ..mesh import arrays, extract, layout, seams
 from ..mesh import faces as mesh_faces
 from ..passes import batch, faces, overlap, target
-from . import apart, casting, images, methods, pipeline, reading, subjects
+from . import apart, casting, gaps, images, methods, pace, pipeline, reading, render, subjects
 from .audit import uv_space
 from .band import Band
 from .errors import BakeError
@@ -18,10 +18,11 @@ from .reading import Meshes
 from .report import Report
 from .settings import Settings
 
-ON_TEXELS = ("overlap", "uncovered", "far")
-ON_TRIANGLES = ("mirrored", "outside", "no_area")
+ON_TEXELS = ("overlap", "uncovered", "far", "gaps", "backwards")
+ON_TRIANGLES = ("mirrored", "outside", "no_area", "behind")
+ON_EDGES = ("hard_edges",)
 ON_FACES = ("polygons", "uneven")
-KINDS = (*ON_TEXELS, *ON_TRIANGLES, *ON_FACES)
+KINDS = (*ON_TEXELS, *ON_TRIANGLES, *ON_EDGES, *ON_FACES)
 """As in Report.checks."""
 TEXELS = 1024 * 1024
 """How many texels are looked at together: what is read of them takes some 100 bytes each."""
@@ -39,24 +40,26 @@ def _objects(report: Report) -> list[bpy.types.Object]:
     return [subjects.ObjectRef(uid, name).resolve() for uid, name in zip(uids, names, strict=True)]
 
 
-def find_faces(context: bpy.types.Context, report: Report, kind: str) -> np.ndarray:
-    """The low object's own faces (N,) int that have flaws of this kind, as the objects are now.
+def find(context: bpy.types.Context, report: Report, kind: str) -> np.ndarray:
+    """The low object's own faces (N,) int that have flaws of this kind, or edges for kinds ON_EDGES, as the objects are now.
 
     report: of the bake whose settings count. Raises BakeError if the objects cannot be baked like that any more, or if
     modifiers make faces of which nobody knows where they come from.
     """
     view = _view(context, report, kind)
+    if kind in ON_EDGES:
+        return _own(context, view, seams.hard_edges(view.meshes.low), "EDGE")
     if kind in ON_FACES:
         found = np.flatnonzero({"polygons": mesh_faces.polygons, "uneven": mesh_faces.uneven}[kind](view.meshes.low))
     else:
         found = np.unique(view.meshes.low.faces[_triangles(view, kind)])
-    return _own(context, view, found)
+    return _own(context, view, found, "FACE")
 
 
 def draw_mask(context: bpy.types.Context, report: Report, kind: str) -> bpy.types.Image:
     """Fill an image, called after the map and the kind, that is white on the texels with flaws of a kind ON_TEXELS.
 
-    report and errors: as in `find_faces`.
+    report and errors: as in `find`.
     """
     view = _view(context, report, kind)
     mask = np.empty((view.settings.height, view.settings.width), bool)
@@ -83,11 +86,12 @@ def _view(context: bpy.types.Context, report: Report, kind: str) -> _View:
     job = pipeline.Job(low, highs[: len(report.high)], highs[-1] if report.cage else None)
     settings = Settings(**{k: tuple(v) if isinstance(v, list) else v for k, v in report.settings.items()})
     # Of all that can be set, what the map looks like does not count, and nothing is written but the mask.
-    settings = replace(settings, method=report.method, space="OBJECT", maps=(), mask=False, material=False)
+    space = "TANGENT" if kind == "backwards" else "OBJECT"
+    settings = replace(settings, method=report.method, space=space, maps=(), mask=False, material=False)
     settings = replace(settings, output="", storage="PACK" if settings.udim else "MEMORY")
     settings = images.beside(settings, kind)
     pipeline.check(context, job, settings)
-    told = Report(report.method, "OBJECT", report.size, report.low, report.high, distances=report.distances)
+    told = Report(report.method, space, report.size, report.low, report.high, distances=report.distances)
     meshes = reading.read(context, job.low, job.highs, job.cage, settings)
     return _View(job, methods.choose(meshes, report.tiles, settings, told), settings, replace(told, tiles=report.tiles))
 
@@ -96,7 +100,11 @@ def _triangles(view: _View, kind: str) -> np.ndarray:
     """Which triangles of the low mesh, (T,) bool, have flaws of this kind."""
     low = view.meshes.low
     if kind == "outside":
-        return arrays.outside(low, uv_space(view.settings))
+        outside = arrays.outside(low, uv_space(view.settings))
+        harmful = outside if view.settings.udim else outside & ~layout.moved(low)
+        return harmful if harmful.any() else outside
+    if kind == "behind":
+        return mesh_faces.behind(low)
     if kind in ON_TRIANGLES:
         areas = arrays.uv_areas(low)
         return areas < 0.0 if kind == "mirrored" else areas == 0.0
@@ -111,7 +119,7 @@ def _triangles(view: _View, kind: str) -> np.ndarray:
 
 def _masks(view: _View, kind: str) -> Iterator[tuple[Band, np.ndarray, int]]:
     """Band by band, which texels (height, width) bool have flaws, and how many triangles lie on one of them at most."""
-    settings, low, tiles = view.settings, view.meshes.low, view.report.tiles
+    settings, tiles = view.settings, view.report.tiles
     size, rows = (settings.width, settings.height), max(1, TEXELS // settings.width)
     bands = [
         Band(start, min(start + rows, settings.height), size, 0, tile)
@@ -120,37 +128,75 @@ def _masks(view: _View, kind: str) -> Iterator[tuple[Band, np.ndarray, int]]:
     ]
     try:
         if kind == "overlap":
-            uploaded = batch.upload(low.triangles, uv=low.uv)
+            yield from _shared(view, bands)
+        elif kind in {"gaps", "backwards"}:
+            whole = dict(zip(tiles, (_close if kind == "gaps" else _backwards)(view), strict=False))
             for band in bands:
-                drawn = target.get("overlap", band.width, band.height, "R16F")
-                overlap.draw(drawn, uploaded, band.window)
-                counts = np.empty((band.height, band.width), np.float32)
-                drawn.read(counts)
-                yield band, counts > 1.0, int(counts.max())
-            return
-        look = apart.looking(view.meshes, settings, view.report)
-        offset = apart.offset(apart.probe(look, size, tiles), view.report.method)
-        limit = apart.limit(low, settings)
-        for band in bands:
-            texels = look((band.width, band.height), band.window)
-            mask = texels[..., 3] < 0.0 if kind == "uncovered" else apart.distances(texels, offset) > limit
-            yield band, mask, 1
+                yield band, whole[band.tile][band.start : band.stop], 1
+        else:
+            yield from _apart(view, kind, bands)
     finally:
         target.trim()
         casting.trim()
 
 
-def _own(context: bpy.types.Context, view: _View, found: np.ndarray) -> np.ndarray:
-    """Faces of the mesh that was baked as those of the object that an artist edits."""
+def _shared(view: _View, bands: list[Band]) -> Iterator[tuple[Band, np.ndarray, int]]:
+    """The texels that triangles share, as `_masks` has them."""
+    uploaded = batch.upload(view.meshes.low.triangles, uv=view.meshes.low.uv)
+    for band in bands:
+        drawn = target.get("overlap", band.width, band.height, "R16F")
+        overlap.draw(drawn, uploaded, band.window)
+        counts = np.empty((band.height, band.width), np.float32)
+        drawn.read(counts)
+        yield band, counts > 1.0, int(counts.max())
+
+
+def _apart(view: _View, kind: str, bands: list[Band]) -> Iterator[tuple[Band, np.ndarray, int]]:
+    """The texels that are uncovered or far, as `_masks` has them."""
+    look = apart.looking(view.meshes, view.settings, view.report)
+    texels = apart.probe(look, (view.settings.width, view.settings.height), view.report.tiles)
+    offset, limit = apart.offset(texels, view.report.method), apart.limit(view.meshes.low, view.settings)
+    for band in bands:
+        texels = look((band.width, band.height), band.window)
+        mask = texels[..., 3] < 0.0 if kind == "uncovered" else apart.distances(texels, offset) > limit
+        yield band, mask, 1
+
+
+def _close(view: _View) -> Iterator[np.ndarray]:
+    """Tile by tile, the texels (height, width) bool that lie too close to another island or to the border."""
+    sparse = gaps.grid(view.settings, gaps.MOST)
+    columns, rows = sparse.steps
+    for found in gaps.find(view.meshes.low, view.report.tiles, view.settings, sparse, overlaps=True):
+        close = np.repeat(np.repeat(found.close | found.border, rows, axis=0), columns, axis=1)
+        yield close[: view.settings.height, : view.settings.width]
+
+
+def _backwards(view: _View) -> Iterator[np.ndarray]:
+    """Tile by tile, the texels (height, width) bool whose normal points into the low mesh: drawn as in the bake."""
+    meshes, report, settings = view.meshes, view.report, replace(view.settings, **view.report.distances)
+    source = pace.finish(methods.source(meshes, report.tiles, settings, report, pace.Pace()))
+    renderer = render.Renderer(source, meshes.basis, settings, report, pace.Pace())
+    for tile in report.tiles:
+        normals = pace.finish(renderer.raw(tile))["NORMAL"]
+        yield (normals[..., 2] <= 0.0) & (normals[..., 3] > 0.0)
+
+
+def _own(context: bpy.types.Context, view: _View, found: np.ndarray, domain: str) -> np.ndarray:
+    """Faces (N,) or edges (N, 2), named by their vertices, of the mesh that was baked as those of the object that an artist
+    edits. domain: "FACE" or "EDGE"."""
     low = view.job.low
-    if low in view.job.highs or not low.modifiers:
+    has_modifiers = low not in view.job.highs and len(low.modifiers) > 0
+    if domain == "FACE" and not has_modifiers:
         return found
-    with (
-        subjects.ready(context, low, [], None, view.settings.modifiers),
-        extract.numbered(low),
-        extract.evaluated(low, context.evaluated_depsgraph_get()) as data,
-    ):
-        own = extract.numbers(data)
+    with subjects.ready(context, low, [], None, view.settings.modifiers):
+        if not has_modifiers:
+            return extract.edges(low.data, found)
+        with (
+            extract.numbered(low, domain),
+            extract.evaluated(low, context.evaluated_depsgraph_get()) as data,
+        ):
+            own = extract.numbers(data, domain)
+            found = found if domain == "FACE" else extract.edges(data, found)
     if own is None:
         raise BakeError(f"The modifiers of {low.name!r} make faces that are not its own: apply them first.")
     own = np.unique(own[found])

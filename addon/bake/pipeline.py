@@ -35,9 +35,7 @@ class Job:
     start on it, raise BakeError for an object that was deleted.
     """
 
-    def __init__(
-        self, low: bpy.types.Object, highs: Sequence[bpy.types.Object], cage: bpy.types.Object | None = None
-    ):
+    def __init__(self, low: bpy.types.Object, highs: Sequence[bpy.types.Object], cage: bpy.types.Object | None = None):
         self.refs = [subjects.hold(obj) for obj in (low, *highs, *([cage] if cage else []))]
         self._has_cage = cage is not None
 
@@ -171,7 +169,9 @@ class _Bake:
                     maps = yield from part(renderer.texels(tile, finishes), *self._share(number))
                     texels, state = maps["NORMAL"]
                     is_tangent = settings.space == "TANGENT"
-                    self.tally.add(state, finish.upwards(texels[audit.SOME], settings) if is_tangent else None)
+                    upwards = finish.upwards(texels[audit.SOME], settings) if is_tangent else None
+                    lost = finish.backwards(texels, state, settings) if is_tangent else 0
+                    self.tally.add(state, upwards, lost)
                     with report.timed("image"):
                         outputs.add(tile, maps)
                 self._tell(renderer.source.shot)
@@ -192,7 +192,9 @@ class _Bake:
                     drawn[tile] = yield from part(renderer.raw(tile), *self._share(number))
                     normals = drawn[tile]["NORMAL"]
                     is_tangent = self.settings.space == "TANGENT"
-                    self.tally.add(atlas.state(normals), 0.5 * normals[audit.SOME][..., 2] if is_tangent else None)
+                    upwards = 0.5 * normals[audit.SOME][..., 2] if is_tangent else None
+                    lost = np.count_nonzero((normals[..., 2] <= 0.0) & (normals[..., 3] > 0.0)) if is_tangent else 0
+                    self.tally.add(atlas.state(normals), upwards, int(lost))
                 self._tell(renderer.source.shot)
             finally:
                 target.trim()

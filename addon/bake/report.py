@@ -41,10 +41,13 @@ class Report:
     """Share of the low mesh's texels that two or more of its triangles share."""
     mirrored: int = 0
     """How many of the low mesh's triangles are mirrored in UV space."""
-    checks: dict[str, dict[str, float]] = field(default_factory=dict)
-    """What the audit found, by kind. count: texels (overlap, uncovered, far), triangles (mirrored, outside, no_area) or
-    faces (polygons, uneven) of the low mesh; of and share: of how many texels that were looked at. mirrored has islands
-    as well; far has maximum, percentile_99, limit and the offset that was not counted, in scene units."""
+    checks: dict[str, dict[str, float | str]] = field(default_factory=dict)
+    """What the audit found, by kind, of the low mesh. count: texels (overlap, uncovered, far, gaps, backwards), triangles
+    (mirrored, outside, no_area, behind), edges (hard_edges) or faces (polygons, uneven); of, and share of it: how many were
+    looked at. severity: "GOOD", "LOOK" or "WRONG". overlap has the texels that parts share which are stacked on purpose, and
+    outside the triangles moved by whole tiles on purpose; mirrored has islands; gaps the texels near the border, and how many
+    texels are needed between islands; far has maximum, percentile_99, limit and the offset that was not counted, in scene
+    units; uneven whether the low mesh is the base of its own high one."""
     tiles: list[int] = field(default_factory=lambda: [1001])
     """The UDIM tiles that were baked."""
     maps: dict[str, dict] = field(default_factory=dict)

@@ -16,8 +16,9 @@ def problem(obj: bpy.types.Object) -> str:
     return ""
 
 
-def select(context: bpy.types.Context, obj: bpy.types.Object, faces: np.ndarray) -> None:
-    """Go into Edit Mode with `obj` alone, where `faces`, indices, are selected and nothing else is."""
+def select(context: bpy.types.Context, obj: bpy.types.Object, chosen: np.ndarray, domain: str = "FACE") -> None:
+    """Go into Edit Mode with `obj` alone, where the `chosen` faces, indices, are selected and nothing else is; edges for the
+    domain "EDGE"."""
     layer = context.view_layer
     _leave_mode(layer.objects.active)
     for other in layer.objects.selected:
@@ -25,17 +26,17 @@ def select(context: bpy.types.Context, obj: bpy.types.Object, faces: np.ndarray)
     layer.objects.active = obj
     obj.select_set(True)
     _leave_mode(obj)
-    for name, chosen in extract.elements(obj.data, faces).items():
+    for name, indices in extract.elements(obj.data, chosen, domain).items():
         elements = getattr(obj.data, name)
         flags = np.zeros(len(elements), bool)
-        flags[chosen] = True
+        flags[indices] = True
         elements.foreach_set("select", flags)
         hidden = np.empty_like(flags)
         elements.foreach_get("hide", hidden)
         if (hidden & flags).any():  # or they would not be seen, nor stay selected
             elements.foreach_set("hide", hidden & ~flags)
     obj.data.update_tag()
-    context.tool_settings.mesh_select_mode = (False, False, True)
+    context.tool_settings.mesh_select_mode = (False, domain == "EDGE", domain == "FACE")
     # Undo from Edit Mode only leaves it: what was changed before is a step of its own.
     bpy.ops.ed.undo_push(message="Select Faces")
     bpy.ops.object.mode_set(mode="EDIT")

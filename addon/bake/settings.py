@@ -20,6 +20,7 @@ SAMPLES = (1, 2, 4, 8, 16, 64)
 MODIFIERS = ("RENDER", "VIEWPORT")
 STORAGES = ("PACK", "FILE", "MEMORY")
 MIN_SIZE, MAX_SIZE = 16, 16384
+MAX_MIPS = 8
 TILES = range(1001, 2001)
 """The UDIM tiles that Blender knows: 1001 + u + 10 v, u below 10 and v below 100."""
 TOKEN = "<UDIM>"
@@ -78,6 +79,8 @@ class Settings:
     """How far around the islands texels are filled; None for as far as the map goes."""
     margin_type: str = "EXTEND"
     """With the nearest texel, or with what lies across the seam on the surface."""
+    mips: int = 3
+    """The smallest mip level on which UV islands are to keep apart: it takes 2 to its power texels between them."""
     udim: bool = False
     """Whether each UDIM tile that the low mesh covers gets a map of its own."""
     tiles: tuple[int, ...] = ()
@@ -136,6 +139,8 @@ class Settings:
             )
         if self.margin is not None and not 0 <= self.margin <= MAX_SIZE:
             raise BakeError(f"A margin of {self.margin} texels cannot be baked: it takes 0 to {MAX_SIZE}, or no limit.")
+        if not 0 <= self.mips <= MAX_MIPS:
+            raise BakeError(f"Mip level {self.mips} is not one of 0 to {MAX_MIPS}.")
         if len({axis[1] for axis in (self.red, self.green, self.blue)}) < 3:
             raise BakeError(
                 f"Red, green and blue hold {self.red}, {self.green} and {self.blue}: each axis takes a channel of its own."

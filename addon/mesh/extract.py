@@ -131,10 +131,12 @@ def materials(obj: bpy.types.Object, data: bpy.types.Mesh, mesh: Mesh) -> tuple[
 
 
 @contextmanager
-def numbered(obj: bpy.types.Object) -> Iterator[None]:
-    """Let modifiers take the numbers of `obj`'s own faces along; `numbers` reads them from the evaluated mesh."""
+def numbered(obj: bpy.types.Object, domain: str = "FACE") -> Iterator[None]:
+    """Let modifiers take the numbers of `obj`'s own faces, or edges for the domain "EDGE", along; `numbers` reads them from
+    the evaluated mesh."""
     data = obj.data
-    data.attributes.new(_NUMBER, "INT", "FACE").data.foreach_set("value", np.arange(1, len(data.polygons) + 1))
+    count = len(data.polygons if domain == "FACE" else data.edges)
+    data.attributes.new(_NUMBER, "INT", domain).data.foreach_set("value", np.arange(1, count + 1))
     data.update_tag()
     try:
         yield
@@ -143,28 +145,43 @@ def numbered(obj: bpy.types.Object) -> Iterator[None]:
         data.update_tag()
 
 
-def numbers(data: bpy.types.Mesh) -> np.ndarray | None:
-    """Of each face of an evaluated mesh, the one of the `numbered` object's own that it comes from: (F,) int32, -1 for
-    none; or None where modifiers have lost them."""
+def numbers(data: bpy.types.Mesh, domain: str = "FACE") -> np.ndarray | None:
+    """Of each face, or edge, of an evaluated mesh, the one of the `numbered` object's own that it comes from: (N,) int32, -1
+    for none; or None where modifiers have lost them."""
     layer = data.attributes.get(_NUMBER)
-    if layer is None or layer.domain != "FACE":
+    if layer is None or layer.domain != domain:
         return None
-    values = np.empty(len(data.polygons), np.int32)
+    values = np.empty(len(layer.data), np.int32)
     layer.data.foreach_get("value", values)
     return values - 1
 
 
-def elements(data: bpy.types.Mesh, faces: np.ndarray) -> dict[str, np.ndarray]:
-    """What makes up `faces`, indices of polygons: indices of "polygons", "edges" and "vertices" of `data`."""
+def edges(data: bpy.types.Mesh, ends: np.ndarray) -> np.ndarray:
+    """The edges (N,) int of `data` between these pairs of vertices (N, 2), in no order; pairs without an edge are left out."""
+    pairs = np.empty((len(data.edges), 2), np.int32)
+    data.edges.foreach_get("vertices", pairs.reshape(-1))
+    known, wanted = (
+        values.min(axis=1).astype(np.int64) * len(data.vertices) + values.max(axis=1) for values in (pairs, ends)
+    )
+    return np.flatnonzero(np.isin(known, wanted))
+
+
+def elements(data: bpy.types.Mesh, chosen: np.ndarray, domain: str = "FACE") -> dict[str, np.ndarray]:
+    """What makes up the `chosen` indices of polygons, or of edges for the domain "EDGE": indices of "polygons", "edges" and
+    "vertices" of `data`."""
+    if domain == "EDGE":
+        pairs = np.empty((len(data.edges), 2), np.int32)
+        data.edges.foreach_get("vertices", pairs.reshape(-1))
+        return {"polygons": chosen[:0], "edges": chosen, "vertices": pairs[chosen].reshape(-1)}
     starts, totals = (np.empty(len(data.polygons), np.int32) for _ in range(2))
     data.polygons.foreach_get("loop_start", starts)
     data.polygons.foreach_get("loop_total", totals)
-    totals = totals[faces]
+    totals = totals[chosen]
     within = np.arange(totals.sum()) - np.repeat(np.cumsum(totals) - totals, totals)
-    corners = np.repeat(starts[faces], totals) + within
+    corners = np.repeat(starts[chosen], totals) + within
     edges = np.empty(len(data.loops), np.int32)
     data.attributes[".corner_edge"].data.foreach_get("value", edges)
-    return {"polygons": faces, "edges": edges[corners], "vertices": _corner_vertices(data)[corners]}
+    return {"polygons": chosen, "edges": edges[corners], "vertices": _corner_vertices(data)[corners]}
 
 
 def _copy_triangles(source, triangles: np.ndarray) -> bool:

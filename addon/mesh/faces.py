@@ -3,10 +3,13 @@
 
 import numpy as np
 
+from . import blocks
 from .arrays import Mesh
 
 FLAT = 1.0
 """Degrees by which triangles of a face may lean away from each other before it matters which triangles it is cut into."""
+SLIVER = 1e-4
+"""Sine of the angle at a triangle's first corner below which single precision does not tell its two sides apart."""
 
 
 def polygons(mesh: Mesh) -> np.ndarray:
@@ -61,24 +64,25 @@ def folded(mesh: Mesh) -> np.ndarray:
     return result
 
 
-def islands(mesh: Mesh, chosen: np.ndarray) -> int:
-    """How many groups the `chosen` triangles (T,) bool form that hang together on the surface and in UV space."""
-    triangles = mesh.triangles[chosen]
-    if not len(triangles):
-        return 0
-    # A corner is known by its UV and its vertex: one of them alone does not tell a seam, or islands on the same place.
-    uv = np.unique(mesh.uv[triangles].reshape(-1, 2).view(np.uint64), return_inverse=True)[1].reshape(-1)
-    nodes = np.unique(uv * len(mesh.positions) + mesh.vertices[triangles].reshape(-1), return_inverse=True)[1]
-    triangles = nodes.reshape(-1, 3)
-    # Each group takes the least number of its corners: triangles pass it on, and numbers that are nodes lead further.
-    least, before = np.arange(nodes.max() + 1), None
-    while before is None or (least != before).any():
-        before = least.copy()
-        lowest = least[triangles].min(axis=1)
-        for corner in triangles.T:
-            np.minimum.at(least, before[corner], lowest)
-        least = least[least]
-    return int(np.count_nonzero(least == np.arange(len(least))))
+def behind(mesh: Mesh) -> np.ndarray:
+    """Which triangles (T,) bool have a corner whose shading normal points behind them, or along them.
+
+    Those without an area have no side to be behind.
+    """
+    result = np.zeros(len(mesh.triangles), bool)
+    positions, normals = mesh.positions.T, mesh.normals.T
+
+    def look(part: slice) -> None:
+        corners = mesh.triangles[part].T
+        a, b, c = (np.take(positions, mesh.vertices[corner], axis=1) for corner in corners)
+        across, along = b - a, c - a
+        face = _cross(across, along)
+        area, largest = (face * face).sum(axis=0), (across * across).sum(axis=0) * (along * along).sum(axis=0)
+        least = np.minimum.reduce([(np.take(normals, corner, axis=1) * face).sum(axis=0) for corner in corners])
+        result[part] = (least <= 0.0) & (area > SLIVER * SLIVER * largest)
+
+    blocks.each(len(result), look)
+    return result
 
 
 def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:

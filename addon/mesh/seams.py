@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from .arrays import Mesh
+from .layout import hashes
 
 CONNECTED = 1e-5
 """How far apart the UVs of two triangles may lie at their common edge for them to be of one island."""
@@ -15,6 +16,8 @@ INSIDE, OUTSIDE = 0.05, 2.5
 most a diagonal, and half of one for samples beside the centre, from the border."""
 SMALLEST_TURN = 1e-6
 """Times that the edge across may be shorter or longer: beyond, one of the two is a point that has no direction."""
+HARD = 1.0
+"""Degrees between the normals on both sides of an edge from which it is hard: files round normals by less."""
 _STRIP = np.array([(0, 2, 1), (1, 2, 3), (2, 4, 5), (2, 5, 3), (4, 6, 7), (4, 7, 5)])
 """Its triangles, of four pairs of corners, inside and outside, from before the edge to past it. Beyond the ends, where the
 distance is no longer linear, they part between along and across, so that it is at most 8 % too large."""
@@ -103,6 +106,49 @@ def _find(mesh: Mesh) -> Seams:
     is_border = ~goes_on & (side != 0.0)
     there = np.where(is_known[:, None], there, np.nan)
     return Seams(here[is_border], side[is_border], there[is_border], is_mirrored[is_border])
+
+
+def hard_edges(mesh: Mesh) -> np.ndarray:
+    """The edges inside UV islands whose sides have normals of their own, (H, 2) int32: the vertices that they join.
+
+    Each is named once, or once from either side where the sides have vertices of their own in the same place.
+    """
+    start, stop, across = (np.roll(mesh.triangles, -i, axis=1).reshape(-1) for i in range(3))
+    # Only where the normals of one place differ can an edge be hard: of most meshes that leaves few edges to look at.
+    is_split = _is_split(mesh)
+    some = np.flatnonzero(is_split[mesh.vertices[start]] | is_split[mesh.vertices[stop]])
+    start, stop, across = start[some], stop[some], across[some]
+    first, second = mesh.vertices[start], mesh.vertices[stop]
+    partner = _partners(mesh.positions, np.stack([first, second], axis=1))
+    is_same_way = (mesh.positions[first[partner]] == mesh.positions[first]).all(axis=1)
+    others = np.where(is_same_way, start[partner], stop[partner]), np.where(is_same_way, stop[partner], start[partner])
+    uv = mesh.uv.view(np.complex64)[:, 0]
+    goes_on, is_hard = partner >= 0, np.zeros(len(partner), bool)
+    for own, other in zip((start, stop), others, strict=True):
+        goes_on &= np.abs(uv[own] - uv[other]) <= CONNECTED
+        is_hard |= _differ(mesh.normals[own], mesh.normals[other])
+    side = ((uv[stop] - uv[start]).conj() * (uv[across] - uv[start])).imag
+    # Folded over, as the middle of what is mirrored onto itself, an island ends there.
+    goes_on &= (side > 0.0) != ((side[partner] > 0.0) ^ ~is_same_way)
+    return np.unique(np.sort(np.stack([first, second], axis=1)[goes_on & is_hard], axis=1), axis=0)
+
+
+def _is_split(mesh: Mesh) -> np.ndarray:
+    """At which vertices (V,) bool there are different normals, on the vertex or on others in the same place."""
+    places = np.unique(hashes(mesh.positions + np.float32(0.0)), return_inverse=True)[1]
+    corners = mesh.triangles.reshape(-1)
+    place = places[mesh.vertices[corners]]
+    one = np.zeros(len(mesh.positions), corners.dtype)
+    one[place] = corners
+    result = np.zeros(len(mesh.positions), bool)
+    result[place[_differ(mesh.normals[corners], mesh.normals[one[place]])]] = True
+    return result[places]
+
+
+def _differ(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Which rows of unit normals (N, 3) lie more than HARD apart."""
+    between = a - b
+    return (between * between).sum(axis=1) > (2.0 * np.sin(np.radians(HARD) / 2.0)) ** 2
 
 
 def _partners(positions: np.ndarray, ends: np.ndarray) -> np.ndarray:

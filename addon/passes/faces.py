@@ -21,10 +21,12 @@ PART = 4096
 """As in shaders/faces_frag.glsl: numbers are up to the square of it, 2^24, where single precision ends as well."""
 
 
-def upload(triangles: np.ndarray, uv: np.ndarray) -> gpu.types.GPUBatch:
-    """A mesh for `layers`: triangles (T, 3) int32, indices into uv (C, 2) float32. They are numbered from 1."""
+def upload(triangles: np.ndarray, uv: np.ndarray, numbers: np.ndarray | None = None) -> gpu.types.GPUBatch:
+    """A mesh for `layers`: triangles (T, 3) int32, indices into uv (C, 2) float32. They have these `numbers` (T,) above 0,
+    or are numbered from 1."""
     count = len(triangles)
-    numbers = np.repeat(np.stack(np.divmod(np.arange(1, count + 1), PART), axis=1).astype(np.float32), 3, axis=0)
+    numbers = np.arange(1, count + 1) if numbers is None else numbers
+    numbers = np.repeat(np.stack(np.divmod(numbers, PART), axis=1).astype(np.float32), 3, axis=0)
     corners = np.arange(3 * count, dtype=np.int32).reshape(-1, 3)
     return batch.upload(corners, uv=uv[triangles.reshape(-1)], number=numbers)
 

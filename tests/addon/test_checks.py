@@ -191,7 +191,7 @@ REFUSALS = {
     gone: "'lo' was deleted",
     high_gone: "'hi' was deleted",
     out_of_the_scene: "'hi' is not in view layer",
-    mended: "No face of 'lo' has this flaw: without high",
+    mended: "No face of 'lo' has this flaw: uncovered",
 }
 
 
@@ -353,14 +353,18 @@ def test_the_panel_shows_a_sign_and_a_number_for_each_check(baked):
     drawn = draw(baked[0])
     rows = dict(zip(drawn.labels[::2], zip(drawn.icons[::2], drawn.labels[1::2], strict=True), strict=True))
     assert rows == {
-        "Shared texels": ("CHECKMARK", "0.0%"),
-        "Without high": ("INFO", "50.0%"),
-        "Far apart": ("CHECKMARK", "0.0%"),
-        "Mirrored": ("CHECKMARK", "0"),
+        "Overlapping UVs": ("CHECKMARK", "0.0%"),
+        "Uncovered": ("ERROR", "50.0%"),
+        "Far": ("CHECKMARK", "0.0%"),
+        "Close islands": ("CHECKMARK", "0.0%"),
+        "Z below 0": ("CHECKMARK", "0.0%"),
+        "Mirrored UVs": ("CHECKMARK", "0"),
         "Outside the tile": ("CHECKMARK", "0"),
-        "No UV area": ("CHECKMARK", "0"),
+        "Zero-area UVs": ("CHECKMARK", "0"),
+        "Hard edges, no seam": ("CHECKMARK", "0"),
+        "Normals behind": ("CHECKMARK", "0"),
         "Quads, n-gons": ("INFO", "16"),
-        "Not flat": ("CHECKMARK", "0"),
+        "Non-planar faces": ("CHECKMARK", "0"),
     }
     on = [(button.name, getattr(button, "kind", ""), button.low) for button in drawn.buttons if button.enabled]
     assert on == [

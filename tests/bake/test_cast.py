@@ -502,7 +502,7 @@ def test_a_mesh_that_is_inside_out_is_told():
     assert report.warnings == []
     high.data.flip_normals()
     _, report = cast(low, high)
-    assert any("inside out" in warning for warning in report.warnings)
+    assert any("are flipped" in warning for warning in report.warnings)
 
 
 @pytest.mark.parametrize("offset", [3.0, 6.0])

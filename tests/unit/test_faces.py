@@ -1,26 +1,25 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Faces that are not flat, and triangles that hang together, on meshes where both are known."""
+"""Faces that are not flat, and normals behind them, on meshes where both are known."""
 
 import numpy as np
 import pytest
 
-from addon.mesh import faces
+from addon.mesh import blocks, faces
 from addon.mesh.arrays import Mesh
 
 CUTS = {"first and third": [(0, 1, 2), (0, 2, 3)], "second and fourth": [(0, 1, 3), (1, 2, 3)]}
 
 
-def mesh(points, triangles, numbers, *, uv=None, vertices=None, to_world=None):
-    """Corners are points of their own unless `vertices` says otherwise."""
-    vertices = np.arange(len(points)) if vertices is None else vertices
+def mesh(points, triangles, numbers, *, normals=None, to_world=None):
+    """Corners are points of their own."""
+    vertices = np.arange(len(points))
     return Mesh(
         name="low",
         positions=np.asarray(points, np.float32),
         vertices=np.asarray(vertices, np.int32),
-        normals=np.zeros((len(vertices), 3), np.float32),
+        normals=np.asarray(np.zeros((len(points), 3)) if normals is None else normals, np.float32),
         triangles=np.asarray(triangles, np.int32),
         to_world=np.eye(4) if to_world is None else to_world,
-        uv=None if uv is None else np.asarray(uv, np.float32),
         faces=np.asarray(numbers, np.int32),
     )
 
@@ -86,53 +85,32 @@ def test_triangles_quads_and_n_gons_each_by_its_number():
     assert faces.uneven(mixed).tolist() == [False, True, False]
 
 
-def grid(n):
-    """The triangles of n x n quads and their (n + 1)^2 vertices' coordinates."""
-    i, j = np.meshgrid(np.arange(n), np.arange(n))
-    first = (i + j * (n + 1)).ravel()
-    triangles = np.concatenate(
-        [np.stack([first, first + 1, first + n + 2], 1), np.stack([first, first + n + 2, first + n + 1], 1)]
-    )
-    u, v = np.meshgrid(np.arange(n + 1), np.arange(n + 1))
-    return triangles, np.stack([u.ravel(), v.ravel()], axis=1) / n
+TRIANGLE = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]
 
 
-def groups(corners, chosen):
-    """How many groups triangles form that share a corner: by merging one after another."""
-    parts = []
-    for triangle in (set(row) for row, wanted in zip(corners, chosen, strict=True) if wanted):
-        touching = [part for part in parts if part & triangle]
-        parts = [part for part in parts if not part & triangle] + [triangle.union(*touching)]
-    return len(parts)
+@pytest.mark.parametrize("corner", range(3))
+@pytest.mark.parametrize(
+    ("degrees", "is_behind"), [(0, False), (89, False), (91, True), (180, True), (269, True), (271, False)]
+)
+def test_one_normal_that_points_behind_its_triangle_is_enough(corner, degrees, is_behind):
+    normals = np.tile((0.0, 0.0, 1.0), (3, 1))
+    normals[corner] = np.sin(np.radians(degrees)), 0.0, np.cos(np.radians(degrees))
+    assert faces.behind(mesh(TRIANGLE, [(0, 1, 2)], [0], normals=normals)).tolist() == [is_behind]
+    assert faces.behind(mesh(TRIANGLE, [(0, 2, 1)], [0], normals=-normals)).tolist() == [is_behind]
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_islands_of_random_triangles_of_a_grid(seed):
-    rng = np.random.default_rng(seed)
-    triangles, uv = grid(12)
-    triangles = rng.permutation(triangles)
-    chosen = rng.random(len(triangles)) < 0.25
-    # Corner by corner, as Blender has them.
-    corners = np.arange(3 * len(triangles)).reshape(-1, 3)
-    low = mesh(
-        np.zeros((len(uv), 3)), corners, range(len(corners)), uv=uv[triangles.ravel()], vertices=triangles.ravel()
-    )
-    truth = groups(triangles.tolist(), chosen)
-    assert 5 < truth < chosen.sum()
-    assert faces.islands(low, chosen) == truth
+@pytest.mark.parametrize("scale", [1e-4, 1e4])
+def test_a_triangle_without_area_has_no_side(scale):
+    behind = np.tile((0.0, 0.0, -1.0), (6, 1))
+    points = np.array([*TRIANGLE, (0, 0, 0), (1, 0, 0), (2, 0, 0)]) * scale
+    assert faces.behind(mesh(points, [(0, 1, 2), (3, 4, 5)], [0, 1], normals=behind)).tolist() == [True, False]
 
 
-def test_islands_end_at_seams_and_do_not_meet_where_they_lie_on_each_other():
-    square = [(0, 0), (1, 0), (1, 1), (0, 1)]
-    apart = [(2, 0), (3, 0), (3, 1), (2, 1)]
-    two_quads, corners = [(0, 1, 2), (0, 2, 3), (4, 5, 6), (4, 6, 7)], np.arange(8)
-    everything = np.ones(4, bool)
-    on_one_surface = [0, 1, 2, 3, 1, 4, 5, 2]  # the second square is the first one's neighbour
-    for uv, vertices, count in (
-        (square + apart, on_one_surface, 2),  # a seam
-        (square + square, corners, 2),  # two pieces on one place
-        (square + [(1, 0), (2, 0), (2, 1), (1, 1)], on_one_surface, 1),
-    ):
-        low = mesh(np.zeros((8, 3)), two_quads, [0, 0, 1, 1], uv=uv, vertices=vertices)
-        assert faces.islands(low, everything) == count
-        assert faces.islands(low, ~everything) == 0
+def test_of_many_triangles_each_is_looked_at():
+    """More than one thread takes at once, and no whole number of such parts."""
+    count = blocks.BLOCK + 3
+    points, normals = np.tile(TRIANGLE, (count, 1)), np.tile((0.0, 0.0, 1.0), (3 * count, 1))
+    truth = np.arange(count) % 7 == 0
+    normals[::3][truth] *= -1.0
+    found = faces.behind(mesh(points, np.arange(3 * count).reshape(-1, 3), range(count), normals=normals))
+    np.testing.assert_array_equal(found, truth)

@@ -48,6 +48,7 @@ SAID = {
     "blue": ("--blue=-x", "-X"),
     "margin": ("--margin unlimited", None),
     "margin_type": ("--margin-type adjacent-faces", "ADJACENT_FACES"),
+    "mips": ("--mips 5", 5),
     "udim": ("--udim", True),
     "tiles": ("--tiles 1001,1003", (1001, 1003)),
     "limit": ("--limit 0.25", 0.25),

@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the audit's numbers mean: which of them are right practice, worth a look, or harm the map."""
+
+from collections.abc import Callable
+
+from .settings import Settings
+
+GOOD, LOOK, WRONG = "GOOD", "LOOK", "WRONG"
+
+MUCH_OVERLAP = 1e-3
+"""Share of texels that triangles may share without harm: decimation leaves a few slivers."""
+MANY_MISSES = 1e-3
+"""Share of rays that may hit nothing without harm."""
+MANY_UNCOVERED = 1e-2
+"""Share of texels without a high triangle, when nothing is cast, that does no harm: rims of islands differ a little."""
+MANY_FAR = 0.25
+"""Share of texels that may lie farther apart than the limit without harm, where the limit is nobody's wish."""
+MANY_BEYOND = 1e-3
+"""The same where somebody has set the limit."""
+MANY_UNEVEN = 0.1
+"""Share of faces that may depend on how they are cut into triangles without harm."""
+MANY_CLOSE = 0.02
+"""Share of texels that may lie closer to another island, or the border, than the mip level allows without harm."""
+MANY_BACKWARDS = 1e-3
+"""Share of texels whose normal a reader that rebuilds z may lose without harm."""
+MANY_BEHIND = 1e-2
+"""Share of triangles whose shading normals may point behind them without harm: decimation leaves a few folds."""
+
+TILE, TILES = "UV tile 0 to 1", "UDIM tiles"
+"""What a mesh lies in, by the settings."""
+
+Check = dict[str, float]
+
+
+def of(kind: str, check: Check, settings: Settings) -> str:
+    """How bad `check`, one of Report.checks, is: GOOD, LOOK or WRONG. settings: of the bake, with the method it took."""
+    if not check["count"] or (kind in _TANGENT_ONLY and settings.space != "TANGENT"):
+        return GOOD
+    return WRONG if kind in _HARMS and _HARMS[kind](check, settings) else LOOK
+
+
+def warning(kind: str, check: Check, low: str, settings: Settings) -> str:
+    """What harms the map of the object `low`, as a sentence, where `of` says WRONG."""
+    known = {"of": 1, "share": check["count"] / max(1, check.get("of", 1))} | check
+    known |= {"where": TILES if settings.udim else TILE, "margin": check.get("needed", 0) / 2, "level": settings.mips}
+    sentence = _MISSED if kind == "uncovered" and settings.method == "CAST" else _SENTENCES[kind]
+    return sentence.format(low=repr(low), **known)
+
+
+def _overlap(check: Check, settings: Settings) -> bool:
+    # Parts that are laid on the very same place share their detail on purpose; normals of a space that does not turn
+    # with the surface are those of one of them all the same.
+    shared = check["count"] - (check["stacked"] if settings.space == "TANGENT" else 0)
+    return shared > MUCH_OVERLAP * check["of"]
+
+
+def _uncovered(check: Check, settings: Settings) -> bool:
+    return check["share"] > (MANY_MISSES if settings.method == "CAST" else MANY_UNCOVERED)
+
+
+def _far(check: Check, settings: Settings) -> bool:
+    return check["share"] > (MANY_FAR if settings.limit is None else MANY_BEYOND)
+
+
+def _beyond(share: float) -> Callable[[Check, Settings], bool]:
+    return lambda check, _settings: check["count"] > share * check["of"]
+
+
+_TANGENT_ONLY = {"polygons", "hard_edges", "backwards", "behind"}
+"""Kinds that cost nothing where normals are not relative to the low surface."""
+_HARMS: dict[str, Callable[[Check, Settings], bool]] = {
+    "overlap": _overlap,
+    "uncovered": _uncovered,
+    "far": _far,
+    "gaps": _beyond(MANY_CLOSE),
+    "backwards": _beyond(MANY_BACKWARDS),
+    "outside": lambda check, _settings: check["count"] > check["moved"],
+    "no_area": _beyond(0.0),
+    "behind": _beyond(MANY_BEHIND),
+    "hard_edges": lambda _check, _settings: True,
+    # Of a surface on its own base, the modifiers are the detail that the map shows.
+    "uneven": lambda check, _settings: not check["is_own_base"] and check["count"] > MANY_UNEVEN * check["of"],
+}
+"""When a kind harms. Those that are not named never do: mirrored UVs, and faces that are to be cut into triangles."""
+
+_MISSED = (
+    "{share:.2%} of the rays from {low} hit nothing: those texels have alpha 0. Look at the extrusion and the maximum "
+    "distance."
+)
+_SENTENCES = {
+    "overlap": "{share:.2%} of the texels of {low} belong to two of its triangles or more (overlapping UVs): they show the "
+    "detail of one of them.",
+    "uncovered": "{share:.2%} of the texels of {low} lie under no high triangle and stay empty.",
+    "far": "On {share:.2%} of the texels of {low} the high surface lies farther from it than {limit:.4g}, at most "
+    "{maximum:.4g}.",
+    "gaps": "{share:.2%} of the texels of {low} lie within {needed} texels of another UV island, or {margin} of the border: "
+    "mip level {level} mixes them. Pack the islands with a larger margin.",
+    "backwards": "{share:.2%} of the texels of {low} hold a normal whose z is 0 or less: readers that rebuild z from x and y "
+    "lose it. Split the UVs and normals where the low mesh turns away from the high one, or give it more faces there.",
+    "outside": "{low}: {count:,} of its triangles reach outside the {where} and are cut off there.",
+    "no_area": "{low}: {count:,} of its triangles have no area in UV space and cannot be drawn.",
+    "hard_edges": "{low} has {count:,} hard edges without a UV seam, each of which costs a visible line in tangent space: mark "
+    "seams and unwrap there, or shade them smooth.",
+    "behind": "{low}: {count:,} of its triangles have shading normals that point behind them, where no tangent-space map is "
+    "right: mend the normals, or add edges.",
+    "uneven": "{count:,} of the {of:,} faces of {low} are not planar and change their shape with the triangles that an "
+    "exporter cuts them into: add a Triangulate modifier.",
+}
