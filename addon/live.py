@@ -52,7 +52,7 @@ def start(context: bpy.types.Context, job: Job, settings: Settings) -> None:
     following = live.Session(context, job, settings, pace.Pace(looks=False))
     following.run(context)
     following.store()
-    following.pace.seconds = SLICE
+    following.pace = pace.Pace(SLICE, looks=False)
     _session, _asked, _work, _all_changed, _is_stored, message = following, settings, None, False, True, ""
     _refused, _scene = None, context.scene.session_uid
     for handlers, handler in _handlers():

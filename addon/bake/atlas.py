@@ -52,7 +52,7 @@ class Atlas:
     def store(self, lows: Sequence[bpy.types.Object], reports: Sequence[Report]) -> None:
         """Add the margin, and put the maps where the settings want them."""
         tally, last = audit.Tally(), reports[-1]
-        with last.timed("total"), Outputs(self.settings) as outputs:
+        with last.in_total(), Outputs(self.settings) as outputs:
             finishes = finish.all_of(self.lows, self.settings)
             try:
                 for tile, maps in self.tiles.items():

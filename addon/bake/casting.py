@@ -3,7 +3,7 @@
 
 import zlib
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import gpu
@@ -13,6 +13,7 @@ from ..mesh import bvh
 from ..mesh.arrays import Frame, Mesh, frame_of
 from ..passes import batch, cast, table, target
 from .errors import BakeError
+from .pace import Pace
 from .report import Report
 
 KEPT_BYTES = 1024 * 2**20
@@ -43,18 +44,26 @@ class Shot:
     reach: float
     facing_only: bool
 
-    def trace(self, hits: target.Target, places: target.Target, rows: range | None = None) -> None:
+    def trace(self, hits: target.Target, places: target.Target, pace: Pace | None = None) -> None:
         """Cast those that gbuffer.draw has written into `places`, as cast.trace does."""
-        cast.trace(
-            hits,
-            places,
-            self.aim.tables,
-            heading=-1.0,
-            back=self.back,
-            reach=self.reach,
-            facing_only=self.facing_only,
-            rows=rows,
-        )
+        for _ in self.traced(hits, places, pace or Pace()):
+            pass
+
+    def traced(self, hits: target.Target, places: target.Target, pace: Pace) -> Iterator[range]:
+        """As `trace`, slice by slice: the rows that are done."""
+        for rows in pace.slices(places.height):
+            cast.trace(
+                hits,
+                places,
+                self.aim.tables,
+                heading=-1.0,
+                back=self.back,
+                reach=self.reach,
+                facing_only=self.facing_only,
+                rows=rows,
+            )
+            hits.finish()
+            yield rows
 
 
 def aim_at(highs: Sequence[Mesh], report: Report) -> Aim:

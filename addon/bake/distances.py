@@ -7,6 +7,7 @@ import gpu
 import numpy as np
 
 from ..passes import cast, gbuffer, target
+from .pace import Pace
 
 PROBE = 256
 """Rays a side, at most, that are sent both ways to find out."""
@@ -57,7 +58,9 @@ def _probe(tables: cast.Tables, places: target.Target, heading: float, facing_on
     """How far each ray goes, (N,) float32 for the texels that the low mesh covers; -1 where it hits nothing."""
     hits = target.get("hits", places.width, places.height, "RGBA32UI")
     found = target.get("high", places.width, places.height, "RGBA32F")
-    cast.trace(hits, places, tables, heading=heading, back=1e-5, reach=WHOLE_WORLD, facing_only=facing_only)
+    for rows in Pace().slices(places.height):
+        cast.trace(hits, places, tables, heading=heading, back=1e-5, reach=WHOLE_WORLD, facing_only=facing_only, rows=rows)
+        hits.finish()
     cast.distances(found, hits)
     far = np.empty((places.height, places.width, 4), np.float32)
     covered = np.empty_like(far)

@@ -63,37 +63,41 @@ class Session:
         """
         settings = replace(self.settings, method=self._method)
         report = self.job.report(settings)
-        with report.timed("total"):
-            yield Step(f"Reading {report.low}", 0.0)
-            low, highs, cage = self.job.low, self.job.highs, self.job.cage
-            reason = subjects.problem(context, low, highs, cage, self._method)
-            if reason:
-                raise BakeError(reason)
-            if low in highs and low.mode == "EDIT":
-                raise BakeError(
-                    f"The map will follow when {low.name!r}, which is its own high object, leaves Edit Mode."
-                )
-            hidden = next(filter(subjects.hides_detail, highs), None)
-            if hidden is not None:
-                raise BakeError(
-                    f"The map will follow when {hidden.name!r} leaves Sculpt Mode, which keeps Multires detail."
-                )
-            with report.timed("extract"):
-                before = None if changed is None else self._meshes
-                meshes = reading.read_again(context, low, highs, cage, settings, before=before, changed=changed or ())
-            self._meshes, report.uv_layer = meshes, meshes.uv_layer
-            if not self._finishes or before is None or meshes.low is not before.low:
-                self._finishes = finish.all_of([meshes.low], settings)
-            shown = methods.choose(meshes, [1001], settings, report)
-            self._method = report.method
-            source = yield from methods.source(shown, [1001], settings, report, self.pace, kept=self._kept)
-            if source.takes_time and self.pace.is_sliced:
-                yield self._first_look(source, shown.basis, settings, report)
-            renderer = render.Renderer(source, shown.basis, settings, report, self.pace, kept=self._kept)
-            maps = yield from renderer.texels(1001, self._finishes)
-            texels, state = maps["NORMAL"]
-            if not (state == resolve.WRITTEN).any():
-                raise BakeError(methods.nothing_drawn(shown, [1001], report))
+        yield from report.counted(self._drawn(context, changed, settings, report))
+
+    def _drawn(
+        self, context: bpy.types.Context, changed: Collection[int] | None, settings: Settings, report: Report
+    ) -> Work[None]:
+        yield Step(f"Reading {report.low}", 0.0)
+        low, highs, cage = self.job.low, self.job.highs, self.job.cage
+        reason = subjects.problem(context, low, highs, cage, self._method)
+        if reason:
+            raise BakeError(reason)
+        if low in highs and low.mode == "EDIT":
+            raise BakeError(
+                f"The map will follow when {low.name!r}, which is its own high object, leaves Edit Mode."
+            )
+        hidden = next(filter(subjects.hides_detail, highs), None)
+        if hidden is not None:
+            raise BakeError(
+                f"The map will follow when {hidden.name!r} leaves Sculpt Mode, which keeps Multires detail."
+            )
+        with report.timed("extract"):
+            before = None if changed is None else self._meshes
+            meshes = reading.read_again(context, low, highs, cage, settings, before=before, changed=changed or ())
+        self._meshes, report.uv_layer = meshes, meshes.uv_layer
+        if not self._finishes or before is None or meshes.low is not before.low:
+            self._finishes = finish.all_of([meshes.low], settings)
+        shown = methods.choose(meshes, [1001], settings, report)
+        self._method = report.method
+        source = yield from methods.source(shown, [1001], settings, report, self.pace, kept=self._kept)
+        if source.takes_time and self.pace.is_heard:
+            yield self._first_look(source, shown.basis, settings, report)
+        renderer = render.Renderer(source, shown.basis, settings, report, self.pace, kept=self._kept)
+        maps = yield from renderer.texels(1001, self._finishes)
+        texels, state = maps["NORMAL"]
+        if not (state == resolve.WRITTEN).any():
+            raise BakeError(methods.nothing_drawn(shown, [1001], report))
         self.texels, self._state, self.report, self._source = texels, state, report, source
         self._coarse = None
 

@@ -59,33 +59,35 @@ def some[Result](work: Work[Result], seconds: float) -> Step:
 
 
 class Pace:
-    """Cuts rows of texels into slices that take about `seconds` each; without a number all of them are one slice.
+    """Cuts rows of texels into slices that take about `seconds` each; without a number nobody waits for their steps.
 
     looks: whether somebody looks at the picture of each step, and wants to see a coarse one first.
     """
 
+    LONGEST = 0.25
+    """Seconds, where nobody waits: a driver takes the GPU away from who keeps it for longer than it allows, which is 2 seconds
+    on Windows."""
     FIRST = 64
     STEP = 8
     """Slices are made of this many rows: workgroups of compute shaders do not straddle them."""
 
     def __init__(self, seconds: float | None = None, *, looks: bool = True):
-        self.seconds, self.looks = seconds, looks
+        self.is_heard, self.looks = seconds is not None, looks
+        self.seconds = self.LONGEST if seconds is None else seconds
         self._rows = self.FIRST
 
-    @property
-    def is_sliced(self) -> bool:
-        return self.seconds is not None
-
     def slices(self, height: int) -> Iterator[range]:
-        """The rows of one slice after another; the time until the next is asked for is what one takes."""
+        """The rows of one slice after another; the time until the next is asked for is what one takes.
+
+        Who draws has to wait for what was drawn, as with target.Target.finish: drivers work later than they are called.
+        """
         start = 0
         while start < height:
-            stop = height if self.seconds is None else min(height, start + self._rows)
+            stop = min(height, start + self._rows)
             before = time.perf_counter()
             yield range(start, stop)
-            if self.seconds is not None:
-                # At most double: one slice over empty texels says little of the next.
-                rate = (stop - start) / max(time.perf_counter() - before, 1e-4)
-                rows = min(rate * self.seconds, 2 * self._rows)
-                self._rows = max(self.STEP, int(rows) // self.STEP * self.STEP)
+            # At most double: one slice over empty texels says little of the next.
+            rate = (stop - start) / max(time.perf_counter() - before, 1e-4)
+            rows = min(rate * self.seconds, 2 * self._rows)
+            self._rows = max(self.STEP, int(rows) // self.STEP * self.STEP)
             start = stop

@@ -129,10 +129,10 @@ def work(
         bakes.append(_Bake(job, own, report, speed))
         share = number / len(jobs), (number + 1) / len(jobs)
         if share_image:
-            drawn = yield from part(bakes[-1].raw(context), *share)
+            drawn = yield from part(report.counted(bakes[-1].raw(context)), *share)
             shared.add(drawn, bakes[-1].meshes, report)
         else:
-            for step in part(bakes[-1].whole(context), *share):
+            for step in part(report.counted(bakes[-1].whole(context)), *share):
                 yield replace(step, finished=number)
     if share_image:
         yield Step("Storing", 1.0)
@@ -161,7 +161,7 @@ class _Bake:
     def whole(self, context: bpy.types.Context) -> Work[None]:
         """From the objects to images and materials."""
         settings, report = self.settings, self.report
-        with report.timed("total"), Outputs(settings) as outputs:
+        with Outputs(settings) as outputs:
             renderer = yield from part(self._renderer(context), 0.0, 0.2)
             try:
                 finishes = finish.all_of([self.meshes.low], settings)
@@ -185,20 +185,19 @@ class _Bake:
     def raw(self, context: bpy.types.Context) -> Work[dict[int, dict[str, np.ndarray]]]:
         """From the objects to the values of all maps without a margin, by tile and name, as Renderer.raw has them."""
         drawn = {}
-        with self.report.timed("total"):
-            renderer = yield from part(self._renderer(context), 0.0, 0.2)
-            try:
-                for number, tile in enumerate(self.tiles):
-                    drawn[tile] = yield from part(renderer.raw(tile), *self._share(number))
-                    normals = drawn[tile]["NORMAL"]
-                    is_tangent = self.settings.space == "TANGENT"
-                    upwards = 0.5 * normals[audit.SOME][..., 2] if is_tangent else None
-                    lost = np.count_nonzero((normals[..., 2] <= 0.0) & (normals[..., 3] > 0.0)) if is_tangent else 0
-                    self.tally.add(atlas.state(normals), upwards, int(lost))
-                self._tell(renderer.source.shot)
-            finally:
-                target.trim()
-                casting.trim()
+        renderer = yield from part(self._renderer(context), 0.0, 0.2)
+        try:
+            for number, tile in enumerate(self.tiles):
+                drawn[tile] = yield from part(renderer.raw(tile), *self._share(number))
+                normals = drawn[tile]["NORMAL"]
+                is_tangent = self.settings.space == "TANGENT"
+                upwards = 0.5 * normals[audit.SOME][..., 2] if is_tangent else None
+                lost = np.count_nonzero((normals[..., 2] <= 0.0) & (normals[..., 3] > 0.0)) if is_tangent else 0
+                self.tally.add(atlas.state(normals), upwards, int(lost))
+            self._tell(renderer.source.shot)
+        finally:
+            target.trim()
+            casting.trim()
         return drawn
 
     def _renderer(self, context: bpy.types.Context) -> Work[render.Renderer]:

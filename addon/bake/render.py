@@ -92,7 +92,7 @@ class Renderer:
     ) -> Work[None]:
         settings = self.settings
         parts = list(bands(settings.width, settings.height, margin, tile))
-        if self.pace.is_sliced and self.pace.looks and self.source.takes_time:
+        if self.pace.is_heard and self.pace.looks and self.source.takes_time:
             yield from part(self._coarse(tile), 0.0, 0.0)
         for number, band in enumerate(parts):
             maps = yield from part(self._sampled(band), number / len(parts), (number + 1) / len(parts))
@@ -113,11 +113,11 @@ class Renderer:
         size = band.width, band.height
         if count == 1:
             for drawn, rows in self._normals(band):
-                if self.pace.is_sliced:
+                if self.pace.is_heard:
                     yield self._step(drawn, rows.stop / band.height, band)
             return {"NORMAL": drawn} | {name: self._other(name, band) for name in settings.maps}
         sums = target.get("sums", *size, "RGBA32F")
-        if self.pace.is_sliced:
+        if self.pace.is_heard:
             target.clear(sums)  # what is not drawn yet must not be seen
         places = samples.offsets(count)
         central = min(places, key=lambda place: place[0] ** 2 + place[1] ** 2)
@@ -126,7 +126,7 @@ class Renderer:
             for drawn, rows in self._normals(sample):
                 with self.report.timed("draw"):
                     samples.add(sums, drawn, rows, is_first=number == 0)
-                if self.pace.is_sliced:
+                if self.pace.is_heard:
                     yield self._step(sums.texture, (number + rows.stop / band.height) / count, band)
             for name in settings.maps:
                 if name not in LABELS:

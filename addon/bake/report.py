@@ -2,7 +2,7 @@
 """What a bake did, in numbers and in words."""
 
 import time
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 
@@ -11,7 +11,7 @@ STAGES = ("extract", "method", "tree", "upload", "distances", "draw", "read", "a
 
 @dataclass
 class Report:
-    """Filled while the bake goes on. `seconds` holds the stages and the total; shares are of all texels."""
+    """Filled while the bake goes on. `seconds` holds the stages, each for itself, and the total; shares are of all texels."""
 
     method: str
     space: str
@@ -69,14 +69,41 @@ class Report:
         del values["uids"]
         return values
 
+    def __post_init__(self):
+        self._inside = 0.0
+        """Seconds of the stages inside the one that is timed."""
+
     @contextmanager
     def timed(self, stage: str) -> Iterator[None]:
-        """Add the time that the block takes to `stage`."""
+        """Add the time that the block takes to `stage`, but for that of stages inside it, which count for themselves."""
+        start, around, self._inside = time.perf_counter(), self._inside, 0.0
+        try:
+            yield
+        finally:
+            seconds = time.perf_counter() - start
+            self.seconds[stage] += seconds - self._inside
+            self._inside = around + seconds
+
+    def counted[Step, Result](self, work: Generator[Step, None, Result]) -> Generator[Step, None, Result]:
+        """`work`, whose time is added to the total; that between its steps, in which it waits, is not."""
+        try:
+            while True:
+                with self.in_total():
+                    step = next(work)
+                yield step
+        except StopIteration as end:
+            return end.value
+        finally:
+            work.close()
+
+    @contextmanager
+    def in_total(self) -> Iterator[None]:
+        """Add the time that the block takes to the total."""
         start = time.perf_counter()
         try:
             yield
         finally:
-            self.seconds[stage] += time.perf_counter() - start
+            self.seconds["total"] += time.perf_counter() - start
 
     def summary(self) -> list[str]:
         """Lines for a person: what was done, at what cost."""

@@ -103,12 +103,18 @@ class Rays:
         gbuffer.draw(places, self.shot.rays, band.window)
         self._hits = target.get("hits", *size, "RGBA32UI")
         self._normals, self._points = target.get("high", *size, "RGBA32F"), None
-        if self.pace.is_sliced:
-            target.clear(self._normals)  # what is not drawn yet must not be seen
-        for rows in self.pace.slices(band.height):
-            self.shot.trace(self._hits, places, rows)
-            cast.look_up(self._normals, self._hits, places, self.shot.aim.tables, self.to_space, rows=rows)
+        if not self.pace.is_heard:
+            self.shot.trace(self._hits, places, self.pace)
+            self._look_up(places, range(band.height))
+            yield self._normals.texture, range(band.height)
+            return
+        target.clear(self._normals)  # what is not drawn yet must not be seen
+        for rows in self.shot.traced(self._hits, places, self.pace):
+            self._look_up(places, rows)
             yield self._normals.texture, rows
+
+    def _look_up(self, places: target.Target, rows: range) -> None:
+        cast.look_up(self._normals, self._hits, places, self.shot.aim.tables, self.to_space, rows=rows)
 
     def other(self, name: str, band: Band, into: target.Target) -> gpu.types.GPUTexture:
         """As Source has it."""

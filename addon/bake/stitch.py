@@ -42,7 +42,9 @@ def across(texels: np.ndarray, state: np.ndarray, similarities: np.ndarray, kind
             flat = np.where(is_mirrored[found], flat.conj() * rotor, flat * rotor.conj())
             values[:, 0], values[:, 1] = flat.real, flat.imag
         if kind in (seams.NORMAL, seams.TANGENT):
-            values /= np.linalg.norm(values, axis=1, keepdims=True)
+            length = np.linalg.norm(values, axis=1)
+            known = length > 0.0  # where normals cancel out there is no direction: the nearest texel stays
+            found, values = found[known], values[known] / length[known, None]
         texels[y[found], x[found], :3] = values @ encode[:3, :3].T + encode[:3, 3]
 
 

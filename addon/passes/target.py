@@ -58,8 +58,9 @@ class Target:
 
     def finish(self) -> None:
         """Wait for what was drawn: drivers work later than they are called, and a clock would not see it."""
+        kind = "UINT" if self.formats[0].endswith("UI") else "FLOAT"
         with self.bound() as framebuffer:
-            framebuffer.read_color(0, 0, 1, 1, 4, 0, "FLOAT")
+            framebuffer.read_color(0, 0, 1, 1, 4, 0, kind)
 
     @contextmanager
     def bound(self) -> Iterator[gpu.types.GPUFrameBuffer]:

@@ -413,6 +413,34 @@ def test_labels_are_never_mixed_and_other_values_are(in_bands):
         assert np.count_nonzero(np.abs(whole - banded) > 1e-4) < 5
 
 
+@pytest.mark.parametrize("name", ["NORMAL", "POSITION"])
+@pytest.mark.parametrize("is_banded", [False, True])
+def test_where_normals_cancel_out_across_a_seam_the_nearest_texel_stays(in_bands, name, is_banded):
+    """Opposite normals in every second column, and a seam that leads between two of them."""
+    size = 256, 128  # powers of two, in which texels are exact
+    islands = [
+        Island((-1, -1), (0, 1), centre=(48.5, 64), scale=32.0, degrees=0.0),
+        Island((0, -1), (1, 1), centre=(150, 64), scale=32.0, degrees=0.0),
+    ]
+    values = np.zeros((*size[::-1], 4), np.float32)
+    for island in islands:
+        values[island.is_over(places(size)), 3] = 1.0
+    values[..., 2] = np.where(np.arange(size[0]) % 2, 1.0, -1.0) * values[..., 3]
+    right = islands[1].is_over(places(size))
+    left = islands[0].point(places(size))
+    beside = (left.real > 0.0) & (left.real * 32.0 < 4.0) & (np.abs(left.imag) < 0.8)
+    if is_banded:
+        in_bands(30, 64)
+    texels, state = finished(
+        values, [mesh_of(islands, size)], name=name, space="OBJECT", margin=4, margin_type="ADJACENT_FACES"
+    )
+    assert np.isfinite(texels).all()
+    assert (state[beside] == resolve.MARGIN).all()
+    assert np.array_equal(np.unique(texels[right][:, 2]), [0.0, 1.0] if name == "NORMAL" else [-1.0, 1.0])
+    nearest = texels[64, 64, 2]  # of the left island, whose last column this is
+    assert (texels[beside][:, 2] == (nearest if name == "NORMAL" else 0.0)).all()
+
+
 def test_channels_are_exchanged_after_the_turn():
     islands = cut(degrees=37.0)
     values, lows = drawn(islands, "TANGENT"), [mesh_of(islands)]

@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Rays go to the GPU in slices, whether somebody waits for their steps or not, and a report's seconds add up."""
+
+from types import SimpleNamespace
+
+import bpy
+import numpy as np
+import pytest
+
+from addon.bake import audit, casting, pace, pipeline, report
+from addon.bake.pace import Pace
+from addon.bake.settings import Settings
+from addon.passes import cast, target
+from tests.support import maps, zoo
+
+SIZE = 256
+RAYS = {"method": "CAST", "size": (SIZE, SIZE), "space": "OBJECT"}
+
+
+@pytest.fixture
+def slow(monkeypatch):
+    """A GPU on which each row takes 0.05 s; returns the rows of rays that it was given at a time."""
+    clock, given, trace, finish = SimpleNamespace(now=0.0, left=0.0), [], cast.trace, target.Target.finish
+
+    def slow_trace(into, rays, *arguments, rows=None, **options):
+        given.append(range(rays.height) if rows is None else rows)
+        clock.left += 0.05 * len(given[-1])
+        trace(into, rays, *arguments, rows=rows, **options)
+
+    def slow_finish(self):
+        clock.now, clock.left = clock.now + clock.left, 0.0  # drivers work later than they are called
+        finish(self)
+
+    monkeypatch.setattr(pace, "time", SimpleNamespace(perf_counter=lambda: clock.now))
+    monkeypatch.setattr(cast, "trace", slow_trace)
+    monkeypatch.setattr(target.Target, "finish", slow_finish)
+    casting.free()
+    return given
+
+
+def test_slices_come_to_last_as_long_as_they_should(monkeypatch):
+    clock = SimpleNamespace(now=0.0)
+    monkeypatch.setattr(pace, "time", SimpleNamespace(perf_counter=lambda: clock.now))
+    seen = []
+    for rows in Pace(0.5).slices(1000):
+        seen.append(rows)
+        clock.now += 0.01 * len(rows)
+    assert [row for rows in seen for row in rows] == list(range(1000))
+    assert [len(rows) for rows in seen] == [64, *[48] * 19, 24]
+
+
+@pytest.mark.usefixtures("gpu_context")
+@pytest.mark.parametrize("distances", [{}, {"extrusion": 0.2, "max_distance": 0.4}], ids=["measured", "set"])
+def test_nobody_listens_and_no_slice_is_too_long_for_a_driver(slow, distances):
+    maps.bake(zoo.plane("lo"), zoo.terrain("hi"), **RAYS, **distances)
+    baked = slow[-SIZE // Pace.STEP :]
+    assert max(map(len, slow)) == Pace.FIRST  # the first of each
+    assert sum(map(len, slow)) >= SIZE
+    assert [len(rows) for rows in baked].count(Pace.STEP) > 16
+    assert all(rows.start % Pace.STEP == 0 for rows in slow)
+
+
+@pytest.mark.usefixtures("gpu_context", "slow")
+@pytest.mark.parametrize("samples", [1, 4])
+def test_slices_leave_no_trace_in_the_map(monkeypatch, samples):
+    low, high = zoo.plane("lo"), zoo.terrain("hi")
+    sliced = maps.bake(low, high, **RAYS, samples=samples)
+    monkeypatch.setattr(Pace, "FIRST", SIZE)
+    assert np.array_equal(sliced, maps.bake(low, high, **RAYS, samples=samples))
+    assert len(np.unique(sliced)) > 1000
+
+
+@pytest.mark.usefixtures("gpu_context")
+def test_probes_for_distances_and_checks_are_sliced_as_well(slow):
+    low, high = zoo.plane("lo"), zoo.terrain("hi")
+    settings = Settings("CAST", width=SIZE, height=SIZE, image="map", storage="MEMORY", material=False)
+    pipeline.bake(bpy.context, low, [high], settings)
+    # Both ways for the distances, then the map, then the checks' look at some of its texels.
+    starts = [rows.start for rows in slow].count(0)
+    assert starts == 4
+    assert max(map(len, slow)) == Pace.FIRST < audit.PROBE
+
+
+@pytest.mark.usefixtures("gpu_context")
+@pytest.mark.parametrize("share_image", [False, True])
+@pytest.mark.parametrize("method", ["FLATTEN", "CAST"])
+def test_the_stages_are_parts_of_the_total_and_waiting_is_not(method, share_image, monkeypatch):
+    clock = SimpleNamespace(now=0.0)
+
+    def tick():
+        clock.now += 1.0  # whoever looks at the clock needs a second for it
+        return clock.now
+
+    monkeypatch.setattr(report, "time", SimpleNamespace(perf_counter=tick))
+    casting.free()
+    jobs = [pipeline.Job(zoo.plane("lo"), [zoo.terrain("hi")])]
+    settings = Settings(method, width=32, height=32, image="map", storage="MEMORY", material=False)
+    work = pipeline.work(bpy.context, jobs, settings, Pace(0.01), share_image=share_image)
+    try:
+        while True:
+            next(work)
+            clock.now += 1e6
+    except StopIteration as end:
+        (told,) = end.value
+    stages = {stage: seconds for stage, seconds in told.seconds.items() if stage != "total"}
+    assert stages["draw"] > 0.0 and (stages["tree"] > 0.0) == (method == "CAST")
+    assert 0.0 < sum(stages.values()) <= told.seconds["total"] < 1e6
