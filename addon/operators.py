@@ -270,7 +270,7 @@ class IMPRINT_OT_show_cage(bpy.types.Operator):
 
 
 class IMPRINT_OT_use_selection(bpy.types.Operator):
-    """Fill the slots: the active object is the low one, the other selected meshes are the high ones"""
+    """Fill the slots: the active object is the low one, the other selected ones with a surface are the high ones"""
 
     bl_idname = "imprint.use_selection"
     bl_label = "Fill from Selection"
@@ -285,7 +285,7 @@ class IMPRINT_OT_use_selection(bpy.types.Operator):
         settings.low = context.active_object
         settings.highs.clear()
         for obj in context.selected_objects:
-            if obj.type == "MESH" and obj != settings.low:
+            if obj != settings.low and subjects.may_be_high(obj):
                 settings.highs.add().object = obj
         return {"FINISHED"}
 

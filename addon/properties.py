@@ -261,10 +261,19 @@ def _is_mesh(_settings, obj: bpy.types.Object) -> bool:
     return obj.type == "MESH"
 
 
+def _may_be_high(_settings, obj: bpy.types.Object) -> bool:
+    return subjects.may_be_high(obj)
+
+
 class ImprintHigh(bpy.types.PropertyGroup):
     """One slot for a high object."""
 
-    object: PointerProperty(type=bpy.types.Object, name="High", description="A mesh with detail", poll=_is_mesh)
+    object: PointerProperty(
+        type=bpy.types.Object,
+        name="High",
+        description="A surface with detail: a mesh, a curve, text, or what shows instances",
+        poll=_may_be_high,
+    )
 
 
 def _set_size(settings: "ImprintSettings", texels: int) -> None:

@@ -28,9 +28,15 @@ Window = tuple[float, float, float, float]
 def choose(low: Mesh, highs: Sequence[Mesh], tiles: Sequence[int]) -> tuple[str, str, np.ndarray | None]:
     """The method for these meshes on these UDIM tiles, FLATTEN or CAST, why, as a clause, and, for FLATTEN, what
     apart.probe sees of a large map. One high mesh whose UVs are its own is enough for CAST."""
-    without = [high.name for high in highs if high.uv is None]
-    if without:
-        return "CAST", f"{without[0]!r} has no UV layer", None
+    without = next((high for high in highs if high.uv is None), None)
+    if without is not None:
+        several = without.instances > 1
+        what = (
+            f"is made of {without.instances:,} instances, which have no UVs of their own"
+            if several
+            else "has no UV layer"
+        )
+        return "CAST", f"{without.name!r} {what}", None
     texels = apart.probe(apart.flattened(low, highs), (PROBE, PROBE), tiles)
     on_low, both = texels[..., 3] != 0.0, texels[..., 3] > 0.0
     if not both.any():

@@ -21,7 +21,7 @@ def choose(meshes: Meshes, tiles: Sequence[int], settings: Settings, report: Rep
     """Put into the report which method it is, and why where that was left open. Returns what that method can use."""
     if settings.method == "AUTO":
         with report.timed("method"):
-            if meshes.is_own_base and meshes.highs[0].uv is not None:
+            if meshes.is_own_base and meshes.highs[0].uv is not None and not meshes.highs[0].instances:
                 report.method, report.why = "FLATTEN", "a surface and its own base mesh share their UVs"
             elif meshes.cage is not None:
                 report.method, report.why = "CAST", "there is a cage"

@@ -12,6 +12,8 @@ from ..mesh.arrays import Mesh, frame_of
 from . import subjects
 from .casting import check_cage
 from .errors import BakeError
+from .highs import Reader
+from .highs import uv_layer as uv_layer_of
 from .settings import Settings
 
 SMALLEST, LARGEST = 5e-9, 1e9
@@ -69,16 +71,18 @@ def read_again(
     Those whose session_uid is not in `changed` are taken from `before`, which came from the same objects and settings.
     """
     depsgraph = context.evaluated_depsgraph_get()
+    out = next((obj for obj in (low, *highs, cage) if obj and not obj.evaluated_get(depsgraph).is_evaluated), None)
+    if out is not None:
+        raise BakeError(f"{out.name!r} is not shown in this view layer, which the map follows: show its collection.")
     if before is None or {low.session_uid, cage and cage.session_uid}.intersection(changed):
         meshes = _read(depsgraph, low, highs, cage, settings)
     else:
-        read = list(before.highs)
-        for number, high in enumerate(highs):
-            if high.session_uid in changed:
-                with extract.evaluated(high, depsgraph) as data:
-                    read[number] = _high(high, data, before.uv_layer, settings)
-        _check_triangles(read)
-        meshes = replace(before, highs=read)
+        new = {number: high for number, high in enumerate(highs) if high.session_uid in changed}
+        read = dict(enumerate(before.highs)) | dict(
+            zip(new, Reader(depsgraph, before.uv_layer, settings).read(new), strict=True)
+        )
+        _check_triangles([*read.values()])
+        meshes = replace(before, highs=[*read.values()])
     if meshes.is_own_base and subjects.smooths_uvs(low):
         meshes = _with_kept_uvs(context, low, settings, meshes, before)
     return meshes
@@ -92,12 +96,14 @@ def _with_kept_uvs(
     Blender is asked for them only when those that are shown are not those of `before`: asking is a change as well.
     """
     (shown,) = meshes.highs
+    if shown.uv is None:
+        return meshes
     known = before and before.shown
     if known is not None and known.uv.shape == shown.uv.shape and np.array_equal(known.uv, shown.uv):
         uv = before.highs[0].uv
     else:
-        with subjects.kept_uvs(context, low) as depsgraph, extract.evaluated(low, depsgraph) as data:
-            uv = _high(low, data, meshes.uv_layer, settings).uv
+        with subjects.kept_uvs(context, low) as depsgraph:
+            uv = Reader(depsgraph, meshes.uv_layer, settings).read({1: low})[0].uv
     return replace(meshes, highs=[replace(shown, uv=uv)], shown=shown)
 
 
@@ -110,20 +116,16 @@ def _read(
 ) -> Meshes:
     is_own_base = low in highs
     with extract.base(low) if is_own_base else extract.evaluated(low, depsgraph) as data:
-        uv_layer = _uv_layer(low, data, settings.uv_layer)
+        uv_layer = uv_layer_of(low.name, data, settings.uv_layer)
         to_world = extract.matrix(low)
         low_mesh = extract.surface(data, uv_layer, low.name, to_world, with_faces=True)
         directions = extract.directions(data, low_mesh, settings.directions)
         basis = extract.with_tangents(data, uv_layer, low.name, to_world) if settings.space == "TANGENT" else None
         cage_mesh = cage and _cage(cage, depsgraph, low_mesh, len(data.polygons))
-    materials: dict[str, int] = {}
-    high_meshes = []
-    for number, high in enumerate(highs, start=1):
-        with extract.evaluated(high, depsgraph) as data:
-            mesh = _high(high, data, uv_layer, settings)
-            high_meshes.append(_labelled(mesh, number, high, data, materials) if settings.maps else mesh)
+    reader = Reader(depsgraph, uv_layer, settings)
+    high_meshes = reader.read(dict(enumerate(highs, start=1)))
     _check_triangles([low_mesh, *high_meshes, *([cage_mesh] if cage_mesh else [])])
-    return Meshes(low_mesh, high_meshes, basis, directions, cage_mesh, uv_layer, is_own_base, [*materials])
+    return Meshes(low_mesh, high_meshes, basis, directions, cage_mesh, uv_layer, is_own_base, [*reader.materials])
 
 
 def _check_triangles(meshes: Sequence[Mesh]) -> None:
@@ -153,40 +155,8 @@ def _check_size(mesh: Mesh) -> None:
         )
 
 
-def _high(high: bpy.types.Object, data: bpy.types.Mesh, low_layer: str, settings: Settings) -> Mesh:
-    layer, method = "", settings.method
-    if method == "FLATTEN" or (method == "AUTO" and data.uv_layers):
-        # The layer of the same name is the shared one; else the one that the artist sees in the UV editor.
-        layer = _uv_layer(high, data, low_layer if low_layer in data.uv_layers else "")
-    elif not data.polygons:
-        raise BakeError(f"{high.name!r} has no faces.")
-    laid_flat = method == "FLATTEN"
-    return extract.surface(
-        data, layer, high.name, extract.matrix(high), is_laid_flat=laid_flat, with_faces=bool(settings.maps)
-    )
-
-
-def _labelled(mesh: Mesh, number: int, high: bpy.types.Object, data: bpy.types.Mesh, materials: dict[str, int]) -> Mesh:
-    """`mesh` with the numbers of its object and of its materials as labels; `materials` takes up new names."""
-    indices, names = extract.materials(high, data, mesh)
-    numbers = np.array([materials.setdefault(name or "none", len(materials) + 1) for name in names])
-    labels = np.stack([np.full(len(indices), number), numbers[indices]], axis=1).astype(np.float32)
-    return replace(mesh, labels=labels)
-
-
 def _cage(cage: bpy.types.Object, depsgraph: bpy.types.Depsgraph, low: Mesh, low_faces: int) -> Mesh:
     with extract.evaluated(cage, depsgraph) as data:
         mesh = extract.surface(data, "", cage.name, extract.matrix(cage))
         check_cage(low, mesh, (low_faces, len(data.polygons)))
     return mesh
-
-
-def _uv_layer(obj: bpy.types.Object, data: bpy.types.Mesh, wanted: str) -> str:
-    if not data.polygons:
-        raise BakeError(f"{obj.name!r} has no faces.")
-    if not data.uv_layers:
-        raise BakeError(f"{obj.name!r} has no UV layer: unwrap it first.")
-    if wanted and wanted not in data.uv_layers:
-        known = ", ".join(repr(layer.name) for layer in data.uv_layers)
-        raise BakeError(f"{obj.name!r} has no UV layer {wanted!r}: it has {known}.")
-    return wanted or data.uv_layers.active.name

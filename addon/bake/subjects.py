@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
-from . import detail
+from ..mesh import instances
+from . import detail, visible
 from .errors import BakeError
 
 MAX_CONDITION = 1e7
@@ -82,7 +83,7 @@ def problem(
     if not highs:
         return _no_high(low)
     for obj in (low, *highs, *([cage] if cage else [])):
-        reason = _object_problem(context, obj)
+        reason = _object_problem(context, obj, is_high=obj in highs and obj != low)
         if reason:
             return reason
     twice = next((obj for number, obj in enumerate(highs) if obj in highs[:number]), None)
@@ -116,19 +117,34 @@ def _no_high(low: bpy.types.Object) -> str:
     return f"No high object for {low.name!r}: select one as well, or give {low.name!r} modifiers that add detail."
 
 
-def _object_problem(context: bpy.types.Context, obj: bpy.types.Object) -> str:
-    if obj.type != "MESH":
-        kind = obj.type.lower().replace("_", " ")
-        return f"{obj.name!r} is of the type {kind}, which cannot be baked: choose a mesh, or convert it to one."
+def _object_problem(context: bpy.types.Context, obj: bpy.types.Object, *, is_high: bool) -> str:
+    reason = _kind_problem(obj, is_high=is_high)
+    if reason:
+        return reason
     objects = context.view_layer.objects
     # A linked object may share its name with a local one, and only one of them is found by it.
     if objects.get(obj.name) != obj and obj not in objects.values():
-        return (
-            f"{obj.name!r} is not in view layer {context.view_layer.name!r}: link it to the scene, or include its "
-            "collection."
-        )
+        if obj not in context.scene.collection.all_objects.values():
+            return f"{obj.name!r} is not in scene {context.scene.name!r}: link it to one of its collections."
+        return ""  # its collection is left out of the view layer: then the bake itself will see
     # The matrix of what is hidden is out of date: then the bake itself will see.
     return _matrix_problem(obj) if obj.visible_get(view_layer=context.view_layer) else ""
+
+
+def may_be_high(obj: bpy.types.Object) -> bool:
+    """Whether Blender may make a surface of `obj`, its own or by instances."""
+    return instances.may_show(obj)
+
+
+def _kind_problem(obj: bpy.types.Object, *, is_high: bool) -> str:
+    if obj.type == "MESH" or (is_high and may_be_high(obj)):
+        return ""
+    kind = obj.bl_rna.properties["type"].enum_items[obj.type].name.lower()
+    if not is_high:
+        return f"{obj.name!r} is of the type {kind}, which cannot be baked onto: choose a mesh, or convert it to one."
+    if obj.type == "EMPTY":
+        return f"{obj.name!r} is an empty that instances no collection: choose a mesh, or give it a collection."
+    return f"{obj.name!r} is of the type {kind}, which has no surface to read: choose a mesh, or convert it to one."
 
 
 def _matrix_problem(obj: bpy.types.Object) -> str:
@@ -141,8 +157,9 @@ def _matrix_problem(obj: bpy.types.Object) -> str:
 
 
 def _mesh_problem(obj: bpy.types.Object, *, evaluated: bool, needs_uv: bool) -> str:
-    # Modifiers may make faces and UV layers, and in Edit Mode the mesh is out of date: then the bake itself will see.
-    if obj.data.is_editmode or (evaluated and obj.modifiers):
+    # Modifiers may make faces and UV layers, instances stand for others, and in Edit Mode the mesh is out of date: then the
+    # bake itself will see.
+    if obj.type != "MESH" or obj.data.is_editmode or (evaluated and (obj.modifiers or instances.shows_more(obj))):
         return ""
     if not obj.data.polygons:
         return f"{obj.name!r} has no faces: choose a mesh that has some."
@@ -166,16 +183,30 @@ def ready(
     objects = list(dict.fromkeys((low, *highs, *([cage] if cage else []))))
     with ExitStack() as restore:
         for obj in objects:
-            _reveal(context, obj, restore)
-        _leave_modes(context.view_layer, {obj.data for obj in objects}, restore)
-        for obj in objects:
-            if obj.data.is_editmode:
+            visible.reveal(context, obj, restore)
+        read = [*objects, *_instanced(context, [high for high in highs if instances.shows_more(high)], objects)]
+        _leave_modes(context.view_layer, {obj.data for obj in read if obj.data}, restore)
+        for obj in read:
+            if obj.data and getattr(obj.data, "is_editmode", False):
                 raise BakeError(f"The mesh of {obj.name!r} is in Edit Mode outside this view layer: leave it there.")
             if modifiers == "RENDER":
                 _set_for_render(obj, restore)
         if low in highs:
             _keep_uvs(low, restore)
         yield _evaluated(context, objects)
+
+
+def _instanced(
+    context: bpy.types.Context, owners: Sequence[bpy.types.Object], without: Sequence[bpy.types.Object]
+) -> list[bpy.types.Object]:
+    """The objects that `owners` show by instances, but for those in `without`."""
+    if not owners:
+        return []
+    found = {
+        obj.original.session_uid: obj.original
+        for _, obj, _ in instances.shown(context.evaluated_depsgraph_get(), owners)
+    }
+    return [obj for obj in found.values() if obj not in without]
 
 
 def _evaluated(context: bpy.types.Context, objects: Sequence[bpy.types.Object]) -> bpy.types.Depsgraph:
@@ -205,14 +236,6 @@ def kept_uvs(context: bpy.types.Context, obj: bpy.types.Object) -> Iterator[bpy.
         yield context.evaluated_depsgraph_get()
 
 
-def _set(owner, name: str, value, restore: ExitStack) -> None:
-    """Set a property if it differs, and put it back when the bake is done: an unchanged one costs no evaluation."""
-    before = getattr(owner, name)
-    if before != value:
-        setattr(owner, name, value)
-        restore.callback(setattr, owner, name, before)
-
-
 def _leave_modes(layer: bpy.types.ViewLayer, meshes: set[bpy.types.Mesh], restore: ExitStack) -> None:
     # The mesh of an object in Edit Mode or Sculpt Mode lags behind what is on screen until the mode is left; by whom,
     # does not matter to the objects that share it.
@@ -228,7 +251,9 @@ def _leave_modes(layer: bpy.types.ViewLayer, meshes: set[bpy.types.Mesh], restor
         restore.callback(obj.select_set, True)
         obj.select_set(False)
     for obj in leaving:
-        _set(obj, "hide_viewport", False, restore)  # hidden objects are not let out of their modes, nor into them
+        visible.put(
+            obj, "hide_viewport", False, restore
+        )  # hidden objects are not let out of their modes, nor into them
         restore.callback(_switch_mode, layer, obj, obj.mode)
     for obj in leaving:
         _switch_mode(layer, obj, "OBJECT")
@@ -240,29 +265,15 @@ def _switch_mode(layer: bpy.types.ViewLayer, obj: bpy.types.Object, mode: str) -
         bpy.ops.object.mode_set(mode=mode)
 
 
-def _reveal(context: bpy.types.Context, obj: bpy.types.Object, restore: ExitStack) -> None:
-    if obj.visible_get():
-        return
-    _set(obj, "hide_viewport", False, restore)
-    if obj.hide_get():
-        obj.hide_set(False)
-        restore.callback(obj.hide_set, True)
-    context.view_layer.update()
-    if not obj.visible_get():
-        raise BakeError(
-            f"{obj.name!r} is in a hidden collection: show the collection, so that the object is evaluated."
-        )
-
-
 def _set_for_render(obj: bpy.types.Object, restore: ExitStack) -> None:
     for modifier in obj.modifiers:
-        _set(modifier, "show_viewport", modifier.show_render, restore)
+        visible.put(modifier, "show_viewport", modifier.show_render, restore)
         if modifier.type in SUBDIVIDING:
-            _set(modifier, "levels", modifier.render_levels, restore)
+            visible.put(modifier, "levels", modifier.render_levels, restore)
 
 
 def _keep_uvs(obj: bpy.types.Object, restore: ExitStack) -> None:
     # Subdivision smooths UVs as well: the detail would be drawn beside the place where the base mesh looks for it.
     for modifier in obj.modifiers:
         if modifier.type in SUBDIVIDING:
-            _set(modifier, "uv_smooth", "NONE", restore)
+            visible.put(modifier, "uv_smooth", "NONE", restore)

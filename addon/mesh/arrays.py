@@ -18,7 +18,8 @@ class Mesh:
     uv (C, 2) float32, or None where no layer was read; tangents (C, 4) float32, w the bitangent's sign, or None.
     triangles (T, 3) int32, indices into the corners; faces (T,) int32, the number of the face that each is of, or None
     where that was not asked for; labels (T, n), numbers that go with each triangle, or None. to_world (4, 4) float64.
-    not_finite: how many triangles were left out for NaN or infinite values.
+    not_finite: how many triangles were left out for NaN or infinite values. instances: of how many meshes in their places it
+    is made; 0 for an object's own mesh alone.
     """
 
     name: str
@@ -32,6 +33,7 @@ class Mesh:
     not_finite: int = 0
     faces: np.ndarray | None = None
     labels: np.ndarray | None = None
+    instances: int = 0
 
     def to_world_normals(self, normals: np.ndarray) -> np.ndarray:
         """`normals` (N, 3) of this mesh's space in the world's; float32, not of length one."""

@@ -190,7 +190,7 @@ REFUSALS = {
     hidden_in_viewports: "'lo' is hidden",
     gone: "'lo' was deleted",
     high_gone: "'hi' was deleted",
-    out_of_the_scene: "'hi' is not in view layer",
+    out_of_the_scene: "'hi' is not in scene",
     mended: "No face of 'lo' has this flaw: uncovered",
 }
 

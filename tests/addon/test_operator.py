@@ -425,7 +425,7 @@ MISSING = {
     a_camera: "'Camera' is of the type camera",
     no_uvs: "'lo' has no UV layer",
     not_finite: "NaN",
-    gone_from_the_scene: "'hi' is not in view layer",
+    gone_from_the_scene: "'hi' is not in scene",
     no_file_named: "no file is named",
     does_not_fit_the_format: "16 or 32 bits",
 }

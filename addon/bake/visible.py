@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What is hidden, or left out of the view layer, shown for as long as it is read: Blender evaluates nothing else."""
+
+from contextlib import ExitStack
+
+import bpy
+
+from .errors import BakeError
+
+
+def put(owner: bpy.types.bpy_struct, name: str, value: object, restore: ExitStack) -> None:
+    """Set a property if it differs, and put it back when the bake is done: an unchanged one costs no evaluation."""
+    before = getattr(owner, name)
+    if before != value:
+        setattr(owner, name, value)
+        restore.callback(setattr, owner, name, before)
+
+
+def reveal(context: bpy.types.Context, obj: bpy.types.Object, restore: ExitStack) -> None:
+    """Make `obj` visible until `restore` is closed, whatever hides it. Raises BakeError where that cannot be done."""
+    if obj.visible_get():
+        return
+    put(obj, "hide_viewport", False, restore)
+    objects = context.view_layer.objects
+    if obj in objects.values():
+        _show(obj, restore)
+    context.view_layer.update()
+    if obj.visible_get():
+        return
+    # Its collections are hidden or left out. What lies in the scene itself is not: there it is for a while.
+    place = context.scene.collection.objects
+    if obj not in place.values() and context.scene.is_editable:
+        place.link(obj)
+        restore.callback(place.unlink, obj)
+        _show(obj, restore)
+        context.view_layer.update()
+    if not obj.visible_get():
+        raise BakeError(
+            f"{obj.name!r} is in a hidden collection: show the collection, so that the object is evaluated."
+        )
+
+
+def _show(obj: bpy.types.Object, restore: ExitStack) -> None:
+    if obj.hide_get():
+        obj.hide_set(False)
+        restore.callback(obj.hide_set, True)

@@ -1,0 +1,517 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What may be high: all that Blender makes a mesh of, instances, and what lies in hidden collections."""
+
+import math
+import os
+
+import bpy
+import mathutils
+import numpy as np
+import pytest
+
+from addon.bake import pipeline, reading, subjects
+from addon.bake.errors import BakeError
+from addon.bake.settings import Settings
+from tests.support import maps, zoo
+from tests.support.snapshot import difference, snapshot
+
+pytestmark = pytest.mark.usefixtures("gpu_context")
+
+SINGLE = 1e-6
+"""Single precision: Blender rounds the places of instances, and the points of what it makes of them."""
+ROUNDING, RIMS = 1e-4, 2e-3
+"""The same in texels where surfaces bend, and how many of them may lie on rims."""
+LARGE = 10_000 if os.environ.get("IMPRINT_RANDOM") else 200
+"""Instances of a bolt."""
+
+
+def link(obj, collection=None):
+    (collection or bpy.context.scene.collection).objects.link(obj)
+    return obj
+
+
+def empty(name, collection, **where):
+    obj = bpy.data.objects.new(name, None)
+    obj.instance_type, obj.instance_collection = "COLLECTION", collection
+    for key, value in where.items():
+        setattr(obj, key, value)
+    return obj
+
+
+def shelf(*objects, name="Shelf"):
+    """A collection, not in the scene, that holds `objects` alone."""
+    collection = bpy.data.collections.new(name)
+    for obj in objects:
+        for other in obj.users_collection:
+            other.objects.unlink(obj)
+        collection.objects.link(obj)
+    return collection
+
+
+def low():
+    """A plane with room for what lies on it."""
+    return zoo.plane("lo")
+
+
+def cast(low, *highs, **settings):
+    values = {"method": "CAST", "space": "OBJECT", "extrusion": 2.0, "max_distance": 4.0, "size": (48, 48), **settings}
+    return maps.bake(low, *highs, **values)
+
+
+def assert_alike(texels, expected):
+    """Equal, but where rounding decides whether a rim is hit, or which of two surfaces."""
+    assert (np.abs(texels - expected).max(axis=-1) > ROUNDING).mean() < RIMS
+
+
+def is_seen(texels):
+    """Whether something that is not the plane's own normal was hit, and not everywhere."""
+    hit = texels[..., 3] > 0
+    return hit.any() and not hit.all() and np.ptp(texels[hit][:, :3]) > 0.2
+
+
+# Kinds
+
+
+def text():
+    data = bpy.data.curves.new("hi", "FONT")
+    data.body, data.extrude, data.bevel_depth, data.align_x = "Ag", 0.1, 0.05, "CENTER"
+    return link(bpy.data.objects.new("hi", data))
+
+
+def curve():
+    bpy.ops.curve.primitive_bezier_circle_add(radius=0.6)
+    bpy.context.object.data.bevel_depth = 0.2
+    return bpy.context.object
+
+
+def nurbs():
+    bpy.ops.surface.primitive_nurbs_surface_sphere_add(radius=0.7)
+    return bpy.context.object
+
+
+def metaballs():
+    for x in (-0.3, 0.3):
+        bpy.ops.object.metaball_add(location=(x, 0, 0), radius=0.5)
+    return bpy.data.objects["Mball"]
+
+
+def hair_with_a_mesh():
+    obj = link(bpy.data.objects.new("hi", bpy.data.hair_curves.new("hi")))
+    tree, *_ = nodes(obj)
+    ball = tree.nodes.new("GeometryNodeMeshIcoSphere")
+    ball.inputs["Radius"].default_value = 0.6
+    tree.links.new(ball.outputs[0], tree.nodes["Group Output"].inputs[0])
+    return obj
+
+
+KINDS = (text, curve, nurbs, metaballs, hair_with_a_mesh)
+
+
+def nodes(obj):
+    """Geometry nodes on `obj`: the tree, the socket that its geometry comes out of, the one that it goes into."""
+    tree = bpy.data.node_groups.new("Nodes", "GeometryNodeTree")
+    for side in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=side, socket_type="NodeSocketGeometry")
+    first, last = tree.nodes.new("NodeGroupInput"), tree.nodes.new("NodeGroupOutput")
+    obj.modifiers.new("Nodes", "NODES").node_group = tree
+    return tree, first.outputs[0], last.inputs[0]
+
+
+def made_real(obj):
+    """What `obj` shows, as Blender's own Make Instances Real has it, in one list of plain mesh objects."""
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    found = []
+    for item in depsgraph.object_instances:
+        owner = item.parent if item.is_instance else item.object
+        if owner.original == obj and item.object.type == "MESH":
+            data = bpy.data.meshes.new_from_object(item.object)
+            found.append((data, item.matrix_world.copy()))
+    result = []
+    for data, matrix in found:
+        result.append(link(bpy.data.objects.new("real", data)))
+        result[-1].matrix_world = matrix
+    return result
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.__name__)
+@pytest.mark.parametrize("is_shared", [False, True], ids=["itself", "instanced"])
+def test_whatever_has_a_surface_is_read(kind, is_shared):
+    plane, high = low(), kind()
+    high.rotation_euler.z = 0.3
+    expected = cast(plane, *made_real(high))
+    assert is_seen(expected)
+    if is_shared:
+        if high.type == "META":
+            pytest.skip("Blender makes one surface of all metaballs of a family, wherever they are")
+        high = link(empty("outer", shelf(high)))
+    assert_alike(cast(plane, high), expected)
+
+
+def test_text_may_be_laid_flat():
+    """Blender gives text and curves UVs; nobody has to like them."""
+    assert maps.bake(low(), text(), space="OBJECT")[..., 3].any()
+
+
+def test_the_other_metaballs_have_no_surface():
+    metaballs()
+    with pytest.raises(BakeError, match=r"'Mball.001' has no faces: .* belongs to 'Mball'"):
+        cast(low(), bpy.data.objects["Mball.001"])
+
+
+ODD = {
+    "CAMERA": lambda: bpy.data.cameras.new("odd"),
+    "LIGHT": lambda: bpy.data.lights.new("odd", "SUN"),
+    "ARMATURE": lambda: bpy.data.armatures.new("odd"),
+    "LATTICE": lambda: bpy.data.lattices.new("odd"),
+    "EMPTY": lambda: None,
+    "POINTCLOUD": lambda: bpy.data.pointclouds.new("odd"),
+    "VOLUME": lambda: bpy.data.volumes.new("odd"),
+    "CURVES": lambda: bpy.data.hair_curves.new("odd"),
+    "SPEAKER": lambda: bpy.data.speakers.new("odd"),
+}
+
+
+@pytest.mark.parametrize("kind", ODD)
+def test_what_has_no_surface_is_named(kind):
+    odd = link(bpy.data.objects.new("odd", ODD[kind]()))
+    assert odd.type == kind
+    before = snapshot()
+    with pytest.raises(BakeError) as refused:
+        cast(low(), odd)
+    assert "'odd'" in str(refused.value)
+    assert "choose a mesh" in str(refused.value)
+    assert set(difference(before, snapshot())) <= {
+        "objects",
+        "meshes",
+        ("object", "lo"),
+        ("mesh", "lo"),
+        ("Scene", "ViewLayer"),
+    }
+
+
+def test_an_empty_instance_has_no_faces():
+    with pytest.raises(BakeError, match="'hi' has no faces"):
+        cast(low(), link(empty("hi", bpy.data.collections.new("Nothing"))))
+
+
+# Instances
+
+
+def bolt(name="bolt", n=3):
+    """A small dome, and its bottom turned from +Z a little, so that mirrors show."""
+    obj = zoo.terrain(name, n, height=0.2, waves=0.5)
+    obj.scale = (0.1, 0.1, 0.1)
+    for vertex in obj.data.vertices:
+        vertex.co.z += 0.3 * vertex.co.x
+    obj.data.materials.append(bpy.data.materials.new(f"{name} steel"))
+    return obj
+
+
+def scattered(count, *, realized, scale=(1.0, 1.0, 1.0), n=3, seed=11):
+    """`count` bolts turned every way on points over the plane, as instances or as one mesh, and the plane beneath."""
+    points = np.random.default_rng(seed).uniform(-0.9, 0.9, (count, 3)) * (1, 1, 0.05)
+    cloud = zoo.build("hi", points, np.empty((0, 3), int))
+    hidden = bolt("source", n)
+    hidden.hide_viewport = True
+    tree, came, goes = nodes(cloud)
+    on_points, info, turn, join = (
+        tree.nodes.new(f"{kind}")
+        for kind in (
+            "GeometryNodeInstanceOnPoints",
+            "GeometryNodeObjectInfo",
+            "FunctionNodeRandomValue",
+            "GeometryNodeJoinGeometry",
+        )
+    )
+    info.inputs["Object"].default_value, info.inputs["As Instance"].default_value = hidden, True
+    turn.data_type = "FLOAT_VECTOR"
+    turn.inputs["Max"].default_value = (0.5, 0.5, math.tau)
+    on_points.inputs["Scale"].default_value = tuple(0.05 * side for side in scale)
+    grid = tree.nodes.new("GeometryNodeMeshGrid")
+    grid.inputs["Size X"].default_value = grid.inputs["Size Y"].default_value = 2.0
+    tree.links.new(came, on_points.inputs["Points"])
+    tree.links.new(info.outputs["Geometry"], on_points.inputs["Instance"])
+    tree.links.new(turn.outputs["Value"], on_points.inputs["Rotation"])
+    tree.links.new(on_points.outputs[0], join.inputs[0])
+    tree.links.new(grid.outputs[0], join.inputs[0])
+    last = join
+    if realized:
+        last = tree.nodes.new("GeometryNodeRealizeInstances")
+        tree.links.new(join.outputs[0], last.inputs[0])
+    tree.links.new(last.outputs[0], goes)
+    return cloud
+
+
+def test_instances_on_points_are_as_if_they_were_realized():
+    plane = low()
+    one, other = (scattered(LARGE, realized=realized) for realized in (False, True))
+    mesh, real = (reading.read(bpy.context, plane, [obj], None, Settings("CAST")).highs[0] for obj in (one, other))
+    assert (mesh.instances, real.instances) == (LARGE + 1, 0)
+    assert len(mesh.triangles) == len(real.triangles) == 18 * LARGE + 8
+    texels = cast(plane, one, size=(128, 128), facing_only=True)
+    assert np.ptp(texels[..., 0]) > 0.2
+    assert_alike(texels, cast(plane, other, size=(128, 128), facing_only=True))
+
+
+@pytest.mark.parametrize("scale", [(-1, 1, 1), (1, -2, 1)])
+def test_mirrored_instances_are_as_mirrored_objects(scale):
+    """Which Realize Instances turns inside out, and Blender draws as they were."""
+    plane, high = low(), scattered(100, realized=False, scale=scale)
+    texels = cast(plane, high, size=(128, 128), facing_only=True)
+    assert np.ptp(texels[..., 0]) > 0.2
+    bpy.context.view_layer.update()
+    assert_alike(texels, cast(plane, *made_real(high), size=(128, 128), facing_only=True))
+
+
+def test_a_mirrored_instance_keeps_its_front():
+    plane, source = low(), bolt()
+    high = link(empty("hi", shelf(source), scale=(-5.0, 5.0, 5.0)))
+    texels = cast(plane, high, facing_only=True)
+    source.scale.x, source.scale.y, source.scale.z = -0.5, 0.5, 0.5
+    np.testing.assert_allclose(texels, cast(plane, link(source), facing_only=True), rtol=0, atol=SINGLE)
+    assert is_seen(texels)
+
+
+def test_collections_in_collections():
+    plane, source = low(), bolt()
+    inner = empty("inner", shelf(source, name="Inner"), location=(0.4, 0.0, 0.0), rotation_euler=(0.0, 0.0, 0.7))
+    outer = link(
+        empty("outer", shelf(inner, text(), name="Outer"), scale=(2.0, -2.0, 2.0), rotation_euler=(0.1, 0.2, 0.0))
+    )
+    bpy.context.view_layer.update()
+    real = made_real(outer)
+    assert len(real) == 2
+    texels = cast(plane, outer)
+    assert_alike(texels, cast(plane, *real))
+    assert is_seen(texels)
+
+
+@pytest.mark.parametrize("kind", ["VERTS", "FACES"])
+@pytest.mark.parametrize("shows_itself", [False, True])
+def test_instances_on_vertices_and_faces(kind, shows_itself):
+    plane, parent, child = low(), zoo.plane("hi", 2), bolt()
+    parent.scale, child.parent, parent.instance_type = (0.7, 0.7, 0.7), parent, kind
+    parent.show_instancer_for_render, parent.show_instancer_for_viewport = shows_itself, not shows_itself
+    bpy.context.view_layer.update()
+    mesh = reading.read(bpy.context, plane, [parent], None, Settings("CAST")).highs[0]
+    assert mesh.instances == (9 if kind == "VERTS" else 4) + shows_itself
+    assert is_seen(cast(plane, parent, size=(128, 128))) or shows_itself
+
+
+def test_particles_that_are_objects():
+    plane, emitter, source = low(), zoo.plane("hi", 4), bolt()
+    emitter.modifiers.new("Particles", "PARTICLE_SYSTEM")
+    settings = emitter.particle_systems[0].settings
+    settings.type, settings.count, settings.render_type, settings.instance_object = "HAIR", 20, "OBJECT", source
+    mesh = reading.read(bpy.context, plane, [emitter], None, Settings("CAST")).highs[0]
+    assert mesh.instances == 21
+
+
+def test_instances_without_a_place_are_left_out():
+    """Scaled to nothing, they are hidden; pressed flat, they are surfaces still."""
+    plane, source = low(), bolt()
+    sizes = [(1.0, 1.0, 1.0), (0.0, 0.0, 0.0), (3.0, 3.0, 0.0), (1.0, 0.0, 0.0)]
+    shelves = shelf(source)
+    inner = [empty(f"{number}", shelves, scale=scale) for number, scale in enumerate(sizes)]
+    mesh = reading.read(
+        bpy.context, plane, [link(empty("hi", shelf(*inner, name="All")))], None, Settings("CAST")
+    ).highs[0]
+    assert mesh.instances == 2
+    assert np.isfinite(mesh.normals).all()
+    flat = mesh.normals[len(mesh.normals) // 2 :]
+    flat = flat / np.linalg.norm(flat, axis=1, keepdims=True)
+    np.testing.assert_allclose(flat, np.broadcast_to((0, 0, 1), flat.shape), rtol=0, atol=SINGLE)
+
+
+def test_far_from_the_origin_instances_are_as_near_to_their_empty():
+    plane, source = low(), bolt()
+    high = link(empty("hi", shelf(source), scale=(5.0, 5.0, 5.0)))
+    expected = cast(plane, high)
+    plane.location = high.location = (4096.0, -4096.0, 4096.0)
+    np.testing.assert_allclose(cast(plane, high), expected, rtol=0, atol=2e-3)  # Blender's matrices are rounded there
+
+
+def test_levels_for_rendering_count_for_what_is_instanced():
+    plane, source = low(), bolt()
+    smooth = source.modifiers.new("Smooth", "SUBSURF")
+    smooth.levels, smooth.render_levels = 0, 2
+    high = link(empty("hi", shelf(source)))
+    counts = [
+        len(reading.read(bpy.context, plane, [high], None, Settings("CAST", modifiers=kind)).highs[0].triangles)
+        for kind in ("VIEWPORT", "RENDER")
+    ]
+    assert counts == [18, 18 * 16]
+    assert (smooth.levels, smooth.render_levels) == (0, 2)
+
+
+def test_what_is_instanced_may_be_in_edit_mode():
+    plane, source = low(), bolt()
+    high = link(empty("hi", shelf(source)))
+    link(source)
+    source.hide_viewport = False
+    bpy.context.view_layer.objects.active = source
+    bpy.ops.object.mode_set(mode="EDIT")
+    bpy.ops.mesh.select_all(action="SELECT")
+    bpy.ops.mesh.subdivide()
+    mesh = reading.read(bpy.context, plane, [high], None, Settings("CAST")).highs[0]
+    assert len(mesh.triangles) == 18 * 4
+    assert source.mode == "EDIT"
+
+
+# What Auto makes of them
+
+
+def auto(plane, *highs, **settings):
+    values = {"width": 48, "height": 48, "storage": "MEMORY", "material": False, **settings}
+    return pipeline.bake(bpy.context, plane, highs, Settings("AUTO", **values))
+
+
+def test_auto_casts_at_instances_which_share_their_uvs_among_them():
+    plane, source = low(), zoo.terrain("source", height=0.05)
+    shelves = shelf(source)
+    one = link(empty("one", shelves))
+    report = auto(plane, one)
+    assert (report.method, "agree" in report.why) == ("FLATTEN", True)
+    pair = shelf(empty("left", shelves), empty("right", shelves, location=(0.0, 0.0, 0.2)), name="Pair")
+    report = auto(plane, link(empty("two", pair)))
+    assert report.method == "CAST"
+    assert "'two' is made of 2 instances" in report.why
+
+
+@pytest.mark.parametrize("is_single", [False, True])
+def test_instances_on_its_own_base_are_not_taken_to_share_its_uvs(is_single):
+    plane, source = zoo.plane("lo", 2), bolt()
+    source.data.transform(mathutils.Matrix.Scale(0.1, 4))
+    tree, came, goes = nodes(plane)
+    on_points, info, join = (
+        tree.nodes.new(f"GeometryNode{kind}") for kind in ("InstanceOnPoints", "ObjectInfo", "JoinGeometry")
+    )
+    info.inputs["Object"].default_value, info.inputs["As Instance"].default_value = source, True
+    for one, other in (
+        (came, on_points.inputs["Points"]),
+        (info.outputs["Geometry"], on_points.inputs["Instance"]),
+        (came, join.inputs[0]),
+        ((info if is_single else on_points).outputs["Geometry" if is_single else 0], join.inputs[0]),
+        (join.outputs[0], goes),
+    ):
+        tree.links.new(one, other)
+    assert subjects.own_highs(plane) == [plane]
+    report = auto(plane, plane)
+    assert report.method == "CAST"
+    assert ("10 instances" in report.why) != is_single
+
+
+@pytest.mark.parametrize("method", ["FLATTEN", "CAST"])
+def test_instances_have_the_material_of_their_object_and_one_number(method):
+    plane, one, other = low(), zoo.terrain("one", height=0.02), zoo.terrain("other", height=0.02)
+    for obj, side in ((one, 1), (other, -1)):
+        obj.data.materials.append(bpy.data.materials.new(obj.name))
+        if method == "FLATTEN":
+            layer = obj.data.uv_layers[0].uv
+            layer.foreach_set(
+                "vector", [value for uv in layer for value in (0.5 * uv.vector.x + (side < 0) * 0.5, uv.vector.y)]
+            )
+        obj.scale.x, obj.location.x = 0.5, -0.5 * side
+    high = link(empty("hi", shelf(one, other)))
+    report = pipeline.bake(
+        bpy.context,
+        plane,
+        [high],
+        Settings(method, width=32, height=32, image="map", storage="MEMORY", maps=("OBJECT_ID", "MATERIAL_ID")),
+    )
+    objects, materials = (
+        maps.pixels(bpy.data.images[report.maps[name]["image"]]) for name in ("object_id", "material_id")
+    )
+    assert len(np.unique(objects[8:-8, 4:-4, :3].reshape(-1, 3), axis=0)) == 1
+    left, right = materials[16, 8, :3], materials[16, 24, :3]
+    assert (left != right).any()
+    assert set(report.maps["material_id"]["colours"]) == {"one", "other"}
+
+
+# Hidden, parked, left out
+
+
+def parked(obj):
+    """A collection in the scene with `obj` in it alone, and its place in the view layer."""
+    collection = shelf(obj, name="Parked")
+    bpy.context.scene.collection.children.link(collection)
+    return collection, bpy.context.view_layer.layer_collection.children["Parked"]
+
+
+def nested(obj):
+    collection, layer = parked(obj)
+    above = bpy.data.collections.new("Above")
+    bpy.context.scene.collection.children.unlink(collection)
+    bpy.context.scene.collection.children.link(above)
+    above.children.link(collection)
+    return above, bpy.context.view_layer.layer_collection.children["Above"]
+
+
+HIDDEN = {
+    "by the eye": lambda obj: obj.hide_set(True),
+    "in viewports": lambda obj: setattr(obj, "hide_viewport", True),
+    "in renders": lambda obj: setattr(obj, "hide_render", True),
+    "collection by the eye": lambda obj: setattr(parked(obj)[1], "hide_viewport", True),
+    "collection in viewports": lambda obj: setattr(parked(obj)[0], "hide_viewport", True),
+    "collection in renders": lambda obj: setattr(parked(obj)[0], "hide_render", True),
+    "excluded": lambda obj: setattr(parked(obj)[1], "exclude", True),
+    "excluded from above": lambda obj: setattr(nested(obj)[1], "exclude", True),
+    "everything at once": lambda obj: [
+        setattr(parked(obj)[1], "exclude", True),
+        setattr(obj, "hide_viewport", True),
+        setattr(obj, "hide_render", True),
+    ],
+}
+
+
+@pytest.mark.parametrize("how", HIDDEN)
+@pytest.mark.parametrize("role", ["lo", "hi", "cage"])
+def test_what_is_hidden_is_read_and_stays_hidden(how, role):
+    plane, high, cage = low(), zoo.terrain("hi"), zoo.plane("cage")
+    high.modifiers.new("Lift", "DISPLACE").strength = 0.1
+    high.parent = link(bpy.data.objects.new("parent", None))
+    high.parent.rotation_euler.z = 0.4
+    cage.location.z = 0.5
+    values = {"method": "CAST", "size": (32, 32)}
+
+    def bake(image):
+        job = pipeline.Job(plane, [high], cage)
+        settings = Settings("CAST", width=32, height=32, image=image, depth=32, storage="MEMORY", material=False)
+        pipeline.bake_all(bpy.context, [job], settings)
+        return maps.pixels(bpy.data.images[image])
+
+    expected = bake("seen")
+    HIDDEN[how](bpy.data.objects[role])
+    bpy.context.view_layer.objects.active = None
+    before = snapshot(without=("images",))
+    users = [obj.name for obj in bpy.context.scene.collection.objects]
+    texels = bake("hidden")
+    assert difference(before, snapshot(without=("images",))) == {}
+    assert [obj.name for obj in bpy.context.scene.collection.objects] == users
+    np.testing.assert_array_equal(texels, expected)
+    assert values
+
+
+def test_a_parked_empty_is_read():
+    plane, high = low(), link(empty("hi", shelf(bolt()), scale=(5.0, 5.0, 5.0)))
+    expected = cast(plane, high)
+    parked(high)[1].exclude = True
+    np.testing.assert_array_equal(cast(plane, high), expected)
+
+
+def test_a_matrix_rotated():
+    """The oracle of this file: a matrix that Blender makes of an instance is the product of those that it is made of."""
+    source = bolt()
+    source.matrix_world = mathutils.Matrix.LocRotScale(
+        (0.1, 0.2, 0.3), mathutils.Euler((0.4, 0.5, 0.6)), (0.7, -0.8, 0.9)
+    )
+    high = link(empty("hi", shelf(source), location=(0.3, 0.0, 0.1), scale=(2.0, 1.0, -0.5)))
+    bpy.context.view_layer.update()
+    mesh = reading.read(bpy.context, low(), [high], None, Settings("CAST")).highs[0]
+    own = np.array([vertex.co for vertex in source.data.vertices])
+    whole = np.array(high.matrix_world) @ np.array(source.matrix_basis)
+    np.testing.assert_allclose(
+        mesh.positions @ mesh.to_world[:3, :3].T + mesh.to_world[:3, 3],
+        own @ whole[:3, :3].T + whole[:3, 3],
+        atol=SINGLE,
+    )
