@@ -27,6 +27,8 @@ HEADLIGHT = np.array((-0.6, 0.7, 1.0, 0.0))
 BAR = (240.0, 12.0)
 """Width and height of the legend, in pixels at a scale of 1."""
 EDGE, TEXT = 60.0, 12.0
+NOTED = 0.0005
+"""Share of texels of another place from which it is said: it is told with one digit."""
 DEGREES = "\N{DEGREE SIGN}"
 LINE = (0.9, 0.9, 0.9, 0.6)
 IN_REACH = 8.0
@@ -195,11 +197,16 @@ def _draw_words() -> None:
 
 
 def words() -> list[str]:
-    """The deviations in two lines."""
+    """The deviations in two lines, and in one more what they cannot tell."""
     found = figures()
     if found is None:
         return []
-    return [
+    other = []
+    if found.elsewhere >= NOTED:
+        other = [f"Purple: {found.elsewhere:.1%} show another place of the high mesh, whatever the degrees: cast rays"]
+    if found.elsewhere == 1.0:
+        return other
+    return other + [
         f"{what}: {mean:.2f}{DEGREES}, 99 % below {most:.2f}{DEGREES}"
         for what, mean, most in (
             ("With the map", found.mean, found.percentile_99),

@@ -1,5 +1,6 @@
 // How far, in degrees, the normal that the low mesh shows with its map (red), and without it (green), is from that of the
-// high surface on the same texel. Alpha is 1 where that is known, and -1 where there is no high surface.
+// high surface on the same texel. Alpha is 1 where that is known, -1 where there is no high surface, and -2 where
+// it is that of another place.
 #include "map_lib.glsl"
 
 const float DEGREES = 57.29577951308232;
@@ -15,6 +16,11 @@ void main()
   vec4 wanted = texelFetch(truth, texel, 0);
   if (wanted.a <= 0.0) {
     deviation_out = vec4(0.0, 0.0, 0.0, -1.0);
+    return;
+  }
+  ivec2 part = texel * textureSize(elsewhere, 0) / textureSize(truth, 0);
+  if (texelFetch(elsewhere, part, 0).r > 0.5) {
+    deviation_out = vec4(0.0, 0.0, 0.0, -2.0);
     return;
   }
   vec3 high = map_to_world(wanted.xyz);

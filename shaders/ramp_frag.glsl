@@ -19,5 +19,6 @@ void main()
     }
   }
   float angle = is_bare != 0 ? found.g : found.r;
-  colour_out = vec4(found.a > 0.0 ? ramp_colour(angle / limit) : RAMP_UNKNOWN, 1.0);
+  vec3 unknown = found.a < -1.5 ? RAMP_ELSEWHERE : RAMP_UNKNOWN;
+  colour_out = vec4(found.a > 0.0 ? ramp_colour(angle / limit) : unknown, 1.0);
 }

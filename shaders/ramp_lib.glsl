@@ -1,6 +1,7 @@
-// Small to large as colours, and grey for what is not known.
+// Small to large as colours, grey for what is not known, and purple for what is of another place.
 
 const vec3 RAMP_UNKNOWN = vec3(0.1);
+const vec3 RAMP_ELSEWHERE = vec3(0.45, 0.0, 0.6);
 
 vec3 ramp_colour(float share)
 {

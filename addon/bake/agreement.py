@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..mesh.arrays import Mesh, frame_of
+from ..mesh.arrays import Frame, Mesh, frame_of, gap
 from ..passes import batch, gbuffer, target
 from . import apart
 from .apart import PROBE
@@ -66,6 +66,33 @@ def differing(low: Mesh, highs: Sequence[Mesh], tiles: Sequence[int], offset: np
         [_difference(surface, high, _windows(low, high, tiles), by) for high in highs] for by in (np.zeros(3), offset)
     )
     return next(iter(min((list(filter(None, clauses)) for clauses in found), key=len)), "")
+
+
+def elsewhere(low: Mesh, highs: Sequence[Mesh]) -> np.ndarray:
+    """Where on the tile 0 to 1 meshes that are laid flat do not belong together: (PROBE, PROBE) bool, row 0 is v = 0.
+
+    There the point of the high meshes lies CLOSE to none of the low mesh's on the same texel, along its surface.
+    """
+    surface, window = _Surface(low), target.window(1001)
+    above = apart.draw_points([apart.upload(high, surface.frame) for high in highs], (PROBE, PROBE), window)
+    layers = [surface.draw(window, is_last=is_last) for is_last in (True, False)]
+    both = (above[..., 3] > 0.0) & (layers[0][0][..., 3] > 0.0)
+    result = np.zeros(both.shape, bool)
+    if both.any():
+        above = above[both][:, :3]
+        above -= _moved_aside(surface.frame, low, highs, above - layers[0][0][both][:, :3])
+        between = (_along(above - places[both][:, :3], away[both][:, :3]) for places, away in layers)
+        result[both] = np.min([np.linalg.norm(vectors, axis=1) for vectors in between], axis=0) >= CLOSE
+    return result
+
+
+def _moved_aside(frame: Frame, low: Mesh, highs: Sequence[Mesh], between: np.ndarray) -> np.ndarray:
+    """What the meshes differ by as a whole (3,), in `frame`, from what lies between their points (N, 3): nothing, unless the
+    boxes around them stand apart as well. UVs that were moved leave the objects where they are."""
+    offset = np.median(between, axis=0)
+    apart_as_boxes = frame_of(highs).centre - frame_of([low]).centre
+    is_aside = gap(low, highs) > 0.0 or np.linalg.norm(offset - apart_as_boxes / frame.size) < CLOSE
+    return offset if is_aside else np.zeros(3, np.float32)
 
 
 def _difference(surface: "_Surface", high: Mesh, windows: Sequence[Window], offset: np.ndarray) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 from ..mesh import extract
 from ..mesh.arrays import Frame, Mesh, frame_of, gap, normal_matrix
 from ..passes import batch, deviation, lit, target
-from . import finish, quantise
+from . import agreement, finish, quantise
 from .band import BAND_TEXELS
 from .errors import BakeError
 from .live import Session
@@ -41,12 +41,17 @@ class Eye:
 
 @dataclass(frozen=True)
 class Figures:
-    """Degrees between what is seen and the high surface, with the map and without, over texels from all over the map."""
+    """Degrees between what is seen and the high surface, with the map and without, over texels from all over the map.
+
+    elsewhere: the share of texels that do not count, since the high surface that was laid flat there belongs to another
+    place: what a map of it shows cannot be measured by itself. All others are NaN where no texel counts.
+    """
 
     mean: float
     percentile_99: float
     bare_mean: float
     bare_percentile_99: float
+    elsewhere: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -162,15 +167,26 @@ class Shading:
         with target.using({}):  # what is drawn on the way is let go
             self._measured = target.get("deviation", *size, "RGBA32F")
             reading = self._reading(normal_matrix(low.to_world))
-            deviation.measure(self._measured, self._upload(low), self.session.map, self.session.truth(), reading)
+            truth, elsewhere = self.session.truth(), self._elsewhere()
+            deviation.measure(self._measured, self._upload(low), self.session.map, truth, reading, elsewhere=elsewhere)
             values = np.empty((size[1], size[0], 4), np.float32)
             self._measured.read(values)
-        known = quantise.sample(values)
-        known = known[known[:, 3] > 0.0]
-        if len(known):
-            means = known[:, :2].mean(axis=0, dtype=np.float64)
-            highest = np.percentile(known[:, :2], 99, axis=0)
-            self.figures = Figures(*map(float, (means[0], highest[0], means[1], highest[1])))
+        texels = quantise.sample(values)
+        known, elsewhere = texels[texels[:, 3] > 0.0], np.count_nonzero(texels[:, 3] < -1.5)
+        if len(known) + elsewhere:
+            means, highest = np.full((2, 2), np.nan)
+            if len(known):
+                means = known[:, :2].mean(axis=0, dtype=np.float64)
+                highest = np.percentile(known[:, :2], 99, axis=0)
+            share = elsewhere / (len(known) + elsewhere)
+            self.figures = Figures(*map(float, (means[0], highest[0], means[1], highest[1], share)))
+
+    def _elsewhere(self) -> np.ndarray:
+        """Which parts of the map, (rows, columns) bool, are of another place than the low mesh's."""
+        meshes = self.session.meshes
+        if self.session.report.method != "FLATTEN" or meshes.is_own_base:  # which share their UVs
+            return np.zeros((1, 1), bool)
+        return agreement.elsewhere(meshes.low, meshes.highs)
 
     def _low(self) -> Mesh:
         meshes = self.session.meshes

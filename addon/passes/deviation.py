@@ -11,7 +11,7 @@ MEASURE = shader.Program(
     fragment="deviation_frag.glsl",
     inputs=(("VEC2", "uv"), ("VEC3", "normal"), ("VEC4", "tangent")),
     varyings=(("VEC3", "v_normal"), ("VEC4", "v_tangent")),
-    samplers=(("FLOAT_2D", "normal_map"), ("FLOAT_2D", "truth")),
+    samplers=(("FLOAT_2D", "normal_map"), ("FLOAT_2D", "truth"), ("FLOAT_2D", "elsewhere")),
     constants=(("MAT4", "placed"), ("VEC4", "window")),
     outputs=(("VEC4", "deviation_out"),),
 )
@@ -40,19 +40,26 @@ def measure(
     normal_map: gpu.types.GPUTexture,
     truth: gpu.types.GPUTexture,
     placed: np.ndarray,
+    *,
+    elsewhere: np.ndarray,
 ) -> None:
     """Clear `into` (RGBA32F) and write where `low` is, in degrees: red, how far the normal that it shows with its map is
-    from the truth, and green without. Alpha: 1, or -1 where there is no truth.
+    from the truth, and green without. Alpha: 1, -1 where there is no truth, or -2 where that is of another place.
 
     low: batch with attributes uv, normal and tangent. truth: unit normals, as sources.Source has them. All of one size.
-    placed: from lit.placed.
+    placed: from lit.placed. elsewhere (rows, columns) bool: the parts of the map, of any number, where the truth is that of
+    another place than the low mesh's.
     """
+    values = np.ascontiguousarray(elsewhere, np.float32)
+    data = gpu.types.Buffer("FLOAT", values.shape, values)
+    mask = gpu.types.GPUTexture(values.shape[::-1], format="R32F", data=data)
     compiled = shader.load(MEASURE)
     with target.drawing(into):
         compiled.bind()
         bindings = {
             "normal_map": normal_map,
             "truth": truth,
+            "elsewhere": mask,
             "placed": shader.mat4(placed),
             "window": target.window(1001),
         }

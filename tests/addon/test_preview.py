@@ -109,6 +109,15 @@ def test_the_deviations_are_told(pair):
     ]
 
 
+def test_what_the_deviations_cannot_tell_is_said(pair):
+    _, high = pair
+    uv = np.array([corner.vector for corner in high.data.uv_layers[0].uv])
+    high.data.uv_layers[0].uv.foreach_set("vector", (uv + (0.3, 0.0)).astype(np.float32).ravel())
+    view().mode = "DEVIATION"
+    (line,) = preview.words()
+    assert line.startswith("Purple: 100.0% show another place of the high mesh")
+
+
 def test_what_cannot_be_shown_is_told_and_leaves_it_off(pair):
     bpy.context.scene.imprint.highs.clear()
     view().mode = "MAP"

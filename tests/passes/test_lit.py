@@ -354,8 +354,10 @@ class TestDeviation:
         assert np.abs(pixels[pixels[..., 3] > 0.0][:, :3] - (0.0, 0.01, 0.15)).max() < 5e-3
 
     def test_where_no_high_surface_is_nothing_is_known(self):
-        low, high = zoo.plane("lo"), zoo.plane("hi", slope=0.2)
-        high.data.uv_layers[0].uv.foreach_set("vector", [0, 0, 0.5, 0, 0.5, 1, 0, 1])
+        low, high = zoo.plane("lo"), zoo.plane("hi", 2, slope=0.2)
+        uv = np.array([corner.vector for corner in high.data.uv_layers[0].uv]).reshape(-1, 4, 2)
+        uv[uv.mean(axis=1)[:, 0] > 0.5] += (5, 0)  # out of the way
+        high.data.uv_layers[0].uv.foreach_set("vector", uv.astype(np.float32).ravel())
         drawn = self.of(low, high)
         measured = values(drawn)
         assert (measured[:, :64, 3] == 1.0).all()
@@ -371,6 +373,51 @@ class TestDeviation:
         pixels = picture(lambda: drawn.draw("DEVIATION", eye_on(low)))
         seen = pixels[..., 3] > 0.0
         assert (np.abs(pixels[seen][:, :3] - 0.1).max(axis=-1) < 1e-4).mean() < 0.02
+
+    def test_what_was_laid_flat_at_another_place_is_not_measured_by_itself(self):
+        """UVs that are turned round: only around the middle of the plane do they belong to the place where they lie."""
+        low, high = zoo.plane("lo", 8), zoo.plane("hi", 8, slope=0.02)
+        uv = np.array([corner.vector for corner in high.data.uv_layers[0].uv])
+        high.data.uv_layers[0].uv.foreach_set("vector", (1.0 - uv).astype(np.float32).ravel())
+        drawn = self.of(low, high)
+        measured = values(drawn)
+        v, u = (np.mgrid[:128, :128] + 0.5) / 128
+        # Twice the way to the middle, of a plane two units wide and the square root of two from its middle to a corner.
+        away = 4.0 * np.hypot(u - 0.5, v - 0.5) / math.sqrt(2.0)
+        truth = np.where(away > 0.05, -2.0, 1.0)
+        assert (measured[..., 3] != truth).mean() < 0.002
+        assert drawn.figures.elsewhere == pytest.approx((truth < 0.0).mean(), abs=0.002)
+        pixels = picture(lambda: drawn.draw("DEVIATION", eye_on(low)))
+        purple = np.abs(pixels[..., :3] - (0.45, 0.0, 0.6)).max(axis=-1) < 1e-3
+        assert purple.sum() > 0.98 * (pixels[..., 3] > 0.0).sum()
+
+    @pytest.mark.parametrize(("shift", "aside", "is_elsewhere"), [(0.1, 0, True), (0.0, 0.5, False), (0.0, 5, False)])
+    def test_uvs_that_were_moved_are_another_place_and_objects_that_were_moved_are_not(
+        self, shift, aside, is_elsewhere
+    ):
+        low, high = zoo.plane("lo", 4), zoo.plane("hi", 4, slope=0.02)
+        uv = np.array([corner.vector for corner in high.data.uv_layers[0].uv])
+        high.data.uv_layers[0].uv.foreach_set("vector", (uv + (shift, 0)).astype(np.float32).ravel())
+        high.location.x = aside
+        figures = self.of(low, high).figures
+        assert figures.elsewhere == float(is_elsewhere)
+        assert math.isnan(figures.mean) == is_elsewhere
+
+    def test_mirrored_halves_belong_to_either_half(self):
+        low, high = zoo.mirrored("lo"), zoo.mirrored("hi", slope=0.02)
+        data = high.data
+        order = np.arange(len(data.polygons)).reshape(2, -1)[::-1].ravel()
+        corners = np.array([polygon.vertices[:] for polygon in data.polygons])[order]
+        uv = np.array([corner.vector for corner in data.uv_layers[0].uv]).reshape(-1, 4, 2)[order]
+        points = [vertex.co[:] for vertex in data.vertices]
+        turned = zoo.build("turned", points, corners, uv)
+        assert self.of(low, turned).figures.elsewhere == 0.0
+
+    def test_rays_are_measured_wherever_they_hit(self):
+        low, high = zoo.plane("lo", 4), zoo.plane("hi", 4, slope=0.02)
+        uv = np.array([corner.vector for corner in high.data.uv_layers[0].uv])
+        high.data.uv_layers[0].uv.foreach_set("vector", (1.0 - uv).astype(np.float32).ravel())
+        assert self.of(low, high, method="CAST", extrusion=0.1, max_distance=0.2).figures.elsewhere == 0.0
 
     def test_rays_have_a_truth_as_well(self):
         low, high = pair(Matrix())
