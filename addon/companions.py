@@ -22,19 +22,25 @@ def of(path: Path) -> Iterator[Path]:
         names = list(find(path))
     except (OSError, ValueError, RecursionError, struct.error):  # the importer will tell what is wrong with it
         return
-    for name in names:
-        yield path.parent / name
+    for folder in _folders(path):
+        yield from (folder / name for name in names)
 
 
 def _of_obj(path: Path) -> Iterator[str]:
     for library in _said(path, ("mtllib",)):
         yield library
-        try:
-            maps = list(_said(path.parent / library, ("map_", "bump", "disp", "decal", "refl", "norm")))
-        except (OSError, ValueError):
-            continue
-        # Options may stand before the name, which may hold spaces.
-        yield from (os.path.join(os.path.dirname(library), name) for said in maps for name in {said, said.split()[-1]})
+        for folder in _folders(path):
+            try:
+                maps = list(_said(folder / library, ("map_", "bump", "disp", "decal", "refl", "norm")))
+            except (OSError, ValueError):
+                continue
+            # Options may stand before the name, which may hold spaces.
+            yield from (os.path.join(os.path.dirname(library), name) for said in maps for name in {said, said.split()[-1]})
+
+
+def _folders(path: Path) -> set[Path]:
+    """Where names in the file at `path` start: importers look beside a link, and a person may mean beside its file."""
+    return {path.parent, Path(os.path.realpath(path)).parent}
 
 
 def _said(path: Path, words: tuple[str, ...]) -> Iterator[str]:

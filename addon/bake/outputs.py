@@ -30,7 +30,7 @@ def wanted(settings: Settings) -> dict[str, Settings]:
 def label(name: str) -> str:
     """What a person calls an image of `wanted`."""
     known = {"NORMAL": "the normal map", "MASK": "the mask of misses"}
-    return known.get(name) or f"the map {name.lower().replace('_', ' ')}"
+    return known.get(name) or f"the {name.lower().replace('_', ' ')} map"
 
 
 def check_apart(settings: Settings, each: Sequence[Settings], names: Sequence[str]) -> None:
@@ -44,7 +44,9 @@ def check_apart(settings: Settings, each: Sequence[Settings], names: Sequence[st
 
 def _advice(name: str) -> str:
     """What to do about two maps that would go into one place, called `name` in the settings."""
-    return "rename one of the objects" if naming.LOW in name else f"put {naming.LOW} into the name, or let them share it"
+    if not name or naming.LOW in name:  # images are called after the low object where nobody says how
+        return "rename one of the objects"
+    return f"put {naming.LOW} into the name, or let them share it"
 
 
 def _check_images(each: Sequence[Settings], names: Sequence[str], advice: str) -> None:

@@ -4,9 +4,10 @@
 import os
 import re
 import unicodedata
-from collections.abc import Hashable, Iterator
+from collections.abc import Hashable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
 
 from . import files
@@ -41,13 +42,17 @@ class _Table:
                 table.setdefault(key, []).append(use)
 
     def find(self, keys: "_Keys", spared: Hashable = None) -> _Use | None:
-        """Who uses the same file, or one that is a folder for the other; not counting what `spared` does."""
-        pairs = (
-            *((self.exact, key) for key in (*keys.exact, *keys.tiles, *keys.folders)),
-            *((table, key) for table in (self.tiles, self.folders) for key in keys.exact),
-        )
-        found = (use for table, key in pairs for use in table.get(key, ()))
+        """Who uses the same file; not counting what `spared` does."""
+        found = chain(_all(self.exact, (*keys.exact, *keys.tiles)), _all(self.tiles, keys.exact))
         return next((use for use in found if spared is None or use.by != spared), None)
+
+    def nested(self, keys: "_Keys") -> _Use | None:
+        """Who needs a folder in place of this file, or has a file in place of a folder of its."""
+        return next(chain(_all(self.folders, keys.exact), _all(self.exact, keys.folders)), None)
+
+
+def _all(table: dict[Hashable, list[_Use]], keys: Iterable[Hashable]) -> Iterator[_Use]:
+    return (use for key in keys for use in table.get(key, ()))
 
 
 @dataclass(frozen=True)
@@ -92,6 +97,9 @@ class Places:
             raise WrongPlace(
                 f"{_subject(use)} and {written.what} would both be {_both(path, written.path)}: {self._advice}."
             )
+        nested = self._writes.nested(keys)
+        if nested is not None:
+            raise WrongPlace(f"{path!r} and {nested.path!r} cannot both be: one is a folder for the other.")
         self._writes.add(keys, use)
 
     def _keys(self, path: str) -> _Keys:

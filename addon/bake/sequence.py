@@ -8,7 +8,7 @@ from pathlib import PurePath
 
 import bpy
 
-from . import datablocks, images, naming, outputs, pipeline, subjects
+from . import datablocks, images, materials, naming, outputs, pipeline, subjects
 from .errors import BakeError
 from .pace import Pace, Step, Work, part
 from .pipeline import Job
@@ -49,6 +49,8 @@ def work(
     image = datablocks.get(settings.image)
     if image is not None and image.source not in {"GENERATED", "FILE", "SEQUENCE"}:
         raise BakeError(f"The image {image.name!r} is no picture or sequence: choose another name for the map.")
+    if settings.material:
+        materials.check(job.low)  # the frames themselves leave it alone
     each = [replace(plain, output=output_for(settings.output, frame)) for frame in frames]
     outputs.check_places(each, [low] * len(each), "let the number of the frame stand in the name")
     reports: list[Report] = []

@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.bake import pipeline, sequence
+from addon.bake import datablocks, pipeline, sequence
 from addon.bake.errors import BakeError
 from addon.bake.pace import Pace, finish
 from addon.bake.settings import Settings
@@ -122,3 +122,25 @@ def test_what_cannot_be_a_sequence(job, tmp_path, wrong, frames):
         finish(sequence.work(bpy.context, job, asked, frames, Pace()))
     assert difference(before, snapshot()) == {}
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_low_object_that_takes_no_material_is_told_before_a_frame_is_baked(job, tmp_path):
+    path = str(tmp_path / "library.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path, copy=True)
+    with bpy.data.libraries.load(path, link=True) as (_, wanted):
+        wanted.objects = ["lo"]
+    bpy.context.scene.collection.objects.link(wanted.objects[0])
+    linked = pipeline.Job(wanted.objects[0], job.highs)
+    with pytest.raises(BakeError, match="is linked from a library"):
+        finish(sequence.work(bpy.context, linked, settings(tmp_path), range(1, 3), Pace()))
+    assert [path.name for path in tmp_path.iterdir()] == ["library.blend"]
+
+
+@pytest.mark.parametrize("source", ["the open file", "a linked library"])
+def test_a_frame_over_a_file_of_the_scene_is_told_before_the_first_is_baked(job, tmp_path, monkeypatch, source):
+    taken = tmp_path / "map_0002.exr"
+    taken.write_text("a scene")
+    monkeypatch.setattr(datablocks, "sources", lambda: iter([(str(taken), source)]))
+    with pytest.raises(BakeError, match=f"would be written over {source}"):
+        finish(sequence.work(bpy.context, job, settings(tmp_path), range(1, 3), Pace()))
+    assert [path.name for path in tmp_path.iterdir()] == ["map_0002.exr"]

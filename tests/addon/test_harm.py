@@ -1,0 +1,256 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Reads and writes in random combinations of jobs, folders, links and reports: none harms what is read, or another result.
+
+The seed is the test's name. More of them: IMPRINT_RANDOM=0:200 pytest tests/addon/test_harm.py
+"""
+
+import hashlib
+import json
+import os
+import shutil
+from collections import Counter
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+from addon import commands
+from tests.support import zoo
+
+pytestmark = [
+    pytest.mark.usefixtures("gpu_context"),
+    pytest.mark.skipif(os.name == "nt", reason="links of POSIX"),
+    pytest.mark.filterwarnings("ignore:Setting the shape:DeprecationWarning"),
+]
+
+FIRST, LAST = map(int, os.environ.get("IMPRINT_RANDOM", "0:60").split(":"))
+ENOUGH = 0.2
+"""Share of the cases that must bake, and share that must be refused: else one answer to everything would pass."""
+SMALL = ["--size", "16", "--margin", "0", "--limit", "9", "--method", "flatten"]
+TEXTURES = ("skin.png", "skin.1001.png", "skin_0001.png", "rock_a_low.png", "rock_a_low_height.png")
+STARTS = {".png": b"\x89PNG", ".json": (b"{", b"["), ".blend": (b"BLENDER", b"\x28\xb5\x2f\xfd")}
+"""What files begin with."""
+
+
+@pytest.fixture(scope="module")
+def outcomes():
+    """How many cases ended how."""
+    count = Counter()
+    yield count
+    print(f"{count.total()} combinations: {dict(count)}")
+    if count.total() >= 40:
+        assert min(count["baked"], count["refused"]) >= ENOUGH * count.total(), count
+
+
+@pytest.fixture(scope="module")
+def inputs(tmp_path_factory):
+    """A folder with what can be baked: scenes, one of them with a library, and meshes that name materials and textures."""
+    folder = tmp_path_factory.mktemp("inputs")
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    for name in ("rock_a", "rock_b"):
+        zoo.plane(f"{name}_low")
+        zoo.plane(f"{name}_high", slope=0.5)
+    bpy.ops.wm.save_as_mainfile(filepath=str(folder / "rock.blend"))
+    bpy.ops.wm.save_as_mainfile(filepath=str(folder / "lib.blend"))
+    for obj in list(bpy.data.objects):
+        for other in bpy.data.objects:
+            other.select_set(other == obj)
+        bpy.ops.wm.obj_export(filepath=str(folder / f"{obj.name}.obj"), export_selected_objects=True)
+        if obj.name == "rock_b_high":
+            path = str(folder / f"{obj.name}.gltf")
+            bpy.ops.export_scene.gltf(filepath=path, use_selection=True, export_format="GLTF_SEPARATE")
+            (folder / f"{obj.name}.obj").unlink()
+            (folder / f"{obj.name}.mtl").unlink()
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    with bpy.data.libraries.load(str(folder / "lib.blend"), link=True) as (there, here):
+        here.objects = there.objects
+    for obj in here.objects:
+        bpy.context.scene.collection.objects.link(obj)
+    bpy.ops.wm.save_as_mainfile(filepath=str(folder / "linked.blend"))
+    for name in TEXTURES:
+        image = bpy.data.images.new(name, 4, 4)
+        image.filepath_raw, image.file_format = str(folder / name), "PNG"
+        image.save()
+    told = "".join(f"newmtl m{number}\nmap_Kd {name}\n" for number, name in enumerate(TEXTURES))
+    (folder / "rock_a_high.mtl").write_text(told)
+    points = (folder / "rock_a_high.obj").read_text()
+    (folder / "rock_a_high.obj").write_text(f"mtllib rock_a_high.mtl\n{points}")
+    return folder
+
+
+@pytest.fixture
+def place(inputs, tmp_path, monkeypatch):
+    """A folder to work in: in/, with links into it, and out/ with an older map."""
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(inputs, tmp_path / "in")
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "old.png").write_bytes(b"\x89PNG of an earlier bake")
+    (tmp_path / "soft").symlink_to("in")
+    for path in sorted((tmp_path / "in").iterdir()):
+        (tmp_path / f"soft_{path.name}").symlink_to(Path("in", path.name))
+        os.link(path, tmp_path / f"hard_{path.name}")
+    return tmp_path
+
+
+def tree(folder):
+    """What lies in a folder: links by where they point, files by a hash of what they hold."""
+    result = {}
+    for path in sorted(folder.rglob("*")):
+        if path.is_symlink():
+            result[path] = os.readlink(path)
+        elif path.is_file():
+            result[path] = hashlib.blake2b(path.read_bytes()).hexdigest()
+    return result
+
+
+class Case:
+    """One random call, made of the generator `rng`."""
+
+    def __init__(self, rng, folder):
+        self.rng, self.folder = rng, folder
+        self.files = sorted(path.name for path in (folder / "in").iterdir())
+        self.is_bold = rng.random() < 0.55
+        """Whether outputs go where they may do harm."""
+        self.written = []
+
+    def pick(self, *things):
+        return things[self.rng.integers(len(things))]
+
+    def disguise(self, name):
+        """A path to in/name."""
+        return self.pick(
+            *(f"in/{name}", f"./in/{name}", f"out/../in/{name}", f"in//{name}", f"soft/{name}", f"soft/../in/{name}"),
+            *(f"{self.folder}/in/{name}", f"/{self.folder}/in/{name}", f"in/./{name}", f"soft_{name}", f"hard_{name}"),
+            *(f"in/{name.upper()}", f"new/../in/{name}"),
+        )
+
+    def source(self, name):
+        return self.pick(f"in/{name}", f"soft/{name}", f"./in/../in/{name}", f"soft_{name}")
+
+    def output(self, ending):
+        """Where a file with this ending is to go: somewhere new, where an input is, or where another result goes."""
+        if self.is_bold and self.rng.random() < 0.45:
+            fitting = [name for name in self.files if name.endswith(ending)]
+            # A report may be called anything.
+            return self.disguise(self.pick(*(fitting if fitting and ending != ".json" else self.files)))
+        if self.is_bold and self.written and self.rng.random() < 0.3:
+            return self.pick(*self.written)
+        self.written.append(f"{self.pick('out', 'out', 'new/folder', 'in')}/x{len(self.written)}{ending}")
+        return self.pick(self.written[-1], f"./{self.written[-1]}")
+
+    def map(self):
+        """Options of the map, with what may spread: tiles, frames, other maps, the low object's name."""
+        place = self.pick("out", "out", "new/deep") if not self.is_bold else self.pick("out", "in", "soft")
+        stem = self.pick("x", "{low}", "skin") if self.is_bold else self.pick("{low}", "fresh{low}", "old{low}")
+        number = len(self.written)
+        return self.pick(
+            {"output": f"{place}/{stem}.png"},
+            {"output": f"{place}/{stem}{number}.png", "mask": True},
+            {"output": f"{place}/{stem}.<UDIM>.png"},
+            {"output": f"{place}/{stem}.png", "tiles": "1001"},
+            {"output": f"{place}/{stem}.png", "maps": "height"},
+            {"output": self.output(".png")},
+        )
+
+    def subject(self):
+        """What is baked, as options."""
+        name = self.pick("rock_a", "rock_b")
+        high = "rock_a_high.obj" if name == "rock_a" else "rock_b_high.gltf"
+        scene = self.source(self.pick("rock.blend", "linked.blend"))
+        return self.pick(
+            {"file": scene, "low": f"{name}_low", "high": f"{name}_high"},
+            {"file": scene, "low": f"{name}_low", "high": f"{name}_high", "no-material": True},
+            {"low-file": self.source(f"{name}_low.obj"), "high-file": self.source(high)},
+            {"low-file": self.source(f"{name}_low.obj"), "high-file": self.source(high)},
+            {"file": self.source("rock.blend"), "pairs": True},
+        )
+
+    def one(self):
+        """All options of a bake."""
+        options = {**self.subject(), **self.map()}
+        if "tiles" not in options and "<UDIM>" not in options["output"] and "pairs" not in options:
+            options |= self.pick({}, {}, {"frames": "1-2"})
+        options |= self.pick({}, {"report": self.output(".json")})
+        options |= self.pick({}, {}, {"save-blend": self.output(".blend")})
+        return options
+
+    def words(self):
+        """The whole call."""
+        kind = self.pick("one", "one", "jobs", "jobs", "folder")
+        if kind == "one":
+            self.bakes = [self.one()]
+            return [*as_words(self.bakes[0]), *SMALL]
+        report = self.pick([], ["--report", self.output(".json")], ["--report", "jobs.json"] if self.is_bold else [])
+        if kind == "folder":
+            self.bakes = [{"pairs": self.pick("in", "soft", "./in"), **self.map()}]
+            return [*as_words(self.bakes[0]), *report, *SMALL]
+        self.bakes = [{**self.one(), **self.pick({}, {}, {"low": "none"})} for _ in range(self.rng.integers(1, 4))]
+        (self.folder / "jobs.json").write_text(json.dumps({"bake": self.bakes}))
+        return ["--jobs", self.pick("jobs.json", "./jobs.json"), *report, *SMALL]
+
+
+def as_words(options):
+    result = []
+    for key, value in options.items():
+        result += [value] if key == "file" else [f"--{key}"] if value is True else [f"--{key}={value}"]
+    return result
+
+
+NAMED_IN = {
+    "linked.blend": ["lib.blend"],
+    "rock_a_low.obj": ["rock_a_low.mtl"],
+    "rock_b_low.obj": ["rock_b_low.mtl"],
+    "rock_a_high.obj": ["rock_a_high.mtl", *TEXTURES],
+    "rock_b_high.gltf": ["rock_b_high.bin"],
+}
+"""What is read with a file."""
+
+
+def read_by(options, folder):
+    """Where the files really are that a bake reads; told of by the test alone."""
+    names = [options[key] for key in ("file", "low-file", "high-file") if key in options]
+    if isinstance(options.get("pairs"), str):
+        names += [str(path) for path in (folder / "in").iterdir() if path.suffix in {".obj", ".gltf", ".blend"}]
+    real = {os.path.realpath(name) for name in names}
+    return real | {str(Path(path).with_name(name)) for path in real for name in NAMED_IN.get(Path(path).name, ())}
+
+
+def protected(bakes, folder):
+    """What must stay as it is: all that is read, but for the one scene that is saved over itself."""
+    reads = [read_by(options, folder) for options in bakes]
+    result = set().union(*reads, {str(folder / "jobs.json")})
+    for number, options in enumerate(bakes):
+        saved = {os.path.realpath(options[key]) for key in ("save-blend",) if key in options}
+        opened = {os.path.realpath(options[key]) for key in ("file",) if key in options}
+        result -= (saved & opened) - set().union(*reads[:number], *reads[number + 1 :])
+    return result
+
+
+@pytest.mark.parametrize("seed", range(FIRST, LAST))
+def test_no_input_is_harmed_by_seed(place, outcomes, capsys, seed):
+    case = Case(np.random.default_rng(seed), place)
+    words = case.words()
+    before = tree(place)
+    code = commands.run(words)
+    captured = capsys.readouterr()
+    after = tree(place)
+    said = (words, captured.err, (place / "jobs.json").read_text() if (place / "jobs.json").exists() else "")
+    assert "Traceback" not in captured.err, said
+    for path in protected(case.bakes, place).intersection(map(str, before)):
+        assert after.get(Path(path)) == before.get(Path(path)), (path, said)
+    for path, content in before.items():
+        assert not path.is_symlink() or after.get(path) == content, (path, said)
+    assert not [path for path in after if ".partial" in path.name], said
+    if code == commands.WRONG_USAGE:
+        outcomes["refused"] += 1
+        assert after == before, said
+        assert "error: " in captured.err
+    elif code == commands.DONE:
+        outcomes["baked"] += 1
+        assert after != before, said
+        for path in set(after) - set(before):
+            starts = STARTS[path.suffix]
+            assert path.read_bytes().startswith(starts), (path, said)
+    else:
+        outcomes["failed"] += 1

@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A bake in the window writes over no file that the scene is made of, and never two maps into one."""
+
+import os
+
+import bpy
+import pytest
+
+from addon.bake import outputs, pipeline
+from addon.bake.errors import BakeError
+from addon.bake.settings import Settings
+from tests.support import zoo
+
+pytestmark = pytest.mark.usefixtures("gpu_context")
+
+
+def settings(output, **values):
+    return Settings("FLATTEN", "OBJECT", width=16, height=16, storage="FILE", output=str(output), **values)
+
+
+def save(path):
+    """A picture of one colour."""
+    image = bpy.data.images.new("shape", 4, 4)
+    image.filepath_raw, image.file_format = str(path), "PNG"
+    image.save()
+    image.source, image.filepath = "FILE", str(path)
+    return image
+
+
+@pytest.mark.parametrize("output", ["shape.png", "./shape.png", "link.png", "hard.png", "SHAPE.png"])
+def test_a_picture_that_shapes_the_high_mesh_is_not_written_over(tmp_path, output):
+    low, high = zoo.plane("lo"), zoo.plane("hi", n=4)
+    texture = bpy.data.textures.new("shape", "IMAGE")
+    texture.image = save(tmp_path / "shape.png")
+    high.modifiers.new("Displace", "DISPLACE").texture = texture
+    if os.name != "nt":
+        (tmp_path / "link.png").symlink_to("shape.png")
+        os.link(tmp_path / "shape.png", tmp_path / "hard.png")
+    before = (tmp_path / "shape.png").read_bytes()
+    with pytest.raises(BakeError, match="would be written over the image 'shape' of a texture"):
+        pipeline.bake(bpy.context, low, [high], settings(f"{tmp_path}/{output}"))
+    assert (tmp_path / "shape.png").read_bytes() == before
+    pipeline.bake(bpy.context, low, [high], settings(tmp_path / "map.png"))
+    assert (tmp_path / "shape.png").read_bytes() == before
+
+
+@pytest.mark.skipif(os.name == "nt", reason="links of POSIX")
+@pytest.mark.parametrize("source", ["scene.blend", "library.blend"])
+def test_links_to_the_open_file_and_to_libraries_are_seen(tmp_path, source):
+    zoo.plane("lo")
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "library.blend"), copy=True)
+    with bpy.data.libraries.load(str(tmp_path / "library.blend"), link=True) as (_, wanted):
+        wanted.objects = ["lo"]
+    high = zoo.plane("hi")
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    (tmp_path / "map.png").symlink_to(source)
+    with pytest.raises(BakeError, match="would be written over (the open file|a linked library)"):
+        pipeline.bake(bpy.context, bpy.data.objects[("lo", None)], [high], settings("//map.png"))
+
+
+def jobs(*names):
+    return [pipeline.Job(zoo.plane(name), [zoo.plane(f"{name} high")]) for name in names]
+
+
+@pytest.mark.parametrize(
+    ("names", "output", "image", "said"),
+    [
+        (("a", "b"), "map.png", "{low}", "The normal map of 'b' and the normal map of 'a' would both be '{here}/map.png': put"),
+        (("a/b", "a:b"), "{low}.png", "", "'{here}/a_b.png': rename one of the objects."),
+        (("A", "a"), "{low}.png", "", "both fill the image 'a_normal': rename one"),
+        (("a", "b"), "{low}.png", "Map", "both fill the image 'Map': put {low} into the name, or let them share it."),
+    ],
+)
+def test_two_maps_in_one_place_are_named_with_the_advice_that_helps(tmp_path, names, output, image, said):
+    with pytest.raises(BakeError) as refused:
+        pipeline.bake_all(bpy.context, jobs(*names), settings(tmp_path / output, image=image))
+    assert said.replace("{here}", str(tmp_path)) in str(refused.value)
+    assert os.listdir(tmp_path) == []
+
+
+def test_letters_of_a_name_stay(tmp_path):
+    (job,) = jobs("Möbel 岩")
+    (report,) = pipeline.bake_all(bpy.context, [job], settings(tmp_path / "new" / "{low}.png", mask=True))
+    names = [f"Möbel 岩{end}.png" for end in ("", "_missed")]
+    assert report.output == [str(tmp_path / "new" / name) for name in names]
+    assert sorted(os.listdir(tmp_path / "new")) == sorted(names)
+
+
+def test_every_image_has_a_name_for_a_person():
+    every = outputs.wanted(settings("m.png", mask=True, maps=("HEIGHT", "OBJECT_ID")))
+    labels = [outputs.label(kind) for kind in every]
+    assert labels == ["the normal map", "the mask of misses", "the height map", "the object id map"]
