@@ -3,6 +3,7 @@
 
 import pytest
 
+from addon.bake import pairs as pairs_module
 from addon.bake.errors import BakeError
 from addon.bake.pairs import Pair, Suffixes, match
 
@@ -22,9 +23,72 @@ def test_case_copies_and_more_words_are_tolerated(high):
     assert problems == []
 
 
-@pytest.mark.parametrize("name", ["rock", "low", "_low", "rocklow", "rock_lower", "rock_low_2", "rock_highest"])
+@pytest.mark.parametrize(
+    "name", ["rock", "low", "_low", "rocklow", "rock_lower", "rock_highest", "rock_lop", "hi", "x_hill"]
+)
 def test_other_names_are_nobody_s_business(name):
     assert match([name], Suffixes()) == ([], [])
+
+
+WORDS = [
+    ("rock_LP", "rock_HP"),
+    ("rock_lo", "rock_hi"),
+    ("rock-lowpoly", "rock-highpoly"),
+    ("rock_low_poly", "rock_high_poly"),
+    ("Rock.Low", "Rock.High"),
+    ("rock low", "Rock_HiGH_bolts"),
+    ("rock_low_01", "rock_high_01"),
+    ("rock_low1", "rock_high_001"),
+    ("rock_LP_7.001", "rock_hp_07_bolts.012"),
+    ("01_low", "01_high"),
+    ("rock_01_lo", "rock_01_hi"),
+    ("rock_low", "rock_high_01"),
+    ("rock_high_low", "rock_high_high"),
+]
+
+
+@pytest.mark.parametrize(("low", "high"), WORDS)
+def test_usual_words_and_numbers_find_each_other(low, high):
+    pairs, problems = match([high, low], Suffixes())
+    assert [(pair.low, pair.highs) for pair in pairs] == [(low, [high])]
+    assert problems == []
+
+
+def test_numbers_tell_pairs_apart():
+    names = [f"rock_{role}_{number:02}" for role in ("low", "high", "cage") for number in (1, 2, 10)]
+    pairs, problems = match([*names, "rock_high_02_moss", "rock_low", "rock_high", "rock_high_3"], Suffixes())
+    assert problems == []
+    assert [(pair.low, pair.highs, pair.cage) for pair in pairs] == [
+        ("rock_low", ["rock_high", "rock_high_3"], ""),
+        ("rock_low_01", ["rock_high_01"], "rock_cage_01"),
+        ("rock_low_02", ["rock_high_02", "rock_high_02_moss"], "rock_cage_02"),
+        ("rock_low_10", ["rock_high_10"], "rock_cage_10"),
+    ]
+    assert len({pair.name for pair in pairs}) == 4
+
+
+def test_a_number_without_its_partner_is_said():
+    pairs, problems = match(["rock_low_01", "rock_high_02"], Suffixes())
+    assert pairs == []
+    assert problems == [
+        "'rock_high_02' has no low object: none is called 'rock_low'.",
+        "'rock_low_01' has no high object: none is called 'rock_high_1'.",
+    ]
+
+
+def test_suffixes_that_somebody_chose_win():
+    pairs, _ = match(["a_hi", "a_low", "a_top"], Suffixes("_hi", "_top", "_cage"))
+    assert pairs == [Pair("a", "a_hi", ["a_top"])]
+    assert match(["a_lo", "a_hp"], Suffixes("_low", "_sculpt", "_cage"))[0] == []
+    pairs, _ = match(["a_lp", "a_hi"], Suffixes("_LP", "_high", "_cage"))  # the others stand for their words still
+    assert pairs == [Pair("a", "a_lp", ["a_hi"])]
+
+
+def test_patterns_are_compiled_once(monkeypatch):
+    names = [f"rock{number}_low" for number in range(100)]
+    expected = match(names, Suffixes())
+    monkeypatch.setattr(pairs_module.re, "compile", None)
+    assert match(names, Suffixes()) == expected
 
 
 def test_other_suffixes():
