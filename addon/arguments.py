@@ -202,7 +202,8 @@ OPTIONS: dict[str, dict[str, dict]] = {
         "basis": _one_of(
             BASES,
             default=_USUAL.basis,
-            help="what reads the tangent-space map: Blender's Normal Map node (default), or engines",
+            help="what reads the tangent-space map: blender is Cycles' Normal Map node, mikktspace EEVEE's and that of game "
+            "engines; auto (default) is what the scene's render engine reads, for mesh files mikktspace",
         ),
         "size": {
             "type": _size,

@@ -2,6 +2,7 @@
 """The "Imprint" tab of the 3D viewport's sidebar. It draws properties and messages, and decides nothing."""
 
 import textwrap
+from functools import lru_cache
 
 import bpy
 
@@ -242,7 +243,7 @@ class IMPRINT_PT_pairs(_Panel, bpy.types.Panel):
         for name in ("low_suffix", "high_suffix", "cage_suffix"):
             row.prop(settings, name, text="")
         try:
-            found, problems = pairs.match(context.view_layer.objects.keys(), settings.suffixes())
+            found, problems = _pairs(tuple(context.view_layer.objects.keys()), settings.suffixes())
         except BakeError as error:
             found, problems = [], [str(error)]
         box = layout.box()
@@ -274,6 +275,12 @@ class IMPRINT_PT_sequence(_Panel, bpy.types.Panel):
         row.operator("imprint.bake_sequence", icon="RENDER_ANIMATION")
         if not row.enabled:
             paragraphs(layout, context, ["A sequence is files: store the map in a file."], "INFO")
+
+
+@lru_cache(maxsize=1)
+def _pairs(names: tuple[str, ...], suffixes: pairs.Suffixes) -> tuple[list[pairs.Pair], list[str]]:
+    """As pairs.match, which looks at each name: not at each redraw, but where a name or an ending has changed."""
+    return pairs.match(names, suffixes)
 
 
 def _problem(

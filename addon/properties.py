@@ -108,10 +108,11 @@ class Options:
     )
     basis: EnumProperty(
         name="Basis",
-        description="What will read the tangent-space map",
+        description="What will read the tangent-space map. Readers differ by a few degrees on coarse meshes",
         items=[
-            ("BLENDER", "Blender", "Blender's Normal Map node, which normalises the interpolated normal alone"),
-            ("MIKKTSPACE", "MikkTSpace", "Game engines that follow MikkTSpace's reference"),
+            ("AUTO", "Scene's Engine", "What the scene's render engine reads: Cycles its own, all others MikkTSpace"),
+            ("BLENDER", "Cycles", "Cycles' Normal Map node, which normalises the interpolated normal alone"),
+            ("MIKKTSPACE", "MikkTSpace", "EEVEE and Material Preview, and game engines that follow MikkTSpace"),
         ],
     )
     uv_layer: StringProperty(name="UV Map", description="The low mesh's UV map; empty for the active one")
@@ -254,7 +255,7 @@ class Options:
             # A script that names a distance means it, whatever the switch says.
             if owner("measure").measure and (owner(name) is fallback or fallback is None):
                 values[name] = None
-        return Settings(**values)
+        return Settings(**values).read_by((fallback or self).id_data.render.engine)
 
 
 def _is_mesh(_settings, obj: bpy.types.Object) -> bool:

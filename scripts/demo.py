@@ -194,7 +194,6 @@ def arrange(terrains: list[bpy.types.Object]) -> None:
 def render(path: Path, quick: bool) -> None:
     """Make the picture, by Cycles on the processor."""
     scene = bpy.context.scene
-    scene.render.engine = "CYCLES"
     scene.cycles.device = "CPU"
     scene.cycles.samples = 4 if quick else 32
     scene.cycles.use_denoising = False  # it would smooth what the maps are to show
@@ -220,6 +219,7 @@ def demo(folder: Path, size: int, quick: bool) -> None:
     """Build, bake, render, save."""
     folder.mkdir(parents=True, exist_ok=True)
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    bpy.context.scene.render.engine = "CYCLES"  # before the bakes: maps are made for the scene's engine
     high, low, mapped, flat = terrains = build_terrains()
     images = [bake(high, mapped, size, folder / "low_normal.png"), bake(high, flat, size, folder / "plane_normal.png")]
     arrange(terrains)

@@ -32,6 +32,7 @@ class Session:
         if settings.udim:
             raise BakeError("Live follows one tile alone: switch UDIM tiles off.")
         self.job = job
+        settings = settings.read_by(context.scene.render.engine)
         self.settings = replace(
             settings, image=images.name_for(job.low.name, settings), modifiers="VIEWPORT", maps=(), mask=False
         )

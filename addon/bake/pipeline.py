@@ -118,6 +118,7 @@ def work(
     they were to share its image.
     """
     settings.check()  # before names are filled in, which may hold anything
+    settings = settings.read_by(context.scene.render.engine)
     named = [_for_low(settings, ATLAS if share_image else job.low.name) for job in jobs]
     each, names = (named[:1], [ATLAS]) if share_image else (named, [job.low.name for job in jobs])
     check_apart(settings, each, names)

@@ -6,6 +6,11 @@ from collections.abc import Generator, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 
+READERS = {
+    "BLENDER": "Cycles; EEVEE, Material Preview and game engines read MikkTSpace",
+    "MIKKTSPACE": "MikkTSpace, as EEVEE and game engines read it; Cycles reads its own",
+}
+"""Who reads a tangent-space map exactly, and who does not, by settings.BASES."""
 STAGES = ("extract", "method", "tree", "upload", "distances", "draw", "read", "audit", "image")
 
 
@@ -110,6 +115,9 @@ class Report:
         width, height = self.size
         stages = ", ".join(f"{stage} {self.seconds[stage]:.2f}" for stage in STAGES if self.seconds[stage])
         how = []
+        basis = self.settings.get("basis") if self.space == "TANGENT" else ""
+        if basis in READERS:
+            how.append(f"Basis: {READERS[basis]}")
         if self.why:
             how.append(f"{self.method.capitalize()} was chosen: {self.why}")
         if self.distances:

@@ -3,13 +3,13 @@
 
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import PurePath
 
 from .errors import BakeError
 
 SPACES = ("TANGENT", "OBJECT", "WORLD")
-BASES = ("BLENDER", "MIKKTSPACE")
+BASES = ("AUTO", "BLENDER", "MIKKTSPACE")
 METHODS = ("AUTO", "FLATTEN", "CAST")
 DIRECTIONS = ("SMOOTH", "SPLIT")
 AXES = ("+X", "-X", "+Y", "-Y", "+Z", "-Z")
@@ -49,8 +49,9 @@ class Settings:
 
     method: str = "AUTO"
     space: str = "TANGENT"
-    basis: str = "BLENDER"
-    """What the tangent-space map is decoded with: Blender's Normal Map node, or MikkTSpace's reference, as engines do."""
+    basis: str = "AUTO"
+    """What the tangent-space map is decoded with: BLENDER is Cycles' Normal Map node, MIKKTSPACE the reference, as EEVEE
+    and game engines have it, AUTO the one that the scene's render engine has."""
     uv_layer: str = ""
     """The low mesh's UV layer; empty for its active one."""
     width: int = 2048
@@ -102,6 +103,12 @@ class Settings:
     """Whether to hook the map into the low object's material."""
     single_user: bool = False
     """Whether materials that other objects use as well are copied first."""
+
+    def read_by(self, engine: str) -> "Settings":
+        """With the basis that a render engine reads, by Blender's name for it, where the basis is AUTO."""
+        if self.basis != "AUTO":
+            return self
+        return replace(self, basis="BLENDER" if engine == "CYCLES" else "MIKKTSPACE")
 
     def check(self) -> None:
         """Raise BakeError for what no bake can do, whatever the objects are."""

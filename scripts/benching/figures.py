@@ -80,8 +80,9 @@ def terrain(folder: Path, scratch: Path, quick: bool) -> dict[str, str]:
 
 
 def bake(low: bpy.types.Object, high: bpy.types.Object, path: Path, **settings) -> None:
-    """A map into a file of 8 bits."""
-    pipeline.bake(bpy.context, low, [high], Settings(storage="FILE", output=str(path), depth=8, **settings))
+    """A map for Cycles into a file of 8 bits."""
+    own = Settings(basis="BLENDER", storage="FILE", output=str(path), depth=8, **settings)
+    pipeline.bake(bpy.context, low, [high], own)
 
 
 def beside(paths: Sequence[Path], path: Path) -> None:

@@ -28,7 +28,7 @@ def test_a_preset_sets_the_channels_and_the_reader(path):
     settings.basis = "MIKKTSPACE" if path.stem == "Blender" else "BLENDER"
     assert bpy.ops.script.execute_preset(filepath=str(path), menu_idname="IMPRINT_PT_conventions") == {"FINISHED"}
     assert (settings.red, settings.green, settings.blue) == ("+X", "-Y" if path.stem in DOWN else "+Y", "+Z")
-    assert settings.basis == ("BLENDER" if path.stem == "Blender" else "MIKKTSPACE")
+    assert settings.basis == ("AUTO" if path.stem == "Blender" else "MIKKTSPACE")
 
 
 def test_an_own_one_is_kept_and_removed():

@@ -399,6 +399,18 @@ def test_an_object_that_is_deleted_ends_it(pair, name):
     assert live.session() is None
 
 
+def test_it_follows_the_scenes_render_engine(pair):
+    """Which decides what the map is read with."""
+    low, _ = pair
+    low.data.vertices[0].co.z = 0.5  # on a plane all readers agree
+    switch(True)
+    for engine, basis in (("CYCLES", "BLENDER"), ("BLENDER_EEVEE", "MIKKTSPACE")):
+        bpy.context.scene.render.engine = engine
+        follow()
+        assert live.session().settings.basis == basis
+        assert np.array_equal(pixels(bpy.data.images["lo_normal"]), fresh())
+
+
 def test_an_extension_that_is_disabled_ends_it(pair):
     switch(True)
     addon.unregister()

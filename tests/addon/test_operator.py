@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from addon import panels, progress
-from addon.bake import pace
+from addon.bake import pace, pairs
 from tests.support import maps, zoo
 from tests.support.snapshot import difference, snapshot
 
@@ -540,3 +540,19 @@ def test_the_bar_takes_the_buttons_place(pair, monkeypatch):
 )
 def test_the_bar_says_how_long_it_still_takes(done, seconds, words):
     assert progress._left(done, seconds) == words
+
+
+def test_names_are_matched_only_when_one_has_changed(pair, monkeypatch):
+    asked = []
+    match = pairs.match
+    monkeypatch.setattr(pairs, "match", lambda *names: asked.append(names) or match(*names))
+    panels._pairs.cache_clear()
+    low, high = pair
+    for _ in range(3):
+        draw()
+    assert len(asked) == 1
+    low.name, high.name = "a_low", "a_high"
+    assert "a_low: a_high" in draw().labels
+    bpy.context.scene.imprint.low_suffix = "_lp"
+    assert "a_low: a_high" not in draw().labels
+    assert len(asked) == 3

@@ -76,13 +76,14 @@ def test_no_pairs(small):
 
 def test_the_shells_come_and_go_without_a_trace():
     def handlers():
-        return len(bpy.app.handlers.depsgraph_update_post), len(bpy.app.handlers.frame_change_post)
+        found = bpy.app.handlers
+        return tuple(len(each) for each in (found.depsgraph_update_post, found.frame_change_post, found.undo_post))
 
     before = handlers()
     bpy.ops.imprint.show_cage()
     assert cages.is_on()
     cages.show(True)  # twice is once
-    assert handlers() == (before[0] + 1, before[1] + 1)
+    assert handlers() == tuple(number + 1 for number in before)
     bpy.ops.imprint.show_cage()
     assert not cages.is_on()
     assert handlers() == before
@@ -149,3 +150,36 @@ def test_a_file_that_is_named_is_written(small, tmp_path):
     path = tmp_path / "map.png"
     assert bpy.ops.imprint.bake(low="lo", high=[{"name": "hi"}], output=str(path)) == {"FINISHED"}
     assert path.is_file()
+
+
+def test_shells_are_read_anew_when_the_low_object_changes_and_only_then():
+    low, other = zoo.plane("lo"), zoo.plane("other")
+    cages.show(True)
+
+    def is_read_anew(change):
+        cages._ready(low, "SMOOTH")
+        cages.catch_up()
+        bpy.app.timers.unregister(cages.catch_up) if bpy.app.timers.is_registered(cages.catch_up) else None
+        assert cages._ready(low, "SMOOTH") is not None
+        assert not bpy.app.timers.is_registered(cages.catch_up)
+        change()
+        bpy.context.view_layer.update()
+        cages._ready(low, "SMOOTH")
+        return bpy.app.timers.is_registered(cages.catch_up)
+
+    def lift():
+        low.data.vertices[0].co.z = 1.0
+        low.data.update()
+
+    try:
+        assert not is_read_anew(lambda: None)
+        assert not is_read_anew(lambda: setattr(other.location, "x", 1.0))
+        assert not is_read_anew(lambda: setattr(low, "name", "renamed"))
+        assert is_read_anew(lambda: setattr(low.location, "x", 1.0))
+        assert is_read_anew(lift)
+        assert is_read_anew(lambda: low.modifiers.new("Lift", "DISPLACE"))
+        assert cages._ready(other, "SMOOTH") is None
+        assert cages._ready(low, "SPLIT") is None
+    finally:
+        cages.show(False)
+    assert not bpy.app.timers.is_registered(cages.catch_up)

@@ -95,9 +95,9 @@ class TestWords:
                     assert item.description, f"{struct.identifier}.{prop.identifier} {item.identifier}"
 
     def test_the_properties_are_the_settings(self):
-        """Same names, same defaults."""
+        """Same names, same defaults; the basis is that of the scene's render engine."""
         settings = bpy.context.scene.imprint.to_settings()
-        assert settings == Settings()
+        assert settings == Settings().read_by(bpy.context.scene.render.engine)
         settings.check()
 
     def test_the_panels_are_one_tab(self):

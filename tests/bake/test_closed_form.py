@@ -6,7 +6,8 @@ import mathutils
 import numpy as np
 import pytest
 
-from addon.bake import band
+from addon.bake import band, live, pace, pipeline
+from addon.bake.settings import Settings
 from tests.support import angles, zoo
 from tests.support.maps import bake, texel_uv
 
@@ -167,6 +168,22 @@ def test_both_bases_agree_on_a_plane_and_differ_on_a_bent_mesh():
     assert angles.degrees(angles.decode(blender), angles.decode(reference)).max() > 0.05
     plane = zoo.plane("plane")
     assert np.array_equal(bake(plane, high, basis="BLENDER"), bake(plane, high, basis="MIKKTSPACE"))
+
+
+@pytest.mark.parametrize(
+    ("engine", "basis", "reader"),
+    [("CYCLES", "BLENDER", "Basis: Cycles"), ("BLENDER_EEVEE", "MIKKTSPACE", "Basis: MikkTSpace")],
+)
+def test_a_map_is_made_for_the_scenes_engine(engine, basis, reader):
+    low, high = zoo.sphere("low", n=4), zoo.sphere("high", n=48)
+    chosen = bake(low, high, basis=basis)
+    bpy.context.scene.render.engine = engine
+    assert np.array_equal(bake(low, high), chosen)
+    settings = Settings(width=64, height=64, material=False)
+    report = pipeline.bake(bpy.context, low, [high], settings)
+    assert report.settings["basis"] == basis
+    assert any(line.startswith(reader) for line in report.summary())
+    assert live.Session(bpy.context, pipeline.Job(low, [high]), settings, pace.Pace()).settings.basis == basis
 
 
 @pytest.mark.parametrize("margin", [0, 5])

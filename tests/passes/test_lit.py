@@ -131,7 +131,7 @@ def test_the_map_is_lit_as_arithmetic_says(space, matrix):
         {"green": "-Y"},
         {"red": "+Z", "green": "-X", "blue": "+Y"},
         {"red": "-Y", "green": "+Z", "blue": "-X", "space": "OBJECT"},
-        {"basis": "MIKKTSPACE"},
+        {"basis": "BLENDER"},
         {"depth": 8, "width": 64, "height": 32},
     ],
     ids=lambda settings: " ".join(map(str, settings.values())),
@@ -311,7 +311,7 @@ class TestDeviation:
     @pytest.mark.parametrize("matrix", [ASLANT, UNEVEN, MIRRORED], ids=["aslant", "uneven", "mirrored"])
     @pytest.mark.parametrize(
         "settings",
-        [{}, {"basis": "MIKKTSPACE"}, {"space": "OBJECT"}, {"space": "WORLD"}, {"red": "-Z", "blue": "+X"}],
+        [{}, {"basis": "BLENDER"}, {"space": "OBJECT"}, {"space": "WORLD"}, {"red": "-Z", "blue": "+X"}],
         ids=str,
     )
     def test_a_float_map_is_the_truth(self, settings, matrix):

@@ -65,3 +65,19 @@ def test_what_cannot_be_baked_is_named(values):
 def test_settings_do_not_change_under_a_bake():
     with pytest.raises(dataclasses.FrozenInstanceError):
         Settings().width = 32
+
+
+@pytest.mark.parametrize(
+    ("basis", "engine", "read"),
+    [
+        ("AUTO", "CYCLES", "BLENDER"),
+        ("AUTO", "BLENDER_EEVEE", "MIKKTSPACE"),
+        ("AUTO", "BLENDER_WORKBENCH", "MIKKTSPACE"),
+        ("AUTO", "SOMEBODYS_OWN", "MIKKTSPACE"),
+        ("BLENDER", "BLENDER_EEVEE", "BLENDER"),
+        ("MIKKTSPACE", "CYCLES", "MIKKTSPACE"),
+    ],
+)
+def test_the_basis_follows_the_render_engine_where_nobody_chose(basis, engine, read):
+    assert Settings(basis=basis).read_by(engine).basis == read
+    assert Settings().basis == "AUTO"

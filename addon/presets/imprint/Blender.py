@@ -6,4 +6,4 @@ settings = bpy.context.scene.imprint
 settings.red = "+X"
 settings.green = "+Y"
 settings.blue = "+Z"
-settings.basis = "BLENDER"
+settings.basis = "AUTO"
