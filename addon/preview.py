@@ -183,17 +183,38 @@ def _draw_words() -> None:
         return
     view, region, scale = context.scene.imprint_view, context.region, context.preferences.system.ui_scale
     if _mode == "SPLIT":
-        _, low, _ = shading.zones(region.width, view.split)
-        # Beside the line: sidebars may lie over the ends.
-        for word, x, share in (("High", low.start - TEXT * scale, 1.0), ("Low", (low.start + low.stop) / 2, 0.5)):
-            _write(word, x, EDGE * scale, scale, share)
-        _write("Low with Map", low.stop + TEXT * scale, EDGE * scale, scale, 0.0)
+        labels = (("High", 1.0), ("Low", 0.5), ("Low with Map", 0.0))
+        for zone, (label, share) in zip(shading.zones(region.width, view.split), labels, strict=True):
+            blf.size(0, TEXT * scale)
+            x = place(zone, blf.dimensions(0, label)[0], share, uncovered(context), TEXT * scale)
+            if x is not None:
+                _write(label, x, EDGE * scale, scale, 0.0)
     elif _mode != "MAP":
         x, y = _place_of_bar(region, scale)
         for end, degrees in ((0.0, 0.0), (1.0, view.limit)):
             _write(f"{degrees:.3g}{DEGREES}", x + end * BAR[0] * scale, y - 1.5 * TEXT * scale, scale)
         for number, line in enumerate(reversed(words())):
             _write(line, region.width / 2, y + (BAR[1] + TEXT * (1.5 * number + 0.7)) * scale, scale)
+
+
+def uncovered(context: bpy.types.Context) -> tuple[int, int]:
+    """From where to where along x no toolbar and no sidebar lies over the region, in its pixels."""
+    region = context.region
+    left, right = 0, region.width
+    for other in context.area.regions:
+        if other.type in {"TOOLS", "UI"} and other.width > 1:  # 1 where it is hidden
+            if other.alignment == "LEFT":
+                left = max(left, other.x + other.width - region.x)
+            elif other.alignment == "RIGHT":
+                right = min(right, other.x - region.x)
+    return left, right
+
+
+def place(zone: range, width: float, share: float, free: tuple[int, int], gap: float) -> float | None:
+    """Where along x a label of this width begins that has `share` of the room of its zone at its left, as far as the zone
+    is free, and a gap at both ends; None where it does not fit."""
+    start, stop = max(zone.start, free[0]) + gap, min(zone.stop, free[1]) - gap
+    return start + (stop - start - width) * share if stop - start >= width else None
 
 
 def words() -> list[str]:
@@ -207,7 +228,7 @@ def words() -> list[str]:
     if found.elsewhere == 1.0:
         return other
     return other + [
-        f"{what}: {mean:.2f}{DEGREES}, 99 % below {most:.2f}{DEGREES}"
+        f"{what}: mean {mean:.2f}{DEGREES}, 99 % below {most:.2f}{DEGREES}"
         for what, mean, most in (
             ("With the map", found.mean, found.percentile_99),
             ("Without", found.bare_mean, found.bare_percentile_99),

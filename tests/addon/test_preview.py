@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The views of the map: they come when asked, show what is there, and leave nothing when they are off."""
 
+from types import SimpleNamespace
+
 import bpy
 import numpy as np
 import pytest
@@ -104,8 +106,8 @@ def test_the_deviations_are_told(pair):
     assert found.percentile_99 < 0.1
     assert found.bare_mean > 1.0
     assert preview.words() == [
-        f"With the map: {found.mean:.2f}°, 99 % below {found.percentile_99:.2f}°",
-        f"Without: {found.bare_mean:.2f}°, 99 % below {found.bare_percentile_99:.2f}°",
+        f"With the map: mean {found.mean:.2f}°, 99 % below {found.percentile_99:.2f}°",
+        f"Without: mean {found.bare_mean:.2f}°, 99 % below {found.bare_percentile_99:.2f}°",
     ]
 
 
@@ -116,6 +118,36 @@ def test_what_the_deviations_cannot_tell_is_said(pair):
     view().mode = "DEVIATION"
     (line,) = preview.words()
     assert line.startswith("Purple: 100.0% show another place of the high mesh")
+
+
+@pytest.mark.parametrize(
+    ("zone", "share", "free", "x"),
+    [
+        (range(300), 1.0, (0, 900), 190.0),  # at the line
+        (range(300, 600), 0.5, (0, 900), 400.0),
+        (range(600, 900), 0.0, (0, 900), 610.0),
+        (range(300), 1.0, (150, 900), 190.0),  # beside the toolbar
+        (range(300), 1.0, (200, 900), None),  # under it
+        (range(600, 900), 0.0, (0, 700), None),
+        (range(300, 600), 0.5, (400, 900), 450.0),
+        (range(0), 1.0, (0, 900), None),
+    ],
+)
+def test_a_label_stays_where_it_can_be_read(zone, share, free, x):
+    assert preview.place(zone, 100.0, share, free, 10.0) == x
+
+
+def test_what_lies_over_a_view_is_left_out():
+    def region(kind, alignment, x, width):
+        return SimpleNamespace(type=kind, alignment=alignment, x=x, width=width)
+
+    window = region("WINDOW", "NONE", 20, 900)
+    bars = [region("HEADER", "TOP", 20, 900), region("TOOLS", "LEFT", 20, 60), region("UI", "RIGHT", 700, 220)]
+    context = SimpleNamespace(region=window, area=SimpleNamespace(regions=[window, *bars]))
+    assert preview.uncovered(context) == (60, 680)
+    for bar in bars[1:]:
+        bar.width = 1
+    assert preview.uncovered(context) == (0, 900)
 
 
 def test_what_cannot_be_shown_is_told_and_leaves_it_off(pair):
