@@ -74,6 +74,7 @@ def test_tangent_map_comes_back_through_the_normal_map_node(shared_assets, name,
     low.data.materials.clear()
     low.data.materials.append(diffuse_material())
     expected = bake(low, high, "expected", space="WORLD")
+    bpy.context.scene.render.engine = "CYCLES"  # for which the map is made, as it is the scene's
     texels = bake(low, high, "tangent", material=True)
     seen, written = cycles.world_normals(low, SIZE)
     both = angles.eroded(written & (texels[..., 3] > 0), 2)
