@@ -6,19 +6,22 @@ import json
 import os
 import time
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from copy import copy
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import bpy
+import gpu
 
-from . import arguments, clashes, importing
+from . import arguments, clashes, importing, stopping, streams
 from .arguments import STDOUT
 from .bake import naming, pace, pipeline, sequence, subjects
 from .bake.errors import BakeError
 from .bake.files import Replaced, check_writable, replacing
 from .bake.pace import Step
 from .bake.report import Report
+from .bake.settings import Settings
 from .importing import Stage
 from .meter import Meter
 
@@ -46,6 +49,8 @@ class Result:
     seconds: float = 0.0
     are: str = ""
     """What several reports are of: "pairs" or "frames"."""
+    is_stopped: bool = False
+    """Whether somebody stopped it; pairs and frames that were done by then are kept."""
 
     @property
     def warnings(self) -> list[str]:
@@ -92,28 +97,36 @@ def subject(options: argparse.Namespace) -> str:
 
 
 def bake_all(
-    planned: Sequence[Plan], files: clashes.Run, meter: Meter, tell: Callable[[Result], None]
-) -> tuple[list[Result], bool]:
-    """Bake one plan after the other; `files` knows them, and `tell` hears of each as it ends.
+    planned: Sequence[Plan], files: clashes.Run, meter: Meter, tell: Callable[[list[Result]], None]
+) -> list[Result]:
+    """Bake one plan after the other; `files` knows them, and `tell` hears of all so far as each ends.
 
-    Returns them and whether a person stopped it.
+    The last may have been stopped.
     """
     results, stage = [], Stage()
     for number, plan in enumerate(planned, 1):
         meter.place = f"{number}/{len(planned)} "
         start = time.perf_counter()
         try:
+            stopping.check()
             result = bake(plan, stage, files, meter)
-        except BakeError as error:
-            result = Result(plan.name, error=str(error))
+        except stopping.Stopped:
+            result = Result(plan.name, is_stopped=True)
+        except (BakeError, MemoryError) as error:
+            result = Result(plan.name, error=str(error) if isinstance(error, BakeError) else no_memory(error))
             stage = Stage()  # what the bake has changed before it failed is nothing for the next one
-        except KeyboardInterrupt:
-            return results, True
         result.seconds = time.perf_counter() - start
         results.append(result)
         meter.clear()
-        tell(result)
-    return results, False
+        tell(results)
+        if result.is_stopped:
+            break
+    return results
+
+
+def no_memory(error: MemoryError) -> str:
+    """A sentence."""
+    return f"There is not enough memory{f' ({error})' if str(error) else ''}: choose a smaller map, or bake less at a time."
 
 
 def bake(plan: Plan, stage: Stage, files: clashes.Run, meter: Meter) -> Result:
@@ -121,6 +134,7 @@ def bake(plan: Plan, stage: Stage, files: clashes.Run, meter: Meter) -> Result:
     if plan.problem:
         raise BakeError(plan.problem)
     options = plan.options
+    stopping.note(plan.name or subject(options))
     settings = arguments.settings(options)
     report = Path(options.report).absolute() if options.report not in (None, STDOUT) else None
     scene = Path(options.save_blend).absolute() if options.save_blend else None
@@ -133,27 +147,45 @@ def bake(plan: Plan, stage: Stage, files: clashes.Run, meter: Meter) -> Result:
     jobs, problems = _jobs(options, stage)
     share_image = bool(options.pairs) and naming.LOW not in options.output
     files.opened(plan.name, options, [pipeline.ATLAS] if share_image else [job.low.name for job in jobs])
-    frames = clashes.frames(options)
-
-    def tell(step: Step) -> None:
-        job = jobs[0 if options.frames else step.finished]
-        meter.tell("the atlas" if share_image else job.low.name, step)
-
-    heard = tell if meter.is_on else None
+    _start_gpu()
     with Replaced() as replaced:
-        if options.frames:
-            speed = pace.Pace(pipeline.TOLD_EVERY if heard else None)
-            reports = pace.finish(sequence.work(bpy.context, jobs[0], settings, frames, speed), heard)
-        else:
-            reports = pipeline.bake_all(bpy.context, jobs, settings, share_image=share_image, tell=heard)
+        reports, is_stopped = _baked(options, jobs, settings, meter)
         are = "pairs" if options.pairs else "frames" if options.frames else ""
-        result = Result(plan.name, reports, written(reports), problems, are=are)
+        result = Result(plan.name, reports, written(reports), problems, are=are, is_stopped=is_stopped)
         with replaced.restoring():  # a bake whose scene or report cannot be saved has failed
-            if scene is not None:
+            if scene is not None and not is_stopped:
                 _save(scene, {bpy.data.images[report.image] for report in reports})
             if report is not None:
                 write_json(report, result.to_json())
     return result
+
+
+def _baked(
+    options: argparse.Namespace, jobs: Sequence[pipeline.Job], settings: Settings, meter: Meter
+) -> tuple[list[Report], bool]:
+    """The reports of all jobs or frames, or of those that were done when it was stopped; and whether it was.
+
+    Raises Stopped where nothing was done yet, or BakeError.
+    """
+    share_image = bool(options.pairs) and naming.LOW not in options.output
+
+    def tell(step: Step) -> None:
+        stopping.check()
+        if meter.is_on:
+            job = jobs[0 if options.frames else step.finished]
+            meter.tell("the atlas" if share_image else job.low.name, step)
+
+    speed, reports = pace.Pace(pipeline.TOLD_EVERY, looks=False), []
+    if options.frames:
+        work = sequence.work(bpy.context, jobs[0], settings, clashes.frames(options), speed, reports=reports)
+    else:
+        work = pipeline.work(bpy.context, jobs, settings, speed, share_image=share_image, reports=reports)
+    try:
+        return pace.finish(work, tell), False
+    except stopping.Stopped:
+        if not reports:
+            raise
+        return reports, True
 
 
 def written(reports: Sequence[Report]) -> list[str]:
@@ -172,29 +204,65 @@ def as_text(value) -> str:
     return json.dumps(value, indent=2)
 
 
-def table(results: Sequence[Result]) -> Iterator[str]:
-    """A line for each, and one for all."""
+class ReportFile:
+    """The report of many bakes, written anew as they go on: a crash loses no more than the bakes of a moment."""
+
+    SHARE = 0.1
+    """Of the time, at most, that is spent on it: it grows with the number of bakes."""
+
+    def __init__(self, path: Path):
+        """Raises BakeError if it could not be written in the end."""
+        check_writable(path)
+        self._path, self._next = path, 0.0
+
+    def update(self, results: Sequence[Result]) -> None:
+        """Write it if it is time to, and it can be: the last one counts."""
+        start = time.perf_counter()
+        if start >= self._next:
+            with suppress(BakeError):
+                self.write(results)
+            stop = time.perf_counter()
+            self._next = stop + (stop - start) / self.SHARE
+
+    def write(self, results: Sequence[Result]) -> None:
+        """Raises BakeError."""
+        write_json(self._path, to_json(results))
+
+
+def table(results: Sequence[Result], planned: int) -> Iterator[str]:
+    """A line for each, and one for all; `planned` is how many there were to be."""
     width = max((len(result.name) for result in results), default=0)
     for result in results:
+        state = "stopped" if result.is_stopped else "failed" if result.error else "done"
         said = result.error or ", ".join(result.maps)
-        yield f"{'failed' if result.error else 'done':6}  {result.seconds:8.2f} s  {result.name:{width}}  {said}"
+        yield f"{state:7} {result.seconds:8.2f} s  {result.name:{width}}  {said}".rstrip()
     failed = sum(1 for result in results if result.error)
-    yield f"{len(results) - failed} done, {failed} failed, {sum(result.seconds for result in results):.2f} s"
+    done = sum(1 for result in results if not result.error and not result.is_stopped)
+    left = f", {planned - failed - done} stopped or not begun" if planned > failed + done else ""
+    yield f"{done} done, {failed} failed{left}, {sum(result.seconds for result in results):.2f} s"
 
 
 def to_json(results: Sequence[Result]) -> list[dict]:
-    """Plain data for json.dump."""
+    """Plain data for json.dump; one that was stopped is told of where some of its pairs or frames are done."""
     return [
         {
             "name": result.name,
-            "ok": not result.error,
-            "error": result.error,
+            "ok": not result.error and not result.is_stopped,
+            "error": "It was stopped." if result.is_stopped else result.error,
             "seconds": result.seconds,
             "maps": result.maps,
             "report": result.to_json(),
         }
         for result in results
+        if result.reports or not result.is_stopped
     ]
+
+
+def _start_gpu() -> None:
+    """Without the window system's complaints of EGL, after which it goes on; what stops it is told by pipeline.check."""
+    if stopping.is_launched():  # else nobody could tell of a crash but those lines
+        with suppress(SystemError, RuntimeError), streams.silence():
+            gpu.init()
 
 
 def _jobs(options: argparse.Namespace, stage: Stage) -> tuple[list[pipeline.Job], list[str]]:
@@ -220,6 +288,6 @@ def _save(path: Path, maps: set[bpy.types.Image]) -> None:
             # So that the files can be moved together. Relative to the file that is open: saving takes all such paths
             # along to the new place.
             image.filepath = bpy.path.relpath(str(output), start=str(Path(bpy.data.filepath or path).parent))
-    with replacing(path) as partial:
+    with replacing(path) as partial, streams.silence():
         # As a copy: relative paths are those of the final place, which is in the same folder.
         bpy.ops.wm.save_as_mainfile(filepath=str(partial), copy=True, compress=False, relative_remap=True)

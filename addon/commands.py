@@ -2,19 +2,16 @@
 """The command line: one entry for `blender --command imprint`, scripts/bake.py and scripts/imprint.py bake."""
 
 import argparse
-import signal
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TextIO
 
 import bpy
 
-from . import arguments, batch, clashes, jobfile
+from . import arguments, batch, clashes, jobfile, stopping, streams
 from .arguments import STDOUT, WrongUsage
 from .bake.errors import BakeError, WrongPlace
-from .bake.files import check_writable
 from .batch import Plan, Result
 from .importing import Stage
 from .meter import Meter
@@ -24,6 +21,12 @@ DONE, FAILED, WRONG_USAGE = 0, 1, 2
 
 def run(words: Sequence[str], program: str = "imprint") -> int:
     """Bake as `words`, the arguments, say. Returns the exit code; what went wrong is told on stderr, a line each."""
+    with stopping.listening(), streams.ours():
+        done = _run(words, program)
+        return stopping.code() or done
+
+
+def _run(words: Sequence[str], program: str) -> int:
     try:
         options, sets = _read(words, program)
         plans, problems, files = _plan(options, sets)
@@ -34,7 +37,7 @@ def run(words: Sequence[str], program: str = "imprint") -> int:
         return _refuse(program, error)
     except WrongPlace as error:
         return _refuse(program, error)
-    with _stoppable(), Meter(sys.stderr) as meter:
+    with Meter(sys.stderr) as meter:
         try:
             if _are_many(options):
                 _warn(program, problems)
@@ -43,10 +46,12 @@ def run(words: Sequence[str], program: str = "imprint") -> int:
         except WrongPlace as error:
             meter.clear()
             return _refuse(program, error)
-        except KeyboardInterrupt:
-            problem = "stopped, the frames before are kept." if options.frames else "stopped, nothing was finished."
+        except stopping.Stopped:
+            problem = "stopped, nothing was finished."
         except BakeError as error:
             problem = str(error)
+        except MemoryError as error:
+            problem = batch.no_memory(error)
         meter.clear()
         print(f"{program}: {problem}", file=sys.stderr)
         return FAILED
@@ -95,8 +100,11 @@ def _bake_one(plan: Plan, files: clashes.Run, program: str, meter: Meter) -> int
     result = batch.bake(plan, Stage(), files, meter)
     meter.clear()
     _warn(program, result.warnings)
+    if result.is_stopped:
+        print(f"{program}: stopped, the {result.are} before are kept.", file=sys.stderr)
     print("\n".join(line for report in result.reports for line in report.summary()), file=out)
-    print("Wrote", ", ".join(filter(None, (*result.maps, options.save_blend, _file(options.report)))), file=out)
+    scene = None if result.is_stopped else options.save_blend
+    print("Wrote", ", ".join(filter(None, (*result.maps, scene, _file(options.report)))), file=out)
     if options.report == STDOUT:
         print(batch.as_text(result.to_json()))
     return DONE
@@ -105,24 +113,28 @@ def _bake_one(plan: Plan, files: clashes.Run, program: str, meter: Meter) -> int
 def _bake_many(plans: Sequence[Plan], files: clashes.Run, report: str | None, program: str, meter: Meter) -> int:
     """Each for itself; in the end a table, and the report of all."""
 
-    def tell(result: Result) -> None:
+    file = batch.ReportFile(Path(report).absolute()) if _file(report) else None
+
+    def tell(results: Sequence[Result]) -> None:
+        result = results[-1]
         if result.error:
             print(f"{program}: {result.name}: {result.error}", file=sys.stderr)
         _warn(f"{program}: {result.name}", result.warnings)
+        if file:
+            file.update(results)
 
-    if _file(report):
-        check_writable(Path(report).absolute())
-    results, is_stopped = batch.bake_all(plans, files, meter, tell)
+    results = batch.bake_all(plans, files, meter, tell)
     meter.clear()
-    if is_stopped:
-        print(f"{program}: stopped, {len(results)} of {len(plans)} were finished.", file=sys.stderr)
-    print("\n".join(batch.table(results)), file=_out(report))
-    if report == STDOUT:
-        print(batch.as_text(batch.to_json(results)))
-    elif report:
-        batch.write_json(Path(report).absolute(), batch.to_json(results))
+    done = sum(1 for result in results if not result.is_stopped)
+    if done < len(plans):
+        print(f"{program}: stopped, {done} of {len(plans)} were finished.", file=sys.stderr)
+    print("\n".join(batch.table(results, len(plans))), file=_out(report))
+    if file:
+        file.write(results)
         print("Wrote", report)
-    return FAILED if is_stopped or any(result.error for result in results) else DONE
+    elif report:
+        print(batch.as_text(batch.to_json(results)))
+    return FAILED if any(result.error for result in results) else DONE
 
 
 def _file(report: str | None) -> str | None:
@@ -138,17 +150,6 @@ def _out(report: str | None) -> TextIO:
 def _warn(program: str, warnings: Sequence[str]) -> None:
     for warning in warnings:
         print(f"{program}: warning: {warning}", file=sys.stderr)
-
-
-@contextmanager
-def _stoppable() -> Iterator[None]:
-    """Ctrl-C stops the bake in good order: Blender's own handler would not reach Python."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    try:
-        yield
-    finally:
-        if before is not None:  # one of C, which Python cannot set again
-            signal.signal(signal.SIGINT, before)
 
 
 _handle = None

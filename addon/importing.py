@@ -1,15 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Scenes for a bake without a window: a .blend is opened, mesh files are imported into an empty scene."""
 
-import ctypes
 import os
-import sys
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import bpy
 
+from . import stopping, streams
 from .bake.errors import BakeError
 from .bake.files import reason
 from .bake.pairs import Pair, Suffixes, match
@@ -106,13 +104,14 @@ def _split(files: Sequence[Path]) -> tuple[list[Path], list[Path]]:
 
 def bring(name: str) -> list[bpy.types.Object]:
     """Import a file, or append the objects of a .blend; returns the meshes that have faces. Raises BakeError."""
+    stopping.check()
     path = _existing(name)
     ending = _ending(path)
     if ending not in ENDINGS:
         raise BakeError(f"{str(path)!r} is no mesh file that can be imported: {', '.join(ENDINGS)} can.")
     before = set(bpy.data.objects)
     try:
-        with _silence():
+        with streams.silence():
             if ending == ".blend":
                 _append(path)
             else:
@@ -141,8 +140,10 @@ def _existing(name: str) -> Path:
 
 
 def _open_blend(name: str) -> None:
+    stopping.check()
     try:
-        bpy.ops.wm.open_mainfile(filepath=name, load_ui=False)
+        with streams.silence():
+            bpy.ops.wm.open_mainfile(filepath=name, load_ui=False, use_scripts=False)
     except RuntimeError as error:
         raise BakeError(f"{name!r} could not be opened: {reason(error)}.") from error
 
@@ -173,26 +174,4 @@ def _cause(error: RuntimeError | OSError) -> str:
     if "Traceback" not in str(error):
         return reason(error)
     last = [line for line in str(error).splitlines() if line.strip() and not line.startswith((" ", "Location"))][-1]
-    if last.startswith("KeyboardInterrupt"):
-        raise KeyboardInterrupt
     return last.rstrip(".")
-
-
-@contextmanager
-def _silence() -> Iterator[None]:
-    """Keep what importers print, from C as well, off both standard streams: what matters is in their exceptions."""
-    library = ctypes.CDLL("ucrtbase" if os.name == "nt" else None)
-    for stream in (sys.stdout, sys.stderr):
-        stream.flush()
-    library.fflush(None)
-    kept = {number: os.dup(number) for number in (1, 2)}
-    try:
-        with open(os.devnull, "w", encoding="utf-8") as nowhere, redirect_stdout(nowhere), redirect_stderr(nowhere):
-            for number in kept:
-                os.dup2(nowhere.fileno(), number)
-            yield
-    finally:
-        library.fflush(None)
-        for number, copy in kept.items():
-            os.dup2(copy, number)
-            os.close(copy)

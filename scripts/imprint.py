@@ -7,6 +7,7 @@ made for, gives it an environment in .venv, and hands each command to that.
 """
 
 import argparse
+import contextlib
 import ctypes
 import errno
 import hashlib
@@ -18,12 +19,14 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 from pathlib import Path
 
 try:
     import fcntl
+    import resource
 except ImportError:  # Windows
-    fcntl = None
+    fcntl = resource = None
     import msvcrt
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -62,7 +65,8 @@ class Failure(Exception):
 
 def say(text):
     """Tell the person something without touching standard output, which belongs to the command."""
-    print(f"imprint: {text}", file=sys.stderr, flush=True)
+    with contextlib.suppress(OSError):  # a full disk, say: the exit code tells enough
+        print(f"imprint: {text}", file=sys.stderr, flush=True)
 
 
 # A Python 3.13
@@ -189,9 +193,16 @@ def is_loadable(library):
     """Say whether the system finds a shared library."""
     try:
         ctypes.CDLL(library)
-    except OSError:
-        return False
+    except OSError as error:
+        return "cannot open shared object" not in str(error)  # it may be there and not fit into a memory limit
     return True
+
+
+def memory_limit():
+    """Return the words for the limit that the shell sets to memory, or nothing. Drivers crash where it is too low."""
+    most = resource.getrlimit(resource.RLIMIT_AS)[0] if resource else -1
+    unlimited = resource.RLIM_INFINITY if resource else -1
+    return "" if most == unlimited else f", with memory limited to {most // 2**20:,} MiB by ulimit -v"
 
 
 def missing(code, output):
@@ -201,9 +212,9 @@ def missing(code, output):
     """
     if sys.platform != "linux":
         return []
-    named = re.findall(r"(\S+\.so\S*): cannot open shared object", output)
+    named = re.findall(r"ImportError: (\S+\.so\S*): cannot open shared object", output)
     absent = sorted({*named, *(name for name in PACKAGES if name != DRIVER and not is_loadable(name))})
-    return absent or ([DRIVER] if crash(code) else [])
+    return absent or ([DRIVER] if crash(code) and not memory_limit() else [])
 
 
 def remedy(things, installer):
@@ -218,7 +229,7 @@ def explain(things, command, code, output):
     """Return the one line that says why Blender does not start, and what to do where that is known."""
     if not things:
         lines = output.strip().splitlines() or [f"exit code {code}"]
-        return f"Blender does not start here: {crash(code) or lines[-1]}"
+        return f"Blender does not start here: {crash(code) or lines[-1]}{memory_limit()}"
     cure = f"to mend it: {' '.join(command)}" if command else "install what provides it"
     return f"Blender does not start here for want of {', '.join(things)}; {cure}"
 
@@ -233,8 +244,8 @@ def probe(python):
     return done.returncode, done.stderr
 
 
-def require_gpu(python):
-    """Make sure that Blender and its gpu module start; where root on Debian can mend it, do so.
+def require_gpu(python, may_install):
+    """Make sure that Blender and its gpu module start; where root on Debian can mend it, and we may, do so.
 
     Success is remembered for this machine, as probing costs a second; a process that dies makes us forget it again.
     """
@@ -242,14 +253,14 @@ def require_gpu(python):
     if GPU_STAMP.is_file() and GPU_STAMP.read_text() == machine:
         return
     installer = next(filter(shutil.which, INSTALL), None)
-    for may_install in (IS_ROOT and installer == "apt-get", False):
+    for is_first in (True, False):
         code, output = probe(python)
         if code == 0:
             GPU_STAMP.write_text(machine)
             return
         things = missing(code, output)
         command = remedy(things, installer)
-        if not (may_install and command):
+        if not (is_first and may_install and IS_ROOT and installer == "apt-get" and command):
             raise Failure(explain(things, command, code, output))
         say(f"Blender wants {', '.join(things)}: {' '.join(command)}")
         unasked = dict(os.environ, DEBIAN_FRONTEND="noninteractive")
@@ -259,15 +270,90 @@ def require_gpu(python):
 
 
 def run_blender(arguments, **options):
-    """Run the environment's Python on something that uses the GPU, and return its exit code."""
+    """Run the environment's Python on something that uses the GPU, and return its exit code.
+
+    Where it does not start for want of packages, root's are installed.
+    """
     python = environment()
-    require_gpu(python)
+    require_gpu(python, may_install=True)
     code = subprocess.call([python, *arguments], **options)
     if crash(code):
-        GPU_STAMP.unlink(missing_ok=True)
-        require_gpu(python)  # says so where the driver is to blame
-        raise Failure(f"Blender died of {crash(code)}")
+        raise Failure(post_mortem(python, code))
     return code
+
+
+def post_mortem(python, code, baking=""):
+    """Return the one line that says what Blender died of, which is to blame on the machine if a probe dies alike."""
+    died = f"Blender died of {crash(code)}" + (f", while it baked {baking}" if baking else "") + memory_limit()
+    if -code == signal.SIGKILL:
+        return f"{died}: by somebody's hand, or because memory ran out"
+    GPU_STAMP.unlink(missing_ok=True)
+    probed, output = probe(python)
+    if probed != code:
+        return died
+    things = missing(probed, output)
+    return explain(things, remedy(things, next(filter(shutil.which, INSTALL), None)), probed, output)
+
+
+# Stopping
+
+
+class Bake:
+    """Blender at work on scripts/bake.py, which stops in good order when this process is told to.
+
+    A signal is handed on as another one, which says that it was: the process group may have got the same, and one that
+    came twice would end the bake at once. addon/stopping.py has the other half of this.
+    """
+
+    STOP = ("SIGINT", "SIGTERM", "SIGHUP")
+    GRACE = 3.0
+    """Seconds from the second signal to a SIGKILL: Blender may be deep in something that listens to none."""
+
+    def __init__(self, python, arguments):
+        self.told = []
+        """The signals that came."""
+        self._command = [python, str(SCRIPTS / "bake.py"), "--", *arguments]
+        self._process = None
+
+    def run(self):
+        """Return the exit code, as of a process of its own, and what was being baked when it ended."""
+        numbers = [getattr(signal, name) for name in self.STOP if hasattr(signal, name)]
+        numbers = [each for each in numbers if (each.name, signal.getsignal(each)) != ("SIGHUP", signal.SIG_IGN)]
+        before = {number: signal.signal(number, self._hear) for number in numbers}
+        try:
+            with tempfile.TemporaryFile() as baking:
+                self._start(numbers, baking.fileno())
+                code = self._process.wait()
+                baking.seek(0)
+                return code, os.fsdecode(baking.read())
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)
+
+    def _start(self, numbers, baking):
+        """Blender starts with signals held back, until it listens to them; so does this process until it is there."""
+        environment = dict(os.environ, IMPRINT_LAUNCHER=str(os.getpid()), IMPRINT_BAKING=str(baking))
+        if WINDOWS:  # where a Ctrl-C reaches all processes of a console
+            self._process = subprocess.Popen(self._command)
+            return
+        held = [*numbers, signal.SIGUSR1, signal.SIGUSR2]
+        signal.pthread_sigmask(signal.SIG_BLOCK, held)
+        try:
+            self._process = subprocess.Popen(self._command, env=environment, pass_fds=[baking])
+        finally:
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, held)
+
+    def _hear(self, number, _):
+        self.told.append(number)
+        if WINDOWS or self._process is None:
+            return
+        if len(self.told) == 1:
+            self._process.send_signal(signal.SIGUSR1)
+            return
+        self._process.send_signal(signal.SIGUSR2)
+        killing = threading.Timer(self.GRACE, self._process.kill)
+        killing.daemon = True
+        killing.start()
 
 
 # The commands
@@ -287,12 +373,15 @@ def bench(options):
 
 def bake(options):
     """Bake with the arguments of scripts/bake.py, which takes them after the dashes as it does inside Blender."""
-    # Ctrl-C reaches Blender as well, which stops in good order: wait for it.
-    before = signal.signal(signal.SIGINT, lambda *_: None)
-    try:
-        return run_blender([str(SCRIPTS / "bake.py"), "--", *options.rest])
-    finally:
-        signal.signal(signal.SIGINT, before)
+    python = environment()
+    require_gpu(python, may_install=False)
+    running = Bake(python, options.rest)
+    code, baking = running.run()
+    if running.told:
+        return 128 + running.told[0]
+    if crash(code):
+        raise Failure(post_mortem(python, code, baking))
+    return code
 
 
 def test(options):
@@ -361,5 +450,24 @@ def main(arguments):
         return 130
 
 
+def reserve_streams():
+    """Open what is closed of the standard streams: files would take their numbers, and be printed into."""
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)  # takes the smallest number that is free
+    sys.stderr = sys.stderr or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115 - as long as this process
+
+
+def end_on_signals():
+    """End on SIGTERM and SIGHUP as on Ctrl-C: what was started ends as well, and temporary folders go."""
+    for number in (getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)):
+        if signal.getsignal(number) == signal.SIG_DFL:  # nohup ignores one of them
+            signal.signal(number, lambda number, _: sys.exit(128 + number))
+
+
 if __name__ == "__main__":
+    reserve_streams()
+    end_on_signals()
     sys.exit(main(sys.argv[1:]))

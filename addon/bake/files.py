@@ -1,19 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Files that are there whole or not at all."""
 
-import itertools
 import os
 import shutil
 import stat
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from pathlib import Path
 
 from .errors import BakeError, WrongPlace
+from .leftovers import Beside, try_in
 
-_NUMBERS = itertools.count()
 _MADE: set[Path] = set()
 """Folders that were made for files of which none is there yet."""
 
@@ -24,8 +22,7 @@ def check_writable(path: Path) -> None:
         target = place(path)
         folder = next(folder for folder in target.parents if os.path.lexists(folder))
         # Ask the file system: permission bits say nothing about a full or read-only disk.
-        with tempfile.NamedTemporaryFile(dir=folder):
-            pass
+        try_in(folder)
     except OSError as error:
         raise BakeError(f"{str(path)!r} cannot be written: {reason(error)}.") from error
 
@@ -59,7 +56,7 @@ def reason(error: OSError | RuntimeError) -> str:
 class Partial:
     """What is to take the place of the file at `path`, which stays as it is until `commit`. A link keeps its place.
 
-    here: the path beside it to write to, inside `told`. Raises BakeError for what is no file.
+    Raises BakeError for what is no file.
     """
 
     def __init__(self, path: Path):
@@ -67,7 +64,12 @@ class Partial:
             self.path = place(path)
         except OSError as error:
             raise BakeError(f"{str(path)!r} cannot be written: {reason(error)}.") from error
-        self.here = _beside(self.path, path.suffix)
+        self._beside = Beside(self.path.with_suffix(path.suffix))
+
+    @property
+    def here(self) -> Path:
+        """The path to write to, inside `told`."""
+        return self._beside.here
 
     @contextmanager
     def told(self) -> Iterator[None]:
@@ -86,11 +88,11 @@ class Partial:
                 replaced.keep(self.path)
             os.replace(self.here, self.path)
         _MADE.difference_update(self.path.parents)
+        self._beside.remove()
 
     def discard(self) -> None:
         """Leave nothing behind, nor a folder that was made for it; after `commit` there is nothing."""
-        with suppress(NotADirectoryError):
-            self.here.unlink(missing_ok=True)
+        self._beside.remove()
         _remove_made(self.path)
 
 
@@ -98,7 +100,7 @@ class Replaced:
     """In a `with` statement: remembers the files that commits replace, until it ends."""
 
     def __init__(self):
-        self._before: dict[Path, tuple[Path | None, list[Path]]] = {}
+        self._before: dict[Path, tuple[Beside | None, list[Path]]] = {}
         """By the path of a file: where its old content is, if it was there, and the folders that were made for it."""
 
     def __enter__(self) -> "Replaced":
@@ -110,7 +112,7 @@ class Replaced:
         _REPLACED.reset(self._token)
         for copy, _folders in self._before.values():
             if copy is not None:
-                copy.unlink(missing_ok=True)
+                copy.remove()
 
     def keep(self, path: Path) -> None:
         """Hold what is at `path`, about to be replaced. Raises OSError if that cannot be."""
@@ -118,13 +120,7 @@ class Replaced:
             self._around.keep(path)
         if path in self._before:
             return
-        copy = None
-        if path.exists():
-            copy = _beside(path, path.suffix)
-            try:
-                os.link(path, copy)
-            except OSError:  # a file system without hard links
-                shutil.copy2(path, copy)
+        copy = _copy(path) if path.exists() else None
         self._before[path] = copy, [folder for folder in path.parents if folder in _MADE]
 
     @contextmanager
@@ -143,14 +139,17 @@ class Replaced:
         lost = ""
         for path, (copy, folders) in self._before.items():
             try:
-                if copy is not None and path.exists() and copy.samefile(path):
-                    copy.unlink()  # it was about to be replaced and was not; and a file replaces no link to itself
+                if copy is not None and path.exists() and copy.here.samefile(path):
+                    copy.remove()  # it was about to be replaced and was not; and a file replaces no link to itself
                 elif copy is not None:
-                    os.replace(copy, path)
+                    os.replace(copy.here, path)
+                    copy.remove()
                 else:
                     path.unlink(missing_ok=True)
             except OSError as error:
-                lost = f"{str(path)!r} could not be put back: {reason(error)}" + (f"; it is in {str(copy)!r}" if copy else "")
+                lost = f"{str(path)!r} could not be put back: {reason(error)}"
+                if copy is not None:
+                    lost += f"; it is in {str(copy.keep())!r}"
             _MADE.update(folders)
             _remove_made(path)
         self._before.clear()
@@ -168,10 +167,18 @@ def together() -> Iterator[None]:
         yield
 
 
-def _beside(path: Path, ending: str) -> Path:
-    """A new path in the folder of `path`."""
-    # Not made of path.stem, which may already be as long as the file system allows.
-    return path.with_name(f".imprint.{os.getpid()}.{next(_NUMBERS)}.partial{ending}")
+def _copy(path: Path) -> Beside:
+    """The content of a file under another name. Raises OSError."""
+    copy = Beside(path)
+    try:
+        try:
+            os.link(path, copy.here)
+        except OSError:  # a file system without hard links
+            shutil.copy2(path, copy.here)
+    except OSError:
+        copy.remove()
+        raise
+    return copy
 
 
 def _make(folder: Path) -> None:

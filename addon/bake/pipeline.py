@@ -108,14 +108,20 @@ def bake_all(
 
 
 def work(
-    context: bpy.types.Context, jobs: Sequence[Job], settings: Settings, speed: Pace, *, share_image: bool = False
+    context: bpy.types.Context,
+    jobs: Sequence[Job],
+    settings: Settings,
+    speed: Pace,
+    *,
+    share_image: bool = False,
+    reports: list[Report] | None = None,
 ) -> Work[list[Report]]:
     """Bake several jobs, each low against its own highs alone, into an image each or, shared, into one (an atlas).
 
     A generator: between its steps Blender may go on, and closing it leaves everything as it was, but for jobs that were
     done before. "{low}" in the settings' image and output stands for the low object's name. What can be known beforehand
     is checked for all jobs before the first is baked. Raises BakeError; jobs before the one that failed are done, unless
-    they were to share its image.
+    they were to share its image. `reports` is added to as jobs are done, for who closes it early.
     """
     settings.check()  # before names are filled in, which may hold anything
     settings = settings.read_by(context.scene.render.engine)
@@ -135,6 +141,8 @@ def work(
         else:
             for step in part(report.counted(bakes[-1].whole(context)), *share):
                 yield replace(step, finished=number)
+            if reports is not None:
+                reports.append(report)
     if share_image:
         yield Step("Storing", 1.0)
         shared.store([job.low for job in jobs], [bake.report for bake in bakes])

@@ -35,11 +35,17 @@ def filled(settings: Settings, low_name: str) -> Settings:
 
 
 def work(
-    context: bpy.types.Context, job: Job, settings: Settings, frames: Sequence[int], speed: Pace
+    context: bpy.types.Context,
+    job: Job,
+    settings: Settings,
+    frames: Sequence[int],
+    speed: Pace,
+    *,
+    reports: list[Report] | None = None,
 ) -> Work[list[Report]]:
     """Bake each of `frames`, and put the image sequence into the low object's material. A generator as pipeline.work.
 
-    Frames that are done are kept when it is closed. Raises BakeError.
+    Frames that are done are kept when it is closed; `reports` is added to as they are. Raises BakeError.
     """
     _check(settings, frames)
     scene, before = context.scene.session_uid, context.scene.frame_current_final
@@ -53,7 +59,7 @@ def work(
         materials.check(job.low)  # the frames themselves leave it alone
     each = [replace(plain, output=output_for(settings.output, frame)) for frame in frames]
     outputs.check_places(each, [low] * len(each), "let the number of the frame stand in the name")
-    reports: list[Report] = []
+    reports = [] if reports is None else reports
     try:
         for number, frame in enumerate(frames):
             _go_to(scene, frame)

@@ -172,7 +172,7 @@ def test_no_partial_report(scene, fails, monkeypatch):
 
     (scene / "m.png").write_bytes(b"an old picture")
     (scene / "r.json").write_text("an old report")
-    monkeypatch.setattr(pipeline, "bake_all", fail)
+    monkeypatch.setattr(pipeline, "work", fail)
     line = fails(commands.FAILED, *BAKE, "--output", "m.png", "--report", "r.json", "--save-blend", "s.blend")
     assert line == "imprint: The bake went wrong."
     assert (scene / "m.png").read_bytes() == b"an old picture"
@@ -506,12 +506,3 @@ def test_what_was_written_is_told(scene, capsys):
 def test_a_forgotten_file(fails):
     forgotten = ["--low", "lo", "--high", "hi", "--output", "m.png"]
     assert fails(commands.FAILED, *forgotten) == "imprint: There is no scene to bake: give a FILE."
-
-
-def test_stopping_is_told_in_one_line(scene, monkeypatch, capsys):
-    def stop(*_, **__):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(pipeline, "bake_all", stop)
-    assert commands.run([*BAKE, "--output", "m.png"]) == commands.FAILED
-    assert capsys.readouterr().err == "imprint: stopped, nothing was finished.\n"

@@ -159,6 +159,21 @@ class TestMissingLibraries:
     def test_a_crash_with_every_library_there_wants_a_driver(self, linux):
         assert imprint.missing(SEGFAULT, "") == [imprint.DRIVER]
 
+    def test_a_crash_under_a_memory_limit_wants_none(self, linux, monkeypatch):
+        resource = pytest.importorskip("resource")
+        monkeypatch.setattr(resource, "getrlimit", lambda _: (2**30, resource.RLIM_INFINITY))
+        warning = "libEGL warning: failed to open swrast: /dri/swrast_dri.so: cannot open shared object file"
+        assert imprint.missing(SEGFAULT, warning) == []
+        message = imprint.explain([], [], SEGFAULT, warning)
+        assert "signal 11, Segmentation fault, with memory limited to 1,024 MiB" in message
+
+    def test_a_library_that_does_not_fit_into_memory_is_not_missing(self, monkeypatch):
+        def fail(_):
+            raise OSError("libGL.so.1: failed to map segment from shared object")
+
+        monkeypatch.setattr(imprint.ctypes, "CDLL", fail)
+        assert imprint.is_loadable("libGL.so.1")
+
     def test_the_command_names_the_packages(self, monkeypatch):
         monkeypatch.setattr(imprint, "IS_ROOT", False)
         things = ["libSM.so.6", "libEGL.so.1"]
@@ -193,8 +208,8 @@ class TestProbe:
         finish_environment()
         probes = []
         monkeypatch.setattr(imprint, "probe", lambda python: probes.append(python) or (0, ""))
-        imprint.require_gpu("python")
-        imprint.require_gpu("python")
+        imprint.require_gpu("python", may_install=True)
+        imprint.require_gpu("python", may_install=False)
         assert probes == ["python"]
 
     def test_failure_is_not(self, bare, linux, monkeypatch):
@@ -202,7 +217,7 @@ class TestProbe:
         monkeypatch.setattr(imprint, "IS_ROOT", False)
         monkeypatch.setattr(imprint, "probe", lambda python: (SEGFAULT, ""))
         with pytest.raises(imprint.Failure, match="OpenGL driver"):
-            imprint.require_gpu("python")
+            imprint.require_gpu("python", may_install=True)
         assert not imprint.GPU_STAMP.exists()
 
     def test_root_on_debian_installs_and_tries_again(self, bare, linux, monkeypatch):
@@ -213,9 +228,21 @@ class TestProbe:
         monkeypatch.setattr(imprint.shutil, "which", lambda name: name if name == "apt-get" else None)
         monkeypatch.setattr(imprint, "probe", lambda python: answers.pop(0))
         monkeypatch.setattr(imprint.subprocess, "call", lambda command, **_: commands.append(command))
-        imprint.require_gpu("python")
+        imprint.require_gpu("python", may_install=True)
         assert [command[1] for command in commands] == ["update", "install"]
         assert "libsm6" in commands[1]
+
+    @pytest.mark.parametrize("command", ["bake", "demo"])
+    def test_a_bake_installs_nothing_even_as_root(self, bare, linux, monkeypatch, capfd, command):
+        finish_environment()
+        commands = []
+        monkeypatch.setattr(imprint, "IS_ROOT", True)
+        monkeypatch.setattr(imprint.shutil, "which", lambda name: name if name == "apt-get" else None)
+        monkeypatch.setattr(imprint, "probe", lambda python: (1, TestMissingLibraries.IMPORT_ERROR))
+        monkeypatch.setattr(imprint.subprocess, "call", lambda command, **_: commands.append(command))
+        assert imprint.main([command]) == 1
+        assert len(commands) == (0 if command == "bake" else 2)
+        assert "to mend it: apt-get install --no-install-recommends libsm6" in capfd.readouterr().err
 
 
 @pytest.fixture
@@ -229,28 +256,56 @@ def ready(bare, monkeypatch):
     return started, ending
 
 
+@pytest.fixture
+def baking(ready, bare):
+    """Lets Blender be a shell script for a test: returns what writes it, and where it puts its arguments."""
+
+    def become(body):
+        fake_python(imprint.PYTHON.parent, f'printf "%s\\n" "$@" > "{bare}/started"\n{body}', imprint.PYTHON.name)
+        return bare / "started"
+
+    return become
+
+
 class TestCommands:
     @pytest.mark.parametrize("arguments", [["--help"], ["--high", "a.obj", "--", "-x", "b"], ["-h"], []])
-    def test_bake_gets_its_arguments_untouched(self, ready, arguments):
-        started, _ = ready
+    def test_bake_gets_its_arguments_untouched(self, baking, arguments):
+        started = baking("exit 0")
         assert imprint.main(["bake", *arguments]) == 0
-        assert started == [[str(imprint.PYTHON), str(imprint.SCRIPTS / "bake.py"), "--", *arguments]]
+        assert started.read_text().splitlines() == [str(imprint.SCRIPTS / "bake.py"), "--", *arguments]
 
     @pytest.mark.parametrize("code", [0, 1, 2])
-    def test_the_exit_code_is_passed_on_in_silence(self, ready, code, capfd):
-        ready[1]["code"] = code
+    def test_the_exit_code_is_passed_on_in_silence(self, baking, code, capfd):
+        baking(f"exit {code}")
         assert imprint.main(["bake"]) == code
         assert capfd.readouterr() == ("", "")
 
-    def test_a_crash_is_one_line_and_makes_us_probe_again(self, ready, monkeypatch, capfd):
-        ready[1]["code"] = SEGFAULT
+    def test_a_crash_is_one_line_that_names_the_bake_and_makes_us_probe_again(self, baking, monkeypatch, capfd):
+        baking("printf rock > /dev/fd/$IMPRINT_BAKING; kill -SEGV $$")
         probes = []
         monkeypatch.setattr(imprint, "probe", lambda python: probes.append(python) or (0, ""))
         assert imprint.main(["bake"]) == 1
         message = capfd.readouterr().err
-        assert message.startswith("imprint: Blender died of signal 11")
+        assert message.startswith("imprint: Blender died of signal 11, Segmentation fault, while it baked rock")
         assert message.count("\n") == 1
         assert len(probes) == 2
+        assert not imprint.GPU_STAMP.exists()
+
+    @pytest.mark.parametrize(("probed", "word"), [(SEGFAULT, "OpenGL driver"), (-6, "Blender died of signal 11")])
+    @pytest.mark.usefixtures("linux")
+    def test_a_driver_is_blamed_where_the_probe_dies_alike(self, baking, monkeypatch, capfd, probed, word):
+        baking("kill -SEGV $$")
+        answers = [(0, ""), (probed, "")]
+        monkeypatch.setattr(imprint, "probe", lambda python: answers.pop(0))
+        assert imprint.main(["bake"]) == 1
+        assert word in capfd.readouterr().err
+
+    def test_a_killed_bake_blames_no_driver(self, baking, monkeypatch, capfd):
+        baking("kill -KILL $$")
+        answers = [(0, "")]
+        monkeypatch.setattr(imprint, "probe", lambda python: answers.pop(0))
+        assert imprint.main(["bake"]) == 1
+        assert "signal 9, Killed: by somebody's hand, or because memory ran out" in capfd.readouterr().err
 
     def test_pytest_runs_after_ruff_whatever_ruff_says(self, ready):
         started, ending = ready

@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The standard streams of the command line: what is ours on standard output, and nothing lost where nobody reads it."""
+
+import ctypes
+import io
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, redirect_stderr, redirect_stdout
+
+
+class _Patient(io.FileIO):
+    """A stream of the system that takes what it can: a full disk or a reader that went away stops no bake."""
+
+    error: OSError | None = None
+    """The first that there was."""
+
+    def write(self, data) -> int:
+        try:
+            return super().write(data)
+        except OSError as error:
+            self.error = self.error or error
+            return len(data)
+
+
+def reserve() -> None:
+    """Open what is closed of the standard streams: the next file would take its number, and Blender prints into that."""
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)  # takes the smallest number that is free
+    for number, name in ((1, "stdout"), (2, "stderr")):
+        if getattr(sys, name) is None:
+            setattr(sys, name, io.TextIOWrapper(io.FileIO(number, "w", closefd=False)))
+
+
+@contextmanager
+def ours() -> Iterator[None]:
+    """Both standard streams take what they can, and what Blender itself prints goes to standard error.
+
+    Where they are no longer the system's own, as under a test's capture, they stay as they are.
+    """
+    if not (_is(sys.stdout, 1) and _is(sys.stderr, 2)):
+        yield
+        return
+    out, err = (_Patient(os.dup(number), "wb") for number in (1, 2))
+    _flush()
+    kept = os.dup(1)
+    os.dup2(2, 1)
+    try:
+        with _text(out) as stdout, _text(err) as stderr, redirect_stdout(stdout), redirect_stderr(stderr):
+            yield
+            stdout.flush()
+            if out.error is not None and not isinstance(out.error, BrokenPipeError):  # as in "| head -1"
+                print(f"imprint: standard output could not be written: {out.error.strerror}.", file=stderr)
+    finally:
+        _flush()
+        os.dup2(kept, 1)
+        os.close(kept)
+
+
+@contextmanager
+def silence(*numbers: int) -> Iterator[None]:
+    """Keep what is printed in the block, from C as well, off these streams of the system, or off both standard ones.
+
+    Exceptions say what matters.
+    """
+    _flush()
+    kept = {number: os.dup(number) for number in numbers or (1, 2)}
+    try:
+        with open(os.devnull, "w", encoding="utf-8") as nowhere, redirect_stdout(nowhere), ExitStack() as more:
+            if 2 in kept:
+                more.enter_context(redirect_stderr(nowhere))
+            for number in kept:
+                os.dup2(nowhere.fileno(), number)
+            yield
+    finally:
+        _flush()
+        for number, copy in kept.items():
+            os.dup2(copy, number)
+            os.close(copy)
+
+
+def _is(stream, number: int) -> bool:
+    try:
+        return stream.fileno() == number
+    except (AttributeError, OSError):  # None, or text in memory
+        return False
+
+
+def _text(file: _Patient) -> io.TextIOWrapper:
+    """Text that never fails to be encoded, line by line."""
+    return io.TextIOWrapper(io.BufferedWriter(file), errors="backslashreplace", line_buffering=True)
+
+
+def _flush() -> None:
+    for stream in filter(None, (sys.stdout, sys.stderr)):
+        stream.flush()
+    ctypes.CDLL("ucrtbase" if os.name == "nt" else None).fflush(None)

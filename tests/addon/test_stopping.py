@@ -1,0 +1,279 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Signals stop the command line in good order, wherever they fall; what is done by then is kept and told."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+
+import bpy
+import numpy as np
+import pytest
+
+from addon import commands, importing, stopping
+from addon.bake import pipeline
+from scripts import imprint
+from tests.support import zoo
+
+pytestmark = [
+    pytest.mark.usefixtures("gpu_context"),
+    pytest.mark.skipif(os.name == "nt", reason="signals of POSIX"),
+]
+
+SIGNALS = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
+
+
+@pytest.fixture
+def scene(tmp_path, monkeypatch):
+    """A folder to work in, with s.blend: two pairs by name."""
+    monkeypatch.chdir(tmp_path)
+    for name in "ab":
+        zoo.plane(f"{name}_low")
+        zoo.plane(f"{name}_high", slope=0.1)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "s.blend"))
+    return tmp_path
+
+
+def files(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
+ONE = ["s.blend", "--low", "a_low", "--high", "a_high", "--size", "16"]
+
+
+@pytest.fixture
+def stops_at(monkeypatch):
+    """Has a signal come when `work` of the pipeline says for the `number`-th time what it does."""
+
+    def arrange(word, number=1, signals=(signal.SIGINT,)):
+        work, count = pipeline.work, iter(range(1000))
+
+        def watched(*arguments, **options):
+            result = work(*arguments, **options)
+            try:
+                while True:
+                    step = next(result)
+                    if word in step.what and next(count) == number - 1:
+                        for each in signals:
+                            signal.raise_signal(each)
+                    yield step
+            except StopIteration as end:
+                return end.value
+            finally:
+                result.close()
+
+        monkeypatch.setattr(pipeline, "work", watched)
+
+    return arrange
+
+
+@pytest.mark.parametrize("number", SIGNALS)
+@pytest.mark.parametrize("word", ["Reading", "Storing"])
+def test_a_bake_that_is_stopped_leaves_nothing(scene, stops_at, capfd, number, word):
+    stops_at(word, signals=[number])
+    before = [signal.getsignal(each) for each in SIGNALS]
+    assert commands.run([*ONE, "--output", "m.png", "--report", "r.json"]) == 128 + number
+    assert files(scene) == ["s.blend"]
+    assert capfd.readouterr() == ("", "imprint: stopped, nothing was finished.\n")
+    assert [signal.getsignal(each) for each in SIGNALS] == before
+
+
+def test_a_signal_in_one_of_blenders_callbacks_is_not_lost(scene):
+    """An exception there would be printed, and forgotten."""
+
+    @bpy.app.handlers.persistent
+    def handler(*_):
+        signal.raise_signal(signal.SIGTERM)
+
+    bpy.app.handlers.load_post.append(handler)
+    try:
+        assert commands.run([*ONE, "--output", "m.png"]) == 128 + signal.SIGTERM
+    finally:
+        bpy.app.handlers.load_post.remove(handler)
+    assert files(scene) == ["s.blend"]
+
+
+def test_a_signal_while_a_file_is_imported_is_not_lost(scene, monkeypatch):
+    bpy.ops.wm.obj_export(filepath=str(scene / "a_low.obj"))
+    monkeypatch.setitem(importing.IMPORTERS, ".obj", ("imprint_test", "signal", {}))
+
+    class Signal(bpy.types.Operator):
+        bl_idname, bl_label = "imprint_test.signal", "Signal"
+        filepath: bpy.props.StringProperty()
+
+        def execute(self, _):
+            signal.raise_signal(signal.SIGINT)
+            return bpy.ops.wm.obj_import(filepath=self.filepath)
+
+    bpy.utils.register_class(Signal)
+    try:
+        words = ["--low-file", "a_low.obj", "--high-file", "a_low.obj", "--output", "m.png"]
+        assert commands.run(words) == 128 + signal.SIGINT
+    finally:
+        bpy.utils.unregister_class(Signal)
+    assert "m.png" not in files(scene)
+
+
+def test_a_signal_when_all_is_done_changes_the_exit_code_alone(scene, monkeypatch):
+    write = commands.batch.write_json
+
+    def late(*arguments):
+        signal.raise_signal(signal.SIGTERM)
+        write(*arguments)
+
+    monkeypatch.setattr(commands.batch, "write_json", late)
+    assert commands.run([*ONE, "--output", "m.png", "--report", "r.json"]) == 128 + signal.SIGTERM
+    assert files(scene) == ["m.png", "r.json", "s.blend"]
+
+
+def test_pairs_that_are_done_are_kept_and_told(scene, stops_at, capfd):
+    stops_at("Reading b_low")
+    words = ["s.blend", "--pairs", "--size", "16", "--limit", "9", "--output", "{low}.png", "--report", "r.json"]
+    assert commands.run([*words, "--save-blend", "o.blend"]) == 128 + signal.SIGINT
+    assert files(scene) == ["a_low.png", "r.json", "s.blend"]
+    assert [pair["low"] for pair in json.loads((scene / "r.json").read_text())["pairs"]] == ["a_low"]
+    out, err = capfd.readouterr()
+    assert err == "imprint: stopped, the pairs before are kept.\n"
+    assert out.endswith(f"Wrote {scene / 'a_low.png'}, r.json\n")
+
+
+def test_frames_that_are_done_are_kept_and_told(scene, stops_at):
+    stops_at("Reading", number=3)
+    words = [*ONE, "--frames", "1-9", "--output", "m.#.png", "--report", "r.json"]
+    assert commands.run(words) == 128 + signal.SIGINT
+    assert files(scene) == ["m.1.png", "m.2.png", "r.json", "s.blend"]
+    outputs = [frame["output"] for frame in json.loads((scene / "r.json").read_text())["frames"]]
+    assert outputs == [[str(scene / "m.1.png")], [str(scene / "m.2.png")]]
+
+
+def batch(scene, count=4):
+    one = {"file": "s.blend", "low": "a_low", "high": "a_high", "size": 16, "limit": 9}
+    (scene / "j.json").write_text(json.dumps({"bake": [{**one, "output": f"{n}.png"} for n in range(count)]}))
+    return ["--jobs", "j.json", "--report", "r.json"]
+
+
+def test_a_batch_tells_what_was_done(scene, stops_at, capfd):
+    stops_at("Reading", number=3)
+    assert commands.run(batch(scene)) == 128 + signal.SIGINT
+    assert files(scene) == ["0.png", "1.png", "j.json", "r.json", "s.blend"]
+    assert [each["ok"] for each in json.loads((scene / "r.json").read_text())] == [True, True]
+    out, err = capfd.readouterr()
+    assert err == "imprint: stopped, 2 of 4 were finished.\n"
+    assert [line.split()[0] for line in out.splitlines()] == ["done", "done", "stopped", "2", "Wrote"]
+    assert "2 done, 0 failed, 2 stopped or not begun" in out
+
+
+def test_too_little_memory_fails_one_bake_alone(scene, monkeypatch, capfd):
+    work, numbers = pipeline.work, iter(range(4))
+
+    def heavy(*arguments, **options):
+        if next(numbers) == 1:
+            np.empty(2**59, np.float64)
+        return work(*arguments, **options)
+
+    monkeypatch.setattr(pipeline, "work", heavy)
+    assert commands.run(batch(scene)) == commands.FAILED
+    told = json.loads((scene / "r.json").read_text())
+    assert [each["ok"] for each in told] == [True, False, True, True]
+    assert told[1]["error"].startswith("There is not enough memory (Unable to allocate 4.00 EiB")
+    assert "Traceback" not in capfd.readouterr().err
+
+
+def test_too_little_memory_is_told_in_one_line(scene, monkeypatch, capfd):
+    monkeypatch.setattr(pipeline, "work", lambda *_, **__: np.empty(2**59, np.float64))
+    assert commands.run([*ONE, "--output", "m.png"]) == commands.FAILED
+    (line,) = capfd.readouterr().err.splitlines()
+    assert line.startswith("imprint: There is not enough memory (")
+
+
+def test_the_report_of_a_batch_grows_as_it_goes_on(scene, monkeypatch):
+    """So that a crash loses little."""
+    monkeypatch.setattr(commands.batch.ReportFile, "SHARE", 1e9)
+    seen, work = [], pipeline.work
+
+    def watched(*arguments, **options):
+        report = scene / "r.json"
+        seen.append(len(json.loads(report.read_text())) if report.exists() else 0)
+        return work(*arguments, **options)
+
+    monkeypatch.setattr(pipeline, "work", watched)
+    assert commands.run(batch(scene)) == commands.DONE
+    assert seen == [0, 1, 2, 3]
+
+
+ENDS = """
+import signal, sys
+from pathlib import Path
+from addon import stopping
+from addon.bake.files import Partial
+with stopping.listening():
+    partial = Partial(Path(sys.argv[1]))
+    partial.here.write_text("half")
+    for name in sys.argv[2:]:
+        signal.raise_signal(signal.Signals[name])
+    print(stopping.code())
+    partial.discard()
+"""
+
+
+@pytest.mark.parametrize(
+    ("signals", "code"),
+    [
+        (["SIGINT"], None),
+        (["SIGINT", "SIGINT"], 130),
+        (["SIGTERM", "SIGHUP"], 143),
+        (["SIGUSR1", "SIGTERM"], None),  # the launcher handed the same signal on
+        (["SIGTERM", "SIGUSR1"], None),
+        (["SIGTERM", "SIGUSR1", "SIGTERM"], 143),
+        (["SIGUSR1", "SIGUSR2"], 130),
+    ],
+)
+def test_a_second_signal_ends_at_once_and_leaves_nothing(tmp_path, signals, code):
+    program = [sys.executable, "-c", ENDS, str(tmp_path / "map.png"), *signals]
+    done = subprocess.run(program, capture_output=True, text=True, check=False, cwd=imprint.ROOT)
+    assert done.returncode == (code or 0), done.stderr
+    assert bool(done.stdout) == (code is None)
+    assert files(tmp_path) == []
+
+
+def test_nohup_is_respected():
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with stopping.listening():
+            signal.raise_signal(signal.SIGHUP)
+            assert stopping.code() == 0
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
+def test_a_launcher_that_was_killed_stops_the_bake(monkeypatch):
+    monkeypatch.setenv(stopping.LAUNCHER, str(os.getppid()))
+    with stopping.listening():
+        stopping.check()
+        monkeypatch.setattr(os, "getppid", lambda: 1)
+        with pytest.raises(stopping.Stopped):
+            stopping.check()
+        assert stopping.code() == 128 + signal.SIGHUP
+    stopping.check()
+
+
+LATE = """
+import runpy, signal, sys
+class Stop:
+    def find_spec(self, name, *_):
+        if name == "bpy":
+            sys.meta_path.remove(self)  # loading it asks again
+            signal.raise_signal(signal.SIGINT)
+sys.meta_path.insert(0, Stop())
+sys.argv = sys.argv[1:]
+runpy.run_path(sys.argv[0])
+"""
+
+
+def test_ctrl_c_before_blender_is_there(scene):
+    """The signal comes as soon as the program can have asked for it."""
+    program = [sys.executable, "-c", LATE, str(imprint.ROOT / "scripts" / "bake.py"), *ONE, "--output", "m.png"]
+    done = subprocess.run(program, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (130, "imprint: stopped, nothing was finished.\n")
+    assert files(scene) == ["s.blend"]

@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Batches of another process, stopped by signals as scripts/stops.py does at length, and where their output goes."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from scripts import stops
+
+pytestmark = [
+    pytest.mark.usefixtures("gpu_context"),
+    pytest.mark.skipif(os.name == "nt", reason="signals of POSIX"),
+]
+
+SETS = 1000
+"""More than are ever done here."""
+
+
+def started(folder):
+    """A batch of which two bakes are done."""
+    process = stops.start(stops.write_sets(folder, SETS), folder)
+    while len(list(folder.glob("maps/*.png"))) < 2:
+        assert process.poll() is None, (folder / "err.txt").read_text()
+        time.sleep(0.01)
+    return process
+
+
+@pytest.mark.parametrize(
+    ("number", "target"),
+    [
+        (signal.SIGINT, "launcher"),
+        (signal.SIGINT, "group"),
+        (signal.SIGTERM, "launcher"),
+        (signal.SIGTERM, "Blender"),
+        (signal.SIGHUP, "group"),
+    ],
+)
+def test_a_signal_stops_a_batch_in_good_order(tmp_path, number, target):
+    process = started(tmp_path)
+    assert stops.send(process, number, target)
+    code = process.wait(stops.PATIENCE)
+    assert list(stops.faults(tmp_path, code, number, process)) == []
+
+
+def test_a_second_signal_ends_a_batch_at_once(tmp_path):
+    process = started(tmp_path)
+    process.send_signal(signal.SIGTERM)
+    process.send_signal(signal.SIGINT)
+    assert process.wait(stops.PATIENCE) in {128 + signal.SIGTERM, 128 + signal.SIGINT}
+    assert not stops.group_lives(process)
+    assert stops.partials(tmp_path) == []
+
+
+def test_a_killed_launcher_takes_blender_along(tmp_path):
+    process = started(tmp_path)
+    process.kill()
+    process.wait()
+    assert not stops.group_lives(process, stops.PATIENCE)
+    assert stops.partials(tmp_path) == []
+
+
+STREAMS = {
+    "full": (">/dev/full", "imprint: standard output could not be written: No space left on device.\n"),
+    "all closed": ("<&- >&- 2>&-", ""),
+    "nobody reads": ("| true", ""),
+}
+
+
+@pytest.mark.parametrize("case", STREAMS)
+def test_maps_are_made_whatever_becomes_of_the_output(tmp_path, case):
+    where, said = STREAMS[case]
+    stops.write_sets(tmp_path, 2)
+    command = f'"$@" {where}; exit ${{PIPESTATUS[0]}}'
+    words = [*stops.LAUNCHER, "--jobs", str(tmp_path / "jobs.json")]
+    done = subprocess.run(["bash", "-c", command, "bash", *words], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", said)
+    assert [stops.is_whole(path) for path in tmp_path.glob("maps/*")] == [True, True]
+
+
+def test_standard_output_is_ours_alone(tmp_path):
+    """Blender tells of each file that it reads and writes, and the window system of what it does not like."""
+    mesh = tmp_path / "low.obj"
+    mesh.write_text(stops.LOW)
+    program = "import sys, bpy\nbpy.ops.wm.read_homefile(use_empty=True)\n"
+    program += "bpy.ops.wm.obj_import(filepath=sys.argv[1])\nbpy.ops.wm.save_mainfile(filepath=sys.argv[2])"
+    scene = str(tmp_path / "s.blend")
+    subprocess.run([sys.executable, "-c", program, str(mesh), scene], capture_output=True, check=True)
+    words = ["--low-file", str(mesh), "--high-file", scene, "--method", "flatten", "--size", "16"]
+    words += ["--output", str(tmp_path / "m.png"), "--save-blend", str(tmp_path / "o.blend")]
+    done = subprocess.run([*stops.LAUNCHER, *words], capture_output=True, text=True, check=False)
+    assert done.returncode == 0
+    assert [line for line in done.stderr.splitlines() if not line.startswith("imprint: warning: ")] == []
+    first, *_, last = done.stdout.splitlines()
+    assert first.startswith("Flatten, tangent space, 16 x 16: ")
+    assert last == f"Wrote {tmp_path / 'm.png'}, {tmp_path / 'o.blend'}"
+    assert len(done.stdout.splitlines()) <= 6
