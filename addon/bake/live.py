@@ -51,11 +51,12 @@ class Session:
         self._coarse: gpu.types.GPUTexture | None = None
         self._state: np.ndarray | None = None
         self._is_stored = False
+        self._shown_by: dict[int, set[int]] = {}
 
     @property
     def uids(self) -> set[int]:
-        """The session_uid of each object that it follows."""
-        return {ref.uid for ref in self.job.refs}
+        """The session_uid of each object that it follows, with those that these show by instances."""
+        return {ref.uid for ref in self.job.refs} | self._shown_by.keys()
 
     def work(self, context: bpy.types.Context, changed: Collection[int] | None = None) -> Work[None]:
         """Draw the map anew; `changed`: session_uid of the objects that are not as they were the last time, None for all.
@@ -75,9 +76,7 @@ class Session:
         if reason:
             raise BakeError(reason)
         if low in highs and low.mode == "EDIT":
-            raise BakeError(
-                f"The map will follow when {low.name!r}, which is its own high object, leaves Edit Mode."
-            )
+            raise BakeError(f"The map will follow when {low.name!r}, which is its own high object, leaves Edit Mode.")
         hidden = next(filter(subjects.hides_detail, highs), None)
         if hidden is not None:
             raise BakeError(
@@ -85,7 +84,9 @@ class Session:
             )
         with report.timed("extract"):
             before = None if changed is None else self._meshes
-            meshes = reading.read_again(context, low, highs, cage, settings, before=before, changed=changed or ())
+            changed = {uid for one in changed or () for uid in (one, *self._shown_by.get(one, ()))}
+            self._shown_by = subjects.shown_by(highs)
+            meshes = reading.read_again(context, low, highs, cage, settings, before=before, changed=changed)
         self._meshes, report.uv_layer = meshes, meshes.uv_layer
         if not self._finishes or before is None or meshes.low is not before.low:
             self._finishes = finish.all_of([meshes.low], settings)

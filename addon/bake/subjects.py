@@ -136,6 +136,15 @@ def may_be_high(obj: bpy.types.Object) -> bool:
     return instances.may_show(obj)
 
 
+def shown_by(owners: Sequence[bpy.types.Object]) -> dict[int, set[int]]:
+    """The session_uid of the objects that `owners` show by instances, each with those of the owners."""
+    found: dict[int, set[int]] = {}
+    for owner in owners:
+        for obj in instances.sources(owner):
+            found.setdefault(obj.session_uid, set()).add(owner.session_uid)
+    return found
+
+
 def _kind_problem(obj: bpy.types.Object, *, is_high: bool) -> str:
     if obj.type == "MESH" or (is_high and may_be_high(obj)):
         return ""

@@ -39,6 +39,16 @@ def shows_itself(obj: bpy.types.Object, *, for_render: bool) -> bool:
     return obj.show_instancer_for_render if for_render else obj.show_instancer_for_viewport
 
 
+def sources(obj: bpy.types.Object) -> Iterator[bpy.types.Object]:
+    """The objects that `obj` shows by what Blender does not count as a change of `obj`: a collection's, and its children."""
+    if obj.instance_type in {"VERTS", "FACES"}:
+        yield from obj.children
+    elif obj.instance_type == "COLLECTION" and obj.instance_collection is not None:
+        for inner in obj.instance_collection.all_objects:
+            yield inner
+            yield from sources(inner)
+
+
 def shown(depsgraph: bpy.types.Depsgraph, owners: Sequence[bpy.types.Object]) -> Iterator[tuple]:
     """What `owners` show beside their own meshes: the number of the owner, the evaluated object shown, and its matrix.
 

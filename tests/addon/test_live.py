@@ -106,6 +106,42 @@ def test_it_follows_vertices_and_places(pair, method, which):
         before = now
 
 
+@pytest.mark.parametrize("how", ["collection", "nested", "vertices"])
+def test_it_follows_what_is_shown_by_instances(pair, how):
+    _, high = pair
+    settings = bpy.context.scene.imprint
+    settings.method, settings.measure = "CAST", False
+    settings.extrusion, settings.max_distance = 0.5, 1.0
+    shown = bpy.data.objects.new("shown", None)
+    bpy.context.scene.collection.objects.link(shown)
+    if how == "vertices":
+        shown = zoo.build("dot", [(0.0, 0.0, 0.0)], np.empty((0, 3), int))
+        high.parent, shown.instance_type = shown, "VERTS"
+    else:
+        for level in range(1 + (how == "nested")):
+            shelf = bpy.data.collections.new("Shelf")
+            inner = high if level == 0 else shown
+            bpy.context.scene.collection.objects.unlink(inner)
+            shelf.objects.link(inner)
+            shown = bpy.data.objects.new(f"shown {level}", None)
+            shown.instance_type, shown.instance_collection = "COLLECTION", shelf
+            bpy.context.scene.collection.objects.link(shown)
+    settings.highs[0].object = shown
+    switch(True)
+    before = pixels(bpy.data.images["lo_normal"])
+    for change in (
+        lambda: move(high, 1),
+        lambda: setattr(high.rotation_euler, "z", 0.1),
+        lambda: setattr(shown.rotation_euler, "x", 0.1),
+    ):
+        change()
+        follow()
+        now = pixels(bpy.data.images["lo_normal"])
+        assert not np.array_equal(now, before)
+        assert np.array_equal(now, fresh())
+        before = now
+
+
 def test_it_follows_modifiers_shape_keys_and_frames(pair):
     _, high = pair
     modifier = high.modifiers.new("Wave", "DISPLACE")
