@@ -77,7 +77,8 @@ def _fill(into: Mesh, mesh: Mesh, places: np.ndarray, start: np.ndarray) -> None
         for first, size in zip(start, (len(mesh.positions), len(mesh.vertices), len(mesh.triangles)), strict=True)
     )
     moved = mesh.positions @ matrices.transpose(0, 2, 1) + places[:, None, :3, 3]
-    into.positions[points] = moved.reshape(-1, 3)
+    with np.errstate(over="ignore"):  # what single precision cannot hold is refused for its size
+        into.positions[points] = moved.reshape(-1, 3)
     into.normals[corners] = (mesh.normals @ turns.transpose(0, 2, 1).astype(np.float32)).reshape(-1, 3)
     numbers = np.arange(count, dtype=np.int32)
     before = start[0].astype(np.int32) + numbers * np.int32(len(mesh.positions))

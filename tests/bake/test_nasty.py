@@ -99,6 +99,30 @@ def test_a_file_as_high(meshes, make, method, tmp_path):
 
 @pytest.mark.shared
 @pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("scale", [(1.0, 1.0, 1.0), (-1e-3, 1e3, 1.0), (1.0, 1.0, 0.0), (1e30, 1e30, 1e30)], ids=str)
+def test_a_file_as_instances(meshes, method, scale, tmp_path):
+    """All that it holds, twice in one collection, of which an empty shows an instance."""
+    shelf, twice = bpy.data.collections.new("Shelf"), bpy.data.collections.new("Twice")
+    for obj in meshes:
+        shelf.objects.link(obj)
+    for number in range(2):
+        inner = bpy.data.objects.new(f"inner {number}", None)
+        inner.instance_type, inner.instance_collection = "COLLECTION", shelf
+        inner.scale, inner.location.x = scale, 0.1 * number
+        twice.objects.link(inner)
+    high = bpy.data.objects.new("hi", None)
+    high.instance_type, high.instance_collection = "COLLECTION", twice
+    bpy.context.scene.collection.objects.link(high)
+    low = around(zoo.sphere("lo", 8), meshes[0]) if meshes else zoo.sphere("lo", 8)
+    result = bake(low, high, method, tmp_path)
+    if not meshes:
+        assert result == "'hi' has no faces."
+    elif scale == (1.0, 1.0, 1.0) and method != "FLATTEN":
+        assert is_map(result) or is_a_point(meshes[0]), result
+
+
+@pytest.mark.shared
+@pytest.mark.parametrize("method", METHODS)
 def test_a_file_as_low(meshes, method, tmp_path):
     for low in meshes:
         high = around(zoo.sphere("hi", 8), low)
