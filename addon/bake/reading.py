@@ -9,7 +9,7 @@ import numpy as np
 
 from ..mesh import extract
 from ..mesh.arrays import Mesh, frame_of
-from . import subjects
+from . import subjects, visible
 from .casting import check_cage
 from .errors import BakeError
 from .highs import Reader
@@ -70,19 +70,17 @@ def read_again(
 
     Those whose session_uid is not in `changed` are taken from `before`, which came from the same objects and settings.
     """
-    depsgraph = context.evaluated_depsgraph_get()
-    out = next((obj for obj in (low, *highs, cage) if obj and not obj.evaluated_get(depsgraph).is_evaluated), None)
+    out = next((obj for obj in (low, *highs, cage) if obj and not visible.is_followed(context, obj)), None)
     if out is not None:
-        raise BakeError(f"{out.name!r} is not shown in this view layer, which the map follows: show its collection.")
-    if before is None or {low.session_uid, cage and cage.session_uid}.intersection(changed):
-        meshes = _read(depsgraph, low, highs, cage, settings)
-    else:
-        new = {number: high for number, high in enumerate(highs) if high.session_uid in changed}
-        read = dict(enumerate(before.highs)) | dict(
-            zip(new, Reader(depsgraph, before.uv_layer, settings).read(new), strict=True)
-        )
-        _check_triangles([*read.values()])
-        meshes = replace(before, highs=[*read.values()])
+        raise BakeError(f"{out.name!r} is hidden in viewports, which the map follows: show it, or its collection.")
+    with subjects.instances_shown(context, highs) as depsgraph:
+        if before is None or {low.session_uid, cage and cage.session_uid}.intersection(changed):
+            meshes = _read(depsgraph, low, highs, cage, settings)
+        else:
+            new = {number: high for number, high in enumerate(highs) if high.session_uid in changed}
+            read = dict(zip(new, Reader(depsgraph, before.uv_layer, settings).read(new), strict=True))
+            meshes = replace(before, highs=[read.get(number, mesh) for number, mesh in enumerate(before.highs)])
+            _check_triangles(meshes.highs)
     if meshes.is_own_base and subjects.smooths_uvs(low):
         meshes = _with_kept_uvs(context, low, settings, meshes, before)
     return meshes

@@ -205,6 +205,18 @@ def ready(
         yield _evaluated(context, objects)
 
 
+@contextmanager
+def instances_shown(context: bpy.types.Context, highs: Sequence[bpy.types.Object]) -> Iterator[bpy.types.Depsgraph]:
+    """With the instances of `highs` to be seen; afterwards as before. Yields the evaluated dependency graph, which has what is
+    hidden by the eye, but for its instances."""
+    with ExitStack() as restore:
+        for high in highs:
+            if instances.shows_more(high) and high.hide_get():
+                high.hide_set(False)
+                restore.callback(high.hide_set, True)
+        yield context.evaluated_depsgraph_get()
+
+
 def _instanced(
     context: bpy.types.Context, owners: Sequence[bpy.types.Object], without: Sequence[bpy.types.Object]
 ) -> list[bpy.types.Object]:

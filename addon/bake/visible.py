@@ -40,6 +40,21 @@ def reveal(context: bpy.types.Context, obj: bpy.types.Object, restore: ExitStack
         )
 
 
+def is_followed(context: bpy.types.Context, obj: bpy.types.Object) -> bool:
+    """Whether Blender evaluates `obj` at each of its changes, as it does with what is shown, or hidden by the eye alone."""
+    if obj.visible_get():
+        return True
+    objects = context.view_layer.objects
+    return not obj.hide_viewport and obj in objects.values() and _holds(context.view_layer.layer_collection, obj)
+
+
+def _holds(layer: bpy.types.LayerCollection, obj: bpy.types.Object) -> bool:
+    if layer.collection.hide_viewport:
+        return False
+    is_here = not layer.exclude and obj in layer.collection.objects.values()
+    return is_here or any(_holds(child, obj) for child in layer.children)
+
+
 def _show(obj: bpy.types.Object, restore: ExitStack) -> None:
     if obj.hide_get():
         obj.hide_set(False)

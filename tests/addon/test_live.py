@@ -106,8 +106,9 @@ def test_it_follows_vertices_and_places(pair, method, which):
         before = now
 
 
+@pytest.mark.parametrize("is_hidden", [False, True], ids=["shown", "hidden by the eye"])
 @pytest.mark.parametrize("how", ["collection", "nested", "vertices"])
-def test_it_follows_what_is_shown_by_instances(pair, how):
+def test_it_follows_what_is_shown_by_instances(pair, how, is_hidden):
     _, high = pair
     settings = bpy.context.scene.imprint
     settings.method, settings.measure = "CAST", False
@@ -127,6 +128,7 @@ def test_it_follows_what_is_shown_by_instances(pair, how):
             shown.instance_type, shown.instance_collection = "COLLECTION", shelf
             bpy.context.scene.collection.objects.link(shown)
     settings.highs[0].object = shown
+    shown.hide_set(is_hidden)
     switch(True)
     before = pixels(bpy.data.images["lo_normal"])
     for change in (
@@ -139,7 +141,39 @@ def test_it_follows_what_is_shown_by_instances(pair, how):
         now = pixels(bpy.data.images["lo_normal"])
         assert not np.array_equal(now, before)
         assert np.array_equal(now, fresh())
+        assert shown.hide_get() == is_hidden
         before = now
+
+
+@pytest.mark.parametrize("how", ["excluded", "collection", "object"])
+def test_what_blender_does_not_evaluate_is_refused(pair, how):
+    """Blender hands out a mesh of it all the same, but an old one, or one without modifiers."""
+    _, high = pair
+    shelf = bpy.data.collections.new("Shelf")
+    bpy.context.scene.collection.objects.unlink(high)
+    bpy.context.scene.collection.children.link(shelf)
+    shelf.objects.link(high)
+    if how == "excluded":
+        bpy.context.view_layer.layer_collection.children["Shelf"].exclude = True
+    else:
+        {"collection": shelf, "object": high}[how].hide_viewport = True
+    with pytest.raises(RuntimeError, match="'hi' is hidden in viewports"):
+        bpy.ops.imprint.live()
+
+
+def test_a_collection_that_is_hidden_by_the_eye_is_followed(pair):
+    _, high = pair
+    shelf = bpy.data.collections.new("Shelf")
+    bpy.context.scene.collection.objects.unlink(high)
+    bpy.context.scene.collection.children.link(shelf)
+    shelf.objects.link(high)
+    bpy.context.view_layer.layer_collection.children["Shelf"].hide_viewport = True
+    modifier = high.modifiers.new("Lift", "DISPLACE")
+    modifier.strength = 0.0
+    switch(True)
+    modifier.texture, modifier.strength = bpy.data.textures.new("Clouds", "CLOUDS"), 0.3
+    follow()
+    assert np.array_equal(pixels(bpy.data.images["lo_normal"]), fresh())
 
 
 def test_it_follows_modifiers_shape_keys_and_frames(pair):
