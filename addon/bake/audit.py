@@ -140,12 +140,13 @@ def _warn(report: Report, mesh: Mesh, count: int, what: str) -> None:
 
 def _tell_of_texels(meshes: Meshes, tally: Tally, tiles: Sequence[int], settings: Settings, report: Report) -> None:
     low, size = meshes.low, (settings.width, settings.height)
-    covered = shared = uncovered = crossed = 0
+    covered = shared = uncovered = 0
     for counts, state in zip(covering(low, size, tiles), tally.states, strict=True):
         covered += int(np.count_nonzero(counts))
         shared += int(np.count_nonzero(counts > 1.0))
         uncovered += int(np.count_nonzero((counts > 0.0) & (state != resolve.WRITTEN)))
-    if shared:
+    crossed = shared
+    if shared > severity.MUCH_OVERLAP * covered:  # fewer do no harm, stacked on purpose or not
         alone = replace(low, triangles=low.triangles[layout.without_copies(low)])
         crossed = sum(int(np.count_nonzero(counts > 1.0)) for counts in covering(alone, size, tiles))
     report.checks["overlap"] = _share(shared, covered) | {"stacked": shared - crossed}
@@ -158,7 +159,7 @@ def _tell_of_texels(meshes: Meshes, tally: Tally, tiles: Sequence[int], settings
 
 def _tell_of_gaps(meshes: Meshes, tiles: Sequence[int], settings: Settings, report: Report) -> None:
     close = covered = border = 0
-    overlaps = report.checks["overlap"]["count"] > 0
+    overlaps = report.overlap > severity.MUCH_OVERLAP
     for found in gaps.find(meshes.low, tiles, settings, gaps.grid(settings), overlaps=overlaps):
         covered += int(np.count_nonzero(found.covered))
         close += int(np.count_nonzero(found.close | found.border))

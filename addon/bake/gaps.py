@@ -12,7 +12,7 @@ from ..passes import faces
 from .settings import Settings
 from .sparse import Sparse, at_most
 
-PROBE = 512
+PROBE = 256
 """Texels a side, at most, that are looked at when nobody asks for all, unless gaps are too narrow for that."""
 MOST = 4096
 """The same when somebody does: a larger map is looked at in steps."""
