@@ -2,6 +2,7 @@
 """The words of the command line: one table for its options, from which job files are read as well."""
 
 import argparse
+import functools
 import os
 import re
 from collections.abc import Callable, Collection, Sequence
@@ -22,12 +23,11 @@ from .bake.settings import (
     MODIFIERS,
     SAMPLES,
     SPACES,
+    USUAL_DEPTH,
     Settings,
     parse_tiles,
+    usual_depth,
 )
-
-USUAL_DEPTH = 16
-"""Bits a channel where none are asked for and the format has them."""
 
 STDOUT = "-"
 """A report's path that is none: standard output."""
@@ -323,6 +323,7 @@ class _Parser(argparse.ArgumentParser):
         raise WrongUsage(message)
 
 
+@functools.cache
 def parser(program: str) -> argparse.ArgumentParser:
     """Of the command line. It raises WrongUsage. Defaults are those of Settings, but for the file."""
     result = _Parser(
@@ -391,10 +392,26 @@ def check(options: argparse.Namespace) -> None:
             raise WrongUsage("--pairs DIR has a scene for each pair: --save-blend saves one alone")
     if options.save_blend and PurePath(options.save_blend).suffix != ".blend":
         raise WrongUsage(f"{options.save_blend!r} does not end in .blend")
+    files = [options.low_file, *options.high_file, options.cage_file]
+    _check_folder([options.output, options.report, options.save_blend, options.pairs, *options.file, *files])
     try:
         settings(options).check()
     except BakeError as error:
         raise WrongUsage(str(error).rstrip(".")) from error
+
+
+def _check_folder(paths: Sequence[str | bool | None]) -> None:
+    """Raise WrongUsage if one of `paths` starts in the folder that we are in, and Blender could not go there."""
+    if not any(isinstance(name, str) and not os.path.isabs(name) for name in paths):
+        return
+    try:
+        here = os.getcwd()
+    except OSError as error:
+        raise WrongUsage(f"the folder that this was started in cannot be read: {error.strerror}") from error
+    try:
+        here.encode()
+    except UnicodeEncodeError as error:
+        raise WrongUsage(f"the folder {here!r} is not UTF-8, as all paths in Blender are: start in another one") from error
 
 
 def is_folder(options: argparse.Namespace) -> bool:
@@ -410,8 +427,7 @@ def settings(options: argparse.Namespace) -> Settings:
     values["storage"], values["output"] = "FILE", os.path.abspath(options.output)
     values["udim"] = options.udim or bool(options.tiles) or "<UDIM>" in options.output
     if options.depth is None:
-        depths = FORMATS.get(PurePath(options.output).suffix.lower(), ("", (USUAL_DEPTH,)))[1]
-        values["depth"] = max((depth for depth in depths if depth <= USUAL_DEPTH), default=min(depths))
+        values["depth"] = usual_depth(options.output)
     return Settings(**values)
 
 

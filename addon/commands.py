@@ -12,6 +12,7 @@ import bpy
 from . import arguments, batch, clashes, jobfile, stopping, streams
 from .arguments import STDOUT, WrongUsage
 from .bake.errors import BakeError, WrongPlace
+from .bake.pace import Step
 from .batch import Plan, Result
 from .importing import Stage
 from .meter import Meter
@@ -62,7 +63,8 @@ def _read(words: Sequence[str], program: str) -> tuple[argparse.Namespace, list[
     options = arguments.parse(words, program)
     if options.jobs:
         own, more = arguments.split_jobs(words)
-        return own, jobfile.read(own.jobs, more)
+        with Meter(sys.stderr) as meter:
+            return own, jobfile.read(own.jobs, more, lambda share: meter.tell(own.jobs, Step("Reading", share)))
     arguments.check(options)
     return options, [options]
 

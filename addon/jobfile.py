@@ -6,7 +6,7 @@ import difflib
 import json
 import re
 import tomllib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
 from . import arguments
@@ -14,16 +14,21 @@ from .arguments import FILE, OPTIONS, STDOUT, WrongUsage
 from .bake.errors import BakeError
 
 DEFAULTS, SETS = "defaults", "bake"
+TOLD_EVERY = 100
+"""Sets between two words about how far the reading is."""
 MOST_SAID = 80
 """Characters of a wrong value that are shown."""
 KEYS = {"file": FILE, **{name: option for options in OPTIONS.values() for name, option in options.items()}}
 """What a set may say, as argparse.add_argument takes it."""
 
 
-def read(name: str, more: Sequence[str] = ()) -> list[argparse.Namespace]:
+def read(
+    name: str, more: Sequence[str] = (), tell: Callable[[float], None] = lambda _share: None
+) -> list[argparse.Namespace]:
     """The options of each set of a job file, checked; `more` are arguments that count for all of them.
 
-    Paths in the file start at its folder. Raises WrongUsage with a line for each set that has a fault.
+    `tell` hears from time to time what share of the sets was read. Paths in the file start at its folder. Raises
+    WrongUsage with a line for each set that has a fault.
     """
     path = Path(name).absolute()
     table = _load(name, path)
@@ -42,6 +47,8 @@ def read(name: str, more: Sequence[str] = ()) -> list[argparse.Namespace]:
         found.append(options)
 
     for number, values in enumerate([] if faults else sets, 1):
+        if number % TOLD_EVERY == 0:
+            tell(number / len(sets))
         faults += _faults(f"{name}, set {number}", lambda values=values: take(values))
     if faults:
         raise WrongUsage("\n".join(faults))

@@ -18,7 +18,7 @@ from bpy.props import (
 from . import results
 from .bake import subjects
 from .bake.pairs import Suffixes
-from .bake.settings import AXES, MAPS, MAX_MIPS, MAX_SIZE, MIN_SIZE, SAMPLES, Settings, parse_tiles
+from .bake.settings import AXES, MAPS, MAX_MIPS, MAX_SIZE, MIN_SIZE, SAMPLES, Settings, parse_tiles, usual_depth
 
 _USUAL = Settings()
 
@@ -219,7 +219,7 @@ class Options:
     )
     output: StringProperty(
         name="File",
-        description="PNG (8, 16 bits) or OpenEXR (16, 32 bits)",
+        description="PNG or TIFF (8, 16 bits), OpenEXR (16, 32 bits) or Targa (8 bits). Missing folders are made",
         subtype="FILE_PATH",
         options={"PATH_SUPPORTS_BLEND_RELATIVE"},
     )
@@ -250,12 +250,19 @@ class Options:
         values["tiles"] = parse_tiles(values["tiles"])
         for name in ("depth", "samples"):
             values[name] = int(values[name])
+        if values["storage"] == "FILE" and not _is_set(owner("depth"), "depth"):
+            values["depth"] = usual_depth(values["output"])  # which a format may not have, as Targa
         values["missed"] = tuple(values["missed"])
         for name in ("extrusion", "max_distance"):
             # A script that names a distance means it, whatever the switch says.
             if owner("measure").measure and (owner(name) is fallback or fallback is None):
                 values[name] = None
         return Settings(**values).read_by((fallback or self).id_data.render.engine)
+
+
+def _is_set(owner: Options, name: str) -> bool:
+    """Whether somebody has set a property of a scene's settings, or of an operator."""
+    return getattr(owner, "properties", owner).is_property_set(name)
 
 
 def _is_mesh(_settings, obj: bpy.types.Object) -> bool:

@@ -28,21 +28,22 @@ def check_writable(path: Path) -> None:
 
 
 def place(path: Path) -> Path:
-    """Where a file at `path` is to be put: links are followed, so that they stay.
+    """Where a file at `path` is to be put: links are followed, so that they stay. Raises as `check_kind`."""
+    check_kind(path)
+    return Path(os.path.realpath(path))
 
-    Raises WrongPlace for what is there and no file, and OSError where nothing can be.
-    """
-    target = Path(os.path.realpath(path))
+
+def check_kind(path: str | Path) -> None:
+    """Raise WrongPlace for what is there and no file, and OSError where nothing can be."""
     try:
-        mode = os.stat(target).st_mode
+        mode = os.stat(path).st_mode
     except FileNotFoundError:
-        return target
+        return
     if stat.S_ISDIR(mode):
         raise WrongPlace(f"{str(path)!r} is a folder: name a file.")
     if not stat.S_ISREG(mode):
         kind = "pipe" if stat.S_ISFIFO(mode) else "socket" if stat.S_ISSOCK(mode) else "device"
         raise WrongPlace(f"{str(path)!r} is a {kind}: name a file, which can be replaced.")
-    return target
 
 
 def reason(error: OSError | RuntimeError) -> str:

@@ -87,7 +87,7 @@ class Places:
         may_replace: the `by` of reads that do not count, as those of the scene that is saved over itself.
         """
         with suppress(OSError):  # which the bake will tell
-            files.place(Path(path))
+            files.check_kind(path)
         keys, use = self._keys(path), _Use(what, path, by)
         read = self._reads.find(keys, may_replace)
         if read is not None:
@@ -104,8 +104,8 @@ class Places:
 
     def _keys(self, path: str) -> _Keys:
         """Raises WrongPlace for a name that only unfinished files have."""
-        path = os.path.join(os.getcwd(), path)
-        if os.path.islink(path) or os.path.basename(path) in {"", ".", ".."}:
+        path = str(Path(path).absolute())
+        if os.path.islink(path) or os.path.basename(path) in {"", ".."}:
             path = os.path.realpath(path)
         if _UNFINISHED.match(os.path.basename(path)):
             raise WrongPlace(f"{path!r} is called as only Imprint's own unfinished files are: rename it.")

@@ -35,6 +35,16 @@ FORMATS = {
 """File endings, what Blender calls their formats, and the bits a channel that each takes."""
 
 
+USUAL_DEPTH = 16
+"""Bits a channel where none are asked for and the format has them."""
+
+
+def usual_depth(output: str) -> int:
+    """The bits a channel of a map that goes to the file `output` when nobody asks for any: USUAL_DEPTH, or the most below."""
+    depths = FORMATS.get(PurePath(output).suffix.lower(), ("", (USUAL_DEPTH,)))[1]
+    return max((depth for depth in depths if depth <= USUAL_DEPTH), default=min(depths))
+
+
 def parse_tiles(text: str) -> tuple[int, ...]:
     """UDIM numbers from "1001, 1003". Raises BakeError for what is none."""
     words = text.replace(",", " ").split()
@@ -89,7 +99,7 @@ class Settings:
     limit: float | None = None
     """How far from the low surface the high one may lie, in scene units, before it is told; None for 5 % of the low
     mesh's radius."""
-    depth: int = 16
+    depth: int = USUAL_DEPTH
     dither: bool = False
     """Whether 8 bits are dithered, or rounded."""
     modifiers: str = "RENDER"

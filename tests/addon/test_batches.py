@@ -351,6 +351,16 @@ def test_a_cage_of_a_folder_counts(rocks, run):
     assert "b_low.png" in files(rocks)
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere all names are text")
+def test_files_whose_names_are_no_text_are_left_out_with_a_word(rocks, run):
+    for name in ("\udcff_low.obj", "\udcff_high.obj"):
+        (rocks / "rocks" / name).write_bytes((rocks / "rocks" / "a_low.obj").read_bytes())
+    _, _, err = run("--pairs", "rocks", *SMALL, "--output", "{low}.png", "--report", "r.json")
+    assert err.count("is left out: its name is not UTF-8") == 2
+    found = json.loads((rocks / "r.json").read_text())
+    assert [(each["name"], each["ok"]) for each in found] == [("a_low", True), ("b_low", True), ("c_low", False)]
+
+
 def test_two_files_of_one_name_are_one_too_many(rocks, run):
     export(rocks / "rocks" / "b_low.ply", bpy.data.objects["whatever"])
     _, _, err = run("--pairs", "rocks", *SMALL, "--output", "{low}.png")

@@ -217,6 +217,33 @@ def test_missing_folders_are_made(scene):
     assert {"a/b/m.png", "r/r.json", "s/s.blend"} <= set(files(scene))
 
 
+def test_the_report_may_be_standard_output_alone(scene, capsys):
+    assert commands.run([*BAKE, "--output", "m.png", "--report", "-"]) == commands.DONE
+    captured = capsys.readouterr()
+    assert json.loads(captured.out[captured.out.index("{") :])["output"] == [str(scene / "m.png")]
+    assert "16 x 16: lo_normal" in captured.err
+    assert f"Wrote {scene / 'm.png'}\n" in captured.err
+    assert not (scene / "-").exists()
+    (scene / "jobs.json").write_text(json.dumps({"bake": [{"file": BAKE[0], "low": "no", "output": "n.png"}]}))
+    capsys.readouterr()
+    assert commands.run(["--jobs", "jobs.json", "--report", "-"]) == commands.FAILED
+    captured = capsys.readouterr()
+    (found,) = json.loads(captured.out[captured.out.index("[\n") :])
+    assert not found["ok"]
+    assert "0 done, 1 failed" in captured.err
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere all names are text")
+def test_a_folder_whose_name_is_no_text(scene, fails, monkeypatch):
+    strange = scene / "\udcff"
+    strange.mkdir()
+    monkeypatch.chdir(strange)
+    words = [str(scene / BAKE[0]), *BAKE[1:]]
+    assert "is not UTF-8" in fails(commands.WRONG_USAGE, *words, "--output", "m.png")
+    assert "is not UTF-8" in fails(commands.WRONG_USAGE, *words, "--output", str(scene / "m.png"), "--report", "r.json")
+    assert "is not UTF-8" in fails(commands.WRONG_USAGE, "--pairs", ".", "--output", str(scene / "{low}.png"))
+
+
 @pytest.mark.skipif(os.name == "nt", reason="links and pipes of POSIX")
 @pytest.mark.parametrize("option", ["--output", "--report", "--save-blend"])
 def test_a_link_stays_and_a_pipe_is_refused(scene, capsys, option):

@@ -172,6 +172,18 @@ def test_a_file_is_written(pair, tmp_path):
     assert (tmp_path / "map.exr").is_file()
 
 
+def test_a_targa_has_8_bits_unless_somebody_asks_for_more(pair, tmp_path):
+    settings = bpy.context.scene.imprint
+    settings.storage, settings.output = "FILE", str(tmp_path / "new" / "panel.tga")
+    names = {"low": "lo", "high": [{"name": "hi"}]}
+    bake(**names)
+    bake(**names, output=str(tmp_path / "script.tga"))
+    assert sorted(path.name for path in tmp_path.rglob("*.tga")) == ["panel.tga", "script.tga"]
+    assert "8 bits a channel, not 16" in refusal(**names, depth="16")
+    settings.depth = "16"
+    assert "8 bits a channel, not 16" in refusal(**names)
+
+
 def test_what_was_done_is_told(pair):
     low, high = pair
     high.data.uv_layers[0].uv[0].vector = (-0.5, 0)
