@@ -15,7 +15,7 @@ import bpy
 import numpy as np
 import pytest
 
-from addon import commands
+from addon import commands, companions
 from tests.support import zoo
 
 pytestmark = [
@@ -254,3 +254,45 @@ def test_no_input_is_harmed_by_seed(place, outcomes, capsys, seed):
             assert path.read_bytes().startswith(starts), (path, said)
     else:
         outcomes["failed"] += 1
+
+
+# What shows only when files are open
+
+
+LATE = ["--low=rock_a_low", "--high=rock_a_high", "--no-material", *SMALL]
+
+
+@pytest.mark.parametrize("output", ["in/lib.blend", "hard_lib.blend", "soft/LIB.blend"])
+@pytest.mark.parametrize("option", ["report", "save-blend"])
+def test_a_library_is_not_written_over(place, capsys, output, option):
+    before = tree(place)
+    assert commands.run(["in/linked.blend", *LATE, "--output=out/m.png", f"--{option}={output}"]) == commands.WRONG_USAGE
+    assert "would be written over a linked library" in capsys.readouterr().err
+    assert tree(place) == before
+    bake = {"file": "in/linked.blend", "low": "rock_a_low", "high": "rock_a_high", "output": "out/m.png", option: output}
+    (place / "jobs.json").write_text(json.dumps({"bake": [bake]}))
+    assert commands.run(["--jobs=jobs.json", "--no-material", *SMALL]) == commands.FAILED
+    assert "would be written over a linked library" in capsys.readouterr().err
+    assert {path: content for path, content in tree(place).items() if path.name != "jobs.json"} == before
+
+
+def test_a_texture_that_only_the_importer_knows_is_not_written_over(place, capsys, monkeypatch):
+    monkeypatch.setattr(companions, "of", lambda _path: iter(()))
+    mesh = place / "in" / "rock_a_high.obj"
+    mesh.write_text(mesh.read_text().replace("\nf ", "\nusemtl m0\nf ", 1))
+    before = tree(place)
+    words = ["--low-file=in/rock_a_low.obj", "--high-file=in/rock_a_high.obj", "--output=in/skin.png", *SMALL]
+    assert commands.run(words) == commands.WRONG_USAGE
+    assert "would be written over a texture of the meshes" in capsys.readouterr().err
+    assert tree(place) == before
+
+
+@pytest.mark.parametrize("name", ["rock_b_high.bin", "a%20b.bin", "far/deep.bin"])
+def test_the_buffer_of_a_gltf_is_not_written_over(place, capsys, name):
+    path = place / "in" / "rock_b_high.gltf"
+    table = json.loads(path.read_text())
+    table["buffers"][0]["uri"] = name
+    path.write_text(json.dumps(table))
+    words = ["--low-file=in/rock_b_low.obj", "--high-file=in/rock_b_high.gltf", "--output=out/m.png", *SMALL]
+    assert commands.run([*words, f"--report=in/{name.replace('%20', ' ')}"]) == commands.WRONG_USAGE
+    assert "what 'rock_b_high.gltf' refers to" in capsys.readouterr().err
