@@ -138,7 +138,7 @@ class IMPRINT_PT_map(_Panel, bpy.types.Panel):
         row.active = not settings.unlimited
         row.prop(settings, "margin")
         column.prop(settings, "unlimited")
-        column.prop(settings, "mips")
+        column.prop(settings, "mips", text="Clean Mips")
         layout.prop(settings, "modifiers")
         column = layout.column(align=True)
         column.prop(settings, "limited")

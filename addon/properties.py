@@ -350,17 +350,22 @@ class ImprintSettings(bpy.types.PropertyGroup, Options):
     ) -> tuple[bpy.types.Object | None, list[bpy.types.Object]]:
         """The low object, if none is given, and the high ones: from the slots, else as in "Selected to Active".
 
-        High objects that the low one was baked from, and that are hidden since, need not be selected. A low object
-        without others whose modifiers add detail is its own high one.
+        Where none is chosen, a low object whose modifiers add detail is its own high one; else those of its last bake in
+        this session count. Where those are hidden, as they are after a bake, they come first.
         """
         low = low or self.low or context.active_object
         highs = [slot.object for slot in self.highs if slot.object]
         if not highs:
             highs = [obj for obj in context.selected_objects if obj != low]
-        last = results.of(context, low) if low is not None and not highs else None
-        if last is not None:
-            highs = [obj for obj in results.high_objects(last) if not obj.visible_get()]
-        return low, highs or subjects.own_highs(low)
+        return low, highs or self._remembered(context, low)
+
+    def _remembered(self, context: bpy.types.Context, low: bpy.types.Object | None) -> list[bpy.types.Object]:
+        """What counts as high where nothing is chosen."""
+        last = results.of(context, low) if low is not None else None
+        before = results.high_objects(last) if last is not None else []
+        own = subjects.own_highs(low)
+        is_hidden = before and not any(obj.visible_get() for obj in before)
+        return before if is_hidden or not own else own
 
     def cage_for(self, method: str) -> bpy.types.Object | None:
         """The cage in the slot, which flattening has no use for."""
