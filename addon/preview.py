@@ -294,7 +294,7 @@ class ImprintView(bpy.types.PropertyGroup):
     split: FloatProperty(
         name="Line",
         description="Where the line between high and low is, of the view's width",
-        default=0.5,
+        default=0.4,  # left of the middle: the sidebar lies over the right end, and the three parts look alike
         min=0.0,
         max=1.0,
         subtype="FACTOR",

@@ -101,6 +101,9 @@ def pictures(folder: Path) -> Iterator[float]:
     with override():
         bpy.ops.imprint.bake()
     yield 0.5
+    with override():  # what is drawn asks for the small picture, which Blender makes meanwhile
+        bpy.ops.wm.redraw_timer(type="DRAW_WIN_SWAP", iterations=1)
+    yield 3.0
     shot(folder / "panel.jpg")
     for mode, name in (
         ("MAP", "after"),

@@ -19,7 +19,7 @@ from .reading import Meshes
 from .settings import Settings
 
 MODES = ("MAP", "SPLIT", "DEVIATION", "BARE_DEVIATION")
-MIDDLE = 1 / 3
+MIDDLE = 0.25
 """Of the view's width, for the low mesh without its map between the other two."""
 PULL = 0.1
 """Of the low mesh's radius: how far what is drawn is pulled towards the viewer, so that neither the low object nor the
