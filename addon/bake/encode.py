@@ -6,7 +6,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from . import datablocks, tiff, whole
+from . import tiff, whole
 from .settings import FORMATS
 
 
@@ -23,7 +23,6 @@ def write(texels: np.ndarray, path: Path, depth: int) -> None:
     scene = bpy.data.scenes.new("Imprint output")
     image = bpy.data.images.new("Imprint output", width, height, alpha=True, float_buffer=depth > 8, is_data=True)
     try:
-        datablocks.mark_as_data(image)
         image.pixels.foreach_set(texels.reshape(-1))
         output = scene.render.image_settings
         output.file_format = file_format

@@ -325,6 +325,23 @@ def test_the_map_is_in_a_file_that_is_saved_meanwhile(pair, tmp_path):
     assert np.allclose(pixels(bpy.data.images["lo_normal"]), wanted, atol=1e-6)
 
 
+def test_what_changed_before_a_map_was_interrupted_is_in_the_next(pair, monkeypatch):
+    _, high = pair
+    other = zoo.terrain("other", n=24, height=0.1)
+    other.location.x = 0.5
+    bpy.context.scene.imprint.highs.add().object = other
+    switch(True)
+    follow()
+    monkeypatch.setattr(live, "BUDGET", 0.0)
+    for changed in (high, other):
+        move(changed, 5)
+        bpy.context.view_layer.update()
+        live.tick()  # begins a map, and does not come to its end
+        assert live._work is not None
+    follow()
+    assert np.array_equal(pixels(bpy.data.images["lo_normal"]), fresh())
+
+
 def test_another_scene_changes_nothing(pair):
     switch(True)
     session = live.session()

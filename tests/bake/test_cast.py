@@ -8,6 +8,7 @@ import gpu
 import mathutils
 import numpy as np
 import pytest
+from mathutils import Matrix
 
 from addon.bake import casting, pipeline
 from addon.bake.errors import BakeError
@@ -247,6 +248,54 @@ def test_the_tree_is_kept_until_the_high_mesh_changes(monkeypatch):
     cast(low, high)
     assert len(built) == 3
     assert changed[..., 3].all()
+
+
+@pytest.mark.parametrize("change", ["flat", "custom normals"])
+def test_rays_see_other_normals_on_the_same_surface(change):
+    low, high = zoo.plane("low"), zoo.terrain("high", n=8)
+    smooth, _ = cast(low, high, space="OBJECT")
+    if change == "flat":
+        high.data.shade_flat()
+    else:
+        high.data.normals_split_custom_set([(0.6, 0.0, 0.8)] * len(high.data.loops))
+    high.data.update()
+    changed, _ = cast(low, high, space="OBJECT")
+    assert np.abs(changed - smooth).max() > 0.05
+    casting.free()
+    assert np.array_equal(changed, cast(low, high, space="OBJECT")[0])
+
+
+@pytest.mark.parametrize("order", [(0, 1), (1, 0)], ids=["misses above", "hits above"])
+def test_in_an_atlas_misses_of_one_object_leave_the_texels_of_another(order):
+    """One low mesh whose high one covers it, and one on the same texels whose high one covers half."""
+    lows, highs = [zoo.plane(name) for name in ("a", "b")], [zoo.plane("whole", slope=0.3), zoo.plane("half", slope=-0.3)]
+    lows[1].location.y = highs[1].location.y = 10.0
+    highs[1].data.transform(Matrix.Diagonal((0.5, 1.0, 1.0, 1.0)))
+    jobs = [pipeline.Job(lows[number], [highs[number]]) for number in order]
+    settings = Settings(
+        "CAST",
+        "OBJECT",
+        width=32,
+        height=16,
+        extrusion=1.0,
+        max_distance=2.0,
+        margin=0,
+        maps=("OBJECT_ID",),
+        image="atlas",
+        storage="MEMORY",
+        depth=32,
+        material=False,
+    )
+    reports = pipeline.bake_all(bpy.context, jobs, settings, share_image=True)
+    texels, owner = (maps.pixels(bpy.data.images[name]) for name in ("atlas", "atlas_object_id"))
+    assert (texels[..., 3] == 1.0).all()
+    whole = 0.5 - 0.5 * 0.3 / np.hypot(0.3, 1.0)
+    outer = np.r_[0:8, 24:32]
+    assert np.allclose(texels[:, outer, 0], whole, atol=1e-5)
+    colours = reports[0].maps["object_id"]["colours"]
+    assert np.allclose(owner[:, outer, :3], colours["whole"], atol=2 / 255)
+    above = ("whole", "half")[order[-1]]
+    assert np.allclose(owner[:, 8:24, :3], colours[above], atol=2 / 255)
 
 
 def test_auto_measures_whether_uvs_are_shared():

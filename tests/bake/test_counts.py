@@ -117,6 +117,22 @@ def test_a_tree_is_uploaded_once(counts):
     assert counts["bytes of tables"] == 16 * (3 * nodes + 2 * 3 * triangles)
 
 
+@pytest.mark.parametrize("share_image", [False, True])
+@pytest.mark.parametrize("method", ["FLATTEN", "CAST"])
+def test_targets_are_let_go_when_they_hold_too_much(monkeypatch, method, share_image):
+    def bake(most):
+        monkeypatch.setattr(target, "KEPT_BYTES", most)
+        pipeline.bake_all(bpy.context, [pipeline.Job(*objects)], settings(method), share_image=share_image)
+        return sum(kept.bytes for kept in target._common.values())
+
+    low, high = pair()
+    objects = low, [high]
+    held = bake(512 * 2**20)
+    assert held > TEXELS * 16
+    assert bake(held) == held
+    assert bake(1) == 0
+
+
 def test_a_live_map_uploads_what_has_changed_alone(counts):
     low, high = pair()
     following = live.Session(bpy.context, pipeline.Job(low, [high]), settings("FLATTEN"), pace.Pace())

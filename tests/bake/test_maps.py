@@ -80,6 +80,35 @@ def test_what_the_report_says_undoes_what_the_file_holds(tmp_path, ending, depth
         assert (tmp_path / f"map_{name}{ending}").is_file()
 
 
+@pytest.mark.parametrize("height", [-0.35, 0.35], ids=["below", "above"])
+@pytest.mark.parametrize("name", ["HEIGHT", "DISPLACEMENT"])
+def test_whole_numbers_hold_what_lies_on_one_side_more_than_on_the_other(name, height):
+    low, high = zoo.plane("lo"), zoo.plane("hi", slope=0.45)
+    high.location.z = height
+    report, maps = bake(low, high, maps=[name], depth=8, size=32)
+    how = report.maps[name.lower()]
+    found = (maps[name.lower()][..., 0 if name == "HEIGHT" else 2] - how["midlevel"]) * how["scale"]
+    wanted = height + 0.45 * (texel_uv(32, 32)[..., 0] * 2 - 1)
+    assert np.abs(found - wanted).max() <= 0.51 * how["scale"] / 255
+
+
+@pytest.mark.parametrize("method", ["FLATTEN", "CAST"])
+@pytest.mark.parametrize(("border", "owner"), [(0.25, "right"), (0.75, "left")])
+def test_a_texel_belongs_to_whom_its_middle_does(method, border, owner):
+    """Two planes that meet in column 16, off its middle."""
+    low, edge = zoo.plane("lo"), (16 + border) / 32
+    for name, start, stop in (("left", 0.0, edge), ("right", edge, 1.0)):
+        u = np.array([start, stop, stop, start])
+        uv = np.stack([u, [0, 0, 1, 1]], axis=1)
+        zoo.build(name, np.pad(uv * 2 - 1, ((0, 0), (0, 1))), [range(4)], uv[None])
+    highs = bpy.data.objects["left"], bpy.data.objects["right"]
+    report, maps = bake(low, *highs, method=method, maps=["OBJECT_ID"], size=32, samples=16)
+    colours = report.maps["object_id"]["colours"]
+    assert np.allclose(maps["object_id"][:, 16, :3], colours[owner], atol=2 / 255)
+    assert np.allclose(maps["object_id"][:, 15, :3], colours["left"], atol=2 / 255)
+    assert np.allclose(maps["object_id"][:, 17, :3], colours["right"], atol=2 / 255)
+
+
 @pytest.mark.parametrize("method", ["FLATTEN", "CAST"])
 def test_objects_and_materials_have_a_colour_each(method):
     low = zoo.plane("lo", n=2)

@@ -415,6 +415,18 @@ def test_another_uv_layer_is_named_once():
     assert wires(tree) == before
 
 
+def test_the_layer_that_is_rendered_counts_and_not_the_one_that_is_worked_on():
+    material, _, principled = make_material()
+    low, image = make_low(material), make_image()
+    low.data.uv_layers.active = low.data.uv_layers["Other"]
+    assert low.data.uv_layers["Layout"].active_render
+    hook_up(low, image)
+    vector = shown(principled.inputs["Normal"])[1].inputs["Vector"]
+    assert not vector.is_linked
+    hook_up(low, image, uv_layer="Other")
+    assert source(vector, "ShaderNodeUVMap").uv_map == "Other"
+
+
 @pytest.mark.parametrize("uv_map", ["Layout", "", "Other"])
 def test_somebody_elses_uv_map_is_used_where_it_fits(uv_map):
     material, tree, principled = make_material()

@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Antialiasing: the mean of several samples a texel, by both methods."""
 
+import bpy
 import numpy as np
 import pytest
 
-from addon.bake.settings import SAMPLES
+from addon.bake import pipeline
+from addon.bake.settings import SAMPLES, Settings
 from addon.passes import samples
-from tests.support import angles, zoo
+from tests.support import angles, maps, zoo
 from tests.support.maps import bake, texel_uv
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -137,3 +139,28 @@ def test_bands_and_samples_together(monkeypatch):
     banded = bake(low, high, samples=4, size=(64, 60), image="banded")
     assert np.array_equal(whole[..., 3], banded[..., 3])
     assert angles.degrees(angles.decode(whole), angles.decode(banded)).max() < 0.03
+
+
+@pytest.mark.parametrize("samples", [1, 16, 64])
+def test_texels_that_all_samples_miss_are_missed_in_every_map(samples):
+    low, high = zoo.plane("low"), zoo.plane("high")
+    high.scale.x, high.location.z = 0.5, 0.1
+    settings = Settings(
+        "CAST",
+        width=32,
+        height=16,
+        samples=samples,
+        extrusion=0.2,
+        max_distance=0.4,
+        maps=("HEIGHT", "POSITION", "DISTANCE", "DISPLACEMENT"),
+        image="map",
+        storage="MEMORY",
+        depth=32,
+        margin=0,
+        material=False,
+    )
+    report = pipeline.bake(bpy.context, low, [high], settings)
+    for name in ["map", *(found["image"] for found in report.maps.values())]:
+        alpha = maps.pixels(bpy.data.images[name])[..., 3]
+        assert (alpha[:, 8:24] == 1.0).all(), name
+        assert (alpha[:, :8] == 0.0).all() and (alpha[:, 24:] == 0.0).all(), name

@@ -65,6 +65,17 @@ def test_each_frame_has_the_map_of_its_surface(job, tmp_path):
     finish(sequence.work(bpy.context, job, settings(tmp_path), frames, Pace()))  # and again, over itself
 
 
+def test_each_frame_shows_its_own_picture(job, tmp_path):
+    finish(sequence.work(bpy.context, job, settings(tmp_path), range(5, 9), Pace()))
+    for frame, shown in ((5, 5), (7, 7), (8, 8), (20, 8)):
+        bpy.context.scene.frame_set(frame)
+        seen = job.low.evaluated_get(bpy.context.evaluated_depsgraph_get())
+        nodes = seen.material_slots[0].material.node_tree.nodes
+        (texture,) = [node for node in nodes if node.bl_idname == "ShaderNodeTexImage"]
+        path = texture.image.filepath_from_user(image_user=texture.image_user)
+        assert path == str(tmp_path / f"map_{shown:04}.exr")
+
+
 @pytest.mark.parametrize(
     ("name", "wanted"), [("map.png", "map_0007.png"), ("m_##_a.exr", "m_07_a.exr"), ("#.png", "7.png")]
 )

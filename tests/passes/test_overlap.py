@@ -94,3 +94,14 @@ def test_mirrored_triangles_are_known():
     assert (arrays.uv_areas(laid_out(SQUARE, HALVES)) > 0).all()
     areas = arrays.uv_areas(laid_out(SQUARE, [HALVES[0], HALVES[1][::-1], (0, 1, 1)]))
     assert areas.tolist() == [1.0, -1.0, 0.0]
+
+
+@pytest.mark.parametrize("column", [0, 1000, 2046])
+def test_of_a_large_map_every_second_texel_is_looked_at_in_its_middle(column):
+    """A triangle pair over the middle half of one column of texels: the even ones are looked at."""
+    left, right = (column + 0.25) / 2048, (column + 0.75) / 2048
+    low = laid_out([(left, 0), (right, 0), (right, 1), (left, 1)], HALVES)
+    counts = next(audit.covering(low, (2048, 64)))
+    assert counts.shape == (64, 1024)
+    assert (counts[:, column // 2] == 1.0).all()
+    assert np.count_nonzero(counts) == 64
