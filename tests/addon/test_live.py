@@ -333,7 +333,7 @@ def test_what_changed_before_a_map_was_interrupted_is_in_the_next(pair, monkeypa
     switch(True)
     follow()
     monkeypatch.setattr(live, "BUDGET", 0.0)
-    for changed in (high, other):
+    for changed in (other, high):  # what the map shows of the two is the later one
         move(changed, 5)
         bpy.context.view_layer.update()
         live.tick()  # begins a map, and does not come to its end
