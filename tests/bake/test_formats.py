@@ -295,3 +295,13 @@ def test_a_process_that_is_killed_leaves_the_old_file_or_the_new_one(seed, tmp_p
 def test_the_message_names_all_formats():
     with pytest.raises(BakeError, match=r"does not end in one of .png, .exr, .tif, .tiff, .tga\."):
         Settings(storage="FILE", output="map.jpg").check()
+
+
+def test_thresholds_of_the_dither_differ_by_channel():
+    """Else grey noise would show where colours are alike."""
+    texels = np.full((64, 64, 4), 0.5, np.float32)
+    texels[..., 3] = 1.0
+    red, green, blue, alpha = np.moveaxis(quantise.dithered(texels), -1, 0)
+    for one, other in ((red, green), (green, blue), (blue, red)):
+        assert (one == other).mean() < 0.95
+    assert (alpha == 1.0).all()

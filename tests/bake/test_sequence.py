@@ -92,6 +92,8 @@ def test_frames_that_are_done_are_kept_when_it_is_stopped(job, tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["map_0001.exr", "map_0002.exr"]
     assert bpy.context.scene.frame_current == 3
     assert bpy.data.images["lo_normal"].source == "SEQUENCE"
+    nodes = job.low.data.materials[0].node_tree.nodes
+    assert [node.image_user.frame_duration for node in nodes if node.bl_idname == "ShaderNodeTexImage"] == [2]
     assert sequence.PASSING not in bpy.data.images
 
 
