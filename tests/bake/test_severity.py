@@ -191,6 +191,12 @@ def test_the_margin_does_not_count_and_rays_do(settings):
     assert bake(*tents(120), **settings).checks["backwards"]["count"] == 32 * 32
 
 
+def test_texels_of_the_margin_are_no_loss():
+    low = tiles("lo", QUARTERS[2])
+    high = tiles("hi", QUARTERS[2], normals=np.tile((1.0, 0.0, -0.1), (1, 4, 1)))
+    assert bake(low, high, margin=8).checks["backwards"]["count"] == 32 * 32
+
+
 def test_in_an_image_that_is_shared_z_is_lost_as_well():
     low, high = tents(120)
     jobs = [pipeline.Job(low, [high])]
