@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import bpy
 
-from . import progress
+from . import progress, strokes
 from .bake import live, pace, subjects
 from .bake.errors import BakeError
 from .bake.pipeline import Job
@@ -34,6 +34,7 @@ _unread: set[int] = set()
 _all_changed = False
 _since = 0.0
 _is_stored = True
+_strokes: strokes.Strokes | None = None
 message = ""
 """What kept the last map from being drawn, in a sentence; empty when it was drawn."""
 on_new: list[Callable[[], None]] = []
@@ -45,16 +46,21 @@ def session() -> live.Session | None:
     return _session
 
 
+def is_resting() -> bool:
+    """Whether there is nothing to do: the image shows the objects as they are, as far as Blender tells."""
+    return _work is None and not _changed and not _all_changed and _is_stored and not (_strokes and _strokes.are_open)
+
+
 def start(context: bpy.types.Context, job: Job, settings: Settings) -> None:
     """Follow the objects of a job; its first map is drawn and stored at once. Raises BakeError, and then live is off."""
-    global _session, _asked, _refused, _scene, _work, _all_changed, _is_stored, message  # noqa: PLW0603 - see tick
+    global _session, _asked, _refused, _scene, _strokes, _work, _all_changed, _is_stored, message  # noqa: PLW0603 - see tick
     stop()
     following = live.Session(context, job, settings, pace.Pace(looks=False))
     following.run(context)
     following.store()
     following.pace = pace.Pace(SLICE, looks=False)
     _session, _asked, _work, _all_changed, _is_stored, message = following, settings, None, False, True, ""
-    _refused, _scene = None, context.scene.session_uid
+    _refused, _scene, _strokes = None, context.scene.session_uid, strokes.Strokes(following)
     for handlers, handler in _handlers():
         handlers.append(handler)
     if not bpy.app.background:
@@ -72,7 +78,7 @@ def finish() -> None:
 
 def stop() -> None:
     """Stop following. No handler and no timer remains; the image keeps what it has."""
-    global _session, _work  # noqa: PLW0603 - see start
+    global _session, _strokes, _work  # noqa: PLW0603 - see start
     if _session is None:
         return
     for handlers, handler in _handlers():
@@ -83,7 +89,7 @@ def stop() -> None:
     if _work is not None:
         _work.close()
     _session.free()
-    _session, _work = None, None
+    _session = _work = _strokes = None
     _changed.clear()
     _unread.clear()
 
@@ -108,6 +114,7 @@ def tick() -> float | None:
             _announce()
             return None
         _look_at_settings()
+        _changed.update(_strokes.moved(REST))
         if _changed or _all_changed:
             _begin()
         if _work is not None:
@@ -138,7 +145,7 @@ def _settings():
 
 def _look_at_settings() -> None:
     """Start anew with the same objects where the panel says something else."""
-    global _session, _asked, _refused, _work, _all_changed  # noqa: PLW0603 - see start
+    global _session, _asked, _refused, _strokes, _work, _all_changed  # noqa: PLW0603 - see start
     wanted = _settings().to_settings()
     if wanted == _asked:
         if _refused is not None:
@@ -154,6 +161,7 @@ def _look_at_settings() -> None:
         _work.close()
     _session.free()
     _session, _asked, _refused, _work, _all_changed = following, wanted, None, None, True
+    _strokes = strokes.Strokes(following)
 
 
 def _begin() -> None:
@@ -216,13 +224,20 @@ def _handlers() -> list[tuple[list, Callable]]:
 
 
 def _on_update(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
-    if _session is None:
+    if _session is None or _strokes.is_asking:
         return
     for update in depsgraph.updates:
-        if isinstance(update.id, bpy.types.Object) and (update.is_updated_geometry or update.is_updated_transform):
-            _changed.update({update.id.original.session_uid}.intersection(_session.uids))
+        obj = update.id.original
+        if not isinstance(obj, bpy.types.Object) or obj.session_uid not in _session.uids:
+            continue
+        if update.is_updated_geometry or update.is_updated_transform:
+            _changed.add(obj.session_uid)
+        else:
+            _strokes.told_of(obj)
 
 
 def _on_undo(*_) -> None:
     global _all_changed  # noqa: PLW0603 - see start
     _all_changed = True
+    if _strokes is not None:
+        _strokes.look_at_all()

@@ -8,6 +8,7 @@ import bpy
 import gpu
 import numpy as np
 
+from ..mesh import extract
 from ..mesh.arrays import Mesh
 from ..passes import resolve, target
 from ..passes.batch import Kept
@@ -117,6 +118,19 @@ class Session:
             pace.finish(renderer.texels(1001, finish.all_of([self._meshes.low], small)))
         self._coarse = self._coarse_pool["map"].texture
         return Step("Drawing", 0.0, self._coarse)
+
+    def is_moved(self, uid: int) -> bool:
+        """Whether vertices of the object with this session_uid are not where they were when they were last read."""
+        meshes = self._meshes
+        if meshes is None:
+            return True
+        known = [meshes.low, *meshes.highs, *([meshes.cage] if meshes.cage else [])]
+        ref, mesh = {ref.uid: (ref, mesh) for ref, mesh in zip(self.job.refs, known, strict=True)}[uid]
+        obj = ref.find()
+        if obj is None:
+            return True
+        with extract.evaluated(obj, bpy.context.evaluated_depsgraph_get()) as data:
+            return not np.array_equal(extract.points(data), mesh.positions)
 
     def run(self, context: bpy.types.Context, changed: Collection[int] | None = None) -> None:
         """All of `work`, at once."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
-from ..mesh import instances
+from ..mesh import extract, instances
 from . import detail, visible
 from .errors import BakeError
 
@@ -244,6 +244,15 @@ def hides_detail(obj: bpy.types.Object) -> bool:
     return obj.mode == "SCULPT" and any(modifier.type == "MULTIRES" for modifier in obj.modifiers)
 
 
+def holds_strokes(context: bpy.types.Context, obj: bpy.types.Object) -> bool:
+    """Whether Blender keeps strokes on `obj` to itself until it is asked: those of Dyntopo, and those where Sculpt Mode shows
+    deforming modifiers alone."""
+    if obj.mode != "SCULPT":
+        return False
+    only_deforms = obj.modifiers and context.scene.tool_settings.sculpt.use_deform_only
+    return bool(obj.use_dynamic_topology_sculpting or only_deforms)
+
+
 def smooths_uvs(obj: bpy.types.Object) -> bool:
     """Whether a modifier of `obj` moves its UVs: a bake onto its own base keeps it from that."""
     return any(modifier.type in SUBDIVIDING and modifier.uv_smooth != "NONE" for modifier in obj.modifiers)
@@ -277,7 +286,10 @@ def _leave_modes(layer: bpy.types.ViewLayer, meshes: set[bpy.types.Mesh], restor
         )  # hidden objects are not let out of their modes, nor into them
         restore.callback(_switch_mode, layer, obj, obj.mode)
     for obj in leaving:
+        was_sculpted = obj.mode == "SCULPT"
         _switch_mode(layer, obj, "OBJECT")
+        if was_sculpted:
+            extract.derive_anew(obj.data)
 
 
 def _switch_mode(layer: bpy.types.ViewLayer, obj: bpy.types.Object, mode: str) -> None:

@@ -17,12 +17,37 @@ _NUMBER = ".imprint_face"
 
 @contextmanager
 def evaluated(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> Iterator[bpy.types.Mesh]:
-    """The mesh of `obj` with its modifiers, as `depsgraph` evaluates it. It shares its arrays and costs no copy."""
-    owner = obj.evaluated_get(depsgraph)
+    """The mesh of `obj` with its modifiers, as `depsgraph` evaluates it. It shares its arrays and costs no copy.
+
+    In Sculpt Mode Blender moves the vertices of the mesh itself where nothing modifies it, and evaluates it later: then it
+    is a copy of that.
+    """
+    owner = obj if is_sculpted_in_place(obj) else obj.evaluated_get(depsgraph)
     try:
-        yield owner.to_mesh()
+        data = owner.to_mesh()
+        if obj.mode == "SCULPT":
+            derive_anew(data)
+        yield data
     finally:
         owner.to_mesh_clear()
+
+
+def is_sculpted_in_place(obj: bpy.types.Object) -> bool:
+    """Whether strokes show in the mesh of `obj` itself, and not in the evaluated one."""
+    if obj.mode != "SCULPT":
+        return False
+    is_modified = obj.data.shape_keys is not None or any(modifier.show_viewport for modifier in obj.modifiers)
+    return obj.use_dynamic_topology_sculpting or not is_modified
+
+
+def derive_anew(data: bpy.types.Mesh) -> None:
+    """Let Blender forget the normals of `data`: strokes and their undo leave some of before behind."""
+    data.vertices.foreach_set("co", points(data).ravel())
+
+
+def points(data: bpy.types.Mesh) -> np.ndarray:
+    """The vertices' positions, (V, 3) float32."""
+    return _read(data.attributes["position"].data, "vector", len(data.vertices), 3)
 
 
 @contextmanager

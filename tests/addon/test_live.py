@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Live: the map follows the objects, costs nothing twice, and leaves nothing when it is off."""
 
+import ctypes
 import gc
 
 import bmesh
@@ -12,6 +13,7 @@ import addon
 from addon import live
 from addon.bake import pace, pipeline
 from addon.bake.settings import Settings
+from addon.mesh import extract
 from tests.support import zoo
 from tests.support.maps import pixels
 
@@ -50,7 +52,7 @@ def follow():
     bpy.context.view_layer.update()
     for _ in range(200):
         live.tick()
-        if live.session() is None or (live._work is None and not live._changed and live._is_stored):
+        if live.session() is None or live.is_resting():
             return
     raise AssertionError("live does not come to an end")
 
@@ -551,3 +553,100 @@ def test_what_cannot_be_baked_at_all_does_not_start_it(pair):
     with pytest.raises(RuntimeError, match="Live follows one tile alone"):
         bpy.ops.imprint.live()
     assert live.session() is None
+
+
+def sculpt(obj, seed=None):
+    """What a stroke does in Sculpt Mode, or one that moves nothing: vertices move, and Blender tells that something is new."""
+    if seed is not None:
+        size = len(obj.data.vertices) * 3
+        values = (ctypes.c_float * size).from_address(obj.data.vertices[0].as_pointer())
+        points = np.ctypeslib.as_array(values).reshape(-1, 3)
+        # Upwards: quads that are folded stay cut as they were until Sculpt Mode is left.
+        points[:, 2] += np.random.default_rng(seed).normal(0, 0.002, len(points))
+    obj.color[0] = 0.5 if obj.color[0] == 1.0 else 1.0
+    bpy.context.view_layer.update()
+
+
+def enter_sculpt_mode(obj):
+    bpy.context.view_layer.objects.active = obj
+    bpy.ops.object.mode_set(mode="SCULPT")
+    follow()
+
+
+@pytest.mark.parametrize("method", ["FLATTEN", "CAST"])
+@pytest.mark.parametrize("which", ["hi", "lo"])
+def test_it_follows_strokes(pair, method, which):
+    """During which Blender says of no geometry that it is new, and neither its evaluated mesh nor its normals are."""
+    bpy.context.scene.imprint.method = method
+    obj = bpy.data.objects[which]
+    switch(True)
+    enter_sculpt_mode(obj)
+    for seed in (1, 2):
+        before = pixels(bpy.data.images["lo_normal"])
+        sculpt(obj, seed)
+        follow()
+        now = pixels(bpy.data.images["lo_normal"])
+        assert not np.array_equal(now, before)
+        assert obj.mode == "SCULPT"
+        assert np.array_equal(now, fresh())
+
+
+def test_what_moves_nothing_in_sculpt_mode_bakes_nothing(pair):
+    _, high = pair
+    switch(True)
+    enter_sculpt_mode(high)
+    texels = live.session().texels
+    for _ in range(3):
+        sculpt(high)
+        follow()
+    assert live.session().texels is texels
+
+
+def test_a_bake_from_sculpt_mode_has_the_normals_of_its_mesh(pair):
+    """Those of before a stroke are still there when the mode is left."""
+    _, high = pair
+    enter_sculpt_mode(high)
+    extract.surface(high.data, "UVMap", "", np.eye(4))  # which makes them
+    sculpt(high, 3)
+    texels = fresh()
+    copy = high.data.copy()
+    extract.derive_anew(copy)
+    bpy.ops.object.mode_set(mode="OBJECT")
+    high.data = copy
+    assert np.array_equal(texels, fresh())
+
+
+def test_strokes_of_dyntopo_are_asked_for_once(pair, monkeypatch):
+    """Blender answers with updates of its own, which are no news."""
+    _, high = pair
+    switch(True)
+    enter_sculpt_mode(high)
+    bpy.ops.sculpt.dynamic_topology_toggle()
+    follow()
+    asked, ask = [], live.strokes.Strokes._ask
+    monkeypatch.setattr(live.strokes.Strokes, "_ask", lambda self: (asked.append(1), ask(self), sculpt(high)))
+    monkeypatch.setattr(live.strokes, "ANSWER", -1.0)
+    sculpt(high)
+    monkeypatch.setattr(live.strokes, "ANSWER", 1e6)
+    follow()
+    assert asked == [1]
+    live._on_undo()
+    follow()
+    assert asked == [1, 1]
+
+
+def test_nothing_is_asked_for_while_a_stroke_is_drawn(pair, monkeypatch):
+    _, high = pair
+    switch(True)
+    enter_sculpt_mode(high)
+    bpy.ops.sculpt.dynamic_topology_toggle()
+    follow()
+    asked = []
+    monkeypatch.setattr(live.strokes.Strokes, "_ask", lambda self: (self._held.clear(), asked.append(1)))
+    monkeypatch.setattr(live.strokes, "_is_drawing", lambda: True)
+    live.tick()
+    live.tick()
+    assert asked == []
+    monkeypatch.setattr(live.strokes, "_is_drawing", lambda: False)
+    follow()
+    assert asked == [1]

@@ -1,0 +1,231 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Draws strokes with the mouse in a real Blender window, and prints whether Live follows them. Not a test that pytest finds.
+
+    blender --factory-startup --python tests/window/live_strokes.py
+
+Needs X11 (or Xvfb) and xdotool, and the mouse for a minute or two. Each row: what was drawn, how many vertices it moved, how
+many maps there were while the button was down, seconds from its release to the map that stays, and whether the image then
+equals a fresh bake to the bit. Blender ends with 1 if a row says no.
+"""
+
+import functools
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+import addon  # noqa: E402
+from addon import live  # noqa: E402
+from addon.bake import pipeline  # noqa: E402
+from addon.bake.settings import Settings  # noqa: E402
+
+BRUSHES = "brushes/essentials_brushes-mesh_sculpt.blend/Brush/"
+PATIENCE = 20.0
+"""Seconds after which a map that has not come will not come."""
+CASES = [
+    ("Draw", "FLATTEN", None),
+    ("Smooth", "FLATTEN", None),
+    ("Grab", "FLATTEN", None),
+    ("Inflate/Deflate", "FLATTEN", None),
+    ("Clay Strips", "FLATTEN", None),
+    ("Crease Sharp", "CAST", None),
+    ("Draw", "CAST", "undo"),
+    ("Draw", "FLATTEN", "Subdivision"),
+    ("Draw", "FLATTEN", "shape key"),
+    ("Draw", "CAST", "Dyntopo"),
+    ("Draw", "CAST", "Voxel Remesh"),
+    ("Draw", "FLATTEN", "Multires"),
+]
+
+
+def step():
+    """Do all cases; yields the seconds until it wants to go on."""
+    addon.register()
+    yield 0.5
+    is_well = True
+    print(f"{'brush':16} {'with':14} {'method':8} {'moved':>7} {'maps':>5} {'seconds':>8}  equal", flush=True)
+    only = globals().get("ARGS")
+    for brush, method, what in CASES:
+        if only and brush not in only and what not in only:
+            continue
+        high = yield from prepare(method, what)
+        activate(brush)
+        yield 0.3
+        before = points(high)
+        maps = yield from stroke(
+            2 if brush == "Grab" else 8
+        )  # folded quads stay cut as they were until the mode is left
+        seconds = yield from wait()
+        if what == "undo":
+            with at_view():
+                bpy.ops.ed.undo()
+            seconds = yield from wait()
+            maps += yield from stroke(8, offset=30)
+            seconds = yield from wait()
+        elif what == "Voxel Remesh":
+            with at_view():
+                bpy.ops.object.voxel_remesh()
+            seconds = yield from wait()
+        said, image = live.message, pixels(bpy.data.images["lo_normal"])
+        after, mode = points(high), high.mode
+        equal = np.array_equal(image, fresh(high))
+        moved = len(after) if len(after) != len(before) else int((after != before).any(axis=1).sum())
+        is_expected = equal and moved > 0 and mode == "SCULPT" and not said
+        if what == "Multires":  # Blender gives its detail to nobody in Sculpt Mode, and Live says so
+            is_expected = "leaves Sculpt Mode" in said
+        is_well &= is_expected
+        verdict = ("yes" if equal else "no") + (f" ({said})" if said else "") + ("" if is_expected else "  <-- WRONG")
+        print(f"{brush:16} {what or '':14} {method:8} {moved:7} {maps:5} {seconds:8.2f}  {verdict}", flush=True)
+        live.stop()
+    print("all as promised" if is_well else "NOT all as promised", flush=True)
+    addon.unregister()
+    if not is_well:
+        raise SystemExit(1)
+
+
+def prepare(method, what):
+    """A scene with a low grid and a high one in Sculpt Mode, and Live on. Returns the high one."""
+    window, area, region = view()
+    with at_view():
+        if bpy.context.object is not None and bpy.context.object.mode != "OBJECT":
+            bpy.ops.object.mode_set(mode="OBJECT")
+        bpy.ops.object.select_all(action="SELECT")
+        bpy.ops.object.delete()
+        for image in list(bpy.data.images):
+            bpy.data.images.remove(image)
+        for name, cuts in (("lo", 10), ("hi", 60)):
+            bpy.ops.mesh.primitive_grid_add(x_subdivisions=cuts, y_subdivisions=cuts, size=4)
+            bpy.context.object.name = name
+            bpy.ops.object.shade_smooth()
+        high, low = bpy.context.object, bpy.data.objects["lo"]
+        low.hide_set(True)
+        modify(high, what)
+        area.spaces.active.overlay.show_overlays = False
+        bpy.ops.view3d.view_axis(type="TOP")
+        bpy.ops.view3d.view_all()
+        settings = bpy.context.scene.imprint
+        settings.low = low
+        settings.highs.clear()
+        settings.highs.add().object = high
+        settings.method, settings.width, settings.height = method, 256, 256
+        bpy.ops.imprint.live("EXEC_DEFAULT")
+        bpy.ops.object.mode_set(mode="SCULPT")
+        if what == "Dyntopo":
+            bpy.ops.sculpt.dynamic_topology_toggle()
+    yield 1.0
+    return high
+
+
+def modify(high, what):
+    if what == "Subdivision":
+        high.modifiers.new("Subdivision", "SUBSURF")
+    elif what == "Multires":
+        high.modifiers.new("Multires", "MULTIRES")
+        bpy.ops.object.multires_subdivide(modifier="Multires")
+    elif what == "shape key":
+        high.shape_key_add(name="Basis")
+        high.shape_key_add(name="Key").value = 1.0
+        high.active_shape_key_index = 1
+    elif what == "Voxel Remesh":
+        high.data.remesh_voxel_size = 0.1
+
+
+def activate(brush):
+    with at_view():
+        bpy.ops.brush.asset_activate(asset_library_type="ESSENTIALS", relative_asset_identifier=BRUSHES + brush)
+
+
+def stroke(pace, offset=0):
+    """Drag the mouse over the middle of the view. Returns how many maps came before the button went up."""
+    window, _, region = view()
+    x, y = region.x + region.width // 2 - 50, window.height - (region.y + region.height // 2) + offset
+    seen = []
+
+    def note():
+        texels = live.session() and live.session().texels
+        if texels is not None and not any(texels is known for known in seen):
+            seen.append(texels)
+
+    note()
+    first = len(seen)
+    live.on_new.append(note)
+    mouse("mousemove", x, y)
+    yield 0.3
+    mouse("mousedown", 1)
+    yield 0.1
+    for number in range(12):
+        mouse("mousemove", x + pace * number, y + pace // 2 * number)
+        yield 0.1
+    live.on_new.remove(note)
+    mouse("mouseup", 1)
+    yield 0.05
+    return len(seen) - first
+
+
+def wait():
+    """Until Live has nothing more to do. Returns the seconds that it took until the last map was there."""
+    start = time.monotonic()
+    last, texels = start, live.session().texels
+    yield 0.3
+    while not live.is_resting() and time.monotonic() - start < PATIENCE:
+        yield 0.05
+        if live.session().texels is not texels:
+            last, texels = time.monotonic(), live.session().texels
+    return last - start
+
+
+def fresh(high):
+    """The texels of a bake of what is there now."""
+    plain = vars(bpy.context.scene.imprint.to_settings())
+    own = {"image": "fresh", "storage": "MEMORY", "material": False, "modifiers": "VIEWPORT"}
+    method = {"method": live.session().report.method}
+    with at_view():
+        pipeline.bake(bpy.context, bpy.data.objects["lo"], [high], Settings(**plain | own | method))
+    return pixels(bpy.data.images["fresh"])
+
+
+def pixels(image):
+    texels = np.empty(len(image.pixels), np.float32)
+    image.pixels.foreach_get(texels)
+    return texels
+
+
+def points(obj):
+    values = np.empty(len(obj.data.vertices) * 3, np.float32)
+    source = obj.active_shape_key.data if obj.data.shape_keys else obj.data.vertices
+    source.foreach_get("co", values)
+    return values.reshape(-1, 3)
+
+
+def view():
+    window = bpy.context.window_manager.windows[0]
+    area = max((a for a in window.screen.areas if a.type == "VIEW_3D"), key=lambda a: a.width * a.height)
+    return window, area, next(region for region in area.regions if region.type == "WINDOW")
+
+
+def at_view():
+    window, area, region = view()
+    return bpy.context.temp_override(window=window, area=area, region=region, screen=window.screen)
+
+
+def mouse(*words):
+    subprocess.run(["xdotool", *map(str, words)], check=True)
+
+
+def run(steps):
+    """Call the next of `steps` when it wants to go on; end Blender after the last."""
+    seconds = next(steps, None)
+    if seconds is None:
+        with at_view():
+            bpy.ops.wm.quit_blender()
+    return seconds
+
+
+if "ui" not in globals():  # else a driver of windows calls step() itself
+    bpy.context.preferences.view.show_splash = False
+    bpy.app.timers.register(functools.partial(run, step()), first_interval=1.0)
