@@ -8,9 +8,9 @@ def register() -> None:
 
     import bpy
 
-    from . import checks, commands, conventions, operators, panels, preview, properties, sizes
+    from . import checks, commands, conventions, idle, operators, panels, preview, properties, sizes
 
-    for module in (properties, operators, sizes, conventions, panels, checks, preview, commands):
+    for module in (properties, operators, sizes, conventions, panels, checks, preview, commands, idle):
         module.register()
     handlers = bpy.app.handlers
     handlers.load_pre.append(handlers.persistent(_before_loading))  # it outlives the file that is left
@@ -23,12 +23,27 @@ def unregister() -> None:
 
     import bpy
 
-    from . import cages, checks, commands, conventions, live, operators, panels, preview, properties, results, sizes
+    from . import (
+        cages,
+        checks,
+        commands,
+        conventions,
+        idle,
+        live,
+        modal,
+        operators,
+        panels,
+        preview,
+        properties,
+        results,
+        sizes,
+    )
 
+    modal.stop(bpy.context)
     live.stop()
     results.forget()
     cages.show(False)
-    for module in (commands, preview, checks, panels, conventions, sizes, operators, properties):
+    for module in (idle, commands, preview, checks, panels, conventions, sizes, operators, properties):
         module.unregister()
     bpy.app.handlers.load_pre.remove(_before_loading)
     atexit.unregister(free)
@@ -47,8 +62,11 @@ def free() -> None:
 
 
 def _before_loading(*_) -> None:
-    from . import cages, live, preview, results
+    import bpy
 
+    from . import cages, live, modal, preview, results
+
+    modal.stop(bpy.context)
     live.stop()
     results.forget()
     cages.show(False)

@@ -34,6 +34,8 @@ _unread: set[int] = set()
 _all_changed = False
 _since = 0.0
 _is_stored = True
+_is_short = False
+"""Whether an object is gone, for now."""
 _strokes: strokes.Strokes | None = None
 message = ""
 """What kept the last map from being drawn, in a sentence; empty when it was drawn."""
@@ -52,17 +54,30 @@ def is_resting() -> bool:
 
 
 def start(context: bpy.types.Context, job: Job, settings: Settings) -> None:
-    """Follow the objects of a job; its first map is drawn and stored at once. Raises BakeError, and then live is off."""
-    global _session, _asked, _refused, _scene, _strokes, _work, _all_changed, _is_stored, message  # noqa: PLW0603 - see tick
+    """All that `starting` does, at once."""
+    pace.finish(starting(context, job, settings, pace.Pace(looks=False)))
+
+
+def starting(context: bpy.types.Context, job: Job, settings: Settings, speed: pace.Pace) -> pace.Work[None]:
+    """Follow the objects of a job; its first map is drawn and stored first. Raises BakeError, and then live is off, as when
+    the generator is closed."""
+    global _session, _asked, _refused, _scene, _strokes, _work, _all_changed, _is_stored, _is_short, message  # noqa: PLW0603 - see tick
     stop()
-    following = live.Session(context, job, settings, pace.Pace(looks=False))
-    following.run(context)
-    following.store()
-    following.pace = pace.Pace(SLICE, looks=False)
-    _session, _asked, _work, _all_changed, _is_stored, message = following, settings, None, False, True, ""
+    following = live.Session(context, job, settings, speed)
+    _session, _asked, _work, message = following, settings, None, ""
+    _all_changed, _is_stored, _is_short = False, True, False
     _refused, _scene, _strokes = None, context.scene.session_uid, strokes.Strokes(following)
     for handlers, handler in _handlers():
-        handlers.append(handler)
+        handlers.append(handler)  # what changes from now on counts
+    is_well = False
+    try:
+        yield from following.steps(context)
+        following.store()
+        is_well = True
+    finally:
+        if not is_well and _session is following:
+            stop()
+    following.pace = pace.Pace(SLICE, looks=False)
     if not bpy.app.background:
         bpy.app.timers.register(tick, first_interval=TICK)
 
@@ -109,10 +124,11 @@ def tick() -> float | None:
         return TICK
     is_well = False
     try:
-        if any(ref.find() is None for ref in _session.job.refs) or _settings() is None:
+        if _settings() is None:
             finish()
             _announce()
             return None
+        _look_for_objects()
         _look_at_settings()
         _changed.update(_strokes.moved(REST))
         if _changed or _all_changed:
@@ -130,6 +146,27 @@ def tick() -> float | None:
         if not is_well:
             stop()
     return TICK if is_well else None
+
+
+def words() -> str:
+    """What is being followed, in a sentence; empty while live is off."""
+    if _session is None:
+        return ""
+    low, *others = (found.name if (found := ref.find()) else ref.name for ref in _session.job.refs)
+    others = [name for name in dict.fromkeys(others) if name != low]
+    return f"Live: {low!r} follows {', '.join(map(repr, others)) or 'its own modifiers'}."
+
+
+def _look_for_objects() -> None:
+    """Raise BakeError while an object is gone: Undo may bring it back, and then all is drawn anew."""
+    global _is_short, _all_changed  # noqa: PLW0603 - see start
+    was_short, _is_short = _is_short, True
+    for ref in _session.job.refs:
+        obj = ref.resolve()
+        if not obj.users_scene:  # a slot of the panel keeps it in the file
+            raise BakeError(f"{obj.name!r} was deleted from the scene: bring it back with Undo, or switch Live off.")
+    _is_short = False
+    _all_changed |= was_short
 
 
 def every_time() -> bool:

@@ -4,36 +4,16 @@
 import bpy
 from bpy.props import CollectionProperty, IntProperty, StringProperty
 
-from . import cages, live, progress, results, showing
+from . import cages, live, modal, progress, results, showing
 from .bake import pace, pipeline, sequence, subjects
 from .bake.errors import BakeError
 from .bake.report import Report
 from .bake.settings import Settings
 from .properties import Options
 
-SLICE = 0.03
-"""Seconds of rays between two looks at the clock."""
-TICK = 0.08
-"""Seconds of work between two events of the window."""
-LOOKING_AROUND = {
-    "MOUSEMOVE",
-    "MIDDLEMOUSE",
-    "WHEELUPMOUSE",
-    "WHEELDOWNMOUSE",
-    "TRACKPADPAN",
-    "TRACKPADZOOM",
-    "NDOF_MOTION",
-}
-"""Events that go on to the views while a bake is going on. All others could change what is being baked."""
 
-
-class _InSlices:
-    """An operator that bakes: all at once for scripts, in slices with a progress bar from the window.
-
-    What it bakes comes from `_work`, a generator like pipeline.work, which may raise BakeError.
-    """
-
-    _steps = _timer = None
+class _Bake(modal.InSlices):
+    """An operator that bakes maps; `_work` returns their reports."""
 
     @classmethod
     def poll(cls, _context: bpy.types.Context) -> bool:
@@ -42,57 +22,16 @@ class _InSlices:
             return False
         return progress.current() is None
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        try:
-            reports = pace.finish(self._work(context, pace.Pace()))
-        except BakeError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        _tell(self, context, reports)
-        return {"FINISHED"}
+    def _finish(self, context: bpy.types.Context, result: list[Report]) -> None:
+        _tell(self, context, result)
 
-    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
-        if context.window is None:
-            return self.execute(context)
-        self._steps = self._work(context, pace.Pace(SLICE))
-        self._timer = context.window_manager.event_timer_add(0.01, window=context.window)
-        context.window_manager.modal_handler_add(self)
-        progress.show(context, pace.Step("Starting", 0.0))
-        return {"RUNNING_MODAL"}
-
-    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        if event.type == "ESC":
-            finished = progress.current().finished
-            self.cancel(context)
-            kept = f" {finished} maps were done before and are kept." if finished else " Nothing was changed."
-            self.report({"WARNING"}, "Stopped." + kept)
-            return {"CANCELLED"}
-        if event.type in LOOKING_AROUND:
-            return {"PASS_THROUGH"}
-        if event.type == "TIMER":
-            goes_on = False
-            try:
-                progress.show(context, pace.some(self._steps, TICK))
-                goes_on = True
-            except StopIteration as end:
-                _tell(self, context, end.value)
-                return {"FINISHED"}
-            except BakeError as error:
-                self.report({"ERROR"}, str(error))
-                return {"CANCELLED"}
-            finally:  # after an error that nobody has thought of as well: else the next bake would wait for this one
-                if not goes_on:
-                    self.cancel(context)
-        return {"RUNNING_MODAL"}
-
-    def cancel(self, context: bpy.types.Context) -> None:
-        """Stop where it is; Blender calls this as well when the file is closed in the middle of a bake."""
-        self._steps.close()
-        context.window_manager.event_timer_remove(self._timer)
-        progress.hide(context)
+    def draw(self, context: bpy.types.Context) -> None:
+        """Adjust Last Operation says what was done: to bake otherwise is the panel's, with its bar and Esc."""
+        for line in context.window_manager.imprint_summary.split("\n"):
+            self.layout.label(text=line)
 
 
-class _OnePair(_InSlices, Options):
+class _OnePair(_Bake, Options):
     """Bakes one low object, of the panel or of the arguments."""
 
     # Names are not remembered for the next call: the panel's button means what the panel shows.
@@ -154,38 +93,34 @@ class IMPRINT_OT_bake_sequence(_OnePair, bpy.types.Operator):
         return (yield from sequence.work(context, job, settings, range(first, last + 1), speed))
 
 
-class IMPRINT_OT_live(bpy.types.Operator):
+class IMPRINT_OT_live(modal.InSlices, bpy.types.Operator):
     """Bake anew whenever the high or the low objects change, or stop doing so"""
 
     bl_idname = "imprint.live"
     bl_label = "Live"
-    bl_options = {"REGISTER", "UNDO"}
+    bl_options = {"UNDO"}
 
     @classmethod
     def poll(cls, _context: bpy.types.Context) -> bool:
         return progress.current() is None
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        return super().invoke(context, event) if live.session() is None else self.execute(context)
+
+    def _work(self, context: bpy.types.Context, speed: pace.Pace) -> pace.Work[None]:
         if live.session() is not None:
-            try:
-                live.finish()
-            except BakeError as error:
-                self.report({"ERROR"}, str(error))
-            return {"FINISHED"}
+            live.finish()
+            return
         settings = context.scene.imprint
-        try:
-            low, highs = settings.subjects(context)
-            if low is None:
-                raise BakeError(subjects.problem(context, low, highs))
-            plain = settings.to_settings()
-            live.start(context, pipeline.Job(low, highs, settings.cage_for(plain.method)), plain)
-        except BakeError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        return {"FINISHED"}
+        low, highs = settings.subjects(context)
+        if low is None:
+            raise BakeError(subjects.problem(context, low, highs))
+        plain = settings.to_settings()
+        job = pipeline.Job(low, highs, settings.cage_for(plain.method))
+        yield from live.starting(context, job, plain, speed)
 
 
-class IMPRINT_OT_bake_pairs(_InSlices, bpy.types.Operator):
+class IMPRINT_OT_bake_pairs(_Bake, bpy.types.Operator):
     """Bake each low object of the scene against the high ones that are named like it"""
 
     bl_idname = "imprint.bake_pairs"

@@ -49,7 +49,10 @@ class IMPRINT_PT_bake(_Panel, bpy.types.Panel):
 
         low, highs = settings.subjects(context)
         problem = _problem(context, low, highs, settings)
-        lines = [problem] if problem else _plan(low, highs, settings)
+        following = live.words()
+        if following:
+            problem = ""  # the selection may be what it likes
+        lines = [following or problem] if following or problem else _plan(low, highs, settings)
         paragraphs(layout.box(), context, lines, "ERROR" if problem else "INFO")
         # The bar takes the button's place: nothing moves under the mouse when a bake begins or ends.
         row = layout.row()

@@ -8,7 +8,7 @@ import numpy as np
 from bpy.props import EnumProperty, FloatProperty, PointerProperty
 from gpu_extras.batch import batch_for_shader
 
-from . import live, progress
+from . import live, modal, progress
 from .bake import live as sessions
 from .bake import pace, pipeline, shading, subjects
 from .bake.errors import BakeError
@@ -33,6 +33,8 @@ DEGREES = "\N{DEGREE SIGN}"
 LINE = (0.9, 0.9, 0.9, 0.6)
 IN_REACH = 8.0
 """How near to the line of the split the mouse takes hold of it, in pixels at a scale of 1."""
+LATER = 0.5
+"""Seconds until a view that a bake keeps waiting asks again."""
 
 message = ""
 """Why the view went off, in a sentence; empty when it did not, or on request."""
@@ -56,14 +58,30 @@ def figures() -> shading.Figures | None:
 
 
 def switch(context: bpy.types.Context, wanted: str) -> None:
-    """Show one of MODES. Raises BakeError when there is nothing to show, and then the view is off."""
-    global _mode, message  # noqa: PLW0603 - what Blender calls to draw takes no arguments
+    """All that `switching` does, at once."""
+    pace.finish(switching(context, wanted, pace.Pace()))
+
+
+def switching(context: bpy.types.Context, wanted: str, speed: pace.Pace, *, anew: bool = False) -> pace.Work[None]:
+    """Show one of MODES, of a map that is drawn first where there is none, or where it is to be drawn `anew`.
+
+    Raises BakeError when there is nothing to show, and then the view is off; closed on the way, it leaves it as it was.
+    """
+    global _mode, _own, _own_settings, message  # noqa: PLW0603 - what Blender calls to draw takes no arguments
     message = ""
     if wanted == "OFF":
         off()
         return
-    _mode = wanted
-    _take_up(context)
+    try:
+        if anew or _session() is None:
+            own, own_settings = yield from _drawn_map(context, speed)
+            free()
+            _own, _own_settings = own, own_settings
+        _mode = wanted
+        _take_up()
+    except BakeError:
+        off()
+        raise
     if not _handles:
         for draw, event in ((_draw_view, "POST_VIEW"), (_draw_words, "POST_PIXEL")):
             _handles.append(bpy.types.SpaceView3D.draw_handler_add(draw, (), "WINDOW", event))
@@ -71,7 +89,7 @@ def switch(context: bpy.types.Context, wanted: str) -> None:
 
 def off() -> None:
     """Show the viewport as it is. Nothing stays behind."""
-    global _mode  # noqa: PLW0603 - see switch
+    global _mode  # noqa: PLW0603 - see switching
     _mode = "OFF"
     while _handles:
         bpy.types.SpaceView3D.draw_handler_remove(_handles.pop(), "WINDOW")
@@ -83,7 +101,7 @@ def off() -> None:
 
 def free() -> None:
     """Let go of what is on the GPU."""
-    global _own, _own_settings, _shading  # noqa: PLW0603 - see switch
+    global _own, _own_settings, _shading  # noqa: PLW0603 - see switching
     if _own is not None:
         _own.free()
     _own = _own_settings = _shading = None
@@ -91,19 +109,25 @@ def free() -> None:
 
 def refresh(context: bpy.types.Context) -> None:
     """Show the objects and settings as they are now. Raises BakeError, and then the view is off."""
-    free()
-    _take_up(context)
+    pace.finish(switching(context, _mode, pace.Pace(), anew=True))
 
 
-def catch_up() -> None:
-    """Show what live has drawn since the last time, or what is there after live has gone."""
-    global message  # noqa: PLW0603 - see switch
+def catch_up() -> float | None:
+    """Show what live has drawn since the last time, or a map of what is there after live has gone."""
+    global message  # noqa: PLW0603 - see switching
     if _mode == "OFF":
-        return
+        return None
+    if progress.current() is not None:
+        return LATER
     try:
-        _take_up(bpy.context)
+        if _session() is not None:
+            _take_up()
+        else:
+            _ask_for(_mode)
     except BakeError as error:
+        off()
         message = str(error)
+    return None
 
 
 def is_outdated(context: bpy.types.Context) -> bool:
@@ -112,27 +136,23 @@ def is_outdated(context: bpy.types.Context) -> bool:
 
 
 def _session() -> sessions.Session | None:
-    return live.session() or _own
+    """Whose map is shown: that of live once it has one."""
+    following = live.session()
+    return following if following is not None and following.texels is not None else _own
 
 
-def _take_up(context: bpy.types.Context) -> None:
+def _take_up() -> None:
     """Make ready what is to be shown. Not while a view is being drawn."""
-    global _own, _own_settings, _shading  # noqa: PLW0603 - see switch
-    if live.session() is not None and _own is not None:
+    global _shading  # noqa: PLW0603 - see switching
+    if _own is not None and _session() is not _own:
         free()
-    try:
-        if _session() is None:
-            _own, _own_settings = _draw_map(context)
-        if _shading is None or _shading.session is not _session():
-            _shading = shading.Shading(_session())
-    except BakeError:
-        off()
-        raise
+    if _shading is None or _shading.session is not _session():
+        _shading = shading.Shading(_session())
     _shading.update(is_measured=_mode.endswith("DEVIATION"))
     _redraw()
 
 
-def _draw_map(context: bpy.types.Context) -> tuple[sessions.Session, Settings]:
+def _drawn_map(context: bpy.types.Context, speed: pace.Pace) -> pace.Work[tuple[sessions.Session, Settings]]:
     """A map of the objects and settings that there are now, for the views alone."""
     settings = context.scene.imprint
     low, highs = settings.subjects(context)
@@ -140,9 +160,19 @@ def _draw_map(context: bpy.types.Context) -> tuple[sessions.Session, Settings]:
         raise BakeError(subjects.problem(context, low, highs))
     plain = settings.to_settings()
     job = pipeline.Job(low, highs, settings.cage_for(plain.method))
-    session = sessions.Session(context, job, shading.settings_for(plain), pace.Pace())
-    session.run(context)
+    session = sessions.Session(context, job, shading.settings_for(plain), speed)
+    yield from session.steps(context)
     return session, plain
+
+
+def _ask_for(wanted: str) -> None:
+    """Show one of MODES: in slices where there is a window. Raises BakeError."""
+    windows = bpy.context.window_manager.windows
+    if bpy.app.background or wanted == "OFF" or _session() is not None or not windows:
+        switch(bpy.context, wanted)
+        return
+    with bpy.context.temp_override(window=bpy.context.window or windows[0]):
+        bpy.ops.imprint.view_show("INVOKE_DEFAULT", mode=wanted)
 
 
 def _redraw() -> None:
@@ -272,9 +302,11 @@ def _get_mode(_view) -> int:
 
 
 def _set_mode(_view, number: int) -> None:
-    global message  # noqa: PLW0603 - see switch
+    global message  # noqa: PLW0603 - see switching
+    if progress.current() is not None:
+        return
     try:
-        switch(bpy.context, MODES[number][0])
+        _ask_for(MODES[number][0])
     except BakeError as error:
         message = str(error)
 
@@ -309,27 +341,49 @@ class ImprintView(bpy.types.PropertyGroup):
     )
 
 
-class IMPRINT_OT_view_next(bpy.types.Operator):
-    """Show the next of: nothing, the map, high and low beside it, deviations with it and without"""
-
-    bl_idname = "imprint.view_next"
-    bl_label = "Next View"
+class _Show(modal.InSlices):
+    """Shows a mode; one that needs a map has it drawn in slices."""
 
     @classmethod
     def poll(cls, _context: bpy.types.Context) -> bool:
         return progress.current() is None
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    def _wanted(self) -> str:
+        return _mode
+
+    def _work(self, context: bpy.types.Context, speed: pace.Pace) -> pace.Work[None]:
+        yield from switching(context, self._wanted(), speed)
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        # Without a map to draw there is nothing to wait for.
+        is_quick = self._wanted() == "OFF" or _session() is not None
+        return self.execute(context) if is_quick else super().invoke(context, event)
+
+
+class IMPRINT_OT_view_show(_Show, bpy.types.Operator):
+    """Show in the 3D viewport what the map does"""
+
+    bl_idname = "imprint.view_show"
+    bl_label = "Show View"
+
+    mode: EnumProperty(name="View", description="What the 3D viewport shows", items=MODES)
+
+    def _wanted(self) -> str:
+        return self.mode
+
+
+class IMPRINT_OT_view_next(_Show, bpy.types.Operator):
+    """Show the next of: nothing, the map, high and low beside it, deviations with it and without"""
+
+    bl_idname = "imprint.view_next"
+    bl_label = "Next View"
+
+    def _wanted(self) -> str:
         modes = [item[0] for item in MODES]
-        try:
-            switch(context, modes[(modes.index(_mode) + 1) % len(modes)])
-        except BakeError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        return {"FINISHED"}
+        return modes[(modes.index(_mode) + 1) % len(modes)]
 
 
-class IMPRINT_OT_view_refresh(bpy.types.Operator):
+class IMPRINT_OT_view_refresh(modal.InSlices, bpy.types.Operator):
     """Draw the map that the view shows anew, of the objects and settings as they are now"""
 
     bl_idname = "imprint.view_refresh"
@@ -339,13 +393,8 @@ class IMPRINT_OT_view_refresh(bpy.types.Operator):
     def poll(cls, _context: bpy.types.Context) -> bool:
         return progress.current() is None and _mode != "OFF" and live.session() is None
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        try:
-            refresh(context)
-        except BakeError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        return {"FINISHED"}
+    def _work(self, context: bpy.types.Context, speed: pace.Pace) -> pace.Work[None]:
+        yield from switching(context, _mode, speed, anew=True)
 
 
 class IMPRINT_GT_split(bpy.types.Gizmo):
@@ -435,6 +484,7 @@ class IMPRINT_PT_view(bpy.types.Panel):
 
 CLASSES = (
     ImprintView,
+    IMPRINT_OT_view_show,
     IMPRINT_OT_view_next,
     IMPRINT_OT_view_refresh,
     IMPRINT_GT_split,

@@ -21,6 +21,9 @@ from .report import Report
 from .settings import Settings
 from .sources import Source
 
+READY = 0.2
+"""Share of a map that is done when drawing begins."""
+
 
 class Session:
     """Follows the objects of a job.
@@ -93,11 +96,12 @@ class Session:
             self._finishes = finish.all_of([meshes.low], settings)
         shown = methods.choose(meshes, [1001], settings, report)
         self._method = report.method
-        source = yield from methods.source(shown, [1001], settings, report, self.pace, kept=self._kept)
+        preparing = methods.source(shown, [1001], settings, report, self.pace, kept=self._kept)
+        source = yield from pace.part(preparing, 0.0, READY)
         if source.takes_time and self.pace.is_heard:
             yield self._first_look(source, shown.basis, settings, report)
         renderer = render.Renderer(source, shown.basis, settings, report, self.pace, kept=self._kept)
-        maps = yield from renderer.texels(1001, self._finishes)
+        maps = yield from pace.part(renderer.texels(1001, self._finishes), READY, 1.0)
         texels, state = maps["NORMAL"]
         if not (state == resolve.WRITTEN).any():
             raise BakeError(methods.nothing_drawn(shown, [1001], report))
@@ -117,7 +121,7 @@ class Session:
             renderer = render.Renderer(source, basis, small, report, Pace(), kept=self._kept)
             pace.finish(renderer.texels(1001, finish.all_of([self._meshes.low], small)))
         self._coarse = self._coarse_pool["map"].texture
-        return Step("Drawing", 0.0, self._coarse)
+        return Step("Drawing", READY, self._coarse)
 
     def is_moved(self, uid: int) -> bool:
         """Whether vertices of the object with this session_uid are not where they were when they were last read."""
@@ -134,8 +138,20 @@ class Session:
 
     def run(self, context: bpy.types.Context, changed: Collection[int] | None = None) -> None:
         """All of `work`, at once."""
-        with target.using(self._pool):
-            pace.finish(self.work(context, changed))
+        pace.finish(self.steps(context, changed))
+
+    def steps(self, context: bpy.types.Context, changed: Collection[int] | None = None) -> Work[None]:
+        """As `work`, with the session's own textures: other bakes may go on between."""
+        work = self.work(context, changed)
+        try:
+            while True:
+                with target.using(self._pool):
+                    step = next(work)
+                yield step
+        except StopIteration:
+            return
+        finally:
+            work.close()
 
     def free(self) -> None:
         """Free what is kept on the GPU."""

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Render targets, kept between bakes, and the way back from them into numpy arrays."""
 
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -28,6 +29,8 @@ Pool = dict[str, "Target"]
 """Targets by their roles."""
 _common: Pool = {}
 _pool = _common
+_used = 0.0
+"""When somebody last asked for a target, as time.monotonic has it."""
 
 
 class Target:
@@ -110,6 +113,8 @@ def offscreen(role: str, width: int, height: int, texel: str) -> Offscreen:
 
 
 def _kept(role: str, kind: type[Target], width: int, height: int, formats: tuple[str, ...]) -> Target:
+    global _used  # noqa: PLW0603 - all that is drawn asks here first
+    _used = time.monotonic()
     target = _pool.get(role)
     fits = isinstance(target, kind) and (target.width, target.height, target.formats) == (width, height, formats)
     if not fits:
@@ -127,6 +132,11 @@ def using(pool: Pool) -> Iterator[None]:
         yield
     finally:
         _pool = before
+
+
+def idle() -> float:
+    """Seconds since somebody last asked for a target."""
+    return time.monotonic() - _used
 
 
 def trim() -> None:

@@ -481,11 +481,38 @@ def test_a_thousand_updates_leave_no_more_than_one(pair):
 
 
 @pytest.mark.parametrize("name", ["hi", "lo"])
-def test_an_object_that_is_deleted_ends_it(pair, name):
+@pytest.mark.parametrize("way", ["from the file", "from the scene"])
+def test_an_object_that_is_deleted_is_waited_for(pair, name, way):
+    """A slot of the panel keeps it in the file when it is deleted in the viewport."""
+    bpy.ops.ed.undo_push(message="before")
     switch(True)
-    bpy.data.objects.remove(bpy.data.objects[name])
+    bpy.ops.ed.undo_push(message="live")
+    obj = bpy.data.objects[name]
+    if way == "from the file":
+        bpy.data.objects.remove(obj)
+    else:
+        bpy.context.scene.collection.objects.unlink(obj)
+    bpy.ops.ed.undo_push(message="deleted")
+    bpy.context.view_layer.update()
+    live.tick()
+    assert live.message.startswith(f"{name!r} was deleted")
+    assert repr(name) in live.words()
+    live.tick()
+    assert live.session() is not None
+    bpy.ops.ed.undo()
     follow()
-    assert live.session() is None
+    assert live.message == ""
+    move(bpy.data.objects[name], 4)
+    follow()
+    assert np.array_equal(pixels(bpy.data.images["lo_normal"]), fresh())
+
+
+def test_it_says_what_it_follows(pair):
+    """By the names that they have now."""
+    assert live.words() == ""
+    switch(True)
+    pair[1].name = "renamed"
+    assert live.words() == "Live: 'lo' follows 'renamed'."
 
 
 def test_it_follows_the_scenes_render_engine(pair):

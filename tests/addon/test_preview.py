@@ -223,7 +223,7 @@ def test_nothing_to_go_on_with_after_live_is_told(pair):
     assert preview._own is None
     bpy.data.objects.remove(pair[1])
     bpy.context.view_layer.update()
-    live.tick()
+    bpy.ops.imprint.live()
     preview.catch_up()
     assert preview.message.startswith("No high object")
     assert is_clean()

@@ -1,0 +1,12 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What bakes keep on the GPU for the next one, and how long."""
+
+from ..passes import target
+from . import casting
+
+
+def let_go(after: float) -> None:
+    """Free trees and targets if nothing was drawn for so many seconds; the next bake makes them anew."""
+    if target.idle() > after:
+        casting.free()
+        target.free()

@@ -1,0 +1,234 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Work in slices, as the window does it: with a bar and Esc, and nothing left behind whatever ends it."""
+
+from types import SimpleNamespace
+
+import bpy
+import pytest
+
+import addon
+from addon import idle, live, modal, operators, preview, progress
+from addon.bake import casting, keeping, pace
+from addon.bake.errors import BakeError
+from addon.passes import target
+from tests.support import zoo
+from tests.support.maps import pixels
+from tests.support.snapshot import difference, snapshot
+
+pytestmark = pytest.mark.usefixtures("gpu_context", "registered")
+
+TICKS = 2000
+"""More than anything here takes."""
+
+
+@pytest.fixture
+def pair():
+    low, high = zoo.terrain("lo", n=8), zoo.terrain("hi", n=24, height=0.15)
+    settings = bpy.context.scene.imprint
+    settings.low = low
+    settings.highs.add().object = high
+    settings.method, settings.width, settings.height = "CAST", 64, 64
+    yield low, high
+    modal.stop(bpy.context)
+    live.stop()
+    preview.off()
+
+
+class Button(modal.InSlices):
+    """An operator of ours as the window presses it: in slices that are as short as can be."""
+
+    def __init__(self, operator, **properties):
+        self._work = operator._work.__get__(self)
+        self._finish = operator._finish.__get__(self)
+        for name in ("_job", "_wanted", "to_settings"):
+            if hasattr(operator, name):
+                setattr(self, name, getattr(operator, name).__get__(self))
+        self.low = self.cage = ""
+        self.high = ()
+        self.options = SimpleNamespace(is_invoke=True)
+        self.properties = SimpleNamespace(is_property_set=lambda _: False)
+        self.told = []
+        self.__dict__.update(properties)
+
+    def report(self, kind, text):
+        self.told.append((*kind, text))
+
+    def press(self):
+        manager = bpy.context.window_manager
+        self.context = SimpleNamespace(
+            window=manager.windows[0],
+            workspace=SimpleNamespace(status_text_set=lambda _: None),
+            window_manager=SimpleNamespace(
+                windows=manager.windows,
+                event_timer_add=manager.event_timer_add,
+                event_timer_remove=manager.event_timer_remove,
+                modal_handler_add=lambda _: None,
+            ),
+            scene=bpy.context.scene,
+            view_layer=bpy.context.view_layer,
+            evaluated_depsgraph_get=bpy.context.evaluated_depsgraph_get,
+            active_object=bpy.context.active_object,
+            selected_objects=bpy.context.selected_objects,
+        )
+        return self.invoke(self.context, None)
+
+    def event(self, kind="TIMER"):
+        return self.modal(self.context, SimpleNamespace(type=kind))
+
+    def run(self):
+        for _ in range(TICKS):
+            state = self.event()
+            if state != {"RUNNING_MODAL"}:
+                return state
+        raise AssertionError("it does not come to an end")
+
+
+@pytest.fixture
+def tiny(monkeypatch):
+    """Slices and ticks that are as short as can be."""
+    monkeypatch.setattr(modal, "TICK", -1.0)
+    monkeypatch.setattr(modal, "SLICE", 1e-9)
+
+
+def is_clean():
+    return progress.current() is None and not progress._handles and bpy.ops.imprint.live.poll()
+
+
+BUTTONS = {
+    "live": lambda: Button(operators.IMPRINT_OT_live),
+    "view": lambda: Button(preview.IMPRINT_OT_view_show, mode="MAP"),
+}
+
+
+@pytest.mark.usefixtures("tiny")
+@pytest.mark.parametrize("name", BUTTONS)
+def test_a_first_map_comes_in_slices_with_a_bar(pair, name):
+    button = BUTTONS[name]()
+    assert button.press() == {"RUNNING_MODAL"}
+    seen = []
+    while button.event() == {"RUNNING_MODAL"}:
+        seen.append(progress.current().done)
+    assert len(seen) > 4
+    assert seen == sorted(seen)
+    assert is_clean()
+    assert button.told == []
+    if name == "live":
+        assert live.session() is not None
+        now = pixels(bpy.data.images["lo_normal"])
+        live.stop()
+        bpy.ops.imprint.live()
+        assert (pixels(bpy.data.images["lo_normal"]) == now).all()
+    else:
+        assert preview.mode() == "MAP"
+
+
+@pytest.mark.usefixtures("tiny")
+@pytest.mark.parametrize("name", BUTTONS)
+@pytest.mark.parametrize("step", [1, 3, 6])
+def test_esc_leaves_everything_as_it_was(pair, name, step):
+    before, button = snapshot(), BUTTONS[name]()
+    button.press()
+    for _ in range(step):
+        assert button.event() == {"RUNNING_MODAL"}
+    assert button.event("ESC") == {"CANCELLED"}
+    assert is_clean()
+    assert live.session() is None
+    assert preview.mode() == "OFF"
+    assert difference(before, snapshot()) == {}
+
+
+@pytest.mark.usefixtures("tiny")
+def test_esc_keeps_the_view_that_was_on(pair):
+    preview.switch(bpy.context, "MAP")
+    own = preview._own
+    button = Button(preview.IMPRINT_OT_view_refresh)
+    button.press()
+    button.event()
+    button.event("ESC")
+    assert preview.mode() == "MAP"
+    assert preview._own is own
+
+
+@pytest.mark.usefixtures("tiny")
+def test_what_changes_while_live_starts_counts(pair):
+    button = Button(operators.IMPRINT_OT_live)
+    button.press()
+    for _ in range(4):
+        button.event()
+    pair[1].location.z = 0.01
+    bpy.context.view_layer.update()
+    button.run()
+    assert not live.is_resting()
+
+
+@pytest.mark.usefixtures("tiny")
+@pytest.mark.parametrize("name", [*BUTTONS, "bake"])
+def test_an_extension_that_is_switched_off_ends_what_is_going_on(pair, name):
+    button = BUTTONS[name]() if name in BUTTONS else _running_bake()
+    button.press()
+    button.event()
+    addon.unregister()
+    addon.register()
+    assert is_clean()
+    assert bpy.ops.imprint.bake.poll()
+    assert button.event() == {"CANCELLED"}
+    assert live.session() is None
+
+
+@pytest.mark.usefixtures("tiny")
+@pytest.mark.parametrize("name", [*BUTTONS, "bake"])
+def test_another_file_ends_what_is_going_on(pair, name):
+    button = BUTTONS[name]() if name in BUTTONS else _running_bake()
+    button.press()
+    button.event()
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    assert is_clean()
+    assert button.event() == {"CANCELLED"}
+
+
+def _running_bake():
+    steps = (pace.Step("Baking", number / 10) for number in range(10))
+    button = Button(operators.IMPRINT_OT_live)
+    button._work = lambda *_: steps
+    return button
+
+
+def test_an_error_is_told_and_frees_the_window(pair):
+    button = Button(operators.IMPRINT_OT_live)
+
+    def fails(*_):
+        yield pace.Step("Reading", 0.0)
+        raise BakeError("It cannot be.")
+
+    button._work = fails
+    button.press()
+    assert button.run() == {"CANCELLED"}
+    assert button.told == [("ERROR", "It cannot be.")]
+    assert is_clean()
+
+
+def test_adjust_last_operation_says_what_was_done_and_offers_nothing(pair):
+    assert bpy.ops.imprint.bake() == {"FINISHED"}
+    said = []
+
+    def label(*, text):
+        said.append(text)
+
+    operators._Bake.draw(SimpleNamespace(layout=SimpleNamespace(label=label)), bpy.context)
+    assert any("64 x 64" in line for line in said)
+    assert "REGISTER" not in operators.IMPRINT_OT_live.bl_options
+
+
+def test_what_is_kept_is_let_go_when_nobody_bakes(pair, monkeypatch):
+    bpy.ops.imprint.bake()
+    keeping.let_go(after=60.0)
+    assert casting._kept
+    assert target._common
+    monkeypatch.setattr(idle, "AFTER", 0.0)
+    monkeypatch.setattr(progress, "_step", pace.Step("Baking", 0.5))
+    idle.tick()
+    assert casting._kept
+    monkeypatch.setattr(progress, "_step", None)
+    assert idle.tick() == idle.EVERY
+    assert not casting._kept
+    assert not target._common
