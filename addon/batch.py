@@ -150,6 +150,8 @@ def bake(plan: Plan, stage: Stage, files: clashes.Run, meter: Meter) -> Result:
     _start_gpu()
     with Replaced() as replaced:
         reports, is_stopped = _baked(options, jobs, settings, meter)
+        for told in reports:
+            told.warnings += [*stage.notes, *_refused_scripts()]
         are = "pairs" if options.pairs else "frames" if options.frames else ""
         result = Result(plan.name, reports, written(reports), problems, are=are, is_stopped=is_stopped)
         with replaced.restoring():  # a bake whose scene or report cannot be saved has failed
@@ -186,6 +188,13 @@ def _baked(
         if not reports:
             raise
         return reports, True
+
+
+def _refused_scripts() -> list[str]:
+    """What Blender has not run of the open file, which may move a mesh."""
+    if not bpy.app.autoexec_fail:
+        return []
+    return [f"Scripts of the file were not run, and what they drive stays as saved: {bpy.app.autoexec_fail_message}."]
 
 
 def written(reports: Sequence[Report]) -> list[str]:

@@ -34,6 +34,8 @@ class Stage:
 
     def __init__(self):
         self._open: list[Path] = []
+        self.notes: list[str] = []
+        """Sentences on what of the open files does not take part."""
 
     def open(self, names: Sequence[str]) -> None:
         """Open a .blend, or import files into an empty scene; nothing where these are open already.
@@ -44,7 +46,7 @@ class Stage:
         wanted = [Path(name).resolve() for name in names]
         if wanted == self._open:
             return
-        self._open = []
+        self._open, self.notes = [], []
         if _ending(first) in IMPORTERS:
             _empty()
             bring(first)
@@ -52,6 +54,7 @@ class Stage:
             _open_blend(first)
         for name in others:
             bring(name)
+        self.notes = _hold_caches()
         self._open = wanted
 
     def job(self, low: str, highs: Sequence[str], cage: str | None = None) -> Job:
@@ -61,12 +64,14 @@ class Stage:
         """
         for name in (low, *highs, *([cage] if cage else [])):
             _existing(name)
-        self._open = []
+        self._open, self.notes = [], []
         _empty()
         low_object = _only(low, bring(low))
         low_object.rename(Path(low).stem, mode="ALWAYS")
         high_objects = [obj for name in highs for obj in bring(name)] or [low_object]
-        return Job(low_object, high_objects, _only(cage, bring(cage)) if cage else None)
+        cage_object = _only(cage, bring(cage)) if cage else None
+        self.notes = _hold_caches()
+        return Job(low_object, high_objects, cage_object)
 
 
 def pairs(folder: str, suffixes: Suffixes) -> tuple[list[tuple[Pair, str]], list[str]]:
@@ -146,6 +151,30 @@ def _open_blend(name: str) -> None:
             bpy.ops.wm.open_mainfile(filepath=name, load_ui=False, use_scripts=False)
     except RuntimeError as error:
         raise BakeError(f"{name!r} could not be opened: {reason(error)}.") from error
+
+
+def _hold_caches() -> list[str]:
+    """Keep simulations from writing files as frames go by; returns what that changes."""
+    notes = []
+    for obj in bpy.data.objects:
+        for modifier in obj.modifiers:
+            domain = modifier.domain_settings if modifier.type == "FLUID" else None
+            if domain and domain.cache_type == "REPLAY":
+                modifier.show_viewport = modifier.show_render = False
+                notes.append(
+                    f"The fluid of {obj.name!r} was switched off, as its type Replay writes files: bake it as All or Modular."
+                )
+        _hold_points(obj)
+    return notes
+
+
+def _hold_points(obj: bpy.types.Object) -> None:
+    """What is baked on the disk is read from there; the rest stays in memory."""
+    caches = [each.point_cache for each in obj.modifiers if each.type in {"CLOTH", "SOFT_BODY"}]
+    caches += [system.point_cache for system in obj.particle_systems]
+    for cache in caches:
+        if cache.use_disk_cache and not cache.is_baked:
+            cache.use_disk_cache = False
 
 
 def _empty() -> None:

@@ -107,7 +107,7 @@ def partials(folder):
 
 def faults(folder, code, number, process):
     """Yield what is wrong after a stop."""
-    if code != 128 + number:
+    if code not in {128 + number, -number}:  # the second before Python itself has started; shells call both the same
         yield f"exit code {code}"
     if group_lives(process):
         yield "somebody lives on"

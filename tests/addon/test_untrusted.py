@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Files of others: what they would run is not run, what they would write is not written, and both are said."""
+
+import json
+
+import bpy
+import pytest
+
+from addon import commands
+from tests.support import zoo
+
+pytestmark = pytest.mark.usefixtures("gpu_context")
+
+BAKE = ["s.blend", "--low", "lo", "--high", "hi", "--size", "16", "--limit", "9", "--method", "flatten"]
+
+
+@pytest.fixture
+def high(tmp_path, monkeypatch):
+    """The high object of a scene that is to be saved as s.blend in the folder to work in."""
+    monkeypatch.chdir(tmp_path)
+    zoo.plane("lo")
+    return zoo.plane("hi", slope=0.1)
+
+
+def baked(folder, *words):
+    """Bake s.blend; returns what was written, and the warnings of the reports."""
+    bpy.ops.wm.save_as_mainfile(filepath=str(folder / "s.blend"))
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    before = set(folder.rglob("*"))
+    assert commands.run([*BAKE, "--report", "r.json", *words]) == commands.DONE
+    report = json.loads((folder / "r.json").read_text())
+    warnings = [warning for each in report.get("frames", [report]) for warning in each["warnings"]]
+    return sorted(path.name for path in set(folder.rglob("*")) - before), warnings
+
+
+def test_scripts_that_were_refused_are_told(tmp_path, high, capfd):
+    driver = high.driver_add("location", 2).driver
+    driver.expression = "len([1 for i in range(2)])"
+    _, warnings = baked(tmp_path, "--output", "m.png")
+    (warning,) = warnings
+    assert warning.startswith("Scripts of the file were not run, and what they drive stays as saved: Driver 'len(")
+    assert f"imprint: warning: {warning}" in capfd.readouterr().err
+
+
+def test_a_cache_on_the_disk_stays_in_memory(tmp_path, high):
+    cloth = high.modifiers.new("Cloth", "CLOTH")
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "s.blend"))
+    cloth.point_cache.use_disk_cache = True
+    written, warnings = baked(tmp_path, "--output", "m.#.png", "--frames", "1-3")
+    assert written == ["m.1.png", "m.2.png", "m.3.png", "r.json"]
+    assert not [warning for warning in warnings if "Scripts" in warning]
+
+
+def test_a_fluid_that_writes_files_is_switched_off_and_told(tmp_path, high):
+    domain = zoo.plane("domain").modifiers.new("Fluid", "FLUID")
+    domain.fluid_type = "DOMAIN"
+    domain.domain_settings.cache_type, domain.domain_settings.cache_directory = "REPLAY", "//cache"
+    flow = high.modifiers.new("Fluid", "FLUID")
+    flow.fluid_type = "FLOW"
+    written, warnings = baked(tmp_path, "--output", "m.#.png", "--frames", "1-3")
+    assert [name for name in written if name.startswith("fluid")] == []
+    assert warnings[0].startswith("The fluid of 'domain' was switched off")
