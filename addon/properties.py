@@ -120,7 +120,8 @@ class Options:
     height: IntProperty(name="Height", description="Texels", default=_USUAL.height, min=MIN_SIZE, max=MAX_SIZE)
     samples: EnumProperty(
         name="Samples",
-        description="How often each texel is drawn; several are antialiased and take as many times as long",
+        description="How often each texel is drawn; several are antialiased. 1 for a look, 4 or more for the map that stays: "
+        "4 take some 2 to 3 times as long and leave a fifth of the error",
         items=[(str(n), str(n), "One, at the texel's centre" if n == 1 else f"The mean of {n}") for n in SAMPLES],
     )
     maps: EnumProperty(

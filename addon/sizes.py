@@ -4,7 +4,7 @@
 import bpy
 from bpy.props import FloatProperty, IntProperty
 
-from .bake.settings import MAX_SIZE, MIN_SIZE
+from .bake.settings import MAX_SIZE
 
 USUAL = (512, 1024, 2048, 4096, 8192)
 
@@ -16,15 +16,18 @@ class IMPRINT_OT_resize(bpy.types.Operator):
     bl_label = "Resize Map"
     bl_options = {"REGISTER", "UNDO"}
 
-    side: IntProperty(name="Side", description="Texels along the longer side; 0 to scale", default=0, min=0)
-    factor: FloatProperty(name="Factor", description="By how much both sides are scaled", default=1.0, min=0.0)
+    side: IntProperty(
+        name="Side", description="Texels along the longer side; 0 to scale", default=0, min=0, max=MAX_SIZE
+    )
+    factor: FloatProperty(
+        name="Factor", description="By how much both sides are scaled", default=1.0, min=0.0, max=64.0
+    )
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         settings = context.scene.imprint
         factor = self.side / max(settings.width, settings.height) if self.side else self.factor
-        settings.width, settings.height = (
-            min(MAX_SIZE, max(MIN_SIZE, round(side * factor))) for side in (settings.width, settings.height)
-        )
+        # Each stays within its limits, which the properties hold.
+        settings.width, settings.height = (round(side * factor) for side in (settings.width, settings.height))
         return {"FINISHED"}
 
 
