@@ -52,6 +52,8 @@ class Run:
             look("", self.places.read, path, "a mesh in the folder")
         for name, options in bakes:
             look(name, self._read, name, options)
+        for path, name in _libraries(bakes, report):
+            look(name, self.places.read, path, _of("a linked library", name), name)
         for name, options in bakes:
             look(name, self._write, name, options)
         if report and report != STDOUT:
@@ -125,6 +127,24 @@ def _read_by(options: argparse.Namespace) -> Iterator[tuple[str, str, str]]:
     for path in [*opened, *(path for path, _ in parts if path)]:
         for other in companions.of(Path(path)):
             yield str(other), f"what {os.path.basename(path)!r} refers to", ""
+
+
+def _libraries(bakes: Sequence[tuple[str, argparse.Namespace]], report: str | None) -> Iterator[tuple[str, str]]:
+    """The libraries of all files to open, with the first bake that opens each.
+
+    A bake sees its own once it is open, and only another one can have written over them by then. That takes a .blend that is
+    there already; without one, nothing is read here, as it takes a look through all of each file.
+    """
+    written = [report, *(path for _, options in bakes for path in (options.report, options.save_blend))]
+    real = (os.path.realpath(path) for path in written if path)
+    if len(bakes) < 2 or not any(path.endswith(".blend") and os.path.exists(path) for path in real):
+        return
+    seen = set()
+    for name, options in bakes:
+        for path in options.file:
+            if path not in seen and path.endswith(".blend"):
+                seen.add(path)
+                yield from ((str(library), name) for library in companions.libraries(Path(path)))
 
 
 def _meshes_in(folder: str) -> list[str]:

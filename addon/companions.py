@@ -1,16 +1,23 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The files that a mesh file refers to: its materials, its buffers, its textures."""
+"""The files that a file refers to: a mesh file's materials, buffers and textures, the libraries of a .blend."""
 
 import json
 import os
+import re
 import struct
 from collections.abc import Iterator
 from pathlib import Path
+from typing import BinaryIO
 from urllib.parse import unquote
+
+import _blendfile_header
+from blend_render_info import RawBlendFileReader
 
 MOST = 1 << 24
 """Bytes of a file that are looked at: an .obj names its materials before its points, and what is longer as JSON holds
 its buffers itself."""
+_LIBRARY = re.compile(rb"[^\0]*[/\\][^\0]*\.blend(?=\0)")
+"""A path in the block of a library, which holds its bare name as well."""
 
 
 def of(path: Path) -> Iterator[Path]:
@@ -26,6 +33,29 @@ def of(path: Path) -> Iterator[Path]:
         yield from (folder / name for name in names)
 
 
+def libraries(path: Path) -> list[Path]:
+    """The files from which the .blend at `path` links, found without opening it in Blender; all its blocks are passed."""
+    import zstandard  # which Blender brings along
+
+    try:
+        with RawBlendFileReader(path) as file:
+            # Names are in the bytes of the system, as paths are.
+            found = [os.fsdecode(name) for block in _blocks(file, b"LI") for name in _LIBRARY.findall(block)]
+    except (OSError, EOFError, ValueError, struct.error, zstandard.ZstdError, _blendfile_header.BlendHeaderError):
+        return []  # opening it will tell what is wrong with it
+    return [path.parent / name.removeprefix("//") for name in found]
+
+
+def _blocks(file: BinaryIO, code: bytes) -> Iterator[bytes]:
+    """What the blocks of this kind hold."""
+    layout = _blendfile_header.BlendFileHeader(file).create_block_header_struct()
+    while (head := _blendfile_header.BlockHeader(file, layout)).code != b"ENDB":
+        if head.code.rstrip(b"\0") == code:
+            yield file.read(head.size)
+        else:
+            file.seek(head.size, os.SEEK_CUR)
+
+
 def _of_obj(path: Path) -> Iterator[str]:
     for library in _said(path, ("mtllib",)):
         yield library
@@ -35,7 +65,9 @@ def _of_obj(path: Path) -> Iterator[str]:
             except (OSError, ValueError):
                 continue
             # Options may stand before the name, which may hold spaces.
-            yield from (os.path.join(os.path.dirname(library), name) for said in maps for name in {said, said.split()[-1]})
+            yield from (
+                os.path.join(os.path.dirname(library), name) for said in maps for name in {said, said.split()[-1]}
+            )
 
 
 def _folders(path: Path) -> set[Path]:

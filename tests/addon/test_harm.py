@@ -266,14 +266,56 @@ LATE = ["--low=rock_a_low", "--high=rock_a_high", "--no-material", *SMALL]
 @pytest.mark.parametrize("option", ["report", "save-blend"])
 def test_a_library_is_not_written_over(place, capsys, output, option):
     before = tree(place)
-    assert commands.run(["in/linked.blend", *LATE, "--output=out/m.png", f"--{option}={output}"]) == commands.WRONG_USAGE
+    assert (
+        commands.run(["in/linked.blend", *LATE, "--output=out/m.png", f"--{option}={output}"]) == commands.WRONG_USAGE
+    )
     assert "would be written over a linked library" in capsys.readouterr().err
     assert tree(place) == before
-    bake = {"file": "in/linked.blend", "low": "rock_a_low", "high": "rock_a_high", "output": "out/m.png", option: output}
+    bake = {
+        "file": "in/linked.blend",
+        "low": "rock_a_low",
+        "high": "rock_a_high",
+        "output": "out/m.png",
+        option: output,
+    }
     (place / "jobs.json").write_text(json.dumps({"bake": [bake]}))
     assert commands.run(["--jobs=jobs.json", "--no-material", *SMALL]) == commands.FAILED
     assert "would be written over a linked library" in capsys.readouterr().err
     assert {path: content for path, content in tree(place).items() if path.name != "jobs.json"} == before
+
+
+@pytest.mark.parametrize("option", ["save-blend", "report"])
+def test_a_library_of_a_later_set_is_not_written_over(place, capsys, option):
+    own = {"low": "rock_a_low", "high": "rock_a_high"}
+    if option == "report":  # whose path is a link's here
+        (place / "r.json").symlink_to("in/lib.blend")
+    first = {
+        "file": "in/rock.blend",
+        **own,
+        "output": "out/a.png",
+        option: "r.json" if option == "report" else "in/lib.blend",
+    }
+    second = {"file": "in/linked.blend", **own, "output": "out/b.png"}
+    (place / "jobs.json").write_text(json.dumps({"bake": [first, second]}))
+    before = tree(place)
+    assert commands.run(["--jobs=jobs.json", *SMALL]) == commands.WRONG_USAGE
+    assert "a linked library of set 2 (rock_a_low)" in capsys.readouterr().err
+    assert tree(place) == before
+
+
+@pytest.mark.parametrize("packed", [False, True])
+def test_libraries_are_found_without_opening_a_file(place, packed):
+    bpy.ops.wm.open_mainfile(filepath=str(place / "in" / "linked.blend"))
+    path = place / "in" / "copy.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True, compress=packed)
+    assert path.read_bytes().startswith(STARTS[".blend"][packed])
+    assert place / "in" / "lib.blend" in companions.libraries(path)
+    whole = path.read_bytes()
+    for broken in (whole[:1000], whole[:10], whole[:400] + b"no stream" + whole[400:], b""):
+        path.write_bytes(broken)
+        companions.libraries(path)  # whatever it still finds
+    assert companions.libraries(path) == []
+    assert companions.libraries(place / "in" / "rock_a_low.obj") == []
 
 
 def test_a_texture_that_only_the_importer_knows_is_not_written_over(place, capsys, monkeypatch):
