@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import gpu
 import numpy as np
+from mathutils.bvhtree import BVHTree
 
 from ..mesh import extract
 from ..mesh.arrays import Frame, Mesh, frame_of, gap, normal_matrix
@@ -22,8 +23,12 @@ MODES = ("MAP", "SPLIT", "DEVIATION", "BARE_DEVIATION")
 MIDDLE = 0.25
 """Of the view's width, for the low mesh without its map between the other two."""
 PULL = 0.1
-"""Of the low mesh's radius: how far what is drawn is pulled towards the viewer, so that neither the low object nor the
-high one, which lies around it, shows through."""
+"""Of the low mesh's radius: how far what is drawn is pulled towards the viewer at least, so that neither the low object nor
+the high one, which lies around it, shows through."""
+SIDEWAYS = 3.0
+"""Of the height of the highest bump: how far the view must be pulled, since one that is seen aslant hides more behind it."""
+PROBES = 1000
+"""Vertices of each high mesh whose height over the low one is looked at."""
 
 
 @dataclass(frozen=True)
@@ -56,9 +61,11 @@ class Figures:
 
 @dataclass(frozen=True)
 class _Scene:
-    """What is drawn: batches with the normal matrices of their objects, in a frame around the low mesh."""
+    """What is drawn: batches with the normal matrices of their objects, in a frame around the low mesh. pull: how far it is
+    pulled towards the viewer, in the frame's units."""
 
     frame: Frame
+    pull: float
     low: tuple[gpu.types.GPUBatch, np.ndarray]
     highs: list[tuple[gpu.types.GPUBatch, np.ndarray]]
 
@@ -101,6 +108,7 @@ class Shading:
         self._scene: _Scene | None = None
         self._seen: tuple[Meshes, list[bytes]] | None = None
         self._square: gpu.types.GPUBatch | None = None
+        self._near: tuple[tuple | None, BVHTree | None] = None, None
 
     def update(self, *, is_measured: bool) -> None:
         """Take up the session's last map, if it is another than the last time. Not while a view is being drawn."""
@@ -119,7 +127,7 @@ class Shading:
         drawn = self.session.map
         if scene is None or drawn is None:
             return
-        matrix = _view_projection(eye, scene.frame)
+        matrix = _view_projection(eye, scene.frame, scene.pull)
         light = np.append((eye.light[:3] - eye.light[3] * scene.frame.centre) / scene.frame.size, eye.light[3])
         with _tested_for_depth():
             if mode == "MAP":
@@ -199,13 +207,14 @@ class Shading:
         )
 
     def _placed(self, *, with_highs: bool) -> _Scene | None:
-        """The objects where they are now."""
+        """The objects where they are now; of the high ones those that are there, and all of them if `with_highs`."""
         meshes = self.session.meshes
-        shown = [self._low(), *(meshes.highs if with_highs else [])]
+        shown = [self._low(), *meshes.highs]
         objects = [ref.find() for ref in self.session.job.refs[: len(shown)]]
-        if None in objects:
+        if objects[0] is None or (with_highs and None in objects):
             return None
-        matrices = [extract.matrix(obj) for obj in objects]
+        shown = [mesh for mesh, obj in zip(shown, objects, strict=True) if obj is not None]
+        matrices = [extract.matrix(obj) for obj in objects if obj is not None]
         if not all(np.isfinite(matrix).all() and np.linalg.det(matrix[:3, :3]) for matrix in matrices):
             return None
         places = [matrix.tobytes() for matrix in matrices]
@@ -216,11 +225,15 @@ class Shading:
 
     def _place(self, low: Mesh, highs: list[Mesh]) -> _Scene:
         frame = frame_of([low])
-        around = frame
+        around, pull = frame, PULL
         if highs and gap(low, highs) > 0.0:  # moved aside: shown as if it were not
             around = Frame(frame_of(highs).centre, frame.size)
+        elif highs:
+            surface = self._surface(low, frame)
+            pull = max(PULL, SIDEWAYS * max(_height(surface, frame.points(high)) for high in highs))
         return _Scene(
             frame,
+            pull,
             (self._upload(low, position=_positions(low, frame)), normal_matrix(low.to_world)),
             [
                 (
@@ -231,9 +244,25 @@ class Shading:
             ],
         )
 
+    def _surface(self, low: Mesh, frame: Frame) -> BVHTree:
+        """The low mesh to look for the nearest point on, which is made anew only when it is another."""
+        key = low.triangles, low.positions, low.to_world.tobytes()
+        known, surface = self._near
+        if known is None or known[0] is not key[0] or known[1] is not key[1] or known[2] != key[2]:
+            surface = BVHTree.FromPolygons(frame.points(low).tolist(), low.vertices[low.triangles].tolist())
+            self._near = key, surface
+        return surface
+
 
 def _positions(mesh: Mesh, frame: Frame) -> np.ndarray:
     return frame.points(mesh)[mesh.vertices]
+
+
+def _height(surface: BVHTree, points: np.ndarray) -> float:
+    """How far points (V, 3) lie off a surface at most: those that stand out most, and others from all over."""
+    outermost = [*points.argmin(axis=0), *points.argmax(axis=0)]
+    probes = np.concatenate([points[outermost], points[:: max(1, len(points) // PROBES)]])
+    return max(surface.find_nearest(probe)[3] or 0.0 for probe in probes.tolist())
 
 
 def _draw_bare(parts: list[tuple[gpu.types.GPUBatch, np.ndarray]], matrix: np.ndarray, light: np.ndarray) -> None:
@@ -241,11 +270,12 @@ def _draw_bare(parts: list[tuple[gpu.types.GPUBatch, np.ndarray]], matrix: np.nd
         lit.draw_bare(drawn, matrix, lit.placed(normals, light))
 
 
-def _view_projection(eye: Eye, frame: Frame) -> np.ndarray:
-    """From `frame` to clip space, pulled towards the viewer: in depth alone, what is seen stays where it is."""
+def _view_projection(eye: Eye, frame: Frame, pull: float) -> np.ndarray:
+    """From `frame` to clip space, pulled towards the viewer by so many of its units: in depth alone, what is seen stays where
+    it is."""
     to_world = np.diag([*[frame.size] * 3, 1.0])
     to_world[:3, 3] = frame.centre
-    projection, pull = np.array(eye.projection, np.float64), PULL * frame.size
+    projection, pull = np.array(eye.projection, np.float64), pull * frame.size
     if projection[3, 3] == 0.0:  # perspective: points go along their rays, all by the same share of their distance
         distance = max(-(eye.view @ (*frame.centre, 1.0))[2], 2.0 * pull)
         projection[2, 3] /= 1.0 - pull / distance
