@@ -33,12 +33,13 @@ def test_a_preset_sets_the_channels_and_the_reader(path):
 
 def test_an_own_one_is_kept_and_removed():
     settings = bpy.context.scene.imprint
-    settings.red, settings.green, settings.blue = "-X", "+Z", "+Y"
+    settings.red, settings.green, settings.blue, settings.basis = "-X", "+Z", "+Y", "MIKKTSPACE"
     assert bpy.ops.imprint.convention_add(name="Our engine") == {"FINISHED"}
     kept = [Path(folder, "Our_engine.py") for folder in bpy.utils.preset_paths("imprint")]
     kept = next(path for path in kept if path.is_file())
-    settings.red, settings.green, settings.blue = "+X", "+Y", "+Z"
+    settings.red, settings.green, settings.blue, settings.basis = "+X", "+Y", "+Z", "BLENDER"
     bpy.ops.script.execute_preset(filepath=str(kept), menu_idname="IMPRINT_PT_conventions")
     assert (settings.red, settings.green, settings.blue) == ("-X", "+Z", "+Y")
+    assert settings.basis == "MIKKTSPACE"
     bpy.ops.imprint.convention_add(name="Our engine", remove_active=True)
     assert not kept.exists()

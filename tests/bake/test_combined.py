@@ -253,7 +253,8 @@ def atlas(names=("a", "b"), **settings):
     for number, name in enumerate(names):
         low, high = zoo.plane(f"{name}_low"), zoo.terrain(f"{name}_high", n=8)
         for obj in (low, high):
-            move_uvs(obj, scale=(0.375, 0.8), offset=(0.03125 + 0.5 * number, 0.1))
+            # Rows 12 to 38: below and above them the margin lies on other bands of 10 rows.
+            move_uvs(obj, scale=(0.375, 0.55), offset=(0.03125 + 0.5 * number, 0.25))
         high.data.materials.append(bpy.data.materials.new(name))
         jobs.append(pipeline.Job(low, [high]))
     values = {"method": "FLATTEN", "depth": 32, "storage": "MEMORY", "material": False, "image": "atlas"}
@@ -269,7 +270,7 @@ def test_an_atlas_in_bands_is_the_whole_one(in_bands, margin):
     _, whole = atlas(margin=margin)
     in_bands()
     _, banded = atlas(("c", "d"), margin=margin)
-    assert np.count_nonzero(whole["normal"][..., 3]) > 1000
+    assert np.count_nonzero(whole["normal"][..., 3]) > 800
     assert np.allclose(whole["normal"], banded["normal"], atol=1e-6)
 
 
@@ -291,6 +292,28 @@ def test_an_atlas_is_not_sampled_again(monkeypatch):
     monkeypatch.setattr(target, "bind", counting)
     atlas(samples=4)
     assert seen.count("accumulate_comp.glsl") == 2 * 4  # each object once
+
+
+@pytest.mark.parametrize("dither", [False, True])
+def test_only_8_bits_are_dithered_and_only_whole_numbers_lose(dither):
+    texels = np.full((16, 16, 4), 0.3, np.float32)
+    for depth, values, is_lossy in ((8, 2 if dither else 1, True), (16, 1, False), (32, 1, False)):
+        settings = Settings(width=16, height=16, depth=depth, dither=dither, image="map", storage="MEMORY")
+        with images.Writer("lo", settings, is_normal=True) as writer:
+            writer.add(1001, texels)
+            assert bool(writer.loss) == is_lossy
+            assert len(np.unique(pixels(writer.commit())[..., 0])) == values
+
+
+def test_triangles_without_extent_lie_on_no_tile():
+    low = zoo.build(
+        "lo",
+        [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)],
+        [(0, 1, 2), (0, 2, 3), (1, 2, 3)],
+        [[(0.1, 0.1), (0.9, 0.1), (0.9, 0.9)], [(2.5, 0.5)] * 3, [(1.5, 0.2), (1.5, 0.4), (1.5, 0.8)]],
+    )
+    report, _ = bake(low, zoo.plane("hi"), method="CAST", udim=True, storage="PACK", **RAYS)
+    assert report.tiles == [1001]
 
 
 def test_the_loss_is_that_of_all_tiles():
