@@ -305,17 +305,6 @@ def test_only_8_bits_are_dithered_and_only_whole_numbers_lose(dither):
             assert len(np.unique(pixels(writer.commit())[..., 0])) == values
 
 
-def test_triangles_without_extent_lie_on_no_tile():
-    low = zoo.build(
-        "lo",
-        [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)],
-        [(0, 1, 2), (0, 2, 3), (1, 2, 3)],
-        [[(0.1, 0.1), (0.9, 0.1), (0.9, 0.9)], [(2.5, 0.5)] * 3, [(1.5, 0.2), (1.5, 0.4), (1.5, 0.8)]],
-    )
-    report, _ = bake(low, zoo.plane("hi"), method="CAST", udim=True, storage="PACK", **RAYS)
-    assert report.tiles == [1001]
-
-
 def test_the_loss_is_that_of_all_tiles():
     settings = Settings(width=16, height=16, udim=True, depth=8, image="map")
     exact, rough = np.ones((16, 16, 4), np.float32), np.random.default_rng(0).random((16, 16, 4), np.float32)

@@ -105,3 +105,10 @@ def test_of_a_large_map_every_second_texel_is_looked_at_in_its_middle(column):
     assert counts.shape == (64, 1024)
     assert (counts[:, column // 2] == 1.0).all()
     assert np.count_nonzero(counts) == 64
+
+
+@pytest.mark.parametrize(
+    "sliver", [[(2.5, 0.5)] * 3, [(1.5, 0.2), (1.5, 0.4), (1.5, 0.8)], [(0.2, 3.5), (0.8, 3.5), (0.4, 3.5)]]
+)
+def test_triangles_without_extent_lie_on_no_tile(sliver):
+    assert arrays.tiles(laid_out([*SQUARE, *sliver], [*HALVES, (4, 5, 6)])) == [1001]
