@@ -507,6 +507,23 @@ def test_an_object_that_is_deleted_is_waited_for(pair, name, way):
     assert np.array_equal(pixels(bpy.data.images["lo_normal"]), fresh())
 
 
+def test_an_object_that_is_linked_again_is_drawn_anew(pair):
+    """What happened to it meanwhile nobody tells."""
+    _, high = pair
+    switch(True)
+    objects = bpy.context.scene.collection.objects
+    objects.unlink(high)
+    bpy.context.view_layer.update()
+    live.tick()
+    move(high, 6)
+    bpy.context.view_layer.update()
+    objects.link(high)
+    bpy.context.view_layer.update()
+    live._changed.clear()  # whatever Blender says of it
+    follow()
+    assert np.array_equal(pixels(bpy.data.images["lo_normal"]), fresh())
+
+
 def test_it_says_what_it_follows(pair):
     """By the names that they have now."""
     assert live.words() == ""

@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 import pytest
 
-from addon import panels, progress
+from addon import live, panels, progress
 from addon.bake import pace, pairs
 from tests.support import maps, zoo
 from tests.support.snapshot import difference, snapshot
@@ -373,6 +373,20 @@ def test_the_panel_says_what_will_happen(pair):
     for word in ("'hi'", "'lo'", "tangent space", "16 x 16", "into a new image 'lo_normal'"):
         assert word in drawn.text
     assert "ERROR" not in drawn.icons
+
+
+def test_the_panel_says_what_live_follows_whatever_is_selected_by_then(pair):
+    low, high = pair
+    select(low, high)
+    assert bpy.ops.imprint.live() == {"FINISHED"}
+    try:
+        select(low)
+        drawn = draw()
+        assert "Live: 'lo' follows 'hi'." in drawn.text
+        assert "No high object" not in drawn.text
+        assert "ERROR" not in drawn.icons
+    finally:
+        live.stop()
 
 
 def test_the_panel_says_when_an_image_is_filled_again(pair):
