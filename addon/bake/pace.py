@@ -64,7 +64,7 @@ class Pace:
     looks: whether somebody looks at the picture of each step, and wants to see a coarse one first.
     """
 
-    LONGEST = 0.25
+    LONGEST = 0.5
     """Seconds, where nobody waits: a driver takes the GPU away from who keeps it for longer than it allows, which is 2 seconds
     on Windows."""
     FIRST = 64
