@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Do high and low share their UV layout? Measured: do the points of the same texel lie close in space?"""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -17,6 +18,8 @@ SHARE = 0.96
 SHIFT = 0.5
 """Of a part's extent: texels of a small part may differ in what leads from low to high by so much, on the average. A bolt
 in another place, or turned, differs by more than it is large, though it may lie close to the place where its UVs are."""
+LEAST = 32
+"""Texels a side that are looked at of each of many high meshes; of a few there are up to PROBE."""
 SMALLEST = 1e-6
 """In tiles: UVs that reach less far have no texel on any map."""
 WIDE = 2.0
@@ -61,11 +64,16 @@ def differing(low: Mesh, highs: Sequence[Mesh], tiles: Sequence[int], offset: np
     offset (3,): what low and high seem to differ by as a whole, in scene units. It is that of those that differ where they
     cover the most, and so the meshes are looked at as they stand as well: what explains more of them is right.
     """
-    surface = _Surface(low)
-    found = (
-        [_difference(surface, high, _windows(low, high, tiles), by) for high in highs] for by in (np.zeros(3), offset)
-    )
-    return next(iter(min((list(filter(None, clauses)) for clauses in found), key=len)), "")
+    surface = _Surface(low, max(LEAST, PROBE // math.isqrt(len(highs))))
+
+    def found(by: np.ndarray) -> list[str]:
+        clauses = (_difference(surface, high, _windows(low, high, tiles), by) for high in highs)
+        return list(filter(None, clauses))
+
+    clauses = found(np.zeros(3))
+    if clauses and offset.any():
+        clauses = min(clauses, found(offset), key=len)
+    return clauses[0] if clauses else ""
 
 
 def elsewhere(low: Mesh, highs: Sequence[Mesh]) -> np.ndarray:
@@ -107,7 +115,7 @@ def _difference(surface: "_Surface", high: Mesh, windows: Sequence[Window], offs
 
 def _close(surface: "_Surface", high: Mesh, window: Window, offset: np.ndarray) -> np.ndarray:
     """Of the texels of `window` that both cover, (N,) bool, whether the points of `high` belong to those of the low mesh."""
-    above = apart.draw_points([apart.upload(high, surface.frame)], (PROBE, PROBE), window)
+    above = apart.draw_points([apart.upload(high, surface.frame)], (surface.side, surface.side), window)
     above[..., :3] -= offset / surface.frame.size
     layers = []
     for is_last in (True, False):
@@ -145,10 +153,10 @@ def _box(uv: np.ndarray) -> np.ndarray:
 
 
 class _Surface:
-    """The low mesh in UV space, to compare with."""
+    """The low mesh in UV space, to compare with: `side` texels along u and v."""
 
-    def __init__(self, low: Mesh):
-        self.frame = frame_of([low])
+    def __init__(self, low: Mesh, side: int = PROBE):
+        self.frame, self.side = frame_of([low]), side
         attributes = {
             "uv": low.uv,
             "position": np.take(self.frame.points(low), low.vertices, axis=0),
@@ -159,11 +167,11 @@ class _Surface:
         self.uploaded = {is_last: batch.upload(order, **attributes) for is_last, order in orders.items()}
 
     def draw(self, window: Window, *, is_last: bool = True) -> list[np.ndarray]:
-        """The points in the frame and the unit normals, (PROBE, PROBE, 4) each: where triangles share texels, those of the
-        last or of the first one."""
-        drawn = target.get("audit rays", PROBE, PROBE, "RGBA32F", "RGBA32F")
+        """The points in the frame and the unit normals, (side, side, 4) each: where triangles share texels, those of the last
+        or of the first one."""
+        drawn = target.get("audit rays", self.side, self.side, "RGBA32F", "RGBA32F")
         gbuffer.draw(drawn, self.uploaded[is_last], window)
-        seen = [np.empty((PROBE, PROBE, 4), np.float32) for _ in range(2)]
+        seen = [np.empty((self.side, self.side, 4), np.float32) for _ in range(2)]
         for slot, array in enumerate(seen):
             drawn.read(array, slot=slot)
         return seen

@@ -96,13 +96,13 @@ def sources() -> Iterator[tuple[str, str]]:
     """The files that the open scene is made of, beside pictures in materials: absolute paths, and what they are."""
     if bpy.data.filepath:
         yield bpy.data.filepath, "the open file"
-    named = [(library.filepath, "a linked library") for library in bpy.data.libraries]
-    named += [(cache.filepath, "a cache of the scene") for cache in bpy.data.cache_files]
+    found = [(library, "a linked library") for library in bpy.data.libraries]
+    found += [(cache, "a cache of the scene") for cache in bpy.data.cache_files]
     shapes = (texture.image for texture in bpy.data.textures if texture.type == "IMAGE")
-    named += [(image.filepath, f"the image {image.name!r} of a texture") for image in filter(None, shapes)]
-    for path, what in named:
-        if path:
-            yield bpy.path.abspath(path), what
+    found += [(image, f"the image {image.name!r} of a texture") for image in filter(None, shapes)]
+    for owner, what in found:
+        if owner.filepath:  # relative to the file that the owner is linked from
+            yield bpy.path.abspath(owner.filepath, library=owner.library), what
 
 
 def mark_as_data(image: bpy.types.Image) -> None:

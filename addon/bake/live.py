@@ -12,7 +12,7 @@ from ..mesh import extract
 from ..mesh.arrays import Mesh
 from ..passes import resolve, target
 from ..passes.batch import Kept
-from . import datablocks, finish, images, methods, outputs, pace, pipeline, reading, render, sources, subjects
+from . import datablocks, finish, methods, outputs, pace, pipeline, reading, render, sources, subjects
 from .band import Band
 from .errors import BakeError
 from .pace import Pace, Step, Work
@@ -36,11 +36,10 @@ class Session:
         if settings.udim:
             raise BakeError("Live follows one tile alone: switch UDIM tiles off.")
         self.job = job
-        settings = settings.read_by(context.scene.render.engine)
-        self.settings = replace(
-            settings, image=images.name_for(job.low.name, settings), modifiers="VIEWPORT", maps=(), mask=False
-        )
         settings.check()
+        settings = replace(settings.read_by(context.scene.render.engine), modifiers="VIEWPORT", maps=(), mask=False)
+        self.settings = pipeline.for_low(settings, job.low.name)
+        outputs.check_apart(settings, [self.settings], [job.low.name])
         pipeline.check(context, job, self.settings)
         self.pace = speed
         self.texels: np.ndarray | None = None
@@ -129,9 +128,9 @@ class Session:
         if meshes is None:
             return True
         known = [meshes.low, *meshes.highs, *([meshes.cage] if meshes.cage else [])]
-        ref, mesh = {ref.uid: (ref, mesh) for ref, mesh in zip(self.job.refs, known, strict=True)}[uid]
-        obj = ref.find()
-        if obj is None:
+        found = {ref.uid: (ref.find(), mesh) for ref, mesh in zip(self.job.refs, known, strict=True)}
+        obj, mesh = found.get(uid, (None, None))
+        if obj is None:  # deleted, or shown by instances, which are read as one mesh
             return True
         with extract.evaluated(obj, bpy.context.evaluated_depsgraph_get()) as data:
             return not np.array_equal(extract.points(data), mesh.positions)

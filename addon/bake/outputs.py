@@ -113,14 +113,8 @@ class Outputs:
         """
         settings = self.settings
         maps = {name: self._encode(name, tiles, reports, materials_seen) for name, tiles in self._kept.items()}
-        highs = [high for report in reports for high in report.high]
-        before = images.replaced(settings.image, highs)
         stored = dict(zip(self._writers, images.commit_all(list(self._writers.values())), strict=True))
-        datablocks.sign(stored["NORMAL"], highs)
-        if before:
-            reports[0].warnings.append(
-                f"The image {settings.image!r} held a map of {before}, which the one of {few(map(repr, highs))} replaced."
-            )
+        sign(stored["NORMAL"], reports)
         for low, report in zip(lows, reports, strict=True):
             report.image = stored["NORMAL"].name
             report.output = [path for writer in self._writers.values() for path in writer.paths]
@@ -133,13 +127,28 @@ class Outputs:
     def _encode(
         self, name: str, tiles: dict[int, np.ndarray], reports: Sequence[Report], materials_seen: Sequence[str]
     ) -> dict:
-        objects = [high for report in reports for high in report.high]
-        labels = objects if name == "OBJECT_ID" else materials_seen
+        labels = _highs(reports) if name == "OBJECT_ID" else materials_seen
         how = values.encoding(name, list(tiles.values()), labels, self.settings)
         for tile, texels in tiles.items():
             values.encode(texels, how)
             self._writers[name].add(tile, texels)
         return how
+
+
+def _highs(reports: Sequence[Report]) -> list[str]:
+    """The names of all that was baked from."""
+    return [high for report in reports for high in report.high]
+
+
+def sign(image: bpy.types.Image, reports: Sequence[Report]) -> None:
+    """Note in `image` which high objects its new map came from; the first report warns of one from others that it replaced."""
+    highs = list(dict.fromkeys(_highs(reports)))
+    before = images.replaced(image.name, highs)
+    datablocks.sign(image, highs)
+    if before:
+        reports[0].warnings.append(
+            f"The image {image.name!r} held a map of {before}, which the one of {few(map(repr, highs))} replaced."
+        )
 
 
 def hook_up(low: bpy.types.Object, image: bpy.types.Image, report: Report, settings: Settings) -> list[str]:

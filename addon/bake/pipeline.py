@@ -125,7 +125,7 @@ def work(
     """
     settings.check()  # before names are filled in, which may hold anything
     settings = settings.read_by(context.scene.render.engine)
-    named = [_for_low(settings, ATLAS if share_image else job.low.name) for job in jobs]
+    named = [for_low(settings, ATLAS if share_image else job.low.name) for job in jobs]
     each, names = (named[:1], [ATLAS]) if share_image else (named, [job.low.name for job in jobs])
     check_apart(settings, each, names)
     for job, own in zip(jobs, named, strict=True):
@@ -149,7 +149,7 @@ def work(
     return [bake.report for bake in bakes]
 
 
-def _for_low(settings: Settings, name: str) -> Settings:
+def for_low(settings: Settings, name: str) -> Settings:
     """The settings with names filled in; without one the image is called after the low object."""
     return replace(
         settings,

@@ -110,6 +110,7 @@ def _show(job: Job, settings: Settings, frames: Sequence[int], reports: Sequence
     """Make the image a sequence of the frames that are done, which are there even if the low object is not any more."""
     image = datablocks.show(settings.image, output_for(settings.output, frames[0]))
     image.source = "SEQUENCE"
+    outputs.sign(image, reports)
     for report in reports:
         report.image = image.name
     low = job.refs[0].find()

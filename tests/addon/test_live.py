@@ -694,3 +694,46 @@ def test_nothing_is_asked_for_while_a_stroke_is_drawn(pair, monkeypatch):
     monkeypatch.setattr(live.strokes, "_is_drawing", lambda: False)
     follow()
     assert asked == [1]
+
+
+def test_an_instance_that_is_sculpted_does_not_end_it(pair):
+    low, inner = pair
+    collection = bpy.data.collections.new("inner")
+    bpy.context.scene.collection.objects.unlink(inner)
+    bpy.context.scene.collection.children.link(collection)
+    collection.objects.link(inner)
+    shows = bpy.data.objects.new("shows", None)
+    shows.instance_type, shows.instance_collection = "COLLECTION", collection
+    bpy.context.scene.collection.objects.link(shows)
+    settings = bpy.context.scene.imprint
+    settings.highs[0].object, settings.method = shows, "CAST"
+    switch(True)
+    before = live.session().texels
+    enter_sculpt_mode(inner)
+    follow()
+    sculpt(inner, 3)
+    follow()
+    assert live.session() is not None
+    bpy.ops.object.mode_set(mode="OBJECT")
+    follow()
+    assert not np.array_equal(live.session().texels, before)
+
+
+def test_its_file_is_where_that_of_a_bake_would_be(pair, tmp_path):
+    settings = bpy.context.scene.imprint
+    settings.storage, settings.output = "FILE", str(tmp_path / "{low}.png")
+    switch(True)
+    switch(False)
+    assert [path.name for path in tmp_path.iterdir()] == ["lo.png"]
+
+
+def test_it_writes_over_no_file_that_the_scene_is_made_of(pair, tmp_path):
+    image = bpy.data.images.new("shape", 4, 4)
+    image.filepath_raw, image.file_format = str(tmp_path / "shape.png"), "PNG"
+    image.save()
+    bpy.data.textures.new("shape", "IMAGE").image = image
+    settings = bpy.context.scene.imprint
+    settings.storage, settings.output = "FILE", str(tmp_path / "shape.png")
+    with pytest.raises(RuntimeError, match="would be written over the image 'shape' of a texture"):
+        bpy.ops.imprint.live()
+    assert live.session() is None

@@ -90,3 +90,22 @@ def test_every_image_has_a_name_for_a_person():
     every = outputs.wanted(settings("m.png", mask=True, maps=("HEIGHT", "OBJECT_ID")))
     labels = [outputs.label(kind) for kind in every]
     assert labels == ["the normal map", "the mask of misses", "the height map", "the object id map"]
+
+
+def test_what_a_linked_object_is_made_of_lies_beside_its_own_file(tmp_path):
+    (tmp_path / "library").mkdir()
+    texture = bpy.data.textures.new("shape", "IMAGE")
+    texture.image = save(tmp_path / "library" / "shape.png")
+    zoo.plane("hi", n=4).modifiers.new("Displace", "DISPLACE").texture = texture
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "library" / "library.blend"))
+    texture.image.filepath = "//shape.png"
+    bpy.ops.wm.save_mainfile()
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    low = zoo.plane("lo")
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    with bpy.data.libraries.load(str(tmp_path / "library" / "library.blend"), link=True) as (_, wanted):
+        wanted.objects = ["hi"]
+    bpy.context.scene.collection.objects.link(wanted.objects[0])
+    with pytest.raises(BakeError, match="would be written over the image 'shape' of a texture"):
+        pipeline.bake(bpy.context, low, wanted.objects, settings(tmp_path / "library" / "shape.png"))
+    pipeline.bake(bpy.context, low, wanted.objects, settings(tmp_path / "shape.png"))

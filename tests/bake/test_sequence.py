@@ -157,3 +157,14 @@ def test_a_frame_over_a_file_of_the_scene_is_told_before_the_first_is_baked(job,
     with pytest.raises(BakeError, match=f"would be written over {source}"):
         finish(sequence.work(bpy.context, job, settings(tmp_path), range(1, 3), Pace()))
     assert [path.name for path in tmp_path.iterdir()] == ["map_0002.exr"]
+
+
+def test_a_sequence_that_replaces_the_map_of_another_high_object_is_told(job, tmp_path):
+    other = zoo.plane("other", slope=0.5)
+    still = settings(tmp_path, "still.exr", image="m")
+    pipeline.bake(bpy.context, job.low, [other], still)
+    wanted = replace(still, output=str(tmp_path / "map.exr"))
+    for told in ("The image 'm' held a map of 'other', which the one of 'hi' replaced.", None):
+        reports = finish(sequence.work(bpy.context, job, wanted, range(1, 3), Pace()))
+        assert [warning for report in reports for warning in report.warnings if "replaced" in warning] == [told] * bool(told)
+        assert datablocks.origin("m") == ["hi"]
