@@ -30,11 +30,12 @@ WITH_DETAIL = ("SUBSURF", "DISPLACE", "BEVEL", "REMESH", "WAVE")
 
 @pytest.fixture
 def low():
-    """A low object alone in the selection, with a good map from a high one that is still there."""
+    """A low object alone in the selection, with a good map from a high one that is still there, of a bake that the panel has
+    not seen, as one of an earlier session."""
     low, high = zoo.plane("lo", 2), zoo.terrain("hi")
     settings = bpy.context.scene.imprint
     settings.width = settings.height = 16
-    assert bpy.ops.imprint.bake(low="lo", high=[{"name": "hi"}]) == {"FINISHED"}
+    pipeline.bake(bpy.context, low, [high], settings.to_settings())
     high.select_set(False)
     low.select_set(True)
     bpy.context.view_layer.objects.active = low
@@ -75,6 +76,18 @@ def test_no_modifier_without_detail_writes_a_map_over(low, kind, from_slot):
     assert ("choose another high object" if from_slot else "select the high object too") in str(refused.value)
     np.testing.assert_array_equal(map_of_low(), before)
     assert subjects.problem(bpy.context, *settings.subjects(bpy.context)) in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    "kind", sorted({*WITHOUT_DETAIL} - {"MIRROR", "SOLIDIFY", "UV_WARP", "SHRINKWRAP", "SMOOTH", "DECIMATE"})
+)
+def test_the_high_object_of_the_last_bake_counts_instead(low, kind):
+    assert bpy.ops.imprint.bake(low="lo", high=[{"name": "hi"}]) == {"FINISHED"}
+    before = map_of_low()
+    low.modifiers.new("Some name", kind)
+    assert bpy.ops.imprint.bake() == {"FINISHED"}
+    np.testing.assert_allclose(map_of_low(), before, atol=0.02)
+    assert np.ptp(map_of_low()[..., 0]) > 0.1
 
 
 def test_auto_smooth_is_no_detail(low):
