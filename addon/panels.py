@@ -87,6 +87,9 @@ def _draw_result(layout: bpy.types.UILayout, report: Report) -> None:
     if results.high_objects(report):
         is_hidden = showing.hides_high(report)
         head.operator("imprint.show_high", text="", icon="HIDE_ON" if is_hidden else "HIDE_OFF", emboss=False)
+    if image is None:  # nothing came of it in the end
+        column.label(text="Undone, renamed or deleted", icon="INFO")
+        return
     number = len(report.warnings)
     line = f"{number} {'warning' if number == 1 else 'warnings'}" if number else f"{report.coverage:.0%} covered"
     column.label(text=f"{line}, {report.seconds['total']:.1f} s", icon="ERROR" if number else "CHECKMARK")

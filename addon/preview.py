@@ -1,14 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Shows in the 3D viewport what the map does: the low mesh lit with it, beside the high one, and how far the two are off."""
 
-import blf
 import bpy
 import gpu
 import numpy as np
 from bpy.props import EnumProperty, FloatProperty, PointerProperty
 from gpu_extras.batch import batch_for_shader
 
-from . import live, modal, progress
+from . import labels, live, modal, progress
 from .bake import live as sessions
 from .bake import pace, pipeline, shading, subjects
 from .bake.errors import BakeError
@@ -26,7 +25,7 @@ HEADLIGHT = np.array((-0.6, 0.7, 1.0, 0.0))
 """Where the view's own light comes from, in view space: from a little above and from the left."""
 BAR = (240.0, 12.0)
 """Width and height of the legend, in pixels at a scale of 1."""
-EDGE, TEXT = 60.0, 12.0
+EDGE, TEXT = 60.0, labels.SIZE
 NOTED = 0.0005
 """Share of texels of another place from which it is said: it is told with one digit."""
 DEGREES = "\N{DEGREE SIGN}"
@@ -213,18 +212,17 @@ def _draw_words() -> None:
         return
     view, region, scale = context.scene.imprint_view, context.region, context.preferences.system.ui_scale
     if _mode == "SPLIT":
-        labels = (("High", 1.0), ("Low", 0.5), ("Low with Map", 0.0))
-        for zone, (label, share) in zip(shading.zones(region.width, view.split), labels, strict=True):
-            blf.size(0, TEXT * scale)
-            x = place(zone, blf.dimensions(0, label)[0], share, uncovered(context), TEXT * scale)
+        parts = (("High", 1.0), ("Low", 0.5), ("Low with Map", 0.0))
+        for zone, (label, share) in zip(shading.zones(region.width, view.split), parts, strict=True):
+            x = place(zone, labels.width(label, scale), share, uncovered(context), TEXT * scale)
             if x is not None:
-                _write(label, x, EDGE * scale, scale, 0.0)
+                labels.write(label, x, EDGE * scale, scale)
     elif _mode != "MAP":
         x, y = _place_of_bar(region, scale)
         for end, degrees in ((0.0, 0.0), (1.0, view.limit)):
-            _write(f"{degrees:.3g}{DEGREES}", x + end * BAR[0] * scale, y - 1.5 * TEXT * scale, scale)
+            labels.write(f"{degrees:.3g}{DEGREES}", x + end * BAR[0] * scale, y - 1.5 * TEXT * scale, scale, 0.5)
         for number, line in enumerate(reversed(words())):
-            _write(line, region.width / 2, y + (BAR[1] + TEXT * (1.5 * number + 0.7)) * scale, scale)
+            labels.write(line, region.width / 2, y + (BAR[1] + TEXT * (1.5 * number + 0.7)) * scale, scale, 0.5)
 
 
 def uncovered(context: bpy.types.Context) -> tuple[int, int]:
@@ -264,17 +262,6 @@ def words() -> list[str]:
             ("Without", found.bare_mean, found.bare_percentile_99),
         )
     ]
-
-
-def _write(text: str, x: float, y: float, scale: float, share: float = 0.5) -> None:
-    """Write a line of which this share lies left of x."""
-    blf.size(0, TEXT * scale)
-    blf.color(0, 1.0, 1.0, 1.0, 1.0)
-    blf.enable(0, blf.SHADOW)
-    blf.shadow(0, 3, 0.0, 0.0, 0.0, 1.0)
-    blf.position(0, x - blf.dimensions(0, text)[0] * share, y, 0)
-    blf.draw(0, text)
-    blf.disable(0, blf.SHADOW)
 
 
 def _place_of_bar(region: bpy.types.Region, scale: float) -> tuple[float, float]:

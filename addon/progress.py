@@ -3,10 +3,10 @@
 
 import time
 
-import blf
 import bpy
 from gpu_extras.presets import draw_texture_2d
 
+from . import labels
 from .bake.pace import Step
 
 SIDE = 256
@@ -89,7 +89,4 @@ def _draw() -> None:
     longer = max(_step.picture.width, _step.picture.height)
     width, height = (SIDE * scale * side / longer for side in (_step.picture.width, _step.picture.height))
     draw_texture_2d(_step.picture, (EDGE * scale, EDGE * scale), width, height)
-    blf.position(0, EDGE * scale, EDGE * scale + height + 8 * scale, 0)
-    blf.size(0, 12 * scale)
-    blf.color(0, 1.0, 1.0, 1.0, 1.0)
-    blf.draw(0, words(_step))
+    labels.write(words(_step), EDGE * scale, EDGE * scale + height + 8 * scale, scale)

@@ -4,12 +4,13 @@
 from types import SimpleNamespace
 
 import bpy
+import gpu
 import numpy as np
 import pytest
 from mathutils import Matrix, Vector
 
 import addon
-from addon import live, preview
+from addon import labels, live, preview
 from addon.bake import shading
 from addon.bake.errors import BakeError
 from addon.passes import target
@@ -19,6 +20,8 @@ from tests.support.snapshot import difference, snapshot
 pytestmark = pytest.mark.usefixtures("gpu_context", "registered")
 
 SIZE = (160, 120)
+PIXELS = Matrix.Translation((-1.0, -1.0, 0.0)) @ Matrix.Diagonal((2.0 / SIZE[0], 2.0 / SIZE[1], 1.0, 1.0))
+"""From pixels to what the GPU clips."""
 
 
 @pytest.fixture
@@ -329,3 +332,26 @@ def test_a_key_shows_the_next_view():
         assert not [item for item in keymap.keymap_items if item.idname.startswith("imprint.")]
     finally:
         addon.register()
+
+
+def test_words_are_readable_over_a_white_mesh():
+    into = target.Target(*SIZE, ("RGBA32F", "DEPTH_COMPONENT32F"))
+    pixels = np.empty((SIZE[1], SIZE[0], 4), np.float32)
+    with target.drawing(into):
+        into.framebuffer.clear(color=(1.0, 1.0, 1.0, 1.0), depth=1.0)
+        with gpu.matrix.push_pop(), gpu.matrix.push_pop_projection():
+            gpu.matrix.load_matrix(Matrix.Identity(4))
+            gpu.matrix.load_projection_matrix(PIXELS)
+            labels.write("Low with Map", 30.0, 50.0, 1.0)
+        into.read(pixels)
+    end = 30 + int(labels.width("Low with Map", 1.0))
+    grey = pixels[..., :3].mean(axis=2)
+    box = grey[48:60, 28 : end + 2]
+    assert box.min() < 0.4
+    assert np.median(box) < 0.4
+    assert box.max() > 0.9
+    assert (grey[:40] == 1.0).all()
+    assert (grey[70:] == 1.0).all()
+    assert (grey[:, : 30 - 8] == 1.0).all()
+    assert (grey[:, end + 8 :] == 1.0).all()
+    assert gpu.state.blend_get() == "NONE"

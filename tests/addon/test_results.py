@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import bpy
 import pytest
 
-from addon import results, showing
+from addon import panels, results, showing
 from tests.support import zoo
 
 pytestmark = pytest.mark.usefixtures("registered", "gpu_context")
@@ -30,6 +30,37 @@ def is_known():
     assert bpy.ops.imprint.freeze_distances.poll() == known
     assert (bpy.context.window_manager.imprint_found.extrusion > 0.0) == known
     return known
+
+
+class Layout:
+    """A layout that keeps what is written on it and in its parts."""
+
+    def __init__(self):
+        self.labels = []
+
+    def part(self, **_):
+        return self
+
+    row = column = box = part
+
+    def label(self, text="", **_):
+        self.labels.append(text)
+
+    def operator(self, *_, **__):
+        return SimpleNamespace()
+
+    def icon(self, _image):
+        return 1
+
+    def template_icon(self, *_, **__):
+        pass
+
+
+def told(report):
+    """What the panel says of a bake."""
+    layout = Layout()
+    panels._draw_result(layout, report)
+    return layout.labels
 
 
 # Whose it is
@@ -72,6 +103,14 @@ def test_it_belongs_to_its_file(baked, tmp_path):
     assert not is_known()
     manager = bpy.context.window_manager
     assert (manager.imprint_summary, manager.imprint_warnings) == ("", "")
+
+
+def test_a_map_that_has_gone_is_not_praised(baked):
+    report = results.of(bpy.context)
+    name, line = told(report)
+    assert (name, line.split(",")[0]) == ("lo_normal", "2 warnings")
+    bpy.data.images.remove(bpy.data.images["lo_normal"])
+    assert told(report) == ["lo_normal", "Undone, renamed or deleted"]
 
 
 def test_it_outlives_undo():
