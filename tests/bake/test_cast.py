@@ -268,7 +268,10 @@ def test_rays_see_other_normals_on_the_same_surface(change):
 @pytest.mark.parametrize("order", [(0, 1), (1, 0)], ids=["misses above", "hits above"])
 def test_in_an_atlas_misses_of_one_object_leave_the_texels_of_another(order):
     """One low mesh whose high one covers it, and one on the same texels whose high one covers half."""
-    lows, highs = [zoo.plane(name) for name in ("a", "b")], [zoo.plane("whole", slope=0.3), zoo.plane("half", slope=-0.3)]
+    lows, highs = (
+        [zoo.plane(name) for name in ("a", "b")],
+        [zoo.plane("whole", slope=0.3), zoo.plane("half", slope=-0.3)],
+    )
     lows[1].location.y = highs[1].location.y = 10.0
     highs[1].data.transform(Matrix.Diagonal((0.5, 1.0, 1.0, 1.0)))
     jobs = [pipeline.Job(lows[number], [highs[number]]) for number in order]

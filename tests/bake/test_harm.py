@@ -65,7 +65,12 @@ def jobs(*names):
 @pytest.mark.parametrize(
     ("names", "output", "image", "said"),
     [
-        (("a", "b"), "map.png", "{low}", "The normal map of 'b' and the normal map of 'a' would both be '{here}/map.png': put"),
+        (
+            ("a", "b"),
+            "map.png",
+            "{low}",
+            "The normal map of 'b' and the normal map of 'a' would both be '{here}/map.png': put",
+        ),
         (("a/b", "a:b"), "{low}.png", "", "'{here}/a_b.png': rename one of the objects."),
         (("A", "a"), "{low}.png", "", "both fill the image 'a_normal': rename one"),
         (("a", "b"), "{low}.png", "Map", "both fill the image 'Map': put {low} into the name, or let them share it."),

@@ -166,5 +166,7 @@ def test_a_sequence_that_replaces_the_map_of_another_high_object_is_told(job, tm
     wanted = replace(still, output=str(tmp_path / "map.exr"))
     for told in ("The image 'm' held a map of 'other', which the one of 'hi' replaced.", None):
         reports = finish(sequence.work(bpy.context, job, wanted, range(1, 3), Pace()))
-        assert [warning for report in reports for warning in report.warnings if "replaced" in warning] == [told] * bool(told)
+        assert [warning for report in reports for warning in report.warnings if "replaced" in warning] == [told] * bool(
+            told
+        )
         assert datablocks.origin("m") == ["hi"]

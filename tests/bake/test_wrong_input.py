@@ -110,7 +110,9 @@ def test_an_object_that_cannot_be_baked_is_named_with_the_remedy(pair, name, cas
     assert remedy in message
 
 
-KINDS = [(kind, "low") for kind in ("LIGHT", "EMPTY", "CURVE", "FONT")] + [(kind, "high") for kind in ("LIGHT", "EMPTY")]
+KINDS = [(kind, "low") for kind in ("LIGHT", "EMPTY", "CURVE", "FONT")] + [
+    (kind, "high") for kind in ("LIGHT", "EMPTY")
+]
 
 
 @pytest.mark.parametrize(("kind", "role"), KINDS)

@@ -353,7 +353,9 @@ def test_many_sets_are_read_with_a_parser_that_is_made_once(write, monkeypatch):
     """And with words about how far it is: ten thousand sets take seconds."""
     made, heard = [], []
     real = arguments._Parser.__init__
-    monkeypatch.setattr(arguments._Parser, "__init__", lambda self, *a, **more: (made.append(1), real(self, *a, **more))[1])
+    monkeypatch.setattr(
+        arguments._Parser, "__init__", lambda self, *a, **more: (made.append(1), real(self, *a, **more))[1]
+    )
     sets = [{"file": "a.blend", "low": "a", "output": f"{number}.png"} for number in range(1000)]
     assert len(jobfile.read(write({"bake": sets}, "jobs/jobs.json"), tell=heard.append)) == 1000
     assert len(made) <= 2  # by the name of the program, --help's title

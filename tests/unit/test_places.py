@@ -75,7 +75,9 @@ def test_one_file_is_not_both_read_and_written_nor_written_twice(tree, case):
     for first, second in ((one, other), (other, one)):
         places = Places()
         places.read(first, "the mesh")
-        with pytest.raises(WrongPlace, match=r"^The map would be written over the mesh, .*: give it a place of its own\.$"):
+        with pytest.raises(
+            WrongPlace, match=r"^The map would be written over the mesh, .*: give it a place of its own\.$"
+        ):
             places.write(second, "the map")
         places = Places("do what is right")
         places.write(first, "the report")
@@ -161,7 +163,10 @@ def test_many_paths_take_no_time_each_for_all_others(tree):
 @pytest.mark.parametrize(
     ("name", "written"),
     [
-        *((name, name) for name in ("Möbel", "岩", "صخرة", "rock.001", "a b  c", "it's", ".hidden", "a#1", "100%", "con2")),
+        *(
+            (name, name)
+            for name in ("Möbel", "岩", "صخرة", "rock.001", "a b  c", "it's", ".hidden", "a#1", "100%", "con2")
+        ),
         *(("a/b", "a_b"), ("C:\\x", "C__x"), ('say "so"', "say _so_"), ("<UDIM>", "_UDIM_"), ("tab\there", "tab_here")),
         *(("..", "__"), ("ends. .", "ends___"), ("CON", "CON_"), ("nul.png", "nul_.png"), ("com1", "com1_")),
         ("\udcff", "_"),

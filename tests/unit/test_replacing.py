@@ -63,7 +63,13 @@ def special(kind, path):
 @posix
 @pytest.mark.parametrize(
     ("kind", "said"),
-    [("pipe", "is a pipe"), ("socket", "is a socket"), ("device", "is a device"), ("folder", "is a folder"), ("loop", "links")],
+    [
+        ("pipe", "is a pipe"),
+        ("socket", "is a socket"),
+        ("device", "is a device"),
+        ("folder", "is a folder"),
+        ("loop", "links"),
+    ],
 )
 def test_what_is_no_file_is_refused_and_stays(tmp_path, monkeypatch, kind, said):
     monkeypatch.chdir(tmp_path)  # the paths of sockets are short
