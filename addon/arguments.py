@@ -29,6 +29,10 @@ from .bake.settings import (
     usual_depth,
 )
 
+LAST_FRAME = 1_048_574
+"""Blender knows no frame after it."""
+MANY_FRAMES = 100_000
+"""More frames than this are a slip of the keyboard: all that they write is compared before the first is baked."""
 STDOUT = "-"
 """A report's path that is none: standard output."""
 
@@ -76,6 +80,10 @@ def _frames(value: str) -> tuple[int, int]:
     first, _, last = value.partition("-")
     if not (first.isdecimal() and last.isdecimal()) or int(first) > int(last):
         raise argparse.ArgumentTypeError(f"{value!r} is not a range of frames as 1-48")
+    if int(last) > LAST_FRAME or int(last) - int(first) >= MANY_FRAMES:
+        raise argparse.ArgumentTypeError(
+            f"{value!r} is too long: frames go up to {LAST_FRAME}, and {MANY_FRAMES} of them are baked at a time"
+        )
     return int(first), int(last)
 
 

@@ -738,3 +738,9 @@ def test_a_sequence_has_a_file_and_a_report_for_each_frame(tmp_path):
 def test_a_wrong_range_of_frames_is_told(wrong, capsys, tmp_path):
     assert commands.run(["--low", "lo", "--output", str(tmp_path / "map.png"), f"--frames={wrong}"]) == 2
     assert "is not a range of frames as 1-48" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("wrong", ["1-99999999", "1-100001", "1048575-1048575"])
+def test_too_many_frames_are_told_at_once(wrong, capsys, tmp_path):
+    assert commands.run(["--low", "lo", "--output", str(tmp_path / "map.png"), f"--frames={wrong}"]) == 2
+    assert "is too long: frames go up to 1048574, and 100000 of them" in capsys.readouterr().err
