@@ -166,7 +166,7 @@ def _look_for_objects() -> None:
         if not obj.users_scene:  # a slot of the panel keeps it in the file
             raise BakeError(f"{obj.name!r} was deleted from the scene: bring it back with Undo, or switch Live off.")
     _is_short = False
-    _all_changed |= was_short
+    _all_changed |= _session.job.renew() or was_short
 
 
 def every_time() -> bool:

@@ -12,7 +12,7 @@ _reports: dict[tuple[int, int], Report] = {}
 def remember(context: bpy.types.Context, reports: list[Report]) -> None:
     """Keep what was just baked in the context's scene, instead of what was known of the same low objects."""
     for report in reports:
-        key = context.scene.session_uid, report.uids[0]
+        key = context.scene.session_uid, report.refs[0].uid
         _reports.pop(key, None)
         _reports[key] = report  # the last one comes last
 
@@ -53,5 +53,5 @@ def distances(report: Report | None) -> dict[str, float]:
 
 def high_objects(report: Report) -> list[bpy.types.Object]:
     """The high objects of a bake that are still there, without the low one where it was its own."""
-    low, *highs = report.uids[: 1 + len(report.high)]
-    return [obj for obj in bpy.data.objects if obj.session_uid in highs and obj.session_uid != low]
+    low, *highs = (ref.find() for ref in report.refs[: 1 + len(report.high)])
+    return [high for high in highs if high not in {None, low}]

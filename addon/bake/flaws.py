@@ -36,8 +36,8 @@ def of_low(report: Report) -> bpy.types.Object:
 def _objects(report: Report) -> list[bpy.types.Object]:
     """The low object of a bake that was done, the high ones and the cage. Raises BakeError if one is gone."""
     names = [report.low, *report.high, *([report.cage] if report.cage else [])]
-    uids = report.uids or [0] * len(names)  # from a file: whatever is called so
-    return [subjects.ObjectRef(uid, name).resolve() for uid, name in zip(uids, names, strict=True)]
+    refs = report.refs or [subjects.ObjectRef(0, name) for name in names]  # from a file: whatever is called so
+    return [ref.resolve() for ref in refs]
 
 
 def find(context: bpy.types.Context, report: Report, kind: str) -> np.ndarray:

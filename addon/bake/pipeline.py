@@ -51,6 +51,17 @@ class Job:
     def cage(self) -> bpy.types.Object | None:
         return self.refs[-1].resolve() if self._has_cage else None
 
+    def renew(self) -> bool:
+        """Whether one has another session_uid now, as after its library was reloaded; from then on it is known by that.
+
+        Raises BakeError if one was deleted.
+        """
+        found = [ref.resolve() for ref in self.refs]
+        is_new = any(obj.session_uid != ref.uid for obj, ref in zip(found, self.refs, strict=True))
+        if is_new:
+            self.refs = [subjects.hold(obj) for obj in found]
+        return is_new
+
     def report(self, settings: Settings) -> Report:
         """What a bake of these objects is to fill. Raises BakeError if one was deleted."""
         low, highs, cage = self.low, self.highs, self.cage
@@ -61,7 +72,7 @@ class Job:
             low.name,
             [high.name for high in highs],
             cage=cage.name if cage else "",
-            uids=[ref.uid for ref in self.refs],
+            refs=self.refs,
         )
 
 

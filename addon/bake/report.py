@@ -24,8 +24,8 @@ class Report:
     low: str
     high: list[str]
     cage: str = ""
-    uids: list[int] = field(default_factory=list)
-    """The session_uid of the low object, the high ones and the cage; empty in a report of another session."""
+    refs: list = field(default_factory=list)
+    """A subjects.ObjectRef of the low object, the high ones and the cage; empty in a report of another session."""
     settings: dict = field(default_factory=dict)
     """What was asked for, as settings.Settings has it."""
     uv_layer: str = ""
@@ -71,7 +71,7 @@ class Report:
     def to_dict(self) -> dict:
         """Plain data for json.dump, of use outside this session as well."""
         values = asdict(self)
-        del values["uids"]
+        del values["refs"]
         return values
 
     def __post_init__(self):

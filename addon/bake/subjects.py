@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
-from ..mesh import extract, instances
-from . import detail, visible
+from ..mesh import instances
+from . import detail, modes, visible
 from .errors import BakeError
 
 MAX_CONDITION = 1e7
@@ -34,17 +34,21 @@ class ObjectRef:
     """An object that may be renamed, or deleted and brought back, before it is asked for: a plain reference does not outlive
     that, and the name may be another's as well, whether linked or made later.
 
-    uid: its session_uid; 0 for whichever object has the name. name: what it was called.
+    uid: its session_uid; 0 for whichever object has the name. name: what it was called. library: of a linked object the
+    library's path; from there it comes with another session_uid when the library is reloaded.
     """
 
     uid: int
     name: str
+    library: str = ""
 
     def find(self) -> bpy.types.Object | None:
         """The object, or None if it was deleted."""
         found = bpy.data.objects.get(self.name)  # nearly always it, and then not all of them are looked at
         if found is None or self.uid not in {0, found.session_uid}:
             found = next((obj for obj in bpy.data.objects if obj.session_uid == self.uid), None)
+        if found is None and self.library:
+            found = bpy.data.objects.get((self.name, self.library))
         return found
 
     def resolve(self) -> bpy.types.Object:
@@ -59,7 +63,7 @@ class ObjectRef:
 
 def hold(obj: bpy.types.Object) -> ObjectRef:
     """A reference to `obj` that may be kept."""
-    return ObjectRef(obj.session_uid, obj.name)
+    return ObjectRef(obj.session_uid, obj.name, obj.library.filepath if obj.library else "")
 
 
 def scene_of(uid: int) -> bpy.types.Scene | None:
@@ -194,7 +198,7 @@ def ready(
         for obj in objects:
             visible.reveal(context, obj, restore)
         read = [*objects, *_instanced(context, [high for high in highs if instances.shows_more(high)], objects)]
-        _leave_modes(context.view_layer, {obj.data for obj in read if obj.data}, restore)
+        modes.leave(context.view_layer, {obj.data for obj in read if obj.data}, restore)
         for obj in read:
             if obj.data and getattr(obj.data, "is_editmode", False):
                 raise BakeError(f"The mesh of {obj.name!r} is in Edit Mode outside this view layer: leave it there.")
@@ -264,38 +268,6 @@ def kept_uvs(context: bpy.types.Context, obj: bpy.types.Object) -> Iterator[bpy.
     with ExitStack() as restore:
         _keep_uvs(obj, restore)
         yield context.evaluated_depsgraph_get()
-
-
-def _leave_modes(layer: bpy.types.ViewLayer, meshes: set[bpy.types.Mesh], restore: ExitStack) -> None:
-    # The mesh of an object in Edit Mode or Sculpt Mode lags behind what is on screen until the mode is left; by whom,
-    # does not matter to the objects that share it.
-    leaving = [obj for obj in layer.objects if obj.mode != "OBJECT" and obj.data in meshes]
-    if any(obj.mode == "EDIT" for obj in leaving):  # which all objects leave together, and the selected ones enter
-        leaving += [obj for obj in layer.objects if obj.mode == "EDIT" and obj not in leaving]
-    if not leaving:
-        return
-    # First, and so entered last: Blender crashes where a mesh in Edit Mode is to be painted on another object.
-    leaving.sort(key=lambda obj: obj.mode != "EDIT")
-    restore.callback(setattr, layer.objects, "active", layer.objects.active)
-    for obj in layer.objects.selected.values():
-        restore.callback(obj.select_set, True)
-        obj.select_set(False)
-    for obj in leaving:
-        visible.put(
-            obj, "hide_viewport", False, restore
-        )  # hidden objects are not let out of their modes, nor into them
-        restore.callback(_switch_mode, layer, obj, obj.mode)
-    for obj in leaving:
-        was_sculpted = obj.mode == "SCULPT"
-        _switch_mode(layer, obj, "OBJECT")
-        if was_sculpted:
-            extract.derive_anew(obj.data)
-
-
-def _switch_mode(layer: bpy.types.ViewLayer, obj: bpy.types.Object, mode: str) -> None:
-    if obj.mode != mode:
-        layer.objects.active = obj
-        bpy.ops.object.mode_set(mode=mode)
 
 
 def _set_for_render(obj: bpy.types.Object, restore: ExitStack) -> None:

@@ -7,6 +7,7 @@ import bpy
 import numpy as np
 import pytest
 
+import addon.live
 from addon.bake import datablocks, flaws, live, pipeline, sequence
 from addon.bake.errors import BakeError
 from addon.bake.pace import Pace, finish
@@ -195,3 +196,47 @@ def test_checks_know_namesakes_apart(namesakes, which):
     mask = pixels(flaws.draw_mask(bpy.context, report, "uncovered"))[..., 0] > 0.5
     assert mask.mean() == pytest.approx(report.checks["uncovered"]["share"])
     assert mask.any()
+
+
+@pytest.fixture
+def library(tmp_path):
+    """The file that the high object is linked from, and a pair with it."""
+    path = tmp_path / "library.blend"
+    zoo.terrain("hi", n=8)
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    with bpy.data.libraries.load(str(path), link=True) as (_, wanted):
+        wanted.objects = ["hi"]
+    bpy.context.scene.collection.objects.link(wanted.objects[0])
+    return bpy.data.libraries[0], zoo.plane("lo"), wanted.objects[0]
+
+
+@pytest.mark.usefixtures("registered")
+def test_live_follows_into_a_library_that_is_reloaded(library):
+    source, low, high = library
+    panel = bpy.context.scene.imprint
+    panel.width = panel.height = 64
+    addon.live.start(bpy.context, pipeline.Job(low, [high]), panel.to_settings())
+    try:
+        before = high.session_uid
+        source.reload()
+        assert bpy.data.objects["hi"].session_uid != before
+        report = addon.live.session().report
+        for _ in range(20):
+            addon.live.tick()
+        assert addon.live.message == ""
+        assert addon.live.session().report is not report
+        assert bpy.data.objects["hi"].session_uid in addon.live.session().uids
+    finally:
+        addon.live.stop()
+
+
+def test_checks_find_what_was_reloaded(library):
+    source, low, high = library
+    report = pipeline.bake(bpy.context, low, [high], settings())
+    source.reload()
+    assert flaws.find(bpy.context, report, "polygons").tolist() == [0]
+    bpy.data.objects.remove(bpy.data.objects["hi"])
+    zoo.terrain("hi", n=8)
+    with pytest.raises(BakeError, match="'hi' was deleted"):
+        flaws.find(bpy.context, report, "polygons")
