@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Buttons: context in, bake called, report out."""
 
+import textwrap
+
 import bpy
 from bpy.props import CollectionProperty, IntProperty, StringProperty
 
@@ -10,6 +12,9 @@ from .bake.errors import BakeError
 from .bake.report import Report
 from .bake.settings import Settings
 from .properties import Options
+
+LAST_OPERATION = 40
+"""Letters in a line of Adjust Last Operation, which Blender makes no wider for its words."""
 
 
 class _Bake(modal.InSlices):
@@ -27,8 +32,10 @@ class _Bake(modal.InSlices):
 
     def draw(self, context: bpy.types.Context) -> None:
         """Adjust Last Operation says what was done: to bake otherwise is the panel's, with its bar and Esc."""
+        column = self.layout.column(align=True)
         for line in context.window_manager.imprint_summary.split("\n"):
-            self.layout.label(text=line)
+            for part in textwrap.wrap(line, LAST_OPERATION):
+                column.label(text=part)
 
 
 class _OnePair(_Bake, Options):

@@ -34,14 +34,15 @@ _used = 0.0
 
 
 class Target:
-    """One framebuffer and its textures, all of `width` x `height` texels; row 0 is v = 0. A depth format comes last."""
+    """Textures to draw into, all of `width` x `height` texels; row 0 is v = 0. A depth format comes last.
+
+    framebuffer: of the block of `bound` that is going on, or the last one.
+    """
 
     def __init__(self, width: int, height: int, formats: tuple[str, ...]):
         self.width, self.height, self.formats = width, height, formats
         self.textures = [gpu.types.GPUTexture((width, height), format=name) for name in formats]
-        depth = self.textures[-1] if formats[-1].startswith("DEPTH") else None
-        colors = [texture for texture in self.textures if texture is not depth]
-        self.framebuffer = gpu.types.GPUFrameBuffer(depth_slot=depth, color_slots=colors)
+        self.framebuffer = None
         self.bytes = width * height * sum(_TEXEL_BYTES[name] for name in formats)
 
     @property
@@ -67,7 +68,14 @@ class Target:
 
     @contextmanager
     def bound(self) -> Iterator[gpu.types.GPUFrameBuffer]:
-        """In this block what is drawn goes into the framebuffer that it gives."""
+        """In this block what is drawn goes into the framebuffer that it gives.
+
+        Each block has its own: on OpenGL a framebuffer belongs to the window in which it was first bound, and the next block
+        may run in another one. Textures belong to all.
+        """
+        depth = self.textures[-1] if self.formats[-1].startswith("DEPTH") else None
+        colors = [texture for texture in self.textures if texture is not depth]
+        self.framebuffer = gpu.types.GPUFrameBuffer(depth_slot=depth, color_slots=colors)
         with self.framebuffer.bind():
             yield self.framebuffer
 

@@ -63,3 +63,19 @@ def test_rows_that_were_drawn_alone_bind_nobody_later(kind):
         pass
     assert is_whole(square(into))
     assert is_whole(square(kind(*SIZE, ("RGBA32F",))))
+
+
+def test_no_framebuffer_is_bound_a_second_time():
+    """On OpenGL one belongs to the window in which it was first bound, and the next block may run in another window."""
+    into = target.Target(4, 4, ("RGBA32F", "DEPTH_COMPONENT32F"))
+    bound = []
+    for value in (0.25, 0.75):
+        with into.bound() as framebuffer:
+            framebuffer.clear(color=(value,) * 4, depth=1.0)
+            bound.append(framebuffer)
+            assert into.framebuffer is framebuffer
+    assert bound[0] is not bound[1]
+    texels = np.empty((4, 4, 4), np.float32)
+    into.read(texels)
+    assert (texels == 0.75).all()
+    assert into.framebuffer not in bound
