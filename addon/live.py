@@ -36,6 +36,8 @@ _since = 0.0
 _is_stored = True
 _is_short = False
 """Whether an object is gone, for now."""
+_is_told = True
+"""Whether Blender has told of anything since it was last looked whether all objects are there."""
 _strokes: strokes.Strokes | None = None
 message = ""
 """What kept the last map from being drawn, in a sentence; empty when it was drawn."""
@@ -61,11 +63,12 @@ def start(context: bpy.types.Context, job: Job, settings: Settings) -> None:
 def starting(context: bpy.types.Context, job: Job, settings: Settings, speed: pace.Pace) -> pace.Work[None]:
     """Follow the objects of a job; its first map is drawn and stored first. Raises BakeError, and then live is off, as when
     the generator is closed."""
-    global _session, _asked, _refused, _scene, _strokes, _work, _all_changed, _is_stored, _is_short, message  # noqa: PLW0603 - see tick
+    global _session, _asked, _refused, _scene, _strokes, _work, message  # noqa: PLW0603 - see tick
+    global _all_changed, _is_stored, _is_short, _is_told  # noqa: PLW0603 - see tick
     stop()
     following = live.Session(context, job, settings, speed)
     _session, _asked, _work, message = following, settings, None, ""
-    _all_changed, _is_stored, _is_short = False, True, False
+    _all_changed, _is_stored, _is_short, _is_told = False, True, False, True
     _refused, _scene, _strokes = None, context.scene.session_uid, strokes.Strokes(following)
     for handlers, handler in _handlers():
         handlers.append(handler)  # what changes from now on counts
@@ -159,14 +162,23 @@ def words() -> str:
 
 def _look_for_objects() -> None:
     """Raise BakeError while an object is gone: Undo may bring it back, and then all is drawn anew."""
-    global _is_short, _all_changed  # noqa: PLW0603 - see start
-    was_short, _is_short = _is_short, True
-    for ref in _session.job.refs:
-        obj = ref.resolve()
-        if not obj.users_scene:  # a slot of the panel keeps it in the file
-            raise BakeError(f"{obj.name!r} was deleted from the scene: bring it back with Undo, or switch Live off.")
+    global _is_told, _is_short, _all_changed  # noqa: PLW0603 - see start
+    if not (_is_told or _is_short):
+        return
+    was_short, _is_short, _is_told = _is_short, True, False
+    there = _in_scenes()
+    if not there.issuperset(ref.uid for ref in _session.job.refs):
+        _all_changed |= _session.job.renew()  # a library was reloaded
+        lost = next((ref for ref in _session.job.refs if ref.uid not in there), None)
+        if lost is not None:  # a slot of the panel keeps it in the file
+            raise BakeError(f"{lost.name!r} was deleted from the scene: bring it back with Undo, or switch Live off.")
     _is_short = False
-    _all_changed |= _session.job.renew() or was_short
+    _all_changed |= was_short
+
+
+def _in_scenes() -> set[int]:
+    """The session_uid of all objects in scenes: Blender looks through all of them for each that it is asked for."""
+    return {obj.session_uid for scene in bpy.data.scenes for obj in scene.objects}
 
 
 def every_time() -> bool:
@@ -261,11 +273,14 @@ def _handlers() -> list[tuple[list, Callable]]:
 
 
 def _on_update(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+    global _is_told  # noqa: PLW0603 - see start
+    _is_told = True
     if _session is None or _strokes.is_asking:
         return
+    followed = _session.uids
     for update in depsgraph.updates:
         obj = update.id.original
-        if not isinstance(obj, bpy.types.Object) or obj.session_uid not in _session.uids:
+        if not isinstance(obj, bpy.types.Object) or obj.session_uid not in followed:
             continue
         if update.is_updated_geometry or update.is_updated_transform:
             _changed.add(obj.session_uid)
@@ -274,7 +289,7 @@ def _on_update(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
 
 
 def _on_undo(*_) -> None:
-    global _all_changed  # noqa: PLW0603 - see start
-    _all_changed = True
+    global _all_changed, _is_told  # noqa: PLW0603 - see start
+    _all_changed = _is_told = True
     if _strokes is not None:
         _strokes.look_at_all()

@@ -25,7 +25,7 @@ def get(name: str) -> bpy.types.Image | None:
 def origin(name: str) -> list[str]:
     """The names of the high objects that the map in the image `name` came from; none where nobody knows."""
     image = get(name)
-    return str(image.get(ORIGIN, "")).splitlines() if image is not None else []
+    return list(filter(None, str(image.get(ORIGIN, "")).split("\n"))) if image is not None else []
 
 
 def sign(image: bpy.types.Image, highs: Iterable[str]) -> None:

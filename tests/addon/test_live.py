@@ -737,3 +737,20 @@ def test_it_writes_over_no_file_that_the_scene_is_made_of(pair, tmp_path):
     with pytest.raises(RuntimeError, match="would be written over the image 'shape' of a texture"):
         bpy.ops.imprint.live()
     assert live.session() is None
+
+
+def test_it_looks_for_its_objects_once_and_only_when_something_is_new(pair, monkeypatch):
+    """Blender finds an object by looking through all of them: fifty times a second, that is more than large scenes bear."""
+    switch(True)
+    follow()
+    looked, look = [], live._in_scenes
+    monkeypatch.setattr(live, "_in_scenes", lambda: (looked.append(1), look())[1])
+    monkeypatch.setattr(live.subjects.ObjectRef, "resolve", lambda ref: pytest.fail(f"{ref.name} was looked for"))
+    for _ in range(5):
+        live.tick()
+    assert looked == []
+    bpy.context.scene.objects["lo"].color[0] = 0.5
+    bpy.context.view_layer.update()
+    for _ in range(5):
+        live.tick()
+    assert looked == [1]
