@@ -2,10 +2,11 @@
 """The words of the command line: one table for its options, from which job files are read as well."""
 
 import argparse
+import difflib
 import functools
 import os
 import re
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import fields
 from pathlib import PurePath
 
@@ -25,6 +26,7 @@ from .bake.settings import (
     SPACES,
     USUAL_DEPTH,
     Settings,
+    is_number,
     parse_tiles,
     usual_depth,
 )
@@ -62,7 +64,7 @@ def path(value: str) -> str:
 
 def _size(value: str) -> tuple[int, int]:
     sides = value.lower().split("x")
-    if len(sides) > 2 or not all(side.isdecimal() for side in sides):
+    if len(sides) > 2 or not all(map(is_number, sides)):
         raise argparse.ArgumentTypeError(f"{value!r} is neither a number of texels nor two of them as 4096x1024")
     return int(sides[0]), int(sides[-1])
 
@@ -78,7 +80,7 @@ def _margin(value: str) -> int | None:
 
 def _frames(value: str) -> tuple[int, int]:
     first, _, last = value.partition("-")
-    if not (first.isdecimal() and last.isdecimal()) or int(first) > int(last):
+    if not (is_number(first) and is_number(last)) or int(first) > int(last):
         raise argparse.ArgumentTypeError(f"{value!r} is not a range of frames as 1-48")
     if int(last) > LAST_FRAME or int(last) - int(first) >= MANY_FRAMES:
         raise argparse.ArgumentTypeError(
@@ -326,9 +328,21 @@ JOBS = {
 }
 
 
+def meant(word: str, known: Iterable[str]) -> str:
+    """The question that ends a sentence about an unknown word; empty where none is like it."""
+    close = difflib.get_close_matches(word, list(known), n=1)
+    return f", did you mean {close[0]!r}?" if close else ""
+
+
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str):
-        raise WrongUsage(message)
+        unknown = re.match("unrecognized arguments: (--[^ =]+)", message)
+        raise WrongUsage(message + (meant(unknown[1], _names()) if unknown else ""))
+
+
+def _names() -> Iterator[str]:
+    """All options, with their dashes."""
+    return (f"--{name}" for name in ("jobs", *(name for options in OPTIONS.values() for name in options)))
 
 
 @functools.cache

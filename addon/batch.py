@@ -17,8 +17,8 @@ import gpu
 from . import arguments, clashes, importing, stopping, streams
 from .arguments import STDOUT
 from .bake import naming, pace, pipeline, sequence, subjects
-from .bake.errors import BakeError
-from .bake.files import Replaced, check_writable, replacing
+from .bake.errors import BakeError, sentence
+from .bake.files import check_writable, replacing, together
 from .bake.pace import Step
 from .bake.report import Report
 from .bake.settings import Settings
@@ -113,7 +113,7 @@ def bake_all(
         except stopping.Stopped:
             result = Result(plan.name, is_stopped=True)
         except (BakeError, MemoryError) as error:
-            result = Result(plan.name, error=str(error) if isinstance(error, BakeError) else no_memory(error))
+            result = Result(plan.name, error=sentence(error))
             stage = Stage()  # what the bake has changed before it failed is nothing for the next one
         result.seconds = time.perf_counter() - start
         results.append(result)
@@ -122,11 +122,6 @@ def bake_all(
         if result.is_stopped:
             break
     return results
-
-
-def no_memory(error: MemoryError) -> str:
-    """A sentence."""
-    return f"There is not enough memory{f' ({error})' if str(error) else ''}: choose a smaller map, or bake less at a time."
 
 
 def bake(plan: Plan, stage: Stage, files: clashes.Run, meter: Meter) -> Result:
@@ -148,17 +143,17 @@ def bake(plan: Plan, stage: Stage, files: clashes.Run, meter: Meter) -> Result:
     share_image = bool(options.pairs) and naming.LOW not in options.output
     files.opened(plan.name, options, [pipeline.ATLAS] if share_image else [job.low.name for job in jobs])
     _start_gpu()
-    with Replaced() as replaced:
+    with together():  # a bake of which a pair or a frame fails has failed, and so has one without its scene or report
         reports, is_stopped = _baked(options, jobs, settings, meter)
         for told in reports:
             told.warnings += [*stage.notes, *_refused_scripts()]
         are = "pairs" if options.pairs else "frames" if options.frames else ""
         result = Result(plan.name, reports, written(reports), problems, are=are, is_stopped=is_stopped)
-        with replaced.restoring():  # a bake whose scene or report cannot be saved has failed
-            if scene is not None and not is_stopped:
+        if scene is not None and not is_stopped:
+            with stage.let_go():
                 _save(scene, {bpy.data.images[report.image] for report in reports})
-            if report is not None:
-                write_json(report, result.to_json())
+        if report is not None:
+            write_json(report, result.to_json())
     return result
 
 
@@ -282,6 +277,8 @@ def _jobs(options: argparse.Namespace, stage: Stage) -> tuple[list[pipeline.Job]
         stage.open(options.file)
     elif not bpy.data.filepath:
         raise BakeError("There is no scene to bake: give a FILE.")
+    else:
+        stage.take()
     if options.pairs:
         return pipeline.jobs_by_name(bpy.context, options.suffixes)
     low = subjects.named(options.low)

@@ -11,7 +11,7 @@ import bpy
 
 from . import arguments, batch, clashes, jobfile, stopping, streams
 from .arguments import STDOUT, WrongUsage
-from .bake.errors import BakeError, WrongPlace
+from .bake.errors import BakeError, WrongPlace, sentence
 from .bake.pace import Step
 from .batch import Plan, Result
 from .importing import Stage
@@ -38,6 +38,9 @@ def _run(words: Sequence[str], program: str) -> int:
         return _refuse(program, error)
     except WrongPlace as error:
         return _refuse(program, error)
+    except MemoryError as error:
+        print(f"{program}: {sentence(error)}", file=sys.stderr)
+        return FAILED
     with Meter(sys.stderr) as meter:
         try:
             if _are_many(options):
@@ -49,10 +52,8 @@ def _run(words: Sequence[str], program: str) -> int:
             return _refuse(program, error)
         except stopping.Stopped:
             problem = "stopped, nothing was finished."
-        except BakeError as error:
-            problem = str(error)
-        except MemoryError as error:
-            problem = batch.no_memory(error)
+        except (BakeError, MemoryError) as error:
+            problem = sentence(error)
         meter.clear()
         print(f"{program}: {problem}", file=sys.stderr)
         return FAILED

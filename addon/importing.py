@@ -2,7 +2,8 @@
 """Scenes for a bake without a window: a .blend is opened, mesh files are imported into an empty scene."""
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import bpy
@@ -12,6 +13,7 @@ from .bake.errors import BakeError
 from .bake.files import reason
 from .bake.pairs import Pair, Suffixes, match
 from .bake.pipeline import Job
+from .bake.visible import put
 
 IMPORTERS = {
     ".obj": ("wm", "obj_import", {}),
@@ -36,6 +38,8 @@ class Stage:
         self._open: list[Path] = []
         self.notes: list[str] = []
         """Sentences on what of the open files does not take part."""
+        self._held = ExitStack()
+        """Lets go of the caches that are held."""
 
     def open(self, names: Sequence[str]) -> None:
         """Open a .blend, or import files into an empty scene; nothing where these are open already.
@@ -46,7 +50,7 @@ class Stage:
         wanted = [Path(name).resolve() for name in names]
         if wanted == self._open:
             return
-        self._open, self.notes = [], []
+        self._leave()
         if _ending(first) in IMPORTERS:
             _empty()
             bring(first)
@@ -54,8 +58,23 @@ class Stage:
             _open_blend(first)
         for name in others:
             bring(name)
-        self.notes = _hold_caches()
+        self.take()
         self._open = wanted
+
+    def take(self) -> None:
+        """Take what is open, whoever has opened it: keep its simulations from writing files."""
+        self.notes = _hold_caches(self._held)
+
+    @contextmanager
+    def let_go(self) -> Iterator[None]:
+        """In this block the caches are as in the files, for the scene to be saved so."""
+        self._held.close()
+        yield
+        self.take()
+
+    def _leave(self) -> None:
+        """Forget what is open: other files are to come, or an empty scene."""
+        self._open, self.notes, self._held = [], [], ExitStack()
 
     def job(self, low: str, highs: Sequence[str], cage: str | None = None) -> Job:
         """An empty scene with these files: the low object, and the cage, are the one mesh of theirs.
@@ -64,13 +83,13 @@ class Stage:
         """
         for name in (low, *highs, *([cage] if cage else [])):
             _existing(name)
-        self._open, self.notes = [], []
+        self._leave()
         _empty()
         low_object = _only(low, bring(low))
         low_object.rename(Path(low).stem, mode="ALWAYS")
         high_objects = [obj for name in highs for obj in bring(name)] or [low_object]
         cage_object = _only(cage, bring(cage)) if cage else None
-        self.notes = _hold_caches()
+        self.take()
         return Job(low_object, high_objects, cage_object)
 
 
@@ -124,7 +143,7 @@ def bring(name: str) -> list[bpy.types.Object]:
                 getattr(getattr(bpy.ops, module), operator)(filepath=str(path), **more)
     except AttributeError as error:
         raise BakeError(f"{str(path)!r} cannot be read: this Blender imports no {ending} files.") from error
-    except (RuntimeError, OSError) as error:
+    except (RuntimeError, OSError, ValueError) as error:  # ValueError: of a .blend that is open already
         raise BakeError(f"{str(path)!r} could not be imported: {_cause(error)}.") from error
     new = [obj for obj in bpy.data.objects if obj.type == "MESH" and obj not in before]
     meshes = [obj for obj in new if obj.data.polygons or obj.modifiers]
@@ -153,28 +172,29 @@ def _open_blend(name: str) -> None:
         raise BakeError(f"{name!r} could not be opened: {reason(error)}.") from error
 
 
-def _hold_caches() -> list[str]:
-    """Keep simulations from writing files as frames go by; returns what that changes."""
+def _hold_caches(held: ExitStack) -> list[str]:
+    """Keep simulations from writing files as frames go by, until `held` is closed; returns what that changes."""
     notes = []
     for obj in bpy.data.objects:
         for modifier in obj.modifiers:
             domain = modifier.domain_settings if modifier.type == "FLUID" else None
             if domain and domain.cache_type == "REPLAY":
-                modifier.show_viewport = modifier.show_render = False
+                put(modifier, "show_viewport", False, held)
+                put(modifier, "show_render", False, held)
                 notes.append(
                     f"The fluid of {obj.name!r} was switched off, as its type Replay writes files: bake it as All or Modular."
                 )
-        _hold_points(obj)
+        _hold_points(obj, held)
     return notes
 
 
-def _hold_points(obj: bpy.types.Object) -> None:
+def _hold_points(obj: bpy.types.Object, held: ExitStack) -> None:
     """What is baked on the disk is read from there; the rest stays in memory."""
     caches = [each.point_cache for each in obj.modifiers if each.type in {"CLOTH", "SOFT_BODY"}]
     caches += [system.point_cache for system in obj.particle_systems]
     for cache in caches:
         if cache.use_disk_cache and not cache.is_baked:
-            cache.use_disk_cache = False
+            put(cache, "use_disk_cache", False, held)
 
 
 def _empty() -> None:

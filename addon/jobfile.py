@@ -2,7 +2,6 @@
 """Job files: what to bake, in sets, as TOML or JSON. Each set becomes arguments, which the command line's parser reads."""
 
 import argparse
-import difflib
 import json
 import re
 import tomllib
@@ -94,8 +93,7 @@ def _parts(name: str, table) -> tuple[dict, list[dict]]:
 
 def _check_known(where: str, key: str, known: Iterable[str]) -> None:
     if key not in known:
-        close = difflib.get_close_matches(key, list(known), n=1, cutoff=0.0)[0]
-        raise WrongUsage(f"{where}: unknown key {key!r}, did you mean {close!r}?")
+        raise WrongUsage(f"{where}: unknown key {key!r}{arguments.meant(key, known)}")
 
 
 def _arguments(values: dict, folder: Path) -> list[str]:
@@ -104,8 +102,7 @@ def _arguments(values: dict, folder: Path) -> list[str]:
     for written, value in values.items():
         key = written.replace("_", "-")
         if key not in KEYS:
-            close = difflib.get_close_matches(key, KEYS, n=1, cutoff=0.0)[0]
-            raise WrongUsage(f"unknown key {written!r}, did you mean {close!r}?")
+            raise WrongUsage(f"unknown key {written!r}{arguments.meant(key, KEYS)}")
         words = _words(key, value)
         if key == "report" and STDOUT in words:
             raise WrongUsage(f"report: {STDOUT!r}, standard output, is for the command line alone")

@@ -5,7 +5,7 @@ import bpy
 
 from . import progress
 from .bake import pace
-from .bake.errors import BakeError
+from .bake.errors import BakeError, sentence
 
 SLICE = 0.03
 """Seconds of rays between two looks at the clock."""
@@ -64,8 +64,8 @@ class InSlices:
     def execute(self, context: bpy.types.Context) -> set[str]:
         try:
             result = pace.finish(self._work(context, pace.Pace()))
-        except BakeError as error:
-            self.report({"ERROR"}, str(error))
+        except (BakeError, MemoryError) as error:
+            self.report({"ERROR"}, sentence(error))
             return {"CANCELLED"}
         self._finish(context, result)
         return {"FINISHED"}
@@ -102,8 +102,8 @@ class InSlices:
         except StopIteration as end:
             self._finish(context, end.value)
             return {"FINISHED"}
-        except BakeError as error:
-            self.report({"ERROR"}, str(error))
+        except (BakeError, MemoryError) as error:
+            self.report({"ERROR"}, sentence(error))
             return {"CANCELLED"}
         finally:  # after an error that nobody has thought of as well: else the next bake would wait for this one
             if not goes_on:

@@ -54,8 +54,9 @@ def bake(context: bpy.types.Context, reports: list[Report]) -> None:
 
 def hide_high(context: bpy.types.Context, report: Report, hide: bool) -> None:
     """Hide the high objects of a bake in the view layer, or show them again."""
+    there = set(context.view_layer.objects.values())  # not by name: a linked and a local object may share one
     for obj in results.high_objects(report):
-        if obj.name in context.view_layer.objects and context.view_layer.objects[obj.name] == obj:
+        if obj in there:
             obj.hide_set(hide)
 
 

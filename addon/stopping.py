@@ -8,7 +8,7 @@ needed here, so that a script can listen before it loads bpy.
 import os
 import signal
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -79,8 +79,9 @@ def note(name: str) -> None:
     """Tell scripts/imprint.py, if that waits for us, what is being baked: it names it should Blender crash."""
     descriptor = os.environ.get(BAKING, "")
     if is_launched() and descriptor.isdecimal():
-        os.ftruncate(int(descriptor), 0)
-        os.pwrite(int(descriptor), os.fsencode(name), 0)
+        with suppress(OSError):  # a full disk: it is for a crash alone
+            os.ftruncate(int(descriptor), 0)
+            os.pwrite(int(descriptor), os.fsencode(name), 0)
 
 
 @contextmanager
@@ -110,5 +111,7 @@ def _hear(number: int, _) -> None:
     told = signal.SIGINT if name in (ASK, END) else number
     _asked.code = _asked.code or 128 + told
     if name == END or _asked.direct > 1:
-        leftovers.remove_ours()
-        os._exit(_asked.code)
+        try:
+            leftovers.remove_ours()
+        finally:  # it may have come in the middle of just that
+            os._exit(_asked.code)

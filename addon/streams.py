@@ -4,6 +4,7 @@
 import ctypes
 import io
 import os
+import select
 import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, redirect_stderr, redirect_stdout
@@ -17,7 +18,9 @@ class _Patient(io.FileIO):
 
     def write(self, data) -> int:
         try:
-            return super().write(data)
+            while (written := super().write(data)) is None:  # somebody has made it one that does not wait
+                select.select((), (self,), ())
+            return written
         except OSError as error:
             self.error = self.error or error
             return len(data)

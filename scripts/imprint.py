@@ -323,6 +323,8 @@ class Bake:
         try:
             with tempfile.TemporaryFile() as baking:
                 self._start(numbers, baking.fileno())
+                if self._process is None:
+                    return 0, ""
                 code = self._process.wait()
                 baking.seek(0)
                 return code, os.fsdecode(baking.read())
@@ -331,7 +333,10 @@ class Bake:
                 signal.signal(number, handler)
 
     def _start(self, numbers, baking):
-        """Blender starts with signals held back, until it listens to them; so does this process until it is there."""
+        """Blender starts with signals held back, until it listens to them; so does this process until it is there.
+
+        It does not start where a signal came before, which nobody would hand on.
+        """
         environment = dict(os.environ, IMPRINT_LAUNCHER=str(os.getpid()), IMPRINT_BAKING=str(baking))
         if WINDOWS:  # where a Ctrl-C reaches all processes of a console
             self._process = subprocess.Popen(self._command)
@@ -339,7 +344,8 @@ class Bake:
         held = [*numbers, signal.SIGUSR1, signal.SIGUSR2]
         signal.pthread_sigmask(signal.SIG_BLOCK, held)
         try:
-            self._process = subprocess.Popen(self._command, env=environment, pass_fds=[baking])
+            if not self.told:
+                self._process = subprocess.Popen(self._command, env=environment, pass_fds=[baking])
         finally:
             signal.pthread_sigmask(signal.SIG_UNBLOCK, held)
 

@@ -12,6 +12,13 @@ class WrongPlace(BakeError):
     """A file cannot be written where it was asked to be: it would harm another one, or what is there is no file."""
 
 
+def sentence(error: BakeError | MemoryError) -> str:
+    """What a person is told of it."""
+    if isinstance(error, BakeError):
+        return str(error)
+    return f"There is not enough memory{f' ({error})' if str(error) else ''}: choose a smaller map, or bake less at a time."
+
+
 def few(things: Iterable[object], most: int = 3) -> str:
     """`things` in a sentence that stays short: some of them, and how many more there are."""
     words = list(map(str, things))

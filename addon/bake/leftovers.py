@@ -7,6 +7,7 @@ import platform
 import re
 import secrets
 import time
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
@@ -49,12 +50,13 @@ class Beside:
         return kept
 
     def remove(self) -> None:
-        """Leave nothing there. May be called again."""
+        """Leave nothing there, as far as the folder still lets us. May be called again."""
         if self._guard is None:
             return
-        self.here.unlink(missing_ok=True)
-        self.here.with_name(f"{self.here.name}@").unlink(missing_ok=True)  # Blender's own partial file, of a .blend
-        self._guard.remove()
+        blenders = self.here.with_name(f"{self.here.name}@")  # its own partial file, of a .blend
+        for remove in (self.here.unlink, blenders.unlink, self._guard.remove):
+            with suppress(OSError):
+                remove()
         self._guard = None
         _OURS.discard(self)
 
@@ -90,8 +92,10 @@ class _Guard:
             os.close(self._descriptor)  # somebody swept it before it was locked
 
     def remove(self) -> None:
-        os.close(self._descriptor)  # first, as Windows removes no file that is open
-        self.path.unlink(missing_ok=True)
+        try:
+            os.close(self._descriptor)  # first, as Windows removes no file that is open
+        finally:
+            self.path.unlink(missing_ok=True)
 
 
 @cache

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a bake is asked to do, as plain data."""
 
-import math
 import re
 from dataclasses import dataclass, replace
 from pathlib import PurePath
@@ -21,6 +20,8 @@ MODIFIERS = ("RENDER", "VIEWPORT")
 STORAGES = ("PACK", "FILE", "MEMORY")
 MIN_SIZE, MAX_SIZE = 16, 16384
 MAX_MIPS = 8
+FARTHEST = 1e18
+"""Of distances: a float holds its square."""
 TILES = range(1001, 2001)
 """The UDIM tiles that Blender knows: 1001 + u + 10 v, u below 10 and v below 100."""
 TOKEN = "<UDIM>"
@@ -48,9 +49,14 @@ def usual_depth(output: str) -> int:
 def parse_tiles(text: str) -> tuple[int, ...]:
     """UDIM numbers from "1001, 1003". Raises BakeError for what is none."""
     words = text.replace(",", " ").split()
-    if not all(word.isdecimal() for word in words):
+    if not all(map(is_number, words)):
         raise BakeError(f"{text!r} is not a list of UDIM tiles as 1001, 1003.")
-    return tuple(int(word) for word in words)
+    return tuple(dict.fromkeys(map(int, words)))
+
+
+def is_number(text: str) -> bool:
+    """Whether a word is a whole number, without a sign and of a length that Python reads."""
+    return text.isdecimal() and len(text) < 100
 
 
 @dataclass(frozen=True)
@@ -175,12 +181,14 @@ class Settings:
             raise BakeError(f"The colour of misses {self.missed} is none: it takes three numbers from 0 to 1.")
 
     def _check_distances(self) -> None:
-        if self.extrusion is not None and not 0.0 <= self.extrusion < math.inf:
-            raise BakeError(f"The extrusion of {self.extrusion} is no distance: it takes 0 or more.")
-        if self.max_distance is not None and not 0.0 < self.max_distance < math.inf:
-            raise BakeError(f"The maximum distance of {self.max_distance} is no distance: it takes more than 0.")
-        if self.limit is not None and not 0.0 < self.limit < math.inf:
-            raise BakeError(f"The limit of {self.limit} is no distance: it takes more than 0.")
+        if self.extrusion is not None and not 0.0 <= self.extrusion <= FARTHEST:
+            raise BakeError(f"The extrusion of {self.extrusion} is no distance: it takes 0 to {FARTHEST:g}.")
+        if self.max_distance is not None and not 0.0 < self.max_distance <= FARTHEST:
+            raise BakeError(
+                f"The maximum distance of {self.max_distance} is no distance: it takes more than 0, up to {FARTHEST:g}."
+            )
+        if self.limit is not None and not 0.0 < self.limit <= FARTHEST:
+            raise BakeError(f"The limit of {self.limit} is no distance: it takes more than 0, up to {FARTHEST:g}.")
 
     def _check_output(self) -> None:
         if not self.output:

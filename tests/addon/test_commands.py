@@ -91,6 +91,7 @@ def test_sizes(text, size):
 
 
 WRONG = {
+    "a limit that no float holds": [*BAKE, "--output", "m.png", "--limit", "1e39"],
     "no low object": ["scene/file.blend", "--output", "m.png"],
     "no output": BAKE,
     "unknown option": [*BAKE, "--output", "m.png", "--quality", "high"],
@@ -130,6 +131,7 @@ CANNOT = {
     "low object misspelt": ([*BAKE, "--low", "loo", "--output", "m.png"], "did you mean 'lo'?"),
     "high object misspelt": ([*BAKE, "--high", "hii", "--output", "m.png"], "did you mean 'hi'?"),
     "nothing alike": ([*BAKE, "--low", "Suzanne", "--output", "m.png"], "it has 2 objects"),
+    "a scene twice": (["scene/file.blend", *BAKE, "--output", "m.png"], "Cannot load from the current blend file"),
     "no detail": ([*BAKE[:3], "--output", "m.png"], "'lo' is both high and low"),
     "no such UV map": ([*BAKE, "--uv", "Lightmap", "--output", "m.png"], "'lo' has no UV layer 'Lightmap'"),
     "file for a folder": ([*BAKE, "--output", "broken.blend/m.png"], "Not a directory"),
@@ -139,6 +141,12 @@ CANNOT = {
 MAKES_NO_SENSE = {
     "size 0": ([*BAKE, "--size", "0", "--output", "m.png"], "0 x 0"),
     "size beyond all": ([*BAKE, "--size", "9" * 30, "--output", "m.png"], "16384"),
+    "size of a novel's length": ([*BAKE, "--size", "9" * 5000, "--output", "m.png"], "is neither a number of texels nor"),
+    "frames of a novel's length": ([*BAKE, "--frames", f"1-{'9' * 5000}", "--output", "m.png"], "not a range of frames"),
+    "tiles of a novel's length": ([*BAKE, "--tiles", "1" * 5000, "--output", "m.png"], "not a list of UDIM tiles"),
+    "option misspelt": ([*BAKE, "--outptu", "m.png"], "--outptu m.png, did you mean '--output'?"),
+    "jobs misspelt": (["--job", "j.json"], "did you mean '--jobs'?"),
+    "option like none": ([*BAKE, "--qqq", "--output", "m.png"], "unrecognized arguments: --qqq"),
     "negative margin": ([*BAKE, "--margin", "-1", "--output", "m.png"], "-1"),
     "format": ([*BAKE, "--output", "m.jpg"], "one of .png, .exr"),
     "format and depth": ([*BAKE, "--output", "m.png", "--depth", "32"], "8 or 16 bits"),
@@ -483,6 +491,18 @@ def test_pairs_may_share_an_atlas(rocks, capsys):
 def test_pairs_may_have_a_map_each(rocks):
     assert commands.run([*PAIRS, "--output", "{low}_n.png"]) == commands.DONE
     assert files(rocks) == ["a_low_n.png", "b_low_n.png", "rocks.blend"]
+
+
+def test_a_pair_that_fails_takes_the_others_along(rocks, capsys):
+    bpy.ops.wm.open_mainfile(filepath=str(rocks / "rocks.blend"))
+    bpy.data.objects["B_High.001"].location.z = 1000.0
+    bpy.ops.wm.save_as_mainfile(filepath=str(rocks / "rocks.blend"))
+    (rocks / "b_low.png").write_bytes(b"of yesterday")
+    before = files(rocks)
+    assert commands.run([*PAIRS, "--output", "{low}.png", "--report", "r.json"]) == commands.FAILED
+    assert capsys.readouterr().err.splitlines()[-1].startswith("imprint: 'b_low' and 'B_High.001' do not overlap")
+    assert files(rocks) == before
+    assert (rocks / "b_low.png").read_bytes() == b"of yesterday"
 
 
 def test_pairs_that_are_not_there(rocks, capsys):

@@ -193,18 +193,23 @@ def _running_bake():
     return button
 
 
-def test_an_error_is_told_and_frees_the_window(pair):
+@pytest.mark.parametrize(
+    ("error", "said"),
+    [(BakeError("It cannot be."), "It cannot be."), (MemoryError(), "There is not enough memory: choose a smaller map")],
+)
+def test_an_error_is_told_and_frees_the_window(pair, error, said):
     button = Button(operators.IMPRINT_OT_live)
 
     def fails(*_):
         yield pace.Step("Reading", 0.0)
-        raise BakeError("It cannot be.")
+        raise error
 
     button._work = fails
     button.press()
     assert button.run() == {"CANCELLED"}
-    assert button.told == [("ERROR", "It cannot be.")]
     assert is_clean()
+    assert button.execute(button.context) == {"CANCELLED"}
+    assert [(kind, text[: len(said)]) for kind, text in button.told] == [("ERROR", said)] * 2
 
 
 def test_adjust_last_operation_says_what_was_done_and_offers_nothing(pair):

@@ -7,6 +7,7 @@ import bpy
 import pytest
 
 from addon import panels, results, showing
+from addon.bake import subjects
 from tests.support import zoo
 
 pytestmark = pytest.mark.usefixtures("registered", "gpu_context")
@@ -234,3 +235,17 @@ def test_high_objects_are_hidden_and_shown_by_turns(baked):
         assert high.visible_get() == is_visible
     bpy.data.objects.remove(high)
     assert not bpy.ops.imprint.show_high.poll()
+
+
+def test_namesakes_of_high_objects_stay(baked, tmp_path):
+    low, high = baked
+    bpy.data.libraries.write(str(tmp_path / "l.blend"), {high})
+    with bpy.data.libraries.load(str(tmp_path / "l.blend"), link=True) as (_, here):
+        here.objects = ["hi"]
+    (linked,) = here.objects
+    bpy.context.scene.collection.objects.link(linked)
+    for own, other in ((high, linked), (linked, high)):
+        report = SimpleNamespace(high=["hi"], refs=[subjects.hold(low), subjects.hold(own)])
+        showing.hide_high(bpy.context, report, hide=True)
+        assert (own.visible_get(), other.visible_get()) == (False, True)
+        showing.hide_high(bpy.context, report, hide=False)

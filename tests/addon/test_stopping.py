@@ -277,3 +277,47 @@ def test_ctrl_c_before_blender_is_there(scene):
     done = subprocess.run(program, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (130, "imprint: stopped, nothing was finished.\n")
     assert files(scene) == ["s.blend"]
+
+
+TWICE = """
+import os, signal, sys
+from pathlib import Path
+from addon import stopping
+from addon.bake.files import Partial
+with stopping.listening():
+    partial = Partial(Path(sys.argv[1]))
+    partial.here.write_text("half")
+    close = os.close
+    def closes(number):
+        close(number)
+        os.close = close
+        signal.raise_signal(signal.SIGINT)
+        signal.raise_signal(signal.SIGINT)
+    os.close = closes
+    partial.discard()
+"""
+
+
+def test_a_second_signal_in_the_middle_of_clearing_up_ends_at_once(tmp_path):
+    program = [sys.executable, "-c", TWICE, str(tmp_path / "map.png")]
+    done = subprocess.run(program, capture_output=True, text=True, check=False, cwd=imprint.ROOT)
+    assert (done.returncode, done.stderr) == (130, "")
+    assert files(tmp_path) == []
+
+
+def test_what_is_being_baked_may_find_no_room(monkeypatch):
+    full = os.open("/dev/full", os.O_WRONLY)
+    monkeypatch.setenv(stopping.LAUNCHER, str(os.getppid()))
+    monkeypatch.setenv(stopping.BAKING, str(full))
+    with stopping.listening():
+        stopping.note("rock")
+    os.close(full)
+
+
+def test_too_little_memory_for_a_job_file_is_told_in_one_line(scene, monkeypatch, capfd):
+    def read(*_):
+        raise MemoryError
+
+    monkeypatch.setattr(commands, "_read", read)
+    assert commands.run(["--jobs", "j.json"]) == commands.FAILED
+    assert capfd.readouterr().err.startswith("imprint: There is not enough memory: ")

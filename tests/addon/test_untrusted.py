@@ -60,3 +60,31 @@ def test_a_fluid_that_writes_files_is_switched_off_and_told(tmp_path, high):
     written, warnings = baked(tmp_path, "--output", "m.#.png", "--frames", "1-3")
     assert [name for name in written if name.startswith("fluid")] == []
     assert warnings[0].startswith("The fluid of 'domain' was switched off")
+
+
+def simulated(folder, high):
+    """Give the scene what writes files: a cloth that caches on the disk, and a fluid on Replay."""
+    domain = zoo.plane("domain").modifiers.new("Fluid", "FLUID")
+    domain.fluid_type = "DOMAIN"
+    domain.domain_settings.cache_type = "REPLAY"
+    cloth = high.modifiers.new("Cloth", "CLOTH")
+    bpy.ops.wm.save_as_mainfile(filepath=str(folder / "s.blend"))  # there are no such caches before
+    cloth.point_cache.use_disk_cache = True
+
+
+def test_the_saved_scene_keeps_its_simulations(tmp_path, high):
+    simulated(tmp_path, high)
+    baked(tmp_path, "--output", "m.png", "--save-blend", "s.blend")
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "s.blend"))
+    fluid, cloth = (bpy.data.objects[name].modifiers[0] for name in ("domain", "hi"))
+    assert (fluid.show_viewport, fluid.show_render, cloth.point_cache.use_disk_cache) == (True, True, True)
+
+
+def test_a_file_that_is_open_already_writes_none_either(tmp_path, high, capsys):
+    simulated(tmp_path, high)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "s.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "s.blend"))
+    before = set(tmp_path.rglob("*"))
+    assert commands.run([*BAKE[1:], "--output", "m.#.png", "--frames", "1-3"]) == commands.DONE
+    assert sorted(path.name for path in set(tmp_path.rglob("*")) - before) == ["m.1.png", "m.2.png", "m.3.png"]
+    assert "The fluid of 'domain' was switched off" in capsys.readouterr().err

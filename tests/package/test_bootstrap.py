@@ -2,6 +2,7 @@
 """The parts of scripts/imprint.py that can be tried without setting anything up."""
 
 import ast
+import signal
 import subprocess
 import sys
 import threading
@@ -306,6 +307,14 @@ class TestCommands:
         monkeypatch.setattr(imprint, "probe", lambda python: answers.pop(0))
         assert imprint.main(["bake"]) == 1
         assert "signal 9, Killed: by somebody's hand, or because memory ran out" in capfd.readouterr().err
+
+    @pytest.mark.skipif(imprint.WINDOWS, reason="signals of POSIX")
+    def test_a_signal_before_blender_starts_is_not_lost(self, baking, monkeypatch):
+        started = baking("exit 0")
+        make = imprint.tempfile.TemporaryFile
+        monkeypatch.setattr(imprint.tempfile, "TemporaryFile", lambda: signal.raise_signal(signal.SIGTERM) or make())
+        assert imprint.main(["bake"]) == 128 + signal.SIGTERM
+        assert not started.exists()
 
     def test_pytest_runs_after_ruff_whatever_ruff_says(self, ready):
         started, ending = ready

@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 
@@ -122,4 +123,21 @@ def test_a_process_that_ends_at_once_leaves_nothing(tmp_path):
     partial = Partial(tmp_path / "map.png")
     partial.here.write_text("half")
     leftovers.remove_ours()
+    assert names(tmp_path) == []
+
+
+def test_a_folder_that_lets_nothing_go_is_no_error(tmp_path, monkeypatch):
+    """As one that has become read-only, or a share that went away."""
+    first, second = Partial(tmp_path / "a.png"), Partial(tmp_path / "b.png")
+    for partial in (first, second):
+        partial.here.write_text("half")
+
+    def refuses(*_, **__):
+        raise PermissionError
+
+    with monkeypatch.context() as folder:
+        folder.setattr(Path, "unlink", refuses)
+        first.discard()
+        leftovers.remove_ours()
+    leftovers.sweep(tmp_path)  # their writer has let them go, alive as it is
     assert names(tmp_path) == []
