@@ -2,6 +2,7 @@
 """The objects of a bake: can they be baked, and how they are made ready for it and put back."""
 
 import difflib
+import os
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -35,7 +36,7 @@ class ObjectRef:
     that, and the name may be another's as well, whether linked or made later.
 
     uid: its session_uid; 0 for whichever object has the name. name: what it was called. library: of a linked object the
-    library's path; from there it comes with another session_uid when the library is reloaded.
+    library's whole path; from there it comes with another session_uid when the library is reloaded.
     """
 
     uid: int
@@ -48,7 +49,7 @@ class ObjectRef:
         if found is None or self.uid not in {0, found.session_uid}:
             found = next((obj for obj in bpy.data.objects if obj.session_uid == self.uid), None)
         if found is None and self.library:
-            found = bpy.data.objects.get((self.name, self.library))
+            found = next((obj for obj in bpy.data.objects if obj.name == self.name and _library(obj) == self.library), None)
         return found
 
     def resolve(self) -> bpy.types.Object:
@@ -63,7 +64,12 @@ class ObjectRef:
 
 def hold(obj: bpy.types.Object) -> ObjectRef:
     """A reference to `obj` that may be kept."""
-    return ObjectRef(obj.session_uid, obj.name, obj.library.filepath if obj.library else "")
+    return ObjectRef(obj.session_uid, obj.name, _library(obj))
+
+
+def _library(obj: bpy.types.Object) -> str:
+    """The whole path of the library that `obj` is linked from; empty for one that is not."""
+    return os.path.abspath(bpy.path.abspath(obj.library.filepath)) if obj.library else ""
 
 
 def scene_of(uid: int) -> bpy.types.Scene | None:

@@ -231,9 +231,14 @@ def test_live_follows_into_a_library_that_is_reloaded(library):
         addon.live.stop()
 
 
-def test_checks_find_what_was_reloaded(library):
+@pytest.mark.parametrize("relative", [False, True])
+def test_checks_find_what_was_reloaded(library, tmp_path, relative):
     source, low, high = library
     report = pipeline.bake(bpy.context, low, [high], settings())
+    if relative:  # as paths become when the scene is saved
+        (tmp_path / "scenes").mkdir()
+        bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scenes" / "scene.blend"))
+        source.filepath = "//../library.blend"
     source.reload()
     assert flaws.find(bpy.context, report, "polygons").tolist() == [0]
     bpy.data.objects.remove(bpy.data.objects["hi"])
