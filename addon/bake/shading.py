@@ -28,7 +28,7 @@ the high one, which lies around it, shows through."""
 SIDEWAYS = 3.0
 """Of the height of the highest bump: how far the view must be pulled, since one that is seen aslant hides more behind it."""
 PROBES = 1000
-"""Vertices of each high mesh whose height over the low one is looked at."""
+"""Vertices of the high meshes together, beside the outermost of each, whose height over the low one is looked at."""
 
 
 @dataclass(frozen=True)
@@ -230,7 +230,7 @@ class Shading:
             around = Frame(frame_of(highs).centre, frame.size)
         elif highs:
             surface = self._surface(low, frame)
-            pull = max(PULL, SIDEWAYS * max(_height(surface, frame.points(high)) for high in highs))
+            pull = max(PULL, SIDEWAYS * max(_height(surface, frame.points(high), PROBES // len(highs)) for high in highs))
         return _Scene(
             frame,
             pull,
@@ -258,10 +258,10 @@ def _positions(mesh: Mesh, frame: Frame) -> np.ndarray:
     return frame.points(mesh)[mesh.vertices]
 
 
-def _height(surface: BVHTree, points: np.ndarray) -> float:
-    """How far points (V, 3) lie off a surface at most: those that stand out most, and others from all over."""
+def _height(surface: BVHTree, points: np.ndarray, count: int) -> float:
+    """How far points (V, 3) lie off a surface at most: those that stand out most, and about `count` others from all over."""
     outermost = [*points.argmin(axis=0), *points.argmax(axis=0)]
-    probes = np.concatenate([points[outermost], points[:: max(1, len(points) // PROBES)]])
+    probes = np.concatenate([points[outermost], points[:: -(-len(points) // max(1, count))]])
     return max(surface.find_nearest(probe)[3] or 0.0 for probe in probes.tolist())
 
 

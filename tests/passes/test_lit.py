@@ -477,3 +477,24 @@ def test_a_view_needs_no_place_for_its_map_and_no_more_than_fits():
     settings.check()
     assert (settings.width, settings.height) == (8192, 2048)
     assert (settings.udim, settings.storage, settings.material) == (False, "MEMORY", False)
+
+
+def test_many_high_meshes_are_probed_no_more_than_a_few(monkeypatch):
+    low = zoo.plane("lo")
+    highs = [zoo.terrain(f"hi {number}", n=32) for number in range(8)]
+    height = shading._height
+
+    class Counted:
+        found = 0
+
+        def __init__(self, surface):
+            self.surface = surface
+
+        def find_nearest(self, point):
+            Counted.found += 1
+            return self.surface.find_nearest(point)
+
+    monkeypatch.setattr(shading, "_height", lambda surface, *more: height(Counted(surface), *more))
+    drawn = shading.Shading(session_of(low, highs))
+    drawn._placed(with_highs=False)
+    assert 0 < Counted.found <= shading.PROBES + 6 * len(highs)
