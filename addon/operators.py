@@ -226,7 +226,7 @@ class IMPRINT_OT_use_selection(bpy.types.Operator):
         settings = context.scene.imprint
         settings.low = context.active_object
         settings.highs.clear()
-        for obj in context.selected_objects:
+        for obj in context.view_layer.objects.selected:
             if obj != settings.low and subjects.may_be_high(obj):
                 settings.highs.add().object = obj
         return {"FINISHED"}

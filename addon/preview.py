@@ -7,7 +7,7 @@ import numpy as np
 from bpy.props import EnumProperty, FloatProperty, PointerProperty
 from gpu_extras.batch import batch_for_shader
 
-from . import labels, live, modal, progress
+from . import hiding, labels, live, modal, progress
 from .bake import live as sessions
 from .bake import pace, pipeline, shading, subjects
 from .bake.errors import BakeError
@@ -94,6 +94,7 @@ def off() -> None:
         bpy.types.SpaceView3D.draw_handler_remove(_handles.pop(), "WINDOW")
     if bpy.app.timers.is_registered(catch_up):
         bpy.app.timers.unregister(catch_up)
+    hiding.stop()
     free()
     _redraw()
 
@@ -189,18 +190,34 @@ def _shown(context: bpy.types.Context) -> shading.Shading | None:
         if not bpy.app.timers.is_registered(catch_up):
             bpy.app.timers.register(catch_up)
         return None
-    low = session.job.refs[0].find()
-    is_seen = low is not None and low.visible_get(view_layer=context.view_layer, viewport=context.space_data)
-    return _shading if is_seen else None
+    return _shading if _low_is_seen(context) else None
+
+
+def _low_is_seen(context: bpy.types.Context) -> bool:
+    low = _session().job.refs[0].find()
+    return low is not None and low.visible_get(view_layer=context.view_layer, viewport=context.space_data)
+
+
+def _highs(context: bpy.types.Context) -> list[bpy.types.Object]:
+    """The high objects, which the views draw the low one in place of; none where that is not to be seen."""
+    session = _session()
+    if session is None or not _low_is_seen(context):
+        return []
+    low, *highs = (ref.find() for ref in (session.job.refs[0], *session.job.high_refs))
+    return [obj for obj in highs if obj is not None and obj != low]
 
 
 def _draw_view() -> None:
     context = bpy.context
+    highs = _highs(context)
+    # Strokes need the object that they are drawn on.
+    hiding.ask(context, [obj for obj in highs if obj.mode == "OBJECT"])
     drawn = _shown(context)
     if drawn is None:
         return
     view = context.scene.imprint_view
-    drawn.draw(_mode, _eye(context.region_data, view.light), split=view.split, limit=view.limit)
+    is_alone = hiding.are_out(context.space_data, highs)
+    drawn.draw(_mode, _eye(context.region_data, view.light), split=view.split, limit=view.limit, is_alone=is_alone)
     if _mode.endswith("DEVIATION"):
         scale = context.preferences.system.ui_scale
         drawn.draw_legend(_place_of_bar(context.region, scale), (BAR[0] * scale, BAR[1] * scale))

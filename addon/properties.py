@@ -16,7 +16,7 @@ from bpy.props import (
 )
 
 from . import results
-from .bake import subjects
+from .bake import subjects, visible
 from .bake.pairs import Suffixes
 from .bake.settings import AXES, MAPS, MAX_MIPS, MAX_SIZE, MIN_SIZE, SAMPLES, Settings, parse_tiles, usual_depth
 
@@ -357,7 +357,7 @@ class ImprintSettings(bpy.types.PropertyGroup, Options):
         low = low or self.low or context.active_object
         highs = [slot.object for slot in self.highs if slot.object]
         if not highs:
-            highs = [obj for obj in context.selected_objects if obj != low]
+            highs = [obj for obj in context.view_layer.objects.selected if obj != low]
         return low, highs or self._remembered(context, low)
 
     def _remembered(self, context: bpy.types.Context, low: bpy.types.Object | None) -> list[bpy.types.Object]:
@@ -365,7 +365,7 @@ class ImprintSettings(bpy.types.PropertyGroup, Options):
         last = results.of(context, low) if low is not None else None
         before = results.high_objects(last) if last is not None else []
         own = subjects.own_highs(low)
-        is_hidden = before and not any(obj.visible_get() for obj in before)
+        is_hidden = before and not any(visible.is_visible(obj) for obj in before)
         return before if is_hidden or not own else own
 
     def cage_for(self, method: str) -> bpy.types.Object | None:

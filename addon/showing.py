@@ -4,6 +4,7 @@
 import bpy
 
 from . import results
+from .bake import visible
 from .bake.report import Report
 
 
@@ -62,7 +63,7 @@ def hide_high(context: bpy.types.Context, report: Report, hide: bool) -> None:
 
 def hides_high(report: Report) -> bool:
     """Whether no high object of a bake is to be seen."""
-    return not any(obj.visible_get() for obj in results.high_objects(report))
+    return not any(visible.is_visible(obj) for obj in results.high_objects(report))
 
 
 def selection(context: bpy.types.Context) -> None:

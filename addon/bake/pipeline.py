@@ -44,8 +44,12 @@ class Job:
         return self.refs[0].resolve()
 
     @property
+    def high_refs(self) -> list[subjects.ObjectRef]:
+        return self.refs[1 : len(self.refs) - self._has_cage]
+
+    @property
     def highs(self) -> list[bpy.types.Object]:
-        return [ref.resolve() for ref in self.refs[1 : len(self.refs) - self._has_cage]]
+        return [ref.resolve() for ref in self.high_refs]
 
     @property
     def cage(self) -> bpy.types.Object | None:

@@ -5,13 +5,14 @@ import bpy
 import numpy as np
 
 from ..mesh import extract
+from . import visible
 
 
 def problem(obj: bpy.types.Object) -> str:
     """Why faces of `obj` cannot be selected, as a sentence; empty when they can."""
     if not (obj.is_editable and obj.data.is_editable):
         return f"{obj.name!r} is linked from another file: make it local, so that its faces can be selected."
-    if not obj.visible_get():
+    if not visible.is_visible(obj):
         return f"{obj.name!r} is hidden: show it, so that its faces can be selected."
     return ""
 

@@ -117,17 +117,18 @@ class Shading:
         if is_measured and self._measured is None:
             self._measure()
 
-    def draw(self, mode: str, eye: Eye, *, split: float = 0.5, limit: float = 5.0) -> None:
+    def draw(self, mode: str, eye: Eye, *, split: float = 0.5, limit: float = 5.0, is_alone: bool = False) -> None:
         """Draw one of MODES into the framebuffer that is bound, which has depth.
 
-        split: where the line of SPLIT is, from 0 to 1. limit: degrees that the colours of deviations end at. Nothing is
-        drawn when an object is gone or pressed flat, or what is asked for has not been updated.
+        split: where the line of SPLIT is, from 0 to 1. limit: degrees that the colours of deviations end at. is_alone:
+        whether no high object is there that could show through. Nothing is drawn when an object is gone or pressed flat, or
+        what is asked for has not been updated.
         """
         scene = self._placed(with_highs=mode == "SPLIT")
         drawn = self.session.map
         if scene is None or drawn is None:
             return
-        matrix = _view_projection(eye, scene.frame, scene.pull)
+        matrix = _view_projection(eye, scene.frame, PULL if is_alone else scene.pull)
         light = np.append((eye.light[:3] - eye.light[3] * scene.frame.centre) / scene.frame.size, eye.light[3])
         with _tested_for_depth():
             if mode == "MAP":

@@ -16,16 +16,22 @@ def put(owner: bpy.types.bpy_struct, name: str, value: object, restore: ExitStac
         restore.callback(setattr, owner, name, before)
 
 
+def is_visible(obj: bpy.types.Object) -> bool:
+    """Whether `obj` is to be seen, be it not in the local view of the viewport that is at work."""
+    with bpy.context.temp_override(area=None, region=None):
+        return obj.visible_get()
+
+
 def reveal(context: bpy.types.Context, obj: bpy.types.Object, restore: ExitStack) -> None:
     """Make `obj` visible until `restore` is closed, whatever hides it. Raises BakeError where that cannot be done."""
-    if obj.visible_get():
+    if is_visible(obj):
         return
     put(obj, "hide_viewport", False, restore)
     objects = context.view_layer.objects
     if obj in objects.values():
         _show(obj, restore)
     context.view_layer.update()
-    if obj.visible_get():
+    if is_visible(obj):
         return
     # Its collections are hidden or left out. What lies in the scene itself is not: there it is for a while.
     place = context.scene.collection.objects
@@ -34,7 +40,7 @@ def reveal(context: bpy.types.Context, obj: bpy.types.Object, restore: ExitStack
         restore.callback(place.unlink, obj)
         _show(obj, restore)
         context.view_layer.update()
-    if not obj.visible_get():
+    if not is_visible(obj):
         raise BakeError(
             f"{obj.name!r} is in a hidden collection: show the collection, so that the object is evaluated."
         )
@@ -42,7 +48,7 @@ def reveal(context: bpy.types.Context, obj: bpy.types.Object, restore: ExitStack
 
 def is_followed(context: bpy.types.Context, obj: bpy.types.Object) -> bool:
     """Whether Blender evaluates `obj` at each of its changes, as it does with what is shown, or hidden by the eye alone."""
-    if obj.visible_get():
+    if is_visible(obj):
         return True
     objects = context.view_layer.objects
     return not obj.hide_viewport and obj in objects.values() and _holds(context.view_layer.layer_collection, obj)

@@ -228,7 +228,8 @@ def test_it_covers_what_lies_around_it_and_not_what_is_before_it(is_parallel):
 @pytest.mark.parametrize("mode", ["MAP", "SPLIT"])
 @pytest.mark.parametrize("is_parallel", [False, True])
 def test_bumps_of_the_high_object_do_not_poke_through(is_parallel, mode):
-    """Higher than what is pulled anyway, and nobody has hidden it."""
+    """Higher than what is pulled anyway, and nobody has hidden it. Where it is not in view, what stands so far out is another
+    object, and stays in front."""
     low, high = zoo.sphere("lo", n=10, latitude=60.0), zoo.sphere("hi", n=40, latitude=60.0)
     points = np.array([vertex.co for vertex in high.data.vertices])
     bumps = 1.0 + 0.3 * (np.sin(9.0 * points[:, :1]) * np.sin(9.0 * points[:, 2:]) > 0.5)
@@ -240,17 +241,19 @@ def test_bumps_of_the_high_object_do_not_poke_through(is_parallel, mode):
         np.arange(len(corners), dtype=np.int32).reshape(-1, 3), position=corners, normal=np.zeros_like(corners)
     )
 
-    def over():
+    def over(**known):
         gpu.state.depth_test_set("LESS_EQUAL")
         gpu.state.depth_mask_set(True)
         lit.draw_bare(seen, eye.projection @ eye.view, lit.placed(np.eye(3), eye.light))
-        drawn.draw(mode, eye, split=0.1)
+        drawn.draw(mode, eye, split=0.1, **known)
         gpu.state.depth_mask_set(False)
         gpu.state.depth_test_set("NONE")
 
     alone, over_high = picture(lambda: drawn.draw(mode, eye, split=0.1)), picture(over)
     mask = alone[..., 3] == 1.0
     assert (alone[mask] == over_high[mask]).all(axis=1).mean() > 0.99
+    behind = picture(lambda: over(is_alone=True))
+    assert (alone[mask] == behind[mask]).all(axis=1).mean() < 0.9
 
 
 def test_a_map_that_is_drawn_in_bands_is_not_shown(monkeypatch):
