@@ -8,9 +8,9 @@ def register() -> None:
 
     import bpy
 
-    from . import checks, commands, conventions, idle, operators, panels, preview, properties, sizes
+    from . import checks, commands, conventions, idle, modal, operators, panels, preview, properties, sizes
 
-    for module in (properties, operators, sizes, conventions, panels, checks, preview, commands, idle):
+    for module in (properties, operators, sizes, conventions, panels, checks, preview, commands, idle, modal):
         module.register()
     handlers = bpy.app.handlers
     handlers.load_pre.append(handlers.persistent(_before_loading))  # it outlives the file that is left
@@ -43,7 +43,7 @@ def unregister() -> None:
     live.stop()
     results.forget()
     cages.show(False)
-    for module in (idle, commands, preview, checks, panels, conventions, sizes, operators, properties):
+    for module in (modal, idle, commands, preview, checks, panels, conventions, sizes, operators, properties):
         module.unregister()
     bpy.app.handlers.load_pre.remove(_before_loading)
     atexit.unregister(free)

@@ -104,13 +104,14 @@ class IMPRINT_OT_select_flaws(_OfLastBake, bpy.types.Operator):
         if problem:
             raise BakeError(problem)
         found, is_edge = flaws.find(context, report, kind), kind in flaws.ON_EDGES
+        which = "edge" if is_edge else "face"
         if not len(found):
-            which = "edge" if is_edge else "face"
             raise BakeError(f"No {which} of {low.name!r} has this flaw: {WORDS[kind][0].lower()}.")
         selection.select(context, low, found, "EDGE" if is_edge else "FACE")
         if self.options.is_invoke and context.window is not None:
             showing.selection(context)
-        return f"{len(found):,} {'edges' if is_edge else 'faces'} of {low.name!r} are selected"
+        many = len(found) > 1
+        return f"{len(found):,} {which}{'s' if many else ''} of {low.name!r} {'are' if many else 'is'} selected"
 
 
 class IMPRINT_OT_show_mask(_OfLastBake, bpy.types.Operator):

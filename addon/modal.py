@@ -47,6 +47,13 @@ def stop(context: bpy.types.Context) -> None:
         progress.hide(context)
 
 
+def _stopped(context: bpy.types.Context) -> str:
+    """Stop, and return what is left of it, in words."""
+    finished = progress.current().finished
+    stop(context)
+    return "Stopped." + (f" {finished} maps were done before and are kept." if finished else " Nothing was changed.")
+
+
 class InSlices:
     """An operator that works: all at once for scripts, in slices from the window.
 
@@ -83,10 +90,7 @@ class InSlices:
         if _run is None or _run is not self._own:  # it was ended from outside
             return {"CANCELLED"}
         if event.type == "ESC":
-            finished = progress.current().finished
-            stop(context)
-            kept = f" {finished} maps were done before and are kept." if finished else " Nothing was changed."
-            self.report({"WARNING"}, "Stopped." + kept)
+            self.report({"WARNING"}, _stopped(context))
             return {"CANCELLED"}
         if event.type in LOOKING_AROUND:
             return {"PASS_THROUGH"}
@@ -114,3 +118,39 @@ class InSlices:
         """Blender calls this when the file is closed in the middle."""
         if _run is self._own:
             stop(context)
+
+
+class IMPRINT_OT_stop(bpy.types.Operator):
+    """Stop what Imprint is doing; maps that are done are kept"""
+
+    bl_idname = "imprint.stop"
+    bl_label = "Stop"
+
+    @classmethod
+    def poll(cls, _context: bpy.types.Context) -> bool:
+        return _run is not None
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        self.report({"WARNING"}, _stopped(context))
+        return {"FINISHED"}
+
+
+_keymap: list[tuple[bpy.types.KeyMap, bpy.types.KeyMapItem]] = []
+CLASSES = (IMPRINT_OT_stop,)
+_register, _unregister = bpy.utils.register_classes_factory(CLASSES)
+
+
+def register() -> None:
+    _register()
+    keys = bpy.context.window_manager.keyconfigs.addon
+    if keys is not None:  # there is none in the background
+        # A modal operator hears its own window alone; this one hears Esc in the others.
+        keymap = keys.keymaps.new("Window")
+        _keymap.append((keymap, keymap.keymap_items.new(IMPRINT_OT_stop.bl_idname, "ESC", "PRESS")))
+
+
+def unregister() -> None:
+    while _keymap:
+        keymap, item = _keymap.pop()
+        keymap.keymap_items.remove(item)
+    _unregister()

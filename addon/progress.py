@@ -50,8 +50,8 @@ def hide(context: bpy.types.Context) -> None:
     while _handles:
         space, handle = _handles.pop()
         space.draw_handler_remove(handle, "WINDOW")
-    if context.workspace is not None:
-        context.workspace.status_text_set(None)
+    for window in context.window_manager.windows:  # what ends it may come from another one than began it
+        window.workspace.status_text_set(None)
     _redraw(context)
 
 

@@ -20,6 +20,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 import addon  # noqa: E402
+from addon import progress  # noqa: E402
 from scripts import demo  # noqa: E402
 
 SIZE = 2048
@@ -53,9 +54,12 @@ def shot(path: Path) -> None:
         if np.ptp(pixels.reshape(-1, 4)[:, :3]) == 0.0:
             image = _taken_from_screen(whole, image)
         image.scale(WIDTH, WIDTH * image.size[1] // image.size[0])
-        settings = bpy.context.scene.render.image_settings
+        scene = bpy.context.scene
+        before, scene.view_settings.view_transform = scene.view_settings.view_transform, "Standard"  # the screen as it is
+        settings = scene.render.image_settings
         settings.file_format, settings.quality, settings.color_mode = "JPEG", 88, "RGB"
         image.save_render(str(path))
+        scene.view_settings.view_transform = before
     finally:
         bpy.data.images.remove(image)
         whole.unlink()
@@ -112,7 +116,9 @@ def pictures(folder: Path) -> Iterator[float]:
         ("BARE_DEVIATION", "without_map"),
     ):
         shown.mode, shown.limit = mode, 40.0
-        yield 1.5
+        while progress.current() is not None:  # the first one draws a map of its own
+            yield 0.2
+        yield 2.0  # panels slide to their places
         shot(folder / f"{name}.jpg")
     shown.mode = "OFF"
 

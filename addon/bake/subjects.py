@@ -91,7 +91,7 @@ def problem(
     if low is None:
         return "No low object: select the high objects, then the low one, or fill the slots."
     if not highs:
-        return _no_high(low)
+        return _object_problem(context, low, is_high=False) or _no_high(low)
     for obj in (low, *highs, *([cage] if cage else [])):
         reason = _object_problem(context, obj, is_high=obj in highs and obj != low)
         if reason:

@@ -124,6 +124,21 @@ def test_a_first_map_comes_in_slices_with_a_bar(pair, name):
 
 @pytest.mark.usefixtures("tiny")
 @pytest.mark.parametrize("name", BUTTONS)
+def test_it_can_be_stopped_from_another_window(pair, name):
+    """A modal operator hears the keys of its own window alone."""
+    before, button = snapshot(), BUTTONS[name]()
+    assert not bpy.ops.imprint.stop.poll()
+    button.press()
+    assert button.event() == {"RUNNING_MODAL"}
+    assert bpy.ops.imprint.stop() == {"FINISHED"}
+    assert is_clean()
+    assert difference(before, snapshot()) == {}
+    assert button.event() == {"CANCELLED"}
+    assert not bpy.ops.imprint.stop.poll()
+
+
+@pytest.mark.usefixtures("tiny")
+@pytest.mark.parametrize("name", BUTTONS)
 @pytest.mark.parametrize("step", [1, 3, 6])
 def test_esc_leaves_everything_as_it_was(pair, name, step):
     before, button = snapshot(), BUTTONS[name]()

@@ -419,6 +419,11 @@ def a_camera(low, high):
     select(camera, high)
 
 
+def a_camera_alone(low, high):
+    a_camera(low, high)
+    high.select_set(False)
+
+
 def no_uvs(low, high):
     low.data.uv_layers.remove(low.data.uv_layers[0])
     select(low, high)
@@ -449,6 +454,7 @@ MISSING = {
     nothing: "No low object",
     no_high: "No high object for 'lo'",
     a_camera: "'Camera' is of the type camera",
+    a_camera_alone: "'Camera' is of the type camera",
     no_uvs: "'lo' has no UV layer",
     not_finite: "NaN",
     gone_from_the_scene: "'hi' is not in scene",

@@ -7,14 +7,14 @@ import bpy
 import pytest
 
 import addon
-from addon import checks, commands, conventions, operators, panels, passes, preview, properties, sizes
+from addon import checks, commands, conventions, modal, operators, panels, passes, preview, properties, sizes
 from addon.bake.settings import Settings
 from addon.passes import target
 from tests.support import maps, zoo
 
 OPERATORS = [
     cls.__name__
-    for module in (operators, sizes, conventions, checks, preview)
+    for module in (modal, operators, sizes, conventions, checks, preview)
     for cls in module.CLASSES
     if issubclass(cls, bpy.types.Operator)
 ]
