@@ -171,8 +171,9 @@ class Settings:
         unknown = [name for name in self.maps if name not in MAPS]
         if unknown:
             raise BakeError(f"The map {unknown[0]!r} is not one of {', '.join(MAPS)}.")
-        if any(tile not in TILES for tile in self.tiles):
-            raise BakeError(f"The tiles {self.tiles} are not all of {TILES[0]} to {TILES[-1]}.")
+        for tile in self.tiles:
+            if tile not in TILES:
+                raise BakeError(f"{tile} is no UDIM tile: they go from {TILES[0]} to {TILES[-1]}.")
         if self.tiles and not self.udim:
             raise BakeError("Tiles are named, but the map is to have one tile alone: choose UDIM as well.")
         if self.udim and self.storage == "MEMORY":

@@ -156,6 +156,10 @@ def shown_by(owners: Sequence[bpy.types.Object]) -> dict[int, set[int]]:
 
 
 def _kind_problem(obj: bpy.types.Object, *, is_high: bool) -> str:
+    for block in (obj, obj.data):  # Blender puts an empty object, or an empty mesh, in the place of what it misses
+        if block and block.is_missing:
+            file = block.library.filepath
+            return f"{obj.name!r} is linked from {file!r}, where it is not found: bring it back, or relocate the library."
     if obj.type == "MESH" or (is_high and may_be_high(obj)):
         return ""
     kind = obj.bl_rna.properties["type"].enum_items[obj.type].name.lower()

@@ -245,3 +245,26 @@ def test_checks_find_what_was_reloaded(library, tmp_path, relative):
     zoo.terrain("hi", n=8)
     with pytest.raises(BakeError, match="'hi' was deleted"):
         flaws.find(bpy.context, report, "polygons")
+
+
+@pytest.mark.parametrize("linked", ["objects", "meshes"])
+@pytest.mark.parametrize("is_low", [True, False])
+def test_an_object_whose_library_is_missing_is_told_so(tmp_path, linked, is_low):
+    """Blender shows an empty in its place, or a mesh without faces."""
+    library, scene = tmp_path / "library.blend", tmp_path / "scene.blend"
+    zoo.terrain("linked", n=8)
+    bpy.ops.wm.save_as_mainfile(filepath=str(library))
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    with bpy.data.libraries.load(str(library), link=True) as (there, wanted):
+        setattr(wanted, linked, getattr(there, linked)[:1])
+    found = getattr(wanted, linked)[0]
+    obj = found if linked == "objects" else bpy.data.objects.new("linked", found)
+    bpy.context.scene.collection.objects.link(obj)
+    zoo.plane("other")
+    bpy.ops.wm.save_as_mainfile(filepath=str(scene))
+    library.unlink()
+    bpy.ops.wm.open_mainfile(filepath=str(scene))
+    names = ("linked", "other") if is_low else ("other", "linked")
+    low, high = (bpy.data.objects[name] for name in names)
+    with pytest.raises(BakeError, match=r"^'linked' is linked from '.*library\.blend', where it is not found: "):
+        pipeline.bake(bpy.context, low, [high], settings())

@@ -2,6 +2,7 @@
 """Partial files: nobody shares one, and what dead writers left is swept."""
 
 import os
+import shutil
 import subprocess
 import sys
 import time
@@ -10,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from addon.bake import leftovers
+from addon.bake.errors import BakeError
 from addon.bake.files import Partial, check_writable
 from scripts.imprint import ROOT
 
@@ -141,3 +143,17 @@ def test_a_folder_that_lets_nothing_go_is_no_error(tmp_path, monkeypatch):
         leftovers.remove_ours()
     leftovers.sweep(tmp_path)  # their writer has let them go, alive as it is
     assert names(tmp_path) == []
+
+
+def test_a_folder_that_becomes_a_file_is_told_and_nothing_else_raised(tmp_path):
+    """Somebody tidies up while a bake goes on."""
+    folder = tmp_path / "maps"
+    partial = Partial(folder / "map.png")
+    with partial.told():
+        partial.here.write_text("half")
+    shutil.rmtree(folder)
+    folder.touch()
+    with pytest.raises(BakeError, match="could not be written"):
+        partial.commit()
+    partial.discard()
+    assert names(tmp_path) == ["maps"]
