@@ -321,3 +321,20 @@ def test_too_little_memory_for_a_job_file_is_told_in_one_line(scene, monkeypatch
     monkeypatch.setattr(commands, "_read", read)
     assert commands.run(["--jobs", "j.json"]) == commands.FAILED
     assert capfd.readouterr().err.startswith("imprint: There is not enough memory: ")
+
+
+def test_who_was_started_by_another_process_does_not_wait_for_the_launcher(monkeypatch):
+    """As a script of a farm's, which hands its environment on."""
+    monkeypatch.setenv(stopping.LAUNCHER, str(os.getpid()))
+    with stopping.listening():
+        stopping.check()
+        assert not stopping.is_launched()
+
+
+def test_the_last_note_alone_is_what_is_being_baked(tmp_path, monkeypatch):
+    monkeypatch.setenv(stopping.LAUNCHER, str(os.getppid()))
+    with (tmp_path / "baking").open("wb") as file, stopping.listening():
+        monkeypatch.setenv(stopping.BAKING, str(file.fileno()))
+        for name in ("a long name", "rock"):
+            stopping.note(name)
+    assert (tmp_path / "baking").read_text() == "rock"

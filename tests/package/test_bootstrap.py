@@ -327,3 +327,57 @@ class TestCommands:
         with pytest.raises(SystemExit) as ended:
             imprint.main(["bakke"])
         assert ended.value.code == 2
+
+
+BLENDER = """
+import os, signal, sys, time
+heard, signals, is_deaf = open(sys.argv[1], "a", buffering=1), sys.argv[2].split(), sys.argv[3] == "deaf"
+def hear(number, _):
+    print(signal.Signals(number).name, file=heard)
+    if signals:
+        os.kill(os.getppid(), signal.Signals[signals.pop(0)])
+    elif not is_deaf:
+        sys.exit(3)
+for number in (signal.SIGUSR1, signal.SIGUSR2):
+    signal.signal(number, hear)
+signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGUSR1, signal.SIGUSR2])
+os.kill(os.getppid(), signal.Signals[signals.pop(0)])
+time.sleep(5 if is_deaf or "told" in sys.argv[3] else 0.2)
+print("was not stopped", file=heard)
+"""
+
+
+@pytest.mark.skipif(imprint.WINDOWS, reason="signals of POSIX")
+class TestSignals:
+    """The launcher's half of stopping; a script in place of Blender sends it the signals."""
+
+    @pytest.fixture
+    def run(self, baking, bare, monkeypatch):
+        monkeypatch.setattr(imprint.Bake, "GRACE", 0.1)
+
+        def run(signals, kind):
+            (bare / "blender.py").write_text(BLENDER)
+            baking(f'exec "{sys.executable}" "{bare}/blender.py" "{bare}/heard" "{signals}" {kind}')
+            return imprint.main(["bake"]), (bare / "heard").read_text().split("\n")[:-1]
+
+        return run
+
+    def test_a_first_one_asks(self, run, monkeypatch):
+        monkeypatch.setattr(imprint.Bake, "GRACE", 60.0)
+        before = signal.getsignal(signal.SIGTERM)
+        assert run("SIGTERM", "told") == (128 + signal.SIGTERM, ["SIGUSR1"])
+        assert signal.getsignal(signal.SIGTERM) == before
+
+    def test_a_second_one_is_handed_on(self, run, monkeypatch):
+        monkeypatch.setattr(imprint.Bake, "GRACE", 60.0)
+        assert run("SIGINT SIGTERM", "told") == (128 + signal.SIGINT, ["SIGUSR1", "SIGUSR2"])
+
+    def test_who_listens_to_none_is_killed(self, run):
+        assert run("SIGTERM SIGTERM", "deaf") == (128 + signal.SIGTERM, ["SIGUSR1", "SIGUSR2"])
+
+    def test_nohup_is_respected(self, run):
+        before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+        try:
+            assert run("SIGHUP", "ignored") == (0, ["was not stopped"])
+        finally:
+            signal.signal(signal.SIGHUP, before)

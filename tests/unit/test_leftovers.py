@@ -157,3 +157,28 @@ def test_a_folder_that_becomes_a_file_is_told_and_nothing_else_raised(tmp_path):
         partial.commit()
     partial.discard()
     assert names(tmp_path) == ["maps"]
+
+
+def test_a_guard_that_is_swept_before_it_is_locked_is_made_anew(tmp_path, monkeypatch):
+    """By a process that looked just then, and took it for a dead one's."""
+    lock = leftovers._lock
+
+    def late(descriptor):
+        monkeypatch.setattr(leftovers, "_lock", lock)
+        for name in names(tmp_path):
+            (tmp_path / name).unlink()
+        lock(descriptor)
+
+    monkeypatch.setattr(leftovers, "_lock", late)
+    partial = Partial(tmp_path / "map.png")
+    assert partial.here.with_suffix("").exists()
+    partial.discard()
+    assert names(tmp_path) == []
+
+
+def test_blenders_own_partial_file_goes_as_well(tmp_path):
+    partial = Partial(tmp_path / "scene.blend")
+    for path in (partial.here, partial.here.with_name(f"{partial.here.name}@")):
+        path.write_text("half")
+    partial.discard()
+    assert names(tmp_path) == []
