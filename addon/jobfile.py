@@ -98,14 +98,14 @@ def _check_known(where: str, key: str, known: Iterable[str]) -> None:
 
 def _arguments(values: dict, folder: Path) -> list[str]:
     """A set as the command line says it."""
-    result, files = [], []
+    result, files, faults = [], [], []
     for written, value in values.items():
         key = written.replace("_", "-")
-        if key not in KEYS:
-            raise WrongUsage(f"unknown key {written!r}{arguments.meant(key, KEYS)}")
-        words = _words(key, value)
-        if key == "report" and STDOUT in words:
-            raise WrongUsage(f"report: {STDOUT!r}, standard output, is for the command line alone")
+        try:
+            words = _words_of(written, key, value)
+        except WrongUsage as fault:  # of which all are told at once
+            faults.append(str(fault))
+            continue
         if KEYS[key].get("type") is arguments.path:
             words = [str(folder / word) if word else word for word in words]
         if key == "file":
@@ -114,7 +114,19 @@ def _arguments(values: dict, folder: Path) -> list[str]:
             result.append(f"--{key}")
         else:
             result += [f"--{key}={word}" for word in words]
+    if faults:
+        raise WrongUsage("; ".join(faults))
     return [*files, *result]
+
+
+def _words_of(written: str, key: str, value) -> list[str]:
+    """As `_words`, for keys that may be unknown."""
+    if key not in KEYS:
+        raise WrongUsage(f"unknown key {written!r}{arguments.meant(key, KEYS)}")
+    words = _words(key, value)
+    if key == "report" and STDOUT in words:
+        raise WrongUsage(f"report: {STDOUT!r}, standard output, is for the command line alone")
+    return words
 
 
 def _short(value) -> str:

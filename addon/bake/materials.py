@@ -46,7 +46,10 @@ class _Job:
 def check(low):
     """Raise BakeError where hook_up could do nothing at all, so that a person hears of it before the bake."""
     if not low.is_editable:
-        raise BakeError(f'"{low.name}" is linked from a library, so its materials cannot be set: make it local first.')
+        raise BakeError(
+            f'"{low.name}" is linked from a library, so its materials cannot be set: make it local first, '
+            "or switch Material off (--no-material)."
+        )
     if not low.material_slots and not _is_local(low.data):
         raise BakeError(
             f'"{low.name}" has no material, and its mesh "{low.data.name}" is linked from a library and cannot be '

@@ -160,4 +160,5 @@ def _subject(use: _Use) -> str:
 
 
 def _both(path: str, other: str) -> str:
-    return repr(path) if path == other else f"{path!r}, which is {other!r} as well"
+    is_same = os.path.abspath(path) == os.path.abspath(other)
+    return repr(path) if is_same else f"{path!r}, which is {other!r} as well"

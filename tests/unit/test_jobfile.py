@@ -291,6 +291,10 @@ FAULTS = {
         "[defaults]\nmaxdistance = 4\n" + FIRST,
         "defaults: unknown key 'maxdistance', did you mean 'max-distance'?",
     ),
+    "several misspelt keys": (
+        FIRST + "sise = 64\nsamples = 4\nmargim = 3\nmask = 7",
+        "set 1: unknown key 'sise', did you mean 'size'?; unknown key 'margim', did you mean 'margin'?; mask: true or false",
+    ),
     "a misspelt table": ("[default]\nsize = 4\n" + FIRST, ": unknown key 'default', did you mean 'defaults'?"),
     "misspelt sets": ("[[bakes]]\nlow='a'", ": unknown key 'bakes', did you mean 'bake'?"),
     "a word for an option": (FIRST + "jobs = 'x.toml'", "set 1: unknown key 'jobs'"),
