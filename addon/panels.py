@@ -312,9 +312,19 @@ def _plan(low: bpy.types.Object, highs: list[bpy.types.Object], settings: Imprin
     over = f", which holds a map of {other}" if other else ""
     how = {"AUTO": "Bakes", "FLATTEN": "Flattens", "CAST": "Casts rays from"}[settings.method]
     onto = f"{low.name!r} to {source}" if settings.method == "CAST" else f"{source} onto {low.name!r}"
-    return [
+    lines = [
         f"{how} {onto}: {settings.space.lower()} space, {settings.width} x {settings.height}, {known} {name!r}{over}."
     ]
+    if _is_swapped(low, highs):
+        lines.append(f"{low.name!r} has more faces than {source}: the low object is the active one, selected last.")
+    return lines
+
+
+def _is_swapped(low: bpy.types.Object, highs: list[bpy.types.Object]) -> bool:
+    """Whether high and low look like each other's. What modifiers and instances add is not known without evaluating them."""
+    if low in highs or any(high.type != "MESH" or high.modifiers or high.mode == "SCULPT" for high in highs):
+        return False
+    return len(low.data.polygons) > sum(len(high.data.polygons) for high in highs)
 
 
 def paragraphs(layout: bpy.types.UILayout, context: bpy.types.Context, lines: list[str], icon: str) -> None:

@@ -375,6 +375,19 @@ def test_the_panel_says_what_will_happen(pair):
     assert "ERROR" not in drawn.icons
 
 
+def test_a_low_object_with_more_faces_than_the_high_one_is_told(pair):
+    _, high = pair
+    fine = zoo.terrain("fine")
+    select(high, fine)
+    assert "faces than" not in draw().text
+    select(fine, high)
+    drawn = draw()
+    assert can_bake(drawn)  # somebody may mean it
+    assert "'fine' has more faces than 'hi': the low object is the active one, selected last." in drawn.text
+    high.modifiers.new("", "SUBSURF")  # of which only Blender knows how many faces it makes
+    assert "faces than" not in draw().text
+
+
 def test_the_panel_says_what_live_follows_whatever_is_selected_by_then(pair):
     low, high = pair
     select(low, high)
