@@ -70,6 +70,17 @@ def listen() -> dict[signal.Signals, Any]:
     return before
 
 
+def leave() -> int:
+    """Hear no signal any more: the process is about to end, and one that came while Blender unloads would kill it for nothing.
+
+    Returns the exit code of what was heard until now, as `code`.
+    """
+    for name in (*NAMES, ASK, END):
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.SIG_IGN)
+    return code()
+
+
 def is_launched() -> bool:
     """Whether scripts/imprint.py waits for us, which says why Blender crashed if it does."""
     return bool(_asked.launcher)

@@ -25,4 +25,4 @@ with streams.ours():
         code = commands.run(arguments)
     finally:
         addon.free()  # Blender crashes on exit while GPU objects live
-sys.exit(stopping.code() or code)
+sys.exit(stopping.leave() or code)

@@ -143,6 +143,8 @@ def stop(folder, sets, moment, number, target):
     if code == 0 and took < 0.01:
         return None
     maps = len(list(folder.glob("maps/*.png")))
+    if code == 0 and maps == sets:  # it came when all was done
+        code = 128 + number
     return f"{maps} maps, stopped in {took:.2f} s", list(faults(folder, code, number, process))
 
 

@@ -279,6 +279,23 @@ def test_ctrl_c_before_blender_is_there(scene):
     assert files(scene) == ["s.blend"]
 
 
+AFTERWARDS = """
+import runpy, signal, sys
+sys.argv = sys.argv[1:]
+try:
+    runpy.run_path(sys.argv[0])
+finally:
+    for _ in range(3):
+        signal.raise_signal(signal.SIGINT)
+"""
+
+
+def test_who_has_done_all_is_not_stopped_any_more(scene):
+    program = [sys.executable, "-c", AFTERWARDS, str(imprint.ROOT / "scripts" / "bake.py"), *ONE, "--output", "m.png"]
+    done = subprocess.run(program, capture_output=True, text=True, check=False)
+    assert (done.returncode, files(scene)) == (0, ["m.png", "s.blend"])
+
+
 TWICE = """
 import os, signal, sys
 from pathlib import Path
