@@ -140,8 +140,8 @@ def bake(plan: Plan, stage: Stage, files: clashes.Run, meter: Meter) -> Result:
     if meter.is_on:
         meter.tell(subject(options), Step("Opening", 0.0))
     jobs, problems = _jobs(options, stage)
-    share_image = bool(options.pairs) and naming.LOW not in options.output
-    files.opened(plan.name, options, [pipeline.ATLAS] if share_image else [job.low.name for job in jobs])
+    lows = [pipeline.ATLAS] if _share_image(options) else [job.low.name for job in jobs]
+    files.opened(plan.name, options, lows)
     _start_gpu()
     with together():  # a bake of which a pair or a frame fails has failed, and so has one without its scene or report
         reports, is_stopped = _baked(options, jobs, settings, meter)
@@ -164,7 +164,7 @@ def _baked(
 
     Raises Stopped where nothing was done yet, or BakeError.
     """
-    share_image = bool(options.pairs) and naming.LOW not in options.output
+    share_image = _share_image(options)
 
     def tell(step: Step) -> None:
         stopping.check()
@@ -183,6 +183,11 @@ def _baked(
         if not reports:
             raise
         return reports, True
+
+
+def _share_image(options: argparse.Namespace) -> bool:
+    """Whether all pairs go into one map, which has no low object's name."""
+    return bool(options.pairs) and naming.LOW not in options.output
 
 
 def _refused_scripts() -> list[str]:

@@ -17,11 +17,7 @@ pytestmark = pytest.mark.usefixtures("gpu_context", "registered")
 @pytest.fixture
 def pair():
     """A low terrain and a high one, in the slots, and another object that is selected."""
-    low, high = zoo.terrain("lo", n=8), zoo.terrain("hi", n=24, height=0.15)
-    settings = bpy.context.scene.imprint
-    settings.low = low
-    settings.highs.add().object = high
-    settings.method, settings.width, settings.height = "FLATTEN", 64, 64
+    low, high = zoo.terrains_in_slots("FLATTEN")
     choose(zoo.terrain("other", n=2))
     yield low, high
     live.stop()

@@ -23,11 +23,7 @@ TICKS = 2000
 
 @pytest.fixture
 def pair():
-    low, high = zoo.terrain("lo", n=8), zoo.terrain("hi", n=24, height=0.15)
-    settings = bpy.context.scene.imprint
-    settings.low = low
-    settings.highs.add().object = high
-    settings.method, settings.width, settings.height = "CAST", 64, 64
+    low, high = zoo.terrains_in_slots("CAST")
     yield low, high
     modal.stop(bpy.context)
     live.stop()

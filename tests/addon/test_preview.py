@@ -27,11 +27,7 @@ PIXELS = Matrix.Translation((-1.0, -1.0, 0.0)) @ Matrix.Diagonal((2.0 / SIZE[0],
 @pytest.fixture
 def pair():
     """A low terrain and a high one, in the slots."""
-    low, high = zoo.terrain("lo", n=8), zoo.terrain("hi", n=24, height=0.15)
-    settings = bpy.context.scene.imprint
-    settings.low = low
-    settings.highs.add().object = high
-    settings.method, settings.width, settings.height = "FLATTEN", 64, 64
+    low, high = zoo.terrains_in_slots("FLATTEN")
     yield low, high
     live.stop()
     preview.off()

@@ -119,3 +119,13 @@ def mirrored(name="Mirrored", n=8, *, slope=0.0, **options) -> bpy.types.Object:
     right, left = grid_faces(n, n), grid_faces(n, n)[:, ::-1]
     faces, uv = np.concatenate([right, left + len(u)]), grid_uv(n, n)
     return build(name, np.concatenate(halves), faces, np.concatenate([uv[right], uv[left]]), **options)
+
+
+def terrains_in_slots(method):
+    """A low terrain and a high one in the panel's slots, set up for a small map by this method."""
+    low, high = terrain("lo", n=8), terrain("hi", n=24, height=0.15)
+    settings = bpy.context.scene.imprint
+    settings.low = low
+    settings.highs.add().object = high
+    settings.method, settings.width, settings.height = method, 64, 64
+    return low, high

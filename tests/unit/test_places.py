@@ -175,3 +175,14 @@ def test_many_paths_take_no_time_each_for_all_others(tree):
 def test_only_what_file_systems_refuse_is_replaced(name, written):
     assert naming.file_name(name) == written
     assert naming.fill("a/{low}/{low}.png", name) == f"a/{written}/{written}.png"
+
+
+@pytest.mark.parametrize(
+    ("other", "said"), [("{here}/out/m.png", 1), ("./out/m.png", 1), ("soft/../out/m.png", 1), ("out/M.png", 2)]
+)
+def test_a_path_is_said_twice_only_where_it_reads_otherwise(tree, other, said):
+    places = Places()
+    places.write("out/m.png", "the map")
+    with pytest.raises(WrongPlace) as refused:
+        places.write(other.format(here=tree), "the report")
+    assert str(refused.value).lower().count("m.png'") == said
