@@ -196,8 +196,8 @@ def test_a_map_drawn_in_bands_is_the_same(monkeypatch, margin):
         layer.foreach_set("vector", 0.1 + 0.6 * uv)
     whole = bake(low, high, size=(64, 60), margin=margin, image="whole")
     monkeypatch.setattr(band, "BAND_TEXELS", 64 * 16)
-    bands = list(band.bands(64, 60, margin))
-    assert [band.stop - band.start for band in bands] == [16, 16, 16, 12]
+    found = list(band.bands(64, 60, margin))
+    assert [part.stop - part.start for part in found] == [16, 16, 16, 12]
     banded = bake(low, high, size=(64, 60), margin=margin, image="banded")
     assert np.array_equal(whole[..., 3], banded[..., 3])
     # Corners are snapped to the texel grid of the band, which need not be that of the whole map.

@@ -277,7 +277,7 @@ while True:
 @pytest.mark.parametrize("seed", range(10), ids=lambda seed: f"seed {seed}")
 def test_a_process_that_is_killed_leaves_the_old_file_or_the_new_one(seed, tmp_path):
     paths = [tmp_path / f"map{ending}" for ending in (".png", ".tif", ".tga")]
-    whole = [np.random.default_rng(turn).random((128, 128, 3)) * 255 for turn in range(2)]
+    stored = [np.random.default_rng(turn).random((128, 128, 3)) * 255 for turn in range(2)]
     command = [sys.executable, "-c", FOREVER, *map(str, paths)]
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment, cwd=tmp_path) as process:
@@ -289,7 +289,7 @@ def test_a_process_that_is_killed_leaves_the_old_file_or_the_new_one(seed, tmp_p
             process.kill()
     for path in paths:
         found = pictures.pillow(path)[..., :3]
-        assert any(np.abs(found - wanted).max() < 0.51 for wanted in whole), path
+        assert any(np.abs(found - wanted).max() < 0.51 for wanted in stored), path
 
 
 def test_the_message_names_all_formats():

@@ -191,15 +191,15 @@ def test_what_was_missed_is_nobodys():
 
 
 @pytest.mark.parametrize(
-    ("names", "values"),
+    ("names", "own_settings"),
     [
         (("a_low", "b_low"), {"image": "Normal", "output": "{low}.png"}),
         (("rock", "rock_height"), {"output": "{low}.png", "maps": ("HEIGHT",)}),
     ],
 )
-def test_two_bakes_share_no_image_and_no_file(tmp_path, names, values):
+def test_two_bakes_share_no_image_and_no_file(tmp_path, names, own_settings):
     jobs = [pipeline.Job(zoo.plane(name), [zoo.plane(f"high of {name}")]) for name in names]
-    own = {**values, "output": str(tmp_path / values["output"]), "storage": "FILE"}
+    own = {**own_settings, "output": str(tmp_path / own_settings["output"]), "storage": "FILE"}
     with pytest.raises(BakeError, match="would both"):
         pipeline.bake_all(bpy.context, jobs, Settings("FLATTEN", width=32, height=32, **own))
     assert list(tmp_path.iterdir()) == []
