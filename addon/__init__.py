@@ -8,9 +8,11 @@ def register() -> None:
 
     import bpy
 
-    from . import checks, commands, conventions, idle, modal, operators, panels, preview, properties, sizes
+    from . import commands
+    from .ui import check_panel, idle_memory, map_size, modal, operators, panels, presets, properties
+    from .ui.viewport import view_mode
 
-    for module in (properties, operators, sizes, conventions, panels, checks, preview, commands, idle, modal):
+    for module in (properties, operators, map_size, presets, panels, check_panel, view_mode, commands, idle_memory, modal):
         module.register()
     handlers = bpy.app.handlers
     handlers.load_pre.append(handlers.persistent(_before_loading))  # it outlives the file that is left
@@ -23,27 +25,26 @@ def unregister() -> None:
 
     import bpy
 
-    from . import (
-        cages,
-        checks,
-        commands,
-        conventions,
-        idle,
-        live,
+    from . import commands
+    from .ui import (
+        check_panel,
+        idle_memory,
+        live_mode,
+        map_size,
         modal,
         operators,
         panels,
-        preview,
+        presets,
         properties,
         results,
-        sizes,
     )
+    from .ui.viewport import cage_overlay, view_mode
 
     modal.stop(bpy.context)
-    live.stop()
+    live_mode.stop()
     results.forget()
-    cages.show(False)
-    for module in (modal, idle, commands, preview, checks, panels, conventions, sizes, operators, properties):
+    cage_overlay.show(False)
+    for module in (modal, idle_memory, commands, view_mode, check_panel, panels, presets, map_size, operators, properties):
         module.unregister()
     bpy.app.handlers.load_pre.remove(_before_loading)
     atexit.unregister(free)
@@ -52,11 +53,13 @@ def unregister() -> None:
 
 def free() -> None:
     """Free what is kept on the GPU between bakes. Blender crashes on exit while such objects live."""
-    from . import live, passes, preview
+    from . import passes
     from .bake import casting
+    from .ui import live_mode
+    from .ui.viewport import view_mode
 
-    live.free()
-    preview.free()
+    live_mode.free()
+    view_mode.free()
     casting.free()
     passes.free()
 
@@ -64,11 +67,12 @@ def free() -> None:
 def _before_loading(*_) -> None:
     import bpy
 
-    from . import cages, live, modal, preview, results
+    from .ui import live_mode, modal, results
+    from .ui.viewport import cage_overlay, view_mode
 
     modal.stop(bpy.context)
-    live.stop()
+    live_mode.stop()
     results.forget()
-    cages.show(False)
-    preview.off()
+    cage_overlay.show(False)
+    view_mode.off()
     free()

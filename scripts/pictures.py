@@ -20,7 +20,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 import addon  # noqa: E402
-from addon import progress  # noqa: E402
+from addon.ui.viewport import progress_display  # noqa: E402
 from scripts import demo  # noqa: E402
 
 SIZE = 2048
@@ -116,7 +116,7 @@ def pictures(folder: Path) -> Iterator[float]:
         ("BARE_DEVIATION", "without_map"),
     ):
         shown.mode, shown.limit = mode, 40.0
-        while progress.current() is not None:  # the first one draws a map of its own
+        while progress_display.current() is not None:  # the first one draws a map of its own
             yield 0.2
         yield 2.0  # panels slide to their places
         shot(folder / f"{name}.jpg")

@@ -12,10 +12,9 @@ import numpy as np
 from addon.bake import casting, pipeline
 from addon.bake.errors import BakeError
 from addon.bake.settings import Settings
+from scripts.benching.peers import NAMES, PeerError, Peers
+from scripts.benching.scenes import Pair
 from tests.support import angles
-
-from .peers import NAMES, PeerError, Peers
-from .scenes import Pair
 
 FLATTEN, CAST, KEPT, CYCLES, MULTIRES = (
     "Imprint, Flatten",

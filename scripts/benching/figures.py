@@ -13,8 +13,7 @@ from PIL import Image
 from addon.bake import pipeline
 from addon.bake.settings import Settings
 from scripts import demo
-
-from . import scenes
+from scripts.benching import scenes
 
 VIEW = Euler((math.radians(78), 0, math.radians(25)))
 SUN = Euler((math.radians(50), math.radians(-15), math.radians(-20)))

@@ -16,10 +16,9 @@ import numpy as np
 
 from addon.passes import shader
 from scripts import export
-
-from . import contenders, peers, scenes
-from .contenders import CAST, FLATTEN, KEPT, Imprint, Timed
-from .peers import Peers
+from scripts.benching import contenders, peers, scenes
+from scripts.benching.contenders import CAST, FLATTEN, KEPT, Imprint, Timed
+from scripts.benching.peers import Peers
 
 PAPER = (
     # high and low polygons; milliseconds on the paper's GPU, of ATI NormalMapper and of nVidia Melody

@@ -4,9 +4,9 @@
 import statistics
 from pathlib import Path
 
-from .contenders import CAST, CYCLES, FLATTEN
-from .measure import PAPER, exponents, ratios
-from .verdicts import HOLDS, LARGEST, Verdict, judge, span
+from scripts.benching.contenders import CAST, CYCLES, FLATTEN
+from scripts.benching.measure import PAPER, exponents, ratios
+from scripts.benching.verdicts import HOLDS, LARGEST, Verdict, judge, span
 
 GAP = "–"
 SHORT = {FLATTEN: "Flatten", CAST: "Cast"}

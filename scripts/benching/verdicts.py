@@ -3,9 +3,9 @@
 
 from dataclasses import dataclass
 
-from .contenders import CAST, CYCLES, FLATTEN, MULTIRES
-from .measure import exponents, ratios
-from .peers import NAMES
+from scripts.benching.contenders import CAST, CYCLES, FLATTEN, MULTIRES
+from scripts.benching.measure import exponents, ratios
+from scripts.benching.peers import NAMES
 
 HOLDS, OPEN, MISSED, GAP = "holds", "open", "missed", "not measured"
 FINEST = 0.01

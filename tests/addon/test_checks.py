@@ -7,8 +7,9 @@ import bpy
 import numpy as np
 import pytest
 
-from addon import checks, results, showing
 from addon.bake import flaws
+from addon.ui import check_panel, results
+from addon.ui.viewport import show_result
 from tests.support import maps, zoo
 from tests.support.snapshot import difference, snapshot
 
@@ -256,7 +257,7 @@ def test_an_open_image_editor_shows_it(baked):
         before = [area.spaces.active.image for area in editors]
         windows = [SimpleNamespace(screen=SimpleNamespace(areas=[area("VIEW_3D")])), window(editors)]
         context = SimpleNamespace(window_manager=SimpleNamespace(windows=windows))
-        assert showing.image(context, image) == (shows is not None)
+        assert show_result.image(context, image) == (shows is not None)
         after = [image if number == shows else was for number, was in enumerate(before)]
         assert [area.spaces.active.image for area in editors] == after
 
@@ -339,14 +340,14 @@ class Layout:
 def draw(active):
     layout = Layout()
     context = SimpleNamespace(scene=bpy.context.scene, active_object=active)
-    assert checks.IMPRINT_PT_checks.poll(context)
-    checks.IMPRINT_PT_checks.draw(SimpleNamespace(layout=layout), context)
+    assert check_panel.IMPRINT_PT_checks.poll(context)
+    check_panel.IMPRINT_PT_checks.draw(SimpleNamespace(layout=layout), context)
     return layout.drawn
 
 
 def test_the_panel_waits_for_a_bake():
     low = zoo.plane("lo")
-    assert not checks.IMPRINT_PT_checks.poll(SimpleNamespace(scene=bpy.context.scene, active_object=low))
+    assert not check_panel.IMPRINT_PT_checks.poll(SimpleNamespace(scene=bpy.context.scene, active_object=low))
 
 
 def test_the_panel_shows_a_sign_and_a_number_for_each_check(baked):
@@ -391,14 +392,14 @@ def test_distances_have_their_unit(baked):
 
 @pytest.mark.parametrize(
     ("operator", "kinds"),
-    [(checks.IMPRINT_OT_select_flaws, flaws.KINDS), (checks.IMPRINT_OT_show_mask, flaws.ON_TEXELS)],
+    [(check_panel.IMPRINT_OT_select_flaws, flaws.KINDS), (check_panel.IMPRINT_OT_show_mask, flaws.ON_TEXELS)],
     ids=["select_flaws", "show_mask"],
 )
 def test_each_button_says_what_its_check_is_about(operator, kinds):
     told = {operator.description(None, SimpleNamespace(kind=kind.upper())) for kind in kinds}
     assert len(told) == len(kinds)
     for kind in kinds:
-        assert operator.description(None, SimpleNamespace(kind=kind.upper())).startswith(checks.WORDS[kind][1])
+        assert operator.description(None, SimpleNamespace(kind=kind.upper())).startswith(check_panel.WORDS[kind][1])
 
 
 def test_every_enabled_button_can_be_pressed(baked):
@@ -422,7 +423,7 @@ def test_of_several_low_objects_the_active_one_is_shown():
         assert drawn.labels[drawn.labels.index("Quads, n-gons") + 1] == str(count)
         assert {button.low for button in drawn.buttons} == {name}
     other = SimpleNamespace(scene=bpy.context.scene, active_object=bpy.data.objects["a_high"])
-    assert not checks.IMPRINT_PT_checks.poll(other)
+    assert not check_panel.IMPRINT_PT_checks.poll(other)
     select("POLYGONS", low="b_low")
     assert second.mode == "EDIT"
     assert "Nothing was baked onto 'c'" in refusal(bpy.ops.imprint.select_flaws, kind="POLYGONS", low="c")
@@ -436,4 +437,4 @@ def test_a_bake_that_failed_leaves_the_checks_of_the_one_before(baked):
 
 
 def test_all_kinds_have_words():
-    assert tuple(sorted(checks.WORDS)) == tuple(sorted(flaws.KINDS))
+    assert tuple(sorted(check_panel.WORDS)) == tuple(sorted(flaws.KINDS))

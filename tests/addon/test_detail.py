@@ -5,9 +5,9 @@ import bpy
 import numpy as np
 import pytest
 
-from addon import panels
 from addon.bake import pipeline, subjects
 from addon.bake.settings import Settings
+from addon.ui import panels
 from tests.support import maps, zoo
 
 pytestmark = pytest.mark.usefixtures("registered", "gpu_context")

@@ -5,11 +5,11 @@ import bpy
 import pytest
 
 import addon
-from addon import hiding, live, preview
 from addon.bake import visible
+from addon.ui import live_mode
+from addon.ui.viewport import object_hiding, view_mode
+from tests.addon.test_preview import seen, view, viewport
 from tests.support import zoo
-
-from .test_preview import seen, view, viewport
 
 pytestmark = pytest.mark.usefixtures("gpu_context", "registered")
 
@@ -20,8 +20,8 @@ def pair():
     low, high = zoo.terrains_in_slots("FLATTEN")
     choose(zoo.terrain("other", n=2))
     yield low, high
-    live.stop()
-    preview.off()
+    live_mode.stop()
+    view_mode.off()
 
 
 def space():
@@ -54,9 +54,9 @@ def toggle():
 def shown():
     """What the viewport shows, once it was drawn and what it asked for was done."""
     seen()
-    if bpy.app.timers.is_registered(hiding.catch_up):
-        bpy.app.timers.unregister(hiding.catch_up)
-        hiding.catch_up()
+    if bpy.app.timers.is_registered(object_hiding.catch_up):
+        bpy.app.timers.unregister(object_hiding.catch_up)
+        object_hiding.catch_up()
     bpy.context.view_layer.update()
     return in_view()
 
@@ -68,10 +68,10 @@ def in_view():
 
 def is_clean():
     handlers = bpy.app.handlers
-    waits = bpy.app.timers.is_registered(hiding.catch_up)
+    waits = bpy.app.timers.is_registered(object_hiding.catch_up)
     left = [f for told in (handlers.save_pre, handlers.undo_post, handlers.redo_post) for f in told]
-    ours = [f for f in left if getattr(f, "__module__", "") == hiding.__name__]
-    return not (ours or waits or hiding._asked or hiding._taken or hiding._left)
+    ours = [f for f in left if getattr(f, "__module__", "") == object_hiding.__name__]
+    return not (ours or waits or object_hiding._asked or object_hiding._taken or object_hiding._left)
 
 
 @pytest.mark.parametrize("mode", ["MAP", "SPLIT", "DEVIATION", "BARE_DEVIATION"])
@@ -92,7 +92,7 @@ def test_nothing_need_be_selected(pair):
     view().mode = "MAP"
     assert shown() == {"lo", "other"}
     assert chosen() == set()
-    preview.off()
+    view_mode.off()
     assert (space().local_view, chosen()) == (None, set())
 
 
@@ -102,14 +102,14 @@ def test_where_nothing_can_be_selected_the_viewport_stays_as_it_is(pair):
     view().mode = "MAP"
     assert "hi" in shown()
     assert space().local_view is None
-    assert not bpy.app.timers.is_registered(hiding.catch_up)
+    assert not bpy.app.timers.is_registered(object_hiding.catch_up)
 
 
 def test_a_local_view_of_the_artists_own_stays(pair):
     isolate(*pair)
     view().mode = "MAP"
     assert shown() == {"lo", "hi"}
-    preview.off()
+    view_mode.off()
     bpy.context.view_layer.update()
     assert space().local_view is not None
     assert in_view() == {"lo", "hi"}
@@ -124,7 +124,7 @@ def test_who_leaves_the_local_view_sees_all(pair):
     assert "hi" in shown()
     isolate(pair[1])  # and may have one of their own
     assert shown() == {"hi"}
-    preview.off()
+    view_mode.off()
     bpy.context.view_layer.update()
     assert in_view() == {"hi"}
     toggle()
@@ -152,7 +152,7 @@ def test_undo_to_before_it_and_back_changes_nothing(pair):
         undo()
         assert shown() == {"lo", "other"}
     assert chosen() == {"other"}
-    preview.off()
+    view_mode.off()
     for undo in (bpy.ops.ed.redo, bpy.ops.ed.redo, bpy.ops.ed.undo):
         undo()
         bpy.context.view_layer.update()
@@ -176,7 +176,7 @@ def test_another_view_layer_is_asked_for_too(pair):
     window, layers = viewport()["window"], bpy.context.scene.view_layers
     before, window.view_layer = window.view_layer, layers.new("another")
     assert shown() == {"lo", "other"}
-    preview.off()
+    view_mode.off()
     bpy.context.view_layer.update()
     assert in_view() == {"lo", "hi", "other"}
     window.view_layer = before
@@ -201,7 +201,7 @@ def test_what_comes_later_is_seen_and_what_is_gone_does_no_harm(pair):
     assert shown() == {"lo", "other", "later"}
     bpy.data.objects.remove(pair[1])
     assert shown() == {"lo", "other", "later"}
-    preview.off()
+    view_mode.off()
     assert (space().local_view, is_clean()) == (None, True)
 
 
@@ -261,7 +261,7 @@ def test_another_editor_in_its_place_goes_back_too(pair):
     shown()
     place, taken = viewport(), space()
     place["area"].type = "IMAGE_EDITOR"
-    preview.off()
+    view_mode.off()
     assert place["area"].type == "IMAGE_EDITOR"
     place["area"].type = "VIEW_3D"
     assert (space(), space().local_view) == (taken, None)
@@ -269,9 +269,9 @@ def test_another_editor_in_its_place_goes_back_too(pair):
 
 def test_the_low_object_is_pulled_over_high_ones_only_where_they_are_in_view(pair, monkeypatch):
     told = []
-    draw = preview.shading.Shading.draw
+    draw = view_mode.shading.Shading.draw
     monkeypatch.setattr(
-        preview.shading.Shading, "draw", lambda *args, **kw: told.append(kw["is_alone"]) or draw(*args, **kw)
+        view_mode.shading.Shading, "draw", lambda *args, **kw: told.append(kw["is_alone"]) or draw(*args, **kw)
     )
     view().mode = "MAP"
     shown()

@@ -7,10 +7,11 @@ import bpy
 import pytest
 
 import addon
-from addon import idle, live, modal, operators, preview, progress
 from addon.bake import casting, keeping, pace
 from addon.bake.errors import BakeError
 from addon.passes import target
+from addon.ui import idle_memory, live_mode, modal, operators
+from addon.ui.viewport import progress_display, view_mode
 from tests.support import zoo
 from tests.support.maps import pixels
 from tests.support.snapshot import difference, snapshot
@@ -26,8 +27,8 @@ def pair():
     low, high = zoo.terrains_in_slots("CAST")
     yield low, high
     modal.stop(bpy.context)
-    live.stop()
-    preview.off()
+    live_mode.stop()
+    view_mode.off()
 
 
 class Button(modal.InSlices):
@@ -87,12 +88,12 @@ def tiny(monkeypatch):
 
 
 def is_clean():
-    return progress.current() is None and not progress._handles and bpy.ops.imprint.live.poll()
+    return progress_display.current() is None and not progress_display._handles and bpy.ops.imprint.live.poll()
 
 
 BUTTONS = {
     "live": lambda: Button(operators.IMPRINT_OT_live),
-    "view": lambda: Button(preview.IMPRINT_OT_view_show, mode="MAP"),
+    "view": lambda: Button(view_mode.IMPRINT_OT_view_show, mode="MAP"),
 }
 
 
@@ -103,19 +104,19 @@ def test_a_first_map_comes_in_slices_with_a_bar(pair, name):
     assert button.press() == {"RUNNING_MODAL"}
     seen = []
     while button.event() == {"RUNNING_MODAL"}:
-        seen.append(progress.current().done)
+        seen.append(progress_display.current().done)
     assert len(seen) > 4
     assert seen == sorted(seen)
     assert is_clean()
     assert button.told == []
     if name == "live":
-        assert live.session() is not None
+        assert live_mode.session() is not None
         now = pixels(bpy.data.images["lo_normal"])
-        live.stop()
+        live_mode.stop()
         bpy.ops.imprint.live()
         assert (pixels(bpy.data.images["lo_normal"]) == now).all()
     else:
-        assert preview.mode() == "MAP"
+        assert view_mode.mode() == "MAP"
 
 
 @pytest.mark.usefixtures("tiny")
@@ -143,21 +144,21 @@ def test_esc_leaves_everything_as_it_was(pair, name, step):
         assert button.event() == {"RUNNING_MODAL"}
     assert button.event("ESC") == {"CANCELLED"}
     assert is_clean()
-    assert live.session() is None
-    assert preview.mode() == "OFF"
+    assert live_mode.session() is None
+    assert view_mode.mode() == "OFF"
     assert difference(before, snapshot()) == {}
 
 
 @pytest.mark.usefixtures("tiny")
 def test_esc_keeps_the_view_that_was_on(pair):
-    preview.switch(bpy.context, "MAP")
-    own = preview._own
-    button = Button(preview.IMPRINT_OT_view_refresh)
+    view_mode.switch(bpy.context, "MAP")
+    own = view_mode._own
+    button = Button(view_mode.IMPRINT_OT_view_refresh)
     button.press()
     button.event()
     button.event("ESC")
-    assert preview.mode() == "MAP"
-    assert preview._own is own
+    assert view_mode.mode() == "MAP"
+    assert view_mode._own is own
 
 
 @pytest.mark.usefixtures("tiny")
@@ -169,7 +170,7 @@ def test_what_changes_while_live_starts_counts(pair):
     pair[1].location.z = 0.01
     bpy.context.view_layer.update()
     button.run()
-    assert not live.is_resting()
+    assert not live_mode.is_resting()
 
 
 @pytest.mark.usefixtures("tiny")
@@ -183,7 +184,7 @@ def test_an_extension_that_is_switched_off_ends_what_is_going_on(pair, name):
     assert is_clean()
     assert bpy.ops.imprint.bake.poll()
     assert button.event() == {"CANCELLED"}
-    assert live.session() is None
+    assert live_mode.session() is None
 
 
 @pytest.mark.usefixtures("tiny")
@@ -242,11 +243,11 @@ def test_what_is_kept_is_let_go_when_nobody_bakes(pair, monkeypatch):
     keeping.let_go(after=60.0)
     assert casting._kept
     assert target._common
-    monkeypatch.setattr(idle, "AFTER", 0.0)
-    monkeypatch.setattr(progress, "_step", pace.Step("Baking", 0.5))
-    idle.tick()
+    monkeypatch.setattr(idle_memory, "AFTER", 0.0)
+    monkeypatch.setattr(progress_display, "_step", pace.Step("Baking", 0.5))
+    idle_memory.tick()
     assert casting._kept
-    monkeypatch.setattr(progress, "_step", None)
-    assert idle.tick() == idle.EVERY
+    monkeypatch.setattr(progress_display, "_step", None)
+    assert idle_memory.tick() == idle_memory.EVERY
     assert not casting._kept
     assert not target._common

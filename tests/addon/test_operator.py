@@ -7,8 +7,9 @@ import bpy
 import numpy as np
 import pytest
 
-from addon import live, panels, progress
 from addon.bake import pace, pairs
+from addon.ui import live_mode, panels
+from addon.ui.viewport import progress_display
 from tests.support import maps, zoo
 from tests.support.snapshot import difference, snapshot
 
@@ -399,7 +400,7 @@ def test_the_panel_says_what_live_follows_whatever_is_selected_by_then(pair):
         assert "No high object" not in drawn.text
         assert "ERROR" not in drawn.icons
     finally:
-        live.stop()
+        live_mode.stop()
 
 
 def test_the_panel_says_when_an_image_is_filled_again(pair):
@@ -565,7 +566,7 @@ def test_the_bar_takes_the_buttons_place(pair, monkeypatch):
     select(*pair)
     bake()
     before = draw()
-    monkeypatch.setattr(progress, "current", lambda: pace.Step("Drawing", 0.25))
+    monkeypatch.setattr(progress_display, "current", lambda: pace.Step("Drawing", 0.25))
     during = draw()
     assert {name for name, _ in before.buttons} - {name for name, _ in during.buttons} == {"imprint.bake"}
     bar = next(label for label in during.labels if label.startswith("25%"))
@@ -584,7 +585,7 @@ def test_the_bar_takes_the_buttons_place(pair, monkeypatch):
     ],
 )
 def test_the_bar_says_how_long_it_still_takes(done, seconds, words):
-    assert progress._left(done, seconds) == words
+    assert progress_display._left(done, seconds) == words
 
 
 def test_names_are_matched_only_when_one_has_changed(pair, monkeypatch):

@@ -10,10 +10,11 @@ import pytest
 from mathutils import Matrix, Vector
 
 import addon
-from addon import labels, live, preview
 from addon.bake import shading
 from addon.bake.errors import BakeError
 from addon.passes import target
+from addon.ui import live_mode
+from addon.ui.viewport import view_mode, viewport_text
 from tests.support import raster, zoo
 from tests.support.snapshot import difference, snapshot
 
@@ -29,8 +30,8 @@ def pair():
     """A low terrain and a high one, in the slots."""
     low, high = zoo.terrains_in_slots("FLATTEN")
     yield low, high
-    live.stop()
-    preview.off()
+    live_mode.stop()
+    view_mode.off()
 
 
 def view():
@@ -40,9 +41,9 @@ def view():
 
 def is_clean():
     """Whether nothing is left."""
-    has_timer = bpy.app.timers.is_registered(preview.catch_up)
-    kept = (preview._own, preview._shading, preview._own_settings)
-    return preview.mode() == "OFF" and not preview._handles and not has_timer and kept == (None, None, None)
+    has_timer = bpy.app.timers.is_registered(view_mode.catch_up)
+    kept = (view_mode._own, view_mode._shading, view_mode._own_settings)
+    return view_mode.mode() == "OFF" and not view_mode._handles and not has_timer and kept == (None, None, None)
 
 
 def viewport():
@@ -66,7 +67,7 @@ def seen():
     into = target.Target(*SIZE, ("RGBA32F", "DEPTH_COMPONENT32F"))
     with bpy.context.temp_override(**viewport()), target.drawing(into):
         into.framebuffer.clear(depth=1.0)
-        preview._draw_view()
+        view_mode._draw_view()
         pixels = np.empty((SIZE[1], SIZE[0], 4), np.float32)
         into.read(pixels)
     return pixels
@@ -76,11 +77,11 @@ def seen():
 def test_a_view_comes_and_goes_without_a_trace(mode, pair):
     before = snapshot()
     view().mode = mode
-    assert view().mode == preview.mode() == mode
-    assert len(preview._handles) == 2
+    assert view().mode == view_mode.mode() == mode
+    assert len(view_mode._handles) == 2
     assert seen().any()
     view().mode = mode  # twice is once
-    assert len(preview._handles) == 2
+    assert len(view_mode._handles) == 2
     view().mode = "OFF"
     assert is_clean()
     assert not difference(before, snapshot())
@@ -90,7 +91,7 @@ def test_the_views_differ_and_the_modes_are_one_key_apart(pair):
     pictures = []
     for mode in (*shading.MODES, "OFF"):
         assert bpy.ops.imprint.view_next() == {"FINISHED"}
-        assert preview.mode() == mode
+        assert view_mode.mode() == mode
         pictures.append(seen() if mode != "OFF" else np.zeros_like(pictures[0]))
     for number, picture in enumerate(pictures):
         assert not any(np.array_equal(picture, other) for other in pictures[:number])
@@ -98,13 +99,13 @@ def test_the_views_differ_and_the_modes_are_one_key_apart(pair):
 
 def test_the_deviations_are_told(pair):
     view().mode = "MAP"
-    assert preview.figures() is None
-    assert preview.words() == []
+    assert view_mode.figures() is None
+    assert view_mode.words() == []
     view().mode = "BARE_DEVIATION"
-    found = preview.figures()
+    found = view_mode.figures()
     assert found.percentile_99 < 0.1
     assert found.bare_mean > 1.0
-    assert preview.words() == [
+    assert view_mode.words() == [
         f"With the map: mean {found.mean:.2f}°, 99 % below {found.percentile_99:.2f}°",
         f"Without: mean {found.bare_mean:.2f}°, 99 % below {found.bare_percentile_99:.2f}°",
     ]
@@ -115,7 +116,7 @@ def test_what_the_deviations_cannot_tell_is_said(pair):
     uv = np.array([corner.vector for corner in high.data.uv_layers[0].uv])
     high.data.uv_layers[0].uv.foreach_set("vector", (uv + (0.3, 0.0)).astype(np.float32).ravel())
     view().mode = "DEVIATION"
-    (line,) = preview.words()
+    (line,) = view_mode.words()
     assert line.startswith("Purple: 100.0% show another place of the high mesh")
 
 
@@ -133,7 +134,7 @@ def test_what_the_deviations_cannot_tell_is_said(pair):
     ],
 )
 def test_a_label_stays_where_it_can_be_read(zone, share, free, x):
-    assert preview.place(zone, 100.0, share, free, 10.0) == x
+    assert view_mode.place(zone, 100.0, share, free, 10.0) == x
 
 
 def test_what_lies_over_a_view_is_left_out():
@@ -143,25 +144,25 @@ def test_what_lies_over_a_view_is_left_out():
     window = region("WINDOW", "NONE", 20, 900)
     bars = [region("HEADER", "TOP", 20, 900), region("TOOLS", "LEFT", 20, 60), region("UI", "RIGHT", 700, 220)]
     context = SimpleNamespace(region=window, area=SimpleNamespace(regions=[window, *bars]))
-    assert preview.uncovered(context) == (60, 680)
+    assert view_mode.uncovered(context) == (60, 680)
     for bar in bars[1:]:
         bar.width = 1
-    assert preview.uncovered(context) == (0, 900)
+    assert view_mode.uncovered(context) == (0, 900)
 
 
 def test_what_cannot_be_shown_is_told_and_leaves_it_off(pair):
     bpy.context.scene.imprint.highs.clear()
     view().mode = "MAP"
-    assert preview.message.startswith("No high object for 'lo'")
+    assert view_mode.message.startswith("No high object for 'lo'")
     assert is_clean()
     with pytest.raises(RuntimeError, match="No high object for 'lo'"):
         bpy.ops.imprint.view_next()
     with pytest.raises(BakeError, match="No high object"):
-        preview.switch(bpy.context, "SPLIT")
+        view_mode.switch(bpy.context, "SPLIT")
     assert is_clean()
     bpy.context.scene.imprint.highs.add().object = pair[1]
     view().mode = "MAP"
-    assert (preview.mode(), preview.message) == ("MAP", "")
+    assert (view_mode.mode(), view_mode.message) == ("MAP", "")
 
 
 def test_where_the_map_would_go_does_not_matter(pair):
@@ -169,23 +170,23 @@ def test_where_the_map_would_go_does_not_matter(pair):
     settings = bpy.context.scene.imprint
     settings.storage, settings.output, settings.udim = "FILE", "", True
     view().mode = "MAP"
-    assert preview.mode() == "MAP"
+    assert view_mode.mode() == "MAP"
     assert not bpy.data.images
     assert not pair[0].material_slots
 
 
 def test_refresh_shows_what_has_changed(pair):
     view().mode = "BARE_DEVIATION"
-    before = preview.figures().bare_mean
-    assert not preview.is_outdated(bpy.context)
+    before = view_mode.figures().bare_mean
+    assert not view_mode.is_outdated(bpy.context)
     bpy.context.scene.imprint.width = 128
-    assert preview.is_outdated(bpy.context)
+    assert view_mode.is_outdated(bpy.context)
     pair[1].scale.z = 2.0
-    assert preview.figures().bare_mean == before
+    assert view_mode.figures().bare_mean == before
     assert bpy.ops.imprint.view_refresh() == {"FINISHED"}
-    assert not preview.is_outdated(bpy.context)
-    assert preview.figures().bare_mean > 1.5 * before
-    assert preview._shading.session.map.width == 128
+    assert not view_mode.is_outdated(bpy.context)
+    assert view_mode.figures().bare_mean > 1.5 * before
+    assert view_mode._shading.session.map.width == 128
     bpy.context.scene.imprint.low = bpy.data.objects["hi"]
     with pytest.raises(RuntimeError, match="'hi'"):
         bpy.ops.imprint.view_refresh()
@@ -195,36 +196,36 @@ def test_refresh_shows_what_has_changed(pair):
 
 def test_live_takes_over_and_gives_back(pair):
     view().mode = "BARE_DEVIATION"
-    before = preview.figures().bare_mean
+    before = view_mode.figures().bare_mean
     assert bpy.ops.imprint.live() == {"FINISHED"}
-    preview.catch_up()
-    assert preview._own is None
-    assert preview._shading.session is live.session()
+    view_mode.catch_up()
+    assert view_mode._own is None
+    assert view_mode._shading.session is live_mode.session()
     pair[1].scale.z = 2.0
     bpy.context.view_layer.update()
     for _ in range(100):
-        live.tick()
-    assert preview.figures().bare_mean > 1.5 * before
+        live_mode.tick()
+    assert view_mode.figures().bare_mean > 1.5 * before
     assert seen().any()
     assert bpy.ops.imprint.live() == {"FINISHED"}
     assert not seen().any()  # nothing is baked while a view is being drawn
-    assert bpy.app.timers.is_registered(preview.catch_up)
-    preview.catch_up()
-    assert preview._own is not None
+    assert bpy.app.timers.is_registered(view_mode.catch_up)
+    view_mode.catch_up()
+    assert view_mode._own is not None
     assert seen().any()
-    preview.off()
+    view_mode.off()
     assert is_clean()
 
 
 def test_nothing_to_go_on_with_after_live_is_told(pair):
     assert bpy.ops.imprint.live() == {"FINISHED"}
     view().mode = "MAP"
-    assert preview._own is None
+    assert view_mode._own is None
     bpy.data.objects.remove(pair[1])
     bpy.context.view_layer.update()
     bpy.ops.imprint.live()
-    preview.catch_up()
-    assert preview.message.startswith("No high object")
+    view_mode.catch_up()
+    assert view_mode.message.startswith("No high object")
     assert is_clean()
 
 
@@ -248,7 +249,7 @@ def test_it_outlives_undo_and_modes(pair):
     view().mode = "SPLIT"
     moved = seen()
     bpy.ops.ed.undo()
-    assert preview.mode() == "SPLIT"
+    assert view_mode.mode() == "SPLIT"
     assert seen().any()
     assert not np.array_equal(seen(), moved)
     bpy.context.view_layer.objects.active = bpy.data.objects["lo"]
@@ -268,8 +269,8 @@ def test_a_light_of_the_scene_shines(kind, pair):
     bpy.context.view_layer.update()
     view().light = light
     expected = light.matrix_world.col[2 if kind == "SUN" else 3]
-    assert np.array_equal(preview._eye(looking(), light).light, expected)
-    assert preview._eye(looking(), light).light[3] == (kind != "SUN")
+    assert np.array_equal(view_mode._eye(looking(), light).light, expected)
+    assert view_mode._eye(looking(), light).light[3] == (kind != "SUN")
     assert not np.array_equal(seen(), by_the_view)
     bpy.data.objects.remove(light)
     assert view().light is None
@@ -278,7 +279,7 @@ def test_a_light_of_the_scene_shines(kind, pair):
 
 def test_the_views_own_light_comes_from_above_and_from_the_left():
     data = looking()
-    light = preview._eye(data, None).light
+    light = view_mode._eye(data, None).light
     assert light[3] == 0.0
     x, y, z = data.view_matrix.to_3x3() @ Vector(light[:3])
     assert (x < 0.0, y > 0.0, z > max(-x, y)) == (True, True, True)
@@ -313,7 +314,7 @@ def test_it_goes_with_the_add_on(pair):
     addon.unregister()
     try:
         assert is_clean()
-        assert preview.catch_up not in live.on_new
+        assert view_mode.catch_up not in live_mode.on_new
         assert not hasattr(bpy.types.Scene, "imprint_view")
     finally:
         addon.register()
@@ -338,9 +339,9 @@ def test_words_are_readable_over_a_white_mesh():
         with gpu.matrix.push_pop(), gpu.matrix.push_pop_projection():
             gpu.matrix.load_matrix(Matrix.Identity(4))
             gpu.matrix.load_projection_matrix(PIXELS)
-            labels.write("Low with Map", 30.0, 50.0, 1.0)
+            viewport_text.write("Low with Map", 30.0, 50.0, 1.0)
         into.read(pixels)
-    end = 30 + int(labels.width("Low with Map", 1.0))
+    end = 30 + int(viewport_text.width("Low with Map", 1.0))
     grey = pixels[..., :3].mean(axis=2)
     box = grey[48:60, 28 : end + 2]
     assert box.min() < 0.4

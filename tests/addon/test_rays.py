@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import addon
-from addon import cages
 from addon.bake import casting
+from addon.ui.viewport import cage_overlay
 from tests.support import maps, zoo
 
 pytestmark = pytest.mark.usefixtures("registered", "gpu_context")
@@ -81,15 +81,15 @@ def test_the_shells_come_and_go_without_a_trace():
 
     before = handlers()
     bpy.ops.imprint.show_cage()
-    assert cages.is_on()
-    cages.show(True)  # twice is once
+    assert cage_overlay.is_on()
+    cage_overlay.show(True)  # twice is once
     assert handlers() == tuple(number + 1 for number in before)
     bpy.ops.imprint.show_cage()
-    assert not cages.is_on()
+    assert not cage_overlay.is_on()
     assert handlers() == before
     bpy.ops.imprint.show_cage()
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    assert not cages.is_on()
+    assert not cage_overlay.is_on()
     assert handlers() == before
 
 
@@ -154,18 +154,18 @@ def test_a_file_that_is_named_is_written(small, tmp_path):
 
 def test_shells_are_read_anew_when_the_low_object_changes_and_only_then():
     low, other = zoo.plane("lo"), zoo.plane("other")
-    cages.show(True)
+    cage_overlay.show(True)
 
     def is_read_anew(change):
-        cages._ready(low, "SMOOTH")
-        cages.catch_up()
-        bpy.app.timers.unregister(cages.catch_up) if bpy.app.timers.is_registered(cages.catch_up) else None
-        assert cages._ready(low, "SMOOTH") is not None
-        assert not bpy.app.timers.is_registered(cages.catch_up)
+        cage_overlay._ready(low, "SMOOTH")
+        cage_overlay.catch_up()
+        bpy.app.timers.unregister(cage_overlay.catch_up) if bpy.app.timers.is_registered(cage_overlay.catch_up) else None
+        assert cage_overlay._ready(low, "SMOOTH") is not None
+        assert not bpy.app.timers.is_registered(cage_overlay.catch_up)
         change()
         bpy.context.view_layer.update()
-        cages._ready(low, "SMOOTH")
-        return bpy.app.timers.is_registered(cages.catch_up)
+        cage_overlay._ready(low, "SMOOTH")
+        return bpy.app.timers.is_registered(cage_overlay.catch_up)
 
     def lift():
         low.data.vertices[0].co.z = 1.0
@@ -178,8 +178,8 @@ def test_shells_are_read_anew_when_the_low_object_changes_and_only_then():
         assert is_read_anew(lambda: setattr(low.location, "x", 1.0))
         assert is_read_anew(lift)
         assert is_read_anew(lambda: low.modifiers.new("Lift", "DISPLACE"))
-        assert cages._ready(other, "SMOOTH") is None
-        assert cages._ready(low, "SPLIT") is None
+        assert cage_overlay._ready(other, "SMOOTH") is None
+        assert cage_overlay._ready(low, "SPLIT") is None
     finally:
-        cages.show(False)
-    assert not bpy.app.timers.is_registered(cages.catch_up)
+        cage_overlay.show(False)
+    assert not bpy.app.timers.is_registered(cage_overlay.catch_up)

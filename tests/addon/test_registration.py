@@ -7,14 +7,16 @@ import bpy
 import pytest
 
 import addon
-from addon import checks, commands, conventions, modal, operators, panels, passes, preview, properties, sizes
+from addon import commands, passes
 from addon.bake.settings import Settings
 from addon.passes import target
+from addon.ui import check_panel, map_size, modal, operators, panels, presets, properties
+from addon.ui.viewport import view_mode
 from tests.support import maps, zoo
 
 OPERATORS = [
     cls.__name__
-    for module in (modal, operators, sizes, conventions, checks, preview)
+    for module in (modal, operators, map_size, presets, check_panel, view_mode)
     for cls in module.CLASSES
     if issubclass(cls, bpy.types.Operator)
 ]
@@ -25,7 +27,7 @@ def traces():
     """What Blender knows of the add-on."""
     kinds = (bpy.types.Operator, bpy.types.Panel, bpy.types.UIList, bpy.types.Menu, bpy.types.PropertyGroup)
     found = {cls.__name__ for kind in kinds for cls in kind.__subclasses__() if cls.is_registered and is_ours(cls)}
-    gizmos = {preview.IMPRINT_GT_split: bpy.types.Gizmo, preview.IMPRINT_GGT_split: bpy.types.GizmoGroup}
+    gizmos = {view_mode.IMPRINT_GT_split: bpy.types.Gizmo, view_mode.IMPRINT_GGT_split: bpy.types.GizmoGroup}
     found |= {cls.__name__ for cls, kind in gizmos.items() if kind.bl_rna_get_subclass_py(cls.__name__)}
     found |= {f"Scene.{name}" for name in dir(bpy.types.Scene) if name.startswith("imprint")}
     return found | {name for name in dir(bpy.types.WindowManager) if name.startswith("imprint")}
@@ -85,7 +87,7 @@ class TestWords:
         for button in buttons:
             assert button.description, button.identifier
         structs = [*buttons, properties.ImprintSettings.bl_rna, properties.ImprintHigh.bl_rna]
-        structs.append(preview.ImprintView.bl_rna)
+        structs.append(view_mode.ImprintView.bl_rna)
         for struct in structs:
             for prop in struct.properties:
                 if prop.identifier not in {"rna_type", "name"}:

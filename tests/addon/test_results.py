@@ -6,8 +6,9 @@ from types import SimpleNamespace
 import bpy
 import pytest
 
-from addon import panels, results, showing
 from addon.bake import subjects
+from addon.ui import panels, results
+from addon.ui.viewport import show_result
 from tests.support import zoo
 
 pytestmark = pytest.mark.usefixtures("registered", "gpu_context")
@@ -158,11 +159,11 @@ def shading(viewport):
 def test_a_bake_shows_the_low_mesh_with_its_map(baked):
     low, high = baked
     views, editor = [view("SOLID"), view("SOLID", 200)], area("IMAGE_EDITOR", image=None, use_image_pin=False)
-    showing.bake(window(*views, editor), [results.of(bpy.context)])
+    show_result.bake(window(*views, editor), [results.of(bpy.context)])
     assert editor.spaces.active.image == bpy.data.images["lo_normal"]
     assert [shading(each) for each in views] == ["SOLID", "MATERIAL"]  # the largest, where the mouse is in none
     assert (low.visible_get(), high.visible_get()) == (True, False)
-    showing.bake(window(*views, at=views[0]), [results.of(bpy.context)])
+    show_result.bake(window(*views, at=views[0]), [results.of(bpy.context)])
     assert shading(views[0]) == "MATERIAL"
 
 
@@ -171,7 +172,7 @@ def test_a_view_that_is_not_solid_stays(baked):
     for kind, sees_high in (("WIREFRAME", True), ("RENDERED", False), ("MATERIAL", False)):
         high.hide_set(False)
         viewport = view(kind)
-        showing.bake(window(viewport), [results.of(bpy.context)])
+        show_result.bake(window(viewport), [results.of(bpy.context)])
         assert (shading(viewport), high.visible_get()) == (kind, sees_high)
 
 
@@ -179,12 +180,12 @@ def test_a_map_without_a_material_leaves_the_view_alone(baked):
     _, high = baked
     bpy.ops.imprint.bake(low="lo", high=[{"name": "hi"}], material=False)
     viewport = view("SOLID")
-    showing.bake(window(viewport), [results.of(bpy.context)])
+    show_result.bake(window(viewport), [results.of(bpy.context)])
     assert (shading(viewport), high.visible_get()) == ("SOLID", True)
 
 
 def test_without_a_3d_viewport_nothing_is_hidden(baked):
-    showing.bake(window(), [results.of(bpy.context)])
+    show_result.bake(window(), [results.of(bpy.context)])
     assert baked[1].visible_get()
 
 
@@ -195,13 +196,13 @@ def test_a_low_object_that_is_its_own_high_one_stays():
     settings.width = settings.height = 16
     settings.low = low
     bpy.ops.imprint.bake(low="lo", high=[{"name": "lo"}])
-    showing.bake(window(view("SOLID")), [results.of(bpy.context)])
+    show_result.bake(window(view("SOLID")), [results.of(bpy.context)])
     assert low.visible_get()
     assert not bpy.ops.imprint.show_high.poll()
 
 
 def test_scripts_change_no_view(baked, monkeypatch):
-    monkeypatch.setattr(showing, "bake", lambda *_: pytest.fail("shown"))
+    monkeypatch.setattr(show_result, "bake", lambda *_: pytest.fail("shown"))
     bpy.ops.imprint.bake("EXEC_DEFAULT", low="lo", high=[{"name": "hi"}])
     bpy.ops.imprint.bake("INVOKE_DEFAULT", low="lo", high=[{"name": "hi"}])  # the background has no window
 
@@ -222,7 +223,7 @@ def test_the_high_objects_of_the_last_bake_count_where_none_is_chosen(baked):
     other.select_set(False)
     low.modifiers.new("Rounded", "SUBSURF")
     assert chosen() == [low]
-    showing.hide_high(bpy.context, results.of(bpy.context), hide=True)
+    show_result.hide_high(bpy.context, results.of(bpy.context), hide=True)
     assert chosen() == [high]  # or a bake that hid it could not be repeated
     bpy.data.objects.remove(high)
     assert chosen() == [low]
@@ -246,6 +247,6 @@ def test_namesakes_of_high_objects_stay(baked, tmp_path):
     bpy.context.scene.collection.objects.link(linked)
     for own, other in ((high, linked), (linked, high)):
         report = SimpleNamespace(high=["hi"], refs=[subjects.hold(low), subjects.hold(own)])
-        showing.hide_high(bpy.context, report, hide=True)
+        show_result.hide_high(bpy.context, report, hide=True)
         assert (own.visible_get(), other.visible_get()) == (False, True)
-        showing.hide_high(bpy.context, report, hide=False)
+        show_result.hide_high(bpy.context, report, hide=False)

@@ -3,11 +3,11 @@
 
 import itertools
 
+import addon.live
 import bpy
 import numpy as np
 import pytest
 
-import addon.live
 from addon.bake import datablocks, flaws, live, pipeline, sequence
 from addon.bake.errors import BakeError
 from addon.bake.pace import Pace, finish

@@ -3,7 +3,7 @@
 import bpy
 import numpy as np
 
-from . import angles
+from tests.support import angles
 
 
 def world_normals(obj, size, **options) -> tuple[np.ndarray, np.ndarray]:

@@ -12,9 +12,8 @@ import numpy as np
 
 from addon.bake import images, naming, outputs, pipeline, values
 from addon.bake.errors import BakeError
-
-from . import maps
-from .snapshot import difference, snapshot
+from tests.support import maps
+from tests.support.snapshot import difference, snapshot
 
 LONGEST = 400
 """Characters of a sentence that a person still reads."""

@@ -6,12 +6,13 @@ from functools import lru_cache
 
 import bpy
 
-from . import cages, live, progress, results, showing, sizes
-from .bake import images, pairs, subjects
-from .bake.errors import BakeError
-from .bake.report import Report
-from .conventions import IMPRINT_PT_conventions
+from ..bake import images, pairs, subjects
+from ..bake.errors import BakeError
+from ..bake.report import Report
+from . import live_mode, map_size, results
+from .presets import IMPRINT_PT_conventions
 from .properties import ImprintSettings
+from .viewport import cage_overlay, progress_display, show_result
 
 
 class _Panel:
@@ -49,7 +50,7 @@ class IMPRINT_PT_bake(_Panel, bpy.types.Panel):
 
         low, highs = settings.subjects(context)
         problem = _problem(context, low, highs, settings)
-        following = live.words()
+        following = live_mode.words()
         if following:
             problem = ""  # the selection may be what it likes
         lines = [following or problem] if following or problem else _plan(low, highs, settings)
@@ -57,19 +58,19 @@ class IMPRINT_PT_bake(_Panel, bpy.types.Panel):
         # The bar takes the button's place: nothing moves under the mouse when a bake begins or ends.
         row = layout.row()
         row.scale_y = 1.6
-        step = progress.current()
+        step = progress_display.current()
         if step is None:
             row.enabled = not problem
             row.operator("imprint.bake", icon="RENDER_STILL")
         else:
-            row.progress(factor=step.done, text=progress.short(step))
+            row.progress(factor=step.done, text=progress_display.short(step))
         row = layout.row()
-        is_live = live.session() is not None
+        is_live = live_mode.session() is not None
         row.enabled = step is None and (is_live or not problem)
         row.operator("imprint.live", icon="PLAY", depress=is_live)
         row.prop(settings, "live_every_time")
-        if is_live and live.message:
-            paragraphs(layout.box(), context, [live.message], "ERROR")
+        if is_live and live_mode.message:
+            paragraphs(layout.box(), context, [live_mode.message], "ERROR")
         report = results.of(context)
         if report is not None:
             _draw_result(layout, report)
@@ -85,7 +86,7 @@ def _draw_result(layout: bpy.types.UILayout, report: Report) -> None:
     head = column.row()
     head.label(text=report.image)
     if results.high_objects(report):
-        is_hidden = showing.hides_high(report)
+        is_hidden = show_result.hides_high(report)
         head.operator("imprint.show_high", text="", icon="HIDE_ON" if is_hidden else "HIDE_OFF", emboss=False)
     if image is None:  # nothing came of it in the end
         column.label(text="Undone, renamed or deleted", icon="INFO")
@@ -136,7 +137,7 @@ class IMPRINT_PT_map(_Panel, bpy.types.Panel):
         low, _ = settings.subjects(context)
         if low is not None and low.type == "MESH":
             layout.prop_search(settings, "uv_layer", low.data, "uv_layers", icon="GROUP_UVS")
-        sizes.draw(layout, settings)
+        map_size.draw(layout, settings)
         layout.prop(settings, "samples")
         column = layout.column(align=True)
         column.prop(settings, "margin_type")
@@ -227,7 +228,7 @@ class IMPRINT_PT_rays(_Panel, bpy.types.Panel):
         else:
             column.prop(settings, "extrusion")
             column.prop(settings, "max_distance")
-        layout.operator("imprint.show_cage", icon="MESH_UVSPHERE", depress=cages.is_on())
+        layout.operator("imprint.show_cage", icon="MESH_UVSPHERE", depress=cage_overlay.is_on())
         layout.prop(settings, "directions")
         layout.prop(settings, "facing_only")
         layout.prop(settings, "missed")

@@ -4,8 +4,8 @@
 import bpy
 import gpu
 
-from .bake import shells, subjects
-from .bake.errors import BakeError
+from ...bake import shells, subjects
+from ...bake.errors import BakeError
 
 OUTER, INNER = (0.1, 0.45, 1.0, 0.25), (1.0, 0.45, 0.1, 0.25)
 """Colours of where rays start and where they end."""

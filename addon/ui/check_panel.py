@@ -4,10 +4,11 @@
 import bpy
 from bpy.props import EnumProperty, StringProperty
 
-from . import progress, results, showing
-from .bake import flaws, selection
-from .bake.errors import BakeError
-from .bake.report import Report
+from ..bake import flaws, selection
+from ..bake.errors import BakeError
+from ..bake.report import Report
+from . import results
+from .viewport import progress_display, show_result
 
 WORDS = {
     "overlap": (
@@ -71,7 +72,7 @@ class _OfLastBake:
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return results.is_there(context) and progress.current() is None
+        return results.is_there(context) and progress_display.current() is None
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         try:
@@ -109,7 +110,7 @@ class IMPRINT_OT_select_flaws(_OfLastBake, bpy.types.Operator):
             raise BakeError(f"No {which} of {low.name!r} has this flaw: {WORDS[kind][0].lower()}.")
         selection.select(context, low, found, "EDGE" if is_edge else "FACE")
         if self.options.is_invoke and context.window is not None:
-            showing.selection(context)
+            show_result.selection(context)
         many = len(found) > 1
         return f"{len(found):,} {which}{'s' if many else ''} of {low.name!r} {'are' if many else 'is'} selected"
 
@@ -130,7 +131,7 @@ class IMPRINT_OT_show_mask(_OfLastBake, bpy.types.Operator):
     def _apply(self, context: bpy.types.Context, report: Report) -> str:
         image = flaws.draw_mask(context, report, self.kind.lower())
         is_pressed = self.options.is_invoke and context.window is not None
-        show = showing.image_in_window if is_pressed else showing.image
+        show = show_result.image_in_window if is_pressed else show_result.image
         show(context, image)
         return f"The mask is in the image {image.name!r}"
 

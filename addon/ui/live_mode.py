@@ -6,11 +6,12 @@ from collections.abc import Callable
 
 import bpy
 
-from . import progress, strokes
-from .bake import live, pace, subjects
-from .bake.errors import BakeError
-from .bake.pipeline import Job
-from .bake.settings import Settings
+from ..bake import live, pace, subjects
+from ..bake.errors import BakeError
+from ..bake.pipeline import Job
+from ..bake.settings import Settings
+from . import sculpt_strokes
+from .viewport import progress_display
 
 TICK = 0.02
 """Seconds between two looks at what has changed."""
@@ -38,7 +39,7 @@ _is_short = False
 """Whether an object is gone, for now."""
 _is_told = True
 """Whether Blender has told of anything since it was last looked whether all objects are there."""
-_strokes: strokes.Strokes | None = None
+_strokes: sculpt_strokes.Strokes | None = None
 message = ""
 """What kept the last map from being drawn, in a sentence; empty when it was drawn."""
 on_new: list[Callable[[], None]] = []
@@ -69,7 +70,7 @@ def starting(context: bpy.types.Context, job: Job, settings: Settings, speed: pa
     following = live.Session(context, job, settings, speed)
     _session, _asked, _work, message = following, settings, None, ""
     _all_changed, _is_stored, _is_short, _is_told = False, True, False, True
-    _refused, _scene, _strokes = None, context.scene.session_uid, strokes.Strokes(following)
+    _refused, _scene, _strokes = None, context.scene.session_uid, sculpt_strokes.Strokes(following)
     for handlers, handler in _handlers():
         handlers.append(handler)  # what changes from now on counts
     is_well = False
@@ -123,7 +124,7 @@ def tick() -> float | None:
     global _work, _is_stored  # noqa: PLW0603 - Blender calls plain functions, and there is one session
     if _session is None:
         return None
-    if progress.current() is not None:  # a bake is going on
+    if progress_display.current() is not None:  # a bake is going on
         return TICK
     is_well = False
     try:
@@ -210,7 +211,7 @@ def _look_at_settings() -> None:
         _work.close()
     _session.free()
     _session, _asked, _refused, _work, _all_changed = following, wanted, None, None, True
-    _strokes = strokes.Strokes(following)
+    _strokes = sculpt_strokes.Strokes(following)
 
 
 def _begin() -> None:

@@ -7,12 +7,13 @@ import numpy as np
 from bpy.props import EnumProperty, FloatProperty, PointerProperty
 from gpu_extras.batch import batch_for_shader
 
-from . import hiding, labels, live, modal, progress
-from .bake import live as sessions
-from .bake import pace, pipeline, shading, subjects
-from .bake.errors import BakeError
-from .bake.settings import Settings
-from .panels import paragraphs
+from ...bake import live as sessions
+from ...bake import pace, pipeline, shading, subjects
+from ...bake.errors import BakeError
+from ...bake.settings import Settings
+from .. import live_mode, modal
+from ..panels import paragraphs
+from . import object_hiding, progress_display, viewport_text
 
 MODES = [
     ("OFF", "Off", "The viewport as it is"),
@@ -25,7 +26,7 @@ HEADLIGHT = np.array((-0.6, 0.7, 1.0, 0.0))
 """Where the view's own light comes from, in view space: from a little above and from the left."""
 BAR = (240.0, 12.0)
 """Width and height of the legend, in pixels at a scale of 1."""
-EDGE, TEXT = 60.0, labels.SIZE
+EDGE, TEXT = 60.0, viewport_text.SIZE
 NOTED = 0.0005
 """Share of texels of another place from which it is said: it is told with one digit."""
 DEGREES = "\N{DEGREE SIGN}"
@@ -94,7 +95,7 @@ def off() -> None:
         bpy.types.SpaceView3D.draw_handler_remove(_handles.pop(), "WINDOW")
     if bpy.app.timers.is_registered(catch_up):
         bpy.app.timers.unregister(catch_up)
-    hiding.stop()
+    object_hiding.stop()
     free()
     _redraw()
 
@@ -117,7 +118,7 @@ def catch_up() -> float | None:
     global message  # noqa: PLW0603 - see switching
     if _mode == "OFF":
         return None
-    if progress.current() is not None:
+    if progress_display.current() is not None:
         return LATER
     try:
         if _session() is not None:
@@ -137,7 +138,7 @@ def is_outdated(context: bpy.types.Context) -> bool:
 
 def _session() -> sessions.Session | None:
     """Whose map is shown: that of live once it has one."""
-    following = live.session()
+    following = live_mode.session()
     return following if following is not None and following.texels is not None else _own
 
 
@@ -211,12 +212,12 @@ def _draw_view() -> None:
     context = bpy.context
     highs = _highs(context)
     # Strokes need the object that they are drawn on.
-    hiding.ask(context, [obj for obj in highs if obj.mode == "OBJECT"])
+    object_hiding.ask(context, [obj for obj in highs if obj.mode == "OBJECT"])
     drawn = _shown(context)
     if drawn is None:
         return
     view = context.scene.imprint_view
-    is_alone = hiding.are_out(context.space_data, highs)
+    is_alone = object_hiding.are_out(context.space_data, highs)
     drawn.draw(_mode, _eye(context.region_data, view.light), split=view.split, limit=view.limit, is_alone=is_alone)
     if _mode.endswith("DEVIATION"):
         scale = context.preferences.system.ui_scale
@@ -231,15 +232,15 @@ def _draw_words() -> None:
     if _mode == "SPLIT":
         parts = (("High", 1.0), ("Low", 0.5), ("Low with Map", 0.0))
         for zone, (label, share) in zip(shading.zones(region.width, view.split), parts, strict=True):
-            x = place(zone, labels.width(label, scale), share, uncovered(context), TEXT * scale)
+            x = place(zone, viewport_text.width(label, scale), share, uncovered(context), TEXT * scale)
             if x is not None:
-                labels.write(label, x, EDGE * scale, scale)
+                viewport_text.write(label, x, EDGE * scale, scale)
     elif _mode != "MAP":
         x, y = _place_of_bar(region, scale)
         for end, degrees in ((0.0, 0.0), (1.0, view.limit)):
-            labels.write(f"{degrees:.3g}{DEGREES}", x + end * BAR[0] * scale, y - 1.5 * TEXT * scale, scale, 0.5)
+            viewport_text.write(f"{degrees:.3g}{DEGREES}", x + end * BAR[0] * scale, y - 1.5 * TEXT * scale, scale, 0.5)
         for number, line in enumerate(reversed(words())):
-            labels.write(line, region.width / 2, y + (BAR[1] + TEXT * (1.5 * number + 0.7)) * scale, scale, 0.5)
+            viewport_text.write(line, region.width / 2, y + (BAR[1] + TEXT * (1.5 * number + 0.7)) * scale, scale, 0.5)
 
 
 def uncovered(context: bpy.types.Context) -> tuple[int, int]:
@@ -307,7 +308,7 @@ def _get_mode(_view) -> int:
 
 def _set_mode(_view, number: int) -> None:
     global message  # noqa: PLW0603 - see switching
-    if progress.current() is not None:
+    if progress_display.current() is not None:
         return
     try:
         _ask_for(MODES[number][0])
@@ -350,7 +351,7 @@ class _Show(modal.InSlices):
 
     @classmethod
     def poll(cls, _context: bpy.types.Context) -> bool:
-        return progress.current() is None
+        return progress_display.current() is None
 
     def _wanted(self) -> str:
         return _mode
@@ -395,7 +396,7 @@ class IMPRINT_OT_view_refresh(modal.InSlices, bpy.types.Operator):
 
     @classmethod
     def poll(cls, _context: bpy.types.Context) -> bool:
-        return progress.current() is None and _mode != "OFF" and live.session() is None
+        return progress_display.current() is None and _mode != "OFF" and live_mode.session() is None
 
     def _work(self, context: bpy.types.Context, speed: pace.Pace) -> pace.Work[None]:
         yield from switching(context, _mode, speed, anew=True)
@@ -470,7 +471,7 @@ class IMPRINT_PT_view(bpy.types.Panel):
         layout.use_property_split = True
         layout.use_property_decorate = False
         row = layout.row(align=True)
-        row.enabled = progress.current() is None
+        row.enabled = progress_display.current() is None
         row.prop(view, "mode")
         row.operator("imprint.view_refresh", text="", icon="FILE_REFRESH")
         if is_outdated(context):
@@ -501,7 +502,7 @@ _register, _unregister = bpy.utils.register_classes_factory(CLASSES)
 def register() -> None:
     _register()
     bpy.types.Scene.imprint_view = PointerProperty(type=ImprintView)
-    live.on_new.append(catch_up)
+    live_mode.on_new.append(catch_up)
     keys = bpy.context.window_manager.keyconfigs.addon
     if keys is not None:  # there is none in the background
         keymap = keys.keymaps.new("3D View", space_type="VIEW_3D")
@@ -514,6 +515,6 @@ def unregister() -> None:
     while _keymap:
         keymap, item = _keymap.pop()
         keymap.keymap_items.remove(item)
-    live.on_new.remove(catch_up)
+    live_mode.on_new.remove(catch_up)
     del bpy.types.Scene.imprint_view
     _unregister()

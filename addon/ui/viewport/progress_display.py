@@ -6,8 +6,8 @@ import time
 import bpy
 from gpu_extras.presets import draw_texture_2d
 
-from . import labels
-from .bake.pace import Step
+from ...bake.pace import Step
+from . import viewport_text
 
 SIDE = 256
 """Of the picture on screen, in pixels at a scale of 1."""
@@ -89,4 +89,4 @@ def _draw() -> None:
     longer = max(_step.picture.width, _step.picture.height)
     width, height = (SIDE * scale * side / longer for side in (_step.picture.width, _step.picture.height))
     draw_texture_2d(_step.picture, (EDGE * scale, EDGE * scale), width, height)
-    labels.write(words(_step), EDGE * scale, EDGE * scale + height + 8 * scale, scale)
+    viewport_text.write(words(_step), EDGE * scale, EDGE * scale + height + 8 * scale, scale)

@@ -3,9 +3,9 @@
 
 import bpy
 
-from . import progress
-from .bake import pace
-from .bake.errors import BakeError, sentence
+from ..bake import pace
+from ..bake.errors import BakeError, sentence
+from .viewport import progress_display
 
 SLICE = 0.03
 """Seconds of rays between two looks at the clock."""
@@ -44,12 +44,12 @@ def stop(context: bpy.types.Context) -> None:
         run.steps.close()
     finally:
         context.window_manager.event_timer_remove(run.timer)
-        progress.hide(context)
+        progress_display.hide(context)
 
 
 def _stopped(context: bpy.types.Context) -> str:
     """Stop, and return what is left of it, in words."""
-    finished = progress.current().finished
+    finished = progress_display.current().finished
     stop(context)
     return "Stopped." + (f" {finished} maps were done before and are kept." if finished else " Nothing was changed.")
 
@@ -83,7 +83,7 @@ class InSlices:
             return self.execute(context)
         self._own = _run = _Run(context, self._work(context, pace.Pace(SLICE)))
         context.window_manager.modal_handler_add(self)
-        progress.show(context, pace.Step("Starting", 0.0))
+        progress_display.show(context, pace.Step("Starting", 0.0))
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
@@ -101,7 +101,7 @@ class InSlices:
     def _go_on(self, context: bpy.types.Context) -> set[str]:
         goes_on = False
         try:
-            progress.show(context, pace.some(_run.steps, TICK))
+            progress_display.show(context, pace.some(_run.steps, TICK))
             goes_on = True
         except StopIteration as end:
             self._finish(context, end.value)

@@ -3,9 +3,9 @@
 
 import bpy
 
-from . import results
-from .bake import visible
-from .bake.report import Report
+from ...bake import visible
+from ...bake.report import Report
+from .. import results
 
 
 def image(context: bpy.types.Context, shown: bpy.types.Image) -> bool:

@@ -15,10 +15,10 @@ from bpy.props import (
     StringProperty,
 )
 
+from ..bake import subjects, visible
+from ..bake.pairs import Suffixes
+from ..bake.settings import AXES, MAPS, MAX_MIPS, MAX_SIZE, MIN_SIZE, SAMPLES, Settings, parse_tiles, usual_depth
 from . import results
-from .bake import subjects, visible
-from .bake.pairs import Suffixes
-from .bake.settings import AXES, MAPS, MAX_MIPS, MAX_SIZE, MIN_SIZE, SAMPLES, Settings, parse_tiles, usual_depth
 
 _USUAL = Settings()
 

@@ -3,8 +3,9 @@
 
 import bpy
 
-from . import live, progress
-from .bake import keeping
+from ..bake import keeping
+from . import live_mode
+from .viewport import progress_display
 
 AFTER = 60.0
 """Seconds without a bake."""
@@ -14,7 +15,7 @@ EVERY = 15.0
 
 def tick() -> float:
     """Free what is kept if it is time."""
-    if progress.current() is None and live.session() is None:
+    if progress_display.current() is None and live_mode.session() is None:
         keeping.let_go(AFTER)
     return EVERY
 

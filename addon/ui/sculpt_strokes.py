@@ -6,7 +6,7 @@ import time
 
 import bpy
 
-from .bake import live, subjects
+from ..bake import live, subjects
 
 ANSWER = 1.0
 """Seconds after Blender was asked in which what it tells of is no more than its own answer."""

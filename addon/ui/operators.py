@@ -6,12 +6,13 @@ import textwrap
 import bpy
 from bpy.props import CollectionProperty, IntProperty, StringProperty
 
-from . import cages, live, modal, progress, results, showing
-from .bake import pace, pipeline, sequence, subjects
-from .bake.errors import BakeError
-from .bake.report import Report
-from .bake.settings import Settings
+from ..bake import pace, pipeline, sequence, subjects
+from ..bake.errors import BakeError
+from ..bake.report import Report
+from ..bake.settings import Settings
+from . import live_mode, modal, results
 from .properties import Options
+from .viewport import cage_overlay, progress_display, show_result
 
 LAST_OPERATION = 40
 """Letters in a line of Adjust Last Operation, which Blender makes no wider for its words."""
@@ -22,10 +23,10 @@ class _Bake(modal.InSlices):
 
     @classmethod
     def poll(cls, _context: bpy.types.Context) -> bool:
-        if live.session() is not None:
+        if live_mode.session() is not None:
             cls.poll_message_set("Live bakes into the same image: switch it off first")
             return False
-        return progress.current() is None
+        return progress_display.current() is None
 
     def _finish(self, context: bpy.types.Context, result: list[Report]) -> None:
         _tell(self, context, result)
@@ -109,14 +110,14 @@ class IMPRINT_OT_live(modal.InSlices, bpy.types.Operator):
 
     @classmethod
     def poll(cls, _context: bpy.types.Context) -> bool:
-        return progress.current() is None
+        return progress_display.current() is None
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        return super().invoke(context, event) if live.session() is None else self.execute(context)
+        return super().invoke(context, event) if live_mode.session() is None else self.execute(context)
 
     def _work(self, context: bpy.types.Context, speed: pace.Pace) -> pace.Work[None]:
-        if live.session() is not None:
-            live.finish()
+        if live_mode.session() is not None:
+            live_mode.finish()
             return
         settings = context.scene.imprint
         low, highs = settings.subjects(context)
@@ -124,7 +125,7 @@ class IMPRINT_OT_live(modal.InSlices, bpy.types.Operator):
             raise BakeError(subjects.problem(context, low, highs))
         plain = settings.to_settings()
         job = pipeline.Job(low, highs, settings.cage_for(plain.method))
-        yield from live.starting(context, job, plain, speed)
+        yield from live_mode.starting(context, job, plain, speed)
 
 
 class IMPRINT_OT_bake_pairs(_Bake, bpy.types.Operator):
@@ -154,7 +155,7 @@ def _tell(operator: bpy.types.Operator, context: bpy.types.Context, reports: lis
     manager.imprint_summary, manager.imprint_warnings = "\n".join(lines), "\n".join(warnings)
     results.remember(context, reports)
     if operator.options.is_invoke and context.window is not None and context.scene.imprint.show_result:
-        showing.bake(context, reports)
+        show_result.bake(context, reports)
 
 
 class IMPRINT_OT_freeze_distances(bpy.types.Operator):
@@ -192,7 +193,7 @@ class IMPRINT_OT_show_high(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         report = results.of(context)
-        showing.hide_high(context, report, hide=not showing.hides_high(report))
+        show_result.hide_high(context, report, hide=not show_result.hides_high(report))
         return {"FINISHED"}
 
 
@@ -203,7 +204,7 @@ class IMPRINT_OT_show_cage(bpy.types.Operator):
     bl_label = "Show Cage"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        cages.show(not cages.is_on())
+        cage_overlay.show(not cage_overlay.is_on())
         for window in context.window_manager.windows:
             for area in window.screen.areas:
                 if area.type == "VIEW_3D":
