@@ -8,11 +8,11 @@ def register() -> None:
 
     import bpy
 
-    from . import commands
+    from .cli import command
     from .ui import check_panel, idle_memory, map_size, modal, operators, panels, presets, properties
     from .ui.viewport import view_mode
 
-    for module in (properties, operators, map_size, presets, panels, check_panel, view_mode, commands, idle_memory, modal):
+    for module in (properties, operators, map_size, presets, panels, check_panel, view_mode, command, idle_memory, modal):
         module.register()
     handlers = bpy.app.handlers
     handlers.load_pre.append(handlers.persistent(_before_loading))  # it outlives the file that is left
@@ -25,7 +25,7 @@ def unregister() -> None:
 
     import bpy
 
-    from . import commands
+    from .cli import command
     from .ui import (
         check_panel,
         idle_memory,
@@ -44,7 +44,7 @@ def unregister() -> None:
     live_mode.stop()
     results.forget()
     cage_overlay.show(False)
-    for module in (modal, idle_memory, commands, view_mode, check_panel, panels, presets, map_size, operators, properties):
+    for module in (modal, idle_memory, command, view_mode, check_panel, panels, presets, map_size, operators, properties):
         module.unregister()
     bpy.app.handlers.load_pre.remove(_before_loading)
     atexit.unregister(free)

@@ -10,19 +10,19 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import addon  # noqa: E402
-from addon import stopping, streams  # noqa: E402
+from addon.cli import interruption, standard_streams  # noqa: E402
 
 arguments = sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else sys.argv[1:]
-streams.reserve()
-stopping.listen()  # before Blender is loaded, which takes a second and dies of exceptions
-with streams.ours():
-    with streams.silence(1):
+standard_streams.reserve()
+interruption.listen()  # before Blender is loaded, which takes a second and dies of exceptions
+with standard_streams.ours():
+    with standard_streams.silence(1):
         import bpy  # noqa: F401 - the wheel has to be loaded before its submodules
 
-    from addon import commands
+    from addon.cli import command
 
     try:
-        code = commands.run(arguments)
+        code = command.run(arguments)
     finally:
         addon.free()  # Blender crashes on exit while GPU objects live
-sys.exit(stopping.leave() or code)
+sys.exit(interruption.leave() or code)

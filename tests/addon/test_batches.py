@@ -13,7 +13,7 @@ import bpy
 import numpy as np
 import pytest
 
-from addon import commands, importing
+from addon.cli import command, mesh_import
 from scripts import imprint
 from tests.support import angles, maps, zoo
 
@@ -78,7 +78,7 @@ def run(capsys, monkeypatch):
 
     def run(*words):
         capsys.readouterr()
-        code = commands.run([str(word) for word in words])
+        code = command.run([str(word) for word in words])
         captured = capsys.readouterr()
         assert "Traceback" not in captured.err
         return code, captured.out, captured.err
@@ -93,10 +93,10 @@ SAME_PLACE = 0.05
 
 
 def test_all_endings_are_told_and_tried(capsys):
-    assert commands.run(["--help"]) == commands.DONE
+    assert command.run(["--help"]) == command.DONE
     said = capsys.readouterr().out.replace("\n", " ")
-    assert all(ending in said for ending in importing.ENDINGS)
-    assert set(EXPORTERS) == set(importing.ENDINGS)
+    assert all(ending in said for ending in mesh_import.ENDINGS)
+    assert set(EXPORTERS) == set(mesh_import.ENDINGS)
 
 
 @pytest.fixture(scope="module")
@@ -132,10 +132,10 @@ def test_files_of_all_formats_land_on_each_other(bumps, folder, run, number):
     low, high = WITH_UVS[number], SHADED[(number + 3) % len(SHADED)]
     numbers = ["--size", "32", "--margin", "0", "--depth", "32", "--method", "cast", "--space", "world"]
     numbers += ["--extrusion", "0.3", "--max-distance", "0.6", "--output"]
-    assert run(bumps / "scene.blend", "--low", "a_low", "--high", "a_high", *numbers, "scene.exr")[0] == commands.DONE
+    assert run(bumps / "scene.blend", "--low", "a_low", "--high", "a_high", *numbers, "scene.exr")[0] == command.DONE
     by_file = ["--low-file", bumps / f"a_low{low}", "--high-file", bumps / f"a_high{high}"]
     code, out, _ = run(*by_file, *numbers, "files.exr")
-    assert code == commands.DONE
+    assert code == command.DONE
     assert "a_low_normal" in out
     expected, found = read(folder / "scene.exr"), read(folder / "files.exr")
     assert (expected[..., 3] > 0).mean() > 0.99
@@ -150,10 +150,10 @@ def test_a_mesh_file_is_a_scene_as_well(folder, run):
     export(folder / "low.obj", low)
     export(folder / "high.ply", high)
     by_name = ["--low", "lo", "--high", "hi", *SMALL, "--output"]
-    assert run("both.glb", *by_name, "{low}.png")[0] == commands.DONE
+    assert run("both.glb", *by_name, "{low}.png")[0] == command.DONE
     assert np.allclose(read(folder / "lo.png")[8, 8, :3], leaning(0.3), atol=ROUNDING_16)
     code, _, _ = run("low.obj", "high.ply", "--low", "lo", "--high", "high", *SMALL, "--output", "two.png")
-    assert code == commands.DONE
+    assert code == command.DONE
     assert np.allclose(read(folder / "two.png")[8, 8, :3], leaning(0.3), atol=ROUNDING_16)
 
 
@@ -165,12 +165,12 @@ def test_meshes_may_be_many_in_the_high_file_and_one_in_the_low(folder, run):
     export(folder / "cage.obj", low)
     by_file = ["--high-file", "two.glb", "--cage-file", "cage.obj", *SMALL, "--output", "{low}.png"]
     code, out, _ = run("--low-file", "rock.obj", *by_file, "--report", "r.json", "--save-blend", "s.blend")
-    assert code == commands.DONE, out
+    assert code == command.DONE, out
     report = json.loads((folder / "r.json").read_text())
     assert (report["low"], len(report["high"])) == ("rock", 2)
     assert {"rock.png", "s.blend"} <= set(files(folder))
     code, _, err = run("--low-file", "two.glb", "--high-file", "rock.obj", *SMALL, "--output", "m.png")
-    assert code == commands.FAILED
+    assert code == command.FAILED
     assert err.startswith(f"imprint: {str(folder / 'two.glb')!r} holds 2 meshes where one is wanted: ")
 
 
@@ -182,7 +182,7 @@ def test_the_low_mesh_is_called_as_its_file_whatever_else_is_called_so(folder, r
     parent.name = "other"
     export(folder / "high.glb", zoo.plane("rock", slope=0.2))
     by_file = ["--low-file", "rock.glb", "--high-file", "high.glb", *SMALL]
-    assert run(*by_file, "--output", "{low}.png", "--report", "r.json")[0] == commands.DONE
+    assert run(*by_file, "--output", "{low}.png", "--report", "r.json")[0] == command.DONE
     report = json.loads((folder / "r.json").read_text())
     assert (report["low"], report["image"]) == ("rock", "rock_normal")
     assert report["high"][0].startswith("rock.")
@@ -204,7 +204,7 @@ def test_bones_are_no_meshes(folder, run):
     high.vertex_groups.new(name="Bone").add(range(4), 1.0, "REPLACE")
     export(folder / "high.glb", high, armature)
     by_file = ["--low-file", "low.obj", "--high-file", "high.glb", *SMALL]
-    assert run(*by_file, "--output", "m.png", "--report", "r.json")[0] == commands.DONE
+    assert run(*by_file, "--output", "m.png", "--report", "r.json")[0] == command.DONE
     assert json.loads((folder / "r.json").read_text())["high"] == ["hi"]
     assert np.allclose(read(folder / "m.png")[8, 8, :3], leaning(0.2), atol=ROUNDING_16)
 
@@ -239,7 +239,7 @@ def test_broken_files_are_one_sentence(folder, run, name, role):
     before = files(folder)
     words = [word for key, value in {**good, role: name}.items() for word in (f"--{key}-file", value)]
     code, _, err = run(*words, *SMALL, "--output", "m.png")
-    assert code == commands.FAILED
+    assert code == command.FAILED
     (line,) = err.splitlines()
     assert line.startswith("imprint: ")
     assert str(folder / name) in line
@@ -249,9 +249,9 @@ def test_broken_files_are_one_sentence(folder, run, name, role):
 
 def test_a_missing_file_is_told_before_others_are_read(folder, run, monkeypatch):
     export(folder / "low.obj", zoo.plane("lo"))
-    monkeypatch.setattr(importing, "bring", lambda name: pytest.fail(f"{name} was read"))
+    monkeypatch.setattr(mesh_import, "bring", lambda name: pytest.fail(f"{name} was read"))
     code, _, err = run("--low-file", "low.obj", "--high-file", "none.obj", *SMALL, "--output", "m.png")
-    assert code == commands.FAILED
+    assert code == command.FAILED
     assert err == f"imprint: There is no file {str(folder / 'none.obj')!r}.\n"
 
 
@@ -277,14 +277,14 @@ def test_nasty_files_end_with_a_map_or_a_sentence(shared_assets, folder, run, na
     export(folder / "other.obj", zoo.sphere("other", 8))
     nasty = [f"--{role}-file", shared_assets / "nasty" / name, f"--{other}-file", "other.obj"]
     code, _, err = run(*nasty, *SMALL, "--output", "m.png")
-    if code == commands.FAILED:
+    if code == command.FAILED:
         (line,) = err.splitlines()
         assert line.startswith("imprint: ")
         assert line.endswith(".")
     else:
-        assert code == commands.DONE
+        assert code == command.DONE
         assert np.isfinite(read(folder / "m.png")).all()
-    assert ("m.png" in files(folder)) == (code == commands.DONE)
+    assert ("m.png" in files(folder)) == (code == command.DONE)
 
 
 def test_importers_keep_quiet(folder):
@@ -292,7 +292,7 @@ def test_importers_keep_quiet(folder):
     export(folder / "low.obj", zoo.plane("lo"))
     export(folder / "high.glb", zoo.plane("hi", slope=0.2))
     done = script("--low-file", "low.obj", "--high-file", "high.glb", *SMALL, "--output", "m.png")
-    assert done.returncode == commands.DONE, done.stderr
+    assert done.returncode == command.DONE, done.stderr
     assert "Flatten" in done.stdout
     assert not re.search(r"\bimport\b", done.stdout + done.stderr, re.IGNORECASE)
 
@@ -325,7 +325,7 @@ def rocks(folder):
 
 def test_a_folder_of_pairs(rocks, run):
     code, out, err = run("--pairs", "rocks", *SMALL, "--output", "{low}_n.png", "--report", "r.json")
-    assert code == commands.FAILED
+    assert code == command.FAILED
     warning, failure = err.splitlines()
     assert warning.startswith("imprint: warning: 'd_high' has no low object")
     assert failure.startswith(f"imprint: c_low: {str(rocks / 'rocks' / 'c_high.stl')!r} could not be imported: ")
@@ -346,7 +346,7 @@ def test_a_folder_of_pairs(rocks, run):
 
 
 def test_a_cage_of_a_folder_counts(rocks, run):
-    assert run("--pairs", "rocks", *SMALL, "--output", "{low}.png", "--method", "flatten")[0] == commands.FAILED
+    assert run("--pairs", "rocks", *SMALL, "--output", "{low}.png", "--method", "flatten")[0] == command.FAILED
     assert "a_low.png" not in files(rocks)  # flattening takes no cage
     assert "b_low.png" in files(rocks)
 
@@ -379,7 +379,7 @@ def test_two_files_of_one_name_are_one_too_many(rocks, run):
 )
 def test_folders_without_pairs(rocks, run, words, said):
     code, _, err = run(*words, *SMALL, "--output", "{low}.png")
-    assert code == commands.FAILED
+    assert code == command.FAILED
     (line,) = err.splitlines()
     assert line.startswith(f"imprint: {(rocks / words[1]).resolve().name}: ")
     assert said in line
@@ -445,7 +445,7 @@ def test_a_job_file(scenes, run, monkeypatch):
     (scenes / "elsewhere").mkdir()
     monkeypatch.chdir(scenes / "elsewhere")
     code, out, err = run("--jobs", "../jobs.toml", "--report", "r.json")
-    assert code == commands.FAILED
+    assert code == command.FAILED
     (line,) = err.splitlines()
     assert line.startswith(
         "imprint: set 3 (hero_a_lo): There is no object called 'hero_a_lo' in the file: did you mean"
@@ -477,7 +477,7 @@ def test_toml_and_json_bake_the_same(scenes, run):
     (scenes / "jobs.json").write_text(json.dumps(tomllib.loads(JOBS)))
     found = []
     for name in ("jobs.toml", "jobs.json"):
-        assert run("--jobs", name)[0] == commands.FAILED
+        assert run("--jobs", name)[0] == command.FAILED
         found.append({path: (scenes / path).read_bytes() for path in files(scenes) if path.endswith((".png", ".exr"))})
         for path in found[-1]:
             (scenes / path).unlink()
@@ -504,7 +504,7 @@ def test_a_faulty_job_file_is_wrong_usage_and_nothing_is_baked(scenes, run, name
         (scenes / name).write_text(FAULTY[name])
     before = files(scenes)
     code, out, err = run("--jobs", name)
-    assert (code, out) == (commands.WRONG_USAGE, "")
+    assert (code, out) == (command.WRONG_USAGE, "")
     assert files(scenes) == before
     line = err.splitlines()[-1]
     assert line.startswith("imprint: error: ")
@@ -516,11 +516,11 @@ def test_a_faulty_job_file_is_wrong_usage_and_nothing_is_baked(scenes, run, name
 @pytest.fixture
 def opened(monkeypatch):
     """The names of the scenes that are opened, and of files that are read, in order."""
-    result, open_blend, bring = [], importing._open_blend, importing.bring
+    result, open_blend, bring = [], mesh_import._open_blend, mesh_import.bring
     monkeypatch.setattr(
-        importing, "_open_blend", lambda name: (result.append(os.path.basename(name)), open_blend(name))
+        mesh_import, "_open_blend", lambda name: (result.append(os.path.basename(name)), open_blend(name))
     )
-    monkeypatch.setattr(importing, "bring", lambda name: (result.append(os.path.basename(name)), bring(name))[1])
+    monkeypatch.setattr(mesh_import, "bring", lambda name: (result.append(os.path.basename(name)), bring(name))[1])
     return result
 
 
@@ -534,7 +534,7 @@ def test_a_scene_is_opened_once_for_sets_that_follow_each_other(scenes, run, ope
     files_ = {"low-file": "in/c_low.obj", "high-file": "in/c_high.glb", "output": "3.png"}
     last = {**a, "output": "4.png"}
     (scenes / "jobs.json").write_text(jobs(a, b, files_, last))
-    assert run("--jobs", "jobs.json")[0] == commands.DONE
+    assert run("--jobs", "jobs.json")[0] == command.DONE
     assert opened == ["rock.blend", "c_low.obj", "c_high.glb", "rock.blend"]
 
 
@@ -543,12 +543,12 @@ def test_sets_do_not_see_what_others_have_changed(scenes, run):
     between = {"file": "in/hero.blend", "low": "hero_a_low", "high": "hero_a_high", "output": "2.png"}
     b = {**a, "low": "rock_b_low", "high": "rock_b_high", "output": "3.png", "save-blend": "saved.blend"}
     (scenes / "jobs.json").write_text(jobs(a, between, b))
-    assert run("--jobs", "jobs.json")[0] == commands.DONE
+    assert run("--jobs", "jobs.json")[0] == command.DONE
     bpy.ops.wm.open_mainfile(filepath=str(scenes / "saved.blend"))
     assert bpy.data.objects["rock_b_low"].active_material is not None
     assert bpy.data.objects["rock_a_low"].active_material is None
     (scenes / "jobs.json").write_text(jobs(a, b))
-    assert run("--jobs", "jobs.json")[0] == commands.DONE
+    assert run("--jobs", "jobs.json")[0] == command.DONE
     bpy.ops.wm.open_mainfile(filepath=str(scenes / "saved.blend"))
     assert bpy.data.objects["rock_a_low"].active_material is not None  # they share the open file
 
@@ -558,7 +558,7 @@ def test_a_map_is_not_written_over_by_a_later_set(scenes, run):
     b = {"file": "in/rock.blend", "pairs": True, "output": "in/../{low}.png"}
     (scenes / "jobs.json").write_text(jobs(a, b))
     code, _, err = run("--jobs", "jobs.json")
-    assert code == commands.FAILED
+    assert code == command.FAILED
     (line,) = err.splitlines()
     assert line.startswith("imprint: set 2 (rock.blend): The normal map of 'rock_a_low' of set 2 (rock.blend) and ")
     assert "the normal map of set 1 (rock_a_low) would both be" in line
@@ -571,7 +571,7 @@ def test_sets_that_clash_are_told_before_the_first_is_baked(scenes, run):
     (scenes / "jobs.json").write_text(jobs(a, b, {**a, "mask": True}, {**b, "output": "x.png"}))
     before = files(scenes)
     code, out, err = run("--jobs", "jobs.json")
-    assert (code, out) == (commands.WRONG_USAGE, "")
+    assert (code, out) == (command.WRONG_USAGE, "")
     third, fourth = err.splitlines()
     assert "set 3 (rock_a_low): The normal map of set 3 (rock_a_low) and the normal map of set 1 (rock_a_low)" in third
     assert "the report of set 2 (rock_b_low) would both be" in fourth
@@ -591,7 +591,7 @@ def test_each_set_fails_alone(scenes, run, fault, said):
     good = {"file": "in/rock.blend", "low": "rock_a_low", "high": "rock_a_high", "output": "{low}.png"}
     (scenes / "jobs.json").write_text(jobs({**good, "output": "bad.png", **fault}, good))
     code, out, err = run("--jobs", "jobs.json")
-    assert code == commands.FAILED
+    assert code == command.FAILED
     (line,) = err.splitlines()
     assert line.startswith("imprint: set 1 (rock_a_low): ")
     assert said in line
@@ -604,7 +604,7 @@ def test_a_report_that_cannot_be_written_is_told_first(scenes, run):
     (scenes / "jobs.toml").write_text(JOBS)
     before = files(scenes)
     code, _, err = run("--jobs", "jobs.toml", "--report", "jobs.toml/r.json")
-    assert code == commands.FAILED
+    assert code == command.FAILED
     assert "Not a directory" in err
     assert files(scenes) == before
 
@@ -661,7 +661,7 @@ BIG += ["--output", "m.png"]
 @posix
 def test_progress_is_one_line_on_a_terminal_that_is_erased(scenes):
     code, _, seen = on_terminal(*BIG, "--size", "128")
-    assert code == commands.DONE
+    assert code == command.DONE
     assert "\rReading rock_a_low, " in seen
     assert "\rrock_a_low: Drawing, " in seen
     assert "%" in seen
@@ -672,7 +672,7 @@ def test_progress_is_one_line_on_a_terminal_that_is_erased(scenes):
 def test_progress_of_many_says_which(scenes):
     (scenes / "jobs.toml").write_text(JOBS)
     code, out, seen = on_terminal("--jobs", "jobs.toml")
-    assert code == commands.FAILED
+    assert code == command.FAILED
     for said in ("1/5 rock_a_low: Opening, 0%", "2/5 hero_b_low: Drawing, ", "5/5 c_low: Opening, 0%"):
         assert said in seen
     (line,) = screen(seen)
@@ -682,7 +682,7 @@ def test_progress_of_many_says_which(scenes):
 
 def test_no_progress_in_a_pipe(scenes):
     done = script(*BIG, "--size", "128")
-    assert done.returncode == commands.DONE
+    assert done.returncode == command.DONE
     assert [line for line in done.stderr.splitlines() if "EGL" not in line] == []
     assert "\r" not in done.stdout
 
@@ -713,7 +713,7 @@ def test_ctrl_c_stops_many_and_tells_of_those_that_are_done(scenes):
 def test_ctrl_c_is_what_it_was_after_a_bake(scenes, run):
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
-        assert run(*BIG, "--size", "16")[0] == commands.DONE
+        assert run(*BIG, "--size", "16")[0] == command.DONE
         assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
     finally:
         signal.signal(signal.SIGINT, before)
@@ -727,7 +727,7 @@ def test_a_sequence_has_a_file_and_a_report_for_each_frame(tmp_path):
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
     words = ["--low", low.name, "--high", high.name, "--space", "object", "--size", "16", "--frames", "1-3"]
     places = ["--output", str(tmp_path / "map.##.png"), "--report", str(tmp_path / "report.json")]
-    assert commands.run([*words, *places]) == 0
+    assert command.run([*words, *places]) == 0
     maps = [str(tmp_path / f"map.{frame:02}.png") for frame in (1, 2, 3)]
     assert sorted(map(str, tmp_path.glob("*.png"))) == maps
     report = json.loads((tmp_path / "report.json").read_text())
@@ -736,11 +736,11 @@ def test_a_sequence_has_a_file_and_a_report_for_each_frame(tmp_path):
 
 @pytest.mark.parametrize("wrong", ["3-1", "1", "a-b", "1-", "-3"])
 def test_a_wrong_range_of_frames_is_told(wrong, capsys, tmp_path):
-    assert commands.run(["--low", "lo", "--output", str(tmp_path / "map.png"), f"--frames={wrong}"]) == 2
+    assert command.run(["--low", "lo", "--output", str(tmp_path / "map.png"), f"--frames={wrong}"]) == 2
     assert "is not a range of frames as 1-48" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("wrong", ["1-99999999", "1-100001", "1048575-1048575"])
 def test_too_many_frames_are_told_at_once(wrong, capsys, tmp_path):
-    assert commands.run(["--low", "lo", "--output", str(tmp_path / "map.png"), f"--frames={wrong}"]) == 2
+    assert command.run(["--low", "lo", "--output", str(tmp_path / "map.png"), f"--frames={wrong}"]) == 2
     assert "is too long: frames go up to 1048574, and 100000 of them" in capsys.readouterr().err

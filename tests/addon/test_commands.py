@@ -11,9 +11,9 @@ import bpy
 import numpy as np
 import pytest
 
-from addon import arguments, commands
 from addon.bake import pipeline
 from addon.bake.errors import BakeError
+from addon.cli import arguments, command
 from scripts.imprint import ROOT
 from tests.support import maps, zoo
 
@@ -52,14 +52,14 @@ def fails(scene, capsys):
 
     def run(code, *arguments):
         before = files(scene)
-        assert commands.run(list(arguments)) == code
+        assert command.run(list(arguments)) == code
         assert files(scene) == before
         captured = capsys.readouterr()
         assert all(line.startswith("Error: ") for line in captured.out.splitlines())  # Blender's own
         lines = captured.err.splitlines()
         assert "Traceback" not in captured.err
         assert lines[-1].startswith("imprint: ")
-        assert code == commands.WRONG_USAGE or len(lines) == 1, captured.err
+        assert code == command.WRONG_USAGE or len(lines) == 1, captured.err
         return lines[-1]
 
     return run
@@ -113,11 +113,11 @@ WRONG = {
 
 @pytest.mark.parametrize("case", WRONG)
 def test_wrong_usage(fails, case):
-    assert "error:" in fails(commands.WRONG_USAGE, *WRONG[case])
+    assert "error:" in fails(command.WRONG_USAGE, *WRONG[case])
 
 
 def test_help(capsys):
-    assert commands.run(["--help"]) == commands.DONE
+    assert command.run(["--help"]) == command.DONE
     assert "--save-blend" in capsys.readouterr().out
 
 
@@ -162,14 +162,14 @@ MAKES_NO_SENSE = {
 @pytest.mark.parametrize("case", MAKES_NO_SENSE)
 def test_what_makes_no_sense_is_wrong_usage(fails, case):
     arguments, words = MAKES_NO_SENSE[case]
-    assert words in fails(commands.WRONG_USAGE, *arguments)
+    assert words in fails(command.WRONG_USAGE, *arguments)
 
 
 @pytest.mark.parametrize("case", CANNOT)
 def test_what_cannot_be_done_is_told_in_one_line(scene, fails, case):
     (scene / "broken.blend").write_bytes((scene / "scene" / "file.blend").read_bytes()[:2000])
     arguments, words = CANNOT[case]
-    assert words in fails(commands.FAILED, *arguments)
+    assert words in fails(command.FAILED, *arguments)
 
 
 def test_no_partial_report(scene, fails, monkeypatch):
@@ -181,7 +181,7 @@ def test_no_partial_report(scene, fails, monkeypatch):
     (scene / "m.png").write_bytes(b"an old picture")
     (scene / "r.json").write_text("an old report")
     monkeypatch.setattr(pipeline, "work", fail)
-    line = fails(commands.FAILED, *BAKE, "--output", "m.png", "--report", "r.json", "--save-blend", "s.blend")
+    line = fails(command.FAILED, *BAKE, "--output", "m.png", "--report", "r.json", "--save-blend", "s.blend")
     assert line == "imprint: The bake went wrong."
     assert (scene / "m.png").read_bytes() == b"an old picture"
     assert (scene / "r.json").read_text() == "an old report"
@@ -208,10 +208,10 @@ def test_a_scene_or_report_that_cannot_be_saved_leaves_nothing_of_the_bake(scene
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     try:
         resource.setrlimit(resource.RLIMIT_FSIZE, (LIMIT if end == "scene" else soft, hard))
-        code = commands.run([*BAKE, *more, "--output", "m.png", "--report", "new/r.json", "--save-blend", "s.blend"])
+        code = command.run([*BAKE, *more, "--output", "m.png", "--report", "new/r.json", "--save-blend", "s.blend"])
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-    assert code == commands.FAILED
+    assert code == command.FAILED
     (line,) = capsys.readouterr().err.splitlines()
     assert ("s.blend" if end == "scene" else "r.json") in line
     assert {path: path.read_bytes() for path in scene.rglob("*") if path.is_file()} == before
@@ -221,12 +221,12 @@ def test_a_scene_or_report_that_cannot_be_saved_leaves_nothing_of_the_bake(scene
 def test_missing_folders_are_made(scene):
     """And removed again where the bake fails: see above, and tests/unit/test_replacing.py."""
     words = [*BAKE, "--output", "a/b/m.png", "--report", "r/r.json", "--save-blend", "s/s.blend"]
-    assert commands.run(words) == commands.DONE
+    assert command.run(words) == command.DONE
     assert {"a/b/m.png", "r/r.json", "s/s.blend"} <= set(files(scene))
 
 
 def test_the_report_may_be_standard_output_alone(scene, capsys):
-    assert commands.run([*BAKE, "--output", "m.png", "--report", "-"]) == commands.DONE
+    assert command.run([*BAKE, "--output", "m.png", "--report", "-"]) == command.DONE
     captured = capsys.readouterr()
     assert json.loads(captured.out[captured.out.index("{") :])["output"] == [str(scene / "m.png")]
     assert "16 x 16: lo_normal" in captured.err
@@ -234,7 +234,7 @@ def test_the_report_may_be_standard_output_alone(scene, capsys):
     assert not (scene / "-").exists()
     (scene / "jobs.json").write_text(json.dumps({"bake": [{"file": BAKE[0], "low": "no", "output": "n.png"}]}))
     capsys.readouterr()
-    assert commands.run(["--jobs", "jobs.json", "--report", "-"]) == commands.FAILED
+    assert command.run(["--jobs", "jobs.json", "--report", "-"]) == command.FAILED
     captured = capsys.readouterr()
     (found,) = json.loads(captured.out[captured.out.index("[\n") :])
     assert not found["ok"]
@@ -247,9 +247,9 @@ def test_a_folder_whose_name_is_no_text(scene, fails, monkeypatch):
     strange.mkdir()
     monkeypatch.chdir(strange)
     words = [str(scene / BAKE[0]), *BAKE[1:]]
-    assert "is not UTF-8" in fails(commands.WRONG_USAGE, *words, "--output", "m.png")
-    assert "is not UTF-8" in fails(commands.WRONG_USAGE, *words, "--output", str(scene / "m.png"), "--report", "r.json")
-    assert "is not UTF-8" in fails(commands.WRONG_USAGE, "--pairs", ".", "--output", str(scene / "{low}.png"))
+    assert "is not UTF-8" in fails(command.WRONG_USAGE, *words, "--output", "m.png")
+    assert "is not UTF-8" in fails(command.WRONG_USAGE, *words, "--output", str(scene / "m.png"), "--report", "r.json")
+    assert "is not UTF-8" in fails(command.WRONG_USAGE, "--pairs", ".", "--output", str(scene / "{low}.png"))
 
 
 @pytest.mark.skipif(os.name == "nt", reason="links and pipes of POSIX")
@@ -260,7 +260,7 @@ def test_a_link_stays_and_a_pipe_is_refused(scene, capsys, option):
     (scene / "store").mkdir()
     link = scene / names[option]
     link.symlink_to("store/it")
-    assert commands.run(words) == commands.DONE
+    assert command.run(words) == command.DONE
     assert link.is_symlink()
     assert (scene / "store" / "it").stat().st_size > 0
     link.unlink()
@@ -268,7 +268,7 @@ def test_a_link_stays_and_a_pipe_is_refused(scene, capsys, option):
     others = [scene / name for name in names.values() if name != link.name]
     for path in others:
         path.unlink()
-    assert commands.run(words) == commands.WRONG_USAGE
+    assert command.run(words) == command.WRONG_USAGE
     assert "is a pipe" in capsys.readouterr().err
     assert link.is_fifo()
     assert not any(path.exists() for path in others)
@@ -279,7 +279,7 @@ def test_a_link_stays_and_a_pipe_is_refused(scene, capsys, option):
 
 def test_a_map_is_written(scene, capsys):
     before = files(scene)
-    assert commands.run([*BAKE, "--output", "m.png", "--margin", "0"]) == commands.DONE
+    assert command.run([*BAKE, "--output", "m.png", "--margin", "0"]) == command.DONE
     assert files(scene) == sorted([*before, "m.png"])
     captured = capsys.readouterr()
     assert captured.err == ""
@@ -296,7 +296,7 @@ def test_a_map_is_written(scene, capsys):
 def test_green_points_up_or_down(scene, arguments, is_up):
     bpy.ops.wm.open_mainfile(filepath=str(scene / "scene" / "file.blend"))
     bpy.data.objects["hi"].rotation_euler.z = np.pi / 2  # so that it rises with y, and its normal leans to -y
-    assert commands.run([*BAKE[1:], "--output", "m.exr", *arguments]) == commands.DONE
+    assert command.run([*BAKE[1:], "--output", "m.exr", *arguments]) == command.DONE
     green = maps.pixels(bpy.data.images["lo_normal"])[8, 8, 1]
     assert (green < 0.2) == is_up
     assert (green > 0.8) != is_up
@@ -313,27 +313,27 @@ def test_green_points_up_or_down(scene, arguments, is_up):
 )
 def test_more_maps_and_tiles_are_files_beside(scene, arguments, written):
     before = files(scene)
-    assert commands.run([*BAKE, *arguments]) == commands.DONE
+    assert command.run([*BAKE, *arguments]) == command.DONE
     assert sorted(set(files(scene)) - set(before)) == [f"{name}.png" for name in written]
 
 
 def test_a_format_of_8_bits_needs_no_word_of_them(scene):
-    assert commands.run([*BAKE, "--output", "m.tga"]) == commands.DONE
+    assert command.run([*BAKE, "--output", "m.tga"]) == command.DONE
     assert read(scene / "m.tga").shape == (16, 16, 4)
     assert bpy.data.images["lo_normal"].depth == 32
 
 
 def test_tiles_that_the_mesh_does_not_cover(fails):
-    assert "1001, not on 1002" in fails(commands.FAILED, *BAKE, "--tiles", "1002", "--output", "m.png")
+    assert "1001, not on 1002" in fails(command.FAILED, *BAKE, "--tiles", "1002", "--output", "m.png")
 
 
 def test_the_open_file_is_the_default(scene):
     bpy.ops.wm.open_mainfile(filepath=str(scene / "scene" / "file.blend"))
-    assert commands.run([*BAKE[1:], "--output", "m.png"]) == commands.DONE
+    assert command.run([*BAKE[1:], "--output", "m.png"]) == command.DONE
 
 
 def test_the_report(scene):
-    assert commands.run([*BAKE, "--output", "m.png", "--report", "r.json"]) == commands.DONE
+    assert command.run([*BAKE, "--output", "m.png", "--report", "r.json"]) == command.DONE
     report = json.loads((scene / "r.json").read_text())
     assert report["method"] == "FLATTEN"
     assert report["space"] == "TANGENT"
@@ -355,7 +355,7 @@ def test_the_report(scene):
 def test_warnings_are_told_and_do_not_fail(scene, capsys):
     bpy.ops.wm.open_mainfile(filepath=str(scene / "scene" / "file.blend"))
     bpy.data.objects["hi"].data.uv_layers[0].uv[0].vector = (-1, 0)
-    assert commands.run([*BAKE[1:], "--output", "m.png", "--report", "r.json"]) == commands.DONE
+    assert command.run([*BAKE[1:], "--output", "m.png", "--report", "r.json"]) == command.DONE
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("imprint: warning: 'hi': 2 of its triangles reach outside")
     assert json.loads((scene / "r.json").read_text())["warnings"] == [line.removeprefix("imprint: warning: ")]
@@ -386,7 +386,7 @@ def test_the_saved_scene_wears_the_map(scene, output, blend, filepath):
     for path in (scene / output, scene / blend):
         path.parent.mkdir(parents=True, exist_ok=True)
     before = files(scene)
-    assert commands.run([*BAKE, "--output", output, "--save-blend", blend]) == commands.DONE
+    assert command.run([*BAKE, "--output", output, "--save-blend", blend]) == command.DONE
     assert files(scene) == sorted({*before, output, blend})
     image = shown(scene / blend)
     assert image.filepath == (filepath or str(scene / output))
@@ -403,12 +403,12 @@ def test_the_saved_scene_wears_the_map(scene, output, blend, filepath):
 
 
 def test_the_scene_may_be_saved_over_itself(scene):
-    assert commands.run([*BAKE, "--output", "m.png", "--save-blend", "scene/file.blend"]) == commands.DONE
+    assert command.run([*BAKE, "--output", "m.png", "--save-blend", "scene/file.blend"]) == command.DONE
     assert tuple(shown(scene / "scene" / "file.blend").size) == (16, 16)
 
 
 def test_the_material_may_be_left_alone(scene):
-    assert commands.run([*BAKE, "--output", "m.png", "--save-blend", "s.blend", "--no-material"]) == commands.DONE
+    assert command.run([*BAKE, "--output", "m.png", "--save-blend", "s.blend", "--no-material"]) == command.DONE
     bpy.ops.wm.open_mainfile(filepath=str(scene / "s.blend"))
     assert bpy.data.objects["lo"].active_material is None
 
@@ -463,7 +463,7 @@ def read(path):
 
 def test_pairs_may_share_an_atlas(rocks, capsys):
     arguments = [*PAIRS, "--output", "atlas.png", "--report", "r.json", "--save-blend", "out.blend"]
-    assert commands.run(arguments) == commands.DONE
+    assert command.run(arguments) == command.DONE
     captured = capsys.readouterr()
     assert "'c_high' has no low object" in captured.err
     report = json.loads((rocks / "r.json").read_text())
@@ -489,7 +489,7 @@ def test_pairs_may_share_an_atlas(rocks, capsys):
 
 
 def test_pairs_may_have_a_map_each(rocks):
-    assert commands.run([*PAIRS, "--output", "{low}_n.png"]) == commands.DONE
+    assert command.run([*PAIRS, "--output", "{low}_n.png"]) == command.DONE
     assert files(rocks) == ["a_low_n.png", "b_low_n.png", "rocks.blend"]
 
 
@@ -499,7 +499,7 @@ def test_a_pair_that_fails_takes_the_others_along(rocks, capsys):
     bpy.ops.wm.save_as_mainfile(filepath=str(rocks / "rocks.blend"))
     (rocks / "b_low.png").write_bytes(b"of yesterday")
     before = files(rocks)
-    assert commands.run([*PAIRS, "--output", "{low}.png", "--report", "r.json"]) == commands.FAILED
+    assert command.run([*PAIRS, "--output", "{low}.png", "--report", "r.json"]) == command.FAILED
     assert capsys.readouterr().err.splitlines()[-1].startswith("imprint: 'b_low' and 'B_High.001' do not overlap")
     assert files(rocks) == before
     assert (rocks / "b_low.png").read_bytes() == b"of yesterday"
@@ -507,7 +507,7 @@ def test_a_pair_that_fails_takes_the_others_along(rocks, capsys):
 
 def test_pairs_that_are_not_there(rocks, capsys):
     arguments = ["rocks.blend", "--pairs", "--suffixes", ".lp,.hp,.cg", "--output", "m.png"]
-    assert commands.run(arguments) == commands.FAILED
+    assert command.run(arguments) == command.FAILED
     assert capsys.readouterr().err == "imprint: No object is called something.lp.\n"
     assert files(rocks) == ["rocks.blend"]
 
@@ -525,17 +525,17 @@ def test_pairs_that_are_not_there(rocks, capsys):
     ],
 )
 def test_wrong_usage_of_rays(arguments, capsys):
-    assert commands.run([*arguments, "--output", "m.png"]) == commands.WRONG_USAGE
+    assert command.run([*arguments, "--output", "m.png"]) == command.WRONG_USAGE
     assert "Traceback" not in capsys.readouterr().err
 
 
 def test_distances_cage_and_mask(scene, fails):
     cast = ["scene/file.blend", "--low", "lo", "--high", "hi", "--method", "cast", "--size", "16", "--depth", "8"]
-    assert "no distance" in fails(commands.WRONG_USAGE, *cast, "--extrusion=-1", "--output", "n.png")
-    assert "no object called 'cag'" in fails(commands.FAILED, *cast, "--cage", "cag", "--output", "n.png")
+    assert "no distance" in fails(command.WRONG_USAGE, *cast, "--extrusion=-1", "--output", "n.png")
+    assert "no object called 'cag'" in fails(command.FAILED, *cast, "--cage", "cag", "--output", "n.png")
     # The high plane rises from -1 to 1 over the low one: rays of 0.5 reach its middle half.
     numbers = ["--extrusion", "0.5", "--max-distance", "1", "--missed", "1,0,1"]
-    assert commands.run([*cast, *numbers, "--mask", "--output", "m.png", "--report", "r.json"]) == commands.DONE
+    assert command.run([*cast, *numbers, "--mask", "--output", "m.png", "--report", "r.json"]) == command.DONE
     report = json.loads((scene / "r.json").read_text())
     assert report["distances"] == {"extrusion": 0.5, "max_distance": 1.0}
     assert report["missed"] == pytest.approx(0.5, abs=0.01)
@@ -546,10 +546,10 @@ def test_distances_cage_and_mask(scene, fails):
 
 
 def test_what_was_written_is_told(scene, capsys):
-    assert commands.run([*BAKE, "--output", "m.png", "--mask", "--report", "r.json"]) == commands.DONE
+    assert command.run([*BAKE, "--output", "m.png", "--mask", "--report", "r.json"]) == command.DONE
     assert capsys.readouterr().out.rstrip().endswith(f"Wrote {scene / 'm.png'}, {scene / 'm_missed.png'}, r.json")
 
 
 def test_a_forgotten_file(fails):
     forgotten = ["--low", "lo", "--high", "hi", "--output", "m.png"]
-    assert fails(commands.FAILED, *forgotten) == "imprint: There is no scene to bake: give a FILE."
+    assert fails(command.FAILED, *forgotten) == "imprint: There is no scene to bake: give a FILE."

@@ -15,7 +15,7 @@ import bpy
 import numpy as np
 import pytest
 
-from addon import commands, companions
+from addon.cli import command, file_references
 from tests.support import zoo
 
 pytestmark = [
@@ -232,7 +232,7 @@ def test_no_input_is_harmed_by_seed(place, outcomes, capsys, seed):
     case = Case(np.random.default_rng(seed), place)
     words = case.words()
     before = tree(place)
-    code = commands.run(words)
+    code = command.run(words)
     captured = capsys.readouterr()
     after = tree(place)
     said = (words, captured.err, (place / "jobs.json").read_text() if (place / "jobs.json").exists() else "")
@@ -242,11 +242,11 @@ def test_no_input_is_harmed_by_seed(place, outcomes, capsys, seed):
     for path, content in before.items():
         assert not path.is_symlink() or after.get(path) == content, (path, said)
     assert not [path for path in after if ".partial" in path.name], said
-    if code == commands.WRONG_USAGE:
+    if code == command.WRONG_USAGE:
         outcomes["refused"] += 1
         assert after == before, said
         assert "error: " in captured.err
-    elif code == commands.DONE:
+    elif code == command.DONE:
         outcomes["baked"] += 1
         assert after != before, said
         for path in set(after) - set(before):
@@ -267,7 +267,7 @@ LATE = ["--low=rock_a_low", "--high=rock_a_high", "--no-material", *SMALL]
 def test_a_library_is_not_written_over(place, capsys, output, option):
     before = tree(place)
     assert (
-        commands.run(["in/linked.blend", *LATE, "--output=out/m.png", f"--{option}={output}"]) == commands.WRONG_USAGE
+        command.run(["in/linked.blend", *LATE, "--output=out/m.png", f"--{option}={output}"]) == command.WRONG_USAGE
     )
     assert "would be written over a linked library" in capsys.readouterr().err
     assert tree(place) == before
@@ -279,7 +279,7 @@ def test_a_library_is_not_written_over(place, capsys, output, option):
         option: output,
     }
     (place / "jobs.json").write_text(json.dumps({"bake": [bake]}))
-    assert commands.run(["--jobs=jobs.json", "--no-material", *SMALL]) == commands.FAILED
+    assert command.run(["--jobs=jobs.json", "--no-material", *SMALL]) == command.FAILED
     assert "would be written over a linked library" in capsys.readouterr().err
     assert {path: content for path, content in tree(place).items() if path.name != "jobs.json"} == before
 
@@ -298,7 +298,7 @@ def test_a_library_of_a_later_set_is_not_written_over(place, capsys, option):
     second = {"file": "in/linked.blend", **own, "output": "out/b.png"}
     (place / "jobs.json").write_text(json.dumps({"bake": [first, second]}))
     before = tree(place)
-    assert commands.run(["--jobs=jobs.json", *SMALL]) == commands.WRONG_USAGE
+    assert command.run(["--jobs=jobs.json", *SMALL]) == command.WRONG_USAGE
     assert "a linked library of set 2 (rock_a_low)" in capsys.readouterr().err
     assert tree(place) == before
 
@@ -309,22 +309,22 @@ def test_libraries_are_found_without_opening_a_file(place, packed):
     path = place / "in" / "copy.blend"
     bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True, compress=packed)
     assert path.read_bytes().startswith(STARTS[".blend"][packed])
-    assert place / "in" / "lib.blend" in companions.libraries(path)
+    assert place / "in" / "lib.blend" in file_references.libraries(path)
     whole = path.read_bytes()
     for broken in (whole[:1000], whole[:10], whole[:400] + b"no stream" + whole[400:], b""):
         path.write_bytes(broken)
-        companions.libraries(path)  # whatever it still finds
-    assert companions.libraries(path) == []
-    assert companions.libraries(place / "in" / "rock_a_low.obj") == []
+        file_references.libraries(path)  # whatever it still finds
+    assert file_references.libraries(path) == []
+    assert file_references.libraries(place / "in" / "rock_a_low.obj") == []
 
 
 def test_a_texture_that_only_the_importer_knows_is_not_written_over(place, capsys, monkeypatch):
-    monkeypatch.setattr(companions, "of", lambda _path: iter(()))
+    monkeypatch.setattr(file_references, "of", lambda _path: iter(()))
     mesh = place / "in" / "rock_a_high.obj"
     mesh.write_text(mesh.read_text().replace("\nf ", "\nusemtl m0\nf ", 1))
     before = tree(place)
     words = ["--low-file=in/rock_a_low.obj", "--high-file=in/rock_a_high.obj", "--output=in/skin.png", *SMALL]
-    assert commands.run(words) == commands.WRONG_USAGE
+    assert command.run(words) == command.WRONG_USAGE
     assert "would be written over a texture of the meshes" in capsys.readouterr().err
     assert tree(place) == before
 
@@ -336,5 +336,5 @@ def test_the_buffer_of_a_gltf_is_not_written_over(place, capsys, name):
     table["buffers"][0]["uri"] = name
     path.write_text(json.dumps(table))
     words = ["--low-file=in/rock_b_low.obj", "--high-file=in/rock_b_high.gltf", "--output=out/m.png", *SMALL]
-    assert commands.run([*words, f"--report=in/{name.replace('%20', ' ')}"]) == commands.WRONG_USAGE
+    assert command.run([*words, f"--report=in/{name.replace('%20', ' ')}"]) == command.WRONG_USAGE
     assert "what 'rock_b_high.gltf' refers to" in capsys.readouterr().err

@@ -7,8 +7,9 @@ import bpy
 import pytest
 
 import addon
-from addon import commands, passes
+from addon import passes
 from addon.bake.settings import Settings
+from addon.cli import command
 from addon.passes import target
 from addon.ui import check_panel, map_size, modal, operators, panels, presets, properties
 from addon.ui.viewport import view_mode
@@ -42,7 +43,7 @@ def test_it_comes_and_goes_twice():
     for _ in range(2):
         addon.register()
         assert traces() >= {*OPERATORS, *PANELS, "ImprintSettings", "Scene.imprint", "IMPRINT_GT_split"}
-        assert commands._handle is not None
+        assert command._handle is not None
         addon.unregister()
         assert traces() == set()
 

@@ -11,8 +11,8 @@ import bpy
 import numpy as np
 import pytest
 
-from addon import commands, importing, stopping
 from addon.bake import pipeline
+from addon.cli import command, interruption, mesh_import
 from scripts import imprint
 from tests.support import zoo
 
@@ -73,7 +73,7 @@ def stops_at(monkeypatch):
 def test_a_bake_that_is_stopped_leaves_nothing(scene, stops_at, capfd, number, word):
     stops_at(word, signals=[number])
     before = [signal.getsignal(each) for each in SIGNALS]
-    assert commands.run([*ONE, "--output", "m.png", "--report", "r.json"]) == 128 + number
+    assert command.run([*ONE, "--output", "m.png", "--report", "r.json"]) == 128 + number
     assert files(scene) == ["s.blend"]
     assert capfd.readouterr() == ("", "imprint: stopped, nothing was finished.\n")
     assert [signal.getsignal(each) for each in SIGNALS] == before
@@ -88,7 +88,7 @@ def test_a_signal_in_one_of_blenders_callbacks_is_not_lost(scene):
 
     bpy.app.handlers.load_post.append(handler)
     try:
-        assert commands.run([*ONE, "--output", "m.png"]) == 128 + signal.SIGTERM
+        assert command.run([*ONE, "--output", "m.png"]) == 128 + signal.SIGTERM
     finally:
         bpy.app.handlers.load_post.remove(handler)
     assert files(scene) == ["s.blend"]
@@ -96,7 +96,7 @@ def test_a_signal_in_one_of_blenders_callbacks_is_not_lost(scene):
 
 def test_a_signal_while_a_file_is_imported_is_not_lost(scene, monkeypatch):
     bpy.ops.wm.obj_export(filepath=str(scene / "a_low.obj"))
-    monkeypatch.setitem(importing.IMPORTERS, ".obj", ("imprint_test", "signal", {}))
+    monkeypatch.setitem(mesh_import.IMPORTERS, ".obj", ("imprint_test", "signal", {}))
 
     class Signal(bpy.types.Operator):
         bl_idname, bl_label = "imprint_test.signal", "Signal"
@@ -109,28 +109,28 @@ def test_a_signal_while_a_file_is_imported_is_not_lost(scene, monkeypatch):
     bpy.utils.register_class(Signal)
     try:
         words = ["--low-file", "a_low.obj", "--high-file", "a_low.obj", "--output", "m.png"]
-        assert commands.run(words) == 128 + signal.SIGINT
+        assert command.run(words) == 128 + signal.SIGINT
     finally:
         bpy.utils.unregister_class(Signal)
     assert "m.png" not in files(scene)
 
 
 def test_a_signal_when_all_is_done_changes_the_exit_code_alone(scene, monkeypatch):
-    write = commands.batch.write_json
+    write = command.batch.write_json
 
     def late(*arguments):
         signal.raise_signal(signal.SIGTERM)
         write(*arguments)
 
-    monkeypatch.setattr(commands.batch, "write_json", late)
-    assert commands.run([*ONE, "--output", "m.png", "--report", "r.json"]) == 128 + signal.SIGTERM
+    monkeypatch.setattr(command.batch, "write_json", late)
+    assert command.run([*ONE, "--output", "m.png", "--report", "r.json"]) == 128 + signal.SIGTERM
     assert files(scene) == ["m.png", "r.json", "s.blend"]
 
 
 def test_pairs_that_are_done_are_kept_and_told(scene, stops_at, capfd):
     stops_at("Reading b_low")
     words = ["s.blend", "--pairs", "--size", "16", "--limit", "9", "--output", "{low}.png", "--report", "r.json"]
-    assert commands.run([*words, "--save-blend", "o.blend"]) == 128 + signal.SIGINT
+    assert command.run([*words, "--save-blend", "o.blend"]) == 128 + signal.SIGINT
     assert files(scene) == ["a_low.png", "r.json", "s.blend"]
     assert [pair["low"] for pair in json.loads((scene / "r.json").read_text())["pairs"]] == ["a_low"]
     out, err = capfd.readouterr()
@@ -141,7 +141,7 @@ def test_pairs_that_are_done_are_kept_and_told(scene, stops_at, capfd):
 def test_frames_that_are_done_are_kept_and_told(scene, stops_at):
     stops_at("Reading", number=3)
     words = [*ONE, "--frames", "1-9", "--output", "m.#.png", "--report", "r.json"]
-    assert commands.run(words) == 128 + signal.SIGINT
+    assert command.run(words) == 128 + signal.SIGINT
     assert files(scene) == ["m.1.png", "m.2.png", "r.json", "s.blend"]
     outputs = [frame["output"] for frame in json.loads((scene / "r.json").read_text())["frames"]]
     assert outputs == [[str(scene / "m.1.png")], [str(scene / "m.2.png")]]
@@ -155,7 +155,7 @@ def batch(scene, count=4):
 
 def test_a_batch_tells_what_was_done(scene, stops_at, capfd):
     stops_at("Reading", number=3)
-    assert commands.run(batch(scene)) == 128 + signal.SIGINT
+    assert command.run(batch(scene)) == 128 + signal.SIGINT
     assert files(scene) == ["0.png", "1.png", "j.json", "r.json", "s.blend"]
     assert [each["ok"] for each in json.loads((scene / "r.json").read_text())] == [True, True]
     out, err = capfd.readouterr()
@@ -173,7 +173,7 @@ def test_too_little_memory_fails_one_bake_alone(scene, monkeypatch, capfd):
         return work(*arguments, **options)
 
     monkeypatch.setattr(pipeline, "work", heavy)
-    assert commands.run(batch(scene)) == commands.FAILED
+    assert command.run(batch(scene)) == command.FAILED
     told = json.loads((scene / "r.json").read_text())
     assert [each["ok"] for each in told] == [True, False, True, True]
     assert told[1]["error"].startswith("There is not enough memory (Unable to allocate 4.00 EiB")
@@ -182,14 +182,14 @@ def test_too_little_memory_fails_one_bake_alone(scene, monkeypatch, capfd):
 
 def test_too_little_memory_is_told_in_one_line(scene, monkeypatch, capfd):
     monkeypatch.setattr(pipeline, "work", lambda *_, **__: np.empty(2**59, np.float64))
-    assert commands.run([*ONE, "--output", "m.png"]) == commands.FAILED
+    assert command.run([*ONE, "--output", "m.png"]) == command.FAILED
     (line,) = capfd.readouterr().err.splitlines()
     assert line.startswith("imprint: There is not enough memory (")
 
 
 def test_the_report_of_a_batch_grows_as_it_goes_on(scene, monkeypatch):
     """So that a crash loses little."""
-    monkeypatch.setattr(commands.batch.ReportFile, "SHARE", 1e9)
+    monkeypatch.setattr(command.batch.ReportFile, "SHARE", 1e9)
     seen, work = [], pipeline.work
 
     def watched(*arguments, **options):
@@ -198,7 +198,7 @@ def test_the_report_of_a_batch_grows_as_it_goes_on(scene, monkeypatch):
         return work(*arguments, **options)
 
     monkeypatch.setattr(pipeline, "work", watched)
-    assert commands.run(batch(scene)) == commands.DONE
+    assert command.run(batch(scene)) == command.DONE
     assert seen == [0, 1, 2, 3]
 
 
@@ -240,22 +240,22 @@ def test_a_second_signal_ends_at_once_and_leaves_nothing(tmp_path, signals, code
 def test_nohup_is_respected():
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:
-        with stopping.listening():
+        with interruption.listening():
             signal.raise_signal(signal.SIGHUP)
-            assert stopping.code() == 0
+            assert interruption.code() == 0
     finally:
         signal.signal(signal.SIGHUP, before)
 
 
 def test_a_launcher_that_was_killed_stops_the_bake(monkeypatch):
-    monkeypatch.setenv(stopping.LAUNCHER, str(os.getppid()))
-    with stopping.listening():
-        stopping.check()
+    monkeypatch.setenv(interruption.LAUNCHER, str(os.getppid()))
+    with interruption.listening():
+        interruption.check()
         monkeypatch.setattr(os, "getppid", lambda: 2**30)  # whoever takes in orphans
-        with pytest.raises(stopping.Stopped):
-            stopping.check()
-        assert stopping.code() == 128 + signal.SIGHUP
-    stopping.check()
+        with pytest.raises(interruption.Stopped):
+            interruption.check()
+        assert interruption.code() == 128 + signal.SIGHUP
+    interruption.check()
 
 
 LATE = """
@@ -324,10 +324,10 @@ def test_a_second_signal_in_the_middle_of_clearing_up_ends_at_once(tmp_path):
 
 def test_what_is_being_baked_may_find_no_room(monkeypatch):
     full = os.open("/dev/full", os.O_WRONLY)
-    monkeypatch.setenv(stopping.LAUNCHER, str(os.getppid()))
-    monkeypatch.setenv(stopping.BAKING, str(full))
-    with stopping.listening():
-        stopping.note("rock")
+    monkeypatch.setenv(interruption.LAUNCHER, str(os.getppid()))
+    monkeypatch.setenv(interruption.BAKING, str(full))
+    with interruption.listening():
+        interruption.note("rock")
     os.close(full)
 
 
@@ -335,23 +335,23 @@ def test_too_little_memory_for_a_job_file_is_told_in_one_line(scene, monkeypatch
     def read(*_):
         raise MemoryError
 
-    monkeypatch.setattr(commands, "_read", read)
-    assert commands.run(["--jobs", "j.json"]) == commands.FAILED
+    monkeypatch.setattr(command, "_read", read)
+    assert command.run(["--jobs", "j.json"]) == command.FAILED
     assert capfd.readouterr().err.startswith("imprint: There is not enough memory: ")
 
 
 def test_who_was_started_by_another_process_does_not_wait_for_the_launcher(monkeypatch):
     """As a script of a farm's, which hands its environment on."""
-    monkeypatch.setenv(stopping.LAUNCHER, str(os.getpid()))
-    with stopping.listening():
-        stopping.check()
-        assert not stopping.is_launched()
+    monkeypatch.setenv(interruption.LAUNCHER, str(os.getpid()))
+    with interruption.listening():
+        interruption.check()
+        assert not interruption.is_launched()
 
 
 def test_the_last_note_alone_is_what_is_being_baked(tmp_path, monkeypatch):
-    monkeypatch.setenv(stopping.LAUNCHER, str(os.getppid()))
-    with (tmp_path / "baking").open("wb") as file, stopping.listening():
-        monkeypatch.setenv(stopping.BAKING, str(file.fileno()))
+    monkeypatch.setenv(interruption.LAUNCHER, str(os.getppid()))
+    with (tmp_path / "baking").open("wb") as file, interruption.listening():
+        monkeypatch.setenv(interruption.BAKING, str(file.fileno()))
         for name in ("a long name", "rock"):
-            stopping.note(name)
+            interruption.note(name)
     assert (tmp_path / "baking").read_text() == "rock"

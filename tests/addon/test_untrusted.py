@@ -6,7 +6,7 @@ import json
 import bpy
 import pytest
 
-from addon import commands
+from addon.cli import command
 from tests.support import zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -27,7 +27,7 @@ def baked(folder, *words):
     bpy.ops.wm.save_as_mainfile(filepath=str(folder / "s.blend"))
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     before = set(folder.rglob("*"))
-    assert commands.run([*BAKE, "--report", "r.json", *words]) == commands.DONE
+    assert command.run([*BAKE, "--report", "r.json", *words]) == command.DONE
     report = json.loads((folder / "r.json").read_text())
     warnings = [warning for each in report.get("frames", [report]) for warning in each["warnings"]]
     return sorted(path.name for path in set(folder.rglob("*")) - before), warnings
@@ -85,6 +85,6 @@ def test_a_file_that_is_open_already_writes_none_either(tmp_path, high, capsys):
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "s.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "s.blend"))
     before = set(tmp_path.rglob("*"))
-    assert commands.run([*BAKE[1:], "--output", "m.#.png", "--frames", "1-3"]) == commands.DONE
+    assert command.run([*BAKE[1:], "--output", "m.#.png", "--frames", "1-3"]) == command.DONE
     assert sorted(path.name for path in set(tmp_path.rglob("*")) - before) == ["m.1.png", "m.2.png", "m.3.png"]
     assert "The fluid of 'domain' was switched off" in capsys.readouterr().err

@@ -7,10 +7,10 @@ from dataclasses import fields
 
 import pytest
 
-from addon import arguments, jobfile
-from addon.arguments import WrongUsage
 from addon.bake.pairs import Suffixes
 from addon.bake.settings import AXES, FORMATS, MAPS, Settings
+from addon.cli import arguments, job_file
+from addon.cli.arguments import WrongUsage
 
 LOW = ["--low", "lo", "--output", "m.png"]
 
@@ -106,7 +106,7 @@ def test_two_slashes_are_one(option, slashes):
 
 
 def test_two_slashes_of_a_job_file_are_one(write):
-    (found,) = jobfile.read(write({"bake": [{"file": "//a.blend", "low": "a", "output": "//m.png"}]}, "jobs/jobs.json"))
+    (found,) = job_file.read(write({"bake": [{"file": "//a.blend", "low": "a", "output": "//m.png"}]}, "jobs/jobs.json"))
     assert (found.file, arguments.settings(found).output) == (["/a.blend"], "/m.png")
 
 
@@ -226,7 +226,7 @@ def write(tmp_path, monkeypatch):
 
 def test_what_a_job_file_says(write, tmp_path):
     here = tmp_path / "jobs"
-    rock, scene, files = jobfile.read(write(TOML))
+    rock, scene, files = job_file.read(write(TOML))
     assert (rock.file, rock.low, rock.high, rock.cage) == (
         [str(here / "rock.blend")],
         "-rock low",
@@ -246,17 +246,17 @@ def test_what_a_job_file_says(write, tmp_path):
 def test_json_says_the_same(write):
     import tomllib
 
-    assert jobfile.read(write(tomllib.loads(TOML), "jobs/jobs.json")) == jobfile.read(write(TOML))
+    assert job_file.read(write(tomllib.loads(TOML), "jobs/jobs.json")) == job_file.read(write(TOML))
 
 
 def test_a_mark_of_the_byte_order_is_no_fault(write):
-    assert len(jobfile.read(write("\ufeff" + TOML))) == 3
+    assert len(job_file.read(write("\ufeff" + TOML))) == 3
 
 
 def test_what_a_set_says_counts_over_the_defaults(write):
     text = "[defaults]\nmask = true\nhigh = ['a', 'b']\nfile = 'x.blend'\nlow = 'l'\noutput = 'm.png'\n[[bake]]\n"
-    (default,) = jobfile.read(write(text))
-    (own,) = jobfile.read(write(text + "mask = false\nhigh = 'c'\n"))
+    (default,) = job_file.read(write(text))
+    (own,) = job_file.read(write(text + "mask = false\nhigh = 'c'\n"))
     assert (default.mask, default.high) == (True, ["a", "b"])
     assert (own.mask, own.high) == (False, ["c"])
 
@@ -269,7 +269,7 @@ def test_options_of_the_command_line_count_over_the_file():
 
 
 def test_for_all_sets(write):
-    found = jobfile.read(write(TOML), ["--size", "32", "--green=+y"])
+    found = job_file.read(write(TOML), ["--size", "32", "--green=+y"])
     assert {options.size for options in found} == {(32, 32)}
     assert {options.green for options in found} == {"+Y"}
 
@@ -337,7 +337,7 @@ def test_a_fault_is_one_line_that_names_the_place(write, tmp_path, case):
     text, said = FAULTS[case]
     name = write(text)
     with pytest.raises(WrongUsage) as refused:
-        jobfile.read(name)
+        job_file.read(name)
     message = str(refused.value)
     assert said.replace("{here}", str(tmp_path / "jobs")) in message
     assert name in message
@@ -347,7 +347,7 @@ def test_a_fault_is_one_line_that_names_the_place(write, tmp_path, case):
 
 def test_all_sets_with_a_fault_are_told_at_once(write):
     with pytest.raises(WrongUsage) as refused:
-        jobfile.read(write(FIRST + "sise = 4\n" + SET.format(n=2) + SET.format(n=3) + "mask = 3\n"))
+        job_file.read(write(FIRST + "sise = 4\n" + SET.format(n=2) + SET.format(n=3) + "mask = 3\n"))
     first, second = str(refused.value).splitlines()
     assert "set 1: unknown key 'sise', did you mean 'size'?" in first
     assert "set 3: mask" in second
@@ -361,7 +361,7 @@ def test_many_sets_are_read_with_a_parser_that_is_made_once(write, monkeypatch):
         arguments._Parser, "__init__", lambda self, *a, **more: (made.append(1), real(self, *a, **more))[1]
     )
     sets = [{"file": "a.blend", "low": "a", "output": f"{number}.png"} for number in range(1000)]
-    assert len(jobfile.read(write({"bake": sets}, "jobs/jobs.json"), tell=heard.append)) == 1000
+    assert len(job_file.read(write({"bake": sets}, "jobs/jobs.json"), tell=heard.append)) == 1000
     assert len(made) <= 2  # by the name of the program, --help's title
     assert heard == [number / 10 for number in range(1, 11)]
 
@@ -382,10 +382,10 @@ def test_many_sets_are_read_with_a_parser_that_is_made_once(write, monkeypatch):
 )
 def test_other_faults_of_files(write, name, content, said):
     with pytest.raises(WrongUsage) as refused:
-        jobfile.read(write(content, name))
+        job_file.read(write(content, name))
     assert said in str(refused.value)
 
 
 def test_a_file_that_is_not_there(tmp_path):
     with pytest.raises(WrongUsage, match="cannot be read: No such file"):
-        jobfile.read(str(tmp_path / "none.toml"))
+        job_file.read(str(tmp_path / "none.toml"))

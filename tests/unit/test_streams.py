@@ -6,7 +6,7 @@ import threading
 
 import pytest
 
-from addon import streams
+from addon.cli import standard_streams
 
 
 @pytest.mark.skipif(os.name == "nt", reason="pipes of POSIX")
@@ -17,7 +17,7 @@ def test_a_pipe_that_does_not_wait_gets_all():
     got = []
     reader = threading.Thread(target=lambda: got.extend(iter(lambda: os.read(source, 4096), b"")))
     said = "word " * 100_000
-    with streams._text(streams._Patient(sink, "wb")) as stream:
+    with standard_streams._text(standard_streams._Patient(sink, "wb")) as stream:
         threading.Timer(0.05, reader.start).start()
         stream.write(said)
     while not reader.ident:

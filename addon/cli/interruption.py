@@ -12,7 +12,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any
 
-from .bake import leftovers
+from ..bake import leftovers
 
 NAMES = ("SIGHUP", "SIGINT", "SIGTERM")
 ASK, END = "SIGUSR1", "SIGUSR2"

@@ -9,22 +9,22 @@ from typing import TextIO
 
 import bpy
 
-from . import arguments, batch, clashes, jobfile, stopping, streams
+from ..bake.errors import BakeError, WrongPlace, sentence
+from ..bake.pace import Step
+from . import arguments, batch, interruption, job_file, run_clashes, standard_streams
 from .arguments import STDOUT, WrongUsage
-from .bake.errors import BakeError, WrongPlace, sentence
-from .bake.pace import Step
 from .batch import Plan, Result
-from .importing import Stage
-from .meter import Meter
+from .mesh_import import Stage
+from .terminal_progress import Meter
 
 DONE, FAILED, WRONG_USAGE = 0, 1, 2
 
 
 def run(words: Sequence[str], program: str = "imprint") -> int:
     """Bake as `words`, the arguments, say. Returns the exit code; what went wrong is told on stderr, a line each."""
-    with stopping.listening(), streams.ours():
+    with interruption.listening(), standard_streams.ours():
         done = _run(words, program)
-        return stopping.code() or done
+        return interruption.code() or done
 
 
 def _run(words: Sequence[str], program: str) -> int:
@@ -50,7 +50,7 @@ def _run(words: Sequence[str], program: str) -> int:
         except WrongPlace as error:
             meter.clear()
             return _refuse(program, error)
-        except stopping.Stopped:
+        except interruption.Stopped:
             problem = "stopped, nothing was finished."
         except (BakeError, MemoryError) as error:
             problem = sentence(error)
@@ -65,7 +65,7 @@ def _read(words: Sequence[str], program: str) -> tuple[argparse.Namespace, list[
     if options.jobs:
         own, more = arguments.split_jobs(words)
         with Meter(sys.stderr) as meter:
-            return own, jobfile.read(own.jobs, more, lambda share: meter.tell(own.jobs, Step("Reading", share)))
+            return own, job_file.read(own.jobs, more, lambda share: meter.tell(own.jobs, Step("Reading", share)))
     arguments.check(options)
     return options, [options]
 
@@ -76,11 +76,11 @@ def _are_many(options: argparse.Namespace) -> bool:
 
 def _plan(
     options: argparse.Namespace, sets: Sequence[argparse.Namespace]
-) -> tuple[list[Plan], list[str], clashes.Run]:
+) -> tuple[list[Plan], list[str], run_clashes.Run]:
     """The bakes to come, sentences about files left over, and the files of all. Raises WrongPlace, a line for each."""
     are_many = _are_many(options)
     plans, problems = batch.plans(sets) if are_many else ([Plan("", options)], [])
-    files = clashes.Run()
+    files = run_clashes.Run()
     found = files.add(
         [(plan.name, plan.options) for plan in plans],
         options.jobs,
@@ -98,7 +98,7 @@ def _refuse(program: str, error: Exception) -> int:
     return WRONG_USAGE
 
 
-def _bake_one(plan: Plan, files: clashes.Run, program: str, meter: Meter) -> int:
+def _bake_one(plan: Plan, files: run_clashes.Run, program: str, meter: Meter) -> int:
     options, out = plan.options, _out(plan.options.report)
     result = batch.bake(plan, Stage(), files, meter)
     meter.clear()
@@ -113,7 +113,7 @@ def _bake_one(plan: Plan, files: clashes.Run, program: str, meter: Meter) -> int
     return DONE
 
 
-def _bake_many(plans: Sequence[Plan], files: clashes.Run, report: str | None, program: str, meter: Meter) -> int:
+def _bake_many(plans: Sequence[Plan], files: run_clashes.Run, report: str | None, program: str, meter: Meter) -> int:
     """Each for itself; in the end a table, and the report of all."""
 
     file = batch.ReportFile(Path(report).absolute()) if _file(report) else None

@@ -9,14 +9,14 @@ from pathlib import Path
 
 import bpy
 
-from . import arguments, companions
+from ..bake import datablocks, images, naming, outputs, sequence
+from ..bake.errors import WrongPlace
+from ..bake.pipeline import ATLAS
+from ..bake.places import Places
+from ..bake.settings import TOKEN, Settings
+from . import arguments, file_references
 from .arguments import STDOUT
-from .bake import datablocks, images, naming, outputs, sequence
-from .bake.errors import WrongPlace
-from .bake.pipeline import ATLAS
-from .bake.places import Places
-from .bake.settings import TOKEN, Settings
-from .importing import ENDINGS
+from .mesh_import import ENDINGS
 
 
 class Run:
@@ -125,7 +125,7 @@ def _read_by(options: argparse.Namespace) -> Iterator[tuple[str, str, str]]:
         if path:
             yield path, f"the {role} mesh's file", ""
     for path in [*opened, *(path for path, _ in parts if path)]:
-        for other in companions.of(Path(path)):
+        for other in file_references.of(Path(path)):
             yield str(other), f"what {os.path.basename(path)!r} refers to", ""
 
 
@@ -144,7 +144,7 @@ def _libraries(bakes: Sequence[tuple[str, argparse.Namespace]], report: str | No
         for path in options.file:
             if path not in seen and path.endswith(".blend"):
                 seen.add(path)
-                yield from ((str(library), name) for library in companions.libraries(Path(path)))
+                yield from ((str(library), name) for library in file_references.libraries(Path(path)))
 
 
 def _meshes_in(folder: str) -> list[str]:

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import bpy
 
-from . import stopping, streams
-from .bake.errors import BakeError
-from .bake.files import reason
-from .bake.pairs import Pair, Suffixes, match
-from .bake.pipeline import Job
-from .bake.visible import put
+from ..bake.errors import BakeError
+from ..bake.files import reason
+from ..bake.pairs import Pair, Suffixes, match
+from ..bake.pipeline import Job
+from ..bake.visible import put
+from . import interruption, standard_streams
 
 IMPORTERS = {
     ".obj": ("wm", "obj_import", {}),
@@ -128,14 +128,14 @@ def _split(files: Sequence[Path]) -> tuple[list[Path], list[Path]]:
 
 def bring(name: str) -> list[bpy.types.Object]:
     """Import a file, or append the objects of a .blend; returns the meshes that have faces. Raises BakeError."""
-    stopping.check()
+    interruption.check()
     path = _existing(name)
     ending = _ending(path)
     if ending not in ENDINGS:
         raise BakeError(f"{str(path)!r} is no mesh file that can be imported: {', '.join(ENDINGS)} can.")
     before = set(bpy.data.objects)
     try:
-        with streams.silence():
+        with standard_streams.silence():
             if ending == ".blend":
                 _append(path)
             else:
@@ -164,9 +164,9 @@ def _existing(name: str) -> Path:
 
 
 def _open_blend(name: str) -> None:
-    stopping.check()
+    interruption.check()
     try:
-        with streams.silence():
+        with standard_streams.silence():
             bpy.ops.wm.open_mainfile(filepath=name, load_ui=False, use_scripts=False)
     except RuntimeError as error:
         raise BakeError(f"{name!r} could not be opened: {reason(error)}.") from error

@@ -14,16 +14,16 @@ from pathlib import Path
 import bpy
 import gpu
 
-from . import arguments, clashes, importing, stopping, streams
+from ..bake import naming, pace, pipeline, sequence, subjects
+from ..bake.errors import BakeError, sentence
+from ..bake.files import check_writable, replacing, together
+from ..bake.pace import Step
+from ..bake.report import Report
+from ..bake.settings import Settings
+from . import arguments, interruption, mesh_import, run_clashes, standard_streams
 from .arguments import STDOUT
-from .bake import naming, pace, pipeline, sequence, subjects
-from .bake.errors import BakeError, sentence
-from .bake.files import check_writable, replacing, together
-from .bake.pace import Step
-from .bake.report import Report
-from .bake.settings import Settings
-from .importing import Stage
-from .meter import Meter
+from .mesh_import import Stage
+from .terminal_progress import Meter
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ def plans(sets: Sequence[argparse.Namespace]) -> tuple[list[Plan], list[str]]:
             result.append(Plan(name, options))
             continue
         try:
-            found, left = importing.pairs(options.pairs, options.suffixes)
+            found, left = mesh_import.pairs(options.pairs, options.suffixes)
         except BakeError as error:
             result.append(Plan(name, options, str(error)))
             continue
@@ -97,7 +97,7 @@ def subject(options: argparse.Namespace) -> str:
 
 
 def bake_all(
-    planned: Sequence[Plan], files: clashes.Run, meter: Meter, tell: Callable[[list[Result]], None]
+    planned: Sequence[Plan], files: run_clashes.Run, meter: Meter, tell: Callable[[list[Result]], None]
 ) -> list[Result]:
     """Bake one plan after the other; `files` knows them, and `tell` hears of all so far as each ends.
 
@@ -108,9 +108,9 @@ def bake_all(
         meter.place = f"{number}/{len(planned)} "
         start = time.perf_counter()
         try:
-            stopping.check()
+            interruption.check()
             result = bake(plan, stage, files, meter)
-        except stopping.Stopped:
+        except interruption.Stopped:
             result = Result(plan.name, is_stopped=True)
         except (BakeError, MemoryError) as error:
             result = Result(plan.name, error=sentence(error))
@@ -124,12 +124,12 @@ def bake_all(
     return results
 
 
-def bake(plan: Plan, stage: Stage, files: clashes.Run, meter: Meter) -> Result:
+def bake(plan: Plan, stage: Stage, files: run_clashes.Run, meter: Meter) -> Result:
     """Do what the plan says, which `files` knows. Raises BakeError."""
     if plan.problem:
         raise BakeError(plan.problem)
     options = plan.options
-    stopping.note(plan.name or subject(options))
+    interruption.note(plan.name or subject(options))
     settings = arguments.settings(options)
     report = Path(options.report).absolute() if options.report not in (None, STDOUT) else None
     scene = Path(options.save_blend).absolute() if options.save_blend else None
@@ -167,19 +167,19 @@ def _baked(
     share_image = _share_image(options)
 
     def tell(step: Step) -> None:
-        stopping.check()
+        interruption.check()
         if meter.is_on:
             job = jobs[0 if options.frames else step.finished]
             meter.tell("the atlas" if share_image else job.low.name, step)
 
     speed, reports = pace.Pace(pipeline.TOLD_EVERY, looks=False), []
     if options.frames:
-        work = sequence.work(bpy.context, jobs[0], settings, clashes.frames(options), speed, reports=reports)
+        work = sequence.work(bpy.context, jobs[0], settings, run_clashes.frames(options), speed, reports=reports)
     else:
         work = pipeline.work(bpy.context, jobs, settings, speed, share_image=share_image, reports=reports)
     try:
         return pace.finish(work, tell), False
-    except stopping.Stopped:
+    except interruption.Stopped:
         if not reports:
             raise
         return reports, True
@@ -269,8 +269,8 @@ def to_json(results: Sequence[Result]) -> list[dict]:
 
 def _start_gpu() -> None:
     """Without the window system's complaints of EGL, after which it goes on; what stops it is told by pipeline.check."""
-    if stopping.is_launched():  # else nobody could tell of a crash but those lines
-        with suppress(SystemError, RuntimeError), streams.silence():
+    if interruption.is_launched():  # else nobody could tell of a crash but those lines
+        with suppress(SystemError, RuntimeError), standard_streams.silence():
             gpu.init()
 
 
@@ -299,6 +299,6 @@ def _save(path: Path, maps: set[bpy.types.Image]) -> None:
             # So that the files can be moved together. Relative to the file that is open: saving takes all such paths
             # along to the new place.
             image.filepath = bpy.path.relpath(str(output), start=str(Path(bpy.data.filepath or path).parent))
-    with replacing(path) as partial, streams.silence():
+    with replacing(path) as partial, standard_streams.silence():
         # As a copy: relative paths are those of the final place, which is in the same folder.
         bpy.ops.wm.save_as_mainfile(filepath=str(partial), copy=True, compress=False, relative_remap=True)

@@ -8,9 +8,9 @@ import tomllib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
+from ..bake.errors import BakeError
 from . import arguments
 from .arguments import FILE, OPTIONS, STDOUT, WrongUsage
-from .bake.errors import BakeError
 
 DEFAULTS, SETS = "defaults", "bake"
 TOLD_EVERY = 100
