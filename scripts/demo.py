@@ -20,8 +20,8 @@ sys.path.insert(0, str(ROOT))
 import addon  # noqa: E402
 from addon.bake import pipeline  # noqa: E402
 from addon.bake.errors import BakeError  # noqa: E402
-from addon.bake.files import replacing  # noqa: E402
 from addon.bake.settings import Settings  # noqa: E402
+from addon.output.atomic_file import replacing  # noqa: E402
 
 ELEVATIONS = ROOT / "scripts/data/jacksboro_fault_dem.npz"
 KM_PER_DEGREE = 111.2  # of latitude; one unit of the scene is a kilometre

@@ -8,9 +8,9 @@ import bpy
 import numpy as np
 
 from ..mesh.arrays import Mesh
+from ..output.outputs import Outputs
 from ..passes import resolve, target
 from . import audit, finish, pace, severity
-from .outputs import Outputs
 from .reading import Meshes
 from .render import Renderer
 from .report import Report

@@ -9,8 +9,9 @@ import numpy as np
 
 from ..mesh import arrays, extract, layout, seams
 from ..mesh import faces as mesh_faces
+from ..output import image_writer
 from ..passes import batch, faces, overlap, target
-from . import apart, casting, gaps, images, methods, pace, pipeline, reading, render, subjects
+from . import apart, casting, gaps, methods, pace, pipeline, reading, render, subjects
 from .audit import uv_space
 from .band import Band
 from .errors import BakeError
@@ -63,11 +64,11 @@ def draw_mask(context: bpy.types.Context, report: Report, kind: str) -> bpy.type
     """
     view = _view(context, report, kind)
     mask = np.empty((view.settings.height, view.settings.width), bool)
-    with images.Writer("", view.settings) as writer:
+    with image_writer.Writer("", view.settings) as writer:
         for band, seen, _ in _masks(view, kind):
             mask[band.start : band.stop] = seen
             if band.stop == len(mask):
-                writer.add(band.tile, images.black_and_white(mask))
+                writer.add(band.tile, image_writer.black_and_white(mask))
         return writer.commit()
 
 
@@ -89,7 +90,7 @@ def _view(context: bpy.types.Context, report: Report, kind: str) -> _View:
     space = "TANGENT" if kind == "backwards" else "OBJECT"
     settings = replace(settings, method=report.method, space=space, maps=(), mask=False, material=False)
     settings = replace(settings, output="", storage="PACK" if settings.udim else "MEMORY")
-    settings = images.beside(settings, kind)
+    settings = image_writer.beside(settings, kind)
     pipeline.check(context, job, settings)
     told = Report(report.method, space, report.size, report.low, report.high, distances=report.distances)
     meshes = reading.read(context, job.low, job.highs, job.cage, settings)

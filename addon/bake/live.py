@@ -10,9 +10,10 @@ import numpy as np
 
 from ..mesh import extract
 from ..mesh.arrays import Mesh
+from ..output import datablocks, outputs
 from ..passes import resolve, target
 from ..passes.batch import Kept
-from . import datablocks, finish, methods, outputs, pace, pipeline, reading, render, sources, subjects
+from . import finish, methods, pace, pipeline, reading, render, sources, subjects
 from .band import Band
 from .errors import BakeError
 from .pace import Pace, Step, Work

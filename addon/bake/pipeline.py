@@ -10,11 +10,12 @@ import numpy as np
 
 from ..mesh import arrays
 from ..mesh.arrays import Mesh
+from ..output import image_writer, materials
+from ..output.outputs import Outputs, check_apart, wanted
 from ..passes import target
-from . import atlas, audit, casting, finish, images, materials, methods, naming, pace, reading, render, subjects
+from . import atlas, audit, casting, finish, methods, naming, pace, reading, render, subjects
 from .band import bands
 from .errors import BakeError, few
-from .outputs import Outputs, check_apart, wanted
 from .pace import Pace, Step, Work, part
 from .pairs import Suffixes, match
 from .report import Report
@@ -168,7 +169,7 @@ def for_low(settings: Settings, name: str) -> Settings:
     """The settings with names filled in; without one the image is called after the low object."""
     return replace(
         settings,
-        image=images.name_for(name, settings),
+        image=image_writer.name_for(name, settings),
         output=naming.fill(settings.output, name),
     )
 
@@ -275,7 +276,7 @@ def check(context: bpy.types.Context, job: Job, settings: Settings) -> None:
     if reason:
         raise BakeError(reason)
     for own in wanted(settings).values():
-        images.check(job.low.name, own)
+        image_writer.check(job.low.name, own)
     if settings.material:
         materials.check(job.low)
     try:

@@ -8,7 +8,8 @@ from pathlib import PurePath
 
 import bpy
 
-from . import datablocks, images, materials, naming, outputs, pipeline, subjects
+from ..output import datablocks, image_writer, materials, outputs
+from . import naming, pipeline, subjects
 from .errors import BakeError
 from .pace import Pace, Step, Work, part
 from .pipeline import Job
@@ -50,7 +51,7 @@ def work(
     _check(settings, frames)
     scene, before = context.scene.session_uid, context.scene.frame_current_final
     low = job.low.name
-    settings = replace(filled(settings, low), image=images.name_for(low, settings))
+    settings = replace(filled(settings, low), image=image_writer.name_for(low, settings))
     plain = replace(settings, image=PASSING, material=False)
     image = datablocks.get(settings.image)
     if image is not None and image.source not in {"GENERATED", "FILE", "SEQUENCE"}:

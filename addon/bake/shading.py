@@ -11,8 +11,9 @@ from mathutils.bvhtree import BVHTree
 
 from ..mesh import extract
 from ..mesh.arrays import Frame, Mesh, frame_of, gap, normal_matrix
+from ..output import quantize
 from ..passes import batch, deviation, lit, target
-from . import agreement, finish, quantise
+from . import agreement, finish
 from .band import BAND_TEXELS
 from .errors import BakeError
 from .live import Session
@@ -180,7 +181,7 @@ class Shading:
             deviation.measure(self._measured, self._upload(low), self.session.map, truth, reading, elsewhere=elsewhere)
             values = np.empty((size[1], size[0], 4), np.float32)
             self._measured.read(values)
-        texels = quantise.sample(values)
+        texels = quantize.sample(values)
         known, elsewhere = texels[texels[:, 3] > 0.0], np.count_nonzero(texels[:, 3] < -1.5)
         if len(known) + elsewhere:
             means, highest = np.full((2, 2), np.nan)

@@ -16,10 +16,10 @@ import gpu
 
 from ..bake import naming, pace, pipeline, sequence, subjects
 from ..bake.errors import BakeError, sentence
-from ..bake.files import check_writable, replacing, together
 from ..bake.pace import Step
 from ..bake.report import Report
 from ..bake.settings import Settings
+from ..output.atomic_file import check_writable, replacing, together
 from . import arguments, interruption, mesh_import, run_clashes, standard_streams
 from .arguments import STDOUT
 from .mesh_import import Stage

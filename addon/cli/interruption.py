@@ -12,7 +12,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any
 
-from ..bake import leftovers
+from ..output import partial_files
 
 NAMES = ("SIGHUP", "SIGINT", "SIGTERM")
 ASK, END = "SIGUSR1", "SIGUSR2"
@@ -123,6 +123,6 @@ def _hear(number: int, _) -> None:
     _asked.code = _asked.code or 128 + told
     if name == END or _asked.direct > 1:
         try:
-            leftovers.remove_ours()
+            partial_files.remove_ours()
         finally:  # it may have come in the middle of just that
             os._exit(_asked.code)

@@ -9,10 +9,10 @@ from pathlib import Path
 import bpy
 
 from ..bake.errors import BakeError
-from ..bake.files import reason
 from ..bake.pairs import Pair, Suffixes, match
 from ..bake.pipeline import Job
 from ..bake.visible import put
+from ..output.atomic_file import reason
 from . import interruption, standard_streams
 
 IMPORTERS = {

@@ -9,11 +9,12 @@ from pathlib import Path
 
 import bpy
 
-from ..bake import datablocks, images, naming, outputs, sequence
+from ..bake import naming, sequence
 from ..bake.errors import WrongPlace
 from ..bake.pipeline import ATLAS
-from ..bake.places import Places
 from ..bake.settings import TOKEN, Settings
+from ..output import datablocks, image_writer, outputs
+from ..output.path_clashes import Places
 from . import arguments, file_references
 from .arguments import STDOUT
 from .mesh_import import ENDINGS
@@ -106,7 +107,7 @@ def maps(settings: Settings, low: str, of_frames: Sequence[int] = ()) -> Iterato
     each = [replace(plain, output=sequence.output_for(plain.output, frame)) for frame in of_frames] or [plain]
     for one in each:
         for kind, own in outputs.wanted(one).items():
-            path = images.output_for(own)
+            path = image_writer.output_for(own)
             for tile in own.tiles or [TOKEN]:
                 yield path.replace(TOKEN, str(tile)), outputs.label(kind)
 

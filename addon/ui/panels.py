@@ -6,9 +6,10 @@ from functools import lru_cache
 
 import bpy
 
-from ..bake import images, pairs, subjects
+from ..bake import pairs, subjects
 from ..bake.errors import BakeError
 from ..bake.report import Report
+from ..output import image_writer
 from . import live_mode, map_size, results
 from .presets import IMPRINT_PT_conventions
 from .properties import ImprintSettings
@@ -307,9 +308,9 @@ def _problem(
 def _plan(low: bpy.types.Object, highs: list[bpy.types.Object], settings: ImprintSettings) -> list[str]:
     """What a press of the button will do, in words."""
     source = "its own modifiers" if low in highs else ", ".join(repr(high.name) for high in highs)
-    name = images.name_for(low.name, settings.to_settings())
+    name = image_writer.name_for(low.name, settings.to_settings())
     known = "over the image" if bpy.data.images.get(name) else "into a new image"
-    other = images.replaced(name, [high.name for high in highs])
+    other = image_writer.replaced(name, [high.name for high in highs])
     over = f", which holds a map of {other}" if other else ""
     how = {"AUTO": "Bakes", "FLATTEN": "Flattens", "CAST": "Casts rays from"}[settings.method]
     onto = f"{low.name!r} to {source}" if settings.method == "CAST" else f"{source} onto {low.name!r}"

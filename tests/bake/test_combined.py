@@ -5,8 +5,9 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.bake import band, casting, finish, images, outputs, pipeline, stitch
+from addon.bake import band, casting, finish, pipeline, stitch
 from addon.bake.settings import Settings
+from addon.output import image_writer, outputs
 from addon.passes import target
 from tests.support import zoo
 from tests.support.maps import pixels, texel_uv
@@ -299,7 +300,7 @@ def test_only_8_bits_are_dithered_and_only_whole_numbers_lose(dither):
     texels = np.full((16, 16, 4), 0.3, np.float32)
     for depth, values, is_lossy in ((8, 2 if dither else 1, True), (16, 1, False), (32, 1, False)):
         settings = Settings(width=16, height=16, depth=depth, dither=dither, image="map", storage="MEMORY")
-        with images.Writer("lo", settings, is_normal=True) as writer:
+        with image_writer.Writer("lo", settings, is_normal=True) as writer:
             writer.add(1001, texels)
             assert bool(writer.loss) == is_lossy
             assert len(np.unique(pixels(writer.commit())[..., 0])) == values
@@ -309,7 +310,7 @@ def test_the_loss_is_that_of_all_tiles():
     settings = Settings(width=16, height=16, udim=True, depth=8, image="map")
     exact, rough = np.ones((16, 16, 4), np.float32), np.random.default_rng(0).random((16, 16, 4), np.float32)
     rough[..., 3] = 1.0
-    with images.Writer("lo", settings, is_normal=True) as writer:
+    with image_writer.Writer("lo", settings, is_normal=True) as writer:
         writer.add(1001, rough)
         writer.add(1002, exact)
         assert writer.loss["maximum"] > 0.1

@@ -11,10 +11,11 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.bake import images, pipeline, quantise, tiff, whole
+from addon.bake import pipeline
 from addon.bake.errors import BakeError
 from addon.bake.pace import Pace
 from addon.bake.settings import FORMATS, Settings
+from addon.output import completeness, image_writer, quantize, tiff
 from scripts.imprint import ROOT
 from tests.support import pictures, zoo
 from tests.support.maps import pixels
@@ -54,8 +55,8 @@ def store(texels, **settings):
     height, width = texels.shape[:2]
     settings = Settings(width=width, height=height, **settings)
     settings.check()
-    images.check("low", settings)
-    with images.Writer("low", settings, is_normal=True) as writer:
+    image_writer.check("low", settings)
+    with image_writer.Writer("low", settings, is_normal=True) as writer:
         writer.add(1001, texels)
         return writer.commit(), writer.loss
 
@@ -108,11 +109,11 @@ def test_the_beginning_of_a_file_is_not_taken_for_the_whole(name, depth, tmp_pat
     texels, path = np.random.default_rng(1).random((100, 60, 4), dtype=np.float32), tmp_path / name
     store(texels, storage="FILE", output=str(path), depth=depth)
     content = path.read_bytes()
-    assert whole.is_whole(path, (60, 100))
+    assert completeness.is_whole(path, (60, 100))
     lengths = {*range(40), *range(0, len(content), 97), *range(len(content) - 40, len(content))}
     for length in sorted(lengths, reverse=True):
         os.truncate(path, length)
-        assert not whole.is_whole(path, (60, 100)), length
+        assert not completeness.is_whole(path, (60, 100)), length
 
 
 # Eight bits
@@ -131,13 +132,13 @@ def test_eight_bits_are_the_same_wherever_they_are_stored(dither, tmp_path):
     assert len(found) == 6
     for other in found[1:]:
         np.testing.assert_array_equal(other, found[0])
-    expected = quantise.dithered(texels) if dither else quantise.rounded(texels, 8)
+    expected = quantize.dithered(texels) if dither else quantize.rounded(texels, 8)
     np.testing.assert_array_equal(found[0], np.round(expected * 255))
 
 
 def test_rounding_goes_to_the_nearest():
     texels = some_texels()
-    steps = quantise.rounded(texels, 8).astype(np.float64) * 255
+    steps = quantize.rounded(texels, 8).astype(np.float64) * 255
     np.testing.assert_allclose(steps, np.round(steps), atol=1e-4)
     assert np.abs(steps - texels.astype(np.float64) * 255).max() <= 0.5 + IN_DOUBT
 
@@ -147,11 +148,11 @@ def test_dithering_goes_to_one_of_the_two_around_and_leaves_what_is_exact():
     texels[5:20, 5:20, :3] = (np.random.default_rng(2).integers(0, 256, (15, 15, 3)) / 255).astype(np.float32)
     texels[5:20, 5:20, 3] = 1.0
     before = texels.copy()
-    steps = quantise.dithered(texels).astype(np.float64) * 255
+    steps = quantize.dithered(texels).astype(np.float64) * 255
     np.testing.assert_array_equal(texels, before)
     np.testing.assert_allclose(steps, np.round(steps), atol=1e-4)
     assert np.abs(steps - texels.astype(np.float64) * 255).max() < 1.0
-    assert not np.array_equal(np.round(steps), np.round(quantise.rounded(texels, 8) * 255))
+    assert not np.array_equal(np.round(steps), np.round(quantize.rounded(texels, 8) * 255))
     np.testing.assert_allclose(steps[5:20, 5:20], texels[5:20, 5:20] * 255.0, atol=1e-4)
     np.testing.assert_array_equal(steps[..., 3], texels[..., 3] * 255.0)
     background = texels[..., 3] == 0.0
@@ -159,17 +160,17 @@ def test_dithering_goes_to_one_of_the_two_around_and_leaves_what_is_exact():
 
 
 def test_dithering_is_the_same_each_time():
-    np.testing.assert_array_equal(quantise.dithered(some_texels()), quantise.dithered(some_texels()))
+    np.testing.assert_array_equal(quantize.dithered(some_texels()), quantize.dithered(some_texels()))
 
 
 def test_the_mean_of_dithered_normals_is_unbiased():
     normals, texels = gradient()
-    error = quantise.dithered(texels)[..., :3].astype(np.float64) * 2.0 - 1.0 - normals
+    error = quantize.dithered(texels)[..., :3].astype(np.float64) * 2.0 - 1.0 - normals
     blocks = np.abs(error.reshape(32, 8, 32, 8, 3).mean(axis=(1, 3))) / (2.0 / 255)
     assert blocks.max() < BLOCK
     means = error.reshape(4, 64, 4, 64, 3).mean(axis=(1, 3))  # small beside 1: as good as angles in radians
     assert np.degrees(np.abs(means)).max() < MEAN
-    rounded = quantise.rounded(texels, 8)[..., :3].astype(np.float64) * 2.0 - 1.0 - normals
+    rounded = quantize.rounded(texels, 8)[..., :3].astype(np.float64) * 2.0 - 1.0 - normals
     assert np.abs(rounded.reshape(32, 8, 32, 8, 3).mean(axis=(1, 3))).max() / (2.0 / 255) > 3 * BLOCK
 
 
@@ -215,7 +216,7 @@ def test_nothing_is_left_of_what_is_discarded(tmp_path):
     path = tmp_path / "map.png"
     path.write_bytes(b"an old picture")
     settings = Settings(storage="FILE", output=str(path))
-    writer = images.Writer("low", settings)
+    writer = image_writer.Writer("low", settings)
     writer.add(1001, some_texels())
     assert len(list(tmp_path.glob("*.png"))) == 2
     writer.discard()
@@ -228,7 +229,7 @@ def test_nothing_is_left_of_what_is_discarded(tmp_path):
 def test_discarding_after_commit_changes_nothing(tmp_path):
     texels, path = some_texels(), tmp_path / "map.tga"
     store(texels, storage="FILE", output=str(path), depth=8)
-    np.testing.assert_array_equal(pictures.read(path), np.round(quantise.rounded(texels, 8) * 255))
+    np.testing.assert_array_equal(pictures.read(path), np.round(quantize.rounded(texels, 8) * 255))
 
 
 @pytest.mark.usefixtures("gpu_context")
@@ -301,7 +302,7 @@ def test_thresholds_of_the_dither_differ_by_channel():
     """Else grey noise would show where colours are alike."""
     texels = np.full((64, 64, 4), 0.5, np.float32)
     texels[..., 3] = 1.0
-    red, green, blue, alpha = np.moveaxis(quantise.dithered(texels), -1, 0)
+    red, green, blue, alpha = np.moveaxis(quantize.dithered(texels), -1, 0)
     for one, other in ((red, green), (green, blue), (blue, red)):
         assert (one == other).mean() < 0.95
     assert (alpha == 1.0).all()

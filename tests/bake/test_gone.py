@@ -8,10 +8,11 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.bake import datablocks, flaws, live, pipeline, sequence
+from addon.bake import flaws, live, pipeline, sequence
 from addon.bake.errors import BakeError
 from addon.bake.pace import Pace, finish
 from addon.bake.settings import Settings
+from addon.output import datablocks
 from tests.support import zoo
 from tests.support.maps import pixels
 from tests.support.snapshot import difference, snapshot

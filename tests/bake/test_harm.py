@@ -6,9 +6,10 @@ import os
 import bpy
 import pytest
 
-from addon.bake import outputs, pipeline
+from addon.bake import pipeline
 from addon.bake.errors import BakeError
 from addon.bake.settings import Settings
+from addon.output import outputs
 from tests.support import zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")

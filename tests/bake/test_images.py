@@ -8,9 +8,10 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.bake import files, images, pipeline
+from addon.bake import pipeline
 from addon.bake.errors import BakeError
 from addon.bake.settings import Settings
+from addon.output import atomic_file, image_writer
 from tests.support import zoo
 from tests.support.maps import pixels
 from tests.support.snapshot import difference, snapshot
@@ -54,8 +55,8 @@ def some_texels(width=WIDTH, height=HEIGHT, seed=1):
 def store(texels, **settings):
     height, width = texels.shape[:2]
     settings = Settings(width=width, height=height, **settings)
-    images.check("low", settings)
-    with images.Writer("low", settings) as writer:
+    image_writer.check("low", settings)
+    with image_writer.Writer("low", settings) as writer:
         writer.add(1001, texels)
         return writer.commit()
 
@@ -223,7 +224,7 @@ def test_a_file_that_cannot_be_moved_into_place_leaves_the_old(texels, tmp_path,
     path = tmp_path / "map.png"
     path.write_bytes(b"an old picture")
     before = snapshot()
-    monkeypatch.setattr(files.os, "replace", fail)
+    monkeypatch.setattr(atomic_file.os, "replace", fail)
     with pytest.raises(BakeError) as refused:
         store(texels, storage="FILE", output=str(path))
     assert str(refused.value) == f"{str(path)!r} could not be written: Permission denied."

@@ -6,9 +6,10 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.bake import pipeline, values
+from addon.bake import pipeline
 from addon.bake.errors import BakeError
 from addon.bake.settings import MAPS, Settings
+from addon.output import value_encoding
 from tests.support import zoo
 from tests.support.maps import pixels, texel_uv
 
@@ -174,7 +175,7 @@ def test_values_of_an_atlas_keep_their_owners():
 
 
 def test_colours_differ():
-    colours = np.array([values.colour(number) for number in range(40)])
+    colours = np.array([value_encoding.colour(number) for number in range(40)])
     apart = np.abs(colours[:, None] - colours[None]).max(axis=-1) + np.eye(40)
     assert apart.min() > 0.04
 

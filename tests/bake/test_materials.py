@@ -5,8 +5,8 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.bake import materials
 from addon.bake.errors import BakeError
+from addon.output import materials
 
 
 @pytest.fixture(autouse=True)

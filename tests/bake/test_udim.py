@@ -8,10 +8,11 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.bake import images, pipeline
+from addon.bake import pipeline
 from addon.bake.errors import BakeError
 from addon.bake.pace import Pace
 from addon.bake.settings import Settings
+from addon.output import image_writer
 from tests.support import maps, pictures, zoo
 from tests.support.snapshot import difference, snapshot
 
@@ -31,8 +32,8 @@ def store(*tiles, seed=0, **settings):
     """What the Writer makes of tiles; returns the image."""
     settings = Settings(**{"width": SIZE, "height": SIZE, "udim": True, "image": "map", **settings})
     settings.check()
-    images.check("low", settings)
-    with images.Writer("low", settings) as writer:
+    image_writer.check("low", settings)
+    with image_writer.Writer("low", settings) as writer:
         for tile in tiles:
             writer.add(tile, texels(tile, seed))
         return writer.commit()
@@ -127,7 +128,7 @@ def test_each_tile_gets_a_file(name, depth, tmp_path):
 def test_the_number_stands_where_the_name_says(output, map_files, mask_files, tmp_path):
     store(1002, storage="FILE", output=str(tmp_path / output))
     settings = Settings(udim=True, image="map", storage="FILE", output=str(tmp_path / output))
-    mask = images.beside(settings, images.MISSED)
+    mask = image_writer.beside(settings, image_writer.MISSED)
     store(1002, storage="FILE", output=mask.output, image=mask.image, depth=mask.depth)
     assert sorted(os.listdir(tmp_path)) == sorted([map_files, mask_files])
     assert all(numbers(image) == (1002,) for image in bpy.data.images)
@@ -144,7 +145,7 @@ def test_a_path_relative_to_the_saved_scene(tmp_path):
 def test_tiles_are_written_as_they_come(tmp_path):
     """So that memory does not grow with their number; and nothing is in its place before all of them are whole."""
     settings = Settings(width=SIZE, height=SIZE, udim=True, storage="FILE", output=str(tmp_path / "map.png"))
-    with images.Writer("low", settings) as writer:
+    with image_writer.Writer("low", settings) as writer:
         for count, tile in enumerate(TILES):
             assert len(list(tmp_path.glob("*.png"))) == count
             writer.add(tile, texels(tile))
@@ -343,7 +344,7 @@ def test_a_file_in_place_of_a_folder(tmp_path):
     (tmp_path / "no").touch()
     settings = Settings(udim=True, storage="FILE", output=str(tmp_path / "no" / "map.png"))
     with pytest.raises(BakeError, match="could not be written|cannot be written"):
-        images.check("low", settings)
+        image_writer.check("low", settings)
 
 
 def test_a_full_disk_in_the_midst_of_the_tiles(tmp_path):
@@ -354,7 +355,7 @@ def test_a_full_disk_in_the_midst_of_the_tiles(tmp_path):
     before, limits = snapshot(), resource.getrlimit(resource.RLIMIT_FSIZE)
     with (
         pytest.raises(BakeError, match=r"map.1002.tga' could not be written"),
-        images.Writer("map", settings) as writer,
+        image_writer.Writer("map", settings) as writer,
     ):
         writer.add(1001, texels(1001, seed=1))
         resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limits[1]))
@@ -498,7 +499,7 @@ def test_a_bake_that_is_stopped_leaves_nothing(storage, tmp_path, monkeypatch):
     temporary, folder = tmp_path / "temporary", tmp_path / "maps"
     temporary.mkdir()
     folder.mkdir()
-    monkeypatch.setattr(images.tempfile, "tempdir", str(temporary))
+    monkeypatch.setattr(image_writer.tempfile, "tempdir", str(temporary))
     low, high = wide("low", 0.0), wide("high", 1.0)
     settings = Settings(
         method="FLATTEN",

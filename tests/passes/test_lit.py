@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from mathutils import Euler, Matrix
 
-from addon.bake import band, live, pace, pipeline, quantise, shading
+from addon.bake import band, live, pace, pipeline, shading
 from addon.bake.errors import BakeError
 from addon.bake.settings import Settings
+from addon.output import quantize
 from addon.passes import batch, lit, target
 from tests.support import oracle, raster, zoo
 
@@ -357,7 +358,7 @@ class TestDeviation:
     def test_eight_bits_lose_what_rounding_loses(self):
         drawn = self.of(*pair(Matrix()), space="OBJECT", depth=8)
         texels = drawn.session.texels.reshape(-1, 4)
-        lost = quantise.angles(texels, quantise.rounded(texels, 8))
+        lost = quantize.angles(texels, quantize.rounded(texels, 8))
         assert drawn.figures.mean == pytest.approx(lost.mean(), rel=1e-3)
         assert drawn.figures.percentile_99 == pytest.approx(np.percentile(lost, 99), rel=1e-2)
         assert drawn.figures.mean > 0.1

@@ -10,8 +10,9 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from addon.bake import images, naming, outputs, pipeline, values
+from addon.bake import naming, pipeline
 from addon.bake.errors import BakeError
+from addon.output import image_writer, outputs, value_encoding
 from tests.support import maps
 from tests.support.snapshot import difference, snapshot
 
@@ -43,8 +44,8 @@ def of_bake(low, highs, settings, folder, cage=None):
     _check_changes(changed, low, [own.image for own in plan.values()])
     expected = set()
     for name, own in plan.items():
-        is_colour = name in ("NORMAL", "MASK", "COVERAGE", "OBJECT_ID", "MATERIAL_ID") or not values.is_float(own)
-        image, path = bpy.data.images[own.image], images.output_for(own)
+        is_colour = name in ("NORMAL", "MASK", "COVERAGE", "OBJECT_ID", "MATERIAL_ID") or not value_encoding.is_float(own)
+        image, path = bpy.data.images[own.image], image_writer.output_for(own)
         if settings.udim:
             assert image.source == "TILED"
             assert [tile.number for tile in image.tiles if tile.size[0]] == sorted(report.tiles)
@@ -100,5 +101,5 @@ def _check_image(image, settings, *, is_colour):
     if is_colour:
         assert texels.min() >= 0.0
         assert texels.max() <= 1.0
-    if not values.is_float(settings):
+    if not value_encoding.is_float(settings):
         assert set(np.unique(texels[..., 3])) <= {0.0, 1.0}

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from addon.bake import leftovers
 from addon.bake.errors import BakeError
-from addon.bake.files import Partial, check_writable
+from addon.output import partial_files
+from addon.output.atomic_file import Partial, check_writable
 from scripts.imprint import ROOT
 
 posix = pytest.mark.skipif(os.name == "nt", reason="locks of POSIX")
@@ -66,7 +66,7 @@ def test_processes_with_one_number_have_files_of_their_own(tmp_path, monkeypatch
 
 
 def test_a_name_is_never_shared(tmp_path, monkeypatch):
-    monkeypatch.setattr(leftovers.secrets, "token_hex", lambda _: "same")
+    monkeypatch.setattr(partial_files.secrets, "token_hex", lambda _: "same")
     first, second = Partial(tmp_path / "map.png"), Partial(tmp_path / "map.png")
     first.here.write_text("whole")
     with pytest.raises(FileExistsError):
@@ -80,7 +80,7 @@ def test_a_name_is_never_shared(tmp_path, monkeypatch):
 def test_what_a_living_process_writes_is_left_alone(tmp_path, writer):
     before = names(tmp_path)
     assert len(before) == 3
-    leftovers.sweep(tmp_path)
+    partial_files.sweep(tmp_path)
     check_writable(tmp_path / "map.blend")
     assert names(tmp_path) == before
 
@@ -99,16 +99,16 @@ def test_another_machines_files_are_left_alone_for_a_week(tmp_path, writer, monk
     writer.kill()
     writer.wait()
     before = names(tmp_path)
-    monkeypatch.setattr(leftovers, "machine", lambda: "elsewhere")
-    leftovers.sweep(tmp_path)
+    monkeypatch.setattr(partial_files, "machine", lambda: "elsewhere")
+    partial_files.sweep(tmp_path)
     assert names(tmp_path) == before
-    long_ago = time.time() - leftovers.WEEK - 1
+    long_ago = time.time() - partial_files.WEEK - 1
     for name in before[1:]:
         os.utime(tmp_path / name, (long_ago, long_ago))
-    leftovers.sweep(tmp_path)
+    partial_files.sweep(tmp_path)
     assert names(tmp_path) == before  # one of them is young: somebody writes
     os.utime(tmp_path / before[0], (long_ago, long_ago))
-    leftovers.sweep(tmp_path)
+    partial_files.sweep(tmp_path)
     assert names(tmp_path) == []
 
 
@@ -117,14 +117,14 @@ def test_nothing_else_is_swept(tmp_path):
         (tmp_path / name).touch()
         os.utime(tmp_path / name, (0, 0))
     before = names(tmp_path)
-    leftovers.sweep(tmp_path)
+    partial_files.sweep(tmp_path)
     assert names(tmp_path) == before
 
 
 def test_a_process_that_ends_at_once_leaves_nothing(tmp_path):
     partial = Partial(tmp_path / "map.png")
     partial.here.write_text("half")
-    leftovers.remove_ours()
+    partial_files.remove_ours()
     assert names(tmp_path) == []
 
 
@@ -140,8 +140,8 @@ def test_a_folder_that_lets_nothing_go_is_no_error(tmp_path, monkeypatch):
     with monkeypatch.context() as folder:
         folder.setattr(Path, "unlink", refuses)
         first.discard()
-        leftovers.remove_ours()
-    leftovers.sweep(tmp_path)  # their writer has let them go, alive as it is
+        partial_files.remove_ours()
+    partial_files.sweep(tmp_path)  # their writer has let them go, alive as it is
     assert names(tmp_path) == []
 
 
@@ -161,15 +161,15 @@ def test_a_folder_that_becomes_a_file_is_told_and_nothing_else_raised(tmp_path):
 
 def test_a_guard_that_is_swept_before_it_is_locked_is_made_anew(tmp_path, monkeypatch):
     """By a process that looked just then, and took it for a dead one's."""
-    lock = leftovers._lock
+    lock = partial_files._lock
 
     def late(descriptor):
-        monkeypatch.setattr(leftovers, "_lock", lock)
+        monkeypatch.setattr(partial_files, "_lock", lock)
         for name in names(tmp_path):
             (tmp_path / name).unlink()
         lock(descriptor)
 
-    monkeypatch.setattr(leftovers, "_lock", late)
+    monkeypatch.setattr(partial_files, "_lock", late)
     partial = Partial(tmp_path / "map.png")
     assert partial.here.with_suffix("").exists()
     partial.discard()

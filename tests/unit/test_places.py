@@ -9,7 +9,7 @@ import pytest
 
 from addon.bake import naming
 from addon.bake.errors import WrongPlace
-from addon.bake.places import Places
+from addon.output.path_clashes import Places
 
 posix = pytest.mark.skipif(os.name == "nt", reason="links of POSIX")
 pytestmark = posix

@@ -10,9 +10,9 @@ from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path
 
-from . import files
-from .errors import WrongPlace
-from .settings import TOKEN
+from ..bake.errors import WrongPlace
+from ..bake.settings import TOKEN
+from . import atomic_file
 
 _TILE = re.compile(r"(?=(1\d{3}|2000))")
 _UNFINISHED = re.compile(r"\.imprint\..*\.partial")
@@ -87,7 +87,7 @@ class Places:
         may_replace: the `by` of reads that do not count, as those of the scene that is saved over itself.
         """
         with suppress(OSError):  # which the bake will tell
-            files.check_kind(path)
+            atomic_file.check_kind(path)
         keys, use = self._keys(path), _Use(what, path, by)
         read = self._reads.find(keys, may_replace)
         if read is not None:

@@ -6,8 +6,8 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from . import tiff, whole
-from .settings import FORMATS
+from ..bake.settings import FORMATS
+from . import completeness, tiff
 
 
 def write(texels: np.ndarray, path: Path, depth: int) -> None:
@@ -32,7 +32,7 @@ def write(texels: np.ndarray, path: Path, depth: int) -> None:
     finally:
         bpy.data.images.remove(image)
         bpy.data.scenes.remove(scene)
-    if not whole.is_whole(path, (width, height)):
+    if not completeness.is_whole(path, (width, height)):
         raise RuntimeError("the disk took only a part of it")
     if file_format == "TIFF":
         # Blender's writer calls 16-bit colours multiplied with alpha, which they are not: readers would divide them.

@@ -7,23 +7,24 @@ from contextlib import ExitStack
 import bpy
 import numpy as np
 
+from ..bake import naming
+from ..bake.errors import BakeError, few
+from ..bake.render import Map
+from ..bake.report import Report
+from ..bake.settings import TOKEN, Settings
 from ..passes import resolve
-from . import datablocks, images, materials, naming, values
-from .errors import BakeError, few
-from .places import Places
-from .render import Map
-from .report import Report
-from .settings import TOKEN, Settings
+from . import datablocks, image_writer, materials, value_encoding
+from .path_clashes import Places
 
 
 def wanted(settings: Settings) -> dict[str, Settings]:
     """The settings of each image that a bake fills, by name: "NORMAL", "MASK", and settings.maps."""
     result = {"NORMAL": settings}
     if settings.mask:
-        result["MASK"] = images.beside(settings, images.MISSED)
+        result["MASK"] = image_writer.beside(settings, image_writer.MISSED)
     for name in settings.maps:
         few = name == "COVERAGE" or name.endswith("_ID")
-        result[name] = images.beside(settings, name.lower(), None if few else settings.depth)
+        result[name] = image_writer.beside(settings, name.lower(), None if few else settings.depth)
     return result
 
 
@@ -70,7 +71,7 @@ def check_places(each: Sequence[Settings], names: Sequence[str], advice: str) ->
         places.read(path, what)
     for own, low in zip(each, names, strict=True):
         for kind, one in wanted(own).items():
-            path = images.output_for(one)
+            path = image_writer.output_for(one)
             for tile in one.tiles or [TOKEN] if path else ():
                 places.write(bpy.path.abspath(path.replace(TOKEN, str(tile))), f"{label(kind)} of {low!r}")
 
@@ -81,7 +82,7 @@ class Outputs:
     def __init__(self, settings: Settings):
         self.settings = settings
         self._writers = {
-            name: images.Writer("", own, is_normal=name == "NORMAL") for name, own in wanted(settings).items()
+            name: image_writer.Writer("", own, is_normal=name == "NORMAL") for name, own in wanted(settings).items()
         }
         self._kept: dict[str, dict[int, np.ndarray]] = {name: {} for name in settings.maps}
 
@@ -100,7 +101,7 @@ class Outputs:
             return
         self._writers["NORMAL"].add(tile, texels)
         if "MASK" in self._writers:
-            self._writers["MASK"].add(tile, images.black_and_white(state == resolve.MISSED))
+            self._writers["MASK"].add(tile, image_writer.black_and_white(state == resolve.MISSED))
         for name, kept in self._kept.items():
             kept[tile] = maps[name][0]  # until the range of all tiles is known
 
@@ -113,7 +114,7 @@ class Outputs:
         """
         settings = self.settings
         maps = {name: self._encode(name, tiles, reports, materials_seen) for name, tiles in self._kept.items()}
-        stored = dict(zip(self._writers, images.commit_all(list(self._writers.values())), strict=True))
+        stored = dict(zip(self._writers, image_writer.commit_all(list(self._writers.values())), strict=True))
         sign(stored["NORMAL"], reports)
         for low, report in zip(lows, reports, strict=True):
             report.image = stored["NORMAL"].name
@@ -128,9 +129,9 @@ class Outputs:
         self, name: str, tiles: dict[int, np.ndarray], reports: Sequence[Report], materials_seen: Sequence[str]
     ) -> dict:
         labels = _highs(reports) if name == "OBJECT_ID" else materials_seen
-        how = values.encoding(name, list(tiles.values()), labels, self.settings)
+        how = value_encoding.encoding(name, list(tiles.values()), labels, self.settings)
         for tile, texels in tiles.items():
-            values.encode(texels, how)
+            value_encoding.encode(texels, how)
             self._writers[name].add(tile, texels)
         return how
 
@@ -143,7 +144,7 @@ def _highs(reports: Sequence[Report]) -> list[str]:
 def sign(image: bpy.types.Image, reports: Sequence[Report]) -> None:
     """Note in `image` which high objects its new map came from; the first report warns of one from others that it replaced."""
     highs = list(dict.fromkeys(_highs(reports)))
-    before = images.replaced(image.name, highs)
+    before = image_writer.replaced(image.name, highs)
     datablocks.sign(image, highs)
     if before:
         reports[0].warnings.append(

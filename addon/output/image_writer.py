@@ -11,10 +11,10 @@ from pathlib import Path, PurePath
 import bpy
 import numpy as np
 
-from . import datablocks, encode, files, quantise, values
-from .errors import BakeError, few
-from .files import Partial, check_writable
-from .settings import FORMATS, TOKEN, Settings
+from ..bake.errors import BakeError, few
+from ..bake.settings import FORMATS, TOKEN, Settings
+from . import atomic_file, datablocks, image_encoding, quantize, value_encoding
+from .atomic_file import Partial, check_writable
 
 MISSED = "missed"
 """What the name of a mask of misses ends in."""
@@ -124,15 +124,15 @@ class Writer:
         """
         settings = self.settings
         self.tiles.append(tile)
-        stored = quantise.dithered(texels) if settings.dither and settings.depth == 8 else texels  # else Blender rounds
-        if self.is_normal and not values.is_float(settings):
-            rounded = quantise.rounded(quantise.sample(stored), settings.depth)
-            self._angles.append(quantise.angles(quantise.sample(texels), rounded))
+        stored = quantize.dithered(texels) if settings.dither and settings.depth == 8 else texels  # else Blender rounds
+        if self.is_normal and not value_encoding.is_float(settings):
+            rounded = quantize.rounded(quantize.sample(stored), settings.depth)
+            self._angles.append(quantize.angles(quantize.sample(texels), rounded))
         if self._path:
             partial = self._partials[tile] = Partial(self._of_tile(tile))
             depth = 32 if self._folder and settings.depth > 8 else settings.depth  # as Blender packs other images
             with partial.told():
-                encode.write(stored, partial.here, depth)
+                image_encoding.write(stored, partial.here, depth)
         else:
             self._texels = stored
 
@@ -212,7 +212,7 @@ def commit_all(writers: Sequence[Writer]) -> list[bpy.types.Image]:
     """
     for writer in writers:
         writer.prepare()
-    with files.together():
+    with atomic_file.together():
         for writer in writers:
             writer.put_files()
         return [writer.show() for writer in writers]

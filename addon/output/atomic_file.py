@@ -9,8 +9,8 @@ from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from pathlib import Path
 
-from .errors import BakeError, WrongPlace
-from .leftovers import Beside, try_in
+from ..bake.errors import BakeError, WrongPlace
+from .partial_files import Beside, try_in
 
 _MADE: set[Path] = set()
 """Folders that were made for files of which none is there yet."""
