@@ -13,10 +13,11 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 import addon  # noqa: E402
-from addon.bake import casting, distances, methods, reading  # noqa: E402
+from addon.bake import casting, distances, methods
 from addon.bake.report import Report  # noqa: E402
 from addon.bake.settings import Settings  # noqa: E402
 from addon.mesh import arrays, bvh  # noqa: E402
+from addon.scene import reading  # noqa: E402
 
 
 def export(source: Path, target: Path) -> None:

@@ -9,8 +9,8 @@ import numpy as np
 
 from ..mesh.arrays import Frame, Mesh, frame_of
 from ..passes import batch, cast, gbuffer, points, target
+from ..scene.reading import Meshes
 from . import casting
-from .reading import Meshes
 from .report import Report
 from .settings import Settings
 

@@ -10,8 +10,8 @@ import numpy as np
 from ..mesh.arrays import Mesh
 from ..output.outputs import Outputs
 from ..passes import resolve, target
+from ..scene.reading import Meshes
 from . import audit, finish, pace, severity
-from .reading import Meshes
 from .render import Renderer
 from .report import Report
 from .settings import Settings

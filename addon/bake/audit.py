@@ -9,9 +9,9 @@ import numpy as np
 from ..mesh import arrays, faces, layout, seams
 from ..mesh.arrays import Mesh
 from ..passes import batch, overlap, resolve, target
+from ..scene.reading import Meshes
 from . import agreement, apart, casting, gaps, severity
 from .errors import few
-from .reading import Meshes
 from .report import Report
 from .settings import Settings
 from .sparse import Sparse, at_most

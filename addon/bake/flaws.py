@@ -7,15 +7,16 @@ from dataclasses import dataclass, replace
 import bpy
 import numpy as np
 
-from ..mesh import arrays, extract, layout, seams
+from ..mesh import arrays, layout, seams
 from ..mesh import faces as mesh_faces
 from ..output import image_writer
 from ..passes import batch, faces, overlap, target
-from . import apart, casting, gaps, methods, pace, pipeline, reading, render, subjects
+from ..scene import bake_objects, mesh_reader, reading
+from ..scene.reading import Meshes
+from . import apart, casting, gaps, methods, pace, pipeline, render
 from .audit import uv_space
 from .band import Band
 from .errors import BakeError
-from .reading import Meshes
 from .report import Report
 from .settings import Settings
 
@@ -37,7 +38,7 @@ def of_low(report: Report) -> bpy.types.Object:
 def _objects(report: Report) -> list[bpy.types.Object]:
     """The low object of a bake that was done, the high ones and the cage. Raises BakeError if one is gone."""
     names = [report.low, *report.high, *([report.cage] if report.cage else [])]
-    refs = report.refs or [subjects.ObjectRef(0, name) for name in names]  # from a file: whatever is called so
+    refs = report.refs or [bake_objects.ObjectRef(0, name) for name in names]  # from a file: whatever is called so
     return [ref.resolve() for ref in refs]
 
 
@@ -189,15 +190,15 @@ def _own(context: bpy.types.Context, view: _View, found: np.ndarray, domain: str
     has_modifiers = low not in view.job.highs and len(low.modifiers) > 0
     if domain == "FACE" and not has_modifiers:
         return found
-    with subjects.ready(context, low, [], None, view.settings.modifiers):
+    with bake_objects.ready(context, low, [], None, view.settings.modifiers):
         if not has_modifiers:
-            return extract.edges(low.data, found)
+            return mesh_reader.edges(low.data, found)
         with (
-            extract.numbered(low, domain),
-            extract.evaluated(low, context.evaluated_depsgraph_get()) as data,
+            mesh_reader.numbered(low, domain),
+            mesh_reader.evaluated(low, context.evaluated_depsgraph_get()) as data,
         ):
-            own = extract.numbers(data, domain)
-            found = found if domain == "FACE" else extract.edges(data, found)
+            own = mesh_reader.numbers(data, domain)
+            found = found if domain == "FACE" else mesh_reader.edges(data, found)
     if own is None:
         raise BakeError(f"The modifiers of {low.name!r} make faces that are not its own: apply them first.")
     own = np.unique(own[found])
@@ -220,10 +221,10 @@ def add_triangulate(context: bpy.types.Context, report: Report) -> tuple[bpy.typ
     if low.modifiers and low.modifiers[-1].type == "TRIANGULATE":
         raise BakeError(f"{low.name!r} has a Triangulate modifier already: {low.modifiers[-1].name!r}.")
     with (
-        subjects.ready(context, low, [], None, report.settings["modifiers"]) as depsgraph,
-        extract.evaluated(low, depsgraph) as data,
+        bake_objects.ready(context, low, [], None, report.settings["modifiers"]) as depsgraph,
+        mesh_reader.evaluated(low, depsgraph) as data,
     ):
-        mesh = extract.surface(data, "", low.name, extract.matrix(low), with_faces=True)
+        mesh = mesh_reader.surface(data, "", low.name, mesh_reader.matrix(low), with_faces=True)
     modifier = low.modifiers.new("Triangulate", "TRIANGULATE")
     modifier.quad_method, modifier.ngon_method = "FIXED", "CLIP"
     modifier.keep_custom_normals = True

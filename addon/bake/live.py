@@ -8,12 +8,12 @@ import bpy
 import gpu
 import numpy as np
 
-from ..mesh import extract
 from ..mesh.arrays import Mesh
 from ..output import datablocks, outputs
 from ..passes import resolve, target
 from ..passes.batch import Kept
-from . import finish, methods, pace, pipeline, reading, render, sources, subjects
+from ..scene import bake_objects, mesh_reader, reading
+from . import finish, methods, pace, pipeline, render, sources
 from .band import Band
 from .errors import BakeError
 from .pace import Pace, Step, Work
@@ -76,12 +76,12 @@ class Session:
     ) -> Work[None]:
         yield Step(f"Reading {report.low}", 0.0)
         low, highs, cage = self.job.low, self.job.highs, self.job.cage
-        reason = subjects.problem(context, low, highs, cage, self._method)
+        reason = bake_objects.problem(context, low, highs, cage, self._method)
         if reason:
             raise BakeError(reason)
         if low in highs and low.mode == "EDIT":
             raise BakeError(f"The map will follow when {low.name!r}, which is its own high object, leaves Edit Mode.")
-        hidden = next(filter(subjects.hides_detail, highs), None)
+        hidden = next(filter(bake_objects.hides_detail, highs), None)
         if hidden is not None:
             raise BakeError(
                 f"The map will follow when {hidden.name!r} leaves Sculpt Mode, which keeps Multires detail."
@@ -89,7 +89,7 @@ class Session:
         with report.timed("extract"):
             before = None if changed is None else self._meshes
             changed = {uid for one in changed or () for uid in (one, *self._shown_by.get(one, ()))}
-            self._shown_by = subjects.shown_by(highs)
+            self._shown_by = bake_objects.shown_by(highs)
             meshes = reading.read_again(context, low, highs, cage, settings, before=before, changed=changed)
         self._meshes, report.uv_layer = meshes, meshes.uv_layer
         if not self._finishes or before is None or meshes.low is not before.low:
@@ -133,8 +133,8 @@ class Session:
         obj, mesh = found.get(uid, (None, None))
         if obj is None:  # deleted, or shown by instances, which are read as one mesh
             return True
-        with extract.evaluated(obj, bpy.context.evaluated_depsgraph_get()) as data:
-            return not np.array_equal(extract.points(data), mesh.positions)
+        with mesh_reader.evaluated(obj, bpy.context.evaluated_depsgraph_get()) as data:
+            return not np.array_equal(mesh_reader.points(data), mesh.positions)
 
     def run(self, context: bpy.types.Context, changed: Collection[int] | None = None) -> None:
         """All of `work`, at once."""

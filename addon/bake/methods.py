@@ -6,10 +6,10 @@ from dataclasses import replace
 
 from ..mesh import arrays
 from ..passes import batch
+from ..scene.reading import Meshes
 from . import agreement, casting, distances, sources
 from .errors import BakeError, few
 from .pace import Pace, Step, Work
-from .reading import Meshes
 from .report import Report
 from .settings import Settings
 

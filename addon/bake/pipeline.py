@@ -13,7 +13,8 @@ from ..mesh.arrays import Mesh
 from ..output import image_writer, materials
 from ..output.outputs import Outputs, check_apart, wanted
 from ..passes import target
-from . import atlas, audit, casting, finish, methods, naming, pace, reading, render, subjects
+from ..scene import bake_objects, reading
+from . import atlas, audit, casting, finish, methods, naming, pace, render
 from .band import bands
 from .errors import BakeError, few
 from .pace import Pace, Step, Work, part
@@ -37,7 +38,7 @@ class Job:
     """
 
     def __init__(self, low: bpy.types.Object, highs: Sequence[bpy.types.Object], cage: bpy.types.Object | None = None):
-        self.refs = [subjects.hold(obj) for obj in (low, *highs, *([cage] if cage else []))]
+        self.refs = [bake_objects.hold(obj) for obj in (low, *highs, *([cage] if cage else []))]
         self._has_cage = cage is not None
 
     @property
@@ -45,7 +46,7 @@ class Job:
         return self.refs[0].resolve()
 
     @property
-    def high_refs(self) -> list[subjects.ObjectRef]:
+    def high_refs(self) -> list[bake_objects.ObjectRef]:
         return self.refs[1 : len(self.refs) - self._has_cage]
 
     @property
@@ -64,7 +65,7 @@ class Job:
         found = [ref.resolve() for ref in self.refs]
         is_new = any(obj.session_uid != ref.uid for obj, ref in zip(found, self.refs, strict=True))
         if is_new:
-            self.refs = [subjects.hold(obj) for obj in found]
+            self.refs = [bake_objects.hold(obj) for obj in found]
         return is_new
 
     def report(self, settings: Settings) -> Report:
@@ -272,7 +273,7 @@ def check(context: bpy.types.Context, job: Job, settings: Settings) -> None:
     """Raise BakeError for what can be known before anything is read."""
     # Scripts link, move and bake without a redraw between: view layers and matrices lag behind until asked.
     context.view_layer.update()
-    reason = subjects.problem(context, job.low, job.highs, job.cage, settings.method)
+    reason = bake_objects.problem(context, job.low, job.highs, job.cage, settings.method)
     if reason:
         raise BakeError(reason)
     for own in wanted(settings).values():

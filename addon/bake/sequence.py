@@ -9,7 +9,8 @@ from pathlib import PurePath
 import bpy
 
 from ..output import datablocks, image_writer, materials, outputs
-from . import naming, pipeline, subjects
+from ..scene import bake_objects
+from . import naming, pipeline
 from .errors import BakeError
 from .pace import Pace, Step, Work, part
 from .pipeline import Job
@@ -73,7 +74,7 @@ def work(
                 reports += end.value
         yield Step("Storing", 1.0, finished=len(frames))
     finally:
-        if subjects.scene_of(scene) is not None:
+        if bake_objects.scene_of(scene) is not None:
             _go_to(scene, before)
         for own in outputs.wanted(plain).values():
             passing = datablocks.get(own.image)
@@ -85,7 +86,7 @@ def work(
 
 
 def _go_to(uid: int, frame: float) -> None:
-    scene = subjects.scene_of(uid)
+    scene = bake_objects.scene_of(uid)
     if scene is None:
         raise BakeError("The scene of the sequence was deleted: bring it back with Undo, or choose another one.")
     scene.frame_set(int(frame), subframe=frame - int(frame))

@@ -9,15 +9,15 @@ import gpu
 import numpy as np
 from mathutils.bvhtree import BVHTree
 
-from ..mesh import extract
 from ..mesh.arrays import Frame, Mesh, frame_of, gap, normal_matrix
 from ..output import quantize
 from ..passes import batch, deviation, lit, target
+from ..scene import mesh_reader
+from ..scene.reading import Meshes
 from . import agreement, finish
 from .band import BAND_TEXELS
 from .errors import BakeError
 from .live import Session
-from .reading import Meshes
 from .settings import Settings
 
 MODES = ("MAP", "SPLIT", "DEVIATION", "BARE_DEVIATION")
@@ -216,7 +216,7 @@ class Shading:
         if objects[0] is None or (with_highs and None in objects):
             return None
         shown = [mesh for mesh, obj in zip(shown, objects, strict=True) if obj is not None]
-        matrices = [extract.matrix(obj) for obj in objects if obj is not None]
+        matrices = [mesh_reader.matrix(obj) for obj in objects if obj is not None]
         if not all(np.isfinite(matrix).all() and np.linalg.det(matrix[:3, :3]) for matrix in matrices):
             return None
         places = [matrix.tobytes() for matrix in matrices]

@@ -5,19 +5,19 @@ import bpy
 import gpu
 import numpy as np
 
-from ..mesh import extract
 from ..passes import batch
 from ..passes.shell import draw
+from ..scene import mesh_reader
 
 __all__ = ["draw", "upload"]
 
 
 def upload(low: bpy.types.Object, depsgraph: bpy.types.Depsgraph, directions: str) -> gpu.types.GPUBatch:
     """The low mesh in world space with unit directions, as shell.draw wants it; directions as in Settings."""
-    to_world = extract.matrix(low)
-    with extract.evaluated(low, depsgraph) as data:
-        mesh = extract.surface(data, "", low.name, to_world)
-        away = mesh.to_world_normals(extract.directions(data, mesh, directions))
+    to_world = mesh_reader.matrix(low)
+    with mesh_reader.evaluated(low, depsgraph) as data:
+        mesh = mesh_reader.surface(data, "", low.name, to_world)
+        away = mesh.to_world_normals(mesh_reader.directions(data, mesh, directions))
     away /= np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-12)
     positions = mesh.positions[mesh.vertices] @ to_world[:3, :3].T + to_world[:3, 3]
     return batch.upload(mesh.triangles, position=positions.astype(np.float32), direction=away)

@@ -14,12 +14,13 @@ from pathlib import Path
 import bpy
 import gpu
 
-from ..bake import naming, pace, pipeline, sequence, subjects
+from ..bake import naming, pace, pipeline, sequence
 from ..bake.errors import BakeError, sentence
 from ..bake.pace import Step
 from ..bake.report import Report
 from ..bake.settings import Settings
 from ..output.atomic_file import check_writable, replacing, together
+from ..scene import bake_objects
 from . import arguments, interruption, mesh_import, run_clashes, standard_streams
 from .arguments import STDOUT
 from .mesh_import import Stage
@@ -286,9 +287,9 @@ def _jobs(options: argparse.Namespace, stage: Stage) -> tuple[list[pipeline.Job]
         stage.take()
     if options.pairs:
         return pipeline.jobs_by_name(bpy.context, options.suffixes)
-    low = subjects.named(options.low)
-    highs = [subjects.named(name) for name in options.high] or [low]
-    return [pipeline.Job(low, highs, subjects.named(options.cage) if options.cage else None)], []
+    low = bake_objects.named(options.low)
+    highs = [bake_objects.named(name) for name in options.high] or [low]
+    return [pipeline.Job(low, highs, bake_objects.named(options.cage) if options.cage else None)], []
 
 
 def _save(path: Path, maps: set[bpy.types.Image]) -> None:

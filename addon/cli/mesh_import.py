@@ -11,8 +11,8 @@ import bpy
 from ..bake.errors import BakeError
 from ..bake.pairs import Pair, Suffixes, match
 from ..bake.pipeline import Job
-from ..bake.visible import put
 from ..output.atomic_file import reason
+from ..scene.visibility import put
 from . import interruption, standard_streams
 
 IMPORTERS = {

@@ -4,9 +4,10 @@
 import bpy
 from bpy.props import EnumProperty, StringProperty
 
-from ..bake import flaws, selection
+from ..bake import flaws
 from ..bake.errors import BakeError
 from ..bake.report import Report
+from ..scene import face_selection
 from . import results
 from .viewport import progress_display, show_result
 
@@ -101,14 +102,14 @@ class IMPRINT_OT_select_flaws(_OfLastBake, bpy.types.Operator):
 
     def _apply(self, context: bpy.types.Context, report: Report) -> str:
         low, kind = flaws.of_low(report), self.kind.lower()
-        problem = selection.problem(low)
+        problem = face_selection.problem(low)
         if problem:
             raise BakeError(problem)
         found, is_edge = flaws.find(context, report, kind), kind in flaws.ON_EDGES
         which = "edge" if is_edge else "face"
         if not len(found):
             raise BakeError(f"No {which} of {low.name!r} has this flaw: {WORDS[kind][0].lower()}.")
-        selection.select(context, low, found, "EDGE" if is_edge else "FACE")
+        face_selection.select(context, low, found, "EDGE" if is_edge else "FACE")
         if self.options.is_invoke and context.window is not None:
             show_result.selection(context)
         many = len(found) > 1

@@ -6,10 +6,11 @@ from collections.abc import Callable
 
 import bpy
 
-from ..bake import live, pace, subjects
+from ..bake import live, pace
 from ..bake.errors import BakeError
 from ..bake.pipeline import Job
 from ..bake.settings import Settings
+from ..scene import bake_objects
 from . import sculpt_strokes
 from .viewport import progress_display
 
@@ -189,7 +190,7 @@ def every_time() -> bool:
 
 def _settings():
     """The settings of the scene in which live was switched on, whichever is shown; None where it is gone."""
-    scene = subjects.scene_of(_scene)
+    scene = bake_objects.scene_of(_scene)
     return scene and scene.imprint
 
 

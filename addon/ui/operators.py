@@ -6,10 +6,11 @@ import textwrap
 import bpy
 from bpy.props import CollectionProperty, IntProperty, StringProperty
 
-from ..bake import pace, pipeline, sequence, subjects
+from ..bake import pace, pipeline, sequence
 from ..bake.errors import BakeError
 from ..bake.report import Report
 from ..bake.settings import Settings
+from ..scene import bake_objects
 from . import live_mode, modal, results
 from .properties import Options
 from .viewport import cage_overlay, progress_display, show_result
@@ -65,13 +66,13 @@ class _OnePair(_Bake, Options):
     def _job(self, context: bpy.types.Context) -> tuple[pipeline.Job, Settings]:
         """What the arguments name, and the panel where they say nothing."""
         scene_settings = context.scene.imprint
-        low, highs = scene_settings.subjects(context, subjects.named(self.low) if self.low else None)
+        low, highs = scene_settings.subjects(context, bake_objects.named(self.low) if self.low else None)
         if self.high:
-            highs = [subjects.named(item.name) for item in self.high]
+            highs = [bake_objects.named(item.name) for item in self.high]
         if low is None:
-            raise BakeError(subjects.problem(context, low, highs))
+            raise BakeError(bake_objects.problem(context, low, highs))
         settings = self.to_settings(fallback=scene_settings)
-        cage = subjects.named(self.cage) if self.cage else scene_settings.cage_for(settings.method)
+        cage = bake_objects.named(self.cage) if self.cage else scene_settings.cage_for(settings.method)
         return pipeline.Job(low, highs, cage), settings
 
 
@@ -122,7 +123,7 @@ class IMPRINT_OT_live(modal.InSlices, bpy.types.Operator):
         settings = context.scene.imprint
         low, highs = settings.subjects(context)
         if low is None:
-            raise BakeError(subjects.problem(context, low, highs))
+            raise BakeError(bake_objects.problem(context, low, highs))
         plain = settings.to_settings()
         job = pipeline.Job(low, highs, settings.cage_for(plain.method))
         yield from live_mode.starting(context, job, plain, speed)
@@ -228,7 +229,7 @@ class IMPRINT_OT_use_selection(bpy.types.Operator):
         settings.low = context.active_object
         settings.highs.clear()
         for obj in context.view_layer.objects.selected:
-            if obj != settings.low and subjects.may_be_high(obj):
+            if obj != settings.low and bake_objects.may_be_high(obj):
                 settings.highs.add().object = obj
         return {"FINISHED"}
 

@@ -6,10 +6,11 @@ from functools import lru_cache
 
 import bpy
 
-from ..bake import pairs, subjects
+from ..bake import pairs
 from ..bake.errors import BakeError
 from ..bake.report import Report
 from ..output import image_writer
+from ..scene import bake_objects
 from . import live_mode, map_size, results
 from .presets import IMPRINT_PT_conventions
 from .properties import ImprintSettings
@@ -302,7 +303,7 @@ def _problem(
         settings.to_settings().check()
     except BakeError as error:
         return str(error)
-    return subjects.problem(context, low, highs, settings.cage_for(settings.method), settings.method)
+    return bake_objects.problem(context, low, highs, settings.cage_for(settings.method), settings.method)
 
 
 def _plan(low: bpy.types.Object, highs: list[bpy.types.Object], settings: ImprintSettings) -> list[str]:

@@ -15,9 +15,9 @@ from bpy.props import (
     StringProperty,
 )
 
-from ..bake import subjects, visible
 from ..bake.pairs import Suffixes
 from ..bake.settings import AXES, MAPS, MAX_MIPS, MAX_SIZE, MIN_SIZE, SAMPLES, Settings, parse_tiles, usual_depth
+from ..scene import bake_objects, visibility
 from . import results
 
 _USUAL = Settings()
@@ -271,7 +271,7 @@ def _is_mesh(_settings, obj: bpy.types.Object) -> bool:
 
 
 def _may_be_high(_settings, obj: bpy.types.Object) -> bool:
-    return subjects.may_be_high(obj)
+    return bake_objects.may_be_high(obj)
 
 
 class ImprintHigh(bpy.types.PropertyGroup):
@@ -364,8 +364,8 @@ class ImprintSettings(bpy.types.PropertyGroup, Options):
         """What counts as high where nothing is chosen."""
         last = results.of(context, low) if low is not None else None
         before = results.high_objects(last) if last is not None else []
-        own = subjects.own_highs(low)
-        is_hidden = before and not any(visible.is_visible(obj) for obj in before)
+        own = bake_objects.own_highs(low)
+        is_hidden = before and not any(visibility.is_visible(obj) for obj in before)
         return before if is_hidden or not own else own
 
     def cage_for(self, method: str) -> bpy.types.Object | None:

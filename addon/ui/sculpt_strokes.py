@@ -6,7 +6,8 @@ import time
 
 import bpy
 
-from ..bake import live, subjects
+from ..bake import live
+from ..scene import bake_objects
 
 ANSWER = 1.0
 """Seconds after Blender was asked in which what it tells of is no more than its own answer."""
@@ -36,7 +37,7 @@ class Strokes:
 
     def told_of(self, obj: bpy.types.Object) -> None:
         """Something about an object of the session is new."""
-        if not subjects.holds_strokes(bpy.context, obj) or time.monotonic() - self._asked > ANSWER:
+        if not bake_objects.holds_strokes(bpy.context, obj) or time.monotonic() - self._asked > ANSWER:
             self._note(obj)
 
     def moved(self, rest: float) -> set[int]:
@@ -52,7 +53,7 @@ class Strokes:
         return {uid for uid in told if self._session.is_moved(uid)}
 
     def _note(self, obj: bpy.types.Object) -> None:
-        if subjects.holds_strokes(bpy.context, obj):
+        if bake_objects.holds_strokes(bpy.context, obj):
             self._held.add(obj.session_uid)
             self._since = time.monotonic()
         elif obj.mode == "SCULPT":

@@ -5,8 +5,9 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.bake import pipeline, subjects
+from addon.bake import pipeline
 from addon.bake.settings import Settings
+from addon.scene import bake_objects
 from addon.ui import panels
 from tests.support import maps, zoo
 
@@ -75,7 +76,7 @@ def test_no_modifier_without_detail_writes_a_map_over(low, kind, from_slot):
         bpy.ops.imprint.bake()
     assert ("choose another high object" if from_slot else "select the high object too") in str(refused.value)
     np.testing.assert_array_equal(map_of_low(), before)
-    assert subjects.problem(bpy.context, *settings.subjects(bpy.context)) in str(refused.value)
+    assert bake_objects.problem(bpy.context, *settings.subjects(bpy.context)) in str(refused.value)
 
 
 @pytest.mark.parametrize(
@@ -92,18 +93,18 @@ def test_the_high_object_of_the_last_bake_counts_instead(low, kind):
 
 def test_auto_smooth_is_no_detail(low):
     auto_smooth(low)
-    assert subjects.own_highs(low) == []
+    assert bake_objects.own_highs(low) == []
 
 
 @pytest.mark.parametrize("nested", [False, True], ids=["plain", "nested"])
 def test_geometry_nodes_are_looked_into(low, nested):
     nodes(low, "GeometryNodeSetMaterial", "GeometryNodeInputPosition", nested=nested)
-    assert subjects.own_highs(low) == []
+    assert bake_objects.own_highs(low) == []
     low.modifiers.clear()
     nodes(low, "GeometryNodeSetMaterial", "GeometryNodeSetPosition", nested=nested)
-    assert subjects.own_highs(low) == [low]
+    assert bake_objects.own_highs(low) == [low]
     low.modifiers["Nodes"].node_group = None
-    assert subjects.own_highs(low) == []
+    assert bake_objects.own_highs(low) == []
 
 
 def test_a_group_that_holds_itself_ends():
@@ -112,7 +113,7 @@ def test_a_group_that_holds_itself_ends():
     obj.modifiers.new("Nodes", "NODES").node_group = tree
     for one, held in ((tree, other), (other, other)):
         one.nodes.new("GeometryNodeGroup").node_tree = held
-    assert subjects.own_highs(obj) == []
+    assert bake_objects.own_highs(obj) == []
 
 
 @pytest.mark.parametrize("kind", WITH_DETAIL)
@@ -120,9 +121,9 @@ def test_a_group_that_holds_itself_ends():
 def test_modifiers_with_detail_among_others(low, kind, other):
     low.modifiers.new("Other", other)
     low.modifiers.new("Detail", kind)
-    assert subjects.own_highs(low) == [low]
+    assert bake_objects.own_highs(low) == [low]
     low.modifiers["Detail"].show_viewport = low.modifiers["Detail"].show_render = False
-    assert subjects.own_highs(low) == []
+    assert bake_objects.own_highs(low) == []
 
 
 def test_subdivision_and_triangulate_bake_onto_their_base(low):

@@ -5,7 +5,7 @@ import bpy
 import pytest
 
 import addon
-from addon.bake import visible
+from addon.scene import visibility
 from addon.ui import live_mode
 from addon.ui.viewport import object_hiding, view_mode
 from tests.addon.test_preview import seen, view, viewport
@@ -231,14 +231,14 @@ def test_the_panel_in_that_viewport_still_knows_the_high_object(pair):
     shown()
     with bpy.context.temp_override(**viewport()):
         assert bpy.context.scene.imprint.subjects(bpy.context) == (pair[0], [pair[1]])
-        assert visible.is_visible(pair[1])
+        assert visibility.is_visible(pair[1])
         assert bpy.ops.imprint.view_refresh() == {"FINISHED"}
         assert bpy.ops.imprint.bake() == {"FINISHED"}
         bpy.context.scene.imprint.highs.clear()
         assert bpy.ops.imprint.use_selection() == {"FINISHED"}
     assert [slot.object for slot in bpy.context.scene.imprint.highs] == [pair[1]]
     pair[1].hide_set(True)
-    assert not visible.is_visible(pair[1])
+    assert not visibility.is_visible(pair[1])
 
 
 @pytest.mark.parametrize("leave", ["file", "extension"])

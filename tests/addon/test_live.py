@@ -12,7 +12,7 @@ import pytest
 import addon
 from addon.bake import pace, pipeline
 from addon.bake.settings import Settings
-from addon.mesh import extract
+from addon.scene import mesh_reader
 from addon.ui import live_mode
 from tests.support import zoo
 from tests.support.maps import pixels
@@ -650,11 +650,11 @@ def test_a_bake_from_sculpt_mode_has_the_normals_of_its_mesh(pair):
     """Those of before a stroke are still there when the mode is left."""
     _, high = pair
     enter_sculpt_mode(high)
-    extract.surface(high.data, "UVMap", "", np.eye(4))  # which makes them
+    mesh_reader.surface(high.data, "UVMap", "", np.eye(4))  # which makes them
     sculpt(high, 3)
     texels = fresh()
     copy = high.data.copy()
-    extract.derive_anew(copy)
+    mesh_reader.derive_anew(copy)
     bpy.ops.object.mode_set(mode="OBJECT")
     high.data = copy
     assert np.array_equal(texels, fresh())
@@ -745,7 +745,7 @@ def test_it_looks_for_its_objects_once_and_only_when_something_is_new(pair, monk
     follow()
     looked, look = [], live_mode._in_scenes
     monkeypatch.setattr(live_mode, "_in_scenes", lambda: (looked.append(1), look())[1])
-    monkeypatch.setattr(live_mode.subjects.ObjectRef, "resolve", lambda ref: pytest.fail(f"{ref.name} was looked for"))
+    monkeypatch.setattr(live_mode.bake_objects.ObjectRef, "resolve", lambda ref: pytest.fail(f"{ref.name} was looked for"))
     for _ in range(5):
         live_mode.tick()
     assert looked == []

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import bpy
 import pytest
 
-from addon.bake import subjects
+from addon.scene import bake_objects
 from addon.ui import panels, results
 from addon.ui.viewport import show_result
 from tests.support import zoo
@@ -246,7 +246,7 @@ def test_namesakes_of_high_objects_stay(baked, tmp_path):
     (linked,) = here.objects
     bpy.context.scene.collection.objects.link(linked)
     for own, other in ((high, linked), (linked, high)):
-        report = SimpleNamespace(high=["hi"], refs=[subjects.hold(low), subjects.hold(own)])
+        report = SimpleNamespace(high=["hi"], refs=[bake_objects.hold(low), bake_objects.hold(own)])
         show_result.hide_high(bpy.context, report, hide=True)
         assert (own.visible_get(), other.visible_get()) == (False, True)
         show_result.hide_high(bpy.context, report, hide=False)

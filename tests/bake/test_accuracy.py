@@ -12,7 +12,8 @@ from addon.bake import pace, render, sources
 from addon.bake.finish import all_of
 from addon.bake.report import Report
 from addon.bake.settings import Settings
-from addon.mesh import arrays, extract
+from addon.mesh import arrays
+from addon.scene import mesh_reader
 from tests.support import angles, cycles, maps
 
 pytestmark = pytest.mark.shared
@@ -119,8 +120,8 @@ def folds(low):
 
     Cycles takes such a texel for a back face and turns the normal round: no map can help a folded sliver.
     """
-    with extract.evaluated(low, bpy.context.evaluated_depsgraph_get()) as data:
-        mesh = extract.surface(data, data.uv_layers.active.name, low.name, extract.matrix(low))
+    with mesh_reader.evaluated(low, bpy.context.evaluated_depsgraph_get()) as data:
+        mesh = mesh_reader.surface(data, data.uv_layers.active.name, low.name, mesh_reader.matrix(low))
     corners = mesh.positions[mesh.vertices[mesh.triangles]] @ mesh.to_world[:3, :3].T
     face = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     face *= np.sign(np.linalg.det(mesh.to_world[:3, :3]))  # a mirror turns the winding, not the outside

@@ -12,9 +12,10 @@ import mathutils
 import numpy as np
 import pytest
 
-from addon.bake import pipeline, reading, subjects
+from addon.bake import pipeline
 from addon.bake.errors import BakeError
 from addon.bake.settings import Settings
+from addon.scene import bake_objects, reading
 from scripts import imprint
 from tests.support import maps, zoo
 from tests.support.snapshot import difference, snapshot
@@ -432,7 +433,7 @@ def test_instances_on_its_own_base_are_not_taken_to_share_its_uvs(is_single):
         (join.outputs[0], goes),
     ):
         tree.links.new(one, other)
-    assert subjects.own_highs(plane) == [plane]
+    assert bake_objects.own_highs(plane) == [plane]
     report = auto(plane, plane)
     assert report.method == "CAST"
     assert ("10 instances" in report.why) != is_single

@@ -8,7 +8,7 @@ import pytest
 
 from addon.bake import pipeline
 from addon.bake.settings import Settings
-from addon.mesh import extract
+from addon.scene import mesh_reader
 from tests.support import maps, zoo
 from tests.support.snapshot import difference, snapshot
 
@@ -287,7 +287,7 @@ def test_what_goes_wrong_on_the_way_leaves_all_as_before(pair, monkeypatch, erro
     enter("EDIT", low)
     low.hide_viewport = True
     before = snapshot()
-    monkeypatch.setattr(extract, "surface", fail)
+    monkeypatch.setattr(mesh_reader, "surface", fail)
     with pytest.raises(error):
         pipeline.bake(bpy.context, low, [low], Settings(width=16, height=16))
     assert difference(before, snapshot()) == {}

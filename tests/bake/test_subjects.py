@@ -6,9 +6,10 @@ import mathutils
 import numpy as np
 import pytest
 
-from addon.bake import pipeline, subjects
+from addon.bake import pipeline
 from addon.bake.errors import BakeError
 from addon.bake.settings import Settings
+from addon.scene import bake_objects
 from tests.support import angles, maps, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -37,7 +38,7 @@ def base(obj):
 
 def problem(low, *highs):
     bpy.context.view_layer.update()  # as it has been when a panel is drawn
-    return subjects.problem(bpy.context, low, highs)
+    return bake_objects.problem(bpy.context, low, highs)
 
 
 # Names and reasons
@@ -45,7 +46,7 @@ def problem(low, *highs):
 
 def test_an_object_is_found_by_its_name():
     cube = zoo.cube("Cube")
-    assert subjects.named("Cube") == cube
+    assert bake_objects.named("Cube") == cube
 
 
 @pytest.mark.parametrize(("typo", "hint"), [("Kube", "did you mean 'Cube'?"), ("xyz", "it has 2 objects.")])
@@ -53,7 +54,7 @@ def test_a_name_that_is_not_there_gets_a_hint(typo, hint):
     zoo.cube("Cube")
     zoo.plane("Plane")
     with pytest.raises(BakeError) as refused:
-        subjects.named(typo)
+        bake_objects.named(typo)
     assert repr(typo) in str(refused.value)
     assert hint in str(refused.value)
 

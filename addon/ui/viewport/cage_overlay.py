@@ -4,16 +4,17 @@
 import bpy
 import gpu
 
-from ...bake import shells, subjects
+from ...bake import shells
 from ...bake.errors import BakeError
+from ...scene import bake_objects
 
 OUTER, INNER = (0.1, 0.45, 1.0, 0.25), (1.0, 0.45, 0.1, 0.25)
 """Colours of where rays start and where they end."""
 
 _handle = None
-_wanted: tuple[subjects.ObjectRef, str] | None = None
+_wanted: tuple[bake_objects.ObjectRef, str] | None = None
 """The low object and the directions whose shells were asked for when a view was last drawn."""
-_uploaded: tuple[tuple[subjects.ObjectRef, str], gpu.types.GPUBatch | None] | None = None
+_uploaded: tuple[tuple[bake_objects.ObjectRef, str], gpu.types.GPUBatch | None] | None = None
 """What was wanted when the low mesh was last read, and that mesh; None in its place where it cannot be read."""
 _is_outdated = False
 """Whether the low mesh has changed since."""
@@ -88,7 +89,7 @@ def catch_up() -> None:
 def _ready(low: bpy.types.Object, directions: str) -> gpu.types.GPUBatch | None:
     """The low mesh as it was last read, to be read anew where that is not it; None where it was not read yet."""
     global _wanted  # noqa: PLW0603 - see _on_undo
-    _wanted = subjects.hold(low), directions
+    _wanted = bake_objects.hold(low), directions
     is_it = _uploaded is not None and (_uploaded[0][0].uid, _uploaded[0][1]) == (low.session_uid, directions)
     if (not is_it or _is_outdated) and not bpy.app.timers.is_registered(catch_up):
         bpy.app.timers.register(catch_up, first_interval=0.0)

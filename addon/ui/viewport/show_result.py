@@ -3,8 +3,8 @@
 
 import bpy
 
-from ...bake import visible
 from ...bake.report import Report
+from ...scene import visibility
 from .. import results
 
 
@@ -63,7 +63,7 @@ def hide_high(context: bpy.types.Context, report: Report, hide: bool) -> None:
 
 def hides_high(report: Report) -> bool:
     """Whether no high object of a bake is to be seen."""
-    return not any(visible.is_visible(obj) for obj in results.high_objects(report))
+    return not any(visibility.is_visible(obj) for obj in results.high_objects(report))
 
 
 def selection(context: bpy.types.Context) -> None:

@@ -8,9 +8,10 @@ from bpy.props import EnumProperty, FloatProperty, PointerProperty
 from gpu_extras.batch import batch_for_shader
 
 from ...bake import live as sessions
-from ...bake import pace, pipeline, shading, subjects
+from ...bake import pace, pipeline, shading
 from ...bake.errors import BakeError
 from ...bake.settings import Settings
+from ...scene import bake_objects
 from .. import live_mode, modal
 from ..panels import paragraphs
 from . import object_hiding, progress_display, viewport_text
@@ -158,7 +159,7 @@ def _drawn_map(context: bpy.types.Context, speed: pace.Pace) -> pace.Work[tuple[
     settings = context.scene.imprint
     low, highs = settings.subjects(context)
     if low is None:
-        raise BakeError(subjects.problem(context, low, highs))
+        raise BakeError(bake_objects.problem(context, low, highs))
     plain = settings.to_settings()
     job = pipeline.Job(low, highs, settings.cage_for(plain.method))
     session = sessions.Session(context, job, shading.settings_for(plain), speed)

@@ -4,15 +4,14 @@
 import bpy
 import numpy as np
 
-from ..mesh import extract
-from . import visible
+from . import mesh_reader, visibility
 
 
 def problem(obj: bpy.types.Object) -> str:
     """Why faces of `obj` cannot be selected, as a sentence; empty when they can."""
     if not (obj.is_editable and obj.data.is_editable):
         return f"{obj.name!r} is linked from another file: make it local, so that its faces can be selected."
-    if not visible.is_visible(obj):
+    if not visibility.is_visible(obj):
         return f"{obj.name!r} is hidden: show it, so that its faces can be selected."
     return ""
 
@@ -27,7 +26,7 @@ def select(context: bpy.types.Context, obj: bpy.types.Object, chosen: np.ndarray
     layer.objects.active = obj
     obj.select_set(True)
     _leave_mode(obj)
-    for name, indices in extract.elements(obj.data, chosen, domain).items():
+    for name, indices in mesh_reader.elements(obj.data, chosen, domain).items():
         elements = getattr(obj.data, name)
         flags = np.zeros(len(elements), bool)
         flags[indices] = True

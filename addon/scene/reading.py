@@ -7,14 +7,13 @@ from dataclasses import dataclass, replace
 import bpy
 import numpy as np
 
-from ..mesh import extract
+from ..bake.casting import check_cage
+from ..bake.errors import BakeError
+from ..bake.settings import Settings
 from ..mesh.arrays import Mesh, frame_of
-from . import subjects, visible
-from .casting import check_cage
-from .errors import BakeError
-from .highs import Reader
-from .highs import uv_layer as uv_layer_of
-from .settings import Settings
+from . import bake_objects, mesh_reader, visibility
+from .high_reader import Reader
+from .high_reader import uv_layer as uv_layer_of
 
 SMALLEST, LARGEST = 5e-9, 1e9
 """Radius of a mesh, the first for each square root of its triangles' number. Blender takes the cross product of two edges
@@ -52,7 +51,7 @@ def read(
     settings: Settings,
 ) -> Meshes:
     """Evaluate and read all objects. Raises BakeError for what only shows then: faces, UV layers, the cage's topology."""
-    with subjects.ready(context, low, highs, cage, settings.modifiers) as depsgraph:
+    with bake_objects.ready(context, low, highs, cage, settings.modifiers) as depsgraph:
         return _read(depsgraph, low, highs, cage, settings)
 
 
@@ -70,10 +69,10 @@ def read_again(
 
     Those whose session_uid is not in `changed` are taken from `before`, which came from the same objects and settings.
     """
-    out = next((obj for obj in (low, *highs, cage) if obj and not visible.is_followed(context, obj)), None)
+    out = next((obj for obj in (low, *highs, cage) if obj and not visibility.is_followed(context, obj)), None)
     if out is not None:
         raise BakeError(f"{out.name!r} is hidden in viewports, which the map follows: show it, or its collection.")
-    with subjects.instances_shown(context, highs) as depsgraph:
+    with bake_objects.instances_shown(context, highs) as depsgraph:
         if before is None or {low.session_uid, cage and cage.session_uid}.intersection(changed):
             meshes = _read(depsgraph, low, highs, cage, settings)
         else:
@@ -81,7 +80,7 @@ def read_again(
             read = dict(zip(new, Reader(depsgraph, before.uv_layer, settings).read(new), strict=True))
             meshes = replace(before, highs=[read.get(number, mesh) for number, mesh in enumerate(before.highs)])
             _check_triangles(meshes.highs)
-    if meshes.is_own_base and subjects.smooths_uvs(low):
+    if meshes.is_own_base and bake_objects.smooths_uvs(low):
         meshes = _with_kept_uvs(context, low, settings, meshes, before)
     return meshes
 
@@ -100,7 +99,7 @@ def _with_kept_uvs(
     if known is not None and known.uv.shape == shown.uv.shape and np.array_equal(known.uv, shown.uv):
         uv = before.highs[0].uv
     else:
-        with subjects.kept_uvs(context, low) as depsgraph:
+        with bake_objects.kept_uvs(context, low) as depsgraph:
             uv = Reader(depsgraph, meshes.uv_layer, settings).read({1: low})[0].uv
     return replace(meshes, highs=[replace(shown, uv=uv)], shown=shown)
 
@@ -113,12 +112,12 @@ def _read(
     settings: Settings,
 ) -> Meshes:
     is_own_base = low in highs
-    with extract.base(low) if is_own_base else extract.evaluated(low, depsgraph) as data:
+    with mesh_reader.base(low) if is_own_base else mesh_reader.evaluated(low, depsgraph) as data:
         uv_layer = uv_layer_of(low.name, data, settings.uv_layer)
-        to_world = extract.matrix(low)
-        low_mesh = extract.surface(data, uv_layer, low.name, to_world, with_faces=True)
-        directions = extract.directions(data, low_mesh, settings.directions)
-        basis = extract.with_tangents(data, uv_layer, low.name, to_world) if settings.space == "TANGENT" else None
+        to_world = mesh_reader.matrix(low)
+        low_mesh = mesh_reader.surface(data, uv_layer, low.name, to_world, with_faces=True)
+        directions = mesh_reader.directions(data, low_mesh, settings.directions)
+        basis = mesh_reader.with_tangents(data, uv_layer, low.name, to_world) if settings.space == "TANGENT" else None
         cage_mesh = cage and _cage(cage, depsgraph, low_mesh, len(data.polygons))
     reader = Reader(depsgraph, uv_layer, settings)
     high_meshes = reader.read(dict(enumerate(highs, start=1)))
@@ -154,7 +153,7 @@ def _check_size(mesh: Mesh) -> None:
 
 
 def _cage(cage: bpy.types.Object, depsgraph: bpy.types.Depsgraph, low: Mesh, low_faces: int) -> Mesh:
-    with extract.evaluated(cage, depsgraph) as data:
-        mesh = extract.surface(data, "", cage.name, extract.matrix(cage))
+    with mesh_reader.evaluated(cage, depsgraph) as data:
+        mesh = mesh_reader.surface(data, "", cage.name, mesh_reader.matrix(cage))
         check_cage(low, mesh, (low_faces, len(data.polygons)))
     return mesh

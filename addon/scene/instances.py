@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterator, Sequence
 import bpy
 import numpy as np
 
-from .copies import Part, standing
-from .extract import Mesh
+from ..mesh.copies import Part, standing
+from .mesh_reader import Mesh
 
 SURFACES = {"CURVE", "SURFACE", "FONT", "META"}
 """Types of objects, beside meshes, that Blender makes meshes of."""

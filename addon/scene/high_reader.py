@@ -7,11 +7,12 @@ from dataclasses import dataclass, field, replace
 import bpy
 import numpy as np
 
-from ..mesh import copies, extract, instances
+from ..bake.errors import BakeError
+from ..bake.settings import Settings
+from ..mesh import copies
 from ..mesh.arrays import Mesh
 from ..mesh.copies import Part
-from .errors import BakeError
-from .settings import Settings
+from . import instances, mesh_reader
 
 MOST = 200_000_000
 """Triangles of one high object with its instances: more would not fit in any computer's memory, or on a GPU."""
@@ -43,10 +44,10 @@ class Reader:
 
     def _whole(self, number: int, high: bpy.types.Object, parts: Sequence[Part]) -> Mesh:
         """What `high` shows itself and by its instances."""
-        to_world = extract.matrix(high)
+        to_world = mesh_reader.matrix(high)
         own = None
         if instances.shows_itself(high, for_render=self.settings.modifiers == "RENDER"):
-            with extract.evaluated(high, self.depsgraph) as data:
+            with mesh_reader.evaluated(high, self.depsgraph) as data:
                 if data.polygons or not parts:
                     own = self._mesh(number, high.name, high, data, to_world)
         if not parts:
@@ -70,14 +71,14 @@ class Reader:
         if method == "FLATTEN" or (method == "AUTO" and data.uv_layers):
             # The layer of the same name is the shared one; else the one that the artist sees in the UV editor.
             layer = uv_layer(name, data, self.low_layer if self.low_layer in data.uv_layers else "")
-        mesh = extract.surface(
+        mesh = mesh_reader.surface(
             data, layer, name, to_world, is_laid_flat=method == "FLATTEN", with_faces=bool(self.settings.maps)
         )
         return self._labelled(mesh, number, obj, data) if self.settings.maps else mesh
 
     def _labelled(self, mesh: Mesh, number: int, obj: bpy.types.Object, data: bpy.types.Mesh) -> Mesh:
         """`mesh` with the numbers of its high object and of its materials as labels."""
-        indices, names = extract.materials(obj, data, mesh)
+        indices, names = mesh_reader.materials(obj, data, mesh)
         numbers = np.array([self.materials.setdefault(name or "none", len(self.materials) + 1) for name in names])
         labels = np.stack([np.full(len(indices), number), numbers[indices]], axis=1).astype(np.float32)
         return replace(mesh, labels=labels)

@@ -5,7 +5,7 @@ from contextlib import ExitStack
 
 import bpy
 
-from .errors import BakeError
+from ..bake.errors import BakeError
 
 
 def put(owner: bpy.types.bpy_struct, name: str, value: object, restore: ExitStack) -> None:

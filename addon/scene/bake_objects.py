@@ -10,9 +10,8 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
-from ..mesh import instances
-from . import detail, modes, visible
-from .errors import BakeError
+from ..bake.errors import BakeError
+from . import detail_modifiers, instances, object_modes, visibility
 
 MAX_CONDITION = 1e7
 """Matrices are in single precision: beyond this ratio of scales their shortest axis is no more than rounding."""
@@ -104,8 +103,8 @@ def problem(
             return f"{low.name!r} is the low object and one of several high ones: take it out of the high ones."
         if not low.modifiers:
             return f"{low.name!r} is both high and low and has no modifiers: choose another high object, or add some."
-        if not detail.is_added(low):
-            return f"{low.name!r} is both high and low, {detail.without(low)}: choose another high object."
+        if not detail_modifiers.is_added(low):
+            return f"{low.name!r} is both high and low, {detail_modifiers.without(low)}: choose another high object."
     for obj in (low, *highs, *([cage] if cage else [])):
         needs_uv = obj == low or (obj in highs and method == "FLATTEN")
         reason = _mesh_problem(obj, evaluated=low not in highs, needs_uv=needs_uv)
@@ -118,12 +117,12 @@ def problem(
 
 def own_highs(low: bpy.types.Object | None) -> list[bpy.types.Object]:
     """The high objects of `low` where no others are named: itself, if it has modifiers that add detail."""
-    return [low] if low is not None and detail.is_added(low) else []
+    return [low] if low is not None and detail_modifiers.is_added(low) else []
 
 
 def _no_high(low: bpy.types.Object) -> str:
-    if low.modifiers and not detail.is_added(low):
-        return f"No high object for {low.name!r}, {detail.without(low)}: select the high object too, {low.name!r} last."
+    if low.modifiers and not detail_modifiers.is_added(low):
+        return f"No high object for {low.name!r}, {detail_modifiers.without(low)}: select the high object too, {low.name!r} last."
     return f"No high object for {low.name!r}: select one as well, or give {low.name!r} modifiers that add detail."
 
 
@@ -206,9 +205,9 @@ def ready(
     objects = list(dict.fromkeys((low, *highs, *([cage] if cage else []))))
     with ExitStack() as restore:
         for obj in objects:
-            visible.reveal(context, obj, restore)
+            visibility.reveal(context, obj, restore)
         read = [*objects, *_instanced(context, [high for high in highs if instances.shows_more(high)], objects)]
-        modes.leave(context.view_layer, {obj.data for obj in read if obj.data}, restore)
+        object_modes.leave(context.view_layer, {obj.data for obj in read if obj.data}, restore)
         for obj in read:
             if obj.data and getattr(obj.data, "is_editmode", False):
                 raise BakeError(f"The mesh of {obj.name!r} is in Edit Mode outside this view layer: leave it there.")
@@ -282,13 +281,13 @@ def kept_uvs(context: bpy.types.Context, obj: bpy.types.Object) -> Iterator[bpy.
 
 def _set_for_render(obj: bpy.types.Object, restore: ExitStack) -> None:
     for modifier in obj.modifiers:
-        visible.put(modifier, "show_viewport", modifier.show_render, restore)
+        visibility.put(modifier, "show_viewport", modifier.show_render, restore)
         if modifier.type in SUBDIVIDING:
-            visible.put(modifier, "levels", modifier.render_levels, restore)
+            visibility.put(modifier, "levels", modifier.render_levels, restore)
 
 
 def _keep_uvs(obj: bpy.types.Object, restore: ExitStack) -> None:
     # Subdivision smooths UVs as well: the detail would be drawn beside the place where the base mesh looks for it.
     for modifier in obj.modifiers:
         if modifier.type in SUBDIVIDING:
-            visible.put(modifier, "uv_smooth", "NONE", restore)
+            visibility.put(modifier, "uv_smooth", "NONE", restore)

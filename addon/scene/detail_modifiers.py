@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import bpy
 
-from .errors import few
+from ..bake.errors import few
 
 ADDING = {
     "BEVEL",

@@ -5,8 +5,7 @@ from contextlib import ExitStack
 
 import bpy
 
-from ..mesh import extract
-from . import visible
+from . import mesh_reader, visibility
 
 
 def leave(layer: bpy.types.ViewLayer, meshes: set[bpy.types.Mesh], restore: ExitStack) -> None:
@@ -26,13 +25,13 @@ def leave(layer: bpy.types.ViewLayer, meshes: set[bpy.types.Mesh], restore: Exit
         obj.select_set(False)
     for obj in leaving:
         # Hidden objects are not let out of their modes, nor into them.
-        visible.put(obj, "hide_viewport", False, restore)
+        visibility.put(obj, "hide_viewport", False, restore)
         restore.callback(_switch, layer, obj, obj.mode)
     for obj in leaving:
         was_sculpted = obj.mode == "SCULPT"
         _switch(layer, obj, "OBJECT")
         if was_sculpted:
-            extract.derive_anew(obj.data)
+            mesh_reader.derive_anew(obj.data)
 
 
 def _switch(layer: bpy.types.ViewLayer, obj: bpy.types.Object, mode: str) -> None:
