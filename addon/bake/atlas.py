@@ -7,11 +7,12 @@ from dataclasses import replace
 import bpy
 import numpy as np
 
+from ..audit import checks, severity
 from ..mesh.arrays import Mesh
 from ..output.outputs import Outputs
 from ..passes import resolve, target
 from ..scene.reading import Meshes
-from . import audit, finish, pace, severity
+from . import finish, pace
 from .render import Renderer
 from .report import Report
 from .settings import Settings
@@ -51,7 +52,7 @@ class Atlas:
 
     def store(self, lows: Sequence[bpy.types.Object], reports: Sequence[Report]) -> None:
         """Add the margin, and put the maps where the settings want them."""
-        tally, last = audit.Tally(), reports[-1]
+        tally, last = checks.Tally(), reports[-1]
         with last.in_total(), Outputs(self.settings) as outputs:
             finishes = finish.all_of(self.lows, self.settings)
             try:

@@ -7,14 +7,15 @@ from dataclasses import dataclass, replace
 import bpy
 import numpy as np
 
+from ..audit import mip_gaps
+from ..audit.checks import uv_space
 from ..mesh import arrays, layout, seams
 from ..mesh import faces as mesh_faces
 from ..output import image_writer
 from ..passes import batch, faces, overlap, target
 from ..scene import bake_objects, mesh_reader, reading
 from ..scene.reading import Meshes
-from . import apart, casting, gaps, methods, pace, pipeline, render
-from .audit import uv_space
+from . import apart, casting, methods, pace, pipeline, render
 from .band import Band
 from .errors import BakeError
 from .report import Report
@@ -166,9 +167,9 @@ def _apart(view: _View, kind: str, bands: list[Band]) -> Iterator[tuple[Band, np
 
 def _close(view: _View) -> Iterator[np.ndarray]:
     """Tile by tile, the texels (height, width) bool that lie too close to another island or to the border."""
-    sparse = gaps.grid(view.settings, gaps.MOST)
+    sparse = mip_gaps.grid(view.settings, mip_gaps.MOST)
     columns, rows = sparse.steps
-    for found in gaps.find(view.meshes.low, view.report.tiles, view.settings, sparse, overlaps=True):
+    for found in mip_gaps.find(view.meshes.low, view.report.tiles, view.settings, sparse, overlaps=True):
         close = np.repeat(np.repeat(found.close | found.border, rows, axis=0), columns, axis=1)
         yield close[: view.settings.height, : view.settings.width]
 

@@ -8,13 +8,14 @@ import bpy
 import gpu
 import numpy as np
 
+from ..audit import checks
 from ..mesh import arrays
 from ..mesh.arrays import Mesh
 from ..output import image_writer, materials
 from ..output.outputs import Outputs, check_apart, wanted
 from ..passes import target
 from ..scene import bake_objects, reading
-from . import atlas, audit, casting, finish, methods, naming, pace, render
+from . import atlas, casting, finish, methods, naming, pace, render
 from .band import bands
 from .errors import BakeError, few
 from .pace import Pace, Step, Work, part
@@ -180,7 +181,7 @@ class _Bake:
 
     def __init__(self, job: Job, settings: Settings, report: Report, speed: Pace):
         self.job, self.settings, self.report, self.pace = job, settings, report, speed
-        self.tally = audit.Tally()
+        self.tally = checks.Tally()
         self.meshes: reading.Meshes | None = None
         self.tiles: list[int] = []
 
@@ -195,7 +196,7 @@ class _Bake:
                     maps = yield from part(renderer.texels(tile, finishes), *self._share(number))
                     texels, state = maps["NORMAL"]
                     is_tangent = settings.space == "TANGENT"
-                    upwards = finish.upwards(texels[audit.SOME], settings) if is_tangent else None
+                    upwards = finish.upwards(texels[checks.SOME], settings) if is_tangent else None
                     lost = finish.backwards(texels, state, settings) if is_tangent else 0
                     self.tally.add(state, upwards, lost)
                     with report.timed("image"):
@@ -217,7 +218,7 @@ class _Bake:
                 drawn[tile] = yield from part(renderer.raw(tile), *self._share(number))
                 normals = drawn[tile]["NORMAL"]
                 is_tangent = self.settings.space == "TANGENT"
-                upwards = 0.5 * normals[audit.SOME][..., 2] if is_tangent else None
+                upwards = 0.5 * normals[checks.SOME][..., 2] if is_tangent else None
                 lost = np.count_nonzero((normals[..., 2] <= 0.0) & (normals[..., 3] > 0.0)) if is_tangent else 0
                 self.tally.add(atlas.state(normals), upwards, int(lost))
             self._tell(renderer.source.shot)
@@ -247,7 +248,7 @@ class _Bake:
     def _tell(self, shot: casting.Shot | None) -> None:
         if not self.tally.written:
             raise BakeError(methods.nothing_drawn(self.meshes, self.tiles, self.report))
-        audit.tell(self.meshes, self.tally, self.tiles, self.settings, self.report, shot=shot)
+        checks.tell(self.meshes, self.tally, self.tiles, self.settings, self.report, shot=shot)
 
 
 def _tiles(low: Mesh, settings: Settings) -> list[int]:

@@ -7,7 +7,8 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.bake import apart, audit, flaws, pipeline
+from addon.audit import checks
+from addon.bake import apart, flaws, pipeline
 from addon.bake.errors import BakeError
 from addon.bake.report import Report
 from addon.bake.settings import Settings
@@ -373,9 +374,9 @@ def test_large_maps_are_looked_at_in_bands(monkeypatch):
 
 
 def test_of_a_map_larger_than_the_probe_every_other_texel_is_counted():
-    report = bake(tiles("lo", (0, 0, 0.5, 1), (0.25, 0, 0.5, 1)), zoo.plane("hi"), size=(2 * audit.PROBE, 16))
-    assert part(report.checks["overlap"], *TEXELS) == counted(audit.PROBE // 4 * 16, audit.PROBE // 2 * 16)
-    assert mask(report, "overlap").sum() == audit.PROBE // 2 * 16
+    report = bake(tiles("lo", (0, 0, 0.5, 1), (0.25, 0, 0.5, 1)), zoo.plane("hi"), size=(2 * checks.PROBE, 16))
+    assert part(report.checks["overlap"], *TEXELS) == counted(checks.PROBE // 4 * 16, checks.PROBE // 2 * 16)
+    assert mask(report, "overlap").sum() == checks.PROBE // 2 * 16
 
 
 # Objects as they are now

@@ -7,7 +7,8 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.bake import audit, casting, pace, pipeline, report
+from addon.audit import checks
+from addon.bake import casting, pace, pipeline, report
 from addon.bake.pace import Pace
 from addon.bake.settings import Settings
 from addon.passes import cast, target
@@ -78,7 +79,7 @@ def test_probes_for_distances_and_checks_are_sliced_as_well(slow):
     # Both ways for the distances, then the map, then the checks' look at some of its texels.
     starts = [rows.start for rows in slow].count(0)
     assert starts == 4
-    assert max(map(len, slow)) == Pace.FIRST < audit.PROBE
+    assert max(map(len, slow)) == Pace.FIRST < checks.PROBE
 
 
 @pytest.mark.usefixtures("gpu_context")

@@ -5,7 +5,8 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.bake import flaws, gaps, pipeline, severity
+from addon.audit import mip_gaps, severity
+from addon.bake import flaws, pipeline
 from addon.bake.settings import Settings
 from tests.bake.test_audit import QUARTERS, bake, faces, mask, part, tiles
 from tests.support import zoo
@@ -154,7 +155,7 @@ def test_pieces_of_one_island_that_a_file_parted_are_not_close():
 @pytest.mark.parametrize("size", [(1024, 64), (64, 2048), (4096, 2048)])
 def test_of_a_large_map_two_texels_on_each_gap_are_looked_at(size):
     for mips in (1, 3):
-        sparse = gaps.grid(Settings(width=size[0], height=size[1], mips=mips))
+        sparse = mip_gaps.grid(Settings(width=size[0], height=size[1], mips=mips))
         assert max(sparse.steps) <= 2 ** (mips - 1)
 
 

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from addon.bake import audit
+from addon.audit import checks
 from addon.mesh import arrays
 from addon.mesh.arrays import Mesh
 from addon.passes import batch, overlap, target
@@ -28,7 +28,7 @@ def laid_out(uv, triangles):
 
 def overlap_share(low, size):
     """Share of the texels under `low` that two or more of its triangles share."""
-    counts = next(audit.covering(low, size))
+    counts = next(checks.covering(low, size))
     return np.count_nonzero(counts > 1) / np.count_nonzero(counts)
 
 
@@ -71,7 +71,7 @@ def test_random_triangles_seed_4():
 
 
 @pytest.mark.parametrize(
-    "size", [(audit.PROBE, 8), (2 * audit.PROBE, 8), (3 * audit.PROBE - 1, 5), (7, audit.PROBE + 1)]
+    "size", [(checks.PROBE, 8), (2 * checks.PROBE, 8), (3 * checks.PROBE - 1, 5), (7, checks.PROBE + 1)]
 )
 @pytest.mark.parametrize("tile", [1001, 1013])
 def test_what_is_looked_at_of_a_large_map_are_its_own_texels_seed_9(size, tile):
@@ -81,9 +81,9 @@ def test_what_is_looked_at_of_a_large_map_are_its_own_texels_seed_9(size, tile):
     drawn, all_of_them = target.get("test", *size, "R16F"), np.empty(size[::-1], np.float32)
     overlap.draw(drawn, batch.upload(low.triangles, uv=low.uv), target.window(tile))
     drawn.read(all_of_them)
-    some = next(audit.covering(low, size, [tile]))
-    assert max(some.shape) <= audit.PROBE
-    columns, rows = audit.probed(size).steps
+    some = next(checks.covering(low, size, [tile]))
+    assert max(some.shape) <= checks.PROBE
+    columns, rows = checks.probed(size).steps
     truth = all_of_them[::rows, ::columns]
     assert some.shape == truth.shape
     # Rasterisers round corners to a part of a texel, and texels are larger where fewer are drawn.
@@ -101,7 +101,7 @@ def test_of_a_large_map_every_second_texel_is_looked_at_in_its_middle(column):
     """A triangle pair over the middle half of one column of texels: the even ones are looked at."""
     left, right = (column + 0.25) / 2048, (column + 0.75) / 2048
     low = laid_out([(left, 0), (right, 0), (right, 1), (left, 1)], HALVES)
-    counts = next(audit.covering(low, (2048, 64)))
+    counts = next(checks.covering(low, (2048, 64)))
     assert counts.shape == (64, 1024)
     assert (counts[:, column // 2] == 1.0).all()
     assert np.count_nonzero(counts) == 64

@@ -6,15 +6,16 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from ..bake import agreement, apart, casting
+from ..bake.errors import few
+from ..bake.report import Report
+from ..bake.settings import Settings
 from ..mesh import arrays, faces, layout, seams
 from ..mesh.arrays import Mesh
 from ..passes import batch, overlap, resolve, target
 from ..scene.reading import Meshes
-from . import agreement, apart, casting, gaps, severity
-from .errors import few
-from .report import Report
-from .settings import Settings
-from .sparse import Sparse, at_most
+from . import mip_gaps, severity
+from .sparse_maps import Sparse, at_most
 
 TURNED_AWAY = 0.5
 """Share of normals that may point into the low mesh without a warning."""
@@ -160,11 +161,11 @@ def _tell_of_texels(meshes: Meshes, tally: Tally, tiles: Sequence[int], settings
 def _tell_of_gaps(meshes: Meshes, tiles: Sequence[int], settings: Settings, report: Report) -> None:
     close = covered = border = 0
     overlaps = report.overlap > severity.MUCH_OVERLAP
-    for found in gaps.find(meshes.low, tiles, settings, gaps.grid(settings), overlaps=overlaps):
+    for found in mip_gaps.find(meshes.low, tiles, settings, mip_gaps.grid(settings), overlaps=overlaps):
         covered += int(np.count_nonzero(found.covered))
         close += int(np.count_nonzero(found.close | found.border))
         border += int(np.count_nonzero(found.border))
-    report.checks["gaps"] = _share(close, covered) | {"border": border, "needed": gaps.needed(settings)}
+    report.checks["gaps"] = _share(close, covered) | {"border": border, "needed": mip_gaps.needed(settings)}
 
 
 def _tell_of_distances(

@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..bake.settings import Settings
 from ..mesh import layout
 from ..mesh.arrays import Mesh
 from ..passes import faces
-from .settings import Settings
-from .sparse import Sparse, at_most
+from .sparse_maps import Sparse, at_most
 
 PROBE = 256
 """Texels a side, at most, that are looked at when nobody asks for all, unless gaps are too narrow for that."""

@@ -3,7 +3,7 @@
 
 from collections.abc import Callable
 
-from .settings import Settings
+from ..bake.settings import Settings
 
 GOOD, LOOK, WRONG = "GOOD", "LOOK", "WRONG"
 
