@@ -54,13 +54,13 @@ def unregister() -> None:
 def free() -> None:
     """Free what is kept on the GPU between bakes. Blender crashes on exit while such objects live."""
     from . import passes
-    from .bake import casting
+    from .engine import ray_casting
     from .ui import live_mode
     from .ui.viewport import view_mode
 
     live_mode.free()
     view_mode.free()
-    casting.free()
+    ray_casting.free()
     passes.free()
 
 

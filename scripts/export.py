@@ -13,9 +13,9 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 import addon  # noqa: E402
-from addon.bake import casting, distances, methods
 from addon.bake.report import Report  # noqa: E402
 from addon.bake.settings import Settings  # noqa: E402
+from addon.engine import method_choice, ray_casting, ray_distances
 from addon.mesh import arrays, bvh  # noqa: E402
 from addon.scene import reading  # noqa: E402
 
@@ -27,10 +27,10 @@ def export(source: Path, target: Path) -> None:
     settings = Settings(method="CAST", space="WORLD")
     meshes = reading.read(bpy.context, low, [high], None, settings)
     report = Report("CAST", "WORLD", (512, 512), "lo", ["hi"])
-    meshes = methods.choose(meshes, [1001], settings, report)
-    aim = casting.aim_at(meshes.highs, report)
-    rays = casting.rays(meshes.low, meshes.directions, None, aim.frame)
-    outside, inside = distances.measure(aim.tables, rays, (512, 512), [1001], has_cage=False, facing_only=False)
+    meshes = method_choice.choose(meshes, [1001], settings, report)
+    aim = ray_casting.aim_at(meshes.highs, report)
+    rays = ray_casting.rays(meshes.low, meshes.directions, None, aim.frame)
+    outside, inside = ray_distances.measure(aim.tables, rays, (512, 512), [1001], has_cage=False, facing_only=False)
     (mesh,) = meshes.highs
     laid_flat = reading.read(bpy.context, low, [high], None, Settings(method="FLATTEN", space="WORLD")).highs[0]
     points = aim.frame.points(mesh)

@@ -6,10 +6,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..bake import agreement, apart, casting
 from ..bake.errors import few
 from ..bake.report import Report
 from ..bake.settings import Settings
+from ..engine import ray_casting, separation, uv_agreement
 from ..mesh import arrays, faces, layout, seams
 from ..mesh.arrays import Mesh
 from ..passes import batch, overlap, resolve, target
@@ -66,7 +66,7 @@ def tell(
     settings: Settings,
     report: Report,
     *,
-    shot: casting.Shot | None = None,
+    shot: ray_casting.Shot | None = None,
 ) -> None:
     """Put into the report what was covered, what was missed and what was left out. shot: what was cast, if it was."""
     report.triangles = {"high": sum(len(high.triangles) for high in meshes.highs), "low": len(meshes.low.triangles)}
@@ -169,15 +169,15 @@ def _tell_of_gaps(meshes: Meshes, tiles: Sequence[int], settings: Settings, repo
 
 
 def _tell_of_distances(
-    meshes: Meshes, tiles: Sequence[int], settings: Settings, report: Report, shot: casting.Shot | None
+    meshes: Meshes, tiles: Sequence[int], settings: Settings, report: Report, shot: ray_casting.Shot | None
 ) -> None:
     texels = meshes.apart
     if texels is None:
-        texels = apart.probe(apart.glancing(meshes, shot), (settings.width, settings.height), tiles)
-    offset = apart.offset(texels, report.method)
-    found = apart.distances(texels, offset)
+        texels = separation.probe(separation.glancing(meshes, shot), (settings.width, settings.height), tiles)
+    offset = separation.offset(texels, report.method)
+    found = separation.distances(texels, offset)
     found = found[found >= 0.0]
-    limit = apart.limit(meshes.low, settings)
+    limit = separation.limit(meshes.low, settings)
     check = _share(int(np.count_nonzero(found > limit)), found.size)
     check["maximum"], check["percentile_99"] = (
         (float(found.max()), float(np.quantile(found, 0.99))) if found.size else (0.0, 0.0)
@@ -187,7 +187,7 @@ def _tell_of_distances(
     # Of a single mesh that is laid flat where it does not belong most texels are far; of several, one may be small.
     is_open = settings.method == "FLATTEN" and not meshes.is_own_base
     if is_open and (len(meshes.highs) > 1 or check["share"] > severity.MANY_FAR):
-        other = agreement.differing(meshes.low, [apart.thinned(high) for high in meshes.highs], tiles, offset)
+        other = uv_agreement.differing(meshes.low, [separation.thinned(high) for high in meshes.highs], tiles, offset)
         report.warnings += [f"Cast rays, or choose Auto: {other}."] if other else []
 
 

@@ -8,15 +8,16 @@ import bpy
 import numpy as np
 
 from ..audit import checks, severity
+from ..engine import finishing
+from ..engine.rendering import Renderer
+from ..engine.sources import Drawn
 from ..mesh.arrays import Mesh
 from ..output.outputs import Outputs
 from ..passes import resolve, target
 from ..scene.reading import Meshes
-from . import finish, pace
-from .render import Renderer
+from . import pace
 from .report import Report
 from .settings import Settings
-from .sources import Drawn
 
 
 class Atlas:
@@ -54,7 +55,7 @@ class Atlas:
         """Add the margin, and put the maps where the settings want them."""
         tally, last = checks.Tally(), reports[-1]
         with last.in_total(), Outputs(self.settings) as outputs:
-            finishes = finish.all_of(self.lows, self.settings)
+            finishes = finishing.all_of(self.lows, self.settings)
             try:
                 for tile, maps in self.tiles.items():
                     renderer = Renderer(Drawn(maps), None, self.settings, last, pace.Pace())

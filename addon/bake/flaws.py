@@ -9,14 +9,15 @@ import numpy as np
 
 from ..audit import mip_gaps
 from ..audit.checks import uv_space
+from ..engine import method_choice, ray_casting, rendering, separation
+from ..engine.bands import Band
 from ..mesh import arrays, layout, seams
 from ..mesh import faces as mesh_faces
 from ..output import image_writer
 from ..passes import batch, faces, overlap, target
 from ..scene import bake_objects, mesh_reader, reading
 from ..scene.reading import Meshes
-from . import apart, casting, methods, pace, pipeline, render
-from .band import Band
+from . import pace, pipeline
 from .errors import BakeError
 from .report import Report
 from .settings import Settings
@@ -96,7 +97,7 @@ def _view(context: bpy.types.Context, report: Report, kind: str) -> _View:
     pipeline.check(context, job, settings)
     told = Report(report.method, space, report.size, report.low, report.high, distances=report.distances)
     meshes = reading.read(context, job.low, job.highs, job.cage, settings)
-    return _View(job, methods.choose(meshes, report.tiles, settings, told), settings, replace(told, tiles=report.tiles))
+    return _View(job, method_choice.choose(meshes, report.tiles, settings, told), settings, replace(told, tiles=report.tiles))
 
 
 def _triangles(view: _View, kind: str) -> np.ndarray:
@@ -140,7 +141,7 @@ def _masks(view: _View, kind: str) -> Iterator[tuple[Band, np.ndarray, int]]:
             yield from _apart(view, kind, bands)
     finally:
         target.trim()
-        casting.trim()
+        ray_casting.trim()
 
 
 def _shared(view: _View, bands: list[Band]) -> Iterator[tuple[Band, np.ndarray, int]]:
@@ -156,12 +157,12 @@ def _shared(view: _View, bands: list[Band]) -> Iterator[tuple[Band, np.ndarray, 
 
 def _apart(view: _View, kind: str, bands: list[Band]) -> Iterator[tuple[Band, np.ndarray, int]]:
     """The texels that are uncovered or far, as `_masks` has them."""
-    look = apart.looking(view.meshes, view.settings, view.report)
-    texels = apart.probe(look, (view.settings.width, view.settings.height), view.report.tiles)
-    offset, limit = apart.offset(texels, view.report.method), apart.limit(view.meshes.low, view.settings)
+    look = separation.looking(view.meshes, view.settings, view.report)
+    texels = separation.probe(look, (view.settings.width, view.settings.height), view.report.tiles)
+    offset, limit = separation.offset(texels, view.report.method), separation.limit(view.meshes.low, view.settings)
     for band in bands:
         texels = look((band.width, band.height), band.window)
-        mask = texels[..., 3] < 0.0 if kind == "uncovered" else apart.distances(texels, offset) > limit
+        mask = texels[..., 3] < 0.0 if kind == "uncovered" else separation.distances(texels, offset) > limit
         yield band, mask, 1
 
 
@@ -177,8 +178,8 @@ def _close(view: _View) -> Iterator[np.ndarray]:
 def _backwards(view: _View) -> Iterator[np.ndarray]:
     """Tile by tile, the texels (height, width) bool whose normal points into the low mesh: drawn as in the bake."""
     meshes, report, settings = view.meshes, view.report, replace(view.settings, **view.report.distances)
-    source = pace.finish(methods.source(meshes, report.tiles, settings, report, pace.Pace()))
-    renderer = render.Renderer(source, meshes.basis, settings, report, pace.Pace())
+    source = pace.finish(method_choice.source(meshes, report.tiles, settings, report, pace.Pace()))
+    renderer = rendering.Renderer(source, meshes.basis, settings, report, pace.Pace())
     for tile in report.tiles:
         normals = pace.finish(renderer.raw(tile))["NORMAL"]
         yield (normals[..., 2] <= 0.0) & (normals[..., 3] > 0.0)

@@ -8,19 +8,20 @@ import bpy
 import gpu
 import numpy as np
 
+from ..engine import finishing, method_choice, rendering, sources
+from ..engine.bands import Band
+from ..engine.sources import Source
 from ..mesh.arrays import Mesh
 from ..output import datablocks, outputs
 from ..passes import resolve, target
 from ..passes.batch import Kept
 from ..scene import bake_objects, mesh_reader, reading
-from . import finish, methods, pace, pipeline, render, sources
-from .band import Band
+from . import pace, pipeline
 from .errors import BakeError
 from .pace import Pace, Step, Work
 from .pipeline import Job
 from .report import Report
 from .settings import Settings
-from .sources import Source
 
 READY = 0.2
 """Share of a map that is done when drawing begins."""
@@ -47,7 +48,7 @@ class Session:
         self.report: Report | None = None
         self._meshes: reading.Meshes | None = None
         self._method = settings.method
-        self._finishes: dict[str, finish.Finish] = {}
+        self._finishes: dict[str, finishing.Finish] = {}
         self._kept = Kept()
         self._source: sources.Source | None = None
         self._pool: target.Pool = {}
@@ -93,18 +94,18 @@ class Session:
             meshes = reading.read_again(context, low, highs, cage, settings, before=before, changed=changed)
         self._meshes, report.uv_layer = meshes, meshes.uv_layer
         if not self._finishes or before is None or meshes.low is not before.low:
-            self._finishes = finish.all_of([meshes.low], settings)
-        shown = methods.choose(meshes, [1001], settings, report)
+            self._finishes = finishing.all_of([meshes.low], settings)
+        shown = method_choice.choose(meshes, [1001], settings, report)
         self._method = report.method
-        preparing = methods.source(shown, [1001], settings, report, self.pace, kept=self._kept)
+        preparing = method_choice.source(shown, [1001], settings, report, self.pace, kept=self._kept)
         source = yield from pace.part(preparing, 0.0, READY)
         if source.takes_time and self.pace.is_heard:
             yield self._first_look(source, shown.basis, settings, report)
-        renderer = render.Renderer(source, shown.basis, settings, report, self.pace, kept=self._kept)
+        renderer = rendering.Renderer(source, shown.basis, settings, report, self.pace, kept=self._kept)
         maps = yield from pace.part(renderer.texels(1001, self._finishes), READY, 1.0)
         texels, state = maps["NORMAL"]
         if not (state == resolve.WRITTEN).any():
-            raise BakeError(methods.nothing_drawn(shown, [1001], report))
+            raise BakeError(method_choice.nothing_drawn(shown, [1001], report))
         self.texels, self._state, self.report, self._source = texels, state, report, source
         self._coarse = None
 
@@ -112,14 +113,14 @@ class Session:
         """A coarse map, to be seen until the whole one is done."""
         small = replace(
             settings,
-            width=max(16, settings.width // render.COARSE),
-            height=max(16, settings.height // render.COARSE),
+            width=max(16, settings.width // rendering.COARSE),
+            height=max(16, settings.height // rendering.COARSE),
             samples=1,
         )
         # In targets of their own: those of the whole map stay as large as they are.
         with target.using(self._coarse_pool):
-            renderer = render.Renderer(source, basis, small, report, Pace(), kept=self._kept)
-            pace.finish(renderer.texels(1001, finish.all_of([self._meshes.low], small)))
+            renderer = rendering.Renderer(source, basis, small, report, Pace(), kept=self._kept)
+            pace.finish(renderer.texels(1001, finishing.all_of([self._meshes.low], small)))
         self._coarse = self._coarse_pool["map"].texture
         return Step("Drawing", READY, self._coarse)
 

@@ -9,14 +9,15 @@ import gpu
 import numpy as np
 
 from ..audit import checks
+from ..engine import finishing, method_choice, ray_casting, rendering
+from ..engine.bands import bands
 from ..mesh import arrays
 from ..mesh.arrays import Mesh
 from ..output import image_writer, materials
 from ..output.outputs import Outputs, check_apart, wanted
 from ..passes import target
 from ..scene import bake_objects, reading
-from . import atlas, casting, finish, methods, naming, pace, render
-from .band import bands
+from . import atlas, naming, pace
 from .errors import BakeError, few
 from .pace import Pace, Step, Work, part
 from .pairs import Suffixes, match
@@ -191,20 +192,20 @@ class _Bake:
         with Outputs(settings) as outputs:
             renderer = yield from part(self._renderer(context), 0.0, 0.2)
             try:
-                finishes = finish.all_of([self.meshes.low], settings)
+                finishes = finishing.all_of([self.meshes.low], settings)
                 for number, tile in enumerate(self.tiles):
                     maps = yield from part(renderer.texels(tile, finishes), *self._share(number))
                     texels, state = maps["NORMAL"]
                     is_tangent = settings.space == "TANGENT"
-                    upwards = finish.upwards(texels[checks.SOME], settings) if is_tangent else None
-                    lost = finish.backwards(texels, state, settings) if is_tangent else 0
+                    upwards = finishing.upwards(texels[checks.SOME], settings) if is_tangent else None
+                    lost = finishing.backwards(texels, state, settings) if is_tangent else 0
                     self.tally.add(state, upwards, lost)
                     with report.timed("image"):
                         outputs.add(tile, maps)
                 self._tell(renderer.source.shot)
             finally:
                 target.trim()
-                casting.trim()
+                ray_casting.trim()
             yield Step("Storing", 1.0)
             with report.timed("image"):
                 outputs.commit([self.job.low], [report], self.meshes.materials)
@@ -224,10 +225,10 @@ class _Bake:
             self._tell(renderer.source.shot)
         finally:
             target.trim()
-            casting.trim()
+            ray_casting.trim()
         return drawn
 
-    def _renderer(self, context: bpy.types.Context) -> Work[render.Renderer]:
+    def _renderer(self, context: bpy.types.Context) -> Work[rendering.Renderer]:
         """Read the objects and make ready for drawing."""
         settings, report, name = self.settings, self.report, self.job.low.name
         report.backend, report.renderer = gpu.platform.backend_type_get(), gpu.platform.renderer_get()
@@ -237,17 +238,17 @@ class _Bake:
         report.uv_layer = meshes.uv_layer
         report.tiles = self.tiles = _tiles(meshes.low, settings)
         yield Step(f"Looking at {name}", 0.5)
-        self.meshes = methods.choose(meshes, self.tiles, settings, report)
-        source = yield from part(methods.source(self.meshes, self.tiles, settings, report, self.pace), 0.5, 1.0)
-        return render.Renderer(source, meshes.basis, settings, report, self.pace)
+        self.meshes = method_choice.choose(meshes, self.tiles, settings, report)
+        source = yield from part(method_choice.source(self.meshes, self.tiles, settings, report, self.pace), 0.5, 1.0)
+        return rendering.Renderer(source, meshes.basis, settings, report, self.pace)
 
     def _share(self, number: int) -> tuple[float, float]:
         """Where in the whole bake a tile begins and ends."""
         return tuple(0.2 + 0.8 * n / len(self.tiles) for n in (number, number + 1))
 
-    def _tell(self, shot: casting.Shot | None) -> None:
+    def _tell(self, shot: ray_casting.Shot | None) -> None:
         if not self.tally.written:
-            raise BakeError(methods.nothing_drawn(self.meshes, self.tiles, self.report))
+            raise BakeError(method_choice.nothing_drawn(self.meshes, self.tiles, self.report))
         checks.tell(self.meshes, self.tally, self.tiles, self.settings, self.report, shot=shot)
 
 

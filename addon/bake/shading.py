@@ -9,13 +9,13 @@ import gpu
 import numpy as np
 from mathutils.bvhtree import BVHTree
 
+from ..engine import finishing, uv_agreement
+from ..engine.bands import BAND_TEXELS
 from ..mesh.arrays import Frame, Mesh, frame_of, gap, normal_matrix
 from ..output import quantize
 from ..passes import batch, deviation, lit, target
 from ..scene import mesh_reader
 from ..scene.reading import Meshes
-from . import agreement, finish
-from .band import BAND_TEXELS
 from .errors import BakeError
 from .live import Session
 from .settings import Settings
@@ -167,7 +167,7 @@ class Shading:
             normals,
             light,
             kind=kinds.get(settings.space, lit.BLENDER if settings.basis == "BLENDER" else lit.MIKKTSPACE),
-            channels=finish.channels(settings),
+            channels=finishing.channels(settings),
             steps=255 if settings.depth == 8 else 0,
         )
 
@@ -196,7 +196,7 @@ class Shading:
         meshes = self.session.meshes
         if self.session.report.method != "FLATTEN" or meshes.is_own_base:  # which share their UVs
             return np.zeros((1, 1), bool)
-        return agreement.elsewhere(meshes.low, meshes.highs)
+        return uv_agreement.elsewhere(meshes.low, meshes.highs)
 
     def _low(self) -> Mesh:
         meshes = self.session.meshes

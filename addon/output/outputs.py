@@ -9,9 +9,9 @@ import numpy as np
 
 from ..bake import naming
 from ..bake.errors import BakeError, few
-from ..bake.render import Map
 from ..bake.report import Report
 from ..bake.settings import TOKEN, Settings
+from ..engine.rendering import Map
 from ..passes import resolve
 from . import datablocks, image_writer, materials, value_encoding
 from .path_clashes import Places

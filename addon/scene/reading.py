@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 import bpy
 import numpy as np
 
-from ..bake.casting import check_cage
 from ..bake.errors import BakeError
 from ..bake.settings import Settings
+from ..engine.ray_casting import check_cage
 from ..mesh.arrays import Mesh, frame_of
 from . import bake_objects, mesh_reader, visibility
 from .high_reader import Reader

@@ -3,7 +3,7 @@
 
 import bpy
 
-from ..bake import keeping
+from ..engine import gpu_memory
 from . import live_mode
 from .viewport import progress_display
 
@@ -16,7 +16,7 @@ EVERY = 15.0
 def tick() -> float:
     """Free what is kept if it is time."""
     if progress_display.current() is None and live_mode.session() is None:
-        keeping.let_go(AFTER)
+        gpu_memory.let_go(AFTER)
     return EVERY
 
 

@@ -9,9 +9,10 @@ from dataclasses import dataclass, field
 import bpy
 import numpy as np
 
-from addon.bake import casting, pipeline
+from addon.bake import pipeline
 from addon.bake.errors import BakeError
 from addon.bake.settings import Settings
+from addon.engine import ray_casting
 from scripts.benching.peers import NAMES, PeerError, Peers
 from scripts.benching.scenes import Pair
 from tests.support import angles
@@ -71,7 +72,7 @@ class Imprint(Contender):
 
     def _bake(self) -> float:
         if not self.keep:
-            casting.free()
+            ray_casting.free()
         start = time.perf_counter()
         report = pipeline.bake(bpy.context, self.pair.low, [self.pair.high], self.settings)
         seconds = time.perf_counter() - start

@@ -7,8 +7,9 @@ import bpy
 import pytest
 
 import addon
-from addon.bake import casting, keeping, pace
+from addon.bake import pace
 from addon.bake.errors import BakeError
+from addon.engine import gpu_memory, ray_casting
 from addon.passes import target
 from addon.ui import idle_memory, live_mode, modal, operators
 from addon.ui.viewport import progress_display, view_mode
@@ -240,14 +241,14 @@ def test_adjust_last_operation_says_what_was_done_and_offers_nothing(pair):
 
 def test_what_is_kept_is_let_go_when_nobody_bakes(pair, monkeypatch):
     bpy.ops.imprint.bake()
-    keeping.let_go(after=60.0)
-    assert casting._kept
+    gpu_memory.let_go(after=60.0)
+    assert ray_casting._kept
     assert target._common
     monkeypatch.setattr(idle_memory, "AFTER", 0.0)
     monkeypatch.setattr(progress_display, "_step", pace.Step("Baking", 0.5))
     idle_memory.tick()
-    assert casting._kept
+    assert ray_casting._kept
     monkeypatch.setattr(progress_display, "_step", None)
     assert idle_memory.tick() == idle_memory.EVERY
-    assert not casting._kept
+    assert not ray_casting._kept
     assert not target._common

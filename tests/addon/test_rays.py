@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import addon
-from addon.bake import casting
+from addon.engine import ray_casting
 from addon.ui.viewport import cage_overlay
 from tests.support import maps, zoo
 
@@ -97,9 +97,9 @@ def test_trees_are_freed_when_another_file_is_opened():
     zoo.plane("lo")
     zoo.plane("hi")
     bpy.ops.imprint.bake(low="lo", high=[{"name": "hi"}])
-    assert casting._kept
+    assert ray_casting._kept
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    assert not casting._kept
+    assert not ray_casting._kept
     assert addon._before_loading in bpy.app.handlers.load_pre  # it outlives the file
 
 

@@ -8,10 +8,11 @@ import mathutils
 import numpy as np
 import pytest
 
-from addon.bake import pace, render, sources
-from addon.bake.finish import all_of
+from addon.bake import pace
 from addon.bake.report import Report
 from addon.bake.settings import Settings
+from addon.engine import rendering, sources
+from addon.engine.finishing import all_of
 from addon.mesh import arrays
 from addon.scene import mesh_reader
 from tests.support import angles, cycles, maps
@@ -138,6 +139,6 @@ def folds(low):
     settings = Settings(space="WORLD", width=SIZE[0], height=SIZE[1], margin=0)
     report = Report("FLATTEN", "WORLD", SIZE, "", [])
     source = sources.Flat(painted, [painted], settings, report)
-    renderer = render.Renderer(source, None, settings, report, pace.Pace())
+    renderer = rendering.Renderer(source, None, settings, report, pace.Pace())
     texels, _ = pace.finish(renderer.texels(1001, all_of([painted], settings)))["NORMAL"]
     return texels[..., 2] < 0.5

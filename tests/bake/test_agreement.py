@@ -5,8 +5,9 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.bake import agreement, pipeline
+from addon.bake import pipeline
 from addon.bake.settings import Settings
+from addon.engine import uv_agreement
 from tests.support import zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -116,15 +117,15 @@ def test_many_high_objects_are_looked_at_once_and_in_few_texels(monkeypatch):
     corners = [(x / side, y / side) for x in range(side) for y in range(side)]
     boxes = [tuple(2 * np.array([x, y, x + 1 / side, y + 1 / side]) - 1) for x, y in corners]
     highs = [patch(f"hi {number}", box, shared(box)) for number, box in enumerate(boxes)]
-    draw = agreement.apart.draw_points
+    draw = uv_agreement.separation.draw_points
 
     def counted(meshes, size, window):
         texels.append(size[0] * size[1])
         return draw(meshes, size, window)
 
-    monkeypatch.setattr(agreement.apart, "draw_points", counted)
+    monkeypatch.setattr(uv_agreement.separation, "draw_points", counted)
     assert bake(low, *highs).method == "FLATTEN"
-    assert sum(texels) <= 6 * agreement.PROBE**2
+    assert sum(texels) <= 6 * uv_agreement.PROBE**2
     assert len(texels) <= len(highs) + 4
     shifted = patch("shifted", boxes[7], shared(boxes[8]))
     report = bake(low, *highs[:7], shifted, *highs[8:])

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from addon.audit import checks
-from addon.bake import apart, flaws, pipeline
+from addon.bake import flaws, pipeline
 from addon.bake.errors import BakeError
 from addon.bake.report import Report
 from addon.bake.settings import Settings
+from addon.engine import separation
 from tests.support import maps, zoo
 from tests.support.snapshot import difference, snapshot
 
@@ -237,9 +238,9 @@ def test_meshes_side_by_side():
 def test_auto_looks_once(monkeypatch):
     """What chose the method tells the distances as well."""
     low, high = zoo.terrain("lo", 8), zoo.terrain("hi", 32)
-    size = apart.PROBE, apart.PROBE
+    size = separation.PROBE, separation.PROBE
     truth = bake(low, high, method="FLATTEN", size=size).checks["far"]
-    monkeypatch.setattr(apart, "looking", None)
+    monkeypatch.setattr(separation, "looking", None)
     one = bake(low, high, method="AUTO", size=size).checks["far"]
     assert one == truth
     assert 0.0 < one["percentile_99"] < one["maximum"] < 0.2
@@ -248,7 +249,7 @@ def test_auto_looks_once(monkeypatch):
 def test_of_a_large_high_mesh_some_triangles_are_looked_at(monkeypatch):
     low, high = zoo.plane("lo"), zoo.plane("hi", 16)
     high.data.vertices[140].co.z = 0.5
-    monkeypatch.setattr(apart, "TRIANGLES", 100)
+    monkeypatch.setattr(separation, "TRIANGLES", 100)
     report = bake(low, high)
     check = report.checks["far"]
     assert 64 * 64 / 8 < check["of"] < 64 * 64 / 4  # one triangle out of 6

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 
-from addon.bake import casting, pipeline
+from addon.bake import pipeline
 from addon.bake.errors import BakeError
 from addon.bake.settings import Settings
+from addon.engine import ray_casting
 from tests.support import angles, cycles, maps, oracle, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -234,8 +235,8 @@ def test_distances_that_are_none_are_refused(name, value):
 
 def test_the_tree_is_kept_until_the_high_mesh_changes(monkeypatch):
     built = []
-    monkeypatch.setattr(casting, "_build", lambda *args, build=casting._build: built.append(1) or build(*args))
-    casting.free()
+    monkeypatch.setattr(ray_casting, "_build", lambda *args, build=ray_casting._build: built.append(1) or build(*args))
+    ray_casting.free()
     low, high = zoo.plane("low"), zoo.terrain("high")
     cast(low, high)
     cast(low, high, extrusion=0.2, max_distance=0.5, space="WORLD", size=(32, 32))
@@ -261,7 +262,7 @@ def test_rays_see_other_normals_on_the_same_surface(change):
     high.data.update()
     changed, _ = cast(low, high, space="OBJECT")
     assert np.abs(changed - smooth).max() > 0.05
-    casting.free()
+    ray_casting.free()
     assert np.array_equal(changed, cast(low, high, space="OBJECT")[0])
 
 
@@ -321,16 +322,16 @@ def test_auto_measures_whether_uvs_are_shared():
 
 
 def test_more_triangles_than_the_gpu_takes_are_refused_with_the_number(monkeypatch):
-    monkeypatch.setattr(casting.table, "limit", lambda: 300)
-    casting.free()
+    monkeypatch.setattr(ray_casting.table, "limit", lambda: 300)
+    ray_casting.free()
     with pytest.raises(BakeError, match=r"2,048 triangles together; this GPU takes 100"):
         cast(zoo.plane("low"), zoo.terrain("high", n=32))
 
 
 def test_trees_of_jobs_that_are_done_are_let_go(monkeypatch):
     """Though the jobs themselves are kept to the end of their batch, for their reports."""
-    casting.free()
-    monkeypatch.setattr(casting, "KEPT_TREES", 1)
+    ray_casting.free()
+    monkeypatch.setattr(ray_casting, "KEPT_TREES", 1)
     jobs = [
         pipeline.Job(zoo.plane(f"low {number}"), [zoo.terrain(f"high {number}", height=0.02 * (number + 1))])
         for number in range(5)
@@ -338,7 +339,7 @@ def test_trees_of_jobs_that_are_done_are_let_go(monkeypatch):
     alive = []
 
     def count(_step):
-        alive.append(sum(isinstance(found, casting.Aim) for found in gc.get_objects()))
+        alive.append(sum(isinstance(found, ray_casting.Aim) for found in gc.get_objects()))
 
     settings = Settings("CAST", width=16, height=16, storage="MEMORY", extrusion=0.5, max_distance=1.0)
     pipeline.bake_all(bpy.context, jobs, settings, tell=count)
@@ -346,24 +347,24 @@ def test_trees_of_jobs_that_are_done_are_let_go(monkeypatch):
 
 
 def test_kept_trees_are_bounded_and_the_oldest_goes_first(monkeypatch):
-    casting.free()
+    ray_casting.free()
     low = zoo.plane("low")
     cast(low, zoo.terrain("a"))
-    one = next(iter(casting._kept.values())).tables.bytes
-    monkeypatch.setattr(casting, "KEPT_BYTES", 2 * one)
-    first = next(iter(casting._kept))
+    one = next(iter(ray_casting._kept.values())).tables.bytes
+    monkeypatch.setattr(ray_casting, "KEPT_BYTES", 2 * one)
+    first = next(iter(ray_casting._kept))
     cast(low, zoo.terrain("b", height=0.2))
     cast(low, zoo.terrain("c", height=0.3))
-    assert len(casting._kept) == 2
-    assert first not in casting._kept
+    assert len(ray_casting._kept) == 2
+    assert first not in ray_casting._kept
     monkeypatch.undo()
-    monkeypatch.setattr(casting, "KEPT_TREES", 3)
+    monkeypatch.setattr(ray_casting, "KEPT_TREES", 3)
     for height in (0.5, 0.6, 0.7):
         cast(low, zoo.terrain("e", height=height))
-    assert len(casting._kept) == 3
-    monkeypatch.setattr(casting, "KEPT_BYTES", 0)
+    assert len(ray_casting._kept) == 3
+    monkeypatch.setattr(ray_casting, "KEPT_BYTES", 0)
     cast(low, zoo.terrain("d", height=0.4))
-    assert not casting._kept
+    assert not ray_casting._kept
 
 
 def test_facing_only_passes_through_a_lid_that_is_turned_away():

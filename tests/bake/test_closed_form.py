@@ -6,8 +6,9 @@ import mathutils
 import numpy as np
 import pytest
 
-from addon.bake import band, live, pace, pipeline
+from addon.bake import live, pace, pipeline
 from addon.bake.settings import Settings
+from addon.engine import bands
 from tests.support import angles, zoo
 from tests.support.maps import bake, texel_uv
 
@@ -195,8 +196,8 @@ def test_a_map_drawn_in_bands_is_the_same(monkeypatch, margin):
         layer.foreach_get("vector", uv)
         layer.foreach_set("vector", 0.1 + 0.6 * uv)
     whole = bake(low, high, size=(64, 60), margin=margin, image="whole")
-    monkeypatch.setattr(band, "BAND_TEXELS", 64 * 16)
-    found = list(band.bands(64, 60, margin))
+    monkeypatch.setattr(bands, "BAND_TEXELS", 64 * 16)
+    found = list(bands.bands(64, 60, margin))
     assert [part.stop - part.start for part in found] == [16, 16, 16, 12]
     banded = bake(low, high, size=(64, 60), margin=margin, image="banded")
     assert np.array_equal(whole[..., 3], banded[..., 3])

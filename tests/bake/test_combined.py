@@ -5,8 +5,9 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.bake import band, casting, finish, pipeline, stitch
+from addon.bake import pipeline
 from addon.bake.settings import Settings
+from addon.engine import bands, finishing, large_map_margin, ray_casting
 from addon.output import image_writer, outputs
 from addon.passes import target
 from tests.support import zoo
@@ -37,10 +38,10 @@ def in_bands(monkeypatch):
     """Makes small maps large: bands of 10 rows, and a margin of more texels than their halo."""
 
     def shrink():
-        monkeypatch.setattr(band, "BAND_TEXELS", 10 * SIZE)
-        for module in (band, finish):
+        monkeypatch.setattr(bands, "BAND_TEXELS", 10 * SIZE)
+        for module in (bands, finishing):
             monkeypatch.setattr(module, "REACH", 3)
-        monkeypatch.setattr(stitch, "ROWS", 7)
+        monkeypatch.setattr(large_map_margin, "ROWS", 7)
 
     return shrink
 
@@ -50,9 +51,9 @@ def in_bands(monkeypatch):
 
 def test_the_tree_that_was_used_last_is_kept(monkeypatch):
     built = []
-    monkeypatch.setattr(casting, "_build", lambda *args, make=casting._build: built.append(1) or make(*args))
-    monkeypatch.setattr(casting, "KEPT_TREES", 2)
-    casting.free()
+    monkeypatch.setattr(ray_casting, "_build", lambda *args, make=ray_casting._build: built.append(1) or make(*args))
+    monkeypatch.setattr(ray_casting, "KEPT_TREES", 2)
+    ray_casting.free()
     low, first, second, third = (zoo.plane(name, n) for name, n in (("lo", 1), ("a", 2), ("b", 3), ("c", 4)))
     for high in (first, second, first, third, first):
         bake(low, high, method="CAST", **RAYS)

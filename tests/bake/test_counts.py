@@ -7,8 +7,9 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.bake import casting, live, pace, pipeline
+from addon.bake import live, pace, pipeline
 from addon.bake.settings import Settings
+from addon.engine import ray_casting
 from addon.mesh import bvh
 from addon.passes import batch, table, target
 from tests.support import zoo
@@ -51,7 +52,7 @@ def counts(monkeypatch):
     monkeypatch.setattr(table, "upload", counting_upload)
     monkeypatch.setattr(table, "gathered", counting_gathered)
     monkeypatch.setattr(target.Target, "read", counting_read)
-    casting.free()
+    ray_casting.free()
     return seen
 
 

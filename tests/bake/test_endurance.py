@@ -16,9 +16,10 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.bake import casting, pipeline
+from addon.bake import pipeline
 from addon.bake.pace import Pace
 from addon.bake.settings import Settings
+from addon.engine import ray_casting
 from addon.passes import target
 from scripts import imprint
 from tests.support import zoo
@@ -83,7 +84,7 @@ def test_memory_stays_flat_over_hundreds_of_bakes(tmp_path, monkeypatch):
             output=str(tmp_path / "map.png"),
         )
         pipeline.bake(bpy.context, low, [high], settings)
-        assert len(casting._kept) <= casting.KEPT_TREES
+        assert len(ray_casting._kept) <= ray_casting.KEPT_TREES
         assert sum(kept.bytes for kept in target._common.values()) <= target.KEPT_BYTES
         if number + 1 == WARM:
             before, memory = held(), resident()

@@ -9,8 +9,9 @@ import gpu
 import numpy as np
 import pytest
 
-from addon.bake import band, finish, pipeline, stitch
+from addon.bake import pipeline
 from addon.bake.settings import Settings
+from addon.engine import bands, finishing, large_map_margin
 from addon.mesh.arrays import Mesh
 from addon.passes import resolve
 from tests.support import angles, maps, zoo
@@ -26,9 +27,9 @@ def finished(values, lows, tile=1001, name="NORMAL", **settings):
     """The texels (H, W, 4) and their state (H, W) of `values` (H, W, 4), drawn in bands as a bake does."""
     height, width = values.shape[:2]
     settings = Settings(width=width, height=height, **{"maps": () if name == "NORMAL" else (name,), **settings})
-    last = finish.all_of(lows, settings)[name]
+    last = finishing.all_of(lows, settings)[name]
     texels, state = np.empty((height, width, 4), np.float32), np.empty((height, width), np.uint8)
-    for part in band.bands(width, height, settings.margin, tile):
+    for part in bands.bands(width, height, settings.margin, tile):
         rows = np.zeros((part.height, width, 4), np.float32)
         first, stop = max(0, part.start - part.halo), min(height, part.stop + part.halo)
         rows[first - part.start + part.halo : stop - part.start + part.halo] = values[first:stop]
@@ -130,10 +131,10 @@ def in_bands(monkeypatch):
     """Makes small maps large: bands of a few rows, and a short reach."""
 
     def shrink(rows, reach):
-        monkeypatch.setattr(band, "BAND_TEXELS", SIZE[0] * rows)
-        monkeypatch.setattr(band, "REACH", reach)
-        monkeypatch.setattr(finish, "REACH", reach)
-        monkeypatch.setattr(stitch, "ROWS", 33)
+        monkeypatch.setattr(bands, "BAND_TEXELS", SIZE[0] * rows)
+        monkeypatch.setattr(bands, "REACH", reach)
+        monkeypatch.setattr(finishing, "REACH", reach)
+        monkeypatch.setattr(large_map_margin, "ROWS", 33)
 
     return shrink
 
@@ -171,7 +172,7 @@ def test_far_from_a_band_the_texel_taken_is_almost_the_nearest_seed(in_bands, se
     if margin is None:
         assert filled[alpha == 0.0].all()
     assert np.array_equal(taken[filled & (nearest <= 64)], nearest[filled & (nearest <= 64)])
-    slack = 2.0 * np.sqrt(2.0) * stitch.COARSE
+    slack = 2.0 * np.sqrt(2.0) * large_map_margin.COARSE
     assert (np.sqrt(taken[filled]) <= np.sqrt(nearest[filled]) + slack).all()
     if margin is not None:
         assert np.sqrt(nearest[filled].max()) <= margin * np.sqrt(2.0) + slack
@@ -377,7 +378,7 @@ def test_between_two_seams_each_texel_goes_over_the_nearer(backwards):
 
 @pytest.mark.parametrize("margin", [20, None])
 def test_far_from_a_seam_the_nearest_texel_stays(monkeypatch, margin):
-    monkeypatch.setattr(finish, "REACH", 8)
+    monkeypatch.setattr(finishing, "REACH", 8)
     islands = cut(degrees=37.0)
     values, lows = drawn(islands, "TANGENT"), [mesh_of(islands)]
     texels, state = finished(values, lows, margin=margin, margin_type="ADJACENT_FACES")

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from addon.audit import checks
-from addon.bake import casting, pace, pipeline, report
+from addon.bake import pace, pipeline, report
 from addon.bake.pace import Pace
 from addon.bake.settings import Settings
+from addon.engine import ray_casting
 from addon.passes import cast, target
 from tests.support import maps, zoo
 
@@ -35,7 +36,7 @@ def slow(monkeypatch):
     monkeypatch.setattr(pace, "time", SimpleNamespace(perf_counter=lambda: clock.now))
     monkeypatch.setattr(cast, "trace", slow_trace)
     monkeypatch.setattr(target.Target, "finish", slow_finish)
-    casting.free()
+    ray_casting.free()
     return given
 
 
@@ -93,7 +94,7 @@ def test_the_stages_are_parts_of_the_total_and_waiting_is_not(method, share_imag
         return clock.now
 
     monkeypatch.setattr(report, "time", SimpleNamespace(perf_counter=tick))
-    casting.free()
+    ray_casting.free()
     jobs = [pipeline.Job(zoo.plane("lo"), [zoo.terrain("hi")])]
     settings = Settings(method, width=32, height=32, image="map", storage="MEMORY", material=False)
     work = pipeline.work(bpy.context, jobs, settings, Pace(0.01), share_image=share_image)

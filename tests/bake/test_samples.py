@@ -131,11 +131,11 @@ def test_a_texel_is_missed_when_no_ray_of_it_hits():
 
 
 def test_bands_and_samples_together(monkeypatch):
-    from addon.bake import band
+    from addon.engine import bands
 
     low, high = zoo.sphere("low", n=8), zoo.sphere("high", n=32)
     whole = bake(low, high, samples=4, size=(64, 60), image="whole")
-    monkeypatch.setattr(band, "BAND_TEXELS", 64 * 16)
+    monkeypatch.setattr(bands, "BAND_TEXELS", 64 * 16)
     banded = bake(low, high, samples=4, size=(64, 60), image="banded")
     assert np.array_equal(whole[..., 3], banded[..., 3])
     assert angles.degrees(angles.decode(whole), angles.decode(banded)).max() < 0.03

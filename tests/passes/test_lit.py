@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from mathutils import Euler, Matrix
 
-from addon.bake import band, live, pace, pipeline, shading
+from addon.bake import live, pace, pipeline, shading
 from addon.bake.errors import BakeError
 from addon.bake.settings import Settings
+from addon.engine import bands
 from addon.output import quantize
 from addon.passes import batch, lit, target
 from tests.support import oracle, raster, zoo
@@ -259,7 +260,7 @@ def test_bumps_of_the_high_object_do_not_poke_through(is_parallel, mode):
 
 def test_a_map_that_is_drawn_in_bands_is_not_shown(monkeypatch):
     """Its last band is no map."""
-    monkeypatch.setattr(band, "BAND_TEXELS", 128 * 64)
+    monkeypatch.setattr(bands, "BAND_TEXELS", 128 * 64)
     low, high = pair(ASLANT)
     session = session_of(low, [high])
     assert session.texels.shape == (128, 128, 4)

@@ -7,14 +7,14 @@ from typing import Protocol
 import gpu
 import numpy as np
 
+from ..bake.pace import Pace
+from ..bake.report import Report
+from ..bake.settings import Settings
 from ..mesh.arrays import Mesh, frame_of, normal_matrix
 from ..passes import batch, cast, flatten, gbuffer, points, table, target
-from . import casting
-from .band import Band
-from .pace import Pace
-from .relief import Relief
-from .report import Report
-from .settings import Settings
+from . import ray_casting
+from .bands import Band
+from .surface_maps import Relief
 
 
 class Source(Protocol):
@@ -22,7 +22,7 @@ class Source(Protocol):
     casts, if it does."""
 
     takes_time: bool
-    shot: casting.Shot | None
+    shot: ray_casting.Shot | None
 
     def normals(self, band: Band) -> Iterator[tuple[gpu.types.GPUTexture, range]]:
         """Unit normals in world space or the low object's: RGBA32F, alpha 1 written, 0 nothing, -1 missed.
@@ -85,7 +85,7 @@ class Rays:
 
     takes_time = True
 
-    def __init__(self, low: Mesh, shot: casting.Shot, highs: Sequence[Mesh], settings: Settings, pace: Pace):
+    def __init__(self, low: Mesh, shot: ray_casting.Shot, highs: Sequence[Mesh], settings: Settings, pace: Pace):
         self.shot, self.settings, self.pace = shot, settings, pace
         aim = shot.aim
         matrix = low.to_world[:3, :3]

@@ -4,10 +4,10 @@
 import gpu
 import numpy as np
 
+from ..bake.settings import Settings
 from ..mesh.arrays import Frame, Mesh
 from ..passes import batch, gbuffer, relief, target
-from .band import Band
-from .settings import Settings
+from .bands import Band
 
 
 class Relief:

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 import gpu
 import numpy as np
 
+from ..bake.settings import Settings
 from ..mesh import seams as islands
 from ..mesh.arrays import Mesh
 from ..passes import margin, resolve, seams, target
-from . import stitch
-from .band import REACH, Band, bands
-from .settings import Settings
+from . import large_map_margin
+from .bands import REACH, Band, bands
 
 
 class Borders:
@@ -82,9 +82,9 @@ class Finish:
         if next(bands(width, height, None)).is_whole:
             return
         if self.borders:
-            stitch.across(texels, state, self.borders.on(tile).similarities, self.kind, self.encode)
+            large_map_margin.across(texels, state, self.borders.on(tile).similarities, self.kind, self.encode)
         if self.settings.margin is None or self.settings.margin > REACH:
-            stitch.beyond(texels, state, self.settings.margin)
+            large_map_margin.beyond(texels, state, self.settings.margin)
 
 
 def all_of(lows: Sequence[Mesh], settings: Settings) -> dict[str, Finish]:

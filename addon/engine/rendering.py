@@ -7,13 +7,13 @@ from dataclasses import replace
 import gpu
 import numpy as np
 
+from ..bake.pace import Pace, Step, Work, part
+from ..bake.report import Report
+from ..bake.settings import Settings
 from ..mesh.arrays import Mesh
 from ..passes import batch, picture, samples, tangent, target
-from .band import Band, bands
-from .finish import Finish, channels
-from .pace import Pace, Step, Work, part
-from .report import Report
-from .settings import Settings
+from .bands import Band, bands
+from .finishing import Finish, channels
 from .sources import Source
 
 Map = tuple[np.ndarray, np.ndarray]

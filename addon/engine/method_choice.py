@@ -4,14 +4,14 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
+from ..bake.errors import BakeError, few
+from ..bake.pace import Pace, Step, Work
+from ..bake.report import Report
+from ..bake.settings import Settings
 from ..mesh import arrays
 from ..passes import batch
 from ..scene.reading import Meshes
-from . import agreement, casting, distances, sources
-from .errors import BakeError, few
-from .pace import Pace, Step, Work
-from .report import Report
-from .settings import Settings
+from . import ray_casting, ray_distances, sources, uv_agreement
 
 FAR_APART = 0.5
 """Of the low mesh's radius: boxes that lie farther from each other than this have nothing to do with each other."""
@@ -26,7 +26,7 @@ def choose(meshes: Meshes, tiles: Sequence[int], settings: Settings, report: Rep
             elif meshes.cage is not None:
                 report.method, report.why = "CAST", "there is a cage"
             else:
-                report.method, report.why, seen = agreement.choose(meshes.low, meshes.highs, tiles)
+                report.method, report.why, seen = uv_agreement.choose(meshes.low, meshes.highs, tiles)
                 meshes = replace(meshes, apart=seen)
     if report.method == "FLATTEN":
         return replace(meshes, highs=[arrays.keep_corners(high, arrays.finite_rows(high.uv)) for high in meshes.highs])
@@ -60,15 +60,15 @@ def source(
     if report.method == "FLATTEN":
         return sources.Flat(meshes.low, meshes.highs, settings, report, kept=kept)
     yield Step("Building the tree", 0.0)
-    aim = casting.aim_at(meshes.highs, report)
+    aim = ray_casting.aim_at(meshes.highs, report)
     yield Step("Measuring distances", 0.5)
     with report.timed("upload"):
-        rays = casting.rays(meshes.low, meshes.directions, meshes.cage, aim.frame)
+        rays = ray_casting.rays(meshes.low, meshes.directions, meshes.cage, aim.frame)
     # With a cage rays start on it, and nowhere else.
     extrusion, reach = 0.0 if meshes.cage is not None else settings.extrusion, settings.max_distance
     if extrusion is None or reach is None:
         with report.timed("distances"):
-            outside, inside = distances.measure(
+            outside, inside = ray_distances.measure(
                 aim.tables,
                 rays,
                 (settings.width, settings.height),
@@ -82,7 +82,7 @@ def source(
         report.measured = True
     report.distances = {"extrusion": extrusion, "max_distance": reach}
     size = aim.frame.size
-    shot = casting.Shot(aim, rays, extrusion / size, reach / size, settings.facing_only)
+    shot = ray_casting.Shot(aim, rays, extrusion / size, reach / size, settings.facing_only)
     return sources.Rays(meshes.low, shot, meshes.highs, settings, pace)
 
 

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 import gpu
 import numpy as np
 
+from ..bake.pace import Pace
 from ..passes import cast, gbuffer, target
-from .pace import Pace
 
 PROBE = 256
 """Rays a side, at most, that are sent both ways to find out."""

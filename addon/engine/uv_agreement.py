@@ -8,8 +8,8 @@ import numpy as np
 
 from ..mesh.arrays import Frame, Mesh, frame_of, gap
 from ..passes import batch, gbuffer, target
-from . import apart
-from .apart import PROBE
+from . import separation
+from .separation import PROBE
 
 CLOSE = 0.05
 """Of the low mesh's radius: points of one texel that lie nearer than this, along the surface, belong together."""
@@ -40,12 +40,12 @@ def choose(low: Mesh, highs: Sequence[Mesh], tiles: Sequence[int]) -> tuple[str,
             else "has no UV layer"
         )
         return "CAST", f"{without.name!r} {what}", None
-    texels = apart.probe(apart.flattened(low, highs), (PROBE, PROBE), tiles)
+    texels = separation.probe(separation.flattened(low, highs), (PROBE, PROBE), tiles)
     on_low, both = texels[..., 3] != 0.0, texels[..., 3] > 0.0
     if not both.any():
         return "CAST", "the UV layouts have no texel in common", None
     # Artists put the two side by side to look at them: what they differ by as a whole does not count.
-    offset, surface = apart.offset(texels, "FLATTEN"), _Surface(low)
+    offset, surface = separation.offset(texels, "FLATTEN"), _Surface(low)
     away = np.stack([surface.draw(target.window(tile))[1] for tile in tiles])[both][:, :3]
     # Nor does detail, which stands up from the low surface; a layout that differs shows along it.
     between = _along((texels[both][:, :3] - offset) / surface.frame.size, away)
@@ -82,7 +82,7 @@ def elsewhere(low: Mesh, highs: Sequence[Mesh]) -> np.ndarray:
     There the point of the high meshes lies CLOSE to none of the low mesh's on the same texel, along its surface.
     """
     surface, window = _Surface(low), target.window(1001)
-    above = apart.draw_points([apart.upload(high, surface.frame) for high in highs], (PROBE, PROBE), window)
+    above = separation.draw_points([separation.upload(high, surface.frame) for high in highs], (PROBE, PROBE), window)
     layers = [surface.draw(window, is_last=is_last) for is_last in (True, False)]
     both = (above[..., 3] > 0.0) & (layers[0][0][..., 3] > 0.0)
     result = np.zeros(both.shape, bool)
@@ -115,7 +115,7 @@ def _difference(surface: "_Surface", high: Mesh, windows: Sequence[Window], offs
 
 def _close(surface: "_Surface", high: Mesh, window: Window, offset: np.ndarray) -> np.ndarray:
     """Of the texels of `window` that both cover, (N,) bool, whether the points of `high` belong to those of the low mesh."""
-    above = apart.draw_points([apart.upload(high, surface.frame)], (surface.side, surface.side), window)
+    above = separation.draw_points([separation.upload(high, surface.frame)], (surface.side, surface.side), window)
     above[..., :3] -= offset / surface.frame.size
     layers = []
     for is_last in (True, False):

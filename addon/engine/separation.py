@@ -7,12 +7,12 @@ from dataclasses import replace
 import gpu
 import numpy as np
 
+from ..bake.report import Report
+from ..bake.settings import Settings
 from ..mesh.arrays import Frame, Mesh, frame_of
 from ..passes import batch, cast, gbuffer, points, target
 from ..scene.reading import Meshes
-from . import casting
-from .report import Report
-from .settings import Settings
+from . import ray_casting
 
 PROBE = 128
 """Texels a side, at most, that are looked at when nobody asks for all of them."""
@@ -31,13 +31,13 @@ def looking(meshes: Meshes, settings: Settings, report: Report) -> Apart:
     """What looks at these meshes as a bake by the report's method, and with its distances, does."""
     if report.method == "FLATTEN":
         return flattened(meshes.low, meshes.highs)
-    aim = casting.aim_at(meshes.highs, report)
-    rays = casting.rays(meshes.low, meshes.directions, meshes.cage, aim.frame)
+    aim = ray_casting.aim_at(meshes.highs, report)
+    rays = ray_casting.rays(meshes.low, meshes.directions, meshes.cage, aim.frame)
     back, reach = (report.distances[name] / aim.frame.size for name in ("extrusion", "max_distance"))
-    return _along(meshes, casting.Shot(aim, rays, back, reach, settings.facing_only))
+    return _along(meshes, ray_casting.Shot(aim, rays, back, reach, settings.facing_only))
 
 
-def glancing(meshes: Meshes, shot: casting.Shot | None) -> Apart:
+def glancing(meshes: Meshes, shot: ray_casting.Shot | None) -> Apart:
     """What looks at these meshes as a bake just did, along its `shot`; without one, at most at TRIANGLES of each high mesh."""
     return _along(meshes, shot) if shot else flattened(meshes.low, [thinned(high) for high in meshes.highs])
 
@@ -98,7 +98,7 @@ def thinned(mesh: Mesh) -> Mesh:
     return replace(mesh, positions=positions, vertices=numbers, uv=uv, triangles=numbers.reshape(-1, 3))
 
 
-def _along(meshes: Meshes, shot: casting.Shot) -> Apart:
+def _along(meshes: Meshes, shot: ray_casting.Shot) -> Apart:
     """What looks along rays."""
     frame = shot.aim.frame
     on_low = [upload(meshes.low, frame)] if meshes.cage is not None else None

@@ -9,12 +9,12 @@ from dataclasses import dataclass
 import gpu
 import numpy as np
 
+from ..bake.errors import BakeError
+from ..bake.pace import Pace
+from ..bake.report import Report
 from ..mesh import bvh
 from ..mesh.arrays import Frame, Mesh, frame_of
 from ..passes import batch, cast, table, target
-from .errors import BakeError
-from .pace import Pace
-from .report import Report
 
 KEPT_BYTES = 1024 * 2**20
 """What trees may hold on the GPU between bakes; the one used longest ago goes first."""

@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Arrays in, texels out: chooses the method, casts rays, renders the maps."""
