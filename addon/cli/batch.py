@@ -14,11 +14,12 @@ from pathlib import Path
 import bpy
 import gpu
 
-from ..bake import naming, pace, pipeline, sequence
+from ..bake import naming, pace
 from ..bake.errors import BakeError, sentence
 from ..bake.pace import Step
 from ..bake.report import Report
 from ..bake.settings import Settings
+from ..jobs import sequence, several
 from ..output.atomic_file import check_writable, replacing, together
 from ..scene import bake_objects
 from . import arguments, interruption, mesh_import, run_clashes, standard_streams
@@ -141,7 +142,7 @@ def bake(plan: Plan, stage: Stage, files: run_clashes.Run, meter: Meter) -> Resu
     if meter.is_on:
         meter.tell(subject(options), Step("Opening", 0.0))
     jobs, problems = _jobs(options, stage)
-    lows = [pipeline.ATLAS] if _share_image(options) else [job.low.name for job in jobs]
+    lows = [several.ATLAS] if _share_image(options) else [job.low.name for job in jobs]
     files.opened(plan.name, options, lows)
     _start_gpu()
     with together():  # a bake of which a pair or a frame fails has failed, and so has one without its scene or report
@@ -159,7 +160,7 @@ def bake(plan: Plan, stage: Stage, files: run_clashes.Run, meter: Meter) -> Resu
 
 
 def _baked(
-    options: argparse.Namespace, jobs: Sequence[pipeline.Job], settings: Settings, meter: Meter
+    options: argparse.Namespace, jobs: Sequence[several.Job], settings: Settings, meter: Meter
 ) -> tuple[list[Report], bool]:
     """The reports of all jobs or frames, or of those that were done when it was stopped; and whether it was.
 
@@ -173,11 +174,11 @@ def _baked(
             job = jobs[0 if options.frames else step.finished]
             meter.tell("the atlas" if share_image else job.low.name, step)
 
-    speed, reports = pace.Pace(pipeline.TOLD_EVERY, looks=False), []
+    speed, reports = pace.Pace(several.TOLD_EVERY, looks=False), []
     if options.frames:
         work = sequence.work(bpy.context, jobs[0], settings, run_clashes.frames(options), speed, reports=reports)
     else:
-        work = pipeline.work(bpy.context, jobs, settings, speed, share_image=share_image, reports=reports)
+        work = several.work(bpy.context, jobs, settings, speed, share_image=share_image, reports=reports)
     try:
         return pace.finish(work, tell), False
     except interruption.Stopped:
@@ -275,7 +276,7 @@ def _start_gpu() -> None:
             gpu.init()
 
 
-def _jobs(options: argparse.Namespace, stage: Stage) -> tuple[list[pipeline.Job], list[str]]:
+def _jobs(options: argparse.Namespace, stage: Stage) -> tuple[list[several.Job], list[str]]:
     """What to bake, ready in the scene, and what was found to be wrong with names."""
     if options.low_file:
         return [stage.job(options.low_file, options.high_file, options.cage_file)], []
@@ -286,10 +287,10 @@ def _jobs(options: argparse.Namespace, stage: Stage) -> tuple[list[pipeline.Job]
     else:
         stage.take()
     if options.pairs:
-        return pipeline.jobs_by_name(bpy.context, options.suffixes)
+        return several.jobs_by_name(bpy.context, options.suffixes)
     low = bake_objects.named(options.low)
     highs = [bake_objects.named(name) for name in options.high] or [low]
-    return [pipeline.Job(low, highs, bake_objects.named(options.cage) if options.cage else None)], []
+    return [several.Job(low, highs, bake_objects.named(options.cage) if options.cage else None)], []
 
 
 def _save(path: Path, maps: set[bpy.types.Image]) -> None:

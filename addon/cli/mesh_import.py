@@ -10,7 +10,7 @@ import bpy
 
 from ..bake.errors import BakeError
 from ..bake.pairs import Pair, Suffixes, match
-from ..bake.pipeline import Job
+from ..jobs.several import Job
 from ..output.atomic_file import reason
 from ..scene.visibility import put
 from . import interruption, standard_streams

@@ -9,10 +9,11 @@ from pathlib import Path
 
 import bpy
 
-from ..bake import naming, sequence
+from ..bake import naming
 from ..bake.errors import WrongPlace
-from ..bake.pipeline import ATLAS
 from ..bake.settings import TOKEN, Settings
+from ..jobs import sequence
+from ..jobs.several import ATLAS
 from ..output import datablocks, image_writer, outputs
 from ..output.path_clashes import Places
 from . import arguments, file_references

@@ -4,9 +4,9 @@
 import bpy
 from bpy.props import EnumProperty, StringProperty
 
-from ..bake import flaws
 from ..bake.errors import BakeError
 from ..bake.report import Report
+from ..jobs import locate_issues
 from ..scene import face_selection
 from . import results
 from .viewport import progress_display, show_result
@@ -94,18 +94,18 @@ class IMPRINT_OT_select_flaws(_OfLastBake, bpy.types.Operator):
     bl_label = "Select Faces"
     bl_options = {"REGISTER", "UNDO"}
 
-    kind: EnumProperty(name="Check", description="Which faces", items=_items(flaws.KINDS))
+    kind: EnumProperty(name="Check", description="Which faces", items=_items(locate_issues.KINDS))
 
     @classmethod
     def description(cls, _context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
         return f"{WORDS[properties.kind.lower()][1]}. Select the faces in Edit Mode"
 
     def _apply(self, context: bpy.types.Context, report: Report) -> str:
-        low, kind = flaws.of_low(report), self.kind.lower()
+        low, kind = locate_issues.of_low(report), self.kind.lower()
         problem = face_selection.problem(low)
         if problem:
             raise BakeError(problem)
-        found, is_edge = flaws.find(context, report, kind), kind in flaws.ON_EDGES
+        found, is_edge = locate_issues.find(context, report, kind), kind in locate_issues.ON_EDGES
         which = "edge" if is_edge else "face"
         if not len(found):
             raise BakeError(f"No {which} of {low.name!r} has this flaw: {WORDS[kind][0].lower()}.")
@@ -123,14 +123,14 @@ class IMPRINT_OT_show_mask(_OfLastBake, bpy.types.Operator):
     bl_label = "Show Mask"
     bl_options = {"REGISTER", "UNDO"}
 
-    kind: EnumProperty(name="Check", description="Which texels", items=_items(flaws.ON_TEXELS))
+    kind: EnumProperty(name="Check", description="Which texels", items=_items(locate_issues.ON_TEXELS))
 
     @classmethod
     def description(cls, _context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
         return f"{WORDS[properties.kind.lower()][1]}. Show them white in an image"
 
     def _apply(self, context: bpy.types.Context, report: Report) -> str:
-        image = flaws.draw_mask(context, report, self.kind.lower())
+        image = locate_issues.draw_mask(context, report, self.kind.lower())
         is_pressed = self.options.is_invoke and context.window is not None
         show = show_result.image_in_window if is_pressed else show_result.image
         show(context, image)
@@ -145,7 +145,7 @@ class IMPRINT_OT_add_triangulate(_OfLastBake, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     def _apply(self, context: bpy.types.Context, report: Report) -> str:
-        modifier, folded = flaws.add_triangulate(context, report)
+        modifier, folded = locate_issues.add_triangulate(context, report)
         otherwise = f"; it cuts {folded:,} folded quads otherwise than Blender draws them" if folded else ""
         return f"{report.low!r} has the modifier {modifier.name!r}{otherwise}"
 
@@ -191,8 +191,8 @@ def _draw_row(column: bpy.types.UILayout, kind: str, check: dict, low: str, cont
     buttons = row.row(align=True)
     buttons.enabled = check["count"] > 0
     for operator, icon, kinds in (
-        ("imprint.show_mask", "IMAGE_DATA", flaws.ON_TEXELS),
-        ("imprint.select_flaws", "RESTRICT_SELECT_OFF", flaws.KINDS),
+        ("imprint.show_mask", "IMAGE_DATA", locate_issues.ON_TEXELS),
+        ("imprint.select_flaws", "RESTRICT_SELECT_OFF", locate_issues.KINDS),
     ):
         if kind in kinds:
             button = buttons.operator(operator, text="", icon=icon)

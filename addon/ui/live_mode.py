@@ -6,10 +6,11 @@ from collections.abc import Callable
 
 import bpy
 
-from ..bake import live, pace
+from ..bake import pace
 from ..bake.errors import BakeError
-from ..bake.pipeline import Job
 from ..bake.settings import Settings
+from ..jobs import live_session
+from ..jobs.several import Job
 from ..scene import bake_objects
 from . import sculpt_strokes
 from .viewport import progress_display
@@ -23,7 +24,7 @@ SLICE = 0.02
 REST = 0.4
 """Seconds without a change after which the image gets the map."""
 
-_session: live.Session | None = None
+_session: live_session.Session | None = None
 _work: pace.Work[None] | None = None
 _asked: Settings | None = None
 _refused: Settings | None = None
@@ -47,7 +48,7 @@ on_new: list[Callable[[], None]] = []
 """Called when there is something new to see."""
 
 
-def session() -> live.Session | None:
+def session() -> live_session.Session | None:
     """What is being followed, or None while live is off."""
     return _session
 
@@ -68,7 +69,7 @@ def starting(context: bpy.types.Context, job: Job, settings: Settings, speed: pa
     global _session, _asked, _refused, _scene, _strokes, _work, message  # noqa: PLW0603 - see tick
     global _all_changed, _is_stored, _is_short, _is_told  # noqa: PLW0603 - see tick
     stop()
-    following = live.Session(context, job, settings, speed)
+    following = live_session.Session(context, job, settings, speed)
     _session, _asked, _work, message = following, settings, None, ""
     _all_changed, _is_stored, _is_short, _is_told = False, True, False, True
     _refused, _scene, _strokes = None, context.scene.session_uid, sculpt_strokes.Strokes(following)
@@ -206,7 +207,7 @@ def _look_at_settings() -> None:
     if wanted == _refused:
         raise BakeError(message)
     _refused = wanted
-    following = live.Session(bpy.context, _session.job, wanted, pace.Pace(SLICE, looks=False))
+    following = live_session.Session(bpy.context, _session.job, wanted, pace.Pace(SLICE, looks=False))
     _session.commit()  # the image need not be the same from now on
     if _work is not None:
         _work.close()

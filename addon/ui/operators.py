@@ -6,10 +6,11 @@ import textwrap
 import bpy
 from bpy.props import CollectionProperty, IntProperty, StringProperty
 
-from ..bake import pace, pipeline, sequence
+from ..bake import pace
 from ..bake.errors import BakeError
 from ..bake.report import Report
 from ..bake.settings import Settings
+from ..jobs import sequence, several
 from ..scene import bake_objects
 from . import live_mode, modal, results
 from .properties import Options
@@ -61,9 +62,9 @@ class _OnePair(_Bake, Options):
 
     def _work(self, context: bpy.types.Context, speed: pace.Pace) -> pace.Work:
         job, settings = self._job(context)
-        return (yield from pipeline.work(context, [job], settings, speed))
+        return (yield from several.work(context, [job], settings, speed))
 
-    def _job(self, context: bpy.types.Context) -> tuple[pipeline.Job, Settings]:
+    def _job(self, context: bpy.types.Context) -> tuple[several.Job, Settings]:
         """What the arguments name, and the panel where they say nothing."""
         scene_settings = context.scene.imprint
         low, highs = scene_settings.subjects(context, bake_objects.named(self.low) if self.low else None)
@@ -73,7 +74,7 @@ class _OnePair(_Bake, Options):
             raise BakeError(bake_objects.problem(context, low, highs))
         settings = self.to_settings(fallback=scene_settings)
         cage = bake_objects.named(self.cage) if self.cage else scene_settings.cage_for(settings.method)
-        return pipeline.Job(low, highs, cage), settings
+        return several.Job(low, highs, cage), settings
 
 
 class IMPRINT_OT_bake(_OnePair, bpy.types.Operator):
@@ -125,7 +126,7 @@ class IMPRINT_OT_live(modal.InSlices, bpy.types.Operator):
         if low is None:
             raise BakeError(bake_objects.problem(context, low, highs))
         plain = settings.to_settings()
-        job = pipeline.Job(low, highs, settings.cage_for(plain.method))
+        job = several.Job(low, highs, settings.cage_for(plain.method))
         yield from live_mode.starting(context, job, plain, speed)
 
 
@@ -138,10 +139,10 @@ class IMPRINT_OT_bake_pairs(_Bake, bpy.types.Operator):
 
     def _work(self, context: bpy.types.Context, speed: pace.Pace) -> pace.Work:
         settings = context.scene.imprint
-        jobs, problems = pipeline.jobs_by_name(context, settings.suffixes())
+        jobs, problems = several.jobs_by_name(context, settings.suffixes())
         for problem in problems:
             self.report({"WARNING"}, problem)
-        steps = pipeline.work(context, jobs, settings.to_settings(), speed, share_image=settings.share_image)
+        steps = several.work(context, jobs, settings.to_settings(), speed, share_image=settings.share_image)
         return (yield from steps)
 
 

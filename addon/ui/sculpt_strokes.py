@@ -6,7 +6,7 @@ import time
 
 import bpy
 
-from ..bake import live
+from ..jobs import live_session
 from ..scene import bake_objects
 
 ANSWER = 1.0
@@ -16,7 +16,7 @@ ANSWER = 1.0
 class Strokes:
     """Finds out which objects of a session strokes have moved."""
 
-    def __init__(self, session: live.Session):
+    def __init__(self, session: live_session.Session):
         self._session = session
         self._told: set[int] = set()
         self._held: set[int] = set()

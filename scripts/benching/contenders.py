@@ -9,10 +9,10 @@ from dataclasses import dataclass, field
 import bpy
 import numpy as np
 
-from addon.bake import pipeline
 from addon.bake.errors import BakeError
 from addon.bake.settings import Settings
 from addon.engine import ray_casting
+from addon.jobs import several
 from scripts.benching.peers import NAMES, PeerError, Peers
 from scripts.benching.scenes import Pair
 from tests.support import angles
@@ -74,7 +74,7 @@ class Imprint(Contender):
         if not self.keep:
             ray_casting.free()
         start = time.perf_counter()
-        report = pipeline.bake(bpy.context, self.pair.low, [self.pair.high], self.settings)
+        report = several.bake(bpy.context, self.pair.low, [self.pair.high], self.settings)
         seconds = time.perf_counter() - start
         self.stages.append(report.seconds)
         return seconds

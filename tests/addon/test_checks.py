@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.bake import flaws
+from addon.jobs import locate_issues
 from addon.ui import check_panel, results
 from addon.ui.viewport import show_result
 from tests.support import maps, zoo
@@ -374,8 +374,8 @@ def test_the_panel_shows_a_sign_and_a_number_for_each_check(baked):
         ("select_flaws", "POLYGONS", "lo"),
         ("add_triangulate", "", "lo"),
     ]
-    assert [b.kind for b in drawn.buttons if b.name == "show_mask"] == [kind.upper() for kind in flaws.ON_TEXELS]
-    assert {b.kind for b in drawn.buttons if b.name == "select_flaws"} == {kind.upper() for kind in flaws.KINDS}
+    assert [b.kind for b in drawn.buttons if b.name == "show_mask"] == [kind.upper() for kind in locate_issues.ON_TEXELS]
+    assert {b.kind for b in drawn.buttons if b.name == "select_flaws"} == {kind.upper() for kind in locate_issues.KINDS}
 
 
 def test_distances_have_their_unit(baked):
@@ -392,7 +392,7 @@ def test_distances_have_their_unit(baked):
 
 @pytest.mark.parametrize(
     ("operator", "kinds"),
-    [(check_panel.IMPRINT_OT_select_flaws, flaws.KINDS), (check_panel.IMPRINT_OT_show_mask, flaws.ON_TEXELS)],
+    [(check_panel.IMPRINT_OT_select_flaws, locate_issues.KINDS), (check_panel.IMPRINT_OT_show_mask, locate_issues.ON_TEXELS)],
     ids=["select_flaws", "show_mask"],
 )
 def test_each_button_says_what_its_check_is_about(operator, kinds):
@@ -437,4 +437,4 @@ def test_a_bake_that_failed_leaves_the_checks_of_the_one_before(baked):
 
 
 def test_all_kinds_have_words():
-    assert tuple(sorted(check_panel.WORDS)) == tuple(sorted(flaws.KINDS))
+    assert tuple(sorted(check_panel.WORDS)) == tuple(sorted(locate_issues.KINDS))

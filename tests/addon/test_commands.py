@@ -11,9 +11,9 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.bake import pipeline
 from addon.bake.errors import BakeError
 from addon.cli import arguments, command
+from addon.jobs import several
 from scripts.imprint import ROOT
 from tests.support import maps, zoo
 
@@ -180,7 +180,7 @@ def test_no_partial_report(scene, fails, monkeypatch):
 
     (scene / "m.png").write_bytes(b"an old picture")
     (scene / "r.json").write_text("an old report")
-    monkeypatch.setattr(pipeline, "work", fail)
+    monkeypatch.setattr(several, "work", fail)
     line = fails(command.FAILED, *BAKE, "--output", "m.png", "--report", "r.json", "--save-blend", "s.blend")
     assert line == "imprint: The bake went wrong."
     assert (scene / "m.png").read_bytes() == b"an old picture"

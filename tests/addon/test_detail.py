@@ -5,8 +5,8 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.bake import pipeline
 from addon.bake.settings import Settings
+from addon.jobs import several
 from addon.scene import bake_objects
 from addon.ui import panels
 from tests.support import maps, zoo
@@ -36,7 +36,7 @@ def low():
     low, high = zoo.plane("lo", 2), zoo.terrain("hi")
     settings = bpy.context.scene.imprint
     settings.width = settings.height = 16
-    pipeline.bake(bpy.context, low, [high], settings.to_settings())
+    several.bake(bpy.context, low, [high], settings.to_settings())
     high.select_set(False)
     low.select_set(True)
     bpy.context.view_layer.objects.active = low
@@ -142,7 +142,7 @@ def test_subdivision_and_triangulate_bake_onto_their_base(low):
 def report(*objects, image="map", **settings):
     low, *highs = objects
     values = {"width": 16, "height": 16, "image": image, "storage": "MEMORY", "material": False, **settings}
-    return pipeline.bake(bpy.context, low, highs, Settings(**values))
+    return several.bake(bpy.context, low, highs, Settings(**values))
 
 
 def flat(warnings):
@@ -176,9 +176,9 @@ def test_only_in_tangent_space_does_one_normal_mean_a_flat_map():
 def test_maps_that_share_an_image_are_looked_at_alike():
     low, high = zoo.plane("lo"), zoo.plane("hi", slope=1.0)  # whose normals' z is 0.7: more than one half
     settings = Settings("FLATTEN", width=16, height=16, storage="MEMORY", material=False)
-    (told,) = pipeline.bake_all(bpy.context, [pipeline.Job(low, [high])], settings, share_image=True)
+    (told,) = several.bake_all(bpy.context, [several.Job(low, [high])], settings, share_image=True)
     assert not flat(told.warnings)
-    (told,) = pipeline.bake_all(bpy.context, [pipeline.Job(low, [zoo.plane("flat")])], settings, share_image=True)
+    (told,) = several.bake_all(bpy.context, [several.Job(low, [zoo.plane("flat")])], settings, share_image=True)
     assert flat(told.warnings)
 
 

@@ -269,9 +269,9 @@ def test_another_editor_in_its_place_goes_back_too(pair):
 
 def test_the_low_object_is_pulled_over_high_ones_only_where_they_are_in_view(pair, monkeypatch):
     told = []
-    draw = view_mode.shading.Shading.draw
+    draw = view_mode.view_session.Shading.draw
     monkeypatch.setattr(
-        view_mode.shading.Shading, "draw", lambda *args, **kw: told.append(kw["is_alone"]) or draw(*args, **kw)
+        view_mode.view_session.Shading, "draw", lambda *args, **kw: told.append(kw["is_alone"]) or draw(*args, **kw)
     )
     view().mode = "MAP"
     shown()

@@ -10,8 +10,8 @@ import pytest
 from mathutils import Matrix, Vector
 
 import addon
-from addon.bake import shading
 from addon.bake.errors import BakeError
+from addon.jobs import view_session
 from addon.passes import target
 from addon.ui import live_mode
 from addon.ui.viewport import view_mode, viewport_text
@@ -73,7 +73,7 @@ def seen():
     return pixels
 
 
-@pytest.mark.parametrize("mode", shading.MODES)
+@pytest.mark.parametrize("mode", view_session.MODES)
 def test_a_view_comes_and_goes_without_a_trace(mode, pair):
     before = snapshot()
     view().mode = mode
@@ -89,7 +89,7 @@ def test_a_view_comes_and_goes_without_a_trace(mode, pair):
 
 def test_the_views_differ_and_the_modes_are_one_key_apart(pair):
     pictures = []
-    for mode in (*shading.MODES, "OFF"):
+    for mode in (*view_session.MODES, "OFF"):
         assert bpy.ops.imprint.view_next() == {"FINISHED"}
         assert view_mode.mode() == mode
         pictures.append(seen() if mode != "OFF" else np.zeros_like(pictures[0]))
@@ -237,7 +237,7 @@ def test_what_is_gone_or_hidden_is_not_drawn(pair):
     pair[0].hide_set(False)
     assert seen().any()
     bpy.data.objects.remove(pair[0])
-    for mode in shading.MODES:
+    for mode in view_session.MODES:
         view().mode = mode
         assert not seen()[40:].any()  # above the legend
 

@@ -11,8 +11,8 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.bake import pipeline
 from addon.cli import command, interruption, mesh_import
+from addon.jobs import several
 from scripts import imprint
 from tests.support import zoo
 
@@ -47,7 +47,7 @@ def stops_at(monkeypatch):
     """Has a signal come when `work` of the pipeline says for the `number`-th time what it does."""
 
     def arrange(word, number=1, signals=(signal.SIGINT,)):
-        work, count = pipeline.work, iter(range(1000))
+        work, count = several.work, iter(range(1000))
 
         def watched(*arguments, **options):
             result = work(*arguments, **options)
@@ -63,7 +63,7 @@ def stops_at(monkeypatch):
             finally:
                 result.close()
 
-        monkeypatch.setattr(pipeline, "work", watched)
+        monkeypatch.setattr(several, "work", watched)
 
     return arrange
 
@@ -165,14 +165,14 @@ def test_a_batch_tells_what_was_done(scene, stops_at, capfd):
 
 
 def test_too_little_memory_fails_one_bake_alone(scene, monkeypatch, capfd):
-    work, numbers = pipeline.work, iter(range(4))
+    work, numbers = several.work, iter(range(4))
 
     def heavy(*arguments, **options):
         if next(numbers) == 1:
             np.empty(2**59, np.float64)
         return work(*arguments, **options)
 
-    monkeypatch.setattr(pipeline, "work", heavy)
+    monkeypatch.setattr(several, "work", heavy)
     assert command.run(batch(scene)) == command.FAILED
     told = json.loads((scene / "r.json").read_text())
     assert [each["ok"] for each in told] == [True, False, True, True]
@@ -181,7 +181,7 @@ def test_too_little_memory_fails_one_bake_alone(scene, monkeypatch, capfd):
 
 
 def test_too_little_memory_is_told_in_one_line(scene, monkeypatch, capfd):
-    monkeypatch.setattr(pipeline, "work", lambda *_, **__: np.empty(2**59, np.float64))
+    monkeypatch.setattr(several, "work", lambda *_, **__: np.empty(2**59, np.float64))
     assert command.run([*ONE, "--output", "m.png"]) == command.FAILED
     (line,) = capfd.readouterr().err.splitlines()
     assert line.startswith("imprint: There is not enough memory (")
@@ -190,14 +190,14 @@ def test_too_little_memory_is_told_in_one_line(scene, monkeypatch, capfd):
 def test_the_report_of_a_batch_grows_as_it_goes_on(scene, monkeypatch):
     """So that a crash loses little."""
     monkeypatch.setattr(command.batch.ReportFile, "SHARE", 1e9)
-    seen, work = [], pipeline.work
+    seen, work = [], several.work
 
     def watched(*arguments, **options):
         report = scene / "r.json"
         seen.append(len(json.loads(report.read_text())) if report.exists() else 0)
         return work(*arguments, **options)
 
-    monkeypatch.setattr(pipeline, "work", watched)
+    monkeypatch.setattr(several, "work", watched)
     assert command.run(batch(scene)) == command.DONE
     assert seen == [0, 1, 2, 3]
 

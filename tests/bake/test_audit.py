@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from addon.audit import checks
-from addon.bake import flaws, pipeline
 from addon.bake.errors import BakeError
 from addon.bake.report import Report
 from addon.bake.settings import Settings
 from addon.engine import separation
+from addon.jobs import locate_issues, several
 from tests.support import maps, zoo
 from tests.support.snapshot import difference, snapshot
 
@@ -24,8 +24,8 @@ RAYS = {"method": "CAST", "extrusion": 1.0, "max_distance": 2.0}
 def bake(low, *highs, cage=None, size=(64, 64), **settings):
     """The report of a bake, as it comes back from a file."""
     values = {"method": "FLATTEN", "margin": 0, "storage": "MEMORY", "material": False, **settings}
-    job = pipeline.Job(low, highs, cage)
-    report = pipeline.bake_all(bpy.context, [job], Settings(width=size[0], height=size[1], **values))[0]
+    job = several.Job(low, highs, cage)
+    report = several.bake_all(bpy.context, [job], Settings(width=size[0], height=size[1], **values))[0]
     return Report(**json.loads(json.dumps(report.to_dict())))
 
 
@@ -35,12 +35,12 @@ def suspicious(report):
 
 
 def faces(report, kind):
-    return flaws.find(bpy.context, report, kind).tolist()
+    return locate_issues.find(bpy.context, report, kind).tolist()
 
 
 def mask(report, kind):
     """The mask (H, W) bool, which holds black and white alone."""
-    texels = maps.pixels(flaws.draw_mask(bpy.context, report, kind))
+    texels = maps.pixels(locate_issues.draw_mask(bpy.context, report, kind))
     assert set(np.unique(texels[..., :3])) <= {0.0, 1.0}
     assert (texels[..., 3] == 1.0).all()
     return texels[..., 0] == 1.0
@@ -79,14 +79,14 @@ QUARTERS = [(i / 2, j / 2, i / 2 + 0.5, j / 2 + 0.5) for j in range(2) for i in 
 
 def test_nothing_is_wrong_with_two_planes():
     report = bake(zoo.plane("lo", 3), zoo.plane("hi", 5))
-    assert {kind: check["count"] for kind, check in report.checks.items()} == dict.fromkeys(flaws.KINDS, 0) | {
+    assert {kind: check["count"] for kind, check in report.checks.items()} == dict.fromkeys(locate_issues.KINDS, 0) | {
         "polygons": 9
     }
     for kind in ("overlap", "uncovered", "far"):
         assert report.checks[kind]["of"] == 64 * 64
         assert not mask(report, kind).any()
     assert suspicious(report) == []
-    assert [kind for kind in flaws.KINDS if faces(report, kind)] == ["polygons"]
+    assert [kind for kind in locate_issues.KINDS if faces(report, kind)] == ["polygons"]
 
 
 # Texels that several triangles share
@@ -317,7 +317,7 @@ def test_the_modifier_cuts_as_blender_draws(seed, noise):
         drawn = triangles_of(obj.data.loop_triangles)
         report = bake(obj, zoo.plane("hi"), space="OBJECT")
         assert report.checks["uneven"]["count"] > 0
-        _, folded = flaws.add_triangulate(bpy.context, report)
+        _, folded = locate_issues.add_triangulate(bpy.context, report)
         assert (folded > 0) == (noise == 0.1 and obj == low)
         cut = triangles_of(obj.evaluated_get(bpy.context.evaluated_depsgraph_get()).data.polygons)
         assert len(drawn - cut) == 2 * folded
@@ -329,7 +329,7 @@ def test_normals_stay_when_faces_are_cut():
     low = zoo.terrain("lo", 2)
     low.data.vertices[4].co.z = 0.7
     low.data.normals_split_custom_set(np.tile((0.6, 0.0, 0.8), (16, 1)))
-    flaws.add_triangulate(bpy.context, bake(low, zoo.plane("hi")))
+    locate_issues.add_triangulate(bpy.context, bake(low, zoo.plane("hi")))
     evaluated = low.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
     normals = np.array([corner.vector for corner in evaluated.corner_normals])
     np.testing.assert_allclose(normals, np.tile((0.6, 0.0, 0.8), (24, 1)), atol=1e-3)
@@ -343,9 +343,9 @@ def test_several_bakes_into_one_image_have_checks_each():
         tiles(f"{name}_low", box)
         tiles(f"{name}_high", (*box[:3], 0.5))
     objects = bpy.data.objects
-    jobs = [pipeline.Job(objects[f"{name}_low"], [objects[f"{name}_high"]]) for name in "ab"]
+    jobs = [several.Job(objects[f"{name}_low"], [objects[f"{name}_high"]]) for name in "ab"]
     settings = Settings(method="FLATTEN", width=64, height=64, margin=0, storage="MEMORY", image="atlas")
-    reports = pipeline.bake_all(bpy.context, jobs, settings, share_image=True)
+    reports = several.bake_all(bpy.context, jobs, settings, share_image=True)
     for report, columns in zip(reports, (slice(0, 32), slice(32, 64)), strict=True):
         assert part(report.checks["uncovered"], *TEXELS) == counted(32 * 32, 32 * 64)
         truth = np.zeros((64, 64), bool)
@@ -359,7 +359,7 @@ def test_udim_tiles():
     report = bake(low, tiles("hi", (0, 0, 1, 1), (1, 0, 1.5, 1)), udim=True, storage="PACK", size=(32, 32))
     assert part(report.checks["uncovered"], *TEXELS) == counted(16 * 32, 2 * 32 * 32)
     assert faces(report, "uncovered") == [1]
-    image = flaws.draw_mask(bpy.context, report, "uncovered")
+    image = locate_issues.draw_mask(bpy.context, report, "uncovered")
     assert image.source == "TILED"
     assert [tile.number for tile in image.tiles] == [1001, 1002]
 
@@ -368,7 +368,7 @@ def test_large_maps_are_looked_at_in_bands(monkeypatch):
     low, high = stairs()
     report = bake(low, high, size=(48, 80))
     whole = {kind: (mask(report, kind), faces(report, kind)) for kind in ("overlap", "far")}
-    monkeypatch.setattr(flaws, "TEXELS", 48 * 7)
+    monkeypatch.setattr(locate_issues, "TEXELS", 48 * 7)
     for kind, (texels, found) in whole.items():
         np.testing.assert_array_equal(mask(report, kind), texels)
         assert faces(report, kind) == found
@@ -423,7 +423,7 @@ def test_a_surface_and_its_own_base_mesh():
     assert again.checks["uneven"]["count"] == 4
     assert not any("add a Triangulate" in warning for warning in again.warnings)
     with pytest.raises(BakeError, match="triangulate that one instead"):
-        flaws.add_triangulate(bpy.context, report)
+        locate_issues.add_triangulate(bpy.context, report)
 
 
 def test_objects_are_looked_at_as_they_are_now():
@@ -451,7 +451,7 @@ def test_the_method_stays_that_of_the_bake():
     assert mask(report, "uncovered").mean() == 0.75
 
 
-@pytest.mark.parametrize("kind", flaws.KINDS)
+@pytest.mark.parametrize("kind", locate_issues.KINDS)
 def test_looking_changes_nothing(kind):
     low, high = stairs()
     report = bake(low, high)

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 
-from addon.bake import pipeline
 from addon.bake.errors import BakeError
 from addon.bake.settings import Settings
 from addon.engine import ray_casting
+from addon.jobs import several
 from tests.support import angles, cycles, maps, oracle, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -62,7 +62,7 @@ def cast(low, *highs, cage=None, **settings):
         "image": "cast",
         **settings,
     }
-    report = pipeline.bake(bpy.context, low, highs, Settings(width=width, height=height, **values), cage)
+    report = several.bake(bpy.context, low, highs, Settings(width=width, height=height, **values), cage)
     return maps.pixels(bpy.data.images[report.image]), report
 
 
@@ -275,7 +275,7 @@ def test_in_an_atlas_misses_of_one_object_leave_the_texels_of_another(order):
     )
     lows[1].location.y = highs[1].location.y = 10.0
     highs[1].data.transform(Matrix.Diagonal((0.5, 1.0, 1.0, 1.0)))
-    jobs = [pipeline.Job(lows[number], [highs[number]]) for number in order]
+    jobs = [several.Job(lows[number], [highs[number]]) for number in order]
     settings = Settings(
         "CAST",
         "OBJECT",
@@ -290,7 +290,7 @@ def test_in_an_atlas_misses_of_one_object_leave_the_texels_of_another(order):
         depth=32,
         material=False,
     )
-    reports = pipeline.bake_all(bpy.context, jobs, settings, share_image=True)
+    reports = several.bake_all(bpy.context, jobs, settings, share_image=True)
     texels, owner = (maps.pixels(bpy.data.images[name]) for name in ("atlas", "atlas_object_id"))
     assert (texels[..., 3] == 1.0).all()
     whole = 0.5 - 0.5 * 0.3 / np.hypot(0.3, 1.0)
@@ -333,7 +333,7 @@ def test_trees_of_jobs_that_are_done_are_let_go(monkeypatch):
     ray_casting.free()
     monkeypatch.setattr(ray_casting, "KEPT_TREES", 1)
     jobs = [
-        pipeline.Job(zoo.plane(f"low {number}"), [zoo.terrain(f"high {number}", height=0.02 * (number + 1))])
+        several.Job(zoo.plane(f"low {number}"), [zoo.terrain(f"high {number}", height=0.02 * (number + 1))])
         for number in range(5)
     ]
     alive = []
@@ -342,7 +342,7 @@ def test_trees_of_jobs_that_are_done_are_let_go(monkeypatch):
         alive.append(sum(isinstance(found, ray_casting.Aim) for found in gc.get_objects()))
 
     settings = Settings("CAST", width=16, height=16, storage="MEMORY", extrusion=0.5, max_distance=1.0)
-    pipeline.bake_all(bpy.context, jobs, settings, tell=count)
+    several.bake_all(bpy.context, jobs, settings, tell=count)
     assert max(alive) <= 2  # the one that is kept and the one at work
 
 
@@ -494,13 +494,13 @@ def test_a_neighbours_margin_does_not_hide_misses_in_an_atlas():
         return zoo.build(name, points, [(0, 1, 2, 3)], [[(start, 0), (stop, 0), (stop, 1), (start, 1)]])
 
     jobs = [
-        pipeline.Job(strip("a", 0.0, 0.5), [strip("a high", 0.0, 0.25)]),  # its right half is missed
-        pipeline.Job(strip("b", 0.5, 1.0), [strip("b high", 0.5, 1.0)]),
+        several.Job(strip("a", 0.0, 0.5), [strip("a high", 0.0, 0.25)]),  # its right half is missed
+        several.Job(strip("b", 0.5, 1.0), [strip("b high", 0.5, 1.0)]),
     ]
     settings = Settings(
         method="CAST", width=64, height=16, margin=8, depth=32, storage="MEMORY", material=False, image="atlas"
     )
-    reports = pipeline.bake_all(bpy.context, jobs, settings, share_image=True)
+    reports = several.bake_all(bpy.context, jobs, settings, share_image=True)
     alpha = maps.pixels(bpy.data.images["atlas"])[..., 3]
     assert (alpha[:, 16:32] == 0.0).all()
     assert (alpha[:, 32:] == 1.0).all()
@@ -508,10 +508,10 @@ def test_a_neighbours_margin_does_not_hide_misses_in_an_atlas():
 
 
 def test_maps_of_several_pairs_never_go_into_one_file(tmp_path):
-    jobs = [pipeline.Job(zoo.plane(name), [zoo.plane(name + " high")]) for name in ("a", "b")]
+    jobs = [several.Job(zoo.plane(name), [zoo.plane(name + " high")]) for name in ("a", "b")]
     settings = Settings(width=16, height=16, storage="FILE", output=str(tmp_path / "m.png"), material=False)
     with pytest.raises(BakeError, match="would both"):
-        pipeline.bake_all(bpy.context, jobs, settings)
+        several.bake_all(bpy.context, jobs, settings)
     assert not list(tmp_path.iterdir())
 
 
@@ -542,9 +542,9 @@ def test_a_dense_closed_mesh_has_no_pinhole():
 
 
 def test_an_atlas_whose_uvs_overlap_is_told():
-    jobs = [pipeline.Job(zoo.plane(name), [zoo.terrain(name + " high")]) for name in ("a", "b")]
+    jobs = [several.Job(zoo.plane(name), [zoo.terrain(name + " high")]) for name in ("a", "b")]
     settings = Settings(width=16, height=16, storage="MEMORY", image="atlas", material=False)
-    reports = pipeline.bake_all(bpy.context, jobs, settings, share_image=True)
+    reports = several.bake_all(bpy.context, jobs, settings, share_image=True)
     assert reports[0].warnings == []
     assert "256 texels of 'b' lie over those of others" in reports[1].warnings[0]
 

@@ -6,9 +6,10 @@ import mathutils
 import numpy as np
 import pytest
 
-from addon.bake import live, pace, pipeline
+from addon.bake import pace
 from addon.bake.settings import Settings
 from addon.engine import bands
+from addon.jobs import live_session, several
 from tests.support import angles, zoo
 from tests.support.maps import bake, texel_uv
 
@@ -181,10 +182,10 @@ def test_a_map_is_made_for_the_scenes_engine(engine, basis, reader):
     bpy.context.scene.render.engine = engine
     assert np.array_equal(bake(low, high), chosen)
     settings = Settings(width=64, height=64, material=False)
-    report = pipeline.bake(bpy.context, low, [high], settings)
+    report = several.bake(bpy.context, low, [high], settings)
     assert report.settings["basis"] == basis
     assert any(line.startswith(reader) for line in report.summary())
-    assert live.Session(bpy.context, pipeline.Job(low, [high]), settings, pace.Pace()).settings.basis == basis
+    assert live_session.Session(bpy.context, several.Job(low, [high]), settings, pace.Pace()).settings.basis == basis
 
 
 @pytest.mark.parametrize("margin", [0, 5])

@@ -5,9 +5,9 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.bake import pipeline
 from addon.bake.settings import Settings
 from addon.engine import bands, finishing, large_map_margin, ray_casting
+from addon.jobs import several
 from addon.output import image_writer, outputs
 from addon.passes import target
 from tests.support import zoo
@@ -23,7 +23,7 @@ RAYS = {"extrusion": 0.5, "max_distance": 1.0}
 def bake(low, *highs, cage=None, **settings):
     """The report and, by name, the texels of a float map in memory and those beside it."""
     values = {"width": SIZE, "height": SIZE, "margin": 0, "depth": 32, "storage": "MEMORY", "material": False}
-    report = pipeline.bake(bpy.context, low, highs, Settings(**{"image": "map", **values, **settings}), cage)
+    report = several.bake(bpy.context, low, highs, Settings(**{"image": "map", **values, **settings}), cage)
     beside = {name: pixels(bpy.data.images[found["image"]]) for name, found in report.maps.items()}
     return report, {"normal": pixels(bpy.data.images["map"]), **beside}
 
@@ -225,7 +225,7 @@ def test_bands_of_any_tile_are_those_of_the_first(in_bands, tile, margin_type):
         move_uvs(obj, offset=((tile - 1001) % 10, (tile - 1001) // 10))
     in_bands()
     settings = Settings(width=SIZE, height=SIZE, udim=True, tiles=(tile,), depth=32, image="tile", **options)
-    pipeline.bake(bpy.context, low, [high], settings)
+    several.bake(bpy.context, low, [high], settings)
     assert np.allclose(pixels(bpy.data.images["tile"]), whole["normal"], atol=1e-5)
 
 
@@ -241,7 +241,7 @@ def test_each_tile_has_the_seams_that_lie_on_it():
     options = {"method": "CAST", "margin": 6, "margin_type": "ADJACENT_FACES", "udim": True, "storage": "PACK", **RAYS}
     for name, tiles in (("both", ()), ("first", (1001,)), ("second", (1002,))):
         settings = Settings(width=SIZE, height=SIZE, material=False, image=name, tiles=tiles, **options)
-        pipeline.bake(bpy.context, low, [high], settings)
+        several.bake(bpy.context, low, [high], settings)
 
     def packed(name):
         return {part.tile_number: part.packed_file.data for part in bpy.data.images[name].packed_files}
@@ -258,9 +258,9 @@ def atlas(names=("a", "b"), **settings):
             # Rows 12 to 38: below and above them the margin lies on other bands of 10 rows.
             move_uvs(obj, scale=(0.375, 0.55), offset=(0.03125 + 0.5 * number, 0.25))
         high.data.materials.append(bpy.data.materials.new(name))
-        jobs.append(pipeline.Job(low, [high]))
+        jobs.append(several.Job(low, [high]))
     values = {"method": "FLATTEN", "depth": 32, "storage": "MEMORY", "material": False, "image": "atlas"}
-    reports = pipeline.bake_all(
+    reports = several.bake_all(
         bpy.context, jobs, Settings(width=SIZE, height=SIZE, **values | settings), share_image=True
     )
     beside = {name: pixels(bpy.data.images[found["image"]]) for name, found in reports[0].maps.items()}

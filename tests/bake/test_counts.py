@@ -7,9 +7,10 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.bake import live, pace, pipeline
+from addon.bake import pace
 from addon.bake.settings import Settings
 from addon.engine import ray_casting
+from addon.jobs import live_session, several
 from addon.mesh import bvh
 from addon.passes import batch, table, target
 from tests.support import zoo
@@ -74,7 +75,7 @@ def passes(counts):
 @pytest.mark.parametrize("samples", [1, 4, 16])
 def test_flatten_is_one_draw_a_sample(counts, samples):
     low, high = pair()
-    pipeline.bake(bpy.context, low, [high], settings("FLATTEN", samples=samples))
+    several.bake(bpy.context, low, [high], settings("FLATTEN", samples=samples))
     accumulated = {"accumulate_comp.glsl": samples, "average_frag.glsl": 1} if samples > 1 else {}
     assert passes(counts) == {
         "flatten_frag.glsl": samples,
@@ -90,7 +91,7 @@ def test_flatten_is_one_draw_a_sample(counts, samples):
 def test_cast_is_one_dispatch_a_sample(counts, samples):
     low, high = pair()
     distances = {"extrusion": 0.3, "max_distance": 0.6}
-    pipeline.bake(bpy.context, low, [high], settings("CAST", samples=samples, **distances))
+    several.bake(bpy.context, low, [high], settings("CAST", samples=samples, **distances))
     found = passes(counts)
     # One more for the audit, which asks how far the rays went.
     assert samples <= found["cast_comp.glsl"] <= samples + 1
@@ -99,7 +100,7 @@ def test_cast_is_one_dispatch_a_sample(counts, samples):
 
 def test_what_goes_up_and_comes_down(counts):
     low, high = pair()
-    pipeline.bake(bpy.context, low, [high], settings("FLATTEN"))
+    several.bake(bpy.context, low, [high], settings("FLATTEN"))
     corners = 4 * (64 * 64 + 8 * 8)
     assert counts["bytes of tables"] == 0
     # UVs and normals of both, the low's tangents; the audit lays both flat once more.
@@ -112,7 +113,7 @@ def test_what_goes_up_and_comes_down(counts):
 def test_a_tree_is_uploaded_once(counts):
     low, high = pair()
     for _ in range(3):
-        pipeline.bake(bpy.context, low, [high], settings("CAST"))
+        several.bake(bpy.context, low, [high], settings("CAST"))
     triangles = 2 * 64 * 64
     nodes = sum(4**level for level in range(6)) + triangles // 4  # six levels above the one of the triangles
     assert counts["bytes of tables"] == 16 * (3 * nodes + 2 * 3 * triangles)
@@ -123,7 +124,7 @@ def test_a_tree_is_uploaded_once(counts):
 def test_targets_are_let_go_when_they_hold_too_much(monkeypatch, method, share_image):
     def bake(most):
         monkeypatch.setattr(target, "KEPT_BYTES", most)
-        pipeline.bake_all(bpy.context, [pipeline.Job(*objects)], settings(method), share_image=share_image)
+        several.bake_all(bpy.context, [several.Job(*objects)], settings(method), share_image=share_image)
         return sum(kept.bytes for kept in target._common.values())
 
     low, high = pair()
@@ -136,7 +137,7 @@ def test_targets_are_let_go_when_they_hold_too_much(monkeypatch, method, share_i
 
 def test_a_live_map_uploads_what_has_changed_alone(counts):
     low, high = pair()
-    following = live.Session(bpy.context, pipeline.Job(low, [high]), settings("FLATTEN"), pace.Pace())
+    following = live_session.Session(bpy.context, several.Job(low, [high]), settings("FLATTEN"), pace.Pace())
     following.run(bpy.context)
     counts.clear()
     points = np.empty(len(high.data.vertices) * 3, np.float32)

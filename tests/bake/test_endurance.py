@@ -16,10 +16,10 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.bake import pipeline
 from addon.bake.pace import Pace
 from addon.bake.settings import Settings
 from addon.engine import ray_casting
+from addon.jobs import several
 from addon.passes import target
 from scripts import imprint
 from tests.support import zoo
@@ -83,7 +83,7 @@ def test_memory_stays_flat_over_hundreds_of_bakes(tmp_path, monkeypatch):
             storage=storage,
             output=str(tmp_path / "map.png"),
         )
-        pipeline.bake(bpy.context, low, [high], settings)
+        several.bake(bpy.context, low, [high], settings)
         assert len(ray_casting._kept) <= ray_casting.KEPT_TREES
         assert sum(kept.bytes for kept in target._common.values()) <= target.KEPT_BYTES
         if number + 1 == WARM:
@@ -140,7 +140,7 @@ SHARES = (0.0, *np.random.default_rng(0).random(8).round(3), 1.0)
 
 def break_off(low, high, settings, share):
     """Close a bake when so much of it is done; at 1, after the last step before anything is stored for good."""
-    work = pipeline.work(bpy.context, [pipeline.Job(low, [high])], settings, Pace(0.01))
+    work = several.work(bpy.context, [several.Job(low, [high])], settings, Pace(0.01))
     next(step for step in work if step.done >= share and (share < 1.0 or step.what == "Storing"))
     work.close()
 
@@ -173,7 +173,7 @@ def test_a_bake_that_is_broken_off_leaves_no_trace(method, storage, is_there, tm
         method=method, width=256, height=256, samples=4, mask=True, depth=8, storage=storage, output=output
     )
     if is_there:
-        pipeline.bake(bpy.context, low, [high], settings)
+        several.bake(bpy.context, low, [high], settings)
         high.rotation_euler.x = 0.1  # else the new map would be the old one
     before, there = snapshot(), files(folder)
     bpy.ops.wm.save_as_mainfile(filepath=str(old), copy=True)
@@ -185,7 +185,7 @@ def test_a_bake_that_is_broken_off_leaves_no_trace(method, storage, is_there, tm
     expected = contents(old)
     assert contents(new) == expected
 
-    pipeline.bake(bpy.context, bpy.data.objects["lo"], [bpy.data.objects["hi"]], settings)
+    several.bake(bpy.context, bpy.data.objects["lo"], [bpy.data.objects["hi"]], settings)
     assert set(files(folder)) == ({"map.png", "map_missed.png"} if storage == "FILE" else set())
     bpy.ops.wm.save_as_mainfile(filepath=str(new), copy=True)
     assert contents(new) != expected or files(folder) != there

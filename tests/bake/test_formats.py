@@ -11,10 +11,10 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.bake import pipeline
 from addon.bake.errors import BakeError
 from addon.bake.pace import Pace
 from addon.bake.settings import FORMATS, Settings
+from addon.jobs import several
 from addon.output import completeness, image_writer, quantize, tiff
 from scripts.imprint import ROOT
 from tests.support import pictures, zoo
@@ -201,10 +201,10 @@ def test_dithering_loses_more_and_floats_nothing(tmp_path):
 def test_the_report_tells_the_loss():
     low, high = zoo.plane("low"), zoo.terrain("high")
     settings = Settings(method="FLATTEN", width=64, height=64, depth=8, mask=True)
-    report = pipeline.bake(bpy.context, low, [high], settings)
+    report = several.bake(bpy.context, low, [high], settings)
     assert 0.05 < report.loss["median"] < report.loss["maximum"] < 0.5
     assert sum(f"{report.loss['median']:.2g} degrees" in line for line in report.summary()) == 1
-    floats = pipeline.bake(bpy.context, low, [high], Settings(method="FLATTEN", width=64, height=64))
+    floats = several.bake(bpy.context, low, [high], Settings(method="FLATTEN", width=64, height=64))
     assert floats.loss == {}
     assert not any("degrees" in line for line in floats.summary())
 
@@ -241,7 +241,7 @@ def test_a_bake_that_is_stopped_leaves_nothing(tmp_path):
     settings = Settings(method="FLATTEN", width=64, height=64, storage="FILE", output=str(path), mask=True)
     seen, stops = set(), 0
     while True:
-        work = pipeline.work(bpy.context, [pipeline.Job(low, [high])], settings, Pace(0.001))
+        work = several.work(bpy.context, [several.Job(low, [high])], settings, Pace(0.001))
         steps = [next(work, None) for _ in range(stops + 1)]
         seen |= {name.partition(".partial")[2] for name in os.listdir(tmp_path) if "partial" in name}
         if steps[-1] is None:

@@ -8,10 +8,10 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.bake import flaws, live, pipeline, sequence
 from addon.bake.errors import BakeError
 from addon.bake.pace import Pace, finish
 from addon.bake.settings import Settings
+from addon.jobs import live_session, locate_issues, sequence, several
 from addon.output import datablocks
 from tests.support import zoo
 from tests.support.maps import pixels
@@ -31,7 +31,7 @@ def settings(**values):
 
 def pairs(names="ab"):
     lows = [zoo.plane(name) for name in names]
-    return [pipeline.Job(low, [zoo.plane(f"{low.name} high", 4)]) for low in lows]
+    return [several.Job(low, [zoo.plane(f"{low.name} high", 4)]) for low in lows]
 
 
 def remove(name):
@@ -71,7 +71,7 @@ def endings(make, change):
 @pytest.mark.parametrize("name", ["a", "a high", "b", "b high"])
 def test_an_object_that_is_deleted_is_a_sentence_at_every_step(name, share_image):
     def make():
-        return pipeline.work(bpy.context, pairs(), settings(), Pace(SLICED), share_image=share_image)
+        return several.work(bpy.context, pairs(), settings(), Pace(SLICED), share_image=share_image)
 
     said = list(endings(make, lambda: remove(name)))
     assert len(said) > 6
@@ -81,7 +81,7 @@ def test_an_object_that_is_deleted_is_a_sentence_at_every_step(name, share_image
 
 @pytest.mark.parametrize("name", ["a", "a high"])
 def test_nothing_changes_where_the_only_object_goes(name):
-    work = pipeline.work(bpy.context, pairs("a"), settings(), Pace(SLICED))
+    work = several.work(bpy.context, pairs("a"), settings(), Pace(SLICED))
     next(work)
     remove(name)
     before = snapshot()
@@ -91,7 +91,7 @@ def test_nothing_changes_where_the_only_object_goes(name):
 
 
 def test_maps_of_jobs_that_are_done_stay():
-    work = pipeline.work(bpy.context, pairs(), settings(), Pace(SLICED))
+    work = several.work(bpy.context, pairs(), settings(), Pace(SLICED))
     while next(work).finished < 1:
         pass
     remove("b")
@@ -103,7 +103,7 @@ def test_maps_of_jobs_that_are_done_stay():
 def test_an_atlas_is_not_replaced():
     grey = np.full((16, 16, 4), 0.5, np.float32)
     datablocks.fill("atlas", grey, is_float=True, pack=False)
-    work = pipeline.work(bpy.context, pairs(), settings(image="atlas"), Pace(SLICED), share_image=True)
+    work = several.work(bpy.context, pairs(), settings(image="atlas"), Pace(SLICED), share_image=True)
     while next(work).what != "Storing":
         pass
     remove("b")
@@ -146,7 +146,7 @@ def test_a_scene_that_is_deleted_ends_its_sequence(tmp_path):
 @pytest.mark.parametrize("share_image", [False, True], ids=["several", "atlas"])
 def test_renaming_changes_nothing(share_image):
     jobs = pairs()
-    work = pipeline.work(bpy.context, jobs, settings(image="{low}"), Pace(SLICED), share_image=share_image)
+    work = several.work(bpy.context, jobs, settings(image="{low}"), Pace(SLICED), share_image=share_image)
     next(work)
     for obj in list(bpy.data.objects):
         obj.name = f"{obj.name} renamed"
@@ -177,9 +177,9 @@ def namesakes(tmp_path):
 
 @pytest.mark.parametrize("which", [1, 2], ids=["flat", "steep"])
 def test_live_knows_namesakes_apart(namesakes, which):
-    job = pipeline.Job(namesakes[0], [namesakes[which]])
-    pipeline.bake_all(bpy.context, [job], settings(depth=32, image="baked"))
-    following = live.Session(bpy.context, job, settings(), Pace())
+    job = several.Job(namesakes[0], [namesakes[which]])
+    several.bake_all(bpy.context, [job], settings(depth=32, image="baked"))
+    following = live_session.Session(bpy.context, job, settings(), Pace())
     following.run(bpy.context)
     assert np.array_equal(following.texels, pixels(bpy.data.images["baked"]))
     following.free()
@@ -190,11 +190,11 @@ def test_checks_know_namesakes_apart(namesakes, which):
     low, *highs = namesakes
     highs[which - 1].location.x = 0.9  # no longer above all of the low plane
     bpy.context.view_layer.update()
-    job = pipeline.Job(low, [highs[which - 1]])
+    job = several.Job(low, [highs[which - 1]])
     near = settings(extrusion=2.0, max_distance=4.0)
-    report = pipeline.bake_all(bpy.context, [job], near)[0]
+    report = several.bake_all(bpy.context, [job], near)[0]
     low.name = "renamed"
-    mask = pixels(flaws.draw_mask(bpy.context, report, "uncovered"))[..., 0] > 0.5
+    mask = pixels(locate_issues.draw_mask(bpy.context, report, "uncovered"))[..., 0] > 0.5
     assert mask.mean() == pytest.approx(report.checks["uncovered"]["share"])
     assert mask.any()
 
@@ -217,7 +217,7 @@ def test_live_follows_into_a_library_that_is_reloaded(library):
     source, low, high = library
     panel = bpy.context.scene.imprint
     panel.width = panel.height = 64
-    addon.live.start(bpy.context, pipeline.Job(low, [high]), panel.to_settings())
+    addon.live.start(bpy.context, several.Job(low, [high]), panel.to_settings())
     try:
         before = high.session_uid
         source.reload()
@@ -235,17 +235,17 @@ def test_live_follows_into_a_library_that_is_reloaded(library):
 @pytest.mark.parametrize("relative", [False, True])
 def test_checks_find_what_was_reloaded(library, tmp_path, relative):
     source, low, high = library
-    report = pipeline.bake(bpy.context, low, [high], settings())
+    report = several.bake(bpy.context, low, [high], settings())
     if relative:  # as paths become when the scene is saved
         (tmp_path / "scenes").mkdir()
         bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scenes" / "scene.blend"))
         source.filepath = "//../library.blend"
     source.reload()
-    assert flaws.find(bpy.context, report, "polygons").tolist() == [0]
+    assert locate_issues.find(bpy.context, report, "polygons").tolist() == [0]
     bpy.data.objects.remove(bpy.data.objects["hi"])
     zoo.terrain("hi", n=8)
     with pytest.raises(BakeError, match="'hi' was deleted"):
-        flaws.find(bpy.context, report, "polygons")
+        locate_issues.find(bpy.context, report, "polygons")
 
 
 @pytest.mark.parametrize("linked", ["objects", "meshes"])
@@ -268,4 +268,4 @@ def test_an_object_whose_library_is_missing_is_told_so(tmp_path, linked, is_low)
     names = ("linked", "other") if is_low else ("other", "linked")
     low, high = (bpy.data.objects[name] for name in names)
     with pytest.raises(BakeError, match=r"^'linked' is linked from '.*library\.blend', where it is not found: "):
-        pipeline.bake(bpy.context, low, [high], settings())
+        several.bake(bpy.context, low, [high], settings())

@@ -8,9 +8,9 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.bake import pipeline
 from addon.bake.errors import BakeError
 from addon.bake.settings import Settings
+from addon.jobs import several
 from addon.output import atomic_file, image_writer
 from tests.support import zoo
 from tests.support.maps import pixels
@@ -359,6 +359,6 @@ def test_an_object_with_the_longest_name_has_one_image():
         low = zoo.plane(name)
         for _ in range(2):
             settings = Settings("FLATTEN", width=16, height=16, maps=("DISPLACEMENT",), storage="MEMORY")
-            found.add(pipeline.bake(bpy.context, low, [high], settings).image)
+            found.add(several.bake(bpy.context, low, [high], settings).image)
     assert len(found) == 2
     assert len(bpy.data.images) == 4

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from mathutils import Matrix, Vector
 
-from addon.bake import pipeline
 from addon.bake.errors import BakeError
 from addon.bake.settings import MARGINS, METHODS, Settings
+from addon.jobs import several
 from tests.support import angles, maps, outcome, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -235,7 +235,7 @@ def test_a_hidden_object_whose_matrix_is_out_of_date(method, name, scale):
     bpy.context.view_layer.update()
     obj.scale.x = scale
     with pytest.raises(BakeError, match=f"^{name!r} is (pressed flat|nowhere): "):
-        pipeline.bake(bpy.context, low, [high], Settings(method=method, **SMALL))
+        several.bake(bpy.context, low, [high], Settings(method=method, **SMALL))
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -245,7 +245,7 @@ def test_a_hidden_object_that_was_pressed_flat_and_is_no_more(method):
     bpy.context.view_layer.update()
     high.hide_viewport = True
     high.scale.x = 1.0
-    pipeline.bake(bpy.context, low, [high], Settings(method=method, **SMALL))
+    several.bake(bpy.context, low, [high], Settings(method=method, **SMALL))
 
 
 def test_a_base_mesh_whose_modifiers_lose_its_uvs(tmp_path):

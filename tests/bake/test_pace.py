@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from addon.audit import checks
-from addon.bake import pace, pipeline, report
+from addon.bake import pace, report
 from addon.bake.pace import Pace
 from addon.bake.settings import Settings
 from addon.engine import ray_casting
+from addon.jobs import several
 from addon.passes import cast, target
 from tests.support import maps, zoo
 
@@ -76,7 +77,7 @@ def test_slices_leave_no_trace_in_the_map(monkeypatch, samples):
 def test_probes_for_distances_and_checks_are_sliced_as_well(slow):
     low, high = zoo.plane("lo"), zoo.terrain("hi")
     settings = Settings("CAST", width=SIZE, height=SIZE, image="map", storage="MEMORY", material=False)
-    pipeline.bake(bpy.context, low, [high], settings)
+    several.bake(bpy.context, low, [high], settings)
     # Both ways for the distances, then the map, then the checks' look at some of its texels.
     starts = [rows.start for rows in slow].count(0)
     assert starts == 4
@@ -95,9 +96,9 @@ def test_the_stages_are_parts_of_the_total_and_waiting_is_not(method, share_imag
 
     monkeypatch.setattr(report, "time", SimpleNamespace(perf_counter=tick))
     ray_casting.free()
-    jobs = [pipeline.Job(zoo.plane("lo"), [zoo.terrain("hi")])]
+    jobs = [several.Job(zoo.plane("lo"), [zoo.terrain("hi")])]
     settings = Settings(method, width=32, height=32, image="map", storage="MEMORY", material=False)
-    work = pipeline.work(bpy.context, jobs, settings, Pace(0.01), share_image=share_image)
+    work = several.work(bpy.context, jobs, settings, Pace(0.01), share_image=share_image)
     try:
         while True:
             next(work)

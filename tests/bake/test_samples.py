@@ -5,8 +5,8 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.bake import pipeline
 from addon.bake.settings import SAMPLES, Settings
+from addon.jobs import several
 from addon.passes import samples
 from tests.support import angles, maps, zoo
 from tests.support.maps import bake, texel_uv
@@ -159,7 +159,7 @@ def test_texels_that_all_samples_miss_are_missed_in_every_map(samples):
         margin=0,
         material=False,
     )
-    report = pipeline.bake(bpy.context, low, [high], settings)
+    report = several.bake(bpy.context, low, [high], settings)
     for name in ["map", *(found["image"] for found in report.maps.values())]:
         alpha = maps.pixels(bpy.data.images[name])[..., 3]
         assert (alpha[:, 8:24] == 1.0).all(), name

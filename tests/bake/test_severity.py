@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from addon.audit import mip_gaps, severity
-from addon.bake import flaws, pipeline
 from addon.bake.settings import Settings
+from addon.jobs import locate_issues, several
 from tests.bake.test_audit import QUARTERS, bake, faces, mask, part, tiles
 from tests.support import zoo
 
@@ -200,11 +200,11 @@ def test_texels_of_the_margin_are_no_loss():
 
 def test_in_an_image_that_is_shared_z_is_lost_as_well():
     low, high = tents(120)
-    jobs = [pipeline.Job(low, [high])]
+    jobs = [several.Job(low, [high])]
     settings = Settings(
         method="FLATTEN", width=64, height=64, margin=4, storage="MEMORY", material=False, image="atlas"
     )
-    (report,) = pipeline.bake_all(bpy.context, jobs, settings, share_image=True)
+    (report,) = several.bake_all(bpy.context, jobs, settings, share_image=True)
     assert report.checks["backwards"]["count"] == 32 * 32
 
 
@@ -224,8 +224,8 @@ def roof(name="lo", **options):
 
 def edges(report):
     """The ends of the edges that are hard, of the low object's own."""
-    low = flaws.of_low(report)
-    return [tuple(low.data.edges[number].vertices) for number in flaws.find(bpy.context, report, "hard_edges")]
+    low = locate_issues.of_low(report)
+    return [tuple(low.data.edges[number].vertices) for number in locate_issues.find(bpy.context, report, "hard_edges")]
 
 
 def test_hard_edges_without_a_seam():
@@ -317,4 +317,4 @@ def test_what_a_number_means(kind, check, settings, truth):
 
 
 def test_each_kind_has_a_meaning():
-    assert {kind for kind, *_ in MEANINGS} == set(flaws.KINDS)
+    assert {kind for kind, *_ in MEANINGS} == set(locate_issues.KINDS)

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from mathutils import Euler, Matrix
 
-from addon.bake import live, pace, pipeline, shading
+from addon.bake import pace
 from addon.bake.errors import BakeError
 from addon.bake.settings import Settings
 from addon.engine import bands
+from addon.jobs import live_session, several, view_session
 from addon.output import quantize
 from addon.passes import batch, lit, target
 from tests.support import oracle, raster, zoo
@@ -35,7 +36,7 @@ def session_of(low, highs, **settings):
     """A session that has drawn its map."""
     values = {"method": "FLATTEN", "width": 128, "height": 128, "depth": 32, "material": False, **settings}
     bpy.context.view_layer.update()
-    following = live.Session(bpy.context, pipeline.Job(low, highs), Settings(**values), pace.Pace())
+    following = live_session.Session(bpy.context, several.Job(low, highs), Settings(**values), pace.Pace())
     following.run(bpy.context)
     return following
 
@@ -60,7 +61,7 @@ def eye_on(low, light=(0.3, -0.4, 0.8, 0.0), *, is_parallel=False):
     lens = (
         raster.parallel(2.1 * radius, 0.1, 100.0, aspect) if is_parallel else raster.perspective(40, 0.1, 100, aspect)
     )
-    return shading.Eye(view, lens, np.array(light, np.float64))
+    return view_session.Eye(view, lens, np.array(light, np.float64))
 
 
 def brightness(normals, points, light):
@@ -123,7 +124,7 @@ def test_the_map_is_lit_as_arithmetic_says(space, matrix):
     low, high = pair(matrix)
     session = session_of(low, [high], space=space)
     eye = eye_on(low)
-    pixels = picture(lambda: shading.Shading(session).draw("MAP", eye))
+    pixels = picture(lambda: view_session.Shading(session).draw("MAP", eye))
     check(pixels, *shown(low, session.texels, session.settings)(eye))
 
 
@@ -142,7 +143,7 @@ def test_the_map_is_read_as_it_was_written(settings):
     low, high = pair(UNEVEN)
     session = session_of(low, [high], **settings)
     eye = eye_on(low)
-    pixels = picture(lambda: shading.Shading(session).draw("MAP", eye))
+    pixels = picture(lambda: view_session.Shading(session).draw("MAP", eye))
     check(pixels, *shown(low, session.texels, session.settings)(eye))
 
 
@@ -150,7 +151,7 @@ def test_a_lamp_shines_from_its_place():
     low, high = pair(ASLANT)
     session = session_of(low, [high])
     eye = eye_on(low, light=(*(ASLANT @ Matrix.Translation((0.5, -1.2, 1.0))).translation, 1.0))
-    pixels = picture(lambda: shading.Shading(session).draw("MAP", eye))
+    pixels = picture(lambda: view_session.Shading(session).draw("MAP", eye))
     check(pixels, *shown(low, session.texels, session.settings)(eye))
 
 
@@ -158,7 +159,7 @@ def test_an_eye_without_vanishing_points():
     low, high = pair(ASLANT)
     session = session_of(low, [high])
     eye = eye_on(low, is_parallel=True)
-    pixels = picture(lambda: shading.Shading(session).draw("MAP", eye))
+    pixels = picture(lambda: view_session.Shading(session).draw("MAP", eye))
     check(pixels, *shown(low, session.texels, session.settings)(eye))
 
 
@@ -169,7 +170,7 @@ def test_a_real_pair_is_lit_as_arithmetic_says(space, shared_assets):
     low, high = bpy.data.objects["lo"], bpy.data.objects["hi"]
     session = session_of(low, [high], space=space, width=512, height=512)
     eye = eye_on(low)
-    pixels = picture(lambda: shading.Shading(session).draw("MAP", eye))
+    pixels = picture(lambda: view_session.Shading(session).draw("MAP", eye))
     check(pixels, *shown(low, session.texels, session.settings)(eye))
 
 
@@ -187,8 +188,8 @@ def test_a_line_parts_high_and_low_and_low_with_map(split):
     low, high = pair(UNEVEN, n=20)
     session = session_of(low, [high])
     eye = eye_on(low)
-    pixels = picture(lambda: shading.Shading(session).draw("SPLIT", eye, split=split))
-    zones = shading.zones(SIZE[0], split)
+    pixels = picture(lambda: view_session.Shading(session).draw("SPLIT", eye, split=split))
+    zones = view_session.zones(SIZE[0], split)
     assert [column for zone in zones for column in zone] == list(range(SIZE[0]))
     for zone, (mask, colours) in zip(
         zones, (bare(high, eye), bare(low, eye), shown(low, session.texels, session.settings)(eye)), strict=True
@@ -203,7 +204,7 @@ def test_a_line_parts_high_and_low_and_low_with_map(split):
 def test_it_covers_what_lies_around_it_and_not_what_is_before_it(is_parallel):
     """The high object stands out of the low one, and is on screen as well."""
     low, high = pair(ASLANT)
-    drawn = shading.Shading(session_of(low, [high]))
+    drawn = view_session.Shading(session_of(low, [high]))
     eye = eye_on(low, is_parallel=is_parallel)
     around = raster.corners(high, with_tangents=False).position
 
@@ -236,7 +237,7 @@ def test_bumps_of_the_high_object_do_not_poke_through(is_parallel, mode):
     points = np.array([vertex.co for vertex in high.data.vertices])
     bumps = 1.0 + 0.3 * (np.sin(9.0 * points[:, :1]) * np.sin(9.0 * points[:, 2:]) > 0.5)
     high.data.vertices.foreach_set("co", (points * bumps).astype(np.float32).ravel())
-    drawn = shading.Shading(session_of(low, [high]))
+    drawn = view_session.Shading(session_of(low, [high]))
     eye = eye_on(low, is_parallel=is_parallel)
     corners = raster.corners(high, with_tangents=False).position.reshape(-1, 3).astype(np.float32)
     seen = batch.upload(
@@ -266,7 +267,7 @@ def test_a_map_that_is_drawn_in_bands_is_not_shown(monkeypatch):
     assert session.texels.shape == (128, 128, 4)
     assert session.map is None
     with pytest.raises(BakeError, match="128 x 128 texels is drawn in bands"):
-        shading.Shading(session)
+        view_session.Shading(session)
 
 
 def test_what_was_moved_aside_is_shown_in_its_place():
@@ -276,7 +277,7 @@ def test_what_was_moved_aside_is_shown_in_its_place():
     for aside in (0.0, 10.0):
         high.location.x = aside
         session = session_of(low, [high])
-        pictures.append(picture(lambda drawn=session: shading.Shading(drawn).draw("SPLIT", eye, split=0.9)))
+        pictures.append(picture(lambda drawn=session: view_session.Shading(drawn).draw("SPLIT", eye, split=0.9)))
     mask = pictures[0][..., 3] == 1.0
     assert (mask == (pictures[1][..., 3] == 1.0)).mean() >= SHARE
     # Their boxes have centres that differ by a hair.
@@ -286,7 +287,7 @@ def test_what_was_moved_aside_is_shown_in_its_place():
 def test_what_moves_is_drawn_where_it_is():
     low, high = pair(Matrix())
     session = session_of(low, [high])
-    drawn = shading.Shading(session)
+    drawn = view_session.Shading(session)
     for matrix in (Matrix(), MIRRORED):
         low.matrix_world = matrix
         bpy.context.view_layer.update()
@@ -298,7 +299,7 @@ def test_what_moves_is_drawn_where_it_is():
 def test_what_has_not_changed_is_not_uploaded_again(monkeypatch):
     low, high = pair(Matrix())
     session = session_of(low, [high])
-    drawn, eye = shading.Shading(session), eye_on(low)
+    drawn, eye = view_session.Shading(session), eye_on(low)
     uploads = []
     monkeypatch.setattr(
         session, "upload", lambda *args, given=session.upload, **more: uploads.append(args) or given(*args, **more)
@@ -315,7 +316,7 @@ def test_what_has_not_changed_is_not_uploaded_again(monkeypatch):
 def test_nothing_is_drawn_of_what_is_gone_or_flat():
     low, high = pair(Matrix())
     session = session_of(low, [high])
-    drawn, eye = shading.Shading(session), eye_on(low)
+    drawn, eye = view_session.Shading(session), eye_on(low)
     low.scale.x = 0.0
     bpy.context.view_layer.update()
     assert not picture(lambda: drawn.draw("MAP", eye)).any()
@@ -325,7 +326,7 @@ def test_nothing_is_drawn_of_what_is_gone_or_flat():
     assert not picture(lambda: drawn.draw("SPLIT", eye)).any()
     assert picture(lambda: drawn.draw("MAP", eye)).any()
     bpy.data.objects.remove(low)
-    for mode in shading.MODES:
+    for mode in view_session.MODES:
         assert not picture(lambda mode=mode: drawn.draw(mode, eye)).any()
     session.free()
     assert not picture(lambda: drawn.draw("MAP", eye)).any()
@@ -337,7 +338,7 @@ class TestDeviation:
     @staticmethod
     def of(low, high, **settings):
         """What is measured of a map."""
-        drawn = shading.Shading(session_of(low, [high], **settings))
+        drawn = view_session.Shading(session_of(low, [high], **settings))
         drawn.update(is_measured=True)
         return drawn
 
@@ -467,7 +468,7 @@ def values(drawn):
 
 def test_the_legend_goes_from_left_to_right():
     low, high = zoo.plane("lo"), zoo.plane("hi")
-    drawn = shading.Shading(session_of(low, [high]))
+    drawn = view_session.Shading(session_of(low, [high]))
     pixels = picture(lambda: drawn.draw_legend((10, 20), (90, 12)))
     assert pixels[20:32, 10:100, 3].all()
     assert pixels[..., 3].sum() == 90 * 12
@@ -476,7 +477,7 @@ def test_the_legend_goes_from_left_to_right():
 
 
 def test_a_view_needs_no_place_for_its_map_and_no_more_than_fits():
-    settings = shading.settings_for(
+    settings = view_session.settings_for(
         Settings(width=16384, height=4096, udim=True, tiles=(1002,), storage="FILE", output="x.png")
     )
     settings.check()
@@ -487,7 +488,7 @@ def test_a_view_needs_no_place_for_its_map_and_no_more_than_fits():
 def test_many_high_meshes_are_probed_no_more_than_a_few(monkeypatch):
     low = zoo.plane("lo")
     highs = [zoo.terrain(f"hi {number}", n=32) for number in range(8)]
-    height = shading._height
+    height = view_session._height
 
     class Counted:
         found = 0
@@ -499,7 +500,7 @@ def test_many_high_meshes_are_probed_no_more_than_a_few(monkeypatch):
             Counted.found += 1
             return self.surface.find_nearest(point)
 
-    monkeypatch.setattr(shading, "_height", lambda surface, *more: height(Counted(surface), *more))
-    drawn = shading.Shading(session_of(low, highs))
+    monkeypatch.setattr(view_session, "_height", lambda surface, *more: height(Counted(surface), *more))
+    drawn = view_session.Shading(session_of(low, highs))
     drawn._placed(with_highs=False)
-    assert 0 < Counted.found <= shading.PROBES + 6 * len(highs)
+    assert 0 < Counted.found <= view_session.PROBES + 6 * len(highs)

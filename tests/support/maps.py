@@ -3,15 +3,15 @@
 import bpy
 import numpy as np
 
-from addon.bake import pipeline
 from addon.bake.settings import Settings
+from addon.jobs import several
 
 
 def bake(low, *highs, image="map", **settings):
     """The texels (H, W, 4) float32 of a bake, row 0 at v = 0; without margin and material unless asked for."""
     size = settings.pop("size", (64, 64))
     values = {"method": "FLATTEN", "margin": 0, "depth": 32, "storage": "MEMORY", "material": False, **settings}
-    pipeline.bake(bpy.context, low, highs, Settings(image=image, width=size[0], height=size[1], **values))
+    several.bake(bpy.context, low, highs, Settings(image=image, width=size[0], height=size[1], **values))
     return pixels(bpy.data.images[image])
 
 

@@ -10,8 +10,9 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from addon.bake import naming, pipeline
+from addon.bake import naming
 from addon.bake.errors import BakeError
+from addon.jobs import several
 from addon.output import image_writer, outputs, value_encoding
 from tests.support import maps
 from tests.support.snapshot import difference, snapshot
@@ -29,7 +30,7 @@ def of_bake(low, highs, settings, folder, cage=None):
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
         try:
-            report = pipeline.bake(bpy.context, low, highs, settings, cage)
+            report = several.bake(bpy.context, low, highs, settings, cage)
         except BakeError as error:
             report, sentence = None, str(error)
     assert not told, [f"{warning.filename}:{warning.lineno} {warning.message}" for warning in told]

@@ -20,8 +20,8 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 import addon  # noqa: E402
-from addon.bake import pipeline  # noqa: E402
 from addon.bake.settings import Settings  # noqa: E402
+from addon.jobs import several  # noqa: E402
 from addon.ui import live_mode  # noqa: E402
 
 BRUSHES = "brushes/essentials_brushes-mesh_sculpt.blend/Brush/"
@@ -185,7 +185,7 @@ def fresh(high):
     own = {"image": "fresh", "storage": "MEMORY", "material": False, "modifiers": "VIEWPORT"}
     method = {"method": live_mode.session().report.method}
     with at_view():
-        pipeline.bake(bpy.context, bpy.data.objects["lo"], [high], Settings(**plain | own | method))
+        several.bake(bpy.context, bpy.data.objects["lo"], [high], Settings(**plain | own | method))
     return pixels(bpy.data.images["fresh"])
 
 

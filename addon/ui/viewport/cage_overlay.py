@@ -4,8 +4,8 @@
 import bpy
 import gpu
 
-from ...bake import shells
 from ...bake.errors import BakeError
+from ...jobs import cage_shells
 from ...scene import bake_objects
 
 OUTER, INNER = (0.1, 0.45, 1.0, 0.25), (1.0, 0.45, 0.1, 0.25)
@@ -76,7 +76,7 @@ def catch_up() -> None:
     if low is None:
         return
     try:
-        mesh = shells.upload(low, bpy.context.evaluated_depsgraph_get(), _wanted[1])
+        mesh = cage_shells.upload(low, bpy.context.evaluated_depsgraph_get(), _wanted[1])
     except BakeError:
         mesh = None
     _uploaded, _is_outdated = (_wanted, mesh), False
@@ -110,6 +110,6 @@ def _draw() -> None:
     gpu.state.depth_test_set("LESS_EQUAL")
     view = context.region_data.perspective_matrix
     for away, colour in ((extrusion, OUTER), (extrusion - reach, INNER)):
-        shells.draw(mesh, view, away, colour)
+        cage_shells.draw(mesh, view, away, colour)
     gpu.state.depth_test_set("NONE")
     gpu.state.blend_set("NONE")

@@ -7,10 +7,11 @@ import numpy as np
 from bpy.props import EnumProperty, FloatProperty, PointerProperty
 from gpu_extras.batch import batch_for_shader
 
-from ...bake import live as sessions
-from ...bake import pace, pipeline, shading
+from ...bake import pace
 from ...bake.errors import BakeError
 from ...bake.settings import Settings
+from ...jobs import live_session as sessions
+from ...jobs import several, view_session
 from ...scene import bake_objects
 from .. import live_mode, modal
 from ..panels import paragraphs
@@ -43,7 +44,7 @@ _mode = "OFF"
 _own: sessions.Session | None = None
 """Whose map is shown while live is off."""
 _own_settings: Settings | None = None
-_shading: shading.Shading | None = None
+_shading: view_session.Shading | None = None
 _handles: list = []
 _keymap: list[tuple[bpy.types.KeyMap, bpy.types.KeyMapItem]] = []
 
@@ -53,7 +54,7 @@ def mode() -> str:
     return _mode
 
 
-def figures() -> shading.Figures | None:
+def figures() -> view_session.Figures | None:
     """The deviations of the map that is shown, once one of their modes has been on."""
     return _shading.figures if _shading is not None else None
 
@@ -149,7 +150,7 @@ def _take_up() -> None:
     if _own is not None and _session() is not _own:
         free()
     if _shading is None or _shading.session is not _session():
-        _shading = shading.Shading(_session())
+        _shading = view_session.Shading(_session())
     _shading.update(is_measured=_mode.endswith("DEVIATION"))
     _redraw()
 
@@ -161,8 +162,8 @@ def _drawn_map(context: bpy.types.Context, speed: pace.Pace) -> pace.Work[tuple[
     if low is None:
         raise BakeError(bake_objects.problem(context, low, highs))
     plain = settings.to_settings()
-    job = pipeline.Job(low, highs, settings.cage_for(plain.method))
-    session = sessions.Session(context, job, shading.settings_for(plain), speed)
+    job = several.Job(low, highs, settings.cage_for(plain.method))
+    session = sessions.Session(context, job, view_session.settings_for(plain), speed)
     yield from session.steps(context)
     return session, plain
 
@@ -184,7 +185,7 @@ def _redraw() -> None:
                 area.tag_redraw()
 
 
-def _shown(context: bpy.types.Context) -> shading.Shading | None:
+def _shown(context: bpy.types.Context) -> view_session.Shading | None:
     """What is to be drawn into a view, if the low object is to be seen there."""
     session = _session()
     if _shading is None or _shading.session is not session:
@@ -232,7 +233,7 @@ def _draw_words() -> None:
     view, region, scale = context.scene.imprint_view, context.region, context.preferences.system.ui_scale
     if _mode == "SPLIT":
         parts = (("High", 1.0), ("Low", 0.5), ("Low with Map", 0.0))
-        for zone, (label, share) in zip(shading.zones(region.width, view.split), parts, strict=True):
+        for zone, (label, share) in zip(view_session.zones(region.width, view.split), parts, strict=True):
             x = place(zone, viewport_text.width(label, scale), share, uncovered(context), TEXT * scale)
             if x is not None:
                 viewport_text.write(label, x, EDGE * scale, scale)
@@ -287,7 +288,7 @@ def _place_of_bar(region: bpy.types.Region, scale: float) -> tuple[float, float]
     return (region.width - BAR[0] * scale) / 2, EDGE * scale
 
 
-def _eye(region_data: bpy.types.RegionView3D, light: bpy.types.Object | None) -> shading.Eye:
+def _eye(region_data: bpy.types.RegionView3D, light: bpy.types.Object | None) -> view_session.Eye:
     view = np.array(region_data.view_matrix, np.float64)
     if light is None:
         towards = view.T @ HEADLIGHT  # a view turns and does not stretch
@@ -296,7 +297,7 @@ def _eye(region_data: bpy.types.RegionView3D, light: bpy.types.Object | None) ->
         towards = np.array(light.matrix_world.col[2])
     else:
         towards = np.array(light.matrix_world.col[3])
-    return shading.Eye(view, np.array(region_data.window_matrix, np.float64), towards)
+    return view_session.Eye(view, np.array(region_data.window_matrix, np.float64), towards)
 
 
 def _is_light(_view, obj: bpy.types.Object) -> bool:
@@ -410,7 +411,7 @@ class IMPRINT_GT_split(bpy.types.Gizmo):
 
     def draw(self, context: bpy.types.Context) -> None:
         region, view = context.region, context.scene.imprint_view
-        _, low, _ = shading.zones(region.width, view.split)
+        _, low, _ = view_session.zones(region.width, view.split)
         points = [(x, y) for x in (low.start, low.stop) for y in (0, region.height)]
         program = gpu.shader.from_builtin("UNIFORM_COLOR")
         gpu.state.blend_set("ALPHA")
@@ -421,7 +422,7 @@ class IMPRINT_GT_split(bpy.types.Gizmo):
         gpu.state.blend_set("NONE")
 
     def test_select(self, context: bpy.types.Context, location: tuple[int, int]) -> int:
-        _, low, _ = shading.zones(context.region.width, context.scene.imprint_view.split)
+        _, low, _ = view_session.zones(context.region.width, context.scene.imprint_view.split)
         reach = IN_REACH * context.preferences.system.ui_scale
         return 0 if min(abs(location[0] - low.start), abs(location[0] - low.stop)) < reach else -1
 

@@ -9,6 +9,8 @@ import gpu
 import numpy as np
 from mathutils.bvhtree import BVHTree
 
+from ..bake.errors import BakeError
+from ..bake.settings import Settings
 from ..engine import finishing, uv_agreement
 from ..engine.bands import BAND_TEXELS
 from ..mesh.arrays import Frame, Mesh, frame_of, gap, normal_matrix
@@ -16,9 +18,7 @@ from ..output import quantize
 from ..passes import batch, deviation, lit, target
 from ..scene import mesh_reader
 from ..scene.reading import Meshes
-from .errors import BakeError
-from .live import Session
-from .settings import Settings
+from .live_session import Session
 
 MODES = ("MAP", "SPLIT", "DEVIATION", "BARE_DEVIATION")
 MIDDLE = 0.25

@@ -8,6 +8,9 @@ import bpy
 import numpy as np
 
 from ..audit import checks, severity
+from ..bake import pace
+from ..bake.report import Report
+from ..bake.settings import Settings
 from ..engine import finishing
 from ..engine.rendering import Renderer
 from ..engine.sources import Drawn
@@ -15,9 +18,6 @@ from ..mesh.arrays import Mesh
 from ..output.outputs import Outputs
 from ..passes import resolve, target
 from ..scene.reading import Meshes
-from . import pace
-from .report import Report
-from .settings import Settings
 
 
 class Atlas:

@@ -8,6 +8,11 @@ import bpy
 import gpu
 import numpy as np
 
+from ..bake import pace
+from ..bake.errors import BakeError
+from ..bake.pace import Pace, Step, Work
+from ..bake.report import Report
+from ..bake.settings import Settings
 from ..engine import finishing, method_choice, rendering, sources
 from ..engine.bands import Band
 from ..engine.sources import Source
@@ -16,12 +21,8 @@ from ..output import datablocks, outputs
 from ..passes import resolve, target
 from ..passes.batch import Kept
 from ..scene import bake_objects, mesh_reader, reading
-from . import pace, pipeline
-from .errors import BakeError
-from .pace import Pace, Step, Work
-from .pipeline import Job
-from .report import Report
-from .settings import Settings
+from . import several
+from .several import Job
 
 READY = 0.2
 """Share of a map that is done when drawing begins."""
@@ -40,9 +41,9 @@ class Session:
         self.job = job
         settings.check()
         settings = replace(settings.read_by(context.scene.render.engine), modifiers="VIEWPORT", maps=(), mask=False)
-        self.settings = pipeline.for_low(settings, job.low.name)
+        self.settings = several.for_low(settings, job.low.name)
         outputs.check_apart(settings, [self.settings], [job.low.name])
-        pipeline.check(context, job, self.settings)
+        several.check(context, job, self.settings)
         self.pace = speed
         self.texels: np.ndarray | None = None
         self.report: Report | None = None

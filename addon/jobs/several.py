@@ -9,6 +9,12 @@ import gpu
 import numpy as np
 
 from ..audit import checks
+from ..bake import naming, pace
+from ..bake.errors import BakeError, few
+from ..bake.pace import Pace, Step, Work, part
+from ..bake.pairs import Suffixes, match
+from ..bake.report import Report
+from ..bake.settings import Settings
 from ..engine import finishing, method_choice, ray_casting, rendering
 from ..engine.bands import bands
 from ..mesh import arrays
@@ -17,12 +23,7 @@ from ..output import image_writer, materials
 from ..output.outputs import Outputs, check_apart, wanted
 from ..passes import target
 from ..scene import bake_objects, reading
-from . import atlas, naming, pace
-from .errors import BakeError, few
-from .pace import Pace, Step, Work, part
-from .pairs import Suffixes, match
-from .report import Report
-from .settings import Settings
+from . import atlas
 
 TOLD_EVERY = 0.25
 """Seconds between two steps of which somebody wants to hear."""

@@ -8,14 +8,15 @@ from pathlib import PurePath
 
 import bpy
 
+from ..bake import naming
+from ..bake.errors import BakeError
+from ..bake.pace import Pace, Step, Work, part
+from ..bake.report import Report
+from ..bake.settings import Settings
 from ..output import datablocks, image_writer, materials, outputs
 from ..scene import bake_objects
-from . import naming, pipeline
-from .errors import BakeError
-from .pace import Pace, Step, Work, part
-from .pipeline import Job
-from .report import Report
-from .settings import Settings
+from . import several
+from .several import Job
 
 PASSING = "Imprint frame"
 """The image that shows each frame in turn while the sequence is made."""
@@ -65,7 +66,7 @@ def work(
     try:
         for number, frame in enumerate(frames):
             _go_to(scene, frame)
-            steps = part(pipeline.work(context, [job], each[number], speed), number / len(frames), (number + 1) / len(frames))
+            steps = part(several.work(context, [job], each[number], speed), number / len(frames), (number + 1) / len(frames))
             try:
                 while True:
                     step = next(steps)

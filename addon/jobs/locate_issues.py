@@ -9,6 +9,10 @@ import numpy as np
 
 from ..audit import mip_gaps
 from ..audit.checks import uv_space
+from ..bake import pace
+from ..bake.errors import BakeError
+from ..bake.report import Report
+from ..bake.settings import Settings
 from ..engine import method_choice, ray_casting, rendering, separation
 from ..engine.bands import Band
 from ..mesh import arrays, layout, seams
@@ -17,10 +21,7 @@ from ..output import image_writer
 from ..passes import batch, faces, overlap, target
 from ..scene import bake_objects, mesh_reader, reading
 from ..scene.reading import Meshes
-from . import pace, pipeline
-from .errors import BakeError
-from .report import Report
-from .settings import Settings
+from . import several
 
 ON_TEXELS = ("overlap", "uncovered", "far", "gaps", "backwards")
 ON_TRIANGLES = ("mirrored", "outside", "no_area", "behind")
@@ -79,7 +80,7 @@ def draw_mask(context: bpy.types.Context, report: Report, kind: str) -> bpy.type
 class _View:
     """What is looked at. settings: those of the mask."""
 
-    job: pipeline.Job
+    job: several.Job
     meshes: Meshes
     settings: Settings
     report: Report
@@ -87,14 +88,14 @@ class _View:
 
 def _view(context: bpy.types.Context, report: Report, kind: str) -> _View:
     low, *highs = _objects(report)
-    job = pipeline.Job(low, highs[: len(report.high)], highs[-1] if report.cage else None)
+    job = several.Job(low, highs[: len(report.high)], highs[-1] if report.cage else None)
     settings = Settings(**{k: tuple(v) if isinstance(v, list) else v for k, v in report.settings.items()})
     # Of all that can be set, what the map looks like does not count, and nothing is written but the mask.
     space = "TANGENT" if kind == "backwards" else "OBJECT"
     settings = replace(settings, method=report.method, space=space, maps=(), mask=False, material=False)
     settings = replace(settings, output="", storage="PACK" if settings.udim else "MEMORY")
     settings = image_writer.beside(settings, kind)
-    pipeline.check(context, job, settings)
+    several.check(context, job, settings)
     told = Report(report.method, space, report.size, report.low, report.high, distances=report.distances)
     meshes = reading.read(context, job.low, job.highs, job.cage, settings)
     return _View(job, method_choice.choose(meshes, report.tiles, settings, told), settings, replace(told, tiles=report.tiles))
