@@ -46,9 +46,10 @@ def passes():
     for name in ("gpu", "bpy"):
         sys.modules.setdefault(name, types.SimpleNamespace(types=_Absent()) if name == "gpu" else _Absent())
     sys.path.insert(0, str(ROOT))
-    from addon.passes import cast, flatten, gbuffer, shader, table
+    from addon.passes import data_texture, shader
+    from addon.passes.bake import cast, flatten, gbuffer
 
-    return types.SimpleNamespace(cast=cast, flatten=flatten, gbuffer=gbuffer, shader=shader, table=table)
+    return types.SimpleNamespace(cast=cast, flatten=flatten, gbuffer=gbuffer, shader=shader, table=data_texture)
 
 
 def header(program, stage: str, as_images: bool) -> str:

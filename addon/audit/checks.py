@@ -12,7 +12,9 @@ from ..bake.settings import Settings
 from ..engine import ray_casting, separation, uv_agreement
 from ..mesh import arrays, faces, layout, seams
 from ..mesh.arrays import Mesh
-from ..passes import batch, overlap, resolve, target
+from ..passes import mesh_upload, target
+from ..passes.audit import overlap
+from ..passes.margin import resolve
 from ..scene.reading import Meshes
 from . import mip_gaps, severity
 from .sparse_maps import Sparse, at_most
@@ -225,7 +227,7 @@ def covering(low: Mesh, size: tuple[int, int], tiles: Sequence[int] = (1001,)) -
     """
     sparse = probed(size)
     drawn = target.get("overlap", *sparse.small, "R16F")
-    uploaded = batch.upload(low.triangles, uv=low.uv)
+    uploaded = mesh_upload.upload(low.triangles, uv=low.uv)
     counts = np.empty(sparse.small[::-1], np.float32)
     for tile in tiles:
         overlap.draw(drawn, uploaded, sparse.window(tile))

@@ -9,7 +9,7 @@ import numpy as np
 from ..bake.settings import Settings
 from ..mesh import layout
 from ..mesh.arrays import Mesh
-from ..passes import faces
+from ..passes.audit import triangle_ids
 from .sparse_maps import Sparse, at_most
 
 PROBE = 256
@@ -49,12 +49,12 @@ def find(low: Mesh, tiles: Sequence[int], settings: Settings, sparse: Sparse, *,
         alone = layout.without_copies(low)
         low = replace(low, triangles=low.triangles[alone], faces=low.faces[alone])
     islands = layout.islands(layout.welded(low))
-    drawn = [faces.upload(low.triangles, low.uv, islands + 1)]
+    drawn = [triangle_ids.upload(low.triangles, low.uv, islands + 1)]
     if overlaps:  # what lies on top of each other is not close but in one place: seen from below as well
-        drawn.append(faces.upload(low.triangles[::-1], low.uv, islands[::-1] + 1))
+        drawn.append(triangle_ids.upload(low.triangles[::-1], low.uv, islands[::-1] + 1))
     reach = [max(1, needed(settings) // step) for step in sparse.steps]
     for tile in tiles:
-        seen = [next(faces.layers(batch, sparse.small, sparse.window(tile))).astype(np.int32) for batch in drawn]
+        seen = [next(triangle_ids.layers(batch, sparse.small, sparse.window(tile))).astype(np.int32) for batch in drawn]
         ids = _stacked(*seen, len(islands)) if overlaps else seen[0]
         covered = ids > 0
         border = np.zeros(ids.shape, bool)

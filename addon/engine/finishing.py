@@ -9,7 +9,8 @@ import numpy as np
 from ..bake.settings import Settings
 from ..mesh import seams as islands
 from ..mesh.arrays import Mesh
-from ..passes import margin, resolve, seams, target
+from ..passes import target
+from ..passes.margin import nearest_texel, resolve, seam_fill
 from . import large_map_margin
 from .bands import REACH, Band, bands
 
@@ -26,7 +27,7 @@ class Borders:
         """This, with what lies on a tile: `similarities` as mesh.seams has them, and `uploaded`."""
         if tile != self.tile:
             self.similarities = self.found.similarities(self.size, tile)
-            self.uploaded = seams.upload(*self.found.strips(self.size, tile), self.similarities)
+            self.uploaded = seam_fill.upload(*self.found.strips(self.size, tile), self.similarities)
             self.tile = tile
         return self
 
@@ -41,7 +42,7 @@ class Finish:
     def __init__(self, settings: Settings, kind: int, borders: Borders | None = None):
         self.settings, self.kind, self.borders = settings, kind, borders
         self.encode = np.eye(4)
-        if kind in (seams.NORMAL, seams.TANGENT):
+        if kind in (seam_fill.NORMAL, seam_fill.TANGENT):
             self.encode[:3, :3], self.encode[:3, 3] = channels(settings) * 0.5, 0.5
 
     def draw(self, band: Band, values: gpu.types.GPUTexture) -> target.Target:
@@ -52,7 +53,7 @@ class Finish:
         reach = self.settings.margin
         near = REACH if reach is None else min(reach, REACH)
         stored = target.get("map", band.width, band.stop - band.start, "RGBA32F", "R8")
-        nearest = margin.search(values, reach if band.is_whole else near)
+        nearest = nearest_texel.search(values, reach if band.is_whole else near)
         resolve.draw(
             stored,
             values,
@@ -62,7 +63,7 @@ class Finish:
             missed=self.settings.missed,
         )
         if self.borders:
-            seams.draw(
+            seam_fill.draw(
                 stored,
                 values,
                 nearest,
@@ -93,8 +94,8 @@ def all_of(lows: Sequence[Mesh], settings: Settings) -> dict[str, Finish]:
     if settings.margin_type == "ADJACENT_FACES" and settings.margin != 0:
         found = islands.find(lows)
         borders = Borders(found, settings) if len(found.side) else None
-    kinds = {"NORMAL": seams.TANGENT if settings.space == "TANGENT" else seams.NORMAL}
-    kinds |= {name: seams.LABEL if name.endswith("_ID") else seams.VALUE for name in settings.maps}
+    kinds = {"NORMAL": seam_fill.TANGENT if settings.space == "TANGENT" else seam_fill.NORMAL}
+    kinds |= {name: seam_fill.LABEL if name.endswith("_ID") else seam_fill.VALUE for name in settings.maps}
     return {name: Finish(settings, kind, borders) for name, kind in kinds.items()}
 
 

@@ -4,7 +4,8 @@
 import gpu
 import numpy as np
 
-from ..passes import margin, resolve, seams, target
+from ..passes import target
+from ..passes.margin import nearest_texel, resolve, seam_fill
 
 ROWS = 256
 """How many rows are filled at a time, so that memory does not grow with the map."""
@@ -34,14 +35,14 @@ def across(texels: np.ndarray, state: np.ndarray, similarities: np.ndarray, kind
             for offset in (texel + 0.5 + 0.5j - here for texel in (beside, x + 1j * y))
         )
         found = np.flatnonzero(_is_one_island(state, first, place))
-        sums = _sums(texels, state, place[found], is_label=kind == seams.LABEL)
+        sums = _sums(texels, state, place[found], is_label=kind == seam_fill.LABEL)
         found, sums = found[sums[:, 3] > 0.0], sums[sums[:, 3] > 0.0]
         values = (sums[:, :3] / sums[:, 3:] - encode[:3, 3]) @ np.linalg.inv(encode[:3, :3]).T
-        if kind == seams.TANGENT:
+        if kind == seam_fill.TANGENT:
             flat, rotor = values[:, 0] + 1j * values[:, 1], turn[found] / np.abs(turn[found])
             flat = np.where(is_mirrored[found], flat.conj() * rotor, flat * rotor.conj())
             values[:, 0], values[:, 1] = flat.real, flat.imag
-        if kind in (seams.NORMAL, seams.TANGENT):
+        if kind in (seam_fill.NORMAL, seam_fill.TANGENT):
             length = np.linalg.norm(values, axis=1)
             known = length > 0.0  # where normals cancel out there is no direction: the nearest texel stays
             found, values = found[known], values[known] / length[known, None]
@@ -65,7 +66,7 @@ def beyond(texels: np.ndarray, state: np.ndarray, reach: int | None) -> None:
         (width, height), format="RGBA32F", data=gpu.types.Buffer("FLOAT", values.shape, values)
     )
     stored = target.get("coarse", width, height, "RGBA32F", "R8")
-    nearest = margin.search(uploaded, None if reach is None else reach // COARSE)
+    nearest = nearest_texel.search(uploaded, None if reach is None else reach // COARSE)
     resolve.draw(stored, uploaded, nearest, halo=0, encode=np.eye(4), missed=(0.0, 0.0, 0.0))
     stored.read(values)
     for start in range(0, len(state), ROWS):
@@ -80,7 +81,7 @@ def beyond(texels: np.ndarray, state: np.ndarray, reach: int | None) -> None:
 def _is_one_island(state: np.ndarray, start: np.ndarray, stop: np.ndarray) -> np.ndarray:
     """Whether the way between two places (N,) of the map, x + y i in texels, leads over covered texels alone: (N,) bool."""
     far = np.abs(stop - start)
-    result = far <= seams.FARTHEST
+    result = far <= seam_fill.FARTHEST
     for at in range(1, int(np.ceil(far[result].max(initial=0.0)))):
         some = np.flatnonzero(result & (at < far))
         place = start[some] + (stop[some] - start[some]) * (at / far[some])

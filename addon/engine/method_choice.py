@@ -9,7 +9,7 @@ from ..bake.pace import Pace, Step, Work
 from ..bake.report import Report
 from ..bake.settings import Settings
 from ..mesh import arrays
-from ..passes import batch
+from ..passes import mesh_upload
 from ..scene.reading import Meshes
 from . import ray_casting, ray_distances, sources, uv_agreement
 
@@ -54,7 +54,7 @@ def source(
     report: Report,
     pace: Pace,
     *,
-    kept: batch.Kept | None = None,
+    kept: mesh_upload.Kept | None = None,
 ) -> Work[sources.Source]:
     """What draws the normals; `kept` holds what was uploaded before."""
     if report.method == "FLATTEN":

@@ -14,7 +14,8 @@ from ..bake.pace import Pace
 from ..bake.report import Report
 from ..mesh import bvh
 from ..mesh.arrays import Frame, Mesh, frame_of
-from ..passes import batch, cast, table, target
+from ..passes import data_texture, mesh_upload, target
+from ..passes.bake import cast
 
 KEPT_BYTES = 1024 * 2**20
 """What trees may hold on the GPU between bakes; the one used longest ago goes first."""
@@ -102,7 +103,7 @@ def _bytes() -> int:
 
 
 def _build(highs: Sequence[Mesh], report: Report) -> Aim:
-    count, most = sum(len(high.triangles) for high in highs), table.limit() // 3
+    count, most = sum(len(high.triangles) for high in highs), data_texture.limit() // 3
     if count > most:
         raise BakeError(f"The high meshes have {count:,} triangles together; this GPU takes {most:,} to cast rays at.")
     frame = frame_of(highs)
@@ -153,7 +154,7 @@ def rays(low: Mesh, directions: np.ndarray, cage: Mesh | None, frame: Frame) -> 
         touching = np.linalg.norm(apart, axis=1) < 1e-6
         away = np.where(touching[:, None], away * np.float32(1e-6), apart)
         positions = starts
-    return batch.upload(
+    return mesh_upload.upload(
         low.triangles,
         uv=low.uv,
         position=np.ascontiguousarray(positions),

@@ -7,7 +7,8 @@ import gpu
 import numpy as np
 
 from ..bake.pace import Pace
-from ..passes import cast, gbuffer, target
+from ..passes import target
+from ..passes.bake import cast, gbuffer
 
 PROBE = 256
 """Rays a side, at most, that are sent both ways to find out."""

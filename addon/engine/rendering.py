@@ -11,7 +11,9 @@ from ..bake.pace import Pace, Step, Work, part
 from ..bake.report import Report
 from ..bake.settings import Settings
 from ..mesh.arrays import Mesh
-from ..passes import batch, picture, samples, tangent, target
+from ..passes import mesh_upload, target
+from ..passes.bake import samples, tangent
+from ..passes.view import preview_picture
 from .bands import Band, bands
 from .finishing import Finish, channels
 from .sources import Source
@@ -40,14 +42,14 @@ class Renderer:
         report: Report,
         pace: Pace,
         *,
-        kept: batch.Kept | None = None,
+        kept: mesh_upload.Kept | None = None,
     ):
         self.source, self.settings, self.report, self.pace = source, settings, report, pace
         self._picture: gpu.types.GPUTexture | None = None
         self.basis = None
         if basis is not None:
             with report.timed("upload"):
-                self.basis = (kept or batch.Kept()).upload(
+                self.basis = (kept or mesh_upload.Kept()).upload(
                     f"{basis.name} as basis",
                     basis.triangles,
                     uv=basis.uv,
@@ -169,5 +171,5 @@ class Renderer:
     def _step(self, normals: gpu.types.GPUTexture, done: float, band: Band, *, clear: bool = False) -> Step:
         size = self.settings.width, self.settings.height
         if band.is_whole:  # of a larger map the first look is all that is shown
-            self._picture = picture.draw(normals, size, channels(self.settings), clear=clear)
+            self._picture = preview_picture.draw(normals, size, channels(self.settings), clear=clear)
         return Step("Drawing", done, self._picture)

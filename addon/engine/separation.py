@@ -10,7 +10,8 @@ import numpy as np
 from ..bake.report import Report
 from ..bake.settings import Settings
 from ..mesh.arrays import Frame, Mesh, frame_of
-from ..passes import batch, cast, gbuffer, points, target
+from ..passes import mesh_upload, target
+from ..passes.bake import cast, gbuffer, points
 from ..scene.reading import Meshes
 from . import ray_casting
 
@@ -128,7 +129,7 @@ def _along(meshes: Meshes, shot: ray_casting.Shot) -> Apart:
 
 def upload(mesh: Mesh, frame: Frame) -> gpu.types.GPUBatch:
     """`mesh` as `draw_points` wants it."""
-    return batch.upload(
+    return mesh_upload.upload(
         mesh.triangles,
         uv=mesh.uv,
         position=np.take(frame.points(mesh), mesh.vertices, axis=0),

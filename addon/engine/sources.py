@@ -11,7 +11,8 @@ from ..bake.pace import Pace
 from ..bake.report import Report
 from ..bake.settings import Settings
 from ..mesh.arrays import Mesh, frame_of, normal_matrix
-from ..passes import batch, cast, flatten, gbuffer, points, table, target
+from ..passes import data_texture, mesh_upload, target
+from ..passes.bake import cast, flatten, gbuffer, points
 from . import ray_casting
 from .bands import Band
 from .surface_maps import Relief
@@ -41,9 +42,9 @@ class Flat:
     shot = None
 
     def __init__(
-        self, low: Mesh, highs: Sequence[Mesh], settings: Settings, report: Report, *, kept: batch.Kept | None = None
+        self, low: Mesh, highs: Sequence[Mesh], settings: Settings, report: Report, *, kept: mesh_upload.Kept | None = None
     ):
-        kept = kept or batch.Kept()
+        kept = kept or mesh_upload.Kept()
         to_world = None if settings.space == "WORLD" else low.to_world
         with report.timed("upload"):
             self.drawn = [
@@ -56,7 +57,7 @@ class Flat:
             if settings.maps:
                 self.relief = Relief(low, frame_of([low]), settings)
                 self.surfaces = [
-                    batch.upload(
+                    mesh_upload.upload(
                         high.triangles,
                         uv=high.uv,
                         position=self.relief.frame.points(high)[high.vertices],
@@ -92,7 +93,7 @@ class Rays:
         self.to_space = np.eye(3) if settings.space == "WORLD" else matrix.T / np.abs(matrix).max()
         if settings.maps:
             self.relief = Relief(low, aim.frame, settings)
-            self.labels = table.upload(
+            self.labels = data_texture.upload(
                 np.pad(np.concatenate([high.labels for high in highs])[aim.order], ((0, 0), (0, 1)))
             )
 

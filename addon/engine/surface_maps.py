@@ -6,7 +6,8 @@ import numpy as np
 
 from ..bake.settings import Settings
 from ..mesh.arrays import Frame, Mesh
-from ..passes import batch, gbuffer, relief, target
+from ..passes import mesh_upload, target
+from ..passes.bake import gbuffer, surface_values
 from .bands import Band
 
 
@@ -15,7 +16,7 @@ class Relief:
 
     def __init__(self, low: Mesh, frame: Frame, settings: Settings):
         self.frame = frame
-        self.low = batch.upload(
+        self.low = mesh_upload.upload(
             low.triangles,
             uv=low.uv,
             position=frame.points(low)[low.vertices],
@@ -35,7 +36,7 @@ class Relief:
         self, into: target.Target, name: str, normals: gpu.types.GPUTexture, points: target.Target
     ) -> gpu.types.GPUTexture:
         """One of settings.MAPS into `into` (RGBA32F), alpha as in `normals`; returns its texture."""
-        relief.draw(
+        surface_values.draw(
             into, name, normals, points, self.places, to_space=self.to_space, origin=self.origin, scale=self.frame.size
         )
         return into.texture

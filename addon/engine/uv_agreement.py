@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..mesh.arrays import Frame, Mesh, frame_of, gap
-from ..passes import batch, gbuffer, target
+from ..passes import mesh_upload, target
+from ..passes.bake import gbuffer
 from . import separation
 from .separation import PROBE
 
@@ -164,7 +165,7 @@ class _Surface:
         }
         # Mirrored halves lie on one another: what is drawn first is seen where it is drawn last.
         orders = {True: low.triangles, False: np.ascontiguousarray(low.triangles[::-1])}
-        self.uploaded = {is_last: batch.upload(order, **attributes) for is_last, order in orders.items()}
+        self.uploaded = {is_last: mesh_upload.upload(order, **attributes) for is_last, order in orders.items()}
 
     def draw(self, window: Window, *, is_last: bool = True) -> list[np.ndarray]:
         """The points in the frame and the unit normals, (side, side, 4) each: where triangles share texels, those of the last

@@ -16,7 +16,8 @@ from ..engine.rendering import Renderer
 from ..engine.sources import Drawn
 from ..mesh.arrays import Mesh
 from ..output.outputs import Outputs
-from ..passes import resolve, target
+from ..passes import target
+from ..passes.margin import resolve
 from ..scene.reading import Meshes
 
 

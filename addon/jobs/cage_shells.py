@@ -5,8 +5,8 @@ import bpy
 import gpu
 import numpy as np
 
-from ..passes import batch
-from ..passes.shell import draw
+from ..passes import mesh_upload
+from ..passes.view.cage_shell import draw
 from ..scene import mesh_reader
 
 __all__ = ["draw", "upload"]
@@ -20,4 +20,4 @@ def upload(low: bpy.types.Object, depsgraph: bpy.types.Depsgraph, directions: st
         away = mesh.to_world_normals(mesh_reader.directions(data, mesh, directions))
     away /= np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-12)
     positions = mesh.positions[mesh.vertices] @ to_world[:3, :3].T + to_world[:3, 3]
-    return batch.upload(mesh.triangles, position=positions.astype(np.float32), direction=away)
+    return mesh_upload.upload(mesh.triangles, position=positions.astype(np.float32), direction=away)

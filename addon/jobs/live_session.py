@@ -18,8 +18,9 @@ from ..engine.bands import Band
 from ..engine.sources import Source
 from ..mesh.arrays import Mesh
 from ..output import datablocks, outputs
-from ..passes import resolve, target
-from ..passes.batch import Kept
+from ..passes import target
+from ..passes.margin import resolve
+from ..passes.mesh_upload import Kept
 from ..scene import bake_objects, mesh_reader, reading
 from . import several
 from .several import Job

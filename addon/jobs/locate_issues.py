@@ -18,7 +18,8 @@ from ..engine.bands import Band
 from ..mesh import arrays, layout, seams
 from ..mesh import faces as mesh_faces
 from ..output import image_writer
-from ..passes import batch, faces, overlap, target
+from ..passes import mesh_upload, target
+from ..passes.audit import overlap, triangle_ids
 from ..scene import bake_objects, mesh_reader, reading
 from ..scene.reading import Meshes
 from . import several
@@ -114,10 +115,10 @@ def _triangles(view: _View, kind: str) -> np.ndarray:
         areas = arrays.uv_areas(low)
         return areas < 0.0 if kind == "mirrored" else areas == 0.0
     found = np.zeros(len(low.triangles) + 1, bool)
-    uploaded = faces.upload(low.triangles, low.uv)
+    uploaded = triangle_ids.upload(low.triangles, low.uv)
     for band, mask, depth in _masks(view, kind):
         if mask.any():
-            for numbers in faces.layers(uploaded, mask.shape[::-1], band.window, depth):
+            for numbers in triangle_ids.layers(uploaded, mask.shape[::-1], band.window, depth):
                 found[numbers[mask].astype(np.int64)] = True
     return found[1:]
 
@@ -147,7 +148,7 @@ def _masks(view: _View, kind: str) -> Iterator[tuple[Band, np.ndarray, int]]:
 
 def _shared(view: _View, bands: list[Band]) -> Iterator[tuple[Band, np.ndarray, int]]:
     """The texels that triangles share, as `_masks` has them."""
-    uploaded = batch.upload(view.meshes.low.triangles, uv=view.meshes.low.uv)
+    uploaded = mesh_upload.upload(view.meshes.low.triangles, uv=view.meshes.low.uv)
     for band in bands:
         drawn = target.get("overlap", band.width, band.height, "R16F")
         overlap.draw(drawn, uploaded, band.window)

@@ -15,7 +15,8 @@ from ..engine import finishing, uv_agreement
 from ..engine.bands import BAND_TEXELS
 from ..mesh.arrays import Frame, Mesh, frame_of, gap, normal_matrix
 from ..output import quantize
-from ..passes import batch, deviation, lit, target
+from ..passes import mesh_upload, target
+from ..passes.view import deviation, lit
 from ..scene import mesh_reader
 from ..scene.reading import Meshes
 from .live_session import Session
@@ -151,7 +152,7 @@ class Shading:
         """Draw what the colours of deviations mean as a bar, in pixels from the lower left."""
         if self._square is None:
             corners = np.array([(0, 0), (1, 0), (0, 1), (1, 1)], np.float32)
-            self._square = batch.upload(np.array([(0, 1, 2), (2, 1, 3)], np.int32), position=corners)
+            self._square = mesh_upload.upload(np.array([(0, 1, 2), (2, 1, 3)], np.int32), position=corners)
         view = np.array(gpu.state.viewport_get()[2:])
         deviation.draw_legend(self._square, (*(np.multiply(size, 2) / view), *(np.multiply(place, 2) / view - 1.0)))
 

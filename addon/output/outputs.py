@@ -12,7 +12,7 @@ from ..bake.errors import BakeError, few
 from ..bake.report import Report
 from ..bake.settings import TOKEN, Settings
 from ..engine.rendering import Map
-from ..passes import resolve
+from ..passes.margin import resolve
 from . import datablocks, image_writer, materials, value_encoding
 from .path_clashes import Places
 

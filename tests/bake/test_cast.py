@@ -322,7 +322,7 @@ def test_auto_measures_whether_uvs_are_shared():
 
 
 def test_more_triangles_than_the_gpu_takes_are_refused_with_the_number(monkeypatch):
-    monkeypatch.setattr(ray_casting.table, "limit", lambda: 300)
+    monkeypatch.setattr(ray_casting.data_texture, "limit", lambda: 300)
     ray_casting.free()
     with pytest.raises(BakeError, match=r"2,048 triangles together; this GPU takes 100"):
         cast(zoo.plane("low"), zoo.terrain("high", n=32))

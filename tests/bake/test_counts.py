@@ -12,7 +12,7 @@ from addon.bake.settings import Settings
 from addon.engine import ray_casting
 from addon.jobs import live_session, several
 from addon.mesh import bvh
-from addon.passes import batch, table, target
+from addon.passes import data_texture, mesh_upload, target
 from tests.support import zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -25,8 +25,8 @@ TEXELS = SIZE * SIZE
 def counts(monkeypatch):
     """How often each program was run, and how many bytes went up and came down, since the test began."""
     seen = Counter()
-    bind, vertices, read = target.bind, batch._vertices, target.Target.read
-    upload, gathered = table.upload, table.gathered
+    bind, vertices, read = target.bind, mesh_upload._vertices, target.Target.read
+    upload, gathered = data_texture.upload, data_texture.gathered
 
     def counting_bind(compiled, program, **bindings):
         seen[program.compute or program.fragment] += 1
@@ -49,9 +49,9 @@ def counts(monkeypatch):
         return read(self, out, slot)
 
     monkeypatch.setattr(target, "bind", counting_bind)
-    monkeypatch.setattr(batch, "_vertices", counting_vertices)
-    monkeypatch.setattr(table, "upload", counting_upload)
-    monkeypatch.setattr(table, "gathered", counting_gathered)
+    monkeypatch.setattr(mesh_upload, "_vertices", counting_vertices)
+    monkeypatch.setattr(data_texture, "upload", counting_upload)
+    monkeypatch.setattr(data_texture, "gathered", counting_gathered)
     monkeypatch.setattr(target.Target, "read", counting_read)
     ray_casting.free()
     return seen

@@ -13,7 +13,7 @@ from addon.bake.settings import Settings
 from addon.engine import bands, finishing, large_map_margin
 from addon.jobs import several
 from addon.mesh.arrays import Mesh
-from addon.passes import resolve
+from addon.passes.margin import resolve
 from tests.support import angles, maps, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")

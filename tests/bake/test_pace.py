@@ -13,7 +13,8 @@ from addon.bake.pace import Pace
 from addon.bake.settings import Settings
 from addon.engine import ray_casting
 from addon.jobs import several
-from addon.passes import cast, target
+from addon.passes import target
+from addon.passes.bake import cast
 from tests.support import maps, zoo
 
 SIZE = 256

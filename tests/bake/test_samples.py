@@ -7,7 +7,7 @@ import pytest
 
 from addon.bake.settings import SAMPLES, Settings
 from addon.jobs import several
-from addon.passes import samples
+from addon.passes.bake import samples
 from tests.support import angles, maps, zoo
 from tests.support.maps import bake, texel_uv
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from addon.mesh import bvh
-from addon.passes import cast, target
+from addon.passes import target
+from addon.passes.bake import cast
 from tests.support import angles, oracle
 
 pytestmark = pytest.mark.usefixtures("gpu_context")

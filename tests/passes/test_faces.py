@@ -4,7 +4,8 @@
 import numpy as np
 import pytest
 
-from addon.passes import faces, target
+from addon.passes import target
+from addon.passes.audit import triangle_ids
 from tests.support import maps, oracle
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -15,8 +16,8 @@ this is their choice."""
 
 
 def layers(uv, triangles, size, count, tile=1001):
-    mesh = faces.upload(np.asarray(triangles, np.int32), np.asarray(uv, np.float32))
-    return np.stack([numbers.copy() for numbers in faces.layers(mesh, size, target.window(tile), count)]).astype(int)
+    mesh = triangle_ids.upload(np.asarray(triangles, np.int32), np.asarray(uv, np.float32))
+    return np.stack([numbers.copy() for numbers in triangle_ids.layers(mesh, size, target.window(tile), count)]).astype(int)
 
 
 @pytest.mark.parametrize("seed", range(3))

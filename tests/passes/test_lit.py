@@ -15,7 +15,8 @@ from addon.bake.settings import Settings
 from addon.engine import bands
 from addon.jobs import live_session, several, view_session
 from addon.output import quantize
-from addon.passes import batch, lit, target
+from addon.passes import mesh_upload, target
+from addon.passes.view import lit
 from tests.support import oracle, raster, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -211,7 +212,7 @@ def test_it_covers_what_lies_around_it_and_not_what_is_before_it(is_parallel):
     def over(corners):
         points = np.asarray(corners, np.float32).reshape(-1, 3)
         triangles = np.arange(len(points), dtype=np.int32).reshape(-1, 3)
-        in_scene = batch.upload(triangles, position=points, normal=np.zeros_like(points))
+        in_scene = mesh_upload.upload(triangles, position=points, normal=np.zeros_like(points))
         gpu.state.depth_test_set("LESS_EQUAL")
         gpu.state.depth_mask_set(True)
         lit.draw_bare(in_scene, eye.projection @ eye.view @ np.array(ASLANT), lit.placed(np.eye(3), eye.light))
@@ -240,7 +241,7 @@ def test_bumps_of_the_high_object_do_not_poke_through(is_parallel, mode):
     drawn = view_session.Shading(session_of(low, [high]))
     eye = eye_on(low, is_parallel=is_parallel)
     corners = raster.corners(high, with_tangents=False).position.reshape(-1, 3).astype(np.float32)
-    seen = batch.upload(
+    seen = mesh_upload.upload(
         np.arange(len(corners), dtype=np.int32).reshape(-1, 3), position=corners, normal=np.zeros_like(corners)
     )
 

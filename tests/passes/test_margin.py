@@ -5,7 +5,8 @@ import gpu
 import numpy as np
 import pytest
 
-from addon.passes import margin, resolve, target
+from addon.passes import target
+from addon.passes.margin import nearest_texel, resolve
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -24,7 +25,7 @@ def resolved(alpha, reach):
     data = gpu.types.Buffer("FLOAT", texels.shape, texels)
     values = gpu.types.GPUTexture((width, height), format="RGBA32F", data=data)
     stored = target.Target(width, height, ("RGBA32F", "R8"))
-    nearest = margin.search(values, reach)
+    nearest = nearest_texel.search(values, reach)
     resolve.draw(stored, values, nearest, halo=0, encode=np.eye(4), missed=(0.25, 0.5, 0.75))
     out, state = np.empty((height, width, 4), np.float32), np.empty((height, width), np.uint8)
     stored.read(out)

@@ -5,7 +5,8 @@ import gpu
 import numpy as np
 import pytest
 
-from addon.passes import batch, flatten, target
+from addon.passes import mesh_upload, target
+from addon.passes.bake import flatten
 from tests.support import maps, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -15,7 +16,7 @@ SIZE = (48, 32)
 
 def triangle(into):
     """Draw one triangle with a normal of its own at each corner into `into`; returns the texels."""
-    mesh = batch.upload(
+    mesh = mesh_upload.upload(
         np.array([[0, 1, 2]], np.int32),
         uv=np.array([(0.1, 0.1), (0.9, 0.2), (0.4, 0.95)], np.float32),
         normal=np.array([(0.0, 0.1, 1.0), (0.7, -0.2, 0.4), (-0.3, 0.5, 0.6)], np.float32),

@@ -7,7 +7,8 @@ import pytest
 from addon.audit import checks
 from addon.mesh import arrays
 from addon.mesh.arrays import Mesh
-from addon.passes import batch, overlap, target
+from addon.passes import mesh_upload, target
+from addon.passes.audit import overlap
 from tests.support import oracle
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -79,7 +80,7 @@ def test_what_is_looked_at_of_a_large_map_are_its_own_texels_seed_9(size, tile):
     uv = rng.random((60, 2)).astype(np.float32) + ((tile - 1001) % 10, (tile - 1001) // 10)
     low = laid_out(uv, np.arange(60).reshape(-1, 3))
     drawn, all_of_them = target.get("test", *size, "R16F"), np.empty(size[::-1], np.float32)
-    overlap.draw(drawn, batch.upload(low.triangles, uv=low.uv), target.window(tile))
+    overlap.draw(drawn, mesh_upload.upload(low.triangles, uv=low.uv), target.window(tile))
     drawn.read(all_of_them)
     some = next(checks.covering(low, size, [tile]))
     assert max(some.shape) <= checks.PROBE

@@ -5,52 +5,38 @@ import numpy as np
 import pytest
 
 from addon import passes
-from addon.passes import (
-    cast,
-    deviation,
-    faces,
-    flatten,
-    gbuffer,
-    lit,
-    margin,
-    overlap,
-    picture,
-    points,
-    relief,
-    resolve,
-    samples,
-    seams,
-    shader,
-    shell,
-    tangent,
-)
+from addon.passes import shader
+from addon.passes.audit import overlap, triangle_ids
+from addon.passes.bake import cast, flatten, gbuffer, points, samples, surface_values, tangent
+from addon.passes.margin import nearest_texel, resolve, seam_fill
+from addon.passes.view import cage_shell, deviation, lit, preview_picture
 from tests.support import zoo
 from tests.support.maps import bake
 
 PROGRAMS = [
     flatten.PROGRAM,
     tangent.PROGRAM,
-    margin.ROWS,
-    margin.COLUMNS,
+    nearest_texel.ROWS,
+    nearest_texel.COLUMNS,
     resolve.PROGRAM,
-    seams.BORDERS,
-    seams.ACROSS,
+    seam_fill.BORDERS,
+    seam_fill.ACROSS,
     gbuffer.PROGRAM,
     cast.TRACE,
     cast.LOOKUP,
     cast.DISTANCE,
     cast.POINTS,
     points.PROGRAM,
-    relief.PROGRAM,
-    shell.PROGRAM,
+    surface_values.PROGRAM,
+    cage_shell.PROGRAM,
     lit.MAP,
     lit.BARE,
     deviation.MEASURE,
     deviation.RAMP,
     deviation.LEGEND,
     overlap.PROGRAM,
-    faces.PROGRAM,
-    picture.PROGRAM,
+    triangle_ids.PROGRAM,
+    preview_picture.PROGRAM,
     samples.ADD,
     samples.AVERAGE,
 ]

@@ -5,7 +5,8 @@ import gpu
 import numpy as np
 import pytest
 
-from addon.passes import batch, flatten, target
+from addon.passes import mesh_upload, target
+from addon.passes.bake import flatten
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -14,7 +15,7 @@ SIZE = (16, 12)
 
 def square(into):
     """Draw a square over the whole of `into`, with a normal that leans; returns the texels."""
-    mesh = batch.upload(
+    mesh = mesh_upload.upload(
         np.array([[0, 1, 2], [0, 2, 3]], np.int32),
         uv=np.array([(0, 0), (1, 0), (1, 1), (0, 1)], np.float32),
         normal=np.tile(np.float32((0.6, 0.0, 0.8)), (4, 1)),

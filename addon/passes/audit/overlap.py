@@ -1,0 +1,28 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Counts how many triangles of a mesh cover each texel: more than one is the paper's first restriction broken."""
+
+import gpu
+
+from .. import shader, target
+
+PROGRAM = shader.Program(
+    vertex="audit/overlap_vert.glsl",
+    fragment="audit/overlap_frag.glsl",
+    inputs=(("VEC2", "uv"),),
+    constants=(("VEC4", "window"),),
+    outputs=(("VEC4", "count_out"),),
+)
+
+
+def draw(into: target.Target, mesh: gpu.types.GPUBatch, window: tuple[float, float, float, float]) -> None:
+    """Clear `into` (R16F, exact up to 2048) and write for each texel how many triangles of `mesh` cover its centre.
+
+    mesh: batch with the attribute uv. Triangles that share an edge do not share texels along it.
+    """
+    compiled = shader.load(PROGRAM)
+    with target.drawing(into):
+        gpu.state.blend_set("ADDITIVE")
+        compiled.bind()
+        target.bind(compiled, PROGRAM, window=window)
+        mesh.draw(compiled)
+        gpu.state.blend_set("NONE")

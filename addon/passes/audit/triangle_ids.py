@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Draws a mesh in UV space: which triangle each texel belongs to, and which ones lie below that."""
+
+from collections.abc import Iterator
+
+import gpu
+import numpy as np
+
+from .. import mesh_upload, shader, target
+
+PROGRAM = shader.Program(
+    vertex="audit/faces_vert.glsl",
+    fragment="audit/faces_frag.glsl",
+    inputs=(("VEC2", "uv"), ("VEC2", "number")),
+    varyings=(("VEC2", "v_number"),),
+    samplers=(("FLOAT_2D", "above"),),
+    constants=(("VEC4", "window"),),
+    outputs=(("FLOAT", "number_out"),),
+)
+PART = 4096
+"""As in shaders/faces_frag.glsl: numbers are up to the square of it, 2^24, where single precision ends as well."""
+
+
+def upload(triangles: np.ndarray, uv: np.ndarray, numbers: np.ndarray | None = None) -> gpu.types.GPUBatch:
+    """A mesh for `layers`: triangles (T, 3) int32, indices into uv (C, 2) float32. They have these `numbers` (T,) above 0,
+    or are numbered from 1."""
+    count = len(triangles)
+    numbers = np.arange(1, count + 1) if numbers is None else numbers
+    numbers = np.repeat(np.stack(np.divmod(numbers, PART), axis=1).astype(np.float32), 3, axis=0)
+    corners = np.arange(3 * count, dtype=np.int32).reshape(-1, 3)
+    return mesh_upload.upload(corners, uv=uv[triangles.reshape(-1)], number=numbers)
+
+
+def layers(
+    mesh: gpu.types.GPUBatch, size: tuple[int, int], window: tuple[float, float, float, float], count: int = 1
+) -> Iterator[np.ndarray]:
+    """The numbers (height, width) of the triangles on each texel, 0 for none, layer by layer from the top down.
+
+    The last triangle is on top, as it is in a map. Below the lowest one of a texel comes a 0, and then they come again. The
+    array is used again for the next layer.
+    """
+    compiled = shader.load(PROGRAM)
+    above, into = (target.get(f"faces {name}", *size, "R32F") for name in ("above", "into"))
+    target.clear(above)
+    numbers = np.empty(size[::-1], np.float32)
+    for _ in range(count):
+        with target.drawing(into):
+            compiled.bind()
+            target.bind(compiled, PROGRAM, above=above.texture, window=window)
+            mesh.draw(compiled)
+        into.read(numbers)
+        yield numbers
+        above, into = into, above

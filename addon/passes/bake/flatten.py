@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Draws high meshes in UV space: the target is their normal map (Gumbau, González and Chover, Algorithms 1 and 2)."""
+
+from collections.abc import Iterable
+
+import gpu
+import numpy as np
+
+from .. import shader, target
+
+PROGRAM = shader.Program(
+    vertex="bake/flatten_vert.glsl",
+    fragment="bake/flatten_frag.glsl",
+    inputs=(("VEC2", "uv"), ("VEC3", "normal")),
+    varyings=(("VEC3", "v_normal"),),
+    constants=(("MAT4", "normal_matrix"), ("VEC4", "window")),
+    outputs=(("VEC4", "normal_out"),),
+)
+
+
+def draw(
+    into: target.Target,
+    meshes: Iterable[tuple[gpu.types.GPUBatch, np.ndarray]],
+    window: tuple[float, float, float, float],
+) -> None:
+    """Clear `into` (RGBA32F) and draw each mesh: xyz its unit normal, alpha 1 where it was written.
+
+    meshes: batches with attributes uv and normal, each with the (3, 3) matrix that takes its normals to the wanted
+    space. window: uv to clip space, scale and offset. Where meshes overlap, the later one stays.
+    """
+    compiled = shader.load(PROGRAM)
+    with target.drawing(into):
+        for batch, normal_matrix in meshes:
+            compiled.bind()
+            target.bind(compiled, PROGRAM, normal_matrix=shader.mat4(normal_matrix), window=window)
+            batch.draw(compiled)

@@ -1,0 +1,27 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Draws the low mesh in UV space: where each texel's ray starts and where to."""
+
+import gpu
+
+from .. import shader, target
+
+PROGRAM = shader.Program(
+    vertex="bake/gbuffer_vert.glsl",
+    fragment="bake/gbuffer_frag.glsl",
+    inputs=(("VEC2", "uv"), ("VEC3", "position"), ("VEC3", "direction")),
+    varyings=(("VEC3", "v_position"), ("VEC3", "v_direction")),
+    constants=(("VEC4", "window"),),
+    outputs=(("VEC4", "position_out"), ("VEC4", "direction_out")),
+)
+
+
+def draw(into: target.Target, low: gpu.types.GPUBatch, window: tuple[float, float, float, float]) -> None:
+    """Clear `into` (two RGBA32F) and write positions and unit directions, alpha 1, where `low` is.
+
+    low: batch with attributes uv, position and direction, which leads away from the surface and need not be of length 1.
+    """
+    compiled = shader.load(PROGRAM)
+    with target.drawing(into):
+        compiled.bind()
+        target.bind(compiled, PROGRAM, window=window)
+        low.draw(compiled)

@@ -1,0 +1,30 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Draws high meshes in UV space: which point of theirs each texel shows, and whose it is."""
+
+from collections.abc import Iterable
+
+import gpu
+
+from .. import shader, target
+
+PROGRAM = shader.Program(
+    vertex="bake/points_vert.glsl",
+    fragment="bake/points_frag.glsl",
+    inputs=(("VEC2", "uv"), ("VEC3", "position"), ("VEC2", "labels")),
+    varyings=(("VEC3", "v_position"), ("VEC2", "v_labels")),
+    constants=(("VEC4", "window"),),
+    outputs=(("VEC4", "point_out"), ("VEC4", "labels_out")),
+)
+
+
+def draw(into: target.Target, meshes: Iterable[gpu.types.GPUBatch], window: tuple[float, float, float, float]) -> None:
+    """Clear `into` (two RGBA32F) and write points, and in x and y the numbers of object and material.
+
+    meshes: batches with the attributes uv, position and labels. Where meshes overlap, the later one stays.
+    """
+    compiled = shader.load(PROGRAM)
+    with target.drawing(into):
+        for batch in meshes:
+            compiled.bind()
+            target.bind(compiled, PROGRAM, window=window)
+            batch.draw(compiled)

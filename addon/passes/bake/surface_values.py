@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Maps of what lies between the low surface and the high one: one number or vector a texel."""
+
+import gpu
+import numpy as np
+
+from .. import shader, target
+
+PROGRAM = shader.Program(
+    vertex="lib/fullscreen_vert.glsl",
+    fragment="bake/relief_frag.glsl",
+    inputs=(("VEC2", "position"),),
+    samplers=(
+        ("FLOAT_2D", "normals"),
+        ("FLOAT_2D", "points"),
+        ("FLOAT_2D", "labels"),
+        ("FLOAT_2D", "places"),
+        ("FLOAT_2D", "directions"),
+    ),
+    constants=(("INT", "which"), ("MAT4", "to_space"), ("VEC4", "origin"), ("FLOAT", "scale")),
+    outputs=(("VEC4", "value_out"),),
+)
+WHICH = ("POSITION", "HEIGHT", "DISPLACEMENT", "DISTANCE", "COVERAGE", "OBJECT_ID", "MATERIAL_ID")
+
+
+def draw(
+    into: target.Target,
+    which: str,
+    normals: gpu.types.GPUTexture,
+    points: target.Target,
+    places: target.Target,
+    *,
+    to_space: np.ndarray,
+    origin: np.ndarray,
+    scale: float,
+) -> None:
+    """Write one of WHICH into `into` (RGBA32F): xyz the value, alpha as in `normals`: 1 known, 0 nothing, -1 missed.
+
+    points: what points.draw or cast.points wrote; places: the low mesh as gbuffer.draw wrote it. Vectors and positions
+    go through to_space (3, 3) and origin (3,), distances are times `scale`.
+    """
+    target.fill(
+        into,
+        PROGRAM,
+        normals=normals,
+        points=points.textures[0],
+        labels=points.textures[1],
+        places=places.textures[0],
+        directions=places.textures[1],
+        which=WHICH.index(which),
+        to_space=shader.mat4(to_space),
+        origin=(*origin, 0.0),
+        scale=scale,
+    )

@@ -1,0 +1,38 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Draws the low mesh in UV space and turns object-space normals into its tangent space."""
+
+import gpu
+
+from .. import shader, target
+
+PROGRAM = shader.Program(
+    vertex="bake/tangent_vert.glsl",
+    fragment="bake/tangent_frag.glsl",
+    inputs=(("VEC2", "uv"), ("VEC3", "normal"), ("VEC4", "tangent")),
+    varyings=(("VEC3", "v_normal"), ("VEC4", "v_tangent")),
+    texels=(("RGBA32F", "FLOAT_2D", "normals"),),
+    constants=(("VEC4", "window"), ("INT", "normalize_normal")),
+    outputs=(("VEC4", "normal_out"),),
+)
+
+
+def draw(
+    into: target.Target,
+    low: gpu.types.GPUBatch,
+    normals: gpu.types.GPUTexture,
+    window: tuple[float, float, float, float],
+    *,
+    normalize_normal: bool,
+    rows: range | None = None,
+) -> None:
+    """Clear `into` (RGBA32F) and write tangent-space unit normals, alpha 1, where `low` and `normals` both are.
+
+    low: batch with attributes uv, normal and tangent (w = the bitangent's sign). normals: object-space unit normals of
+    the same size. normalize_normal: the basis of Cycles' Normal Map node; without it MikkTSpace's reference.
+    rows: in these rows alone; it is cleared with the first of them.
+    """
+    compiled = shader.load(PROGRAM)
+    with target.drawing(into, rows, clear=not rows or rows.start == 0):
+        compiled.bind()
+        target.bind(compiled, PROGRAM, normals=normals, window=window, normalize_normal=int(normalize_normal))
+        low.draw(compiled)

@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Finds the nearest written texel of each texel, exactly, in two passes whose cost does not grow with the distance.
+
+A. Meijster, J. Roerdink and W. Hesselink, "A general algorithm for computing distance transforms in linear time" (2000):
+first along the rows, then, among what the rows found, along the columns.
+"""
+
+import math
+from dataclasses import dataclass
+
+import gpu
+
+from .. import shader, target
+
+GROUP = 64
+ROWS = shader.Program(
+    compute="margin/margin_rows_comp.glsl",
+    texels=(("RGBA32F", "FLOAT_2D", "values"),),
+    constants=(("INT", "farthest"),),
+    images=(("R16I", "INT_2D", "offsets", "WRITE"),),
+    group=(GROUP, 1),
+)
+COLUMNS = shader.Program(
+    compute="margin/margin_columns_comp.glsl",
+    texels=(("R16I", "INT_2D", "offsets"),),
+    constants=(("INT", "reach"),),
+    images=(("R32I", "INT_2D", "source_rows", "READ WRITE"),),
+    group=(GROUP, 1),
+)
+
+
+@dataclass(frozen=True)
+class Nearest:
+    """Where the nearest written texel lies: in `rows` (R32I) its row, in that row of `offsets` (R16I) how many columns
+    away. 32767 stands for none in reach."""
+
+    offsets: gpu.types.GPUTexture
+    rows: gpu.types.GPUTexture
+
+
+def search(values: gpu.types.GPUTexture, reach: int | None) -> Nearest:
+    """Look for the nearest texel of `values` (RGBA32F) whose alpha is above 0, where one is in reach.
+
+    reach: in texels, along rows and columns at once, so that a margin of 2^n - 1 fills every block of 2^n x 2^n texels
+    that holds a written one; None for no limit.
+    """
+    width, height = values.width, values.height
+    reach = max(width, height) if reach is None else min(reach, max(width, height))
+    offsets = target.get("margin's offsets", width, height, "R16I").texture
+    rows = target.get("margin's rows", width, height, "R32I").texture
+    _dispatch(ROWS, height, values=values, farthest=farthest(reach), offsets=offsets)
+    _dispatch(COLUMNS, width, offsets=offsets, reach=reach, source_rows=rows)
+    return Nearest(offsets, rows)
+
+
+def farthest(reach: int) -> int:
+    """How far away, in whole texels, the nearest written one may be along a row or column: not in the corner of its
+    square of reach, but on the circle through that."""
+    return math.isqrt(2 * reach * reach)
+
+
+def _dispatch(program: shader.Program, count: int, **bindings) -> None:
+    compiled = shader.load(program)
+    compiled.bind()
+    target.bind(compiled, program, **bindings)
+    gpu.compute.dispatch(compiled, -(-count // GROUP), 1, 1)

@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Turns values into the stored map, with the nearest written texel in the margin."""
+
+import gpu
+import numpy as np
+
+from .. import shader, target
+from .nearest_texel import Nearest
+
+PROGRAM = shader.Program(
+    vertex="lib/fullscreen_vert.glsl",
+    fragment="margin/resolve_frag.glsl",
+    inputs=(("VEC2", "position"),),
+    texels=(("RGBA32F", "FLOAT_2D", "values"), ("R16I", "INT_2D", "offsets"), ("R32I", "INT_2D", "source_rows")),
+    constants=(("INT", "halo"), ("MAT4", "encode"), ("VEC4", "missed")),
+    outputs=(("VEC4", "map_out"), ("FLOAT", "state_out")),
+)
+MARGIN, WRITTEN, MISSED, DEFERRED = 1, 2, 3, 4
+"""What the state texture says of a texel; 0 is background. Deferred ones have yet to be filled, as passes.seams says."""
+
+
+def draw(
+    into: target.Target,
+    values: gpu.types.GPUTexture,
+    nearest: Nearest,
+    *,
+    halo: int,
+    encode: np.ndarray,
+    missed: tuple[float, float, float],
+) -> None:
+    """Write the map (RGBA32F) and the state of its texels (R8) into `into`, whose row 0 is row `halo` of `values`.
+
+    values: alpha above 0 where a texel was written, below 0 where its ray missed. nearest: what margin.search found there.
+    encode: (4, 4), from a value and 1 to red, green and blue. missed: the colour that stands for a miss.
+    """
+    target.fill(
+        into,
+        PROGRAM,
+        values=values,
+        offsets=nearest.offsets,
+        source_rows=nearest.rows,
+        halo=halo,
+        encode=shader.mat4(encode),
+        missed=(*missed, 0.0),
+    )

@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Fills the margin beside seams with what lies across them on the surface.
+
+A texel of the margin comes from its nearest written texel. The first one on the way there is beside the border of that
+texel's island: the border's similarity takes the whole way to the island across, and the map is read at its end. Where no
+seam lies on the way, or the way leaves that island, the nearest texel stays.
+"""
+
+from dataclasses import dataclass
+
+import gpu
+import numpy as np
+
+from .. import data_texture, mesh_upload, shader, target
+from .nearest_texel import Nearest
+
+BORDERS = shader.Program(
+    vertex="margin/borders_vert.glsl",
+    fragment="margin/borders_frag.glsl",
+    inputs=(("VEC4", "corner"),),
+    varyings=(("FLOAT", "v_number"),),
+    constants=(("VEC4", "window"),),
+    outputs=(("FLOAT", "number_out"),),
+)
+ACROSS = shader.Program(
+    vertex="lib/fullscreen_vert.glsl",
+    fragment="margin/across_frag.glsl",
+    inputs=(("VEC2", "position"),),
+    samplers=(("FLOAT_2D", "values"), ("FLOAT_2D", "borders"), ("FLOAT_2D", "similarities")),
+    texels=(("R16I", "INT_2D", "offsets"), ("R32I", "INT_2D", "source_rows")),
+    constants=(("INT", "halo"), ("INT", "reach"), ("INT", "kind"), ("INT", "is_deferred"), ("MAT4", "encode")),
+    outputs=(("VEC4", "map_out"), ("FLOAT", "state_out")),
+)
+VALUE, LABEL, NORMAL, TANGENT = range(4)
+"""Kinds of values: numbers, numbers between which there is no mean, unit normals, and these in tangent space."""
+FARTHEST = 256
+"""Texels: the longest way on the other side of a seam that is looked at, as in shaders/across_frag.glsl."""
+
+
+@dataclass(frozen=True)
+class Seams:
+    """The borders of the islands of one map: what mesh.seams.Seams says of them, on the GPU."""
+
+    strips: gpu.types.GPUBatch
+    similarities: gpu.types.GPUTexture
+
+
+def upload(triangles: np.ndarray, corners: np.ndarray, similarities: np.ndarray) -> Seams:
+    """Take what mesh.seams.Seams.strips and similarities return."""
+    return Seams(mesh_upload.upload(triangles, corner=corners), data_texture.upload(similarities))
+
+
+def draw(
+    into: target.Target,
+    values: gpu.types.GPUTexture,
+    nearest: Nearest,
+    seams: Seams,
+    window: tuple[float, float, float, float],
+    *,
+    halo: int,
+    reach: int,
+    kind: int,
+    encode: np.ndarray,
+    is_deferred: bool = False,
+) -> None:
+    """Draw over what resolve.draw made of the same values, where a seam lies on the way to the nearest written texel.
+
+    window: from uv to the clip space of `values`. reach: how far, in texels, the way to the nearest may be. kind: one of VALUE,
+    LABEL, NORMAL and TANGENT; the last are turned with the similarity, which is exact on a flat surface whose islands are
+    similar to it. is_deferred: instead of the value across, store the border's number from 0 and the way (x, y) to the
+    nearest written texel, with the state DEFERRED: the values across may be on another band.
+    """
+    borders = target.get("borders", values.width, values.height, "R32F", "DEPTH_COMPONENT32F")
+    _draw_borders(borders, seams.strips, window)
+    target.fill(
+        into,
+        ACROSS,
+        values=values,
+        offsets=nearest.offsets,
+        source_rows=nearest.rows,
+        borders=borders.texture,
+        similarities=seams.similarities,
+        halo=halo,
+        reach=reach,
+        kind=kind,
+        is_deferred=int(is_deferred),
+        encode=shader.mat4(encode),
+    )
+
+
+def _draw_borders(into: target.Target, strips: gpu.types.GPUBatch, window: tuple[float, float, float, float]) -> None:
+    compiled = shader.load(BORDERS)
+    with target.drawing(into, clear=False):
+        into.framebuffer.clear(color=(0.0, 0.0, 0.0, 0.0), depth=1.0)
+        test, mask = gpu.state.depth_test_get(), gpu.state.depth_mask_get()
+        gpu.state.depth_test_set("LESS")
+        gpu.state.depth_mask_set(True)
+        try:
+            compiled.bind()
+            target.bind(compiled, BORDERS, window=window)
+            strips.draw(compiled)
+        finally:
+            gpu.state.depth_test_set(test)
+            gpu.state.depth_mask_set(mask)

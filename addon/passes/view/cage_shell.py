@@ -1,0 +1,22 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Draws a mesh moved along its normals, in one colour."""
+
+import gpu
+
+from .. import shader, target
+
+PROGRAM = shader.Program(
+    vertex="view/shell_vert.glsl",
+    fragment="view/shell_frag.glsl",
+    inputs=(("VEC3", "position"), ("VEC3", "direction")),
+    constants=(("MAT4", "view_projection"), ("VEC4", "colour"), ("FLOAT", "away")),
+    outputs=(("VEC4", "colour_out"),),
+)
+
+
+def draw(batch: gpu.types.GPUBatch, view_projection, away: float, colour: tuple[float, float, float, float]) -> None:
+    """Draw into the framebuffer that is bound. batch: attributes position and unit direction, in world space."""
+    compiled = shader.load(PROGRAM)
+    compiled.bind()
+    target.bind(compiled, PROGRAM, view_projection=view_projection, colour=colour, away=away)
+    batch.draw(compiled)

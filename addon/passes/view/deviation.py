@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Measures how far what a low mesh shows is from the high surface, and draws it in colours."""
+
+import gpu
+import numpy as np
+
+from .. import shader, target
+
+MEASURE = shader.Program(
+    vertex="bake/tangent_vert.glsl",
+    fragment="view/deviation_frag.glsl",
+    inputs=(("VEC2", "uv"), ("VEC3", "normal"), ("VEC4", "tangent")),
+    varyings=(("VEC3", "v_normal"), ("VEC4", "v_tangent")),
+    samplers=(("FLOAT_2D", "normal_map"), ("FLOAT_2D", "truth"), ("FLOAT_2D", "elsewhere")),
+    constants=(("MAT4", "placed"), ("VEC4", "window")),
+    outputs=(("VEC4", "deviation_out"),),
+)
+RAMP = shader.Program(
+    vertex="view/ramp_vert.glsl",
+    fragment="view/ramp_frag.glsl",
+    inputs=(("VEC3", "position"), ("VEC2", "uv")),
+    varyings=(("VEC2", "v_uv"),),
+    samplers=(("FLOAT_2D", "deviation"),),
+    constants=(("MAT4", "view_projection"), ("FLOAT", "limit"), ("INT", "is_bare")),
+    outputs=(("VEC4", "colour_out"),),
+)
+LEGEND = shader.Program(
+    vertex="view/legend_vert.glsl",
+    fragment="view/legend_frag.glsl",
+    inputs=(("VEC2", "position"),),
+    varyings=(("FLOAT", "v_share"),),
+    constants=(("VEC4", "rect"),),
+    outputs=(("VEC4", "colour_out"),),
+)
+
+
+def measure(
+    into: target.Target,
+    low: gpu.types.GPUBatch,
+    normal_map: gpu.types.GPUTexture,
+    truth: gpu.types.GPUTexture,
+    placed: np.ndarray,
+    *,
+    elsewhere: np.ndarray,
+) -> None:
+    """Clear `into` (RGBA32F) and write where `low` is, in degrees: red, how far the normal that it shows with its map is
+    from the truth, and green without. Alpha: 1, -1 where there is no truth, or -2 where that is of another place.
+
+    low: batch with attributes uv, normal and tangent. truth: unit normals, as sources.Source has them. All of one size.
+    placed: from lit.placed. elsewhere (rows, columns) bool: the parts of the map, of any number, where the truth is that of
+    another place than the low mesh's.
+    """
+    values = np.ascontiguousarray(elsewhere, np.float32)
+    data = gpu.types.Buffer("FLOAT", values.shape, values)
+    mask = gpu.types.GPUTexture(values.shape[::-1], format="R32F", data=data)
+    compiled = shader.load(MEASURE)
+    with target.drawing(into):
+        compiled.bind()
+        bindings = {
+            "normal_map": normal_map,
+            "truth": truth,
+            "elsewhere": mask,
+            "placed": shader.mat4(placed),
+            "window": target.window(1001),
+        }
+        target.bind(compiled, MEASURE, **bindings)
+        low.draw(compiled)
+
+
+def draw(
+    batch: gpu.types.GPUBatch,
+    measured: gpu.types.GPUTexture,
+    view_projection: np.ndarray,
+    *,
+    limit: float,
+    is_bare: bool,
+) -> None:
+    """Draw into the framebuffer that is bound what was measured, in colours from 0 to `limit` degrees and more.
+
+    batch: attributes position and uv. is_bare: of the mesh without its map.
+    """
+    compiled = shader.load(RAMP)
+    compiled.bind()
+    matrix = shader.mat4(view_projection)
+    target.bind(compiled, RAMP, deviation=measured, view_projection=matrix, limit=limit, is_bare=int(is_bare))
+    batch.draw(compiled)
+
+
+def draw_legend(square: gpu.types.GPUBatch, rect: tuple[float, float, float, float]) -> None:
+    """Draw the colours from left to right. square: position (x, y) from 0 to 1; rect: its scale and offset in clip space."""
+    compiled = shader.load(LEGEND)
+    compiled.bind()
+    target.bind(compiled, LEGEND, rect=rect)
+    square.draw(compiled)

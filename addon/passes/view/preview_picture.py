@@ -1,0 +1,35 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A small picture of normals that are still being drawn, for the screen."""
+
+import gpu
+import numpy as np
+
+from .. import shader, target
+
+PROGRAM = shader.Program(
+    vertex="lib/fullscreen_vert.glsl",
+    fragment="view/picture_frag.glsl",
+    inputs=(("VEC2", "position"),),
+    samplers=(("FLOAT_2D", "normals"),),
+    constants=(("VEC4", "scale"), ("MAT4", "channels")),
+    outputs=(("VEC4", "picture_out"),),
+)
+SIDE = 512
+"""Texels of the longer side, at most."""
+
+
+def draw(
+    normals: gpu.types.GPUTexture, size: tuple[int, int], channels: np.ndarray, *, clear: bool
+) -> gpu.types.GPUTexture:
+    """The picture of `normals` (RGBA32F, or sums of such) of a map of `size`; channels as resolve.draw has it.
+
+    Where there are no normals, what was drawn before stays, unless it is cleared.
+    """
+    shrink = max(1.0, max(size) / SIDE)
+    into = target.get("picture", max(1, int(size[0] / shrink)), max(1, int(size[1] / shrink)), "RGBA16F")
+    scale = normals.width / into.width, normals.height / into.height, 0.0, 0.0
+    if clear:
+        target.clear(into)
+    target.fill(into, PROGRAM, normals=normals, scale=scale, channels=shader.mat4(channels))
+    into.finish()  # so that the clock sees what was drawn before it
+    return into.texture

@@ -1,0 +1,8 @@
+// The low mesh, laid flat, with its triangles' numbers.
+#include "lib/uvspace_lib.glsl"
+
+void main()
+{
+  gl_Position = uvspace_position(uv, window);
+  v_number = number;
+}

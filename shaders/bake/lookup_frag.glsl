@@ -1,0 +1,21 @@
+// The high meshes' interpolated normal where each ray hit. Alpha: 1 hit, -1 missed, 0 no low mesh here.
+#include "lib/texture_lib.glsl"
+
+void main()
+{
+  ivec2 texel = ivec2(gl_FragCoord.xy);
+  uvec4 hit = texel_at(hits, texel);
+  if (hit.x == 0u) {
+    normal_out = vec4(0.0, 0.0, 0.0, texel_at(positions, texel).a > 0.0 ? -1.0 : 0.0);
+  }
+  else {
+    int first = int(hit.x - 1u) * 3;
+    vec2 weights = vec2(uintBitsToFloat(hit.y), uintBitsToFloat(hit.z));
+    vec3 normal = texel_at(normals, texture_place(first)).xyz * (1.0 - weights.x - weights.y) +
+                  texel_at(normals, texture_place(first + 1)).xyz * weights.x +
+                  texel_at(normals, texture_place(first + 2)).xyz * weights.y;
+    normal = mat3(normal_matrix) * normal;
+    float length_squared = dot(normal, normal);
+    normal_out = length_squared > 0.0 ? vec4(normal / sqrt(length_squared), 1.0) : vec4(0.0, 0.0, 0.0, -1.0);
+  }
+}

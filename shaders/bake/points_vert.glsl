@@ -1,0 +1,9 @@
+// The high mesh, laid flat, with where its surface lies in space.
+#include "lib/uvspace_lib.glsl"
+
+void main()
+{
+  gl_Position = uvspace_position(uv, window);
+  v_position = position;
+  v_labels = labels;
+}

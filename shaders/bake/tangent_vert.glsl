@@ -1,0 +1,9 @@
+// The low mesh, laid flat, with what spans its tangent space.
+#include "lib/uvspace_lib.glsl"
+
+void main()
+{
+  gl_Position = uvspace_position(uv, window);
+  v_normal = normal;
+  v_tangent = tangent;
+}

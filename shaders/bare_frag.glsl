@@ -1,7 +1,0 @@
-// Lit by its own interpolated normal. The light is the last column of `placed`.
-#include "lit_lib.glsl"
-
-void main()
-{
-  colour_out = lit_colour(v_normal / max(length(v_normal), 1e-20), v_position, placed[3]);
-}

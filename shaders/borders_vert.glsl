@@ -1,9 +1,0 @@
-// Strips along the borders of UV islands: uv, depth and the border's number.
-#include "uvspace_lib.glsl"
-
-void main()
-{
-  gl_Position = uvspace_position(corner.xy, window);
-  gl_Position.z = corner.z;
-  v_number = corner.w;
-}

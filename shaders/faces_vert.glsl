@@ -1,8 +1,0 @@
-// The low mesh, laid flat, with its triangles' numbers.
-#include "uvspace_lib.glsl"
-
-void main()
-{
-  gl_Position = uvspace_position(uv, window);
-  v_number = number;
-}

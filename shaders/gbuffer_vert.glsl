@@ -1,9 +1,0 @@
-// The low mesh, laid flat, with where its rays start and where they come from.
-#include "uvspace_lib.glsl"
-
-void main()
-{
-  gl_Position = uvspace_position(uv, window);
-  v_position = position;
-  v_direction = direction;
-}

@@ -1,7 +1,0 @@
-// What the colours of the deviation stand for.
-#include "ramp_lib.glsl"
-
-void main()
-{
-  colour_out = vec4(ramp_colour(v_share), 1.0);
-}

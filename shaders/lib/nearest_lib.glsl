@@ -1,0 +1,12 @@
+// What the margin's two searches found, in the textures `offsets` and `source_rows`.
+#include "lib/margin_lib.glsl"
+
+// The way from a texel to the nearest written one, MARGIN_NONE in both where none is in reach.
+ivec2 nearest_way(ivec2 texel)
+{
+  int row = texel_at(source_rows, texel).x;
+  if (row == MARGIN_NONE) {
+    return ivec2(MARGIN_NONE);
+  }
+  return ivec2(texel_at(offsets, ivec2(texel.x, row)).x, row - texel.y);
+}

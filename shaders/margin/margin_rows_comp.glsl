@@ -1,0 +1,27 @@
+// How many columns away the nearest written texel of the same row lies: 0 for a written texel, MARGIN_NONE where none is
+// within `farthest`. One invocation a row, which reads and writes each texel once.
+#include "lib/margin_lib.glsl"
+
+void main()
+{
+  int y = int(gl_GlobalInvocationID.x);
+  ivec2 size = texel_size(values);
+  if (y >= size.y) {
+    return;
+  }
+  // Between two written texels each takes the nearer; beyond the first and the last there is one side alone.
+  int left = -MARGIN_NONE;
+  int x = 0;
+  for (int next = 0; next <= size.x; next++) {
+    bool is_end = next == size.x;
+    if (!is_end && texel_at(values, ivec2(next, y)).a <= 0.0) {
+      continue;
+    }
+    int right = is_end ? 2 * MARGIN_NONE : next;
+    for (; x < min(next + 1, size.x); x++) {
+      int offset = x - left < right - x ? left - x : right - x;
+      imageStore(offsets, ivec2(x, y), ivec4(abs(offset) <= farthest ? offset : MARGIN_NONE, 0, 0, 0));
+    }
+    left = next;
+  }
+}

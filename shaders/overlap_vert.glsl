@@ -1,7 +1,0 @@
-// The low mesh, laid flat, to be counted.
-#include "uvspace_lib.glsl"
-
-void main()
-{
-  gl_Position = uvspace_position(uv, window);
-}

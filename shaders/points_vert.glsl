@@ -1,9 +1,0 @@
-// The high mesh, laid flat, with where its surface lies in space.
-#include "uvspace_lib.glsl"
-
-void main()
-{
-  gl_Position = uvspace_position(uv, window);
-  v_position = position;
-  v_labels = labels;
-}

@@ -1,9 +1,0 @@
-// The low mesh, laid flat, with what spans its tangent space.
-#include "uvspace_lib.glsl"
-
-void main()
-{
-  gl_Position = uvspace_position(uv, window);
-  v_normal = normal;
-  v_tangent = tangent;
-}

@@ -1,0 +1,30 @@
+// How far, in degrees, the normal that the low mesh shows with its map (red), and without it (green), is from that of the
+// high surface on the same texel. Alpha is 1 where that is known, -1 where there is no high surface, and -2 where
+// it is that of another place.
+#include "lib/map_lib.glsl"
+
+const float DEGREES = 57.29577951308232;
+
+float degrees_between(vec3 a, vec3 b)
+{
+  return DEGREES * 2.0 * atan(length(a - b), length(a + b));  // exact for small angles, where the arc cosine is not
+}
+
+void main()
+{
+  ivec2 texel = ivec2(gl_FragCoord.xy);
+  vec4 wanted = texelFetch(truth, texel, 0);
+  if (wanted.a <= 0.0) {
+    deviation_out = vec4(0.0, 0.0, 0.0, -1.0);
+    return;
+  }
+  ivec2 part = texel * textureSize(elsewhere, 0) / textureSize(truth, 0);
+  if (texelFetch(elsewhere, part, 0).r > 0.5) {
+    deviation_out = vec4(0.0, 0.0, 0.0, -2.0);
+    return;
+  }
+  vec3 high = map_to_world(wanted.xyz);
+  vec3 shown = map_normal(map_stored(texel), v_normal, v_tangent);
+  vec3 bare = map_unit(mat3(placed) * v_normal);
+  deviation_out = vec4(degrees_between(shown, high), degrees_between(bare, high), 0.0, 1.0);
+}

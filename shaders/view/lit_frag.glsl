@@ -1,0 +1,8 @@
+// Lit by the normal that the map holds.
+#include "lib/lit_lib.glsl"
+#include "lib/map_lib.glsl"
+
+void main()
+{
+  colour_out = lit_colour(map_normal(map_between(v_uv), v_normal, v_tangent), v_position, placed[3]);
+}
