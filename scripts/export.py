@@ -16,7 +16,7 @@ import addon  # noqa: E402
 from addon.bake.report import Report  # noqa: E402
 from addon.bake.settings import Settings  # noqa: E402
 from addon.engine import method_choice, ray_casting, ray_distances
-from addon.mesh import arrays, bvh  # noqa: E402
+from addon.mesh import bvh, triangle_mesh  # noqa: E402
 from addon.scene import reading  # noqa: E402
 
 
@@ -40,7 +40,7 @@ def export(source: Path, target: Path) -> None:
         target,
         high_triangles=laid_flat.triangles,
         high_uv=laid_flat.uv,
-        high_normal=laid_flat.normals @ arrays.normal_matrix(laid_flat.to_world).T,
+        high_normal=laid_flat.normals @ triangle_mesh.normal_matrix(laid_flat.to_world).T,
         low_triangles=meshes.low.triangles,
         low_uv=meshes.low.uv,
         low_position=aim.frame.points(meshes.low)[meshes.low.vertices],

@@ -10,8 +10,8 @@ from ..bake.errors import few
 from ..bake.report import Report
 from ..bake.settings import Settings
 from ..engine import ray_casting, separation, uv_agreement
-from ..mesh import arrays, faces, layout, seams
-from ..mesh.arrays import Mesh
+from ..mesh import face_shapes, triangle_mesh, uv_islands, uv_seams
+from ..mesh.triangle_mesh import Mesh
 from ..passes import mesh_upload, target
 from ..passes.audit import overlap
 from ..passes.margin import resolve
@@ -101,20 +101,20 @@ def _flat(meshes: Meshes, report: Report) -> str:
 
 def uv_space(settings: Settings) -> tuple[int, int]:
     """How many tiles along u and v there are to lie on."""
-    return arrays.UDIM if settings.udim else (1, 1)
+    return triangle_mesh.UDIM if settings.udim else (1, 1)
 
 
 def _tell_of_uvs(meshes: Meshes, settings: Settings, report: Report) -> None:
     low = meshes.low
-    areas, outside = arrays.uv_areas(low), arrays.outside(low, uv_space(settings))
+    areas, outside = triangle_mesh.uv_areas(low), triangle_mesh.outside(low, uv_space(settings))
     is_mirrored, count = areas < 0.0, len(low.triangles)
     report.mirrored = int(np.count_nonzero(is_mirrored))
     # With UDIM tiles nothing lies on what is inside: readers find no tile there.
-    moved = layout.moved(low) if outside.any() and not settings.udim else np.zeros(1, bool)
+    moved = uv_islands.moved(low) if outside.any() and not settings.udim else np.zeros(1, bool)
     report.checks["mirrored"] = {
         "count": report.mirrored,
         "of": count,
-        "islands": layout.count_islands(low, is_mirrored) if report.mirrored else 0,
+        "islands": uv_islands.count_islands(low, is_mirrored) if report.mirrored else 0,
     }
     report.checks["outside"] = _count(outside, count) | {"moved": int(np.count_nonzero(moved))}
     report.checks["no_area"] = _count(areas == 0.0, count)
@@ -122,11 +122,11 @@ def _tell_of_uvs(meshes: Meshes, settings: Settings, report: Report) -> None:
         _warn(report, mesh, mesh.not_finite, "left out: their coordinates are NaN or infinite")
     if report.method == "FLATTEN":
         for high in meshes.highs:
-            _warn(report, high, np.count_nonzero(arrays.uv_areas(high) == 0.0), NO_AREA)
+            _warn(report, high, np.count_nonzero(triangle_mesh.uv_areas(high) == 0.0), NO_AREA)
             # Those that lie outside by whole tiles leave texels uncovered, or were moved there on purpose.
-            outside = arrays.outside(high, uv_space(settings))
+            outside = triangle_mesh.outside(high, uv_space(settings))
             if outside.any():
-                _warn(report, high, np.count_nonzero(outside & layout.crossing(high)), _outside(settings))
+                _warn(report, high, np.count_nonzero(outside & uv_islands.crossing(high)), _outside(settings))
 
 
 NO_AREA = "have no area in UV space and cannot be drawn"
@@ -150,7 +150,7 @@ def _tell_of_texels(meshes: Meshes, tally: Tally, tiles: Sequence[int], settings
         uncovered += int(np.count_nonzero((counts > 0.0) & (state != resolve.WRITTEN)))
     crossed = shared
     if shared > severity.MUCH_OVERLAP * covered:  # fewer do no harm, stacked on purpose or not
-        alone = replace(low, triangles=low.triangles[layout.without_copies(low)])
+        alone = replace(low, triangles=low.triangles[uv_islands.without_copies(low)])
         crossed = sum(int(np.count_nonzero(counts > 1.0)) for counts in covering(alone, size, tiles))
     report.checks["overlap"] = _share(shared, covered) | {"stacked": shared - crossed}
     report.overlap = report.checks["overlap"]["share"]
@@ -195,15 +195,15 @@ def _tell_of_distances(
 
 def _tell_of_faces(meshes: Meshes, report: Report) -> None:
     low = meshes.low
-    polygons, uneven = faces.polygons(low), faces.uneven(low)
+    polygons, uneven = face_shapes.polygons(low), face_shapes.uneven(low)
     report.checks["polygons"] = _count(polygons, len(polygons))
     report.checks["uneven"] = _count(uneven, len(uneven)) | {"is_own_base": meshes.is_own_base}
 
 
 def _tell_of_normals(meshes: Meshes, tally: Tally, report: Report) -> None:
     low = meshes.low
-    report.checks["hard_edges"] = {"count": len(seams.hard_edges(low))}
-    report.checks["behind"] = _count(faces.behind(low), len(low.triangles))
+    report.checks["hard_edges"] = {"count": len(uv_seams.hard_edges(low))}
+    report.checks["behind"] = _count(face_shapes.behind(low), len(low.triangles))
     report.checks["backwards"] = _share(tally.backwards, tally.written)
 
 

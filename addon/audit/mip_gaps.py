@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..bake.settings import Settings
-from ..mesh import layout
-from ..mesh.arrays import Mesh
+from ..mesh import uv_islands
+from ..mesh.triangle_mesh import Mesh
 from ..passes.audit import triangle_ids
 from .sparse_maps import Sparse, at_most
 
@@ -46,9 +46,9 @@ def grid(settings: Settings, most: int = PROBE) -> Sparse:
 def find(low: Mesh, tiles: Sequence[int], settings: Settings, sparse: Sparse, *, overlaps: bool) -> Iterator[Found]:
     """What lies too close on each of the tiles. overlaps: whether triangles share texels."""
     if overlaps:
-        alone = layout.without_copies(low)
+        alone = uv_islands.without_copies(low)
         low = replace(low, triangles=low.triangles[alone], faces=low.faces[alone])
-    islands = layout.islands(layout.welded(low))
+    islands = uv_islands.islands(uv_islands.welded(low))
     drawn = [triangle_ids.upload(low.triangles, low.uv, islands + 1)]
     if overlaps:  # what lies on top of each other is not close but in one place: seen from below as well
         drawn.append(triangle_ids.upload(low.triangles[::-1], low.uv, islands[::-1] + 1))
@@ -67,7 +67,7 @@ def _stacked(above: np.ndarray, below: np.ndarray, count: int) -> np.ndarray:
     """The numbers of islands (height, width), those that lie on each other as one."""
     differ = above != below
     pairs = np.unique(np.stack([above[differ], below[differ]], axis=1), axis=0)
-    return layout.joined(pairs, count + 1)[above] if len(pairs) else above
+    return uv_islands.joined(pairs, count + 1)[above] if len(pairs) else above
 
 
 def _near_others(ids: np.ndarray, reach: Sequence[int]) -> np.ndarray:

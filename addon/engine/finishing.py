@@ -7,8 +7,8 @@ import gpu
 import numpy as np
 
 from ..bake.settings import Settings
-from ..mesh import seams as islands
-from ..mesh.arrays import Mesh
+from ..mesh import uv_seams as islands
+from ..mesh.triangle_mesh import Mesh
 from ..passes import target
 from ..passes.margin import nearest_texel, resolve, seam_fill
 from . import large_map_margin

@@ -8,7 +8,7 @@ from ..bake.errors import BakeError, few
 from ..bake.pace import Pace, Step, Work
 from ..bake.report import Report
 from ..bake.settings import Settings
-from ..mesh import arrays
+from ..mesh import triangle_mesh
 from ..passes import mesh_upload
 from ..scene.reading import Meshes
 from . import ray_casting, ray_distances, sources, uv_agreement
@@ -29,14 +29,14 @@ def choose(meshes: Meshes, tiles: Sequence[int], settings: Settings, report: Rep
                 report.method, report.why, seen = uv_agreement.choose(meshes.low, meshes.highs, tiles)
                 meshes = replace(meshes, apart=seen)
     if report.method == "FLATTEN":
-        return replace(meshes, highs=[arrays.keep_corners(high, arrays.finite_rows(high.uv)) for high in meshes.highs])
-    apart = arrays.gap(meshes.low, meshes.highs)
-    radius = arrays.frame_of([meshes.low]).size
+        return replace(meshes, highs=[triangle_mesh.keep_corners(high, triangle_mesh.finite_rows(high.uv)) for high in meshes.highs])
+    apart = triangle_mesh.gap(meshes.low, meshes.highs)
+    radius = triangle_mesh.frame_of([meshes.low]).size
     if apart > FAR_APART * radius and settings.max_distance is None and meshes.cage is None:
         raise BakeError(_apart(report, apart))
     # What no ray can reach would only make the tree coarse: the size of its boxes' steps is that of all high meshes.
     far = max(settings.extrusion or 0.0, settings.max_distance or 0.0, 2.0 * radius)
-    out_of_reach = [arrays.gap(meshes.low, [high]) > far for high in meshes.highs]
+    out_of_reach = [triangle_mesh.gap(meshes.low, [high]) > far for high in meshes.highs]
     if all(out_of_reach):
         return meshes
     report.warnings += [
@@ -89,13 +89,13 @@ def source(
 def nothing_drawn(meshes: Meshes, tiles: Sequence[int], report: Report) -> str:
     """Why no texel was written, as a sentence."""
     names = few(map(repr, report.high))
-    if not set(tiles).intersection(arrays.tiles(meshes.low)):
+    if not set(tiles).intersection(triangle_mesh.tiles(meshes.low)):
         return f"No triangle of {report.low!r} lies on the map: its UVs are outside {_place(tiles)}, or empty."
     if report.method == "FLATTEN":
-        if not any(set(tiles).intersection(arrays.tiles(high)) for high in meshes.highs):
+        if not any(set(tiles).intersection(triangle_mesh.tiles(high)) for high in meshes.highs):
             return f"No triangle of {names} lies on the map: its UVs are outside {_place(tiles)}, or empty."
         return f"{report.low!r} and {names} have no texel in common: their UV layouts differ, so cast rays instead."
-    apart = arrays.gap(meshes.low, meshes.highs)
+    apart = triangle_mesh.gap(meshes.low, meshes.highs)
     if apart > 0.0:
         return _apart(report, apart)
     return f"No ray from {report.low!r} hit {names}: give a larger extrusion and maximum distance."

@@ -13,7 +13,7 @@ from ..bake.errors import BakeError
 from ..bake.pace import Pace
 from ..bake.report import Report
 from ..mesh import bvh
-from ..mesh.arrays import Frame, Mesh, frame_of
+from ..mesh.triangle_mesh import Frame, Mesh, frame_of
 from ..passes import data_texture, mesh_upload, target
 from ..passes.bake import cast
 

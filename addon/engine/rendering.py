@@ -10,7 +10,7 @@ import numpy as np
 from ..bake.pace import Pace, Step, Work, part
 from ..bake.report import Report
 from ..bake.settings import Settings
-from ..mesh.arrays import Mesh
+from ..mesh.triangle_mesh import Mesh
 from ..passes import mesh_upload, target
 from ..passes.bake import samples, tangent
 from ..passes.view import preview_picture

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..bake.report import Report
 from ..bake.settings import Settings
-from ..mesh.arrays import Frame, Mesh, frame_of
+from ..mesh.triangle_mesh import Frame, Mesh, frame_of
 from ..passes import mesh_upload, target
 from ..passes.bake import cast, gbuffer, points
 from ..scene.reading import Meshes

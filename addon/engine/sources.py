@@ -10,7 +10,7 @@ import numpy as np
 from ..bake.pace import Pace
 from ..bake.report import Report
 from ..bake.settings import Settings
-from ..mesh.arrays import Mesh, frame_of, normal_matrix
+from ..mesh.triangle_mesh import Mesh, frame_of, normal_matrix
 from ..passes import data_texture, mesh_upload, target
 from ..passes.bake import cast, flatten, gbuffer, points
 from . import ray_casting

@@ -5,7 +5,7 @@ import gpu
 import numpy as np
 
 from ..bake.settings import Settings
-from ..mesh.arrays import Frame, Mesh
+from ..mesh.triangle_mesh import Frame, Mesh
 from ..passes import mesh_upload, target
 from ..passes.bake import gbuffer, surface_values
 from .bands import Band

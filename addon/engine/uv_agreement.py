@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..mesh.arrays import Frame, Mesh, frame_of, gap
+from ..mesh.triangle_mesh import Frame, Mesh, frame_of, gap
 from ..passes import mesh_upload, target
 from ..passes.bake import gbuffer
 from . import separation

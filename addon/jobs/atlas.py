@@ -14,7 +14,7 @@ from ..bake.settings import Settings
 from ..engine import finishing
 from ..engine.rendering import Renderer
 from ..engine.sources import Drawn
-from ..mesh.arrays import Mesh
+from ..mesh.triangle_mesh import Mesh
 from ..output.outputs import Outputs
 from ..passes import target
 from ..passes.margin import resolve

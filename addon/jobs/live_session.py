@@ -16,7 +16,7 @@ from ..bake.settings import Settings
 from ..engine import finishing, method_choice, rendering, sources
 from ..engine.bands import Band
 from ..engine.sources import Source
-from ..mesh.arrays import Mesh
+from ..mesh.triangle_mesh import Mesh
 from ..output import datablocks, outputs
 from ..passes import target
 from ..passes.margin import resolve

@@ -15,8 +15,8 @@ from ..bake.report import Report
 from ..bake.settings import Settings
 from ..engine import method_choice, ray_casting, rendering, separation
 from ..engine.bands import Band
-from ..mesh import arrays, layout, seams
-from ..mesh import faces as mesh_faces
+from ..mesh import face_shapes as mesh_faces
+from ..mesh import triangle_mesh, uv_islands, uv_seams
 from ..output import image_writer
 from ..passes import mesh_upload, target
 from ..passes.audit import overlap, triangle_ids
@@ -54,7 +54,7 @@ def find(context: bpy.types.Context, report: Report, kind: str) -> np.ndarray:
     """
     view = _view(context, report, kind)
     if kind in ON_EDGES:
-        return _own(context, view, seams.hard_edges(view.meshes.low), "EDGE")
+        return _own(context, view, uv_seams.hard_edges(view.meshes.low), "EDGE")
     if kind in ON_FACES:
         found = np.flatnonzero({"polygons": mesh_faces.polygons, "uneven": mesh_faces.uneven}[kind](view.meshes.low))
     else:
@@ -106,13 +106,13 @@ def _triangles(view: _View, kind: str) -> np.ndarray:
     """Which triangles of the low mesh, (T,) bool, have flaws of this kind."""
     low = view.meshes.low
     if kind == "outside":
-        outside = arrays.outside(low, uv_space(view.settings))
-        harmful = outside if view.settings.udim else outside & ~layout.moved(low)
+        outside = triangle_mesh.outside(low, uv_space(view.settings))
+        harmful = outside if view.settings.udim else outside & ~uv_islands.moved(low)
         return harmful if harmful.any() else outside
     if kind == "behind":
         return mesh_faces.behind(low)
     if kind in ON_TRIANGLES:
-        areas = arrays.uv_areas(low)
+        areas = triangle_mesh.uv_areas(low)
         return areas < 0.0 if kind == "mirrored" else areas == 0.0
     found = np.zeros(len(low.triangles) + 1, bool)
     uploaded = triangle_ids.upload(low.triangles, low.uv)

@@ -17,8 +17,8 @@ from ..bake.report import Report
 from ..bake.settings import Settings
 from ..engine import finishing, method_choice, ray_casting, rendering
 from ..engine.bands import bands
-from ..mesh import arrays
-from ..mesh.arrays import Mesh
+from ..mesh import triangle_mesh
+from ..mesh.triangle_mesh import Mesh
 from ..output import image_writer, materials
 from ..output.outputs import Outputs, check_apart, wanted
 from ..passes import target
@@ -257,7 +257,7 @@ def _tiles(low: Mesh, settings: Settings) -> list[int]:
     """The UDIM tiles to bake."""
     if not settings.udim:
         return [1001]
-    found = arrays.tiles(low)
+    found = triangle_mesh.tiles(low)
     if len(found) > MANY_TILES and not settings.tiles:
         raise BakeError(
             f"{low.name!r} reaches over {len(found)} UDIM tiles: name those to bake, or look for stray UVs."

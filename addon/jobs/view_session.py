@@ -13,7 +13,7 @@ from ..bake.errors import BakeError
 from ..bake.settings import Settings
 from ..engine import finishing, uv_agreement
 from ..engine.bands import BAND_TEXELS
-from ..mesh.arrays import Frame, Mesh, frame_of, gap, normal_matrix
+from ..mesh.triangle_mesh import Frame, Mesh, frame_of, gap, normal_matrix
 from ..output import quantize
 from ..passes import mesh_upload, target
 from ..passes.view import deviation, lit

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from . import blocks, kd
+from . import kd_order, threads
 
 GRID = 256, 32767
 """Boxes are rounded outwards to a grid whose steps along each axis have these numbers, from first to last."""
@@ -49,8 +49,8 @@ def build(points: np.ndarray, triangles: np.ndarray) -> Tree:
         # On one scale for all axes: what counts is how near they are in space.
         centres[:, part] = (grid[0, :, part] + grid[1, :, part]) * (extent / extent.max())[:, None]
 
-    blocks.each(len(triangles), round_outwards)
-    order = kd.order(centres)
+    threads.each(len(triangles), round_outwards)
+    order = kd_order.order(centres)
     lows, highs = np.take(grid, order, axis=2)
     nodes, first_leaf = _stack(lows, highs)
     return Tree(order, nodes, first_leaf, origin, scale)
@@ -68,7 +68,7 @@ def _boxes(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
             boxes[0, axis, part] = np.minimum(np.minimum(a, b), c)
             boxes[1, axis, part] = np.maximum(np.maximum(a, b), c)
 
-    blocks.each(len(triangles), enclose)
+    threads.each(len(triangles), enclose)
     return boxes
 
 

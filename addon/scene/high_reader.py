@@ -9,9 +9,9 @@ import numpy as np
 
 from ..bake.errors import BakeError
 from ..bake.settings import Settings
-from ..mesh import copies
-from ..mesh.arrays import Mesh
-from ..mesh.copies import Part
+from ..mesh import joining
+from ..mesh.joining import Part
+from ..mesh.triangle_mesh import Mesh
 from . import instances, mesh_reader
 
 MOST = 200_000_000
@@ -61,7 +61,7 @@ class Reader:
         if self.settings.method == "AUTO" and max(len(part.places) for part in parts) > 1:
             # What stands in many places has one place in its UVs.
             parts = [Part(replace(part.mesh, uv=None), part.places) for part in parts]
-        return copies.joined(high.name, to_world, parts)
+        return joining.joined(high.name, to_world, parts)
 
     def _mesh(self, number: int, name: str, obj: bpy.types.Object, data: bpy.types.Mesh, to_world: np.ndarray) -> Mesh:
         """The mesh `data` of `obj`, which a high object called `name` shows."""

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 import bpy
 import numpy as np
 
-from ..mesh.copies import Part, standing
+from ..mesh.joining import Part, standing
 from .mesh_reader import Mesh
 
 SURFACES = {"CURVE", "SURFACE", "FONT", "META"}

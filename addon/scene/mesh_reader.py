@@ -9,7 +9,7 @@ from dataclasses import replace
 import bpy
 import numpy as np
 
-from ..mesh.arrays import Mesh, finite_rows, keep_corners
+from ..mesh.triangle_mesh import Mesh, finite_rows, keep_corners
 
 _NUMBER = ".imprint_face"
 """The attribute that `numbered` adds for a while; the dot keeps it from lists."""

@@ -10,7 +10,7 @@ import numpy as np
 from ..bake.errors import BakeError
 from ..bake.settings import Settings
 from ..engine.ray_casting import check_cage
-from ..mesh.arrays import Mesh, frame_of
+from ..mesh.triangle_mesh import Mesh, frame_of
 from . import bake_objects, mesh_reader, visibility
 from .high_reader import Reader
 from .high_reader import uv_layer as uv_layer_of

@@ -13,7 +13,7 @@ from addon.bake.report import Report
 from addon.bake.settings import Settings
 from addon.engine import rendering, sources
 from addon.engine.finishing import all_of
-from addon.mesh import arrays
+from addon.mesh import triangle_mesh
 from addon.scene import mesh_reader
 from tests.support import angles, cycles, maps
 
@@ -126,7 +126,7 @@ def folds(low):
     corners = mesh.positions[mesh.vertices[mesh.triangles]] @ mesh.to_world[:3, :3].T
     face = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     face *= np.sign(np.linalg.det(mesh.to_world[:3, :3]))  # a mirror turns the winding, not the outside
-    world_normals = mesh.normals @ arrays.normal_matrix(mesh.to_world).T
+    world_normals = mesh.normals @ triangle_mesh.normal_matrix(mesh.to_world).T
     behind = ((world_normals[mesh.triangles] * face[:, None]).sum(axis=-1) <= 0.0).any(axis=1)
     # Drawn like any mesh: one normal for the folded triangles, its opposite for the others.
     painted = replace(

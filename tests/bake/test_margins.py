@@ -12,7 +12,7 @@ import pytest
 from addon.bake.settings import Settings
 from addon.engine import bands, finishing, large_map_margin
 from addon.jobs import several
-from addon.mesh.arrays import Mesh
+from addon.mesh.triangle_mesh import Mesh
 from addon.passes.margin import resolve
 from tests.support import angles, maps, zoo
 

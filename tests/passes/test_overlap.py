@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from addon.audit import checks
-from addon.mesh import arrays
-from addon.mesh.arrays import Mesh
+from addon.mesh import triangle_mesh
+from addon.mesh.triangle_mesh import Mesh
 from addon.passes import mesh_upload, target
 from addon.passes.audit import overlap
 from tests.support import oracle
@@ -92,8 +92,8 @@ def test_what_is_looked_at_of_a_large_map_are_its_own_texels_seed_9(size, tile):
 
 
 def test_mirrored_triangles_are_known():
-    assert (arrays.uv_areas(laid_out(SQUARE, HALVES)) > 0).all()
-    areas = arrays.uv_areas(laid_out(SQUARE, [HALVES[0], HALVES[1][::-1], (0, 1, 1)]))
+    assert (triangle_mesh.uv_areas(laid_out(SQUARE, HALVES)) > 0).all()
+    areas = triangle_mesh.uv_areas(laid_out(SQUARE, [HALVES[0], HALVES[1][::-1], (0, 1, 1)]))
     assert areas.tolist() == [1.0, -1.0, 0.0]
 
 
@@ -112,4 +112,4 @@ def test_of_a_large_map_every_second_texel_is_looked_at_in_its_middle(column):
     "sliver", [[(2.5, 0.5)] * 3, [(1.5, 0.2), (1.5, 0.4), (1.5, 0.8)], [(0.2, 3.5), (0.8, 3.5), (0.4, 3.5)]]
 )
 def test_triangles_without_extent_lie_on_no_tile(sliver):
-    assert arrays.tiles(laid_out([*SQUARE, *sliver], [*HALVES, (4, 5, 6)])) == [1001]
+    assert triangle_mesh.tiles(laid_out([*SQUARE, *sliver], [*HALVES, (4, 5, 6)])) == [1001]

@@ -4,10 +4,10 @@
 import numpy as np
 import pytest
 
-from addon.mesh import arrays, blocks, bvh
-from addon.mesh.arrays import Mesh
+from addon.mesh import bvh, threads, triangle_mesh
+from addon.mesh.triangle_mesh import Mesh
 
-BLOCK = blocks.BLOCK
+BLOCK = threads.BLOCK
 
 
 @pytest.mark.parametrize("count", [0, 1, BLOCK - 1, BLOCK, BLOCK + 1, 2 * BLOCK, 3 * BLOCK + 7])
@@ -18,12 +18,12 @@ def test_blocks_cover_each_element_once(count):
         seen[part] += 1
         assert 0 < part.stop - part.start <= BLOCK
 
-    blocks.each(count, touch)
+    threads.each(count, touch)
     assert (seen == 1).all()
 
 
 def test_results_come_in_the_order_of_the_parts():
-    assert blocks.at_once(lambda number: number * number, range(50)) == [number * number for number in range(50)]
+    assert threads.at_once(lambda number: number * number, range(50)) == [number * number for number in range(50)]
 
 
 def triangles(seed, count):
@@ -43,11 +43,11 @@ def triangles(seed, count):
 
 
 def test_one_triangle_more_than_a_block_is_measured_and_enclosed_as_in_one_seed_3(monkeypatch):
-    monkeypatch.setattr(blocks, "BLOCK", 64)
+    monkeypatch.setattr(threads, "BLOCK", 64)
     mesh = triangles(3, 64 + 1)
-    areas, tree = arrays.uv_areas(mesh), bvh.build(mesh.positions, mesh.triangles)
-    monkeypatch.setattr(blocks, "BLOCK", 2**16)
-    assert np.array_equal(areas, arrays.uv_areas(mesh))
+    areas, tree = triangle_mesh.uv_areas(mesh), bvh.build(mesh.positions, mesh.triangles)
+    monkeypatch.setattr(threads, "BLOCK", 2**16)
+    assert np.array_equal(areas, triangle_mesh.uv_areas(mesh))
     whole = bvh.build(mesh.positions, mesh.triangles)
     assert np.array_equal(tree.order, whole.order)
     assert np.array_equal(tree.nodes, whole.nodes)

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from addon.mesh import layout, seams
-from addon.mesh.arrays import Mesh
+from addon.mesh import uv_islands, uv_seams
+from addon.mesh.triangle_mesh import Mesh
 
 
 def mesh(points, triangles, numbers, *, uv, vertices=None, normals=None):
@@ -58,7 +58,7 @@ def test_islands_of_random_triangles_of_a_grid(seed):
     )
     truth = groups(triangles.tolist(), chosen)
     assert 5 < truth < chosen.sum()
-    assert layout.count_islands(low, chosen) == truth
+    assert uv_islands.count_islands(low, chosen) == truth
 
 
 def test_islands_end_at_seams_and_do_not_meet_where_they_lie_on_each_other():
@@ -73,8 +73,8 @@ def test_islands_end_at_seams_and_do_not_meet_where_they_lie_on_each_other():
         (square + [(1, 0), (2, 0), (2, 1), (1, 1)], on_one_surface, 1),
     ):
         low = mesh(np.zeros((8, 3)), two_quads, [0, 0, 1, 1], uv=uv, vertices=vertices)
-        assert layout.count_islands(low, everything) == count
-        assert layout.count_islands(low, ~everything) == 0
+        assert uv_islands.count_islands(low, everything) == count
+        assert uv_islands.count_islands(low, ~everything) == 0
 
 
 def test_pieces_whose_vertices_were_parted_by_a_file_are_one_when_welded():
@@ -82,8 +82,8 @@ def test_pieces_whose_vertices_were_parted_by_a_file_are_one_when_welded():
     beside = [(1, 0), (2, 0), (2, 1), (1, 1)]
     points = [(x, y, -0.0 if n else 0.0) for n, part in enumerate((square, beside)) for x, y in part]
     low = mesh(points, [(0, 1, 2), (0, 2, 3), (4, 5, 6), (4, 6, 7)], [0, 0, 1, 1], uv=square + beside)
-    assert layout.islands(low).tolist() == [0, 0, 1, 1]
-    assert layout.islands(layout.welded(low)).tolist() == [0, 0, 0, 0]
+    assert uv_islands.islands(low).tolist() == [0, 0, 1, 1]
+    assert uv_islands.islands(uv_islands.welded(low)).tolist() == [0, 0, 0, 0]
 
 
 # Faces on the same place
@@ -110,8 +110,8 @@ def groups_of(numbers):
 def test_faces_that_were_turned_or_mirrored_onto_each_other_are_a_stack(turn, way, cut):
     other = np.roll(SQUARE, turn, axis=0)[::way] + np.float32(1e-7)
     low = quads(SQUARE, SQUARE + (0.125, 0), other, SQUARE + (0, 0.25), SQUARE * (1, 0.5), cut=cut)
-    assert groups_of(layout.stacks(low)) == {(0, 2), (1,), (3,), (4,)}
-    assert layout.without_copies(low).tolist() == np.repeat([True, True, False, True, True], 2).tolist()
+    assert groups_of(uv_islands.stacks(low)) == {(0, 2), (1,), (3,), (4,)}
+    assert uv_islands.without_copies(low).tolist() == np.repeat([True, True, False, True, True], 2).tolist()
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -121,7 +121,7 @@ def test_stacks_of_a_random_dense_layout(seed):
     corners = rng.random((5000, 4, 2))
     both = np.concatenate([corners, corners[:, ::-1] + rng.normal(0.0, 3e-8, corners.shape)])
     order = rng.permutation(len(both))
-    found = layout.stacks(quads(*both[order]))
+    found = uv_islands.stacks(quads(*both[order]))
     one, other = np.argsort(order).reshape(2, -1)
     np.testing.assert_array_equal(found[one], found[other])
     assert len(np.unique(found)) == len(corners)
@@ -130,19 +130,19 @@ def test_stacks_of_a_random_dense_layout(seed):
 @pytest.mark.parametrize("tile", [(1, 0), (-1, 0), (0, 1), (3, -2)])
 def test_mirrored_halves_that_were_moved_by_whole_tiles(tile):
     low = quads(SQUARE, SQUARE[::-1] + tile, SQUARE + (0.25, 0) + tile, SQUARE + (0.9, 0.25))
-    assert layout.moved(low).tolist() == np.repeat([False, True, False, False], 2).tolist()
-    assert not layout.moved(replace(low, triangles=low.triangles[:2], faces=low.faces[:2])).any()
+    assert uv_islands.moved(low).tolist() == np.repeat([False, True, False, False], 2).tolist()
+    assert not uv_islands.moved(replace(low, triangles=low.triangles[:2], faces=low.faces[:2])).any()
 
 
 def test_a_half_that_touches_the_border_of_its_tile_was_moved_all_the_same():
     rim = SQUARE * 4.0
     low = quads(rim, rim[::-1] + (1, 0), SQUARE + (0.75, 0.75), SQUARE[::-1] + (1.75, -0.25))
-    assert layout.moved(low).tolist() == np.repeat([False, True, False, True], 2).tolist()
+    assert uv_islands.moved(low).tolist() == np.repeat([False, True, False, True], 2).tolist()
 
 
 def test_what_crosses_from_tile_to_tile():
     low = quads(SQUARE, SQUARE * 4.0, SQUARE + (1.5, 0), SQUARE + (0.9, 0), SQUARE + (-0.1, 3), SQUARE * 4.0 + (0, -1))
-    assert layout.crossing(low).reshape(-1, 2).any(axis=1).tolist() == [False, False, False, True, True, False]
+    assert uv_islands.crossing(low).reshape(-1, 2).any(axis=1).tolist() == [False, False, False, True, True, False]
 
 
 # Hard edges
@@ -171,20 +171,20 @@ def strip(*, degrees=(0.0, 0.0), shift=0.0, parted=False, mirrored=False, turned
     ("degrees", "is_hard"), [((0, 0), False), ((0.9, 0.9), False), ((1.1, 0), True), ((0, 90), True)]
 )
 def test_an_edge_is_hard_where_normals_differ_at_one_of_its_ends(degrees, is_hard):
-    assert seams.hard_edges(strip(degrees=degrees)).tolist() == ([[1, 2]] if is_hard else [])
+    assert uv_seams.hard_edges(strip(degrees=degrees)).tolist() == ([[1, 2]] if is_hard else [])
 
 
 def test_a_seam_may_be_hard():
     hard = {"degrees": (45.0, 45.0)}
-    assert seams.hard_edges(strip(shift=0.5, **hard)).tolist() == []
-    assert seams.hard_edges(strip(shift=1e-6, **hard)).tolist() == [[1, 2]]
-    assert seams.hard_edges(strip(mirrored=True, **hard)).tolist() == []
+    assert uv_seams.hard_edges(strip(shift=0.5, **hard)).tolist() == []
+    assert uv_seams.hard_edges(strip(shift=1e-6, **hard)).tolist() == [[1, 2]]
+    assert uv_seams.hard_edges(strip(mirrored=True, **hard)).tolist() == []
 
 
 def test_hard_edges_that_a_file_parted_are_named_from_both_sides():
-    assert seams.hard_edges(strip(degrees=(45.0, 45.0), parted=True)).tolist() == [[1, 2], [4, 7]]
-    assert seams.hard_edges(strip(parted=True)).tolist() == []
+    assert uv_seams.hard_edges(strip(degrees=(45.0, 45.0), parted=True)).tolist() == [[1, 2], [4, 7]]
+    assert uv_seams.hard_edges(strip(parted=True)).tolist() == []
 
 
 def test_a_side_that_goes_the_other_way_round_is_not_mirrored():
-    assert seams.hard_edges(strip(degrees=(45.0, 45.0), turned=True)).tolist() == [[1, 2]]
+    assert uv_seams.hard_edges(strip(degrees=(45.0, 45.0), turned=True)).tolist() == [[1, 2]]

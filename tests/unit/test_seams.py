@@ -4,8 +4,8 @@
 import numpy as np
 import pytest
 
-from addon.mesh import seams
-from addon.mesh.arrays import Mesh
+from addon.mesh import uv_seams
+from addon.mesh.triangle_mesh import Mesh
 
 SIZE = 200, 100
 
@@ -42,7 +42,7 @@ def ends(found):
 
 
 def test_a_sheet_ends_where_the_surface_does():
-    found = seams.find([mesh(SQUARE, HALVES, FLAT[HALVES])])
+    found = uv_seams.find([mesh(SQUARE, HALVES, FLAT[HALVES])])
     assert len(found.side) == 4
     assert np.isnan(found.there).all()
     assert (found.side == 1.0).all()
@@ -52,7 +52,7 @@ def test_a_sheet_ends_where_the_surface_does():
 def test_a_cut_has_two_sides_that_know_of_each_other():
     uv = FLAT[HALVES].copy()
     uv[1] += (0.5, 0.25)
-    found = seams.find([mesh(SQUARE, HALVES, uv)])
+    found = uv_seams.find([mesh(SQUARE, HALVES, uv)])
     is_known = np.isfinite(found.there[:, 0].real)
     assert np.count_nonzero(is_known) == 2
     assert len(found.side) == 6
@@ -60,22 +60,22 @@ def test_a_cut_has_two_sides_that_know_of_each_other():
     assert not found.is_mirrored[is_known].any()
 
 
-@pytest.mark.parametrize("nudge", [0.0, seams.CONNECTED / 4])
+@pytest.mark.parametrize("nudge", [0.0, uv_seams.CONNECTED / 4])
 def test_uvs_that_nearly_meet_are_one_island(nudge):
     uv = FLAT[HALVES] + np.float32(nudge) * np.array([0, 1])[:, None, None]
-    assert len(seams.find([mesh(SQUARE, HALVES, uv)]).side) == 4
+    assert len(uv_seams.find([mesh(SQUARE, HALVES, uv)]).side) == 4
 
 
 def test_vertices_that_an_exporter_parted_still_meet():
     parted = mesh(np.array(SQUARE)[HALVES].reshape(-1, 3), np.arange(6).reshape(2, 3), FLAT[HALVES])
     parted.positions[:3][parted.positions[:3] == 0.0] *= np.float32(-1.0)  # -0 is 0
-    assert ends(seams.find([parted])) == ends(seams.find([mesh(SQUARE, HALVES, FLAT[HALVES])]))
+    assert ends(uv_seams.find([parted])) == ends(uv_seams.find([mesh(SQUARE, HALVES, FLAT[HALVES])]))
 
 
 def test_an_edge_of_three_triangles_ends_each_of_them():
     positions = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1)]
     triangles = np.array([(0, 1, 2), (1, 0, 3), (0, 1, 4)])
-    found = seams.find([mesh(positions, triangles, np.array([[(0, 0), (1, 0), (0, 1)]] * 3) * 0.2)])
+    found = uv_seams.find([mesh(positions, triangles, np.array([[(0, 0), (1, 0), (0, 1)]] * 3) * 0.2)])
     assert len(found.side) == 9
     assert np.isnan(found.there).all()
 
@@ -84,7 +84,7 @@ def test_a_fold_is_a_border_onto_its_own_mirror_image():
     """Two halves that lie over each other in the map."""
     uv = FLAT[HALVES].copy()
     uv[1, 2] = FLAT[1]
-    found = seams.find([mesh(SQUARE, HALVES, uv)])
+    found = uv_seams.find([mesh(SQUARE, HALVES, uv)])
     is_known = np.isfinite(found.there[:, 0].real)
     assert np.count_nonzero(is_known) == 2
     assert found.is_mirrored[is_known].all()
@@ -94,7 +94,7 @@ def test_a_fold_is_a_border_onto_its_own_mirror_image():
 def test_triangles_without_area_in_the_map_have_no_borders():
     uv = FLAT[HALVES].copy()
     uv[1, 2] = (uv[1, 0] + uv[1, 1]) / 2
-    found = seams.find([mesh(SQUARE, HALVES, uv)])
+    found = uv_seams.find([mesh(SQUARE, HALVES, uv)])
     assert len(found.side) == 2  # and the diagonal, where the island goes on into nothing, is none
 
 
@@ -108,7 +108,7 @@ def test_a_pole_is_no_neighbour_of_itself():
         )
         * 0.2
     )
-    found = seams.find([mesh(positions, triangles, uv)])
+    found = uv_seams.find([mesh(positions, triangles, uv)])
     is_pole = (found.here.imag > 0.19).all(axis=1)
     assert np.count_nonzero(is_pole) == 2
     assert np.isnan(found.there[is_pole]).all()
@@ -133,7 +133,7 @@ def by_looking_at_all(mesh):
             d, e, f = others[0] if others[0][0][0] == a[0] else (others[0][1], others[0][0], others[0][2])
             if left(d[1], e[1], f[1]):
                 there = d[1], e[1]
-            goes_on = max(abs(d[1] - a[1]), abs(e[1] - b[1])) <= seams.CONNECTED and left(a[1], b[1], c[1]) != left(
+            goes_on = max(abs(d[1] - a[1]), abs(e[1] - b[1])) <= uv_seams.CONNECTED and left(a[1], b[1], c[1]) != left(
                 d[1], e[1], f[1]
             )
         if left(a[1], b[1], c[1]) and not goes_on:
@@ -161,7 +161,7 @@ def test_borders_are_those_found_by_looking_at_all_triangles_seed(seed):
     mirrored = rng.random(len(triangles)) < 0.3
     uv[mirrored, :, 0] = 0.9 - uv[mirrored, :, 0]
     one = mesh(positions, triangles, uv)
-    assert ends(seams.find([one])) == by_looking_at_all(one)
+    assert ends(uv_seams.find([one])) == by_looking_at_all(one)
 
 
 @pytest.mark.parametrize("tile", [1001, 1012])
@@ -169,7 +169,7 @@ def test_borders_are_those_found_by_looking_at_all_triangles_seed(seed):
 def test_similarities_take_each_border_to_the_other_side_seed(seed, tile):
     rng = np.random.default_rng(seed)
     uv = rng.random((2, 3, 2)) * 0.9 + ((tile - 1001) % 10, (tile - 1001) // 10)
-    found = seams.find([mesh(SQUARE, HALVES, uv)])
+    found = uv_seams.find([mesh(SQUARE, HALVES, uv)])
     rows = found.similarities(SIZE, tile).reshape(-1, 8).astype(np.float64)
     here, there, turn = (rows[:, i] + 1j * rows[:, i + 1] for i in (0, 2, 4))
     known = rows[:, 7] == 1.0
@@ -203,7 +203,7 @@ def test_similarities_take_each_border_to_the_other_side_seed(seed, tile):
 
 def test_strips_hold_the_distance_from_their_border():
     """Interpolated as the rasteriser does, at random places of every triangle."""
-    found = seams.find([mesh(SQUARE, HALVES, FLAT[HALVES])])
+    found = uv_seams.find([mesh(SQUARE, HALVES, FLAT[HALVES])])
     triangles, corners = found.strips(SIZE, 1001)
     assert triangles.shape == (4 * 6, 3)
     weights = np.random.default_rng(5).dirichlet((1, 1, 1), 40)
@@ -215,16 +215,16 @@ def test_strips_hold_the_distance_from_their_border():
         local = (place[own] - start) * np.conj(stop - start) / abs(stop - start)
         past = np.maximum(0.0, np.abs(local.real - abs(stop - start) / 2) - abs(stop - start) / 2)
         outwards = -local.imag  # the square lies to the left
-        assert outwards.min() >= -seams.INSIDE - 1e-3
-        assert outwards.max() <= seams.OUTSIDE + 1e-3
-        depth = samples[own][..., 2] * 2.0 * seams.OUTSIDE - seams.INSIDE
+        assert outwards.min() >= -uv_seams.INSIDE - 1e-3
+        assert outwards.max() <= uv_seams.OUTSIDE + 1e-3
+        depth = samples[own][..., 2] * 2.0 * uv_seams.OUTSIDE - uv_seams.INSIDE
         truth = np.where(past > 0.0, np.hypot(past, outwards), outwards)
-        assert (depth >= truth - 2.0 * seams.INSIDE).all()
-        assert (depth <= 1.09 * truth + 2.0 * seams.INSIDE).all()
+        assert (depth >= truth - 2.0 * uv_seams.INSIDE).all()
+        assert (depth <= 1.09 * truth + 2.0 * uv_seams.INSIDE).all()
         a, b, c = np.moveaxis(
             corners[triangles[own]][..., 0] * SIZE[0] + 1j * corners[triangles[own]][..., 1] * SIZE[1], 1, 0
         )
         area = np.abs(((b - a).conj() * (c - a)).imag).sum() / 2.0
-        assert np.isclose(area, (abs(stop - start) + 2 * seams.OUTSIDE) * (seams.INSIDE + seams.OUTSIDE), rtol=1e-3)
+        assert np.isclose(area, (abs(stop - start) + 2 * uv_seams.OUTSIDE) * (uv_seams.INSIDE + uv_seams.OUTSIDE), rtol=1e-3)
     assert corners[:, 2].min() >= 0.0
     assert corners[:, 2].max() < 1.0

@@ -3,7 +3,7 @@
 
 import numpy as np
 
-from . import blocks
+from . import threads
 
 LEAF = 4
 """Runs of so many are not cut any more."""
@@ -20,9 +20,9 @@ def order(points: np.ndarray) -> np.ndarray:
         size *= 4
     while size > PART:
         size //= 2
-        pairs = blocks.at_once(lambda run, half=size: _halves(*run, half), runs)
+        pairs = threads.at_once(lambda run, half=size: _halves(*run, half), runs)
         runs = [half for pair in pairs for half in pair]
-    return np.concatenate(blocks.at_once(lambda run: run[0][_Part(run[1]).order(size)], runs))
+    return np.concatenate(threads.at_once(lambda run: run[0][_Part(run[1]).order(size)], runs))
 
 
 def _halves(places: np.ndarray, points: np.ndarray, half: int) -> list[tuple[np.ndarray, np.ndarray]]:

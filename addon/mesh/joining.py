@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from . import blocks
-from .arrays import Mesh
+from . import threads
+from .triangle_mesh import Mesh
 
 ROWS = 2**18
 """Rows of an array that are filled at a time, so that intermediate values stay small."""
@@ -59,7 +59,7 @@ def joined(name: str, to_world: np.ndarray, parts: Sequence[Part]) -> Mesh:
             for first in range(0, len(part.places), step)
         ]
         start = start + len(part.places) * size
-    blocks.at_once(lambda run: _fill(result, run[0], from_world @ run[1], run[2]), runs)
+    threads.at_once(lambda run: _fill(result, run[0], from_world @ run[1], run[2]), runs)
     return result
 
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from .arrays import Mesh
-from .layout import hashes
+from .triangle_mesh import Mesh
+from .uv_islands import hashes
 
 CONNECTED = 1e-5
 """How far apart the UVs of two triangles may lie at their common edge for them to be of one island."""

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from . import blocks
+from . import threads
 
 
 @dataclass(frozen=True)
@@ -131,7 +131,7 @@ def uv_areas(mesh: Mesh) -> np.ndarray:
             b, c = b - a, c - a
             areas[part] = b.real * c.imag - b.imag * c.real
 
-    blocks.each(len(areas), measure)
+    threads.each(len(areas), measure)
     return areas
 
 

@@ -3,8 +3,8 @@
 
 import numpy as np
 
-from . import blocks
-from .arrays import Mesh
+from . import threads
+from .triangle_mesh import Mesh
 
 FLAT = 1.0
 """Degrees by which triangles of a face may lean away from each other before it matters which triangles it is cut into."""
@@ -81,7 +81,7 @@ def behind(mesh: Mesh) -> np.ndarray:
         least = np.minimum.reduce([(np.take(normals, corner, axis=1) * face).sum(axis=0) for corner in corners])
         result[part] = (least <= 0.0) & (area > SLIVER * SLIVER * largest)
 
-    blocks.each(len(result), look)
+    threads.each(len(result), look)
     return result
 
 
