@@ -18,8 +18,8 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 import addon  # noqa: E402
-from addon.bake.errors import BakeError  # noqa: E402
-from addon.bake.settings import Settings  # noqa: E402
+from addon.core.errors import BakeError  # noqa: E402
+from addon.core.settings import Settings  # noqa: E402
 from addon.jobs import several  # noqa: E402
 from addon.output.atomic_file import replacing  # noqa: E402
 

@@ -13,8 +13,8 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 import addon  # noqa: E402
-from addon.bake.report import Report  # noqa: E402
-from addon.bake.settings import Settings  # noqa: E402
+from addon.core.report import Report  # noqa: E402
+from addon.core.settings import Settings  # noqa: E402
 from addon.engine import method_choice, ray_casting, ray_distances
 from addon.mesh import bvh, triangle_mesh  # noqa: E402
 from addon.scene import reading  # noqa: E402

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..bake.errors import few
-from ..bake.report import Report
-from ..bake.settings import Settings
+from ..core.errors import few
+from ..core.report import Report
+from ..core.settings import Settings
 from ..engine import ray_casting, separation, uv_agreement
 from ..mesh import face_shapes, triangle_mesh, uv_islands, uv_seams
 from ..mesh.triangle_mesh import Mesh

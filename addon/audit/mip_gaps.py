@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..bake.settings import Settings
+from ..core.settings import Settings
 from ..mesh import uv_islands
 from ..mesh.triangle_mesh import Mesh
 from ..passes.audit import triangle_ids

@@ -3,7 +3,7 @@
 
 from collections.abc import Callable
 
-from ..bake.settings import Settings
+from ..core.settings import Settings
 
 GOOD, LOOK, WRONG = "GOOD", "LOOK", "WRONG"
 

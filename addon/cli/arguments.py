@@ -10,9 +10,9 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import fields
 from pathlib import PurePath
 
-from ..bake.errors import BakeError
-from ..bake.pairs import Suffixes
-from ..bake.settings import (
+from ..core.errors import BakeError
+from ..core.name_matching import Suffixes
+from ..core.settings import (
     AXES,
     BASES,
     DIRECTIONS,

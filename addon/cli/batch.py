@@ -14,11 +14,11 @@ from pathlib import Path
 import bpy
 import gpu
 
-from ..bake import naming, pace
-from ..bake.errors import BakeError, sentence
-from ..bake.pace import Step
-from ..bake.report import Report
-from ..bake.settings import Settings
+from ..core import file_names, progress
+from ..core.errors import BakeError, sentence
+from ..core.progress import Step
+from ..core.report import Report
+from ..core.settings import Settings
 from ..jobs import sequence, several
 from ..output.atomic_file import check_writable, replacing, together
 from ..scene import bake_objects
@@ -137,7 +137,7 @@ def bake(plan: Plan, stage: Stage, files: run_clashes.Run, meter: Meter) -> Resu
     scene = Path(options.save_blend).absolute() if options.save_blend else None
     # Before a file is opened, which may take long: what could go wrong at the end.
     for path in (Path(settings.output), report, scene):
-        if path is not None and naming.LOW not in str(path):
+        if path is not None and file_names.LOW not in str(path):
             check_writable(path)
     if meter.is_on:
         meter.tell(subject(options), Step("Opening", 0.0))
@@ -174,13 +174,13 @@ def _baked(
             job = jobs[0 if options.frames else step.finished]
             meter.tell("the atlas" if share_image else job.low.name, step)
 
-    speed, reports = pace.Pace(several.TOLD_EVERY, looks=False), []
+    speed, reports = progress.Pace(several.TOLD_EVERY, looks=False), []
     if options.frames:
         work = sequence.work(bpy.context, jobs[0], settings, run_clashes.frames(options), speed, reports=reports)
     else:
         work = several.work(bpy.context, jobs, settings, speed, share_image=share_image, reports=reports)
     try:
-        return pace.finish(work, tell), False
+        return progress.finish(work, tell), False
     except interruption.Stopped:
         if not reports:
             raise
@@ -189,7 +189,7 @@ def _baked(
 
 def _share_image(options: argparse.Namespace) -> bool:
     """Whether all pairs go into one map, which has no low object's name."""
-    return bool(options.pairs) and naming.LOW not in options.output
+    return bool(options.pairs) and file_names.LOW not in options.output
 
 
 def _refused_scripts() -> list[str]:

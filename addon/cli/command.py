@@ -9,8 +9,8 @@ from typing import TextIO
 
 import bpy
 
-from ..bake.errors import BakeError, WrongPlace, sentence
-from ..bake.pace import Step
+from ..core.errors import BakeError, WrongPlace, sentence
+from ..core.progress import Step
 from . import arguments, batch, interruption, job_file, run_clashes, standard_streams
 from .arguments import STDOUT, WrongUsage
 from .batch import Plan, Result

@@ -8,7 +8,7 @@ import tomllib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
-from ..bake.errors import BakeError
+from ..core.errors import BakeError
 from . import arguments
 from .arguments import FILE, OPTIONS, STDOUT, WrongUsage
 

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import bpy
 
-from ..bake.errors import BakeError
-from ..bake.pairs import Pair, Suffixes, match
+from ..core.errors import BakeError
+from ..core.name_matching import Pair, Suffixes, match
 from ..jobs.several import Job
 from ..output.atomic_file import reason
 from ..scene.visibility import put

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import bpy
 
-from ..bake import naming
-from ..bake.errors import WrongPlace
-from ..bake.settings import TOKEN, Settings
+from ..core import file_names
+from ..core.errors import WrongPlace
+from ..core.settings import TOKEN, Settings
 from ..jobs import sequence
 from ..jobs.several import ATLAS
 from ..output import datablocks, image_writer, outputs
@@ -79,7 +79,7 @@ class Run:
 
     def _write(self, name: str, options: argparse.Namespace) -> None:
         low = options.low or (Path(options.low_file).stem if options.low_file else "")
-        if not low and naming.LOW not in options.output:
+        if not low and file_names.LOW not in options.output:
             low = ATLAS
         if low:
             self._write_maps(name, options, [low])
@@ -104,7 +104,7 @@ def frames(options: argparse.Namespace) -> range:
 
 def maps(settings: Settings, low: str, of_frames: Sequence[int] = ()) -> Iterator[tuple[str, str]]:
     """The files that a bake of the object `low` writes, with what they are; TOKEN stands for tiles that are not named."""
-    plain = sequence.filled(settings, low) if of_frames else replace(settings, output=naming.fill(settings.output, low))
+    plain = sequence.filled(settings, low) if of_frames else replace(settings, output=file_names.fill(settings.output, low))
     each = [replace(plain, output=sequence.output_for(plain.output, frame)) for frame in of_frames] or [plain]
     for one in each:
         for kind, own in outputs.wanted(one).items():

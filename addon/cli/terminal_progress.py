@@ -4,7 +4,7 @@
 import shutil
 from typing import TextIO
 
-from ..bake.pace import Step
+from ..core.progress import Step
 
 
 class Meter:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import gpu
 import numpy as np
 
-from ..bake.settings import Settings
+from ..core.settings import Settings
 from ..mesh import uv_seams as islands
 from ..mesh.triangle_mesh import Mesh
 from ..passes import target

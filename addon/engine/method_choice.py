@@ -4,10 +4,10 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from ..bake.errors import BakeError, few
-from ..bake.pace import Pace, Step, Work
-from ..bake.report import Report
-from ..bake.settings import Settings
+from ..core.errors import BakeError, few
+from ..core.progress import Pace, Step, Work
+from ..core.report import Report
+from ..core.settings import Settings
 from ..mesh import triangle_mesh
 from ..passes import mesh_upload
 from ..scene.reading import Meshes

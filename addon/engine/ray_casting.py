@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import gpu
 import numpy as np
 
-from ..bake.errors import BakeError
-from ..bake.pace import Pace
-from ..bake.report import Report
+from ..core.errors import BakeError
+from ..core.progress import Pace
+from ..core.report import Report
 from ..mesh import bvh
 from ..mesh.triangle_mesh import Frame, Mesh, frame_of
 from ..passes import data_texture, mesh_upload, target

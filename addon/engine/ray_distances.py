@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import gpu
 import numpy as np
 
-from ..bake.pace import Pace
+from ..core.progress import Pace
 from ..passes import target
 from ..passes.bake import cast, gbuffer
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 import gpu
 import numpy as np
 
-from ..bake.pace import Pace, Step, Work, part
-from ..bake.report import Report
-from ..bake.settings import Settings
+from ..core.progress import Pace, Step, Work, part
+from ..core.report import Report
+from ..core.settings import Settings
 from ..mesh.triangle_mesh import Mesh
 from ..passes import mesh_upload, target
 from ..passes.bake import samples, tangent

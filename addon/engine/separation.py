@@ -7,8 +7,8 @@ from dataclasses import replace
 import gpu
 import numpy as np
 
-from ..bake.report import Report
-from ..bake.settings import Settings
+from ..core.report import Report
+from ..core.settings import Settings
 from ..mesh.triangle_mesh import Frame, Mesh, frame_of
 from ..passes import mesh_upload, target
 from ..passes.bake import cast, gbuffer, points

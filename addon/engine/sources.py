@@ -7,9 +7,9 @@ from typing import Protocol
 import gpu
 import numpy as np
 
-from ..bake.pace import Pace
-from ..bake.report import Report
-from ..bake.settings import Settings
+from ..core.progress import Pace
+from ..core.report import Report
+from ..core.settings import Settings
 from ..mesh.triangle_mesh import Mesh, frame_of, normal_matrix
 from ..passes import data_texture, mesh_upload, target
 from ..passes.bake import cast, flatten, gbuffer, points

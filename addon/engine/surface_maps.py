@@ -4,7 +4,7 @@
 import gpu
 import numpy as np
 
-from ..bake.settings import Settings
+from ..core.settings import Settings
 from ..mesh.triangle_mesh import Frame, Mesh
 from ..passes import mesh_upload, target
 from ..passes.bake import gbuffer, surface_values

@@ -8,9 +8,9 @@ import bpy
 import numpy as np
 
 from ..audit import checks, severity
-from ..bake import pace
-from ..bake.report import Report
-from ..bake.settings import Settings
+from ..core import progress
+from ..core.report import Report
+from ..core.settings import Settings
 from ..engine import finishing
 from ..engine.rendering import Renderer
 from ..engine.sources import Drawn
@@ -59,8 +59,8 @@ class Atlas:
             finishes = finishing.all_of(self.lows, self.settings)
             try:
                 for tile, maps in self.tiles.items():
-                    renderer = Renderer(Drawn(maps), None, self.settings, last, pace.Pace())
-                    finished = pace.finish(renderer.texels(tile, finishes))
+                    renderer = Renderer(Drawn(maps), None, self.settings, last, progress.Pace())
+                    finished = progress.finish(renderer.texels(tile, finishes))
                     tally.add(finished["NORMAL"][1], None, 0)
                     outputs.add(tile, finished)
             finally:

@@ -8,11 +8,11 @@ import bpy
 import gpu
 import numpy as np
 
-from ..bake import pace
-from ..bake.errors import BakeError
-from ..bake.pace import Pace, Step, Work
-from ..bake.report import Report
-from ..bake.settings import Settings
+from ..core import progress
+from ..core.errors import BakeError
+from ..core.progress import Pace, Step, Work
+from ..core.report import Report
+from ..core.settings import Settings
 from ..engine import finishing, method_choice, rendering, sources
 from ..engine.bands import Band
 from ..engine.sources import Source
@@ -100,11 +100,11 @@ class Session:
         shown = method_choice.choose(meshes, [1001], settings, report)
         self._method = report.method
         preparing = method_choice.source(shown, [1001], settings, report, self.pace, kept=self._kept)
-        source = yield from pace.part(preparing, 0.0, READY)
+        source = yield from progress.part(preparing, 0.0, READY)
         if source.takes_time and self.pace.is_heard:
             yield self._first_look(source, shown.basis, settings, report)
         renderer = rendering.Renderer(source, shown.basis, settings, report, self.pace, kept=self._kept)
-        maps = yield from pace.part(renderer.texels(1001, self._finishes), READY, 1.0)
+        maps = yield from progress.part(renderer.texels(1001, self._finishes), READY, 1.0)
         texels, state = maps["NORMAL"]
         if not (state == resolve.WRITTEN).any():
             raise BakeError(method_choice.nothing_drawn(shown, [1001], report))
@@ -122,7 +122,7 @@ class Session:
         # In targets of their own: those of the whole map stay as large as they are.
         with target.using(self._coarse_pool):
             renderer = rendering.Renderer(source, basis, small, report, Pace(), kept=self._kept)
-            pace.finish(renderer.texels(1001, finishing.all_of([self._meshes.low], small)))
+            progress.finish(renderer.texels(1001, finishing.all_of([self._meshes.low], small)))
         self._coarse = self._coarse_pool["map"].texture
         return Step("Drawing", READY, self._coarse)
 
@@ -141,7 +141,7 @@ class Session:
 
     def run(self, context: bpy.types.Context, changed: Collection[int] | None = None) -> None:
         """All of `work`, at once."""
-        pace.finish(self.steps(context, changed))
+        progress.finish(self.steps(context, changed))
 
     def steps(self, context: bpy.types.Context, changed: Collection[int] | None = None) -> Work[None]:
         """As `work`, with the session's own textures: other bakes may go on between."""
@@ -167,7 +167,7 @@ class Session:
     def advance(self, work: Work[None], seconds: float) -> Step:
         """As pace.some, with the session's own textures: other bakes may go on between."""
         with target.using(self._pool):
-            return pace.some(work, seconds)
+            return progress.some(work, seconds)
 
     @property
     def map(self) -> gpu.types.GPUTexture | None:

@@ -9,10 +9,10 @@ import numpy as np
 
 from ..audit import mip_gaps
 from ..audit.checks import uv_space
-from ..bake import pace
-from ..bake.errors import BakeError
-from ..bake.report import Report
-from ..bake.settings import Settings
+from ..core import progress
+from ..core.errors import BakeError
+from ..core.report import Report
+from ..core.settings import Settings
 from ..engine import method_choice, ray_casting, rendering, separation
 from ..engine.bands import Band
 from ..mesh import face_shapes as mesh_faces
@@ -180,10 +180,10 @@ def _close(view: _View) -> Iterator[np.ndarray]:
 def _backwards(view: _View) -> Iterator[np.ndarray]:
     """Tile by tile, the texels (height, width) bool whose normal points into the low mesh: drawn as in the bake."""
     meshes, report, settings = view.meshes, view.report, replace(view.settings, **view.report.distances)
-    source = pace.finish(method_choice.source(meshes, report.tiles, settings, report, pace.Pace()))
-    renderer = rendering.Renderer(source, meshes.basis, settings, report, pace.Pace())
+    source = progress.finish(method_choice.source(meshes, report.tiles, settings, report, progress.Pace()))
+    renderer = rendering.Renderer(source, meshes.basis, settings, report, progress.Pace())
     for tile in report.tiles:
-        normals = pace.finish(renderer.raw(tile))["NORMAL"]
+        normals = progress.finish(renderer.raw(tile))["NORMAL"]
         yield (normals[..., 2] <= 0.0) & (normals[..., 3] > 0.0)
 
 

@@ -8,11 +8,11 @@ from pathlib import PurePath
 
 import bpy
 
-from ..bake import naming
-from ..bake.errors import BakeError
-from ..bake.pace import Pace, Step, Work, part
-from ..bake.report import Report
-from ..bake.settings import Settings
+from ..core import file_names
+from ..core.errors import BakeError
+from ..core.progress import Pace, Step, Work, part
+from ..core.report import Report
+from ..core.settings import Settings
 from ..output import datablocks, image_writer, materials, outputs
 from ..scene import bake_objects
 from . import several
@@ -34,7 +34,7 @@ def output_for(output: str, frame: int) -> str:
 
 def filled(settings: Settings, low_name: str) -> Settings:
     """The settings with the low object's name in the path, whose # are then still for frames alone."""
-    return replace(settings, output=naming.fill(settings.output, low_name.replace("#", "_")))
+    return replace(settings, output=file_names.fill(settings.output, low_name.replace("#", "_")))
 
 
 def work(

@@ -9,12 +9,12 @@ import gpu
 import numpy as np
 
 from ..audit import checks
-from ..bake import naming, pace
-from ..bake.errors import BakeError, few
-from ..bake.pace import Pace, Step, Work, part
-from ..bake.pairs import Suffixes, match
-from ..bake.report import Report
-from ..bake.settings import Settings
+from ..core import file_names, progress
+from ..core.errors import BakeError, few
+from ..core.name_matching import Suffixes, match
+from ..core.progress import Pace, Step, Work, part
+from ..core.report import Report
+from ..core.settings import Settings
 from ..engine import finishing, method_choice, ray_casting, rendering
 from ..engine.bands import bands
 from ..mesh import triangle_mesh
@@ -124,7 +124,7 @@ def bake_all(
     tell: Callable[[Step], None] | None = None,
 ) -> list[Report]:
     """All that `work` does, at once; `tell` hears how far it is."""
-    return pace.finish(work(context, jobs, settings, Pace(TOLD_EVERY if tell else None), share_image=share_image), tell)
+    return progress.finish(work(context, jobs, settings, Pace(TOLD_EVERY if tell else None), share_image=share_image), tell)
 
 
 def work(
@@ -174,7 +174,7 @@ def for_low(settings: Settings, name: str) -> Settings:
     return replace(
         settings,
         image=image_writer.name_for(name, settings),
-        output=naming.fill(settings.output, name),
+        output=file_names.fill(settings.output, name),
     )
 
 

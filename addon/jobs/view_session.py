@@ -9,8 +9,8 @@ import gpu
 import numpy as np
 from mathutils.bvhtree import BVHTree
 
-from ..bake.errors import BakeError
-from ..bake.settings import Settings
+from ..core.errors import BakeError
+from ..core.settings import Settings
 from ..engine import finishing, uv_agreement
 from ..engine.bands import BAND_TEXELS
 from ..mesh.triangle_mesh import Frame, Mesh, frame_of, gap, normal_matrix

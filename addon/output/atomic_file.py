@@ -9,7 +9,7 @@ from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from pathlib import Path
 
-from ..bake.errors import BakeError, WrongPlace
+from ..core.errors import BakeError, WrongPlace
 from .partial_files import Beside, try_in
 
 _MADE: set[Path] = set()

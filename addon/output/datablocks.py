@@ -7,8 +7,8 @@ from pathlib import Path, PurePath
 import bpy
 import numpy as np
 
-from ..bake.naming import file_name
-from ..bake.settings import TOKEN
+from ..core.file_names import file_name
+from ..core.settings import TOKEN
 
 ORIGIN = "imprint_high"
 """A custom property of images that hold a map: the names of the high objects that it came from, a line each."""

@@ -6,7 +6,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ..bake.settings import FORMATS
+from ..core.settings import FORMATS
 from . import completeness, tiff
 
 

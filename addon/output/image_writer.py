@@ -11,8 +11,8 @@ from pathlib import Path, PurePath
 import bpy
 import numpy as np
 
-from ..bake.errors import BakeError, few
-from ..bake.settings import FORMATS, TOKEN, Settings
+from ..core.errors import BakeError, few
+from ..core.settings import FORMATS, TOKEN, Settings
 from . import atomic_file, datablocks, image_encoding, quantize, value_encoding
 from .atomic_file import Partial, check_writable
 

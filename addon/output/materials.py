@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import bpy
 import numpy as np
 
-from ..bake.errors import BakeError
+from ..core.errors import BakeError
 
 # A custom property on our nodes and on the images that we have baked. Names and labels are for people, who may change
 # them; the mark outlives renaming, copying and saving, so that a later bake knows what it may set anew.

@@ -7,10 +7,10 @@ from contextlib import ExitStack
 import bpy
 import numpy as np
 
-from ..bake import naming
-from ..bake.errors import BakeError, few
-from ..bake.report import Report
-from ..bake.settings import TOKEN, Settings
+from ..core import file_names
+from ..core.errors import BakeError, few
+from ..core.report import Report
+from ..core.settings import TOKEN, Settings
 from ..engine.rendering import Map
 from ..passes.margin import resolve
 from . import datablocks, image_writer, materials, value_encoding
@@ -45,9 +45,9 @@ def check_apart(settings: Settings, each: Sequence[Settings], names: Sequence[st
 
 def _advice(name: str) -> str:
     """What to do about two maps that would go into one place, called `name` in the settings."""
-    if not name or naming.LOW in name:  # images are called after the low object where nobody says how
+    if not name or file_names.LOW in name:  # images are called after the low object where nobody says how
         return "rename one of the objects"
-    return f"put {naming.LOW} into the name, or let them share it"
+    return f"put {file_names.LOW} into the name, or let them share it"
 
 
 def _check_images(each: Sequence[Settings], names: Sequence[str], advice: str) -> None:

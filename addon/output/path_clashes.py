@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path
 
-from ..bake.errors import WrongPlace
-from ..bake.settings import TOKEN
+from ..core.errors import WrongPlace
+from ..core.settings import TOKEN
 from . import atomic_file
 
 _TILE = re.compile(r"(?=(1\d{3}|2000))")

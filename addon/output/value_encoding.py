@@ -7,7 +7,7 @@ from pathlib import PurePath
 
 import numpy as np
 
-from ..bake.settings import FORMATS, Settings
+from ..core.settings import FORMATS, Settings
 
 GOLDEN = 0.6180339887498949
 """Hues that are this far apart on the circle stay apart, however many there are."""

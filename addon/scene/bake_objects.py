@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
-from ..bake.errors import BakeError
+from ..core.errors import BakeError
 from . import detail_modifiers, instances, object_modes, visibility
 
 MAX_CONDITION = 1e7

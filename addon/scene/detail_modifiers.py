@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import bpy
 
-from ..bake.errors import few
+from ..core.errors import few
 
 ADDING = {
     "BEVEL",

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 import bpy
 import numpy as np
 
-from ..bake.errors import BakeError
-from ..bake.settings import Settings
+from ..core.errors import BakeError
+from ..core.settings import Settings
 from ..mesh import joining
 from ..mesh.joining import Part
 from ..mesh.triangle_mesh import Mesh

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import bpy
 import numpy as np
 
-from ..bake.errors import BakeError
-from ..bake.settings import Settings
+from ..core.errors import BakeError
+from ..core.settings import Settings
 from ..engine.ray_casting import check_cage
 from ..mesh.triangle_mesh import Mesh, frame_of
 from . import bake_objects, mesh_reader, visibility

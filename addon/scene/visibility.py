@@ -5,7 +5,7 @@ from contextlib import ExitStack
 
 import bpy
 
-from ..bake.errors import BakeError
+from ..core.errors import BakeError
 
 
 def put(owner: bpy.types.bpy_struct, name: str, value: object, restore: ExitStack) -> None:

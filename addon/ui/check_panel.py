@@ -4,8 +4,8 @@
 import bpy
 from bpy.props import EnumProperty, StringProperty
 
-from ..bake.errors import BakeError
-from ..bake.report import Report
+from ..core.errors import BakeError
+from ..core.report import Report
 from ..jobs import locate_issues
 from ..scene import face_selection
 from . import results

@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 import bpy
 
-from ..bake import pace
-from ..bake.errors import BakeError
-from ..bake.settings import Settings
+from ..core import progress
+from ..core.errors import BakeError
+from ..core.settings import Settings
 from ..jobs import live_session
 from ..jobs.several import Job
 from ..scene import bake_objects
@@ -25,7 +25,7 @@ REST = 0.4
 """Seconds without a change after which the image gets the map."""
 
 _session: live_session.Session | None = None
-_work: pace.Work[None] | None = None
+_work: progress.Work[None] | None = None
 _asked: Settings | None = None
 _refused: Settings | None = None
 """What the panel asks for and cannot be done."""
@@ -60,10 +60,10 @@ def is_resting() -> bool:
 
 def start(context: bpy.types.Context, job: Job, settings: Settings) -> None:
     """All that `starting` does, at once."""
-    pace.finish(starting(context, job, settings, pace.Pace(looks=False)))
+    progress.finish(starting(context, job, settings, progress.Pace(looks=False)))
 
 
-def starting(context: bpy.types.Context, job: Job, settings: Settings, speed: pace.Pace) -> pace.Work[None]:
+def starting(context: bpy.types.Context, job: Job, settings: Settings, speed: progress.Pace) -> progress.Work[None]:
     """Follow the objects of a job; its first map is drawn and stored first. Raises BakeError, and then live is off, as when
     the generator is closed."""
     global _session, _asked, _refused, _scene, _strokes, _work, message  # noqa: PLW0603 - see tick
@@ -83,7 +83,7 @@ def starting(context: bpy.types.Context, job: Job, settings: Settings, speed: pa
     finally:
         if not is_well and _session is following:
             stop()
-    following.pace = pace.Pace(SLICE, looks=False)
+    following.pace = progress.Pace(SLICE, looks=False)
     if not bpy.app.background:
         bpy.app.timers.register(tick, first_interval=TICK)
 
@@ -207,7 +207,7 @@ def _look_at_settings() -> None:
     if wanted == _refused:
         raise BakeError(message)
     _refused = wanted
-    following = live_session.Session(bpy.context, _session.job, wanted, pace.Pace(SLICE, looks=False))
+    following = live_session.Session(bpy.context, _session.job, wanted, progress.Pace(SLICE, looks=False))
     _session.commit()  # the image need not be the same from now on
     if _work is not None:
         _work.close()

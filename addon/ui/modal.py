@@ -3,8 +3,8 @@
 
 import bpy
 
-from ..bake import pace
-from ..bake.errors import BakeError, sentence
+from ..core import progress
+from ..core.errors import BakeError, sentence
 from .viewport import progress_display
 
 SLICE = 0.03
@@ -26,7 +26,7 @@ LOOKING_AROUND = {
 class _Run:
     """What is going on: its steps, and the timer that makes them. Blender may free the operator, and not this."""
 
-    def __init__(self, context: bpy.types.Context, steps: pace.Work):
+    def __init__(self, context: bpy.types.Context, steps: progress.Work):
         self.steps = steps
         self.timer = context.window_manager.event_timer_add(0.01, window=context.window)
 
@@ -62,7 +62,7 @@ class InSlices:
 
     _own: _Run | None = None
 
-    def _work(self, context: bpy.types.Context, speed: pace.Pace) -> pace.Work:
+    def _work(self, context: bpy.types.Context, speed: progress.Pace) -> progress.Work:
         raise NotImplementedError
 
     def _finish(self, context: bpy.types.Context, result) -> None:
@@ -70,7 +70,7 @@ class InSlices:
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         try:
-            result = pace.finish(self._work(context, pace.Pace()))
+            result = progress.finish(self._work(context, progress.Pace()))
         except (BakeError, MemoryError) as error:
             self.report({"ERROR"}, sentence(error))
             return {"CANCELLED"}
@@ -81,9 +81,9 @@ class InSlices:
         global _run  # noqa: PLW0603 - see stop
         if context.window is None:
             return self.execute(context)
-        self._own = _run = _Run(context, self._work(context, pace.Pace(SLICE)))
+        self._own = _run = _Run(context, self._work(context, progress.Pace(SLICE)))
         context.window_manager.modal_handler_add(self)
-        progress_display.show(context, pace.Step("Starting", 0.0))
+        progress_display.show(context, progress.Step("Starting", 0.0))
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
@@ -101,7 +101,7 @@ class InSlices:
     def _go_on(self, context: bpy.types.Context) -> set[str]:
         goes_on = False
         try:
-            progress_display.show(context, pace.some(_run.steps, TICK))
+            progress_display.show(context, progress.some(_run.steps, TICK))
             goes_on = True
         except StopIteration as end:
             self._finish(context, end.value)

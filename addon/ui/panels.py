@@ -6,9 +6,9 @@ from functools import lru_cache
 
 import bpy
 
-from ..bake import pairs
-from ..bake.errors import BakeError
-from ..bake.report import Report
+from ..core import name_matching
+from ..core.errors import BakeError
+from ..core.report import Report
 from ..output import image_writer
 from ..scene import bake_objects
 from . import live_mode, map_size, results
@@ -287,9 +287,9 @@ class IMPRINT_PT_sequence(_Panel, bpy.types.Panel):
 
 
 @lru_cache(maxsize=1)
-def _pairs(names: tuple[str, ...], suffixes: pairs.Suffixes) -> tuple[list[pairs.Pair], list[str]]:
+def _pairs(names: tuple[str, ...], suffixes: name_matching.Suffixes) -> tuple[list[name_matching.Pair], list[str]]:
     """As pairs.match, which looks at each name: not at each redraw, but where a name or an ending has changed."""
-    return pairs.match(names, suffixes)
+    return name_matching.match(names, suffixes)
 
 
 def _problem(

@@ -15,8 +15,8 @@ from bpy.props import (
     StringProperty,
 )
 
-from ..bake.pairs import Suffixes
-from ..bake.settings import AXES, MAPS, MAX_MIPS, MAX_SIZE, MIN_SIZE, SAMPLES, Settings, parse_tiles, usual_depth
+from ..core.name_matching import Suffixes
+from ..core.settings import AXES, MAPS, MAX_MIPS, MAX_SIZE, MIN_SIZE, SAMPLES, Settings, parse_tiles, usual_depth
 from ..scene import bake_objects, visibility
 from . import results
 

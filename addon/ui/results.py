@@ -3,7 +3,7 @@
 
 import bpy
 
-from ..bake.report import Report
+from ..core.report import Report
 
 _reports: dict[tuple[int, int], Report] = {}
 """By the session_uid of the scene and of the low object, which no other file, rename or undo changes."""

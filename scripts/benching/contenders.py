@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 import bpy
 import numpy as np
 
-from addon.bake.errors import BakeError
-from addon.bake.settings import Settings
+from addon.core.errors import BakeError
+from addon.core.settings import Settings
 from addon.engine import ray_casting
 from addon.jobs import several
 from scripts.benching.peers import NAMES, PeerError, Peers

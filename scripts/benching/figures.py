@@ -10,7 +10,7 @@ import numpy as np
 from mathutils import Euler, Vector
 from PIL import Image
 
-from addon.bake.settings import Settings
+from addon.core.settings import Settings
 from addon.jobs import several
 from scripts import demo
 from scripts.benching import scenes

@@ -11,8 +11,8 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.bake.errors import BakeError
 from addon.cli import arguments, command
+from addon.core.errors import BakeError
 from addon.jobs import several
 from scripts.imprint import ROOT
 from tests.support import maps, zoo

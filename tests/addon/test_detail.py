@@ -5,7 +5,7 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.bake.settings import Settings
+from addon.core.settings import Settings
 from addon.jobs import several
 from addon.scene import bake_objects
 from addon.ui import panels

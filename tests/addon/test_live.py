@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import addon
-from addon.bake import pace
-from addon.bake.settings import Settings
+from addon.core import progress
+from addon.core.settings import Settings
 from addon.jobs import several
 from addon.scene import mesh_reader
 from addon.ui import live_mode
@@ -560,7 +560,7 @@ def test_maps_stay_right_however_often_shaders_are_freed(pair):
     settings = Settings("FLATTEN", width=64, height=64, storage="MEMORY", material=False)
     maps = []
     for _ in range(60):
-        following = live_mode.live_session.Session(bpy.context, several.Job(low, [high]), settings, pace.Pace())
+        following = live_mode.live_session.Session(bpy.context, several.Job(low, [high]), settings, progress.Pace())
         following.run(bpy.context)
         following.free()
         maps.append(following.texels)

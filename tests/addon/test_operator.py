@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.bake import pace, pairs
+from addon.core import name_matching, progress
 from addon.ui import live_mode, panels
 from addon.ui.viewport import progress_display
 from tests.support import maps, zoo
@@ -566,7 +566,7 @@ def test_the_bar_takes_the_buttons_place(pair, monkeypatch):
     select(*pair)
     bake()
     before = draw()
-    monkeypatch.setattr(progress_display, "current", lambda: pace.Step("Drawing", 0.25))
+    monkeypatch.setattr(progress_display, "current", lambda: progress.Step("Drawing", 0.25))
     during = draw()
     assert {name for name, _ in before.buttons} - {name for name, _ in during.buttons} == {"imprint.bake"}
     bar = next(label for label in during.labels if label.startswith("25%"))
@@ -590,8 +590,8 @@ def test_the_bar_says_how_long_it_still_takes(done, seconds, words):
 
 def test_names_are_matched_only_when_one_has_changed(pair, monkeypatch):
     asked = []
-    match = pairs.match
-    monkeypatch.setattr(pairs, "match", lambda *names: asked.append(names) or match(*names))
+    match = name_matching.match
+    monkeypatch.setattr(name_matching, "match", lambda *names: asked.append(names) or match(*names))
     panels._pairs.cache_clear()
     low, high = pair
     for _ in range(3):

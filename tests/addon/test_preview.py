@@ -10,7 +10,7 @@ import pytest
 from mathutils import Matrix, Vector
 
 import addon
-from addon.bake.errors import BakeError
+from addon.core.errors import BakeError
 from addon.jobs import view_session
 from addon.passes import target
 from addon.ui import live_mode

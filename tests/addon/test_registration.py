@@ -8,8 +8,8 @@ import pytest
 
 import addon
 from addon import passes
-from addon.bake.settings import Settings
 from addon.cli import command
+from addon.core.settings import Settings
 from addon.passes import target
 from addon.ui import check_panel, map_size, modal, operators, panels, presets, properties
 from addon.ui.viewport import view_mode

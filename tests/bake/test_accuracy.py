@@ -8,9 +8,9 @@ import mathutils
 import numpy as np
 import pytest
 
-from addon.bake import pace
-from addon.bake.report import Report
-from addon.bake.settings import Settings
+from addon.core import progress
+from addon.core.report import Report
+from addon.core.settings import Settings
 from addon.engine import rendering, sources
 from addon.engine.finishing import all_of
 from addon.mesh import triangle_mesh
@@ -139,6 +139,6 @@ def folds(low):
     settings = Settings(space="WORLD", width=SIZE[0], height=SIZE[1], margin=0)
     report = Report("FLATTEN", "WORLD", SIZE, "", [])
     source = sources.Flat(painted, [painted], settings, report)
-    renderer = rendering.Renderer(source, None, settings, report, pace.Pace())
-    texels, _ = pace.finish(renderer.texels(1001, all_of([painted], settings)))["NORMAL"]
+    renderer = rendering.Renderer(source, None, settings, report, progress.Pace())
+    texels, _ = progress.finish(renderer.texels(1001, all_of([painted], settings)))["NORMAL"]
     return texels[..., 2] < 0.5

@@ -5,7 +5,7 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.bake.settings import Settings
+from addon.core.settings import Settings
 from addon.engine import uv_agreement
 from addon.jobs import several
 from tests.support import zoo

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from addon.audit import checks
-from addon.bake.errors import BakeError
-from addon.bake.report import Report
-from addon.bake.settings import Settings
+from addon.core.errors import BakeError
+from addon.core.report import Report
+from addon.core.settings import Settings
 from addon.engine import separation
 from addon.jobs import locate_issues, several
 from tests.support import maps, zoo

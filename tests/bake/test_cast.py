@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 
-from addon.bake.errors import BakeError
-from addon.bake.settings import Settings
+from addon.core.errors import BakeError
+from addon.core.settings import Settings
 from addon.engine import ray_casting
 from addon.jobs import several
 from tests.support import angles, cycles, maps, oracle, zoo

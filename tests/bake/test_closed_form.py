@@ -6,8 +6,8 @@ import mathutils
 import numpy as np
 import pytest
 
-from addon.bake import pace
-from addon.bake.settings import Settings
+from addon.core import progress
+from addon.core.settings import Settings
 from addon.engine import bands
 from addon.jobs import live_session, several
 from tests.support import angles, zoo
@@ -185,7 +185,7 @@ def test_a_map_is_made_for_the_scenes_engine(engine, basis, reader):
     report = several.bake(bpy.context, low, [high], settings)
     assert report.settings["basis"] == basis
     assert any(line.startswith(reader) for line in report.summary())
-    assert live_session.Session(bpy.context, several.Job(low, [high]), settings, pace.Pace()).settings.basis == basis
+    assert live_session.Session(bpy.context, several.Job(low, [high]), settings, progress.Pace()).settings.basis == basis
 
 
 @pytest.mark.parametrize("margin", [0, 5])

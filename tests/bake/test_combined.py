@@ -5,7 +5,7 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.bake.settings import Settings
+from addon.core.settings import Settings
 from addon.engine import bands, finishing, large_map_margin, ray_casting
 from addon.jobs import several
 from addon.output import image_writer, outputs

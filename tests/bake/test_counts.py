@@ -7,8 +7,8 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.bake import pace
-from addon.bake.settings import Settings
+from addon.core import progress
+from addon.core.settings import Settings
 from addon.engine import ray_casting
 from addon.jobs import live_session, several
 from addon.mesh import bvh
@@ -137,7 +137,7 @@ def test_targets_are_let_go_when_they_hold_too_much(monkeypatch, method, share_i
 
 def test_a_live_map_uploads_what_has_changed_alone(counts):
     low, high = pair()
-    following = live_session.Session(bpy.context, several.Job(low, [high]), settings("FLATTEN"), pace.Pace())
+    following = live_session.Session(bpy.context, several.Job(low, [high]), settings("FLATTEN"), progress.Pace())
     following.run(bpy.context)
     counts.clear()
     points = np.empty(len(high.data.vertices) * 3, np.float32)

@@ -16,8 +16,8 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.bake.pace import Pace
-from addon.bake.settings import Settings
+from addon.core.progress import Pace
+from addon.core.settings import Settings
 from addon.engine import ray_casting
 from addon.jobs import several
 from addon.passes import target

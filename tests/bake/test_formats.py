@@ -11,9 +11,9 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.bake.errors import BakeError
-from addon.bake.pace import Pace
-from addon.bake.settings import FORMATS, Settings
+from addon.core.errors import BakeError
+from addon.core.progress import Pace
+from addon.core.settings import FORMATS, Settings
 from addon.jobs import several
 from addon.output import completeness, image_writer, quantize, tiff
 from scripts.imprint import ROOT

@@ -6,8 +6,8 @@ import os
 import bpy
 import pytest
 
-from addon.bake.errors import BakeError
-from addon.bake.settings import Settings
+from addon.core.errors import BakeError
+from addon.core.settings import Settings
 from addon.jobs import several
 from addon.output import outputs
 from tests.support import zoo

@@ -8,8 +8,8 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.bake.errors import BakeError
-from addon.bake.settings import Settings
+from addon.core.errors import BakeError
+from addon.core.settings import Settings
 from addon.jobs import several
 from addon.output import atomic_file, image_writer
 from tests.support import zoo

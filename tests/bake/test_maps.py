@@ -6,8 +6,8 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.bake.errors import BakeError
-from addon.bake.settings import MAPS, Settings
+from addon.core.errors import BakeError
+from addon.core.settings import MAPS, Settings
 from addon.jobs import several
 from addon.output import value_encoding
 from tests.support import zoo

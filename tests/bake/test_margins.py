@@ -9,7 +9,7 @@ import gpu
 import numpy as np
 import pytest
 
-from addon.bake.settings import Settings
+from addon.core.settings import Settings
 from addon.engine import bands, finishing, large_map_margin
 from addon.jobs import several
 from addon.mesh.triangle_mesh import Mesh

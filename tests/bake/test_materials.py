@@ -5,7 +5,7 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.bake.errors import BakeError
+from addon.core.errors import BakeError
 from addon.output import materials
 
 

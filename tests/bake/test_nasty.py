@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from mathutils import Matrix, Vector
 
-from addon.bake.errors import BakeError
-from addon.bake.settings import MARGINS, METHODS, Settings
+from addon.core.errors import BakeError
+from addon.core.settings import MARGINS, METHODS, Settings
 from addon.jobs import several
 from tests.support import angles, maps, outcome, zoo
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from addon.audit import checks
-from addon.bake import pace, report
-from addon.bake.pace import Pace
-from addon.bake.settings import Settings
+from addon.core import progress, report
+from addon.core.progress import Pace
+from addon.core.settings import Settings
 from addon.engine import ray_casting
 from addon.jobs import several
 from addon.passes import target
@@ -35,7 +35,7 @@ def slow(monkeypatch):
         clock.now, clock.left = clock.now + clock.left, 0.0  # drivers work later than they are called
         finish(self)
 
-    monkeypatch.setattr(pace, "time", SimpleNamespace(perf_counter=lambda: clock.now))
+    monkeypatch.setattr(progress, "time", SimpleNamespace(perf_counter=lambda: clock.now))
     monkeypatch.setattr(cast, "trace", slow_trace)
     monkeypatch.setattr(target.Target, "finish", slow_finish)
     ray_casting.free()
@@ -44,7 +44,7 @@ def slow(monkeypatch):
 
 def test_slices_come_to_last_as_long_as_they_should(monkeypatch):
     clock = SimpleNamespace(now=0.0)
-    monkeypatch.setattr(pace, "time", SimpleNamespace(perf_counter=lambda: clock.now))
+    monkeypatch.setattr(progress, "time", SimpleNamespace(perf_counter=lambda: clock.now))
     seen = []
     for rows in Pace(0.5).slices(1000):
         seen.append(rows)

@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.bake.settings import AXES, BASES, DIRECTIONS, FORMATS, MAPS, MARGINS, METHODS, MODIFIERS, SPACES, Settings
+from addon.core.settings import AXES, BASES, DIRECTIONS, FORMATS, MAPS, MARGINS, METHODS, MODIFIERS, SPACES, Settings
 from tests.support import outcome, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")

@@ -5,7 +5,7 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.bake.settings import SAMPLES, Settings
+from addon.core.settings import SAMPLES, Settings
 from addon.jobs import several
 from addon.passes.bake import samples
 from tests.support import angles, maps, zoo

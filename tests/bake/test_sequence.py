@@ -7,9 +7,9 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.bake.errors import BakeError
-from addon.bake.pace import Pace, finish
-from addon.bake.settings import Settings
+from addon.core.errors import BakeError
+from addon.core.progress import Pace, finish
+from addon.core.settings import Settings
 from addon.jobs import sequence, several
 from addon.output import datablocks
 from tests.support import zoo

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from addon.audit import mip_gaps, severity
-from addon.bake.settings import Settings
+from addon.core.settings import Settings
 from addon.jobs import locate_issues, several
 from tests.bake.test_audit import QUARTERS, bake, faces, mask, part, tiles
 from tests.support import zoo

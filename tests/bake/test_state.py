@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.bake.settings import Settings
+from addon.core.settings import Settings
 from addon.jobs import several
 from addon.scene import mesh_reader
 from tests.support import maps, zoo

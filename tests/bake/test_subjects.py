@@ -6,8 +6,8 @@ import mathutils
 import numpy as np
 import pytest
 
-from addon.bake.errors import BakeError
-from addon.bake.settings import Settings
+from addon.core.errors import BakeError
+from addon.core.settings import Settings
 from addon.jobs import several
 from addon.scene import bake_objects
 from tests.support import angles, maps, zoo

@@ -8,9 +8,9 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.bake.errors import BakeError
-from addon.bake.pace import Pace
-from addon.bake.settings import Settings
+from addon.core.errors import BakeError
+from addon.core.progress import Pace
+from addon.core.settings import Settings
 from addon.jobs import several
 from addon.output import image_writer
 from tests.support import maps, pictures, zoo

@@ -12,8 +12,8 @@ import gpu
 import numpy as np
 import pytest
 
-from addon.bake.errors import BakeError
-from addon.bake.settings import Settings
+from addon.core.errors import BakeError
+from addon.core.settings import Settings
 from addon.jobs import several
 from tests.support import maps, zoo
 from tests.support.snapshot import difference, snapshot

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from mathutils import Euler, Matrix
 
-from addon.bake import pace
-from addon.bake.errors import BakeError
-from addon.bake.settings import Settings
+from addon.core import progress
+from addon.core.errors import BakeError
+from addon.core.settings import Settings
 from addon.engine import bands
 from addon.jobs import live_session, several, view_session
 from addon.output import quantize
@@ -37,7 +37,7 @@ def session_of(low, highs, **settings):
     """A session that has drawn its map."""
     values = {"method": "FLATTEN", "width": 128, "height": 128, "depth": 32, "material": False, **settings}
     bpy.context.view_layer.update()
-    following = live_session.Session(bpy.context, several.Job(low, highs), Settings(**values), pace.Pace())
+    following = live_session.Session(bpy.context, several.Job(low, highs), Settings(**values), progress.Pace())
     following.run(bpy.context)
     return following
 

@@ -3,7 +3,7 @@
 import bpy
 import numpy as np
 
-from addon.bake.settings import Settings
+from addon.core.settings import Settings
 from addon.jobs import several
 
 

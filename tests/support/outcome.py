@@ -10,8 +10,8 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from addon.bake import naming
-from addon.bake.errors import BakeError
+from addon.core import file_names
+from addon.core.errors import BakeError
 from addon.jobs import several
 from addon.output import image_writer, outputs, value_encoding
 from tests.support import maps
@@ -41,7 +41,7 @@ def of_bake(low, highs, settings, folder, cage=None):
         assert not written, written
         return sentence
     _check_report(report)
-    plan = outputs.wanted(replace(settings, image=report.image, output=naming.fill(settings.output, report.low)))
+    plan = outputs.wanted(replace(settings, image=report.image, output=file_names.fill(settings.output, report.low)))
     _check_changes(changed, low, [own.image for own in plan.values()])
     expected = set()
     for name, own in plan.items():

@@ -7,10 +7,10 @@ from dataclasses import fields
 
 import pytest
 
-from addon.bake.pairs import Suffixes
-from addon.bake.settings import AXES, FORMATS, MAPS, Settings
 from addon.cli import arguments, job_file
 from addon.cli.arguments import WrongUsage
+from addon.core.name_matching import Suffixes
+from addon.core.settings import AXES, FORMATS, MAPS, Settings
 
 LOW = ["--low", "lo", "--output", "m.png"]
 

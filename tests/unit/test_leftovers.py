@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from addon.bake.errors import BakeError
+from addon.core.errors import BakeError
 from addon.output import partial_files
 from addon.output.atomic_file import Partial, check_writable
 from scripts.imprint import ROOT

@@ -3,9 +3,9 @@
 
 import pytest
 
-from addon.bake import pairs as pairs_module
-from addon.bake.errors import BakeError
-from addon.bake.pairs import Pair, Suffixes, match
+from addon.core import name_matching as pairs_module
+from addon.core.errors import BakeError
+from addon.core.name_matching import Pair, Suffixes, match
 
 
 def test_the_naming_of_the_readme():

@@ -7,8 +7,8 @@ import unicodedata
 
 import pytest
 
-from addon.bake import naming
-from addon.bake.errors import WrongPlace
+from addon.core import file_names
+from addon.core.errors import WrongPlace
 from addon.output.path_clashes import Places
 
 posix = pytest.mark.skipif(os.name == "nt", reason="links of POSIX")
@@ -173,8 +173,8 @@ def test_many_paths_take_no_time_each_for_all_others(tree):
     ],
 )
 def test_only_what_file_systems_refuse_is_replaced(name, written):
-    assert naming.file_name(name) == written
-    assert naming.fill("a/{low}/{low}.png", name) == f"a/{written}/{written}.png"
+    assert file_names.file_name(name) == written
+    assert file_names.fill("a/{low}/{low}.png", name) == f"a/{written}/{written}.png"
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import socket
 
 import pytest
 
-from addon.bake.errors import BakeError
+from addon.core.errors import BakeError
 from addon.output.atomic_file import Partial, Replaced, check_writable, replacing, together
 
 posix = pytest.mark.skipif(os.name == "nt", reason="links and pipes of POSIX")

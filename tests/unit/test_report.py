@@ -5,8 +5,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from addon.bake import report
-from addon.bake.report import STAGES, Report
+from addon.core import report
+from addon.core.report import STAGES, Report
 
 
 @pytest.fixture

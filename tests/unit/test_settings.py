@@ -5,8 +5,8 @@ import dataclasses
 
 import pytest
 
-from addon.bake.errors import BakeError
-from addon.bake.settings import FORMATS, MAX_SIZE, MIN_SIZE, Settings
+from addon.core.errors import BakeError
+from addon.core.settings import FORMATS, MAX_SIZE, MIN_SIZE, Settings
 
 GOOD = [
     {},

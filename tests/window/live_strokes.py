@@ -20,7 +20,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 import addon  # noqa: E402
-from addon.bake.settings import Settings  # noqa: E402
+from addon.core.settings import Settings  # noqa: E402
 from addon.jobs import several  # noqa: E402
 from addon.ui import live_mode  # noqa: E402
 

@@ -4,7 +4,7 @@
 import bpy
 import gpu
 
-from ...bake.errors import BakeError
+from ...core.errors import BakeError
 from ...jobs import cage_shells
 from ...scene import bake_objects
 

@@ -6,7 +6,7 @@ import time
 import bpy
 from gpu_extras.presets import draw_texture_2d
 
-from ...bake.pace import Step
+from ...core.progress import Step
 from . import viewport_text
 
 SIDE = 256

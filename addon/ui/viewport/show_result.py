@@ -3,7 +3,7 @@
 
 import bpy
 
-from ...bake.report import Report
+from ...core.report import Report
 from ...scene import visibility
 from .. import results
 

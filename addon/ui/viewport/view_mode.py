@@ -7,9 +7,9 @@ import numpy as np
 from bpy.props import EnumProperty, FloatProperty, PointerProperty
 from gpu_extras.batch import batch_for_shader
 
-from ...bake import pace
-from ...bake.errors import BakeError
-from ...bake.settings import Settings
+from ...core import progress
+from ...core.errors import BakeError
+from ...core.settings import Settings
 from ...jobs import live_session as sessions
 from ...jobs import several, view_session
 from ...scene import bake_objects
@@ -61,10 +61,10 @@ def figures() -> view_session.Figures | None:
 
 def switch(context: bpy.types.Context, wanted: str) -> None:
     """All that `switching` does, at once."""
-    pace.finish(switching(context, wanted, pace.Pace()))
+    progress.finish(switching(context, wanted, progress.Pace()))
 
 
-def switching(context: bpy.types.Context, wanted: str, speed: pace.Pace, *, anew: bool = False) -> pace.Work[None]:
+def switching(context: bpy.types.Context, wanted: str, speed: progress.Pace, *, anew: bool = False) -> progress.Work[None]:
     """Show one of MODES, of a map that is drawn first where there is none, or where it is to be drawn `anew`.
 
     Raises BakeError when there is nothing to show, and then the view is off; closed on the way, it leaves it as it was.
@@ -112,7 +112,7 @@ def free() -> None:
 
 def refresh(context: bpy.types.Context) -> None:
     """Show the objects and settings as they are now. Raises BakeError, and then the view is off."""
-    pace.finish(switching(context, _mode, pace.Pace(), anew=True))
+    progress.finish(switching(context, _mode, progress.Pace(), anew=True))
 
 
 def catch_up() -> float | None:
@@ -155,7 +155,7 @@ def _take_up() -> None:
     _redraw()
 
 
-def _drawn_map(context: bpy.types.Context, speed: pace.Pace) -> pace.Work[tuple[sessions.Session, Settings]]:
+def _drawn_map(context: bpy.types.Context, speed: progress.Pace) -> progress.Work[tuple[sessions.Session, Settings]]:
     """A map of the objects and settings that there are now, for the views alone."""
     settings = context.scene.imprint
     low, highs = settings.subjects(context)
@@ -358,7 +358,7 @@ class _Show(modal.InSlices):
     def _wanted(self) -> str:
         return _mode
 
-    def _work(self, context: bpy.types.Context, speed: pace.Pace) -> pace.Work[None]:
+    def _work(self, context: bpy.types.Context, speed: progress.Pace) -> progress.Work[None]:
         yield from switching(context, self._wanted(), speed)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
@@ -400,7 +400,7 @@ class IMPRINT_OT_view_refresh(modal.InSlices, bpy.types.Operator):
     def poll(cls, _context: bpy.types.Context) -> bool:
         return progress_display.current() is None and _mode != "OFF" and live_mode.session() is None
 
-    def _work(self, context: bpy.types.Context, speed: pace.Pace) -> pace.Work[None]:
+    def _work(self, context: bpy.types.Context, speed: progress.Pace) -> progress.Work[None]:
         yield from switching(context, _mode, speed, anew=True)
 
 
