@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import addon
-from scripts.benching import contenders, measure, report, scenes, verdicts
-from scripts.benching.contenders import CAST, CYCLES, FLATTEN, MULTIRES
+from scripts.bench import contenders, measure, report, scenes, verdicts
+from scripts.bench.contenders import CAST, CYCLES, FLATTEN, MULTIRES
 from tests.support import angles
 
 EXACT = 0.6

@@ -9,7 +9,7 @@ import time
 
 import pytest
 
-from scripts import stops
+from scripts.dev import stops
 
 pytestmark = [
     pytest.mark.usefixtures("gpu_context"),

@@ -4,9 +4,9 @@
 import statistics
 from pathlib import Path
 
-from scripts.benching.contenders import CAST, CYCLES, FLATTEN
-from scripts.benching.measure import PAPER, exponents, ratios
-from scripts.benching.verdicts import HOLDS, LARGEST, Verdict, judge, span
+from scripts.bench.contenders import CAST, CYCLES, FLATTEN
+from scripts.bench.measure import PAPER, exponents, ratios
+from scripts.bench.verdicts import HOLDS, LARGEST, Verdict, judge, span
 
 GAP = "–"
 SHORT = {FLATTEN: "Flatten", CAST: "Cast"}

@@ -3,9 +3,9 @@
 
 from dataclasses import dataclass
 
-from scripts.benching.contenders import CAST, CYCLES, FLATTEN, MULTIRES
-from scripts.benching.measure import exponents, ratios
-from scripts.benching.peers import NAMES
+from scripts.bench.contenders import CAST, CYCLES, FLATTEN, MULTIRES
+from scripts.bench.measure import exponents, ratios
+from scripts.bench.peers import NAMES
 
 HOLDS, OPEN, MISSED, GAP = "holds", "open", "missed", "not measured"
 FINEST = 0.01

@@ -15,7 +15,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 import addon  # noqa: E402
-from scripts.benching import figures, following, measure, peers, report, verdicts  # noqa: E402
+from scripts.bench import figures, following, measure, peers, report, verdicts  # noqa: E402
 
 PARTS = ("pairs", "closed_forms", "growth", "live", "hardware", "figures")
 

@@ -15,10 +15,10 @@ import gpu
 import numpy as np
 
 from addon.passes import shader
-from scripts import export
-from scripts.benching import contenders, peers, scenes
-from scripts.benching.contenders import CAST, FLATTEN, KEPT, Imprint, Timed
-from scripts.benching.peers import Peers
+from scripts.bench import contenders, peers, scenes
+from scripts.bench.contenders import CAST, FLATTEN, KEPT, Imprint, Timed
+from scripts.bench.peers import Peers
+from scripts.dev import export
 
 PAPER = (
     # high and low polygons; milliseconds on the paper's GPU, of ATI NormalMapper and of nVidia Melody

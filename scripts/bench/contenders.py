@@ -13,8 +13,8 @@ from addon.core.errors import BakeError
 from addon.core.settings import Settings
 from addon.engine import ray_casting
 from addon.jobs import several
-from scripts.benching.peers import NAMES, PeerError, Peers
-from scripts.benching.scenes import Pair
+from scripts.bench.peers import NAMES, PeerError, Peers
+from scripts.bench.scenes import Pair
 from tests.support import angles
 
 FLATTEN, CAST, KEPT, CYCLES, MULTIRES = (

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from scripts.benching.scenes import Pair, arrays_of
+from scripts.bench.scenes import Pair, arrays_of
 
 ROOT = Path(__file__).resolve().parents[2]
 HOME = ROOT / "out" / "bench" / "peers"
