@@ -3,12 +3,12 @@
 
 import bpy
 import pytest
+from tests.addon.test_preview import seen, view, viewport
 
 import addon
 from addon.scene import visibility
 from addon.ui import live_mode
 from addon.ui.viewport import object_hiding, view_mode
-from tests.addon.test_preview import seen, view, viewport
 from tests.support import zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context", "registered")
