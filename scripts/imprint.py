@@ -302,7 +302,7 @@ class Bake:
     """Blender at work on scripts/bake.py, which stops in good order when this process is told to.
 
     A signal is handed on as another one, which says that it was: the process group may have got the same, and one that
-    came twice would end the bake at once. addon/stopping.py has the other half of this.
+    came twice would end the bake at once. addon/cli/interruption.py has the other half of this.
     """
 
     STOP = ("SIGINT", "SIGTERM", "SIGHUP")
@@ -374,7 +374,7 @@ def bench(options):
     """Measure Imprint against other bakers, and keep Blender off the person's own settings."""
     with tempfile.TemporaryDirectory(prefix="imprint-bench-") as profile:
         apart = dict(os.environ, BLENDER_USER_RESOURCES=profile)
-        return run_blender([str(SCRIPTS / "bench.py"), *options.rest], env=apart)
+        return run_blender([str(SCRIPTS / "bench" / "run.py"), *options.rest], env=apart)
 
 
 def bake(options):

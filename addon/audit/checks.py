@@ -6,16 +6,16 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from ..core import texel_state
 from ..core.errors import few
 from ..core.report import Report
 from ..core.settings import Settings
 from ..engine import ray_casting, separation, uv_agreement
 from ..mesh import face_shapes, triangle_mesh, uv_islands, uv_seams
+from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
 from ..passes import mesh_upload, target
 from ..passes.audit import overlap
-from ..passes.margin import resolve
-from ..scene.reading import Meshes
 from . import mip_gaps, severity
 from .sparse_maps import Sparse, at_most
 
@@ -45,14 +45,14 @@ class Tally:
     """Of each tile, the state of the texels that are `probed`."""
 
     def add(self, state: np.ndarray, upwards: np.ndarray | None, backwards: int) -> None:
-        """Count one tile; state as render.Renderer.texels has it, upwards the part of its normals along the low mesh's on
-        SOME texels, or None where they are not relative to it, and backwards as finish.backwards counts them."""
-        self.written += int(np.count_nonzero(state == resolve.WRITTEN))
-        self.margin += int(np.count_nonzero(state == resolve.MARGIN))
-        self.missed += int(np.count_nonzero(state == resolve.MISSED))
+        """Count one tile; state as rendering.Renderer.texels has it, upwards the part of its normals along the low mesh's on
+        SOME texels, or None where they are not relative to it, and backwards as finishing.backwards counts them."""
+        self.written += int(np.count_nonzero(state == texel_state.WRITTEN))
+        self.margin += int(np.count_nonzero(state == texel_state.MARGIN))
+        self.missed += int(np.count_nonzero(state == texel_state.MISSED))
         self.texels += state.size
         if upwards is not None:
-            seen = state[SOME] == resolve.WRITTEN
+            seen = state[SOME] == texel_state.WRITTEN
             self.probed += int(np.count_nonzero(seen))
             self.turned_away += int(np.count_nonzero(upwards[seen] < 0.0))
             self.leaning += int(np.count_nonzero(upwards[seen] < FLAT))
@@ -147,7 +147,7 @@ def _tell_of_texels(meshes: Meshes, tally: Tally, tiles: Sequence[int], settings
     for counts, state in zip(covering(low, size, tiles), tally.states, strict=True):
         covered += int(np.count_nonzero(counts))
         shared += int(np.count_nonzero(counts > 1.0))
-        uncovered += int(np.count_nonzero((counts > 0.0) & (state != resolve.WRITTEN)))
+        uncovered += int(np.count_nonzero((counts > 0.0) & (state != texel_state.WRITTEN)))
     crossed = shared
     if shared > severity.MUCH_OVERLAP * covered:  # fewer do no harm, stacked on purpose or not
         alone = replace(low, triangles=low.triangles[uv_islands.without_copies(low)])

@@ -270,7 +270,7 @@ def to_json(results: Sequence[Result]) -> list[dict]:
 
 
 def _start_gpu() -> None:
-    """Without the window system's complaints of EGL, after which it goes on; what stops it is told by pipeline.check."""
+    """Without the window system's complaints of EGL, after which it goes on; what stops it is told by several.check."""
     if interruption.is_launched():  # else nobody could tell of a crash but those lines
         with suppress(SystemError, RuntimeError), standard_streams.silence():
             gpu.init()

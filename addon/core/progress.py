@@ -4,8 +4,10 @@
 import time
 from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
-import gpu
+if TYPE_CHECKING:
+    import gpu
 
 
 @dataclass(frozen=True)
@@ -17,7 +19,7 @@ class Step:
 
     what: str
     done: float
-    picture: gpu.types.GPUTexture | None = None
+    picture: "gpu.types.GPUTexture | None" = None
     finished: int = 0
 
 

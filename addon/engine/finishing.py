@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import gpu
 import numpy as np
 
+from ..core import texel_state
 from ..core.settings import Settings
 from ..mesh import uv_seams as islands
 from ..mesh.triangle_mesh import Mesh
@@ -113,7 +114,7 @@ def backwards(texels: np.ndarray, state: np.ndarray, settings: Settings) -> int:
     z = channels(settings)[:, 2]
     stored = texels[..., int(np.argmax(np.abs(z)))]
     half = np.float32(0.5)
-    return int(np.count_nonzero((stored <= half if z.sum() > 0.0 else stored >= half) & (state == resolve.WRITTEN)))
+    return int(np.count_nonzero((stored <= half if z.sum() > 0.0 else stored >= half) & (state == texel_state.WRITTEN)))
 
 
 def upwards(texels: np.ndarray, settings: Settings) -> np.ndarray:

@@ -4,6 +4,7 @@
 import gpu
 import numpy as np
 
+from ..core import texel_state
 from ..passes import target
 from ..passes.margin import nearest_texel, resolve, seam_fill
 
@@ -15,16 +16,16 @@ is found is at most 2 sqrt(2) times as many texels farther away than the nearest
 
 
 def across(texels: np.ndarray, state: np.ndarray, similarities: np.ndarray, kind: int, encode: np.ndarray) -> None:
-    """Fill the texels that passes.seams left deferred, as shaders/across_frag.glsl does where it sees the whole map.
+    """Fill the texels that passes.seams left deferred, as shaders/margin/across_frag.glsl does where it sees the whole map.
 
     texels (height, width, 4) float32, state (height, width) uint8: changed in place. similarities, kind, encode: as
-    seams.upload and seams.draw had them.
+    seam_fill.upload and seam_fill.draw had them.
     """
     for start in range(0, len(state), ROWS):
-        y, x = np.nonzero(state[start : start + ROWS] == resolve.DEFERRED)
+        y, x = np.nonzero(state[start : start + ROWS] == texel_state.DEFERRED)
         y += start
         border, right, up = texels[y, x, :3].astype(np.int64).T
-        texels[y, x], state[y, x] = texels[y + up, x + right], resolve.MARGIN
+        texels[y, x], state[y, x] = texels[y + up, x + right], texel_state.MARGIN
         numbers = similarities.astype(np.float64).view(np.complex128).reshape(-1, 4)[border]
         here, there, turn, is_mirrored = *numbers[:, :3].T, numbers[:, 3].real < 0.0
 
@@ -60,7 +61,7 @@ def beyond(texels: np.ndarray, state: np.ndarray, reach: int | None) -> None:
     for row, column in np.ndindex(COARSE, COARSE):
         part = state[row::COARSE, column::COARSE]
         block = values[: part.shape[0], : part.shape[1]]
-        is_first = (part == resolve.WRITTEN) & (block[..., 3] == 0.0)
+        is_first = (part == texel_state.WRITTEN) & (block[..., 3] == 0.0)
         np.copyto(block, texels[row::COARSE, column::COARSE], where=is_first[..., None])
     uploaded = gpu.types.GPUTexture(
         (width, height), format="RGBA32F", data=gpu.types.Buffer("FLOAT", values.shape, values)
@@ -75,7 +76,7 @@ def beyond(texels: np.ndarray, state: np.ndarray, reach: int | None) -> None:
         found = values[y // COARSE, x // COARSE]
         is_found = found[:, 3] > 0.0
         y, x = y[is_found], x[is_found]
-        texels[y, x], state[y, x] = found[is_found], resolve.MARGIN
+        texels[y, x], state[y, x] = found[is_found], texel_state.MARGIN
 
 
 def _is_one_island(state: np.ndarray, start: np.ndarray, stop: np.ndarray) -> np.ndarray:
@@ -85,7 +86,7 @@ def _is_one_island(state: np.ndarray, start: np.ndarray, stop: np.ndarray) -> np
     for at in range(1, int(np.ceil(far[result].max(initial=0.0)))):
         some = np.flatnonzero(result & (at < far))
         place = start[some] + (stop[some] - start[some]) * (at / far[some])
-        result[some] = np.isin(_state_at(state, place), (resolve.WRITTEN, resolve.MISSED))
+        result[some] = np.isin(_state_at(state, place), (texel_state.WRITTEN, texel_state.MISSED))
     return result
 
 
@@ -97,7 +98,7 @@ def _sums(texels: np.ndarray, state: np.ndarray, place: np.ndarray, *, is_label:
     sums = np.zeros((len(place), 4))
     for row, column in np.ndindex(2, 2):
         weight = np.abs(1 - column - part.real) * np.abs(1 - row - part.imag)
-        weight[_state_at(state, low + column + 1j * row) != resolve.WRITTEN] = 0.0
+        weight[_state_at(state, low + column + 1j * row) != texel_state.WRITTEN] = 0.0
         x, y = _indices(state, low + column + 1j * row)
         sums[:, :3] += weight[:, None] * texels[y, x, :3]
         sums[:, 3] += weight

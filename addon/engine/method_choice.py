@@ -9,8 +9,8 @@ from ..core.progress import Pace, Step, Work
 from ..core.report import Report
 from ..core.settings import Settings
 from ..mesh import triangle_mesh
+from ..mesh.inputs import Meshes
 from ..passes import mesh_upload
-from ..scene.reading import Meshes
 from . import ray_casting, ray_distances, sources, uv_agreement
 
 FAR_APART = 0.5
@@ -29,7 +29,10 @@ def choose(meshes: Meshes, tiles: Sequence[int], settings: Settings, report: Rep
                 report.method, report.why, seen = uv_agreement.choose(meshes.low, meshes.highs, tiles)
                 meshes = replace(meshes, apart=seen)
     if report.method == "FLATTEN":
-        return replace(meshes, highs=[triangle_mesh.keep_corners(high, triangle_mesh.finite_rows(high.uv)) for high in meshes.highs])
+        return replace(
+            meshes,
+            highs=[triangle_mesh.keep_corners(high, triangle_mesh.finite_rows(high.uv)) for high in meshes.highs],
+        )
     apart = triangle_mesh.gap(meshes.low, meshes.highs)
     radius = triangle_mesh.frame_of([meshes.low]).size
     if apart > FAR_APART * radius and settings.max_distance is None and meshes.cage is None:

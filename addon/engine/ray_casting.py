@@ -160,16 +160,3 @@ def rays(low: Mesh, directions: np.ndarray, cage: Mesh | None, frame: Frame) -> 
         position=np.ascontiguousarray(positions),
         direction=np.ascontiguousarray(away, dtype=np.float32),
     )
-
-
-def check_cage(low: Mesh, cage: Mesh, faces: tuple[int, int]) -> None:
-    """Raise BakeError unless `cage` has the topology of `low`; faces: how many each has."""
-    if faces[0] != faces[1]:
-        raise BakeError(
-            f"The cage {cage.name!r} has {faces[1]:,} faces and {low.name!r} has {faces[0]:,}: take a copy of it."
-        )
-    if len(cage.vertices) != len(low.vertices):
-        raise BakeError(
-            f"The cage {cage.name!r} has {len(cage.vertices):,} face corners and {low.name!r} has {len(low.vertices):,}: "
-            "take a copy of it."
-        )

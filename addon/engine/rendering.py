@@ -10,6 +10,7 @@ import numpy as np
 from ..core.progress import Pace, Step, Work, part
 from ..core.report import Report
 from ..core.settings import Settings
+from ..core.texel_state import Map
 from ..mesh.triangle_mesh import Mesh
 from ..passes import mesh_upload, target
 from ..passes.bake import samples, tangent
@@ -18,9 +19,6 @@ from .bands import Band, bands
 from .finishing import Finish, channels
 from .sources import Source
 
-Map = tuple[np.ndarray, np.ndarray]
-"""Texels (height, width, 4) float32 as they are stored, and their state (height, width) uint8, one of resolve.WRITTEN,
-MARGIN, MISSED and 0; row 0 is v = 0."""
 COARSE = 8
 """How many times smaller the first picture of a map is that takes its time."""
 LABELS = ("OBJECT_ID", "MATERIAL_ID")

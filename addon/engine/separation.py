@@ -9,10 +9,10 @@ import numpy as np
 
 from ..core.report import Report
 from ..core.settings import Settings
+from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Frame, Mesh, frame_of
 from ..passes import mesh_upload, target
 from ..passes.bake import cast, gbuffer, points
-from ..scene.reading import Meshes
 from . import ray_casting
 
 PROBE = 128

@@ -32,7 +32,8 @@ class Source(Protocol):
         """
 
     def other(self, name: str, band: Band, into: target.Target) -> gpu.types.GPUTexture:
-        """One of settings.MAPS for the band whose normals were just drawn, as relief.draw has it, in `into` or elsewhere."""
+        """One of settings.MAPS for the band whose normals were just drawn, as surface_values.draw has
+        it, in `into` or elsewhere."""
 
 
 class Flat:
@@ -127,7 +128,7 @@ class Rays:
 
 
 class Drawn:
-    """Maps that were drawn before, by name, (height, width, 4) float32 as render.Renderer.raw returns them."""
+    """Maps that were drawn before, by name, (height, width, 4) float32 as rendering.Renderer.raw returns them."""
 
     takes_time = False
     shot = None

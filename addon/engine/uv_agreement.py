@@ -31,7 +31,7 @@ Window = tuple[float, float, float, float]
 
 def choose(low: Mesh, highs: Sequence[Mesh], tiles: Sequence[int]) -> tuple[str, str, np.ndarray | None]:
     """The method for these meshes on these UDIM tiles, FLATTEN or CAST, why, as a clause, and, for FLATTEN, what
-    apart.probe sees of a large map. One high mesh whose UVs are its own is enough for CAST."""
+    separation.probe sees of a large map. One high mesh whose UVs are its own is enough for CAST."""
     without = next((high for high in highs if high.uv is None), None)
     if without is not None:
         several = without.instances > 1

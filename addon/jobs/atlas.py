@@ -8,17 +8,16 @@ import bpy
 import numpy as np
 
 from ..audit import checks, severity
-from ..core import progress
+from ..core import progress, texel_state
 from ..core.report import Report
 from ..core.settings import Settings
 from ..engine import finishing
 from ..engine.rendering import Renderer
 from ..engine.sources import Drawn
+from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
 from ..output.outputs import Outputs
 from ..passes import target
-from ..passes.margin import resolve
-from ..scene.reading import Meshes
 
 
 class Atlas:
@@ -85,4 +84,4 @@ class Atlas:
 def state(normals: np.ndarray) -> np.ndarray:
     """The state of texels without a margin, from the alpha of their normals (height, width, 4)."""
     alpha = normals[..., 3]
-    return np.where(alpha > 0.0, resolve.WRITTEN, np.where(alpha < 0.0, resolve.MISSED, 0)).astype(np.uint8)
+    return np.where(alpha > 0.0, texel_state.WRITTEN, np.where(alpha < 0.0, texel_state.MISSED, 0)).astype(np.uint8)

@@ -13,7 +13,7 @@ __all__ = ["draw", "upload"]
 
 
 def upload(low: bpy.types.Object, depsgraph: bpy.types.Depsgraph, directions: str) -> gpu.types.GPUBatch:
-    """The low mesh in world space with unit directions, as shell.draw wants it; directions as in Settings."""
+    """The low mesh in world space with unit directions, as cage_shell.draw wants it; directions as in Settings."""
     to_world = mesh_reader.matrix(low)
     with mesh_reader.evaluated(low, depsgraph) as data:
         mesh = mesh_reader.surface(data, "", low.name, to_world)

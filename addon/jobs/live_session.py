@@ -8,7 +8,7 @@ import bpy
 import gpu
 import numpy as np
 
-from ..core import progress
+from ..core import progress, texel_state
 from ..core.errors import BakeError
 from ..core.progress import Pace, Step, Work
 from ..core.report import Report
@@ -16,10 +16,10 @@ from ..core.settings import Settings
 from ..engine import finishing, method_choice, rendering, sources
 from ..engine.bands import Band
 from ..engine.sources import Source
+from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
 from ..output import datablocks, outputs
 from ..passes import target
-from ..passes.margin import resolve
 from ..passes.mesh_upload import Kept
 from ..scene import bake_objects, mesh_reader, reading
 from . import several
@@ -48,7 +48,7 @@ class Session:
         self.pace = speed
         self.texels: np.ndarray | None = None
         self.report: Report | None = None
-        self._meshes: reading.Meshes | None = None
+        self._meshes: Meshes | None = None
         self._method = settings.method
         self._finishes: dict[str, finishing.Finish] = {}
         self._kept = Kept()
@@ -106,7 +106,7 @@ class Session:
         renderer = rendering.Renderer(source, shown.basis, settings, report, self.pace, kept=self._kept)
         maps = yield from progress.part(renderer.texels(1001, self._finishes), READY, 1.0)
         texels, state = maps["NORMAL"]
-        if not (state == resolve.WRITTEN).any():
+        if not (state == texel_state.WRITTEN).any():
             raise BakeError(method_choice.nothing_drawn(shown, [1001], report))
         self.texels, self._state, self.report, self._source = texels, state, report, source
         self._coarse = None
@@ -165,7 +165,7 @@ class Session:
         self._kept, self._source = Kept(), None
 
     def advance(self, work: Work[None], seconds: float) -> Step:
-        """As pace.some, with the session's own textures: other bakes may go on between."""
+        """As progress.some, with the session's own textures: other bakes may go on between."""
         with target.using(self._pool):
             return progress.some(work, seconds)
 
@@ -180,12 +180,12 @@ class Session:
         return drawn.texture if is_whole else None
 
     @property
-    def meshes(self) -> reading.Meshes | None:
+    def meshes(self) -> Meshes | None:
         """The objects as they were last read."""
         return self._meshes
 
     def upload(self, key: str, mesh: Mesh, **attributes: np.ndarray) -> gpu.types.GPUBatch:
-        """As batch.Kept has it, beside what the session itself has uploaded."""
+        """As mesh_upload.Kept has it, beside what the session itself has uploaded."""
         return self._kept.upload(key, mesh.triangles, **attributes)
 
     def truth(self) -> gpu.types.GPUTexture:

@@ -17,11 +17,11 @@ from ..engine import method_choice, ray_casting, rendering, separation
 from ..engine.bands import Band
 from ..mesh import face_shapes as mesh_faces
 from ..mesh import triangle_mesh, uv_islands, uv_seams
+from ..mesh.inputs import Meshes
 from ..output import image_writer
 from ..passes import mesh_upload, target
 from ..passes.audit import overlap, triangle_ids
 from ..scene import bake_objects, mesh_reader, reading
-from ..scene.reading import Meshes
 from . import several
 
 ON_TEXELS = ("overlap", "uncovered", "far", "gaps", "backwards")

@@ -46,7 +46,7 @@ def work(
     *,
     reports: list[Report] | None = None,
 ) -> Work[list[Report]]:
-    """Bake each of `frames`, and put the image sequence into the low object's material. A generator as pipeline.work.
+    """Bake each of `frames`, and put the image sequence into the low object's material. A generator as several.work.
 
     Frames that are done are kept when it is closed; `reports` is added to as they are. Raises BakeError.
     """

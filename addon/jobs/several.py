@@ -18,6 +18,7 @@ from ..core.settings import Settings
 from ..engine import finishing, method_choice, ray_casting, rendering
 from ..engine.bands import bands
 from ..mesh import triangle_mesh
+from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
 from ..output import image_writer, materials
 from ..output.outputs import Outputs, check_apart, wanted
@@ -184,7 +185,7 @@ class _Bake:
     def __init__(self, job: Job, settings: Settings, report: Report, speed: Pace):
         self.job, self.settings, self.report, self.pace = job, settings, report, speed
         self.tally = checks.Tally()
-        self.meshes: reading.Meshes | None = None
+        self.meshes: Meshes | None = None
         self.tiles: list[int] = []
 
     def whole(self, context: bpy.types.Context) -> Work[None]:

@@ -13,12 +13,12 @@ from ..core.errors import BakeError
 from ..core.settings import Settings
 from ..engine import finishing, uv_agreement
 from ..engine.bands import BAND_TEXELS
+from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Frame, Mesh, frame_of, gap, normal_matrix
 from ..output import quantize
 from ..passes import mesh_upload, target
 from ..passes.view import deviation, lit
 from ..scene import mesh_reader
-from ..scene.reading import Meshes
 from .live_session import Session
 
 MODES = ("MAP", "SPLIT", "DEVIATION", "BARE_DEVIATION")

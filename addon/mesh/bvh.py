@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A tree of boxes over triangles, built from whole arrays and laid out for a shader that walks it without a stack.
 
-Triangles are sorted so that runs of them lie close together (kd.py); four in a row make a node, four nodes make the next,
+Triangles are sorted so that runs of them lie close together (kd_order.py); four in a row make a node, four nodes make the next,
 up to one root. The tree is complete, so that a node's place says all: the children of n are 4 n + 1 to 4 n + 4 (a heap
 with four children).
 """

@@ -7,12 +7,11 @@ from contextlib import ExitStack
 import bpy
 import numpy as np
 
-from ..core import file_names
+from ..core import file_names, texel_state
 from ..core.errors import BakeError, few
 from ..core.report import Report
 from ..core.settings import TOKEN, Settings
-from ..engine.rendering import Map
-from ..passes.margin import resolve
+from ..core.texel_state import Map
 from . import datablocks, image_writer, materials, value_encoding
 from .path_clashes import Places
 
@@ -101,7 +100,7 @@ class Outputs:
             return
         self._writers["NORMAL"].add(tile, texels)
         if "MASK" in self._writers:
-            self._writers["MASK"].add(tile, image_writer.black_and_white(state == resolve.MISSED))
+            self._writers["MASK"].add(tile, image_writer.black_and_white(state == texel_state.MISSED))
         for name, kept in self._kept.items():
             kept[tile] = maps[name][0]  # until the range of all tiles is known
 

@@ -5,7 +5,7 @@ import gpu
 import numpy as np
 
 WIDTH = 4096
-"""As in shaders/texture_lib.glsl."""
+"""As in shaders/lib/texture_lib.glsl."""
 
 
 def limit() -> int:

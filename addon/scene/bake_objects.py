@@ -48,7 +48,9 @@ class ObjectRef:
         if found is None or self.uid not in {0, found.session_uid}:
             found = next((obj for obj in bpy.data.objects if obj.session_uid == self.uid), None)
         if found is None and self.library:
-            found = next((obj for obj in bpy.data.objects if obj.name == self.name and _library(obj) == self.library), None)
+            found = next(
+                (obj for obj in bpy.data.objects if obj.name == self.name and _library(obj) == self.library), None
+            )
         return found
 
     def resolve(self) -> bpy.types.Object:
@@ -122,7 +124,8 @@ def own_highs(low: bpy.types.Object | None) -> list[bpy.types.Object]:
 
 def _no_high(low: bpy.types.Object) -> str:
     if low.modifiers and not detail_modifiers.is_added(low):
-        return f"No high object for {low.name!r}, {detail_modifiers.without(low)}: select the high object too, {low.name!r} last."
+        why = detail_modifiers.without(low)
+        return f"No high object for {low.name!r}, {why}: select the high object too, {low.name!r} last."
     return f"No high object for {low.name!r}: select one as well, or give {low.name!r} modifiers that add detail."
 
 
@@ -158,7 +161,9 @@ def _kind_problem(obj: bpy.types.Object, *, is_high: bool) -> str:
     for block in (obj, obj.data):  # Blender puts an empty object, or an empty mesh, in the place of what it misses
         if block and block.is_missing:
             file = block.library.filepath
-            return f"{obj.name!r} is linked from {file!r}, where it is not found: bring it back, or relocate the library."
+            return (
+                f"{obj.name!r} is linked from {file!r}, where it is not found: bring it back, or relocate the library."
+            )
     if obj.type == "MESH" or (is_high and may_be_high(obj)):
         return ""
     kind = obj.bl_rna.properties["type"].enum_items[obj.type].name.lower()

@@ -2,14 +2,14 @@
 """Reads the objects of a bake into arrays, all of them at once, so that Blender's state is borrowed only for that."""
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import bpy
 import numpy as np
 
 from ..core.errors import BakeError
 from ..core.settings import Settings
-from ..engine.ray_casting import check_cage
+from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh, frame_of
 from . import bake_objects, mesh_reader, visibility
 from .high_reader import Reader
@@ -18,29 +18,6 @@ from .high_reader import uv_layer as uv_layer_of
 SMALLEST, LARGEST = 5e-9, 1e9
 """Radius of a mesh, the first for each square root of its triangles' number. Blender takes the cross product of two edges
 for the normal of a face, and in single precision the square of its length is 0 for edges of 2e-9 and infinite for 4e9."""
-
-
-@dataclass(frozen=True)
-class Meshes:
-    """What a bake works on.
-
-    low: as rays and checks see it, with its faces. basis: the low mesh with tangents, for tangent space, else None.
-    directions (C, 3) float32: by corner of `low`, away from its surface. cage: with the corners of `low`, or None.
-    is_own_base: the high mesh is the low object's own surface with modifiers. materials: what the labels of the high
-    meshes stand for, from 1. apart: what apart.probe sees, where Auto has measured it already. shown: a surface on its
-    own base as it is shown, with the UVs that modifiers have moved; None where none does.
-    """
-
-    low: Mesh
-    highs: list[Mesh]
-    basis: Mesh | None
-    directions: np.ndarray
-    cage: Mesh | None
-    uv_layer: str
-    is_own_base: bool
-    materials: list[str]
-    apart: np.ndarray | None = None
-    shown: Mesh | None = None
 
 
 def read(
@@ -155,5 +132,18 @@ def _check_size(mesh: Mesh) -> None:
 def _cage(cage: bpy.types.Object, depsgraph: bpy.types.Depsgraph, low: Mesh, low_faces: int) -> Mesh:
     with mesh_reader.evaluated(cage, depsgraph) as data:
         mesh = mesh_reader.surface(data, "", cage.name, mesh_reader.matrix(cage))
-        check_cage(low, mesh, (low_faces, len(data.polygons)))
+        _check_cage(low, mesh, (low_faces, len(data.polygons)))
     return mesh
+
+
+def _check_cage(low: Mesh, cage: Mesh, faces: tuple[int, int]) -> None:
+    """Raise BakeError unless `cage` has the topology of `low`; faces: how many each has."""
+    if faces[0] != faces[1]:
+        raise BakeError(
+            f"The cage {cage.name!r} has {faces[1]:,} faces and {low.name!r} has {faces[0]:,}: take a copy of it."
+        )
+    if len(cage.vertices) != len(low.vertices):
+        raise BakeError(
+            f"The cage {cage.name!r} has {len(cage.vertices):,} face corners and {low.name!r} has {len(low.vertices):,}: "
+            "take a copy of it."
+        )

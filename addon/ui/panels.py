@@ -288,7 +288,7 @@ class IMPRINT_PT_sequence(_Panel, bpy.types.Panel):
 
 @lru_cache(maxsize=1)
 def _pairs(names: tuple[str, ...], suffixes: name_matching.Suffixes) -> tuple[list[name_matching.Pair], list[str]]:
-    """As pairs.match, which looks at each name: not at each redraw, but where a name or an ending has changed."""
+    """As name_matching.match, which looks at each name: not at each redraw, but where a name or an ending has changed."""
     return name_matching.match(names, suffixes)
 
 

@@ -40,7 +40,7 @@ class IMPRINT_OT_convention_add(AddPresetBase, bpy.types.Operator):
 
 CLASSES = (IMPRINT_PT_conventions, IMPRINT_OT_convention_add)
 _register, _unregister = bpy.utils.register_classes_factory(CLASSES)
-_PLACE = str(Path(__file__).parent)
+_PLACE = str(Path(__file__).parents[1])
 
 
 def register() -> None:

@@ -285,7 +285,7 @@ def limit(row: dict, gigabytes_per_second: float) -> dict:
 
 
 def hardware(folder: Path | None, scratch: Path, quick: bool) -> dict:
-    """What scripts/hardware.py says of the shaders without Blender, or {"error": why it does not}."""
+    """What scripts/dev/hardware.py says of the shaders without Blender, or {"error": why it does not}."""
     files = []
     sizes = (1024, 2048) if quick else (512, 1024, 2048)
     wanted = [(high, low) for high, low, *_ in PAPER] + [TERRAIN]
@@ -296,7 +296,7 @@ def hardware(folder: Path | None, scratch: Path, quick: bool) -> dict:
         export.export(blend, file)
         files.append(file)
     result = scratch / "hardware.json"
-    command = [str(peers.PYTHON), str(peers.ROOT / "scripts/hardware.py"), *map(str, files)]
+    command = [str(peers.PYTHON), str(peers.ROOT / "scripts/dev/hardware.py"), *map(str, files)]
     command += ["--sizes", *map(str, sizes), "--output", str(result)]
     done = subprocess.run(command, check=False, capture_output=True, text=True)
     if done.returncode:

@@ -261,7 +261,7 @@ def hardware(found: dict) -> list[str]:
     ]
     return [
         *lines,
-        f"Without Blender, on {how}: the same GLSL by scripts/hardware.py, milliseconds until the GPU is done. "
+        f"Without Blender, on {how}: the same GLSL by scripts/dev/hardware.py, milliseconds until the GPU is done. "
         "The addon reads by images in software and by samplers elsewhere.",
         "",
         *table(

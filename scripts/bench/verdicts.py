@@ -46,7 +46,7 @@ def at_least(target: str, wanted: float, found: list[tuple[str, dict[str, float]
 
 
 def judge(result: dict) -> list[Verdict]:
-    """The verdicts on a result of bench.py."""
+    """The verdicts on a result of run.py."""
     rows = [*result.get("pairs", []), *result.get("closed_forms", [])]
     several = [row for row in rows if row["samples"] > 1]
     rows = [row for row in rows if row["samples"] == 1]

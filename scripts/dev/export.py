@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Writes pairs as .npz, with the tree over the high mesh, for scripts/hardware.py on a machine without Blender."""
+"""Writes pairs as .npz, with the tree over the high mesh, for scripts/dev/hardware.py on a machine without Blender."""
 
 import argparse
 import sys
@@ -9,13 +9,13 @@ import bpy
 import gpu
 import numpy as np
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 import addon  # noqa: E402
 from addon.core.report import Report  # noqa: E402
 from addon.core.settings import Settings  # noqa: E402
-from addon.engine import method_choice, ray_casting, ray_distances
+from addon.engine import method_choice, ray_casting, ray_distances  # noqa: E402
 from addon.mesh import bvh, triangle_mesh  # noqa: E402
 from addon.scene import reading  # noqa: E402
 

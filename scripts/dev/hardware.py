@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Times the shaders themselves on whatever OpenGL the machine has, without Blender: moderngl on EGL, meshes as .npz.
 
-python3 scripts/hardware.py FILE.npz ... [--output RESULT.json]     needs numpy and moderngl
+python3 scripts/dev/hardware.py FILE.npz ... [--output RESULT.json]     needs numpy and moderngl
 
-The files come from scripts/export.py, on a machine with Blender. The shader files are taken as they are; the
+The files come from scripts/dev/export.py, on a machine with Blender. The shader files are taken as they are; the
 interface that addon/passes declares for them becomes plain GLSL here, where in Blender its backend writes it.
 """
 
@@ -18,7 +18,7 @@ from pathlib import Path
 import moderngl
 import numpy as np
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 REPEATS = 9
 TYPES = {"VEC2": "vec2", "VEC3": "vec3", "VEC4": "vec4", "MAT4": "mat4", "FLOAT": "float", "INT": "int"}
 SAMPLERS = {"FLOAT_2D": "sampler2D", "UINT_2D": "usampler2D", "INT_2D": "isampler2D"}

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Makes the README's pictures of Imprint at work, in a Blender with a window:
 
-blender --window-geometry 0 0 1600 1000 --python scripts/pictures.py -- DIR
+blender --window-geometry 0 0 1600 1000 --python scripts/dev/pictures.py -- DIR
 
 Panel, before and after, split and deviation, as .jpg in DIR, of the demo's terrain. Needs Blender 5.2 and a screen; where
 Blender's own screenshots stay empty, as under some virtual screens, ImageMagick's `import` takes them.
@@ -16,7 +16,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 import addon  # noqa: E402

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Stops batches of small bakes at random moments, and says what each stop left behind. Linux and macOS.
 
-python3 scripts/stops.py [--count 100] [--seed 0] [--signals INT,TERM] [--sets 40] [--kill 20]
+python3 scripts/dev/stops.py [--count 100] [--seed 0] [--signals INT,TERM] [--sets 40] [--kill 20]
 
 Each batch is told to stop by one signal, sent to the launcher, to Blender or to the whole process group in turn. What must
 hold: the exit code is 128 and the signal's number, nobody of the group lives on, no partial file is left, each map that is
@@ -23,7 +23,7 @@ import time
 import zlib
 from pathlib import Path
 
-HERE = Path(__file__).resolve().parent
+HERE = Path(__file__).resolve().parents[1]
 LAUNCHER = [sys.executable, str(HERE / "imprint.py"), "bake"]
 TARGETS = ("launcher", "Blender", "group")
 PATIENCE = 60.0

@@ -1,4 +1,4 @@
-// One of the maps beside the normal map: what lies between the low surface and the high one. `which` is as in relief.py.
+// One of the maps beside the normal map: what lies between the low surface and the high one. `which` is as in surface_values.py.
 
 void main()
 {

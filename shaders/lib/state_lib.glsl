@@ -1,4 +1,4 @@
-// What the state of a texel says, as passes/resolve.py has it.
+// What the state of a texel says, as core/texel_state.py has it.
 
 const float STATE_MARGIN = 1.0 / 255.0;
 const float STATE_WRITTEN = 2.0 / 255.0;

@@ -4,11 +4,11 @@
 import bpy
 import numpy as np
 import pytest
-from tests.bake.test_audit import QUARTERS, bake, faces, mask, part, tiles
 
 from addon.audit import mip_gaps, severity
 from addon.core.settings import Settings
 from addon.jobs import locate_issues, several
+from tests.audit.test_checks import QUARTERS, bake, faces, mask, part, tiles
 from tests.support import zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")

@@ -219,7 +219,7 @@ def test_a_scene_or_report_that_cannot_be_saved_leaves_nothing_of_the_bake(scene
 
 
 def test_missing_folders_are_made(scene):
-    """And removed again where the bake fails: see above, and tests/unit/test_replacing.py."""
+    """And removed again where the bake fails: see above, and tests/pure/test_atomic_file.py."""
     words = [*BAKE, "--output", "a/b/m.png", "--report", "r/r.json", "--save-blend", "s/s.blend"]
     assert command.run(words) == command.DONE
     assert {"a/b/m.png", "r/r.json", "s/s.blend"} <= set(files(scene))

@@ -205,14 +205,14 @@ def test_the_report_of_a_batch_grows_as_it_goes_on(scene, monkeypatch):
 ENDS = """
 import signal, sys
 from pathlib import Path
-from addon import stopping
-from addon.bake.files import Partial
-with stopping.listening():
+from addon.cli import interruption
+from addon.output.atomic_file import Partial
+with interruption.listening():
     partial = Partial(Path(sys.argv[1]))
     partial.here.write_text("half")
     for name in sys.argv[2:]:
         signal.raise_signal(signal.Signals[name])
-    print(stopping.code())
+    print(interruption.code())
     partial.discard()
 """
 
@@ -299,9 +299,9 @@ def test_who_has_done_all_is_not_stopped_any_more(scene):
 TWICE = """
 import os, signal, sys
 from pathlib import Path
-from addon import stopping
-from addon.bake.files import Partial
-with stopping.listening():
+from addon.cli import interruption
+from addon.output.atomic_file import Partial
+with interruption.listening():
     partial = Partial(Path(sys.argv[1]))
     partial.here.write_text("half")
     close = os.close

@@ -293,7 +293,7 @@ def test_an_atlas_is_not_sampled_again(monkeypatch):
 
     monkeypatch.setattr(target, "bind", counting)
     atlas(samples=4)
-    assert seen.count("accumulate_comp.glsl") == 2 * 4  # each object once
+    assert seen.count("bake/accumulate_comp.glsl") == 2 * 4  # each object once
 
 
 @pytest.mark.parametrize("dither", [False, True])

@@ -68,7 +68,13 @@ def settings(method, **values):
 
 def passes(counts):
     """The runs by shader file, without those of the audit, which looks at small maps of its own."""
-    audit = {"overlap_frag.glsl", "gbuffer_frag.glsl", "points_frag.glsl", "faces_frag.glsl", "distance_frag.glsl"}
+    audit = {
+        "audit/overlap_frag.glsl",
+        "bake/gbuffer_frag.glsl",
+        "bake/points_frag.glsl",
+        "audit/faces_frag.glsl",
+        "bake/distance_frag.glsl",
+    }
     return {name: count for name, count in counts.items() if name.endswith(".glsl") and name not in audit}
 
 
@@ -76,13 +82,13 @@ def passes(counts):
 def test_flatten_is_one_draw_a_sample(counts, samples):
     low, high = pair()
     several.bake(bpy.context, low, [high], settings("FLATTEN", samples=samples))
-    accumulated = {"accumulate_comp.glsl": samples, "average_frag.glsl": 1} if samples > 1 else {}
+    accumulated = {"bake/accumulate_comp.glsl": samples, "bake/average_frag.glsl": 1} if samples > 1 else {}
     assert passes(counts) == {
-        "flatten_frag.glsl": samples,
-        "tangent_frag.glsl": samples,
-        "margin_rows_comp.glsl": 1,
-        "margin_columns_comp.glsl": 1,
-        "resolve_frag.glsl": 1,
+        "bake/flatten_frag.glsl": samples,
+        "bake/tangent_frag.glsl": samples,
+        "margin/margin_rows_comp.glsl": 1,
+        "margin/margin_columns_comp.glsl": 1,
+        "margin/resolve_frag.glsl": 1,
         **accumulated,
     }
 
@@ -94,8 +100,8 @@ def test_cast_is_one_dispatch_a_sample(counts, samples):
     several.bake(bpy.context, low, [high], settings("CAST", samples=samples, **distances))
     found = passes(counts)
     # One more for the audit, which asks how far the rays went.
-    assert samples <= found["cast_comp.glsl"] <= samples + 1
-    assert found["lookup_frag.glsl"] == found["tangent_frag.glsl"] == samples
+    assert samples <= found["bake/cast_comp.glsl"] <= samples + 1
+    assert found["bake/lookup_frag.glsl"] == found["bake/tangent_frag.glsl"] == samples
 
 
 def test_what_goes_up_and_comes_down(counts):

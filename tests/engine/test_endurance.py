@@ -102,8 +102,8 @@ PEAK = """
 import resource, sys
 import bpy, gpu
 gpu.init()
-from addon.bake import pipeline
-from addon.bake.settings import Settings
+from addon.jobs import several
+from addon.core.settings import Settings
 from tests.support import zoo
 
 method, samples, output = sys.argv[1:]
@@ -113,7 +113,7 @@ low, high = zoo.plane("lo", 1), zoo.terrain("hi", 16)
 for obj in (low, high):
     uv = obj.data.uv_layers[0].uv
     uv.foreach_set("vector", [0.25 * part.vector[axis] for part in uv for axis in range(2)])
-report = pipeline.bake(bpy.context, low, [high], settings)
+report = several.bake(bpy.context, low, [high], settings)
 print("peak", resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
 """
 

@@ -9,11 +9,11 @@ import gpu
 import numpy as np
 import pytest
 
+from addon.core import texel_state
 from addon.core.settings import Settings
 from addon.engine import bands, finishing, large_map_margin
 from addon.jobs import several
 from addon.mesh.triangle_mesh import Mesh
-from addon.passes.margin import resolve
 from tests.support import angles, maps, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -67,8 +67,8 @@ def test_between_two_islands_each_texel_takes_the_nearer():
     values = np.zeros((40, 46, 4), np.float32)
     values[10:30, 5:20], values[10:30, 26:41] = (0, 0, 1, 1), (0.6, 0, 0.8, 1)
     texels, state = finished(values, [], margin=None)
-    assert ((state == resolve.WRITTEN) == (values[..., 3] > 0.0)).all()
-    assert ((state == resolve.MARGIN) == (values[..., 3] == 0.0)).all()
+    assert ((state == texel_state.WRITTEN) == (values[..., 3] > 0.0)).all()
+    assert ((state == texel_state.MARGIN) == (values[..., 3] == 0.0)).all()
     assert (texels[..., 3] == 1.0).all()
     assert np.allclose(texels[:, :23, :3], (0.5, 0.5, 1.0))
     assert np.allclose(texels[:, 23:, :3], (0.8, 0.5, 0.9))
@@ -149,13 +149,13 @@ def test_bands_give_the_same_as_the_whole(in_bands, margin_type, name):
     in_bands(30, 64)
     texels, state = finished(values, lows, margin=16, margin_type=margin_type)
     assert np.array_equal(state, whole_state)
-    assert np.count_nonzero(state == resolve.MARGIN) > 1000
+    assert np.count_nonzero(state == texel_state.MARGIN) > 1000
     if margin_type == "EXTEND":
         assert np.array_equal(texels, whole)
     else:
         # Where a place falls between two texels may be rounded either way.
         off = np.abs(texels - whole).max(axis=-1) > 1e-5
-        assert np.count_nonzero(off) < 1e-3 * np.count_nonzero(state == resolve.MARGIN)
+        assert np.count_nonzero(off) < 1e-3 * np.count_nonzero(state == texel_state.MARGIN)
 
 
 @pytest.mark.parametrize("margin", [20, None])
@@ -166,9 +166,9 @@ def test_far_from_a_band_the_texel_taken_is_almost_the_nearest_seed(in_bands, se
     in_bands(30, 8)
     texels, state = finished(values, [], name="POSITION", margin=margin)
     taken, nearest = squares(values, texels)
-    assert np.array_equal(state == resolve.WRITTEN, alpha > 0.0)
-    assert np.array_equal(state == resolve.MISSED, alpha < 0.0)
-    filled = state == resolve.MARGIN
+    assert np.array_equal(state == texel_state.WRITTEN, alpha > 0.0)
+    assert np.array_equal(state == texel_state.MISSED, alpha < 0.0)
+    filled = state == texel_state.MARGIN
     if margin is None:
         assert filled[alpha == 0.0].all()
     assert np.array_equal(taken[filled & (nearest <= 64)], nearest[filled & (nearest <= 64)])
@@ -310,12 +310,12 @@ def test_across_a_seam_the_surface_goes_on(name, space, parted):
     )
     plain, plain_state = finished(values, [mesh_of(islands)], space=space, margin=16)
     assert np.array_equal(state, plain_state)
-    assert np.array_equal(texels[state != resolve.MARGIN], plain[state != resolve.MARGIN])
+    assert np.array_equal(texels[state != texel_state.MARGIN], plain[state != texel_state.MARGIN])
     for one, other in (islands, islands[::-1]):
         z = one.point(place)
         # Beside the seam, and away from its ends; what the neighbour's own margin is nearer to is not asked.
         beside = (
-            (state == resolve.MARGIN)
+            (state == texel_state.MARGIN)
             & (np.abs(z.imag) < 0.8)
             & (np.sign(z.real) == -np.sign(one.low.real + one.high.real))
         )
@@ -333,7 +333,7 @@ def test_where_the_surface_ends_the_nearest_texel_stays():
     texels, state = finished(values, lows, margin=16, margin_type="ADJACENT_FACES")
     plain, _ = finished(values, lows, margin=16)
     left = islands[0].point(place)
-    beyond = (state == resolve.MARGIN) & (left.real < -1.02)
+    beyond = (state == texel_state.MARGIN) & (left.real < -1.02)
     assert np.count_nonzero(beyond) > 500
     assert np.array_equal(texels[beyond], plain[beyond])
     assert not np.array_equal(texels, plain)
@@ -355,7 +355,7 @@ def test_across_a_narrow_island_lies_nothing_of_the_next_one_in_the_map():
     values = np.stack([numbers, numbers, numbers, numbers > 0.0], axis=-1).astype(np.float32)
     texels, state = finished(values, [mesh_of(islands)], name="OBJECT_ID", margin=12, margin_type="ADJACENT_FACES")
     z = islands[0].point(places())
-    beside = (state == resolve.MARGIN) & (z.real > 0.0) & (z.real * 45.0 < 12.5) & (np.abs(z.imag) < 0.9)
+    beside = (state == texel_state.MARGIN) & (z.real > 0.0) & (z.real * 45.0 < 12.5) & (np.abs(z.imag) < 0.9)
     far = z.real[beside] * 45.0
     assert np.array_equal(texels[beside][:, 0], np.where(far < 0.15 * 45.0, 2.0, 1.0))
     assert (far > 8.0).any()
@@ -436,7 +436,7 @@ def test_where_normals_cancel_out_across_a_seam_the_nearest_texel_stays(in_bands
         values, [mesh_of(islands, size)], name=name, space="OBJECT", margin=4, margin_type="ADJACENT_FACES"
     )
     assert np.isfinite(texels).all()
-    assert (state[beside] == resolve.MARGIN).all()
+    assert (state[beside] == texel_state.MARGIN).all()
     assert np.array_equal(np.unique(texels[right][:, 2]), [0.0, 1.0] if name == "NORMAL" else [-1.0, 1.0])
     nearest = texels[64, 64, 2]  # of the left island, whose last column this is
     assert (texels[beside][:, 2] == (nearest if name == "NORMAL" else 0.0)).all()
@@ -470,9 +470,9 @@ def test_a_hole_across_a_seam_is_not_brought_over():
     texels, state = finished(values, [low], margin=16, margin_type="ADJACENT_FACES")
     plain, plain_state = finished(values, [low], margin=16)
     assert np.array_equal(state, plain_state)
-    assert (state[hole] == resolve.MISSED).all()
+    assert (state[hole] == texel_state.MISSED).all()
     left = islands[0].point(places())
-    beside = (state == resolve.MARGIN) & (np.abs(left.imag) < 0.15) & (left.real > 0.0) & (left.real < 0.2)
+    beside = (state == texel_state.MARGIN) & (np.abs(left.imag) < 0.15) & (left.real > 0.0) & (left.real < 0.2)
     assert np.array_equal(texels[beside], plain[beside])
 
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Random objects and settings, mostly odd ones: each bake ends in a map or in one sentence, and never in anything else.
 
-The seed is the test's name. More of them: IMPRINT_RANDOM=1000:5000 pytest tests/bake/test_random.py
+The seed is the test's name. More of them: IMPRINT_RANDOM=1000:5000 pytest tests/jobs/test_random.py
 """
 
 import os

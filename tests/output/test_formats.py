@@ -257,15 +257,15 @@ def test_a_bake_that_is_stopped_leaves_nothing(tmp_path):
 FOREVER = """
 import os, sys
 import numpy as np
-from addon.bake import images
-from addon.bake.settings import Settings
+from addon.output import image_writer
+from addon.core.settings import Settings
 
 texels = np.ones((128, 128, 4), np.float32)
 turn = 0
 while True:
     for name in sys.argv[1:]:
         texels[..., :3] = np.random.default_rng(turn % 2).random((128, 128, 3))
-        with images.Writer("low", Settings(storage="FILE", output=name, depth=8)) as writer:
+        with image_writer.Writer("low", Settings(storage="FILE", output=name, depth=8)) as writer:
             writer.add(1001, texels)
             writer.commit()
     turn += 1

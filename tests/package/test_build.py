@@ -66,10 +66,10 @@ def test_what_lies_about_stays_out(tmp_path):
         "out/normal.png",
         "pyproject.toml",
         "scene.blend1",
-        "tests/addon/test_panel.py",
+        "tests/ui/test_panel.py",
         "addon/__pycache__/live.cpython-313.pyc",
         "addon/.DS_Store",
-        "shaders/lit.blend1",
+        "shaders/view/lit.blend1",
     ):
         (source / litter).parent.mkdir(parents=True, exist_ok=True)
         (source / litter).touch()

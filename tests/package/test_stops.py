@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Batches of another process, stopped by signals as scripts/stops.py does at length, and where their output goes."""
+"""Batches of another process, stopped by signals as scripts/dev/stops.py does at length, and where their output goes."""
 
 import os
 import signal

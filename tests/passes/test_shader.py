@@ -44,17 +44,16 @@ PROGRAMS = [
 
 def test_every_file_is_used_and_named_for_its_stage():
     used = {name for program in PROGRAMS for name in (program.vertex, program.fragment, program.compute)}
-    for path in shader.SHADERS.iterdir():
+    files = {path.relative_to(shader.SHADERS).as_posix(): path for path in shader.SHADERS.rglob("*.glsl")}
+    for name, path in files.items():
         stage = path.stem.rsplit("_", 1)[1]
         text = path.read_text(encoding="utf-8")
-        assert text.count("void main()") == (0 if stage == "lib" else 1), path.name
+        assert text.count("void main()") == (0 if stage == "lib" else 1), name
         if stage == "lib":
-            assert any(
-                f'#include "{path.name}"' in other.read_text(encoding="utf-8") for other in shader.SHADERS.iterdir()
-            )
+            assert any(f'#include "{name}"' in other.read_text(encoding="utf-8") for other in files.values())
         else:
             assert stage in {"vert", "frag", "comp"}
-            assert path.name in used, path.name
+            assert name in used
 
 
 def test_includes_are_resolved_once_and_lines_keep_their_numbers(tmp_path, monkeypatch):

@@ -25,7 +25,7 @@ def names(folder):
 WRITER = """
 import sys
 from pathlib import Path
-from addon.bake.files import Partial
+from addon.output.atomic_file import Partial
 partial = Partial(Path(sys.argv[1]))
 partial.here.write_text("half")
 partial.here.with_name(partial.here.name + "@").write_text("half")  # as Blender does with a .blend

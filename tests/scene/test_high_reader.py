@@ -264,7 +264,7 @@ def test_instances_on_points_are_as_if_they_were_realized():
 TEN_MILLION = """
 import resource, sys
 import bpy, gpu, numpy as np
-from tests.bake import test_highs as here
+from tests.scene import test_high_reader as here
 
 gpu.init()
 bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)

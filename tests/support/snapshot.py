@@ -33,7 +33,7 @@ def snapshot(context=None, *, without=()) -> dict:
     state = {"active": context.view_layer.objects.active and context.view_layer.objects.active.name_full}
     for collection in _collections():
         if collection not in without:
-            state[collection] = sorted(block.name_full for block in getattr(bpy.data, collection))
+            state[collection] = sorted(block.name_full for block in getattr(bpy.data, collection) if _is_the_files(block))
     for scene in bpy.data.scenes:
         for part in (scene, scene.render, scene.render.image_settings, scene.render.ffmpeg, scene.view_settings):
             state[scene.name, part.bl_rna.identifier] = settings(part)
@@ -88,6 +88,12 @@ def pixels(image) -> bytes:
     values = np.empty(len(image.pixels), np.float32)
     image.pixels.foreach_get(values)
     return values.tobytes()
+
+
+def _is_the_files(block) -> bool:
+    """Whether it belongs to the file: Blender itself loads brushes from its own libraries when a mode is entered."""
+    path = block.filepath if isinstance(block, bpy.types.Library) else block.library and block.library.filepath
+    return not path or "essentials" not in path
 
 
 def _collections() -> list[str]:

@@ -3,13 +3,13 @@
 
 import bpy
 import pytest
-from tests.addon.test_preview import seen, view, viewport
 
 import addon
 from addon.scene import visibility
 from addon.ui import live_mode
 from addon.ui.viewport import object_hiding, view_mode
 from tests.support import zoo
+from tests.ui.test_view_mode import seen, view, viewport
 
 pytestmark = pytest.mark.usefixtures("gpu_context", "registered")
 

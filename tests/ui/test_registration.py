@@ -7,10 +7,9 @@ import bpy
 import pytest
 
 import addon
-from addon import passes
 from addon.cli import command
 from addon.core.settings import Settings
-from addon.passes import target
+from addon.passes import shader, target
 from addon.ui import check_panel, map_size, modal, operators, panels, presets, properties
 from addon.ui.viewport import view_mode
 from tests.support import maps, zoo
@@ -54,10 +53,10 @@ def test_it_frees_the_gpu_when_it_goes():
     addon.register()
     maps.bake(zoo.plane("lo"), zoo.plane("hi"))
     assert target._common
-    assert passes.shader.load.cache_info().currsize
+    assert shader.load.cache_info().currsize
     addon.unregister()
     assert not target._common
-    assert not passes.shader.load.cache_info().currsize
+    assert not shader.load.cache_info().currsize
 
 
 def test_it_frees_the_gpu_when_blender_ends(monkeypatch):

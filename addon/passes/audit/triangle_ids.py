@@ -18,7 +18,7 @@ PROGRAM = shader.Program(
     outputs=(("FLOAT", "number_out"),),
 )
 PART = 4096
-"""As in shaders/faces_frag.glsl: numbers are up to the square of it, 2^24, where single precision ends as well."""
+"""As in shaders/audit/faces_frag.glsl: numbers are up to the square of it, 2^24, where single precision ends as well."""
 
 
 def upload(triangles: np.ndarray, uv: np.ndarray, numbers: np.ndarray | None = None) -> gpu.types.GPUBatch:

@@ -15,8 +15,6 @@ PROGRAM = shader.Program(
     constants=(("INT", "halo"), ("MAT4", "encode"), ("VEC4", "missed")),
     outputs=(("VEC4", "map_out"), ("FLOAT", "state_out")),
 )
-MARGIN, WRITTEN, MISSED, DEFERRED = 1, 2, 3, 4
-"""What the state texture says of a texel; 0 is background. Deferred ones have yet to be filled, as passes.seams says."""
 
 
 def draw(
@@ -30,7 +28,8 @@ def draw(
 ) -> None:
     """Write the map (RGBA32F) and the state of its texels (R8) into `into`, whose row 0 is row `halo` of `values`.
 
-    values: alpha above 0 where a texel was written, below 0 where its ray missed. nearest: what margin.search found there.
+    values: alpha above 0 where a texel was written, below 0 where its ray missed. nearest: what
+    nearest_texel.search found there.
     encode: (4, 4), from a value and 1 to red, green and blue. missed: the colour that stands for a miss.
     """
     target.fill(

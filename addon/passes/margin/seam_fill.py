@@ -34,7 +34,7 @@ ACROSS = shader.Program(
 VALUE, LABEL, NORMAL, TANGENT = range(4)
 """Kinds of values: numbers, numbers between which there is no mean, unit normals, and these in tangent space."""
 FARTHEST = 256
-"""Texels: the longest way on the other side of a seam that is looked at, as in shaders/across_frag.glsl."""
+"""Texels: the longest way on the other side of a seam that is looked at, as in shaders/margin/across_frag.glsl."""
 
 
 @dataclass(frozen=True)
