@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..core import texel_state
-from ..core.errors import few
+from ..core.errors import shorten_list
 from ..core.report import Report
 from ..core.settings import Settings
 from ..engine import ray_casting, separation, uv_agreement
@@ -46,7 +46,7 @@ class Tally:
 
     def add(self, state: np.ndarray, upwards: np.ndarray | None, backwards: int) -> None:
         """Count one tile; state as rendering.Renderer.texels has it, upwards the part of its normals along the low mesh's on
-        SOME texels, or None where they are not relative to it, and backwards as finishing.backwards counts them."""
+        SOME texels, or None where they are not relative to it, and backwards as post_process.backwards counts them."""
         self.written += int(np.count_nonzero(state == texel_state.WRITTEN))
         self.margin += int(np.count_nonzero(state == texel_state.MARGIN))
         self.missed += int(np.count_nonzero(state == texel_state.MISSED))
@@ -68,7 +68,7 @@ def tell(
     settings: Settings,
     report: Report,
     *,
-    shot: ray_casting.Shot | None = None,
+    ray_cast: ray_casting.RayCast | None = None,
 ) -> None:
     """Put into the report what was covered, what was missed and what was left out. shot: what was cast, if it was."""
     report.triangles = {"high": sum(len(high.triangles) for high in meshes.highs), "low": len(meshes.low.triangles)}
@@ -84,7 +84,7 @@ def tell(
         _tell_of_uvs(meshes, settings, report)
         _tell_of_texels(meshes, tally, tiles, settings, report)
         _tell_of_gaps(meshes, tiles, settings, report)
-        _tell_of_distances(meshes, tiles, settings, report, shot)
+        _tell_of_distances(meshes, tiles, settings, report, ray_cast)
         _tell_of_faces(meshes, report)
         _tell_of_normals(meshes, tally, report)
     chosen = replace(settings, method=report.method)
@@ -95,7 +95,7 @@ def tell(
 
 
 def _flat(meshes: Meshes, report: Report) -> str:
-    what = "its own modifiers" if meshes.is_own_base else few(map(repr, report.high))
+    what = "its own modifiers" if meshes.is_own_base else shorten_list(map(repr, report.high))
     return f"The map is flat: nothing of {what} differs from {report.low!r}. Is that the right high object?"
 
 
@@ -171,11 +171,11 @@ def _tell_of_gaps(meshes: Meshes, tiles: Sequence[int], settings: Settings, repo
 
 
 def _tell_of_distances(
-    meshes: Meshes, tiles: Sequence[int], settings: Settings, report: Report, shot: ray_casting.Shot | None
+    meshes: Meshes, tiles: Sequence[int], settings: Settings, report: Report, ray_cast: ray_casting.RayCast | None
 ) -> None:
     texels = meshes.apart
     if texels is None:
-        texels = separation.probe(separation.glancing(meshes, shot), (settings.width, settings.height), tiles)
+        texels = separation.probe(separation.glancing(meshes, ray_cast), (settings.width, settings.height), tiles)
     offset = separation.offset(texels, report.method)
     found = separation.distances(texels, offset)
     found = found[found >= 0.0]

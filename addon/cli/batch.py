@@ -16,7 +16,7 @@ import gpu
 
 from ..core import file_names, progress
 from ..core.errors import BakeError, sentence
-from ..core.progress import Step
+from ..core.progress import Progress
 from ..core.report import Report
 from ..core.settings import Settings
 from ..jobs import sequence, several
@@ -140,7 +140,7 @@ def bake(plan: Plan, stage: Stage, files: run_clashes.Run, meter: Meter) -> Resu
         if path is not None and file_names.LOW not in str(path):
             check_writable(path)
     if meter.is_on:
-        meter.tell(subject(options), Step("Opening", 0.0))
+        meter.tell(subject(options), Progress("Opening", 0.0))
     jobs, problems = _jobs(options, stage)
     lows = [several.ATLAS] if _share_image(options) else [job.low.name for job in jobs]
     files.opened(plan.name, options, lows)
@@ -168,7 +168,7 @@ def _baked(
     """
     share_image = _share_image(options)
 
-    def tell(step: Step) -> None:
+    def tell(step: Progress) -> None:
         interruption.check()
         if meter.is_on:
             job = jobs[0 if options.frames else step.finished]

@@ -10,7 +10,7 @@ from typing import TextIO
 import bpy
 
 from ..core.errors import BakeError, WrongPlace, sentence
-from ..core.progress import Step
+from ..core.progress import Progress
 from . import arguments, batch, interruption, job_file, run_clashes, standard_streams
 from .arguments import STDOUT, WrongUsage
 from .batch import Plan, Result
@@ -65,7 +65,7 @@ def _read(words: Sequence[str], program: str) -> tuple[argparse.Namespace, list[
     if options.jobs:
         own, more = arguments.split_jobs(words)
         with Meter(sys.stderr) as meter:
-            return own, job_file.read(own.jobs, more, lambda share: meter.tell(own.jobs, Step("Reading", share)))
+            return own, job_file.read(own.jobs, more, lambda share: meter.tell(own.jobs, Progress("Reading", share)))
     arguments.check(options)
     return options, [options]
 

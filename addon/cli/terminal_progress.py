@@ -4,7 +4,7 @@
 import shutil
 from typing import TextIO
 
-from ..core.progress import Step
+from ..core.progress import Progress
 
 
 class Meter:
@@ -22,7 +22,7 @@ class Meter:
     def __exit__(self, *_) -> None:
         self.clear()
 
-    def tell(self, name: str, step: Step) -> None:
+    def tell(self, name: str, step: Progress) -> None:
         """Write what is going on with the object, or file, of that name."""
         what = step.what if name in step.what else f"{name}: {step.what}"
         self._write(f"{self.place}{what}, {min(step.done, 1.0):.0%}")

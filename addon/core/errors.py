@@ -19,7 +19,7 @@ def sentence(error: BakeError | MemoryError) -> str:
     return f"There is not enough memory{f' ({error})' if str(error) else ''}: choose a smaller map, or bake less at a time."
 
 
-def few(things: Iterable[object], most: int = 3) -> str:
+def shorten_list(things: Iterable[object], most: int = 3) -> str:
     """`things` in a sentence that stays short: some of them, and how many more there are."""
     words = list(map(str, things))
     more = len(words) - most

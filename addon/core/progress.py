@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Step:
+class Progress:
     """Said between two slices: what is going on, how much of the whole is done (0 to 1), and the map as far as it is.
 
     picture: a texture for the screen, or None where there is nothing to see yet. finished: how many maps are done.
@@ -23,10 +23,10 @@ class Step:
     finished: int = 0
 
 
-type Work[Result] = Generator[Step, None, Result]
+type Task[Result] = Generator[Progress, None, Result]
 
 
-def part[Result](work: Work[Result], start: float, stop: float) -> Work[Result]:
+def part[Result](work: Task[Result], start: float, stop: float) -> Task[Result]:
     """`work` as the part from `start` to `stop` of something larger."""
     try:
         while True:
@@ -38,7 +38,7 @@ def part[Result](work: Work[Result], start: float, stop: float) -> Work[Result]:
         work.close()
 
 
-def finish[Result](work: Work[Result], tell: Callable[[Step], None] | None = None) -> Result:
+def finish[Result](work: Task[Result], tell: Callable[[Progress], None] | None = None) -> Result:
     """Do all of `work`; `tell` hears of each step."""
     try:
         while True:
@@ -51,7 +51,7 @@ def finish[Result](work: Work[Result], tell: Callable[[Step], None] | None = Non
         work.close()
 
 
-def some[Result](work: Work[Result], seconds: float) -> Step:
+def run_for[Result](work: Task[Result], seconds: float) -> Progress:
     """As much of `work` as takes about `seconds`. Raises StopIteration at its end, with the result as value."""
     start = time.perf_counter()
     while True:

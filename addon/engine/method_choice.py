@@ -4,8 +4,8 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from ..core.errors import BakeError, few
-from ..core.progress import Pace, Step, Work
+from ..core.errors import BakeError, shorten_list
+from ..core.progress import Pace, Progress, Task
 from ..core.report import Report
 from ..core.settings import Settings
 from ..mesh import triangle_mesh
@@ -34,7 +34,7 @@ def choose(meshes: Meshes, tiles: Sequence[int], settings: Settings, report: Rep
             highs=[triangle_mesh.keep_corners(high, triangle_mesh.finite_rows(high.uv)) for high in meshes.highs],
         )
     apart = triangle_mesh.gap(meshes.low, meshes.highs)
-    radius = triangle_mesh.frame_of([meshes.low]).size
+    radius = triangle_mesh.local_space_of([meshes.low]).size
     if apart > FAR_APART * radius and settings.max_distance is None and meshes.cage is None:
         raise BakeError(_apart(report, apart))
     # What no ray can reach would only make the tree coarse: the size of its boxes' steps is that of all high meshes.
@@ -57,41 +57,41 @@ def source(
     report: Report,
     pace: Pace,
     *,
-    kept: mesh_upload.Kept | None = None,
-) -> Work[sources.Source]:
-    """What draws the normals; `kept` holds what was uploaded before."""
+    uploads: mesh_upload.UploadCache | None = None,
+) -> Task[sources.Source]:
+    """What draws the normals; `uploads` holds what was uploaded before."""
     if report.method == "FLATTEN":
-        return sources.Flat(meshes.low, meshes.highs, settings, report, kept=kept)
-    yield Step("Building the tree", 0.0)
-    aim = ray_casting.aim_at(meshes.highs, report)
-    yield Step("Measuring distances", 0.5)
+        return sources.Flat(meshes.low, meshes.highs, settings, report, uploads=uploads)
+    yield Progress("Building the tree", 0.0)
+    ray_scene = ray_casting.ray_scene_of(meshes.highs, report)
+    yield Progress("Measuring distances", 0.5)
     with report.timed("upload"):
-        rays = ray_casting.rays(meshes.low, meshes.directions, meshes.cage, aim.frame)
+        rays = ray_casting.rays(meshes.low, meshes.directions, meshes.cage, ray_scene.local_space)
     # With a cage rays start on it, and nowhere else.
     extrusion, reach = 0.0 if meshes.cage is not None else settings.extrusion, settings.max_distance
     if extrusion is None or reach is None:
         with report.timed("distances"):
             outside, inside = ray_distances.measure(
-                aim.tables,
+                ray_scene.tables,
                 rays,
                 (settings.width, settings.height),
                 tiles,
                 has_cage=meshes.cage is not None,
                 facing_only=settings.facing_only,
             )
-        extrusion = outside * aim.frame.size if extrusion is None else extrusion
+        extrusion = outside * ray_scene.local_space.size if extrusion is None else extrusion
         # What was measured from the low surface, from wherever rays start.
-        reach = extrusion + inside * aim.frame.size if reach is None else reach
+        reach = extrusion + inside * ray_scene.local_space.size if reach is None else reach
         report.measured = True
     report.distances = {"extrusion": extrusion, "max_distance": reach}
-    size = aim.frame.size
-    shot = ray_casting.Shot(aim, rays, extrusion / size, reach / size, settings.facing_only)
-    return sources.Rays(meshes.low, shot, meshes.highs, settings, pace)
+    size = ray_scene.local_space.size
+    ray_cast = ray_casting.RayCast(ray_scene, rays, extrusion / size, reach / size, settings.facing_only)
+    return sources.Rays(meshes.low, ray_cast, meshes.highs, settings, pace)
 
 
 def nothing_drawn(meshes: Meshes, tiles: Sequence[int], report: Report) -> str:
     """Why no texel was written, as a sentence."""
-    names = few(map(repr, report.high))
+    names = shorten_list(map(repr, report.high))
     if not set(tiles).intersection(triangle_mesh.tiles(meshes.low)):
         return f"No triangle of {report.low!r} lies on the map: its UVs are outside {_place(tiles)}, or empty."
     if report.method == "FLATTEN":
@@ -105,9 +105,9 @@ def nothing_drawn(meshes: Meshes, tiles: Sequence[int], report: Report) -> str:
 
 
 def _place(tiles: Sequence[int]) -> str:
-    return "0 to 1" if list(tiles) == [1001] else f"the tiles {few(tiles)}"
+    return "0 to 1" if list(tiles) == [1001] else f"the tiles {shorten_list(tiles)}"
 
 
 def _apart(report: Report, distance: float) -> str:
-    names = few(map(repr, report.high))
+    names = shorten_list(map(repr, report.high))
     return f"{report.low!r} and {names} do not overlap: they are {distance:.4g} apart."

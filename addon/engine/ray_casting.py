@@ -13,7 +13,7 @@ from ..core.errors import BakeError
 from ..core.progress import Pace
 from ..core.report import Report
 from ..mesh import bvh
-from ..mesh.triangle_mesh import Frame, Mesh, frame_of
+from ..mesh.triangle_mesh import LocalSpace, Mesh, local_space_of
 from ..passes import data_texture, mesh_upload, target
 from ..passes.bake import cast
 
@@ -22,24 +22,24 @@ KEPT_BYTES = 1024 * 2**20
 KEPT_TREES = 4
 """And how many there may be: a mesh that is being edited leaves one behind at every change."""
 
-_kept: OrderedDict[tuple, "Aim"] = OrderedDict()
+_kept: OrderedDict[tuple, "RayScene"] = OrderedDict()
 
 
 @dataclass(frozen=True)
-class Aim:
+class RayScene:
     """What rays can hit: the high meshes together, in a space that fits them. order (T,) int: their triangles one mesh
     after another, as they lie in the tree."""
 
-    frame: Frame
+    local_space: LocalSpace
     tables: cast.Tables
     order: np.ndarray
 
 
 @dataclass(frozen=True)
-class Shot:
+class RayCast:
     """Rays from a low mesh at the high ones: `rays` as gbuffer.draw wants it, back and reach in units of the aim's frame."""
 
-    aim: Aim
+    ray_scene: RayScene
     rays: gpu.types.GPUBatch
     back: float
     reach: float
@@ -56,7 +56,7 @@ class Shot:
             cast.trace(
                 hits,
                 places,
-                self.aim.tables,
+                self.ray_scene.tables,
                 heading=-1.0,
                 back=self.back,
                 reach=self.reach,
@@ -67,7 +67,7 @@ class Shot:
             yield rows
 
 
-def aim_at(highs: Sequence[Mesh], report: Report) -> Aim:
+def ray_scene_of(highs: Sequence[Mesh], report: Report) -> RayScene:
     """The tree over `highs`, built and uploaded unless it was kept.
 
     Kept by content and not by name: nothing that Blender forgets to tell can make it stale.
@@ -102,17 +102,17 @@ def _bytes() -> int:
     return sum(kept.tables.bytes for kept in _kept.values())
 
 
-def _build(highs: Sequence[Mesh], report: Report) -> Aim:
+def _build(highs: Sequence[Mesh], report: Report) -> RayScene:
     count, most = sum(len(high.triangles) for high in highs), data_texture.limit() // 3
     if count > most:
         raise BakeError(f"The high meshes have {count:,} triangles together; this GPU takes {most:,} to cast rays at.")
-    frame = frame_of(highs)
+    local_space = local_space_of(highs)
     points, normals, vertices, corners = [], [], [], []
     points_before = corners_before = 0
     for high in highs:
         # A mirror turns the winding, by which rays know a front from a back.
         triangles = high.triangles[:, ::-1] if np.linalg.det(high.to_world[:3, :3]) < 0.0 else high.triangles
-        points.append(frame.points(high))
+        points.append(local_space.points(high))
         normals.append(high.to_world_normals(high.normals))
         vertices.append(_behind(points_before, np.take(high.vertices, triangles, mode="clip")))
         corners.append(_behind(corners_before, triangles))
@@ -132,7 +132,7 @@ def _build(highs: Sequence[Mesh], report: Report) -> Aim:
             origin=tree.origin,
             scale=tree.scale,
         )
-    return Aim(frame, tables, tree.order)
+    return RayScene(local_space, tables, tree.order)
 
 
 def _behind(count: int, numbers: np.ndarray) -> np.ndarray:
@@ -140,16 +140,16 @@ def _behind(count: int, numbers: np.ndarray) -> np.ndarray:
     return numbers + count if count else numbers
 
 
-def rays(low: Mesh, directions: np.ndarray, cage: Mesh | None, frame: Frame) -> gpu.types.GPUBatch:
+def rays(low: Mesh, directions: np.ndarray, cage: Mesh | None, local_space: LocalSpace) -> gpu.types.GPUBatch:
     """The low mesh as gbuffer.draw wants it.
 
     directions (C, 3) float32: normals by corner, in the low mesh's space. With a cage, which has the same corners, rays
     start on it and run towards the low mesh; where the two touch, along the low mesh's normals.
     """
-    positions = frame.points(low)[low.vertices]
+    positions = local_space.points(low)[low.vertices]
     away = low.to_world_normals(directions)
     if cage is not None:
-        starts = frame.points(cage)[cage.vertices]
+        starts = local_space.points(cage)[cage.vertices]
         apart = starts - positions
         touching = np.linalg.norm(apart, axis=1) < 1e-6
         away = np.where(touching[:, None], away * np.float32(1e-6), apart)

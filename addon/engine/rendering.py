@@ -7,7 +7,7 @@ from dataclasses import replace
 import gpu
 import numpy as np
 
-from ..core.progress import Pace, Step, Work, part
+from ..core.progress import Pace, Progress, Task, part
 from ..core.report import Report
 from ..core.settings import Settings
 from ..core.texel_state import Map
@@ -16,7 +16,7 @@ from ..passes import mesh_upload, target
 from ..passes.bake import samples, tangent
 from ..passes.view import preview_picture
 from .bands import Band, bands
-from .finishing import Finish, channels
+from .post_process import PostProcess, channels
 from .sources import Source
 
 COARSE = 8
@@ -40,14 +40,14 @@ class Renderer:
         report: Report,
         pace: Pace,
         *,
-        kept: mesh_upload.Kept | None = None,
+        uploads: mesh_upload.UploadCache | None = None,
     ):
         self.source, self.settings, self.report, self.pace = source, settings, report, pace
         self._picture: gpu.types.GPUTexture | None = None
         self.basis = None
         if basis is not None:
             with report.timed("upload"):
-                self.basis = (kept or mesh_upload.Kept()).upload(
+                self.basis = (uploads or mesh_upload.UploadCache()).upload(
                     f"{basis.name} as basis",
                     basis.triangles,
                     uv=basis.uv,
@@ -55,14 +55,14 @@ class Renderer:
                     tangent=basis.tangents,
                 )
 
-    def texels(self, tile: int, finishes: dict[str, Finish]) -> Work[dict[str, Map]]:
+    def texels(self, tile: int, post_processes: dict[str, PostProcess]) -> Task[dict[str, Map]]:
         """What is to be stored of a tile, by name."""
         size = self.settings.height, self.settings.width
-        maps = {name: (np.empty((*size, 4), np.float32), np.empty(size, np.uint8)) for name in finishes}
+        maps = {name: (np.empty((*size, 4), np.float32), np.empty(size, np.uint8)) for name in post_processes}
 
         def keep(name: str, band: Band, drawn: gpu.types.GPUTexture) -> None:
             with self.report.timed("draw"):
-                stored = finishes[name].draw(band, drawn)
+                stored = post_processes[name].draw(band, drawn)
                 stored.finish()
             with self.report.timed("read"):
                 for slot, array in enumerate(maps[name]):
@@ -70,11 +70,11 @@ class Renderer:
 
         yield from self._banded(tile, self.settings.margin, keep)
         with self.report.timed("draw"):
-            for name, finish in finishes.items():
+            for name, finish in post_processes.items():
                 finish.complete(tile, *maps[name])
         return maps
 
-    def raw(self, tile: int) -> Work[dict[str, np.ndarray]]:
+    def raw(self, tile: int) -> Task[dict[str, np.ndarray]]:
         """Normals and other values of a tile in all their samples, (height, width, 4) float32 by name, without a margin;
         alpha as in Source."""
         settings = self.settings
@@ -89,7 +89,7 @@ class Renderer:
 
     def _banded(
         self, tile: int, margin: int | None, keep: Callable[[str, Band, gpu.types.GPUTexture], None]
-    ) -> Work[None]:
+    ) -> Task[None]:
         settings = self.settings
         parts = list(bands(settings.width, settings.height, margin, tile))
         if self.pace.is_heard and self.pace.looks and self.source.takes_time:
@@ -99,7 +99,7 @@ class Renderer:
             for name, drawn in maps.items():
                 keep(name, band, drawn)
 
-    def _coarse(self, tile: int) -> Work[None]:
+    def _coarse(self, tile: int) -> Task[None]:
         """A first look at the whole."""
         settings = self.settings
         size = max(1, settings.width // COARSE), max(1, settings.height // COARSE)
@@ -107,7 +107,7 @@ class Renderer:
         for normals, _ in self._normals(band):
             yield self._step(normals, 0.0, band, clear=True)
 
-    def _sampled(self, band: Band) -> Work[dict[str, gpu.types.GPUTexture]]:
+    def _sampled(self, band: Band) -> Task[dict[str, gpu.types.GPUTexture]]:
         """The maps of a band in all their samples."""
         settings, count = self.settings, self.settings.samples
         size = band.width, band.height
@@ -166,8 +166,8 @@ class Renderer:
         with self.report.timed("draw"):
             return self.source.other(name, band, target.get(name, band.width, band.height, "RGBA32F"))
 
-    def _step(self, normals: gpu.types.GPUTexture, done: float, band: Band, *, clear: bool = False) -> Step:
+    def _step(self, normals: gpu.types.GPUTexture, done: float, band: Band, *, clear: bool = False) -> Progress:
         size = self.settings.width, self.settings.height
         if band.is_whole:  # of a larger map the first look is all that is shown
             self._picture = preview_picture.draw(normals, size, channels(self.settings), clear=clear)
-        return Step("Drawing", done, self._picture)
+        return Progress("Drawing", done, self._picture)

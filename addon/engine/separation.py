@@ -10,7 +10,7 @@ import numpy as np
 from ..core.report import Report
 from ..core.settings import Settings
 from ..mesh.inputs import Meshes
-from ..mesh.triangle_mesh import Frame, Mesh, frame_of
+from ..mesh.triangle_mesh import LocalSpace, Mesh, local_space_of
 from ..passes import mesh_upload, target
 from ..passes.bake import cast, gbuffer, points
 from . import ray_casting
@@ -32,20 +32,21 @@ def looking(meshes: Meshes, settings: Settings, report: Report) -> Apart:
     """What looks at these meshes as a bake by the report's method, and with its distances, does."""
     if report.method == "FLATTEN":
         return flattened(meshes.low, meshes.highs)
-    aim = ray_casting.aim_at(meshes.highs, report)
-    rays = ray_casting.rays(meshes.low, meshes.directions, meshes.cage, aim.frame)
-    back, reach = (report.distances[name] / aim.frame.size for name in ("extrusion", "max_distance"))
-    return _along(meshes, ray_casting.Shot(aim, rays, back, reach, settings.facing_only))
+    ray_scene = ray_casting.ray_scene_of(meshes.highs, report)
+    rays = ray_casting.rays(meshes.low, meshes.directions, meshes.cage, ray_scene.local_space)
+    back, reach = (report.distances[name] / ray_scene.local_space.size for name in ("extrusion", "max_distance"))
+    return _along(meshes, ray_casting.RayCast(ray_scene, rays, back, reach, settings.facing_only))
 
 
-def glancing(meshes: Meshes, shot: ray_casting.Shot | None) -> Apart:
-    """What looks at these meshes as a bake just did, along its `shot`; without one, at most at TRIANGLES of each high mesh."""
-    return _along(meshes, shot) if shot else flattened(meshes.low, [thinned(high) for high in meshes.highs])
+def glancing(meshes: Meshes, ray_cast: ray_casting.RayCast | None) -> Apart:
+    """What looks at these meshes as a bake just did, along its `ray_cast`; without one, at most at TRIANGLES of each high
+    mesh."""
+    return _along(meshes, ray_cast) if ray_cast else flattened(meshes.low, [thinned(high) for high in meshes.highs])
 
 
 def limit(low: Mesh, settings: Settings) -> float:
     """How far apart points of one texel may lie, in scene units."""
-    return LIMIT * frame_of([low]).size if settings.limit is None else settings.limit
+    return LIMIT * local_space_of([low]).size if settings.limit is None else settings.limit
 
 
 def probe(look: Apart, size: tuple[int, int], tiles: Sequence[int]) -> np.ndarray:
@@ -74,14 +75,14 @@ def distances(texels: np.ndarray, without: np.ndarray) -> np.ndarray:
 
 def flattened(low: Mesh, highs: Sequence[Mesh]) -> Apart:
     """What looks at meshes that are laid flat."""
-    frame = frame_of([low])
-    on_low, on_high = [upload(low, frame)], [upload(high, frame) for high in highs]
+    local_space = local_space_of([low])
+    on_low, on_high = [upload(low, local_space)], [upload(high, local_space) for high in highs]
 
     def look(size: tuple[int, int], window: tuple[float, float, float, float]) -> np.ndarray:
         below, above = draw_points(on_low, size, window), draw_points(on_high, size, window)
         is_alone = above[..., 3] == 0.0
         above -= below
-        above *= np.float32(frame.size)
+        above *= np.float32(local_space.size)
         above[..., 3] = np.where(is_alone, -below[..., 3], below[..., 3])
         return above
 
@@ -99,40 +100,40 @@ def thinned(mesh: Mesh) -> Mesh:
     return replace(mesh, positions=positions, vertices=numbers, uv=uv, triangles=numbers.reshape(-1, 3))
 
 
-def _along(meshes: Meshes, shot: ray_casting.Shot) -> Apart:
+def _along(meshes: Meshes, ray_cast: ray_casting.RayCast) -> Apart:
     """What looks along rays."""
-    frame = shot.aim.frame
-    on_low = [upload(meshes.low, frame)] if meshes.cage is not None else None
+    local_space = ray_cast.ray_scene.local_space
+    on_low = [upload(meshes.low, local_space)] if meshes.cage is not None else None
 
     def look(size: tuple[int, int], window: tuple[float, float, float, float]) -> np.ndarray:
         places = target.get("audit rays", *size, "RGBA32F", "RGBA32F")
         hits = target.get("audit hits", *size, "RGBA32UI")
         found = target.get("audit far", *size, "RGBA32F")
-        gbuffer.draw(places, shot.rays, window)
-        shot.trace(hits, places)
+        gbuffer.draw(places, ray_cast.rays, window)
+        ray_cast.trace(hits, places)
         cast.distances(found, hits)
         far, away = (np.empty((size[1], size[0], 4), np.float32) for _ in range(2))
         found.read(far)
         places.read(away, slot=1)
         has_missed = far[..., 0] < 0.0
         is_low = away[..., 3]
-        away[..., :3] *= np.float32(shot.back) - far[..., :1]
+        away[..., :3] *= np.float32(ray_cast.back) - far[..., :1]
         if on_low is not None:  # rays start on the cage, and not on the low mesh
             places.read(far)
             away += far - draw_points(on_low, size, window)
-        away *= np.float32(frame.size)
+        away *= np.float32(local_space.size)
         away[..., 3] = np.where(has_missed, -is_low, is_low)
         return away
 
     return look
 
 
-def upload(mesh: Mesh, frame: Frame) -> gpu.types.GPUBatch:
+def upload(mesh: Mesh, local_space: LocalSpace) -> gpu.types.GPUBatch:
     """`mesh` as `draw_points` wants it."""
     return mesh_upload.upload(
         mesh.triangles,
         uv=mesh.uv,
-        position=np.take(frame.points(mesh), mesh.vertices, axis=0),
+        position=np.take(local_space.points(mesh), mesh.vertices, axis=0),
         labels=np.zeros_like(mesh.uv),
     )
 

@@ -10,12 +10,12 @@ import numpy as np
 from ..core.progress import Pace
 from ..core.report import Report
 from ..core.settings import Settings
-from ..mesh.triangle_mesh import Mesh, frame_of, normal_matrix
+from ..mesh.triangle_mesh import Mesh, local_space_of, normal_matrix
 from ..passes import data_texture, mesh_upload, target
 from ..passes.bake import cast, flatten, gbuffer, points
 from . import ray_casting
 from .bands import Band
-from .surface_maps import Relief
+from .surface_maps import SurfaceMaps
 
 
 class Source(Protocol):
@@ -23,7 +23,7 @@ class Source(Protocol):
     casts, if it does."""
 
     takes_time: bool
-    shot: ray_casting.Shot | None
+    ray_cast: ray_casting.RayCast | None
 
     def normals(self, band: Band) -> Iterator[tuple[gpu.types.GPUTexture, range]]:
         """Unit normals in world space or the low object's: RGBA32F, alpha 1 written, 0 nothing, -1 missed.
@@ -37,31 +37,37 @@ class Source(Protocol):
 
 
 class Flat:
-    """Draws `highs` in UV space; `kept` holds what was uploaded of them before."""
+    """Draws `highs` in UV space; `uploads` holds what was uploaded of them before."""
 
     takes_time = False
-    shot = None
+    ray_cast = None
 
     def __init__(
-        self, low: Mesh, highs: Sequence[Mesh], settings: Settings, report: Report, *, kept: mesh_upload.Kept | None = None
+        self,
+        low: Mesh,
+        highs: Sequence[Mesh],
+        settings: Settings,
+        report: Report,
+        *,
+        uploads: mesh_upload.UploadCache | None = None,
     ):
-        kept = kept or mesh_upload.Kept()
+        uploads = uploads or mesh_upload.UploadCache()
         to_world = None if settings.space == "WORLD" else low.to_world
         with report.timed("upload"):
             self.drawn = [
                 (
-                    kept.upload(high.name, high.triangles, uv=high.uv, normal=high.normals),
+                    uploads.upload(high.name, high.triangles, uv=high.uv, normal=high.normals),
                     normal_matrix(high.to_world, to_world),
                 )
                 for high in highs
             ]
             if settings.maps:
-                self.relief = Relief(low, frame_of([low]), settings)
+                self.surface_maps = SurfaceMaps(low, local_space_of([low]), settings)
                 self.surfaces = [
                     mesh_upload.upload(
                         high.triangles,
                         uv=high.uv,
-                        position=self.relief.frame.points(high)[high.vertices],
+                        position=self.surface_maps.local_space.points(high)[high.vertices],
                         labels=_labels_by_corner(high),
                     )
                     for high in highs
@@ -78,60 +84,60 @@ class Flat:
         if self._points is None:
             self._points = target.get("points", band.width, band.height, "RGBA32F", "RGBA32F")
             points.draw(self._points, self.surfaces, band.window)
-            self.relief.start(band)
-        return self.relief.draw(into, name, self._normals.texture, self._points)
+            self.surface_maps.start(band)
+        return self.surface_maps.draw(into, name, self._normals.texture, self._points)
 
 
 class Rays:
-    """Casts the rays of `shot` from `low` to `highs`."""
+    """Casts the rays of `ray_cast` from `low` to `highs`."""
 
     takes_time = True
 
-    def __init__(self, low: Mesh, shot: ray_casting.Shot, highs: Sequence[Mesh], settings: Settings, pace: Pace):
-        self.shot, self.settings, self.pace = shot, settings, pace
-        aim = shot.aim
+    def __init__(self, low: Mesh, ray_cast: ray_casting.RayCast, highs: Sequence[Mesh], settings: Settings, pace: Pace):
+        self.ray_cast, self.settings, self.pace = ray_cast, settings, pace
+        ray_scene = ray_cast.ray_scene
         matrix = low.to_world[:3, :3]
         self.to_space = np.eye(3) if settings.space == "WORLD" else matrix.T / np.abs(matrix).max()
         if settings.maps:
-            self.relief = Relief(low, aim.frame, settings)
+            self.surface_maps = SurfaceMaps(low, ray_scene.local_space, settings)
             self.labels = data_texture.upload(
-                np.pad(np.concatenate([high.labels for high in highs])[aim.order], ((0, 0), (0, 1)))
+                np.pad(np.concatenate([high.labels for high in highs])[ray_scene.order], ((0, 0), (0, 1)))
             )
 
     def normals(self, band: Band) -> Iterator[tuple[gpu.types.GPUTexture, range]]:
         """As Source has it."""
         size = band.width, band.height
         places = target.get("rays", *size, "RGBA32F", "RGBA32F")
-        gbuffer.draw(places, self.shot.rays, band.window)
+        gbuffer.draw(places, self.ray_cast.rays, band.window)
         self._hits = target.get("hits", *size, "RGBA32UI")
         self._normals, self._points = target.get("high", *size, "RGBA32F"), None
         if not self.pace.is_heard:
-            self.shot.trace(self._hits, places, self.pace)
+            self.ray_cast.trace(self._hits, places, self.pace)
             self._look_up(places, range(band.height))
             yield self._normals.texture, range(band.height)
             return
         target.clear(self._normals)  # what is not drawn yet must not be seen
-        for rows in self.shot.traced(self._hits, places, self.pace):
+        for rows in self.ray_cast.traced(self._hits, places, self.pace):
             self._look_up(places, rows)
             yield self._normals.texture, rows
 
     def _look_up(self, places: target.Target, rows: range) -> None:
-        cast.look_up(self._normals, self._hits, places, self.shot.aim.tables, self.to_space, rows=rows)
+        cast.look_up(self._normals, self._hits, places, self.ray_cast.ray_scene.tables, self.to_space, rows=rows)
 
     def other(self, name: str, band: Band, into: target.Target) -> gpu.types.GPUTexture:
         """As Source has it."""
         if self._points is None:
             self._points = target.get("points", band.width, band.height, "RGBA32F", "RGBA32F")
-            cast.points(self._points, self._hits, self.shot.aim.tables, self.labels)
-            self.relief.start(band)
-        return self.relief.draw(into, name, self._normals.texture, self._points)
+            cast.points(self._points, self._hits, self.ray_cast.ray_scene.tables, self.labels)
+            self.surface_maps.start(band)
+        return self.surface_maps.draw(into, name, self._normals.texture, self._points)
 
 
 class Drawn:
     """Maps that were drawn before, by name, (height, width, 4) float32 as rendering.Renderer.raw returns them."""
 
     takes_time = False
-    shot = None
+    ray_cast = None
 
     def __init__(self, maps: dict[str, np.ndarray]):
         self.maps = maps
@@ -147,8 +153,8 @@ class Drawn:
     def _upload(self, name: str, band: Band) -> gpu.types.GPUTexture:
         values = np.zeros((band.height, band.width, 4), np.float32)
         first, last = band.start - band.halo, band.stop + band.halo
-        kept = slice(max(0, first), min(last, len(self.maps[name])))
-        values[kept.start - first : kept.stop - first] = self.maps[name][kept]
+        uploads = slice(max(0, first), min(last, len(self.maps[name])))
+        values[uploads.start - first : uploads.stop - first] = self.maps[name][uploads]
         data = gpu.types.Buffer("FLOAT", values.shape, values)
         return gpu.types.GPUTexture((band.width, band.height), format="RGBA32F", data=data)
 

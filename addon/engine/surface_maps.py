@@ -5,27 +5,27 @@ import gpu
 import numpy as np
 
 from ..core.settings import Settings
-from ..mesh.triangle_mesh import Frame, Mesh
+from ..mesh.triangle_mesh import LocalSpace, Mesh
 from ..passes import mesh_upload, target
 from ..passes.bake import gbuffer, surface_values
 from .bands import Band
 
 
-class Relief:
-    """Draws what lies between `low` and the points of the high meshes, which are in the space of `frame`."""
+class SurfaceMaps:
+    """Draws what lies between `low` and the points of the high meshes, which are in the space of `local_space`."""
 
-    def __init__(self, low: Mesh, frame: Frame, settings: Settings):
-        self.frame = frame
+    def __init__(self, low: Mesh, local_space: LocalSpace, settings: Settings):
+        self.local_space = local_space
         self.low = mesh_upload.upload(
             low.triangles,
             uv=low.uv,
-            position=frame.points(low)[low.vertices],
+            position=local_space.points(low)[low.vertices],
             direction=low.to_world_normals(low.normals),
         )
         # Positions and vectors go with the normals: in the low object's space, or in the world's.
         from_world = np.eye(4) if settings.space == "WORLD" else np.linalg.inv(low.to_world)
-        self.to_space = from_world[:3, :3] * frame.size
-        self.origin = from_world[:3, :3] @ frame.centre + from_world[:3, 3]
+        self.to_space = from_world[:3, :3] * local_space.size
+        self.origin = from_world[:3, :3] @ local_space.centre + from_world[:3, 3]
 
     def start(self, band: Band) -> None:
         """Look at another band."""
@@ -37,6 +37,6 @@ class Relief:
     ) -> gpu.types.GPUTexture:
         """One of settings.MAPS into `into` (RGBA32F), alpha as in `normals`; returns its texture."""
         surface_values.draw(
-            into, name, normals, points, self.places, to_space=self.to_space, origin=self.origin, scale=self.frame.size
+            into, name, normals, points, self.places, to_space=self.to_space, origin=self.origin, scale=self.local_space.size
         )
         return into.texture

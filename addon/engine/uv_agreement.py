@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..mesh.triangle_mesh import Frame, Mesh, frame_of, gap
+from ..mesh.triangle_mesh import LocalSpace, Mesh, gap, local_space_of
 from ..passes import mesh_upload, target
 from ..passes.bake import gbuffer
 from . import separation
@@ -49,7 +49,7 @@ def choose(low: Mesh, highs: Sequence[Mesh], tiles: Sequence[int]) -> tuple[str,
     offset, surface = separation.offset(texels, "FLATTEN"), _Surface(low)
     away = np.stack([surface.draw(target.window(tile))[1] for tile in tiles])[both][:, :3]
     # Nor does detail, which stands up from the low surface; a layout that differs shows along it.
-    between = _along((texels[both][:, :3] - offset) / surface.frame.size, away)
+    between = _along((texels[both][:, :3] - offset) / surface.local_space.size, away)
     share = np.count_nonzero(np.linalg.norm(between, axis=1) < CLOSE) / np.count_nonzero(on_low)
     other = differing(low, highs, tiles, offset) if len(highs) > 1 else ""
     if other:
@@ -83,24 +83,27 @@ def elsewhere(low: Mesh, highs: Sequence[Mesh]) -> np.ndarray:
     There the point of the high meshes lies CLOSE to none of the low mesh's on the same texel, along its surface.
     """
     surface, window = _Surface(low), target.window(1001)
-    above = separation.draw_points([separation.upload(high, surface.frame) for high in highs], (PROBE, PROBE), window)
+    above = separation.draw_points(
+        [separation.upload(high, surface.local_space) for high in highs], (PROBE, PROBE), window
+    )
     layers = [surface.draw(window, is_last=is_last) for is_last in (True, False)]
     both = (above[..., 3] > 0.0) & (layers[0][0][..., 3] > 0.0)
     result = np.zeros(both.shape, bool)
     if both.any():
         above = above[both][:, :3]
-        above -= _moved_aside(surface.frame, low, highs, above - layers[0][0][both][:, :3])
+        above -= _moved_aside(surface.local_space, low, highs, above - layers[0][0][both][:, :3])
         between = (_along(above - places[both][:, :3], away[both][:, :3]) for places, away in layers)
         result[both] = np.min([np.linalg.norm(vectors, axis=1) for vectors in between], axis=0) >= CLOSE
     return result
 
 
-def _moved_aside(frame: Frame, low: Mesh, highs: Sequence[Mesh], between: np.ndarray) -> np.ndarray:
-    """What the meshes differ by as a whole (3,), in `frame`, from what lies between their points (N, 3): nothing, unless the
+def _moved_aside(local_space: LocalSpace, low: Mesh, highs: Sequence[Mesh], between: np.ndarray) -> np.ndarray:
+    """What the meshes differ by as a whole (3,), in `local_space`, from what lies between their points (N, 3): nothing,
+    unless the
     boxes around them stand apart as well. UVs that were moved leave the objects where they are."""
     offset = np.median(between, axis=0)
-    apart_as_boxes = frame_of(highs).centre - frame_of([low]).centre
-    is_aside = gap(low, highs) > 0.0 or np.linalg.norm(offset - apart_as_boxes / frame.size) < CLOSE
+    apart_as_boxes = local_space_of(highs).centre - local_space_of([low]).centre
+    is_aside = gap(low, highs) > 0.0 or np.linalg.norm(offset - apart_as_boxes / local_space.size) < CLOSE
     return offset if is_aside else np.zeros(3, np.float32)
 
 
@@ -116,8 +119,8 @@ def _difference(surface: "_Surface", high: Mesh, windows: Sequence[Window], offs
 
 def _close(surface: "_Surface", high: Mesh, window: Window, offset: np.ndarray) -> np.ndarray:
     """Of the texels of `window` that both cover, (N,) bool, whether the points of `high` belong to those of the low mesh."""
-    above = separation.draw_points([separation.upload(high, surface.frame)], (surface.side, surface.side), window)
-    above[..., :3] -= offset / surface.frame.size
+    above = separation.draw_points([separation.upload(high, surface.local_space)], (surface.side, surface.side), window)
+    above[..., :3] -= offset / surface.local_space.size
     layers = []
     for is_last in (True, False):
         places, away = surface.draw(window, is_last=is_last)
@@ -157,10 +160,10 @@ class _Surface:
     """The low mesh in UV space, to compare with: `side` texels along u and v."""
 
     def __init__(self, low: Mesh, side: int = PROBE):
-        self.frame, self.side = frame_of([low]), side
+        self.local_space, self.side = local_space_of([low]), side
         attributes = {
             "uv": low.uv,
-            "position": np.take(self.frame.points(low), low.vertices, axis=0),
+            "position": np.take(self.local_space.points(low), low.vertices, axis=0),
             "direction": low.to_world_normals(low.normals),
         }
         # Mirrored halves lie on one another: what is drawn first is seen where it is drawn last.

@@ -11,7 +11,7 @@ from ..audit import checks, severity
 from ..core import progress, texel_state
 from ..core.report import Report
 from ..core.settings import Settings
-from ..engine import finishing
+from ..engine import post_process
 from ..engine.rendering import Renderer
 from ..engine.sources import Drawn
 from ..mesh.inputs import Meshes
@@ -55,11 +55,11 @@ class Atlas:
         """Add the margin, and put the maps where the settings want them."""
         tally, last = checks.Tally(), reports[-1]
         with last.in_total(), Outputs(self.settings) as outputs:
-            finishes = finishing.all_of(self.lows, self.settings)
+            post_processes = post_process.for_maps(self.lows, self.settings)
             try:
                 for tile, maps in self.tiles.items():
                     renderer = Renderer(Drawn(maps), None, self.settings, last, progress.Pace())
-                    finished = progress.finish(renderer.texels(tile, finishes))
+                    finished = progress.finish(renderer.texels(tile, post_processes))
                     tally.add(finished["NORMAL"][1], None, 0)
                     outputs.add(tile, finished)
             finally:

@@ -10,17 +10,17 @@ import numpy as np
 
 from ..core import progress, texel_state
 from ..core.errors import BakeError
-from ..core.progress import Pace, Step, Work
+from ..core.progress import Pace, Progress, Task
 from ..core.report import Report
 from ..core.settings import Settings
-from ..engine import finishing, method_choice, rendering, sources
+from ..engine import method_choice, post_process, rendering, sources
 from ..engine.bands import Band
 from ..engine.sources import Source
 from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
 from ..output import datablocks, outputs
 from ..passes import target
-from ..passes.mesh_upload import Kept
+from ..passes.mesh_upload import UploadCache
 from ..scene import bake_objects, mesh_reader, reading
 from . import several
 from .several import Job
@@ -50,8 +50,8 @@ class Session:
         self.report: Report | None = None
         self._meshes: Meshes | None = None
         self._method = settings.method
-        self._finishes: dict[str, finishing.Finish] = {}
-        self._kept = Kept()
+        self._post_processes: dict[str, post_process.PostProcess] = {}
+        self._uploads = UploadCache()
         self._source: sources.Source | None = None
         self._pool: target.Pool = {}
         self._coarse_pool: target.Pool = {}
@@ -65,7 +65,7 @@ class Session:
         """The session_uid of each object that it follows, with those that these show by instances."""
         return {ref.uid for ref in self.job.refs} | self._shown_by.keys()
 
-    def work(self, context: bpy.types.Context, changed: Collection[int] | None = None) -> Work[None]:
+    def work(self, context: bpy.types.Context, changed: Collection[int] | None = None) -> Task[None]:
         """Draw the map anew; `changed`: session_uid of the objects that are not as they were the last time, None for all.
 
         Raises BakeError.
@@ -76,8 +76,8 @@ class Session:
 
     def _drawn(
         self, context: bpy.types.Context, changed: Collection[int] | None, settings: Settings, report: Report
-    ) -> Work[None]:
-        yield Step(f"Reading {report.low}", 0.0)
+    ) -> Task[None]:
+        yield Progress(f"Reading {report.low}", 0.0)
         low, highs, cage = self.job.low, self.job.highs, self.job.cage
         reason = bake_objects.problem(context, low, highs, cage, self._method)
         if reason:
@@ -95,23 +95,23 @@ class Session:
             self._shown_by = bake_objects.shown_by(highs)
             meshes = reading.read_again(context, low, highs, cage, settings, before=before, changed=changed)
         self._meshes, report.uv_layer = meshes, meshes.uv_layer
-        if not self._finishes or before is None or meshes.low is not before.low:
-            self._finishes = finishing.all_of([meshes.low], settings)
+        if not self._post_processes or before is None or meshes.low is not before.low:
+            self._post_processes = post_process.for_maps([meshes.low], settings)
         shown = method_choice.choose(meshes, [1001], settings, report)
         self._method = report.method
-        preparing = method_choice.source(shown, [1001], settings, report, self.pace, kept=self._kept)
+        preparing = method_choice.source(shown, [1001], settings, report, self.pace, uploads=self._uploads)
         source = yield from progress.part(preparing, 0.0, READY)
         if source.takes_time and self.pace.is_heard:
             yield self._first_look(source, shown.basis, settings, report)
-        renderer = rendering.Renderer(source, shown.basis, settings, report, self.pace, kept=self._kept)
-        maps = yield from progress.part(renderer.texels(1001, self._finishes), READY, 1.0)
+        renderer = rendering.Renderer(source, shown.basis, settings, report, self.pace, uploads=self._uploads)
+        maps = yield from progress.part(renderer.texels(1001, self._post_processes), READY, 1.0)
         texels, state = maps["NORMAL"]
         if not (state == texel_state.WRITTEN).any():
             raise BakeError(method_choice.nothing_drawn(shown, [1001], report))
         self.texels, self._state, self.report, self._source = texels, state, report, source
         self._coarse = None
 
-    def _first_look(self, source: Source, basis: Mesh | None, settings: Settings, report: Report) -> Step:
+    def _first_look(self, source: Source, basis: Mesh | None, settings: Settings, report: Report) -> Progress:
         """A coarse map, to be seen until the whole one is done."""
         small = replace(
             settings,
@@ -121,10 +121,10 @@ class Session:
         )
         # In targets of their own: those of the whole map stay as large as they are.
         with target.using(self._coarse_pool):
-            renderer = rendering.Renderer(source, basis, small, report, Pace(), kept=self._kept)
-            progress.finish(renderer.texels(1001, finishing.all_of([self._meshes.low], small)))
+            renderer = rendering.Renderer(source, basis, small, report, Pace(), uploads=self._uploads)
+            progress.finish(renderer.texels(1001, post_process.for_maps([self._meshes.low], small)))
         self._coarse = self._coarse_pool["map"].texture
-        return Step("Drawing", READY, self._coarse)
+        return Progress("Drawing", READY, self._coarse)
 
     def is_moved(self, uid: int) -> bool:
         """Whether vertices of the object with this session_uid are not where they were when they were last read."""
@@ -143,7 +143,7 @@ class Session:
         """All of `work`, at once."""
         progress.finish(self.steps(context, changed))
 
-    def steps(self, context: bpy.types.Context, changed: Collection[int] | None = None) -> Work[None]:
+    def steps(self, context: bpy.types.Context, changed: Collection[int] | None = None) -> Task[None]:
         """As `work`, with the session's own textures: other bakes may go on between."""
         work = self.work(context, changed)
         try:
@@ -161,13 +161,13 @@ class Session:
         self._pool.clear()
         self._coarse_pool.clear()
         self._coarse = None
-        self._finishes = {}
-        self._kept, self._source = Kept(), None
+        self._post_processes = {}
+        self._uploads, self._source = UploadCache(), None
 
-    def advance(self, work: Work[None], seconds: float) -> Step:
+    def advance(self, work: Task[None], seconds: float) -> Progress:
         """As progress.some, with the session's own textures: other bakes may go on between."""
         with target.using(self._pool):
-            return progress.some(work, seconds)
+            return progress.run_for(work, seconds)
 
     @property
     def map(self) -> gpu.types.GPUTexture | None:
@@ -185,8 +185,8 @@ class Session:
         return self._meshes
 
     def upload(self, key: str, mesh: Mesh, **attributes: np.ndarray) -> gpu.types.GPUBatch:
-        """As mesh_upload.Kept has it, beside what the session itself has uploaded."""
-        return self._kept.upload(key, mesh.triangles, **attributes)
+        """As mesh_upload.UploadCache has it, beside what the session itself has uploaded."""
+        return self._uploads.upload(key, mesh.triangles, **attributes)
 
     def truth(self) -> gpu.types.GPUTexture:
         """The high surface's normals that the last map came from, at the texels' centres, as sources.Source has them. Into

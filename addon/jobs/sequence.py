@@ -10,7 +10,7 @@ import bpy
 
 from ..core import file_names
 from ..core.errors import BakeError
-from ..core.progress import Pace, Step, Work, part
+from ..core.progress import Pace, Progress, Task, part
 from ..core.report import Report
 from ..core.settings import Settings
 from ..output import datablocks, image_writer, materials, outputs
@@ -45,7 +45,7 @@ def work(
     speed: Pace,
     *,
     reports: list[Report] | None = None,
-) -> Work[list[Report]]:
+) -> Task[list[Report]]:
     """Bake each of `frames`, and put the image sequence into the low object's material. A generator as several.work.
 
     Frames that are done are kept when it is closed; `reports` is added to as they are. Raises BakeError.
@@ -73,7 +73,7 @@ def work(
                     yield replace(step, what=f"Frame {frame}: {step.what}", finished=number)
             except StopIteration as end:
                 reports += end.value
-        yield Step("Storing", 1.0, finished=len(frames))
+        yield Progress("Storing", 1.0, finished=len(frames))
     finally:
         if bake_objects.scene_of(scene) is not None:
             _go_to(scene, before)

@@ -10,12 +10,12 @@ import numpy as np
 
 from ..audit import checks
 from ..core import file_names, progress
-from ..core.errors import BakeError, few
+from ..core.errors import BakeError, shorten_list
 from ..core.name_matching import Suffixes, match
-from ..core.progress import Pace, Step, Work, part
+from ..core.progress import Pace, Progress, Task, part
 from ..core.report import Report
 from ..core.settings import Settings
-from ..engine import finishing, method_choice, ray_casting, rendering
+from ..engine import method_choice, post_process, ray_casting, rendering
 from ..engine.bands import bands
 from ..mesh import triangle_mesh
 from ..mesh.inputs import Meshes
@@ -122,7 +122,7 @@ def bake_all(
     settings: Settings,
     *,
     share_image: bool = False,
-    tell: Callable[[Step], None] | None = None,
+    tell: Callable[[Progress], None] | None = None,
 ) -> list[Report]:
     """All that `work` does, at once; `tell` hears how far it is."""
     return progress.finish(work(context, jobs, settings, Pace(TOLD_EVERY if tell else None), share_image=share_image), tell)
@@ -136,7 +136,7 @@ def work(
     *,
     share_image: bool = False,
     reports: list[Report] | None = None,
-) -> Work[list[Report]]:
+) -> Task[list[Report]]:
     """Bake several jobs, each low against its own highs alone, into an image each or, shared, into one (an atlas).
 
     A generator: between its steps Blender may go on, and closing it leaves everything as it was, but for jobs that were
@@ -165,7 +165,7 @@ def work(
             if reports is not None:
                 reports.append(report)
     if share_image:
-        yield Step("Storing", 1.0)
+        yield Progress("Storing", 1.0)
         shared.store([job.low for job in jobs], [bake.report for bake in bakes])
     return [bake.report for bake in bakes]
 
@@ -188,31 +188,31 @@ class _Bake:
         self.meshes: Meshes | None = None
         self.tiles: list[int] = []
 
-    def whole(self, context: bpy.types.Context) -> Work[None]:
+    def whole(self, context: bpy.types.Context) -> Task[None]:
         """From the objects to images and materials."""
         settings, report = self.settings, self.report
         with Outputs(settings) as outputs:
             renderer = yield from part(self._renderer(context), 0.0, 0.2)
             try:
-                finishes = finishing.all_of([self.meshes.low], settings)
+                post_processes = post_process.for_maps([self.meshes.low], settings)
                 for number, tile in enumerate(self.tiles):
-                    maps = yield from part(renderer.texels(tile, finishes), *self._share(number))
+                    maps = yield from part(renderer.texels(tile, post_processes), *self._share(number))
                     texels, state = maps["NORMAL"]
                     is_tangent = settings.space == "TANGENT"
-                    upwards = finishing.upwards(texels[checks.SOME], settings) if is_tangent else None
-                    lost = finishing.backwards(texels, state, settings) if is_tangent else 0
+                    upwards = post_process.upwards(texels[checks.SOME], settings) if is_tangent else None
+                    lost = post_process.backwards(texels, state, settings) if is_tangent else 0
                     self.tally.add(state, upwards, lost)
                     with report.timed("image"):
                         outputs.add(tile, maps)
-                self._tell(renderer.source.shot)
+                self._tell(renderer.source.ray_cast)
             finally:
                 target.trim()
                 ray_casting.trim()
-            yield Step("Storing", 1.0)
+            yield Progress("Storing", 1.0)
             with report.timed("image"):
                 outputs.commit([self.job.low], [report], self.meshes.materials)
 
-    def raw(self, context: bpy.types.Context) -> Work[dict[int, dict[str, np.ndarray]]]:
+    def raw(self, context: bpy.types.Context) -> Task[dict[int, dict[str, np.ndarray]]]:
         """From the objects to the values of all maps without a margin, by tile and name, as Renderer.raw has them."""
         drawn = {}
         renderer = yield from part(self._renderer(context), 0.0, 0.2)
@@ -224,22 +224,22 @@ class _Bake:
                 upwards = 0.5 * normals[checks.SOME][..., 2] if is_tangent else None
                 lost = np.count_nonzero((normals[..., 2] <= 0.0) & (normals[..., 3] > 0.0)) if is_tangent else 0
                 self.tally.add(atlas.state(normals), upwards, int(lost))
-            self._tell(renderer.source.shot)
+            self._tell(renderer.source.ray_cast)
         finally:
             target.trim()
             ray_casting.trim()
         return drawn
 
-    def _renderer(self, context: bpy.types.Context) -> Work[rendering.Renderer]:
+    def _renderer(self, context: bpy.types.Context) -> Task[rendering.Renderer]:
         """Read the objects and make ready for drawing."""
         settings, report, name = self.settings, self.report, self.job.low.name
         report.backend, report.renderer = gpu.platform.backend_type_get(), gpu.platform.renderer_get()
-        yield Step(f"Reading {name}", 0.0)
+        yield Progress(f"Reading {name}", 0.0)
         with report.timed("extract"):
             meshes = reading.read(context, self.job.low, self.job.highs, self.job.cage, settings)
         report.uv_layer = meshes.uv_layer
         report.tiles = self.tiles = _tiles(meshes.low, settings)
-        yield Step(f"Looking at {name}", 0.5)
+        yield Progress(f"Looking at {name}", 0.5)
         self.meshes = method_choice.choose(meshes, self.tiles, settings, report)
         source = yield from part(method_choice.source(self.meshes, self.tiles, settings, report, self.pace), 0.5, 1.0)
         return rendering.Renderer(source, meshes.basis, settings, report, self.pace)
@@ -248,10 +248,10 @@ class _Bake:
         """Where in the whole bake a tile begins and ends."""
         return tuple(0.2 + 0.8 * n / len(self.tiles) for n in (number, number + 1))
 
-    def _tell(self, shot: ray_casting.Shot | None) -> None:
+    def _tell(self, ray_cast: ray_casting.RayCast | None) -> None:
         if not self.tally.written:
             raise BakeError(method_choice.nothing_drawn(self.meshes, self.tiles, self.report))
-        checks.tell(self.meshes, self.tally, self.tiles, self.settings, self.report, shot=shot)
+        checks.tell(self.meshes, self.tally, self.tiles, self.settings, self.report, ray_cast=ray_cast)
 
 
 def _tiles(low: Mesh, settings: Settings) -> list[int]:
@@ -265,10 +265,10 @@ def _tiles(low: Mesh, settings: Settings) -> list[int]:
         )
     wanted = [tile for tile in found if not settings.tiles or tile in settings.tiles]
     if not wanted:
-        where = few(found) or "no tile"
+        where = shorten_list(found) or "no tile"
         raise BakeError(
             f"{low.name!r} lies on {where}"
-            + (f", not on {few(settings.tiles)}." if settings.tiles else ": its UVs are empty or negative.")
+            + (f", not on {shorten_list(settings.tiles)}." if settings.tiles else ": its UVs are empty or negative.")
         )
     return wanted
 

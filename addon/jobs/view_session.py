@@ -11,10 +11,10 @@ from mathutils.bvhtree import BVHTree
 
 from ..core.errors import BakeError
 from ..core.settings import Settings
-from ..engine import finishing, uv_agreement
+from ..engine import post_process, uv_agreement
 from ..engine.bands import BAND_TEXELS
 from ..mesh.inputs import Meshes
-from ..mesh.triangle_mesh import Frame, Mesh, frame_of, gap, normal_matrix
+from ..mesh.triangle_mesh import LocalSpace, Mesh, gap, local_space_of, normal_matrix
 from ..output import quantize
 from ..passes import mesh_upload, target
 from ..passes.view import deviation, lit
@@ -66,7 +66,7 @@ class _Scene:
     """What is drawn: batches with the normal matrices of their objects, in a frame around the low mesh. pull: how far it is
     pulled towards the viewer, in the frame's units."""
 
-    frame: Frame
+    local_space: LocalSpace
     pull: float
     low: tuple[gpu.types.GPUBatch, np.ndarray]
     highs: list[tuple[gpu.types.GPUBatch, np.ndarray]]
@@ -130,8 +130,10 @@ class Shading:
         drawn = self.session.map
         if scene is None or drawn is None:
             return
-        matrix = _view_projection(eye, scene.frame, PULL if is_alone else scene.pull)
-        light = np.append((eye.light[:3] - eye.light[3] * scene.frame.centre) / scene.frame.size, eye.light[3])
+        matrix = _view_projection(eye, scene.local_space, PULL if is_alone else scene.pull)
+        light = np.append(
+            (eye.light[:3] - eye.light[3] * scene.local_space.centre) / scene.local_space.size, eye.light[3]
+        )
         with _tested_for_depth():
             if mode == "MAP":
                 self._draw_map(scene, matrix, light)
@@ -168,7 +170,7 @@ class Shading:
             normals,
             light,
             kind=kinds.get(settings.space, lit.BLENDER if settings.basis == "BLENDER" else lit.MIKKTSPACE),
-            channels=finishing.channels(settings),
+            channels=post_process.channels(settings),
             steps=255 if settings.depth == 8 else 0,
         )
 
@@ -227,17 +229,19 @@ class Shading:
         return self._scene
 
     def _place(self, low: Mesh, highs: list[Mesh]) -> _Scene:
-        frame = frame_of([low])
-        around, pull = frame, PULL
+        local_space = local_space_of([low])
+        around, pull = local_space, PULL
         if highs and gap(low, highs) > 0.0:  # moved aside: shown as if it were not
-            around = Frame(frame_of(highs).centre, frame.size)
+            around = LocalSpace(local_space_of(highs).centre, local_space.size)
         elif highs:
-            surface = self._surface(low, frame)
-            pull = max(PULL, SIDEWAYS * max(_height(surface, frame.points(high), PROBES // len(highs)) for high in highs))
+            surface = self._surface(low, local_space)
+            pull = max(
+                PULL, SIDEWAYS * max(_height(surface, local_space.points(high), PROBES // len(highs)) for high in highs)
+            )
         return _Scene(
-            frame,
+            local_space,
             pull,
-            (self._upload(low, position=_positions(low, frame)), normal_matrix(low.to_world)),
+            (self._upload(low, position=_positions(low, local_space)), normal_matrix(low.to_world)),
             [
                 (
                     self.session.upload(high.name, high, normal=high.normals, position=_positions(high, around)),
@@ -247,18 +251,18 @@ class Shading:
             ],
         )
 
-    def _surface(self, low: Mesh, frame: Frame) -> BVHTree:
+    def _surface(self, low: Mesh, local_space: LocalSpace) -> BVHTree:
         """The low mesh to look for the nearest point on, which is made anew only when it is another."""
         key = low.triangles, low.positions, low.to_world.tobytes()
         known, surface = self._near
         if known is None or known[0] is not key[0] or known[1] is not key[1] or known[2] != key[2]:
-            surface = BVHTree.FromPolygons(frame.points(low).tolist(), low.vertices[low.triangles].tolist())
+            surface = BVHTree.FromPolygons(local_space.points(low).tolist(), low.vertices[low.triangles].tolist())
             self._near = key, surface
         return surface
 
 
-def _positions(mesh: Mesh, frame: Frame) -> np.ndarray:
-    return frame.points(mesh)[mesh.vertices]
+def _positions(mesh: Mesh, local_space: LocalSpace) -> np.ndarray:
+    return local_space.points(mesh)[mesh.vertices]
 
 
 def _height(surface: BVHTree, points: np.ndarray, count: int) -> float:
@@ -273,14 +277,15 @@ def _draw_bare(parts: list[tuple[gpu.types.GPUBatch, np.ndarray]], matrix: np.nd
         lit.draw_bare(drawn, matrix, lit.placed(normals, light))
 
 
-def _view_projection(eye: Eye, frame: Frame, pull: float) -> np.ndarray:
-    """From `frame` to clip space, pulled towards the viewer by so many of its units: in depth alone, what is seen stays where
+def _view_projection(eye: Eye, local_space: LocalSpace, pull: float) -> np.ndarray:
+    """From `local_space` to clip space, pulled towards the viewer by so many of its units: in depth
+    alone, what is seen stays where
     it is."""
-    to_world = np.diag([*[frame.size] * 3, 1.0])
-    to_world[:3, 3] = frame.centre
-    projection, pull = np.array(eye.projection, np.float64), pull * frame.size
+    to_world = np.diag([*[local_space.size] * 3, 1.0])
+    to_world[:3, 3] = local_space.centre
+    projection, pull = np.array(eye.projection, np.float64), pull * local_space.size
     if projection[3, 3] == 0.0:  # perspective: points go along their rays, all by the same share of their distance
-        distance = max(-(eye.view @ (*frame.centre, 1.0))[2], 2.0 * pull)
+        distance = max(-(eye.view @ (*local_space.centre, 1.0))[2], 2.0 * pull)
         projection[2, 3] /= 1.0 - pull / distance
     else:
         projection[2, 3] += pull * projection[2, 2]

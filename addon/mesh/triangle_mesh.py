@@ -55,7 +55,7 @@ FARTHEST = 1e8
 
 
 @dataclass(frozen=True)
-class Frame:
+class LocalSpace:
     """A space whose origin and unit fit some meshes, so that single precision is as good 10 km away as here.
 
     centre (3,) float64 in world space; size in world units. World axes.
@@ -71,10 +71,10 @@ class Frame:
         return np.clip(mesh.positions @ matrix.T + offset, -FARTHEST, FARTHEST).astype(np.float32)
 
 
-def frame_of(meshes: Sequence[Mesh]) -> Frame:
+def local_space_of(meshes: Sequence[Mesh]) -> LocalSpace:
     """The space in which `meshes` together lie around the origin with a radius of about 1."""
     low, high = _world_box(meshes)
-    return Frame((low + high) / 2.0, float(np.linalg.norm(high - low)) / 2.0 or 1.0)  # a single point has no size
+    return LocalSpace((low + high) / 2.0, float(np.linalg.norm(high - low)) / 2.0 or 1.0)  # a single point has no size
 
 
 def _world_box(meshes: Sequence[Mesh]) -> tuple[np.ndarray, np.ndarray]:

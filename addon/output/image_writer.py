@@ -11,7 +11,7 @@ from pathlib import Path, PurePath
 import bpy
 import numpy as np
 
-from ..core.errors import BakeError, few
+from ..core.errors import BakeError, shorten_list
 from ..core.settings import FORMATS, TOKEN, Settings
 from . import atomic_file, datablocks, image_encoding, quantize, value_encoding
 from .atomic_file import Partial, check_writable
@@ -85,7 +85,7 @@ def replaced(name: str, highs: Iterable[str]) -> str:
     """Whose map a bake from `highs` writes over in the image `name`, as names in a sentence: empty where it has none, where
     nobody knows, and where one of `highs` was among those that it came from."""
     before = datablocks.origin(name)
-    return "" if set(before).intersection(highs) else few(map(repr, before))
+    return "" if set(before).intersection(highs) else shorten_list(map(repr, before))
 
 
 class Writer:

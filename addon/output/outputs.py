@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 
 from ..core import file_names, texel_state
-from ..core.errors import BakeError, few
+from ..core.errors import BakeError, shorten_list
 from ..core.report import Report
 from ..core.settings import TOKEN, Settings
 from ..core.texel_state import Map
@@ -22,8 +22,8 @@ def wanted(settings: Settings) -> dict[str, Settings]:
     if settings.mask:
         result["MASK"] = image_writer.beside(settings, image_writer.MISSED)
     for name in settings.maps:
-        few = name == "COVERAGE" or name.endswith("_ID")
-        result[name] = image_writer.beside(settings, name.lower(), None if few else settings.depth)
+        is_small = name == "COVERAGE" or name.endswith("_ID")
+        result[name] = image_writer.beside(settings, name.lower(), None if is_small else settings.depth)
     return result
 
 
@@ -147,7 +147,7 @@ def sign(image: bpy.types.Image, reports: Sequence[Report]) -> None:
     datablocks.sign(image, highs)
     if before:
         reports[0].warnings.append(
-            f"The image {image.name!r} held a map of {before}, which the one of {few(map(repr, highs))} replaced."
+            f"The image {image.name!r} held a map of {before}, which the one of {shorten_list(map(repr, highs))} replaced."
         )
 
 

@@ -5,7 +5,7 @@ import gpu
 import numpy as np
 
 
-class Kept:
+class UploadCache:
     """Meshes that are uploaded again and again: what stayed the same stays on the GPU."""
 
     def __init__(self):

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import bpy
 
-from ..core.errors import few
+from ..core.errors import shorten_list
 
 ADDING = {
     "BEVEL",
@@ -54,7 +54,7 @@ def is_added(obj: bpy.types.Object) -> bool:
 
 def without(obj: bpy.types.Object) -> str:
     """The modifiers of `obj` in a clause of a sentence that says that they add no detail."""
-    return f"whose modifiers ({few(modifier.name for modifier in obj.modifiers)}) add no detail"
+    return f"whose modifiers ({shorten_list(modifier.name for modifier in obj.modifiers)}) add no detail"
 
 
 def _adds(modifier: bpy.types.Modifier) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 from ..core.errors import BakeError
 from ..core.settings import Settings
 from ..mesh.inputs import Meshes
-from ..mesh.triangle_mesh import Mesh, frame_of
+from ..mesh.triangle_mesh import Mesh, local_space_of
 from . import bake_objects, mesh_reader, visibility
 from .high_reader import Reader
 from .high_reader import uv_layer as uv_layer_of
@@ -117,7 +117,7 @@ def _check_size(mesh: Mesh) -> None:
     smallest = SMALLEST * len(mesh.triangles) ** 0.5
     if smallest < most < LARGEST / stretch:  # which is a quick look, and says enough of nearly all meshes
         return
-    own, in_scene = (frame_of([replace(mesh, to_world=to_world)]).size for to_world in (np.eye(4), mesh.to_world))
+    own, in_scene = (local_space_of([replace(mesh, to_world=to_world)]).size for to_world in (np.eye(4), mesh.to_world))
     if own < smallest:
         raise BakeError(
             f"{mesh.name!r} has a radius of {own:.1g}, too small for its normals: scale the mesh itself up."

@@ -25,7 +25,7 @@ REST = 0.4
 """Seconds without a change after which the image gets the map."""
 
 _session: live_session.Session | None = None
-_work: progress.Work[None] | None = None
+_work: progress.Task[None] | None = None
 _asked: Settings | None = None
 _refused: Settings | None = None
 """What the panel asks for and cannot be done."""
@@ -63,7 +63,7 @@ def start(context: bpy.types.Context, job: Job, settings: Settings) -> None:
     progress.finish(starting(context, job, settings, progress.Pace(looks=False)))
 
 
-def starting(context: bpy.types.Context, job: Job, settings: Settings, speed: progress.Pace) -> progress.Work[None]:
+def starting(context: bpy.types.Context, job: Job, settings: Settings, speed: progress.Pace) -> progress.Task[None]:
     """Follow the objects of a job; its first map is drawn and stored first. Raises BakeError, and then live is off, as when
     the generator is closed."""
     global _session, _asked, _refused, _scene, _strokes, _work, message  # noqa: PLW0603 - see tick

@@ -26,7 +26,7 @@ LOOKING_AROUND = {
 class _Run:
     """What is going on: its steps, and the timer that makes them. Blender may free the operator, and not this."""
 
-    def __init__(self, context: bpy.types.Context, steps: progress.Work):
+    def __init__(self, context: bpy.types.Context, steps: progress.Task):
         self.steps = steps
         self.timer = context.window_manager.event_timer_add(0.01, window=context.window)
 
@@ -62,7 +62,7 @@ class InSlices:
 
     _own: _Run | None = None
 
-    def _work(self, context: bpy.types.Context, speed: progress.Pace) -> progress.Work:
+    def _work(self, context: bpy.types.Context, speed: progress.Pace) -> progress.Task:
         raise NotImplementedError
 
     def _finish(self, context: bpy.types.Context, result) -> None:
@@ -83,7 +83,7 @@ class InSlices:
             return self.execute(context)
         self._own = _run = _Run(context, self._work(context, progress.Pace(SLICE)))
         context.window_manager.modal_handler_add(self)
-        progress_display.show(context, progress.Step("Starting", 0.0))
+        progress_display.show(context, progress.Progress("Starting", 0.0))
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
@@ -101,7 +101,7 @@ class InSlices:
     def _go_on(self, context: bpy.types.Context) -> set[str]:
         goes_on = False
         try:
-            progress_display.show(context, progress.some(_run.steps, TICK))
+            progress_display.show(context, progress.run_for(_run.steps, TICK))
             goes_on = True
         except StopIteration as end:
             self._finish(context, end.value)

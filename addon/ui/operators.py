@@ -60,7 +60,7 @@ class _OnePair(_Bake, Options):
         name="Cage", description="Name of the cage; empty for the slot, which counts for rays", options={"SKIP_SAVE"}
     )
 
-    def _work(self, context: bpy.types.Context, speed: progress.Pace) -> progress.Work:
+    def _work(self, context: bpy.types.Context, speed: progress.Pace) -> progress.Task:
         job, settings = self._job(context)
         return (yield from several.work(context, [job], settings, speed))
 
@@ -95,7 +95,7 @@ class IMPRINT_OT_bake_sequence(_OnePair, bpy.types.Operator):
     first: IntProperty(name="First", description="Frame; below 0 for the scene's first", default=-1)
     last: IntProperty(name="Last", description="Frame; below 0 for the scene's last", default=-1)
 
-    def _work(self, context: bpy.types.Context, speed: progress.Pace) -> progress.Work:
+    def _work(self, context: bpy.types.Context, speed: progress.Pace) -> progress.Task:
         job, settings = self._job(context)
         scene = context.scene
         first = self.first if self.first >= 0 else scene.frame_start
@@ -117,7 +117,7 @@ class IMPRINT_OT_live(modal.InSlices, bpy.types.Operator):
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         return super().invoke(context, event) if live_mode.session() is None else self.execute(context)
 
-    def _work(self, context: bpy.types.Context, speed: progress.Pace) -> progress.Work[None]:
+    def _work(self, context: bpy.types.Context, speed: progress.Pace) -> progress.Task[None]:
         if live_mode.session() is not None:
             live_mode.finish()
             return
@@ -137,7 +137,7 @@ class IMPRINT_OT_bake_pairs(_Bake, bpy.types.Operator):
     bl_label = "Bake Pairs by Name"
     bl_options = {"REGISTER", "UNDO"}
 
-    def _work(self, context: bpy.types.Context, speed: progress.Pace) -> progress.Work:
+    def _work(self, context: bpy.types.Context, speed: progress.Pace) -> progress.Task:
         settings = context.scene.imprint
         jobs, problems = several.jobs_by_name(context, settings.suffixes())
         for problem in problems:

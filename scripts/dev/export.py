@@ -28,12 +28,12 @@ def export(source: Path, target: Path) -> None:
     meshes = reading.read(bpy.context, low, [high], None, settings)
     report = Report("CAST", "WORLD", (512, 512), "lo", ["hi"])
     meshes = method_choice.choose(meshes, [1001], settings, report)
-    aim = ray_casting.aim_at(meshes.highs, report)
-    rays = ray_casting.rays(meshes.low, meshes.directions, None, aim.frame)
-    outside, inside = ray_distances.measure(aim.tables, rays, (512, 512), [1001], has_cage=False, facing_only=False)
+    ray_scene = ray_casting.ray_scene_of(meshes.highs, report)
+    rays = ray_casting.rays(meshes.low, meshes.directions, None, ray_scene.local_space)
+    outside, inside = ray_distances.measure(ray_scene.tables, rays, (512, 512), [1001], has_cage=False, facing_only=False)
     (mesh,) = meshes.highs
     laid_flat = reading.read(bpy.context, low, [high], None, Settings(method="FLATTEN", space="WORLD")).highs[0]
-    points = aim.frame.points(mesh)
+    points = ray_scene.local_space.points(mesh)
     tree = bvh.build(points, mesh.vertices[mesh.triangles])
     triangles = mesh.triangles[tree.order]
     np.savez_compressed(
@@ -43,7 +43,7 @@ def export(source: Path, target: Path) -> None:
         high_normal=laid_flat.normals @ triangle_mesh.normal_matrix(laid_flat.to_world).T,
         low_triangles=meshes.low.triangles,
         low_uv=meshes.low.uv,
-        low_position=aim.frame.points(meshes.low)[meshes.low.vertices],
+        low_position=ray_scene.local_space.points(meshes.low)[meshes.low.vertices],
         low_direction=meshes.low.to_world_normals(meshes.directions),
         nodes=tree.nodes.reshape(-1, 4),
         corners=points[mesh.vertices[triangles]].reshape(-1, 3),

@@ -12,7 +12,7 @@ from addon.core import progress
 from addon.core.report import Report
 from addon.core.settings import Settings
 from addon.engine import rendering, sources
-from addon.engine.finishing import all_of
+from addon.engine.post_process import for_maps
 from addon.mesh import triangle_mesh
 from addon.scene import mesh_reader
 from tests.support import angles, cycles, maps
@@ -140,5 +140,5 @@ def folds(low):
     report = Report("FLATTEN", "WORLD", SIZE, "", [])
     source = sources.Flat(painted, [painted], settings, report)
     renderer = rendering.Renderer(source, None, settings, report, progress.Pace())
-    texels, _ = progress.finish(renderer.texels(1001, all_of([painted], settings)))["NORMAL"]
+    texels, _ = progress.finish(renderer.texels(1001, for_maps([painted], settings)))["NORMAL"]
     return texels[..., 2] < 0.5

@@ -339,7 +339,7 @@ def test_trees_of_jobs_that_are_done_are_let_go(monkeypatch):
     alive = []
 
     def count(_step):
-        alive.append(sum(type(found) is ray_casting.Aim for found in gc.get_objects()))
+        alive.append(sum(type(found) is ray_casting.RayScene for found in gc.get_objects()))
 
     settings = Settings("CAST", width=16, height=16, storage="MEMORY", extrusion=0.5, max_distance=1.0)
     several.bake_all(bpy.context, jobs, settings, tell=count)

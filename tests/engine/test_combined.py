@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from addon.core.settings import Settings
-from addon.engine import bands, finishing, large_map_margin, ray_casting
+from addon.engine import bands, large_map_margin, post_process, ray_casting
 from addon.jobs import several
 from addon.output import image_writer, outputs
 from addon.passes import target
@@ -39,7 +39,7 @@ def in_bands(monkeypatch):
 
     def shrink():
         monkeypatch.setattr(bands, "BAND_TEXELS", 10 * SIZE)
-        for module in (bands, finishing):
+        for module in (bands, post_process):
             monkeypatch.setattr(module, "REACH", 3)
         monkeypatch.setattr(large_map_margin, "ROWS", 7)
 

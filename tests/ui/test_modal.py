@@ -200,7 +200,7 @@ def test_another_file_ends_what_is_going_on(pair, name):
 
 
 def _running_bake():
-    steps = (progress.Step("Baking", number / 10) for number in range(10))
+    steps = (progress.Progress("Baking", number / 10) for number in range(10))
     button = Button(operators.IMPRINT_OT_live)
     button._work = lambda *_: steps
     return button
@@ -214,7 +214,7 @@ def test_an_error_is_told_and_frees_the_window(pair, error, said):
     button = Button(operators.IMPRINT_OT_live)
 
     def fails(*_):
-        yield progress.Step("Reading", 0.0)
+        yield progress.Progress("Reading", 0.0)
         raise error
 
     button._work = fails
@@ -245,7 +245,7 @@ def test_what_is_kept_is_let_go_when_nobody_bakes(pair, monkeypatch):
     assert ray_casting._kept
     assert target._common
     monkeypatch.setattr(idle_memory, "AFTER", 0.0)
-    monkeypatch.setattr(progress_display, "_step", progress.Step("Baking", 0.5))
+    monkeypatch.setattr(progress_display, "_step", progress.Progress("Baking", 0.5))
     idle_memory.tick()
     assert ray_casting._kept
     monkeypatch.setattr(progress_display, "_step", None)

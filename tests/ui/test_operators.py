@@ -566,7 +566,7 @@ def test_the_bar_takes_the_buttons_place(pair, monkeypatch):
     select(*pair)
     bake()
     before = draw()
-    monkeypatch.setattr(progress_display, "current", lambda: progress.Step("Drawing", 0.25))
+    monkeypatch.setattr(progress_display, "current", lambda: progress.Progress("Drawing", 0.25))
     during = draw()
     assert {name for name, _ in before.buttons} - {name for name, _ in during.buttons} == {"imprint.bake"}
     bar = next(label for label in during.labels if label.startswith("25%"))

@@ -6,7 +6,7 @@ import time
 import bpy
 from gpu_extras.presets import draw_texture_2d
 
-from ...core.progress import Step
+from ...core.progress import Progress
 from . import viewport_text
 
 SIDE = 256
@@ -17,17 +17,17 @@ REDRAW = 0.25
 KNOWN = 0.05
 """Share of a bake that must be done before the time of the rest is told."""
 
-_step: Step | None = None
+_step: Progress | None = None
 _drawn = _began = 0.0
 _handles: list[tuple[type, object]] = []
 
 
-def current() -> Step | None:
+def current() -> Progress | None:
     """What the bake last said, or None where none is going on."""
     return _step
 
 
-def show(context: bpy.types.Context, step: Step) -> None:
+def show(context: bpy.types.Context, step: Progress) -> None:
     """Show `step` until `hide` is called."""
     global _step, _drawn, _began  # noqa: PLW0603 - there is one bake at a time, and Blender draws without arguments
     if _step is None:
@@ -55,12 +55,12 @@ def hide(context: bpy.types.Context) -> None:
     _redraw(context)
 
 
-def words(step: Step) -> str:
+def words(step: Progress) -> str:
     """`step` in a line."""
     return f"{step.what}, {short(step)}"
 
 
-def short(step: Step) -> str:
+def short(step: Progress) -> str:
     """How far `step` is and, once that can be told, how much time is left."""
     return f"{step.done:.0%}{_left(step.done, time.monotonic() - _began)}"
 

@@ -64,7 +64,7 @@ def switch(context: bpy.types.Context, wanted: str) -> None:
     progress.finish(switching(context, wanted, progress.Pace()))
 
 
-def switching(context: bpy.types.Context, wanted: str, speed: progress.Pace, *, anew: bool = False) -> progress.Work[None]:
+def switching(context: bpy.types.Context, wanted: str, speed: progress.Pace, *, anew: bool = False) -> progress.Task[None]:
     """Show one of MODES, of a map that is drawn first where there is none, or where it is to be drawn `anew`.
 
     Raises BakeError when there is nothing to show, and then the view is off; closed on the way, it leaves it as it was.
@@ -155,7 +155,7 @@ def _take_up() -> None:
     _redraw()
 
 
-def _drawn_map(context: bpy.types.Context, speed: progress.Pace) -> progress.Work[tuple[sessions.Session, Settings]]:
+def _drawn_map(context: bpy.types.Context, speed: progress.Pace) -> progress.Task[tuple[sessions.Session, Settings]]:
     """A map of the objects and settings that there are now, for the views alone."""
     settings = context.scene.imprint
     low, highs = settings.subjects(context)
@@ -358,7 +358,7 @@ class _Show(modal.InSlices):
     def _wanted(self) -> str:
         return _mode
 
-    def _work(self, context: bpy.types.Context, speed: progress.Pace) -> progress.Work[None]:
+    def _work(self, context: bpy.types.Context, speed: progress.Pace) -> progress.Task[None]:
         yield from switching(context, self._wanted(), speed)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
@@ -400,7 +400,7 @@ class IMPRINT_OT_view_refresh(modal.InSlices, bpy.types.Operator):
     def poll(cls, _context: bpy.types.Context) -> bool:
         return progress_display.current() is None and _mode != "OFF" and live_mode.session() is None
 
-    def _work(self, context: bpy.types.Context, speed: progress.Pace) -> progress.Work[None]:
+    def _work(self, context: bpy.types.Context, speed: progress.Pace) -> progress.Task[None]:
         yield from switching(context, _mode, speed, anew=True)
 
 

@@ -33,7 +33,7 @@ class Borders:
         return self
 
 
-class Finish:
+class PostProcess:
     """Made once for a map.
 
     kind: of its values, as passes.seams has them; normals are stored as half of what they are and a half, others as they
@@ -89,7 +89,7 @@ class Finish:
             large_map_margin.beyond(texels, state, self.settings.margin)
 
 
-def all_of(lows: Sequence[Mesh], settings: Settings) -> dict[str, Finish]:
+def for_maps(lows: Sequence[Mesh], settings: Settings) -> dict[str, PostProcess]:
     """One for each map of a bake, by name; `lows` are the meshes whose islands lie on it."""
     borders = None
     if settings.margin_type == "ADJACENT_FACES" and settings.margin != 0:
@@ -97,7 +97,7 @@ def all_of(lows: Sequence[Mesh], settings: Settings) -> dict[str, Finish]:
         borders = Borders(found, settings) if len(found.side) else None
     kinds = {"NORMAL": seam_fill.TANGENT if settings.space == "TANGENT" else seam_fill.NORMAL}
     kinds |= {name: seam_fill.LABEL if name.endswith("_ID") else seam_fill.VALUE for name in settings.maps}
-    return {name: Finish(settings, kind, borders) for name, kind in kinds.items()}
+    return {name: PostProcess(settings, kind, borders) for name, kind in kinds.items()}
 
 
 def channels(settings: Settings) -> np.ndarray:
