@@ -11,6 +11,8 @@ READERS = {
     "MIKKTSPACE": "MikkTSpace, as EEVEE and game engines read it; Cycles reads its own",
 }
 """Who reads a tangent-space map exactly, and who does not, by settings.BASES."""
+VERSION = 1
+"""Of the report's keys as JSON. It goes up when a key goes or changes its meaning, and stays when one is added."""
 STAGES = ("extract", "method", "tree", "upload", "distances", "draw", "read", "audit", "image")
 
 
@@ -67,12 +69,13 @@ class Report:
     renderer: str = ""
     seconds: dict[str, float] = field(default_factory=lambda: dict.fromkeys((*STAGES, "total"), 0.0))
     warnings: list[str] = field(default_factory=list)
+    version: int = VERSION
 
     def to_dict(self) -> dict:
         """Plain data for json.dump, of use outside this session as well."""
         values = asdict(self)
         del values["refs"]
-        return values
+        return {"version": values.pop("version"), **values}
 
     def __post_init__(self):
         self._inside = 0.0

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Where a bake's time goes: each second is of one stage, and of none while nobody lets the bake go on."""
 
+import json
 from types import SimpleNamespace
 
 import pytest
@@ -79,3 +80,10 @@ def test_work_that_is_given_up_is_closed(told):
     next(steps)
     steps.close()
     assert closed
+
+
+def test_the_keys_of_a_report_start_with_their_version(told):
+    data = json.loads(json.dumps(told.to_dict()))
+    assert next(iter(data)) == "version"
+    assert data["version"] == report.VERSION
+    assert Report(**data).to_dict() == told.to_dict() | {"size": [16, 16]}
