@@ -24,12 +24,12 @@ from addon.jobs import several  # noqa: E402
 from addon.output.atomic_file import replacing  # noqa: E402
 
 ELEVATIONS = ROOT / "scripts/data/jacksboro_fault_dem.npz"
-KM_PER_DEGREE = 111.2  # of latitude; one unit of the scene is a kilometre
+KM_PER_DEGREE = 111.2  # of latitude; one unit of the scene is a kilometer
 EXAGGERATION = 2.0  # of the heights: the real relief, 0.84 km on 30 x 32 km, looks flat in a small picture
 LOW_TRIANGLES = 9079  # as many as the paper's simplified terrain has
 
 PICTURE = (2000, 580)
-GAP = 3.0  # between two terrains, in kilometres as all that follow
+GAP = 3.0  # between two terrains, in kilometers as all that follow
 LABEL_SIZE, LABEL_DROP = 2.2, 3.3  # the height of the letters, and their baseline's distance from the terrain
 CAMERA_DROP = 2.8  # below the middle of the terrains, which leaves room for the labels
 VIEW = Euler((math.radians(38), 0, 0))  # tilted from looking straight down
@@ -50,18 +50,18 @@ def parse() -> argparse.Namespace:
 
 
 def read_terrain() -> tuple[np.ndarray, tuple[float, float]]:
-    """The heights in kilometres around their mean, row 0 in the south, and the extent from west to east and south to north."""
+    """The heights in kilometers around their mean, row 0 in the south, and the extent from west to east and south to north."""
     with np.load(ELEVATIONS) as dem:
-        metres = dem["elevation"][::-1].astype(np.float64)  # the file begins in the north
+        meters = dem["elevation"][::-1].astype(np.float64)  # the file begins in the north
         latitude = math.radians(float(dem["ymin"] + dem["ymax"]) / 2)
         spacing = np.array([dem["dx"] * math.cos(latitude), dem["dy"]]) * KM_PER_DEGREE
-    rows, columns = metres.shape
+    rows, columns = meters.shape
     width, depth = spacing * (columns - 1, rows - 1)
-    return (metres - metres.mean()) / 1000, (width, depth)
+    return (meters - meters.mean()) / 1000, (width, depth)
 
 
 def grid_mesh(name: str, heights: np.ndarray, extent: tuple[float, float]) -> bpy.types.Mesh:
-    """A smooth mesh of quads through a grid of heights, centred, whose UVs are the grid seen from above, from 0 to 1."""
+    """A smooth mesh of quads through a grid of heights, centered, whose UVs are the grid seen from above, from 0 to 1."""
     rows, columns = heights.shape
     u, v = np.meshgrid(np.linspace(0, 1, columns), np.linspace(0, 1, rows))
     positions = np.stack([(u - 0.5) * extent[0], (v - 0.5) * extent[1], heights], axis=-1)

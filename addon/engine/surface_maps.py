@@ -25,7 +25,7 @@ class SurfaceMaps:
         # Positions and vectors go with the normals: in the low object's space, or in the world's.
         from_world = np.eye(4) if settings.space == "WORLD" else np.linalg.inv(low.to_world)
         self.to_space = from_world[:3, :3] * local_space.size
-        self.origin = from_world[:3, :3] @ local_space.centre + from_world[:3, 3]
+        self.origin = from_world[:3, :3] @ local_space.center + from_world[:3, 3]
 
     def start(self, band: Band) -> None:
         """Look at another band."""

@@ -102,7 +102,7 @@ def _moved_aside(local_space: LocalSpace, low: Mesh, highs: Sequence[Mesh], betw
     unless the
     boxes around them stand apart as well. UVs that were moved leave the objects where they are."""
     offset = np.median(between, axis=0)
-    apart_as_boxes = local_space_of(highs).centre - local_space_of([low]).centre
+    apart_as_boxes = local_space_of(highs).center - local_space_of([low]).center
     is_aside = gap(low, highs) > 0.0 or np.linalg.norm(offset - apart_as_boxes / local_space.size) < CLOSE
     return offset if is_aside else np.zeros(3, np.float32)
 

@@ -132,7 +132,7 @@ class Shading:
             return
         matrix = _view_projection(eye, scene.local_space, PULL if is_alone else scene.pull)
         light = np.append(
-            (eye.light[:3] - eye.light[3] * scene.local_space.centre) / scene.local_space.size, eye.light[3]
+            (eye.light[:3] - eye.light[3] * scene.local_space.center) / scene.local_space.size, eye.light[3]
         )
         with _tested_for_depth():
             if mode == "MAP":
@@ -232,7 +232,7 @@ class Shading:
         local_space = local_space_of([low])
         around, pull = local_space, PULL
         if highs and gap(low, highs) > 0.0:  # moved aside: shown as if it were not
-            around = LocalSpace(local_space_of(highs).centre, local_space.size)
+            around = LocalSpace(local_space_of(highs).center, local_space.size)
         elif highs:
             surface = self._surface(low, local_space)
             pull = max(
@@ -282,10 +282,10 @@ def _view_projection(eye: Eye, local_space: LocalSpace, pull: float) -> np.ndarr
     alone, what is seen stays where
     it is."""
     to_world = np.diag([*[local_space.size] * 3, 1.0])
-    to_world[:3, 3] = local_space.centre
+    to_world[:3, 3] = local_space.center
     projection, pull = np.array(eye.projection, np.float64), pull * local_space.size
     if projection[3, 3] == 0.0:  # perspective: points go along their rays, all by the same share of their distance
-        distance = max(-(eye.view @ (*local_space.centre, 1.0))[2], 2.0 * pull)
+        distance = max(-(eye.view @ (*local_space.center, 1.0))[2], 2.0 * pull)
         projection[2, 3] /= 1.0 - pull / distance
     else:
         projection[2, 3] += pull * projection[2, 2]

@@ -41,16 +41,16 @@ def build(points: np.ndarray, triangles: np.ndarray) -> Tree:
     extent = np.maximum(extent, max(float(extent.max()) * 1e-5, np.finfo(np.float32).tiny))
     scale = (GRID[1] - GRID[0] - 4) / extent
     origin -= (GRID[0] + 2.0) / scale
-    grid, centres = np.empty(boxes.shape, np.uint16), np.empty((3, len(triangles)), np.uint16)
+    grid, centers = np.empty(boxes.shape, np.uint16), np.empty((3, len(triangles)), np.uint16)
 
     def round_outwards(part: slice) -> None:
         low, high = ((side[:, part] - origin[:, None]) * scale[:, None] for side in boxes)
         grid[0, :, part], grid[1, :, part] = np.floor(low) - 1.0, np.ceil(high) + 1.0
         # On one scale for all axes: what counts is how near they are in space.
-        centres[:, part] = (grid[0, :, part] + grid[1, :, part]) * (extent / extent.max())[:, None]
+        centers[:, part] = (grid[0, :, part] + grid[1, :, part]) * (extent / extent.max())[:, None]
 
     threads.each(len(triangles), round_outwards)
-    order = kd_order.order(centres)
+    order = kd_order.order(centers)
     lows, highs = np.take(grid, order, axis=2)
     nodes, first_leaf = _stack(lows, highs)
     return Tree(order, nodes, first_leaf, origin, scale)

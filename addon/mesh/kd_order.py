@@ -13,7 +13,7 @@ PART = LEAF**8
 
 def order(points: np.ndarray) -> np.ndarray:
     """The order (N,) int64 of `points` (3, N) uint16, N < 2^32, in which every run of 4^k that starts at a multiple of 4^k
-    is cut from its neighbours in the next larger run by planes across what is longest. Within LEAF any order will do.
+    is cut from its neighbors in the next larger run by planes across what is longest. Within LEAF any order will do.
     """
     runs, size = [(np.arange(points.shape[1]), points)], LEAF
     while size < points.shape[1]:

@@ -58,16 +58,16 @@ FARTHEST = 1e8
 class LocalSpace:
     """A space whose origin and unit fit some meshes, so that single precision is as good 10 km away as here.
 
-    centre (3,) float64 in world space; size in world units. World axes.
+    center (3,) float64 in world space; size in world units. World axes.
     """
 
-    centre: np.ndarray
+    center: np.ndarray
     size: float
 
     def points(self, mesh: Mesh) -> np.ndarray:
         """The positions (V, 3) float32 of `mesh` in this space."""
         matrix = mesh.to_world[:3, :3] / self.size
-        offset = (mesh.to_world[:3, 3] - self.centre) / self.size
+        offset = (mesh.to_world[:3, 3] - self.center) / self.size
         return np.clip(mesh.positions @ matrix.T + offset, -FARTHEST, FARTHEST).astype(np.float32)
 
 
@@ -183,7 +183,7 @@ def normal_matrix(mesh_to_world: np.ndarray, space_to_world: np.ndarray | None =
 
     A normal n is a plane's row vector: a matrix M that takes points takes it to n M^-1, so that world normals are
     M^-T n, and M'^T n_world is what an object with matrix M' has for them. Mirrored objects need no more than this:
-    unlike cofactors, the inverse transpose leaves outside what was outside. Not normalised.
+    unlike cofactors, the inverse transpose leaves outside what was outside. Not normalized.
     Raises numpy.linalg.LinAlgError for a matrix without volume.
     """
     matrix = np.linalg.inv(mesh_to_world[:3, :3]).T

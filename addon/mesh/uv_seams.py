@@ -12,8 +12,8 @@ from .uv_islands import hashes
 CONNECTED = 1e-5
 """How far apart the UVs of two triangles may lie at their common edge for them to be of one island."""
 INSIDE, OUTSIDE = 0.05, 2.5
-"""How far strips along borders reach into the island and out of it, in texels. A texel whose neighbour is written lies at
-most a diagonal, and half of one for samples beside the centre, from the border."""
+"""How far strips along borders reach into the island and out of it, in texels. A texel whose neighbor is written lies at
+most a diagonal, and half of one for samples beside the center, from the border."""
 SMALLEST_TURN = 1e-6
 """Times that the edge across may be shorter or longer: beyond, one of the two is a point that has no direction."""
 HARD = 1.0

@@ -174,7 +174,7 @@ def _shaders(job):
         _, node, _ = _trace(job, waiting.pop())
         if node and node not in nodes:  # the muted ones too: they may come back
             nodes[node] = None
-            waiting += node.inputs  # all of them: Shader to RGB makes colours of shaders
+            waiting += node.inputs  # all of them: Shader to RGB makes colors of shaders
     return [node for node in nodes if any(socket.type == "SHADER" for socket in node.outputs)]
 
 
@@ -221,7 +221,7 @@ def _feed_normal(job, shader, normal, done):
 
 
 def _feed_normal_map(job, normal_map):
-    """Make a Normal Map node show the image, where its colour comes from an Image Texture or from nowhere."""
+    """Make a Normal Map node show the image, where its color comes from an Image Texture or from nowhere."""
     color = normal_map.inputs["Color"]
     end, texture, kind = _trace(job, color)
     if kind not in (None, "ShaderNodeTexImage.Color"):

@@ -74,9 +74,9 @@ class Reader:
         mesh = mesh_reader.surface(
             data, layer, name, to_world, is_laid_flat=method == "FLATTEN", with_faces=bool(self.settings.maps)
         )
-        return self._labelled(mesh, number, obj, data) if self.settings.maps else mesh
+        return self._labeled(mesh, number, obj, data) if self.settings.maps else mesh
 
-    def _labelled(self, mesh: Mesh, number: int, obj: bpy.types.Object, data: bpy.types.Mesh) -> Mesh:
+    def _labeled(self, mesh: Mesh, number: int, obj: bpy.types.Object, data: bpy.types.Mesh) -> Mesh:
         """`mesh` with the numbers of its high object and of its materials as labels."""
         indices, names = mesh_reader.materials(obj, data, mesh)
         numbers = np.array([self.materials.setdefault(name or "none", len(self.materials) + 1) for name in names])

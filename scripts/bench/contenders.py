@@ -199,8 +199,8 @@ def race(contenders: list[Contender], repeats: int) -> dict[str, Timed]:
 def deviation(pair: Pair, normals: np.ndarray) -> dict[str, float]:
     """Degrees from the truth: median, 99th percentile and maximum, and the share of texels that were written."""
     size = len(normals)
-    centres = (np.arange(size) + 0.5) / size
-    truth = pair.truth(*np.meshgrid(centres, centres))
+    centers = (np.arange(size) + 0.5) / size
+    truth = pair.truth(*np.meshgrid(centers, centers))
     inside = np.s_[RIM:-RIM, RIM:-RIM]
     lengths = np.linalg.norm(normals[inside], axis=-1)
     written = lengths > 0.5

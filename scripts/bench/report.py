@@ -169,7 +169,7 @@ def closed_forms(rows: list[dict]) -> list[str]:
     return [
         "## How exact",
         "",
-        "Degrees from the normal that the formula has at the texel's centre, the same texels for all; what is left is "
+        "Degrees from the normal that the formula has at the texel's center, the same texels for all; what is left is "
         "mostly the mesh's own: its triangles interpolate normals. World space, "
         f"{rows[0]['size']} x {rows[0]['size']} texels.",
         "",

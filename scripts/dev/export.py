@@ -30,7 +30,9 @@ def export(source: Path, target: Path) -> None:
     meshes = method_choice.choose(meshes, [1001], settings, report)
     ray_scene = ray_casting.ray_scene_of(meshes.highs, report)
     rays = ray_casting.rays(meshes.low, meshes.directions, None, ray_scene.local_space)
-    outside, inside = ray_distances.measure(ray_scene.tables, rays, (512, 512), [1001], has_cage=False, facing_only=False)
+    outside, inside = ray_distances.measure(
+        ray_scene.tables, rays, (512, 512), [1001], has_cage=False, facing_only=False
+    )
     (mesh,) = meshes.highs
     laid_flat = reading.read(bpy.context, low, [high], None, Settings(method="FLATTEN", space="WORLD")).highs[0]
     points = ray_scene.local_space.points(mesh)

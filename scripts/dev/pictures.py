@@ -55,7 +55,10 @@ def shot(path: Path) -> None:
             image = _taken_from_screen(whole, image)
         image.scale(WIDTH, WIDTH * image.size[1] // image.size[0])
         scene = bpy.context.scene
-        before, scene.view_settings.view_transform = scene.view_settings.view_transform, "Standard"  # the screen as it is
+        before, scene.view_settings.view_transform = (
+            scene.view_settings.view_transform,
+            "Standard",
+        )  # the screen as it is
         settings = scene.render.image_settings
         settings.file_format, settings.quality, settings.color_mode = "JPEG", 88, "RGB"
         image.save_render(str(path))

@@ -1,7 +1,7 @@
 // One ray a texel, from the low mesh's cage to the first triangle of the high meshes (mesh/bvh.py has the tree).
 #include "lib/texture_lib.glsl"
 
-// Neighbours overlap by this much, in barycentric coordinates, rather than leave a gap: a part of the triangle, and what
+// Neighbors overlap by this much, in barycentric coordinates, rather than leave a gap: a part of the triangle, and what
 // single precision loses where the triangle is small and far from where the ray starts.
 const float CAST_EDGE = 1e-5;
 const float CAST_ROUNDING = 4e-7;

@@ -8,7 +8,7 @@ void main()
     normal_out = object_normal;  // nothing here, or a ray that missed
     return;
   }
-  // Blender's Normal Map node normalises the interpolated normal and leaves the interpolated tangent as it is; the
+  // Blender's Normal Map node normalizes the interpolated normal and leaves the interpolated tangent as it is; the
   // MikkTSpace reference, which engines follow, leaves both. What a map must undo is what its reader will do.
   vec3 low_normal = normalize_normal != 0 ? normalize(v_normal) : v_normal;
   vec3 components = basis_components(object_normal.xyz, v_tangent.xyz, v_tangent.w, low_normal);

@@ -15,7 +15,7 @@ vec3 map_stored(ivec2 texel)
   return steps > 0.0 ? floor(value * steps + 0.5) / steps : value;
 }
 
-// Bilinear between texel centres. Samplers round the weights to 8 bits, and not all GPUs filter single precision.
+// Bilinear between texel centers. Samplers round the weights to 8 bits, and not all GPUs filter single precision.
 vec3 map_between(vec2 uv)
 {
   vec2 place = uv * vec2(textureSize(normal_map, 0)) - 0.5;
@@ -37,7 +37,7 @@ vec3 map_to_world(vec3 normal)
   return map_unit(int(placed[1].w) == MAP_WORLD ? normal : mat3(placed) * normal);
 }
 
-// The normal in world space that a stored colour stands for where the low mesh has this normal and tangent.
+// The normal in world space that a stored color stands for where the low mesh has this normal and tangent.
 vec3 map_normal(vec3 stored, vec3 normal, vec4 tangent)
 {
   vec3 shown = vec3(0.0);

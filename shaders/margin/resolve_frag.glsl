@@ -1,5 +1,5 @@
 // The map as it is stored, alpha 1 where it was written or lies in the margin, which repeats the nearest written texel.
-// Elsewhere alpha is 0 and the colour that of the flat normal or, where a ray missed, the one for that: a hole stays one,
+// Elsewhere alpha is 0 and the color that of the flat normal or, where a ray missed, the one for that: a hole stays one,
 // since filled from beside it would pass for detail. Beside it where each value came from.
 #include "lib/nearest_lib.glsl"
 #include "lib/state_lib.glsl"

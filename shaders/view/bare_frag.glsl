@@ -3,5 +3,5 @@
 
 void main()
 {
-  colour_out = lit_colour(v_normal / max(length(v_normal), 1e-20), v_position, placed[3]);
+  color_out = lit_color(v_normal / max(length(v_normal), 1e-20), v_position, placed[3]);
 }

@@ -1,4 +1,4 @@
-// The deviation on the nearest texel. Along the rim of an island that one's centre may lie outside the low mesh, where
+// The deviation on the nearest texel. Along the rim of an island that one's center may lie outside the low mesh, where
 // there is none: then the nearest of those around that has one.
 #include "lib/ramp_lib.glsl"
 
@@ -20,5 +20,5 @@ void main()
   }
   float angle = is_bare != 0 ? found.g : found.r;
   vec3 unknown = found.a < -1.5 ? RAMP_ELSEWHERE : RAMP_UNKNOWN;
-  colour_out = vec4(found.a > 0.0 ? ramp_colour(angle / limit) : unknown, 1.0);
+  color_out = vec4(found.a > 0.0 ? ramp_color(angle / limit) : unknown, 1.0);
 }

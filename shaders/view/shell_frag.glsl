@@ -1,6 +1,6 @@
-// One colour, seen through.
+// One color, seen through.
 
 void main()
 {
-  colour_out = colour;
+  color_out = color;
 }

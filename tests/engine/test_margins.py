@@ -188,10 +188,10 @@ class Island:
     z = x + y i, or its conjugate where the island is mirrored; all in texels of SIZE.
     """
 
-    def __init__(self, low, high, *, centre, scale, degrees, mirrored=False):
+    def __init__(self, low, high, *, center, scale, degrees, mirrored=False):
         self.low, self.high, self.mirrored = complex(*low), complex(*high), mirrored
         self.factor = scale * cmath.exp(1j * np.radians(degrees))
-        self.offset = complex(*centre) - self.factor * self._turned((self.low + self.high) / 2)
+        self.offset = complex(*center) - self.factor * self._turned((self.low + self.high) / 2)
 
     def _turned(self, z):
         return np.conj(z) if self.mirrored else z
@@ -226,7 +226,7 @@ class Island:
 
 
 def places(size=SIZE):
-    """The centres (H, W) of texels, in texels."""
+    """The centers (H, W) of texels, in texels."""
     x, y = np.meshgrid(np.arange(size[0]) + 0.5, np.arange(size[1]) + 0.5)
     return x + 1j * y
 
@@ -294,8 +294,8 @@ CUTS = {
 def cut(scale=45.0, **right):
     """The plane's two halves: the left one as it is, the right one turned."""
     return [
-        Island((-1, -1), (0, 1), centre=(48, 80), scale=45.0, degrees=0.0),
-        Island((0, -1), (1, 1), centre=(150, 80), scale=scale, **right),
+        Island((-1, -1), (0, 1), center=(48, 80), scale=45.0, degrees=0.0),
+        Island((0, -1), (1, 1), center=(150, 80), scale=scale, **right),
     ]
 
 
@@ -348,8 +348,8 @@ def labelled(islands):
 
 
 def test_across_a_narrow_island_lies_nothing_of_the_next_one_in_the_map():
-    narrow = Island((0, -1), (0.15, 1), centre=(120, 80), scale=45.0, degrees=0.0)
-    stranger = Island((5, -1), (6, 1), centre=(150, 80), scale=45.0, degrees=0.0)
+    narrow = Island((0, -1), (0.15, 1), center=(120, 80), scale=45.0, degrees=0.0)
+    stranger = Island((5, -1), (6, 1), center=(150, 80), scale=45.0, degrees=0.0)
     islands = [cut(degrees=0.0)[0], narrow, stranger]
     numbers = labelled(islands)
     values = np.stack([numbers, numbers, numbers, numbers > 0.0], axis=-1).astype(np.float32)
@@ -365,7 +365,7 @@ def test_across_a_narrow_island_lies_nothing_of_the_next_one_in_the_map():
 @pytest.mark.parametrize("backwards", [False, True])
 def test_between_two_seams_each_texel_goes_over_the_nearer(backwards):
     def strip(low, high, left):
-        return Island((low, -1), (high, 1), centre=(left + (high - low) * 22.5, 80), scale=45.0, degrees=0.0)
+        return Island((low, -1), (high, 1), center=(left + (high - low) * 22.5, 80), scale=45.0, degrees=0.0)
 
     # 1 goes on in 2, 3 in 4; between 1 and 3 are two texels, which the strips along both borders cover.
     islands = [strip(-1, 0, 10.2), strip(0, 0.5, 120.2), strip(5, 6, 57.2), strip(4.5, 5, 160.2)]
@@ -420,8 +420,8 @@ def test_where_normals_cancel_out_across_a_seam_the_nearest_texel_stays(in_bands
     """Opposite normals in every second column, and a seam that leads between two of them."""
     size = 256, 128  # powers of two, in which texels are exact
     islands = [
-        Island((-1, -1), (0, 1), centre=(48.5, 64), scale=32.0, degrees=0.0),
-        Island((0, -1), (1, 1), centre=(150, 64), scale=32.0, degrees=0.0),
+        Island((-1, -1), (0, 1), center=(48.5, 64), scale=32.0, degrees=0.0),
+        Island((0, -1), (1, 1), center=(150, 64), scale=32.0, degrees=0.0),
     ]
     values = np.zeros((*size[::-1], 4), np.float32)
     for island in islands:
@@ -482,7 +482,7 @@ def test_a_baked_seam_goes_on_as_if_uncut(space, name):
     """Through a whole bake: the truth is a bake of the left half alone, grown past the seam."""
     islands = cut(**CUTS[name])
     left = islands[0]
-    grown = Island((-1, -1), (0.3, 1), centre=(48 + 0.15 * 45.0, 80), scale=45.0, degrees=0.0)
+    grown = Island((-1, -1), (0.3, 1), center=(48 + 0.15 * 45.0, 80), scale=45.0, degrees=0.0)
     high = zoo.terrain("high", n=96, height=0.1, waves=1)
     options = {"method": "CAST", "extrusion": 0.5, "max_distance": 1.0, "size": SIZE, "space": space}
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the views show is what arithmetic says: pictures against a rasteriser in float64, deviations against known ones."""
+"""What the views show is what arithmetic says: pictures against a rasterizer in float64, deviations against known ones."""
 
 import math
 
@@ -24,7 +24,7 @@ pytestmark = pytest.mark.usefixtures("gpu_context")
 SIZE = (256, 192)
 DIFFUSE, AMBIENT = 0.5, 0.04
 TOLERANCE = 5e-4
-"""Of a colour: positions are rounded to 1/256 of a pixel before anything is interpolated. An eye would not see 2/255."""
+"""Of a color: positions are rounded to 1/256 of a pixel before anything is interpolated. An eye would not see 2/255."""
 SHARE = 0.995
 """Of the pixels: along edges between triangles, the one in front may be the other."""
 
@@ -56,8 +56,8 @@ def picture(draw):
 def eye_on(low, light=(0.3, -0.4, 0.8, 0.0), *, is_parallel=False):
     """An eye somewhat above that sees the whole object."""
     points = np.array([low.matrix_world @ vertex.co for vertex in low.data.vertices])
-    centre, radius = points.mean(axis=0), np.linalg.norm(points - points.mean(axis=0), axis=1).max()
-    view = raster.look_at(centre + np.array((0.9, -1.6, 1.9)) * 1.3 * radius, centre)
+    center, radius = points.mean(axis=0), np.linalg.norm(points - points.mean(axis=0), axis=1).max()
+    view = raster.look_at(center + np.array((0.9, -1.6, 1.9)) * 1.3 * radius, center)
     aspect = SIZE[0] / SIZE[1]
     lens = (
         raster.parallel(2.1 * radius, 0.1, 100.0, aspect) if is_parallel else raster.perspective(40, 0.1, 100, aspect)
@@ -72,16 +72,16 @@ def brightness(normals, points, light):
 
 
 def shown(low, texels, settings):
-    """The colours and world normals of `low`, by the pixels of its picture, as functions of an eye."""
+    """The colors and world normals of `low`, by the pixels of its picture, as functions of an eye."""
     mesh = raster.corners(low, with_tangents=settings.space == "TANGENT")
     points = mesh.position @ mesh.matrix[:3, :3].T + mesh.matrix[:3, 3]
     if settings.depth == 8:
         texels = np.round(texels.astype(np.float64) * 255.0) / 255.0
 
     def seen(eye):
-        owner, weights = raster.rasterise(points, eye.projection @ eye.view, SIZE)
-        colours = raster.bilinear(texels[..., :3], raster.interpolate(mesh.uv, owner, weights))
-        normals = raster.decode(colours, (settings.red, settings.green, settings.blue))
+        owner, weights = raster.rasterize(points, eye.projection @ eye.view, SIZE)
+        colors = raster.bilinear(texels[..., :3], raster.interpolate(mesh.uv, owner, weights))
+        normals = raster.decode(colors, (settings.red, settings.green, settings.blue))
         if settings.space == "TANGENT":
             own = (raster.interpolate(values, owner, weights) for values in (mesh.normal, mesh.tangent))
             normals = raster.from_tangent_space(normals, *own, settings.basis)
@@ -97,7 +97,7 @@ def check(pixels, mask, expected):
     assert mask.mean() > 0.1
     assert (np.abs(pixels[mask][:, :3] - expected[:, None]).max(axis=1) <= TOLERANCE).mean() >= SHARE
     assert ((pixels[..., 3] == 1.0) == mask).mean() >= SHARE
-    assert expected.std() > 0.02  # a picture of one colour would prove nothing
+    assert expected.std() > 0.02  # a picture of one color would prove nothing
 
 
 def pair(matrix, n=60):
@@ -176,10 +176,10 @@ def test_a_real_pair_is_lit_as_arithmetic_says(space, shared_assets):
 
 
 def bare(obj, eye):
-    """Where `obj` is seen, and its colours without a map."""
+    """Where `obj` is seen, and its colors without a map."""
     mesh = raster.corners(obj, with_tangents=False)
     points = mesh.position @ mesh.matrix[:3, :3].T + mesh.matrix[:3, 3]
-    owner, weights = raster.rasterise(points, eye.projection @ eye.view, SIZE)
+    owner, weights = raster.rasterize(points, eye.projection @ eye.view, SIZE)
     normals = raster.interpolate(mesh.normal, owner, weights) @ mesh.to_world_normals.T
     return owner >= 0, brightness(raster.unit(normals), raster.interpolate(points, owner, weights), eye.light)
 
@@ -192,11 +192,11 @@ def test_a_line_parts_high_and_low_and_low_with_map(split):
     pixels = picture(lambda: view_session.Shading(session).draw("SPLIT", eye, split=split))
     zones = view_session.zones(SIZE[0], split)
     assert [column for zone in zones for column in zone] == list(range(SIZE[0]))
-    for zone, (mask, colours) in zip(
+    for zone, (mask, colors) in zip(
         zones, (bare(high, eye), bare(low, eye), shown(low, session.texels, session.settings)(eye)), strict=True
     ):
         expected = np.zeros(mask.shape)
-        expected[mask] = colours
+        expected[mask] = colors
         wrong = np.abs(pixels[..., :3] - expected[..., None]).max(axis=-1) > TOLERANCE
         assert wrong[:, zone.start : zone.stop].sum() <= (1.0 - SHARE) * mask.sum()
 
@@ -281,7 +281,7 @@ def test_what_was_moved_aside_is_shown_in_its_place():
         pictures.append(picture(lambda drawn=session: view_session.Shading(drawn).draw("SPLIT", eye, split=0.9)))
     mask = pictures[0][..., 3] == 1.0
     assert (mask == (pictures[1][..., 3] == 1.0)).mean() >= SHARE
-    # Their boxes have centres that differ by a hair.
+    # Their boxes have centers that differ by a hair.
     assert np.percentile(np.abs(pictures[0] - pictures[1])[mask].max(axis=1), 90) < 0.02
 
 
@@ -378,13 +378,13 @@ class TestDeviation:
         assert figures.bare_percentile_99 == pytest.approx(slope, abs=1e-3)
         assert figures.percentile_99 < 0.01
 
-    @pytest.mark.parametrize(("limit", "colour"), [(3.0, (0.0, 0.35, 0.1)), (1.0, (0.7, 0.0, 0.0))])
-    def test_angles_are_shown_as_colours(self, limit, colour):
+    @pytest.mark.parametrize(("limit", "color"), [(3.0, (0.0, 0.35, 0.1)), (1.0, (0.7, 0.0, 0.0))])
+    def test_angles_are_shown_as_colors(self, limit, color):
         """A third of the way it is green, and from the limit on red; the map itself is as blue as the ramp's beginning."""
         low, high = zoo.plane("lo"), zoo.plane("hi", slope=math.tan(math.radians(1.0)))
         drawn, eye = self.of(low, high), eye_on(low)
         pixels = picture(lambda: drawn.draw("BARE_DEVIATION", eye, limit=limit))
-        assert np.abs(pixels[pixels[..., 3] > 0.0][:, :3] - colour).max() < 5e-3
+        assert np.abs(pixels[pixels[..., 3] > 0.0][:, :3] - color).max() < 5e-3
         pixels = picture(lambda: drawn.draw("DEVIATION", eye, limit=limit))
         assert np.abs(pixels[pixels[..., 3] > 0.0][:, :3] - (0.0, 0.01, 0.15)).max() < 5e-3
 
@@ -401,7 +401,7 @@ class TestDeviation:
         pixels = picture(lambda: drawn.draw("BARE_DEVIATION", eye_on(low)))
         assert (np.abs(pixels[..., :3] - 0.1).max(axis=-1) < 1e-4).sum() > 0.3 * (pixels[..., 3] > 0.0).sum()
 
-    def test_the_rim_of_an_island_is_not_grey(self):
+    def test_the_rim_of_an_island_is_not_gray(self):
         """Half a texel of it is nearest to a texel that the island does not reach."""
         low, high = zoo.disc("lo", sides=31), zoo.disc("hi", sides=31)
         drawn = self.of(low, high, width=16, height=16, space="OBJECT")

@@ -38,7 +38,7 @@ HALVES = [(0, 1, 2), (0, 2, 3)]
 
 
 def test_triangles_that_meet_along_an_edge_share_nothing():
-    n = 17  # a grid whose lines run through texel centres
+    n = 17  # a grid whose lines run through texel centers
     u, v = np.meshgrid(np.linspace(0, 1, n), np.linspace(0, 1, n))
     uv = np.stack([u.ravel(), v.ravel()], axis=1)
     first = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).ravel()
@@ -64,8 +64,8 @@ def test_random_triangles_seed_4():
     triangles = rng.random((40, 3, 2))
     size = 64
     j, i = np.indices((size, size))
-    centres = np.stack([(i.ravel() + 0.5) / size, (j.ravel() + 0.5) / size], axis=1)
-    counts = sum((oracle.depth_inside(centres, triangle[None]) > 0.0).astype(int) for triangle in triangles)
+    centers = np.stack([(i.ravel() + 0.5) / size, (j.ravel() + 0.5) / size], axis=1)
+    counts = sum((oracle.depth_inside(centers, triangle[None]) > 0.0).astype(int) for triangle in triangles)
     truth = np.count_nonzero(counts > 1) / np.count_nonzero(counts)
     mesh = laid_out(triangles.reshape(-1, 2), np.arange(120).reshape(-1, 3))
     assert overlap_share(mesh, (size, size)) == pytest.approx(truth, abs=2e-3)
@@ -87,7 +87,7 @@ def test_what_is_looked_at_of_a_large_map_are_its_own_texels_seed_9(size, tile):
     columns, rows = checks.probed(size).steps
     truth = all_of_them[::rows, ::columns]
     assert some.shape == truth.shape
-    # Rasterisers round corners to a part of a texel, and texels are larger where fewer are drawn.
+    # Rasterizers round corners to a part of a texel, and texels are larger where fewer are drawn.
     assert np.count_nonzero(some != truth) <= 0.005 * truth.size
 
 

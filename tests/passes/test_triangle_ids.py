@@ -11,21 +11,23 @@ from tests.support import maps, oracle
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
 RIM = 1 / 128
-"""Of a texel: rasterisers round corners to a 256th of it, and on which side of an edge a centre lies that is nearer than
+"""Of a texel: rasterizers round corners to a 256th of it, and on which side of an edge a center lies that is nearer than
 this is their choice."""
 
 
 def layers(uv, triangles, size, count, tile=1001):
     mesh = triangle_ids.upload(np.asarray(triangles, np.int32), np.asarray(uv, np.float32))
-    return np.stack([numbers.copy() for numbers in triangle_ids.layers(mesh, size, target.window(tile), count)]).astype(int)
+    return np.stack([numbers.copy() for numbers in triangle_ids.layers(mesh, size, target.window(tile), count)]).astype(
+        int
+    )
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_random_triangles(seed):
     rng = np.random.default_rng(seed)
     triangles, size, count = rng.random((12, 3, 2)), 48, 12
-    centres = maps.texel_uv(size, size).reshape(-1, 2)
-    depths = np.stack([oracle.depth_inside(centres, triangle[None]) for triangle in triangles], axis=1)
+    centers = maps.texel_uv(size, size).reshape(-1, 2)
+    depths = np.stack([oracle.depth_inside(centers, triangle[None]) for triangle in triangles], axis=1)
     is_clear = (np.abs(depths) > RIM / size).all(axis=1)
     assert is_clear.mean() > 0.9
     drawn = layers(triangles.reshape(-1, 2), np.arange(36).reshape(-1, 3), (size, size), count)

@@ -63,10 +63,10 @@ def test_a_flat_mesh_has_a_tree():
     assert np.isfinite(tree.nodes).all()
 
 
-def test_neighbours_in_order_are_neighbours_in_space_seed_2():
+def test_neighbors_in_order_are_neighbors_in_space_seed_2():
     """Boxes of four triangles in a row are small."""
     corners = np.random.default_rng(2).random((4096, 1, 3)).astype(np.float32).repeat(3, axis=1)
     tree = tree_of(corners)
-    centres = corners[tree.order, 0].reshape(-1, 4, 3)
-    extent = (centres.max(axis=1) - centres.min(axis=1)).max(axis=1)
+    centers = corners[tree.order, 0].reshape(-1, 4, 3)
+    extent = (centers.max(axis=1) - centers.min(axis=1)).max(axis=1)
     assert np.median(extent) < 0.2  # unsorted, four points span 0.8

@@ -57,7 +57,9 @@ def test_an_arrowhead_may_be_cut_outside_of_itself():
 
 
 def test_a_quad_with_three_corners_in_line_is_flat():
-    assert not face_shapes.uneven(mesh([(0, 0, 0), (1, 0, 0), (2, 0, 0), (1, 1, 0)], CUTS["second and fourth"], [0, 0])).any()
+    assert not face_shapes.uneven(
+        mesh([(0, 0, 0), (1, 0, 0), (2, 0, 0), (1, 1, 0)], CUTS["second and fourth"], [0, 0])
+    ).any()
 
 
 @pytest.mark.parametrize("turn", range(4))

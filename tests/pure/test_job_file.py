@@ -106,7 +106,9 @@ def test_two_slashes_are_one(option, slashes):
 
 
 def test_two_slashes_of_a_job_file_are_one(write):
-    (found,) = job_file.read(write({"bake": [{"file": "//a.blend", "low": "a", "output": "//m.png"}]}, "jobs/jobs.json"))
+    (found,) = job_file.read(
+        write({"bake": [{"file": "//a.blend", "low": "a", "output": "//m.png"}]}, "jobs/jobs.json")
+    )
     assert (found.file, arguments.settings(found).output) == (["/a.blend"], "/m.png")
 
 

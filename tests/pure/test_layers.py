@@ -9,7 +9,9 @@ import pytest
 from scripts.imprint import ROOT
 
 ADDON = ROOT / "addon"
-MODULES = sorted(path.relative_to(ROOT) for path in ADDON.rglob("*.py") if "presets" not in path.relative_to(ADDON).parts[:-1])
+MODULES = sorted(
+    path.relative_to(ROOT) for path in ADDON.rglob("*.py") if "presets" not in path.relative_to(ADDON).parts[:-1]
+)
 
 MAY_IMPORT = {
     "core": set(),

@@ -66,7 +66,7 @@ def test_islands_end_at_seams_and_do_not_meet_where_they_lie_on_each_other():
     apart = [(2, 0), (3, 0), (3, 1), (2, 1)]
     two_quads, corners = [(0, 1, 2), (0, 2, 3), (4, 5, 6), (4, 6, 7)], np.arange(8)
     everything = np.ones(4, bool)
-    on_one_surface = [0, 1, 2, 3, 1, 4, 5, 2]  # the second square is the first one's neighbour
+    on_one_surface = [0, 1, 2, 3, 1, 4, 5, 2]  # the second square is the first one's neighbor
     for uv, vertices, count in (
         (square + apart, on_one_surface, 2),  # a seam
         (square + square, corners, 2),  # two pieces on one place

@@ -98,7 +98,7 @@ def test_triangles_without_area_in_the_map_have_no_borders():
     assert len(found.side) == 2  # and the diagonal, where the island goes on into nothing, is none
 
 
-def test_a_pole_is_no_neighbour_of_itself():
+def test_a_pole_is_no_neighbor_of_itself():
     """Quads of a sphere whose upper edge is one point: in the map it has a length, on the surface none."""
     positions = [(0, 0, 1), (1, 0, 0), (0, 1, 0), (-1, 0, 0)]
     triangles = np.array([(1, 2, 0), (0, 0, 1), (2, 3, 0), (0, 0, 2)])
@@ -202,7 +202,7 @@ def test_similarities_take_each_border_to_the_other_side_seed(seed, tile):
 
 
 def test_strips_hold_the_distance_from_their_border():
-    """Interpolated as the rasteriser does, at random places of every triangle."""
+    """Interpolated as the rasterizer does, at random places of every triangle."""
     found = uv_seams.find([mesh(SQUARE, HALVES, FLAT[HALVES])])
     triangles, corners = found.strips(SIZE, 1001)
     assert triangles.shape == (4 * 6, 3)
@@ -225,6 +225,8 @@ def test_strips_hold_the_distance_from_their_border():
             corners[triangles[own]][..., 0] * SIZE[0] + 1j * corners[triangles[own]][..., 1] * SIZE[1], 1, 0
         )
         area = np.abs(((b - a).conj() * (c - a)).imag).sum() / 2.0
-        assert np.isclose(area, (abs(stop - start) + 2 * uv_seams.OUTSIDE) * (uv_seams.INSIDE + uv_seams.OUTSIDE), rtol=1e-3)
+        assert np.isclose(
+            area, (abs(stop - start) + 2 * uv_seams.OUTSIDE) * (uv_seams.INSIDE + uv_seams.OUTSIDE), rtol=1e-3
+        )
     assert corners[:, 2].min() >= 0.0
     assert corners[:, 2].max() < 1.0

@@ -23,6 +23,6 @@ def pixels(image):
 
 
 def texel_uv(width, height):
-    """The coordinates (H, W, 2) that the texels stand for: their centres."""
+    """The coordinates (H, W, 2) that the texels stand for: their centers."""
     u, v = np.meshgrid((np.arange(width) + 0.5) / width, (np.arange(height) + 0.5) / height)
     return np.stack([u, v], axis=-1)

@@ -45,18 +45,20 @@ def of_bake(low, highs, settings, folder, cage=None):
     _check_changes(changed, low, [own.image for own in plan.values()])
     expected = set()
     for name, own in plan.items():
-        is_colour = name in ("NORMAL", "MASK", "COVERAGE", "OBJECT_ID", "MATERIAL_ID") or not value_encoding.is_float(own)
+        is_color = name in ("NORMAL", "MASK", "COVERAGE", "OBJECT_ID", "MATERIAL_ID") or not value_encoding.is_float(
+            own
+        )
         image, path = bpy.data.images[own.image], image_writer.output_for(own)
         if settings.udim:
             assert image.source == "TILED"
             assert [tile.number for tile in image.tiles if tile.size[0]] == sorted(report.tiles)
         else:
-            _check_image(image, own, is_colour=is_colour)
+            _check_image(image, own, is_color=is_color)
             assert name != "NORMAL" or (maps.pixels(image)[..., 3] == 1.0).any()
         for tile in report.tiles if path else ():
             file = Path(path.replace("<UDIM>", str(tile)))
             expected.add(file)
-            _check_file(file, own, is_colour=is_colour)
+            _check_file(file, own, is_color=is_color)
     assert written == expected, written
     assert {Path(path) for path in report.output} == expected
     return report
@@ -86,20 +88,20 @@ def _check_changes(changed, low, names):
         assert name in allowed.get(kind, ()), (key, changed[key])
 
 
-def _check_file(path, settings, *, is_colour):
+def _check_file(path, settings, *, is_color):
     image = bpy.data.images.load(str(path))
     image.colorspace_settings.is_data, image.alpha_mode = True, "CHANNEL_PACKED"
     try:
-        _check_image(image, settings, is_colour=is_colour)
+        _check_image(image, settings, is_color=is_color)
     finally:
         bpy.data.images.remove(image)
 
 
-def _check_image(image, settings, *, is_colour):
+def _check_image(image, settings, *, is_color):
     assert tuple(image.size) == (settings.width, settings.height)
     texels = maps.pixels(image)
     assert np.isfinite(texels).all()
-    if is_colour:
+    if is_color:
         assert texels.min() >= 0.0
         assert texels.max() <= 1.0
     if not value_encoding.is_float(settings):

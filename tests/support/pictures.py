@@ -24,7 +24,7 @@ def read(path) -> np.ndarray:
     """The numbers (H, W, 4) of a file as they stand in it, in its own type, row 0 at v = 0."""
     oiio = _openimageio()
     as_it_is = oiio.ImageSpec()
-    as_it_is.attribute("oiio:UnassociatedAlpha", 1)  # else OpenImageIO multiplies colours with alpha
+    as_it_is.attribute("oiio:UnassociatedAlpha", 1)  # else OpenImageIO multiplies colors with alpha
     picture = oiio.ImageInput.open(str(path), as_it_is)
     assert picture, oiio.geterror()
     spec = picture.spec()

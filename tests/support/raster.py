@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pictures in float64 that share no code with the shaders: a rasteriser over pixel centres, and what it needs of a mesh."""
+"""Pictures in float64 that share no code with the shaders: a rasterizer over pixel centers, and what it needs of a mesh."""
 
 from dataclasses import dataclass
 
@@ -41,8 +41,8 @@ def corners(obj, *, with_tangents=True):
     return Corners(*(values.reshape(-1, 3, values.shape[1]) for values in (points, normals, uv, tangents)), matrix)
 
 
-def rasterise(points, matrix, size):
-    """Which triangle is in front at each pixel's centre, and where on it.
+def rasterize(points, matrix, size):
+    """Which triangle is in front at each pixel's center, and where on it.
 
     points (T, 3, 3) world; matrix (4, 4) world to clip space, with all points before the eye; size (width, height).
     Returns triangle (H, W) int, -1 for none, and perspective-correct weights (H, W, 3).
@@ -86,7 +86,7 @@ def unit(vectors):
 
 
 def bilinear(texels, uv):
-    """`texels` (H, W, n) between their centres at `uv` (N, 2), repeating the rim."""
+    """`texels` (H, W, n) between their centers at `uv` (N, 2), repeating the rim."""
     size = np.array(texels.shape[1::-1])
     place = uv * size - 0.5
     first = np.floor(place).astype(int)
@@ -98,11 +98,11 @@ def bilinear(texels, uv):
     return total
 
 
-def decode(colours, channels=("+X", "+Y", "+Z")):
-    """Normals (N, 3), not of length one, from colours (N, 3), whose channels hold these axes."""
-    normals = np.zeros_like(colours)
+def decode(colors, channels=("+X", "+Y", "+Z")):
+    """Normals (N, 3), not of length one, from colors (N, 3), whose channels hold these axes."""
+    normals = np.zeros_like(colors)
     for channel, axis in enumerate(channels):
-        normals[:, "XYZ".index(axis[1])] = (colours[:, channel] * 2.0 - 1.0) * (1.0 if axis[0] == "+" else -1.0)
+        normals[:, "XYZ".index(axis[1])] = (colors[:, channel] * 2.0 - 1.0) * (1.0 if axis[0] == "+" else -1.0)
     return normals
 
 

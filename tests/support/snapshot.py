@@ -33,7 +33,9 @@ def snapshot(context=None, *, without=()) -> dict:
     state = {"active": context.view_layer.objects.active and context.view_layer.objects.active.name_full}
     for collection in _collections():
         if collection not in without:
-            state[collection] = sorted(block.name_full for block in getattr(bpy.data, collection) if _is_the_files(block))
+            state[collection] = sorted(
+                block.name_full for block in getattr(bpy.data, collection) if _is_the_files(block)
+            )
     for scene in bpy.data.scenes:
         for part in (scene, scene.render, scene.render.image_settings, scene.render.ffmpeg, scene.view_settings):
             state[scene.name, part.bl_rna.identifier] = settings(part)

@@ -15,7 +15,7 @@ PROGRAM = shader.Program(
 
 
 def draw(into: target.Target, mesh: gpu.types.GPUBatch, window: tuple[float, float, float, float]) -> None:
-    """Clear `into` (R16F, exact up to 2048) and write for each texel how many triangles of `mesh` cover its centre.
+    """Clear `into` (R16F, exact up to 2048) and write for each texel how many triangles of `mesh` cover its center.
 
     mesh: batch with the attribute uv. Triangles that share an edge do not share texels along it.
     """

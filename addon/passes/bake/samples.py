@@ -26,9 +26,9 @@ _EIGHT = (3, 6, 0, 5, 2, 7, 1, 4)
 
 
 def offsets(count: int) -> list[tuple[float, float]]:
-    """Where `count` samples, one of bake.settings.SAMPLES, lie in a texel, from its centre, in texels.
+    """Where `count` samples, one of bake.settings.SAMPLES, lie in a texel, from its center, in texels.
 
-    No two lie in the same row or column of `count`. One is the centre. The others are the Hammersley set, which as it is
+    No two lie in the same row or column of `count`. One is the center. The others are the Hammersley set, which as it is
     leans to the diagonal, each bit of a number by as much: half of the bits of one coordinate are turned over, so that
     it leans to neither side. Eight have three bits, and an order of their own.
     """

@@ -30,7 +30,7 @@ def draw(
 
     values: alpha above 0 where a texel was written, below 0 where its ray missed. nearest: what
     nearest_texel.search found there.
-    encode: (4, 4), from a value and 1 to red, green and blue. missed: the colour that stands for a miss.
+    encode: (4, 4), from a value and 1 to red, green and blue. missed: the color that stands for a miss.
     """
     target.fill(
         into,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Draws a mesh moved along its normals, in one colour."""
+"""Draws a mesh moved along its normals, in one color."""
 
 import gpu
 
@@ -9,14 +9,14 @@ PROGRAM = shader.Program(
     vertex="view/shell_vert.glsl",
     fragment="view/shell_frag.glsl",
     inputs=(("VEC3", "position"), ("VEC3", "direction")),
-    constants=(("MAT4", "view_projection"), ("VEC4", "colour"), ("FLOAT", "away")),
-    outputs=(("VEC4", "colour_out"),),
+    constants=(("MAT4", "view_projection"), ("VEC4", "color"), ("FLOAT", "away")),
+    outputs=(("VEC4", "color_out"),),
 )
 
 
-def draw(batch: gpu.types.GPUBatch, view_projection, away: float, colour: tuple[float, float, float, float]) -> None:
+def draw(batch: gpu.types.GPUBatch, view_projection, away: float, color: tuple[float, float, float, float]) -> None:
     """Draw into the framebuffer that is bound. batch: attributes position and unit direction, in world space."""
     compiled = shader.load(PROGRAM)
     compiled.bind()
-    target.bind(compiled, PROGRAM, view_projection=view_projection, colour=colour, away=away)
+    target.bind(compiled, PROGRAM, view_projection=view_projection, color=color, away=away)
     batch.draw(compiled)

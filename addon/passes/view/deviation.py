@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Measures how far what a low mesh shows is from the high surface, and draws it in colours."""
+"""Measures how far what a low mesh shows is from the high surface, and draws it in colors."""
 
 import gpu
 import numpy as np
@@ -22,7 +22,7 @@ RAMP = shader.Program(
     varyings=(("VEC2", "v_uv"),),
     samplers=(("FLOAT_2D", "deviation"),),
     constants=(("MAT4", "view_projection"), ("FLOAT", "limit"), ("INT", "is_bare")),
-    outputs=(("VEC4", "colour_out"),),
+    outputs=(("VEC4", "color_out"),),
 )
 LEGEND = shader.Program(
     vertex="view/legend_vert.glsl",
@@ -30,7 +30,7 @@ LEGEND = shader.Program(
     inputs=(("VEC2", "position"),),
     varyings=(("FLOAT", "v_share"),),
     constants=(("VEC4", "rect"),),
-    outputs=(("VEC4", "colour_out"),),
+    outputs=(("VEC4", "color_out"),),
 )
 
 
@@ -75,7 +75,7 @@ def draw(
     limit: float,
     is_bare: bool,
 ) -> None:
-    """Draw into the framebuffer that is bound what was measured, in colours from 0 to `limit` degrees and more.
+    """Draw into the framebuffer that is bound what was measured, in colors from 0 to `limit` degrees and more.
 
     batch: attributes position and uv. is_bare: of the mesh without its map.
     """
@@ -87,7 +87,7 @@ def draw(
 
 
 def draw_legend(square: gpu.types.GPUBatch, rect: tuple[float, float, float, float]) -> None:
-    """Draw the colours from left to right. square: position (x, y) from 0 to 1; rect: its scale and offset in clip space."""
+    """Draw the colors from left to right. square: position (x, y) from 0 to 1; rect: its scale and offset in clip space."""
     compiled = shader.load(LEGEND)
     compiled.bind()
     target.bind(compiled, LEGEND, rect=rect)

@@ -21,7 +21,7 @@ MAP = shader.Program(
     varyings=_VARYINGS,
     samplers=(("FLOAT_2D", "normal_map"),),
     constants=_CONSTANTS,
-    outputs=(("VEC4", "colour_out"),),
+    outputs=(("VEC4", "color_out"),),
 )
 BARE = shader.Program(
     vertex="view/bare_vert.glsl",
@@ -29,7 +29,7 @@ BARE = shader.Program(
     inputs=(("VEC3", "position"), ("VEC3", "normal")),
     varyings=_VARYINGS[:2],
     constants=_CONSTANTS,
-    outputs=(("VEC4", "colour_out"),),
+    outputs=(("VEC4", "color_out"),),
 )
 
 
