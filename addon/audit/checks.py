@@ -195,7 +195,7 @@ def _tell_of_distances(
 
 def _tell_of_faces(meshes: Meshes, report: Report) -> None:
     low = meshes.low
-    polygons, uneven = face_shapes.polygons(low), face_shapes.uneven(low)
+    polygons, uneven = face_shapes.non_triangles(low), face_shapes.non_planar(low)
     report.checks["polygons"] = _count(polygons, len(polygons))
     report.checks["uneven"] = _count(uneven, len(uneven)) | {"is_own_base": meshes.is_own_base}
 
@@ -203,7 +203,7 @@ def _tell_of_faces(meshes: Meshes, report: Report) -> None:
 def _tell_of_normals(meshes: Meshes, tally: Tally, report: Report) -> None:
     low = meshes.low
     report.checks["hard_edges"] = {"count": len(uv_seams.hard_edges(low))}
-    report.checks["behind"] = _count(face_shapes.behind(low), len(low.triangles))
+    report.checks["behind"] = _count(face_shapes.normals_behind(low), len(low.triangles))
     report.checks["backwards"] = _share(tally.backwards, tally.written)
 
 

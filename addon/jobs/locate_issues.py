@@ -15,8 +15,7 @@ from ..core.report import Report
 from ..core.settings import Settings
 from ..engine import method_choice, ray_casting, rendering, separation
 from ..engine.bands import Band
-from ..mesh import face_shapes as mesh_faces
-from ..mesh import triangle_mesh, uv_islands, uv_seams
+from ..mesh import face_shapes, triangle_mesh, uv_islands, uv_seams
 from ..mesh.inputs import Meshes
 from ..output import image_writer
 from ..passes import mesh_upload, target
@@ -56,7 +55,9 @@ def find(context: bpy.types.Context, report: Report, kind: str) -> np.ndarray:
     if kind in ON_EDGES:
         return _own(context, view, uv_seams.hard_edges(view.meshes.low), "EDGE")
     if kind in ON_FACES:
-        found = np.flatnonzero({"polygons": mesh_faces.polygons, "uneven": mesh_faces.uneven}[kind](view.meshes.low))
+        found = np.flatnonzero(
+            {"polygons": face_shapes.non_triangles, "uneven": face_shapes.non_planar}[kind](view.meshes.low)
+        )
     else:
         found = np.unique(view.meshes.low.faces[_triangles(view, kind)])
     return _own(context, view, found, "FACE")
@@ -99,7 +100,9 @@ def _view(context: bpy.types.Context, report: Report, kind: str) -> _View:
     several.check(context, job, settings)
     told = Report(report.method, space, report.size, report.low, report.high, distances=report.distances)
     meshes = reading.read(context, job.low, job.highs, job.cage, settings)
-    return _View(job, method_choice.choose(meshes, report.tiles, settings, told), settings, replace(told, tiles=report.tiles))
+    return _View(
+        job, method_choice.choose(meshes, report.tiles, settings, told), settings, replace(told, tiles=report.tiles)
+    )
 
 
 def _triangles(view: _View, kind: str) -> np.ndarray:
@@ -110,7 +113,7 @@ def _triangles(view: _View, kind: str) -> np.ndarray:
         harmful = outside if view.settings.udim else outside & ~uv_islands.moved(low)
         return harmful if harmful.any() else outside
     if kind == "behind":
-        return mesh_faces.behind(low)
+        return face_shapes.normals_behind(low)
     if kind in ON_TRIANGLES:
         areas = triangle_mesh.uv_areas(low)
         return areas < 0.0 if kind == "mirrored" else areas == 0.0
@@ -232,4 +235,4 @@ def add_triangulate(context: bpy.types.Context, report: Report) -> tuple[bpy.typ
     modifier = low.modifiers.new("Triangulate", "TRIANGULATE")
     modifier.quad_method, modifier.ngon_method = "FIXED", "CLIP"
     modifier.keep_custom_normals = True
-    return modifier, int(np.count_nonzero(mesh_faces.folded(mesh)))
+    return modifier, int(np.count_nonzero(face_shapes.folded(mesh)))

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A tree of boxes over triangles, built from whole arrays and laid out for a shader that walks it without a stack.
+"""A bounding volume hierarchy over triangles, in a layout that a shader walks without a stack.
 
-Triangles are sorted so that runs of them lie close together (kd_order.py); four in a row make a node, four nodes make the next,
-up to one root. The tree is complete, so that a node's place says all: the children of n are 4 n + 1 to 4 n + 4 (a heap
-with four children).
+Triangles are sorted so that neighbors in the order are close in space (kd_order.py). Four in a row make a node, four nodes
+make the node above, up to one root. The tree is complete, so an index is enough to find the children: those of node n are
+4 n + 1 to 4 n + 4 (a heap with four children).
 """
 
 from dataclasses import dataclass
@@ -13,15 +13,15 @@ import numpy as np
 from . import kd_order, threads
 
 GRID = 256, 32767
-"""Boxes are rounded outwards to a grid whose steps along each axis have these numbers, from first to last."""
+"""The first and the last step, along each axis, of the grid to which boxes are rounded outwards."""
 
 
 @dataclass(frozen=True)
 class Tree:
-    """order (T,) int: the triangles as they lie in the tree. first_leaf: the place of the first triangle in the heap.
+    """order (T,) int: triangle indices in the tree's order. first_leaf: the heap index of the first triangle.
 
-    nodes (N, 3, 4) float32: for x, y and z the boxes of the four children, as `pack` has them; a child that is not there
-    has low above high. A point p is at (p - origin) * scale in grid steps; origin, scale (3,) float64.
+    nodes (N, 3, 4) float32: for x, y and z, the boxes of the four children, as `pack` stores them; a missing child has
+    low above high. A point p is at (p - origin) * scale in grid steps; origin, scale (3,) float64.
     """
 
     order: np.ndarray
@@ -32,12 +32,12 @@ class Tree:
 
 
 def build(points: np.ndarray, triangles: np.ndarray) -> Tree:
-    """The tree over `triangles` (T, 3) int, T > 0, indices into `points` (P, 3) float32."""
+    """Build the tree over `triangles` (T, 3) int, T > 0, indices into `points` (P, 3) float32."""
     boxes = _boxes(points, triangles)
     origin = boxes[0].min(axis=1).astype(np.float64)
     extent = boxes[1].max(axis=1) - origin
-    # A flat mesh has no extent along an axis; what is smaller than this is flat. Two steps on either side are left free
-    # for rounding outwards by more than what single precision loses on the way.
+    # A flat mesh has no extent along one axis: use a small one. Two free steps on either side leave room to round
+    # outwards by more than single precision loses.
     extent = np.maximum(extent, max(float(extent.max()) * 1e-5, np.finfo(np.float32).tiny))
     scale = (GRID[1] - GRID[0] - 4) / extent
     origin -= (GRID[0] + 2.0) / scale
@@ -46,10 +46,10 @@ def build(points: np.ndarray, triangles: np.ndarray) -> Tree:
     def round_outwards(part: slice) -> None:
         low, high = ((side[:, part] - origin[:, None]) * scale[:, None] for side in boxes)
         grid[0, :, part], grid[1, :, part] = np.floor(low) - 1.0, np.ceil(high) + 1.0
-        # On one scale for all axes: what counts is how near they are in space.
+        # Use one scale for all axes: the order depends on distances in space.
         centers[:, part] = (grid[0, :, part] + grid[1, :, part]) * (extent / extent.max())[:, None]
 
-    threads.each(len(triangles), round_outwards)
+    threads.for_blocks(len(triangles), round_outwards)
     order = kd_order.order(centers)
     lows, highs = np.take(grid, order, axis=2)
     nodes, first_leaf = _stack(lows, highs)
@@ -57,7 +57,7 @@ def build(points: np.ndarray, triangles: np.ndarray) -> Tree:
 
 
 def _boxes(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """The lowest and the highest coordinates (2, 3, T) float32 of each triangle."""
+    """The minimum and maximum coordinates (2, 3, T) float32 of each triangle."""
     # One axis after another, in contiguous arrays: reducing along a short last axis is ten times slower.
     axes, boxes = np.ascontiguousarray(points.T), np.empty((2, 3, len(triangles)), np.float32)
 
@@ -68,12 +68,12 @@ def _boxes(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
             boxes[0, axis, part] = np.minimum(np.minimum(a, b), c)
             boxes[1, axis, part] = np.maximum(np.maximum(a, b), c)
 
-    threads.each(len(triangles), enclose)
+    threads.for_blocks(len(triangles), enclose)
     return boxes
 
 
 def _stack(lows: np.ndarray, highs: np.ndarray) -> tuple[np.ndarray, int]:
-    """Group the sorted boxes (3, T) by four until one node is left: nodes and first_leaf of a Tree."""
+    """Group the sorted boxes (3, T) by four until one node is left. Returns a Tree's nodes and first_leaf."""
     count, depth = lows.shape[1], 1
     while 4**depth < count:
         depth += 1
@@ -91,15 +91,15 @@ def _stack(lows: np.ndarray, highs: np.ndarray) -> tuple[np.ndarray, int]:
 
 
 def pack(low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Two numbers on the grid, of 15 bits each, in the bits of a float32: textures can be filled with floats alone.
+    """Pack two grid coordinates of 15 bits each into the bits of a float32: the gpu module fills textures with floats only.
 
-    Since the grid begins at 256 no pair is a denormal, which a driver might not keep, and none is a NaN or an infinity.
+    The grid begins at 256, so no pair is a denormal, which a driver may flush to zero, and none is NaN or infinite.
     """
     return (low | high.astype(np.uint32) << 15).astype(np.uint32, copy=False).view(np.float32)
 
 
 def _level_start(level: int) -> int:
-    """The place of a level's first node: 0, 1, 5, 21, …"""
+    """The heap index of a level's first node: 0, 1, 5, 21, …"""
     return (4**level - 1) // 3
 
 

@@ -59,7 +59,7 @@ def joined(name: str, to_world: np.ndarray, parts: Sequence[Part]) -> Mesh:
             for first in range(0, len(part.places), step)
         ]
         start = start + len(part.places) * size
-    threads.at_once(lambda run: _fill(result, run[0], from_world @ run[1], run[2]), runs)
+    threads.map_parallel(lambda run: _fill(result, run[0], from_world @ run[1], run[2]), runs)
     return result
 
 

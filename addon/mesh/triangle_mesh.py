@@ -131,7 +131,7 @@ def uv_areas(mesh: Mesh) -> np.ndarray:
             b, c = b - a, c - a
             areas[part] = b.real * c.imag - b.imag * c.real
 
-    threads.each(len(areas), measure)
+    threads.for_blocks(len(areas), measure)
     return areas
 
 

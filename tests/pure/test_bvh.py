@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The tree's shape, held against what its documentation promises."""
+"""Tests that the tree has the layout that its docstrings describe."""
 
 import numpy as np
 import pytest
@@ -8,17 +8,17 @@ from addon.mesh import bvh
 
 
 def unpack(packed):
-    """low, high (…,) of bvh.pack, by its documentation and not by its code."""
+    """Undo bvh.pack: low, high (…,), written from its docstring and not from its code."""
     bits = np.ascontiguousarray(packed).view(np.uint32)
     return bits & 0x7FFF, bits >> 15
 
 
 def tree_of(corners):
-    """Of triangles (T, 3, 3) that share no points."""
+    """The tree of triangles (T, 3, 3) that share no points."""
     return bvh.build(corners.reshape(-1, 3), np.arange(len(corners) * 3).reshape(-1, 3))
 
 
-def test_pack_keeps_all_pairs_of_the_edges_and_makes_plain_floats():
+def test_pack_keeps_extreme_pairs_and_makes_normal_floats():
     values = np.array([256, 257, 511, 512, 16383, 16384, 32639, 32640, 32766, 32767], np.uint16)
     low, high = (grid.ravel() for grid in np.meshgrid(values, values))
     packed = bvh.pack(low, high)
@@ -29,7 +29,7 @@ def test_pack_keeps_all_pairs_of_the_edges_and_makes_plain_floats():
 
 
 @pytest.mark.parametrize("count", [1, 2, 4, 5, 16, 17, 1000])
-def test_every_triangle_lies_in_all_boxes_above_it_seed_5(count):
+def test_every_triangle_lies_inside_all_its_ancestors_boxes_seed_5(count):
     rng = np.random.default_rng(5)
     corners = (rng.random((count, 1, 3)) * (1, 100, 1e-3) + rng.random((count, 3, 3)) * 0.01).astype(np.float32)
     tree = tree_of(corners)
@@ -44,7 +44,7 @@ def test_every_triangle_lies_in_all_boxes_above_it_seed_5(count):
             assert (high >= steps[i].max(axis=0)).all()
 
 
-def test_children_that_are_not_there_are_never_entered():
+def test_missing_children_have_empty_boxes():
     tree = tree_of(np.random.default_rng(0).random((5, 3, 3)).astype(np.float32))
     levels = {0: [0], 1: [1, 2]}  # five triangles make two nodes of triangles under one root
     missing = [(0, 2), (0, 3), (2, 1), (2, 2), (2, 3)]
@@ -55,7 +55,7 @@ def test_children_that_are_not_there_are_never_entered():
     assert tree.first_leaf == 5
 
 
-def test_a_flat_mesh_has_a_tree():
+def test_flat_mesh_gets_a_finite_tree():
     corners = np.random.default_rng(1).random((64, 3, 3)).astype(np.float32)
     corners[..., 2] = 3.0
     tree = tree_of(corners)
@@ -63,8 +63,8 @@ def test_a_flat_mesh_has_a_tree():
     assert np.isfinite(tree.nodes).all()
 
 
-def test_neighbors_in_order_are_neighbors_in_space_seed_2():
-    """Boxes of four triangles in a row are small."""
+def test_neighbors_in_order_are_close_in_space_seed_2():
+    """The boxes of four consecutive triangles are small."""
     corners = np.random.default_rng(2).random((4096, 1, 3)).astype(np.float32).repeat(3, axis=1)
     tree = tree_of(corners)
     centers = corners[tree.order, 0].reshape(-1, 4, 3)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The order of a k-d tree, held against what its documentation promises."""
+"""Tests that kd_order returns the order that its docstring describes."""
 
 import numpy as np
 import pytest
@@ -7,14 +7,14 @@ import pytest
 from addon.mesh import kd_order
 
 
-def is_cut(one, other):
-    """Whether a plane across an axis parts points (3, N) from (3, M)."""
-    return bool(np.any((one.max(axis=1) <= other.min(axis=1)) | (other.max(axis=1) <= one.min(axis=1))))
+def are_separated(first, second):
+    """Whether a plane across an axis separates points (3, N) from (3, M)."""
+    return bool(np.any((first.max(axis=1) <= second.min(axis=1)) | (second.max(axis=1) <= first.min(axis=1))))
 
 
 @pytest.mark.parametrize("count", [0, 1, 3, 4, 5, 8, 9, 16, 17, 63, 64, 65, 1000, 4096, 5000, 40_000, 70_000])
 @pytest.mark.parametrize("part", [64, kd_order.PART])
-def test_runs_are_cut_by_planes_seed_11(count, part, monkeypatch):
+def test_runs_are_separated_by_planes_seed_11(count, part, monkeypatch):
     monkeypatch.setattr(kd_order, "PART", part)
     points = np.random.default_rng(11).integers(0, 2**16, (3, count), dtype=np.uint16)
     order = kd_order.order(points)
@@ -23,14 +23,14 @@ def test_runs_are_cut_by_planes_seed_11(count, part, monkeypatch):
     size = 4
     while size < count:
         for start in range(0, count, 2 * size):
-            one, other = points[:, start : start + size], points[:, start + size : start + 2 * size]
-            assert not other.size or is_cut(one, other)
+            first, second = points[:, start : start + size], points[:, start + size : start + 2 * size]
+            assert not second.size or are_separated(first, second)
         size *= 2
 
 
 @pytest.mark.parametrize("part", [4, 16, kd_order.PART])
-def test_the_longest_side_is_cut_first(part, monkeypatch):
-    monkeypatch.setattr(kd_order, "PART", part)  # what is larger is cut half by half, by several threads
+def test_the_longest_axis_is_divided_first(part, monkeypatch):
+    monkeypatch.setattr(kd_order, "PART", part)  # several threads halve longer runs
     side = np.arange(64, dtype=np.uint16)
     for axis in range(3):
         points = np.zeros((3, 64), np.uint16)
@@ -40,5 +40,5 @@ def test_the_longest_side_is_cut_first(part, monkeypatch):
         assert np.array_equal(np.sort(found, axis=1), side.reshape(-1, 4))
 
 
-def test_points_in_one_place_have_an_order():
+def test_identical_points_are_ordered():
     assert np.array_equal(np.sort(kd_order.order(np.full((3, 100), 7, np.uint16))), np.arange(100))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Long arrays in blocks: each element once, however many are left for the last block."""
+"""Tests threads: each element of a long array is visited once, also where the last block is shorter."""
 
 import numpy as np
 import pytest
@@ -14,20 +14,20 @@ BLOCK = threads.BLOCK
 def test_blocks_cover_each_element_once(count):
     seen = np.zeros(count, int)
 
-    def touch(part):
+    def count_visits(part):
         seen[part] += 1
         assert 0 < part.stop - part.start <= BLOCK
 
-    threads.each(count, touch)
+    threads.for_blocks(count, count_visits)
     assert (seen == 1).all()
 
 
-def test_results_come_in_the_order_of_the_parts():
-    assert threads.at_once(lambda number: number * number, range(50)) == [number * number for number in range(50)]
+def test_map_parallel_returns_results_in_order():
+    assert threads.map_parallel(lambda number: number * number, range(50)) == [number * number for number in range(50)]
 
 
 def triangles(seed, count):
-    """A mesh of triangles that share nothing."""
+    """A mesh of triangles that share no vertices."""
     rng = np.random.default_rng(seed)
     positions = (rng.random((count, 1, 3)) + 0.1 * rng.random((count, 3, 3))).astype(np.float32).reshape(-1, 3)
     corners = np.arange(3 * count, dtype=np.int32)
@@ -42,7 +42,7 @@ def triangles(seed, count):
     )
 
 
-def test_one_triangle_more_than_a_block_is_measured_and_enclosed_as_in_one_seed_3(monkeypatch):
+def test_a_partial_second_block_gives_the_same_areas_and_tree_as_one_block_seed_3(monkeypatch):
     monkeypatch.setattr(threads, "BLOCK", 64)
     mesh = triangles(3, 64 + 1)
     areas, tree = triangle_mesh.uv_areas(mesh), bvh.build(mesh.positions, mesh.triangles)
