@@ -12,7 +12,18 @@ def register() -> None:
     from .ui import check_panel, idle_memory, map_size, modal, operators, panels, presets, properties
     from .ui.viewport import view_mode
 
-    for module in (properties, operators, map_size, presets, panels, check_panel, view_mode, command, idle_memory, modal):
+    for module in (
+        properties,
+        operators,
+        map_size,
+        presets,
+        panels,
+        check_panel,
+        view_mode,
+        command,
+        idle_memory,
+        modal,
+    ):
         module.register()
     handlers = bpy.app.handlers
     handlers.load_pre.append(handlers.persistent(_before_loading))  # it outlives the file that is left
@@ -44,7 +55,18 @@ def unregister() -> None:
     live_mode.stop()
     results.forget()
     cage_overlay.show(False)
-    for module in (modal, idle_memory, command, view_mode, check_panel, panels, presets, map_size, operators, properties):
+    for module in (
+        modal,
+        idle_memory,
+        command,
+        view_mode,
+        check_panel,
+        panels,
+        presets,
+        map_size,
+        operators,
+        properties,
+    ):
         module.unregister()
     bpy.app.handlers.load_pre.remove(_before_loading)
     atexit.unregister(free)
@@ -54,13 +76,13 @@ def unregister() -> None:
 def free() -> None:
     """Free what is kept on the GPU between bakes. Blender crashes on exit while such objects live."""
     from . import passes
-    from .engine import ray_casting
+    from .engine import gpu_memory
     from .ui import live_mode
     from .ui.viewport import view_mode
 
     live_mode.free()
     view_mode.free()
-    ray_casting.free()
+    gpu_memory.free()
     passes.free()
 
 

@@ -5,8 +5,19 @@ from ..passes import target
 from . import ray_casting
 
 
-def let_go(after: float) -> None:
-    """Free trees and targets if nothing was drawn for so many seconds; the next bake makes them anew."""
-    if target.idle() > after:
-        ray_casting.free()
-        target.free()
+def trim() -> None:
+    """Free trees or targets that hold more than their bounds, at the end of a bake."""
+    target.common.trim()
+    ray_casting.trees.trim()
+
+
+def free() -> None:
+    """Free trees and targets; the next bake makes them anew."""
+    target.common.free()
+    ray_casting.trees.free()
+
+
+def free_if_idle(seconds: float) -> None:
+    """Free trees and targets if no bake has drawn for so many seconds."""
+    if target.common.idle_seconds > seconds:
+        free()

@@ -63,7 +63,7 @@ def source(
     if report.method == "FLATTEN":
         return sources.Flat(meshes.low, meshes.highs, settings, report, uploads=uploads)
     yield Progress("Building the tree", 0.0)
-    ray_scene = ray_casting.ray_scene_of(meshes.highs, report)
+    ray_scene = ray_casting.trees.ray_scene_of(meshes.highs, report)
     yield Progress("Measuring distances", 0.5)
     with report.timed("upload"):
         rays = ray_casting.rays(meshes.low, meshes.directions, meshes.cage, ray_scene.local_space)

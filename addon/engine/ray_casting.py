@@ -22,8 +22,6 @@ KEPT_BYTES = 1024 * 2**20
 KEPT_TREES = 4
 """And how many there may be: a mesh that is being edited leaves one behind at every change."""
 
-_kept: OrderedDict[tuple, "RayScene"] = OrderedDict()
-
 
 @dataclass(frozen=True)
 class RayScene:
@@ -67,39 +65,63 @@ class RayCast:
             yield rows
 
 
-def ray_scene_of(highs: Sequence[Mesh], report: Report) -> RayScene:
-    """The tree over `highs`, built and uploaded unless it was kept.
+class TreeCache:
+    """Trees over high meshes, kept on the GPU while the meshes stay the same.
 
-    Kept by content and not by name: nothing that Blender forgets to tell can make it stale.
+    most_bytes, most_trees: bounds; the tree that was used longest ago goes first.
     """
-    with report.timed("tree"):
-        key = tuple(
-            (zlib.crc32(np.ascontiguousarray(array)), array.shape)
-            for mesh in highs
-            for array in (mesh.positions, mesh.vertices, mesh.normals, mesh.triangles, mesh.to_world)
-        )
-        found = _kept.pop(key, None)
-        if found is None:
-            found = _build(highs, report)
-        _kept[key] = found
-        while len(_kept) > 1 and (len(_kept) > KEPT_TREES or _bytes() > KEPT_BYTES):
-            _kept.popitem(last=False)
-    return found
+
+    def __init__(self, most_bytes: int = KEPT_BYTES, most_trees: int = KEPT_TREES):
+        self.most_bytes, self.most_trees = most_bytes, most_trees
+        self.built = 0
+        """How many trees were built since the start."""
+        self._scenes: OrderedDict[tuple, RayScene] = OrderedDict()
+
+    def __len__(self) -> int:
+        return len(self._scenes)
+
+    @property
+    def scenes(self) -> list[RayScene]:
+        """The kept ones, the one used longest ago first."""
+        return list(self._scenes.values())
+
+    @property
+    def bytes(self) -> int:
+        """What the kept trees hold on the GPU."""
+        return sum(scene.tables.bytes for scene in self._scenes.values())
+
+    def ray_scene_of(self, highs: Sequence[Mesh], report: Report) -> RayScene:
+        """The tree over `highs`, built and uploaded unless it was kept.
+
+        Kept by content and not by name: a change that Blender does not report cannot make it stale.
+        """
+        with report.timed("tree"):
+            key = tuple(
+                (zlib.crc32(np.ascontiguousarray(array)), array.shape)
+                for mesh in highs
+                for array in (mesh.positions, mesh.vertices, mesh.normals, mesh.triangles, mesh.to_world)
+            )
+            found = self._scenes.pop(key, None)
+            if found is None:
+                found = _build(highs, report)
+                self.built += 1
+            self._scenes[key] = found
+            while len(self) > 1 and (len(self) > self.most_trees or self.bytes > self.most_bytes):
+                self._scenes.popitem(last=False)
+        return found
+
+    def trim(self) -> None:
+        """Free the kept trees if together they hold more than `most_bytes`."""
+        if self.bytes > self.most_bytes:
+            self.free()
+
+    def free(self) -> None:
+        """Free the kept trees."""
+        self._scenes.clear()
 
 
-def free() -> None:
-    """Free the kept trees."""
-    _kept.clear()
-
-
-def trim() -> None:
-    """Free the kept trees if together they hold more than KEPT_BYTES."""
-    if _bytes() > KEPT_BYTES:
-        free()
-
-
-def _bytes() -> int:
-    return sum(kept.tables.bytes for kept in _kept.values())
+trees = TreeCache()
+"""The cache that bakes share."""
 
 
 def _build(highs: Sequence[Mesh], report: Report) -> RayScene:

@@ -32,7 +32,7 @@ def looking(meshes: Meshes, settings: Settings, report: Report) -> Apart:
     """What looks at these meshes as a bake by the report's method, and with its distances, does."""
     if report.method == "FLATTEN":
         return flattened(meshes.low, meshes.highs)
-    ray_scene = ray_casting.ray_scene_of(meshes.highs, report)
+    ray_scene = ray_casting.trees.ray_scene_of(meshes.highs, report)
     rays = ray_casting.rays(meshes.low, meshes.directions, meshes.cage, ray_scene.local_space)
     back, reach = (report.distances[name] / ray_scene.local_space.size for name in ("extrusion", "max_distance"))
     return _along(meshes, ray_casting.RayCast(ray_scene, rays, back, reach, settings.facing_only))

@@ -11,13 +11,12 @@ from ..audit import checks, severity
 from ..core import progress, texel_state
 from ..core.report import Report
 from ..core.settings import Settings
-from ..engine import post_process
+from ..engine import gpu_memory, post_process
 from ..engine.rendering import Renderer
 from ..engine.sources import Drawn
 from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
 from ..output.outputs import Outputs
-from ..passes import target
 
 
 class Atlas:
@@ -63,7 +62,7 @@ class Atlas:
                     tally.add(finished["NORMAL"][1], None, 0)
                     outputs.add(tile, finished)
             finally:
-                target.trim()
+                gpu_memory.trim()
             with last.timed("image"):
                 outputs.commit(lows, reports, self.materials)
         for report in reports:

@@ -53,8 +53,8 @@ class Session:
         self._post_processes: dict[str, post_process.PostProcess] = {}
         self._uploads = UploadCache()
         self._source: sources.Source | None = None
-        self._pool: target.Pool = {}
-        self._coarse_pool: target.Pool = {}
+        self._pool = target.TargetPool()
+        self._coarse_pool = target.TargetPool()
         self._coarse: gpu.types.GPUTexture | None = None
         self._state: np.ndarray | None = None
         self._is_stored = False
@@ -123,7 +123,7 @@ class Session:
         with target.using(self._coarse_pool):
             renderer = rendering.Renderer(source, basis, small, report, Pace(), uploads=self._uploads)
             progress.finish(renderer.texels(1001, post_process.for_maps([self._meshes.low], small)))
-        self._coarse = self._coarse_pool["map"].texture
+        self._coarse = self._coarse_pool.find("map").texture
         return Progress("Drawing", READY, self._coarse)
 
     def is_moved(self, uid: int) -> bool:
@@ -158,8 +158,8 @@ class Session:
 
     def free(self) -> None:
         """Free what is kept on the GPU."""
-        self._pool.clear()
-        self._coarse_pool.clear()
+        self._pool.free()
+        self._coarse_pool.free()
         self._coarse = None
         self._post_processes = {}
         self._uploads, self._source = UploadCache(), None
@@ -175,7 +175,7 @@ class Session:
         map is drawn in bands."""
         if self._coarse is not None:
             return self._coarse
-        drawn = self._pool.get("map")
+        drawn = self._pool.find("map")
         is_whole = self.texels is not None and drawn is not None and drawn.height == self.settings.height
         return drawn.texture if is_whole else None
 

@@ -13,7 +13,7 @@ from ..core import progress
 from ..core.errors import BakeError
 from ..core.report import Report
 from ..core.settings import Settings
-from ..engine import method_choice, ray_casting, rendering, separation
+from ..engine import gpu_memory, method_choice, rendering, separation
 from ..engine.bands import Band
 from ..mesh import face_shapes, triangle_mesh, uv_islands, uv_seams
 from ..mesh.inputs import Meshes
@@ -145,8 +145,7 @@ def _masks(view: _View, kind: str) -> Iterator[tuple[Band, np.ndarray, int]]:
         else:
             yield from _apart(view, kind, bands)
     finally:
-        target.trim()
-        ray_casting.trim()
+        gpu_memory.trim()
 
 
 def _shared(view: _View, bands: list[Band]) -> Iterator[tuple[Band, np.ndarray, int]]:

@@ -15,14 +15,13 @@ from ..core.name_matching import Suffixes, match
 from ..core.progress import Pace, Progress, Task, part
 from ..core.report import Report
 from ..core.settings import Settings
-from ..engine import method_choice, post_process, ray_casting, rendering
+from ..engine import gpu_memory, method_choice, post_process, ray_casting, rendering
 from ..engine.bands import bands
 from ..mesh import triangle_mesh
 from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
 from ..output import image_writer, materials
 from ..output.outputs import Outputs, check_apart, wanted
-from ..passes import target
 from ..scene import bake_objects, reading
 from . import atlas
 
@@ -125,7 +124,9 @@ def bake_all(
     tell: Callable[[Progress], None] | None = None,
 ) -> list[Report]:
     """All that `work` does, at once; `tell` hears how far it is."""
-    return progress.finish(work(context, jobs, settings, Pace(TOLD_EVERY if tell else None), share_image=share_image), tell)
+    return progress.finish(
+        work(context, jobs, settings, Pace(TOLD_EVERY if tell else None), share_image=share_image), tell
+    )
 
 
 def work(
@@ -206,8 +207,7 @@ class _Bake:
                         outputs.add(tile, maps)
                 self._tell(renderer.source.ray_cast)
             finally:
-                target.trim()
-                ray_casting.trim()
+                gpu_memory.trim()
             yield Progress("Storing", 1.0)
             with report.timed("image"):
                 outputs.commit([self.job.low], [report], self.meshes.materials)
@@ -226,8 +226,7 @@ class _Bake:
                 self.tally.add(atlas.state(normals), upwards, int(lost))
             self._tell(renderer.source.ray_cast)
         finally:
-            target.trim()
-            ray_casting.trim()
+            gpu_memory.trim()
         return drawn
 
     def _renderer(self, context: bpy.types.Context) -> Task[rendering.Renderer]:

@@ -177,7 +177,7 @@ class Shading:
     def _measure(self) -> None:
         settings, low = self.session.settings, self._low()
         size = settings.width, settings.height
-        with target.using({}):  # what is drawn on the way is let go
+        with target.using(target.TargetPool()):  # what is drawn on the way is let go
             self._measured = target.get("deviation", *size, "RGBA32F")
             reading = self._reading(normal_matrix(low.to_world))
             truth, elsewhere = self.session.truth(), self._elsewhere()

@@ -7,4 +7,4 @@ from . import shader, target
 def free() -> None:
     """Free every GPU object that is kept between bakes. Blender crashes on exit while such objects live."""
     shader.load.cache_clear()
-    target.free()
+    target.common.free()

@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Render targets, kept between bakes, and the way back from them into numpy arrays."""
 
+import math
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 
 import gpu
 import numpy as np
@@ -24,13 +26,6 @@ _TEXEL_BYTES = {"RGBA32F": 16, "RGBA32UI": 16, "RGBA16F": 8, "R16F": 2, "R16I": 
 _TEXEL_BYTES |= {"R32F": 4, "R32I": 4, "DEPTH_COMPONENT32F": 4}
 _READ_FORMAT = {"RGBA32F": ("FLOAT", 4, np.float32), "R16F": ("FLOAT", 1, np.float32), "R8": ("UBYTE", 1, np.uint8)}
 _READ_FORMAT |= {"R32F": ("FLOAT", 1, np.float32)}
-
-Pool = dict[str, "Target"]
-"""Targets by their roles."""
-_common: Pool = {}
-_pool = _common
-_used = 0.0
-"""When somebody last asked for a target, as time.monotonic has it."""
 
 
 class Target:
@@ -110,52 +105,86 @@ def read(texture: gpu.types.GPUTexture, out: np.ndarray) -> None:
         framebuffer.read_color(0, 0, out.shape[1], out.shape[0], 4, 0, "FLOAT", data=buffer)
 
 
+class TargetPool:
+    """Targets by their roles, each kept until one of another size or format is asked for.
+
+    most_bytes: what they may hold between bakes; `trim` frees them all when it is more.
+    """
+
+    def __init__(self, most_bytes: int = KEPT_BYTES):
+        self.most_bytes = most_bytes
+        self._targets: dict[str, Target] = {}
+        self._last_use = -math.inf
+
+    def __len__(self) -> int:
+        return len(self._targets)
+
+    @property
+    def roles(self) -> list[str]:
+        return sorted(self._targets)
+
+    @property
+    def bytes(self) -> int:
+        """What the targets hold on the GPU."""
+        return sum(target.bytes for target in self._targets.values())
+
+    @property
+    def idle_seconds(self) -> float:
+        """Seconds since the last bake asked for a target, whichever pool it uses."""
+        return time.monotonic() - self._last_use
+
+    def note_use(self) -> None:
+        """Start `idle_seconds` from 0 again."""
+        self._last_use = time.monotonic()
+
+    def find(self, role: str) -> Target | None:
+        """The target kept for `role`, or None."""
+        return self._targets.get(role)
+
+    def get(self, role: str, kind: type[Target], width: int, height: int, formats: tuple[str, ...]) -> Target:
+        """The target kept for `role` if it is of this kind, size and formats, else a new one in its place."""
+        target = self._targets.get(role)
+        fits = isinstance(target, kind) and (target.width, target.height, target.formats) == (width, height, formats)
+        if not fits:
+            self._targets.pop(role, None)  # freed before the new one is made
+            target = self._targets[role] = kind(width, height, formats)
+        return target
+
+    def trim(self) -> None:
+        """Free the targets if they hold more than `most_bytes`."""
+        if self.bytes > self.most_bytes:
+            self.free()
+
+    def free(self) -> None:
+        """Free all targets."""
+        self._targets.clear()
+
+
+common = TargetPool()
+"""The pool that bakes share."""
+_in_use = ContextVar("pool in use", default=common)
+
+
 def get(role: str, width: int, height: int, *formats: str) -> Target:
-    """The target kept for `role` if it still fits, else a new one in its place."""
-    return _kept(role, Target, width, height, formats)
+    """The target for `role` from the pool in use."""
+    common.note_use()
+    return _in_use.get().get(role, Target, width, height, formats)
 
 
 def offscreen(role: str, width: int, height: int, texel: str) -> Offscreen:
-    """As `get`, of one format and a gpu.types.GPUOffScreen; who asks for `role` by `get` takes it as well."""
-    return _kept(role, Offscreen, width, height, (texel,))
-
-
-def _kept(role: str, kind: type[Target], width: int, height: int, formats: tuple[str, ...]) -> Target:
-    global _used  # noqa: PLW0603 - all that is drawn asks here first
-    _used = time.monotonic()
-    target = _pool.get(role)
-    fits = isinstance(target, kind) and (target.width, target.height, target.formats) == (width, height, formats)
-    if not fits:
-        _pool.pop(role, None)
-        target = _pool[role] = kind(width, height, formats)
-    return target
+    """As `get`, of one format and a gpu.types.GPUOffScreen; `get` returns it too when asked for the same role."""
+    common.note_use()
+    return _in_use.get().get(role, Offscreen, width, height, (texel,))
 
 
 @contextmanager
-def using(pool: Pool) -> Iterator[None]:
-    """In this block targets come from `pool`, which nobody else draws into, and stay there."""
-    global _pool  # noqa: PLW0603 - passes ask for targets by their roles alone
-    before, _pool = _pool, pool
+def using(pool: TargetPool) -> Iterator[None]:
+    """In this block targets come from `pool` and stay there; bakes that go on outside do not draw into them."""
+    token = _in_use.set(pool)
     try:
         yield
     finally:
-        _pool = before
-
-
-def idle() -> float:
-    """Seconds since somebody last asked for a target."""
-    return time.monotonic() - _used
-
-
-def trim() -> None:
-    """Free the targets if they hold more than KEPT_BYTES."""
-    if sum(target.bytes for target in _common.values()) > KEPT_BYTES:
-        free()
-
-
-def free() -> None:
-    """Free all targets but those of pools."""
-    _common.clear()
+        _in_use.reset(token)
 
 
 @contextmanager

@@ -16,7 +16,7 @@ EVERY = 15.0
 def tick() -> float:
     """Free what is kept if it is time."""
     if progress_display.current() is None and live_mode.session() is None:
-        gpu_memory.let_go(AFTER)
+        gpu_memory.free_if_idle(AFTER)
     return EVERY
 
 

@@ -72,7 +72,7 @@ class Imprint(Contender):
 
     def _bake(self) -> float:
         if not self.keep:
-            ray_casting.free()
+            ray_casting.trees.free()
         start = time.perf_counter()
         report = several.bake(bpy.context, self.pair.low, [self.pair.high], self.settings)
         seconds = time.perf_counter() - start

@@ -28,7 +28,7 @@ def export(source: Path, target: Path) -> None:
     meshes = reading.read(bpy.context, low, [high], None, settings)
     report = Report("CAST", "WORLD", (512, 512), "lo", ["hi"])
     meshes = method_choice.choose(meshes, [1001], settings, report)
-    ray_scene = ray_casting.ray_scene_of(meshes.highs, report)
+    ray_scene = ray_casting.trees.ray_scene_of(meshes.highs, report)
     rays = ray_casting.rays(meshes.low, meshes.directions, None, ray_scene.local_space)
     outside, inside = ray_distances.measure(
         ray_scene.tables, rays, (512, 512), [1001], has_cage=False, facing_only=False

@@ -233,21 +233,21 @@ def test_distances_that_are_none_are_refused(name, value):
         cast(zoo.plane("low"), zoo.plane("high"), **{name: value})
 
 
-def test_the_tree_is_kept_until_the_high_mesh_changes(monkeypatch):
-    built = []
-    monkeypatch.setattr(ray_casting, "_build", lambda *args, build=ray_casting._build: built.append(1) or build(*args))
-    ray_casting.free()
+def test_the_tree_is_kept_until_the_high_mesh_changes():
+    trees = ray_casting.trees
+    trees.free()
+    before = trees.built
     low, high = zoo.plane("low"), zoo.terrain("high")
     cast(low, high)
     cast(low, high, extrusion=0.2, max_distance=0.5, space="WORLD", size=(32, 32))
-    assert len(built) == 1
+    assert trees.built == before + 1
     high.data.vertices[40].co.z += 0.1
     high.data.update()
     changed, _ = cast(low, high)
-    assert len(built) == 2
+    assert trees.built == before + 2
     high.rotation_euler.z = 0.1
     cast(low, high)
-    assert len(built) == 3
+    assert trees.built == before + 3
     assert changed[..., 3].all()
 
 
@@ -262,7 +262,7 @@ def test_rays_see_other_normals_on_the_same_surface(change):
     high.data.update()
     changed, _ = cast(low, high, space="OBJECT")
     assert np.abs(changed - smooth).max() > 0.05
-    ray_casting.free()
+    ray_casting.trees.free()
     assert np.array_equal(changed, cast(low, high, space="OBJECT")[0])
 
 
@@ -323,15 +323,15 @@ def test_auto_measures_whether_uvs_are_shared():
 
 def test_more_triangles_than_the_gpu_takes_are_refused_with_the_number(monkeypatch):
     monkeypatch.setattr(ray_casting.data_texture, "limit", lambda: 300)
-    ray_casting.free()
+    ray_casting.trees.free()
     with pytest.raises(BakeError, match=r"2,048 triangles together; this GPU takes 100"):
         cast(zoo.plane("low"), zoo.terrain("high", n=32))
 
 
 def test_trees_of_jobs_that_are_done_are_let_go(monkeypatch):
     """Though the jobs themselves are kept to the end of their batch, for their reports."""
-    ray_casting.free()
-    monkeypatch.setattr(ray_casting, "KEPT_TREES", 1)
+    ray_casting.trees.free()
+    monkeypatch.setattr(ray_casting.trees, "most_trees", 1)
     jobs = [
         several.Job(zoo.plane(f"low {number}"), [zoo.terrain(f"high {number}", height=0.02 * (number + 1))])
         for number in range(5)
@@ -347,24 +347,24 @@ def test_trees_of_jobs_that_are_done_are_let_go(monkeypatch):
 
 
 def test_kept_trees_are_bounded_and_the_oldest_goes_first(monkeypatch):
-    ray_casting.free()
+    trees = ray_casting.trees
+    trees.free()
     low = zoo.plane("low")
     cast(low, zoo.terrain("a"))
-    one = next(iter(ray_casting._kept.values())).tables.bytes
-    monkeypatch.setattr(ray_casting, "KEPT_BYTES", 2 * one)
-    first = next(iter(ray_casting._kept))
+    (first,) = trees.scenes
+    monkeypatch.setattr(trees, "most_bytes", 2 * first.tables.bytes)
     cast(low, zoo.terrain("b", height=0.2))
     cast(low, zoo.terrain("c", height=0.3))
-    assert len(ray_casting._kept) == 2
-    assert first not in ray_casting._kept
+    assert len(trees) == 2
+    assert not any(scene is first for scene in trees.scenes)
     monkeypatch.undo()
-    monkeypatch.setattr(ray_casting, "KEPT_TREES", 3)
+    monkeypatch.setattr(trees, "most_trees", 3)
     for height in (0.5, 0.6, 0.7):
         cast(low, zoo.terrain("e", height=height))
-    assert len(ray_casting._kept) == 3
-    monkeypatch.setattr(ray_casting, "KEPT_BYTES", 0)
+    assert len(trees) == 3
+    monkeypatch.setattr(trees, "most_bytes", 0)
     cast(low, zoo.terrain("d", height=0.4))
-    assert not ray_casting._kept
+    assert not trees
 
 
 def test_facing_only_passes_through_a_lid_that_is_turned_away():

@@ -50,14 +50,14 @@ def in_bands(monkeypatch):
 
 
 def test_the_tree_that_was_used_last_is_kept(monkeypatch):
-    built = []
-    monkeypatch.setattr(ray_casting, "_build", lambda *args, make=ray_casting._build: built.append(1) or make(*args))
-    monkeypatch.setattr(ray_casting, "KEPT_TREES", 2)
-    ray_casting.free()
+    trees = ray_casting.trees
+    monkeypatch.setattr(trees, "most_trees", 2)
+    trees.free()
+    before = trees.built
     low, first, second, third = (zoo.plane(name, n) for name, n in (("lo", 1), ("a", 2), ("b", 3), ("c", 4)))
     for high in (first, second, first, third, first):
         bake(low, high, method="CAST", **RAYS)
-    assert len(built) == 3
+    assert trees.built == before + 3
 
 
 def test_each_of_several_high_meshes_shows_its_own_normals():

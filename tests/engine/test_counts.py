@@ -53,7 +53,7 @@ def counts(monkeypatch):
     monkeypatch.setattr(data_texture, "upload", counting_upload)
     monkeypatch.setattr(data_texture, "gathered", counting_gathered)
     monkeypatch.setattr(target.Target, "read", counting_read)
-    ray_casting.free()
+    ray_casting.trees.free()
     return seen
 
 
@@ -129,9 +129,9 @@ def test_a_tree_is_uploaded_once(counts):
 @pytest.mark.parametrize("method", ["FLATTEN", "CAST"])
 def test_targets_are_let_go_when_they_hold_too_much(monkeypatch, method, share_image):
     def bake(most):
-        monkeypatch.setattr(target, "KEPT_BYTES", most)
+        monkeypatch.setattr(target.common, "most_bytes", most)
         several.bake_all(bpy.context, [several.Job(*objects)], settings(method), share_image=share_image)
-        return sum(kept.bytes for kept in target._common.values())
+        return target.common.bytes
 
     low, high = pair()
     objects = low, [high]

@@ -54,7 +54,7 @@ def held():
     """What must not become more from bake to bake."""
     lists = [p.identifier for p in bpy.data.bl_rna.properties if p.type == "COLLECTION"]
     nodes = [len(material.node_tree.nodes) for material in bpy.data.materials]
-    return {name: len(getattr(bpy.data, name)) for name in lists}, nodes, sorted(target._common)
+    return {name: len(getattr(bpy.data, name)) for name in lists}, nodes, target.common.roles
 
 
 @needs_proc
@@ -84,8 +84,8 @@ def test_memory_stays_flat_over_hundreds_of_bakes(tmp_path, monkeypatch):
             output=str(tmp_path / "map.png"),
         )
         several.bake(bpy.context, low, [high], settings)
-        assert len(ray_casting._kept) <= ray_casting.KEPT_TREES
-        assert sum(kept.bytes for kept in target._common.values()) <= target.KEPT_BYTES
+        assert len(ray_casting.trees) <= ray_casting.KEPT_TREES
+        assert target.common.bytes <= target.KEPT_BYTES
         if number + 1 == WARM:
             before, memory = held(), resident()
     assert not list(temporary.iterdir())

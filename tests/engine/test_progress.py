@@ -38,7 +38,7 @@ def slow(monkeypatch):
     monkeypatch.setattr(progress, "time", SimpleNamespace(perf_counter=lambda: clock.now))
     monkeypatch.setattr(cast, "trace", slow_trace)
     monkeypatch.setattr(target.Target, "finish", slow_finish)
-    ray_casting.free()
+    ray_casting.trees.free()
     return given
 
 
@@ -96,7 +96,7 @@ def test_the_stages_are_parts_of_the_total_and_waiting_is_not(method, share_imag
         return clock.now
 
     monkeypatch.setattr(report, "time", SimpleNamespace(perf_counter=tick))
-    ray_casting.free()
+    ray_casting.trees.free()
     jobs = [several.Job(zoo.plane("lo"), [zoo.terrain("hi")])]
     settings = Settings(method, width=32, height=32, image="map", storage="MEMORY", material=False)
     work = several.work(bpy.context, jobs, settings, Pace(0.01), share_image=share_image)

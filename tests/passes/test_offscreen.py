@@ -41,9 +41,9 @@ def made(monkeypatch):
         return found[-1]
 
     monkeypatch.setattr(gpu.types, "GPUOffScreen", spy)
-    target.free()
+    target.common.free()
     yield found
-    target.free()
+    target.common.free()
 
 
 @pytest.mark.parametrize("samples", [1, 4])
@@ -81,7 +81,7 @@ def test_its_depth_hides_nothing_whatever_a_script_has_left_on():
 
 
 def test_it_is_kept_for_its_role_and_a_framebuffer_is_not_taken_for_it():
-    with target.using({}):
+    with target.using(target.TargetPool()):
         plain = target.get("high", *SIZE, "RGBA32F")
         own = target.offscreen("high", *SIZE, "RGBA32F")
         assert own is not plain

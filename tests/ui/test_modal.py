@@ -208,7 +208,10 @@ def _running_bake():
 
 @pytest.mark.parametrize(
     ("error", "said"),
-    [(BakeError("It cannot be."), "It cannot be."), (MemoryError(), "There is not enough memory: choose a smaller map")],
+    [
+        (BakeError("It cannot be."), "It cannot be."),
+        (MemoryError(), "There is not enough memory: choose a smaller map"),
+    ],
 )
 def test_an_error_is_told_and_frees_the_window(pair, error, said):
     button = Button(operators.IMPRINT_OT_live)
@@ -241,14 +244,14 @@ def test_adjust_last_operation_says_what_was_done_and_offers_nothing(pair):
 
 def test_what_is_kept_is_let_go_when_nobody_bakes(pair, monkeypatch):
     bpy.ops.imprint.bake()
-    gpu_memory.let_go(after=60.0)
-    assert ray_casting._kept
-    assert target._common
+    gpu_memory.free_if_idle(60.0)
+    assert len(ray_casting.trees)
+    assert len(target.common)
     monkeypatch.setattr(idle_memory, "AFTER", 0.0)
     monkeypatch.setattr(progress_display, "_step", progress.Progress("Baking", 0.5))
     idle_memory.tick()
-    assert ray_casting._kept
+    assert len(ray_casting.trees)
     monkeypatch.setattr(progress_display, "_step", None)
     assert idle_memory.tick() == idle_memory.EVERY
-    assert not ray_casting._kept
-    assert not target._common
+    assert not len(ray_casting.trees)
+    assert not len(target.common)
