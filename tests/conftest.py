@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What every test starts from: a profile of its own, an empty scene, and, where asked for, a GPU and the real meshes."""
+"""What tests start from: a profile of their own, an empty scene, and, where asked for, a GPU and the real meshes.
+
+bpy is imported inside the fixtures: tests/pure, which has no use for them, runs without it.
+"""
 
 import atexit
 import os
@@ -10,14 +13,12 @@ from pathlib import Path
 
 import pytest
 
+from scripts import imprint
+
 # Before bpy is imported, which reads it once: no test may touch the person's own Blender settings.
 _profile = tempfile.mkdtemp(prefix="imprint-profile-")
 atexit.register(shutil.rmtree, _profile, ignore_errors=True)
 os.environ["BLENDER_USER_RESOURCES"] = _profile
-
-import bpy  # noqa: E402
-
-from scripts import imprint  # noqa: E402
 
 ASSETS = imprint.ROOT.parent / "shared" / "assets"
 
@@ -25,12 +26,15 @@ ASSETS = imprint.ROOT.parent / "shared" / "assets"
 @pytest.fixture(autouse=True)
 def empty_scene():
     """An empty file with factory settings for each test."""
+    import bpy
+
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
 
 
 @pytest.fixture(scope="session")
 def gpu_context():
     """A GPU to draw on. Without one tests fail: a suite that skips its subject would look healthy."""
+    import bpy  # noqa: F401 - which brings gpu
     import gpu
 
     import addon

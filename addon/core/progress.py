@@ -4,7 +4,7 @@
 import time
 from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias, TypeVar
 
 if TYPE_CHECKING:
     import gpu
@@ -23,10 +23,12 @@ class Progress:
     finished: int = 0
 
 
-type Task[Result] = Generator[Progress, None, Result]
+Result = TypeVar("Result")
+Task: TypeAlias = Generator[Progress, None, Result]
+"""Work that is done as far as the next step whenever it is asked for one."""
 
 
-def part[Result](work: Task[Result], start: float, stop: float) -> Task[Result]:
+def part(work: Task[Result], start: float, stop: float) -> Task[Result]:
     """`work` as the part from `start` to `stop` of something larger."""
     try:
         while True:
@@ -38,7 +40,7 @@ def part[Result](work: Task[Result], start: float, stop: float) -> Task[Result]:
         work.close()
 
 
-def finish[Result](work: Task[Result], tell: Callable[[Progress], None] | None = None) -> Result:
+def finish(work: Task[Result], tell: Callable[[Progress], None] | None = None) -> Result:
     """Do all of `work`; `tell` hears of each step."""
     try:
         while True:
@@ -51,7 +53,7 @@ def finish[Result](work: Task[Result], tell: Callable[[Progress], None] | None =
         work.close()
 
 
-def run_for[Result](work: Task[Result], seconds: float) -> Progress:
+def run_for(work: Task[Result], seconds: float) -> Progress:
     """As much of `work` as takes about `seconds`. Raises StopIteration at its end, with the result as value."""
     start = time.perf_counter()
     while True:

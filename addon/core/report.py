@@ -5,6 +5,10 @@ import time
 from collections.abc import Generator, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
+from typing import TypeVar
+
+Step = TypeVar("Step")
+Result = TypeVar("Result")
 
 READERS = {
     "BLENDER": "Cycles; EEVEE, Material Preview and game engines read MikkTSpace",
@@ -92,7 +96,7 @@ class Report:
             self.seconds[stage] += seconds - self._inside
             self._inside = around + seconds
 
-    def counted[Step, Result](self, work: Generator[Step, None, Result]) -> Generator[Step, None, Result]:
+    def counted(self, work: Generator[Step, None, Result]) -> Generator[Step, None, Result]:
         """`work`, whose time is added to the total; that between its steps, in which it waits, is not."""
         try:
             while True:

@@ -4,12 +4,16 @@
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
+
+Part = TypeVar("Part")
+Result = TypeVar("Result")
 
 BLOCK = 2**16
 """Elements per block, so that intermediate values fit in a processor's cache."""
 
 
-def map_parallel[Part, Result](work: Callable[[Part], Result], parts: Sequence[Part]) -> list[Result]:
+def map_parallel(work: Callable[[Part], Result], parts: Sequence[Part]) -> list[Result]:
     """Call `work` with each of `parts` in threads. Returns the results in the order of `parts`."""
     if len(parts) < 2:
         return list(map(work, parts))

@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The lanes of tests: what each needs, and that nothing is in none."""
+
+import subprocess
+import sys
+
+import pytest
+
+from scripts.imprint import ROOT
+
+WITHOUT_BLENDER = """
+import sys
+
+import pytest
+
+for name in ("bpy", "gpu", "bmesh", "mathutils"):
+    sys.modules[name] = None  # importing it is an ImportError
+sys.exit(pytest.main(sys.argv[1:]))
+"""
+
+
+def run(*arguments):
+    """Run pytest without Blender's modules; returns its exit code and what it wrote."""
+    command = [sys.executable, "-c", WITHOUT_BLENDER, "-q", "-p", "no:cacheprovider", *arguments]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    return done.returncode, done.stdout + done.stderr
+
+
+def test_pure_tests_pass_without_blender():
+    code, output = run("tests/pure")
+    assert code == pytest.ExitCode.OK, output
+    assert " passed" in output
+    assert " skipped" not in output
+
+
+def test_others_need_it():
+    """Else the test above would show nothing."""
+    code, output = run("--collect-only", "tests/passes/test_shader.py")
+    assert code == pytest.ExitCode.INTERRUPTED
+    assert "bpy" in output or "gpu" in output
