@@ -2,10 +2,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Are the maps of two checkouts equal, to the bit? Bakes each pair of a folder with both and compares the files.
 
-    python3 scripts/dev/same_maps.py OLD_CHECKOUT PAIRS_FOLDER [--size 512] [--out DIR]
+    .venv/bin/python scripts/dev/same_maps.py OLD_CHECKOUT PAIRS_FOLDER [--size 512] [--out DIR]
 
 Each .blend of PAIRS_FOLDER holds two objects, "hi" and "lo". They are baked by both methods, in all spaces, with all other
-maps, once with one sample to OpenEXR, and once with four samples and Adjacent Faces to 16-bit PNG. Needs an installed .venv.
+maps, once with one sample to OpenEXR, and once with four samples and Adjacent Faces to 16-bit PNG. For files that differ it
+says by how much, and on how many texels. Both checkouts need their .venv.
 """
 
 import argparse
@@ -15,6 +16,9 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+
+import bpy
+import numpy as np
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 MAPS = ["position", "height", "displacement", "distance", "coverage", "object-id", "material-id"]
@@ -52,6 +56,24 @@ def bake(checkout: Path, pairs: Path, out: Path, size: int) -> None:
     subprocess.run([*command, "--report", str(out / "report.json")], check=False, stdout=subprocess.DEVNULL)
 
 
+def difference(old: Path, new: Path) -> str:
+    """How far two image files are apart, in words."""
+    if not (old.is_file() and new.is_file()):
+        return f"{(new if old.is_file() else old).parent.name} is missing"
+    found = []
+    for path in (old, new):
+        image = bpy.data.images.load(str(path))
+        image.colorspace_settings.is_data = True
+        pixels = np.empty(len(image.pixels), np.float32)
+        image.pixels.foreach_get(pixels)
+        found.append(pixels.reshape(-1, 4))
+        bpy.data.images.remove(image)
+    if found[0].shape != found[1].shape:
+        return "another size"
+    apart = np.abs(found[0] - found[1]).max(axis=1)
+    return f"at most {apart.max():.2g}, on {np.count_nonzero(apart):,} of {len(apart):,} texels"
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("old", type=Path)
@@ -72,7 +94,8 @@ def main() -> int:
         or (out / "old" / name).read_bytes() != (out / "new" / name).read_bytes()
     ]
     print(f"{len(names) - len(differing)} of {len(names)} files are equal to the byte")
-    print(*(f"differs: {name}" for name in differing), sep="\n")
+    for name in differing:
+        print(f"differs: {name}: {difference(out / 'old' / name, out / 'new' / name)}")
     return bool(differing)
 
 
