@@ -6,12 +6,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..core import texel_state
+from ..core import texel_state, udim
 from ..core.errors import shorten_list
 from ..core.report import Report
 from ..core.settings import Settings
 from ..engine import ray_casting, separation, uv_agreement
-from ..mesh import face_shapes, triangle_mesh, uv_islands, uv_seams
+from ..mesh import face_shapes, uv_islands, uv_layout, uv_seams
 from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
 from ..passes import mesh_upload, target
@@ -101,12 +101,12 @@ def _flat(meshes: Meshes, report: Report) -> str:
 
 def uv_space(settings: Settings) -> tuple[int, int]:
     """How many tiles along u and v there are to lie on."""
-    return triangle_mesh.UDIM if settings.udim else (1, 1)
+    return (udim.COLUMNS, udim.ROWS) if settings.udim else (1, 1)
 
 
 def _tell_of_uvs(meshes: Meshes, settings: Settings, report: Report) -> None:
     low = meshes.low
-    areas, outside = triangle_mesh.uv_areas(low), triangle_mesh.outside(low, uv_space(settings))
+    areas, outside = uv_layout.areas(low), uv_layout.outside(low, uv_space(settings))
     is_mirrored, count = areas < 0.0, len(low.triangles)
     report.mirrored = int(np.count_nonzero(is_mirrored))
     # With UDIM tiles nothing lies on what is inside: readers find no tile there.
@@ -122,9 +122,9 @@ def _tell_of_uvs(meshes: Meshes, settings: Settings, report: Report) -> None:
         _warn(report, mesh, mesh.not_finite, "left out: their coordinates are NaN or infinite")
     if report.method == "FLATTEN":
         for high in meshes.highs:
-            _warn(report, high, np.count_nonzero(triangle_mesh.uv_areas(high) == 0.0), NO_AREA)
+            _warn(report, high, np.count_nonzero(uv_layout.areas(high) == 0.0), NO_AREA)
             # Those that lie outside by whole tiles leave texels uncovered, or were moved there on purpose.
-            outside = triangle_mesh.outside(high, uv_space(settings))
+            outside = uv_layout.outside(high, uv_space(settings))
             if outside.any():
                 _warn(report, high, np.count_nonzero(outside & uv_islands.crossing(high)), _outside(settings))
 
@@ -230,6 +230,6 @@ def covering(low: Mesh, size: tuple[int, int], tiles: Sequence[int] = (1001,)) -
     uploaded = mesh_upload.upload(low.triangles, uv=low.uv)
     counts = np.empty(sparse.small[::-1], np.float32)
     for tile in tiles:
-        overlap.draw(drawn, uploaded, sparse.window(tile))
+        overlap.draw(drawn, uploaded, sparse.uv_to_clip(tile))
         drawn.read(counts)
         yield counts

@@ -54,7 +54,9 @@ def find(low: Mesh, tiles: Sequence[int], settings: Settings, sparse: Sparse, *,
         drawn.append(triangle_ids.upload(low.triangles[::-1], low.uv, islands[::-1] + 1))
     reach = [max(1, needed(settings) // step) for step in sparse.steps]
     for tile in tiles:
-        seen = [next(triangle_ids.layers(batch, sparse.small, sparse.window(tile))).astype(np.int32) for batch in drawn]
+        seen = [
+            next(triangle_ids.layers(batch, sparse.small, sparse.uv_to_clip(tile))).astype(np.int32) for batch in drawn
+        ]
         ids = _stacked(*seen, len(islands)) if overlaps else seen[0]
         covered = ids > 0
         border = np.zeros(ids.shape, bool)

@@ -3,6 +3,9 @@
 
 from dataclasses import dataclass
 
+from ..core import udim
+from ..core.udim import UvToClip
+
 
 @dataclass(frozen=True)
 class Sparse:
@@ -16,14 +19,11 @@ class Sparse:
         """How many texels along u and v are looked at."""
         return tuple(-(-side // step) for side, step in zip(self.size, self.steps, strict=True))
 
-    def window(self, tile: int) -> tuple[float, float, float, float]:
-        """From uv to clip space, as target.window, so that texel i of the small map lies where texel i * step of the map
-        does."""
-        places = (tile - 1001) % 10, (tile - 1001) // 10
-        sides = list(zip(self.size, self.steps, self.small, strict=True))
-        scale = [2.0 * side / (step * few) for side, step, few in sides]
-        shift = [(step - 1.0) / (step * few) - 1.0 for _, step, few in sides]
-        return *scale, *(back - one * place for back, one, place in zip(shift, scale, places, strict=True))
+    def uv_to_clip(self, tile: int) -> UvToClip:
+        """As udim.uv_to_clip. Texel i of the small map lies on texel i * step of the map."""
+        (step_u, step_v), (count_u, count_v) = self.steps, self.small
+        start = (1 - step_u) / 2, (1 - step_v) / 2
+        return udim.uv_to_clip(tile, self.size, start, (step_u * count_u, step_v * count_v))
 
 
 def at_most(size: tuple[int, int], most: int) -> Sparse:

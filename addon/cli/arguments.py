@@ -10,6 +10,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import fields
 from pathlib import PurePath
 
+from ..core import udim
 from ..core.errors import BakeError
 from ..core.name_matching import Suffixes
 from ..core.settings import (
@@ -27,7 +28,6 @@ from ..core.settings import (
     USUAL_DEPTH,
     Settings,
     is_number,
-    parse_tiles,
     usual_depth,
 )
 
@@ -106,7 +106,7 @@ def _colour(value: str) -> tuple[float, float, float]:
 
 def _tiles(value: str) -> tuple[int, ...]:
     try:
-        return parse_tiles(value)
+        return udim.parse(value)
     except BakeError as error:
         raise argparse.ArgumentTypeError(str(error).rstrip(".")) from error
 
@@ -306,7 +306,11 @@ OPTIONS: dict[str, dict[str, dict]] = {
         "no-material": {"action": "store_false", "dest": "material", "help": "leave the low object's material alone"},
         "single-user": {"action": "store_true", "help": "copy materials that other objects use as well"},
         "save-blend": {"type": path, "metavar": "OUT.blend", "help": "save the scene with the map hooked up"},
-        "report": {"type": path, "metavar": "REPORT.json", "help": "write what was done, as JSON; - for standard output"},
+        "report": {
+            "type": path,
+            "metavar": "REPORT.json",
+            "help": "write what was done, as JSON; - for standard output",
+        },
     },
 }
 """The options without their dashes, by the group that --help shows them in, as argparse.add_argument takes them."""
@@ -433,7 +437,9 @@ def _check_folder(paths: Sequence[str | bool | None]) -> None:
     try:
         here.encode()
     except UnicodeEncodeError as error:
-        raise WrongUsage(f"the folder {here!r} is not UTF-8, as all paths in Blender are: start in another one") from error
+        raise WrongUsage(
+            f"the folder {here!r} is not UTF-8, as all paths in Blender are: start in another one"
+        ) from error
 
 
 def is_folder(options: argparse.Namespace) -> bool:
@@ -447,7 +453,7 @@ def settings(options: argparse.Namespace) -> Settings:
     values = {field.name: given[field.name] for field in fields(Settings) if field.name in given}
     values["width"], values["height"] = options.size
     values["storage"], values["output"] = "FILE", os.path.abspath(options.output)
-    values["udim"] = options.udim or bool(options.tiles) or "<UDIM>" in options.output
+    values["udim"] = options.udim or bool(options.tiles) or udim.TOKEN in options.output
     if options.depth is None:
         values["depth"] = usual_depth(options.output)
     return Settings(**values)

@@ -9,9 +9,10 @@ from pathlib import Path
 
 import bpy
 
-from ..core import file_names
+from ..core import file_names, udim
 from ..core.errors import WrongPlace
-from ..core.settings import TOKEN, Settings
+from ..core.settings import Settings
+from ..core.udim import TOKEN
 from ..jobs import sequence
 from ..jobs.several import ATLAS
 from ..output import datablocks, image_writer, outputs
@@ -104,13 +105,15 @@ def frames(options: argparse.Namespace) -> range:
 
 def maps(settings: Settings, low: str, of_frames: Sequence[int] = ()) -> Iterator[tuple[str, str]]:
     """The files that a bake of the object `low` writes, with what they are; TOKEN stands for tiles that are not named."""
-    plain = sequence.filled(settings, low) if of_frames else replace(settings, output=file_names.fill(settings.output, low))
+    plain = (
+        sequence.filled(settings, low) if of_frames else replace(settings, output=file_names.fill(settings.output, low))
+    )
     each = [replace(plain, output=sequence.output_for(plain.output, frame)) for frame in of_frames] or [plain]
     for one in each:
         for kind, own in outputs.wanted(one).items():
             path = image_writer.output_for(own)
             for tile in own.tiles or [TOKEN]:
-                yield path.replace(TOKEN, str(tile)), outputs.label(kind)
+                yield udim.fill(path, tile), outputs.label(kind)
 
 
 def _of(what: str, name: str) -> str:

@@ -5,7 +5,9 @@ import re
 from dataclasses import dataclass, replace
 from pathlib import PurePath
 
+from . import udim
 from .errors import BakeError
+from .udim import TOKEN
 
 SPACES = ("TANGENT", "OBJECT", "WORLD")
 BASES = ("AUTO", "BLENDER", "MIKKTSPACE")
@@ -22,10 +24,6 @@ MIN_SIZE, MAX_SIZE = 16, 16384
 MAX_MIPS = 8
 FARTHEST = 1e18
 """Of distances: a float holds its square."""
-TILES = range(1001, 2001)
-"""The UDIM tiles that Blender knows: 1001 + u + 10 v, u below 10 and v below 100."""
-TOKEN = "<UDIM>"
-"""What stands for the number of a tile in a path."""
 FORMATS = {
     ".png": ("PNG", (8, 16)),
     ".exr": ("OPEN_EXR", (16, 32)),
@@ -44,14 +42,6 @@ def usual_depth(output: str) -> int:
     """The bits a channel of a map that goes to the file `output` when nobody asks for any: USUAL_DEPTH, or the most below."""
     depths = FORMATS.get(PurePath(output).suffix.lower(), ("", (USUAL_DEPTH,)))[1]
     return max((depth for depth in depths if depth <= USUAL_DEPTH), default=min(depths))
-
-
-def parse_tiles(text: str) -> tuple[int, ...]:
-    """UDIM numbers from "1001, 1003". Raises BakeError for what is none."""
-    words = text.replace(",", " ").split()
-    if not all(map(is_number, words)):
-        raise BakeError(f"{text!r} is not a list of UDIM tiles as 1001, 1003.")
-    return tuple(dict.fromkeys(map(int, words)))
 
 
 def is_number(text: str) -> bool:
@@ -171,9 +161,7 @@ class Settings:
         unknown = [name for name in self.maps if name not in MAPS]
         if unknown:
             raise BakeError(f"The map {unknown[0]!r} is not one of {', '.join(MAPS)}.")
-        for tile in self.tiles:
-            if tile not in TILES:
-                raise BakeError(f"{tile} is no UDIM tile: they go from {TILES[0]} to {TILES[-1]}.")
+        udim.check(self.tiles)
         if self.tiles and not self.udim:
             raise BakeError("Tiles are named, but the map is to have one tile alone: choose UDIM as well.")
         if self.udim and self.storage == "MEMORY":
@@ -204,7 +192,9 @@ class Settings:
                 f"{self.output!r} holds {TOKEN}, but the map is to have one tile alone: choose UDIM as well."
             )
         if TOKEN in str(PurePath(self.output).parent):
-            raise BakeError(f"{self.output!r} has {TOKEN} in a folder's name: Blender looks for it in the file's alone.")
+            raise BakeError(
+                f"{self.output!r} has {TOKEN} in a folder's name: Blender looks for it in the file's alone."
+            )
         depths = FORMATS[ending][1]
         if self.depth not in depths:
             raise BakeError(f"A {ending} file holds {' or '.join(map(str, depths))} bits a channel, not {self.depth}.")

@@ -5,6 +5,9 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from ..core import udim
+from ..core.udim import UvToClip
+
 BAND_TEXELS = 4096 * 4096
 """A larger map is drawn in bands of rows, so that the GPU holds a few textures of this many texels at the most."""
 REACH = 64
@@ -15,14 +18,14 @@ REACH = 64
 class Band:
     """Rows `start` to `stop` of a map of `size`, drawn with `halo` rows more on either side for the margin.
 
-    tile: its UDIM number. offset: where in its texel a sample lies, from the centre, in texels.
+    tile: its UDIM number. offset: where in its texel a sample lies, from the center, in texels.
     """
 
     start: int
     stop: int
     size: tuple[int, int]
     halo: int
-    tile: int = 1001
+    tile: int = udim.FIRST
     offset: tuple[float, float] = (0.0, 0.0)
 
     @property
@@ -39,15 +42,13 @@ class Band:
         return (self.start, self.stop) == (0, self.size[1])
 
     @property
-    def window(self) -> tuple[float, float, float, float]:
-        """From uv to the band's clip space: xy scale, zw offset."""
-        (width, total), (x, y) = self.size, self.offset
-        column, row = (self.tile - 1001) % 10, (self.tile - 1001) // 10
-        first = self.start - self.halo + y + row * total
-        return 2.0, 2.0 * total / self.height, -2.0 * (x / width + column) - 1.0, -2.0 * first / self.height - 1.0
+    def uv_to_clip(self) -> UvToClip:
+        """As udim.uv_to_clip, to the band's clip space."""
+        x, y = self.offset
+        return udim.uv_to_clip(self.tile, self.size, (x, self.start - self.halo + y), (self.width, self.height))
 
 
-def bands(width: int, height: int, margin_texels: int | None, tile: int = 1001) -> Iterator[Band]:
+def bands(width: int, height: int, margin_texels: int | None, tile: int = udim.FIRST) -> Iterator[Band]:
     """Cut a map into bands that are contiguous in memory: whole rows, at most BAND_TEXELS without the halo."""
     rows = max(1, BAND_TEXELS // width)
     if rows >= height:

@@ -4,12 +4,14 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
+from ..core import udim
 from ..core.errors import BakeError, shorten_list
 from ..core.progress import Pace, Progress, Task
 from ..core.report import Report
 from ..core.settings import Settings
-from ..mesh import triangle_mesh
+from ..mesh import triangle_mesh, uv_layout
 from ..mesh.inputs import Meshes
+from ..mesh.local_space import gap, local_space_of
 from ..passes import mesh_upload
 from . import ray_casting, ray_distances, sources, uv_agreement
 
@@ -33,13 +35,13 @@ def choose(meshes: Meshes, tiles: Sequence[int], settings: Settings, report: Rep
             meshes,
             highs=[triangle_mesh.keep_corners(high, triangle_mesh.finite_rows(high.uv)) for high in meshes.highs],
         )
-    apart = triangle_mesh.gap(meshes.low, meshes.highs)
-    radius = triangle_mesh.local_space_of([meshes.low]).size
+    apart = gap(meshes.low, meshes.highs)
+    radius = local_space_of([meshes.low]).size
     if apart > FAR_APART * radius and settings.max_distance is None and meshes.cage is None:
         raise BakeError(_apart(report, apart))
     # What no ray can reach would only make the tree coarse: the size of its boxes' steps is that of all high meshes.
     far = max(settings.extrusion or 0.0, settings.max_distance or 0.0, 2.0 * radius)
-    out_of_reach = [triangle_mesh.gap(meshes.low, [high]) > far for high in meshes.highs]
+    out_of_reach = [gap(meshes.low, [high]) > far for high in meshes.highs]
     if all(out_of_reach):
         return meshes
     report.warnings += [
@@ -92,20 +94,20 @@ def source(
 def nothing_drawn(meshes: Meshes, tiles: Sequence[int], report: Report) -> str:
     """Why no texel was written, as a sentence."""
     names = shorten_list(map(repr, report.high))
-    if not set(tiles).intersection(triangle_mesh.tiles(meshes.low)):
+    if not set(tiles).intersection(uv_layout.tiles(meshes.low)):
         return f"No triangle of {report.low!r} lies on the map: its UVs are outside {_place(tiles)}, or empty."
     if report.method == "FLATTEN":
-        if not any(set(tiles).intersection(triangle_mesh.tiles(high)) for high in meshes.highs):
+        if not any(set(tiles).intersection(uv_layout.tiles(high)) for high in meshes.highs):
             return f"No triangle of {names} lies on the map: its UVs are outside {_place(tiles)}, or empty."
         return f"{report.low!r} and {names} have no texel in common: their UV layouts differ, so cast rays instead."
-    apart = triangle_mesh.gap(meshes.low, meshes.highs)
+    apart = gap(meshes.low, meshes.highs)
     if apart > 0.0:
         return _apart(report, apart)
     return f"No ray from {report.low!r} hit {names}: give a larger extrusion and maximum distance."
 
 
 def _place(tiles: Sequence[int]) -> str:
-    return "0 to 1" if list(tiles) == [1001] else f"the tiles {shorten_list(tiles)}"
+    return "0 to 1" if list(tiles) == [udim.FIRST] else f"the tiles {shorten_list(tiles)}"
 
 
 def _apart(report: Report, distance: float) -> str:

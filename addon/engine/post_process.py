@@ -69,7 +69,7 @@ class PostProcess:
                 values,
                 nearest,
                 self.borders.on(band.tile).uploaded,
-                band.window,
+                band.uv_to_clip,
                 halo=band.halo,
                 reach=near,
                 kind=self.kind,

@@ -13,7 +13,8 @@ from ..core.errors import BakeError
 from ..core.progress import Pace
 from ..core.report import Report
 from ..mesh import bvh
-from ..mesh.triangle_mesh import LocalSpace, Mesh, local_space_of
+from ..mesh.local_space import LocalSpace, local_space_of
+from ..mesh.triangle_mesh import Mesh
 from ..passes import data_texture, mesh_upload, target
 from ..passes.bake import cast
 

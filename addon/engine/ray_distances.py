@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import gpu
 import numpy as np
 
+from ..core import udim
 from ..core.progress import Pace
 from ..passes import target
 from ..passes.bake import cast, gbuffer
@@ -38,7 +39,7 @@ def measure(
     places = target.get("rays", width, height, "RGBA32F", "RGBA32F")
     inwards, outwards = [], []
     for tile in tiles:
-        gbuffer.draw(places, rays, target.window(tile))
+        gbuffer.draw(places, rays, udim.uv_to_clip(tile))
         inwards.append(_probe(tables, places, -1.0, facing_only))
         if not has_cage:
             # Seen from the low surface, a high triangle that lies outside turns its front away from the ray.
@@ -60,7 +61,9 @@ def _probe(tables: cast.Tables, places: target.Target, heading: float, facing_on
     hits = target.get("hits", places.width, places.height, "RGBA32UI")
     found = target.get("high", places.width, places.height, "RGBA32F")
     for rows in Pace().slices(places.height):
-        cast.trace(hits, places, tables, heading=heading, back=1e-5, reach=WHOLE_WORLD, facing_only=facing_only, rows=rows)
+        cast.trace(
+            hits, places, tables, heading=heading, back=1e-5, reach=WHOLE_WORLD, facing_only=facing_only, rows=rows
+        )
         hits.finish()
     cast.distances(found, hits)
     far = np.empty((places.height, places.width, 4), np.float32)

@@ -157,7 +157,7 @@ class Renderer:
                 if self.basis is not None:
                     turned = target.get("low", band.width, band.height, "RGBA32F")
                     blender = self.settings.basis == "BLENDER"
-                    tangent.draw(turned, self.basis, normals, band.window, normalize_normal=blender, rows=rows)
+                    tangent.draw(turned, self.basis, normals, band.uv_to_clip, normalize_normal=blender, rows=rows)
                     normals = turned.texture
             yield normals, rows
 

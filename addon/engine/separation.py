@@ -7,10 +7,13 @@ from dataclasses import replace
 import gpu
 import numpy as np
 
+from ..core import udim
 from ..core.report import Report
 from ..core.settings import Settings
+from ..core.udim import UvToClip
 from ..mesh.inputs import Meshes
-from ..mesh.triangle_mesh import LocalSpace, Mesh, local_space_of
+from ..mesh.local_space import LocalSpace, local_space_of
+from ..mesh.triangle_mesh import Mesh
 from ..passes import mesh_upload, target
 from ..passes.bake import cast, gbuffer, points
 from . import ray_casting
@@ -22,8 +25,8 @@ TRIANGLES = 2**16
 LIMIT = 0.05
 """Of the low mesh's radius: how far the high surface may lie from the low one where the settings set no limit."""
 
-Apart = Callable[[tuple[int, int], tuple[float, float, float, float]], np.ndarray]
-"""From width and height, and the window from uv to clip space, to texels (height, width, 4) float32: in w 1 where low and
+Apart = Callable[[tuple[int, int], UvToClip], np.ndarray]
+"""From width and height, and the way from UV space to clip space, to texels (height, width, 4) float32: in w 1 where low and
 high mesh are, -1 where the low one is alone, 0 where it is not; in xyz, where both are, what leads from the low point to
 the high one, in scene units and along the world's axes."""
 
@@ -52,7 +55,7 @@ def limit(low: Mesh, settings: Settings) -> float:
 def probe(look: Apart, size: tuple[int, int], tiles: Sequence[int]) -> np.ndarray:
     """What `look` sees of a map of `size` at PROBE texels a side at the most, (tiles, height, width, 4) float32."""
     small = min(size[0], PROBE), min(size[1], PROBE)
-    return np.stack([look(small, target.window(tile)) for tile in tiles])
+    return np.stack([look(small, udim.uv_to_clip(tile)) for tile in tiles])
 
 
 def offset(texels: np.ndarray, method: str) -> np.ndarray:
@@ -78,8 +81,8 @@ def flattened(low: Mesh, highs: Sequence[Mesh]) -> Apart:
     local_space = local_space_of([low])
     on_low, on_high = [upload(low, local_space)], [upload(high, local_space) for high in highs]
 
-    def look(size: tuple[int, int], window: tuple[float, float, float, float]) -> np.ndarray:
-        below, above = draw_points(on_low, size, window), draw_points(on_high, size, window)
+    def look(size: tuple[int, int], uv_to_clip: UvToClip) -> np.ndarray:
+        below, above = draw_points(on_low, size, uv_to_clip), draw_points(on_high, size, uv_to_clip)
         is_alone = above[..., 3] == 0.0
         above -= below
         above *= np.float32(local_space.size)
@@ -105,11 +108,11 @@ def _along(meshes: Meshes, ray_cast: ray_casting.RayCast) -> Apart:
     local_space = ray_cast.ray_scene.local_space
     on_low = [upload(meshes.low, local_space)] if meshes.cage is not None else None
 
-    def look(size: tuple[int, int], window: tuple[float, float, float, float]) -> np.ndarray:
+    def look(size: tuple[int, int], uv_to_clip: UvToClip) -> np.ndarray:
         places = target.get("audit rays", *size, "RGBA32F", "RGBA32F")
         hits = target.get("audit hits", *size, "RGBA32UI")
         found = target.get("audit far", *size, "RGBA32F")
-        gbuffer.draw(places, ray_cast.rays, window)
+        gbuffer.draw(places, ray_cast.rays, uv_to_clip)
         ray_cast.trace(hits, places)
         cast.distances(found, hits)
         far, away = (np.empty((size[1], size[0], 4), np.float32) for _ in range(2))
@@ -120,7 +123,7 @@ def _along(meshes: Meshes, ray_cast: ray_casting.RayCast) -> Apart:
         away[..., :3] *= np.float32(ray_cast.back) - far[..., :1]
         if on_low is not None:  # rays start on the cage, and not on the low mesh
             places.read(far)
-            away += far - draw_points(on_low, size, window)
+            away += far - draw_points(on_low, size, uv_to_clip)
         away *= np.float32(local_space.size)
         away[..., 3] = np.where(has_missed, -is_low, is_low)
         return away
@@ -138,12 +141,10 @@ def upload(mesh: Mesh, local_space: LocalSpace) -> gpu.types.GPUBatch:
     )
 
 
-def draw_points(
-    meshes: Sequence[gpu.types.GPUBatch], size: tuple[int, int], window: tuple[float, float, float, float]
-) -> np.ndarray:
+def draw_points(meshes: Sequence[gpu.types.GPUBatch], size: tuple[int, int], uv_to_clip: UvToClip) -> np.ndarray:
     """The points that `meshes` show in UV space, in their frame: (height, width, 4) float32, alpha 0 where there are none."""
     drawn = target.get("audit points", *size, "RGBA32F", "RGBA32F")
-    points.draw(drawn, meshes, window)
+    points.draw(drawn, meshes, uv_to_clip)
     texels = np.empty((size[1], size[0], 4), np.float32)
     drawn.read(texels)
     return texels

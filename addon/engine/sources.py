@@ -10,7 +10,8 @@ import numpy as np
 from ..core.progress import Pace
 from ..core.report import Report
 from ..core.settings import Settings
-from ..mesh.triangle_mesh import Mesh, local_space_of, normal_matrix
+from ..mesh.local_space import local_space_of
+from ..mesh.triangle_mesh import Mesh, normal_matrix
 from ..passes import data_texture, mesh_upload, target
 from ..passes.bake import cast, flatten, gbuffer, points
 from . import ray_casting
@@ -76,14 +77,14 @@ class Flat:
     def normals(self, band: Band) -> Iterator[tuple[gpu.types.GPUTexture, range]]:
         """As Source has it, all rows at once, in a GPUOffScreen."""
         self._normals, self._points = target.offscreen("high", band.width, band.height, "RGBA32F"), None
-        flatten.draw(self._normals, self.drawn, band.window)
+        flatten.draw(self._normals, self.drawn, band.uv_to_clip)
         yield self._normals.texture, range(band.height)
 
     def other(self, name: str, band: Band, into: target.Target) -> gpu.types.GPUTexture:
         """As Source has it."""
         if self._points is None:
             self._points = target.get("points", band.width, band.height, "RGBA32F", "RGBA32F")
-            points.draw(self._points, self.surfaces, band.window)
+            points.draw(self._points, self.surfaces, band.uv_to_clip)
             self.surface_maps.start(band)
         return self.surface_maps.draw(into, name, self._normals.texture, self._points)
 
@@ -108,7 +109,7 @@ class Rays:
         """As Source has it."""
         size = band.width, band.height
         places = target.get("rays", *size, "RGBA32F", "RGBA32F")
-        gbuffer.draw(places, self.ray_cast.rays, band.window)
+        gbuffer.draw(places, self.ray_cast.rays, band.uv_to_clip)
         self._hits = target.get("hits", *size, "RGBA32UI")
         self._normals, self._points = target.get("high", *size, "RGBA32F"), None
         if not self.pace.is_heard:

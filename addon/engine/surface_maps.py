@@ -5,7 +5,8 @@ import gpu
 import numpy as np
 
 from ..core.settings import Settings
-from ..mesh.triangle_mesh import LocalSpace, Mesh
+from ..mesh.local_space import LocalSpace
+from ..mesh.triangle_mesh import Mesh
 from ..passes import mesh_upload, target
 from ..passes.bake import gbuffer, surface_values
 from .bands import Band
@@ -25,18 +26,25 @@ class SurfaceMaps:
         # Positions and vectors go with the normals: in the low object's space, or in the world's.
         from_world = np.eye(4) if settings.space == "WORLD" else np.linalg.inv(low.to_world)
         self.to_space = from_world[:3, :3] * local_space.size
-        self.origin = from_world[:3, :3] @ local_space.center + from_world[:3, 3]
+        self.origin = from_world[:3, :3] @ local_space.origin + from_world[:3, 3]
 
     def start(self, band: Band) -> None:
         """Look at another band."""
         self.places = target.get("places", band.width, band.height, "RGBA32F", "RGBA32F")
-        gbuffer.draw(self.places, self.low, band.window)
+        gbuffer.draw(self.places, self.low, band.uv_to_clip)
 
     def draw(
         self, into: target.Target, name: str, normals: gpu.types.GPUTexture, points: target.Target
     ) -> gpu.types.GPUTexture:
         """One of settings.MAPS into `into` (RGBA32F), alpha as in `normals`; returns its texture."""
         surface_values.draw(
-            into, name, normals, points, self.places, to_space=self.to_space, origin=self.origin, scale=self.local_space.size
+            into,
+            name,
+            normals,
+            points,
+            self.places,
+            to_space=self.to_space,
+            origin=self.origin,
+            scale=self.local_space.size,
         )
         return into.texture

@@ -6,7 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..mesh.triangle_mesh import LocalSpace, Mesh, gap, local_space_of
+from ..core import udim
+from ..core.udim import UvToClip
+from ..mesh.local_space import LocalSpace, gap, local_space_of
+from ..mesh.triangle_mesh import Mesh
 from ..passes import mesh_upload, target
 from ..passes.bake import gbuffer
 from . import separation
@@ -25,8 +28,6 @@ SMALLEST = 1e-6
 """In tiles: UVs that reach less far have no texel on any map."""
 WIDE = 2.0
 """In tiles: UVs that reach farther are looked at tile by tile."""
-
-Window = tuple[float, float, float, float]
 
 
 def choose(low: Mesh, highs: Sequence[Mesh], tiles: Sequence[int]) -> tuple[str, str, np.ndarray | None]:
@@ -47,7 +48,7 @@ def choose(low: Mesh, highs: Sequence[Mesh], tiles: Sequence[int]) -> tuple[str,
         return "CAST", "the UV layouts have no texel in common", None
     # Artists put the two side by side to look at them: what they differ by as a whole does not count.
     offset, surface = separation.offset(texels, "FLATTEN"), _Surface(low)
-    away = np.stack([surface.draw(target.window(tile))[1] for tile in tiles])[both][:, :3]
+    away = np.stack([surface.draw(udim.uv_to_clip(tile))[1] for tile in tiles])[both][:, :3]
     # Nor does detail, which stands up from the low surface; a layout that differs shows along it.
     between = _along((texels[both][:, :3] - offset) / surface.local_space.size, away)
     share = np.count_nonzero(np.linalg.norm(between, axis=1) < CLOSE) / np.count_nonzero(on_low)
@@ -68,7 +69,7 @@ def differing(low: Mesh, highs: Sequence[Mesh], tiles: Sequence[int], offset: np
     surface = _Surface(low, max(LEAST, PROBE // math.isqrt(len(highs))))
 
     def found(by: np.ndarray) -> list[str]:
-        clauses = (_difference(surface, high, _windows(low, high, tiles), by) for high in highs)
+        clauses = (_difference(surface, high, _views(low, high, tiles), by) for high in highs)
         return list(filter(None, clauses))
 
     clauses = found(np.zeros(3))
@@ -82,11 +83,11 @@ def elsewhere(low: Mesh, highs: Sequence[Mesh]) -> np.ndarray:
 
     There the point of the high meshes lies CLOSE to none of the low mesh's on the same texel, along its surface.
     """
-    surface, window = _Surface(low), target.window(1001)
+    surface, uv_to_clip = _Surface(low), udim.uv_to_clip()
     above = separation.draw_points(
-        [separation.upload(high, surface.local_space) for high in highs], (PROBE, PROBE), window
+        [separation.upload(high, surface.local_space) for high in highs], (PROBE, PROBE), uv_to_clip
     )
-    layers = [surface.draw(window, is_last=is_last) for is_last in (True, False)]
+    layers = [surface.draw(uv_to_clip, is_last=is_last) for is_last in (True, False)]
     both = (above[..., 3] > 0.0) & (layers[0][0][..., 3] > 0.0)
     result = np.zeros(both.shape, bool)
     if both.any():
@@ -102,13 +103,13 @@ def _moved_aside(local_space: LocalSpace, low: Mesh, highs: Sequence[Mesh], betw
     unless the
     boxes around them stand apart as well. UVs that were moved leave the objects where they are."""
     offset = np.median(between, axis=0)
-    apart_as_boxes = local_space_of(highs).center - local_space_of([low]).center
+    apart_as_boxes = local_space_of(highs).origin - local_space_of([low]).origin
     is_aside = gap(low, highs) > 0.0 or np.linalg.norm(offset - apart_as_boxes / local_space.size) < CLOSE
     return offset if is_aside else np.zeros(3, np.float32)
 
 
-def _difference(surface: "_Surface", high: Mesh, windows: Sequence[Window], offset: np.ndarray) -> str:
-    close = [_close(surface, high, window, offset) for window in windows]
+def _difference(surface: "_Surface", high: Mesh, views: Sequence[UvToClip], offset: np.ndarray) -> str:
+    close = [_close(surface, high, uv_to_clip, offset) for uv_to_clip in views]
     close = np.concatenate(close) if close else np.empty(0, bool)
     if not close.size:
         return f"{high.name!r} has no texel in common with the low mesh"
@@ -117,13 +118,15 @@ def _difference(surface: "_Surface", high: Mesh, windows: Sequence[Window], offs
     return ""
 
 
-def _close(surface: "_Surface", high: Mesh, window: Window, offset: np.ndarray) -> np.ndarray:
-    """Of the texels of `window` that both cover, (N,) bool, whether the points of `high` belong to those of the low mesh."""
-    above = separation.draw_points([separation.upload(high, surface.local_space)], (surface.side, surface.side), window)
+def _close(surface: "_Surface", high: Mesh, uv_to_clip: UvToClip, offset: np.ndarray) -> np.ndarray:
+    """Of the texels that both cover, (N,) bool, whether the points of `high` belong to those of the low mesh."""
+    above = separation.draw_points(
+        [separation.upload(high, surface.local_space)], (surface.side, surface.side), uv_to_clip
+    )
     above[..., :3] -= offset / surface.local_space.size
     layers = []
     for is_last in (True, False):
-        places, away = surface.draw(window, is_last=is_last)
+        places, away = surface.draw(uv_to_clip, is_last=is_last)
         both = (above[..., 3] > 0.0) & (places[..., 3] > 0.0)
         points = places[both][:, :3]
         layers.append((points, _along(above[both][:, :3] - points, away[both][:, :3])))
@@ -137,7 +140,7 @@ def _close(surface: "_Surface", high: Mesh, window: Window, offset: np.ndarray) 
     return (far < CLOSE) & (shift <= SHIFT * extent)
 
 
-def _windows(low: Mesh, high: Mesh, tiles: Sequence[int]) -> list[Window]:
+def _views(low: Mesh, high: Mesh, tiles: Sequence[int]) -> list[UvToClip]:
     """What shows where both meshes have UVs: it may be small, or lie outside the tiles that are baked."""
     boxes = [_box(mesh.uv) for mesh in (low, high)]
     first, last = np.max([box[0] for box in boxes], axis=0), np.min([box[1] for box in boxes], axis=0)
@@ -145,7 +148,7 @@ def _windows(low: Mesh, high: Mesh, tiles: Sequence[int]) -> list[Window]:
     if not (extent > SMALLEST).all():
         return []
     if extent.max() > WIDE:
-        return [target.window(tile) for tile in tiles]
+        return [udim.uv_to_clip(tile) for tile in tiles]
     scale = 2.0 / extent
     return [(*scale.tolist(), *(-1.0 - first * scale).tolist())]
 
@@ -170,11 +173,11 @@ class _Surface:
         orders = {True: low.triangles, False: np.ascontiguousarray(low.triangles[::-1])}
         self.uploaded = {is_last: mesh_upload.upload(order, **attributes) for is_last, order in orders.items()}
 
-    def draw(self, window: Window, *, is_last: bool = True) -> list[np.ndarray]:
+    def draw(self, uv_to_clip: UvToClip, *, is_last: bool = True) -> list[np.ndarray]:
         """The points in the frame and the unit normals, (side, side, 4) each: where triangles share texels, those of the last
         or of the first one."""
         drawn = target.get("audit rays", self.side, self.side, "RGBA32F", "RGBA32F")
-        gbuffer.draw(drawn, self.uploaded[is_last], window)
+        gbuffer.draw(drawn, self.uploaded[is_last], uv_to_clip)
         seen = [np.empty((self.side, self.side, 4), np.float32) for _ in range(2)]
         for slot, array in enumerate(seen):
             drawn.read(array, slot=slot)

@@ -15,7 +15,7 @@ from ..core.report import Report
 from ..core.settings import Settings
 from ..engine import gpu_memory, method_choice, rendering, separation
 from ..engine.bands import Band
-from ..mesh import face_shapes, triangle_mesh, uv_islands, uv_seams
+from ..mesh import face_shapes, uv_islands, uv_layout, uv_seams
 from ..mesh.inputs import Meshes
 from ..output import image_writer
 from ..passes import mesh_upload, target
@@ -109,19 +109,19 @@ def _triangles(view: _View, kind: str) -> np.ndarray:
     """Which triangles of the low mesh, (T,) bool, have flaws of this kind."""
     low = view.meshes.low
     if kind == "outside":
-        outside = triangle_mesh.outside(low, uv_space(view.settings))
+        outside = uv_layout.outside(low, uv_space(view.settings))
         harmful = outside if view.settings.udim else outside & ~uv_islands.moved(low)
         return harmful if harmful.any() else outside
     if kind == "behind":
         return face_shapes.normals_behind(low)
     if kind in ON_TRIANGLES:
-        areas = triangle_mesh.uv_areas(low)
+        areas = uv_layout.areas(low)
         return areas < 0.0 if kind == "mirrored" else areas == 0.0
     found = np.zeros(len(low.triangles) + 1, bool)
     uploaded = triangle_ids.upload(low.triangles, low.uv)
     for band, mask, depth in _masks(view, kind):
         if mask.any():
-            for numbers in triangle_ids.layers(uploaded, mask.shape[::-1], band.window, depth):
+            for numbers in triangle_ids.layers(uploaded, mask.shape[::-1], band.uv_to_clip, depth):
                 found[numbers[mask].astype(np.int64)] = True
     return found[1:]
 
@@ -153,7 +153,7 @@ def _shared(view: _View, bands: list[Band]) -> Iterator[tuple[Band, np.ndarray, 
     uploaded = mesh_upload.upload(view.meshes.low.triangles, uv=view.meshes.low.uv)
     for band in bands:
         drawn = target.get("overlap", band.width, band.height, "R16F")
-        overlap.draw(drawn, uploaded, band.window)
+        overlap.draw(drawn, uploaded, band.uv_to_clip)
         counts = np.empty((band.height, band.width), np.float32)
         drawn.read(counts)
         yield band, counts > 1.0, int(counts.max())
@@ -165,7 +165,7 @@ def _apart(view: _View, kind: str, bands: list[Band]) -> Iterator[tuple[Band, np
     texels = separation.probe(look, (view.settings.width, view.settings.height), view.report.tiles)
     offset, limit = separation.offset(texels, view.report.method), separation.limit(view.meshes.low, view.settings)
     for band in bands:
-        texels = look((band.width, band.height), band.window)
+        texels = look((band.width, band.height), band.uv_to_clip)
         mask = texels[..., 3] < 0.0 if kind == "uncovered" else separation.distances(texels, offset) > limit
         yield band, mask, 1
 

@@ -17,7 +17,7 @@ from ..core.report import Report
 from ..core.settings import Settings
 from ..engine import gpu_memory, method_choice, post_process, ray_casting, rendering
 from ..engine.bands import bands
-from ..mesh import triangle_mesh
+from ..mesh import uv_layout
 from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
 from ..output import image_writer, materials
@@ -257,7 +257,7 @@ def _tiles(low: Mesh, settings: Settings) -> list[int]:
     """The UDIM tiles to bake."""
     if not settings.udim:
         return [1001]
-    found = triangle_mesh.tiles(low)
+    found = uv_layout.tiles(low)
     if len(found) > MANY_TILES and not settings.tiles:
         raise BakeError(
             f"{low.name!r} reaches over {len(found)} UDIM tiles: name those to bake, or look for stray UVs."

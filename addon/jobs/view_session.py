@@ -14,7 +14,8 @@ from ..core.settings import Settings
 from ..engine import post_process, uv_agreement
 from ..engine.bands import BAND_TEXELS
 from ..mesh.inputs import Meshes
-from ..mesh.triangle_mesh import LocalSpace, Mesh, gap, local_space_of, normal_matrix
+from ..mesh.local_space import LocalSpace, gap, local_space_of
+from ..mesh.triangle_mesh import Mesh, normal_matrix
 from ..output import quantize
 from ..passes import mesh_upload, target
 from ..passes.view import deviation, lit
@@ -132,7 +133,7 @@ class Shading:
             return
         matrix = _view_projection(eye, scene.local_space, PULL if is_alone else scene.pull)
         light = np.append(
-            (eye.light[:3] - eye.light[3] * scene.local_space.center) / scene.local_space.size, eye.light[3]
+            (eye.light[:3] - eye.light[3] * scene.local_space.origin) / scene.local_space.size, eye.light[3]
         )
         with _tested_for_depth():
             if mode == "MAP":
@@ -232,7 +233,7 @@ class Shading:
         local_space = local_space_of([low])
         around, pull = local_space, PULL
         if highs and gap(low, highs) > 0.0:  # moved aside: shown as if it were not
-            around = LocalSpace(local_space_of(highs).center, local_space.size)
+            around = LocalSpace(local_space_of(highs).origin, local_space.size)
         elif highs:
             surface = self._surface(low, local_space)
             pull = max(
@@ -282,10 +283,10 @@ def _view_projection(eye: Eye, local_space: LocalSpace, pull: float) -> np.ndarr
     alone, what is seen stays where
     it is."""
     to_world = np.diag([*[local_space.size] * 3, 1.0])
-    to_world[:3, 3] = local_space.center
+    to_world[:3, 3] = local_space.origin
     projection, pull = np.array(eye.projection, np.float64), pull * local_space.size
     if projection[3, 3] == 0.0:  # perspective: points go along their rays, all by the same share of their distance
-        distance = max(-(eye.view @ (*local_space.center, 1.0))[2], 2.0 * pull)
+        distance = max(-(eye.view @ (*local_space.origin, 1.0))[2], 2.0 * pull)
         projection[2, 3] /= 1.0 - pull / distance
     else:
         projection[2, 3] += pull * projection[2, 2]

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from . import triangle_mesh
+from . import uv_layout
 from .triangle_mesh import Mesh
 
 FEW_STEPS, NEAR = 2.5e-7, 1e-5
@@ -88,7 +88,7 @@ def without_copies(mesh: Mesh) -> np.ndarray:
 def moved(mesh: Mesh) -> np.ndarray:
     """Which triangles (T,) bool lie outside the tile 0 to 1, but on the very place of others inside when their islands are
     taken back by whole tiles: the right way to bake mirrored parts. Takes a mesh with faces."""
-    outside = triangle_mesh.outside(mesh)
+    outside = uv_layout.outside(mesh)
     if not outside.any():
         return outside
     owner = _owners(mesh)
@@ -115,8 +115,8 @@ def crossing(mesh: Mesh) -> np.ndarray:
     """Which triangles (T,) bool cross the border between two UV tiles."""
     corners = mesh.uv[mesh.triangles]
     lowest, highest = corners.min(axis=1), corners.max(axis=1)
-    tile = np.floor(lowest + triangle_mesh.ON_THE_RIM)
-    return (highest > tile + 1.0 + triangle_mesh.ON_THE_RIM).any(axis=1)
+    tile = np.floor(lowest + uv_layout.ON_THE_RIM)
+    return (highest > tile + 1.0 + uv_layout.ON_THE_RIM).any(axis=1)
 
 
 def _owners(mesh: Mesh) -> np.ndarray:

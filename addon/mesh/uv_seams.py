@@ -6,6 +6,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from ..core import udim
 from .triangle_mesh import Mesh
 from .uv_islands import hashes
 
@@ -72,7 +73,7 @@ class Seams:
         places = here[:, :1, None] + (past + np.array([0.0, 0.0, 1.0, 1.0])[:, None] * length) * along
         places = places - 1j * self.side[:, None, None] * along * across
         corners = np.empty((len(here), 4, 2, 4), np.float32)
-        column, row = (tile - 1001) % 10, (tile - 1001) // 10
+        column, row = udim.place(tile)
         corners[..., 0], corners[..., 1] = places.real / size[0] + column, places.imag / size[1] + row
         corners[..., 2] = (np.where(past == 0.0, across, np.hypot(past, across)) + INSIDE) / (2.0 * OUTSIDE)
         corners[..., 3] = np.arange(1, len(here) + 1)[:, None, None]
@@ -180,5 +181,5 @@ def _paired(ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def _texels(uv: np.ndarray, size: tuple[int, int], tile: int) -> np.ndarray:
     """UVs as places in texels on the tile, complex as well."""
-    column, row = (tile - 1001) % 10, (tile - 1001) // 10
+    column, row = udim.place(tile)
     return (uv.real - column) * size[0] + 1j * (uv.imag - row) * size[1]

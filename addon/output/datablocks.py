@@ -7,8 +7,9 @@ from pathlib import Path, PurePath
 import bpy
 import numpy as np
 
+from ..core import udim
 from ..core.file_names import file_name
-from ..core.settings import TOKEN
+from ..core.udim import TOKEN
 
 ORIGIN = "imprint_high"
 """A custom property of images that hold a map: the names of the high objects that it came from, a line each."""
@@ -78,14 +79,14 @@ def _pack_tiles(image: bpy.types.Image) -> None:
     place = f"//{file_name(image.name)}.{TOKEN}{PurePath(image.filepath).suffix}"
     image.filepath_raw = place  # loads nothing
     for packed in image.packed_files:
-        packed.filepath = place.replace(TOKEN, str(packed.tile_number))
+        packed.filepath = udim.fill(place, packed.tile_number)
 
 
 def tile_contents(image: bpy.types.Image) -> Iterator[tuple[int, bytes | Path]]:
     """The tiles of a tiled image by number, and what holds their pixels: packed bytes, or a file. Empty ones are left out."""
     packed = {part.tile_number: part.packed_file for part in image.packed_files}
     for tile in image.tiles:
-        path = Path(bpy.path.abspath(image.filepath.replace(TOKEN, str(tile.number)))).absolute()
+        path = Path(bpy.path.abspath(udim.fill(image.filepath, tile.number))).absolute()
         if tile.number in packed:
             yield tile.number, packed[tile.number].data
         elif not packed and path.is_file():

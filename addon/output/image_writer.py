@@ -11,8 +11,10 @@ from pathlib import Path, PurePath
 import bpy
 import numpy as np
 
+from ..core import udim
 from ..core.errors import BakeError, shorten_list
-from ..core.settings import FORMATS, TOKEN, Settings
+from ..core.settings import FORMATS, Settings
+from ..core.udim import TOKEN
 from . import atomic_file, datablocks, image_encoding, quantize, value_encoding
 from .atomic_file import Partial, check_writable
 
@@ -142,7 +144,7 @@ class Writer:
         return [] if self._folder else [str(self._of_tile(tile)) for tile in sorted(self._partials)]
 
     def _of_tile(self, tile: int) -> Path:
-        return _absolute(self._path.replace(TOKEN, str(tile)))
+        return _absolute(udim.fill(self._path, tile))
 
     @property
     def loss(self) -> dict[str, float]:

@@ -7,11 +7,12 @@ from contextlib import ExitStack
 import bpy
 import numpy as np
 
-from ..core import file_names, texel_state
+from ..core import file_names, texel_state, udim
 from ..core.errors import BakeError, shorten_list
 from ..core.report import Report
-from ..core.settings import TOKEN, Settings
+from ..core.settings import Settings
 from ..core.texel_state import Map
+from ..core.udim import TOKEN
 from . import datablocks, image_writer, materials, value_encoding
 from .path_clashes import Places
 
@@ -72,7 +73,7 @@ def check_places(each: Sequence[Settings], names: Sequence[str], advice: str) ->
         for kind, one in wanted(own).items():
             path = image_writer.output_for(one)
             for tile in one.tiles or [TOKEN] if path else ():
-                places.write(bpy.path.abspath(path.replace(TOKEN, str(tile))), f"{label(kind)} of {low!r}")
+                places.write(bpy.path.abspath(udim.fill(path, tile)), f"{label(kind)} of {low!r}")
 
 
 class Outputs:

@@ -10,11 +10,12 @@ from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path
 
+from ..core import udim
 from ..core.errors import WrongPlace
-from ..core.settings import TOKEN
+from ..core.udim import TOKEN
 from . import atomic_file
 
-_TILE = re.compile(r"(?=(1\d{3}|2000))")
+_TILE = re.compile(r"(?=([0-9]{4}))")
 _UNFINISHED = re.compile(r"\.imprint\..*\.partial")
 """What Imprint calls the files that it has not finished, and may sweep away."""
 
@@ -145,7 +146,7 @@ def _folded(name: str) -> str:
 def _without_numbers(name: str) -> Iterator[str]:
     """A folded name with the token for each number of a tile in it."""
     for found in _TILE.finditer(name):
-        if "1001" <= found[1] <= "2000":
+        if int(found[1]) in udim.TILES:
             yield f"{name[: found.start(1)]}{_folded(TOKEN)}{name[found.end(1) :]}"
 
 

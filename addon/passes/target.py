@@ -16,12 +16,6 @@ KEPT_BYTES = 512 * 2**20
 """What the targets may hold between bakes; more than this is freed when a bake is done."""
 
 
-def window(tile: int) -> tuple[float, float, float, float]:
-    """From uv to clip space, as xy scale and zw offset, so that one UDIM tile is seen and no more; 1001 is 0 to 1."""
-    column, row = (tile - 1001) % 10, (tile - 1001) // 10
-    return 2.0, 2.0, -1.0 - 2.0 * column, -1.0 - 2.0 * row
-
-
 _TEXEL_BYTES = {"RGBA32F": 16, "RGBA32UI": 16, "RGBA16F": 8, "R16F": 2, "R16I": 2, "R8": 1}
 _TEXEL_BYTES |= {"R32F": 4, "R32I": 4, "DEPTH_COMPONENT32F": 4}
 _READ_FORMAT = {"RGBA32F": ("FLOAT", 4, np.float32), "R16F": ("FLOAT", 1, np.float32), "R8": ("UBYTE", 1, np.uint8)}

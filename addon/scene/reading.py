@@ -10,7 +10,8 @@ import numpy as np
 from ..core.errors import BakeError
 from ..core.settings import Settings
 from ..mesh.inputs import Meshes
-from ..mesh.triangle_mesh import Mesh, local_space_of
+from ..mesh.local_space import local_space_of
+from ..mesh.triangle_mesh import Mesh
 from . import bake_objects, mesh_reader, visibility
 from .high_reader import Reader
 from .high_reader import uv_layer as uv_layer_of

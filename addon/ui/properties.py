@@ -15,8 +15,9 @@ from bpy.props import (
     StringProperty,
 )
 
+from ..core import udim
 from ..core.name_matching import Suffixes
-from ..core.settings import AXES, MAPS, MAX_MIPS, MAX_SIZE, MIN_SIZE, SAMPLES, Settings, parse_tiles, usual_depth
+from ..core.settings import AXES, MAPS, MAX_MIPS, MAX_SIZE, MIN_SIZE, SAMPLES, Settings, usual_depth
 from ..scene import bake_objects, visibility
 from . import results
 
@@ -248,7 +249,7 @@ class Options:
             values["margin"] = None
         if not owner("limited").limited and (owner("limit") is fallback or fallback is None):
             values["limit"] = None
-        values["tiles"] = parse_tiles(values["tiles"])
+        values["tiles"] = udim.parse(values["tiles"])
         for name in ("depth", "samples"):
             values[name] = int(values[name])
         if values["storage"] == "FILE" and not _is_set(owner("depth"), "depth"):

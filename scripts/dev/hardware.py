@@ -97,7 +97,7 @@ class Scene:
             load(ctx, code.shader, program, as_images)
             for program in (code.flatten.PROGRAM, code.gbuffer.PROGRAM, code.cast.TRACE, code.cast.LOOKUP)
         )
-        self.window = (2.0, 2.0, -1.0, -1.0)
+        self.uv_to_clip = (2.0, 2.0, -1.0, -1.0)
         self.identity = tuple(np.eye(4).ravel().tolist())
         self.high = self._mesh(self.flatten, code.flatten.PROGRAM, "high_triangles", uv="high_uv", normal="high_normal")
         self.low = self._mesh(
@@ -151,14 +151,14 @@ class Scene:
         """The paper's one draw."""
         self.drawn.use()
         self.drawn.clear()
-        self._bind(self.flatten, self.code.flatten.PROGRAM, normal_matrix=self.identity, window=self.window)
+        self._bind(self.flatten, self.code.flatten.PROGRAM, normal_matrix=self.identity, uv_to_clip=self.uv_to_clip)
         self.high.render(moderngl.TRIANGLES)
 
     def start_rays(self) -> None:
         """Where rays start, which is drawn before they are cast."""
         self.places.use()
         self.places.clear()
-        self._bind(self.gbuffer, self.code.gbuffer.PROGRAM, window=self.window)
+        self._bind(self.gbuffer, self.code.gbuffer.PROGRAM, uv_to_clip=self.uv_to_clip)
         self.low.render(moderngl.TRIANGLES)
 
     def cast_rays(self) -> None:

@@ -3,6 +3,6 @@
 
 void main()
 {
-  gl_Position = uvspace_position(uv, window);
+  gl_Position = uvspace_position(uv, uv_to_clip);
   v_number = number;
 }

@@ -3,5 +3,5 @@
 
 void main()
 {
-  gl_Position = uvspace_position(uv, window);
+  gl_Position = uvspace_position(uv, uv_to_clip);
 }

@@ -3,7 +3,7 @@
 
 void main()
 {
-  gl_Position = uvspace_position(uv, window);
+  gl_Position = uvspace_position(uv, uv_to_clip);
   // Interpolation is linear, so that turning each corner turns every texel between them.
   v_normal = mat3(normal_matrix) * normal;
 }

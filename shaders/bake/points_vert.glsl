@@ -3,7 +3,7 @@
 
 void main()
 {
-  gl_Position = uvspace_position(uv, window);
+  gl_Position = uvspace_position(uv, uv_to_clip);
   v_position = position;
   v_labels = labels;
 }

@@ -3,7 +3,7 @@
 
 void main()
 {
-  gl_Position = uvspace_position(corner.xy, window);
+  gl_Position = uvspace_position(corner.xy, uv_to_clip);
   gl_Position.z = corner.z;
   v_number = corner.w;
 }

@@ -119,9 +119,9 @@ def test_many_high_objects_are_looked_at_once_and_in_few_texels(monkeypatch):
     highs = [patch(f"hi {number}", box, shared(box)) for number, box in enumerate(boxes)]
     draw = uv_agreement.separation.draw_points
 
-    def counted(meshes, size, window):
+    def counted(meshes, size, uv_to_clip):
         texels.append(size[0] * size[1])
-        return draw(meshes, size, window)
+        return draw(meshes, size, uv_to_clip)
 
     monkeypatch.setattr(uv_agreement.separation, "draw_points", counted)
     assert bake(low, *highs).method == "FLATTEN"

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from addon.audit import checks
-from addon.mesh import triangle_mesh
+from addon.core import udim
+from addon.mesh import uv_layout
 from addon.mesh.triangle_mesh import Mesh
 from addon.passes import mesh_upload, target
 from addon.passes.audit import overlap
@@ -80,7 +81,7 @@ def test_what_is_looked_at_of_a_large_map_are_its_own_texels_seed_9(size, tile):
     uv = rng.random((60, 2)).astype(np.float32) + ((tile - 1001) % 10, (tile - 1001) // 10)
     low = laid_out(uv, np.arange(60).reshape(-1, 3))
     drawn, all_of_them = target.get("test", *size, "R16F"), np.empty(size[::-1], np.float32)
-    overlap.draw(drawn, mesh_upload.upload(low.triangles, uv=low.uv), target.window(tile))
+    overlap.draw(drawn, mesh_upload.upload(low.triangles, uv=low.uv), udim.uv_to_clip(tile))
     drawn.read(all_of_them)
     some = next(checks.covering(low, size, [tile]))
     assert max(some.shape) <= checks.PROBE
@@ -92,8 +93,8 @@ def test_what_is_looked_at_of_a_large_map_are_its_own_texels_seed_9(size, tile):
 
 
 def test_mirrored_triangles_are_known():
-    assert (triangle_mesh.uv_areas(laid_out(SQUARE, HALVES)) > 0).all()
-    areas = triangle_mesh.uv_areas(laid_out(SQUARE, [HALVES[0], HALVES[1][::-1], (0, 1, 1)]))
+    assert (uv_layout.areas(laid_out(SQUARE, HALVES)) > 0).all()
+    areas = uv_layout.areas(laid_out(SQUARE, [HALVES[0], HALVES[1][::-1], (0, 1, 1)]))
     assert areas.tolist() == [1.0, -1.0, 0.0]
 
 
@@ -112,4 +113,4 @@ def test_of_a_large_map_every_second_texel_is_looked_at_in_its_middle(column):
     "sliver", [[(2.5, 0.5)] * 3, [(1.5, 0.2), (1.5, 0.4), (1.5, 0.8)], [(0.2, 3.5), (0.8, 3.5), (0.4, 3.5)]]
 )
 def test_triangles_without_extent_lie_on_no_tile(sliver):
-    assert triangle_mesh.tiles(laid_out([*SQUARE, *sliver], [*HALVES, (4, 5, 6)])) == [1001]
+    assert uv_layout.tiles(laid_out([*SQUARE, *sliver], [*HALVES, (4, 5, 6)])) == [1001]

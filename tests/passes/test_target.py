@@ -5,6 +5,7 @@ import gpu
 import numpy as np
 import pytest
 
+from addon.core import udim
 from addon.passes import mesh_upload, target
 from addon.passes.bake import flatten
 
@@ -20,7 +21,7 @@ def square(into):
         uv=np.array([(0, 0), (1, 0), (1, 1), (0, 1)], np.float32),
         normal=np.tile(np.float32((0.6, 0.0, 0.8)), (4, 1)),
     )
-    flatten.draw(into, [(mesh, np.eye(3)), (mesh, np.eye(3))], target.window(1001))  # twice: what is added shows
+    flatten.draw(into, [(mesh, np.eye(3)), (mesh, np.eye(3))], udim.uv_to_clip(1001))  # twice: what is added shows
     texels = np.empty((into.height, into.width, 4), np.float32)
     into.read(texels)
     return texels

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from addon.passes import target
+from addon.core import udim
 from addon.passes.audit import triangle_ids
 from tests.support import maps, oracle
 
@@ -17,9 +17,9 @@ this is their choice."""
 
 def layers(uv, triangles, size, count, tile=1001):
     mesh = triangle_ids.upload(np.asarray(triangles, np.int32), np.asarray(uv, np.float32))
-    return np.stack([numbers.copy() for numbers in triangle_ids.layers(mesh, size, target.window(tile), count)]).astype(
-        int
-    )
+    return np.stack(
+        [numbers.copy() for numbers in triangle_ids.layers(mesh, size, udim.uv_to_clip(tile), count)]
+    ).astype(int)
 
 
 @pytest.mark.parametrize("seed", range(3))

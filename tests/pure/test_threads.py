@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from addon.mesh import bvh, threads, triangle_mesh
+from addon.mesh import bvh, threads, uv_layout
 from addon.mesh.triangle_mesh import Mesh
 
 BLOCK = threads.BLOCK
@@ -45,9 +45,9 @@ def triangles(seed, count):
 def test_a_partial_second_block_gives_the_same_areas_and_tree_as_one_block_seed_3(monkeypatch):
     monkeypatch.setattr(threads, "BLOCK", 64)
     mesh = triangles(3, 64 + 1)
-    areas, tree = triangle_mesh.uv_areas(mesh), bvh.build(mesh.positions, mesh.triangles)
+    areas, tree = uv_layout.areas(mesh), bvh.build(mesh.positions, mesh.triangles)
     monkeypatch.setattr(threads, "BLOCK", 2**16)
-    assert np.array_equal(areas, triangle_mesh.uv_areas(mesh))
+    assert np.array_equal(areas, uv_layout.areas(mesh))
     whole = bvh.build(mesh.positions, mesh.triangles)
     assert np.array_equal(tree.order, whole.order)
     assert np.array_equal(tree.nodes, whole.nodes)

@@ -3,18 +3,19 @@
 
 import gpu
 
+from ...core.udim import UvToClip
 from .. import shader, target
 
 PROGRAM = shader.Program(
     vertex="audit/overlap_vert.glsl",
     fragment="audit/overlap_frag.glsl",
     inputs=(("VEC2", "uv"),),
-    constants=(("VEC4", "window"),),
+    constants=(("VEC4", "uv_to_clip"),),
     outputs=(("VEC4", "count_out"),),
 )
 
 
-def draw(into: target.Target, mesh: gpu.types.GPUBatch, window: tuple[float, float, float, float]) -> None:
+def draw(into: target.Target, mesh: gpu.types.GPUBatch, uv_to_clip: UvToClip) -> None:
     """Clear `into` (R16F, exact up to 2048) and write for each texel how many triangles of `mesh` cover its center.
 
     mesh: batch with the attribute uv. Triangles that share an edge do not share texels along it.
@@ -23,6 +24,6 @@ def draw(into: target.Target, mesh: gpu.types.GPUBatch, window: tuple[float, flo
     with target.drawing(into):
         gpu.state.blend_set("ADDITIVE")
         compiled.bind()
-        target.bind(compiled, PROGRAM, window=window)
+        target.bind(compiled, PROGRAM, uv_to_clip=uv_to_clip)
         mesh.draw(compiled)
         gpu.state.blend_set("NONE")

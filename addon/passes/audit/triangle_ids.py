@@ -6,6 +6,7 @@ from collections.abc import Iterator
 import gpu
 import numpy as np
 
+from ...core.udim import UvToClip
 from .. import mesh_upload, shader, target
 
 PROGRAM = shader.Program(
@@ -14,7 +15,7 @@ PROGRAM = shader.Program(
     inputs=(("VEC2", "uv"), ("VEC2", "number")),
     varyings=(("VEC2", "v_number"),),
     samplers=(("FLOAT_2D", "above"),),
-    constants=(("VEC4", "window"),),
+    constants=(("VEC4", "uv_to_clip"),),
     outputs=(("FLOAT", "number_out"),),
 )
 PART = 4096
@@ -32,7 +33,7 @@ def upload(triangles: np.ndarray, uv: np.ndarray, numbers: np.ndarray | None = N
 
 
 def layers(
-    mesh: gpu.types.GPUBatch, size: tuple[int, int], window: tuple[float, float, float, float], count: int = 1
+    mesh: gpu.types.GPUBatch, size: tuple[int, int], uv_to_clip: UvToClip, count: int = 1
 ) -> Iterator[np.ndarray]:
     """The numbers (height, width) of the triangles on each texel, 0 for none, layer by layer from the top down.
 
@@ -46,7 +47,7 @@ def layers(
     for _ in range(count):
         with target.drawing(into):
             compiled.bind()
-            target.bind(compiled, PROGRAM, above=above.texture, window=window)
+            target.bind(compiled, PROGRAM, above=above.texture, uv_to_clip=uv_to_clip)
             mesh.draw(compiled)
         into.read(numbers)
         yield numbers

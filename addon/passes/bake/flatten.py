@@ -6,6 +6,7 @@ from collections.abc import Iterable
 import gpu
 import numpy as np
 
+from ...core.udim import UvToClip
 from .. import shader, target
 
 PROGRAM = shader.Program(
@@ -13,7 +14,7 @@ PROGRAM = shader.Program(
     fragment="bake/flatten_frag.glsl",
     inputs=(("VEC2", "uv"), ("VEC3", "normal")),
     varyings=(("VEC3", "v_normal"),),
-    constants=(("MAT4", "normal_matrix"), ("VEC4", "window")),
+    constants=(("MAT4", "normal_matrix"), ("VEC4", "uv_to_clip")),
     outputs=(("VEC4", "normal_out"),),
 )
 
@@ -21,16 +22,16 @@ PROGRAM = shader.Program(
 def draw(
     into: target.Target,
     meshes: Iterable[tuple[gpu.types.GPUBatch, np.ndarray]],
-    window: tuple[float, float, float, float],
+    uv_to_clip: UvToClip,
 ) -> None:
     """Clear `into` (RGBA32F) and draw each mesh: xyz its unit normal, alpha 1 where it was written.
 
     meshes: batches with attributes uv and normal, each with the (3, 3) matrix that takes its normals to the wanted
-    space. window: uv to clip space, scale and offset. Where meshes overlap, the later one stays.
+    space. uv_to_clip: as udim.uv_to_clip. Where meshes overlap, the later one stays.
     """
     compiled = shader.load(PROGRAM)
     with target.drawing(into):
         for batch, normal_matrix in meshes:
             compiled.bind()
-            target.bind(compiled, PROGRAM, normal_matrix=shader.mat4(normal_matrix), window=window)
+            target.bind(compiled, PROGRAM, normal_matrix=shader.mat4(normal_matrix), uv_to_clip=uv_to_clip)
             batch.draw(compiled)

@@ -3,6 +3,7 @@
 
 import gpu
 
+from ...core.udim import UvToClip
 from .. import shader, target
 
 PROGRAM = shader.Program(
@@ -10,12 +11,12 @@ PROGRAM = shader.Program(
     fragment="bake/gbuffer_frag.glsl",
     inputs=(("VEC2", "uv"), ("VEC3", "position"), ("VEC3", "direction")),
     varyings=(("VEC3", "v_position"), ("VEC3", "v_direction")),
-    constants=(("VEC4", "window"),),
+    constants=(("VEC4", "uv_to_clip"),),
     outputs=(("VEC4", "position_out"), ("VEC4", "direction_out")),
 )
 
 
-def draw(into: target.Target, low: gpu.types.GPUBatch, window: tuple[float, float, float, float]) -> None:
+def draw(into: target.Target, low: gpu.types.GPUBatch, uv_to_clip: UvToClip) -> None:
     """Clear `into` (two RGBA32F) and write positions and unit directions, alpha 1, where `low` is.
 
     low: batch with attributes uv, position and direction, which leads away from the surface and need not be of length 1.
@@ -23,5 +24,5 @@ def draw(into: target.Target, low: gpu.types.GPUBatch, window: tuple[float, floa
     compiled = shader.load(PROGRAM)
     with target.drawing(into):
         compiled.bind()
-        target.bind(compiled, PROGRAM, window=window)
+        target.bind(compiled, PROGRAM, uv_to_clip=uv_to_clip)
         low.draw(compiled)

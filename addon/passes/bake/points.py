@@ -5,6 +5,7 @@ from collections.abc import Iterable
 
 import gpu
 
+from ...core.udim import UvToClip
 from .. import shader, target
 
 PROGRAM = shader.Program(
@@ -12,12 +13,12 @@ PROGRAM = shader.Program(
     fragment="bake/points_frag.glsl",
     inputs=(("VEC2", "uv"), ("VEC3", "position"), ("VEC2", "labels")),
     varyings=(("VEC3", "v_position"), ("VEC2", "v_labels")),
-    constants=(("VEC4", "window"),),
+    constants=(("VEC4", "uv_to_clip"),),
     outputs=(("VEC4", "point_out"), ("VEC4", "labels_out")),
 )
 
 
-def draw(into: target.Target, meshes: Iterable[gpu.types.GPUBatch], window: tuple[float, float, float, float]) -> None:
+def draw(into: target.Target, meshes: Iterable[gpu.types.GPUBatch], uv_to_clip: UvToClip) -> None:
     """Clear `into` (two RGBA32F) and write points, and in x and y the numbers of object and material.
 
     meshes: batches with the attributes uv, position and labels. Where meshes overlap, the later one stays.
@@ -26,5 +27,5 @@ def draw(into: target.Target, meshes: Iterable[gpu.types.GPUBatch], window: tupl
     with target.drawing(into):
         for batch in meshes:
             compiled.bind()
-            target.bind(compiled, PROGRAM, window=window)
+            target.bind(compiled, PROGRAM, uv_to_clip=uv_to_clip)
             batch.draw(compiled)

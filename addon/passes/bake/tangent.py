@@ -3,6 +3,7 @@
 
 import gpu
 
+from ...core.udim import UvToClip
 from .. import shader, target
 
 PROGRAM = shader.Program(
@@ -11,7 +12,7 @@ PROGRAM = shader.Program(
     inputs=(("VEC2", "uv"), ("VEC3", "normal"), ("VEC4", "tangent")),
     varyings=(("VEC3", "v_normal"), ("VEC4", "v_tangent")),
     texels=(("RGBA32F", "FLOAT_2D", "normals"),),
-    constants=(("VEC4", "window"), ("INT", "normalize_normal")),
+    constants=(("VEC4", "uv_to_clip"), ("INT", "normalize_normal")),
     outputs=(("VEC4", "normal_out"),),
 )
 
@@ -20,7 +21,7 @@ def draw(
     into: target.Target,
     low: gpu.types.GPUBatch,
     normals: gpu.types.GPUTexture,
-    window: tuple[float, float, float, float],
+    uv_to_clip: UvToClip,
     *,
     normalize_normal: bool,
     rows: range | None = None,
@@ -34,5 +35,5 @@ def draw(
     compiled = shader.load(PROGRAM)
     with target.drawing(into, rows, clear=not rows or rows.start == 0):
         compiled.bind()
-        target.bind(compiled, PROGRAM, normals=normals, window=window, normalize_normal=int(normalize_normal))
+        target.bind(compiled, PROGRAM, normals=normals, uv_to_clip=uv_to_clip, normalize_normal=int(normalize_normal))
         low.draw(compiled)

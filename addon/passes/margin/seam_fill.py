@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import gpu
 import numpy as np
 
+from ...core.udim import UvToClip
 from .. import data_texture, mesh_upload, shader, target
 from .nearest_texel import Nearest
 
@@ -19,7 +20,7 @@ BORDERS = shader.Program(
     fragment="margin/borders_frag.glsl",
     inputs=(("VEC4", "corner"),),
     varyings=(("FLOAT", "v_number"),),
-    constants=(("VEC4", "window"),),
+    constants=(("VEC4", "uv_to_clip"),),
     outputs=(("FLOAT", "number_out"),),
 )
 ACROSS = shader.Program(
@@ -55,7 +56,7 @@ def draw(
     values: gpu.types.GPUTexture,
     nearest: Nearest,
     seams: Seams,
-    window: tuple[float, float, float, float],
+    uv_to_clip: UvToClip,
     *,
     halo: int,
     reach: int,
@@ -65,13 +66,13 @@ def draw(
 ) -> None:
     """Draw over what resolve.draw made of the same values, where a seam lies on the way to the nearest written texel.
 
-    window: from uv to the clip space of `values`. reach: how far, in texels, the way to the nearest may be. kind: one of VALUE,
+    uv_to_clip: to the clip space of `values`. reach: how far, in texels, the way to the nearest may be. kind: one of VALUE,
     LABEL, NORMAL and TANGENT; the last are turned with the similarity, which is exact on a flat surface whose islands are
     similar to it. is_deferred: instead of the value across, store the border's number from 0 and the way (x, y) to the
     nearest written texel, with the state DEFERRED: the values across may be on another band.
     """
     borders = target.get("borders", values.width, values.height, "R32F", "DEPTH_COMPONENT32F")
-    _draw_borders(borders, seams.strips, window)
+    _draw_borders(borders, seams.strips, uv_to_clip)
     target.fill(
         into,
         ACROSS,
@@ -88,7 +89,7 @@ def draw(
     )
 
 
-def _draw_borders(into: target.Target, strips: gpu.types.GPUBatch, window: tuple[float, float, float, float]) -> None:
+def _draw_borders(into: target.Target, strips: gpu.types.GPUBatch, uv_to_clip: UvToClip) -> None:
     compiled = shader.load(BORDERS)
     with target.drawing(into, clear=False):
         into.framebuffer.clear(color=(0.0, 0.0, 0.0, 0.0), depth=1.0)
@@ -97,7 +98,7 @@ def _draw_borders(into: target.Target, strips: gpu.types.GPUBatch, window: tuple
         gpu.state.depth_mask_set(True)
         try:
             compiled.bind()
-            target.bind(compiled, BORDERS, window=window)
+            target.bind(compiled, BORDERS, uv_to_clip=uv_to_clip)
             strips.draw(compiled)
         finally:
             gpu.state.depth_test_set(test)

@@ -4,6 +4,7 @@
 import gpu
 import numpy as np
 
+from ...core import udim
 from .. import shader, target
 
 MEASURE = shader.Program(
@@ -12,7 +13,7 @@ MEASURE = shader.Program(
     inputs=(("VEC2", "uv"), ("VEC3", "normal"), ("VEC4", "tangent")),
     varyings=(("VEC3", "v_normal"), ("VEC4", "v_tangent")),
     samplers=(("FLOAT_2D", "normal_map"), ("FLOAT_2D", "truth"), ("FLOAT_2D", "elsewhere")),
-    constants=(("MAT4", "placed"), ("VEC4", "window")),
+    constants=(("MAT4", "placed"), ("VEC4", "uv_to_clip")),
     outputs=(("VEC4", "deviation_out"),),
 )
 RAMP = shader.Program(
@@ -61,7 +62,7 @@ def measure(
             "truth": truth,
             "elsewhere": mask,
             "placed": shader.mat4(placed),
-            "window": target.window(1001),
+            "uv_to_clip": udim.uv_to_clip(),
         }
         target.bind(compiled, MEASURE, **bindings)
         low.draw(compiled)

@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Spaces that fit some meshes, and the boxes around meshes in world space."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .triangle_mesh import Mesh
+
+FARTHEST = 1e8
+"""In units of a local space: single precision rounds anything farther by more than the space's size."""
+
+
+@dataclass(frozen=True)
+class LocalSpace:
+    """A space whose origin and unit fit some meshes, so that single precision is as good 10 km away as here.
+
+    origin (3,) float64 in world space; size in world units. World axes.
+    """
+
+    origin: np.ndarray
+    size: float
+
+    def points(self, mesh: Mesh) -> np.ndarray:
+        """The positions (V, 3) float32 of `mesh` in this space."""
+        matrix = mesh.to_world[:3, :3] / self.size
+        offset = (mesh.to_world[:3, 3] - self.origin) / self.size
+        return np.clip(mesh.positions @ matrix.T + offset, -FARTHEST, FARTHEST).astype(np.float32)
+
+
+def local_space_of(meshes: Sequence[Mesh]) -> LocalSpace:
+    """The space in which `meshes` together lie around the origin with a radius of about 1."""
+    low, high = _world_box(meshes)
+    return LocalSpace((low + high) / 2.0, float(np.linalg.norm(high - low)) / 2.0 or 1.0)  # a single point has no size
+
+
+def _world_box(meshes: Sequence[Mesh]) -> tuple[np.ndarray, np.ndarray]:
+    """The lowest and highest coordinates (3,) float64 in world space of what the meshes' triangles use."""
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    for mesh in meshes:
+        # Of the box's corners, the transformed ones hold the transformed mesh.
+        box = np.array(np.meshgrid(*mesh.box.T)).reshape(3, -1).T
+        corners = box @ mesh.to_world[:3, :3].T + mesh.to_world[:3, 3]
+        low, high = np.minimum(low, corners.min(axis=0)), np.maximum(high, corners.max(axis=0))
+    return low, high
+
+
+def gap(low: Mesh, highs: Sequence[Mesh]) -> float:
+    """How far apart, in world units, the box around `low` and the one around `highs` are; 0 where they touch."""
+    one, other = _world_box([low]), _world_box(highs)
+    return float(np.linalg.norm(np.maximum(np.maximum(one[0] - other[1], other[0] - one[1]), 0.0)))
