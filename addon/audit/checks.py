@@ -110,7 +110,7 @@ def _tell_of_uvs(meshes: Meshes, settings: Settings, report: Report) -> None:
     is_mirrored, count = areas < 0.0, len(low.triangles)
     report.mirrored = int(np.count_nonzero(is_mirrored))
     # With UDIM tiles nothing lies on what is inside: readers find no tile there.
-    moved = uv_islands.moved(low) if outside.any() and not settings.udim else np.zeros(1, bool)
+    moved = uv_islands.moved_copies(low) if outside.any() and not settings.udim else np.zeros(1, bool)
     report.checks["mirrored"] = {
         "count": report.mirrored,
         "of": count,

@@ -69,7 +69,7 @@ def _stacked(above: np.ndarray, below: np.ndarray, count: int) -> np.ndarray:
     """The numbers of islands (height, width), those that lie on each other as one."""
     differ = above != below
     pairs = np.unique(np.stack([above[differ], below[differ]], axis=1), axis=0)
-    return uv_islands.joined(pairs, count + 1)[above] if len(pairs) else above
+    return uv_islands.connected_components(pairs, count + 1)[above] if len(pairs) else above
 
 
 def _near_others(ids: np.ndarray, reach: Sequence[int]) -> np.ndarray:

@@ -110,7 +110,7 @@ def _triangles(view: _View, kind: str) -> np.ndarray:
     low = view.meshes.low
     if kind == "outside":
         outside = uv_layout.outside(low, uv_space(view.settings))
-        harmful = outside if view.settings.udim else outside & ~uv_islands.moved(low)
+        harmful = outside if view.settings.udim else outside & ~uv_islands.moved_copies(low)
         return harmful if harmful.any() else outside
     if kind == "behind":
         return face_shapes.normals_behind(low)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How faces lie in UV space: which hang together as islands, and which lie on the same place. numpy alone."""
+"""Finds UV islands, and faces that lie on the same place in UV space."""
 
 from dataclasses import replace
 
@@ -9,20 +9,20 @@ from . import uv_layout
 from .triangle_mesh import Mesh
 
 FEW_STEPS, NEAR = 2.5e-7, 1e-5
-"""UVs that differ by less than this are the same place: by the first, a few steps of single precision, on meshes whose
-coordinates lie close together, and by up to the second on coarse ones."""
+"""UVs that differ by less than this are the same. The limit is the first number, a few steps of single precision, on dense
+meshes and rises to the second on coarse ones."""
 _ODD = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F], np.uint64)
 _SHIFT = np.uint64(29)
 
 
 def islands(mesh: Mesh) -> np.ndarray:
-    """The number of the UV island that each triangle (T,) belongs to, from 0: triangles that hang together on the
-    surface and in UV space."""
+    """The number of each triangle's UV island, (T,) int from 0. The triangles of an island are connected on the surface and
+    in UV space."""
     triangles = mesh.triangles
     if not len(triangles):
         return np.zeros(0, np.int64)
-    # A corner is known by its UV and its vertex: one of them alone does not tell a seam, or islands on the same place.
-    # Most corners have the UV of any other corner of their vertex, and are known by that; only the rest needs sorting.
+    # A UV and a vertex together identify a corner: the vertex alone would join islands across a seam, the UV alone would
+    # join islands on the same place. Most vertices have one UV, so that the vertex is enough; only the rest needs sorting.
     uv, corners = mesh.uv.view(np.uint64)[:, 0], triangles.reshape(-1)
     vertices = mesh.vertices[corners]
     first = np.zeros(len(mesh.positions), corners.dtype)
@@ -30,17 +30,17 @@ def islands(mesh: Mesh) -> np.ndarray:
     node, apart = vertices.astype(np.int64), uv[corners] != uv[first[vertices]]
     keys = np.stack([vertices[apart].astype(np.uint64), uv[corners[apart]]], axis=1)
     node[apart] = len(mesh.positions) + np.unique(hashes(keys), return_inverse=True)[1]
-    roots = joined(node.reshape(-1, 3), int(node.max()) + 1)[node[::3]]
+    roots = connected_components(node.reshape(-1, 3), int(node.max()) + 1)[node[::3]]
     is_root = np.zeros(int(roots.max()) + 1, bool)
     is_root[roots] = True
     return (np.cumsum(is_root) - 1)[roots]
 
 
-def joined(groups: np.ndarray, count: int) -> np.ndarray:
-    """For each of `count` nodes (count,) int the least of those that it hangs together with: groups (R, n) int are nodes
-    that do."""
+def connected_components(groups: np.ndarray, count: int) -> np.ndarray:
+    """The lowest node (count,) int in the connected component of each of `count` nodes. The nodes in a row of groups (R, n)
+    int are connected."""
     columns = groups.T.copy()
-    # Each group passes on the least number that its nodes know of, and numbers that are nodes lead further.
+    # Each group gets the lowest number among its nodes. Looking up that number's own component makes long chains short.
     least, before = np.arange(count), None
     while before is None or (least != before).any():
         before = least.copy()
@@ -52,42 +52,44 @@ def joined(groups: np.ndarray, count: int) -> np.ndarray:
 
 
 def count_islands(mesh: Mesh, chosen: np.ndarray) -> int:
-    """How many groups the `chosen` triangles (T,) bool form that hang together as islands do."""
+    """The number of islands that the `chosen` triangles (T,) bool form."""
     return int(islands(replace(mesh, triangles=mesh.triangles[chosen])).max(initial=-1)) + 1
 
 
 def welded(mesh: Mesh) -> Mesh:
-    """`mesh`, of whose vertices in the same place only one is used: files part them at hard edges and seams."""
+    """`mesh` with vertices in the same place merged: many file formats split vertices at hard edges and seams."""
     _, first, places = np.unique(hashes(mesh.positions + np.float32(0.0)), return_index=True, return_inverse=True)
     return replace(mesh, vertices=first[places][mesh.vertices])
 
 
 def stacks(mesh: Mesh, uv: np.ndarray | None = None) -> np.ndarray:
-    """A number for each face (F,) int that faces on the very same place in UV space share. Takes a mesh with faces.
+    """A number for each face, (F,) int, that is equal for faces on the same place in UV space. `mesh` must have faces.
 
-    The same place: their corners have the same UVs, whichever way round they go, so that mirrored halves which were laid on
-    each other do. uv (C, 2): other UVs than the mesh's own.
+    Faces are on the same place if their corners have the same UVs in any order: mirrored halves laid on each other count.
+    uv (C, 2): UVs to use instead of the mesh's own.
     """
     uv = mesh.uv if uv is None else uv
     owner = _owners(mesh)
     used = np.flatnonzero(owner >= 0)
     places = hashes(np.stack([_near(uv[used, axis]) for axis in range(2)], axis=1))
     sums = np.zeros(int(mesh.faces.max()) + 1, np.uint64)
-    np.add.at(sums, owner[used], places)  # in which the order of corners does not count
+    np.add.at(sums, owner[used], places)  # a sum does not depend on the order of corners
     return np.unique(sums, return_inverse=True)[1]
 
 
 def without_copies(mesh: Mesh) -> np.ndarray:
-    """Which triangles (T,) bool are left when of faces on the very same place in UV space only one stays."""
+    """Which triangles (T,) bool to keep, so that only one of the faces on the same place in UV space is left."""
     first = np.unique(stacks(mesh), return_index=True)[1]
     stays = np.zeros(int(mesh.faces.max()) + 1, bool)
     stays[first] = True
     return stays[mesh.faces]
 
 
-def moved(mesh: Mesh) -> np.ndarray:
-    """Which triangles (T,) bool lie outside the tile 0 to 1, but on the very place of others inside when their islands are
-    taken back by whole tiles: the right way to bake mirrored parts. Takes a mesh with faces."""
+def moved_copies(mesh: Mesh) -> np.ndarray:
+    """Which triangles (T,) bool lie outside the tile 0 to 1 and, moved back by whole tiles, on faces inside it.
+
+    Artists move mirrored parts like this so that only one half is baked. `mesh` must have faces.
+    """
     outside = uv_layout.outside(mesh)
     if not outside.any():
         return outside
@@ -99,9 +101,9 @@ def moved(mesh: Mesh) -> np.ndarray:
     for axis in range(2):
         tile = np.floor(np.bincount(owner[used], mesh.uv[used, axis], count) / corners)
         back[used, axis] = mesh.uv[used, axis] - tile[owner[used]]
-        one = np.zeros(int(island.max()) + 1)
-        one[island] = tile[mesh.faces]
-        is_part = np.bincount(island, one[island] != tile[mesh.faces]) > 0.0
+        island_tile = np.zeros(int(island.max()) + 1)
+        island_tile[island] = tile[mesh.faces]
+        is_part = np.bincount(island, island_tile[island] != tile[mesh.faces]) > 0.0
         is_whole &= ~is_part[island]
     was_outside = np.zeros(count, bool)
     was_outside[mesh.faces[outside]] = True
@@ -120,14 +122,14 @@ def crossing(mesh: Mesh) -> np.ndarray:
 
 
 def _owners(mesh: Mesh) -> np.ndarray:
-    """The face of each corner (C,), -1 for those that no triangle uses."""
+    """The face of each corner, (C,) int, -1 for corners that no triangle uses."""
     owner = np.full(len(mesh.vertices), -1, np.int64)
     owner[mesh.triangles] = mesh.faces[:, None]
     return owner
 
 
 def _near(values: np.ndarray) -> np.ndarray:
-    """A whole number for each of `values` (N,), which those that are nearly the same share."""
+    """A number for each of `values` (N,), equal for values that are nearly the same."""
     order = np.argsort(values)
     near = np.clip(0.1 / max(1, len(values)), FEW_STEPS, NEAR)
     groups = np.empty(len(values), np.uint64)
@@ -136,8 +138,7 @@ def _near(values: np.ndarray) -> np.ndarray:
 
 
 def hashes(rows: np.ndarray) -> np.ndarray:
-    """Rows (N, n) of numbers, compared bit by bit, as one number each (N,) uint64 that only the same rows share, but for
-    a chance in 2^64."""
+    """A hash (N,) uint64 of the bits of each row (N, n): rows that differ share one with a chance of 1 in 2^64."""
     columns = np.ascontiguousarray(rows).view(f"u{rows.itemsize}").T
     result = np.zeros(len(rows), np.uint64)
     for column in columns:

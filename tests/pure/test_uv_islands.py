@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Islands, stacks and hard edges on layouts where they are known."""
+"""Tests UV islands, stacked faces and hard edges on layouts where they are known."""
 
 from dataclasses import replace
 
@@ -11,7 +11,7 @@ from addon.mesh.triangle_mesh import Mesh
 
 
 def mesh(points, triangles, numbers, *, uv, vertices=None, normals=None):
-    """Corners are points of their own unless `vertices` says otherwise."""
+    """A mesh in which each corner has its own point, unless `vertices` gives other indices."""
     vertices = np.arange(len(points)) if vertices is None else vertices
     return Mesh(
         name="low",
@@ -26,7 +26,7 @@ def mesh(points, triangles, numbers, *, uv, vertices=None, normals=None):
 
 
 def grid(n):
-    """The triangles of n x n quads and their (n + 1)^2 vertices' coordinates."""
+    """The triangles of n x n quads, and the coordinates of their (n + 1)^2 vertices."""
     i, j = np.meshgrid(np.arange(n), np.arange(n))
     first = (i + j * (n + 1)).ravel()
     triangles = np.concatenate(
@@ -37,7 +37,7 @@ def grid(n):
 
 
 def groups(corners, chosen):
-    """How many groups triangles form that share a corner: by merging one after another."""
+    """The number of groups of triangles that share corners, found by merging them one after another."""
     parts = []
     for triangle in (set(row) for row, wanted in zip(corners, chosen, strict=True) if wanted):
         touching = [part for part in parts if part & triangle]
@@ -51,7 +51,7 @@ def test_islands_of_random_triangles_of_a_grid(seed):
     triangles, uv = grid(12)
     triangles = rng.permutation(triangles)
     chosen = rng.random(len(triangles)) < 0.25
-    # Corner by corner, as Blender has them.
+    # Blender stores corners one by one as well.
     corners = np.arange(3 * len(triangles)).reshape(-1, 3)
     low = mesh(
         np.zeros((len(uv), 3)), corners, range(len(corners)), uv=uv[triangles.ravel()], vertices=triangles.ravel()
@@ -61,7 +61,7 @@ def test_islands_of_random_triangles_of_a_grid(seed):
     assert uv_islands.count_islands(low, chosen) == truth
 
 
-def test_islands_end_at_seams_and_do_not_meet_where_they_lie_on_each_other():
+def test_islands_end_at_seams_and_stay_apart_where_they_overlap():
     square = [(0, 0), (1, 0), (1, 1), (0, 1)]
     apart = [(2, 0), (3, 0), (3, 1), (2, 1)]
     two_quads, corners = [(0, 1, 2), (0, 2, 3), (4, 5, 6), (4, 6, 7)], np.arange(8)
@@ -69,7 +69,7 @@ def test_islands_end_at_seams_and_do_not_meet_where_they_lie_on_each_other():
     on_one_surface = [0, 1, 2, 3, 1, 4, 5, 2]  # the second square is the first one's neighbor
     for uv, vertices, count in (
         (square + apart, on_one_surface, 2),  # a seam
-        (square + square, corners, 2),  # two pieces on one place
+        (square + square, corners, 2),  # two islands on the same place
         (square + [(1, 0), (2, 0), (2, 1), (1, 1)], on_one_surface, 1),
     ):
         low = mesh(np.zeros((8, 3)), two_quads, [0, 0, 1, 1], uv=uv, vertices=vertices)
@@ -77,7 +77,7 @@ def test_islands_end_at_seams_and_do_not_meet_where_they_lie_on_each_other():
         assert uv_islands.count_islands(low, ~everything) == 0
 
 
-def test_pieces_whose_vertices_were_parted_by_a_file_are_one_when_welded():
+def test_split_vertices_give_one_island_when_welded():
     square = [(0, 0), (1, 0), (1, 1), (0, 1)]
     beside = [(1, 0), (2, 0), (2, 1), (1, 1)]
     points = [(x, y, -0.0 if n else 0.0) for n, part in enumerate((square, beside)) for x, y in part]
@@ -93,21 +93,21 @@ SQUARE = np.array([(0, 0), (1, 0), (1, 1), (0, 1)]) * 0.25
 
 
 def quads(*corners, cut=(0, 1, 2, 0, 2, 3)):
-    """Faces of four corners each, by their UVs."""
+    """Quads with these UVs."""
     uv = np.concatenate(corners)
     triangles = (np.arange(0, len(uv), 4)[:, None] + cut).reshape(-1, 3)
     return mesh(np.zeros((len(uv), 3)), triangles, np.repeat(np.arange(len(corners)), 2), uv=uv)
 
 
 def groups_of(numbers):
-    """The sets of places with equal numbers."""
+    """The sets of indices with equal numbers."""
     return {tuple(np.flatnonzero(numbers == number).tolist()) for number in numbers}
 
 
 @pytest.mark.parametrize("turn", range(4))
 @pytest.mark.parametrize("way", [1, -1])
 @pytest.mark.parametrize("cut", [(0, 1, 2, 0, 2, 3), (0, 1, 3, 1, 2, 3)], ids=["first and third", "second and fourth"])
-def test_faces_that_were_turned_or_mirrored_onto_each_other_are_a_stack(turn, way, cut):
+def test_rotated_and_mirrored_faces_on_the_same_place_are_stacked(turn, way, cut):
     other = np.roll(SQUARE, turn, axis=0)[::way] + np.float32(1e-7)
     low = quads(SQUARE, SQUARE + (0.125, 0), other, SQUARE + (0, 0.25), SQUARE * (1, 0.5), cut=cut)
     assert groups_of(uv_islands.stacks(low)) == {(0, 2), (1,), (3,), (4,)}
@@ -116,31 +116,31 @@ def test_faces_that_were_turned_or_mirrored_onto_each_other_are_a_stack(turn, wa
 
 @pytest.mark.parametrize("seed", range(3))
 def test_stacks_of_a_random_dense_layout(seed):
-    """Each quad twice, a part of a step of single precision away, and thousands of others as near as layouts get."""
+    """Each quad twice, a fraction of a single-precision step apart, among thousands of others that are close."""
     rng = np.random.default_rng(seed)
     corners = rng.random((5000, 4, 2))
     both = np.concatenate([corners, corners[:, ::-1] + rng.normal(0.0, 3e-8, corners.shape)])
     order = rng.permutation(len(both))
     found = uv_islands.stacks(quads(*both[order]))
-    one, other = np.argsort(order).reshape(2, -1)
-    np.testing.assert_array_equal(found[one], found[other])
+    first, second = np.argsort(order).reshape(2, -1)
+    np.testing.assert_array_equal(found[first], found[second])
     assert len(np.unique(found)) == len(corners)
 
 
 @pytest.mark.parametrize("tile", [(1, 0), (-1, 0), (0, 1), (3, -2)])
-def test_mirrored_halves_that_were_moved_by_whole_tiles(tile):
+def test_moved_copies_finds_halves_moved_by_whole_tiles(tile):
     low = quads(SQUARE, SQUARE[::-1] + tile, SQUARE + (0.25, 0) + tile, SQUARE + (0.9, 0.25))
-    assert uv_islands.moved(low).tolist() == np.repeat([False, True, False, False], 2).tolist()
-    assert not uv_islands.moved(replace(low, triangles=low.triangles[:2], faces=low.faces[:2])).any()
+    assert uv_islands.moved_copies(low).tolist() == np.repeat([False, True, False, False], 2).tolist()
+    assert not uv_islands.moved_copies(replace(low, triangles=low.triangles[:2], faces=low.faces[:2])).any()
 
 
-def test_a_half_that_touches_the_border_of_its_tile_was_moved_all_the_same():
+def test_moved_copies_finds_halves_that_touch_the_tile_border():
     rim = SQUARE * 4.0
     low = quads(rim, rim[::-1] + (1, 0), SQUARE + (0.75, 0.75), SQUARE[::-1] + (1.75, -0.25))
-    assert uv_islands.moved(low).tolist() == np.repeat([False, True, False, True], 2).tolist()
+    assert uv_islands.moved_copies(low).tolist() == np.repeat([False, True, False, True], 2).tolist()
 
 
-def test_what_crosses_from_tile_to_tile():
+def test_crossing_finds_triangles_across_tile_borders():
     low = quads(SQUARE, SQUARE * 4.0, SQUARE + (1.5, 0), SQUARE + (0.9, 0), SQUARE + (-0.1, 3), SQUARE * 4.0 + (0, -1))
     assert uv_islands.crossing(low).reshape(-1, 2).any(axis=1).tolist() == [False, False, False, True, True, False]
 
@@ -149,9 +149,9 @@ def test_what_crosses_from_tile_to_tile():
 
 
 def strip(*, degrees=(0.0, 0.0), shift=0.0, parted=False, mirrored=False, turned=False):
-    """Two quads side by side, whose normals on either side of their common edge lean away by `degrees`, at its first and
-    second end. shift: of the second one's UVs. parted: each has vertices of its own. mirrored: the second one's UVs are
-    folded onto the first. turned: the second goes the other way round."""
+    """Two quads side by side. degrees: the angles between their normals at the two ends of the common edge. shift: moves
+    the UVs of the second quad. parted: the quads share no vertices. mirrored: the second quad's UVs are folded onto the
+    first. turned: the second quad has the opposite winding."""
     points = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (2, 0, 0), (2, 1, 0)]
     vertices = [0, 1, 2, 3, 1, 4, 5, 2]
     uv = np.array([points[vertex][:2] for vertex in vertices], float)
@@ -170,21 +170,21 @@ def strip(*, degrees=(0.0, 0.0), shift=0.0, parted=False, mirrored=False, turned
 @pytest.mark.parametrize(
     ("degrees", "is_hard"), [((0, 0), False), ((0.9, 0.9), False), ((1.1, 0), True), ((0, 90), True)]
 )
-def test_an_edge_is_hard_where_normals_differ_at_one_of_its_ends(degrees, is_hard):
+def test_edge_is_hard_if_normals_differ_at_either_end(degrees, is_hard):
     assert uv_seams.hard_edges(strip(degrees=degrees)).tolist() == ([[1, 2]] if is_hard else [])
 
 
-def test_a_seam_may_be_hard():
+def test_hard_seams_are_not_listed():
     hard = {"degrees": (45.0, 45.0)}
     assert uv_seams.hard_edges(strip(shift=0.5, **hard)).tolist() == []
     assert uv_seams.hard_edges(strip(shift=1e-6, **hard)).tolist() == [[1, 2]]
     assert uv_seams.hard_edges(strip(mirrored=True, **hard)).tolist() == []
 
 
-def test_hard_edges_that_a_file_parted_are_named_from_both_sides():
+def test_hard_edges_between_split_vertices_are_listed_from_both_sides():
     assert uv_seams.hard_edges(strip(degrees=(45.0, 45.0), parted=True)).tolist() == [[1, 2], [4, 7]]
     assert uv_seams.hard_edges(strip(parted=True)).tolist() == []
 
 
-def test_a_side_that_goes_the_other_way_round_is_not_mirrored():
+def test_opposite_winding_is_not_mistaken_for_mirroring():
     assert uv_seams.hard_edges(strip(degrees=(45.0, 45.0), turned=True)).tolist() == [[1, 2]]
