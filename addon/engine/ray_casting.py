@@ -36,12 +36,15 @@ class RayScene:
 
 @dataclass(frozen=True)
 class RayCast:
-    """Rays from a low mesh at the high ones: `rays` as gbuffer.draw wants it, back and reach in units of the aim's frame."""
+    """Rays from a low mesh to the high ones.
+
+    rays: as gbuffer.draw takes them. start_offset, max_t: as cast.trace takes them, in units of the scene's local space.
+    """
 
     ray_scene: RayScene
     rays: gpu.types.GPUBatch
-    back: float
-    reach: float
+    start_offset: float
+    max_t: float
     facing_only: bool
 
     def trace(self, hits: target.Target, places: target.Target, pace: Pace | None = None) -> None:
@@ -56,9 +59,9 @@ class RayCast:
                 hits,
                 places,
                 self.ray_scene.tables,
-                heading=-1.0,
-                back=self.back,
-                reach=self.reach,
+                direction_sign=-1.0,
+                start_offset=self.start_offset,
+                max_t=self.max_t,
                 facing_only=self.facing_only,
                 rows=rows,
             )

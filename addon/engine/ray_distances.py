@@ -56,13 +56,20 @@ def measure(
     return _spare(outside), _spare(inside)
 
 
-def _probe(tables: cast.Tables, places: target.Target, heading: float, facing_only: bool) -> np.ndarray:
+def _probe(tables: cast.Tables, places: target.Target, direction_sign: float, facing_only: bool) -> np.ndarray:
     """How far each ray goes, (N,) float32 for the texels that the low mesh covers; -1 where it hits nothing."""
     hits = target.get("hits", places.width, places.height, "RGBA32UI")
     found = target.get("high", places.width, places.height, "RGBA32F")
     for rows in Pace().slices(places.height):
         cast.trace(
-            hits, places, tables, heading=heading, back=1e-5, reach=WHOLE_WORLD, facing_only=facing_only, rows=rows
+            hits,
+            places,
+            tables,
+            direction_sign=direction_sign,
+            start_offset=1e-5,
+            max_t=WHOLE_WORLD,
+            facing_only=facing_only,
+            rows=rows,
         )
         hits.finish()
     cast.distances(found, hits)

@@ -120,7 +120,7 @@ def _along(meshes: Meshes, ray_cast: ray_casting.RayCast) -> Apart:
         places.read(away, slot=1)
         has_missed = far[..., 0] < 0.0
         is_low = away[..., 3]
-        away[..., :3] *= np.float32(ray_cast.back) - far[..., :1]
+        away[..., :3] *= np.float32(ray_cast.start_offset) - far[..., :1]
         if on_low is not None:  # rays start on the cage, and not on the low mesh
             places.read(far)
             away += far - draw_points(on_low, size, uv_to_clip)

@@ -175,9 +175,9 @@ class Scene:
             grid_origin=(*data["origin"].tolist(), 0.0),
             grid_scale=(*data["scale"].tolist(), 0.0),
             first_row=0,
-            heading=-1.0,
-            back=float(data["extrusion"]),
-            reach=float(data["reach"]),
+            direction_sign=-1.0,
+            start_offset=float(data["extrusion"]),
+            max_t=float(data["reach"]),
             first_leaf=int(data["first_leaf"]),
             facing_only=0,
         )

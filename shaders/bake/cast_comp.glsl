@@ -1,13 +1,14 @@
-// One ray a texel, from the low mesh's cage to the first triangle of the high meshes (mesh/bvh.py has the tree).
+// Traces one ray per texel, from the cage of the low mesh to the first triangle of the high meshes. mesh/bvh.py builds the
+// tree.
 #include "lib/texture_lib.glsl"
 
-// Neighbors overlap by this much, in barycentric coordinates, rather than leave a gap: a part of the triangle, and what
-// single precision loses where the triangle is small and far from where the ray starts.
+// Neighboring triangles overlap by this much, in barycentric coordinates, so that no ray passes between them: a constant,
+// plus the error of single precision, which grows where the triangle is small and far from the start of the ray.
 const float CAST_EDGE = 1e-5;
 const float CAST_ROUNDING = 4e-7;
 const float CAST_MOST = 1e-3;
 
-// The two numbers of 15 bits in a box's float (bvh.pack).
+// Unpack the two numbers of 15 bits from the bits of a float (bvh.pack).
 vec4 cast_low(uvec4 bits)
 {
   return vec4(bits & 0x7fffu);
@@ -18,8 +19,8 @@ vec4 cast_high(uvec4 bits)
   return vec4(bits >> 15);
 }
 
-// Where `node` goes on when its subtree is done: to a sibling of its own or of an ancestor. `trail` holds four bits for
-// each level, deepest first: which siblings are still to be visited. Returns -1 at the end.
+// The node to visit after the subtree of `node`: a sibling of the node or of an ancestor. `trail` holds four bits per level,
+// deepest first: the siblings still to be visited. Returns -1 at the end.
 int cast_next(int node, inout uvec2 trail)
 {
   if (trail.x == 0u) {
@@ -42,7 +43,7 @@ int cast_next(int node, inout uvec2 trail)
 
 void main()
 {
-  // A workgroup is a square, and eight lanes in a row are a block of 4 x 2: rays that lie near each other go the same way.
+  // A workgroup is a square, and eight consecutive lanes are a block of 4 x 2: rays of close texels take similar paths.
   int lane = int(gl_LocalInvocationIndex);
   ivec2 inner = ivec2((lane & 3) | ((lane >> 1) & 4), ((lane >> 2) & 1) | ((lane >> 3) & 6));
   ivec2 texel = ivec2(gl_WorkGroupID.xy) * 8 + inner + ivec2(0, first_row);
@@ -52,11 +53,11 @@ void main()
   vec4 start = texel_at(positions, texel);
   uvec4 hit = uvec4(0u);
   if (start.a > 0.0) {
-    vec3 direction = texel_at(directions, texel).xyz * heading;
-    vec3 origin = start.xyz - direction * back;
-    float best = reach;
+    vec3 direction = texel_at(directions, texel).xyz * direction_sign;
+    vec3 origin = start.xyz - direction * start_offset;
+    float best = max_t;
 
-    // In grid steps, where boxes are integers. A zero component would make 0 * infinity of a ray inside a slab.
+    // In grid steps, boxes have integer coordinates. A zero component would give 0 * infinity for a ray inside a slab.
     vec3 grid_start = (origin - grid_origin.xyz) * grid_scale.xyz;
     vec3 grid_direction = direction * grid_scale.xyz;
     grid_direction = mix(grid_direction, vec3(1e-12), lessThan(abs(grid_direction), vec3(1e-12)));
@@ -67,8 +68,8 @@ void main()
     while (node >= 0) {
       uint triangles = 0u;
       int first = 0;
-      // Down and along until a node of triangles is hit: the test of triangles stays out of this loop, since lanes that
-      // have found one would otherwise wait in it for the others at every step.
+      // Walk the tree until the ray hits a node of triangles. Triangles are tested outside this loop: inside it, lanes that
+      // have found triangles would wait for the others at every step.
       while (node >= 0 && triangles == 0u) {
         uvec4 x = floatBitsToUint(texel_at(nodes, texture_place(node * 3)));
         uvec4 y = floatBitsToUint(texel_at(nodes, texture_place(node * 3 + 1)));
@@ -79,7 +80,7 @@ void main()
         vec4 x_high = (cast_high(x) - grid_start.x) * inverse.x;
         vec4 y_high = (cast_high(y) - grid_start.y) * inverse.y;
         vec4 z_high = (cast_high(z) - grid_start.z) * inverse.z;
-        // By the ray's direction and not by min and max: a box that is not there is left before it is entered.
+        // Select by the ray's direction instead of min and max: then the ray leaves a missing box before it enters it.
         vec4 enter = max(max(forward.x ? x_low : x_high, forward.y ? y_low : y_high),
                          max(forward.z ? z_low : z_high, vec4(0.0)));
         vec4 leave = min(min(forward.x ? x_high : x_low, forward.y ? y_high : y_low),
@@ -104,7 +105,7 @@ void main()
         vec3 corner = texel_at(corners, texture_place(triangle * 3)).xyz;
         vec3 edge1 = texel_at(corners, texture_place(triangle * 3 + 1)).xyz - corner;
         vec3 edge2 = texel_at(corners, texture_place(triangle * 3 + 2)).xyz - corner;
-        // Möller and Trumbore 1997.
+        // T. Möller and B. Trumbore, "Fast, minimum storage ray/triangle intersection" (1997).
         vec3 p = cross(direction, edge2);
         float determinant = dot(edge1, p);
         vec3 to_origin = origin - corner;

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Rays on the GPU against a float64 caster that looks at every triangle."""
+"""Tests rays on the GPU against a float64 ray caster that tests every triangle."""
 
 import gpu
 import numpy as np
@@ -13,7 +13,7 @@ from tests.support import angles, oracle
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
 SAME_TRIANGLE = 0.999
-"""Share of rays. Those that strike an edge may be given to either side of it."""
+"""Share of rays. A ray that hits an edge may report either of its triangles."""
 NORMAL_P99 = 0.01
 """Degrees."""
 SIZE = 64
@@ -40,7 +40,7 @@ def tables(corners, normals=None):
 
 
 def ray_target(origins, directions, mask=None):
-    """SIZE x SIZE rays as gbuffer.draw would leave them."""
+    """SIZE x SIZE rays in the layout that gbuffer.draw writes."""
     rays = target.Target(SIZE, SIZE, ("RGBA32F", "RGBA32F"))
     for slot, values in enumerate((origins, directions)):
         texels = np.ones((SIZE, SIZE, 4), np.float32)
@@ -53,12 +53,14 @@ def ray_target(origins, directions, mask=None):
     return rays
 
 
-def shoot(origins, directions, corners, *, normals=None, reach=100.0, back=0.0, facing_only=False, mask=None):
-    """Distances (N,), -1 for none, normals (N, 3), and what look_up left in alpha (N,)."""
+def trace(origins, directions, corners, *, normals=None, max_t=100.0, start_offset=0.0, facing_only=False, mask=None):
+    """Trace rays. Returns distances (N,), -1 for a miss, normals (N, 3) and the alpha (N,) that look_up wrote."""
     uploaded, _ = tables(corners, normals)
     rays = ray_target(origins, directions, mask)
     hits = target.Target(SIZE, SIZE, ("RGBA32UI",))
-    cast.trace(hits, rays, uploaded, heading=1.0, back=back, reach=reach, facing_only=facing_only)
+    cast.trace(
+        hits, rays, uploaded, direction_sign=1.0, start_offset=start_offset, max_t=max_t, facing_only=facing_only
+    )
     found = target.Target(SIZE, SIZE, ("RGBA32F",))
     far, looked_up = (np.empty((SIZE, SIZE, 4), np.float32) for _ in range(2))
     cast.distances(found, hits)
@@ -82,15 +84,15 @@ def random_rays(rng):
 
 def check(origins, directions, corners, normals, **options):
     corners, normals = np.asarray(corners, np.float32), np.asarray(normals, np.float32)
-    far, found, alpha = shoot(origins, directions, corners, normals=normals, **options)
-    triangle, distance, weights, _ = oracle.first_hits(origins, directions, corners, options.get("reach", 100.0))
+    far, found, alpha = trace(origins, directions, corners, normals=normals, **options)
+    triangle, distance, weights, _ = oracle.first_hits(origins, directions, corners, options.get("max_t", 100.0))
     hit = triangle >= 0
-    # A hit is known by its distance and its normal: no two triangles of a soup share both.
+    # The distance and the normal identify a hit: no two triangles of a random soup share both.
     truth = (normals[triangle].astype(np.float64) * weights[..., None]).sum(axis=1)
     truth /= np.maximum(np.linalg.norm(truth, axis=1, keepdims=True), 1e-12)
     same = np.where(hit, np.abs(far - np.where(hit, distance, 0.0)) < 1e-4, far < 0.0)
     print(f"{hit.mean():.1%} hit, same in {same.mean():.4%}")
-    assert hit.mean() > 0.1  # the case says something
+    assert hit.mean() > 0.1  # otherwise the case tests nothing
     assert same.mean() >= SAME_TRIANGLE
     error = angles.degrees(found[hit & same], truth[hit & same])
     assert np.percentile(error, 99) < NORMAL_P99
@@ -107,10 +109,10 @@ def test_random_soups_seeds_1_to_5(seed, count, size):
     check(*random_rays(rng), corners, normals)
 
 
-def test_short_rays_stop_in_time_seed_6():
+def test_rays_stop_at_max_t_seed_6():
     rng = np.random.default_rng(6)
     corners = soup(rng, 500, 0.5)
-    check(*random_rays(rng), corners, rng.normal(size=(500, 3, 3)), reach=1.7)
+    check(*random_rays(rng), corners, rng.normal(size=(500, 3, 3)), max_t=1.7)
 
 
 def test_a_sphere_is_hit_on_its_surface_seed_8():
@@ -118,17 +120,17 @@ def test_a_sphere_is_hit_on_its_surface_seed_8():
     corners = oracle.icosphere(3)
     origins, directions = random_rays(rng)
     outwards = -directions
-    far, found, _ = shoot(outwards * 3.0, directions, corners, normals=corners)
+    far, found, _ = trace(outwards * 3.0, directions, corners, normals=corners)
     assert (far > 0).all()
-    assert np.abs(far - 2.0).max() < 0.02  # the facets lie that deep below the sphere
+    assert np.abs(far - 2.0).max() < 0.02  # facets lie up to this far below the sphere
     assert angles.degrees(found, outwards / np.linalg.norm(outwards, axis=1, keepdims=True)).max() < 0.5
 
 
-def test_a_closed_mesh_has_no_leak_seeds_0_to_9():
-    """Rays from inside, at ten rotations, also aimed at edges and corners: not one gets out."""
+def test_no_ray_leaves_a_closed_mesh_seeds_0_to_9():
+    """Rays start inside, at ten rotations. Some aim at edges and corners."""
     for seed in range(10):
         rng = np.random.default_rng(seed)
-        # The last one has 327,680 triangles: there single precision is coarse against a triangle, and the tree is deep.
+        # The last mesh has 327,680 triangles: its tree is deep, and single precision is coarse for such small triangles.
         corners = oracle.icosphere(4 if seed < 9 else 7) @ oracle.rotation(rng).T
         flat = corners.reshape(-1, 3, 3)[rng.integers(0, len(corners), SIZE * SIZE)]
         mix = rng.random(SIZE * SIZE)[:, None]
@@ -136,42 +138,42 @@ def test_a_closed_mesh_has_no_leak_seeds_0_to_9():
         aim = np.where(kind == 0, flat[:, 0], flat[:, 0] * mix + flat[:, 1] * (1 - mix))
         aim = np.where(kind == 2, rng.normal(size=aim.shape), aim)
         directions = (aim / np.linalg.norm(aim, axis=1, keepdims=True)).astype(np.float32)
-        far, _, _ = shoot(np.zeros_like(directions), directions, corners)
+        far, _, _ = trace(np.zeros_like(directions), directions, corners)
         assert (far > 0.0).all(), f"seed {seed}: {np.count_nonzero(far < 0)} rays leaked"
 
 
 def test_axis_parallel_rays_hit_axis_parallel_boxes():
-    """Zero components and rays that run inside a box's face are where slab tests make NaNs."""
+    """Slab tests can produce NaN for zero components and for rays inside a box's face."""
     plane = [[(0, 0, 0), (1, 0, 0), (1, 1, 0)], [(0, 0, 0), (1, 1, 0), (0, 1, 0)]]
     x, y = np.meshgrid((np.arange(SIZE) + 0.5) / SIZE, (np.arange(SIZE) + 0.5) / SIZE)
     origins = np.stack([x.ravel(), y.ravel(), np.ones(SIZE * SIZE)], axis=1).astype(np.float32)
     directions = np.broadcast_to(np.float32((0, 0, -1)), origins.shape)
-    far, _, _ = shoot(origins, directions, plane)
+    far, _, _ = trace(origins, directions, plane)
     assert np.allclose(far, 1.0, atol=1e-6)
 
 
-def test_facing_only_passes_through_backs():
+def test_facing_only_ignores_back_faces():
     front = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]
-    back = [(0, 0, 1), (0, 1, 1), (1, 0, 1)]  # above, and turned down
+    back = [(0, 0, 1), (0, 1, 1), (1, 0, 1)]  # above, facing down
     origins = np.broadcast_to(np.float32((0.2, 0.2, 2.0)), (SIZE * SIZE, 3))
     directions = np.broadcast_to(np.float32((0, 0, -1)), origins.shape)
-    assert np.allclose(shoot(origins, directions, [front, back])[0], 1.0)
-    assert np.allclose(shoot(origins, directions, [front, back], facing_only=True)[0], 2.0)
+    assert np.allclose(trace(origins, directions, [front, back])[0], 1.0)
+    assert np.allclose(trace(origins, directions, [front, back], facing_only=True)[0], 2.0)
 
 
-def test_texels_without_a_low_mesh_cast_nothing():
+def test_texels_without_a_low_mesh_cast_no_rays():
     mask = np.zeros((SIZE, SIZE))
     mask[:, ::2] = 1.0
     origins = np.broadcast_to(np.float32((0.2, 0.2, 2.0)), (SIZE * SIZE, 3))
     directions = np.broadcast_to(np.float32((0, 0, -1)), origins.shape)
-    far, _, alpha = shoot(origins, directions, [[(0, 0, 0), (1, 0, 0), (0, 1, 0)]], mask=mask)
+    far, _, alpha = trace(origins, directions, [[(0, 0, 0), (1, 0, 0), (0, 1, 0)]], mask=mask)
     assert np.array_equal(alpha.reshape(SIZE, SIZE), mask)
     assert (far.reshape(SIZE, SIZE)[:, 1::2] == -1.0).all()
 
 
-def test_back_starts_the_ray_earlier():
+def test_start_offset_moves_the_start_of_the_ray_back():
     origins = np.broadcast_to(np.float32((0.2, 0.2, -0.5)), (SIZE * SIZE, 3))  # already past the triangle
     directions = np.broadcast_to(np.float32((0, 0, -1)), origins.shape)
     triangle = [[(0, 0, 0), (1, 0, 0), (0, 1, 0)]]
-    assert (shoot(origins, directions, triangle)[0] == -1.0).all()
-    assert np.allclose(shoot(origins, directions, triangle, back=0.75)[0], 0.25)
+    assert (trace(origins, directions, triangle)[0] == -1.0).all()
+    assert np.allclose(trace(origins, directions, triangle, start_offset=0.75)[0], 0.25)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Casts a ray from each texel of the low mesh to the high ones, and looks up what was hit."""
+"""Casts a ray from each texel of the low mesh to the high meshes, and reads the surface at the hit."""
 
 from dataclasses import dataclass
 
@@ -21,9 +21,9 @@ TRACE = shader.Program(
         ("VEC4", "grid_origin"),
         ("VEC4", "grid_scale"),
         ("INT", "first_row"),
-        ("FLOAT", "heading"),
-        ("FLOAT", "back"),
-        ("FLOAT", "reach"),
+        ("FLOAT", "direction_sign"),
+        ("FLOAT", "start_offset"),
+        ("FLOAT", "max_t"),
         ("INT", "first_leaf"),
         ("INT", "facing_only"),
     ),
@@ -79,9 +79,9 @@ def upload(
     """Upload a tree (bvh.Tree: nodes (N, 3, 4), first_leaf, origin, scale) and its triangles.
 
     vertices (T, 3), indices into points (P, 3) float32, and corners (T, 3), indices into normals (C, 3) float32, are in
-    the tree's order. The normals need not be of length one.
+    the tree's order. Normals can have any length.
     """
-    room = data_texture.room(vertices.size)  # for one after the other: of large meshes, memory is what takes the time
+    room = data_texture.room(vertices.size)  # both uploads use it: allocating memory takes the time of large meshes
     textures = [
         data_texture.upload(nodes.reshape(-1, 4)),
         data_texture.gathered(points, vertices.reshape(-1), room),
@@ -96,18 +96,18 @@ def trace(
     rays: target.Target,
     tables: Tables,
     *,
-    heading: float,
-    back: float,
-    reach: float,
+    direction_sign: float,
+    start_offset: float,
+    max_t: float,
     facing_only: bool,
     rows: range | None = None,
 ) -> None:
-    """Write into `into` (RGBA32UI) for each texel the hit triangle's number + 1 or 0, and as float bits its barycentric
-    coordinates and the distance.
+    """Trace one ray per texel and write its hit into `into` (RGBA32UI).
 
-    rays: what gbuffer.draw wrote, direction d. A ray starts at position - heading * back * d and runs along heading * d
-    for `reach` at the most. facing_only: pass through triangles that turn their back on the ray.
-    rows: in these rows alone, the first a multiple of 8.
+    A hit is the triangle's index + 1, or 0 for a miss, then the bits of three floats: two barycentric coordinates and the
+    distance. rays: what gbuffer.draw wrote, positions and unit directions d. A ray starts at
+    position - direction_sign * start_offset * d and runs along direction_sign * d, at most as far as `max_t`.
+    facing_only: ignore triangles whose back faces the ray. rows: the rows to trace; the first is a multiple of 8.
     """
     target.dispatch(
         TRACE,
@@ -120,9 +120,9 @@ def trace(
         hits=into.texture,
         grid_origin=(*tables.origin, 0.0),
         grid_scale=(*tables.scale, 0.0),
-        heading=heading,
-        back=back,
-        reach=reach,
+        direction_sign=direction_sign,
+        start_offset=start_offset,
+        max_t=max_t,
         first_leaf=tables.first_leaf,
         facing_only=int(facing_only),
     )
@@ -137,9 +137,9 @@ def look_up(
     *,
     rows: range | None = None,
 ) -> None:
-    """Write into `into` (RGBA32F) the unit normal where `hits` has one: alpha 1 hit, -1 missed, 0 no low mesh here.
+    """Write the unit normals at the hits into `into` (RGBA32F). Alpha is 1 for a hit, -1 for a miss, 0 without a low mesh.
 
-    normal_matrix: (3, 3), applied to the interpolated normal. rows: in these rows alone.
+    normal_matrix: (3, 3), applied to the interpolated normal. rows: the rows to write.
     """
     target.fill(
         into,
@@ -153,13 +153,13 @@ def look_up(
 
 
 def distances(into: target.Target, hits: target.Target) -> None:
-    """Write into `into` (RGBA32F) how far each ray went, -1 where it hit nothing."""
+    """Write the distance that each ray traveled into `into` (RGBA32F), -1 for a miss."""
     target.fill(into, DISTANCE, hits=hits.texture)
 
 
 def points(into: target.Target, hits: target.Target, tables: Tables, labels: gpu.types.GPUTexture) -> None:
-    """Write into `into` (two RGBA32F) the points that were hit and their labels, alpha 1, or 0 where there are none.
+    """Write the hit points and their labels into `into` (two RGBA32F). Alpha is 1 for a hit, 0 for a miss.
 
-    labels: a table with the numbers of object and material for each triangle, in the tree's order.
+    labels: a data texture with the object and material number of each triangle, in the tree's order.
     """
     target.fill(into, POINTS, hits=hits.texture, corners=tables.corners, labels=labels)
