@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The add-on: what Blender registers, in order, and takes back in reverse."""
+"""The add-on: what Blender registers, in order, and removes in reverse order."""
+
+from types import ModuleType
 
 
 def register() -> None:
@@ -8,25 +10,9 @@ def register() -> None:
 
     import bpy
 
-    from .cli import command
-    from .ui import check_panel, idle_memory, map_size, modal, operators, panels, presets, properties
-    from .ui.viewport import view_mode
-
-    for module in (
-        properties,
-        operators,
-        map_size,
-        presets,
-        panels,
-        check_panel,
-        view_mode,
-        command,
-        idle_memory,
-        modal,
-    ):
+    for module in _modules():
         module.register()
-    handlers = bpy.app.handlers
-    handlers.load_pre.append(handlers.persistent(_before_loading))  # it outlives the file that is left
+    bpy.app.handlers.load_pre.append(bpy.app.handlers.persistent(_before_loading))  # it stays for the next file
     atexit.register(free)
 
 
@@ -36,37 +22,8 @@ def unregister() -> None:
 
     import bpy
 
-    from .cli import command
-    from .ui import (
-        check_panel,
-        idle_memory,
-        live_mode,
-        map_size,
-        modal,
-        operators,
-        panels,
-        presets,
-        properties,
-        results,
-    )
-    from .ui.viewport import cage_overlay, view_mode
-
-    modal.stop(bpy.context)
-    live_mode.stop()
-    results.forget()
-    cage_overlay.show(False)
-    for module in (
-        modal,
-        idle_memory,
-        command,
-        view_mode,
-        check_panel,
-        panels,
-        presets,
-        map_size,
-        operators,
-        properties,
-    ):
+    _stop()
+    for module in reversed(_modules()):
         module.unregister()
     bpy.app.handlers.load_pre.remove(_before_loading)
     atexit.unregister(free)
@@ -86,7 +43,32 @@ def free() -> None:
     passes.free()
 
 
-def _before_loading(*_) -> None:
+def _modules() -> tuple[ModuleType, ...]:
+    """What has something to register, in this order: a panel after its parent. Imported only when Blender asks for it."""
+    from .cli import command
+    from .ui import check_operators, idle_memory, map_size, modal, operators, presets, properties
+    from .ui.panels import bake_panel, batch_panels, check_panel, settings_panels
+    from .ui.viewport import view_mode
+
+    return (
+        properties,
+        operators,
+        check_operators,
+        map_size,
+        presets,
+        bake_panel,
+        settings_panels,
+        batch_panels,
+        check_panel,
+        view_mode,
+        command,
+        idle_memory,
+        modal,
+    )
+
+
+def _stop() -> None:
+    """End what is going on, and forget what belongs to the open file."""
     import bpy
 
     from .ui import live_mode, modal, results
@@ -97,4 +79,8 @@ def _before_loading(*_) -> None:
     results.forget()
     cage_overlay.show(False)
     view_mode.off()
+
+
+def _before_loading(*_) -> None:
+    _stop()
     free()

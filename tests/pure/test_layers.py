@@ -42,7 +42,6 @@ LONG = {
     "addon/cli/arguments.py": "to be divided",
     "addon/cli/batch.py": "to be divided",
     "addon/jobs/view_session.py": "to be divided",
-    "addon/ui/panels.py": "to be divided",
     "addon/ui/properties.py": "to be divided",
     "addon/ui/viewport/view_mode.py": "to be divided",
 }

@@ -8,7 +8,7 @@ import pytest
 from addon.core.settings import Settings
 from addon.jobs import several
 from addon.scene import bake_objects
-from addon.ui import panels
+from addon.ui.panels import bake_plan
 from tests.support import maps, zoo
 
 pytestmark = pytest.mark.usefixtures("registered", "gpu_context")
@@ -208,8 +208,8 @@ def test_nobody_knows_where_a_painted_image_came_from():
 
 def test_a_map_of_another_high_object_is_said_before(low):
     settings, other = bpy.context.scene.imprint, zoo.terrain("other")
-    assert "which holds" not in panels._plan(low, [bpy.data.objects["hi"]], settings)[0]
-    (line,) = panels._plan(low, [other], settings)
+    assert "which holds" not in bake_plan.lines(low, [bpy.data.objects["hi"]], settings)[0]
+    (line,) = bake_plan.lines(low, [other], settings)
     assert line.endswith("over the image 'lo_normal', which holds a map of 'hi'.")
     low.modifiers.new("Finer", "SUBSURF")
-    assert "holds a map of 'hi'" in panels._plan(*settings.subjects(bpy.context), settings)[0]
+    assert "holds a map of 'hi'" in bake_plan.lines(*settings.subjects(bpy.context), settings)[0]

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from addon.jobs import locate_issues
-from addon.ui import check_panel, results
+from addon.ui import check_operators, results
+from addon.ui.panels import check_panel
 from addon.ui.viewport import show_result
 from tests.support import maps, zoo
 from tests.support.snapshot import difference, snapshot
@@ -374,7 +375,9 @@ def test_the_panel_shows_a_sign_and_a_number_for_each_check(baked):
         ("select_flaws", "POLYGONS", "lo"),
         ("add_triangulate", "", "lo"),
     ]
-    assert [b.kind for b in drawn.buttons if b.name == "show_mask"] == [kind.upper() for kind in locate_issues.ON_TEXELS]
+    assert [b.kind for b in drawn.buttons if b.name == "show_mask"] == [
+        kind.upper() for kind in locate_issues.ON_TEXELS
+    ]
     assert {b.kind for b in drawn.buttons if b.name == "select_flaws"} == {kind.upper() for kind in locate_issues.KINDS}
 
 
@@ -392,14 +395,19 @@ def test_distances_have_their_unit(baked):
 
 @pytest.mark.parametrize(
     ("operator", "kinds"),
-    [(check_panel.IMPRINT_OT_select_flaws, locate_issues.KINDS), (check_panel.IMPRINT_OT_show_mask, locate_issues.ON_TEXELS)],
+    [
+        (check_operators.IMPRINT_OT_select_flaws, locate_issues.KINDS),
+        (check_operators.IMPRINT_OT_show_mask, locate_issues.ON_TEXELS),
+    ],
     ids=["select_flaws", "show_mask"],
 )
 def test_each_button_says_what_its_check_is_about(operator, kinds):
     told = {operator.description(None, SimpleNamespace(kind=kind.upper())) for kind in kinds}
     assert len(told) == len(kinds)
     for kind in kinds:
-        assert operator.description(None, SimpleNamespace(kind=kind.upper())).startswith(check_panel.WORDS[kind][1])
+        assert operator.description(None, SimpleNamespace(kind=kind.upper())).startswith(
+            check_operators.CHECKS[kind][1]
+        )
 
 
 def test_every_enabled_button_can_be_pressed(baked):
@@ -437,4 +445,4 @@ def test_a_bake_that_failed_leaves_the_checks_of_the_one_before(baked):
 
 
 def test_all_kinds_have_words():
-    assert tuple(sorted(check_panel.WORDS)) == tuple(sorted(locate_issues.KINDS))
+    assert tuple(sorted(check_operators.CHECKS)) == tuple(sorted(locate_issues.KINDS))

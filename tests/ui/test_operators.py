@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from addon.core import name_matching, progress
-from addon.ui import live_mode, panels
+from addon.ui import live_mode
+from addon.ui.panels import bake_panel, batch_panels, settings_panels
 from addon.ui.viewport import progress_display
 from tests.support import maps, zoo
 from tests.support.snapshot import difference, snapshot
@@ -331,7 +332,7 @@ class Layout:
         assert {name} <= set(data.bl_rna.properties.keys())
         assert {active_name} <= set(active_data.bl_rna.properties.keys())
         for item in getattr(data, name):
-            panels.IMPRINT_UL_highs.draw_item(None, None, Layout(self.drawn), data, item, 0, data, name)
+            bake_panel.IMPRINT_UL_highs.draw_item(None, None, Layout(self.drawn), data, item, 0, data, name)
 
     def operator(self, name, icon="NONE", **_):
         assert icon in self.ICONS
@@ -339,6 +340,9 @@ class Layout:
         getattr(getattr(bpy.ops, name.split(".")[0]), name.split(".")[1]).get_rna_type()  # raises if there is none
         self.drawn.buttons.append((name, self.enabled))
         return SimpleNamespace()
+
+
+PANELS = [*bake_panel.CLASSES[1:], *settings_panels.CLASSES, *batch_panels.CLASSES]
 
 
 def draw(width=240, ui_scale=1.0):
@@ -354,7 +358,7 @@ def draw(width=240, ui_scale=1.0):
         preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=ui_scale)),  # which is 0 in the background
         region=SimpleNamespace(width=width),
     )
-    for panel in panels.CLASSES[1:]:
+    for panel in PANELS:
         if hasattr(panel, "poll") and not panel.poll(context):
             continue
         panel.draw(SimpleNamespace(layout=layout), context)
@@ -592,7 +596,7 @@ def test_names_are_matched_only_when_one_has_changed(pair, monkeypatch):
     asked = []
     match = name_matching.match
     monkeypatch.setattr(name_matching, "match", lambda *names: asked.append(names) or match(*names))
-    panels._pairs.cache_clear()
+    batch_panels.pairs.cache_clear()
     low, high = pair
     for _ in range(3):
         draw()

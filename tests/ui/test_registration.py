@@ -10,17 +10,23 @@ import addon
 from addon.cli import command
 from addon.core.settings import Settings
 from addon.passes import shader, target
-from addon.ui import check_panel, map_size, modal, operators, panels, presets, properties
+from addon.ui import check_operators, map_size, modal, operators, presets, properties
+from addon.ui.panels import bake_panel, batch_panels, check_panel, settings_panels, sidebar
 from addon.ui.viewport import view_mode
 from tests.support import maps, zoo
 
 OPERATORS = [
     cls.__name__
-    for module in (modal, operators, map_size, presets, check_panel, view_mode)
+    for module in (modal, operators, check_operators, map_size, presets, view_mode)
     for cls in module.CLASSES
     if issubclass(cls, bpy.types.Operator)
 ]
-PANELS = [cls.__name__ for cls in panels.CLASSES if issubclass(cls, bpy.types.Panel)]
+PANELS = [
+    cls
+    for module in (bake_panel, settings_panels, batch_panels, check_panel, view_mode)
+    for cls in module.CLASSES
+    if issubclass(cls, bpy.types.Panel)
+]
 
 
 def traces():
@@ -41,7 +47,13 @@ def test_it_comes_and_goes_twice():
     assert traces() == set()
     for _ in range(2):
         addon.register()
-        assert traces() >= {*OPERATORS, *PANELS, "ImprintSettings", "Scene.imprint", "IMPRINT_GT_split"}
+        assert traces() >= {
+            *OPERATORS,
+            *(cls.__name__ for cls in PANELS),
+            "ImprintSettings",
+            "Scene.imprint",
+            "IMPRINT_GT_split",
+        }
         assert command._handle is not None
         addon.unregister()
         assert traces() == set()
@@ -103,6 +115,6 @@ class TestWords:
         settings.check()
 
     def test_the_panels_are_one_tab(self):
-        for name in PANELS:
-            cls = getattr(panels, name)
+        for cls in PANELS:
+            assert issubclass(cls, sidebar.SidebarPanel)
             assert (cls.bl_space_type, cls.bl_region_type, cls.bl_category) == ("VIEW_3D", "UI", "Imprint")

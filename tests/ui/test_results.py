@@ -7,7 +7,8 @@ import bpy
 import pytest
 
 from addon.scene import bake_objects
-from addon.ui import panels, results
+from addon.ui import results
+from addon.ui.panels import bake_panel
 from addon.ui.viewport import show_result
 from tests.support import zoo
 
@@ -61,7 +62,7 @@ class Layout:
 def told(report):
     """What the panel says of a bake."""
     layout = Layout()
-    panels._draw_result(layout, report)
+    bake_panel.draw_result(layout, report)
     return layout.labels
 
 

@@ -14,7 +14,7 @@ from ...jobs import live_session as sessions
 from ...jobs import several, view_session
 from ...scene import bake_objects
 from .. import live_mode, modal
-from ..panels import paragraphs
+from ..panels.sidebar import SidebarPanel, draw_paragraphs, split_layout
 from . import object_hiding, progress_display, viewport_text
 
 MODES = [
@@ -64,7 +64,9 @@ def switch(context: bpy.types.Context, wanted: str) -> None:
     progress.finish(switching(context, wanted, progress.Pace()))
 
 
-def switching(context: bpy.types.Context, wanted: str, speed: progress.Pace, *, anew: bool = False) -> progress.Task[None]:
+def switching(
+    context: bpy.types.Context, wanted: str, speed: progress.Pace, *, anew: bool = False
+) -> progress.Task[None]:
     """Show one of MODES, of a map that is drawn first where there is none, or where it is to be drawn `anew`.
 
     Raises BakeError when there is nothing to show, and then the view is off; closed on the way, it leaves it as it was.
@@ -458,35 +460,30 @@ class IMPRINT_GGT_split(bpy.types.GizmoGroup):
         self.gizmos.new(IMPRINT_GT_split.bl_idname).use_draw_modal = True
 
 
-class IMPRINT_PT_view(bpy.types.Panel):
+class IMPRINT_PT_view(SidebarPanel, bpy.types.Panel):
     """What the viewport shows."""
 
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = "Imprint"
     bl_idname = "IMPRINT_PT_view"
     bl_parent_id = "IMPRINT_PT_bake"
     bl_label = "View"
 
     def draw(self, context: bpy.types.Context) -> None:
-        layout, view = self.layout, context.scene.imprint_view
-        layout.use_property_split = True
-        layout.use_property_decorate = False
+        layout, view = split_layout(self.layout), context.scene.imprint_view
         row = layout.row(align=True)
         row.enabled = progress_display.current() is None
         row.prop(view, "mode")
         row.operator("imprint.view_refresh", text="", icon="FILE_REFRESH")
         if is_outdated(context):
-            paragraphs(layout, context, ["The settings have changed: refresh the view."], "INFO")
+            draw_paragraphs(layout, context, ["The settings have changed: refresh the view."], "INFO")
         if _mode in {"MAP", "SPLIT"}:
             layout.prop(view, "light")
         if _mode == "SPLIT":
             layout.prop(view, "split")
         if _mode.endswith("DEVIATION"):
             layout.prop(view, "limit")
-            paragraphs(layout.box(), context, words(), "DRIVER_ROTATIONAL_DIFFERENCE")
+            draw_paragraphs(layout.box(), context, words(), "DRIVER_ROTATIONAL_DIFFERENCE")
         if message:
-            paragraphs(layout.box(), context, [message], "ERROR")
+            draw_paragraphs(layout.box(), context, [message], "ERROR")
 
 
 CLASSES = (

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the audit of the last bake found, in the panel, and the buttons that show where it is."""
+"""The checks of a bake by name, and the operators that show where their findings are."""
 
 import bpy
 from bpy.props import EnumProperty, StringProperty
@@ -11,7 +11,7 @@ from ..scene import face_selection
 from . import results
 from .viewport import progress_display, show_result
 
-WORDS = {
+CHECKS = {
     "overlap": (
         "Overlapping UVs",
         "Texels that two triangles of the low mesh or more share: they show one of them. Parts that lie on the very same "
@@ -53,12 +53,8 @@ WORDS = {
 """Of each kind of check, its label and its tooltip."""
 
 
-SIGNS = {"GOOD": ("CHECKMARK", 0), "LOOK": ("INFO", 1), "WRONG": ("ERROR", 2)}
-"""The sign of each severity, and how much it weighs."""
-
-
 def _items(kinds: tuple[str, ...]) -> list[tuple[str, str, str]]:
-    return [(kind.upper(), *WORDS[kind]) for kind in kinds]
+    return [(kind.upper(), *CHECKS[kind]) for kind in kinds]
 
 
 class _OfLastBake:
@@ -98,7 +94,7 @@ class IMPRINT_OT_select_flaws(_OfLastBake, bpy.types.Operator):
 
     @classmethod
     def description(cls, _context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
-        return f"{WORDS[properties.kind.lower()][1]}. Select the faces in Edit Mode"
+        return f"{CHECKS[properties.kind.lower()][1]}. Select the faces in Edit Mode"
 
     def _apply(self, context: bpy.types.Context, report: Report) -> str:
         low, kind = locate_issues.of_low(report), self.kind.lower()
@@ -108,7 +104,7 @@ class IMPRINT_OT_select_flaws(_OfLastBake, bpy.types.Operator):
         found, is_edge = locate_issues.find(context, report, kind), kind in locate_issues.ON_EDGES
         which = "edge" if is_edge else "face"
         if not len(found):
-            raise BakeError(f"No {which} of {low.name!r} has this flaw: {WORDS[kind][0].lower()}.")
+            raise BakeError(f"No {which} of {low.name!r} has this flaw: {CHECKS[kind][0].lower()}.")
         face_selection.select(context, low, found, "EDGE" if is_edge else "FACE")
         if self.options.is_invoke and context.window is not None:
             show_result.selection(context)
@@ -127,7 +123,7 @@ class IMPRINT_OT_show_mask(_OfLastBake, bpy.types.Operator):
 
     @classmethod
     def description(cls, _context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
-        return f"{WORDS[properties.kind.lower()][1]}. Show them white in an image"
+        return f"{CHECKS[properties.kind.lower()][1]}. Show them white in an image"
 
     def _apply(self, context: bpy.types.Context, report: Report) -> str:
         image = locate_issues.draw_mask(context, report, self.kind.lower())
@@ -150,80 +146,5 @@ class IMPRINT_OT_add_triangulate(_OfLastBake, bpy.types.Operator):
         return f"{report.low!r} has the modifier {modifier.name!r}{otherwise}"
 
 
-class IMPRINT_PT_checks(bpy.types.Panel):
-    """What the last bake found."""
-
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = "Imprint"
-    bl_idname = "IMPRINT_PT_checks"
-    bl_parent_id = "IMPRINT_PT_bake"
-    bl_label = "Checks"
-    bl_options = {"DEFAULT_CLOSED"}
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return results.of(context) is not None
-
-    def draw_header_preset(self, context: bpy.types.Context) -> None:
-        report = results.of(context)
-        if report is not None:
-            worst = max(report.checks.values(), key=lambda check: SIGNS[_severity(check)][1], default={})
-            self.layout.label(text="", icon=SIGNS[_severity(worst)][0])
-
-    def draw(self, context: bpy.types.Context) -> None:
-        layout, report = self.layout, results.of(context)
-        column = layout.column(align=True)
-        for kind in WORDS:
-            _draw_row(column, kind, report.checks[kind], report.low, context)
-        row = layout.row()
-        row.enabled = report.checks["polygons"]["count"] > 0
-        row.operator("imprint.add_triangulate", icon="MOD_TRIANGULATE").low = report.low
-
-
-def _draw_row(column: bpy.types.UILayout, kind: str, check: dict, low: str, context: bpy.types.Context) -> None:
-    """A check in a row: its sign, its name, its number, and the buttons that show where."""
-    row = column.row(align=True)
-    row.label(text=WORDS[kind][0], icon=SIGNS[_severity(check)][0])
-    number = row.row()
-    number.alignment = "RIGHT"
-    number.label(text=_number(check))
-    buttons = row.row(align=True)
-    buttons.enabled = check["count"] > 0
-    for operator, icon, kinds in (
-        ("imprint.show_mask", "IMAGE_DATA", locate_issues.ON_TEXELS),
-        ("imprint.select_flaws", "RESTRICT_SELECT_OFF", locate_issues.KINDS),
-    ):
-        if kind in kinds:
-            button = buttons.operator(operator, text="", icon=icon)
-            button.kind, button.low = kind.upper(), low
-        else:
-            buttons.label(text="", icon="BLANK1")  # so that the others stay in their column
-    if "maximum" in check and check["count"]:
-        far = (_length(context, check[name]) for name in ("limit", "percentile_99", "maximum"))
-        column.label(text="Over {}; 99 % within {}, at most {}".format(*far), icon="BLANK1")
-
-
-def _severity(check: dict) -> str:
-    """One of SIGNS: as the audit weighed it or, where it did not, by whether there is anything to look at."""
-    return check.get("severity") or ("LOOK" if check.get("count") else "GOOD")
-
-
-def _number(check: dict) -> str:
-    """A check's number in a few characters."""
-    if "share" in check:
-        return f"{check['share']:.1%}" if check["share"] >= 0.001 or not check["count"] else "< 0.1%"
-    within = f" in {check['islands']:,}" if check.get("islands") else ""
-    return f"{check['count']:,}{within}"
-
-
-def _length(context: bpy.types.Context, distance: float) -> str:
-    """A distance in the scene's unit of length."""
-    units = context.scene.unit_settings
-    if units.system == "NONE":
-        return f"{distance:.4g}"
-    return bpy.utils.units.to_string(units.system, "LENGTH", distance * units.scale_length, precision=4)
-
-
-CLASSES = (IMPRINT_OT_select_flaws, IMPRINT_OT_show_mask, IMPRINT_OT_add_triangulate, IMPRINT_PT_checks)
+CLASSES = (IMPRINT_OT_select_flaws, IMPRINT_OT_show_mask, IMPRINT_OT_add_triangulate)
 register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The main panel: what is baked, the button, and what came of it."""
+
+import bpy
+
+from ...core.report import Report
+from .. import live_mode, results
+from ..viewport import progress_display, show_result
+from . import bake_plan
+from .sidebar import SidebarPanel, draw_paragraphs
+
+
+class IMPRINT_UL_highs(bpy.types.UIList):
+    """The slots for high objects."""
+
+    def draw_item(self, _context, layout, _data, item, _icon, _active_data, _active_property) -> None:
+        layout.prop(item, "object", text="", emboss=True)
+
+
+class IMPRINT_PT_bake(SidebarPanel, bpy.types.Panel):
+    """What is baked, and the button."""
+
+    bl_idname = "IMPRINT_PT_bake"
+    bl_label = "Imprint"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        settings = context.scene.imprint
+        column = layout.column()
+        column.label(text="High")
+        row = column.row()
+        row.template_list("IMPRINT_UL_highs", "", settings, "highs", settings, "active_high", rows=2, maxrows=5)
+        buttons = row.column(align=True)
+        buttons.operator("imprint.high_add", text="", icon="ADD")
+        buttons.operator("imprint.high_remove", text="", icon="REMOVE")
+        column.prop(settings, "low")
+        column.operator("imprint.use_selection", icon="RESTRICT_SELECT_OFF")
+
+        low, highs = settings.subjects(context)
+        problem = bake_plan.problem(context, low, highs, settings)
+        following = live_mode.words()
+        if following:
+            problem = ""  # the selection may be what it likes
+        lines = [following or problem] if following or problem else bake_plan.lines(low, highs, settings)
+        draw_paragraphs(layout.box(), context, lines, "ERROR" if problem else "INFO")
+        # The bar takes the button's place: nothing moves under the mouse when a bake begins or ends.
+        row = layout.row()
+        row.scale_y = 1.6
+        step = progress_display.current()
+        if step is None:
+            row.enabled = not problem
+            row.operator("imprint.bake", icon="RENDER_STILL")
+        else:
+            row.progress(factor=step.done, text=progress_display.short(step))
+        row = layout.row()
+        is_live = live_mode.session() is not None
+        row.enabled = step is None and (is_live or not problem)
+        row.operator("imprint.live", icon="PLAY", depress=is_live)
+        row.prop(settings, "live_every_time")
+        if is_live and live_mode.message:
+            draw_paragraphs(layout.box(), context, [live_mode.message], "ERROR")
+        report = results.of(context)
+        if report is not None:
+            draw_result(layout, report)
+
+
+def draw_result(layout: bpy.types.UILayout, report: Report) -> None:
+    """What came out of the last bake in a line, beside a small picture of it."""
+    row = layout.box().row()
+    image = bpy.data.images.get(report.image)
+    if image is not None:
+        row.template_icon(row.icon(image), scale=2.6)
+    column = row.column(align=True)
+    head = column.row()
+    head.label(text=report.image)
+    if results.high_objects(report):
+        is_hidden = show_result.hides_high(report)
+        head.operator("imprint.show_high", text="", icon="HIDE_ON" if is_hidden else "HIDE_OFF", emboss=False)
+    if image is None:  # nothing came of it in the end
+        column.label(text="Undone, renamed or deleted", icon="INFO")
+        return
+    number = len(report.warnings)
+    line = f"{number} {'warning' if number == 1 else 'warnings'}" if number else f"{report.coverage:.0%} covered"
+    column.label(text=f"{line}, {report.seconds['total']:.1f} s", icon="ERROR" if number else "CHECKMARK")
+
+
+class IMPRINT_PT_report(SidebarPanel, bpy.types.Panel):
+    """What the last bake did, in words."""
+
+    bl_idname = "IMPRINT_PT_report"
+    bl_parent_id = "IMPRINT_PT_bake"
+    bl_label = "Report"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return results.of(context) is not None
+
+    def draw(self, context: bpy.types.Context) -> None:
+        report = results.of(context)
+        draw_paragraphs(self.layout, context, report.warnings, "ERROR")
+        draw_paragraphs(self.layout, context, report.summary(), "DOT")
+
+
+CLASSES = (IMPRINT_UL_highs, IMPRINT_PT_bake, IMPRINT_PT_report)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The panels of bakes that make many maps: pairs by name, and sequences."""
+
+from functools import lru_cache
+
+import bpy
+
+from ...core import name_matching
+from ...core.errors import BakeError
+from .sidebar import SettingsPanel, draw_paragraphs
+
+
+class IMPRINT_PT_pairs(SettingsPanel, bpy.types.Panel):
+    """Many at once, by name."""
+
+    bl_idname = "IMPRINT_PT_pairs"
+    bl_parent_id = "IMPRINT_PT_bake"
+    bl_label = "Pairs by Name"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        settings = context.scene.imprint
+        row = layout.row(align=True)
+        for name in ("low_suffix", "high_suffix", "cage_suffix"):
+            row.prop(settings, name, text="")
+        try:
+            found, problems = pairs(tuple(context.view_layer.objects.keys()), settings.suffixes())
+        except BakeError as error:
+            found, problems = [], [str(error)]
+        box = layout.box()
+        draw_paragraphs(box, context, [f"{pair.low}: {', '.join(pair.highs)}" for pair in found], "CHECKMARK")
+        draw_paragraphs(box, context, problems, "ERROR")
+        if not found and not problems:
+            draw_paragraphs(box, context, ["No object has one of these endings."], "INFO")
+        layout.prop(settings, "share_image")
+        row = layout.row()
+        row.enabled = bool(found)
+        row.operator("imprint.bake_pairs", icon="RENDER_STILL")
+
+
+class IMPRINT_PT_sequence(SettingsPanel, bpy.types.Panel):
+    """A map for each frame."""
+
+    bl_idname = "IMPRINT_PT_sequence"
+    bl_parent_id = "IMPRINT_PT_bake"
+    bl_label = "Sequence"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        row = layout.row(align=True)
+        row.prop(context.scene, "frame_start", text="First")
+        row.prop(context.scene, "frame_end", text="Last")
+        row = layout.row()
+        row.enabled = context.scene.imprint.storage == "FILE"
+        row.operator("imprint.bake_sequence", icon="RENDER_ANIMATION")
+        if not row.enabled:
+            draw_paragraphs(layout, context, ["A sequence is files: store the map in a file."], "INFO")
+
+
+@lru_cache(maxsize=1)
+def pairs(names: tuple[str, ...], suffixes: name_matching.Suffixes) -> tuple[list[name_matching.Pair], list[str]]:
+    """As name_matching.match, which looks at each name: not at each redraw, but where a name or an ending has changed."""
+    return name_matching.match(names, suffixes)
+
+
+CLASSES = (IMPRINT_PT_pairs, IMPRINT_PT_sequence)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The panel of the checks: what the last bake found, and the buttons that show where."""
+
+import bpy
+
+from ...jobs import locate_issues
+from .. import results
+from ..check_operators import CHECKS
+from .sidebar import SidebarPanel
+
+SIGNS = {"GOOD": ("CHECKMARK", 0), "LOOK": ("INFO", 1), "WRONG": ("ERROR", 2)}
+"""The sign of each severity, and how much it weighs."""
+
+
+class IMPRINT_PT_checks(SidebarPanel, bpy.types.Panel):
+    """What the last bake found."""
+
+    bl_idname = "IMPRINT_PT_checks"
+    bl_parent_id = "IMPRINT_PT_bake"
+    bl_label = "Checks"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return results.of(context) is not None
+
+    def draw_header_preset(self, context: bpy.types.Context) -> None:
+        report = results.of(context)
+        if report is not None:
+            worst = max(report.checks.values(), key=lambda check: SIGNS[_severity(check)][1], default={})
+            self.layout.label(text="", icon=SIGNS[_severity(worst)][0])
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, report = self.layout, results.of(context)
+        column = layout.column(align=True)
+        for kind in CHECKS:
+            _draw_row(column, kind, report.checks[kind], report.low, context)
+        row = layout.row()
+        row.enabled = report.checks["polygons"]["count"] > 0
+        row.operator("imprint.add_triangulate", icon="MOD_TRIANGULATE").low = report.low
+
+
+def _draw_row(column: bpy.types.UILayout, kind: str, check: dict, low: str, context: bpy.types.Context) -> None:
+    """A check in a row: its sign, its name, its number, and the buttons that show where."""
+    row = column.row(align=True)
+    row.label(text=CHECKS[kind][0], icon=SIGNS[_severity(check)][0])
+    number = row.row()
+    number.alignment = "RIGHT"
+    number.label(text=_number(check))
+    buttons = row.row(align=True)
+    buttons.enabled = check["count"] > 0
+    for operator, icon, kinds in (
+        ("imprint.show_mask", "IMAGE_DATA", locate_issues.ON_TEXELS),
+        ("imprint.select_flaws", "RESTRICT_SELECT_OFF", locate_issues.KINDS),
+    ):
+        if kind in kinds:
+            button = buttons.operator(operator, text="", icon=icon)
+            button.kind, button.low = kind.upper(), low
+        else:
+            buttons.label(text="", icon="BLANK1")  # so that the others stay in their column
+    if "maximum" in check and check["count"]:
+        far = (_length(context, check[name]) for name in ("limit", "percentile_99", "maximum"))
+        column.label(text="Over {}; 99 % within {}, at most {}".format(*far), icon="BLANK1")
+
+
+def _severity(check: dict) -> str:
+    """One of SIGNS: as the audit weighed it or, where it did not, by whether there is anything to look at."""
+    return check.get("severity") or ("LOOK" if check.get("count") else "GOOD")
+
+
+def _number(check: dict) -> str:
+    """A check's number in a few characters."""
+    if "share" in check:
+        return f"{check['share']:.1%}" if check["share"] >= 0.001 or not check["count"] else "< 0.1%"
+    within = f" in {check['islands']:,}" if check.get("islands") else ""
+    return f"{check['count']:,}{within}"
+
+
+def _length(context: bpy.types.Context, distance: float) -> str:
+    """A distance in the scene's unit of length."""
+    units = context.scene.unit_settings
+    if units.system == "NONE":
+        return f"{distance:.4g}"
+    return bpy.utils.units.to_string(units.system, "LENGTH", distance * units.scale_length, precision=4)
+
+
+CLASSES = (IMPRINT_PT_checks,)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

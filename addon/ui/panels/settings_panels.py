@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The panels of the settings: map, channels, output, rays."""
+
+import bpy
+
+from .. import map_size
+from ..presets import IMPRINT_PT_conventions
+from ..viewport import cage_overlay
+from .sidebar import SettingsPanel, split_layout
+
+
+class IMPRINT_PT_map(SettingsPanel, bpy.types.Panel):
+    """What the map is like."""
+
+    bl_idname = "IMPRINT_PT_map"
+    bl_parent_id = "IMPRINT_PT_bake"
+    bl_label = "Map"
+
+    def draw_header_preset(self, _context: bpy.types.Context) -> None:
+        IMPRINT_PT_conventions.draw_panel_header(self.layout)
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = split_layout(self.layout)
+        settings = context.scene.imprint
+        layout.prop(settings, "method")
+        layout.prop(settings, "space")
+        if settings.space == "TANGENT":
+            layout.prop(settings, "basis")
+        low, _ = settings.subjects(context)
+        if low is not None and low.type == "MESH":
+            layout.prop_search(settings, "uv_layer", low.data, "uv_layers", icon="GROUP_UVS")
+        map_size.draw(layout, settings)
+        layout.prop(settings, "samples")
+        column = layout.column(align=True)
+        column.prop(settings, "margin_type")
+        row = column.row(align=True)
+        row.active = not settings.unlimited
+        row.prop(settings, "margin")
+        column.prop(settings, "unlimited")
+        column.prop(settings, "mips", text="Clean Mips")
+        layout.prop(settings, "modifiers")
+        column = layout.column(align=True)
+        column.prop(settings, "limited")
+        if settings.limited:
+            column.prop(settings, "limit")
+
+
+class IMPRINT_PT_channels(SettingsPanel, bpy.types.Panel):
+    """What each channel holds; the presets in the map's header set it."""
+
+    bl_idname = "IMPRINT_PT_channels"
+    bl_parent_id = "IMPRINT_PT_map"
+    bl_label = "Channels"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = split_layout(self.layout)
+        column = layout.column(align=True)
+        for name in ("red", "green", "blue"):
+            column.prop(context.scene.imprint, name)
+
+
+class IMPRINT_PT_output(SettingsPanel, bpy.types.Panel):
+    """Where the map goes."""
+
+    bl_idname = "IMPRINT_PT_output"
+    bl_parent_id = "IMPRINT_PT_bake"
+    bl_label = "Output"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = split_layout(self.layout)
+        settings = context.scene.imprint
+        layout.prop_search(settings, "image", bpy.data, "images")
+        layout.prop(settings, "depth", expand=True)
+        if settings.depth == "8":
+            layout.prop(settings, "dither")
+        layout.prop(settings, "udim")
+        if settings.udim:
+            layout.prop(settings, "tiles")
+        layout.column().prop(settings, "maps")
+        layout.prop(settings, "storage")
+        if settings.storage == "FILE":
+            layout.prop(settings, "output")
+        layout.prop(settings, "material")
+        row = layout.row()
+        row.enabled = settings.material
+        row.prop(settings, "single_user")
+        layout.prop(settings, "show_result")
+
+
+class IMPRINT_PT_rays(SettingsPanel, bpy.types.Panel):
+    """Where rays start and end."""
+
+    bl_idname = "IMPRINT_PT_rays"
+    bl_parent_id = "IMPRINT_PT_bake"
+    bl_label = "Rays"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return context.scene.imprint.method != "FLATTEN"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = split_layout(self.layout)
+        settings = context.scene.imprint
+        found = context.window_manager.imprint_found
+        layout.prop(settings, "cage")
+        layout.prop(settings, "measure")
+        column = layout.column(align=True)
+        if settings.measure:
+            column.enabled = False
+            column.prop(found, "extrusion")
+            column.prop(found, "max_distance")
+            layout.operator("imprint.freeze_distances", icon="FREEZE")
+        else:
+            column.prop(settings, "extrusion")
+            column.prop(settings, "max_distance")
+        layout.operator("imprint.show_cage", icon="MESH_UVSPHERE", depress=cage_overlay.is_on())
+        layout.prop(settings, "directions")
+        layout.prop(settings, "facing_only")
+        layout.prop(settings, "missed")
+        layout.prop(settings, "mask")
+
+
+CLASSES = (IMPRINT_PT_map, IMPRINT_PT_channels, IMPRINT_PT_output, IMPRINT_PT_rays)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)
