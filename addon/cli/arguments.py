@@ -10,14 +10,13 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import fields
 from pathlib import PurePath
 
-from ..core import udim
+from ..core import file_formats, udim
 from ..core.errors import BakeError
 from ..core.name_matching import Suffixes
 from ..core.settings import (
     AXES,
     BASES,
     DIRECTIONS,
-    FORMATS,
     MAPS,
     MARGINS,
     MAX_MIPS,
@@ -25,10 +24,8 @@ from ..core.settings import (
     MODIFIERS,
     SAMPLES,
     SPACES,
-    USUAL_DEPTH,
     Settings,
     is_number,
-    usual_depth,
 )
 
 LAST_FRAME = 1_048_574
@@ -139,7 +136,9 @@ def _one_of(names: Sequence[str], **more) -> dict:
     return {"type": _name_among(names), "metavar": "|".join(map(_word, names)), **more}
 
 
-_FORMATS = ", ".join(f"{ending} ({' or '.join(map(str, depths))} bits)" for ending, (_, depths) in FORMATS.items())
+_FORMATS = ", ".join(
+    f"{ending} ({' or '.join(map(str, one.depths))} bits)" for ending, one in file_formats.BY_ENDING.items()
+)
 _USUAL = Settings()
 
 OPTIONS: dict[str, dict[str, dict]] = {
@@ -293,8 +292,8 @@ OPTIONS: dict[str, dict[str, dict]] = {
         },
         "depth": {
             "type": int,
-            "choices": (8, 16, 32),
-            "help": f"bits a channel (default: {USUAL_DEPTH}, or the most below that the format has)",
+            "choices": file_formats.DEPTHS,
+            "help": f"bits a channel (default: {file_formats.USUAL_DEPTH}, or the most below that the format has)",
         },
         "dither": {"action": "store_true", "help": "dither 8 bits instead of rounding"},
         "image": {
@@ -455,7 +454,7 @@ def settings(options: argparse.Namespace) -> Settings:
     values["storage"], values["output"] = "FILE", os.path.abspath(options.output)
     values["udim"] = options.udim or bool(options.tiles) or udim.TOKEN in options.output
     if options.depth is None:
-        values["depth"] = usual_depth(options.output)
+        values["depth"] = file_formats.usual_depth(options.output)
     return Settings(**values)
 
 

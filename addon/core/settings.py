@@ -5,7 +5,7 @@ import re
 from dataclasses import dataclass, replace
 from pathlib import PurePath
 
-from . import udim
+from . import file_formats, udim
 from .errors import BakeError
 from .udim import TOKEN
 
@@ -24,24 +24,6 @@ MIN_SIZE, MAX_SIZE = 16, 16384
 MAX_MIPS = 8
 FARTHEST = 1e18
 """Of distances: a float holds its square."""
-FORMATS = {
-    ".png": ("PNG", (8, 16)),
-    ".exr": ("OPEN_EXR", (16, 32)),
-    ".tif": ("TIFF", (8, 16)),
-    ".tiff": ("TIFF", (8, 16)),
-    ".tga": ("TARGA_RAW", (8,)),
-}
-"""File endings, what Blender calls their formats, and the bits a channel that each takes."""
-
-
-USUAL_DEPTH = 16
-"""Bits a channel where none are asked for and the format has them."""
-
-
-def usual_depth(output: str) -> int:
-    """The bits a channel of a map that goes to the file `output` when nobody asks for any: USUAL_DEPTH, or the most below."""
-    depths = FORMATS.get(PurePath(output).suffix.lower(), ("", (USUAL_DEPTH,)))[1]
-    return max((depth for depth in depths if depth <= USUAL_DEPTH), default=min(depths))
 
 
 def is_number(text: str) -> bool:
@@ -95,7 +77,7 @@ class Settings:
     limit: float | None = None
     """How far from the low surface the high one may lie, in scene units, before it is told; None for 5 % of the low
     mesh's radius."""
-    depth: int = USUAL_DEPTH
+    depth: int = file_formats.USUAL_DEPTH
     dither: bool = False
     """Whether 8 bits are dithered, or rounded."""
     modifiers: str = "RENDER"
@@ -116,6 +98,11 @@ class Settings:
             return self
         return replace(self, basis="BLENDER" if engine == "CYCLES" else "MIKKTSPACE")
 
+    @property
+    def is_float(self) -> bool:
+        """Whether images store values as they are, rather than steps from 0 to 1."""
+        return file_formats.of(self.output).is_float if self.storage == "FILE" else self.depth > 8
+
     def check(self) -> None:
         """Raise BakeError for what no bake can do, whatever the objects are."""
         for name, value, known in (
@@ -129,7 +116,7 @@ class Settings:
             ("margin type", self.margin_type, MARGINS),
             ("modifiers", self.modifiers, MODIFIERS),
             ("storage", self.storage, STORAGES),
-            ("depth", self.depth, (8, 16, 32)),
+            ("depth", self.depth, file_formats.DEPTHS),
             ("number of samples", self.samples, SAMPLES),
         ):
             if value not in known:
@@ -184,9 +171,7 @@ class Settings:
             raise BakeError(
                 "The map is to be saved to a file, but no file is named: give a path, or choose to pack it."
             )
-        ending = PurePath(self.output).suffix.lower()
-        if ending not in FORMATS:
-            raise BakeError(f"{self.output!r} does not end in one of {', '.join(FORMATS)}.")
+        file_format = file_formats.of(self.output)
         if TOKEN in self.output and not self.udim:
             raise BakeError(
                 f"{self.output!r} holds {TOKEN}, but the map is to have one tile alone: choose UDIM as well."
@@ -195,6 +180,7 @@ class Settings:
             raise BakeError(
                 f"{self.output!r} has {TOKEN} in a folder's name: Blender looks for it in the file's alone."
             )
-        depths = FORMATS[ending][1]
+        depths = file_format.depths
         if self.depth not in depths:
+            ending = PurePath(self.output).suffix.lower()
             raise BakeError(f"A {ending} file holds {' or '.join(map(str, depths))} bits a channel, not {self.depth}.")

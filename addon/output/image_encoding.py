@@ -6,8 +6,8 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ..core.settings import FORMATS
-from . import completeness, tiff
+from ..core import file_formats
+from ..core.file_structure import completeness
 
 
 def write(texels: np.ndarray, path: Path, depth: int) -> None:
@@ -18,22 +18,22 @@ def write(texels: np.ndarray, path: Path, depth: int) -> None:
     what was written by then.
     """
     height, width = texels.shape[:2]
-    file_format = FORMATS[path.suffix.lower()][0]
+    file_format = file_formats.of(path)
     # A scene of its own for Blender's image writer: the artist's output settings stay as they are.
     scene = bpy.data.scenes.new("Imprint output")
     image = bpy.data.images.new("Imprint output", width, height, alpha=True, float_buffer=depth > 8, is_data=True)
     try:
         image.pixels.foreach_set(texels.reshape(-1))
         output = scene.render.image_settings
-        output.file_format = file_format
+        output.file_format = file_format.blender
         output.color_mode, output.color_depth = "RGBA", str(depth)
-        output.tiff_codec = "LZW"  # four times as fast as the default
+        for name, value in file_format.options.items():
+            setattr(output, name, value)
         image.save_render(str(path), scene=scene)
     finally:
         bpy.data.images.remove(image)
         bpy.data.scenes.remove(scene)
-    if not completeness.is_whole(path, (width, height)):
+    if not completeness.is_complete(path, file_format.is_complete, (width, height)):
         raise RuntimeError("the disk took only a part of it")
-    if file_format == "TIFF":
-        # Blender's writer calls 16-bit colours multiplied with alpha, which they are not: readers would divide them.
-        tiff.set_unassociated(path)
+    if file_format.correct:
+        file_format.correct(path)

@@ -11,11 +11,11 @@ from pathlib import Path, PurePath
 import bpy
 import numpy as np
 
-from ..core import udim
+from ..core import file_formats, udim
 from ..core.errors import BakeError, shorten_list
-from ..core.settings import FORMATS, Settings
+from ..core.settings import Settings
 from ..core.udim import TOKEN
-from . import atomic_file, datablocks, image_encoding, quantize, value_encoding
+from . import atomic_file, datablocks, image_encoding, quantize
 from .atomic_file import Partial, check_writable
 
 MISSED = "missed"
@@ -61,7 +61,7 @@ def beside(settings: Settings, name: str, depth: int | None = None) -> Settings:
         settings,
         image=f"{settings.image}_{name}",
         output=str(path.with_stem(stem)) if is_file else "",
-        depth=depth or (FORMATS[path.suffix.lower()][1][0] if is_file else 8),
+        depth=depth or (file_formats.of(path) if is_file else file_formats.PACKED[False]).depths[0],
         dither=settings.dither and depth is not None,
     )
 
@@ -108,7 +108,7 @@ class Writer:
         """Of the files, as for Blender; empty where there are none."""
         if settings.storage == "PACK" and settings.udim:  # Blender packs tiles out of files alone
             self._folder = tempfile.TemporaryDirectory(prefix="imprint-")
-            self._path = str(Path(self._folder.name, f"map.{TOKEN}.{'exr' if settings.depth > 8 else 'png'}"))
+            self._path = str(Path(self._folder.name, f"map.{TOKEN}{file_formats.PACKED[settings.is_float].endings[0]}"))
         self._angles: list[np.ndarray] = []
         self.tiles: list[int] = []
         """What was added."""
@@ -127,12 +127,13 @@ class Writer:
         settings = self.settings
         self.tiles.append(tile)
         stored = quantize.dithered(texels) if settings.dither and settings.depth == 8 else texels  # else Blender rounds
-        if self.is_normal and not value_encoding.is_float(settings):
+        if self.is_normal and not settings.is_float:
             rounded = quantize.rounded(quantize.sample(stored), settings.depth)
             self._angles.append(quantize.angles(quantize.sample(texels), rounded))
         if self._path:
             partial = self._partials[tile] = Partial(self._of_tile(tile))
-            depth = 32 if self._folder and settings.depth > 8 else settings.depth  # as Blender packs other images
+            # Packed as Blender packs other images, whose floats have 32 bits.
+            depth = file_formats.OPEN_EXR.depths[-1] if self._folder and settings.is_float else settings.depth
             with partial.told():
                 image_encoding.write(stored, partial.here, depth)
         else:
@@ -174,8 +175,8 @@ class Writer:
         settings = self.settings
         if self._path:
             return datablocks.show(self.name, self._path, pack=self._folder is not None)
-        is_float, pack = settings.depth > 8, settings.storage == "PACK"
-        return datablocks.fill(self.name, self._texels, is_float=is_float, pack=pack)
+        pack = settings.storage == "PACK"
+        return datablocks.fill(self.name, self._texels, is_float=settings.is_float, pack=pack)
 
     def discard(self) -> None:
         """Leave nothing behind of what was not committed. May be called at any time, and again."""

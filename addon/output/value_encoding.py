@@ -3,21 +3,13 @@
 
 import colorsys
 from collections.abc import Sequence
-from pathlib import PurePath
 
 import numpy as np
 
-from ..core.settings import FORMATS, Settings
+from ..core.settings import Settings
 
 GOLDEN = 0.6180339887498949
 """Hues that are this far apart on the circle stay apart, however many there are."""
-
-
-def is_float(settings: Settings) -> bool:
-    """Whether the images hold numbers as they are; else they are brought into 0 to 1."""
-    if settings.storage == "FILE":
-        return FORMATS[PurePath(settings.output).suffix.lower()][0] == "OPEN_EXR"
-    return settings.depth > 8
 
 
 def encoding(name: str, maps: Sequence[np.ndarray], labels: Sequence[str], settings: Settings) -> dict:
@@ -27,7 +19,7 @@ def encoding(name: str, maps: Sequence[np.ndarray], labels: Sequence[str], setti
     """
     if name.endswith("_ID"):
         return {"colours": {label: list(colour(number)) for number, label in enumerate(labels)}}
-    if name == "COVERAGE" or is_float(settings):
+    if name == "COVERAGE" or settings.is_float:
         return {"midlevel": 0.0, "scale": 1.0}
     lows, highs = zip(*(_range(texels) for texels in maps), strict=True)
     low, high = np.min(lows, axis=0), np.max(highs, axis=0)

@@ -15,9 +15,9 @@ from bpy.props import (
     StringProperty,
 )
 
-from ..core import udim
+from ..core import file_formats, udim
 from ..core.name_matching import Suffixes
-from ..core.settings import AXES, MAPS, MAX_MIPS, MAX_SIZE, MIN_SIZE, SAMPLES, Settings, usual_depth
+from ..core.settings import AXES, MAPS, MAX_MIPS, MAX_SIZE, MIN_SIZE, SAMPLES, Settings
 from ..scene import bake_objects, visibility
 from . import results
 
@@ -253,7 +253,7 @@ class Options:
         for name in ("depth", "samples"):
             values[name] = int(values[name])
         if values["storage"] == "FILE" and not _is_set(owner("depth"), "depth"):
-            values["depth"] = usual_depth(values["output"])  # which a format may not have, as Targa
+            values["depth"] = file_formats.usual_depth(values["output"])  # which a format may not have, as Targa
         values["missed"] = tuple(values["missed"])
         for name in ("extrusion", "max_distance"):
             # A script that names a distance means it, whatever the switch says.

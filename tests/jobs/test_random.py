@@ -11,7 +11,8 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.core.settings import AXES, BASES, DIRECTIONS, FORMATS, MAPS, MARGINS, METHODS, MODIFIERS, SPACES, Settings
+from addon.core import file_formats
+from addon.core.settings import AXES, BASES, DIRECTIONS, MAPS, MARGINS, METHODS, MODIFIERS, SPACES, Settings
 from tests.support import outcome, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -354,7 +355,7 @@ def make_settings(rng, folder, low):
 
     udim = rng.random() < 0.1
     storage = any_of(("PACK", "FILE") if udim else ("PACK", "MEMORY", "FILE"))
-    ending = any_of((*FORMATS, ".PNG"))
+    ending = any_of((*file_formats.BY_ENDING, ".PNG"))
     name = any_of(("{low}", "map", "a.b", "{low} map")) + any_of(("", " <UDIM>")) * udim
     axes = rng.permutation(3)
     return Settings(
@@ -380,7 +381,11 @@ def make_settings(rng, folder, low):
         udim=udim,
         tiles=any_of(((), (1001,), (1001, 1002), (2000,))) if udim else (),
         limit=any_of((None, None, 0.1)),
-        depth=any_of(FORMATS[ending.lower()][1] if storage == "FILE" and rng.random() < 0.95 else (8, 16, 32)),
+        depth=any_of(
+            file_formats.BY_ENDING[ending.lower()].depths
+            if storage == "FILE" and rng.random() < 0.95
+            else file_formats.DEPTHS
+        ),
         dither=rng.random() < 0.2,
         modifiers=any_of(MODIFIERS),
         image=any_of(("", "", "map", "{low}", "of {low}", *NAMES)),

@@ -11,18 +11,20 @@ import bpy
 import numpy as np
 import pytest
 
+from addon.core import file_formats
 from addon.core.errors import BakeError
+from addon.core.file_structure import completeness, tiff
 from addon.core.progress import Pace
-from addon.core.settings import FORMATS, Settings
+from addon.core.settings import Settings
 from addon.jobs import several
-from addon.output import completeness, image_writer, quantize, tiff
+from addon.output import image_writer, quantize
 from scripts.imprint import ROOT
 from tests.support import pictures, zoo
 from tests.support.maps import pixels
 
 WIDTH, HEIGHT = 56, 40
 FLAT = (0.5, 0.5, 1.0, 0.0)
-KINDS = [(f"map{ending}", depth) for ending, (_, depths) in FORMATS.items() for depth in depths]
+KINDS = [(f"map{ending}", depth) for ending, one in file_formats.BY_ENDING.items() for depth in one.depths]
 IN_DOUBT = 1e-4
 """Of a step: so near to the middle between two steps, single precision may take either."""
 MEAN = 2e-3
@@ -108,12 +110,12 @@ def test_the_beginning_of_a_file_is_not_taken_for_the_whole(name, depth, tmp_pat
     """Wherever it is cut, its tables whole or not."""
     texels, path = np.random.default_rng(1).random((100, 60, 4), dtype=np.float32), tmp_path / name
     store(texels, storage="FILE", output=str(path), depth=depth)
-    content = path.read_bytes()
-    assert completeness.is_whole(path, (60, 100))
+    content, check = path.read_bytes(), file_formats.of(path).is_complete
+    assert completeness.is_complete(path, check, (60, 100))
     lengths = {*range(40), *range(0, len(content), 97), *range(len(content) - 40, len(content))}
     for length in sorted(lengths, reverse=True):
         os.truncate(path, length)
-        assert not completeness.is_whole(path, (60, 100)), length
+        assert not completeness.is_complete(path, check, (60, 100)), length
 
 
 # Eight bits
@@ -123,7 +125,11 @@ def test_the_beginning_of_a_file_is_not_taken_for_the_whole(name, depth, tmp_pat
 def test_eight_bits_are_the_same_wherever_they_are_stored(dither, tmp_path):
     texels = some_texels()
     found = []
-    for storage, output in (("MEMORY", ""), ("PACK", ""), *(("FILE", str(tmp_path / f"map{e}")) for e in FORMATS)):
+    for storage, output in (
+        ("MEMORY", ""),
+        ("PACK", ""),
+        *(("FILE", str(tmp_path / f"map{e}")) for e in file_formats.BY_ENDING),
+    ):
         if not output.endswith(".exr"):
             image, _ = store(texels, storage=storage, output=output, depth=8, dither=dither)
             found.append(np.round(pixels(image) * 255).astype(np.uint8))

@@ -9,8 +9,9 @@ import pytest
 
 from addon.cli import arguments, job_file
 from addon.cli.arguments import WrongUsage
+from addon.core import file_formats
 from addon.core.name_matching import Suffixes
-from addon.core.settings import AXES, FORMATS, MAPS, Settings
+from addon.core.settings import AXES, MAPS, Settings
 
 LOW = ["--low", "lo", "--output", "m.png"]
 
@@ -112,17 +113,17 @@ def test_two_slashes_of_a_job_file_are_one(write):
     assert (found.file, arguments.settings(found).output) == (["/a.blend"], "/m.png")
 
 
-@pytest.mark.parametrize("ending", FORMATS)
+@pytest.mark.parametrize("ending", file_formats.BY_ENDING)
 def test_the_usual_depth_is_the_best_up_to_16_that_the_format_has(ending):
     found = settings("--output", f"m{ending.upper()}")
     found.check()
-    assert found.depth == (16 if 16 in FORMATS[ending][1] else 8)
+    assert found.depth == (16 if 16 in file_formats.BY_ENDING[ending].depths else 8)
 
 
 def test_help_names_every_map_and_ending():
     said = arguments.parser("imprint").format_help()
     assert all(name.lower().replace("_", "-") in "".join(said.split()) for name in MAPS)
-    assert all(ending in said for ending in FORMATS)
+    assert all(ending in said for ending in file_formats.BY_ENDING)
     assert all(title in said for title in ("what to bake:", "rays:", "map:", "output:"))
 
 

@@ -5,8 +5,9 @@ import dataclasses
 
 import pytest
 
+from addon.core import file_formats
 from addon.core.errors import BakeError
-from addon.core.settings import FORMATS, MAX_SIZE, MIN_SIZE, Settings
+from addon.core.settings import MAX_SIZE, MIN_SIZE, Settings
 
 GOOD = [
     {},
@@ -17,8 +18,8 @@ GOOD = [
     *({"storage": storage, "depth": depth} for storage in ("PACK", "MEMORY") for depth in (8, 16, 32)),
     *(
         {"storage": "FILE", "output": f"m{end}", "depth": depth}
-        for end, (_, depths) in FORMATS.items()
-        for depth in depths
+        for end, file_format in file_formats.BY_ENDING.items()
+        for depth in file_format.depths
     ),
     {"storage": "FILE", "output": "//MAP.PNG"},
     {"storage": "PACK", "output": "notes.txt"},  # not looked at

@@ -13,7 +13,7 @@ import numpy as np
 from addon.core import file_names
 from addon.core.errors import BakeError
 from addon.jobs import several
-from addon.output import image_writer, outputs, value_encoding
+from addon.output import image_writer, outputs
 from tests.support import maps
 from tests.support.snapshot import difference, snapshot
 
@@ -45,9 +45,7 @@ def of_bake(low, highs, settings, folder, cage=None):
     _check_changes(changed, low, [own.image for own in plan.values()])
     expected = set()
     for name, own in plan.items():
-        is_color = name in ("NORMAL", "MASK", "COVERAGE", "OBJECT_ID", "MATERIAL_ID") or not value_encoding.is_float(
-            own
-        )
+        is_color = name in ("NORMAL", "MASK", "COVERAGE", "OBJECT_ID", "MATERIAL_ID") or not own.is_float
         image, path = bpy.data.images[own.image], image_writer.output_for(own)
         if settings.udim:
             assert image.source == "TILED"
@@ -104,5 +102,5 @@ def _check_image(image, settings, *, is_color):
     if is_color:
         assert texels.min() >= 0.0
         assert texels.max() <= 1.0
-    if not value_encoding.is_float(settings):
+    if not settings.is_float:
         assert set(np.unique(texels[..., 3])) <= {0.0, 1.0}

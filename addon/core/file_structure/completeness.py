@@ -1,53 +1,56 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Whether a picture's file is all there: on a full disk, Blender's writers may leave the beginning of one and say nothing."""
+"""Whether an image file is complete: on a full disk, Blender's writers may leave the beginning of one without an error."""
 
 import os
 import struct
+from collections.abc import Callable
 from pathlib import Path
 from typing import BinaryIO
 
 from . import tiff
 
-PNG_END = b"IEND\xae\x42\x60\x82"
-"""The last bytes of every whole PNG file."""
+Check = Callable[[BinaryIO, int, tuple[int, int]], bool]
+"""From an open file, its length in bytes, and width and height in texels to whether all is there. May raise struct.error
+for a file that ends inside a number."""
 TARGA_END = b"TRUEVISION-XFILE.\0"
-"""The last bytes of every whole Targa file of version 2 (Truevision TGA File Format Specification, 1991)."""
+"""The last bytes of every complete Targa file of version 2 (Truevision TGA File Format Specification, 1991)."""
 
 
-def is_whole(path: Path, size: tuple[int, int]) -> bool:
-    """Whether the file at `path`, in the format that its ending names, holds all that Blender writes.
+def is_complete(path: Path, check: Check, size: tuple[int, int]) -> bool:
+    """Whether the file at `path` holds all that Blender writes, by its format's `check`.
 
     size: width and height in texels. Raises OSError if it cannot be read.
     """
-    check = {".png": _png, ".tga": _targa, ".tif": _tiff, ".tiff": _tiff, ".exr": _exr}[path.suffix.lower()]
     with path.open("rb") as file:
         try:
             return check(file, os.fstat(file.fileno()).st_size, size)
-        except struct.error:  # it ends in the midst of a number
+        except struct.error:
             return False
 
 
-def _ends_in(file: BinaryIO, length: int, end: bytes) -> bool:
-    file.seek(max(0, length - len(end)))
-    return file.read() == end
+def ends_in(end: bytes) -> Check:
+    """The check of a format whose complete files all have the same last bytes."""
+
+    def check(file: BinaryIO, length: int, _: tuple[int, int]) -> bool:
+        file.seek(max(0, length - len(end)))
+        return file.read() == end
+
+    return check
 
 
-def _png(file: BinaryIO, length: int, _: tuple[int, int]) -> bool:
-    return _ends_in(file, length, PNG_END)
+def targa(file: BinaryIO, length: int, size: tuple[int, int]) -> bool:
+    """See that an uncompressed file has room for its header of 18 bytes, its texels and the end of version 2."""
+    return length >= 18 + size[0] * size[1] * 4 + len(TARGA_END) and ends_in(TARGA_END)(file, length, size)
 
 
-def _targa(file: BinaryIO, length: int, size: tuple[int, int]) -> bool:
-    # Without compression: a header of 18 bytes, the texels, and what version 2 adds.
-    return length >= 18 + size[0] * size[1] * 4 + len(TARGA_END) and _ends_in(file, length, TARGA_END)
-
-
-def _tiff(file: BinaryIO, length: int, _: tuple[int, int]) -> bool:
+def tiff_strips(file: BinaryIO, length: int, _: tuple[int, int]) -> bool:
+    """See that all strips lie within the file."""
     found = tiff.directory(file)
     starts, sizes = (found[tag].values for tag in (tiff.STRIP_OFFSETS, tiff.STRIP_BYTE_COUNTS))
     return all(size > 0 and start + size <= length for start, size in zip(starts, sizes, strict=True))
 
 
-def _exr(file: BinaryIO, length: int, _: tuple[int, int]) -> bool:
+def open_exr(file: BinaryIO, length: int, _: tuple[int, int]) -> bool:
     """Walk the header to the table of offsets, and see that the last block of lines lies within the file.
 
     After "The OpenEXR File Layout": attributes are name, type, size and value; the table ends where the blocks begin;

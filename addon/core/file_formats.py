@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The file formats of maps. To add one, add it to FORMATS: nothing else names a format or a file ending."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path, PurePath
+from types import MappingProxyType
+
+from .errors import BakeError
+from .file_structure import completeness, tiff
+
+USUAL_DEPTH = 16
+"""Bits per channel where none are given and the format has them."""
+
+
+@dataclass(frozen=True)
+class FileFormat:
+    """One format.
+
+    label: its name in Blender's interface. blender: its identifier in Blender's image settings. endings: of its files, in lower
+    case, the usual one first. depths: bits per channel that it can have, in ascending order. is_float: whether it stores
+    values as they are, rather than steps from 0 to 1. is_complete: see file_structure.completeness. options: more of
+    Blender's image settings. correct: what to do with a file after Blender wrote it.
+    """
+
+    label: str
+    blender: str
+    endings: tuple[str, ...]
+    depths: tuple[int, ...]
+    is_complete: completeness.Check
+    is_float: bool = False
+    options: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    correct: Callable[[Path], None] | None = None
+
+    @property
+    def usual_depth(self) -> int:
+        """USUAL_DEPTH, or the next lower depth that the format has."""
+        return max((depth for depth in self.depths if depth <= USUAL_DEPTH), default=self.depths[0])
+
+
+PNG = FileFormat("PNG", "PNG", (".png",), (8, 16), completeness.ends_in(b"IEND\xae\x42\x60\x82"))
+OPEN_EXR = FileFormat("OpenEXR", "OPEN_EXR", (".exr",), (16, 32), completeness.open_exr, is_float=True)
+FORMATS = (
+    PNG,
+    OPEN_EXR,
+    FileFormat(
+        "TIFF",
+        "TIFF",
+        (".tif", ".tiff"),
+        (8, 16),
+        completeness.tiff_strips,
+        options=MappingProxyType({"tiff_codec": "LZW"}),  # four times as fast as the default
+        # Blender's writer marks 16-bit colors as multiplied with alpha, which they are not: readers would divide them.
+        correct=tiff.set_unassociated,
+    ),
+    FileFormat("Targa", "TARGA_RAW", (".tga",), (8,), completeness.targa),
+)
+BY_ENDING = MappingProxyType({ending: one for one in FORMATS for ending in one.endings})
+DEPTHS = tuple(sorted({depth for one in FORMATS for depth in one.depths}))
+"""Bits per channel that some format has."""
+PACKED = MappingProxyType({False: PNG, True: OPEN_EXR})
+"""The formats in which Blender packs images, by whether they are floats."""
+
+
+def of(path: str | PurePath) -> FileFormat:
+    """The format of a file by its ending. Raises BakeError for an unknown ending."""
+    ending = PurePath(path).suffix.lower()
+    if ending not in BY_ENDING:
+        raise BakeError(f"{str(path)!r} does not end in one of {', '.join(BY_ENDING)}.")
+    return BY_ENDING[ending]
+
+
+def usual_depth(path: str) -> int:
+    """The bits per channel of a file where none are given."""
+    found = BY_ENDING.get(PurePath(path).suffix.lower())
+    return found.usual_depth if found else USUAL_DEPTH
