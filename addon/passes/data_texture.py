@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Arrays that shaders read: long textures, since the gpu module has no storage buffers."""
 
-import gpu
+from __future__ import annotations
+
 import numpy as np
+
+from . import blender_gpu as gpu
 
 WIDTH = 4096
 """As in shaders/lib/texture_lib.glsl."""

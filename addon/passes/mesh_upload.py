@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Meshes on the GPU."""
 
-import gpu
+from __future__ import annotations
+
 import numpy as np
+
+from . import blender_gpu as gpu
 
 
 class UploadCache:

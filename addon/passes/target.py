@@ -1,16 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Render targets, kept between bakes, and the way back from them into numpy arrays."""
 
+from __future__ import annotations
+
 import math
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 
-import gpu
 import numpy as np
 
+from . import blender_gpu as gpu
 from . import shader
+from .program import Program
 
 KEPT_BYTES = 512 * 2**20
 """What the targets may hold between bakes; more than this is freed when a bake is done."""
@@ -210,7 +213,7 @@ def clear(target: Target) -> None:
         pass
 
 
-def fill(target: Target, program: shader.Program, rows: range | None = None, **bindings) -> None:
+def fill(target: Target, program: Program, rows: range | None = None, **bindings) -> None:
     """Run `program`'s fragment shader on every texel of `target`, or of these rows; `bindings` as in `bind`."""
     compiled = shader.load(program)
     with drawing(target, rows, clear=False):
@@ -219,7 +222,7 @@ def fill(target: Target, program: shader.Program, rows: range | None = None, **b
         _triangle().draw(compiled)
 
 
-def dispatch(program: shader.Program, width: int, rows: range, **bindings) -> None:
+def dispatch(program: Program, width: int, rows: range, **bindings) -> None:
     """Run `program`'s compute shader on these rows of `width` texels; `bindings` as in `bind`, less first_row."""
     compiled = shader.load(program)
     compiled.bind()
@@ -227,7 +230,7 @@ def dispatch(program: shader.Program, width: int, rows: range, **bindings) -> No
     gpu.compute.dispatch(compiled, -(-width // program.group[0]), -(-len(rows) // program.group[1]), 1)
 
 
-def bind(compiled: gpu.types.GPUShader, program: shader.Program, **bindings) -> None:
+def bind(compiled: gpu.types.GPUShader, program: Program, **bindings) -> None:
     """Set `program`'s samplers, images and push constants by name, each in the way of its declared type."""
     as_images = shader.reads_images()
     for _, name in program.all_samplers(as_images):

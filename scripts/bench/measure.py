@@ -14,7 +14,7 @@ import bpy
 import gpu
 import numpy as np
 
-from addon.passes import shader
+from addon.passes.program import in_software
 from scripts.bench import contenders, peers, scenes
 from scripts.bench.contenders import CAST, FLATTEN, KEPT, Imprint, Timed
 from scripts.bench.peers import Peers
@@ -43,7 +43,7 @@ def machine() -> dict:
         "load": round(os.getloadavg()[0], 1) if hasattr(os, "getloadavg") else None,
         "system": f"{platform.system()} {platform.machine()}",
         "renderer": renderer,
-        "in_software": shader.in_software(renderer),
+        "in_software": in_software(renderer),
         "backend": gpu.platform.backend_type_get(),
         "blender": bpy.app.version_string,
         "copy_gigabytes_per_second": copy_bandwidth() / 1e9,

@@ -12,13 +12,18 @@ import json
 import statistics
 import sys
 import time
-import types
 from pathlib import Path
 
 import moderngl
 import numpy as np
 
 ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT))
+
+from addon.passes import data_texture  # noqa: E402
+from addon.passes.bake import cast, flatten, gbuffer  # noqa: E402
+from addon.passes.program import Program, in_software, prelude, source  # noqa: E402
+
 REPEATS = 9
 TYPES = {"VEC2": "vec2", "VEC3": "vec3", "VEC4": "vec4", "MAT4": "mat4", "FLOAT": "float", "INT": "int"}
 SAMPLERS = {"FLOAT_2D": "sampler2D", "UINT_2D": "usampler2D", "INT_2D": "isampler2D"}
@@ -26,33 +31,7 @@ IMAGES = {"FLOAT_2D": "image2D", "UINT_2D": "uimage2D", "INT_2D": "iimage2D"}
 QUALIFIERS = {"WRITE": "writeonly", "READ": "readonly", "READ WRITE": ""}
 
 
-class _Absent:
-    """Stands for Blender's gpu module and all in it: declarations are read here, nothing of it is called."""
-
-    def __getattr__(self, _name: str):
-        return self
-
-    def __call__(self, *_, **__):
-        return self
-
-    def __or__(self, _other):
-        return self
-
-    __ror__ = __or__
-
-
-def passes():
-    """The modules of addon/passes that are used here, for what they declare."""
-    for name in ("gpu", "bpy"):
-        sys.modules.setdefault(name, types.SimpleNamespace(types=_Absent()) if name == "gpu" else _Absent())
-    sys.path.insert(0, str(ROOT))
-    from addon.passes import data_texture, shader
-    from addon.passes.bake import cast, flatten, gbuffer
-
-    return types.SimpleNamespace(cast=cast, flatten=flatten, gbuffer=gbuffer, shader=shader, table=data_texture)
-
-
-def header(program, stage: str, as_images: bool) -> str:
+def header(program: Program, stage: str, as_images: bool) -> str:
     """The declarations of a Program for one stage, "vertex", "fragment" or "compute", in plain GLSL.
 
     as_images: whether what is read by whole numbers is an image, or a sampler.
@@ -76,11 +55,11 @@ def header(program, stage: str, as_images: bool) -> str:
     return "\n".join(lines)
 
 
-def load(ctx: moderngl.Context, shader, program, as_images: bool):
+def load(ctx: moderngl.Context, program: Program, as_images: bool):
     """The compiled Program, as moderngl has it."""
     stages = {stage: getattr(program, stage) for stage in ("vertex", "fragment", "compute") if getattr(program, stage)}
     sources = {
-        stage: f"{header(program, stage, as_images)}\n{shader.prelude(as_images)}{shader.source(name)}"
+        stage: f"{header(program, stage, as_images)}\n{prelude(as_images)}{source(name)}"
         for stage, name in stages.items()
     }
     if "compute" in sources:
@@ -91,17 +70,16 @@ def load(ctx: moderngl.Context, shader, program, as_images: bool):
 class Scene:
     """One pair on the GPU: the meshes of a file, the targets of a size, the shaders."""
 
-    def __init__(self, ctx: moderngl.Context, code, data, size: int, *, as_images: bool):
-        self.ctx, self.code, self.size, self.data, self.as_images = ctx, code, size, data, as_images
+    def __init__(self, ctx: moderngl.Context, data, size: int, *, as_images: bool):
+        self.ctx, self.size, self.data, self.as_images = ctx, size, data, as_images
         self.flatten, self.gbuffer, self.trace, self.lookup = (
-            load(ctx, code.shader, program, as_images)
-            for program in (code.flatten.PROGRAM, code.gbuffer.PROGRAM, code.cast.TRACE, code.cast.LOOKUP)
+            load(ctx, program, as_images) for program in (flatten.PROGRAM, gbuffer.PROGRAM, cast.TRACE, cast.LOOKUP)
         )
         self.uv_to_clip = (2.0, 2.0, -1.0, -1.0)
         self.identity = tuple(np.eye(4).ravel().tolist())
-        self.high = self._mesh(self.flatten, code.flatten.PROGRAM, "high_triangles", uv="high_uv", normal="high_normal")
+        self.high = self._mesh(self.flatten, flatten.PROGRAM, "high_triangles", uv="high_uv", normal="high_normal")
         self.low = self._mesh(
-            self.gbuffer, code.gbuffer.PROGRAM, "low_triangles", uv="low_uv", position="low_position",
+            self.gbuffer, gbuffer.PROGRAM, "low_triangles", uv="low_uv", position="low_position",
             direction="low_direction",
         )  # fmt: skip
         self.triangle = ctx.vertex_array(
@@ -141,7 +119,7 @@ class Scene:
 
     def _table(self, name: str) -> moderngl.Texture:
         values = self.data[name].reshape(-1, self.data[name].shape[-1])
-        padded, width = self.code.table.room(len(values)), self.code.table.WIDTH
+        padded, width = data_texture.room(len(values)), data_texture.WIDTH
         padded[: len(values), : values.shape[1]] = values
         texture = self.ctx.texture((width, len(padded) // width), 4, padded.tobytes(), dtype="f4")
         texture.filter = moderngl.NEAREST, moderngl.NEAREST
@@ -151,14 +129,14 @@ class Scene:
         """The paper's one draw."""
         self.drawn.use()
         self.drawn.clear()
-        self._bind(self.flatten, self.code.flatten.PROGRAM, normal_matrix=self.identity, uv_to_clip=self.uv_to_clip)
+        self._bind(self.flatten, flatten.PROGRAM, normal_matrix=self.identity, uv_to_clip=self.uv_to_clip)
         self.high.render(moderngl.TRIANGLES)
 
     def start_rays(self) -> None:
         """Where rays start, which is drawn before they are cast."""
         self.places.use()
         self.places.clear()
-        self._bind(self.gbuffer, self.code.gbuffer.PROGRAM, uv_to_clip=self.uv_to_clip)
+        self._bind(self.gbuffer, gbuffer.PROGRAM, uv_to_clip=self.uv_to_clip)
         self.low.render(moderngl.TRIANGLES)
 
     def cast_rays(self) -> None:
@@ -166,7 +144,7 @@ class Scene:
         data = self.data
         self._bind(
             self.trace,
-            self.code.cast.TRACE,
+            cast.TRACE,
             positions=self.positions,
             directions=self.directions,
             nodes=self.nodes,
@@ -189,7 +167,7 @@ class Scene:
         self.drawn.use()
         self._bind(
             self.lookup,
-            self.code.cast.LOOKUP,
+            cast.LOOKUP,
             hits=self.hits,
             positions=self.positions,
             normals=self.normals,
@@ -215,11 +193,11 @@ def timed(ctx: moderngl.Context, *works) -> float:
     return statistics.median(times[1:])
 
 
-def measure(ctx: moderngl.Context, code, path: Path, size: int, in_software: bool) -> dict:
+def measure(ctx: moderngl.Context, path: Path, size: int, is_software: bool) -> dict:
     """Times of one pair at one size."""
     with np.load(path) as file:
         data = dict(file)
-    scene = Scene(ctx, code, data, size, as_images=in_software)
+    scene = Scene(ctx, data, size, as_images=is_software)
     flat = timed(ctx, scene.bake_flat)
     flat_with_reading = timed(ctx, scene.bake_flat, scene.read)
     covered = float((scene.read()[..., 3] > 0.0).mean())
@@ -229,7 +207,7 @@ def measure(ctx: moderngl.Context, code, path: Path, size: int, in_software: boo
     whole = timed(ctx, scene.start_rays, scene.cast_rays, scene.look_up, scene.read)
     hit = int((np.frombuffer(scene.hits.read(), np.uint32).reshape(-1, 4)[:, 0] > 0).sum())
     triangles = len(data["high_triangles"])
-    other = Scene(ctx, code, data, size, as_images=not in_software)
+    other = Scene(ctx, data, size, as_images=not is_software)
     other.start_rays()
     cast_otherwise = timed(ctx, other.cast_rays)
     return {
@@ -244,8 +222,8 @@ def measure(ctx: moderngl.Context, code, path: Path, size: int, in_software: boo
         "starts_ms": starts * 1e3,
         "cast_ms": cast * 1e3,
         "cast_with_read_back_ms": whole * 1e3,
-        "cast_from_images_ms": (cast if in_software else cast_otherwise) * 1e3,
-        "cast_from_samplers_ms": (cast_otherwise if in_software else cast) * 1e3,
+        "cast_from_images_ms": (cast if is_software else cast_otherwise) * 1e3,
+        "cast_from_samplers_ms": (cast_otherwise if is_software else cast) * 1e3,
         "rays": rays,
         "hits": hit,
         "rays_per_second": rays / cast,
@@ -258,12 +236,11 @@ def main() -> None:
     parser.add_argument("--sizes", type=int, nargs="+", default=[512, 1024, 2048])
     parser.add_argument("--output", type=Path, help="write the figures as JSON")
     options = parser.parse_args()
-    code = passes()
     ctx = moderngl.create_standalone_context(backend="egl", require=430)
     renderer = ctx.info["GL_RENDERER"]
-    in_software = code.shader.in_software(renderer)
-    print(renderer, "(in software)" if in_software else "")
-    rows = [measure(ctx, code, path, size, in_software) for path in options.files for size in options.sizes]
+    is_software = in_software(renderer)
+    print(renderer, "(in software)" if is_software else "")
+    rows = [measure(ctx, path, size, is_software) for path in options.files for size in options.sizes]
     for row in rows:
         print(
             f"{row['pair']:32} {row['size']:5}",
@@ -272,7 +249,7 @@ def main() -> None:
             f"{row['hits'] / max(1, row['rays']):.2%} hit",
             sep="  ",
         )
-    result = {"renderer": renderer, "in_software": in_software, "rows": rows}
+    result = {"renderer": renderer, "in_software": is_software, "rows": rows}
     if options.output:
         options.output.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
 

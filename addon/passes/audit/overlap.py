@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Counts how many triangles of a mesh cover each texel: more than one is the paper's first restriction broken."""
 
-import gpu
+from __future__ import annotations
 
 from ...core.udim import UvToClip
+from .. import blender_gpu as gpu
 from .. import shader, target
+from ..program import Program
 
-PROGRAM = shader.Program(
+PROGRAM = Program(
     vertex="audit/overlap_vert.glsl",
     fragment="audit/overlap_frag.glsl",
     inputs=(("VEC2", "uv"),),

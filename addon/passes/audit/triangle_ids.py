@@ -1,15 +1,21 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Draws a mesh in UV space: which triangle each texel belongs to, and which ones lie below that."""
 
-from collections.abc import Iterator
+from __future__ import annotations
 
-import gpu
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from ...core.udim import UvToClip
 from .. import mesh_upload, shader, target
+from ..program import Program
 
-PROGRAM = shader.Program(
+if TYPE_CHECKING:
+    import gpu
+
+PROGRAM = Program(
     vertex="audit/faces_vert.glsl",
     fragment="audit/faces_frag.glsl",
     inputs=(("VEC2", "uv"), ("VEC2", "number")),

@@ -1,14 +1,20 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Casts a ray from each texel of the low mesh to the high meshes, and reads the surface at the hit."""
 
-from dataclasses import dataclass
+from __future__ import annotations
 
-import gpu
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from .. import data_texture, shader, target
+from ..program import Program
 
-TRACE = shader.Program(
+if TYPE_CHECKING:
+    import gpu
+
+TRACE = Program(
     compute="bake/cast_comp.glsl",
     texels=(
         ("RGBA32F", "FLOAT_2D", "positions"),
@@ -28,7 +34,7 @@ TRACE = shader.Program(
         ("INT", "facing_only"),
     ),
 )
-LOOKUP = shader.Program(
+LOOKUP = Program(
     vertex="lib/fullscreen_vert.glsl",
     fragment="bake/lookup_frag.glsl",
     inputs=(("VEC2", "position"),),
@@ -36,14 +42,14 @@ LOOKUP = shader.Program(
     constants=(("MAT4", "normal_matrix"),),
     outputs=(("VEC4", "normal_out"),),
 )
-DISTANCE = shader.Program(
+DISTANCE = Program(
     vertex="lib/fullscreen_vert.glsl",
     fragment="bake/distance_frag.glsl",
     inputs=(("VEC2", "position"),),
     samplers=(("UINT_2D", "hits"),),
     outputs=(("VEC4", "distance_out"),),
 )
-POINTS = shader.Program(
+POINTS = Program(
     vertex="lib/fullscreen_vert.glsl",
     fragment="bake/hit_points_frag.glsl",
     inputs=(("VEC2", "position"),),

@@ -1,15 +1,21 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Draws high meshes in UV space: the target is their normal map (Gumbau, González and Chover, Algorithms 1 and 2)."""
 
-from collections.abc import Iterable
+from __future__ import annotations
 
-import gpu
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from ...core.udim import UvToClip
 from .. import shader, target
+from ..program import Program
 
-PROGRAM = shader.Program(
+if TYPE_CHECKING:
+    import gpu
+
+PROGRAM = Program(
     vertex="bake/flatten_vert.glsl",
     fragment="bake/flatten_frag.glsl",
     inputs=(("VEC2", "uv"), ("VEC3", "normal")),

@@ -1,12 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Draws the low mesh in UV space: where each texel's ray starts and where to."""
 
-import gpu
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 from ...core.udim import UvToClip
 from .. import shader, target
+from ..program import Program
 
-PROGRAM = shader.Program(
+if TYPE_CHECKING:
+    import gpu
+
+PROGRAM = Program(
     vertex="bake/gbuffer_vert.glsl",
     fragment="bake/gbuffer_frag.glsl",
     inputs=(("VEC2", "uv"), ("VEC3", "position"), ("VEC3", "direction")),

@@ -1,14 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Draws high meshes in UV space: which point of theirs each texel shows, and whose it is."""
 
-from collections.abc import Iterable
+from __future__ import annotations
 
-import gpu
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
 from ...core.udim import UvToClip
 from .. import shader, target
+from ..program import Program
 
-PROGRAM = shader.Program(
+if TYPE_CHECKING:
+    import gpu
+
+PROGRAM = Program(
     vertex="bake/points_vert.glsl",
     fragment="bake/points_frag.glsl",
     inputs=(("VEC2", "uv"), ("VEC3", "position"), ("VEC2", "labels")),

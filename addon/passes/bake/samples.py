@@ -1,17 +1,23 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Several samples a texel: where they lie, and their mean. Memory does not grow with their number."""
 
-import gpu
+from __future__ import annotations
 
-from .. import shader, target
+from typing import TYPE_CHECKING
 
-ADD = shader.Program(
+from .. import target
+from ..program import Program
+
+if TYPE_CHECKING:
+    import gpu
+
+ADD = Program(
     compute="bake/accumulate_comp.glsl",
     texels=(("RGBA32F", "FLOAT_2D", "normals"),),
     images=(("RGBA32F", "FLOAT_2D", "sums", "READ WRITE"),),
     constants=(("INT", "first_row"), ("INT", "is_first")),
 )
-AVERAGE = shader.Program(
+AVERAGE = Program(
     vertex="lib/fullscreen_vert.glsl",
     fragment="bake/average_frag.glsl",
     inputs=(("VEC2", "position"),),

@@ -1,12 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Maps of what lies between the low surface and the high one: one number or vector a texel."""
 
-import gpu
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from .. import shader, target
+from ..program import Program
 
-PROGRAM = shader.Program(
+if TYPE_CHECKING:
+    import gpu
+
+PROGRAM = Program(
     vertex="lib/fullscreen_vert.glsl",
     fragment="bake/relief_frag.glsl",
     inputs=(("VEC2", "position"),),

@@ -1,12 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Draws the low mesh in UV space and turns object-space normals into its tangent space."""
 
-import gpu
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 from ...core.udim import UvToClip
 from .. import shader, target
+from ..program import Program
 
-PROGRAM = shader.Program(
+if TYPE_CHECKING:
+    import gpu
+
+PROGRAM = Program(
     vertex="bake/tangent_vert.glsl",
     fragment="bake/tangent_frag.glsl",
     inputs=(("VEC2", "uv"), ("VEC3", "normal"), ("VEC4", "tangent")),

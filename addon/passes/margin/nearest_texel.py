@@ -5,22 +5,24 @@ A. Meijster, J. Roerdink and W. Hesselink, "A general algorithm for computing di
 first along the rows, then, among what the rows found, along the columns.
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
 
-import gpu
-
+from .. import blender_gpu as gpu
 from .. import shader, target
+from ..program import Program
 
 GROUP = 64
-ROWS = shader.Program(
+ROWS = Program(
     compute="margin/margin_rows_comp.glsl",
     texels=(("RGBA32F", "FLOAT_2D", "values"),),
     constants=(("INT", "farthest"),),
     images=(("R16I", "INT_2D", "offsets", "WRITE"),),
     group=(GROUP, 1),
 )
-COLUMNS = shader.Program(
+COLUMNS = Program(
     compute="margin/margin_columns_comp.glsl",
     texels=(("R16I", "INT_2D", "offsets"),),
     constants=(("INT", "reach"),),
@@ -59,7 +61,7 @@ def farthest(reach: int) -> int:
     return math.isqrt(2 * reach * reach)
 
 
-def _dispatch(program: shader.Program, count: int, **bindings) -> None:
+def _dispatch(program: Program, count: int, **bindings) -> None:
     compiled = shader.load(program)
     compiled.bind()
     target.bind(compiled, program, **bindings)

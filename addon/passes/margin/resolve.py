@@ -1,13 +1,20 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Turns values into the stored map, with the nearest written texel in the margin."""
 
-import gpu
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from .. import shader, target
+from ..program import Program
 from .nearest_texel import Nearest
 
-PROGRAM = shader.Program(
+if TYPE_CHECKING:
+    import gpu
+
+PROGRAM = Program(
     vertex="lib/fullscreen_vert.glsl",
     fragment="margin/resolve_frag.glsl",
     inputs=(("VEC2", "position"),),

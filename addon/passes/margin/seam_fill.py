@@ -6,16 +6,19 @@ texel's island: the border's similarity takes the whole way to the island across
 seam lies on the way, or the way leaves that island, the nearest texel stays.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
-import gpu
 import numpy as np
 
 from ...core.udim import UvToClip
+from .. import blender_gpu as gpu
 from .. import data_texture, mesh_upload, shader, target
+from ..program import Program
 from .nearest_texel import Nearest
 
-BORDERS = shader.Program(
+BORDERS = Program(
     vertex="margin/borders_vert.glsl",
     fragment="margin/borders_frag.glsl",
     inputs=(("VEC4", "corner"),),
@@ -23,7 +26,7 @@ BORDERS = shader.Program(
     constants=(("VEC4", "uv_to_clip"),),
     outputs=(("FLOAT", "number_out"),),
 )
-ACROSS = shader.Program(
+ACROSS = Program(
     vertex="lib/fullscreen_vert.glsl",
     fragment="margin/across_frag.glsl",
     inputs=(("VEC2", "position"),),

@@ -1,11 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Draws a mesh moved along its normals, in one color."""
 
-import gpu
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 from .. import shader, target
+from ..program import Program
 
-PROGRAM = shader.Program(
+if TYPE_CHECKING:
+    import gpu
+
+PROGRAM = Program(
     vertex="view/shell_vert.glsl",
     fragment="view/shell_frag.glsl",
     inputs=(("VEC3", "position"), ("VEC3", "direction")),

@@ -1,13 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Measures how far what a low mesh shows is from the high surface, and draws it in colors."""
 
-import gpu
+from __future__ import annotations
+
 import numpy as np
 
 from ...core import udim
+from .. import blender_gpu as gpu
 from .. import shader, target
+from ..program import Program
 
-MEASURE = shader.Program(
+MEASURE = Program(
     vertex="bake/tangent_vert.glsl",
     fragment="view/deviation_frag.glsl",
     inputs=(("VEC2", "uv"), ("VEC3", "normal"), ("VEC4", "tangent")),
@@ -16,7 +19,7 @@ MEASURE = shader.Program(
     constants=(("MAT4", "placed"), ("VEC4", "uv_to_clip")),
     outputs=(("VEC4", "deviation_out"),),
 )
-RAMP = shader.Program(
+RAMP = Program(
     vertex="view/ramp_vert.glsl",
     fragment="view/ramp_frag.glsl",
     inputs=(("VEC3", "position"), ("VEC2", "uv")),
@@ -25,7 +28,7 @@ RAMP = shader.Program(
     constants=(("MAT4", "view_projection"), ("FLOAT", "limit"), ("INT", "is_bare")),
     outputs=(("VEC4", "color_out"),),
 )
-LEGEND = shader.Program(
+LEGEND = Program(
     vertex="view/legend_vert.glsl",
     fragment="view/legend_frag.glsl",
     inputs=(("VEC2", "position"),),

@@ -1,10 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Lights meshes, with a normal map and without (Gumbau, González and Chover, Algorithms 3 and 4)."""
 
-import gpu
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from .. import shader, target
+from ..program import Program
+
+if TYPE_CHECKING:
+    import gpu
 
 WORLD, OBJECT, MIKKTSPACE, BLENDER = range(4)
 """What the normals of a map are relative to: the world, the object, or its tangent space in one of two bases, of which
@@ -14,7 +21,7 @@ _VARYINGS = (("VEC3", "v_position"), ("VEC3", "v_normal"), ("VEC2", "v_uv"), ("V
 # Vulkan grants 128 bytes of constants, which these are.
 _CONSTANTS = (("MAT4", "view_projection"), ("MAT4", "placed"))
 
-MAP = shader.Program(
+MAP = Program(
     vertex="view/lit_vert.glsl",
     fragment="view/lit_frag.glsl",
     inputs=(("VEC3", "position"), ("VEC3", "normal"), ("VEC2", "uv"), ("VEC4", "tangent")),
@@ -23,7 +30,7 @@ MAP = shader.Program(
     constants=_CONSTANTS,
     outputs=(("VEC4", "color_out"),),
 )
-BARE = shader.Program(
+BARE = Program(
     vertex="view/bare_vert.glsl",
     fragment="view/bare_frag.glsl",
     inputs=(("VEC3", "position"), ("VEC3", "normal")),
@@ -75,7 +82,7 @@ def draw_bare(batch: gpu.types.GPUBatch, view_projection: np.ndarray, placed: np
 
 
 def _draw(
-    program: shader.Program, batch: gpu.types.GPUBatch, view_projection: np.ndarray, placed: np.ndarray, **samplers
+    program: Program, batch: gpu.types.GPUBatch, view_projection: np.ndarray, placed: np.ndarray, **samplers
 ) -> None:
     compiled = shader.load(program)
     compiled.bind()

@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Programs as data: the interface that a pass declares for its shader files, and their text with includes resolved."""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+SHADERS = Path(__file__).parents[2] / "shaders"
+_INCLUDE = re.compile(r'^#include "([^"]+)"\s*$')
+
+_SOFTWARE = "llvmpipe", "softpipe", "lavapipe", "swiftshader", "software"
+
+Declaration = tuple[str, str]  # (type, name), in the words of gpu.types.GPUShaderCreateInfo
+
+
+@dataclass(frozen=True)
+class Program:
+    """The interface of a vertex and a fragment shader, or of a compute shader.
+
+    The files themselves hold no declarations: the backend writes those.
+    """
+
+    vertex: str = ""
+    fragment: str = ""
+    compute: str = ""
+    inputs: tuple[Declaration, ...] = ()
+    varyings: tuple[Declaration, ...] = ()
+    samplers: tuple[Declaration, ...] = ()
+    constants: tuple[Declaration, ...] = ()
+    outputs: tuple[Declaration, ...] = ()
+    images: tuple[tuple[str, str, str, str], ...] = ()
+    """What a compute shader writes to: (format, type, name, "WRITE" or "READ WRITE")."""
+    texels: tuple[tuple[str, str, str], ...] = ()
+    """What is read by whole numbers, with texel_at and texel_size: (format, type, name). Images for drivers in software,
+    which take twice as long to read a sampler; samplers for all others, since what they cache best are textures."""
+    group: tuple[int, int] = (8, 8)
+    """A compute shader's workgroup, in texels."""
+
+    def all_samplers(self, as_images: bool) -> list[Declaration]:
+        """By slot, with `texels` unless they are images."""
+        return [*self.samplers, *(() if as_images else ((kind, name) for _, kind, name in self.texels))]
+
+    def all_images(self, as_images: bool) -> list[tuple[str, str, str, str]]:
+        """By slot, with `texels` if they are images."""
+        return [*self.images, *(((*texel, "READ") for texel in self.texels) if as_images else ())]
+
+
+def prelude(as_images: bool) -> str:
+    """What goes before every source: the ways to read a Program's `texels`."""
+    at, size = ("imageLoad(t, p)", "imageSize(t)") if as_images else ("texelFetch(t, p, 0)", "textureSize(t, 0)")
+    return f"#define texel_at(t, p) {at}\n#define texel_size(t) {size}\n#line 1\n"
+
+
+def source(name: str) -> str:
+    """The text of the shader file `name` with its includes in place (each once) and #line marks for the compiler."""
+    return "\n".join(_lines(name, set()))
+
+
+def _lines(name: str, seen: set[str]) -> list[str]:
+    seen.add(name)
+    lines = []
+    for number, line in enumerate((SHADERS / name).read_text(encoding="utf-8").splitlines(), start=1):
+        include = _INCLUDE.match(line)
+        if include is None:
+            lines.append(line)
+        elif include[1] not in seen:
+            lines += [*_lines(include[1], seen), f"#line {number + 1}"]
+    return lines
+
+
+def in_software(renderer: str) -> bool:
+    """Whether a renderer of this name draws on the processor."""
+    return any(name in renderer.casefold() for name in _SOFTWARE)

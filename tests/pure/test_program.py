@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The shader files and what the passes declare for them, read without a GPU."""
+
+import re
+
+import pytest
+
+from addon.passes import program
+from tests.support import programs
+
+PROGRAMS = programs.find_all()
+
+
+def files_of(declared):
+    """The shader files of a program."""
+    return [name for name in (declared.vertex, declared.fragment, declared.compute) if name]
+
+
+def test_every_file_is_used_and_named_for_its_stage():
+    used = {name for each in PROGRAMS.values() for name in files_of(each)}
+    files = {path.relative_to(program.SHADERS).as_posix(): path for path in program.SHADERS.rglob("*.glsl")}
+    for name, path in files.items():
+        stage = path.stem.rsplit("_", 1)[1]
+        text = path.read_text(encoding="utf-8")
+        assert text.count("void main()") == (0 if stage == "lib" else 1), name
+        if stage == "lib":
+            assert any(f'#include "{name}"' in other.read_text(encoding="utf-8") for other in files.values())
+        else:
+            assert stage in {"vert", "frag", "comp"}
+            assert name in used
+
+
+def test_includes_are_resolved_once_and_lines_keep_their_numbers(tmp_path, monkeypatch):
+    (tmp_path / "a_lib.glsl").write_text("float a_one() { return 1.0; }\n")
+    (tmp_path / "b_lib.glsl").write_text('#include "a_lib.glsl"\nfloat b_one() { return a_one(); }\n')
+    (tmp_path / "c_frag.glsl").write_text('#include "a_lib.glsl"\n#include "b_lib.glsl"\nvoid main() {}\n')
+    monkeypatch.setattr(program, "SHADERS", tmp_path)
+    text = program.source("c_frag.glsl")
+    assert text.count("float a_one") == 1
+    assert text.count("float b_one") == 1
+    assert "#include" not in text
+    assert text.splitlines()[text.splitlines().index("void main() {}") - 1] == "#line 3"
+
+
+@pytest.mark.parametrize("declared", PROGRAMS.values(), ids=PROGRAMS)
+def test_shaders_use_what_is_declared_for_them(declared):
+    """A name that none of them has would be refused when it is set, on the drivers that drop it."""
+    text = "\n".join(map(program.source, files_of(declared)))
+    words = set(re.findall(r"\w+", text))
+    kinds = (declared.inputs, declared.varyings, declared.samplers, declared.constants, declared.outputs)
+    names = [name for kind in kinds for _, name in kind]
+    names += [name for _, _, name in declared.texels] + [name for _, _, name, _ in declared.images]
+    assert names
+    assert len(set(names)) == len(names)
+    assert [name for name in names if name not in words] == []
+
+
+@pytest.mark.parametrize(
+    ("renderer", "expected"),
+    [
+        ("llvmpipe (LLVM 15.0.6, 256 bits)", True),
+        ("Google SwiftShader", True),
+        ("NVIDIA H200/PCIe/SSE2", False),
+        ("AMD Radeon RX 7900 XTX (radeonsi, navi31, LLVM 17.0.6)", False),
+        ("Intel(R) UHD Graphics 620", False),
+        ("Apple M3 Max", False),
+    ],
+)
+def test_what_draws_in_software(renderer, expected):
+    assert program.in_software(renderer) == expected
