@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Spaces that fit some meshes, and the boxes around meshes in world space."""
+"""Local spaces around meshes, and bounding boxes in world space."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ FARTHEST = 1e8
 
 @dataclass(frozen=True)
 class LocalSpace:
-    """A space whose origin and unit fit some meshes, so that single precision is as good 10 km away as here.
+    """A space whose origin and unit fit some meshes, so that single precision is as accurate far from the world's origin.
 
     origin (3,) float64 in world space; size in world units. World axes.
     """
@@ -36,10 +36,10 @@ def local_space_of(meshes: Sequence[Mesh]) -> LocalSpace:
 
 
 def _world_box(meshes: Sequence[Mesh]) -> tuple[np.ndarray, np.ndarray]:
-    """The lowest and highest coordinates (3,) float64 in world space of what the meshes' triangles use."""
+    """The minimum and maximum coordinates (3,) float64 in world space of the vertices that triangles use."""
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     for mesh in meshes:
-        # Of the box's corners, the transformed ones hold the transformed mesh.
+        # The transformed corners of the box enclose the transformed mesh.
         box = np.array(np.meshgrid(*mesh.box.T)).reshape(3, -1).T
         corners = box @ mesh.to_world[:3, :3].T + mesh.to_world[:3, 3]
         low, high = np.minimum(low, corners.min(axis=0)), np.maximum(high, corners.max(axis=0))
@@ -47,6 +47,6 @@ def _world_box(meshes: Sequence[Mesh]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def gap(low: Mesh, highs: Sequence[Mesh]) -> float:
-    """How far apart, in world units, the box around `low` and the one around `highs` are; 0 where they touch."""
-    one, other = _world_box([low]), _world_box(highs)
-    return float(np.linalg.norm(np.maximum(np.maximum(one[0] - other[1], other[0] - one[1]), 0.0)))
+    """The distance, in world units, between the box around `low` and the box around `highs`; 0 if they touch."""
+    (low_min, low_max), (high_min, high_max) = _world_box([low]), _world_box(highs)
+    return float(np.linalg.norm(np.maximum(np.maximum(low_min - high_max, high_min - low_max), 0.0)))

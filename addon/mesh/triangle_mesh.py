@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A mesh as plain arrays."""
+"""A triangle mesh as numpy arrays."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -9,14 +9,13 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Mesh:
-    """One object's surface, by face corners, in its own space.
+    """The surface of one object, by face corners, in the object's space.
 
-    positions (V, 3) float32. One row a corner: vertices (C,) int32, indices into positions; normals (C, 3) float32;
-    uv (C, 2) float32, or None where no layer was read; tangents (C, 4) float32, w the bitangent's sign, or None.
-    triangles (T, 3) int32, indices into the corners; faces (T,) int32, the number of the face that each is of, or None
-    where that was not asked for; labels (T, n), numbers that go with each triangle, or None. to_world (4, 4) float64.
-    not_finite: how many triangles were left out for NaN or infinite values. instances: of how many meshes in their places it
-    is made; 0 for an object's own mesh alone.
+    positions (V, 3) float32. One row per corner: vertices (C,) int32, indices into positions; normals (C, 3) float32;
+    uv (C, 2) float32, or None if no layer was read; tangents (C, 4) float32, w the sign of the bitangent, or None.
+    triangles (T, 3) int32, indices into the corners; faces (T,) int32, the face of each triangle, or None if not read;
+    labels (T, n), numbers that go with each triangle, or None. to_world (4, 4) float64. not_finite: the number of triangles
+    left out for NaN or infinite values. instances: the number of instances joined; 0 for the object's own mesh.
     """
 
     name: str
@@ -33,13 +32,13 @@ class Mesh:
     instances: int = 0
 
     def to_world_normals(self, normals: np.ndarray) -> np.ndarray:
-        """`normals` (N, 3) of this mesh's space in the world's; float32, not of length one."""
+        """Transform `normals` (N, 3) from this mesh's space to world space; float32, not of length one."""
         return normals @ normal_matrix(self.to_world).T.astype(np.float32)
 
     @cached_property
     def box(self) -> np.ndarray:
-        """The lowest and the highest coordinates (2, 3) float64, in the mesh's space, of what its triangles use."""
-        # Loose vertices, which may be anywhere, do not count.
+        """The minimum and maximum coordinates (2, 3) float64, in the mesh's space, of the vertices that triangles use."""
+        # Loose vertices do not count: they can be anywhere.
         is_used = np.zeros(len(self.positions), bool)
         is_used[np.take(self.vertices, self.triangles, mode="clip")] = True
         used = self.positions if is_used.all() else self.positions[is_used]
@@ -48,7 +47,7 @@ class Mesh:
 
 
 def keep_corners(mesh: Mesh, finite: np.ndarray | None) -> Mesh:
-    """`mesh` without the triangles that touch a corner where `finite` (C,) is False; None stands for all True."""
+    """`mesh` without the triangles that use a corner where `finite` (C,) is False; None stands for all True."""
     if finite is None:
         return mesh
     keep = finite[mesh.triangles].all(axis=1)
@@ -60,8 +59,8 @@ def keep_corners(mesh: Mesh, finite: np.ndarray | None) -> Mesh:
 
 
 def finite_rows(*arrays: np.ndarray) -> np.ndarray | None:
-    """Which rows hold finite numbers alone in all `arrays` (N, n): (N,) bool, or None when every row does."""
-    # A sum is finite unless a term is not, or the sum overflows: the common case costs one pass and no memory.
+    """Which rows (N,) bool are finite in all `arrays` (N, n), or None if all rows are."""
+    # A sum is finite unless a term is not, or it overflows: the common case takes one pass and no memory.
     with np.errstate(over="ignore", invalid="ignore"):
         if all(np.isfinite(array.sum()) for array in arrays):
             return None
@@ -70,11 +69,11 @@ def finite_rows(*arrays: np.ndarray) -> np.ndarray | None:
 
 
 def normal_matrix(mesh_to_world: np.ndarray, space_to_world: np.ndarray | None = None) -> np.ndarray:
-    """The (3, 3) matrix that takes normals from a mesh's space to world space, or to that of another object.
+    """The (3, 3) matrix that transforms normals from a mesh's space to world space, or to another object's space.
 
-    A normal n is a plane's row vector: a matrix M that takes points takes it to n M^-1, so that world normals are
-    M^-T n, and M'^T n_world is what an object with matrix M' has for them. Mirrored objects need no more than this:
-    unlike cofactors, the inverse transpose leaves outside what was outside. Not normalized.
+    A normal n is the row vector of a plane. Where a matrix M transforms points, n becomes n M^-1. So world normals are
+    M^-T n, and in the space of an object with matrix M' they are M'^T n_world. Mirrored objects need nothing more: unlike
+    cofactors, the inverse transpose keeps normals pointing outwards. The results are not normalized.
     Raises numpy.linalg.LinAlgError for a matrix without volume.
     """
     matrix = np.linalg.inv(mesh_to_world[:3, :3]).T

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where a mesh's triangles lie in UV space, and how large they are there."""
+"""Measures triangles in UV space: their areas, and the tiles that they cover."""
 
 import numpy as np
 
@@ -8,12 +8,12 @@ from . import threads
 from .triangle_mesh import Mesh
 
 ON_THE_RIM = 1e-5
-"""How far outside the tile a UV may lie before it counts: subdivision rounds."""
+"""A UV counts as outside a tile from this distance on: subdivision rounds UVs."""
 
 
 def areas(mesh: Mesh) -> np.ndarray:
-    """Twice the triangles' areas in UV space (T,) float32: below 0 where they turn the other way round than on the
-    surface, which is mirrored, and exactly 0 where nothing can be drawn."""
+    """Twice the areas of the triangles in UV space, (T,) float32: negative for mirrored ones, and exactly 0 for triangles
+    that cover nothing."""
     result = np.empty(len(mesh.triangles), np.float32)
 
     def measure(part: slice) -> None:
@@ -29,7 +29,7 @@ def areas(mesh: Mesh) -> np.ndarray:
 def outside(mesh: Mesh, tiles: tuple[int, int] = (1, 1)) -> np.ndarray:
     """Which triangles (T,) bool reach outside the `tiles` along u and v."""
     low, (u_high, v_high) = -ON_THE_RIM, np.add(tiles, ON_THE_RIM)
-    # NaN lies in corners that no triangle uses any more, and must not pass for being inside.
+    # Corners that no triangle uses may hold NaN: a comparison with it is False, and each triangle is tested.
     if mesh.uv.min() >= low and mesh.uv[:, 0].max() <= u_high and mesh.uv[:, 1].max() <= v_high:
         return np.zeros(len(mesh.triangles), bool)
     corners = np.stack(_uv_corners(mesh), axis=1)
@@ -44,7 +44,7 @@ def tiles(mesh: Mesh) -> list[int]:
     spans = []
     for values, count in zip((corners.real, corners.imag), (udim.COLUMNS, udim.ROWS), strict=True):
         low, high = values.min(axis=1), values.max(axis=1)
-        # What lies on the rim between two tiles belongs to one of them; what has no extent, to none.
+        # A triangle on the border between two tiles belongs to one of them; one without extent belongs to none.
         first, last = np.floor(low + ON_THE_RIM), np.ceil(high - ON_THE_RIM) - 1.0
         last = np.where(low < high, np.maximum(last, first), first - 1.0)
         spans += [np.maximum(first, 0.0), np.minimum(last, count - 1.0)]
@@ -60,6 +60,6 @@ def tiles(mesh: Mesh) -> list[int]:
 
 
 def _uv_corners(mesh: Mesh, which: slice = slice(None)) -> list[np.ndarray]:
-    """The UVs of three corners of the triangles `which`, (T,) each, as u + v i: one gather for both."""
+    """The UVs of the three corners of the triangles `which`, (T,) each, as complex numbers: one gather reads u and v."""
     uv = mesh.uv.view(np.complex64)[:, 0]
     return [np.take(uv, corner, mode="clip") for corner in mesh.triangles[which].T]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where UV islands end, against loops over triangles and known answers."""
+"""Tests the borders of UV islands against plain loops over triangles and known answers."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ SIZE = 200, 100
 
 
 def mesh(positions, triangles, uv):
-    """Triangles (T, 3) of positions with UVs (T, 3, 2) of their own corners."""
+    """A mesh of triangles (T, 3), indices into positions, with UVs (T, 3, 2) by corner."""
     triangles = np.asarray(triangles)
     corners = np.arange(triangles.size, dtype=np.int32)
     return Mesh(
@@ -31,17 +31,17 @@ FLAT = np.array(SQUARE)[:, :2] * 0.25
 
 
 def listed(borders):
-    """Borders, four complex numbers each, in an order of their own; where the surface ends, None."""
+    """Borders, four complex numbers each, rounded and sorted, with None where the surface ends."""
     numbers = ([None if np.isnan(z.real) else (round(z.real, 4), round(z.imag, 4)) for z in row] for row in borders)
     return sorted(numbers, key=str)
 
 
 def ends(found):
-    """The borders with what lies across."""
+    """The ends of each border, here and across."""
     return listed(np.concatenate([found.here, found.there], axis=1) + 0.0)
 
 
-def test_a_sheet_ends_where_the_surface_does():
+def test_border_of_a_sheet_has_nothing_across():
     found = uv_seams.find([mesh(SQUARE, HALVES, FLAT[HALVES])])
     assert len(found.side) == 4
     assert np.isnan(found.there).all()
@@ -49,7 +49,7 @@ def test_a_sheet_ends_where_the_surface_does():
     assert not found.is_mirrored.any()
 
 
-def test_a_cut_has_two_sides_that_know_of_each_other():
+def test_both_sides_of_a_seam_point_to_each_other():
     uv = FLAT[HALVES].copy()
     uv[1] += (0.5, 0.25)
     found = uv_seams.find([mesh(SQUARE, HALVES, uv)])
@@ -61,18 +61,18 @@ def test_a_cut_has_two_sides_that_know_of_each_other():
 
 
 @pytest.mark.parametrize("nudge", [0.0, uv_seams.CONNECTED / 4])
-def test_uvs_that_nearly_meet_are_one_island(nudge):
+def test_nearly_equal_uvs_join_an_island(nudge):
     uv = FLAT[HALVES] + np.float32(nudge) * np.array([0, 1])[:, None, None]
     assert len(uv_seams.find([mesh(SQUARE, HALVES, uv)]).side) == 4
 
 
-def test_vertices_that_an_exporter_parted_still_meet():
+def test_split_vertices_in_the_same_place_are_connected():
     parted = mesh(np.array(SQUARE)[HALVES].reshape(-1, 3), np.arange(6).reshape(2, 3), FLAT[HALVES])
     parted.positions[:3][parted.positions[:3] == 0.0] *= np.float32(-1.0)  # -0 is 0
     assert ends(uv_seams.find([parted])) == ends(uv_seams.find([mesh(SQUARE, HALVES, FLAT[HALVES])]))
 
 
-def test_an_edge_of_three_triangles_ends_each_of_them():
+def test_edge_of_three_triangles_is_a_border_of_each():
     positions = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1)]
     triangles = np.array([(0, 1, 2), (1, 0, 3), (0, 1, 4)])
     found = uv_seams.find([mesh(positions, triangles, np.array([[(0, 0), (1, 0), (0, 1)]] * 3) * 0.2)])
@@ -80,8 +80,8 @@ def test_an_edge_of_three_triangles_ends_each_of_them():
     assert np.isnan(found.there).all()
 
 
-def test_a_fold_is_a_border_onto_its_own_mirror_image():
-    """Two halves that lie over each other in the map."""
+def test_fold_is_a_mirrored_border():
+    """Two halves overlap in the map."""
     uv = FLAT[HALVES].copy()
     uv[1, 2] = FLAT[1]
     found = uv_seams.find([mesh(SQUARE, HALVES, uv)])
@@ -91,15 +91,15 @@ def test_a_fold_is_a_border_onto_its_own_mirror_image():
     assert np.array_equal(found.here[is_known], found.there[is_known])
 
 
-def test_triangles_without_area_in_the_map_have_no_borders():
+def test_triangles_without_uv_area_have_no_borders():
     uv = FLAT[HALVES].copy()
     uv[1, 2] = (uv[1, 0] + uv[1, 1]) / 2
     found = uv_seams.find([mesh(SQUARE, HALVES, uv)])
-    assert len(found.side) == 2  # and the diagonal, where the island goes on into nothing, is none
+    assert len(found.side) == 2  # the diagonal to the triangle without area does not count
 
 
-def test_a_pole_is_no_neighbor_of_itself():
-    """Quads of a sphere whose upper edge is one point: in the map it has a length, on the surface none."""
+def test_pole_edge_has_nothing_across():
+    """The upper edge of a sphere's quads is one point: it has a length in the map and none on the surface."""
     positions = [(0, 0, 1), (1, 0, 0), (0, 1, 0), (-1, 0, 0)]
     triangles = np.array([(1, 2, 0), (0, 0, 1), (2, 3, 0), (0, 0, 2)])
     uv = (
@@ -114,8 +114,8 @@ def test_a_pole_is_no_neighbor_of_itself():
     assert np.isnan(found.there[is_pole]).all()
 
 
-def by_looking_at_all(mesh):
-    """The borders as `ends` has them, edge by edge."""
+def borders_by_brute_force(mesh):
+    """The borders in the form of `ends`, found edge by edge."""
     result = []
     corners = [
         [(tuple(mesh.positions[mesh.vertices[c]]), complex(*mesh.uv[c])) for c in t] for t in mesh.triangles.tolist()
@@ -142,7 +142,7 @@ def by_looking_at_all(mesh):
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_borders_are_those_found_by_looking_at_all_triangles_seed(seed):
+def test_borders_equal_brute_force_seed(seed):
     rng = np.random.default_rng(seed)
     side = 6
     x, y = np.meshgrid(np.arange(side + 1), np.arange(side + 1))
@@ -160,13 +160,13 @@ def test_borders_are_those_found_by_looking_at_all_triangles_seed(seed):
     uv += 0.5 * rng.integers(0, 2, (len(triangles), 1, 2))  # to one of four places
     mirrored = rng.random(len(triangles)) < 0.3
     uv[mirrored, :, 0] = 0.9 - uv[mirrored, :, 0]
-    one = mesh(positions, triangles, uv)
-    assert ends(uv_seams.find([one])) == by_looking_at_all(one)
+    sheet = mesh(positions, triangles, uv)
+    assert ends(uv_seams.find([sheet])) == borders_by_brute_force(sheet)
 
 
 @pytest.mark.parametrize("tile", [1001, 1012])
 @pytest.mark.parametrize("seed", [1, 2])
-def test_similarities_take_each_border_to_the_other_side_seed(seed, tile):
+def test_similarities_map_each_border_to_the_other_side_seed(seed, tile):
     rng = np.random.default_rng(seed)
     uv = rng.random((2, 3, 2)) * 0.9 + ((tile - 1001) % 10, (tile - 1001) // 10)
     found = uv_seams.find([mesh(SQUARE, HALVES, uv)])
@@ -186,7 +186,7 @@ def test_similarities_take_each_border_to_the_other_side_seed(seed, tile):
 
     for end in (0, 1):
         assert np.allclose(moved(texels(found.here[:, end]))[known], texels(found.there[:, end])[known], atol=1e-3)
-    # Outwards here is inwards there.
+    # A point outside this border is inside the island across.
     along = texels(found.here[:, 1]) - texels(found.here[:, 0])
     outwards = -1j * found.side * along
     inside = moved(texels(found.here.mean(axis=1)) + 0.01 * outwards)[known]
@@ -201,8 +201,8 @@ def test_similarities_take_each_border_to_the_other_side_seed(seed, tile):
         assert len(set(sides)) == 1
 
 
-def test_strips_hold_the_distance_from_their_border():
-    """Interpolated as the rasterizer does, at random places of every triangle."""
+def test_strip_depth_is_the_distance_from_the_border():
+    """Interpolates as the rasterizer does, at random points of every triangle."""
     found = uv_seams.find([mesh(SQUARE, HALVES, FLAT[HALVES])])
     triangles, corners = found.strips(SIZE, 1001)
     assert triangles.shape == (4 * 6, 3)
