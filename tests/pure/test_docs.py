@@ -1,0 +1,252 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The manual is true: what its pages name is there, their links lead somewhere, and their commands are understood."""
+
+import ast
+import json
+import re
+import shlex
+
+import pytest
+
+from addon.cli import arguments, job_file
+from addon.core.report import STAGES, Report
+from scripts import imprint
+from scripts.imprint import ROOT
+from tests.pure.test_layers import MAY_IMPORT, WITHOUT
+
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+TOP = {path.name for path in ROOT.iterdir()} - {"out", "dist", ".venv"}
+"""Files and folders at the top, but for what commands make."""
+MADE = ("out/", "dist/", "../")
+"""What paths start with that are no files of the repository."""
+OTHER_OPTIONS = {
+    # Blender's
+    *("--background", "--command", "--python", "--python-exit-code", "--factory-startup", "--gpu-backend"),
+    # pytest's, ruff's and git's
+    *("--durations", "--fix", "--check", "--oneline"),
+    # of the systems' tools
+    *("--gpus", "--rm", "--array", "--no-install-recommends"),
+    "--help",
+}
+SHELLS = {"", "sh", "bash", "console"}
+"""Languages of blocks that hold commands."""
+
+
+def ids(paths):
+    return [path.relative_to(ROOT).as_posix() for path in paths]
+
+
+def blocks(page):
+    """The fenced blocks of a page: (language, text)."""
+    return re.findall(r"^```(\w*)\n(.*?)^```", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+
+
+def prose(page):
+    """A page without its fenced blocks."""
+    return re.sub(r"^```\w*\n.*?^```", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
+
+
+def inline(page):
+    """What stands between backticks in the prose of a page."""
+    return re.findall(r"`([^`]+)`", prose(page))
+
+
+def section(page, heading):
+    """The text below a heading, down to the next of its level or a higher one."""
+    level = len(heading) - len(heading.lstrip("#"))
+    text = page.read_text(encoding="utf-8")
+    start = text.index(f"\n{heading}\n") + len(heading) + 2
+    end = re.search(rf"^#{{1,{level}}} ", text[start:], re.MULTILINE)
+    return text[start : start + end.start()] if end else text[start:]
+
+
+def rows(text):
+    """The cells of the tables in a text, without their heads."""
+    lines = [line for line in text.splitlines() if line.startswith("|")]
+    cells = [[cell.strip() for cell in re.split(r"(?<!\\)\|", line)[1:-1]] for line in lines]
+    rules = [number for number, line in enumerate(cells) if all(re.fullmatch(":?-+:?", cell) for cell in line)]
+    return [line for number, line in enumerate(cells) if number not in rules and number + 1 not in rules]
+
+
+# Links
+
+
+def anchors(page):
+    """What a link to a heading of this page may end in, as GitHub makes it."""
+    headings = re.findall(r"^#+ (.+)$", prose(page), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("page", [*PAGES, ROOT / "CHANGELOG.md"], ids=ids([*PAGES, ROOT / "CHANGELOG.md"]))
+def test_links_lead_somewhere(page):
+    broken = []
+    for target in re.findall(r"\]\(([^)\s]+)\)", prose(page)):
+        if re.match("https?:|mailto:", target):
+            continue
+        path, _, anchor = target.partition("#")
+        place = (page.parent / path).resolve() if path else page
+        if not place.exists() or (anchor and anchor not in anchors(place)):
+            broken.append(target)
+    assert broken == []
+
+
+def test_each_page_of_the_manual_is_linked():
+    linked = {
+        (page.parent / target.partition("#")[0]).resolve()
+        for page in PAGES
+        for target in re.findall(r"\]\(([^)\s:]+)\)", prose(page))
+    }
+    assert [page.name for page in PAGES if page.name != "README.md" and page.resolve() not in linked] == []
+
+
+# Files
+
+
+def is_there(name):
+    """Whether a path of the repository exists; one of code may start below addon/ or shaders/, or be a bare name."""
+    bases = [ROOT, ROOT / "addon", ROOT / "shaders"] if "/" in name else [ROOT]
+    if any(any(base.glob(name)) for base in bases):
+        return True
+    return "/" not in name and any(
+        any((ROOT / top).rglob(name)) for top in ("addon", "shaders", "scripts", "tests", "docs")
+    )
+
+
+@pytest.mark.parametrize("page", PAGES, ids=ids(PAGES))
+def test_files_that_are_named_are_there(page):
+    text = "\n".join([prose(page), *(block for language, block in blocks(page) if language in SHELLS | {"text"})])
+    named = set(re.findall(r"(?<![\w./<{*-])[\w./*-]+\.(?:py|glsl|md)\b", text))
+    for code in inline(page):
+        top = code.split("/")[0].split("::")[0]
+        if re.fullmatch(r"[\w./*-]+", code) and top in TOP:
+            named.add(code.rstrip("/"))
+    assert sorted(name for name in named if not name.startswith(MADE) and not is_there(name)) == []
+
+
+# Commands
+
+
+def options_in(script):
+    """The options that a script's source names."""
+    tree = ast.parse(script.read_text(encoding="utf-8"))
+    words = (node.value for node in ast.walk(tree) if isinstance(node, ast.Constant) and isinstance(node.value, str))
+    return {word for word in words if re.fullmatch("--[a-z][a-z-]*", word)}
+
+
+def known_options():
+    ours = {f"--{name}" for group in arguments.OPTIONS.values() for name in group} | {"--jobs"}
+    return ours | OTHER_OPTIONS | {name for script in (ROOT / "scripts").rglob("*.py") for name in options_in(script)}
+
+
+def commands(page):
+    """The command lines of a page, as words."""
+    for language, text in blocks(page):
+        if language in SHELLS:
+            for line in text.replace("\\\n", " ").splitlines():
+                words = shlex.split(line, comments=True)
+                while words and (words[0] == "$" or re.fullmatch(r"\w+=.*", words[0])):
+                    words = words[1:]
+                if words:
+                    yield words
+    for code in inline(page):
+        if re.match(r"(python3 |blender |\S*imprint\.py )", code):
+            yield shlex.split(code)
+
+
+def bake_arguments(words):
+    """What a command hands to the bake, or None where it does not bake."""
+    launcher = [
+        number for number, word in enumerate(words) if word.endswith("scripts/imprint.py") or word == "imprint.py"
+    ]
+    if launcher:
+        more = words[launcher[0] + 1 :]
+        return more[1:] if more[:1] == ["bake"] else None
+    if "--command" in words:
+        return words[words.index("--command") + 2 :]
+    if "scripts/bake.py" in " ".join(words) and "--" in words:
+        return words[words.index("--") + 1 :]
+    return None
+
+
+def check_command(words):
+    """Raise, or fail, for a command that would not be understood."""
+    given = bake_arguments(words)
+    if given is not None:
+        if given in ([], ["--help"]):
+            return
+        options = arguments.parse(given)
+        if options.jobs:
+            arguments.split_jobs(given)
+        else:
+            arguments.check(options)
+        return
+    script = next((word for word in words if re.search(r"(^|/)\w+\.py$", word)), None)
+    if script is not None and script.endswith("imprint.py"):
+        options = imprint.parse(words[words.index(script) + 1 :])
+        known = known_options()  # tests and demo have parsers of their own, which need Blender
+        assert [word for word in options.rest if word.startswith("--") and word.partition("=")[0] not in known] == []
+    elif script is not None and (ROOT / script).is_file():
+        known = options_in(ROOT / script) | OTHER_OPTIONS
+        assert [word for word in words if word.startswith("--") and word.partition("=")[0] not in known] == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=ids(PAGES))
+def test_commands_are_understood(page, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for words in commands(page):
+        try:
+            check_command(words)
+        except (arguments.WrongUsage, SystemExit) as error:
+            pytest.fail(f"{shlex.join(words)}: {error}")
+
+
+@pytest.mark.parametrize("page", PAGES, ids=ids(PAGES))
+def test_options_that_are_named_exist(page):
+    named = {option for code in inline(page) for option in re.findall(r"(?<![\w-])--[a-z][a-z-]*", code)}
+    assert sorted(named - known_options()) == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=ids(PAGES))
+def test_job_files_are_understood(page, tmp_path):
+    for language, text in blocks(page):
+        if language in {"toml", "json"} and "bake" in text.split("=")[0].split(":")[0] + text and "output" in text:
+            path = tmp_path / f"jobs.{language}"
+            path.write_text(text, encoding="utf-8")
+            assert job_file.read(str(path))
+
+
+@pytest.mark.parametrize("page", PAGES, ids=ids(PAGES))
+def test_python_in_the_manual_is_python(page):
+    operators = set()
+    for path in (ROOT / "addon").rglob("*.py"):
+        operators |= set(re.findall(r'bl_idname = "imprint\.(\w+)"', path.read_text(encoding="utf-8")))
+    for language, text in blocks(page):
+        if language == "python":
+            ast.parse(text)
+        if language == "json":
+            json.loads(text)
+    called = set(re.findall(r"bpy\.ops\.imprint\.(\w+)", page.read_text(encoding="utf-8")))
+    assert called - operators == set()
+
+
+# Facts that are told twice
+
+
+def names(cell):
+    """The names between backticks in a cell."""
+    return re.findall(r"`([^`]+)`", cell)
+
+
+def test_the_table_of_packages_is_that_of_the_imports():
+    found = {}
+    for cells in rows(section(ROOT / "docs" / "architecture.md", "## What may import what")):
+        (package,) = names(cells[0])
+        found["" if package == "addon/__init__.py" else package] = set(names(cells[1])), set(names(cells[2]))
+    assert found == {package: (MAY_IMPORT[package], WITHOUT.get(package, set())) for package in MAY_IMPORT}
+
+
+def test_the_table_of_a_report_has_its_keys():
+    data = Report("CAST", "TANGENT", (16, 16), "lo", ["hi"]).to_dict()
+    text = section(ROOT / "docs" / "command-line.md", "### The report of one bake")
+    assert [names(cells[0])[0] for cells in rows(text)] == list(data)
+    assert set(STAGES) <= set(names(text))
