@@ -71,13 +71,16 @@ def _stop() -> None:
     """End what is going on, and forget what belongs to the open file."""
     import bpy
 
-    from .ui import live_mode, modal, results
-    from .ui.viewport import cage_overlay, view_mode
+    from .ui import live_mode
+    from .ui.bake_results import results
+    from .ui.modal import runner
+    from .ui.viewport import view_mode
+    from .ui.viewport.cage_overlay import overlay
 
-    modal.stop(bpy.context)
+    runner.stop(bpy.context)
     live_mode.stop()
     results.forget()
-    cage_overlay.show(False)
+    overlay.hide()
     view_mode.off()
 
 

@@ -155,13 +155,18 @@ def _warn(program: str, warnings: Sequence[str]) -> None:
         print(f"{program}: warning: {warning}", file=sys.stderr)
 
 
-_handle = None
+_handles: list[object] = []
+"""What Blender removes the command by, while it is registered."""
+
+
+def is_registered() -> bool:
+    """Whether Blender knows the command."""
+    return bool(_handles)
 
 
 def register() -> None:
-    global _handle  # noqa: PLW0603 - Blender gives a handle to take the command back with
-    _handle = bpy.utils.register_cli_command("imprint", run)
+    _handles.append(bpy.utils.register_cli_command("imprint", run))
 
 
 def unregister() -> None:
-    bpy.utils.unregister_cli_command(_handle)
+    bpy.utils.unregister_cli_command(_handles.pop())

@@ -8,8 +8,9 @@ from ..core.errors import BakeError
 from ..core.report import Report
 from ..jobs import locate_issues
 from ..scene import face_selection
-from . import results
-from .viewport import progress_display, show_result
+from .bake_results import results
+from .viewport import show_result
+from .viewport.progress_display import display
 
 CHECKS = {
     "overlap": (
@@ -69,7 +70,7 @@ class _OfLastBake:
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return results.is_there(context) and progress_display.current() is None
+        return results.has_any(context) and display.current is None
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         try:

@@ -1,30 +1,40 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Gives the GPU's memory back when nobody bakes. Batches in the background keep it: for them the next bake is at hand."""
+"""Frees GPU memory when there was no bake for a while. Batches in the background keep it: their next bake comes soon."""
 
 import bpy
 
 from ..engine import gpu_memory
 from . import live_mode
-from .viewport import progress_display
+from .callbacks import Timer
+from .viewport.progress_display import display
 
 AFTER = 60.0
 """Seconds without a bake."""
 EVERY = 15.0
-"""Seconds between two looks."""
+"""Seconds between two checks."""
 
 
-def tick() -> float:
-    """Free what is kept if it is time."""
-    if progress_display.current() is None and live_mode.session() is None:
-        gpu_memory.free_if_idle(AFTER)
-    return EVERY
+class IdleMemory:
+    """Frees what is kept on the GPU after so many seconds without a bake."""
+
+    def __init__(self, after: float = AFTER):
+        self.after = after
+        self.timer = Timer(self.check)
+
+    def check(self) -> float:
+        """Free what is kept if it is time. Returns the seconds until the next check."""
+        if display.current is None and live_mode.session() is None:
+            gpu_memory.free_if_idle(self.after)
+        return EVERY
+
+
+idle_memory = IdleMemory()
 
 
 def register() -> None:
     if not bpy.app.background:
-        bpy.app.timers.register(tick, first_interval=EVERY, persistent=True)
+        idle_memory.timer.start(EVERY, persistent=True)
 
 
 def unregister() -> None:
-    if bpy.app.timers.is_registered(tick):
-        bpy.app.timers.unregister(tick)
+    idle_memory.timer.stop()

@@ -13,7 +13,7 @@ from ..jobs import live_session
 from ..jobs.several import Job
 from ..scene import bake_objects
 from . import sculpt_strokes
-from .viewport import progress_display
+from .viewport.progress_display import display
 
 TICK = 0.02
 """Seconds between two looks at what has changed."""
@@ -126,7 +126,7 @@ def tick() -> float | None:
     global _work, _is_stored  # noqa: PLW0603 - Blender calls plain functions, and there is one session
     if _session is None:
         return None
-    if progress_display.current() is not None:  # a bake is going on
+    if display.current is not None:  # a bake is going on
         return TICK
     is_well = False
     try:

@@ -12,25 +12,29 @@ from ..core.report import Report
 from ..core.settings import Settings
 from ..jobs import sequence, several
 from ..scene import bake_objects
-from . import live_mode, modal, results
+from . import live_mode, modal
+from .bake_results import distances, high_objects, results
+from .callbacks import redraw
 from .properties import Options
-from .viewport import cage_overlay, progress_display, show_result
+from .viewport import show_result
+from .viewport.cage_overlay import overlay
+from .viewport.progress_display import display
 
 LAST_OPERATION = 40
 """Letters in a line of Adjust Last Operation, which Blender makes no wider for its words."""
 
 
-class _Bake(modal.InSlices):
-    """An operator that bakes maps; `_work` returns their reports."""
+class _Bake(modal.SlicedOperator):
+    """An operator that bakes maps; `task` returns their reports."""
 
     @classmethod
     def poll(cls, _context: bpy.types.Context) -> bool:
         if live_mode.session() is not None:
             cls.poll_message_set("Live bakes into the same image: switch it off first")
             return False
-        return progress_display.current() is None
+        return display.current is None
 
-    def _finish(self, context: bpy.types.Context, result: list[Report]) -> None:
+    def finish(self, context: bpy.types.Context, result: list[Report]) -> None:
         _tell(self, context, result)
 
     def draw(self, context: bpy.types.Context) -> None:
@@ -60,11 +64,11 @@ class _OnePair(_Bake, Options):
         name="Cage", description="Name of the cage; empty for the slot, which counts for rays", options={"SKIP_SAVE"}
     )
 
-    def _work(self, context: bpy.types.Context, speed: progress.Pace) -> progress.Task:
-        job, settings = self._job(context)
-        return (yield from several.work(context, [job], settings, speed))
+    def task(self, context: bpy.types.Context, pace: progress.Pace) -> progress.Task:
+        job, settings = self.job(context)
+        return (yield from several.work(context, [job], settings, pace))
 
-    def _job(self, context: bpy.types.Context) -> tuple[several.Job, Settings]:
+    def job(self, context: bpy.types.Context) -> tuple[several.Job, Settings]:
         """What the arguments name, and the panel where they say nothing."""
         scene_settings = context.scene.imprint
         low, highs = scene_settings.subjects(context, bake_objects.named(self.low) if self.low else None)
@@ -95,15 +99,15 @@ class IMPRINT_OT_bake_sequence(_OnePair, bpy.types.Operator):
     first: IntProperty(name="First", description="Frame; below 0 for the scene's first", default=-1)
     last: IntProperty(name="Last", description="Frame; below 0 for the scene's last", default=-1)
 
-    def _work(self, context: bpy.types.Context, speed: progress.Pace) -> progress.Task:
-        job, settings = self._job(context)
+    def task(self, context: bpy.types.Context, pace: progress.Pace) -> progress.Task:
+        job, settings = self.job(context)
         scene = context.scene
         first = self.first if self.first >= 0 else scene.frame_start
         last = self.last if self.last >= 0 else scene.frame_end
-        return (yield from sequence.work(context, job, settings, range(first, last + 1), speed))
+        return (yield from sequence.work(context, job, settings, range(first, last + 1), pace))
 
 
-class IMPRINT_OT_live(modal.InSlices, bpy.types.Operator):
+class IMPRINT_OT_live(modal.SlicedOperator, bpy.types.Operator):
     """Bake anew whenever the high or the low objects change, or stop doing so"""
 
     bl_idname = "imprint.live"
@@ -112,12 +116,12 @@ class IMPRINT_OT_live(modal.InSlices, bpy.types.Operator):
 
     @classmethod
     def poll(cls, _context: bpy.types.Context) -> bool:
-        return progress_display.current() is None
+        return display.current is None
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         return super().invoke(context, event) if live_mode.session() is None else self.execute(context)
 
-    def _work(self, context: bpy.types.Context, speed: progress.Pace) -> progress.Task[None]:
+    def task(self, context: bpy.types.Context, pace: progress.Pace) -> progress.Task[None]:
         if live_mode.session() is not None:
             live_mode.finish()
             return
@@ -127,7 +131,7 @@ class IMPRINT_OT_live(modal.InSlices, bpy.types.Operator):
             raise BakeError(bake_objects.problem(context, low, highs))
         plain = settings.to_settings()
         job = several.Job(low, highs, settings.cage_for(plain.method))
-        yield from live_mode.starting(context, job, plain, speed)
+        yield from live_mode.starting(context, job, plain, pace)
 
 
 class IMPRINT_OT_bake_pairs(_Bake, bpy.types.Operator):
@@ -137,12 +141,12 @@ class IMPRINT_OT_bake_pairs(_Bake, bpy.types.Operator):
     bl_label = "Bake Pairs by Name"
     bl_options = {"REGISTER", "UNDO"}
 
-    def _work(self, context: bpy.types.Context, speed: progress.Pace) -> progress.Task:
+    def task(self, context: bpy.types.Context, pace: progress.Pace) -> progress.Task:
         settings = context.scene.imprint
         jobs, problems = several.jobs_by_name(context, settings.suffixes())
         for problem in problems:
             self.report({"WARNING"}, problem)
-        steps = several.work(context, jobs, settings.to_settings(), speed, share_image=settings.share_image)
+        steps = several.work(context, jobs, settings.to_settings(), pace, share_image=settings.share_image)
         return (yield from steps)
 
 
@@ -169,13 +173,13 @@ class IMPRINT_OT_freeze_distances(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if not results.distances(results.of(context)):
+        if not distances(results.of(context)):
             cls.poll_message_set("Bake this low object first, with Measure Distances on")
             return False
         return True
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        settings, found = context.scene.imprint, results.distances(results.of(context))
+        settings, found = context.scene.imprint, distances(results.of(context))
         settings.extrusion, settings.max_distance = found["extrusion"], found["max_distance"]
         settings.measure = False
         return {"FINISHED"}
@@ -191,7 +195,7 @@ class IMPRINT_OT_show_high(bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         report = results.of(context)
-        return report is not None and bool(results.high_objects(report))
+        return report is not None and bool(high_objects(report))
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         report = results.of(context)
@@ -206,11 +210,11 @@ class IMPRINT_OT_show_cage(bpy.types.Operator):
     bl_label = "Show Cage"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        cage_overlay.show(not cage_overlay.is_on())
-        for window in context.window_manager.windows:
-            for area in window.screen.areas:
-                if area.type == "VIEW_3D":
-                    area.tag_redraw()
+        if overlay.is_on:
+            overlay.hide()
+        else:
+            overlay.show()
+        redraw()
         return {"FINISHED"}
 
 

@@ -19,7 +19,8 @@ from ..core import file_formats, udim
 from ..core.name_matching import Suffixes
 from ..core.settings import AXES, MAPS, MAX_MIPS, MAX_SIZE, MIN_SIZE, SAMPLES, Settings
 from ..scene import bake_objects, visibility
-from . import results
+from . import bake_results
+from .bake_results import results
 
 _USUAL = Settings()
 
@@ -364,7 +365,7 @@ class ImprintSettings(bpy.types.PropertyGroup, Options):
     def _remembered(self, context: bpy.types.Context, low: bpy.types.Object | None) -> list[bpy.types.Object]:
         """What counts as high where nothing is chosen."""
         last = results.of(context, low) if low is not None else None
-        before = results.high_objects(last) if last is not None else []
+        before = bake_results.high_objects(last) if last is not None else []
         own = bake_objects.own_highs(low)
         is_hidden = before and not any(visibility.is_visible(obj) for obj in before)
         return before if is_hidden or not own else own
@@ -385,7 +386,7 @@ class ImprintSettings(bpy.types.PropertyGroup, Options):
 
 def _found(name: str):
     """Reads a distance of the low object at hand, as its last bake in this session measured it; 0 where none did."""
-    return lambda _: results.distances(results.of(bpy.context)).get(name, 0.0)
+    return lambda _: bake_results.distances(results.of(bpy.context)).get(name, 0.0)
 
 
 class ImprintFound(bpy.types.PropertyGroup):

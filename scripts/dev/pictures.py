@@ -20,7 +20,7 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 import addon  # noqa: E402
-from addon.ui.viewport import progress_display  # noqa: E402
+from addon.ui.viewport.progress_display import display  # noqa: E402
 from scripts import demo  # noqa: E402
 
 SIZE = 2048
@@ -119,7 +119,7 @@ def pictures(folder: Path) -> Iterator[float]:
         ("BARE_DEVIATION", "without_map"),
     ):
         shown.mode, shown.limit = mode, 40.0
-        while progress_display.current() is not None:  # the first one draws a map of its own
+        while display.current is not None:  # the first one draws a map of its own
             yield 0.2
         yield 2.0  # panels slide to their places
         shot(folder / f"{name}.jpg")

@@ -7,7 +7,7 @@ import pytest
 
 import addon
 from addon.engine import ray_casting
-from addon.ui.viewport import cage_overlay
+from addon.ui.viewport.cage_overlay import CageState, overlay
 from tests.support import maps, zoo
 
 pytestmark = pytest.mark.usefixtures("registered", "gpu_context")
@@ -81,15 +81,15 @@ def test_the_shells_come_and_go_without_a_trace():
 
     before = handlers()
     bpy.ops.imprint.show_cage()
-    assert cage_overlay.is_on()
-    cage_overlay.show(True)  # twice is once
+    assert overlay.is_on
+    overlay.show()  # twice is once
     assert handlers() == tuple(number + 1 for number in before)
     bpy.ops.imprint.show_cage()
-    assert not cage_overlay.is_on()
+    assert not overlay.is_on
     assert handlers() == before
     bpy.ops.imprint.show_cage()
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    assert not cage_overlay.is_on()
+    assert not overlay.is_on
     assert handlers() == before
 
 
@@ -154,20 +154,18 @@ def test_a_file_that_is_named_is_written(small, tmp_path):
 
 def test_shells_are_read_anew_when_the_low_object_changes_and_only_then():
     low, other = zoo.plane("lo"), zoo.plane("other")
-    cage_overlay.show(True)
+    overlay.show()
 
     def is_read_anew(change):
-        cage_overlay._ready(low, "SMOOTH")
-        cage_overlay.catch_up()
-        bpy.app.timers.unregister(cage_overlay.catch_up) if bpy.app.timers.is_registered(
-            cage_overlay.catch_up
-        ) else None
-        assert cage_overlay._ready(low, "SMOOTH") is not None
-        assert not bpy.app.timers.is_registered(cage_overlay.catch_up)
+        overlay.mesh_of(low, "SMOOTH")
+        overlay.catch_up()
+        overlay.timer.stop()
+        assert overlay.mesh_of(low, "SMOOTH") is not None
+        assert overlay.state is CageState.SHOWN
         change()
         bpy.context.view_layer.update()
-        cage_overlay._ready(low, "SMOOTH")
-        return bpy.app.timers.is_registered(cage_overlay.catch_up)
+        overlay.mesh_of(low, "SMOOTH")
+        return overlay.state is CageState.READING
 
     def lift():
         low.data.vertices[0].co.z = 1.0
@@ -180,8 +178,8 @@ def test_shells_are_read_anew_when_the_low_object_changes_and_only_then():
         assert is_read_anew(lambda: setattr(low.location, "x", 1.0))
         assert is_read_anew(lift)
         assert is_read_anew(lambda: low.modifiers.new("Lift", "DISPLACE"))
-        assert cage_overlay._ready(other, "SMOOTH") is None
-        assert cage_overlay._ready(low, "SPLIT") is None
+        assert overlay.mesh_of(other, "SMOOTH") is None
+        assert overlay.mesh_of(low, "SPLIT") is None
     finally:
-        cage_overlay.show(False)
-    assert not bpy.app.timers.is_registered(cage_overlay.catch_up)
+        overlay.hide()
+    assert not overlay.timer.is_running

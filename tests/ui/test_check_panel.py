@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from addon.jobs import locate_issues
-from addon.ui import check_operators, results
+from addon.ui import check_operators
+from addon.ui.bake_results import results
 from addon.ui.panels import check_panel
 from addon.ui.viewport import show_result
 from tests.support import maps, zoo

@@ -669,7 +669,9 @@ def test_strokes_of_dyntopo_are_asked_for_once(pair, monkeypatch):
     bpy.ops.sculpt.dynamic_topology_toggle()
     follow()
     asked, ask = [], live_mode.sculpt_strokes.Strokes._ask
-    monkeypatch.setattr(live_mode.sculpt_strokes.Strokes, "_ask", lambda self: (asked.append(1), ask(self), sculpt(high)))
+    monkeypatch.setattr(
+        live_mode.sculpt_strokes.Strokes, "_ask", lambda self: (asked.append(1), ask(self), sculpt(high))
+    )
     monkeypatch.setattr(live_mode.sculpt_strokes, "ANSWER", -1.0)
     sculpt(high)
     monkeypatch.setattr(live_mode.sculpt_strokes, "ANSWER", 1e6)
@@ -746,7 +748,9 @@ def test_it_looks_for_its_objects_once_and_only_when_something_is_new(pair, monk
     follow()
     looked, look = [], live_mode._in_scenes
     monkeypatch.setattr(live_mode, "_in_scenes", lambda: (looked.append(1), look())[1])
-    monkeypatch.setattr(live_mode.bake_objects.ObjectRef, "resolve", lambda ref: pytest.fail(f"{ref.name} was looked for"))
+    monkeypatch.setattr(
+        live_mode.bake_objects.ObjectRef, "resolve", lambda ref: pytest.fail(f"{ref.name} was looked for")
+    )
     for _ in range(5):
         live_mode.tick()
     assert looked == []

@@ -11,8 +11,10 @@ from addon.core import progress
 from addon.core.errors import BakeError
 from addon.engine import gpu_memory, ray_casting
 from addon.passes import target
-from addon.ui import idle_memory, live_mode, modal, operators
-from addon.ui.viewport import progress_display, view_mode
+from addon.ui import live_mode, modal, operators
+from addon.ui.idle_memory import EVERY, idle_memory
+from addon.ui.viewport import view_mode
+from addon.ui.viewport.progress_display import display
 from tests.support import zoo
 from tests.support.maps import pixels
 from tests.support.snapshot import difference, snapshot
@@ -27,18 +29,16 @@ TICKS = 2000
 def pair():
     low, high = zoo.terrains_in_slots("CAST")
     yield low, high
-    modal.stop(bpy.context)
+    modal.runner.stop(bpy.context)
     live_mode.stop()
     view_mode.off()
 
 
-class Button(modal.InSlices):
+class Button(modal.SlicedOperator):
     """An operator of ours as the window presses it: in slices that are as short as can be."""
 
     def __init__(self, operator, **properties):
-        self._work = operator._work.__get__(self)
-        self._finish = operator._finish.__get__(self)
-        for name in ("_job", "_wanted", "to_settings"):
+        for name in ("task", "finish", "job", "wanted", "to_settings"):
             if hasattr(operator, name):
                 setattr(self, name, getattr(operator, name).__get__(self))
         self.low = self.cage = ""
@@ -89,7 +89,7 @@ def tiny(monkeypatch):
 
 
 def is_clean():
-    return progress_display.current() is None and not progress_display._handles and bpy.ops.imprint.live.poll()
+    return display.current is None and not display.is_drawn and bpy.ops.imprint.live.poll()
 
 
 BUTTONS = {
@@ -105,7 +105,7 @@ def test_a_first_map_comes_in_slices_with_a_bar(pair, name):
     assert button.press() == {"RUNNING_MODAL"}
     seen = []
     while button.event() == {"RUNNING_MODAL"}:
-        seen.append(progress_display.current().done)
+        seen.append(display.current.done)
     assert len(seen) > 4
     assert seen == sorted(seen)
     assert is_clean()
@@ -202,7 +202,7 @@ def test_another_file_ends_what_is_going_on(pair, name):
 def _running_bake():
     steps = (progress.Progress("Baking", number / 10) for number in range(10))
     button = Button(operators.IMPRINT_OT_live)
-    button._work = lambda *_: steps
+    button.task = lambda *_: steps
     return button
 
 
@@ -220,7 +220,7 @@ def test_an_error_is_told_and_frees_the_window(pair, error, said):
         yield progress.Progress("Reading", 0.0)
         raise error
 
-    button._work = fails
+    button.task = fails
     button.press()
     assert button.run() == {"CANCELLED"}
     assert is_clean()
@@ -247,11 +247,11 @@ def test_what_is_kept_is_let_go_when_nobody_bakes(pair, monkeypatch):
     gpu_memory.free_if_idle(60.0)
     assert len(ray_casting.trees)
     assert len(target.common)
-    monkeypatch.setattr(idle_memory, "AFTER", 0.0)
-    monkeypatch.setattr(progress_display, "_step", progress.Progress("Baking", 0.5))
-    idle_memory.tick()
+    monkeypatch.setattr(idle_memory, "after", 0.0)
+    monkeypatch.setattr(display, "current", progress.Progress("Baking", 0.5))
+    idle_memory.check()
     assert len(ray_casting.trees)
-    monkeypatch.setattr(progress_display, "_step", None)
-    assert idle_memory.tick() == idle_memory.EVERY
+    monkeypatch.setattr(display, "current", None)
+    assert idle_memory.check() == EVERY
     assert not len(ray_casting.trees)
     assert not len(target.common)

@@ -7,7 +7,8 @@ import pytest
 import addon
 from addon.scene import visibility
 from addon.ui import live_mode
-from addon.ui.viewport import object_hiding, view_mode
+from addon.ui.viewport import view_mode
+from addon.ui.viewport.object_hiding import hiding
 from tests.support import zoo
 from tests.ui.test_view_mode import seen, view, viewport
 
@@ -54,9 +55,9 @@ def toggle():
 def shown():
     """What the viewport shows, once it was drawn and what it asked for was done."""
     seen()
-    if bpy.app.timers.is_registered(object_hiding.catch_up):
-        bpy.app.timers.unregister(object_hiding.catch_up)
-        object_hiding.catch_up()
+    if hiding.timer.is_running:
+        hiding.timer.stop()
+        hiding.catch_up()
     bpy.context.view_layer.update()
     return in_view()
 
@@ -64,14 +65,6 @@ def shown():
 def in_view():
     layer = bpy.context.view_layer
     return {obj.name for obj in layer.objects if obj.visible_get(view_layer=layer, viewport=space())}
-
-
-def is_clean():
-    handlers = bpy.app.handlers
-    waits = bpy.app.timers.is_registered(object_hiding.catch_up)
-    left = [f for told in (handlers.save_pre, handlers.undo_post, handlers.redo_post) for f in told]
-    ours = [f for f in left if getattr(f, "__module__", "") == object_hiding.__name__]
-    return not (ours or waits or object_hiding._asked or object_hiding._taken or object_hiding._left)
 
 
 @pytest.mark.parametrize("mode", ["MAP", "SPLIT", "DEVIATION", "BARE_DEVIATION"])
@@ -82,7 +75,7 @@ def test_the_high_object_is_out_of_a_view_and_comes_back(mode, pair):
     view().mode = "OFF"
     bpy.context.view_layer.update()
     assert in_view() == {"lo", "hi", "other"}
-    assert (space().local_view, chosen(), is_clean()) == (None, {"other"}, True)
+    assert (space().local_view, chosen(), hiding.is_off) == (None, {"other"}, True)
 
 
 def test_nothing_need_be_selected(pair):
@@ -102,7 +95,7 @@ def test_where_nothing_can_be_selected_the_viewport_stays_as_it_is(pair):
     view().mode = "MAP"
     assert "hi" in shown()
     assert space().local_view is None
-    assert not bpy.app.timers.is_registered(object_hiding.catch_up)
+    assert not hiding.timer.is_running
 
 
 def test_a_local_view_of_the_artists_own_stays(pair):
@@ -113,7 +106,7 @@ def test_a_local_view_of_the_artists_own_stays(pair):
     bpy.context.view_layer.update()
     assert space().local_view is not None
     assert in_view() == {"lo", "hi"}
-    assert is_clean()
+    assert hiding.is_off
     toggle()
 
 
@@ -202,7 +195,7 @@ def test_what_comes_later_is_seen_and_what_is_gone_does_no_harm(pair):
     bpy.data.objects.remove(pair[1])
     assert shown() == {"lo", "other", "later"}
     view_mode.off()
-    assert (space().local_view, is_clean()) == (None, True)
+    assert (space().local_view, hiding.is_off) == (None, True)
 
 
 def test_where_the_low_object_is_not_seen_all_is(pair):
@@ -250,7 +243,7 @@ def test_it_ends_with_the_file_and_with_the_extension(leave, pair):
     else:
         addon.unregister()
     try:
-        assert (space().local_view, is_clean()) == (None, True)
+        assert (space().local_view, hiding.is_off) == (None, True)
     finally:
         if leave == "extension":
             addon.register()

@@ -10,7 +10,7 @@ import pytest
 from addon.core import name_matching, progress
 from addon.ui import live_mode
 from addon.ui.panels import bake_panel, batch_panels, settings_panels
-from addon.ui.viewport import progress_display
+from addon.ui.viewport.progress_display import display, time_left
 from tests.support import maps, zoo
 from tests.support.snapshot import difference, snapshot
 
@@ -570,7 +570,7 @@ def test_the_bar_takes_the_buttons_place(pair, monkeypatch):
     select(*pair)
     bake()
     before = draw()
-    monkeypatch.setattr(progress_display, "current", lambda: progress.Progress("Drawing", 0.25))
+    monkeypatch.setattr(display, "current", progress.Progress("Drawing", 0.25))
     during = draw()
     assert {name for name, _ in before.buttons} - {name for name, _ in during.buttons} == {"imprint.bake"}
     bar = next(label for label in during.labels if label.startswith("25%"))
@@ -589,7 +589,7 @@ def test_the_bar_takes_the_buttons_place(pair, monkeypatch):
     ],
 )
 def test_the_bar_says_how_long_it_still_takes(done, seconds, words):
-    assert progress_display._left(done, seconds) == words
+    assert time_left(done, seconds) == words
 
 
 def test_names_are_matched_only_when_one_has_changed(pair, monkeypatch):

@@ -54,9 +54,10 @@ def test_it_comes_and_goes_twice():
             "Scene.imprint",
             "IMPRINT_GT_split",
         }
-        assert command._handle is not None
+        assert command.is_registered()
         addon.unregister()
         assert traces() == set()
+        assert not command.is_registered()
 
 
 @pytest.mark.usefixtures("gpu_context")

@@ -7,7 +7,7 @@ import bpy
 import pytest
 
 from addon.scene import bake_objects
-from addon.ui import results
+from addon.ui.bake_results import results
 from addon.ui.panels import bake_panel
 from addon.ui.viewport import show_result
 from tests.support import zoo

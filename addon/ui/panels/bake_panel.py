@@ -4,8 +4,10 @@
 import bpy
 
 from ...core.report import Report
-from .. import live_mode, results
-from ..viewport import progress_display, show_result
+from .. import live_mode
+from ..bake_results import high_objects, results
+from ..viewport import show_result
+from ..viewport.progress_display import display
 from . import bake_plan
 from .sidebar import SidebarPanel, draw_paragraphs
 
@@ -46,12 +48,12 @@ class IMPRINT_PT_bake(SidebarPanel, bpy.types.Panel):
         # The bar takes the button's place: nothing moves under the mouse when a bake begins or ends.
         row = layout.row()
         row.scale_y = 1.6
-        step = progress_display.current()
+        step = display.current
         if step is None:
             row.enabled = not problem
             row.operator("imprint.bake", icon="RENDER_STILL")
         else:
-            row.progress(factor=step.done, text=progress_display.short(step))
+            row.progress(factor=step.done, text=display.short_text())
         row = layout.row()
         is_live = live_mode.session() is not None
         row.enabled = step is None and (is_live or not problem)
@@ -73,7 +75,7 @@ def draw_result(layout: bpy.types.UILayout, report: Report) -> None:
     column = row.column(align=True)
     head = column.row()
     head.label(text=report.image)
-    if results.high_objects(report):
+    if high_objects(report):
         is_hidden = show_result.hides_high(report)
         head.operator("imprint.show_high", text="", icon="HIDE_ON" if is_hidden else "HIDE_OFF", emboss=False)
     if image is None:  # nothing came of it in the end

@@ -4,7 +4,7 @@
 import bpy
 
 from ...jobs import locate_issues
-from .. import results
+from ..bake_results import results
 from ..check_operators import CHECKS
 from .sidebar import SidebarPanel
 

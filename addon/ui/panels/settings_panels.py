@@ -5,7 +5,7 @@ import bpy
 
 from .. import map_size
 from ..presets import IMPRINT_PT_conventions
-from ..viewport import cage_overlay
+from ..viewport.cage_overlay import overlay
 from .sidebar import SettingsPanel, split_layout
 
 
@@ -114,7 +114,7 @@ class IMPRINT_PT_rays(SettingsPanel, bpy.types.Panel):
         else:
             column.prop(settings, "extrusion")
             column.prop(settings, "max_distance")
-        layout.operator("imprint.show_cage", icon="MESH_UVSPHERE", depress=cage_overlay.is_on())
+        layout.operator("imprint.show_cage", icon="MESH_UVSPHERE", depress=overlay.is_on)
         layout.prop(settings, "directions")
         layout.prop(settings, "facing_only")
         layout.prop(settings, "missed")

@@ -1,21 +1,23 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Takes objects out of 3D viewports for as long as something is drawn there in their place, and gives them back.
+"""Takes objects out of 3D viewports while something is drawn there in their place, and brings them back.
 
-It is done by local views, which belong to a viewport: the objects stay as they are, selected or not, and no undo step brings
+It uses local views, which belong to a viewport: the objects stay as they are, selected or not, and no undo step brings
 them back hidden. An undo step does hold which objects are in the local views of its time, so that a local view of the artist's
-own stays as it is. A viewport is asked for when it is drawn, and changed soon after: not while it is being drawn.
+own stays as it is. A viewport asks while it is drawn, and is changed soon after: not while it is being drawn.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import bpy
+
+from ..callbacks import Handlers, Timer
 
 Place = tuple[bpy.types.Window, bpy.types.Screen, bpy.types.Area, bpy.types.SpaceView3D]
 
 
 @dataclass(frozen=True)
-class _Asked:
+class _Request:
     """What a viewport is to show: the objects, by session_uid, that are out of it, and of which view layer."""
 
     out: frozenset[int]
@@ -23,83 +25,100 @@ class _Asked:
     layer: str
 
 
-_asked: dict[int, _Asked] = {}
-"""By the address of the viewport, as the others."""
-_taken: dict[int, _Asked | None] = {}
-"""Viewports that are in a local view of ours, with what they show; None where an undo may have changed it."""
-_left: set[int] = set()
-"""Viewports whose local view the artist has left, or that can have none."""
+class ObjectHiding:
+    """Knows what each viewport has asked for and what was done. Viewports are known by their address."""
 
+    def __init__(self):
+        self.timer = Timer(self.catch_up)
+        self._handlers = Handlers(
+            ("save_pre", self.give_back), ("undo_post", self._after_undo), ("redo_post", self._after_undo)
+        )
+        self._requests: dict[int, _Request] = {}
+        self._taken: dict[int, _Request | None] = {}
+        """Viewports that are in a local view of ours, with what they show; None where an undo may have changed it."""
+        self._left: set[int] = set()
+        """Viewports whose local view the artist has left, or that can have none."""
 
-def ask(context: bpy.types.Context, objects: list[bpy.types.Object]) -> None:
-    """Have `objects`, and no others, out of the viewport that is being drawn."""
-    space = context.space_data
-    key = space.as_pointer()
-    if key in _taken and space.local_view is None:
-        del _taken[key]
-        _left.add(key)
-    if key in _left or (key not in _taken and space.local_view is not None):
-        return
-    out = frozenset(obj.session_uid for obj in objects)
-    asked = _Asked(out, context.scene.session_uid, context.view_layer.name)
-    is_done = _taken[key] == asked if key in _taken else not out
-    if not is_done:
-        _asked[key] = asked
-        if not bpy.app.timers.is_registered(catch_up):
-            bpy.app.timers.register(catch_up, first_interval=0.0)
+    @property
+    def is_off(self) -> bool:
+        """Whether no viewport, handler or timer is affected."""
+        is_used = self._requests or self._taken or self._left
+        return not (is_used or self.timer.is_running or self._handlers.are_added)
 
-
-def are_out(space: bpy.types.SpaceView3D, objects: list[bpy.types.Object]) -> bool:
-    """Whether none of `objects` is to be seen in a viewport."""
-    done = _taken.get(space.as_pointer())
-    return done is not None and space.local_view is not None and {obj.session_uid for obj in objects} <= done.out
-
-
-def catch_up() -> None:
-    """Do what the viewports were asked for."""
-    for save_or_undo, handler in _handlers():
-        if handler not in save_or_undo:
-            save_or_undo.append(handler)
-    for place in list(_places()):
-        asked = _asked.pop(place[3].as_pointer(), None)
-        if asked is not None:
-            _settle(place, asked)
-    _asked.clear()
-
-
-def stop() -> None:
-    """Give all viewports back as they were. Nothing stays behind."""
-    give_back()
-    _left.clear()
-    for save_or_undo, handler in _handlers():
-        if handler in save_or_undo:
-            save_or_undo.remove(handler)
-
-
-def give_back(*_) -> None:
-    """Give all viewports back as they were, until they are drawn again."""
-    _asked.clear()
-    if bpy.app.timers.is_registered(catch_up):
-        bpy.app.timers.unregister(catch_up)
-    for place in list(_places()) if _taken else ():
-        _give_back(place)
-    _taken.clear()
-
-
-def _after_undo(*_) -> None:
-    """What is in a local view is as it was then, and Blender leaves one that was not there yet: the artist has not left it.
-    The next draw asks anew."""
-    for *_, space in list(_places()):
+    def ask(self, context: bpy.types.Context, objects: list[bpy.types.Object]) -> None:
+        """Have `objects`, and no others, out of the viewport that is being drawn."""
+        space = context.space_data
         key = space.as_pointer()
-        if key in _taken:
-            _taken[key] = None
-            if space.local_view is None:
-                del _taken[key]
+        if key in self._taken and space.local_view is None:
+            del self._taken[key]
+            self._left.add(key)
+        if key in self._left or (key not in self._taken and space.local_view is not None):
+            return
+        out = frozenset(obj.session_uid for obj in objects)
+        request = _Request(out, context.scene.session_uid, context.view_layer.name)
+        is_done = self._taken[key] == request if key in self._taken else not out
+        if not is_done:
+            self._requests[key] = request
+            self.timer.start()
 
+    def are_out(self, space: bpy.types.SpaceView3D, objects: list[bpy.types.Object]) -> bool:
+        """Whether none of `objects` is visible in a viewport."""
+        done = self._taken.get(space.as_pointer())
+        return done is not None and space.local_view is not None and {obj.session_uid for obj in objects} <= done.out
 
-def _handlers() -> list[tuple[list, Callable]]:
-    handlers = bpy.app.handlers
-    return [(handlers.save_pre, give_back), (handlers.undo_post, _after_undo), (handlers.redo_post, _after_undo)]
+    def catch_up(self) -> None:
+        """Do what the viewports have asked for."""
+        self._handlers.add()
+        for place in list(_places()):
+            request = self._requests.pop(place[3].as_pointer(), None)
+            if request is not None:
+                self._settle(place, request)
+        self._requests.clear()
+
+    def stop(self) -> None:
+        """Restore all viewports. No handler and no timer remains."""
+        self.give_back()
+        self._left.clear()
+        self._handlers.remove()
+
+    def give_back(self, *_) -> None:
+        """Restore all viewports until they are drawn again."""
+        self._requests.clear()
+        self.timer.stop()
+        for place in list(_places()) if self._taken else ():
+            self._restore(place)
+        self._taken.clear()
+
+    def _after_undo(self, *_) -> None:
+        """What is in a local view is as it was then, and Blender leaves one that was not there yet: the artist has not left
+        it. The next draw asks again."""
+        for *_, space in list(_places()):
+            key = space.as_pointer()
+            if key in self._taken:
+                self._taken[key] = None
+                if space.local_view is None:
+                    del self._taken[key]
+
+    def _settle(self, place: Place, request: _Request) -> None:
+        window, *_, space = place
+        key = space.as_pointer()
+        if not request.out:
+            self._restore(place)
+            return
+        if key not in self._taken and not _enter(place):
+            self._left.add(key)
+            return
+        self._taken[key] = request
+        for obj in window.view_layer.objects:
+            obj.local_view_set(space, obj.session_uid not in request.out)
+
+    def _restore(self, place: Place) -> None:
+        space = place[3]
+        key = space.as_pointer()
+        if key in self._taken:
+            del self._taken[key]
+            if space.local_view is not None:
+                _switch(place)
 
 
 def _places() -> Iterator[Place]:
@@ -109,20 +128,6 @@ def _places() -> Iterator[Place]:
         window = windows.get(screen) or next(iter(windows.values()), None)
         for area in screen.areas if window is not None else ():
             yield from ((window, screen, area, space) for space in area.spaces if space.type == "VIEW_3D")
-
-
-def _settle(place: Place, asked: _Asked) -> None:
-    window, *_, space = place
-    key = space.as_pointer()
-    if not asked.out:
-        _give_back(place)
-        return
-    if key not in _taken and not _enter(place):
-        _left.add(key)
-        return
-    _taken[key] = asked
-    for obj in window.view_layer.objects:
-        obj.local_view_set(space, obj.session_uid not in asked.out)
 
 
 def _enter(place: Place) -> bool:
@@ -156,10 +161,4 @@ def _switch(place: Place) -> bool:
         area.type = kind
 
 
-def _give_back(place: Place) -> None:
-    space = place[3]
-    key = space.as_pointer()
-    if key in _taken:
-        del _taken[key]
-        if space.local_view is not None:
-            _switch(place)
+hiding = ObjectHiding()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A bake that is going on, for the eye: its words and share for panel and status bar, the map as it refines in the views."""
+"""Shows a bake in progress: text for panel and status bar, and in the editors the map as far as it is."""
 
 import time
 
@@ -7,66 +7,79 @@ import bpy
 from gpu_extras.presets import draw_texture_2d
 
 from ...core.progress import Progress
+from ..callbacks import DrawCallbacks, redraw
 from . import viewport_text
 
 SIDE = 256
-"""Of the picture on screen, in pixels at a scale of 1."""
+"""The longer side of the picture on screen, in pixels at a scale of 1."""
 EDGE = 24
+"""Between the picture and the corner of the editor, in pixels at a scale of 1."""
 REDRAW = 0.25
-"""Seconds between two looks at the map."""
+"""Seconds between two redraws."""
 KNOWN = 0.05
-"""Share of a bake that must be done before the time of the rest is told."""
-
-_step: Progress | None = None
-_drawn = _began = 0.0
-_handles: list[tuple[type, object]] = []
+"""Share of a bake that must be done before the remaining time is shown."""
 
 
-def current() -> Progress | None:
-    """What the bake last said, or None where none is going on."""
-    return _step
+class ProgressDisplay:
+    """The progress of the one bake that may be going on.
+
+    current: its last step, or None while there is no bake.
+    """
+
+    def __init__(self):
+        self.current: Progress | None = None
+        self._began = self._redrawn = 0.0
+        self._draw_callbacks = DrawCallbacks(
+            (bpy.types.SpaceView3D, self._draw, "POST_PIXEL"), (bpy.types.SpaceImageEditor, self._draw, "POST_PIXEL")
+        )
+
+    @property
+    def is_drawn(self) -> bool:
+        """Whether anything is drawn into the editors."""
+        return self._draw_callbacks.are_added
+
+    def show(self, context: bpy.types.Context, step: Progress) -> None:
+        """Show `step` until `hide` is called."""
+        if self.current is None:
+            self._began = time.monotonic()
+        self.current = step
+        self._draw_callbacks.add()
+        # The editors may take longer to draw than a slice of the bake.
+        if time.monotonic() - self._redrawn > REDRAW:
+            self._redrawn = time.monotonic()
+            context.workspace.status_text_set(f"{self.text()}   Esc: stop")
+            redraw("VIEW_3D", "IMAGE_EDITOR")
+
+    def hide(self, context: bpy.types.Context) -> None:
+        """Remove everything from the screen."""
+        self.current = None
+        self._draw_callbacks.remove()
+        for window in context.window_manager.windows:  # a bake may be stopped from another window
+            window.workspace.status_text_set(None)
+        redraw("VIEW_3D", "IMAGE_EDITOR")
+
+    def text(self) -> str:
+        """The current step in a line: what is done, how far it is, how much time is left."""
+        return f"{self.current.what}, {self.short_text()}"
+
+    def short_text(self) -> str:
+        """How far the current step is and, once that is known, how much time is left."""
+        return f"{self.current.done:.0%}{time_left(self.current.done, time.monotonic() - self._began)}"
+
+    def _draw(self) -> None:
+        picture = self.current.picture if self.current is not None else None
+        if picture is None:
+            return
+        scale = bpy.context.preferences.system.ui_scale
+        longer = max(picture.width, picture.height)
+        width, height = (SIDE * scale * side / longer for side in (picture.width, picture.height))
+        draw_texture_2d(picture, (EDGE * scale, EDGE * scale), width, height)
+        viewport_text.write(self.text(), EDGE * scale, EDGE * scale + height + 8 * scale, scale)
 
 
-def show(context: bpy.types.Context, step: Progress) -> None:
-    """Show `step` until `hide` is called."""
-    global _step, _drawn, _began  # noqa: PLW0603 - there is one bake at a time, and Blender draws without arguments
-    if _step is None:
-        _began = time.monotonic()
-    _step = step
-    if not _handles:
-        for space in (bpy.types.SpaceView3D, bpy.types.SpaceImageEditor):
-            _handles.append((space, space.draw_handler_add(_draw, (), "WINDOW", "POST_PIXEL")))
-    # The views may take longer to draw than a slice of the bake.
-    if time.monotonic() - _drawn > REDRAW:
-        _drawn = time.monotonic()
-        context.workspace.status_text_set(f"{words(step)}   Esc: stop")
-        _redraw(context)
-
-
-def hide(context: bpy.types.Context) -> None:
-    """Take everything off the screen."""
-    global _step  # noqa: PLW0603 - see above
-    _step = None
-    while _handles:
-        space, handle = _handles.pop()
-        space.draw_handler_remove(handle, "WINDOW")
-    for window in context.window_manager.windows:  # what ends it may come from another one than began it
-        window.workspace.status_text_set(None)
-    _redraw(context)
-
-
-def words(step: Progress) -> str:
-    """`step` in a line."""
-    return f"{step.what}, {short(step)}"
-
-
-def short(step: Progress) -> str:
-    """How far `step` is and, once that can be told, how much time is left."""
-    return f"{step.done:.0%}{_left(step.done, time.monotonic() - _began)}"
-
-
-def _left(done: float, seconds: float) -> str:
-    """How long the rest takes if it goes on as in the `seconds` that this share took, in steps that do not flicker."""
+def time_left(done: float, seconds: float) -> str:
+    """How long the rest takes if it goes on at the same speed: `seconds` for a share `done`. Rounded, so that it does not
+    flicker; empty while that cannot be known."""
     if done < KNOWN or seconds < 1.0:
         return ""
     left = seconds * (1.0 - done) / done
@@ -75,18 +88,4 @@ def _left(done: float, seconds: float) -> str:
     return f", {left if left < 10.0 else 5.0 * round(left / 5.0):.0f} s left"
 
 
-def _redraw(context: bpy.types.Context) -> None:
-    for window in context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type in {"VIEW_3D", "IMAGE_EDITOR"}:
-                area.tag_redraw()
-
-
-def _draw() -> None:
-    if _step is None or _step.picture is None:
-        return
-    scale = bpy.context.preferences.system.ui_scale
-    longer = max(_step.picture.width, _step.picture.height)
-    width, height = (SIDE * scale * side / longer for side in (_step.picture.width, _step.picture.height))
-    draw_texture_2d(_step.picture, (EDGE * scale, EDGE * scale), width, height)
-    viewport_text.write(words(_step), EDGE * scale, EDGE * scale + height + 8 * scale, scale)
+display = ProgressDisplay()

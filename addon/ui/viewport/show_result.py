@@ -5,7 +5,7 @@ import bpy
 
 from ...core.report import Report
 from ...scene import visibility
-from .. import results
+from ..bake_results import high_objects
 
 
 def image(context: bpy.types.Context, shown: bpy.types.Image) -> bool:
@@ -56,14 +56,14 @@ def bake(context: bpy.types.Context, reports: list[Report]) -> None:
 def hide_high(context: bpy.types.Context, report: Report, hide: bool) -> None:
     """Hide the high objects of a bake in the view layer, or show them again."""
     there = set(context.view_layer.objects.values())  # not by name: a linked and a local object may share one
-    for obj in results.high_objects(report):
+    for obj in high_objects(report):
         if obj in there:
             obj.hide_set(hide)
 
 
 def hides_high(report: Report) -> bool:
     """Whether no high object of a bake is to be seen."""
-    return not any(visibility.is_visible(obj) for obj in results.high_objects(report))
+    return not any(visibility.is_visible(obj) for obj in high_objects(report))
 
 
 def selection(context: bpy.types.Context) -> None:

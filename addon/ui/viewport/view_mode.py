@@ -15,7 +15,9 @@ from ...jobs import several, view_session
 from ...scene import bake_objects
 from .. import live_mode, modal
 from ..panels.sidebar import SidebarPanel, draw_paragraphs, split_layout
-from . import object_hiding, progress_display, viewport_text
+from . import viewport_text
+from .object_hiding import hiding
+from .progress_display import display
 
 MODES = [
     ("OFF", "Off", "The viewport as it is"),
@@ -99,7 +101,7 @@ def off() -> None:
         bpy.types.SpaceView3D.draw_handler_remove(_handles.pop(), "WINDOW")
     if bpy.app.timers.is_registered(catch_up):
         bpy.app.timers.unregister(catch_up)
-    object_hiding.stop()
+    hiding.stop()
     free()
     _redraw()
 
@@ -122,7 +124,7 @@ def catch_up() -> float | None:
     global message  # noqa: PLW0603 - see switching
     if _mode == "OFF":
         return None
-    if progress_display.current() is not None:
+    if display.current is not None:
         return LATER
     try:
         if _session() is not None:
@@ -216,12 +218,12 @@ def _draw_view() -> None:
     context = bpy.context
     highs = _highs(context)
     # Strokes need the object that they are drawn on.
-    object_hiding.ask(context, [obj for obj in highs if obj.mode == "OBJECT"])
+    hiding.ask(context, [obj for obj in highs if obj.mode == "OBJECT"])
     drawn = _shown(context)
     if drawn is None:
         return
     view = context.scene.imprint_view
-    is_alone = object_hiding.are_out(context.space_data, highs)
+    is_alone = hiding.are_out(context.space_data, highs)
     drawn.draw(_mode, _eye(context.region_data, view.light), split=view.split, limit=view.limit, is_alone=is_alone)
     if _mode.endswith("DEVIATION"):
         scale = context.preferences.system.ui_scale
@@ -312,7 +314,7 @@ def _get_mode(_view) -> int:
 
 def _set_mode(_view, number: int) -> None:
     global message  # noqa: PLW0603 - see switching
-    if progress_display.current() is not None:
+    if display.current is not None:
         return
     try:
         _ask_for(MODES[number][0])
@@ -350,22 +352,22 @@ class ImprintView(bpy.types.PropertyGroup):
     )
 
 
-class _Show(modal.InSlices):
+class _Show(modal.SlicedOperator):
     """Shows a mode; one that needs a map has it drawn in slices."""
 
     @classmethod
     def poll(cls, _context: bpy.types.Context) -> bool:
-        return progress_display.current() is None
+        return display.current is None
 
-    def _wanted(self) -> str:
+    def wanted(self) -> str:
         return _mode
 
-    def _work(self, context: bpy.types.Context, speed: progress.Pace) -> progress.Task[None]:
-        yield from switching(context, self._wanted(), speed)
+    def task(self, context: bpy.types.Context, pace: progress.Pace) -> progress.Task[None]:
+        yield from switching(context, self.wanted(), pace)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         # Without a map to draw there is nothing to wait for.
-        is_quick = self._wanted() == "OFF" or _session() is not None
+        is_quick = self.wanted() == "OFF" or _session() is not None
         return self.execute(context) if is_quick else super().invoke(context, event)
 
 
@@ -377,7 +379,7 @@ class IMPRINT_OT_view_show(_Show, bpy.types.Operator):
 
     mode: EnumProperty(name="View", description="What the 3D viewport shows", items=MODES)
 
-    def _wanted(self) -> str:
+    def wanted(self) -> str:
         return self.mode
 
 
@@ -387,12 +389,12 @@ class IMPRINT_OT_view_next(_Show, bpy.types.Operator):
     bl_idname = "imprint.view_next"
     bl_label = "Next View"
 
-    def _wanted(self) -> str:
+    def wanted(self) -> str:
         modes = [item[0] for item in MODES]
         return modes[(modes.index(_mode) + 1) % len(modes)]
 
 
-class IMPRINT_OT_view_refresh(modal.InSlices, bpy.types.Operator):
+class IMPRINT_OT_view_refresh(modal.SlicedOperator, bpy.types.Operator):
     """Draw the map that the view shows anew, of the objects and settings as they are now"""
 
     bl_idname = "imprint.view_refresh"
@@ -400,10 +402,10 @@ class IMPRINT_OT_view_refresh(modal.InSlices, bpy.types.Operator):
 
     @classmethod
     def poll(cls, _context: bpy.types.Context) -> bool:
-        return progress_display.current() is None and _mode != "OFF" and live_mode.session() is None
+        return display.current is None and _mode != "OFF" and live_mode.session() is None
 
-    def _work(self, context: bpy.types.Context, speed: progress.Pace) -> progress.Task[None]:
-        yield from switching(context, _mode, speed, anew=True)
+    def task(self, context: bpy.types.Context, pace: progress.Pace) -> progress.Task[None]:
+        yield from switching(context, _mode, pace, anew=True)
 
 
 class IMPRINT_GT_split(bpy.types.Gizmo):
@@ -470,7 +472,7 @@ class IMPRINT_PT_view(SidebarPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         layout, view = split_layout(self.layout), context.scene.imprint_view
         row = layout.row(align=True)
-        row.enabled = progress_display.current() is None
+        row.enabled = display.current is None
         row.prop(view, "mode")
         row.operator("imprint.view_refresh", text="", icon="FILE_REFRESH")
         if is_outdated(context):

@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What Blender calls: timers, event handlers, drawing in editors, keys. Each object adds its own and removes them."""
+
+from collections.abc import Callable
+
+import bpy
+
+
+class Timer:
+    """A function that Blender calls later, again after as many seconds as it returns, and never again after None.
+
+    Blender knows a timer by its address: a bound method is another object each time that it is looked up, so it is kept.
+    """
+
+    def __init__(self, function: Callable[[], float | None]):
+        self._function = function
+
+    @property
+    def is_running(self) -> bool:
+        return bpy.app.timers.is_registered(self._function)
+
+    def start(self, seconds: float = 0.0, *, persistent: bool = False) -> None:
+        """Call the function in so many seconds, unless the timer runs already. persistent: even after another file is
+        opened."""
+        if not self.is_running:
+            bpy.app.timers.register(self._function, first_interval=seconds, persistent=persistent)
+
+    def stop(self) -> None:
+        if self.is_running:
+            bpy.app.timers.unregister(self._function)
+
+
+class Handlers:
+    """Functions for lists of bpy.app.handlers, as pairs of a list's name and a function."""
+
+    def __init__(self, *handlers: tuple[str, Callable[..., None]]):
+        self._handlers = handlers
+
+    @property
+    def are_added(self) -> bool:
+        """Whether Blender calls any of them."""
+        return any(function in getattr(bpy.app.handlers, name) for name, function in self._handlers)
+
+    def add(self) -> None:
+        """Add those that are not there yet."""
+        for name, function in self._handlers:
+            functions = getattr(bpy.app.handlers, name)
+            if function not in functions:
+                functions.append(function)
+
+    def remove(self) -> None:
+        """Remove those that are there: opening a file removes them too."""
+        for name, function in self._handlers:
+            functions = getattr(bpy.app.handlers, name)
+            if function in functions:
+                functions.remove(function)
+
+
+class DrawCallbacks:
+    """Functions that draw into editors, as (type of the editor, function, event) where event is POST_VIEW or POST_PIXEL."""
+
+    def __init__(self, *callbacks: tuple[type[bpy.types.Space], Callable[[], None], str]):
+        self._callbacks = callbacks
+        self._handles: list[tuple[type[bpy.types.Space], object]] = []
+
+    @property
+    def are_added(self) -> bool:
+        return bool(self._handles)
+
+    def add(self) -> None:
+        """Draw from now on; twice is once."""
+        if not self._handles:
+            for space, draw, event in self._callbacks:
+                self._handles.append((space, space.draw_handler_add(draw, (), "WINDOW", event)))
+
+    def remove(self) -> None:
+        while self._handles:
+            space, handle = self._handles.pop()
+            space.draw_handler_remove(handle, "WINDOW")
+
+
+class Key:
+    """A key that calls an operator, in one of Blender's keymaps: its name and the space type that it is of."""
+
+    def __init__(self, operator: str, key: str, keymap: str, space_type: str = "EMPTY", **modifiers: bool):
+        self._operator, self._key, self._modifiers = operator, key, modifiers
+        self._keymap, self._space_type = keymap, space_type
+        self._added: list[tuple[bpy.types.KeyMap, bpy.types.KeyMapItem]] = []
+
+    def add(self) -> None:
+        keys = bpy.context.window_manager.keyconfigs.addon
+        if keys is not None:  # Blender has none in the background
+            keymap = keys.keymaps.new(self._keymap, space_type=self._space_type)
+            item = keymap.keymap_items.new(self._operator, self._key, "PRESS", **self._modifiers)
+            self._added.append((keymap, item))
+
+    def remove(self) -> None:
+        while self._added:
+            keymap, item = self._added.pop()
+            keymap.keymap_items.remove(item)
+
+
+def redraw(*kinds: str) -> None:
+    """Draw the editors of these kinds again, in all windows; without a kind, 3D viewports."""
+    kinds = kinds or ("VIEW_3D",)
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type in kinds:
+                area.tag_redraw()
