@@ -1,4 +1,4 @@
-// The low mesh, laid flat, with its triangles' numbers.
+// Draws the low mesh in UV space, with the numbers of its triangles.
 #include "lib/uvspace_lib.glsl"
 
 void main()

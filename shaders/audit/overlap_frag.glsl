@@ -1,4 +1,4 @@
-// One for every triangle; blending adds them up.
+// Writes 1 for each triangle; additive blending counts them.
 
 void main()
 {

@@ -1,4 +1,4 @@
-// The low mesh, laid flat, to be counted.
+// Draws the low mesh in UV space.
 #include "lib/uvspace_lib.glsl"
 
 void main()

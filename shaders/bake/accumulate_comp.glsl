@@ -1,4 +1,4 @@
-// Adds one sample of every texel to the sums so far.
+// Adds one sample of each texel to the sums.
 #include "lib/accumulate_lib.glsl"
 
 void main()

@@ -1,5 +1,5 @@
-// The mean of the samples that were covered, of length one again where they are directions. Alpha as in a single sample: a
-// texel is missed only when no ray of it hit.
+// Writes the mean of the samples that hit; directions are normalized again. Alpha is as for a single sample: a texel is
+// missed only if none of its rays hit.
 #include "lib/accumulate_lib.glsl"
 
 void main()

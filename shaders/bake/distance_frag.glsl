@@ -1,4 +1,4 @@
-// How far each ray went; -1 where it hit nothing.
+// Writes the distance that each ray traveled, -1 for a miss.
 
 void main()
 {

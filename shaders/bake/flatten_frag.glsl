@@ -1,12 +1,13 @@
-// The interpolated normal of the high mesh, of length one (Algorithm 2); alpha says that the texel was written.
+// Writes the interpolated normal of the high mesh, normalized (Gumbau, González and Chover, Algorithm 2). Alpha is 1 where a
+// texel was written.
 
 void main()
 {
   float length_squared = dot(v_normal, v_normal);
-  // Opposite corner normals cancel out somewhere between them: no direction, no texel. NaN fails the test as well.
+  // Opposite corner normals cancel out between them: a texel without a direction is not written. NaN fails the test too.
   if (!(length_squared > 0.0)) {
     discard;
   }
-  // Not normalize(): a reciprocal square root need not give back exactly 1 for exactly 1.
+  // Not normalize(): its reciprocal square root of 1 need not be exactly 1.
   normal_out = vec4(v_normal / sqrt(length_squared), 1.0);
 }

@@ -1,4 +1,4 @@
-// What a texel's ray needs: a point, and the unit direction that leads away from the surface.
+// Writes the ray of each texel: a point on the low mesh, and the unit direction away from its surface.
 
 void main()
 {

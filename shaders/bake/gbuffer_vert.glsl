@@ -1,4 +1,4 @@
-// The low mesh, laid flat, with where its rays start and where they come from.
+// Draws the low mesh in UV space, with its positions and ray directions.
 #include "lib/uvspace_lib.glsl"
 
 void main()

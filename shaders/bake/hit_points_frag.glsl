@@ -1,4 +1,4 @@
-// The point of the high surface that each ray hit, and the numbers of its object and its material.
+// Writes the point on the high surface that each ray hit, and the numbers of its object and its material.
 #include "lib/texture_lib.glsl"
 
 void main()

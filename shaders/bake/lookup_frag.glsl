@@ -1,4 +1,4 @@
-// The high meshes' interpolated normal where each ray hit. Alpha: 1 hit, -1 missed, 0 no low mesh here.
+// Writes the interpolated normal of the high mesh at each hit. Alpha: 1 hit, -1 missed, 0 no low mesh.
 #include "lib/texture_lib.glsl"
 
 void main()

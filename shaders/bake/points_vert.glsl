@@ -1,4 +1,4 @@
-// The high mesh, laid flat, with where its surface lies in space.
+// Draws the high mesh in UV space, with its positions.
 #include "lib/uvspace_lib.glsl"
 
 void main()

@@ -1,4 +1,4 @@
-// The low mesh, laid flat, with what spans its tangent space.
+// Draws the low mesh in UV space, with its normals and tangents.
 #include "lib/uvspace_lib.glsl"
 
 void main()

@@ -1,3 +1,3 @@
-// How samples are counted in the alpha of their sum: hits in whole numbers, misses in fractions that never add up to one.
+// The alpha of a sum counts samples: 1 for each hit, and for each miss a fraction so small that they never add up to 1.
 
 const float ACCUMULATE_MISS = 1.0 / 256.0;

@@ -1,12 +1,12 @@
-// Tangent space as MikkTSpace defines it: tangent, bitangent = sign * cross(normal, tangent), normal. None of the three
-// need be of length one or at right angles once they were interpolated across a triangle.
+// Tangent space as MikkTSpace defines it: tangent, bitangent = sign * cross(normal, tangent), normal. After interpolation
+// across a triangle, the three vectors may have any length, and need not be perpendicular.
 
 // The components of `vector` in that basis: solves x * tangent + y * bitangent + z * normal = vector.
 // A basis without volume gives components that are not finite.
 vec3 basis_components(vec3 vector, vec3 tangent, float sign, vec3 normal)
 {
   vec3 bitangent = sign * cross(normal, tangent);
-  // Cramer's rule; the bitangent is at right angles to the other two, so that its component is a projection.
+  // Cramer's rule. The bitangent is perpendicular to the other two, so that its component is a projection.
   float volume = dot(bitangent, bitangent);
   float nn = dot(normal, normal);
   float tt = dot(tangent, tangent);
@@ -16,7 +16,7 @@ vec3 basis_components(vec3 vector, vec3 tangent, float sign, vec3 normal)
   return vec3(nn * vt - tn * vn, dot(vector, bitangent), tt * vn - tn * vt) / volume;
 }
 
-// The other way: the vector that has these components.
+// The inverse: the vector with these components.
 vec3 basis_vector(vec3 components, vec3 tangent, float sign, vec3 normal)
 {
   return components.x * tangent + components.y * sign * cross(normal, tangent) + components.z * normal;

@@ -1,6 +1,6 @@
-// How a normal map is read. `placed` holds in its columns 0 to 2 the normal matrix of the low object, and in the fourth
-// components of these: how many steps from 0 to 1 the map is stored in (0: as it is), a MAP_ kind, and which axes its
-// channels hold, as digits to the base 6 of +X, -X, +Y, -Y, +Z, -Z, red's being the lowest.
+// Reads a normal map. Columns 0 to 2 of `placed` hold the normal matrix of the low object. Their fourth components hold the
+// number of steps between 0 and 1 to which the map is rounded (0: not rounded), a MAP_ kind, and the axes of the channels:
+// digits in base 6 for +X, -X, +Y, -Y, +Z, -Z, with red in the lowest.
 #include "lib/basis_lib.glsl"
 
 const int MAP_WORLD = 0;
@@ -15,7 +15,7 @@ vec3 map_stored(ivec2 texel)
   return steps > 0.0 ? floor(value * steps + 0.5) / steps : value;
 }
 
-// Bilinear between texel centers. Samplers round the weights to 8 bits, and not all GPUs filter single precision.
+// Bilinear interpolation between texel centers. Samplers round the weights to 8 bits, and not all GPUs filter float32.
 vec3 map_between(vec2 uv)
 {
   vec2 place = uv * vec2(textureSize(normal_map, 0)) - 0.5;
@@ -31,13 +31,13 @@ vec3 map_unit(vec3 vector)
   return vector / max(length(vector), 1e-20);
 }
 
-// From the space of object-space normals, or for a world-space map from the world, to the world; of length one.
+// Transforms a normal from object space, or for a world-space map from world space, to world space, and normalizes it.
 vec3 map_to_world(vec3 normal)
 {
   return map_unit(int(placed[1].w) == MAP_WORLD ? normal : mat3(placed) * normal);
 }
 
-// The normal in world space that a stored color stands for where the low mesh has this normal and tangent.
+// The world-space normal that a stored color means, with the normal and the tangent of the low mesh.
 vec3 map_normal(vec3 stored, vec3 normal, vec4 tangent)
 {
   vec3 shown = vec3(0.0);

@@ -1,3 +1,3 @@
-// What the searches for the nearest written texel share.
+// Shared by the searches for the nearest written texel: the value for none in reach.
 
 const int MARGIN_NONE = 32767;

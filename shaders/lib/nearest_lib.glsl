@@ -1,7 +1,7 @@
-// What the margin's two searches found, in the textures `offsets` and `source_rows`.
+// Reads the results of the two searches, in the textures `offsets` and `source_rows`.
 #include "lib/margin_lib.glsl"
 
-// The way from a texel to the nearest written one, MARGIN_NONE in both where none is in reach.
+// The offset from a texel to the nearest written one, MARGIN_NONE in both components if none is in reach.
 ivec2 nearest_way(ivec2 texel)
 {
   int row = texel_at(source_rows, texel).x;

@@ -1,4 +1,4 @@
-// Small to large as colors, gray for what is not known, and purple for what is of another place.
+// Colors for small to large values, gray for unknown ones, and purple for values of another place.
 
 const vec3 RAMP_UNKNOWN = vec3(0.1);
 const vec3 RAMP_ELSEWHERE = vec3(0.45, 0.0, 0.6);

@@ -1,4 +1,4 @@
-// What the state of a texel says, as core/texel_state.py has it.
+// The states of a texel, as in core/texel_state.py.
 
 const float STATE_MARGIN = 1.0 / 255.0;
 const float STATE_WRITTEN = 2.0 / 255.0;

@@ -1,4 +1,4 @@
-// Long arrays in textures: element i lies in row i / width.
+// Long arrays in textures: element i is in row i / width.
 
 const int TEXTURE_ROW_BITS = 12;
 

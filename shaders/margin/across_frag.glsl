@@ -1,9 +1,9 @@
-// The margin beside a seam: what lies across it on the surface. Elsewhere nothing is drawn, and what is there stays.
+// Fills the margin beside a seam with values from across it. Discards other texels, which keep their values.
 #include "lib/nearest_lib.glsl"
 #include "lib/state_lib.glsl"
 #include "lib/texture_lib.glsl"
 
-const int ACROSS_LABEL = 1;    // numbers between which there is no mean
+const int ACROSS_LABEL = 1;    // numbers that must not be averaged
 const int ACROSS_NORMAL = 2;
 const int ACROSS_TANGENT = 3;  // normals in tangent space
 const float ACROSS_FARTHEST = 256.0;
@@ -50,9 +50,9 @@ void main()
   vec2 place = ends.zw + across_product((vec2(texel) + 0.5 - ends.xy) * mirror, turn.xy);
   float far = distance(start, place);
   if (!(far <= ACROSS_FARTHEST)) {
-    discard;  // NaN as well, of UVs that lie far outside
+    discard;  // too far, or NaN from UVs far outside
   }
-  // The island across may end, and another begin.
+  // Stop where the island across ends: another one may begin behind it.
   for (float at = 1.0; at < far; at += 1.0) {
     if (across_texel(ivec2(floor(mix(start, place, at / far)))).a == 0.0) {
       discard;
@@ -75,7 +75,7 @@ void main()
   }
   vec3 value = sum.xyz / sum.a;
   if (kind == ACROSS_TANGENT) {
-    // Directions along the surface, which the similarity turned on their way: back with them.
+    // The similarity rotated the directions along the surface: rotate them back.
     value.xy = across_product(value.xy * mirror, normalize(turn.xy) * vec2(1.0, -turn.z));
   }
   if (kind >= ACROSS_NORMAL) {

@@ -1,4 +1,4 @@
-// Which border the texel lies beside; the nearest has passed the depth test.
+// Writes the number of the border beside the texel; the depth test keeps the nearest one.
 
 void main()
 {

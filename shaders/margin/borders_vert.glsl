@@ -1,4 +1,4 @@
-// Strips along the borders of UV islands: uv, depth and the border's number.
+// Draws strips along the borders of UV islands. A corner holds uv, depth and the number of the border.
 #include "lib/uvspace_lib.glsl"
 
 void main()

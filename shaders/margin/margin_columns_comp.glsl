@@ -1,12 +1,11 @@
-// In which row the nearest written texel of all lies, MARGIN_NONE where none is in reach: found among the nearest of each
-// row as the lower envelope of parabolas (Meijster, Roerdink and Hesselink, "A general algorithm for computing distance
-// transforms in linear time", 2000). One invocation a column; the parabolas wait on a stack in the very texels that the
-// result then takes.
+// Finds the row of the nearest written texel, MARGIN_NONE if none is in reach: the lower envelope of parabolas, one for the
+// nearest texel of each row (Meijster, Roerdink and Hesselink, "A general algorithm for computing distance transforms in
+// linear time", 2000). One invocation per column. The stack of parabolas uses the texels of the result.
 #include "lib/margin_lib.glsl"
 
 const int COLUMNS_BITS = 15;
 
-// A parabola: the row it is for, and the first row for which it is the lowest.
+// A parabola: its row, and the first row where it is the lowest.
 ivec2 columns_load(ivec2 place)
 {
   imageFence(source_rows);
@@ -33,10 +32,10 @@ void main()
   if (x >= size.x) {
     return;
   }
-  int depth = -1;  // of the uppermost parabola, which is at hand and not on the stack
+  int depth = -1;  // of the top parabola, which is kept in `upper` and not on the stack
   ivec2 upper = ivec2(0);
   int upper_square = 0;
-  ivec2 open = ivec2(size.y, -1);  // the first and the last row whose texel is not written itself
+  ivec2 open = ivec2(size.y, -1);  // the first and the last row whose texel is not written
   for (int y = 0; y < size.y; y++) {
     int square = columns_square(ivec2(x, y));
     if (square != 0) {
@@ -45,12 +44,12 @@ void main()
     if (square == MARGIN_NONE * MARGIN_NONE) {
       continue;
     }
-    // Of a run of written texels, which find themselves, the first and the last are enough.
+    // Written texels are their own nearest: of a run of them, the first and the last are enough.
     if (square == 0 && depth >= 0 && upper == ivec2(y - 1) && upper_square == 0) {
       upper = ivec2(y);
       continue;
     }
-    // Off with those that are beaten already where they would begin.
+    // Remove the parabolas that are not the lowest even where they begin.
     while (depth >= 0) {
       ivec2 down = upper.y - ivec2(upper.x, y);
       if (down.x * down.x + upper_square <= down.y * down.y + square) {
@@ -74,8 +73,9 @@ void main()
     upper = ivec2(y, first);
     upper_square = square;
   }
-  // Backwards: a parabola that is still needed lies below the row that is written, since none is lowest nowhere. A texel
-  // takes part when a row at most `reach` above or below it has a written texel at most `reach` aside.
+  // Go backwards: each parabola on the stack is the lowest somewhere, so its entry is below the row being written, and is
+  // read before it is overwritten. A texel is filled if a row at most `reach` above or below it has a written texel at most
+  // `reach` columns away.
   int in_reach = open.y < size.y - 1 ? open.y + 1 : 2 * MARGIN_NONE;
   for (int y = open.y + reach; y >= open.x; y--) {
     ivec2 entering = ivec2(x, y - reach);

@@ -1,5 +1,5 @@
-// How many columns away the nearest written texel of the same row lies: 0 for a written texel, MARGIN_NONE where none is
-// within `farthest`. One invocation a row, which reads and writes each texel once.
+// Finds the offset, in columns, to the nearest written texel of the same row: 0 for a written texel, MARGIN_NONE if none is
+// within `farthest`. One invocation per row, which reads and writes each texel once.
 #include "lib/margin_lib.glsl"
 
 void main()
@@ -9,7 +9,7 @@ void main()
   if (y >= size.y) {
     return;
   }
-  // Between two written texels each takes the nearer; beyond the first and the last there is one side alone.
+  // A texel between two written ones takes the nearer; before the first and after the last there is only one.
   int left = -MARGIN_NONE;
   int x = 0;
   for (int next = 0; next <= size.x; next++) {

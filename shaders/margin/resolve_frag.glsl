@@ -1,6 +1,6 @@
-// The map as it is stored, alpha 1 where it was written or lies in the margin, which repeats the nearest written texel.
-// Elsewhere alpha is 0 and the color that of the flat normal or, where a ray missed, the one for that: a hole stays one,
-// since filled from beside it would pass for detail. Beside it where each value came from.
+// Writes the map as it is stored, and the state of each texel. Alpha is 1 for written texels and for the margin, which
+// repeats the nearest written texel. Elsewhere alpha is 0, and the color is the flat normal or, where a ray missed, the color
+// of misses: a hole filled from its surroundings would look like detail.
 #include "lib/nearest_lib.glsl"
 #include "lib/state_lib.glsl"
 

@@ -1,4 +1,4 @@
-// Lit by its own interpolated normal. The light is the last column of `placed`.
+// Lights a mesh by its interpolated normal. The light is the last column of `placed`.
 #include "lib/lit_lib.glsl"
 
 void main()

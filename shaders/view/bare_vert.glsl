@@ -1,4 +1,4 @@
-// A mesh in its place.
+// Draws a mesh in the viewport.
 
 void main()
 {

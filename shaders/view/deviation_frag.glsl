@@ -1,6 +1,6 @@
-// How far, in degrees, the normal that the low mesh shows with its map (red), and without it (green), is from that of the
-// high surface on the same texel. Alpha is 1 where that is known, -1 where there is no high surface, and -2 where
-// it is that of another place.
+// Writes the angle, in degrees, between the normal of the high surface and the one that the low mesh shows on the same texel:
+// with its map (red) and without (green). Alpha is 1 where both are known, -1 without a high surface, and -2 where the high
+// surface is that of another place.
 #include "lib/map_lib.glsl"
 
 const float DEGREES = 57.29577951308232;

@@ -1,4 +1,4 @@
-// What the colors of the deviation stand for.
+// Draws the color scale of the deviation.
 #include "lib/ramp_lib.glsl"
 
 void main()

@@ -1,4 +1,4 @@
-// A bar from left to right; `rect` is its scale and offset in clip space.
+// Draws a bar from left to right; `rect` is its scale and offset in clip space.
 
 void main()
 {

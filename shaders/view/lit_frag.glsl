@@ -1,4 +1,4 @@
-// Lit by the normal that the map holds.
+// Lights the low mesh by the normal from its map.
 #include "lib/lit_lib.glsl"
 #include "lib/map_lib.glsl"
 

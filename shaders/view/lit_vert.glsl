@@ -1,4 +1,4 @@
-// The low mesh in its place, with what its map is read by (Gumbau, González and Chover, Algorithm 3).
+// Draws the low mesh in the viewport, with its UVs and tangents to read the map (Gumbau, González and Chover, Algorithm 3).
 
 void main()
 {

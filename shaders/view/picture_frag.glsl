@@ -1,4 +1,4 @@
-// The map for the screen while it is being made: nearest texels, encoded. `normals` may hold sums of them.
+// Draws the unfinished map for the screen: nearest texels, encoded. `normals` can hold sums of samples.
 
 void main()
 {
@@ -7,7 +7,7 @@ void main()
   vec4 normal = texelFetch(normals, min(texel, size - 1), 0);
   float length_squared = dot(normal.xyz, normal.xyz);
   if (normal.a == 0.0) {
-    discard;  // not drawn yet: what was seen of it before stays
+    discard;  // not rendered yet: keep the old picture
   }
   picture_out = length_squared > 0.0 ? vec4(mat3(channels) * normal.xyz / sqrt(length_squared) * 0.5 + 0.5, 1.0)
                                      : vec4(0.0);

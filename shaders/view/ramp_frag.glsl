@@ -1,5 +1,5 @@
-// The deviation on the nearest texel. Along the rim of an island that one's center may lie outside the low mesh, where
-// there is none: then the nearest of those around that has one.
+// Draws the deviation of the nearest texel. At the border of an island, the center of that texel may lie outside the low
+// mesh, without a deviation: then the nearest of the four texels around that has one counts.
 #include "lib/ramp_lib.glsl"
 
 void main()

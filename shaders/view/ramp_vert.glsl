@@ -1,4 +1,4 @@
-// The low mesh in its place, with its texture coordinates.
+// Draws the low mesh in the viewport, with its texture coordinates.
 
 void main()
 {

@@ -1,4 +1,4 @@
-// One color, seen through.
+// Draws one transparent color.
 
 void main()
 {

@@ -1,4 +1,4 @@
-// The low mesh moved along its directions: where rays start, or where they end. In world space.
+// Draws the low mesh moved along its ray directions, in world space: where rays start, or where they end.
 
 void main()
 {
