@@ -5,6 +5,7 @@ import ast
 import json
 import re
 import shlex
+import tomllib
 
 import pytest
 
@@ -96,7 +97,8 @@ def test_each_page_of_the_manual_is_linked():
         for page in PAGES
         for target in re.findall(r"\]\(([^)\s:]+)\)", prose(page))
     }
-    assert [page.name for page in PAGES if page.name != "README.md" and page.resolve() not in linked] == []
+    pages = [page for page in PAGES if page.name != "README.md" and page.parent.name != "extension"]
+    assert [page.name for page in pages if page.resolve() not in linked] == []
 
 
 # Files
@@ -250,3 +252,29 @@ def test_the_table_of_a_report_has_its_keys():
     text = section(ROOT / "docs" / "command-line.md", "### The report of one bake")
     assert [names(cells[0])[0] for cells in rows(text)] == list(data)
     assert set(STAGES) <= set(names(text))
+
+
+def test_the_version_is_the_same_everywhere():
+    manifest = tomllib.loads((ROOT / "blender_manifest.toml").read_text(encoding="utf-8"))["version"]
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
+    newest = re.search(r"^## (\d\S*)", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE)
+    assert manifest == project == newest[1]
+    zips = {
+        name for page in PAGES for name in re.findall(r"imprint-(\d+\.\d+\.\d+)\.zip", page.read_text(encoding="utf-8"))
+    }
+    assert zips <= {manifest}
+
+
+def test_the_packages_to_install_are_those_that_the_script_names():
+    text = section(ROOT / "docs" / "command-line.md", "## Servers and containers")
+    (line,) = re.findall(r"apt-get install --no-install-recommends ((?:.|\\\n)*?)\n```", text)
+    assert set(line.replace("\\\n", " ").split()) == {debian for debian, _ in imprint.PACKAGES.values()}
+
+
+def test_the_table_of_exit_codes_has_those_of_the_command():
+    tree = ast.parse((ROOT / "addon" / "cli" / "command.py").read_text(encoding="utf-8"))
+    names_of = (node for node in tree.body if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Tuple))
+    codes = next(ast.literal_eval(node.value) for node in names_of if node.targets[0].elts[0].id == "DONE")
+    cells = [line[0] for line in rows(section(ROOT / "docs" / "command-line.md", "## Exit codes"))]
+    assert cells[:-1] == list(map(str, codes))
+    assert {int(word) for word in cells[-1].split(", ")} == {128 + number for number in (1, 2, 15)}
