@@ -3,6 +3,7 @@
 
 import ast
 from collections import Counter
+from pathlib import PurePath
 
 import pytest
 
@@ -77,7 +78,7 @@ def is_module(name):
 
 def package(name):
     """The package of one of our modules, "" for addon/__init__.py, or None for the modules of others."""
-    parts = str(name).removesuffix(".py").removesuffix("/__init__").split("/")
+    parts = PurePath(name).as_posix().removesuffix(".py").removesuffix("/__init__").split("/")
     if parts[0] != "addon":
         return None
     return parts[1] if len(parts) > 1 else ""

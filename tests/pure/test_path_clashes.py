@@ -1,34 +1,24 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Paths are compared as file systems compare them: what leads to one file clashes, and nothing else does."""
 
-import os
 import sys
 import unicodedata
 
 import pytest
 
-from addon.core import file_names
 from addon.core.errors import WrongPlace
 from addon.output.path_clashes import Places
-
-posix = pytest.mark.skipif(os.name == "nt", reason="links of POSIX")
-pytestmark = posix
+from tests.support import clashes
 
 
 @pytest.fixture
 def tree(tmp_path, monkeypatch):
-    """A folder to work in: in/ with meshes, links to it and into it, a hard link, an empty out/."""
+    """A folder to work in: in/ with meshes, and an empty out/."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "in" / "deep").mkdir(parents=True)
     (tmp_path / "out").mkdir()
     for name in ("a.obj", "skin.1001.png", "skin_0002.png", "é.obj"):
         (tmp_path / "in" / name).write_text(name)
-    (tmp_path / "soft").symlink_to("in")
-    (tmp_path / "down").symlink_to("in/deep")
-    (tmp_path / "soft.obj").symlink_to("in/a.obj")
-    (tmp_path / "chain.obj").symlink_to("soft.obj")
-    (tmp_path / "later.json").symlink_to("out/r.json")
-    os.link(tmp_path / "in" / "a.obj", tmp_path / "hard.obj")
     return tmp_path
 
 
@@ -39,22 +29,12 @@ SAME = {
     "two dots below what is not there": ("in/a.obj", "none/../in/a.obj"),
     "slashes": ("in/a.obj", "in///a.obj"),
     "whole": ("in/a.obj", "{here}/in/a.obj"),
-    "two slashes at the start": ("in/a.obj", "/{here}/in/a.obj"),
-    "a linked folder": ("in/a.obj", "soft/a.obj"),
-    "out of a linked folder": ("in/a.obj", "down/../a.obj"),
-    "a link": ("in/a.obj", "soft.obj"),
-    "a link that is read": ("soft.obj", "in/a.obj"),
-    "a link to a link": ("in/a.obj", "chain.obj"),
-    "a hard link": ("in/a.obj", "hard.obj"),
-    "a link and a hard link": ("soft.obj", "hard.obj"),
     "other letters": ("in/a.obj", "in/A.OBJ"),
     "other letters of what is not there": ("out/r.json", "out/R.json"),
     "other letters of a folder that is not there": ("new/r.json", "New/r.json"),
     "letters of two parts": ("in/é.obj", f"in/{unicodedata.normalize('NFD', 'é')}.obj"),
-    "a link to what is not there": ("out/r.json", "later.json"),
     "a slash at the end": ("in/a.obj", "in/a.obj/"),
     "a tile": ("in/skin.1001.png", "in/skin.<UDIM>.png"),
-    "a tile in a linked folder": ("in/skin.1001.png", "soft/Skin.<UDIM>.png"),
     "tiles": ("in/skin.<UDIM>.png", "in/skin.<UDIM>.png"),
     "one of tiles": ("in/skin.<UDIM>.png", "in/skin.1001.png"),
 }
@@ -72,19 +52,7 @@ OTHER = {
 @pytest.mark.parametrize("case", SAME)
 def test_one_file_is_not_both_read_and_written_nor_written_twice(tree, case):
     one, other = (path.replace("{here}", str(tree)) for path in SAME[case])
-    for first, second in ((one, other), (other, one)):
-        places = Places()
-        places.read(first, "the mesh")
-        with pytest.raises(
-            WrongPlace, match=r"^The map would be written over the mesh, .*: give it a place of its own\.$"
-        ):
-            places.write(second, "the map")
-        places = Places("do what is right")
-        places.write(first, "the report")
-        with pytest.raises(WrongPlace, match=r"^The map and the report would both be .*: do what is right\.$"):
-            places.write(second, "the map")
-        with pytest.raises(WrongPlace, match="The report would be written over a library"):
-            places.read(second, "a library")  # which showed itself late
+    clashes.check_same(one, other)
 
 
 @pytest.mark.parametrize("case", OTHER)
@@ -101,7 +69,7 @@ def test_two_files_are_two(tree, case):
 
 def test_what_is_read_may_be_read_again(tree):
     places = Places()
-    for path in ("in/a.obj", "soft.obj", "hard.obj"):
+    for path in ("in/a.obj", "./in/a.obj", "in/A.OBJ"):
         places.read(path, "the mesh")
 
 
@@ -117,7 +85,7 @@ def test_a_file_is_no_folder_of_another(tree):
 def test_only_who_may_replaces_what_was_read(tree):
     places = Places()
     places.read("in/a.obj", "the scene", "set 1")
-    places.write("soft/a.obj", "the scene", may_replace="set 1")
+    places.write("out/../in/a.obj", "the scene", may_replace="set 1")
     places = Places()
     places.read("in/a.obj", "the scene", "set 1")
     places.read("in/a.obj", "the scene", "set 2")
@@ -128,8 +96,6 @@ def test_only_who_may_replaces_what_was_read(tree):
 def test_what_is_no_file_and_what_only_unfinished_files_are_called(tree):
     with pytest.raises(WrongPlace, match="is a folder"):
         Places().write("in", "the report")
-    with pytest.raises(WrongPlace, match="is a device"):
-        Places().write(os.devnull, "the report")
     with pytest.raises(WrongPlace, match="unfinished"):
         Places().read("in/.imprint.1.2.partial.obj", "the mesh")
 
@@ -157,28 +123,8 @@ def test_many_paths_take_no_time_each_for_all_others(tree):
     assert calls(400) < 4.5 * calls(100)
 
 
-# Names
-
-
 @pytest.mark.parametrize(
-    ("name", "written"),
-    [
-        *(
-            (name, name)
-            for name in ("Möbel", "岩", "صخرة", "rock.001", "a b  c", "it's", ".hidden", "a#1", "100%", "con2")
-        ),
-        *(("a/b", "a_b"), ("C:\\x", "C__x"), ('say "so"', "say _so_"), ("<UDIM>", "_UDIM_"), ("tab\there", "tab_here")),
-        *(("..", "__"), ("ends. .", "ends___"), ("CON", "CON_"), ("nul.png", "nul_.png"), ("com1", "com1_")),
-        ("\udcff", "_"),
-    ],
-)
-def test_only_what_file_systems_refuse_is_replaced(name, written):
-    assert file_names.file_name(name) == written
-    assert file_names.fill("a/{low}/{low}.png", name) == f"a/{written}/{written}.png"
-
-
-@pytest.mark.parametrize(
-    ("other", "said"), [("{here}/out/m.png", 1), ("./out/m.png", 1), ("soft/../out/m.png", 1), ("out/M.png", 2)]
+    ("other", "said"), [("{here}/out/m.png", 1), ("./out/m.png", 1), ("in/../out/m.png", 1), ("out/M.png", 2)]
 )
 def test_a_path_is_said_twice_only_where_it_reads_otherwise(tree, other, said):
     places = Places()

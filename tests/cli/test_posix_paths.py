@@ -1,0 +1,18 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Paths that only systems other than Windows have."""
+
+import json
+import os
+
+import pytest
+
+from addon.cli import arguments, job_file
+
+pytestmark = pytest.mark.skipif(os.name == "nt", reason="two slashes start the name of a server there")
+
+
+def test_two_slashes_of_a_job_file_are_one(tmp_path):
+    content = {"bake": [{"file": "//a.blend", "low": "a", "output": "//m.png"}]}
+    (tmp_path / "jobs.json").write_text(json.dumps(content), encoding="utf-8")
+    (found,) = job_file.read(str(tmp_path / "jobs.json"))
+    assert (found.file, arguments.settings(found).output) == (["/a.blend"], "/m.png")

@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Several processes write into one folder: locks tell the living from the dead, whose partial files are removed."""
+
+import os
+import shutil
+import subprocess
+import sys
+import time
+
+import pytest
+
+from addon.core.errors import BakeError
+from addon.output import partial_files
+from addon.output.atomic_file import Partial, check_writable
+from scripts.imprint import ROOT
+
+pytestmark = pytest.mark.skipif(os.name == "nt", reason="locks of POSIX, and files removed while they are open")
+
+
+def names(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
+WRITER = """
+import sys
+from pathlib import Path
+from addon.output.atomic_file import Partial
+partial = Partial(Path(sys.argv[1]))
+partial.here.write_text("half")
+partial.here.with_name(partial.here.name + "@").write_text("half")  # as Blender does with a .blend
+print(flush=True)
+sys.stdin.read()
+"""
+
+
+@pytest.fixture
+def writer(tmp_path):
+    """Another process that is writing map.blend in tmp_path."""
+    program = [sys.executable, "-c", WRITER, str(tmp_path / "map.blend")]
+    with subprocess.Popen(program, stdin=subprocess.PIPE, stdout=subprocess.PIPE, cwd=ROOT) as process:
+        process.stdout.readline()
+        yield process
+        process.kill()
+
+
+def test_what_a_living_process_writes_is_left_alone(tmp_path, writer):
+    before = names(tmp_path)
+    assert len(before) == 3
+    partial_files.sweep(tmp_path)
+    check_writable(tmp_path / "map.blend")
+    assert names(tmp_path) == before
+
+
+def test_what_a_killed_process_left_is_swept_by_the_next_that_writes_there(tmp_path, writer):
+    writer.kill()
+    writer.wait()
+    assert len(names(tmp_path)) == 3
+    check_writable(tmp_path / "map.blend")
+    assert names(tmp_path) == []
+
+
+def test_another_machines_files_are_left_alone_for_a_week(tmp_path, writer, monkeypatch):
+    writer.kill()
+    writer.wait()
+    before = names(tmp_path)
+    monkeypatch.setattr(partial_files, "machine", lambda: "elsewhere")
+    partial_files.sweep(tmp_path)
+    assert names(tmp_path) == before
+    long_ago = time.time() - partial_files.WEEK - 1
+    for name in before[1:]:
+        os.utime(tmp_path / name, (long_ago, long_ago))
+    partial_files.sweep(tmp_path)
+    assert names(tmp_path) == before  # one of them is young: somebody writes
+    os.utime(tmp_path / before[0], (long_ago, long_ago))
+    partial_files.sweep(tmp_path)
+    assert names(tmp_path) == []
+
+
+def test_a_folder_that_becomes_a_file_is_told_and_nothing_else_raised(tmp_path):
+    """Somebody tidies up while a bake goes on."""
+    folder = tmp_path / "maps"
+    partial = Partial(folder / "map.png")
+    with partial.told():
+        partial.here.write_text("half")
+    shutil.rmtree(folder)
+    folder.touch()
+    with pytest.raises(BakeError, match="could not be written"):
+        partial.commit()
+    partial.discard()
+    assert names(tmp_path) == ["maps"]
+
+
+def test_a_guard_that_is_swept_before_it_is_locked_is_made_anew(tmp_path, monkeypatch):
+    """By a process that looked just then, and took it for a dead one's."""
+    lock = partial_files._lock
+
+    def late(descriptor):
+        monkeypatch.setattr(partial_files, "_lock", lock)
+        for name in names(tmp_path):
+            (tmp_path / name).unlink()
+        lock(descriptor)
+
+    monkeypatch.setattr(partial_files, "_lock", late)
+    partial = Partial(tmp_path / "map.png")
+    assert partial.here.with_suffix("").exists()
+    partial.discard()
+    assert names(tmp_path) == []

@@ -1,0 +1,23 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Names of objects become names of files that every system takes."""
+
+import pytest
+
+from addon.core import file_names
+
+
+@pytest.mark.parametrize(
+    ("name", "written"),
+    [
+        *(
+            (name, name)
+            for name in ("Möbel", "岩", "صخرة", "rock.001", "a b  c", "it's", ".hidden", "a#1", "100%", "con2")
+        ),
+        *(("a/b", "a_b"), ("C:\\x", "C__x"), ('say "so"', "say _so_"), ("<UDIM>", "_UDIM_"), ("tab\there", "tab_here")),
+        *(("..", "__"), ("ends. .", "ends___"), ("CON", "CON_"), ("nul.png", "nul_.png"), ("com1", "com1_")),
+        ("\udcff", "_"),
+    ],
+)
+def test_only_what_file_systems_refuse_is_replaced(name, written):
+    assert file_names.file_name(name) == written
+    assert file_names.fill("a/{low}/{low}.png", name) == f"a/{written}/{written}.png"
