@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The pages of the manual, taken apart: blocks of code, inline code, sections, tables. Needs no Blender."""
+
+import re
+
+from scripts.imprint import ROOT
+
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+
+
+def blocks(page):
+    """The fenced blocks of a page: (language, text)."""
+    return re.findall(r"^```(\w*)\n(.*?)^```", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+
+
+def prose(page):
+    """A page without its fenced blocks."""
+    return re.sub(r"^```\w*\n.*?^```", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
+
+
+def inline(page):
+    """What stands between backticks in the prose of a page."""
+    return re.findall(r"`([^`]+)`", prose(page))
+
+
+def section(page, heading):
+    """The text below a heading, down to the next of its level or a higher one."""
+    level = len(heading) - len(heading.lstrip("#"))
+    text = page.read_text(encoding="utf-8")
+    start = text.index(f"\n{heading}\n") + len(heading) + 2
+    end = re.search(rf"^#{{1,{level}}} ", text[start:], re.MULTILINE)
+    return text[start : start + end.start()] if end else text[start:]
+
+
+def rows(text):
+    """The cells of the tables in a text, without their heads."""
+    lines = [line for line in text.splitlines() if line.startswith("|")]
+    cells = [[cell.strip() for cell in re.split(r"(?<!\\)\|", line)[1:-1]] for line in lines]
+    rules = [number for number, line in enumerate(cells) if all(re.fullmatch(":?-+:?", cell) for cell in line)]
+    return [line for number, line in enumerate(cells) if number not in rules and number + 1 not in rules]
+
+
+def names(cell):
+    """The names between backticks in a cell."""
+    return re.findall(r"`([^`]+)`", cell)
