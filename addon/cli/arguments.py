@@ -10,14 +10,13 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import fields
 from pathlib import PurePath
 
-from ..core import file_formats, udim
+from ..core import file_formats, map_types, udim
 from ..core.errors import BakeError
 from ..core.name_matching import Suffixes
 from ..core.settings import (
     AXES,
     BASES,
     DIRECTIONS,
-    MAPS,
     MARGINS,
     MAX_MIPS,
     METHODS,
@@ -126,9 +125,9 @@ def _name_among(names: Collection[str]) -> Callable[[str], str]:
 
 
 def _maps(value: str) -> tuple[str, ...]:
-    name = _name_among(MAPS)
+    name = _name_among(map_types.NAMES)
     wanted = {name(part.strip()) for part in value.split(",")}
-    return tuple(name for name in MAPS if name in wanted)
+    return tuple(name for name in map_types.NAMES if name in wanted)
 
 
 def _one_of(names: Sequence[str], **more) -> dict:
@@ -268,7 +267,7 @@ OPTIONS: dict[str, dict[str, dict]] = {
             "type": _maps,
             "default": _USUAL.maps,
             "metavar": "MAP,MAP...",
-            "help": f"these as well, in files beside the map: {', '.join(map(_word, MAPS))}",
+            "help": f"these as well, in files beside the map: {', '.join(map(_word, map_types.NAMES))}",
         },
         "udim": {"action": "store_true", "help": "a map for each UDIM tile; so does <UDIM> in --output"},
         "tiles": {

@@ -5,7 +5,7 @@ import re
 from dataclasses import dataclass, replace
 from pathlib import PurePath
 
-from . import file_formats, udim
+from . import file_formats, map_types, udim
 from .errors import BakeError
 from .udim import TOKEN
 
@@ -15,8 +15,6 @@ METHODS = ("AUTO", "FLATTEN", "CAST")
 DIRECTIONS = ("SMOOTH", "SPLIT")
 AXES = ("+X", "-X", "+Y", "-Y", "+Z", "-Z")
 MARGINS = ("EXTEND", "ADJACENT_FACES")
-MAPS = ("POSITION", "HEIGHT", "DISPLACEMENT", "DISTANCE", "COVERAGE", "OBJECT_ID", "MATERIAL_ID")
-"""What can be baked beside the normal map, from the same passes."""
 SAMPLES = (1, 2, 4, 8, 16, 64)
 MODIFIERS = ("RENDER", "VIEWPORT")
 STORAGES = ("PACK", "FILE", "MEMORY")
@@ -59,7 +57,7 @@ class Settings:
     mask: bool = False
     """Whether a second image shows which texels were missed."""
     maps: tuple[str, ...] = ()
-    """What else is baked, some of MAPS: an image each, named after the map."""
+    """What else is baked, some of map_types.NAMES: an image each, named after the map."""
     red: str = "+X"
     green: str = "+Y"
     blue: str = "+Z"
@@ -145,9 +143,9 @@ class Settings:
             raise BakeError(
                 f"Red, green and blue hold {self.red}, {self.green} and {self.blue}: each axis takes a channel of its own."
             )
-        unknown = [name for name in self.maps if name not in MAPS]
+        unknown = [name for name in self.maps if name not in map_types.NAMES]
         if unknown:
-            raise BakeError(f"The map {unknown[0]!r} is not one of {', '.join(MAPS)}.")
+            raise BakeError(f"The map {unknown[0]!r} is not one of {', '.join(map_types.NAMES)}.")
         udim.check(self.tiles)
         if self.tiles and not self.udim:
             raise BakeError("Tiles are named, but the map is to have one tile alone: choose UDIM as well.")

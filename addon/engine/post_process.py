@@ -7,6 +7,7 @@ import gpu
 import numpy as np
 
 from ..core import texel_state
+from ..core.map_types import BY_NAME, NORMAL, Kind
 from ..core.settings import Settings
 from ..mesh import uv_seams as islands
 from ..mesh.triangle_mesh import Mesh
@@ -95,8 +96,9 @@ def for_maps(lows: Sequence[Mesh], settings: Settings) -> dict[str, PostProcess]
     if settings.margin_type == "ADJACENT_FACES" and settings.margin != 0:
         found = islands.find(lows)
         borders = Borders(found, settings) if len(found.side) else None
-    kinds = {"NORMAL": seam_fill.TANGENT if settings.space == "TANGENT" else seam_fill.NORMAL}
-    kinds |= {name: seam_fill.LABEL if name.endswith("_ID") else seam_fill.VALUE for name in settings.maps}
+    normal = seam_fill.TANGENT if settings.space == "TANGENT" else seam_fill.NORMAL
+    of_kind = {Kind.NORMAL: normal, Kind.VALUE: seam_fill.VALUE, Kind.LABEL: seam_fill.LABEL}
+    kinds = {name: of_kind[BY_NAME[name].kind] for name in (NORMAL.name, *settings.maps)}
     return {name: PostProcess(settings, kind, borders) for name, kind in kinds.items()}
 
 

@@ -7,6 +7,8 @@ from dataclasses import replace
 import gpu
 import numpy as np
 
+from ..core import map_types
+from ..core.map_types import NORMAL, Kind
 from ..core.progress import Pace, Progress, Task, part
 from ..core.report import Report
 from ..core.settings import Settings
@@ -21,12 +23,10 @@ from .sources import Source
 
 COARSE = 8
 """How many times smaller the first picture of a map is that takes its time."""
-LABELS = ("OBJECT_ID", "MATERIAL_ID")
-"""Maps of numbers between which there is no mean."""
 
 
 class Renderer:
-    """Draws the maps of one bake, "NORMAL" and those of the settings, tile by tile.
+    """Draws the maps of one bake, the normal map and those of the settings, tile by tile.
 
     basis: the mesh in whose tangent space the normals are to be, or None where they are already in their space. kept: what was
     uploaded of it before.
@@ -78,7 +78,9 @@ class Renderer:
         """Normals and other values of a tile in all their samples, (height, width, 4) float32 by name, without a margin;
         alpha as in Source."""
         settings = self.settings
-        maps = {name: np.empty((settings.height, settings.width, 4), np.float32) for name in ("NORMAL", *settings.maps)}
+        maps = {
+            name: np.empty((settings.height, settings.width, 4), np.float32) for name in (NORMAL.name, *settings.maps)
+        }
 
         def keep(name: str, band: Band, drawn: gpu.types.GPUTexture) -> None:
             with self.report.timed("read"):
@@ -115,7 +117,7 @@ class Renderer:
             for drawn, rows in self._normals(band):
                 if self.pace.is_heard:
                     yield self._step(drawn, rows.stop / band.height, band)
-            return {"NORMAL": drawn} | {name: self._other(name, band) for name in settings.maps}
+            return {NORMAL.name: drawn} | {name: self._other(name, band) for name in settings.maps}
         sums = target.get("sums", *size, "RGBA32F")
         if self.pace.is_heard:
             target.clear(sums)  # what is not drawn yet must not be seen
@@ -129,7 +131,7 @@ class Renderer:
                 if self.pace.is_heard:
                     yield self._step(sums.texture, (number + rows.stop / band.height) / count, band)
             for name in settings.maps:
-                if name not in LABELS:
+                if not _is_label(name):
                     total, drawn = target.get(f"sums of {name}", *size, "RGBA32F"), self._other(name, sample)
                     with self.report.timed("draw"):
                         samples.add(total, drawn, range(band.height), is_first=number == 0)
@@ -138,10 +140,10 @@ class Renderer:
         with self.report.timed("draw"):
             mean = target.get("low" if self.basis else "high", *size, "RGBA32F")
             samples.average(mean, sums)
-            maps = {"NORMAL": mean.texture}
+            maps = {NORMAL.name: mean.texture}
             for name in settings.maps:
                 result = target.get(name, *size, "RGBA32F")
-                if name not in LABELS:
+                if not _is_label(name):
                     samples.average(result, target.get(f"sums of {name}", *size, "RGBA32F"), is_direction=False)
                 maps[name] = result.texture
         return maps
@@ -171,3 +173,7 @@ class Renderer:
         if band.is_whole:  # of a larger map the first look is all that is shown
             self._picture = preview_picture.draw(normals, size, channels(self.settings), clear=clear)
         return Progress("Drawing", done, self._picture)
+
+
+def _is_label(name: str) -> bool:
+    return map_types.BY_NAME[name].kind is Kind.LABEL

@@ -7,6 +7,7 @@ from typing import Protocol
 import gpu
 import numpy as np
 
+from ..core.map_types import NORMAL
 from ..core.progress import Pace
 from ..core.report import Report
 from ..core.settings import Settings
@@ -33,7 +34,7 @@ class Source(Protocol):
         """
 
     def other(self, name: str, band: Band, into: target.Target) -> gpu.types.GPUTexture:
-        """One of settings.MAPS for the band whose normals were just drawn, as surface_values.draw has
+        """One of map_types.OTHERS for the band whose normals were just drawn, as surface_values.draw has
         it, in `into` or elsewhere."""
 
 
@@ -145,7 +146,7 @@ class Drawn:
 
     def normals(self, band: Band) -> Iterator[tuple[gpu.types.GPUTexture, range]]:
         """As Source has it, all rows at once."""
-        yield self._upload("NORMAL", band), range(band.height)
+        yield self._upload(NORMAL.name, band), range(band.height)
 
     def other(self, name: str, band: Band, _into: target.Target) -> gpu.types.GPUTexture:
         """As Source has it."""

@@ -4,6 +4,7 @@
 import gpu
 import numpy as np
 
+from ..core.map_types import BY_NAME
 from ..core.settings import Settings
 from ..mesh.local_space import LocalSpace
 from ..mesh.triangle_mesh import Mesh
@@ -36,10 +37,10 @@ class SurfaceMaps:
     def draw(
         self, into: target.Target, name: str, normals: gpu.types.GPUTexture, points: target.Target
     ) -> gpu.types.GPUTexture:
-        """One of settings.MAPS into `into` (RGBA32F), alpha as in `normals`; returns its texture."""
+        """The map of this name into `into` (RGBA32F), alpha as in `normals`; returns its texture."""
         surface_values.draw(
             into,
-            name,
+            BY_NAME[name],
             normals,
             points,
             self.places,

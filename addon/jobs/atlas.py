@@ -9,6 +9,7 @@ import numpy as np
 
 from ..audit import checks, severity
 from ..core import progress, texel_state
+from ..core.map_types import BY_NAME, NORMAL, Labeled
 from ..core.report import Report
 from ..core.settings import Settings
 from ..engine import gpu_memory, post_process
@@ -27,26 +28,25 @@ class Atlas:
         self.settings = replace(settings, samples=1)
         self.lows: list[Mesh] = []
         self.tiles: dict[int, dict[str, np.ndarray]] = {}
-        self.objects = 0
-        self.materials: list[str] = []
+        self.labels: dict[Labeled, list[str]] = {labeled: [] for labeled in Labeled}
 
     def add(self, drawn: dict[int, dict[str, np.ndarray]], meshes: Meshes, report: Report) -> None:
         """Lay the maps of one bake over those before. Misses yield to hits; else the later one stays."""
         self.lows.append(meshes.low)
-        self._renumber(drawn, meshes.materials, len(report.high))
+        self._renumber(drawn, {Labeled.OBJECTS: report.high, Labeled.MATERIALS: meshes.materials})
         for tile, maps in drawn.items():
             if tile not in self.tiles:
                 self.tiles[tile] = maps
                 continue
-            below, above = self.tiles[tile], maps["NORMAL"][..., 3]
-            hits, were_hits = above > 0.0, below["NORMAL"][..., 3] > 0.0
+            below, above = self.tiles[tile], maps[NORMAL.name][..., 3]
+            hits, were_hits = above > 0.0, below[NORMAL.name][..., 3] > 0.0
             lost = np.count_nonzero(hits & were_hits)
             if lost > severity.MUCH_OVERLAP * max(1, np.count_nonzero(hits)):
                 report.warnings.append(
                     f"{lost:,} texels of {report.low!r} lie over those of others in the same image: give each its own "
                     "place, or a map each with {low} in the name."
                 )
-            wins = hits | ((above < 0.0) & (below["NORMAL"][..., 3] <= 0.0))
+            wins = hits | ((above < 0.0) & (below[NORMAL.name][..., 3] <= 0.0))
             for name, values in maps.items():
                 np.copyto(below[name], values, where=wins[..., None])
 
@@ -59,25 +59,27 @@ class Atlas:
                 for tile, maps in self.tiles.items():
                     renderer = Renderer(Drawn(maps), None, self.settings, last, progress.Pace())
                     finished = progress.finish(renderer.texels(tile, post_processes))
-                    tally.add(finished["NORMAL"][1], None, 0)
+                    tally.add(finished[NORMAL.name][1], None, 0)
                     outputs.add(tile, finished)
             finally:
                 gpu_memory.trim()
             with last.timed("image"):
-                outputs.commit(lows, reports, self.materials)
+                outputs.commit(lows, reports, self.labels[Labeled.MATERIALS])
         for report in reports:
             report.margin = tally.margin / tally.texels
 
-    def _renumber(self, drawn: dict[int, dict[str, np.ndarray]], materials: Sequence[str], objects: int) -> None:
+    def _renumber(self, drawn: dict[int, dict[str, np.ndarray]], labels: dict[Labeled, Sequence[str]]) -> None:
         """Each bake numbers its objects and materials from 1; here each has a number of its own."""
-        self.materials += [name for name in materials if name not in self.materials]
-        places = np.array([0, *(self.materials.index(name) + 1 for name in materials)], np.float32)
+        numbers = {}
+        for labeled, names in labels.items():
+            known = self.labels[labeled]
+            known += [name for name in dict.fromkeys(names) if name not in known]
+            numbers[labeled] = np.array([0, *(known.index(name) + 1 for name in names)], np.float32)
         for maps in drawn.values():
-            if "OBJECT_ID" in maps:
-                maps["OBJECT_ID"][..., :3] += self.objects
-            if "MATERIAL_ID" in maps:
-                maps["MATERIAL_ID"][..., :3] = places[maps["MATERIAL_ID"][..., :3].astype(np.int32)]
-        self.objects += objects
+            for name, values in maps.items():
+                labeled = BY_NAME[name].labeled
+                if labeled:
+                    values[..., :3] = numbers[labeled][values[..., :3].astype(np.int32)]
 
 
 def state(normals: np.ndarray) -> np.ndarray:

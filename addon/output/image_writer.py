@@ -13,13 +13,11 @@ import numpy as np
 
 from ..core import file_formats, udim
 from ..core.errors import BakeError, shorten_list
+from ..core.map_types import MapType
 from ..core.settings import Settings
 from ..core.udim import TOKEN
 from . import atomic_file, datablocks, image_encoding, quantize
 from .atomic_file import Partial, check_writable
-
-MISSED = "missed"
-"""What the name of a mask of misses ends in."""
 
 LONGEST = 240
 """Bytes of an image's name: Blender takes 255, and the names of other maps end in a word more."""
@@ -48,21 +46,22 @@ def output_for(settings: Settings) -> str:
     return path
 
 
-def beside(settings: Settings, name: str, depth: int | None = None) -> Settings:
-    """The settings of another map beside that of `settings`, whose image is named: `name` is what its name ends in.
+def beside(settings: Settings, map_type: MapType) -> Settings:
+    """The settings of another map beside that of `settings`, whose image is named.
 
-    depth: bits a channel; None for the fewest that the format has, which are not dithered.
+    A map that is stored in the lowest depth is not dithered.
     """
     path = PurePath(settings.output)
     is_file = settings.storage == "FILE"
+    lowest = (file_formats.of(path) if is_file else file_formats.PACKED[False]).depths[0]
     # The number of a tile stays last, with what parts it from the name.
-    stem = re.sub(rf"[._ -]?{TOKEN}|$", rf"_{name}\g<0>", path.stem, count=1)
+    stem = re.sub(rf"[._ -]?{TOKEN}|$", rf"_{map_type.suffix}\g<0>", path.stem, count=1)
     return replace(
         settings,
-        image=f"{settings.image}_{name}",
+        image=f"{settings.image}_{map_type.suffix}",
         output=str(path.with_stem(stem)) if is_file else "",
-        depth=depth or (file_formats.of(path) if is_file else file_formats.PACKED[False]).depths[0],
-        dither=settings.dither and depth is not None,
+        depth=settings.depth if map_type.is_deep else lowest,
+        dither=settings.dither and map_type.is_deep,
     )
 
 

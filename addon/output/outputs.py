@@ -9,6 +9,7 @@ import numpy as np
 
 from ..core import file_names, texel_state, udim
 from ..core.errors import BakeError, shorten_list
+from ..core.map_types import BY_NAME, MASK, NORMAL, Labeled
 from ..core.report import Report
 from ..core.settings import Settings
 from ..core.texel_state import Map
@@ -18,20 +19,14 @@ from .path_clashes import Places
 
 
 def wanted(settings: Settings) -> dict[str, Settings]:
-    """The settings of each image that a bake fills, by name: "NORMAL", "MASK", and settings.maps."""
-    result = {"NORMAL": settings}
-    if settings.mask:
-        result["MASK"] = image_writer.beside(settings, image_writer.MISSED)
-    for name in settings.maps:
-        is_small = name == "COVERAGE" or name.endswith("_ID")
-        result[name] = image_writer.beside(settings, name.lower(), None if is_small else settings.depth)
-    return result
+    """The settings of each image that a bake fills, by the map's name."""
+    names = [MASK.name] * settings.mask + list(settings.maps)
+    return {NORMAL.name: settings} | {name: image_writer.beside(settings, BY_NAME[name]) for name in names}
 
 
 def label(name: str) -> str:
-    """What a person calls an image of `wanted`."""
-    known = {"NORMAL": "the normal map", "MASK": "the mask of misses"}
-    return known.get(name) or f"the {name.lower().replace('_', ' ')} map"
+    """What an image of `wanted` is called in a sentence."""
+    return f"the {BY_NAME[name].title}"
 
 
 def check_apart(settings: Settings, each: Sequence[Settings], names: Sequence[str]) -> None:
@@ -82,7 +77,7 @@ class Outputs:
     def __init__(self, settings: Settings):
         self.settings = settings
         self._writers = {
-            name: image_writer.Writer("", own, is_normal=name == "NORMAL") for name, own in wanted(settings).items()
+            name: image_writer.Writer("", own, is_normal=name == NORMAL.name) for name, own in wanted(settings).items()
         }
         self._kept: dict[str, dict[int, np.ndarray]] = {name: {} for name in settings.maps}
 
@@ -96,12 +91,12 @@ class Outputs:
 
     def add(self, tile: int, maps: dict[str, Map]) -> None:
         """Take one UDIM tile of all maps, unless it stayed empty: triangles may pass by a tile without a texel in it."""
-        texels, state = maps["NORMAL"]
+        texels, state = maps[NORMAL.name]
         if not state.any():
             return
-        self._writers["NORMAL"].add(tile, texels)
-        if "MASK" in self._writers:
-            self._writers["MASK"].add(tile, image_writer.black_and_white(state == texel_state.MISSED))
+        self._writers[NORMAL.name].add(tile, texels)
+        if MASK.name in self._writers:
+            self._writers[MASK.name].add(tile, image_writer.black_and_white(state == texel_state.MISSED))
         for name, kept in self._kept.items():
             kept[tile] = maps[name][0]  # until the range of all tiles is known
 
@@ -115,21 +110,23 @@ class Outputs:
         settings = self.settings
         maps = {name: self._encode(name, tiles, reports, materials_seen) for name, tiles in self._kept.items()}
         stored = dict(zip(self._writers, image_writer.commit_all(list(self._writers.values())), strict=True))
-        sign(stored["NORMAL"], reports)
+        sign(stored[NORMAL.name], reports)
         for low, report in zip(lows, reports, strict=True):
-            report.image = stored["NORMAL"].name
+            report.image = stored[NORMAL.name].name
             report.output = [path for writer in self._writers.values() for path in writer.paths]
-            report.tiles = [tile for tile in report.tiles if tile in self._writers["NORMAL"].tiles]
-            report.loss = self._writers["NORMAL"].loss
+            report.tiles = [tile for tile in report.tiles if tile in self._writers[NORMAL.name].tiles]
+            report.loss = self._writers[NORMAL.name].loss
             report.maps = {name.lower(): {"image": stored[name].name} | how for name, how in maps.items()}
             if settings.material:
-                report.warnings += hook_up(low, stored["NORMAL"], report, settings)
+                report.warnings += hook_up(low, stored[NORMAL.name], report, settings)
 
     def _encode(
         self, name: str, tiles: dict[int, np.ndarray], reports: Sequence[Report], materials_seen: Sequence[str]
     ) -> dict:
-        labels = _highs(reports) if name == "OBJECT_ID" else materials_seen
-        how = value_encoding.encoding(name, list(tiles.values()), labels, self.settings)
+        map_type = BY_NAME[name]
+        labels = {Labeled.OBJECTS: dict.fromkeys(_highs(reports)), Labeled.MATERIALS: materials_seen}
+        names = list(labels.get(map_type.labeled, ()))
+        how = value_encoding.encoding(map_type, list(tiles.values()), names, self.settings)
         for tile, texels in tiles.items():
             value_encoding.encode(texels, how)
             self._writers[name].add(tile, texels)

@@ -6,26 +6,27 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..core.map_types import Kind, MapType, Range
 from ..core.settings import Settings
 
 GOLDEN = 0.6180339887498949
 """Hues that are this far apart on the circle stay apart, however many there are."""
 
 
-def encoding(name: str, maps: Sequence[np.ndarray], labels: Sequence[str], settings: Settings) -> dict:
-    """How one of settings.MAPS is stored: value = (stored - midlevel) * scale + offset, or colours by label.
+def encoding(map_type: MapType, maps: Sequence[np.ndarray], labels: Sequence[str], settings: Settings) -> dict:
+    """How a map is stored: value = (stored - midlevel) * scale + offset, or colors by label.
 
     maps: all tiles of it, (height, width, 4) float32 with alpha 0 where there is nothing. labels: what 1, 2, … stand for.
     """
-    if name.endswith("_ID"):
-        return {"colours": {label: list(colour(number)) for number, label in enumerate(labels)}}
-    if name == "COVERAGE" or settings.is_float:
+    if map_type.kind is Kind.LABEL:
+        return {"colours": {label: list(color(number)) for number, label in enumerate(labels)}}
+    if map_type.range is Range.UNIT or settings.is_float:
         return {"midlevel": 0.0, "scale": 1.0}
     lows, highs = zip(*(_range(texels) for texels in maps), strict=True)
     low, high = np.min(lows, axis=0), np.max(highs, axis=0)
-    if name == "POSITION":
+    if map_type.range is Range.BOX:
         return {"midlevel": 0.0, "scale": float((high - low).max()) or 1.0, "offset": low.tolist()}
-    if name == "DISTANCE":
+    if map_type.range is Range.POSITIVE:
         return {"midlevel": 0.0, "scale": float(high.max()) or 1.0}
     return {"midlevel": 0.5, "scale": 2.0 * float(max(-low.min(), high.max(), 0.0)) or 1.0}
 
@@ -35,7 +36,9 @@ def encode(texels: np.ndarray, how: dict) -> None:
     known = texels[..., 3:] > 0.0
     if "colours" in how:
         np.copyto(texels[..., :3], np.float32(0.0), where=~known)
-        palette = np.array([(0.0, 0.0, 0.0), *how["colours"].values()], np.float32)
+        # Two objects may have one name, one of them in a library: there are more numbers than names then.
+        count = int(texels[..., 0].max())
+        palette = np.array([(0.0, 0.0, 0.0), *map(color, range(count))], np.float32)
         texels[..., :3] = palette[texels[..., 0].astype(np.int32)]
     else:
         if (how["midlevel"], how["scale"]) != (0.0, 1.0):
@@ -45,8 +48,8 @@ def encode(texels: np.ndarray, how: dict) -> None:
         np.copyto(texels[..., :3], np.float32(how["midlevel"]), where=~known)
 
 
-def colour(number: int) -> tuple[float, float, float]:
-    """A colour for each number from 0, none of them black."""
+def color(number: int) -> tuple[float, float, float]:
+    """A color for each number from 0, none of them black."""
     return colorsys.hsv_to_rgb(number * GOLDEN % 1.0, 0.65 + 0.35 * (number // 7 % 2), 1.0 - 0.3 * (number // 14 % 2))
 
 

@@ -15,9 +15,9 @@ from bpy.props import (
     StringProperty,
 )
 
-from ..core import file_formats, udim
+from ..core import file_formats, map_types, udim
 from ..core.name_matching import Suffixes
-from ..core.settings import AXES, MAPS, MAX_MIPS, MAX_SIZE, MIN_SIZE, SAMPLES, Settings
+from ..core.settings import AXES, MAX_MIPS, MAX_SIZE, MIN_SIZE, SAMPLES, Settings
 from ..scene import bake_objects, visibility
 from . import bake_results
 from .bake_results import results
@@ -130,15 +130,7 @@ class Options:
         name="Other Maps",
         description="What else is baked, into an image each beside the normal map",
         options={"ENUM_FLAG"},
-        items=[
-            ("POSITION", "Position", "Where the high surface lies, in the object's space or the world's"),
-            ("HEIGHT", "Height", "How far the high surface lies from the low one, along its normal"),
-            ("DISPLACEMENT", "Vector Displacement", "What leads from the low surface to the high one"),
-            ("DISTANCE", "Distance", "How far the high surface lies from the low one"),
-            ("COVERAGE", "Coverage", "Which texels a high mesh covers"),
-            ("OBJECT_ID", "Object ID", "A colour for each high object"),
-            ("MATERIAL_ID", "Material ID", "A colour for each material of the high objects"),
-        ],
+        items=[(one.name, one.label, one.tooltip) for one in map_types.OTHERS],
         default=set(),
     )
     red: EnumProperty(name="Red", description="What the red channel holds", items=_axes("X"), default="+X")
@@ -242,7 +234,7 @@ class Options:
             values[name] = getattr(owner(name), name)
         if fallback is not None and owner("output") is self and owner("storage") is fallback:
             values["storage"] = "FILE"  # who names a file wants it written
-        values["maps"] = tuple(name for name in MAPS if name in values["maps"])
+        values["maps"] = tuple(name for name in map_types.NAMES if name in values["maps"])
         # A script that names a number means it, whatever the switch says.
         if owner("unlimited").unlimited and (
             owner("margin") is fallback or fallback is None or owner("unlimited") is self

@@ -284,6 +284,35 @@ def test_materials_of_an_atlas_are_numbered_together():
     assert np.allclose([left, right], [colours["a"], colours["b"]], atol=2 / 255)
 
 
+def test_a_high_object_of_two_jobs_has_one_number_in_their_atlas():
+    high = zoo.plane("hi")
+    jobs = [several.Job(zoo.plane("a"), [high]), several.Job(zoo.plane("b"), [zoo.plane("other"), high])]
+    for number, job in enumerate(jobs):
+        move_uvs(job.low, scale=(0.5, 1.0), offset=(0.5 * number, 0.0))
+    jobs[1].highs[0].location.z = -0.01
+    settings = Settings(
+        width=SIZE, height=SIZE, method="CAST", storage="MEMORY", image="atlas", maps=("OBJECT_ID",), margin=0
+    )
+    report = several.bake_all(bpy.context, jobs, settings, share_image=True)[0]
+    found, colours = pixels(bpy.data.images["atlas_object_id"]), report.maps["object_id"]["colours"]
+    assert list(colours) == ["hi", "other"]
+    assert np.allclose(found[..., :3], colours["hi"], atol=2 / 255)
+
+
+def test_high_objects_of_one_name_have_colors_of_their_own(tmp_path):
+    """One of them comes from a library."""
+    zoo.plane("hi")
+    bpy.data.libraries.write(str(tmp_path / "library.blend"), {bpy.data.objects["hi"]})
+    with bpy.data.libraries.load(str(tmp_path / "library.blend"), link=True) as (_, wanted):
+        wanted.objects = ["hi"]
+    bpy.context.scene.collection.objects.link(wanted.objects[0])
+    highs = [bpy.data.objects["hi", None], wanted.objects[0]]
+    highs[0].location.x = 1.0
+    report, found = bake(zoo.plane("lo"), *highs, method="CAST", maps=("OBJECT_ID",))
+    assert list(report.maps["object_id"]["colours"]) == ["hi"]
+    assert len(np.unique(found["object_id"][..., :3].reshape(-1, 3), axis=0)) == 2
+
+
 def test_an_atlas_is_not_sampled_again(monkeypatch):
     seen, bind = [], target.bind
 

@@ -6,8 +6,9 @@ import bpy
 import numpy as np
 import pytest
 
+from addon.core import map_types
 from addon.core.errors import BakeError
-from addon.core.settings import MAPS, Settings
+from addon.core.settings import Settings
 from addon.jobs import several
 from addon.output import value_encoding
 from tests.support import zoo
@@ -34,7 +35,7 @@ def pair():
     return low, high
 
 
-def bake(low, *highs, maps=MAPS, size=64, **settings):
+def bake(low, *highs, maps=map_types.NAMES, size=64, **settings):
     """The report and the maps by name, as arrays."""
     values_ = {"method": "FLATTEN", "depth": 32, "storage": "MEMORY", "material": False, "margin": 0, **settings}
     report = several.bake(
@@ -49,7 +50,7 @@ def bake(low, *highs, maps=MAPS, size=64, **settings):
 def test_distances_and_places_are_those_of_the_surface(method, space, samples):
     report, maps = bake(*pair(), method=method, space=space, samples=samples)
     z = truth(64)
-    assert set(maps) == {name.lower() for name in MAPS}
+    assert set(maps) == {name.lower() for name in map_types.NAMES}
     assert np.abs(maps["height"][..., 0] - SCALE * z).max() < SCALE * TRIANGLES
     # Samples lie on both sides of the zero, where distances do not cancel out.
     assert np.abs(maps["distance"][..., 0] - SCALE * np.abs(z)).max() < SCALE * (TRIANGLES if samples == 1 else 0.01)
@@ -175,7 +176,7 @@ def test_values_of_an_atlas_keep_their_owners():
 
 
 def test_colours_differ():
-    colours = np.array([value_encoding.colour(number) for number in range(40)])
+    colours = np.array([value_encoding.color(number) for number in range(40)])
     apart = np.abs(colours[:, None] - colours[None]).max(axis=-1) + np.eye(40)
     assert apart.min() > 0.04
 

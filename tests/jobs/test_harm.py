@@ -95,7 +95,7 @@ def test_letters_of_a_name_stay(tmp_path):
 def test_every_image_has_a_name_for_a_person():
     every = outputs.wanted(settings("m.png", mask=True, maps=("HEIGHT", "OBJECT_ID")))
     labels = [outputs.label(kind) for kind in every]
-    assert labels == ["the normal map", "the mask of misses", "the height map", "the object id map"]
+    assert labels == ["the normal map", "the miss mask", "the height map", "the object id map"]
 
 
 def test_what_a_linked_object_is_made_of_lies_beside_its_own_file(tmp_path):

@@ -11,8 +11,8 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.core import file_formats
-from addon.core.settings import AXES, BASES, DIRECTIONS, MAPS, MARGINS, METHODS, MODIFIERS, SPACES, Settings
+from addon.core import file_formats, map_types
+from addon.core.settings import AXES, BASES, DIRECTIONS, MARGINS, METHODS, MODIFIERS, SPACES, Settings
 from tests.support import outcome, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -372,7 +372,7 @@ def make_settings(rng, folder, low):
         facing_only=rng.random() < 0.3,
         missed=any_of(((0.5, 0.5, 1.0), (1.0, 0.0, 1.0))),
         mask=rng.random() < 0.2,
-        maps=tuple(name for name in MAPS if rng.random() < 0.3) if rng.random() < 0.1 else (),
+        maps=tuple(name for name in map_types.NAMES if rng.random() < 0.3) if rng.random() < 0.1 else (),
         red=AXES[2 * axes[0] + rng.integers(2)],
         green=AXES[2 * axes[1] + rng.integers(2)],
         blue=AXES[2 * axes[2] + rng.integers(2)],

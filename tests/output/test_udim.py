@@ -8,6 +8,7 @@ import bpy
 import numpy as np
 import pytest
 
+from addon.core import map_types
 from addon.core.errors import BakeError
 from addon.core.progress import Pace
 from addon.core.settings import Settings
@@ -128,7 +129,7 @@ def test_each_tile_gets_a_file(name, depth, tmp_path):
 def test_the_number_stands_where_the_name_says(output, map_files, mask_files, tmp_path):
     store(1002, storage="FILE", output=str(tmp_path / output))
     settings = Settings(udim=True, image="map", storage="FILE", output=str(tmp_path / output))
-    mask = image_writer.beside(settings, image_writer.MISSED)
+    mask = image_writer.beside(settings, map_types.MASK)
     store(1002, storage="FILE", output=mask.output, image=mask.image, depth=mask.depth)
     assert sorted(os.listdir(tmp_path)) == sorted([map_files, mask_files])
     assert all(numbers(image) == (1002,) for image in bpy.data.images)

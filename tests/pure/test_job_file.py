@@ -10,9 +10,9 @@ import pytest
 
 from addon.cli import arguments, job_file
 from addon.cli.arguments import WrongUsage
-from addon.core import file_formats
+from addon.core import file_formats, map_types
 from addon.core.name_matching import Suffixes
-from addon.core.settings import AXES, MAPS, Settings
+from addon.core.settings import AXES, Settings
 
 LOW = ["--low", "lo", "--output", "m.png"]
 
@@ -88,8 +88,8 @@ def test_all_three_axes_at_once():
 
 
 def test_every_map_can_be_said():
-    words = ",".join(name.lower().replace("_", "-") for name in MAPS)
-    assert settings("--maps", words).maps == MAPS
+    words = ",".join(name.lower().replace("_", "-") for name in map_types.NAMES)
+    assert settings("--maps", words).maps == map_types.NAMES
 
 
 @pytest.mark.parametrize("words", ["--tiles 1002", "--udim", "--output m.<UDIM>.png"])
@@ -121,7 +121,7 @@ def test_the_usual_depth_is_the_best_up_to_16_that_the_format_has(ending):
 
 def test_help_names_every_map_and_ending():
     said = arguments.parser("imprint").format_help()
-    assert all(name.lower().replace("_", "-") in "".join(said.split()) for name in MAPS)
+    assert all(name.lower().replace("_", "-") in "".join(said.split()) for name in map_types.NAMES)
     assert all(ending in said for ending in file_formats.BY_ENDING)
     assert all(title in said for title in ("what to bake:", "rays:", "map:", "output:"))
 

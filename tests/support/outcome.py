@@ -10,7 +10,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from addon.core import file_names
+from addon.core import file_names, map_types
 from addon.core.errors import BakeError
 from addon.jobs import several
 from addon.output import image_writer, outputs
@@ -45,7 +45,7 @@ def of_bake(low, highs, settings, folder, cage=None):
     _check_changes(changed, low, [own.image for own in plan.values()])
     expected = set()
     for name, own in plan.items():
-        is_color = name in ("NORMAL", "MASK", "COVERAGE", "OBJECT_ID", "MATERIAL_ID") or not own.is_float
+        is_color = map_types.BY_NAME[name].range is map_types.Range.UNIT or not own.is_float
         image, path = bpy.data.images[own.image], image_writer.output_for(own)
         if settings.udim:
             assert image.source == "TILED"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Maps of what lies between the low surface and the high one: one number or vector a texel."""
+"""Maps that follow from the point on the low surface and the one on the high surface: a number or a vector for each texel."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...core.map_types import MapType
 from .. import shader, target
 from ..program import Program
 
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
 
 PROGRAM = Program(
     vertex="lib/fullscreen_vert.glsl",
-    fragment="bake/relief_frag.glsl",
+    fragment="bake/surface_values_frag.glsl",
     inputs=(("VEC2", "position"),),
     samplers=(
         ("FLOAT_2D", "normals"),
@@ -24,15 +25,14 @@ PROGRAM = Program(
         ("FLOAT_2D", "places"),
         ("FLOAT_2D", "directions"),
     ),
-    constants=(("INT", "which"), ("MAT4", "to_space"), ("VEC4", "origin"), ("FLOAT", "scale")),
+    constants=(("INT", "map_index"), ("MAT4", "to_space"), ("VEC4", "origin"), ("FLOAT", "scale")),
     outputs=(("VEC4", "value_out"),),
 )
-WHICH = ("POSITION", "HEIGHT", "DISPLACEMENT", "DISTANCE", "COVERAGE", "OBJECT_ID", "MATERIAL_ID")
 
 
 def draw(
     into: target.Target,
-    which: str,
+    map_type: MapType,
     normals: gpu.types.GPUTexture,
     points: target.Target,
     places: target.Target,
@@ -41,7 +41,7 @@ def draw(
     origin: np.ndarray,
     scale: float,
 ) -> None:
-    """Write one of WHICH into `into` (RGBA32F): xyz the value, alpha as in `normals`: 1 known, 0 nothing, -1 missed.
+    """Write the map into `into` (RGBA32F): xyz the value, alpha as in `normals`: 1 known, 0 nothing, -1 missed.
 
     points: what points.draw or cast.points wrote; places: the low mesh as gbuffer.draw wrote it. Vectors and positions
     go through to_space (3, 3) and origin (3,), distances are times `scale`.
@@ -54,7 +54,7 @@ def draw(
         labels=points.textures[1],
         places=places.textures[0],
         directions=places.textures[1],
-        which=WHICH.index(which),
+        map_index=map_type.index,
         to_space=shader.mat4(to_space),
         origin=(*origin, 0.0),
         scale=scale,

@@ -1,4 +1,12 @@
-// One of the maps beside the normal map: what lies between the low surface and the high one. `which` is as in surface_values.py.
+// A map beside the normal map, from the point on the low surface and the one on the high surface. `map_index` is one of these,
+// as declared in addon/core/map_types.py.
+const int INDEX_POSITION = 0;
+const int INDEX_HEIGHT = 1;
+const int INDEX_DISPLACEMENT = 2;
+const int INDEX_DISTANCE = 3;
+const int INDEX_COVERAGE = 4;
+const int INDEX_OBJECT_ID = 5;
+const int INDEX_MATERIAL_ID = 6;
 
 void main()
 {
@@ -11,27 +19,27 @@ void main()
   vec3 value = vec3(0.0);
   bool is_on_low = place.a > 0.0;
   bool is_known = normal.a > 0.0;
-  if (which == 0) {
+  if (map_index == INDEX_POSITION) {
     value = mat3(to_space) * point + origin.xyz;
   }
-  else if (which == 1) {
+  else if (map_index == INDEX_HEIGHT) {
     value = vec3(dot(apart, texelFetch(directions, texel, 0).xyz) * scale);
     is_known = is_known && is_on_low;
   }
-  else if (which == 2) {
+  else if (map_index == INDEX_DISPLACEMENT) {
     value = mat3(to_space) * apart;
     is_known = is_known && is_on_low;
   }
-  else if (which == 3) {
+  else if (map_index == INDEX_DISTANCE) {
     value = vec3(length(apart) * scale);
     is_known = is_known && is_on_low;
   }
-  else if (which == 4) {
+  else if (map_index == INDEX_COVERAGE) {
     value = vec3(is_known ? 1.0 : 0.0);
     is_known = true;  // that nothing is there is known as well
   }
   else {
-    value = vec3(which == 5 ? label.x : label.y);
+    value = vec3(map_index == INDEX_OBJECT_ID ? label.x : label.y);
   }
   value_out = is_known ? vec4(value, 1.0) : vec4(0.0, 0.0, 0.0, min(normal.a, 0.0));
 }
