@@ -148,8 +148,8 @@ class Shading:
                 with _only(x + mapped.start, y, len(mapped), height):
                     self._draw_map(scene, matrix, light)
             elif self._measured is not None:
-                is_bare = mode == "BARE_DEVIATION"
-                deviation.draw(scene.low[0], self._measured.texture, matrix, limit=limit, is_bare=is_bare)
+                without_map = mode == "BARE_DEVIATION"
+                deviation.draw(scene.low[0], self._measured.texture, matrix, limit=limit, without_map=without_map)
 
     def draw_legend(self, place: tuple[float, float], size: tuple[float, float]) -> None:
         """Draw what the colours of deviations mean as a bar, in pixels from the lower left."""
@@ -167,7 +167,7 @@ class Shading:
         """What shaders know of the map."""
         settings = self.session.settings
         kinds = {"WORLD": lit.WORLD, "OBJECT": lit.OBJECT}
-        return lit.placed(
+        return lit.shading(
             normals,
             light,
             kind=kinds.get(settings.space, lit.BLENDER if settings.basis == "BLENDER" else lit.MIKKTSPACE),
@@ -275,7 +275,7 @@ def _height(surface: BVHTree, points: np.ndarray, count: int) -> float:
 
 def _draw_bare(parts: list[tuple[gpu.types.GPUBatch, np.ndarray]], matrix: np.ndarray, light: np.ndarray) -> None:
     for drawn, normals in parts:
-        lit.draw_bare(drawn, matrix, lit.placed(normals, light))
+        lit.draw_bare(drawn, matrix, lit.shading(normals, light))
 
 
 def _view_projection(eye: Eye, local_space: LocalSpace, pull: float) -> np.ndarray:

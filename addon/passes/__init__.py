@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The GPU passes: plain arrays in, textures and arrays out. Nothing here knows of Blender's data, only of its gpu module."""
+"""The GPU passes. They take arrays and return textures and arrays; of Blender they use the gpu module only."""
 
 from . import shader, target
 
 
 def free() -> None:
-    """Free every GPU object that is kept between bakes. Blender crashes on exit while such objects live."""
+    """Free all GPU objects that are cached between bakes. Blender crashes on exit while such objects exist."""
     shader.load.cache_clear()
     target.common.free()

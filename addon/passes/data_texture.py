@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Arrays that shaders read: long textures, since the gpu module has no storage buffers."""
+"""Arrays that shaders read, stored in textures: the gpu module has no storage buffers."""
 
 from __future__ import annotations
 
@@ -12,27 +12,27 @@ WIDTH = 4096
 
 
 def limit() -> int:
-    """How many texels of four floats a table can hold on this GPU."""
+    """The largest number of texels of four floats that a data texture can hold on this GPU."""
     return WIDTH * gpu.capabilities.max_texture_size_get()
 
 
 def upload(values: np.ndarray) -> gpu.types.GPUTexture:
-    """A texture with `values` (N, 3 or 4) float32, texel i in row i / WIDTH."""
-    padded = room(len(values))
+    """Upload `values` (N, 3 or 4) float32 to a texture; element i is in row i / WIDTH."""
+    padded = empty(len(values))
     padded[: len(values), : values.shape[1]] = values
     return _texture(padded)
 
 
-def gathered(values: np.ndarray, places: np.ndarray, into: np.ndarray) -> gpu.types.GPUTexture:
-    """As `upload` of values[places], values (N, 3) float32 and places (M,) int, which `into`, room for M, holds then."""
+def upload_gathered(values: np.ndarray, indices: np.ndarray, into: np.ndarray) -> gpu.types.GPUTexture:
+    """Upload values[indices], with values (N, 3) float32 and indices (M,) int. `into`, from `empty`, is overwritten."""
     wide = np.zeros((len(values), 4), np.float32)
     wide[:, :3] = values
-    np.take(wide, places, axis=0, out=into[: len(places)], mode="clip")
+    np.take(wide, indices, axis=0, out=into[: len(indices)], mode="clip")
     return _texture(into)
 
 
-def room(count: int) -> np.ndarray:
-    """An array (rows * WIDTH, 4) float32 for so many texels."""
+def empty(count: int) -> np.ndarray:
+    """A zeroed array (rows * WIDTH, 4) float32 with space for `count` texels."""
     return np.zeros((max(1, -(-count // WIDTH)) * WIDTH, 4), np.float32)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Meshes on the GPU."""
+"""Uploads meshes to the GPU."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from . import blender_gpu as gpu
 
 
 class UploadCache:
-    """Meshes that are uploaded again and again: what stayed the same stays on the GPU."""
+    """Caches meshes that are uploaded repeatedly: arrays that did not change stay on the GPU."""
 
     def __init__(self):
         self._meshes: dict[str, _Buffers] = {}
 
     def upload(self, key: str, triangles: np.ndarray, **attributes: np.ndarray) -> gpu.types.GPUBatch:
-        """As the function of this name, for the mesh `key`. Arrays that were given before must not be changed in place."""
+        """Upload the mesh `key`, as the function `upload` does. Do not change uploaded arrays in place."""
         return self._meshes.setdefault(key, _Buffers()).upload(triangles, **attributes)
 
 
@@ -38,8 +38,8 @@ class _Buffers:
 def upload(triangles: np.ndarray, **attributes: np.ndarray) -> gpu.types.GPUBatch:
     """Upload an indexed mesh.
 
-    triangles: (T, 3) int32, indices into the corners. attributes: name = (C, n) float32, one row a corner; each gets a
-    buffer of its own, so that nothing is interleaved on the CPU.
+    triangles: (T, 3) int32, indices into the corners. attributes: name = (C, n) float32, one row per corner; each one has
+    its own buffer, so that the CPU need not interleave them.
     """
     elements = gpu.types.GPUIndexBuf(type="TRIS", seq=triangles)
     return _batch(elements, [_vertices(name, values) for name, values in attributes.items()])
@@ -60,5 +60,5 @@ def _batch(elements: gpu.types.GPUIndexBuf, buffers: list[gpu.types.GPUVertBuf])
     return result
 
 
-def _same(one: np.ndarray, other: np.ndarray) -> bool:
-    return one is other or (one.shape == other.shape and np.array_equal(one, other))
+def _same(a: np.ndarray, b: np.ndarray) -> bool:
+    return a is b or (a.shape == b.shape and np.array_equal(a, b))

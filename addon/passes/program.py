@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Programs as data: the interface that a pass declares for its shader files, and their text with includes resolved."""
+"""Declares shader programs as data, and loads the text of their files with includes resolved."""
 
 import re
 from dataclasses import dataclass
@@ -10,14 +10,14 @@ _INCLUDE = re.compile(r'^#include "([^"]+)"\s*$')
 
 _SOFTWARE = "llvmpipe", "softpipe", "lavapipe", "swiftshader", "software"
 
-Declaration = tuple[str, str]  # (type, name), in the words of gpu.types.GPUShaderCreateInfo
+Declaration = tuple[str, str]  # (type, name), with the types of gpu.types.GPUShaderCreateInfo
 
 
 @dataclass(frozen=True)
 class Program:
     """The interface of a vertex and a fragment shader, or of a compute shader.
 
-    The files themselves hold no declarations: the backend writes those.
+    The shader files contain no declarations: Blender's backend writes them.
     """
 
     vertex: str = ""
@@ -29,30 +29,30 @@ class Program:
     constants: tuple[Declaration, ...] = ()
     outputs: tuple[Declaration, ...] = ()
     images: tuple[tuple[str, str, str, str], ...] = ()
-    """What a compute shader writes to: (format, type, name, "WRITE" or "READ WRITE")."""
+    """The images that a compute shader writes: (format, type, name, "WRITE" or "READ WRITE")."""
     texels: tuple[tuple[str, str, str], ...] = ()
-    """What is read by whole numbers, with texel_at and texel_size: (format, type, name). Images for drivers in software,
-    which take twice as long to read a sampler; samplers for all others, since what they cache best are textures."""
+    """Textures read at integer coordinates, with texel_at and texel_size: (format, type, name). Software drivers read them
+    as images, since a sampler takes them twice as long; other drivers read them as samplers, which their caches suit."""
     group: tuple[int, int] = (8, 8)
     """A compute shader's workgroup, in texels."""
 
     def all_samplers(self, as_images: bool) -> list[Declaration]:
-        """By slot, with `texels` unless they are images."""
+        """The samplers by slot, including `texels` unless they are images."""
         return [*self.samplers, *(() if as_images else ((kind, name) for _, kind, name in self.texels))]
 
     def all_images(self, as_images: bool) -> list[tuple[str, str, str, str]]:
-        """By slot, with `texels` if they are images."""
+        """The images by slot, including `texels` if they are images."""
         return [*self.images, *(((*texel, "READ") for texel in self.texels) if as_images else ())]
 
 
 def prelude(as_images: bool) -> str:
-    """What goes before every source: the ways to read a Program's `texels`."""
+    """The text before every shader source: the macros that read a Program's `texels`."""
     at, size = ("imageLoad(t, p)", "imageSize(t)") if as_images else ("texelFetch(t, p, 0)", "textureSize(t, 0)")
     return f"#define texel_at(t, p) {at}\n#define texel_size(t) {size}\n#line 1\n"
 
 
 def source(name: str) -> str:
-    """The text of the shader file `name` with its includes in place (each once) and #line marks for the compiler."""
+    """The text of the shader file `name`, with each include resolved once, and #line marks for the compiler."""
     return "\n".join(_lines(name, set()))
 
 
@@ -69,5 +69,5 @@ def _lines(name: str, seen: set[str]) -> list[str]:
 
 
 def in_software(renderer: str) -> bool:
-    """Whether a renderer of this name draws on the processor."""
+    """Whether the renderer of this name runs on the CPU."""
     return any(name in renderer.casefold() for name in _SOFTWARE)

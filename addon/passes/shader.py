@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Compiles programs, each once."""
+"""Compiles shader programs, and caches them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def reads_images() -> bool:
 
 
 def mat4(matrix: np.ndarray) -> list[float]:
-    """A matrix of at most 4 x 4 as a MAT4 constant: by columns, and padded since backends disagree on how mat3 are."""
+    """A matrix of at most 4 x 4 as a MAT4 constant, in column order. Backends differ in how they pad MAT3, so pad it here."""
     padded = np.eye(4)
     padded[: matrix.shape[0], : matrix.shape[1]] = matrix
     return padded.T.ravel().tolist()
@@ -27,7 +27,7 @@ def mat4(matrix: np.ndarray) -> list[float]:
 
 @functools.cache
 def load(program: Program) -> gpu.types.GPUShader:
-    """Compile `program`, or give the shader compiled before. A compile error goes to the process's standard output."""
+    """Compile `program`, or return the cached shader. Blender prints compile errors to the process's standard output."""
     info = gpu.types.GPUShaderCreateInfo()
     for slot, (kind, name) in enumerate(program.inputs):
         info.vertex_in(slot, kind, name)
@@ -52,7 +52,7 @@ def load(program: Program) -> gpu.types.GPUShader:
         info.vertex_source(source(program.vertex))
         info.fragment_source(prelude(as_images) + source(program.fragment))
     compiled = gpu.shader.create_from_info(info)
-    # Blender knows the shader that is bound by its address. Where this one lies, one that was freed while it was bound may
-    # have lain: it would pass for bound, and the other would draw in its place.
+    # Blender identifies the bound shader by its address. A shader freed while it was bound may have had this address: then
+    # Blender would take the new one for bound, and draw with the wrong one.
     gpu.shader.from_builtin("UNIFORM_COLOR").bind()
     return compiled

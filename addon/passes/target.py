@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Render targets, kept between bakes, and the way back from them into numpy arrays."""
+"""Render targets: creates them, keeps them between bakes, draws into them and reads them into numpy arrays."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from . import shader
 from .program import Program
 
 KEPT_BYTES = 512 * 2**20
-"""What the targets may hold between bakes; more than this is freed when a bake is done."""
+"""The memory that targets may keep between bakes, in bytes; above it they are freed at the end of a bake."""
 
 
 _TEXEL_BYTES = {"RGBA32F": 16, "RGBA32UI": 16, "RGBA16F": 8, "R16F": 2, "R16I": 2, "R8": 1}
@@ -28,7 +28,7 @@ _READ_FORMAT |= {"R32F": ("FLOAT", 1, np.float32)}
 class Target:
     """Textures to draw into, all of `width` x `height` texels; row 0 is v = 0. A depth format comes last.
 
-    framebuffer: of the block of `bound` that is going on, or the last one.
+    framebuffer: the one of the current `bound` block, or of the last one.
     """
 
     def __init__(self, width: int, height: int, formats: tuple[str, ...]):
@@ -53,17 +53,17 @@ class Target:
             framebuffer.read_color(0, 0, self.width, rows, channels, slot, kind, data=buffer)
 
     def finish(self) -> None:
-        """Wait for what was drawn: drivers work later than they are called, and a clock would not see it."""
+        """Wait until all drawing is done: drivers run asynchronously, so that a timer would stop too early."""
         kind = "UINT" if self.formats[0].endswith("UI") else "FLOAT"
         with self.bound() as framebuffer:
             framebuffer.read_color(0, 0, 1, 1, 4, 0, kind)
 
     @contextmanager
     def bound(self) -> Iterator[gpu.types.GPUFrameBuffer]:
-        """In this block what is drawn goes into the framebuffer that it gives.
+        """Bind a framebuffer of these textures for this block.
 
-        Each block has its own: on OpenGL a framebuffer belongs to the window in which it was first bound, and the next block
-        may run in another one. Textures belong to all.
+        Each block creates its own: on OpenGL a framebuffer belongs to the window in which it was first bound, and the next
+        block may run in another window. All windows share textures.
         """
         depth = self.textures[-1] if self.formats[-1].startswith("DEPTH") else None
         colors = [texture for texture in self.textures if texture is not depth]
@@ -73,13 +73,13 @@ class Target:
 
 
 class Offscreen(Target):
-    """A gpu.types.GPUOffScreen of one format. Blender gives it depth as well, which costs memory and is not used.
+    """A gpu.types.GPUOffScreen of one format. Blender adds a depth buffer, which takes memory and is not used.
 
-    Not to be made while another target is drawn into: Blender then binds the window's framebuffer in its place.
+    Do not create one while drawing into another target: Blender then binds the window's framebuffer instead.
     """
 
     DEPTH_BYTES = 8
-    """A texel's: single precision and a stencil, as drivers align them."""
+    """Bytes per texel of the depth buffer: single precision and a stencil, as drivers align them."""
 
     def __init__(self, width: int, height: int, formats: tuple[str]):
         self.width, self.height, self.formats = width, height, formats
@@ -89,7 +89,7 @@ class Offscreen(Target):
 
     @contextmanager
     def bound(self) -> Iterator[gpu.types.GPUFrameBuffer]:
-        """As Target has it; the framebuffer is one of the window's that is drawn in, and must not be kept."""
+        """As Target.bound. Do not keep the framebuffer: it belongs to the current window."""
         with self.offscreen.bind():
             yield gpu.state.active_framebuffer_get()
 
@@ -97,7 +97,7 @@ class Offscreen(Target):
 def read(texture: gpu.types.GPUTexture, out: np.ndarray) -> None:
     """Fill `out`, a C-contiguous float32 array of rows x width x 4, with the first rows of `texture` (RGBA32F)."""
     framebuffer = gpu.types.GPUFrameBuffer(color_slots=[texture])
-    with framebuffer.bind():  # what was never bound cannot be read
+    with framebuffer.bind():  # reading needs a framebuffer that was bound
         buffer = gpu.types.Buffer("FLOAT", out.shape, out)
         framebuffer.read_color(0, 0, out.shape[1], out.shape[0], 4, 0, "FLOAT", data=buffer)
 
@@ -186,9 +186,9 @@ def using(pool: TargetPool) -> Iterator[None]:
 
 @contextmanager
 def drawing(into: Target, rows: range | None = None, *, clear: bool = True) -> Iterator[None]:
-    """What is drawn in this block goes into `into`, which is cleared first, and into these rows of it alone."""
+    """Draw into `into` in this block. It is cleared first, unless `clear` is False. rows: limits drawing to these rows."""
     blending, test = gpu.state.blend_get(), gpu.state.depth_test_get()
-    gpu.state.blend_set("NONE")  # whatever a script has drawn before
+    gpu.state.blend_set("NONE")  # a script may have left another state
     gpu.state.depth_test_set("NONE")
     gpu.state.color_mask_set(True, True, True, True)
     with into.bound() as framebuffer:
@@ -208,7 +208,7 @@ def drawing(into: Target, rows: range | None = None, *, clear: bool = True) -> I
 
 
 def clear(target: Target) -> None:
-    """Set all of `target` to 0: a new texture holds whatever its memory held before."""
+    """Set all of `target` to 0: the memory of a new texture is not initialized."""
     with drawing(target):
         pass
 
@@ -231,7 +231,7 @@ def dispatch(program: Program, width: int, rows: range, **bindings) -> None:
 
 
 def bind(compiled: gpu.types.GPUShader, program: Program, **bindings) -> None:
-    """Set `program`'s samplers, images and push constants by name, each in the way of its declared type."""
+    """Set the samplers, images and push constants of `program` by name, according to their declared types."""
     as_images = shader.reads_images()
     for _, name in program.all_samplers(as_images):
         compiled.uniform_sampler(name, bindings.pop(name))

@@ -119,7 +119,7 @@ class Scene:
 
     def _table(self, name: str) -> moderngl.Texture:
         values = self.data[name].reshape(-1, self.data[name].shape[-1])
-        padded, width = data_texture.room(len(values)), data_texture.WIDTH
+        padded, width = data_texture.empty(len(values)), data_texture.WIDTH
         padded[: len(values), : values.shape[1]] = values
         texture = self.ctx.texture((width, len(padded) // width), 4, padded.tobytes(), dtype="f4")
         texture.filter = moderngl.NEAREST, moderngl.NEAREST

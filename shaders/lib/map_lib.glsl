@@ -1,4 +1,4 @@
-// Reads a normal map. Columns 0 to 2 of `placed` hold the normal matrix of the low object. Their fourth components hold the
+// Reads a normal map. Columns 0 to 2 of `shading` hold the normal matrix of the low object. Their fourth components hold the
 // number of steps between 0 and 1 to which the map is rounded (0: not rounded), a MAP_ kind, and the axes of the channels:
 // digits in base 6 for +X, -X, +Y, -Y, +Z, -Z, with red in the lowest.
 #include "lib/basis_lib.glsl"
@@ -11,7 +11,7 @@ const int MAP_BLENDER = 3;
 vec3 map_stored(ivec2 texel)
 {
   vec3 value = texelFetch(normal_map, clamp(texel, ivec2(0), textureSize(normal_map, 0) - 1), 0).rgb;
-  float steps = placed[0].w;
+  float steps = shading[0].w;
   return steps > 0.0 ? floor(value * steps + 0.5) / steps : value;
 }
 
@@ -34,20 +34,20 @@ vec3 map_unit(vec3 vector)
 // Transforms a normal from object space, or for a world-space map from world space, to world space, and normalizes it.
 vec3 map_to_world(vec3 normal)
 {
-  return map_unit(int(placed[1].w) == MAP_WORLD ? normal : mat3(placed) * normal);
+  return map_unit(int(shading[1].w) == MAP_WORLD ? normal : mat3(shading) * normal);
 }
 
 // The world-space normal that a stored color means, with the normal and the tangent of the low mesh.
 vec3 map_normal(vec3 stored, vec3 normal, vec4 tangent)
 {
   vec3 shown = vec3(0.0);
-  int axes = int(placed[2].w);
+  int axes = int(shading[2].w);
   for (int channel = 0; channel < 3; channel++) {
     int axis = axes % 6;
     shown[axis / 2] = (stored[channel] * 2.0 - 1.0) * (axis % 2 == 0 ? 1.0 : -1.0);
     axes /= 6;
   }
-  int kind = int(placed[1].w);
+  int kind = int(shading[1].w);
   if (kind == MAP_MIKKTSPACE || kind == MAP_BLENDER) {
     shown = basis_vector(shown, tangent.xyz, tangent.w, kind == MAP_BLENDER ? map_unit(normal) : normal);
   }

@@ -4,5 +4,5 @@ void main()
 {
   gl_Position = view_projection * vec4(position, 1.0);
   v_position = position;
-  v_normal = mat3(placed) * normal;
+  v_normal = mat3(shading) * normal;
 }

@@ -25,6 +25,6 @@ void main()
   }
   vec3 high = map_to_world(wanted.xyz);
   vec3 shown = map_normal(map_stored(texel), v_normal, v_tangent);
-  vec3 bare = map_unit(mat3(placed) * v_normal);
+  vec3 bare = map_unit(mat3(shading) * v_normal);
   deviation_out = vec4(degrees_between(shown, high), degrees_between(bare, high), 0.0, 1.0);
 }

@@ -18,7 +18,7 @@ void main()
       found = value;
     }
   }
-  float angle = is_bare != 0 ? found.g : found.r;
+  float angle = without_map != 0 ? found.g : found.r;
   vec3 unknown = found.a < -1.5 ? RAMP_ELSEWHERE : RAMP_UNKNOWN;
   color_out = vec4(found.a > 0.0 ? ramp_color(angle / limit) : unknown, 1.0);
 }

@@ -26,7 +26,7 @@ def counts(monkeypatch):
     """How often each program was run, and how many bytes went up and came down, since the test began."""
     seen = Counter()
     bind, vertices, read = target.bind, mesh_upload._vertices, target.Target.read
-    upload, gathered = data_texture.upload, data_texture.gathered
+    upload, gathered = data_texture.upload, data_texture.upload_gathered
 
     def counting_bind(compiled, program, **bindings):
         seen[program.compute or program.fragment] += 1
@@ -51,7 +51,7 @@ def counts(monkeypatch):
     monkeypatch.setattr(target, "bind", counting_bind)
     monkeypatch.setattr(mesh_upload, "_vertices", counting_vertices)
     monkeypatch.setattr(data_texture, "upload", counting_upload)
-    monkeypatch.setattr(data_texture, "gathered", counting_gathered)
+    monkeypatch.setattr(data_texture, "upload_gathered", counting_gathered)
     monkeypatch.setattr(target.Target, "read", counting_read)
     ray_casting.trees.free()
     return seen

@@ -215,7 +215,7 @@ def test_it_covers_what_lies_around_it_and_not_what_is_before_it(is_parallel):
         in_scene = mesh_upload.upload(triangles, position=points, normal=np.zeros_like(points))
         gpu.state.depth_test_set("LESS_EQUAL")
         gpu.state.depth_mask_set(True)
-        lit.draw_bare(in_scene, eye.projection @ eye.view @ np.array(ASLANT), lit.placed(np.eye(3), eye.light))
+        lit.draw_bare(in_scene, eye.projection @ eye.view @ np.array(ASLANT), lit.shading(np.eye(3), eye.light))
         drawn.draw("MAP", eye)
         gpu.state.depth_mask_set(False)
         gpu.state.depth_test_set("NONE")
@@ -248,7 +248,7 @@ def test_bumps_of_the_high_object_do_not_poke_through(is_parallel, mode):
     def over(**known):
         gpu.state.depth_test_set("LESS_EQUAL")
         gpu.state.depth_mask_set(True)
-        lit.draw_bare(seen, eye.projection @ eye.view, lit.placed(np.eye(3), eye.light))
+        lit.draw_bare(seen, eye.projection @ eye.view, lit.shading(np.eye(3), eye.light))
         drawn.draw(mode, eye, split=0.1, **known)
         gpu.state.depth_mask_set(False)
         gpu.state.depth_test_set("NONE")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Counts how many triangles of a mesh cover each texel: more than one is the paper's first restriction broken."""
+"""Counts the triangles of a mesh on each texel. More than one means overlapping UVs."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ PROGRAM = Program(
 
 
 def draw(into: target.Target, mesh: gpu.types.GPUBatch, uv_to_clip: UvToClip) -> None:
-    """Clear `into` (R16F, exact up to 2048) and write for each texel how many triangles of `mesh` cover its center.
+    """Clear `into` (R16F, exact up to 2048) and write the number of triangles of `mesh` that cover each texel's center.
 
     mesh: batch with the attribute uv. Triangles that share an edge do not share texels along it.
     """

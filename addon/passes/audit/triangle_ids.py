@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Draws a mesh in UV space: which triangle each texel belongs to, and which ones lie below that."""
+"""Draws a mesh in UV space, layer by layer: the number of the top triangle on each texel, then of the one below it."""
 
 from __future__ import annotations
 
@@ -43,8 +43,8 @@ def layers(
 ) -> Iterator[np.ndarray]:
     """The numbers (height, width) of the triangles on each texel, 0 for none, layer by layer from the top down.
 
-    The last triangle is on top, as it is in a map. Below the lowest one of a texel comes a 0, and then they come again. The
-    array is used again for the next layer.
+    The last triangle is on top, as in a map. After the lowest triangle of a texel comes a 0, then its top triangle again.
+    The array is reused for the next layer.
     """
     compiled = shader.load(PROGRAM)
     above, into = (target.get(f"faces {name}", *size, "R32F") for name in ("above", "into"))

@@ -60,7 +60,7 @@ POINTS = Program(
 
 @dataclass(frozen=True)
 class Tables:
-    """High triangles and their tree on the GPU. Triangle i has three texels in `corners` and three in `normals`."""
+    """The triangles of the high meshes and their tree on the GPU. Triangle i has three texels in `corners` and `normals`."""
 
     nodes: gpu.types.GPUTexture
     corners: gpu.types.GPUTexture
@@ -87,11 +87,13 @@ def upload(
     vertices (T, 3), indices into points (P, 3) float32, and corners (T, 3), indices into normals (C, 3) float32, are in
     the tree's order. Normals can have any length.
     """
-    room = data_texture.room(vertices.size)  # both uploads use it: allocating memory takes the time of large meshes
+    gathered = data_texture.empty(
+        vertices.size
+    )  # both uploads use it: allocating memory takes the time of large meshes
     textures = [
         data_texture.upload(nodes.reshape(-1, 4)),
-        data_texture.gathered(points, vertices.reshape(-1), room),
-        data_texture.gathered(normals, corners.reshape(-1), room),
+        data_texture.upload_gathered(points, vertices.reshape(-1), gathered),
+        data_texture.upload_gathered(normals, corners.reshape(-1), gathered),
     ]
     size = sum(texture.width * texture.height * 16 for texture in textures)
     return Tables(*textures, first_leaf, origin, scale, size)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Draws high meshes in UV space: the target is their normal map (Gumbau, González and Chover, Algorithms 1 and 2)."""
+"""Draws high meshes in UV space: the result is their normal map (Gumbau, González and Chover, Algorithms 1 and 2)."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Draws the low mesh in UV space: where each texel's ray starts and where to."""
+"""Draws the low mesh in UV space: the start and the direction of each texel's ray."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ PROGRAM = Program(
 
 
 def draw(into: target.Target, low: gpu.types.GPUBatch, uv_to_clip: UvToClip) -> None:
-    """Clear `into` (two RGBA32F) and write positions and unit directions, alpha 1, where `low` is.
+    """Clear `into` (two RGBA32F) and write positions and unit directions, with alpha 1, on the texels that `low` covers.
 
-    low: batch with attributes uv, position and direction, which leads away from the surface and need not be of length 1.
+    low: batch with attributes uv, position and direction. Directions point away from the surface, with any length.
     """
     compiled = shader.load(PROGRAM)
     with target.drawing(into):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Draws high meshes in UV space: which point of theirs each texel shows, and whose it is."""
+"""Draws high meshes in UV space: the point of the surface on each texel, and its object and material."""
 
 from __future__ import annotations
 

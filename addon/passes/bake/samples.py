@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Several samples a texel: where they lie, and their mean. Memory does not grow with their number."""
+"""Places several samples per texel, and averages them. Memory does not grow with their number."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ AVERAGE = Program(
 
 
 _EIGHT = (3, 6, 0, 5, 2, 7, 1, 4)
-"""Of all orders of eight rows the one whose means of waves in any direction are nearest to those over the texel."""
+"""The order of eight rows that averages waves in any direction most accurately, found among all orders."""
 
 
 def offsets(count: int) -> list[tuple[float, float]]:
-    """Where `count` samples, one of bake.settings.SAMPLES, lie in a texel, from its center, in texels.
+    """The positions of `count` samples, one of core.settings.SAMPLES, in a texel, from its center, in texels.
 
-    No two lie in the same row or column of `count`. One is the center. The others are the Hammersley set, which as it is
-    leans to the diagonal, each bit of a number by as much: half of the bits of one coordinate are turned over, so that
-    it leans to neither side. Eight have three bits, and an order of their own.
+    No two samples share one of the `count` rows or columns. A single sample is at the center. More samples are the
+    Hammersley set. Each bit of its numbers shifts samples towards the diagonal by the same amount, so half of the bits of
+    one coordinate are inverted to cancel this. Eight samples have three bits, an odd number, and use an order of their own.
     """
     bits = count.bit_length() - 1
     upright = (1 << bits // 2) - 1
@@ -50,5 +50,5 @@ def add(sums: target.Target, normals: gpu.types.GPUTexture, rows: range, *, is_f
 
 
 def average(into: target.Target, sums: target.Target, *, is_direction: bool = True) -> None:
-    """Write the means of `sums` into `into` (RGBA32F), as if they were one sample; directions are of length one again."""
+    """Write the means of `sums` into `into` (RGBA32F), in the form of a single sample; directions are normalized again."""
     target.fill(into, AVERAGE, sums=sums.texture, is_direction=int(is_direction))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Draws the low mesh in UV space and turns object-space normals into its tangent space."""
+"""Draws the low mesh in UV space and transforms object-space normals into its tangent space."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def draw(
     normalize_normal: bool,
     rows: range | None = None,
 ) -> None:
-    """Clear `into` (RGBA32F) and write tangent-space unit normals, alpha 1, where `low` and `normals` both are.
+    """Clear `into` (RGBA32F) and write tangent-space unit normals, alpha 1, on texels that `low` and `normals` cover.
 
     low: batch with attributes uv, normal and tangent (w = the bitangent's sign). normals: object-space unit normals of
     the same size. normalize_normal: the basis of Cycles' Normal Map node; without it MikkTSpace's reference.

@@ -2,7 +2,7 @@
 """Finds the nearest written texel of each texel, exactly, in two passes whose cost does not grow with the distance.
 
 A. Meijster, J. Roerdink and W. Hesselink, "A general algorithm for computing distance transforms in linear time" (2000):
-first along the rows, then, among what the rows found, along the columns.
+the first pass searches along rows, the second searches the results along columns.
 """
 
 from __future__ import annotations
@@ -33,18 +33,18 @@ COLUMNS = Program(
 
 @dataclass(frozen=True)
 class Nearest:
-    """Where the nearest written texel lies: in `rows` (R32I) its row, in that row of `offsets` (R16I) how many columns
-    away. 32767 stands for none in reach."""
+    """The nearest written texel of each texel: `rows` (R32I) holds its row, and `offsets` (R16I), in that row, the number of
+    columns to it. 32767 means none in reach."""
 
     offsets: gpu.types.GPUTexture
     rows: gpu.types.GPUTexture
 
 
 def search(values: gpu.types.GPUTexture, reach: int | None) -> Nearest:
-    """Look for the nearest texel of `values` (RGBA32F) whose alpha is above 0, where one is in reach.
+    """Find the nearest texel of `values` (RGBA32F) whose alpha is above 0, for each texel with one in reach.
 
-    reach: in texels, along rows and columns at once, so that a margin of 2^n - 1 fills every block of 2^n x 2^n texels
-    that holds a written one; None for no limit.
+    reach: in texels, along rows and along columns, so that a margin of 2^n - 1 fills every block of 2^n x 2^n texels that
+    contains a written one; None for no limit.
     """
     width, height = values.width, values.height
     reach = max(width, height) if reach is None else min(reach, max(width, height))
@@ -56,8 +56,8 @@ def search(values: gpu.types.GPUTexture, reach: int | None) -> Nearest:
 
 
 def farthest(reach: int) -> int:
-    """How far away, in whole texels, the nearest written one may be along a row or column: not in the corner of its
-    square of reach, but on the circle through that."""
+    """The largest distance, in whole texels, of the nearest written texel along a row or column: the radius of the circle
+    through the corners of the square of `reach`."""
     return math.isqrt(2 * reach * reach)
 
 

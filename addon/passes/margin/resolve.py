@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Turns values into the stored map, with the nearest written texel in the margin."""
+"""Converts values to the stored map, and fills the margin with the nearest written texels."""
 
 from __future__ import annotations
 
@@ -35,9 +35,8 @@ def draw(
 ) -> None:
     """Write the map (RGBA32F) and the state of its texels (R8) into `into`, whose row 0 is row `halo` of `values`.
 
-    values: alpha above 0 where a texel was written, below 0 where its ray missed. nearest: what
-    nearest_texel.search found there.
-    encode: (4, 4), from a value and 1 to red, green and blue. missed: the color that stands for a miss.
+    values: alpha above 0 where a texel was written, below 0 where its ray missed. nearest: what nearest_texel.search
+    returned for `values`. encode: (4, 4), from a value and 1 to red, green and blue. missed: the color of misses.
     """
     target.fill(
         into,

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Fills the margin beside seams with what lies across them on the surface.
+"""Fills the margin beside seams with the map from across the seam, as the surface continues.
 
-A texel of the margin comes from its nearest written texel. The first one on the way there is beside the border of that
-texel's island: the border's similarity takes the whole way to the island across, and the map is read at its end. Where no
-seam lies on the way, or the way leaves that island, the nearest texel stays.
+The margin of a texel starts at its nearest written texel. Just before that one, on the way there, is a texel beside the
+border of the island. The similarity transform of this border moves the whole way to the island across, and the map is read
+at its end. Without a seam on the way, or if the way leaves the island across, the margin repeats the nearest texel.
 """
 
 from __future__ import annotations
@@ -36,21 +36,21 @@ ACROSS = Program(
     outputs=(("VEC4", "map_out"), ("FLOAT", "state_out")),
 )
 VALUE, LABEL, NORMAL, TANGENT = range(4)
-"""Kinds of values: numbers, numbers between which there is no mean, unit normals, and these in tangent space."""
+"""Kinds of values: numbers, numbers that must not be averaged, unit normals, and unit normals in tangent space."""
 FARTHEST = 256
-"""Texels: the longest way on the other side of a seam that is looked at, as in shaders/margin/across_frag.glsl."""
+"""The longest way, in texels, on the other side of a seam, as in shaders/margin/across_frag.glsl."""
 
 
 @dataclass(frozen=True)
 class Seams:
-    """The borders of the islands of one map: what mesh.seams.Seams says of them, on the GPU."""
+    """The borders of the UV islands of one map on the GPU: mesh.uv_seams.Seams, uploaded."""
 
     strips: gpu.types.GPUBatch
     similarities: gpu.types.GPUTexture
 
 
 def upload(triangles: np.ndarray, corners: np.ndarray, similarities: np.ndarray) -> Seams:
-    """Take what mesh.seams.Seams.strips and similarities return."""
+    """Upload the results of mesh.uv_seams.Seams.strips and similarities."""
     return Seams(mesh_upload.upload(triangles, corner=corners), data_texture.upload(similarities))
 
 
@@ -67,7 +67,7 @@ def draw(
     encode: np.ndarray,
     is_deferred: bool = False,
 ) -> None:
-    """Draw over what resolve.draw made of the same values, where a seam lies on the way to the nearest written texel.
+    """Draw over the result of resolve.draw where a seam lies on the way to the nearest written texel.
 
     uv_to_clip: to the clip space of `values`. reach: how far, in texels, the way to the nearest may be. kind: one of VALUE,
     LABEL, NORMAL and TANGENT; the last are turned with the similarity, which is exact on a flat surface whose islands are

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Draws a mesh moved along its normals, in one color."""
+"""Draws a mesh moved along its ray directions, in one color."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ PROGRAM = Program(
     vertex="view/shell_vert.glsl",
     fragment="view/shell_frag.glsl",
     inputs=(("VEC3", "position"), ("VEC3", "direction")),
-    constants=(("MAT4", "view_projection"), ("VEC4", "color"), ("FLOAT", "away")),
+    constants=(("MAT4", "view_projection"), ("VEC4", "color"), ("FLOAT", "offset")),
     outputs=(("VEC4", "color_out"),),
 )
 
 
-def draw(batch: gpu.types.GPUBatch, view_projection, away: float, color: tuple[float, float, float, float]) -> None:
-    """Draw into the framebuffer that is bound. batch: attributes position and unit direction, in world space."""
+def draw(batch: gpu.types.GPUBatch, view_projection, offset: float, color: tuple[float, float, float, float]) -> None:
+    """Draw into the bound framebuffer. batch: attributes position and unit direction, in world space."""
     compiled = shader.load(PROGRAM)
     compiled.bind()
-    target.bind(compiled, PROGRAM, view_projection=view_projection, color=color, away=away)
+    target.bind(compiled, PROGRAM, view_projection=view_projection, color=color, offset=offset)
     batch.draw(compiled)

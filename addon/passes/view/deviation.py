@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Measures how far what a low mesh shows is from the high surface, and draws it in colors."""
+"""Measures the angles between the normals that a low mesh shows and those of the high surface, and draws them in colors."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ MEASURE = Program(
     inputs=(("VEC2", "uv"), ("VEC3", "normal"), ("VEC4", "tangent")),
     varyings=(("VEC3", "v_normal"), ("VEC4", "v_tangent")),
     samplers=(("FLOAT_2D", "normal_map"), ("FLOAT_2D", "truth"), ("FLOAT_2D", "elsewhere")),
-    constants=(("MAT4", "placed"), ("VEC4", "uv_to_clip")),
+    constants=(("MAT4", "shading"), ("VEC4", "uv_to_clip")),
     outputs=(("VEC4", "deviation_out"),),
 )
 RAMP = Program(
@@ -25,7 +25,7 @@ RAMP = Program(
     inputs=(("VEC3", "position"), ("VEC2", "uv")),
     varyings=(("VEC2", "v_uv"),),
     samplers=(("FLOAT_2D", "deviation"),),
-    constants=(("MAT4", "view_projection"), ("FLOAT", "limit"), ("INT", "is_bare")),
+    constants=(("MAT4", "view_projection"), ("FLOAT", "limit"), ("INT", "without_map")),
     outputs=(("VEC4", "color_out"),),
 )
 LEGEND = Program(
@@ -43,16 +43,16 @@ def measure(
     low: gpu.types.GPUBatch,
     normal_map: gpu.types.GPUTexture,
     truth: gpu.types.GPUTexture,
-    placed: np.ndarray,
+    shading: np.ndarray,
     *,
     elsewhere: np.ndarray,
 ) -> None:
-    """Clear `into` (RGBA32F) and write where `low` is, in degrees: red, how far the normal that it shows with its map is
-    from the truth, and green without. Alpha: 1, -1 where there is no truth, or -2 where that is of another place.
+    """Clear `into` (RGBA32F) and write angles in degrees on the texels that `low` covers.
 
-    low: batch with attributes uv, normal and tangent. truth: unit normals, as sources.Source has them. All of one size.
-    placed: from lit.placed. elsewhere (rows, columns) bool: the parts of the map, of any number, where the truth is that of
-    another place than the low mesh's.
+    Red is the angle between the truth and the normal that `low` shows with its map, green the angle without it. Alpha is 1,
+    or -1 without a truth, or -2 where the truth belongs to another place of the surface. low: batch with attributes uv,
+    normal and tangent. truth: unit normals, as sources.Source writes them. All textures have the same size. shading: from
+    lit.shading. elsewhere (rows, columns) bool, at any resolution: where the truth belongs to another place.
     """
     values = np.ascontiguousarray(elsewhere, np.float32)
     data = gpu.types.Buffer("FLOAT", values.shape, values)
@@ -64,7 +64,7 @@ def measure(
             "normal_map": normal_map,
             "truth": truth,
             "elsewhere": mask,
-            "placed": shader.mat4(placed),
+            "shading": shader.mat4(shading),
             "uv_to_clip": udim.uv_to_clip(),
         }
         target.bind(compiled, MEASURE, **bindings)
@@ -77,21 +77,21 @@ def draw(
     view_projection: np.ndarray,
     *,
     limit: float,
-    is_bare: bool,
+    without_map: bool,
 ) -> None:
-    """Draw into the framebuffer that is bound what was measured, in colors from 0 to `limit` degrees and more.
+    """Draw the result of `measure` into the bound framebuffer, in colors from 0 to `limit` degrees and more.
 
-    batch: attributes position and uv. is_bare: of the mesh without its map.
+    batch: attributes position and uv. without_map: show the angles without the map.
     """
     compiled = shader.load(RAMP)
     compiled.bind()
     matrix = shader.mat4(view_projection)
-    target.bind(compiled, RAMP, deviation=measured, view_projection=matrix, limit=limit, is_bare=int(is_bare))
+    target.bind(compiled, RAMP, deviation=measured, view_projection=matrix, limit=limit, without_map=int(without_map))
     batch.draw(compiled)
 
 
 def draw_legend(square: gpu.types.GPUBatch, rect: tuple[float, float, float, float]) -> None:
-    """Draw the colors from left to right. square: position (x, y) from 0 to 1; rect: its scale and offset in clip space."""
+    """Draw the color scale left to right. square: position (x, y) from 0 to 1; rect: its scale and offset in clip space."""
     compiled = shader.load(LEGEND)
     compiled.bind()
     target.bind(compiled, LEGEND, rect=rect)

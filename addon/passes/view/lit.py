@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Lights meshes, with a normal map and without (Gumbau, González and Chover, Algorithms 3 and 4)."""
+"""Draws lit meshes, with a normal map and without (Gumbau, González and Chover, Algorithms 3 and 4)."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ if TYPE_CHECKING:
     import gpu
 
 WORLD, OBJECT, MIKKTSPACE, BLENDER = range(4)
-"""What the normals of a map are relative to: the world, the object, or its tangent space in one of two bases, of which
-Blender's has the interpolated normal at length one. As in map_lib.glsl."""
+"""The spaces of a map's normals, as in map_lib.glsl: world, object, and tangent space in one of two bases. The basis of
+Blender's Normal Map node normalizes the interpolated normal."""
 
 _VARYINGS = (("VEC3", "v_position"), ("VEC3", "v_normal"), ("VEC2", "v_uv"), ("VEC4", "v_tangent"))
 # Vulkan grants 128 bytes of constants, which these are.
-_CONSTANTS = (("MAT4", "view_projection"), ("MAT4", "placed"))
+_CONSTANTS = (("MAT4", "view_projection"), ("MAT4", "shading"))
 
 MAP = Program(
     vertex="view/lit_vert.glsl",
@@ -40,7 +40,7 @@ BARE = Program(
 )
 
 
-def placed(
+def shading(
     normal_matrix: np.ndarray,
     light: np.ndarray | None = None,
     *,
@@ -48,11 +48,11 @@ def placed(
     channels: np.ndarray | None = None,
     steps: int = 0,
 ) -> np.ndarray:
-    """What the shaders of this kind know of a mesh and its map, packed: (4, 4) float64, as map_lib.glsl has it.
+    """Pack the parameters that shade a mesh with its map into (4, 4) float64, as map_lib.glsl reads them.
 
-    normal_matrix (3, 3): from the mesh's normals to the world's. light (4,): see `draw`. kind: one of WORLD, OBJECT,
-    MIKKTSPACE and BLENDER. channels (3, 3): from a normal to what red, green and blue hold of it, one axis each.
-    steps: 2^bits - 1 where the map is rounded to them before it is read, else 0.
+    normal_matrix (3, 3): from the mesh's normals to world space. light (4,): see `draw`. kind: one of WORLD, OBJECT,
+    MIKKTSPACE and BLENDER. channels (3, 3): from a normal to red, green and blue, one axis each. steps: 2^bits - 1 if the
+    map is rounded to integers before it is read, else 0.
     """
     channels = np.eye(3) if channels is None else channels
     digits = 2 * np.abs(channels).argmax(axis=1) + (channels.sum(axis=1) < 0.0)
@@ -65,27 +65,27 @@ def placed(
 
 
 def draw(
-    batch: gpu.types.GPUBatch, normal_map: gpu.types.GPUTexture, view_projection: np.ndarray, placed: np.ndarray
+    batch: gpu.types.GPUBatch, normal_map: gpu.types.GPUTexture, view_projection: np.ndarray, shading: np.ndarray
 ) -> None:
-    """Draw into the framebuffer that is bound, with its tests of depth, what `batch` looks like with its map.
+    """Draw `batch` lit with its normal map into the bound framebuffer, with its depth test.
 
-    batch: attributes position, in a space with the world's axes, normal and tangent in the object's, and uv.
-    view_projection (4, 4): from that space to clip space. placed: from the function of this name; its light is where the
-    light comes from in that space and 0, or where it is and 1.
+    batch: attributes position, in a space with the world's axes, normal and tangent, in object space, and uv.
+    view_projection (4, 4): from that space to clip space. shading: from the function `shading`. Its light is a direction
+    towards the light and 0, or a position and 1, in that space.
     """
-    _draw(MAP, batch, view_projection, placed, normal_map=normal_map)
+    _draw(MAP, batch, view_projection, shading, normal_map=normal_map)
 
 
-def draw_bare(batch: gpu.types.GPUBatch, view_projection: np.ndarray, placed: np.ndarray) -> None:
-    """As `draw`, by the normals of `batch` alone."""
-    _draw(BARE, batch, view_projection, placed)
+def draw_bare(batch: gpu.types.GPUBatch, view_projection: np.ndarray, shading: np.ndarray) -> None:
+    """Draw `batch` as `draw` does, but lit by its own normals."""
+    _draw(BARE, batch, view_projection, shading)
 
 
 def _draw(
-    program: Program, batch: gpu.types.GPUBatch, view_projection: np.ndarray, placed: np.ndarray, **samplers
+    program: Program, batch: gpu.types.GPUBatch, view_projection: np.ndarray, shading: np.ndarray, **samplers
 ) -> None:
     compiled = shader.load(program)
     compiled.bind()
-    matrices = {"view_projection": shader.mat4(view_projection), "placed": shader.mat4(placed)}
+    matrices = {"view_projection": shader.mat4(view_projection), "shading": shader.mat4(shading)}
     target.bind(compiled, program, **matrices, **samplers)
     batch.draw(compiled)

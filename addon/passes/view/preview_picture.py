@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A small picture of normals that are still being drawn, for the screen."""
+"""Draws a small picture of an unfinished normal map, for the screen."""
 
 from __future__ import annotations
 
@@ -22,15 +22,16 @@ PROGRAM = Program(
     outputs=(("VEC4", "picture_out"),),
 )
 SIDE = 512
-"""Texels of the longer side, at most."""
+"""The largest length of the longer side, in texels."""
 
 
 def draw(
     normals: gpu.types.GPUTexture, size: tuple[int, int], channels: np.ndarray, *, clear: bool
 ) -> gpu.types.GPUTexture:
-    """The picture of `normals` (RGBA32F, or sums of such) of a map of `size`; channels as resolve.draw has it.
+    """Draw the picture of `normals` (RGBA32F, or sums of samples), a part of a map of `size`. channels: (3, 3), as in
+    lit.shading.
 
-    Where there are no normals, what was drawn before stays, unless it is cleared.
+    Texels without normals keep the previous picture, unless `clear` is True.
     """
     shrink = max(1.0, max(size) / SIDE)
     into = target.get("picture", max(1, int(size[0] / shrink)), max(1, int(size[1] / shrink)), "RGBA16F")
@@ -38,5 +39,5 @@ def draw(
     if clear:
         target.clear(into)
     target.fill(into, PROGRAM, normals=normals, scale=scale, channels=shader.mat4(channels))
-    into.finish()  # so that the clock sees what was drawn before it
+    into.finish()  # so that the caller's clock includes the drawing
     return into.texture
