@@ -10,6 +10,7 @@ import tomllib
 import pytest
 
 from addon.cli import arguments, job_file
+from addon.core import texel_state
 from addon.core.report import STAGES, Report
 from scripts import imprint
 from scripts.imprint import ROOT
@@ -208,6 +209,25 @@ def test_the_table_of_packages_is_that_of_the_imports():
         (package,) = names(cells[0])
         found["" if package == "addon/__init__.py" else package] = set(names(cells[1])), set(names(cells[2]))
     assert found == {package: (MAY_IMPORT[package], WITHOUT.get(package, set())) for package in MAY_IMPORT}
+
+
+def test_the_tree_has_all_folders():
+    (tree,) = (text for _, text in blocks(ROOT / "docs" / "architecture.md") if text.startswith("__init__.py"))
+    named = set(re.findall(r"\b(\w+)/", tree))
+    top, packages, passes = (
+        {path.name for path in folder.iterdir() if path.is_dir() and re.match("[a-z]", path.name)}
+        for folder in (ROOT, ROOT / "addon", ROOT / "addon" / "passes")
+    )
+    top -= {"out", "dist"}
+    assert top | packages <= named
+    assert named <= top | packages | passes | {"imprint", "lib", "dev", "bench", "pure", "support"}
+
+
+def test_the_table_of_states_is_that_of_the_code():
+    cells = rows(section(ROOT / "docs" / "shaders.md", "## States"))
+    assert {name: int(number) for number, name, _ in cells if name} == {
+        name: value for name, value in vars(texel_state).items() if isinstance(value, int)
+    }
 
 
 def test_the_table_of_a_report_has_its_keys():
