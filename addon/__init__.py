@@ -34,10 +34,10 @@ def free() -> None:
     """Free what is kept on the GPU between bakes. Blender crashes on exit while such objects live."""
     from . import passes
     from .engine import gpu_memory
-    from .ui import live_mode
+    from .ui.live.live_controller import live
     from .ui.viewport import view_mode
 
-    live_mode.free()
+    live.free()
     view_mode.free()
     gpu_memory.free()
     passes.free()
@@ -71,14 +71,14 @@ def _stop() -> None:
     """End what is going on, and forget what belongs to the open file."""
     import bpy
 
-    from .ui import live_mode
     from .ui.bake_results import results
+    from .ui.live.live_controller import live
     from .ui.modal import runner
     from .ui.viewport import view_mode
     from .ui.viewport.cage_overlay import overlay
 
     runner.stop(bpy.context)
-    live_mode.stop()
+    live.stop()
     results.forget()
     overlay.hide()
     view_mode.off()

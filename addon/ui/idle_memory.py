@@ -4,8 +4,8 @@
 import bpy
 
 from ..engine import gpu_memory
-from . import live_mode
 from .callbacks import Timer
+from .live.live_controller import live
 from .viewport.progress_display import display
 
 AFTER = 60.0
@@ -23,7 +23,7 @@ class IdleMemory:
 
     def check(self) -> float:
         """Free what is kept if it is time. Returns the seconds until the next check."""
-        if display.current is None and live_mode.session() is None:
+        if display.current is None and not live.is_on:
             gpu_memory.free_if_idle(self.after)
         return EVERY
 

@@ -12,9 +12,10 @@ from ..core.report import Report
 from ..core.settings import Settings
 from ..jobs import sequence, several
 from ..scene import bake_objects
-from . import live_mode, modal
+from . import modal
 from .bake_results import distances, high_objects, results
 from .callbacks import redraw
+from .live.live_controller import live
 from .properties import Options
 from .viewport import show_result
 from .viewport.cage_overlay import overlay
@@ -29,7 +30,7 @@ class _Bake(modal.SlicedOperator):
 
     @classmethod
     def poll(cls, _context: bpy.types.Context) -> bool:
-        if live_mode.session() is not None:
+        if live.is_on:
             cls.poll_message_set("Live bakes into the same image: switch it off first")
             return False
         return display.current is None
@@ -119,11 +120,11 @@ class IMPRINT_OT_live(modal.SlicedOperator, bpy.types.Operator):
         return display.current is None
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        return super().invoke(context, event) if live_mode.session() is None else self.execute(context)
+        return super().invoke(context, event) if not live.is_on else self.execute(context)
 
     def task(self, context: bpy.types.Context, pace: progress.Pace) -> progress.Task[None]:
-        if live_mode.session() is not None:
-            live_mode.finish()
+        if live.is_on:
+            live.finish()
             return
         settings = context.scene.imprint
         low, highs = settings.subjects(context)
@@ -131,7 +132,7 @@ class IMPRINT_OT_live(modal.SlicedOperator, bpy.types.Operator):
             raise BakeError(bake_objects.problem(context, low, highs))
         plain = settings.to_settings()
         job = several.Job(low, highs, settings.cage_for(plain.method))
-        yield from live_mode.starting(context, job, plain, pace)
+        yield from live.starting(context, job, plain, pace)
 
 
 class IMPRINT_OT_bake_pairs(_Bake, bpy.types.Operator):

@@ -12,7 +12,7 @@ from addon.core.progress import Pace, finish
 from addon.core.settings import Settings
 from addon.jobs import live_session, locate_issues, sequence, several
 from addon.output import datablocks
-from addon.ui import live_mode
+from addon.ui.live.live_controller import live
 from tests.support import zoo
 from tests.support.maps import pixels
 from tests.support.snapshot import difference, snapshot
@@ -217,19 +217,19 @@ def test_live_follows_into_a_library_that_is_reloaded(library):
     source, low, high = library
     panel = bpy.context.scene.imprint
     panel.width = panel.height = 64
-    live_mode.start(bpy.context, several.Job(low, [high]), panel.to_settings())
+    live.start(bpy.context, several.Job(low, [high]), panel.to_settings())
     try:
         before = high.session_uid
         source.reload()
         assert bpy.data.objects["hi"].session_uid != before
-        report = live_mode.session().report
+        report = live.session.report
         for _ in range(20):
-            live_mode.tick()
-        assert live_mode.message == ""
-        assert live_mode.session().report is not report
-        assert bpy.data.objects["hi"].session_uid in live_mode.session().uids
+            live.tick()
+        assert live.message == ""
+        assert live.session.report is not report
+        assert bpy.data.objects["hi"].session_uid in live.session.uids
     finally:
-        live_mode.stop()
+        live.stop()
 
 
 @pytest.mark.parametrize("relative", [False, True])

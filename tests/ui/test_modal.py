@@ -11,8 +11,9 @@ from addon.core import progress
 from addon.core.errors import BakeError
 from addon.engine import gpu_memory, ray_casting
 from addon.passes import target
-from addon.ui import live_mode, modal, operators
+from addon.ui import modal, operators
 from addon.ui.idle_memory import EVERY, idle_memory
+from addon.ui.live.live_controller import live
 from addon.ui.viewport import view_mode
 from addon.ui.viewport.progress_display import display
 from tests.support import zoo
@@ -30,7 +31,7 @@ def pair():
     low, high = zoo.terrains_in_slots("CAST")
     yield low, high
     modal.runner.stop(bpy.context)
-    live_mode.stop()
+    live.stop()
     view_mode.off()
 
 
@@ -111,9 +112,9 @@ def test_a_first_map_comes_in_slices_with_a_bar(pair, name):
     assert is_clean()
     assert button.told == []
     if name == "live":
-        assert live_mode.session() is not None
+        assert live.is_on
         now = pixels(bpy.data.images["lo_normal"])
-        live_mode.stop()
+        live.stop()
         bpy.ops.imprint.live()
         assert (pixels(bpy.data.images["lo_normal"]) == now).all()
     else:
@@ -145,7 +146,7 @@ def test_esc_leaves_everything_as_it_was(pair, name, step):
         assert button.event() == {"RUNNING_MODAL"}
     assert button.event("ESC") == {"CANCELLED"}
     assert is_clean()
-    assert live_mode.session() is None
+    assert not live.is_on
     assert view_mode.mode() == "OFF"
     assert difference(before, snapshot()) == {}
 
@@ -171,7 +172,8 @@ def test_what_changes_while_live_starts_counts(pair):
     pair[1].location.z = 0.01
     bpy.context.view_layer.update()
     button.run()
-    assert not live_mode.is_resting()
+    assert live.is_on
+    assert not live.is_resting
 
 
 @pytest.mark.usefixtures("tiny")
@@ -185,7 +187,7 @@ def test_an_extension_that_is_switched_off_ends_what_is_going_on(pair, name):
     assert is_clean()
     assert bpy.ops.imprint.bake.poll()
     assert button.event() == {"CANCELLED"}
-    assert live_mode.session() is None
+    assert not live.is_on
 
 
 @pytest.mark.usefixtures("tiny")

@@ -6,7 +6,7 @@ import pytest
 
 import addon
 from addon.scene import visibility
-from addon.ui import live_mode
+from addon.ui.live.live_controller import live
 from addon.ui.viewport import view_mode
 from addon.ui.viewport.object_hiding import hiding
 from tests.support import zoo
@@ -21,7 +21,7 @@ def pair():
     low, high = zoo.terrains_in_slots("FLATTEN")
     choose(zoo.terrain("other", n=2))
     yield low, high
-    live_mode.stop()
+    live.stop()
     view_mode.off()
 
 

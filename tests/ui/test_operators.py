@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from addon.core import name_matching, progress
-from addon.ui import live_mode
+from addon.ui.live.live_controller import live
 from addon.ui.panels import bake_panel, batch_panels, settings_panels
 from addon.ui.viewport.progress_display import display, time_left
 from tests.support import maps, zoo
@@ -404,7 +404,7 @@ def test_the_panel_says_what_live_follows_whatever_is_selected_by_then(pair):
         assert "No high object" not in drawn.text
         assert "ERROR" not in drawn.icons
     finally:
-        live_mode.stop()
+        live.stop()
 
 
 def test_the_panel_says_when_an_image_is_filled_again(pair):

@@ -13,7 +13,7 @@ import addon
 from addon.core.errors import BakeError
 from addon.jobs import view_session
 from addon.passes import target
-from addon.ui import live_mode
+from addon.ui.live.live_controller import live
 from addon.ui.viewport import view_mode, viewport_text
 from tests.support import raster, zoo
 from tests.support.snapshot import difference, snapshot
@@ -30,7 +30,7 @@ def pair():
     """A low terrain and a high one, in the slots."""
     low, high = zoo.terrains_in_slots("FLATTEN")
     yield low, high
-    live_mode.stop()
+    live.stop()
     view_mode.off()
 
 
@@ -200,11 +200,11 @@ def test_live_takes_over_and_gives_back(pair):
     assert bpy.ops.imprint.live() == {"FINISHED"}
     view_mode.catch_up()
     assert view_mode._own is None
-    assert view_mode._shading.session is live_mode.session()
+    assert view_mode._shading.session is live.session
     pair[1].scale.z = 2.0
     bpy.context.view_layer.update()
     for _ in range(100):
-        live_mode.tick()
+        live.tick()
     assert view_mode.figures().bare_mean > 1.5 * before
     assert seen().any()
     assert bpy.ops.imprint.live() == {"FINISHED"}
@@ -314,7 +314,7 @@ def test_it_goes_with_the_add_on(pair):
     addon.unregister()
     try:
         assert is_clean()
-        assert view_mode.catch_up not in live_mode.on_new
+        assert view_mode.catch_up not in live.on_new
         assert not hasattr(bpy.types.Scene, "imprint_view")
     finally:
         addon.register()

@@ -22,7 +22,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 import addon  # noqa: E402
 from addon.core.settings import Settings  # noqa: E402
 from addon.jobs import several  # noqa: E402
-from addon.ui import live_mode  # noqa: E402
+from addon.ui.live.live_controller import live  # noqa: E402
 
 BRUSHES = "brushes/essentials_brushes-mesh_sculpt.blend/Brush/"
 PATIENCE = 20.0
@@ -71,7 +71,7 @@ def step():
             with at_view():
                 bpy.ops.object.voxel_remesh()
             seconds = yield from wait()
-        said, image = live_mode.message, pixels(bpy.data.images["lo_normal"])
+        said, image = live.message, pixels(bpy.data.images["lo_normal"])
         after, mode = points(high), high.mode
         equal = np.array_equal(image, fresh(high))
         moved = len(after) if len(after) != len(before) else int((after != before).any(axis=1).sum())
@@ -81,7 +81,7 @@ def step():
         is_well &= is_expected
         verdict = ("yes" if equal else "no") + (f" ({said})" if said else "") + ("" if is_expected else "  <-- WRONG")
         print(f"{brush:16} {what or '':14} {method:8} {moved:7} {maps:5} {seconds:8.2f}  {verdict}", flush=True)
-        live_mode.stop()
+        live.stop()
     print("all as promised" if is_well else "NOT all as promised", flush=True)
     addon.unregister()
     if not is_well:
@@ -147,13 +147,13 @@ def stroke(pace, offset=0):
     seen = []
 
     def note():
-        texels = live_mode.session() and live_mode.session().texels
+        texels = live.session and live.session.texels
         if texels is not None and not any(texels is known for known in seen):
             seen.append(texels)
 
     note()
     first = len(seen)
-    live_mode.on_new.append(note)
+    live.on_new.append(note)
     mouse("mousemove", x, y)
     yield 0.3
     mouse("mousedown", 1)
@@ -161,7 +161,7 @@ def stroke(pace, offset=0):
     for number in range(12):
         mouse("mousemove", x + pace * number, y + pace // 2 * number)
         yield 0.1
-    live_mode.on_new.remove(note)
+    live.on_new.remove(note)
     mouse("mouseup", 1)
     yield 0.05
     return len(seen) - first
@@ -170,12 +170,12 @@ def stroke(pace, offset=0):
 def wait():
     """Until Live has nothing more to do. Returns the seconds that it took until the last map was there."""
     start = time.monotonic()
-    last, texels = start, live_mode.session().texels
+    last, texels = start, live.session.texels
     yield 0.3
-    while not live_mode.is_resting() and time.monotonic() - start < PATIENCE:
+    while not live.is_resting and time.monotonic() - start < PATIENCE:
         yield 0.05
-        if live_mode.session().texels is not texels:
-            last, texels = time.monotonic(), live_mode.session().texels
+        if live.session.texels is not texels:
+            last, texels = time.monotonic(), live.session.texels
     return last - start
 
 
@@ -183,7 +183,7 @@ def fresh(high):
     """The texels of a bake of what is there now."""
     plain = vars(bpy.context.scene.imprint.to_settings())
     own = {"image": "fresh", "storage": "MEMORY", "material": False, "modifiers": "VIEWPORT"}
-    method = {"method": live_mode.session().report.method}
+    method = {"method": live.session.report.method}
     with at_view():
         several.bake(bpy.context, bpy.data.objects["lo"], [high], Settings(**plain | own | method))
     return pixels(bpy.data.images["fresh"])

@@ -4,8 +4,8 @@
 import bpy
 
 from ...core.report import Report
-from .. import live_mode
 from ..bake_results import high_objects, results
+from ..live.live_controller import live
 from ..viewport import show_result
 from ..viewport.progress_display import display
 from . import bake_plan
@@ -40,7 +40,7 @@ class IMPRINT_PT_bake(SidebarPanel, bpy.types.Panel):
 
         low, highs = settings.subjects(context)
         problem = bake_plan.problem(context, low, highs, settings)
-        following = live_mode.words()
+        following = live.description
         if following:
             problem = ""  # the selection may be what it likes
         lines = [following or problem] if following or problem else bake_plan.lines(low, highs, settings)
@@ -55,12 +55,11 @@ class IMPRINT_PT_bake(SidebarPanel, bpy.types.Panel):
         else:
             row.progress(factor=step.done, text=display.short_text())
         row = layout.row()
-        is_live = live_mode.session() is not None
-        row.enabled = step is None and (is_live or not problem)
-        row.operator("imprint.live", icon="PLAY", depress=is_live)
+        row.enabled = step is None and (live.is_on or not problem)
+        row.operator("imprint.live", icon="PLAY", depress=live.is_on)
         row.prop(settings, "live_every_time")
-        if is_live and live_mode.message:
-            draw_paragraphs(layout.box(), context, [live_mode.message], "ERROR")
+        if live.is_on and live.message:
+            draw_paragraphs(layout.box(), context, [live.message], "ERROR")
         report = results.of(context)
         if report is not None:
             draw_result(layout, report)

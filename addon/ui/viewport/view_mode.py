@@ -13,7 +13,8 @@ from ...core.settings import Settings
 from ...jobs import live_session as sessions
 from ...jobs import several, view_session
 from ...scene import bake_objects
-from .. import live_mode, modal
+from .. import modal
+from ..live.live_controller import live
 from ..panels.sidebar import SidebarPanel, draw_paragraphs, split_layout
 from . import viewport_text
 from .object_hiding import hiding
@@ -144,7 +145,7 @@ def is_outdated(context: bpy.types.Context) -> bool:
 
 def _session() -> sessions.Session | None:
     """Whose map is shown: that of live once it has one."""
-    following = live_mode.session()
+    following = live.session
     return following if following is not None and following.texels is not None else _own
 
 
@@ -402,7 +403,7 @@ class IMPRINT_OT_view_refresh(modal.SlicedOperator, bpy.types.Operator):
 
     @classmethod
     def poll(cls, _context: bpy.types.Context) -> bool:
-        return display.current is None and _mode != "OFF" and live_mode.session() is None
+        return display.current is None and _mode != "OFF" and not live.is_on
 
     def task(self, context: bpy.types.Context, pace: progress.Pace) -> progress.Task[None]:
         yield from switching(context, _mode, pace, anew=True)
@@ -503,7 +504,7 @@ _register, _unregister = bpy.utils.register_classes_factory(CLASSES)
 def register() -> None:
     _register()
     bpy.types.Scene.imprint_view = PointerProperty(type=ImprintView)
-    live_mode.on_new.append(catch_up)
+    live.on_new.append(catch_up)
     keys = bpy.context.window_manager.keyconfigs.addon
     if keys is not None:  # there is none in the background
         keymap = keys.keymaps.new("3D View", space_type="VIEW_3D")
@@ -516,6 +517,6 @@ def unregister() -> None:
     while _keymap:
         keymap, item = _keymap.pop()
         keymap.keymap_items.remove(item)
-    live_mode.on_new.remove(catch_up)
+    live.on_new.remove(catch_up)
     del bpy.types.Scene.imprint_view
     _unregister()

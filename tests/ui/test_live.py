@@ -4,7 +4,6 @@
 import ctypes
 import gc
 
-import bmesh
 import bpy
 import numpy as np
 import pytest
@@ -12,9 +11,10 @@ import pytest
 import addon
 from addon.core import progress
 from addon.core.settings import Settings
-from addon.jobs import several
-from addon.scene import mesh_reader
-from addon.ui import live_mode
+from addon.jobs import live_session, several
+from addon.scene import bake_objects, mesh_reader
+from addon.ui.live import following, sculpt_strokes
+from addon.ui.live.live_controller import LiveState, live
 from tests.support import zoo
 from tests.support.maps import pixels
 
@@ -31,9 +31,9 @@ def pair(monkeypatch):
     settings.low = low
     settings.highs.add().object = high
     settings.method, settings.width, settings.height = "FLATTEN", 64, 64
-    monkeypatch.setattr(live_mode, "REST", 0.0)
+    monkeypatch.setattr(live, "rest", 0.0)
     yield low, high
-    live_mode.stop()
+    live.stop()
 
 
 def handlers():
@@ -43,17 +43,17 @@ def handlers():
 
 def switch(on):
     """Press the button."""
-    assert (live_mode.session() is not None) != on
+    assert (live.is_on) != on
     assert bpy.ops.imprint.live() == {"FINISHED"}
-    assert (live_mode.session() is not None) == on
+    assert (live.is_on) == on
 
 
 def follow():
     """Let the timer run until there is nothing to do."""
     bpy.context.view_layer.update()
     for _ in range(200):
-        live_mode.tick()
-        if live_mode.session() is None or live_mode.is_resting():
+        live.tick()
+        if not live.is_on or live.is_resting:
             return
     raise AssertionError("live does not come to an end")
 
@@ -105,7 +105,7 @@ def test_it_follows_vertices_and_places(pair, method, which):
         follow()
         now = pixels(bpy.data.images["lo_normal"])
         assert not np.array_equal(now, before)
-        assert np.array_equal(now, fresh(method=live_mode.session()._method))
+        assert np.array_equal(now, fresh(method=live.session.report.method))
         before = now
 
 
@@ -210,6 +210,8 @@ def test_it_follows_modifiers_shape_keys_and_frames(pair):
 
 
 def test_it_follows_a_mesh_in_edit_mode(pair):
+    import bmesh  # there once bpy is
+
     low, high = pair
     switch(True)
     bpy.context.view_layer.objects.active = high
@@ -253,7 +255,7 @@ def test_an_object_on_its_own_base(pair):
     assert np.abs(pixels(bpy.data.images["lo_normal"]) - fresh()).max() < 5e-6
     assert low.modifiers["Subdivision"].uv_smooth == smoothing
     follow()
-    assert live_mode._work is None  # reading is no change
+    assert live.state is LiveState.IDLE  # reading is no change
 
 
 def test_multires_detail_is_waited_for(pair):
@@ -270,12 +272,12 @@ def test_multires_detail_is_waited_for(pair):
     bpy.ops.object.mode_set(mode="SCULPT")
     low.update_tag()
     follow()
-    assert "leaves Sculpt Mode" in live_mode.message
+    assert "leaves Sculpt Mode" in live.message
     assert np.array_equal(pixels(bpy.data.images["lo_normal"]), before)
     bpy.ops.object.mode_set(mode="OBJECT")
     low.update_tag()
     follow()
-    assert live_mode.message == ""
+    assert live.message == ""
 
 
 def test_it_follows_the_settings(pair):
@@ -287,10 +289,10 @@ def test_it_follows_the_settings(pair):
         assert np.array_equal(pixels(bpy.data.images["lo_normal"]), fresh()), name
     settings.udim = True
     follow()
-    assert "switch UDIM tiles off" in live_mode.message
+    assert "switch UDIM tiles off" in live.message
     settings.udim = False
     follow()
-    assert live_mode.message == ""
+    assert live.message == ""
 
 
 def test_files_are_written_when_it_is_switched_off(pair, tmp_path):
@@ -323,7 +325,7 @@ def test_the_map_is_in_a_file_that_is_saved_meanwhile(pair, tmp_path):
     follow()
     wanted = pixels(bpy.data.images["lo_normal"])
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
-    assert live_mode.session() is not None
+    assert live.is_on
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "scene.blend"))
     assert np.allclose(pixels(bpy.data.images["lo_normal"]), wanted, atol=1e-6)
 
@@ -335,23 +337,23 @@ def test_what_changed_before_a_map_was_interrupted_is_in_the_next(pair, monkeypa
     bpy.context.scene.imprint.highs.add().object = other
     switch(True)
     follow()
-    monkeypatch.setattr(live_mode, "BUDGET", 0.0)
+    monkeypatch.setattr(live, "budget", 0.0)
     for changed in (other, high):  # what the map shows of the two is the later one
         move(changed, 5)
         bpy.context.view_layer.update()
-        live_mode.tick()  # begins a map, and does not come to its end
-        assert live_mode._work is not None
+        live.tick()  # begins a map, and does not come to its end
+        assert live.state is LiveState.DRAWING
     follow()
     assert np.array_equal(pixels(bpy.data.images["lo_normal"]), fresh())
 
 
 def test_another_scene_changes_nothing(pair):
     switch(True)
-    session = live_mode.session()
+    session = live.session
     other = bpy.data.scenes.new("Other")
     with bpy.context.temp_override(scene=other):
-        live_mode._look_at_settings()
-    assert live_mode.session() is session
+        live.tick()
+    assert live.session is session
     bpy.data.scenes.remove(other)
 
 
@@ -373,22 +375,22 @@ def test_an_own_base_in_edit_mode_is_waited_for(pair):
     bpy.ops.object.mode_set(mode="EDIT")
     low.update_tag()
     follow()
-    assert "leaves Edit Mode" in live_mode.message
+    assert "leaves Edit Mode" in live.message
     bpy.ops.object.mode_set(mode="OBJECT")
     move(low, 3)
     follow()
-    assert live_mode.message == ""
+    assert live.message == ""
 
 
 def test_an_error_of_ours_switches_it_off(pair, monkeypatch):
     before = handlers()
     switch(True)
-    monkeypatch.setattr(live_mode.session(), "advance", lambda *_: 1 / 0)
+    monkeypatch.setattr(live.session, "advance", lambda *_: 1 / 0)
     move(pair[1], 3)
     bpy.context.view_layer.update()
     with pytest.raises(ZeroDivisionError):
-        live_mode.tick()
-    assert live_mode.session() is None
+        live.tick()
+    assert not live.is_on
     assert handlers()["undo_post"] == before["undo_post"]
 
 
@@ -398,27 +400,29 @@ def test_rays_show_a_coarse_map_first(pair, monkeypatch):
     bpy.context.scene.imprint.method = "CAST"
     switch(True)
     before = pixels(bpy.data.images["lo_normal"])
-    monkeypatch.setattr(live_mode, "BUDGET", 0.0)
+    monkeypatch.setattr(live, "budget", 0.0)
     move(high, 3)
     bpy.context.view_layer.update()
     sizes = []
-    while not sizes or live_mode._work is not None:
-        live_mode.tick()
-        sizes.append(live_mode.session().map.width)
+    while not sizes or live.state is LiveState.DRAWING:
+        live.tick()
+        sizes.append(live.session.map.width)
         assert np.array_equal(pixels(bpy.data.images["lo_normal"]), before)
     assert 16 in sizes and sizes[-1] == 64
     follow()
     assert np.array_equal(pixels(bpy.data.images["lo_normal"]), fresh())
 
 
-def test_what_was_not_drawn_is_still_to_be_read(pair):
+def test_what_was_not_drawn_is_still_to_be_read(pair, monkeypatch):
     """Stopped before it was read, by another change."""
     low, high = pair
     switch(True)
     move(high, 5)
     bpy.context.view_layer.update()
-    live_mode._look_at_settings()
-    live_mode._begin()
+    with monkeypatch.context() as patch:
+        patch.setattr(live, "budget", 0.0)
+        live.tick()
+    assert live.state is LiveState.DRAWING
     low.location.x = 0.01
     follow()
     assert np.array_equal(pixels(bpy.data.images["lo_normal"]), fresh())
@@ -446,7 +450,7 @@ def test_fifty_edits_undos_and_redos(pair, seed):
             bpy.ops.ed.undo_push(message=f"edit {number}")
         if rng.random() < 0.5:
             follow()
-            assert live_mode.session() is not None
+            assert live.is_on
     follow()
     assert np.array_equal(pixels(bpy.data.images["lo_normal"]), fresh())
 
@@ -458,7 +462,7 @@ def test_nothing_remains_when_it_is_off(pair):
         assert handlers()["depsgraph_update_post"] == before["depsgraph_update_post"] + 1
         switch(False)
         assert handlers() == before
-        assert live_mode.tick() is None
+        assert live.tick() is None
 
 
 def test_a_thousand_updates_leave_no_more_than_one(pair):
@@ -495,14 +499,14 @@ def test_an_object_that_is_deleted_is_waited_for(pair, name, way):
         bpy.context.scene.collection.objects.unlink(obj)
     bpy.ops.ed.undo_push(message="deleted")
     bpy.context.view_layer.update()
-    live_mode.tick()
-    assert live_mode.message.startswith(f"{name!r} was deleted")
-    assert repr(name) in live_mode.words()
-    live_mode.tick()
-    assert live_mode.session() is not None
+    live.tick()
+    assert live.message.startswith(f"{name!r} was deleted")
+    assert repr(name) in live.description
+    live.tick()
+    assert live.is_on
     bpy.ops.ed.undo()
     follow()
-    assert live_mode.message == ""
+    assert live.message == ""
     move(bpy.data.objects[name], 4)
     follow()
     assert np.array_equal(pixels(bpy.data.images["lo_normal"]), fresh())
@@ -515,22 +519,49 @@ def test_an_object_that_is_linked_again_is_drawn_anew(pair):
     objects = bpy.context.scene.collection.objects
     objects.unlink(high)
     bpy.context.view_layer.update()
-    live_mode.tick()
+    live.tick()
     move(high, 6)
     bpy.context.view_layer.update()
+    handlers = bpy.app.handlers.depsgraph_update_post
+    kept = list(handlers)
+    handlers.clear()  # whatever Blender reports about it
     objects.link(high)
     bpy.context.view_layer.update()
-    live_mode._changed.clear()  # whatever Blender says of it
+    handlers.extend(kept)
     follow()
     assert np.array_equal(pixels(bpy.data.images["lo_normal"]), fresh())
 
 
+def test_its_states_follow_each_other(pair, monkeypatch):
+    low, high = pair
+    assert live.state is LiveState.OFF
+    settings = bpy.context.scene.imprint.to_settings()
+    starting = live.starting(bpy.context, several.Job(low, [high]), settings, progress.Pace(looks=False))
+    next(starting)
+    assert live.state is LiveState.STARTING
+    progress.finish(starting)
+    assert live.state is LiveState.IDLE
+    monkeypatch.setattr(live, "budget", 0.0)
+    move(high, 3)
+    bpy.context.view_layer.update()
+    live.tick()
+    assert live.state is LiveState.DRAWING
+    bpy.context.scene.imprint.udim = True
+    live.tick()
+    assert (live.state, bool(live.message)) == (LiveState.REFUSED, True)
+    bpy.context.scene.imprint.udim = False
+    follow()
+    assert (live.state, live.message) == (LiveState.IDLE, "")
+    live.stop()
+    assert live.state is LiveState.OFF
+
+
 def test_it_says_what_it_follows(pair):
     """By the names that they have now."""
-    assert live_mode.words() == ""
+    assert live.description == ""
     switch(True)
     pair[1].name = "renamed"
-    assert live_mode.words() == "Live: 'lo' follows 'renamed'."
+    assert live.description == "Live: 'lo' follows 'renamed'."
 
 
 def test_it_follows_the_scenes_render_engine(pair):
@@ -541,7 +572,7 @@ def test_it_follows_the_scenes_render_engine(pair):
     for engine, basis in (("CYCLES", "BLENDER"), ("BLENDER_EEVEE", "MIKKTSPACE")):
         bpy.context.scene.render.engine = engine
         follow()
-        assert live_mode.session().settings.basis == basis
+        assert live.session.settings.basis == basis
         assert np.array_equal(pixels(bpy.data.images["lo_normal"]), fresh())
 
 
@@ -549,7 +580,7 @@ def test_an_extension_that_is_disabled_ends_it(pair):
     switch(True)
     addon.unregister()
     try:
-        assert live_mode.session() is None
+        assert not live.is_on
     finally:
         addon.register()
 
@@ -560,10 +591,10 @@ def test_maps_stay_right_however_often_shaders_are_freed(pair):
     settings = Settings("FLATTEN", width=64, height=64, storage="MEMORY", material=False)
     maps = []
     for _ in range(60):
-        following = live_mode.live_session.Session(bpy.context, several.Job(low, [high]), settings, progress.Pace())
-        following.run(bpy.context)
-        following.free()
-        maps.append(following.texels)
+        session = live_session.Session(bpy.context, several.Job(low, [high]), settings, progress.Pace())
+        session.run(bpy.context)
+        session.free()
+        maps.append(session.texels)
         addon.free()
     assert all(np.array_equal(texels, maps[0]) for texels in maps)
 
@@ -573,7 +604,7 @@ def test_another_file_ends_it(pair, tmp_path):
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
     switch(True)
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "scene.blend"))
-    assert live_mode.session() is None
+    assert not live.is_on
     assert handlers() == before
 
 
@@ -585,19 +616,19 @@ def test_what_cannot_be_baked_for_now_is_told_and_waited_for(pair):
     high.data.update()
     high.update_tag()
     follow()
-    assert "unwrap it first" in live_mode.message
+    assert "unwrap it first" in live.message
     high.data.uv_layers.new(name=layer)
     move(high, 3)
     high.update_tag()
     follow()
-    assert "unwrap it first" not in live_mode.message
+    assert "unwrap it first" not in live.message
 
 
 def test_what_cannot_be_baked_at_all_does_not_start_it(pair):
     bpy.context.scene.imprint.udim = True
     with pytest.raises(RuntimeError, match="Live follows one tile alone"):
         bpy.ops.imprint.live()
-    assert live_mode.session() is None
+    assert not live.is_on
 
 
 def sculpt(obj, seed=None):
@@ -640,11 +671,11 @@ def test_what_moves_nothing_in_sculpt_mode_bakes_nothing(pair):
     _, high = pair
     switch(True)
     enter_sculpt_mode(high)
-    texels = live_mode.session().texels
+    texels = live.session.texels
     for _ in range(3):
         sculpt(high)
         follow()
-    assert live_mode.session().texels is texels
+    assert live.session.texels is texels
 
 
 def test_a_bake_from_sculpt_mode_has_the_normals_of_its_mesh(pair):
@@ -668,16 +699,14 @@ def test_strokes_of_dyntopo_are_asked_for_once(pair, monkeypatch):
     enter_sculpt_mode(high)
     bpy.ops.sculpt.dynamic_topology_toggle()
     follow()
-    asked, ask = [], live_mode.sculpt_strokes.Strokes._ask
-    monkeypatch.setattr(
-        live_mode.sculpt_strokes.Strokes, "_ask", lambda self: (asked.append(1), ask(self), sculpt(high))
-    )
-    monkeypatch.setattr(live_mode.sculpt_strokes, "ANSWER", -1.0)
+    asked, ask = [], sculpt_strokes.Strokes.apply_held
+    monkeypatch.setattr(sculpt_strokes.Strokes, "apply_held", lambda self: (asked.append(1), ask(self), sculpt(high)))
+    monkeypatch.setattr(sculpt_strokes, "ANSWER", -1.0)
     sculpt(high)
-    monkeypatch.setattr(live_mode.sculpt_strokes, "ANSWER", 1e6)
+    monkeypatch.setattr(sculpt_strokes, "ANSWER", 1e6)
     follow()
     assert asked == [1]
-    live_mode._on_undo()
+    live.on_undo()
     follow()
     assert asked == [1, 1]
 
@@ -689,12 +718,12 @@ def test_nothing_is_asked_for_while_a_stroke_is_drawn(pair, monkeypatch):
     bpy.ops.sculpt.dynamic_topology_toggle()
     follow()
     asked = []
-    monkeypatch.setattr(live_mode.sculpt_strokes.Strokes, "_ask", lambda self: (self._held.clear(), asked.append(1)))
-    monkeypatch.setattr(live_mode.sculpt_strokes, "_is_drawing", lambda: True)
-    live_mode.tick()
-    live_mode.tick()
+    monkeypatch.setattr(sculpt_strokes.Strokes, "apply_held", lambda _: asked.append(1))
+    monkeypatch.setattr(sculpt_strokes, "is_drawing", lambda: True)
+    live.tick()
+    live.tick()
     assert asked == []
-    monkeypatch.setattr(live_mode.sculpt_strokes, "_is_drawing", lambda: False)
+    monkeypatch.setattr(sculpt_strokes, "is_drawing", lambda: False)
     follow()
     assert asked == [1]
 
@@ -711,15 +740,15 @@ def test_an_instance_that_is_sculpted_does_not_end_it(pair):
     settings = bpy.context.scene.imprint
     settings.highs[0].object, settings.method = shows, "CAST"
     switch(True)
-    before = live_mode.session().texels
+    before = live.session.texels
     enter_sculpt_mode(inner)
     follow()
     sculpt(inner, 3)
     follow()
-    assert live_mode.session() is not None
+    assert live.is_on
     bpy.ops.object.mode_set(mode="OBJECT")
     follow()
-    assert not np.array_equal(live_mode.session().texels, before)
+    assert not np.array_equal(live.session.texels, before)
 
 
 def test_its_file_is_where_that_of_a_bake_would_be(pair, tmp_path):
@@ -739,23 +768,21 @@ def test_it_writes_over_no_file_that_the_scene_is_made_of(pair, tmp_path):
     settings.storage, settings.output = "FILE", str(tmp_path / "shape.png")
     with pytest.raises(RuntimeError, match="would be written over the image 'shape' of a texture"):
         bpy.ops.imprint.live()
-    assert live_mode.session() is None
+    assert not live.is_on
 
 
 def test_it_looks_for_its_objects_once_and_only_when_something_is_new(pair, monkeypatch):
     """Blender finds an object by looking through all of them: fifty times a second, that is more than large scenes bear."""
     switch(True)
     follow()
-    looked, look = [], live_mode._in_scenes
-    monkeypatch.setattr(live_mode, "_in_scenes", lambda: (looked.append(1), look())[1])
-    monkeypatch.setattr(
-        live_mode.bake_objects.ObjectRef, "resolve", lambda ref: pytest.fail(f"{ref.name} was looked for")
-    )
+    looked, look = [], following.uids_in_scenes
+    monkeypatch.setattr(following, "uids_in_scenes", lambda: (looked.append(1), look())[1])
+    monkeypatch.setattr(bake_objects.ObjectRef, "resolve", lambda ref: pytest.fail(f"{ref.name} was looked for"))
     for _ in range(5):
-        live_mode.tick()
+        live.tick()
     assert looked == []
     bpy.context.scene.objects["lo"].color[0] = 0.5
     bpy.context.view_layer.update()
     for _ in range(5):
-        live_mode.tick()
+        live.tick()
     assert looked == [1]

@@ -1,0 +1,161 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What Live knows while it is on: a session, what has changed since its last map, and the map that is being drawn."""
+
+import time
+
+import bpy
+
+from ...core.errors import BakeError
+from ...core.progress import Pace, Task
+from ...core.settings import Settings
+from ...jobs import live_session
+from ...scene import bake_objects
+from .sculpt_strokes import Strokes
+
+SLICE = 0.02
+"""Seconds of rays between two checks of the clock."""
+
+
+def uids_in_scenes() -> set[int]:
+    """The session_uid of all objects in scenes. One pass over all objects: Blender would make one for each object asked for."""
+    return {obj.session_uid for scene in bpy.data.scenes for obj in scene.objects}
+
+
+class Following:
+    """A session whose objects and settings are followed, with the settings of the panel in `scene`.
+
+    session: another one after each change of the settings.
+    """
+
+    def __init__(self, session: live_session.Session, settings: Settings, scene: bpy.types.Scene):
+        self.session = session
+        self._settings = settings
+        """Those that the session was made with."""
+        self._refused: tuple[Settings, str] | None = None
+        """Settings of the panel that cannot be baked, and why."""
+        self._scene = scene.session_uid
+        self._strokes = Strokes(session)
+        self._task: Task[None] | None = None
+        """The map that is being drawn."""
+        self._changed: set[int] = set()
+        """session_uid of the objects that have changed since the last map began."""
+        self._unread: set[int] = set()
+        """session_uid of the objects that the map in progress has to read."""
+        self._all_changed = False
+        self._is_stored, self._drawn_at = True, 0.0
+        self._may_be_gone, self._is_one_gone = True, False
+
+    @property
+    def panel(self) -> bpy.types.PropertyGroup | None:
+        """The settings of the scene in which Live was switched on, whichever scene is shown; None if it was deleted."""
+        scene = bake_objects.scene_of(self._scene)
+        return scene and scene.imprint
+
+    @property
+    def is_drawing(self) -> bool:
+        return self._task is not None
+
+    @property
+    def is_resting(self) -> bool:
+        """Whether there is nothing to do: the image shows the objects as they are, as far as Blender reports."""
+        is_changed = self._changed or self._all_changed or self._strokes.are_open
+        return self._task is None and self._is_stored and not is_changed
+
+    def note_update(self, depsgraph: bpy.types.Depsgraph) -> None:
+        """Note the objects of the session that Blender reports as changed."""
+        self._may_be_gone = True
+        if self._strokes.is_asking:
+            return
+        followed = self.session.uids
+        for update in depsgraph.updates:
+            obj = update.id.original
+            if not isinstance(obj, bpy.types.Object) or obj.session_uid not in followed:
+                continue
+            if update.is_updated_geometry or update.is_updated_transform:
+                self._changed.add(obj.session_uid)
+            else:
+                self._strokes.note(obj)
+
+    def note_undo(self) -> None:
+        """Any object may have changed, or be gone, or be back."""
+        self._all_changed = self._may_be_gone = True
+        self._strokes.note_all()
+
+    def check_objects(self) -> None:
+        """Raise BakeError while an object is gone. Undo may bring it back, and then everything is read again."""
+        if not (self._may_be_gone or self._is_one_gone):
+            return
+        was_one_gone, self._is_one_gone, self._may_be_gone = self._is_one_gone, True, False
+        uids, job = uids_in_scenes(), self.session.job
+        if not uids.issuperset(ref.uid for ref in job.refs):
+            self._all_changed |= job.renew()  # a library was reloaded
+            lost = next((ref for ref in job.refs if ref.uid not in uids), None)
+            if lost is not None:  # a slot of the panel keeps a deleted object in the file
+                raise BakeError(
+                    f"{lost.name!r} was deleted from the scene: bring it back with Undo, or switch Live off."
+                )
+        self._is_one_gone = False
+        self._all_changed |= was_one_gone
+
+    def follow_settings(self) -> bool:
+        """Start a new session, with the same objects, when the settings of the panel are others. Raises BakeError while they
+        cannot be baked. Returns whether they could not be baked before, and are now as they were."""
+        wanted = self.panel.to_settings()
+        if wanted == self._settings:
+            was_refused, self._refused = self._refused is not None, None
+            return was_refused
+        if self._refused is not None and self._refused[0] == wanted:
+            raise BakeError(self._refused[1])
+        try:
+            session = live_session.Session(bpy.context, self.session.job, wanted, Pace(SLICE, looks=False))
+            self.session.commit()  # the new session may store into another image
+        except BakeError as error:
+            self._refused = wanted, str(error)
+            raise
+        self.free()
+        self.session, self._settings, self._refused = session, wanted, None
+        self._strokes, self._all_changed = Strokes(session), True
+        return False
+
+    def advance(self, seconds: float, rest: float) -> bool:
+        """Draw for about so many seconds, if anything has changed; store the map when there was no change for `rest` seconds.
+        Returns whether there is something new to see. Raises BakeError."""
+        self._changed |= self._strokes.moved(rest)
+        if self._changed or self._all_changed:
+            self._begin()
+        if self._task is None:
+            if not self._is_stored and (self.panel.live_every_time or time.monotonic() - self._drawn_at > rest):
+                self._store()
+            return False
+        try:
+            self.session.advance(self._task, seconds)
+        except StopIteration:
+            self._task, self._is_stored, self._drawn_at = None, False, time.monotonic()
+            self._unread.clear()
+            if self.panel.live_every_time:
+                self._store()
+        return True
+
+    def interrupt(self) -> None:
+        """Give up the map that is being drawn. What it had to read counts as changed for the next one."""
+        if self._task is not None:
+            self._task.close()
+        self._task = None
+
+    def free(self) -> None:
+        """Give up the map that is being drawn, and free what the session keeps on the GPU."""
+        self.interrupt()
+        self.session.free()
+
+    def _begin(self) -> None:
+        self.interrupt()
+        self._unread |= self._changed
+        if self._all_changed:
+            self._unread |= self.session.uids
+        self._changed.clear()
+        self._all_changed = False
+        self._task = self.session.work(bpy.context, set(self._unread))
+
+    def _store(self) -> None:
+        self.session.store()
+        self._is_stored = True

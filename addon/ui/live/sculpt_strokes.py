@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Strokes in Sculpt Mode. For these Blender only reports that something about an object is new, and some it holds back until
+it is asked to apply them: to follow them, the vertices are compared."""
+
+import time
+
+import bpy
+
+from ...jobs import live_session
+from ...scene import bake_objects
+
+ANSWER = 1.0
+"""Seconds after `apply_held` in which updates of objects with held strokes are Blender's answer, and not new strokes."""
+
+
+class Strokes:
+    """Finds the objects of a session that strokes have moved."""
+
+    def __init__(self, session: live_session.Session):
+        self._session = session
+        self._noted: set[int] = set()
+        """session_uid of the objects whose vertices are to be compared."""
+        self._held: set[int] = set()
+        """session_uid of the objects whose strokes Blender may hold back."""
+        self._since = self._asked = -ANSWER
+        self.is_asking = False
+        """Whether updates that Blender reports now are its answer to `apply_held`."""
+        self.note_all()
+
+    @property
+    def are_open(self) -> bool:
+        """Whether something may have moved that was not compared yet."""
+        return bool(self._noted or self._held)
+
+    def note_all(self) -> None:
+        """Any object may have moved: after an undo, and at the start."""
+        for obj in filter(None, (ref.find() for ref in self._session.job.refs)):
+            self._note(obj)
+
+    def note(self, obj: bpy.types.Object) -> None:
+        """Something about an object of the session is new."""
+        if not bake_objects.holds_strokes(bpy.context, obj) or time.monotonic() - self._asked > ANSWER:
+            self._note(obj)
+
+    def moved(self, rest: float) -> set[int]:
+        """The session_uid of each object that is not where it was read. Held strokes are applied when there was no stroke
+        for `rest` seconds."""
+        is_busy = is_drawing()
+        if is_busy:
+            self.note_all()
+        noted, self._noted = self._noted, set()
+        if self._held and not is_busy and time.monotonic() - self._since > rest:
+            noted |= self._held
+            self._held.clear()
+            self.apply_held()
+        return {uid for uid in noted if self._session.is_moved(uid)}
+
+    def apply_held(self) -> None:
+        """Make Blender apply the strokes that it holds back."""
+        self.is_asking = True
+        try:
+            bpy.ops.ed.flush_edits()
+            bpy.context.view_layer.update()
+        finally:
+            self.is_asking, self._asked = False, time.monotonic()
+
+    def _note(self, obj: bpy.types.Object) -> None:
+        if bake_objects.holds_strokes(bpy.context, obj):
+            self._held.add(obj.session_uid)
+            self._since = time.monotonic()
+        elif obj.mode == "SCULPT":
+            self._noted.add(obj.session_uid)
+
+
+def is_drawing() -> bool:
+    """Whether a stroke is being drawn, or a filter dragged."""
+    windows = bpy.context.window_manager.windows
+    return any(running.bl_idname.startswith("SCULPT_OT_") for window in windows for running in window.modal_operators)
