@@ -55,6 +55,24 @@ def test_shaders_use_what_is_declared_for_them(declared):
     assert [name for name in names if name not in words] == []
 
 
+BYTES = {"INT": 4, "FLOAT": 4, "VEC2": 8, "VEC3": 16, "VEC4": 16, "MAT4": 64}
+MOST_CONSTANTS = 128
+"""Bytes of push constants that every Vulkan driver has room for."""
+
+
+@pytest.mark.parametrize("declared", PROGRAMS.values(), ids=PROGRAMS)
+def test_constants_fit_on_every_vulkan_driver(declared):
+    assert sum(BYTES[kind] for kind, _ in declared.constants) <= MOST_CONSTANTS
+
+
+@pytest.mark.parametrize("path", sorted(program.SHADERS.rglob("*_lib.glsl")), ids=lambda path: path.stem)
+def test_names_of_a_library_start_with_its_own(path):
+    text = path.read_text(encoding="utf-8")
+    defined = re.findall(r"^(?:const )?(?:int|float|[iu]?vec\d|mat\d) (\w+)", text, re.MULTILINE)
+    own = path.stem.removesuffix("_lib")
+    assert [name for name in defined if not name.lower().startswith(f"{own}_")] == []
+
+
 @pytest.mark.parametrize(
     ("renderer", "expected"),
     [
