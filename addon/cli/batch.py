@@ -22,10 +22,11 @@ from ..core.settings import Settings
 from ..jobs import sequence, several
 from ..output.atomic_file import check_writable, replacing, together
 from ..scene import bake_objects
-from . import arguments, interruption, mesh_import, run_clashes, standard_streams
-from .arguments import STDOUT
+from . import interruption, mesh_import, run_clashes, standard_streams
 from .mesh_import import Stage
 from .terminal_progress import Meter
+from .usage import arguments
+from .usage.options import STDOUT
 
 
 @dataclass(frozen=True)

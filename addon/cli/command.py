@@ -11,11 +11,13 @@ import bpy
 
 from ..core.errors import BakeError, WrongPlace, sentence
 from ..core.progress import Progress
-from . import arguments, batch, interruption, job_file, run_clashes, standard_streams
-from .arguments import STDOUT, WrongUsage
+from . import batch, interruption, run_clashes, standard_streams
 from .batch import Plan, Result
 from .mesh_import import Stage
 from .terminal_progress import Meter
+from .usage import arguments, job_file
+from .usage.arguments import WrongUsage
+from .usage.options import STDOUT
 
 DONE, FAILED, WRONG_USAGE = 0, 1, 2
 

@@ -17,9 +17,10 @@ from ..jobs import sequence
 from ..jobs.several import ATLAS
 from ..output import datablocks, image_writer, outputs
 from ..output.path_clashes import Places
-from . import arguments, file_references
-from .arguments import STDOUT
+from . import file_references
 from .mesh_import import ENDINGS
+from .usage import arguments
+from .usage.options import STDOUT
 
 
 class Run:

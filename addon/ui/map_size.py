@@ -4,7 +4,7 @@
 import bpy
 from bpy.props import FloatProperty, IntProperty
 
-from ..core.settings import MAX_SIZE
+from ..core.declarations.map_settings import MAX_SIZE
 
 USUAL = (512, 1024, 2048, 4096, 8192)
 

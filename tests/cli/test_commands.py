@@ -11,7 +11,8 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.cli import arguments, command
+from addon.cli import command
+from addon.cli.usage import arguments
 from addon.core.errors import BakeError
 from addon.jobs import several
 from scripts.imprint import ROOT
@@ -139,7 +140,7 @@ CANNOT = {
 
 
 MAKES_NO_SENSE = {
-    "size 0": ([*BAKE, "--size", "0", "--output", "m.png"], "0 x 0"),
+    "size 0": ([*BAKE, "--size", "0", "--output", "m.png"], "Width: 0 is outside"),
     "size beyond all": ([*BAKE, "--size", "9" * 30, "--output", "m.png"], "16384"),
     "size of a novel's length": ([*BAKE, "--size", "9" * 5000, "--output", "m.png"], "is neither a number of texels nor"),
     "frames of a novel's length": ([*BAKE, "--frames", f"1-{'9' * 5000}", "--output", "m.png"], "not a range of frames"),
@@ -153,7 +154,7 @@ MAKES_NO_SENSE = {
     "folder for a report": ([*BAKE, "--output", "m.png", "--report", "scene"], "is a folder"),
     "size 0, before a file is opened that may take long": (
         ["none.blend", *BAKE[1:-1], "0", "--output", "m.png"],
-        "0 x 0",
+        "Width: 0 is outside",
     ),
     "the ending of a scene": ([*BAKE, "--output", "m.png", "--save-blend", "s.txt"], "does not end in .blend"),
 }
@@ -531,7 +532,7 @@ def test_wrong_usage_of_rays(arguments, capsys):
 
 def test_distances_cage_and_mask(scene, fails):
     cast = ["scene/file.blend", "--low", "lo", "--high", "hi", "--method", "cast", "--size", "16", "--depth", "8"]
-    assert "no distance" in fails(command.WRONG_USAGE, *cast, "--extrusion=-1", "--output", "n.png")
+    assert "not a distance" in fails(command.WRONG_USAGE, *cast, "--extrusion=-1", "--output", "n.png")
     assert "no object called 'cag'" in fails(command.FAILED, *cast, "--cage", "cag", "--output", "n.png")
     # The high plane rises from -1 to 1 over the low one: rays of 0.5 reach its middle half.
     numbers = ["--extrusion", "0.5", "--max-distance", "1", "--missed", "1,0,1"]

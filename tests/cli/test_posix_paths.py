@@ -6,7 +6,7 @@ import os
 
 import pytest
 
-from addon.cli import arguments, job_file
+from addon.cli.usage import arguments, job_file
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="two slashes start the name of a server there")
 

@@ -5,7 +5,8 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.core.settings import SAMPLES, Settings
+from addon.core.declarations.panel_settings import DECLARED
+from addon.core.settings import Settings
 from addon.jobs import several
 from addon.passes.bake import samples
 from tests.support import angles, maps, zoo
@@ -19,7 +20,7 @@ AREA_MEAN = 2.0
 """Degrees between a rim texel of 16 samples and the mean by area: a sample more or less on one side is one sixteenth."""
 
 
-@pytest.mark.parametrize("count", SAMPLES)
+@pytest.mark.parametrize("count", DECLARED["samples"].values)
 def test_samples_are_spread_evenly_around_the_centre(count):
     x, y = np.array(samples.offsets(count)).T
     assert np.allclose([x.mean(), y.mean()], 0.0)

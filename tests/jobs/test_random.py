@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from addon.core import file_formats, map_types
-from addon.core.settings import AXES, BASES, DIRECTIONS, MARGINS, METHODS, MODIFIERS, SPACES, Settings
+from addon.core.declarations.panel_settings import DECLARED
+from addon.core.settings import Settings
 from tests.support import outcome, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -357,27 +358,27 @@ def make_settings(rng, folder, low):
     storage = any_of(("PACK", "FILE") if udim else ("PACK", "MEMORY", "FILE"))
     ending = any_of((*file_formats.BY_ENDING, ".PNG"))
     name = any_of(("{low}", "map", "a.b", "{low} map")) + any_of(("", " <UDIM>")) * udim
-    axes = rng.permutation(3)
+    axes, known = rng.permutation(3), DECLARED["red"].values
     return Settings(
-        method=any_of(METHODS),
-        space=any_of(SPACES),
-        basis=any_of(BASES),
+        method=any_of(DECLARED["method"].values),
+        space=any_of(DECLARED["space"].values),
+        basis=any_of(DECLARED["basis"].values),
         uv_layer="" if rng.random() < 0.9 else any_of((zoo.LAYER, zoo.LAYER, any_of(NAMES))),
         width=any_of((16, 32, 33, 48, 64)),
         height=any_of((16, 32, 47, 64)),
         samples=any_of((1, 1, 1, 2, 4, 8)),
         extrusion=None if rng.random() < 0.8 else any_of((0.0, 0.1, 1e-30, 1e30)),
         max_distance=None if rng.random() < 0.8 else any_of((0.5, 0.5, 1e-30, 1e30)),
-        directions=any_of(DIRECTIONS),
+        directions=any_of(DECLARED["directions"].values),
         facing_only=rng.random() < 0.3,
         missed=any_of(((0.5, 0.5, 1.0), (1.0, 0.0, 1.0))),
         mask=rng.random() < 0.2,
         maps=tuple(name for name in map_types.NAMES if rng.random() < 0.3) if rng.random() < 0.1 else (),
-        red=AXES[2 * axes[0] + rng.integers(2)],
-        green=AXES[2 * axes[1] + rng.integers(2)],
-        blue=AXES[2 * axes[2] + rng.integers(2)],
+        red=known[2 * axes[0] + rng.integers(2)],
+        green=known[2 * axes[1] + rng.integers(2)],
+        blue=known[2 * axes[2] + rng.integers(2)],
         margin=any_of((0, 16, None, 3)),
-        margin_type=any_of(MARGINS),
+        margin_type=any_of(DECLARED["margin_type"].values),
         udim=udim,
         tiles=any_of(((), (1001,), (1001, 1002), (2000,))) if udim else (),
         limit=any_of((None, None, 0.1)),
@@ -387,7 +388,7 @@ def make_settings(rng, folder, low):
             else file_formats.DEPTHS
         ),
         dither=rng.random() < 0.2,
-        modifiers=any_of(MODIFIERS),
+        modifiers=any_of(DECLARED["modifiers"].values),
         image=any_of(("", "", "map", "{low}", "of {low}", *NAMES)),
         storage=storage,
         output=str(folder / "out" / name) + ending if storage == "FILE" else "",

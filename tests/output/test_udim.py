@@ -327,11 +327,11 @@ def test_one_image_goes_through_every_kind(tmp_path):
     [
         (
             {"storage": "MEMORY"},
-            "Blender keeps UDIM tiles in files or packed, not in memory alone: choose one of the two.",
+            "Blender cannot keep UDIM tiles in memory alone: store them in a file, or packed.",
         ),
         (
             {"storage": "FILE", "output": "map.<UDIM>.png", "udim": False},
-            "'map.<UDIM>.png' holds <UDIM>, but the map is to have one tile alone: choose UDIM as well.",
+            "'map.<UDIM>.png' contains <UDIM> but UDIM Tiles is off: enable it.",
         ),
     ],
 )

@@ -9,7 +9,7 @@ import tomllib
 
 import pytest
 
-from addon.cli import arguments, job_file
+from addon.cli.usage import arguments, job_file
 from addon.core import texel_state
 from addon.core.report import STAGES, Report
 from scripts import imprint

@@ -8,11 +8,12 @@ from dataclasses import fields
 
 import pytest
 
-from addon.cli import arguments, job_file
-from addon.cli.arguments import WrongUsage
+from addon.cli.usage import arguments, job_file
+from addon.cli.usage.arguments import WrongUsage
 from addon.core import file_formats, map_types
+from addon.core.declarations.panel_settings import DECLARED
 from addon.core.name_matching import Suffixes
-from addon.core.settings import AXES, Settings
+from addon.core.settings import Settings
 
 LOW = ["--low", "lo", "--output", "m.png"]
 
@@ -76,7 +77,7 @@ def test_each_option_is_that_setting(name):
 
 
 @pytest.mark.parametrize("channel", ["red", "green", "blue"])
-@pytest.mark.parametrize("axis", AXES)
+@pytest.mark.parametrize("axis", DECLARED["red"].values)
 @pytest.mark.parametrize("joint", [" ", "="])
 def test_axes_whose_names_look_like_options(channel, axis, joint):
     assert getattr(settings(*f"--{channel}{joint}{axis.lower()}".split()), channel) == axis
@@ -141,7 +142,7 @@ WRONG = {
     "a folder and one scene": ("--pairs folder --output {low}.png --save-blend s.blend", "--save-blend"),
     "a wrong ending": ("--low a --output m.jpg", "does not end in one of .png"),
     "a scene with a wrong ending": ("--low a --output m.png --save-blend s.txt", "does not end in .blend"),
-    "no size": ("--low a --output m.png --size 0", "0 x 0"),
+    "no size": ("--low a --output m.png --size 0", "Width: 0 is outside 16 to 16384"),
     "a tile in a folder's name": ("--low a --output <UDIM>/m.png", "in a folder's name"),
     "no such map": ("--low a --output m.png --maps heigth", "'heigth' is not one of position, height"),
     "no such axis": ("--low a --output m.png --red x", "'x' is not one of +x, -x"),
@@ -321,7 +322,7 @@ FAULTS = {
     "no output": ("[[bake]]\nfile='a.blend'\nlow='a'", "set 1: output is required"),
     "no low": ("[[bake]]\nfile='a.blend'\noutput='m.png'", "set 1: one of low, low-file and pairs is required"),
     "no file": ("[[bake]]\nlow='a'\noutput='m.png'", "set 1: file, low-file or a folder for pairs is missing"),
-    "no size": (FIRST + "size = 0", "set 1: A map of 0 x 0 texels"),
+    "no size": (FIRST + "size = 0", "set 1: Width: 0 is outside 16 to 16384"),
     "no format": (FIRST.replace("png", "gif"), "{1.gif} does not end in"),
     "an empty path": (FIRST.replace("1.png", ""), "set 1: output: a path is empty"),
     "no sets": ("[defaults]\nsize = 4", ": 'bake' must be a list of sets"),
@@ -379,7 +380,7 @@ def test_many_sets_are_read_with_a_parser_that_is_made_once(write, monkeypatch):
         ("jobs/jobs.json", "[1]", "a table with 'bake'"),
         ("jobs/jobs.json", "{'bake': []}", "is no JSON"),
         ("jobs/jobs.json", {"bake": [{"low": None}]}, "set 1: low: text is expected, not null"),
-        ("jobs/jobs.json", {"bake": [{"low": "a\0"}]}, "set 1: low: 'a\\x00' holds a zero"),
+        ("jobs/jobs.json", {"bake": [{"low": "a\0"}]}, "set 1: low: 'a\\x00' contains a NUL character"),
         ("jobs/jobs.json", "[" * 100_000, "nested too deeply"),
         ("jobs/jobs.toml", "a = " + "[" * 100_000, "nested too deeply"),
         ("jobs/jobs.json", '{"bake": [{"low": ' + "[" * 900 + "]" * 900 + "}]}", "set 1: low: text is expected"),

@@ -40,10 +40,8 @@ MOST_FILES = 12
 """In a folder: more than that, and it needs a division."""
 MOST_LINES = 300
 LONG = {
-    "addon/cli/arguments.py": "to be divided",
     "addon/cli/batch.py": "to be divided",
     "addon/jobs/view_session.py": "to be divided",
-    "addon/ui/properties.py": "to be divided",
     "addon/ui/viewport/view_mode.py": "to be divided",
 }
 """Files that are longer, and why."""

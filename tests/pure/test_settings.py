@@ -6,8 +6,9 @@ import dataclasses
 import pytest
 
 from addon.core import file_formats
+from addon.core.declarations.map_settings import MAX_SIZE, MIN_SIZE
 from addon.core.errors import BakeError
-from addon.core.settings import MAX_SIZE, MIN_SIZE, Settings
+from addon.core.settings import Settings
 
 GOOD = [
     {},

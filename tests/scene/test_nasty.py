@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from mathutils import Matrix, Vector
 
+from addon.core.declarations.panel_settings import DECLARED
 from addon.core.errors import BakeError
-from addon.core.settings import MARGINS, METHODS, Settings
+from addon.core.settings import Settings
 from addon.jobs import several
 from tests.support import angles, maps, outcome, zoo
 
@@ -84,7 +85,7 @@ def bake(low, high, method, folder, **settings):
 
 
 @pytest.mark.shared
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", DECLARED["method"].values)
 @pytest.mark.parametrize("make", [zoo.plane, zoo.sphere])
 def test_a_file_as_high(meshes, make, method, tmp_path):
     for high in meshes:
@@ -98,7 +99,7 @@ def test_a_file_as_high(meshes, make, method, tmp_path):
 
 
 @pytest.mark.shared
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", DECLARED["method"].values)
 @pytest.mark.parametrize("scale", [(1.0, 1.0, 1.0), (-1e-3, 1e3, 1.0), (1.0, 1.0, 0.0), (1e30, 1e30, 1e30)], ids=str)
 def test_a_file_as_instances(meshes, method, scale, tmp_path):
     """All that it holds, twice in one collection, of which an empty shows an instance."""
@@ -122,7 +123,7 @@ def test_a_file_as_instances(meshes, method, scale, tmp_path):
 
 
 @pytest.mark.shared
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", DECLARED["method"].values)
 def test_a_file_as_low(meshes, method, tmp_path):
     for low in meshes:
         high = around(zoo.sphere("hi", 8), low)
@@ -135,7 +136,7 @@ def test_a_file_as_low(meshes, method, tmp_path):
 
 
 @pytest.mark.shared
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", DECLARED["method"].values)
 def test_a_file_onto_itself(meshes, method, tmp_path):
     """Through a modifier that adds detail, and with the file's own UVs where there are some."""
     for obj in meshes:
@@ -167,23 +168,23 @@ def test_the_map_does_not_depend_on_the_size(method, size):
 
 
 @pytest.mark.parametrize("size", [1e-37, 1e-30, 1e-20, 1e-12, 1e-9, 1e-8, 1e10, 1e12, 1e20, 1e30, 1e37])
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", DECLARED["method"].values)
 def test_a_size_of_which_blender_has_no_normals(method, size, tmp_path):
     result = bake(*scaled_pair(size), method, tmp_path)
     assert ("too small" if size < 1.0 else "too large") in result
 
 
 @pytest.mark.parametrize("size", [1e-9, 1e9])
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", DECLARED["method"].values)
 def test_a_size_that_the_object_has_and_not_the_mesh(method, size, tmp_path):
     low, high = zoo.plane("lo", 8), zoo.terrain("hi", 64)
     low.scale = high.scale = [size / 2] * 3
     assert is_map(bake(low, high, method, tmp_path))
 
 
-@pytest.mark.parametrize("margin_type", MARGINS)
+@pytest.mark.parametrize("margin_type", DECLARED["margin_type"].values)
 @pytest.mark.parametrize("size", [1e3, 1e9, 1e20, 1e37])
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", DECLARED["method"].values)
 def test_uvs_that_lie_far_outside(method, size, margin_type, tmp_path):
     """Of one quad, which is a part of the map's seams."""
     low, high = zoo.plane("lo", 8), zoo.terrain("hi", 8)
@@ -226,7 +227,7 @@ def test_a_sentence_stays_short_however_many_tiles_and_objects_there_are(tmp_pat
 
 @pytest.mark.parametrize("scale", [0.0, np.nan])
 @pytest.mark.parametrize("name", ["lo", "hi"])
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", DECLARED["method"].values)
 def test_a_hidden_object_whose_matrix_is_out_of_date(method, name, scale):
     """Blender looks at what is hidden only when it is shown."""
     low, high = zoo.plane("lo"), zoo.plane("hi", 4)
@@ -238,7 +239,7 @@ def test_a_hidden_object_whose_matrix_is_out_of_date(method, name, scale):
         several.bake(bpy.context, low, [high], Settings(method=method, **SMALL))
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", DECLARED["method"].values)
 def test_a_hidden_object_that_was_pressed_flat_and_is_no_more(method):
     low, high = zoo.plane("lo"), zoo.plane("hi", 4)
     high.scale.x = 0.0

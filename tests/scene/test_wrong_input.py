@@ -196,17 +196,17 @@ def test_a_mesh_in_edit_mode_in_another_scene(pair):
 # Settings
 
 SETTINGS = {
-    "size 0": ({"width": 0, "height": 0}, "0 x 0"),
-    "size 15": ({"width": 16, "height": 15}, "16 x 15"),
+    "size 0": ({"width": 0, "height": 0}, "Width: 0 is"),
+    "size 15": ({"width": 16, "height": 15}, "Height: 15 is"),
     "size 20000": ({"width": 20000, "height": 16}, "16384"),
-    "negative size": ({"width": -64}, "-64 x 32"),
+    "negative size": ({"width": -64}, "-64"),
     "negative margin": ({"margin": -1}, "-1"),
     "huge margin": ({"margin": 100000}, "100000"),
     "depth": ({"depth": 24}, "24"),
     "space": ({"space": "CAMERA"}, "'CAMERA'"),
     "method": ({"method": "GUESS"}, "'GUESS'"),
     "green": ({"green": "y"}, "'y'"),
-    "no file": ({"storage": "FILE"}, "no file is named"),
+    "no file": ({"storage": "FILE"}, "No file is set"),
 }
 
 

@@ -181,9 +181,9 @@ def test_a_targa_has_8_bits_unless_somebody_asks_for_more(pair, tmp_path):
     bake(**names)
     bake(**names, output=str(tmp_path / "script.tga"))
     assert sorted(path.name for path in tmp_path.rglob("*.tga")) == ["panel.tga", "script.tga"]
-    assert "8 bits a channel, not 16" in refusal(**names, depth="16")
+    assert "8 bits per channel, not 16" in refusal(**names, depth="16")
     settings.depth = "16"
-    assert "8 bits a channel, not 16" in refusal(**names)
+    assert "8 bits per channel, not 16" in refusal(**names)
 
 
 def test_what_was_done_is_told(pair):
@@ -476,7 +476,7 @@ MISSING = {
     no_uvs: "'lo' has no UV layer",
     not_finite: "NaN",
     gone_from_the_scene: "'hi' is not in scene",
-    no_file_named: "no file is named",
+    no_file_named: "No file is set",
     does_not_fit_the_format: "16 or 32 bits",
 }
 

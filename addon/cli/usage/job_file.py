@@ -8,17 +8,21 @@ import tomllib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
-from ..core.errors import BakeError
+from ...core.errors import BakeError
 from . import arguments
-from .arguments import FILE, OPTIONS, STDOUT, WrongUsage
+from .arguments import WrongUsage
+from .options import FILE, OPTIONS, STDOUT, CommandOption
 
 DEFAULTS, SETS = "defaults", "bake"
 TOLD_EVERY = 100
 """Sets between two words about how far the reading is."""
 MOST_SAID = 80
 """Characters of a wrong value that are shown."""
-KEYS = {"file": FILE, **{name: option for options in OPTIONS.values() for name, option in options.items()}}
-"""What a set may say, as argparse.add_argument takes it."""
+KEYS: dict[str, CommandOption] = {
+    "file": FILE,
+    **{name: option for options in OPTIONS.values() for name, option in options.items()},
+}
+"""The keys of a set."""
 
 
 def read(
@@ -82,7 +86,10 @@ def _parts(name: str, table) -> tuple[dict, list[dict]]:
     if not isinstance(table, dict):
         raise WrongUsage(f"{name}: a table with {SETS!r}, a list of sets, is expected")
     for key in table:
-        _check_known(name, key, (DEFAULTS, SETS))
+        try:
+            _check_known(key, key, (DEFAULTS, SETS))
+        except WrongUsage as fault:
+            raise WrongUsage(f"{name}: {fault}") from fault
     defaults, sets = table.get(DEFAULTS, {}), table.get(SETS, [])
     if not isinstance(defaults, dict):
         raise WrongUsage(f"{name}: {DEFAULTS!r} must be a table")
@@ -91,9 +98,9 @@ def _parts(name: str, table) -> tuple[dict, list[dict]]:
     return defaults, sets
 
 
-def _check_known(where: str, key: str, known: Iterable[str]) -> None:
+def _check_known(key: str, written: str, known: Iterable[str]) -> None:
     if key not in known:
-        raise WrongUsage(f"{where}: unknown key {key!r}{arguments.meant(key, known)}")
+        raise WrongUsage(f"unknown key {written!r}{arguments.did_you_mean(key, known)}")
 
 
 def _arguments(values: dict, folder: Path) -> list[str]:
@@ -106,7 +113,7 @@ def _arguments(values: dict, folder: Path) -> list[str]:
         except WrongUsage as fault:  # of which all are told at once
             faults.append(str(fault))
             continue
-        if KEYS[key].get("type") is arguments.path:
+        if KEYS[key].is_path:
             words = [str(folder / word) if word else word for word in words]
         if key == "file":
             files = words
@@ -121,8 +128,7 @@ def _arguments(values: dict, folder: Path) -> list[str]:
 
 def _words_of(written: str, key: str, value) -> list[str]:
     """As `_words`, for keys that may be unknown."""
-    if key not in KEYS:
-        raise WrongUsage(f"unknown key {written!r}{arguments.meant(key, KEYS)}")
+    _check_known(key, written, KEYS)
     words = _words(key, value)
     if key == "report" and STDOUT in words:
         raise WrongUsage(f"report: {STDOUT!r}, standard output, is for the command line alone")
@@ -141,16 +147,12 @@ def _short(value) -> str:
 def _words(key: str, value) -> list[str]:
     """A value as words of the command line: one of them, or several where an option may be given again."""
     option = KEYS[key]
-    is_flag = option.get("action", "").startswith("store_")
-    is_text = option.get("type") in (arguments.text, arguments.path)
-    if isinstance(value, bool) and (is_flag or option.get("nargs") == "?"):
+    if isinstance(value, bool) and option.may_be_flag:
         return []
     parts = value if isinstance(value, list) else [value]
-    fits = all(isinstance(part, str if is_text else (str, int, float)) and not isinstance(part, bool) for part in parts)
-    may_repeat = option.get("action") == "append" or option.get("nargs") == "*"
-    if is_flag or not fits or (is_text and isinstance(value, list) and not may_repeat):
-        wanted = "true or false" if is_flag else "text, or a list of it" if may_repeat else "text"
-        if not is_flag and not is_text:
-            wanted = "a number or text"
-        raise WrongUsage(f"{key}: {wanted} is expected, not {_short(value)}")
-    return list(map(str, parts)) if is_text else [",".join(map(str, parts))]
+    types = str if option.is_text else (str, int, float)
+    fits = all(isinstance(part, types) and not isinstance(part, bool) for part in parts)
+    is_one = not isinstance(value, list) or option.may_repeat or not option.is_text
+    if option.is_flag or not fits or not is_one:
+        raise WrongUsage(f"{key}: {option.value} is expected, not {_short(value)}")
+    return list(map(str, parts)) if option.is_text else [",".join(map(str, parts))]

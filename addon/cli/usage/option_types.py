@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Reads the words of the command line as values. What cannot be read raises argparse.ArgumentTypeError, without a full stop."""
+
+import argparse
+import os
+import re
+from collections.abc import Callable
+from typing import Any
+
+from ...core import udim
+from ...core.declarations import kinds
+from ...core.errors import BakeError
+from ...core.name_matching import Suffixes
+
+LAST_FRAME = 1_048_574
+"""The last frame that Blender knows."""
+MANY_FRAMES = 100_000
+"""More frames than this are a typing error. The paths of all are compared before the first is baked."""
+
+
+def text(value: str) -> str:
+    """A name, or a path."""
+    try:
+        value.encode()
+    except UnicodeEncodeError as error:
+        raise argparse.ArgumentTypeError(f"{value!r} is not UTF-8, as all names in Blender are") from error
+    if "\0" in value:
+        raise argparse.ArgumentTypeError(f"{value!r} contains a NUL character")
+    return value
+
+
+def path(value: str) -> str:
+    """A path. In a job file it starts at the job file's folder."""
+    if not value:
+        raise argparse.ArgumentTypeError("a path is empty")
+    # Two slashes are one to the system, and the folder of the open file to Blender. On Windows they start a server's name.
+    return text(value if os.name == "nt" else re.sub("^//+", "/", value))
+
+
+def _is_number(word: str) -> bool:
+    """Whether a word is a whole number without a sign. Python refuses to read thousands of digits."""
+    return word.isdecimal() and len(word) < 100
+
+
+def size(value: str) -> tuple[int, int]:
+    sides = value.lower().split("x")
+    if len(sides) > 2 or not all(map(_is_number, sides)):
+        raise argparse.ArgumentTypeError(f"{value!r} is neither a number of texels nor two of them as 4096x1024")
+    return int(sides[0]), int(sides[-1])
+
+
+def frames(value: str) -> tuple[int, int]:
+    first, _, last = value.partition("-")
+    if not (_is_number(first) and _is_number(last)) or int(first) > int(last):
+        raise argparse.ArgumentTypeError(f"{value!r} is not a range of frames as 1-48")
+    if int(last) > LAST_FRAME or int(last) - int(first) >= MANY_FRAMES:
+        raise argparse.ArgumentTypeError(
+            f"{value!r} is too long: frames go up to {LAST_FRAME}, and a sequence has {MANY_FRAMES} at most"
+        )
+    return int(first), int(last)
+
+
+def suffixes(value: str) -> Suffixes:
+    parts = value.split(",")
+    if len(parts) != 3:
+        raise argparse.ArgumentTypeError(f"{value!r} is not three endings as _low,_high,_cage")
+    return Suffixes(*parts)
+
+
+def color(value: str) -> tuple[float, float, float]:
+    try:
+        red, green, blue = (float(part) for part in value.split(","))
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"{value!r} is not three numbers as 1,0,1") from error
+    return red, green, blue
+
+
+def tiles(value: str) -> tuple[int, ...]:
+    try:
+        return udim.parse(value)
+    except BakeError as error:
+        raise argparse.ArgumentTypeError(str(error).rstrip(".")) from error
+
+
+def number_or(word: str) -> Callable[[str], int | None]:
+    """Reads a whole number, or `word` as None."""
+
+    def number(value: str) -> int | None:
+        if value.lower() == word:
+            return None
+        try:
+            return int(value)
+        except ValueError as error:
+            raise argparse.ArgumentTypeError(f"{value!r} is neither a whole number nor {word}") from error
+
+    return number
+
+
+def word_for(value: Any) -> str:
+    """What the command line calls one of the values of a choice."""
+    return str(value).lower().replace("_", "-")
+
+
+def one_of(choice: kinds.Choice) -> Callable[[str], str]:
+    """Reads a word as one of the values of a choice."""
+    words = {word_for(value): value for value in choice.values}
+
+    def name(value: str) -> str:
+        if word_for(value) not in words:
+            raise argparse.ArgumentTypeError(f"{value!r} is not one of {', '.join(words)}")
+        return words[word_for(value)]
+
+    return name
+
+
+def some_of(choice: kinds.Flags) -> Callable[[str], tuple[str, ...]]:
+    """Reads words between commas as some of the values of a choice, in its order."""
+    name = one_of(choice)
+
+    def names(value: str) -> tuple[str, ...]:
+        wanted = {name(part.strip()) for part in value.split(",")}
+        return tuple(value for value in choice.values if value in wanted)
+
+    return names

@@ -1,0 +1,188 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The kinds of settings. A declaration holds all that panel, command line, job file and manual need to know of a setting."""
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from ..errors import BakeError
+
+
+@dataclass(frozen=True)
+class Option:
+    """How the command line and job files say a setting, where the rule does not give it.
+
+    The rule: the setting's name with dashes for underscores, and a metavar by its kind.
+    """
+
+    word: str = ""
+    """Without the dashes."""
+    metavar: str = ""
+    note: str = ""
+    """A sentence to add to the tooltip."""
+    default: str | None = None
+    """What is used where the option is not given, if this is not the declaration's `empty` or `default`."""
+    explains: bool = True
+    """Whether --help explains each item of a choice, or lists their words alone."""
+    off: str = ""
+    """For a switch that is on by default: what the option does, which switches it off."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Setting:
+    """What all kinds have. Sentences end without a full stop, as Blender's tooltips do."""
+
+    label: str
+    tooltip: str
+    default: Any
+    empty: str = ""
+    """What is used where the setting is left empty, or not given."""
+    switch: str = ""
+    """The panel's switch that decides whether the value is None."""
+    option: Option | None = Option()
+    """None for what the command line does not have."""
+    metavar: ClassVar[str] = ""
+
+    def check(self, value: Any) -> None:
+        """Raise BakeError if no bake can have this value."""
+
+    @property
+    def panel_tooltip(self) -> str:
+        """The tooltip, with what is used where the field is empty."""
+        return f"{self.tooltip}. Leave empty to use {self.empty}" if self.empty and not self.switch else self.tooltip
+
+
+@dataclass(frozen=True, kw_only=True)
+class Switch(Setting):
+    """On or off."""
+
+    default: bool = False
+    empties: bool | None = None
+    """The state in which the numbers that name this switch are None; None for a switch of its own."""
+
+
+@dataclass(frozen=True)
+class Item:
+    """One of the values of a choice."""
+
+    value: Any
+    label: str
+    tooltip: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Choice(Setting):
+    """One of several values, which are text or numbers."""
+
+    items: tuple[Item, ...]
+
+    @property
+    def values(self) -> tuple:
+        """The values of the items."""
+        return tuple(item.value for item in self.items)
+
+    def check(self, value: Any) -> None:
+        if value not in self.values:
+            raise BakeError(f"{self.label}: {value!r} is not one of {', '.join(map(str, self.values))}.")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Flags(Choice):
+    """Any number of several values."""
+
+    default: tuple = ()
+    metavar: ClassVar[str] = "NAME,NAME..."
+
+    def check(self, value: tuple) -> None:
+        for part in value:
+            super().check(part)
+
+
+@dataclass(frozen=True, kw_only=True)
+class WholeNumber(Setting):
+    """A whole number between limits."""
+
+    least: int
+    most: int
+    usual_most: int | None = None
+    """Where the panel's slider ends."""
+    none_word: str = ""
+    """The word for None."""
+    metavar: ClassVar[str] = "N"
+
+    def check(self, value: int | None) -> None:
+        if value is None and self.none_word:
+            return
+        if not self.least <= value <= self.most:
+            more = f", or {self.none_word}" if self.none_word else ""
+            raise BakeError(f"{self.label}: {value} is outside {self.least} to {self.most}{more}.")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Distance(Setting):
+    """A distance in scene units; None to measure it, or to take the usual one."""
+
+    LARGEST: ClassVar[float] = 1e18
+    """A float holds its square."""
+    default: None = None
+    shown: float
+    """What the panel starts with."""
+    shown_least: float = 0.0
+    """The least that the panel's field takes."""
+    usual_most: float
+    """Where the panel's slider ends."""
+    may_be_zero: bool = False
+    metavar: ClassVar[str] = "D"
+
+    def check(self, value: float | None) -> None:
+        if value is None or 0.0 < value <= self.LARGEST or (self.may_be_zero and value == 0.0):
+            return
+        least = "0 or more" if self.may_be_zero else "more than 0"
+        raise BakeError(f"{self.label}: {value} is not a distance. It must be {least}, up to {self.LARGEST:g}.")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Color(Setting):
+    """Red, green and blue from 0 to 1, as they are stored."""
+
+    metavar: ClassVar[str] = "R,G,B"
+
+    def check(self, value: tuple[float, float, float]) -> None:
+        if len(value) != 3 or not all(0.0 <= part <= 1.0 for part in value):
+            said = ", ".join(map(str, value))
+            raise BakeError(f"{self.label}: {said} is not a color. It must be three numbers from 0 to 1.")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Text(Setting):
+    """A name."""
+
+    default: str = ""
+    metavar: ClassVar[str] = "NAME"
+
+
+@dataclass(frozen=True, kw_only=True)
+class FilePath(Text):
+    """A path to a file."""
+
+    metavar: ClassVar[str] = "FILE"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tiles(Setting):
+    """UDIM tiles by their numbers."""
+
+    default: tuple[int, ...] = ()
+    metavar: ClassVar[str] = "1001,1002..."
+
+
+@dataclass(frozen=True, kw_only=True)
+class ObjectSlot(Setting):
+    """An object of the scene."""
+
+    default: None = None
+    metavar: ClassVar[str] = "NAME"
+
+
+@dataclass(frozen=True, kw_only=True)
+class ObjectSlots(ObjectSlot):
+    """Several objects of the scene."""

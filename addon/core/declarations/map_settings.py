@@ -1,0 +1,178 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The settings of the panels Map and Channels, in their order."""
+
+from .kinds import Choice, Distance, Item, Option, Setting, Switch, Text, WholeNumber
+
+MIN_SIZE, MAX_SIZE = 16, 16384
+MAX_MIPS = 8
+
+MAP: dict[str, Setting] = {
+    "method": Choice(
+        label="Method",
+        tooltip="How the detail of the high-poly mesh gets into the map",
+        default="AUTO",
+        items=(
+            Item(
+                "AUTO",
+                "Auto",
+                "Flatten where the meshes share their UV layout, else Cast. "
+                "The report says which method was used, and why",
+            ),
+            Item("FLATTEN", "Flatten", "Draw the high-poly mesh in UV space. Both meshes must share their UV layout"),
+            Item(
+                "CAST",
+                "Cast",
+                "Cast rays from the low-poly mesh to the high-poly mesh. The meshes must lie in the same place",
+            ),
+        ),
+    ),
+    "space": Choice(
+        label="Space",
+        tooltip="Space of the normals",
+        default="TANGENT",
+        items=(
+            Item("TANGENT", "Tangent", "Relative to the low-poly surface. The mesh may deform, and the map may tile"),
+            Item("OBJECT", "Object", "Relative to the low-poly object. The object may move, its mesh may not deform"),
+            Item("WORLD", "World", "Relative to the scene. The object may not move"),
+        ),
+    ),
+    "basis": Choice(
+        label="Basis",
+        tooltip="Tangent basis that the map is decoded with. Renderers differ by a few degrees on coarse meshes",
+        default="AUTO",
+        items=(
+            Item(
+                "AUTO",
+                "Scene's Engine",
+                "The basis that the scene's render engine uses: Cycles its own, all others MikkTSpace",
+            ),
+            Item("BLENDER", "Cycles", "Cycles' Normal Map node, which normalizes only the interpolated normal"),
+            Item("MIKKTSPACE", "MikkTSpace", "EEVEE, Material Preview, and game engines that follow MikkTSpace"),
+        ),
+        option=Option(note="Mesh files have no scene: for them, auto means mikktspace"),
+    ),
+    "uv_layer": Text(
+        label="UV Map", tooltip="UV map of the low-poly mesh", empty="the active one", option=Option(word="uv")
+    ),
+    "size": WholeNumber(
+        label="Size",
+        tooltip="Width and height of the map, in texels",
+        default=2048,
+        least=MIN_SIZE,
+        most=MAX_SIZE,
+        option=Option(metavar="2048|4096x1024"),
+    ),
+    "width": WholeNumber(
+        label="Width",
+        tooltip="Width of the map, in texels",
+        default=2048,
+        least=MIN_SIZE,
+        most=MAX_SIZE,
+        option=None,  # --size says both
+    ),
+    "height": WholeNumber(
+        label="Height",
+        tooltip="Height of the map, in texels",
+        default=2048,
+        least=MIN_SIZE,
+        most=MAX_SIZE,
+        option=None,
+    ),
+    "square": Switch(label="Square", tooltip="Use one size for width and height", default=True, option=None),
+    "samples": Choice(
+        label="Samples",
+        tooltip="Samples per texel, for antialiasing. Use 1 for a preview, and 4 or more for the final map: "
+        "4 samples take 2 to 3 times as long and leave a fifth of the error",
+        default=1,
+        items=(
+            Item(1, "1", "One sample, at the texel's center"),
+            *(Item(number, str(number), f"The mean of {number} samples") for number in (2, 4, 8, 16, 64)),
+        ),
+        option=Option(explains=False),
+    ),
+    "margin_type": Choice(
+        label="Margin Type",
+        tooltip="How the margin is filled",
+        default="EXTEND",
+        items=(
+            Item("EXTEND", "Extend", "Repeat the nearest texel of an island"),
+            Item(
+                "ADJACENT_FACES",
+                "Adjacent Faces",
+                "Continue the neighboring face across the seam, with normals rotated to fit",
+            ),
+        ),
+    ),
+    "margin": WholeNumber(
+        label="Margin",
+        tooltip="Width of the margin around UV islands, in texels. It keeps the background from showing at seams",
+        default=16,
+        least=0,
+        most=MAX_SIZE,
+        usual_most=64,
+        none_word="unlimited",
+        switch="unlimited",
+        option=Option(metavar="TEXELS|unlimited"),
+    ),
+    "unlimited": Switch(label="Unlimited", tooltip="Fill the whole background", empties=True, option=None),
+    "mips": WholeNumber(
+        label="Clean Mip Levels",
+        tooltip="Number of mip levels on which the checks want no color of another UV island: "
+        "1 takes 2 texels between islands, 2 takes 4, 3 takes 8, and half as many to the border",
+        default=3,
+        least=0,
+        most=MAX_MIPS,
+        option=Option(metavar="LEVELS"),
+    ),
+    "modifiers": Choice(
+        label="Modifiers",
+        tooltip="Which settings of modifiers to use",
+        default="RENDER",
+        items=(
+            Item("RENDER", "Render", "Levels and visibility as set for rendering"),
+            Item("VIEWPORT", "Viewport", "Levels and visibility as set for the viewport"),
+        ),
+    ),
+    "limited": Switch(
+        label="Set Limit",
+        tooltip="Set the distance above which a warning is shown, instead of using 5 % of the low-poly mesh's radius",
+        empties=False,
+        option=None,
+    ),
+    "limit": Distance(
+        label="Limit",
+        tooltip="Distance between the high-poly and the low-poly surface above which a warning is shown",
+        empty="5 % of the low-poly mesh's radius",
+        switch="limited",
+        shown=0.1,
+        shown_least=1e-6,
+        usual_most=2.0,
+    ),
+}
+
+_AXES = {
+    "+Y": ("+Y (OpenGL)", "The normal's Y. In the green channel: Blender, Unity, Godot, glTF"),
+    "-Y": ("-Y (DirectX)", "The normal's Y, inverted. In the green channel: Unreal, DirectX, CryEngine"),
+}
+
+
+def _channel(name: str, usual: str, more: str = "") -> Choice:
+    """A channel that usually stores the axis `usual`, which comes first."""
+    items = []
+    for axis in sorted(("+X", "-X", "+Y", "-Y", "+Z", "-Z"), key=lambda axis: axis[1] != usual):
+        inverted = ", inverted" if axis[0] == "-" else ""
+        items.append(Item(axis, *_AXES.get(axis, (axis, f"The normal's {axis[1]}{inverted}"))))
+    return Choice(
+        label=name,
+        tooltip=f"Axis of the normal that the {name.lower()} channel stores{more}",
+        default=f"+{usual}",
+        items=tuple(items),
+        option=Option(metavar="AXIS", explains=False),
+    )
+
+
+CHANNELS: dict[str, Setting] = {
+    "red": _channel("Red", "X"),
+    "green": _channel("Green", "Y", ": +Y for OpenGL, -Y for DirectX"),
+    "blue": _channel("Blue", "Z"),
+}

@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The settings of the panels Imprint and Pairs by Name: which objects to bake."""
+
+from ..name_matching import Suffixes
+from .kinds import ObjectSlot, ObjectSlots, Option, Setting, Switch, Text
+
+_USUAL = Suffixes()
+
+BAKE: dict[str, Setting] = {
+    "highs": ObjectSlots(
+        label="High",
+        tooltip="Objects with the detail: meshes, curves, text, or objects that show instances",
+        empty="the selected objects",
+        option=Option(word="high", default="the low-poly object with its modifiers", note="The option may be repeated"),
+    ),
+    "low": ObjectSlot(
+        label="Low", tooltip="Low-poly mesh that gets the map", empty="the active object", option=Option(default="")
+    ),
+    "live_every_time": Switch(
+        label="Write Every Map",
+        tooltip="While Live is on, write each map to the image at once, and not only when editing pauses",
+        option=None,
+    ),
+}
+PAIRS: dict[str, Setting] = {
+    "low_suffix": Text(
+        label="Low", tooltip="Ending of the names of low-poly objects, in any case", default=_USUAL.low, option=None
+    ),
+    "high_suffix": Text(
+        label="High",
+        tooltip="Ending of the names of high-poly objects, in any case. An underscore and more may follow it",
+        default=_USUAL.high,
+        option=None,
+    ),
+    "cage_suffix": Text(
+        label="Cage", tooltip="Ending of the names of cages, in any case", default=_USUAL.cage, option=None
+    ),
+    "share_image": Switch(label="One Image", tooltip="Bake all pairs into one image, an atlas", option=None),
+}

@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The settings of the panel Output, in its order."""
+
+from .. import file_formats, map_types
+from ..file_formats import USUAL_DEPTH
+from ..udim import TOKEN
+from .kinds import Choice, FilePath, Flags, Item, Option, Setting, Switch, Text, Tiles
+
+_FORMATS = ", ".join(
+    f"{ending} ({' or '.join(map(str, one.depths))} bits)" for ending, one in file_formats.BY_ENDING.items()
+)
+
+OUTPUT: dict[str, Setting] = {
+    "image": Text(
+        label="Image",
+        tooltip="Name of the image to fill. {low} in it stands for the low-poly object's name",
+        empty="an image named after the low-poly object",
+    ),
+    "depth": Choice(
+        label="Depth",
+        tooltip="Bits per channel",
+        default=USUAL_DEPTH,
+        items=(
+            Item(8, "8", "Smallest. May show steps on smooth surfaces"),
+            Item(16, "16", "Smooth: 16-bit PNG or TIFF, half-float OpenEXR, or a float image inside Blender"),
+            Item(32, "32", "Exact: float OpenEXR, or a float image inside Blender"),
+        ),
+        option=Option(default=f"{USUAL_DEPTH}, or the most below that the format has"),
+    ),
+    "dither": Switch(
+        label="Dither", tooltip="Hide the steps of 8 bits in fine noise, instead of rounding to the nearest value"
+    ),
+    "udim": Switch(
+        label="UDIM Tiles",
+        tooltip="Bake a map for each UDIM tile that the low-poly mesh covers",
+        option=Option(note=f"{TOKEN} in --output does the same"),
+    ),
+    "tiles": Tiles(
+        label="Tiles",
+        tooltip="UDIM tiles to bake, such as 1001, 1003",
+        empty="all tiles that the low-poly mesh covers, 100 at most",
+    ),
+    "maps": Flags(
+        label="Other Maps",
+        tooltip="Maps to bake beside the normal map, each into an image of its own",
+        items=tuple(Item(one.name, one.label, one.tooltip) for one in map_types.OTHERS),
+        option=Option(metavar="MAP,MAP..."),
+    ),
+    "storage": Choice(
+        label="Store",
+        tooltip="Where to keep the map",
+        default="PACK",
+        items=(
+            Item("PACK", "Packed", "Inside the .blend file"),
+            Item("FILE", "File", "In an image file"),
+            Item("MEMORY", "Memory", "Only in memory. Blender asks whether to save the image when it closes"),
+        ),
+        option=None,  # the command line writes files
+    ),
+    "output": FilePath(
+        label="File",
+        tooltip=f"Image file to write: {_FORMATS}. Missing folders are created. "
+        f"{{low}} in the path stands for the low-poly object's name, {TOKEN} for the tile's number",
+        option=Option(metavar="MAP", note="For mesh files, {low} is the name of the low-poly mesh's file"),
+    ),
+    "material": Switch(
+        label="Material",
+        tooltip="Add the map to the low-poly object's material",
+        default=True,
+        option=Option(word="no-material", off="Leave the low-poly object's material as it is"),
+    ),
+    "single_user": Switch(
+        label="Single User",
+        tooltip="Copy materials that other objects use as well, so that those objects keep their look",
+    ),
+    "show_result": Switch(
+        label="Show Result",
+        tooltip="After a bake, show the map in an open Image Editor and the low-poly mesh with it in the 3D viewport: "
+        "with Material Preview instead of Solid, and the high-poly objects hidden",
+        default=True,
+        option=None,
+    ),
+}

@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The settings of the panel Rays, in its order."""
+
+from .kinds import Choice, Color, Distance, Item, ObjectSlot, Setting, Switch
+
+RAYS: dict[str, Setting] = {
+    "cage": ObjectSlot(
+        label="Cage", tooltip="Mesh on which the rays start. It must have the topology of the low-poly mesh"
+    ),
+    "measure": Switch(
+        label="Measure Distances",
+        tooltip="Measure how far the high-poly surface lies from the low-poly one, instead of using the distances below",
+        default=True,
+        empties=True,
+        option=None,
+    ),
+    "extrusion": Distance(
+        label="Extrusion",
+        tooltip="Distance outside the low-poly mesh at which the rays start",
+        empty="measured",
+        switch="measure",
+        may_be_zero=True,
+        shown=0.05,
+        usual_most=1.0,
+    ),
+    "max_distance": Distance(
+        label="Max Distance",
+        tooltip="Length of the rays, from where they start",
+        empty="measured",
+        switch="measure",
+        shown=0.1,
+        usual_most=2.0,
+    ),
+    "directions": Choice(
+        label="Directions",
+        tooltip="Normals of the low-poly mesh that the rays follow",
+        default="SMOOTH",
+        items=(
+            Item("SMOOTH", "Smooth", "Smooth vertex normals. Hard edges leave no gaps"),
+            Item("SPLIT", "Split", "The mesh's own normals, with hard edges and custom normals"),
+        ),
+    ),
+    "facing_only": Switch(
+        label="Ignore Backfaces", tooltip="Let the rays pass through high-poly faces that point away from them"
+    ),
+    "missed": Color(
+        label="Miss Color",
+        tooltip="Color of texels whose ray hits nothing. Their alpha is 0",
+        default=(0.5, 0.5, 1.0),
+    ),
+    "mask": Switch(label="Miss Mask", tooltip="Also make an image that is white where the rays hit nothing"),
+}

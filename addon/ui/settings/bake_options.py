@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The settings of a bake as Blender properties, for the scene and for operators, and the way back to plain data."""
+
+from dataclasses import fields
+
+from ...core import file_formats, udim
+from ...core.declarations import kinds
+from ...core.declarations.panel_settings import DECLARED
+from ...core.settings import Settings
+from .declared_properties import declared
+
+
+class Options:
+    """The fields of Settings, under the same names, and the switches that make some of them None."""
+
+    def to_settings(self, fallback: "Options | None" = None) -> Settings:
+        """Plain data. What was not set here is taken from `fallback`.
+
+        A script that sets a number means it, whatever the number's switch is.
+        """
+
+        def owner(name: str) -> Options:
+            return self if fallback is None or self.properties.is_property_set(name) else fallback
+
+        def is_switched_off(name: str) -> bool:
+            """Whether the switch of a number makes it None."""
+            switch = DECLARED[name].switch
+            if not switch or getattr(owner(switch), switch) != DECLARED[switch].empties:
+                return False
+            is_named = fallback is not None and owner(name) is self
+            return not is_named or (switch == "unlimited" and owner(switch) is self)
+
+        names = [field.name for field in fields(Settings)]
+        values = {
+            name: None if is_switched_off(name) else _plain(DECLARED[name], getattr(owner(name), name))
+            for name in names
+        }
+        if fallback is not None and owner("output") is self and owner("storage") is fallback:
+            values["storage"] = "FILE"  # a script that names a file wants it written
+        if values["storage"] == "FILE" and not _is_set(owner("depth"), "depth"):
+            values["depth"] = file_formats.usual_depth(values["output"])  # Targa has no 16 bits
+        return Settings(**values).read_by((fallback or self).id_data.render.engine)
+
+
+def _plain(setting: kinds.Setting, value):
+    """The value of a property as Settings holds it."""
+    if isinstance(setting, kinds.Flags):
+        return tuple(name for name in setting.values if name in value)
+    if isinstance(setting, kinds.Choice):
+        return next(known for known in setting.values if str(known) == value)
+    if isinstance(setting, kinds.Color):
+        return tuple(value)
+    return udim.parse(value) if isinstance(setting, kinds.Tiles) else value
+
+
+def _is_set(owner: Options, name: str) -> bool:
+    """Whether a property of a scene's settings, or of an operator, has been set."""
+    return getattr(owner, "properties", owner).is_property_set(name)
+
+
+_NAMES = {field.name for field in fields(Settings)}
+# Blender reads properties from the annotations of a class and of its bases.
+Options.__annotations__ = {
+    name: declared(name)
+    for name, setting in DECLARED.items()
+    if name in _NAMES or getattr(setting, "empties", None) is not None
+}
