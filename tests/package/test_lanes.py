@@ -43,5 +43,5 @@ def test_pure_tests_leave_nothing_out_on_any_system():
 def test_others_need_it():
     """Else the test above would show nothing."""
     code, output = run("--collect-only", "tests/passes/test_shader.py")
-    assert code == pytest.ExitCode.INTERRUPTED
+    assert code != pytest.ExitCode.OK
     assert "bpy" in output or "gpu" in output

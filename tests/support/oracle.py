@@ -28,17 +28,23 @@ def first_hits(origins, directions, corners, reach):
     return triangle, best, weights, weights.min(axis=1)
 
 
+BLOCK = 2**18
+"""Distances that depth_inside measures at once, so that they fit in memory."""
+
+
 def depth_inside(points, triangles):
     """How deep (N,) each of the points (N, 2) lies inside the triangle (T, 3, 2) that holds it best; below 0 outside."""
-    corners = np.asarray(triangles, np.float64)
-    result = np.full(len(points), -np.inf)
-    for i, point in enumerate(points):
-        edges = np.roll(corners, -1, axis=1) - corners
-        to_point = point - corners
-        distance = edges[..., 0] * to_point[..., 1] - edges[..., 1] * to_point[..., 0]
-        distance /= np.maximum(np.linalg.norm(edges, axis=-1), 1e-300)
+    points, corners = np.asarray(points, np.float64), np.asarray(triangles, np.float64)
+    edges = np.roll(corners, -1, axis=1) - corners
+    lengths = np.maximum(np.linalg.norm(edges, axis=-1), 1e-300)
+    result = np.empty(len(points))
+    size = max(1, BLOCK // corners[..., 0].size)
+    for start in range(0, len(points), size):
+        to_point = points[start : start + size, None, None] - corners
+        distance = (edges[..., 0] * to_point[..., 1] - edges[..., 1] * to_point[..., 0]) / lengths
         # Either winding may be the inside.
-        result[i] = max(distance.min(axis=1).max(), (-distance).min(axis=1).max())
+        depth = np.maximum(distance.min(axis=-1), (-distance).min(axis=-1))
+        result[start : start + size] = depth.max(axis=1)
     return result
 
 
