@@ -392,10 +392,20 @@ def bake(options):
 
 def test(options):
     """Run ruff and pytest, both whatever the first finds, and keep Blender off the person's own settings."""
+    parser = argparse.ArgumentParser(
+        prog="imprint.py test",
+        usage="%(prog)s [-h] [--all] [ARGUMENT ...]",
+        description="Run ruff, then the fast tests. Other arguments are for pytest.",
+        epilog="tests/pure needs no Blender: any Python from 3.11 with numpy and pytest runs python -m pytest tests/pure",
+        allow_abbrev=False,
+    )
+    parser.add_argument("--all", action="store_true", help="run the slow tests as well")
+    own, rest = parser.parse_known_args(options.rest)
+    lane = [] if own.all else ["-m", "not slow"]
     linted = subprocess.call([environment(), "-m", "ruff", "check"], cwd=ROOT)
     with tempfile.TemporaryDirectory(prefix="imprint-test-") as profile:
         apart = dict(os.environ, BLENDER_USER_RESOURCES=profile)
-        tested = run_blender(["-m", "pytest", *options.rest], cwd=ROOT, env=apart)
+        tested = run_blender(["-m", "pytest", *lane, *rest], cwd=ROOT, env=apart)
     return tested or linted
 
 
@@ -432,7 +442,7 @@ def parse(arguments):
         (demo, "bake the example"),
         (bake, "bake a normal map: bake --help says how"),
         (bench, "measure Imprint against other bakers and write a report: bench --help says how"),
-        (test, "run ruff, then pytest with the arguments that follow"),
+        (test, "run ruff and the tests: test --help says how"),
     ):
         commands.add_parser(run.__name__, help=text, add_help=False).set_defaults(run=run)
     building = commands.add_parser("build", help="make the extension's zip and print its path")

@@ -690,7 +690,7 @@ def test_no_progress_in_a_pipe(scenes):
 @posix
 def test_ctrl_c_leaves_nothing_behind(scenes):
     before = files(scenes)
-    code, _, seen = on_terminal(*BIG, "--size", "8192", "--samples", "64", stop_at=b"Drawing")
+    code, _, seen = on_terminal(*BIG, "--size", "2048", "--samples", "64", stop_at=b"Drawing")
     assert code == 128 + signal.SIGINT
     assert screen(seen) == ["imprint: stopped, nothing was finished."]
     assert files(scenes) == before
@@ -699,7 +699,7 @@ def test_ctrl_c_leaves_nothing_behind(scenes):
 @posix
 def test_ctrl_c_stops_many_and_tells_of_those_that_are_done(scenes):
     good = {"file": "in/rock.blend", "low": "rock_a_low", "high": "rock_a_high", "output": "1.png"}
-    long = {**good, "output": "2.png", "size": 8192, "samples": 64, "method": "cast"}
+    long = {**good, "output": "2.png", "size": 2048, "samples": 64, "method": "cast"}
     (scenes / "jobs.json").write_text(jobs(good, long, {**good, "output": "3.png"}))
     before = files(scenes)
     code, out, seen = on_terminal("--jobs", "jobs.json", "--report", "r.json", stop_at=b"2/3 rock_a_low: Drawing")

@@ -319,9 +319,22 @@ class TestCommands:
     def test_pytest_runs_after_ruff_whatever_ruff_says(self, ready):
         started, ending = ready
         ending["code"] = 1
-        assert imprint.main(["test", "-k", "word"]) == 1
+        assert imprint.main(["test", "-k", "word", "tests/pure"]) == 1
         assert [command[2] for command in started] == ["ruff", "pytest"]
+        assert started[1][3:] == ["-m", "not slow", "-k", "word", "tests/pure"]
+
+    def test_all_tests_are_run_where_that_is_said(self, ready):
+        started, _ = ready
+        assert imprint.main(["test", "--all", "-k", "word"]) == 0
         assert started[1][3:] == ["-k", "word"]
+
+    def test_the_help_of_the_tests_runs_none(self, ready, capsys):
+        started, _ = ready
+        with pytest.raises(SystemExit) as ended:
+            imprint.main(["test", "--help"])
+        assert (ended.value.code, started) == (0, [])
+        shown = " ".join(capsys.readouterr().out.split())
+        assert all(words in shown for words in ("--all", "-m pytest tests/pure"))
 
     def test_wrong_usage_is_two(self, capsys):
         with pytest.raises(SystemExit) as ended:
