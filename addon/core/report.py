@@ -7,14 +7,11 @@ from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from typing import TypeVar
 
+from . import bases
+
 Step = TypeVar("Step")
 Result = TypeVar("Result")
 
-READERS = {
-    "BLENDER": "Cycles; EEVEE, Material Preview and game engines read MikkTSpace",
-    "MIKKTSPACE": "MikkTSpace, as EEVEE and game engines read it; Cycles reads its own",
-}
-"""Who reads a tangent-space map exactly, and who does not, by settings.BASES."""
 VERSION = 1
 """Of the report's keys as JSON. It goes up when a key goes or changes its meaning, and stays when one is added."""
 STAGES = ("extract", "method", "tree", "upload", "distances", "draw", "read", "audit", "image")
@@ -123,8 +120,8 @@ class Report:
         stages = ", ".join(f"{stage} {self.seconds[stage]:.2f}" for stage in STAGES if self.seconds[stage])
         how = []
         basis = self.settings.get("basis") if self.space == "TANGENT" else ""
-        if basis in READERS:
-            how.append(f"Basis: {READERS[basis]}")
+        if basis in bases.BY_NAME:
+            how.append(f"Basis: {bases.BY_NAME[basis].readers}")
         if self.why:
             how.append(f"{self.method.capitalize()} was chosen: {self.why}")
         if self.distances:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, fields, replace
 from pathlib import PurePath
 from typing import Any
 
-from . import file_formats, udim
+from . import bases, file_formats, udim
 from .declarations.panel_settings import DECLARED
 from .errors import BakeError
 from .udim import TOKEN
@@ -65,10 +65,10 @@ class Settings:
     single_user: bool = _field("single_user")
 
     def read_by(self, engine: str) -> "Settings":
-        """With the basis that a render engine reads, by Blender's name for it, where the basis is AUTO."""
-        if self.basis != "AUTO":
+        """With the basis that a render engine reads, by Blender's name for it, where none is set."""
+        if self.basis != bases.AUTO:
             return self
-        return replace(self, basis="BLENDER" if engine == "CYCLES" else "MIKKTSPACE")
+        return replace(self, basis=bases.of_engine(engine).name)
 
     @property
     def is_float(self) -> bool:

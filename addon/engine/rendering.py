@@ -7,7 +7,7 @@ from dataclasses import replace
 import gpu
 import numpy as np
 
-from ..core import map_types
+from ..core import bases, map_types
 from ..core.map_types import NORMAL, Kind
 from ..core.progress import Pace, Progress, Task, part
 from ..core.report import Report
@@ -158,8 +158,8 @@ class Renderer:
                     return
                 if self.basis is not None:
                     turned = target.get("low", band.width, band.height, "RGBA32F")
-                    blender = self.settings.basis == "BLENDER"
-                    tangent.draw(turned, self.basis, normals, band.uv_to_clip, normalize_normal=blender, rows=rows)
+                    is_unit = bases.of_name(self.settings.basis).normalizes_normal
+                    tangent.draw(turned, self.basis, normals, band.uv_to_clip, normalize_normal=is_unit, rows=rows)
                     normals = turned.texture
             yield normals, rows
 

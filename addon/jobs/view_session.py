@@ -9,6 +9,7 @@ import gpu
 import numpy as np
 from mathutils.bvhtree import BVHTree
 
+from ..core import bases
 from ..core.errors import BakeError
 from ..core.settings import Settings
 from ..engine import post_process, uv_agreement
@@ -170,7 +171,7 @@ class Shading:
         return lit.shading(
             normals,
             light,
-            kind=kinds.get(settings.space, lit.BLENDER if settings.basis == "BLENDER" else lit.MIKKTSPACE),
+            kind=kinds.get(settings.space, bases.of_name(settings.basis).index),
             channels=post_process.channels(settings),
             steps=255 if settings.depth == 8 else 0,
         )

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The settings of the panels Map and Channels, in their order."""
 
+from .. import bases
 from .kinds import Choice, Distance, Item, Option, Setting, Switch, Text, WholeNumber
 
 MIN_SIZE, MAX_SIZE = 16, 16384
@@ -39,15 +40,14 @@ MAP: dict[str, Setting] = {
     "basis": Choice(
         label="Basis",
         tooltip="Tangent basis that the map is decoded with. Renderers differ by a few degrees on coarse meshes",
-        default="AUTO",
+        default=bases.AUTO,
         items=(
             Item(
-                "AUTO",
+                bases.AUTO,
                 "Scene's Engine",
                 "The basis that the scene's render engine uses: Cycles its own, all others MikkTSpace",
             ),
-            Item("BLENDER", "Cycles", "Cycles' Normal Map node, which normalizes only the interpolated normal"),
-            Item("MIKKTSPACE", "MikkTSpace", "EEVEE, Material Preview, and game engines that follow MikkTSpace"),
+            *(Item(one.name, one.label, one.tooltip) for one in bases.BASES),
         ),
         option=Option(note="Mesh files have no scene: for them, auto means mikktspace"),
     ),

@@ -35,7 +35,7 @@ def draw(
     """Clear `into` (RGBA32F) and write tangent-space unit normals, alpha 1, on texels that `low` and `normals` cover.
 
     low: batch with attributes uv, normal and tangent (w = the bitangent's sign). normals: object-space unit normals of
-    the same size. normalize_normal: the basis of Cycles' Normal Map node; without it MikkTSpace's reference.
+    the same size. normalize_normal: see core.bases.
     rows: in these rows alone; it is cleared with the first of them.
     """
     compiled = shader.load(PROGRAM)

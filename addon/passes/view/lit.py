@@ -13,9 +13,8 @@ from ..program import Program
 if TYPE_CHECKING:
     import gpu
 
-WORLD, OBJECT, MIKKTSPACE, BLENDER = range(4)
-"""The spaces of a map's normals, as in map_lib.glsl: world, object, and tangent space in one of two bases. The basis of
-Blender's Normal Map node normalizes the interpolated normal."""
+WORLD, OBJECT = range(2)
+"""The spaces of a map's normals, as in map_lib.glsl. For tangent space core.bases has the indices."""
 
 _VARYINGS = (("VEC3", "v_position"), ("VEC3", "v_normal"), ("VEC2", "v_uv"), ("VEC4", "v_tangent"))
 # Vulkan grants 128 bytes of constants, which these are.
@@ -50,9 +49,9 @@ def shading(
 ) -> np.ndarray:
     """Pack the parameters that shade a mesh with its map into (4, 4) float64, as map_lib.glsl reads them.
 
-    normal_matrix (3, 3): from the mesh's normals to world space. light (4,): see `draw`. kind: one of WORLD, OBJECT,
-    MIKKTSPACE and BLENDER. channels (3, 3): from a normal to red, green and blue, one axis each. steps: 2^bits - 1 if the
-    map is rounded to integers before it is read, else 0.
+    normal_matrix (3, 3): from the mesh's normals to world space. light (4,): see `draw`. kind: WORLD, OBJECT or the index of
+    a basis. channels (3, 3): from a normal to red, green and blue, one axis each. steps: 2^bits - 1 if the map is rounded to
+    integers before it is read, else 0.
     """
     channels = np.eye(3) if channels is None else channels
     digits = 2 * np.abs(channels).argmax(axis=1) + (channels.sum(axis=1) < 0.0)
