@@ -31,8 +31,8 @@ class SurfaceMaps:
 
     def start(self, band: Band) -> None:
         """Look at another band."""
-        self.places = target.get("places", band.width, band.height, "RGBA32F", "RGBA32F")
-        gbuffer.draw(self.places, self.low, band.uv_to_clip)
+        self.low_points = target.get("low points", band.width, band.height, "RGBA32F", "RGBA32F")
+        gbuffer.draw(self.low_points, self.low, band.uv_to_clip)
 
     def draw(
         self, into: target.Target, name: str, normals: gpu.types.GPUTexture, points: target.Target
@@ -43,7 +43,7 @@ class SurfaceMaps:
             BY_NAME[name],
             normals,
             points,
-            self.places,
+            self.low_points,
             to_space=self.to_space,
             origin=self.origin,
             scale=self.local_space.size,

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The node hook-up: shows a baked normal map in the materials of the low mesh, by the wires a person would draw.
+"""Connects a baked normal map to the materials of the low mesh, with the nodes and links that an artist would use.
 
-Image Texture -> Normal Map -> the Normal input of every shader that reaches the material's output, underneath the Bump
-nodes that stand in between. Baking again finds the same nodes and changes pixels, not wires. No node is ever removed,
-and what is not understood is left as it is and told in a note.
+Image Texture -> Normal Map -> the Normal input of every shader that reaches the output, below any Bump nodes in between.
+Baking again reuses these nodes. No node is ever removed. Node setups that are not recognized stay unchanged, with a note.
 """
 
 from collections import defaultdict
@@ -14,37 +13,39 @@ import numpy as np
 
 from ..core.errors import BakeError
 
-# A custom property on our nodes and on the images that we have baked. Names and labels are for people, who may change
-# them; the mark outlives renaming, copying and saving, so that a later bake knows what it may set anew.
+# A custom property on the nodes and images that Imprint created. Artists may rename nodes; the mark survives renaming,
+# copying and saving, so that a later bake recognizes the nodes that it may change.
 MARK = "imprint"
-NODE_HEIGHT = 320  # room for one node in a column: Blender knows the real height only once a window has drawn it
+NODE_HEIGHT = 320  # the space for one node in a column: Blender knows the real height only after drawing it in a window
 NODE_GAP = 60
 CONVENTIONS = {("+X", "+Y", "+Z"): "OPENGL", ("+X", "-Y", "+Z"): "DIRECTX"}
 
 
 @dataclass
 class _Job:
-    """One material: what it shall show, what is in its tree, and what there is to say about it."""
+    """The hook-up of one material: its target image and settings, the state of its node tree, and the notes."""
 
     material: bpy.types.Material
     image: bpy.types.Image
     settings: dict  # of the Normal Map node
     uv_layer: str
-    layer_names: tuple  # by which nodes know the layer: "" or no node at all stands for the render-active one
-    links: dict = field(default_factory=dict)  # by input socket: socket.links would walk through the whole tree
-    own: dict = field(default_factory=dict)  # our nodes by type; one of each serves all shaders of a material
-    notes: dict = field(default_factory=dict)  # an ordered set: two shaders may meet one obstacle
+    layer_names: (
+        tuple  # the names that nodes use for the UV layer: "", or no node at all, means the render-active layer
+    )
+    links: dict = field(default_factory=dict)  # by input socket: socket.links searches the whole tree
+    own: dict = field(default_factory=dict)  # nodes that Imprint created, by type; all shaders of a material share them
+    notes: dict = field(default_factory=dict)  # an ordered set: two shaders can lead to the same note
 
-    def say(self, text):
+    def note(self, text):
         self.notes[f'Material "{self.material.name}": {text}'] = None
 
-    def leave(self, node, what, source, kind):
+    def note_unchanged(self, node, what, source, kind):
         muted = ", muted or in a circle" if kind == "muted" else ""
-        self.say(f"{_title(node)} takes its {what} from {_title(source)}{muted}, which was left as it is.")
+        self.note(f"{_title(node)} takes its {what} from {_title(source)}{muted}, which was left as it is.")
 
 
 def check(low):
-    """Raise BakeError where hook_up could do nothing at all, so that a person hears of it before the bake."""
+    """Raise BakeError if hook_up cannot change anything, so that the bake does not start."""
     if not low.is_editable:
         raise BakeError(
             f'"{low.name}" is linked from a library, so its materials cannot be set: make it local first, '
@@ -58,10 +59,10 @@ def check(low):
 
 
 def hook_up(low, image, *, space, uv_layer, channels, single_user=False):
-    """Show image as the normal map of every material that low's faces can show; return notes for the report.
+    """Show the image as the normal map of every material on the faces of low. Returns notes for the report.
 
-    space is 'TANGENT', 'OBJECT' or 'WORLD'; channels are what red, green and blue hold, as in Settings. With single_user,
-    a material that is linked from a library or shown by other objects too is first copied for low.
+    space: 'TANGENT', 'OBJECT' or 'WORLD'. channels: the axes in red, green and blue, as in Settings. single_user: first copy
+    materials that are linked from a library or used by other objects.
     """
     image[MARK] = True
     if channels not in CONVENTIONS:
@@ -94,12 +95,12 @@ def hook_up(low, image, *, space, uv_layer, channels, single_user=False):
 
 
 def _is_local(datablock):
-    """Whether edits last: an override of a mesh or material forgets new slots and nodes when the file is loaded."""
+    """Whether edits are saved: a library override of a mesh or material loses new slots and nodes when a file is loaded."""
     return datablock.is_editable and not datablock.override_library
 
 
 def _fill_slots(low, single_user):
-    """Put one new material into every slot that low's faces use and that has none."""
+    """Put one new material into all empty slots that the faces of low use."""
     if not low.material_slots:
         low.data.materials.append(None)
     slots = low.material_slots
@@ -125,29 +126,29 @@ def _copy_for(low, material):
 
 
 def _assign(low, slot, material, single_user):
-    """Put material into slot: on the object where the mesh cannot hold it, or would show it on other objects too."""
+    """Put the material into the slot. Link it to the object if the mesh cannot be changed, or other objects share it."""
     if slot.link == "DATA" and (not _is_local(low.data) or (single_user and low.data.users > 1)):
         slot.link = "OBJECT"
     slot.material = material
 
 
 def _sharers(low):
-    """The names of the objects besides low that show each material."""
+    """The names of the other objects that use each material."""
     sharers = defaultdict(list)
     for obj in bpy.data.objects:
-        if obj != low and obj.users:  # without users it is in no scene: deleted, but not purged yet
+        if obj != low and obj.users:  # an object without users was deleted, but not purged yet
             for material in {slot.material for slot in obj.material_slots}:
                 sharers[material].append(obj.name)
     return sharers
 
 
 def _list(names):
-    few = ", ".join(f'"{name}"' for name in names[:3]) + (", ..." if len(names) > 3 else "")
-    return f"is also on {len(names)} other object{'s' if len(names) > 1 else ''} ({few})"
+    listed = ", ".join(f'"{name}"' for name in names[:3]) + (", ..." if len(names) > 3 else "")
+    return f"is also on {len(names)} other object{'s' if len(names) > 1 else ''} ({listed})"
 
 
 def _hook_material(job):
-    """Bring the map to every shader that the material's surface is made of."""
+    """Connect the map to every shader of the material's surface."""
     job.links = {link.to_socket: link for link in job.material.node_tree.links}
     for node in job.material.node_tree.nodes:
         is_texture = node.bl_idname == "ShaderNodeTexImage"
@@ -159,27 +160,27 @@ def _hook_material(job):
         if normal:
             _feed_normal(job, shader, normal, done)
         elif shader.bl_idname == "ShaderNodeGroup":
-            job.say(f"the group {_title(shader)} has no Normal input, so the map does not reach the shaders in it.")
+            job.note(f"the group {_title(shader)} has no Normal input, so the map does not reach the shaders in it.")
     if not done:
-        job.say("no shader with a Normal input reaches the output, so the map is not shown.")
+        job.note("no shader with a Normal input reaches the output, so the map is not shown.")
 
 
 def _shaders(job):
-    """The nodes with a shader output from which the Material Output of any engine takes its surface."""
+    """The shader nodes that reach the surface of the Material Output of any render engine."""
     tree = job.material.node_tree
     outputs = [output for output in map(tree.get_output_node, ("ALL", "EEVEE", "CYCLES")) if output]
     waiting = [output.inputs["Surface"] for output in outputs or [_new_output(job)]]
     nodes = {}  # an ordered set
     while waiting:
         _, node, _ = _trace(job, waiting.pop())
-        if node and node not in nodes:  # the muted ones too: they may come back
+        if node and node not in nodes:  # include muted nodes: the artist may unmute them
             nodes[node] = None
-            waiting += node.inputs  # all of them: Shader to RGB makes colors of shaders
+            waiting += node.inputs  # all inputs: Shader to RGB converts shaders to colors
     return [node for node in nodes if any(socket.type == "SHADER" for socket in node.outputs)]
 
 
 def _new_output(job):
-    """A Material Output with a Principled BSDF, to the right of all that is there."""
+    """Add a Material Output with a Principled BSDF, to the right of all other nodes."""
     tree = job.material.node_tree
     right = max((node.location_absolute.x + node.width for node in tree.nodes), default=0)
     output = tree.nodes.new("ShaderNodeOutputMaterial")
@@ -187,18 +188,18 @@ def _new_output(job):
     principled = tree.nodes.new("ShaderNodeBsdfPrincipled")
     _place(job, principled, output)
     _connect(job, principled.outputs["BSDF"], output.inputs["Surface"])
-    job.say("it had no Material Output; one was added, with a Principled BSDF.")
+    job.note("it had no Material Output; one was added, with a Principled BSDF.")
     return output
 
 
 def _trace(job, socket):
-    """Walk back from an input through reroutes: the last input on the way, the node that feeds it, and "type.output".
+    """Follow an input back through reroutes. Returns the last input, the node connected to it, and its kind, "type.output".
 
-    Nothing coming in gives None for node and kind; a wire or node that passes nothing on is of the kind "muted".
+    An unconnected input gives None for node and kind. Muted nodes and links, and circles, are of the kind "muted".
     """
     while link := job.links.get(socket):
         node = link.from_node
-        # Blender calls one link in every circle invalid, unless a single node feeds itself.
+        # Blender marks one link in every circle as invalid, unless a single node is connected to itself.
         if link.is_muted or node.mute or not link.is_valid or node == link.to_node:
             return socket, node, "muted"
         if node.bl_idname != "NodeReroute":
@@ -208,8 +209,8 @@ def _trace(job, socket):
 
 
 def _feed_normal(job, shader, normal, done):
-    """Bring the map to a shader's Normal input, or to the lowest Bump node of those that feed it."""
-    while normal not in done:  # else another shader came this way
+    """Connect the map to a shader's Normal input, or to the first Bump node of the chain connected to it."""
+    while normal not in done:  # another shader may share the chain
         done.add(normal)
         end, node, kind = _trace(job, normal)
         if kind == "ShaderNodeBump.Normal":
@@ -217,17 +218,17 @@ def _feed_normal(job, shader, normal, done):
         elif kind in (None, "ShaderNodeNormalMap.Normal"):
             _feed_normal_map(job, node or _own(job, "ShaderNodeNormalMap", "Normal", end))
         else:
-            job.leave(shader, "Normal", node, kind)
+            job.note_unchanged(shader, "Normal", node, kind)
 
 
 def _feed_normal_map(job, normal_map):
-    """Make a Normal Map node show the image, where its color comes from an Image Texture or from nowhere."""
+    """Make a Normal Map node show the image, if its color comes from an Image Texture or is not connected."""
     color = normal_map.inputs["Color"]
     end, texture, kind = _trace(job, color)
     if kind not in (None, "ShaderNodeTexImage.Color"):
-        return job.leave(normal_map, "Color", texture, kind)
+        return job.note_unchanged(normal_map, "Color", texture, kind)
     if texture and _is_foreign(texture.image):
-        job.say(
+        job.note(
             f'{_title(normal_map)} no longer shows "{texture.image.name}"; {_title(texture)}, which has it, is kept.'
         )
         texture, end = None, color
@@ -244,11 +245,11 @@ def _feed_coordinates(job, texture):
     if "" in job.layer_names and kind in (None, "ShaderNodeTexCoord.UV"):
         return None
     if kind not in (None, "ShaderNodeUVMap.UV"):
-        return job.leave(texture, "Vector", node, kind)
+        return job.note_unchanged(texture, "Vector", node, kind)
     if node and not node.get(MARK):
         if node.uv_map in job.layer_names:
             return None
-        job.say(
+        job.note(
             f'{_title(texture)} no longer uses the UV map "{node.uv_map}"; {_title(node)}, which names it, is kept.'
         )
         node, end = None, vector
@@ -256,7 +257,7 @@ def _feed_coordinates(job, texture):
 
 
 def _own(job, kind, output, socket):
-    """Our node of this kind, made where there is none yet, connected to socket."""
+    """Connect Imprint's own node of this kind to the socket, after adding it if there is none."""
     if kind not in job.own:
         node = job.own[kind] = job.material.node_tree.nodes.new(kind)
         node[MARK] = True
@@ -267,7 +268,7 @@ def _own(job, kind, output, socket):
 
 
 def _place(job, node, left_of):
-    """Move a new node into the first free place to the left of another, in the same frame, unselected."""
+    """Move a new node to the first free place to the left of another node, in the same frame, and deselect it."""
     node.select = False
     node.parent = left_of.parent
     x, y = left_of.location_absolute
@@ -289,7 +290,7 @@ def _is_foreign(image):
 
 
 def _set(datablock, **values):
-    """Set what differs: writing even the same value makes the viewport compile the material again."""
+    """Set the values that differ: writing an equal value would make the viewport compile the material again."""
     for name, value in values.items():
         if getattr(datablock, name) != value:
             setattr(datablock, name, value)

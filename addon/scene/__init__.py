@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Reads Blender's objects into arrays."""
+"""Reads Blender's objects into numpy arrays."""

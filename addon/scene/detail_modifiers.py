@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which modifiers give an object another surface than its base mesh, so that it can be its own high object."""
+"""Tells whether modifiers add detail to an object's base mesh, so that the object can be its own high object."""
 
 from collections.abc import Iterator
 
@@ -17,10 +17,10 @@ ADDING = {
     "SUBSURF",
     "WAVE",
 }
-"""Types of modifiers that leave the base mesh in its place and give it a finer or another surface. The rest move it as a
-whole, copy it, cut its faces, or change only its normals, UVs and groups: onto its own base each of those bakes flat."""
+"""Modifier types that keep the base mesh in place and add detail to its surface. Other types move or copy the mesh, cut its
+faces, or change only normals, UVs and groups: baked onto the base mesh, they give a flat map."""
 
-PASSING_ON = {
+PASS_THROUGH = {
     "GeometryNodeCaptureAttribute",
     "GeometryNodeJoinGeometry",
     "GeometryNodeMenuSwitch",
@@ -41,19 +41,19 @@ PASSING_ON = {
     "NodeGroupInput",
     "NodeReroute",
 }
-"""Geometry nodes that hand on the surface which they get. Shade Auto Smooth is made of nothing else."""
+"""Geometry nodes that do not change the surface. Shade Auto Smooth uses only these."""
 
 
 def is_added(obj: bpy.types.Object) -> bool:
-    """Whether a modifier of `obj`, switched on for the viewport or for rendering, may give it detail.
+    """Whether a modifier of `obj`, enabled for the viewport or for rendering, may add detail.
 
-    Cheap enough to be asked at every redraw: what the modifiers really do is not looked at.
+    This is fast enough to call at every redraw: it looks at types only and evaluates nothing.
     """
     return any(_adds(modifier) for modifier in obj.modifiers if modifier.show_viewport or modifier.show_render)
 
 
 def without(obj: bpy.types.Object) -> str:
-    """The modifiers of `obj` in a clause of a sentence that says that they add no detail."""
+    """A clause for messages: the modifiers of `obj` add no detail."""
     return f"whose modifiers ({shorten_list(modifier.name for modifier in obj.modifiers)}) add no detail"
 
 
@@ -64,11 +64,11 @@ def _adds(modifier: bpy.types.Modifier) -> bool:
 
 
 def _makes(node: bpy.types.Node) -> bool:
-    return node.bl_idname not in PASSING_ON and any(socket.type == "GEOMETRY" for socket in node.outputs)
+    return node.bl_idname not in PASS_THROUGH and any(socket.type == "GEOMETRY" for socket in node.outputs)
 
 
 def _nodes(tree: bpy.types.NodeTree, seen: set[bpy.types.NodeTree]) -> Iterator[bpy.types.Node]:
-    """The nodes of `tree` and of the groups in it, but for the groups themselves."""
+    """The nodes of `tree` and of the groups in it, without the group nodes themselves."""
     seen.add(tree)
     for node in tree.nodes:
         if node.bl_idname != "GeometryNodeGroup":

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Faces of an object selected in Edit Mode, where an artist looks at them."""
+"""Selects faces or edges of an object in Edit Mode, to show them to the artist."""
 
 import bpy
 import numpy as np
@@ -8,7 +8,7 @@ from . import mesh_reader, visibility
 
 
 def problem(obj: bpy.types.Object) -> str:
-    """Why faces of `obj` cannot be selected, as a sentence; empty when they can."""
+    """Why faces of `obj` cannot be selected, as a sentence; empty if they can."""
     if not (obj.is_editable and obj.data.is_editable):
         return f"{obj.name!r} is linked from another file: make it local, so that its faces can be selected."
     if not visibility.is_visible(obj):
@@ -17,8 +17,7 @@ def problem(obj: bpy.types.Object) -> str:
 
 
 def select(context: bpy.types.Context, obj: bpy.types.Object, chosen: np.ndarray, domain: str = "FACE") -> None:
-    """Go into Edit Mode with `obj` alone, where the `chosen` faces, indices, are selected and nothing else is; edges for the
-    domain "EDGE"."""
+    """Enter Edit Mode with only `obj`, and select only the faces with the `chosen` indices; edges for the domain "EDGE"."""
     layer = context.view_layer
     _leave_mode(layer.objects.active)
     for other in layer.objects.selected:
@@ -33,11 +32,11 @@ def select(context: bpy.types.Context, obj: bpy.types.Object, chosen: np.ndarray
         elements.foreach_set("select", flags)
         hidden = np.empty_like(flags)
         elements.foreach_get("hide", hidden)
-        if (hidden & flags).any():  # or they would not be seen, nor stay selected
+        if (hidden & flags).any():  # hidden elements are not visible and do not stay selected
             elements.foreach_set("hide", hidden & ~flags)
     obj.data.update_tag()
     context.tool_settings.mesh_select_mode = (False, domain == "EDGE", domain == "FACE")
-    # Undo from Edit Mode only leaves it: what was changed before is a step of its own.
+    # Undo in Edit Mode only leaves the mode: the changes made before need their own undo step.
     bpy.ops.ed.undo_push(message="Select Faces")
     bpy.ops.object.mode_set(mode="EDIT")
 

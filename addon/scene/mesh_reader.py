@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Reads Blender's meshes into arrays. The only reader of bpy meshes."""
+"""Reads Blender's meshes into arrays. No other module reads them."""
 
 import ctypes
 from collections.abc import Iterator
@@ -12,41 +12,41 @@ import numpy as np
 from ..mesh.triangle_mesh import Mesh, finite_rows, keep_corners
 
 _NUMBER = ".imprint_face"
-"""The attribute that `numbered` adds for a while; the dot keeps it from lists."""
+"""The temporary attribute that `numbered` adds; the dot hides it in Blender's lists."""
 
 
 @contextmanager
 def evaluated(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> Iterator[bpy.types.Mesh]:
-    """The mesh of `obj` with its modifiers, as `depsgraph` evaluates it. It shares its arrays and costs no copy.
+    """The mesh of `obj` with its modifiers, as `depsgraph` evaluates it. It shares Blender's arrays and costs no copy.
 
-    In Sculpt Mode Blender moves the vertices of the mesh itself where nothing modifies it, and evaluates it later: then it
-    is a copy of that.
+    In Sculpt Mode, without modifiers, Blender moves the vertices of the object's own mesh and evaluates it later: then the
+    mesh is a copy of the object's own.
     """
     owner = obj if is_sculpted_in_place(obj) else obj.evaluated_get(depsgraph)
     try:
         data = owner.to_mesh()
         if obj.mode == "SCULPT":
-            derive_anew(data)
+            reset_normals(data)
         yield data
     finally:
         owner.to_mesh_clear()
 
 
 def is_sculpted_in_place(obj: bpy.types.Object) -> bool:
-    """Whether strokes show in the mesh of `obj` itself, and not in the evaluated one."""
+    """Whether strokes change the mesh of `obj` itself, before it is evaluated."""
     if obj.mode != "SCULPT":
         return False
     is_modified = obj.data.shape_keys is not None or any(modifier.show_viewport for modifier in obj.modifiers)
     return obj.use_dynamic_topology_sculpting or not is_modified
 
 
-def derive_anew(data: bpy.types.Mesh) -> None:
-    """Let Blender forget the normals of `data`: strokes and their undo leave some of before behind."""
+def reset_normals(data: bpy.types.Mesh) -> None:
+    """Make Blender compute the normals of `data` again: strokes and their undo leave old ones behind."""
     data.vertices.foreach_set("co", points(data).ravel())
 
 
 def points(data: bpy.types.Mesh) -> np.ndarray:
-    """The vertices' positions, (V, 3) float32."""
+    """The positions of the vertices, (V, 3) float32."""
     return _read(data.attributes["position"].data, "vector", len(data.vertices), 3)
 
 
@@ -65,9 +65,10 @@ def surface(
     is_laid_flat: bool = True,
     with_faces: bool = False,
 ) -> Mesh:
-    """Positions, corner normals, triangles and, unless `uv_layer` is empty, UVs of `data`; its faces if asked for.
+    """Read positions, corner normals and triangles of `data`, UVs unless `uv_layer` is empty, and faces if `with_faces`.
 
-    Triangles that hold NaN or infinity are left out and counted; in their UVs only if the mesh is to be laid flat.
+    Triangles with NaN or infinite values are left out and counted. UVs count only if the mesh is drawn in UV space
+    (is_laid_flat).
     """
     corners = len(data.loops)
     mesh = Mesh(
@@ -83,16 +84,16 @@ def surface(
     finite = finite_rows(mesh.normals, mesh.uv) if is_laid_flat and uv_layer else finite_rows(mesh.normals)
     positions = finite_rows(mesh.positions)
     if positions is not None:
-        mesh.positions[~positions] = 0.0  # no triangle uses them any more, and sums are not spoilt
+        mesh.positions[~positions] = 0.0  # no triangle uses them, but NaN would spoil sums
         by_corner = positions[mesh.vertices]
         finite = by_corner if finite is None else finite & by_corner
     return keep_corners(mesh, finite)
 
 
 def directions(data: bpy.types.Mesh, mesh: Mesh, which: str) -> np.ndarray:
-    """Where rays leave `mesh`, which was read from `data`: (C, 3) float32, by corner.
+    """The ray directions of `mesh`, which was read from `data`: (C, 3) float32, by corner.
 
-    which: "SMOOTH" for the vertex normals, which know no sharp edges, or "SPLIT" for the corners' own.
+    which: "SMOOTH" for vertex normals, which ignore sharp edges, or "SPLIT" for corner normals.
     """
     if which == "SPLIT":
         return mesh.normals
@@ -100,9 +101,9 @@ def directions(data: bpy.types.Mesh, mesh: Mesh, which: str) -> np.ndarray:
 
 
 def with_tangents(data: bpy.types.Mesh, uv_layer: str, name: str, to_world: np.ndarray) -> Mesh:
-    """As `surface`, and MikkTSpace's tangents for `uv_layer`.
+    """Read `data` as `surface` does, with MikkTSpace tangents for `uv_layer`.
 
-    Mesh.calc_tangents takes triangles and quads alone, so a mesh with n-gons is first triangulated as Blender draws it;
+    Mesh.calc_tangents takes only triangles and quads, so a mesh with n-gons is first triangulated as Blender draws it;
     then the corners are those of the triangles.
     """
     if _max_face_size(data) > 4:
@@ -146,8 +147,10 @@ def _faces(data: bpy.types.Mesh) -> np.ndarray:
 
 
 def materials(obj: bpy.types.Object, data: bpy.types.Mesh, mesh: Mesh) -> tuple[np.ndarray, list[str]]:
-    """The material of each triangle of `mesh`, which was read with its faces from `data`, the mesh of `obj`: (T,) int32,
-    indices into the names that come second, "" for none."""
+    """The material of each triangle: (T,) int32 indices into the list of names, which is returned second; "" for none.
+
+    mesh: read with its faces from `data`, the mesh of `obj`.
+    """
     names = [slot.material.name if slot.material else "" for slot in obj.material_slots] or [""]
     indices = np.empty(len(data.polygons), np.int32)
     data.polygons.foreach_get("material_index", indices)
@@ -157,8 +160,10 @@ def materials(obj: bpy.types.Object, data: bpy.types.Mesh, mesh: Mesh) -> tuple[
 
 @contextmanager
 def numbered(obj: bpy.types.Object, domain: str = "FACE") -> Iterator[None]:
-    """Let modifiers take the numbers of `obj`'s own faces, or edges for the domain "EDGE", along; `numbers` reads them from
-    the evaluated mesh."""
+    """Number the faces of `obj`'s own mesh, or its edges for the domain "EDGE", in an attribute that modifiers copy.
+
+    `numbers` reads it from the evaluated mesh. The attribute is removed at the end of the block.
+    """
     data = obj.data
     count = len(data.polygons if domain == "FACE" else data.edges)
     data.attributes.new(_NUMBER, "INT", domain).data.foreach_set("value", np.arange(1, count + 1))
@@ -171,8 +176,10 @@ def numbered(obj: bpy.types.Object, domain: str = "FACE") -> Iterator[None]:
 
 
 def numbers(data: bpy.types.Mesh, domain: str = "FACE") -> np.ndarray | None:
-    """Of each face, or edge, of an evaluated mesh, the one of the `numbered` object's own that it comes from: (N,) int32, -1
-    for none; or None where modifiers have lost them."""
+    """The original face, or edge, of each one of an evaluated mesh of a `numbered` object: (N,) int32, -1 for none.
+
+    Returns None if modifiers have removed the attribute.
+    """
     layer = data.attributes.get(_NUMBER)
     if layer is None or layer.domain != domain:
         return None
@@ -182,7 +189,7 @@ def numbers(data: bpy.types.Mesh, domain: str = "FACE") -> np.ndarray | None:
 
 
 def edges(data: bpy.types.Mesh, ends: np.ndarray) -> np.ndarray:
-    """The edges (N,) int of `data` between these pairs of vertices (N, 2), in no order; pairs without an edge are left out."""
+    """The edges (N,) int of `data` between these pairs of vertices (N, 2), unordered. Pairs without an edge are left out."""
     pairs = np.empty((len(data.edges), 2), np.int32)
     data.edges.foreach_get("vertices", pairs.reshape(-1))
     known, wanted = (
@@ -192,8 +199,8 @@ def edges(data: bpy.types.Mesh, ends: np.ndarray) -> np.ndarray:
 
 
 def elements(data: bpy.types.Mesh, chosen: np.ndarray, domain: str = "FACE") -> dict[str, np.ndarray]:
-    """What makes up the `chosen` indices of polygons, or of edges for the domain "EDGE": indices of "polygons", "edges" and
-    "vertices" of `data`."""
+    """The indices of "polygons", "edges" and "vertices" of `data` that the `chosen` polygons consist of, or the `chosen`
+    edges for the domain "EDGE"."""
     if domain == "EDGE":
         pairs = np.empty((len(data.edges), 2), np.int32)
         data.edges.foreach_get("vertices", pairs.reshape(-1))
@@ -210,10 +217,10 @@ def elements(data: bpy.types.Mesh, chosen: np.ndarray, domain: str = "FACE") -> 
 
 
 def _copy_triangles(source, triangles: np.ndarray) -> bool:
-    """Copy loop triangles from memory: foreach_get calls a function for each of them, which is 80 times slower.
+    """Copy loop triangles from memory: foreach_get calls a function for each triangle, which is 80 times slower.
 
-    They are three consecutive int32 each. That is checked by the addresses and values of some of them; where it does
-    not hold, nothing is copied and False is returned.
+    Each triangle should be three consecutive int32. The addresses and values of some triangles are checked first: if they
+    differ, nothing is copied and False is returned.
     """
     first, last = source[0].as_pointer(), source[-1].as_pointer()
     if last - first != 12 * (len(source) - 1):
@@ -241,7 +248,7 @@ def _max_face_size(data: bpy.types.Mesh) -> int:
 
 @contextmanager
 def _triangulated(data: bpy.types.Mesh, uv_layer: str) -> Iterator[bpy.types.Mesh]:
-    """A temporary copy of `data` in triangles, with the same corner normals and the one UV layer."""
+    """A temporary triangulated copy of `data` with the same corner normals, and only this UV layer."""
     corners = _triangles(data).reshape(-1)
     positions = _read(data.attributes["position"].data, "vector", len(data.vertices), 3)
     normals = _read(data.corner_normals, "vector", len(data.loops), 3)[corners]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Modes that objects leave for as long as they are read."""
+"""Switches objects to Object Mode while they are read."""
 
 from contextlib import ExitStack
 
@@ -9,29 +9,30 @@ from . import mesh_reader, visibility
 
 
 def leave(layer: bpy.types.ViewLayer, meshes: set[bpy.types.Mesh], restore: ExitStack) -> None:
-    """Put whoever shares one of `meshes` into Object Mode until `restore` is closed."""
-    # The mesh of an object in Edit Mode or Sculpt Mode lags behind what is on screen until the mode is left; by whom,
-    # does not matter to the objects that share it.
+    """Switch all objects that use one of `meshes` to Object Mode until `restore` is closed."""
+    # In Edit Mode and Sculpt Mode, the mesh lags behind the screen until the mode is left. Any object that uses the mesh
+    # can be in that mode.
     leaving = [obj for obj in layer.objects if obj.mode != "OBJECT" and obj.data in meshes]
-    if any(obj.mode == "EDIT" for obj in leaving):  # which all objects leave together, and the selected ones enter
+    if any(obj.mode == "EDIT" for obj in leaving):  # all objects leave Edit Mode together, and all selected ones enter
         leaving += [obj for obj in layer.objects if obj.mode == "EDIT" and obj not in leaving]
     if not leaving:
         return
-    # First, and so entered last: Blender crashes where a mesh in Edit Mode is to be painted on another object.
+    # Objects in Edit Mode come first, so that they enter it last: Blender crashes if an object enters a paint mode whose
+    # mesh is in Edit Mode on another object.
     leaving.sort(key=lambda obj: obj.mode != "EDIT")
     restore.callback(setattr, layer.objects, "active", layer.objects.active)
     for obj in layer.objects.selected.values():
         restore.callback(obj.select_set, True)
         obj.select_set(False)
     for obj in leaving:
-        # Hidden objects are not let out of their modes, nor into them.
+        # Blender does not switch the mode of hidden objects.
         visibility.put(obj, "hide_viewport", False, restore)
         restore.callback(_switch, layer, obj, obj.mode)
     for obj in leaving:
         was_sculpted = obj.mode == "SCULPT"
         _switch(layer, obj, "OBJECT")
         if was_sculpted:
-            mesh_reader.derive_anew(obj.data)
+            mesh_reader.reset_normals(obj.data)
 
 
 def _switch(layer: bpy.types.ViewLayer, obj: bpy.types.Object, mode: str) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Reads the objects of a bake into arrays, all of them at once, so that Blender's state is borrowed only for that."""
+"""Reads all objects of a bake into arrays at once, so that Blender's state is changed only for a short time."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
@@ -17,8 +17,8 @@ from .high_reader import Reader
 from .high_reader import uv_layer as uv_layer_of
 
 SMALLEST, LARGEST = 5e-9, 1e9
-"""Radius of a mesh, the first for each square root of its triangles' number. Blender takes the cross product of two edges
-for the normal of a face, and in single precision the square of its length is 0 for edges of 2e-9 and infinite for 4e9."""
+"""The limits of a mesh's radius; the first is multiplied by the square root of the number of triangles. Blender computes face
+normals from the cross product of two edges: in float32, its squared length is 0 for edges of 2e-9 and infinite for 4e9."""
 
 
 def read(
@@ -28,7 +28,7 @@ def read(
     cage: bpy.types.Object | None,
     settings: Settings,
 ) -> Meshes:
-    """Evaluate and read all objects. Raises BakeError for what only shows then: faces, UV layers, the cage's topology."""
+    """Evaluate and read all objects. Raises BakeError for missing faces or UV layers, and for a cage of another topology."""
     with bake_objects.ready(context, low, highs, cage, settings.modifiers) as depsgraph:
         return _read(depsgraph, low, highs, cage, settings)
 
@@ -43,9 +43,9 @@ def read_again(
     before: Meshes | None = None,
     changed: Collection[int] = (),
 ) -> Meshes:
-    """As `read`, but of objects as they are shown, in the modes that they are in.
+    """Read the objects as `read` does, but as the viewport shows them, in their current modes.
 
-    Those whose session_uid is not in `changed` are taken from `before`, which came from the same objects and settings.
+    Objects whose session_uid is not in `changed` are copied from `before`, the result for the same objects and settings.
     """
     out = next((obj for obj in (low, *highs, cage) if obj and not visibility.is_followed(context, obj)), None)
     if out is not None:
@@ -66,9 +66,9 @@ def read_again(
 def _with_kept_uvs(
     context: bpy.types.Context, low: bpy.types.Object, settings: Settings, meshes: Meshes, before: Meshes | None
 ) -> Meshes:
-    """`meshes`, whose high one is the low object's own surface, with UVs that no modifier has moved.
+    """`meshes`, whose high mesh is the low object's own surface, with the UVs before modifiers moved them.
 
-    Blender is asked for them only when those that are shown are not those of `before`: asking is a change as well.
+    Reading those UVs changes the scene, so they are read only if the viewport's UVs differ from those in `before`.
     """
     (shown,) = meshes.highs
     if shown.uv is None:
@@ -116,7 +116,7 @@ def _check_size(mesh: Mesh) -> None:
     most = float(max(mesh.positions.max(), -mesh.positions.min()))
     stretch = max(1.0, float(np.linalg.norm(mesh.to_world[:3, :3])))
     smallest = SMALLEST * len(mesh.triangles) ** 0.5
-    if smallest < most < LARGEST / stretch:  # which is a quick look, and says enough of nearly all meshes
+    if smallest < most < LARGEST / stretch:  # a quick check, which is enough for nearly all meshes
         return
     own, in_scene = (local_space_of([replace(mesh, to_world=to_world)]).size for to_world in (np.eye(4), mesh.to_world))
     if own < smallest:
@@ -138,7 +138,7 @@ def _cage(cage: bpy.types.Object, depsgraph: bpy.types.Depsgraph, low: Mesh, low
 
 
 def _check_cage(low: Mesh, cage: Mesh, faces: tuple[int, int]) -> None:
-    """Raise BakeError unless `cage` has the topology of `low`; faces: how many each has."""
+    """Raise BakeError unless `cage` has the topology of `low`. faces: the numbers of faces of `low` and `cage`."""
     if faces[0] != faces[1]:
         raise BakeError(
             f"The cage {cage.name!r} has {faces[1]:,} faces and {low.name!r} has {faces[0]:,}: take a copy of it."

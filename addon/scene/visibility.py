@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is hidden, or left out of the view layer, shown for as long as it is read: Blender evaluates nothing else."""
+"""Shows hidden objects while they are read: Blender evaluates only visible objects."""
 
 from contextlib import ExitStack
 
@@ -9,7 +9,8 @@ from ..core.errors import BakeError
 
 
 def put(owner: bpy.types.bpy_struct, name: str, value: object, restore: ExitStack) -> None:
-    """Set a property if it differs, and put it back when the bake is done: an unchanged one costs no evaluation."""
+    """Set a property if it differs, and restore it when `restore` is closed. Setting an equal value would cost an
+    evaluation."""
     before = getattr(owner, name)
     if before != value:
         setattr(owner, name, value)
@@ -17,13 +18,13 @@ def put(owner: bpy.types.bpy_struct, name: str, value: object, restore: ExitStac
 
 
 def is_visible(obj: bpy.types.Object) -> bool:
-    """Whether `obj` is to be seen, be it not in the local view of the viewport that is at work."""
+    """Whether `obj` is visible in the view layer. The local view of the current viewport does not matter."""
     with bpy.context.temp_override(area=None, region=None):
         return obj.visible_get()
 
 
 def reveal(context: bpy.types.Context, obj: bpy.types.Object, restore: ExitStack) -> None:
-    """Make `obj` visible until `restore` is closed, whatever hides it. Raises BakeError where that cannot be done."""
+    """Make `obj` visible until `restore` is closed. Raises BakeError if that is not possible."""
     if is_visible(obj):
         return
     put(obj, "hide_viewport", False, restore)
@@ -33,7 +34,7 @@ def reveal(context: bpy.types.Context, obj: bpy.types.Object, restore: ExitStack
     context.view_layer.update()
     if is_visible(obj):
         return
-    # Its collections are hidden or left out. What lies in the scene itself is not: there it is for a while.
+    # Its collections are hidden or excluded. The scene's own collection never is: link the object there for now.
     place = context.scene.collection.objects
     if obj not in place.values() and context.scene.is_editable:
         place.link(obj)
@@ -47,18 +48,18 @@ def reveal(context: bpy.types.Context, obj: bpy.types.Object, restore: ExitStack
 
 
 def is_followed(context: bpy.types.Context, obj: bpy.types.Object) -> bool:
-    """Whether Blender evaluates `obj` at each of its changes, as it does with what is shown, or hidden by the eye alone."""
+    """Whether Blender evaluates `obj` when it changes: if it is visible, or hidden only by the eye in the Outliner."""
     if is_visible(obj):
         return True
     objects = context.view_layer.objects
-    return not obj.hide_viewport and obj in objects.values() and _holds(context.view_layer.layer_collection, obj)
+    return not obj.hide_viewport and obj in objects.values() and _contains(context.view_layer.layer_collection, obj)
 
 
-def _holds(layer: bpy.types.LayerCollection, obj: bpy.types.Object) -> bool:
+def _contains(layer: bpy.types.LayerCollection, obj: bpy.types.Object) -> bool:
     if layer.collection.hide_viewport:
         return False
     is_here = not layer.exclude and obj in layer.collection.objects.values()
-    return is_here or any(_holds(child, obj) for child in layer.children)
+    return is_here or any(_contains(child, obj) for child in layer.children)
 
 
 def _show(obj: bpy.types.Object, restore: ExitStack) -> None:

@@ -13,30 +13,30 @@ void main()
   ivec2 texel = ivec2(gl_FragCoord.xy);
   vec4 normal = texelFetch(normals, texel, 0);
   vec3 point = texelFetch(points, texel, 0).xyz;
-  vec4 place = texelFetch(places, texel, 0);
-  vec3 apart = point - place.xyz;
+  vec4 low_point = texelFetch(low_points, texel, 0);
+  vec3 offset = point - low_point.xyz;
   vec2 label = texelFetch(labels, texel, 0).xy;
   vec3 value = vec3(0.0);
-  bool is_on_low = place.a > 0.0;
+  bool is_on_low = low_point.a > 0.0;
   bool is_known = normal.a > 0.0;
   if (map_index == INDEX_POSITION) {
     value = mat3(to_space) * point + origin.xyz;
   }
   else if (map_index == INDEX_HEIGHT) {
-    value = vec3(dot(apart, texelFetch(directions, texel, 0).xyz) * scale);
+    value = vec3(dot(offset, texelFetch(directions, texel, 0).xyz) * scale);
     is_known = is_known && is_on_low;
   }
   else if (map_index == INDEX_DISPLACEMENT) {
-    value = mat3(to_space) * apart;
+    value = mat3(to_space) * offset;
     is_known = is_known && is_on_low;
   }
   else if (map_index == INDEX_DISTANCE) {
-    value = vec3(length(apart) * scale);
+    value = vec3(length(offset) * scale);
     is_known = is_known && is_on_low;
   }
   else if (map_index == INDEX_COVERAGE) {
     value = vec3(is_known ? 1.0 : 0.0);
-    is_known = true;  // that nothing is there is known as well
+    is_known = true;  // 0 is a known value too
   }
   else {
     value = vec3(map_index == INDEX_OBJECT_ID ? label.x : label.y);

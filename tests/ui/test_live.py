@@ -686,7 +686,7 @@ def test_a_bake_from_sculpt_mode_has_the_normals_of_its_mesh(pair):
     sculpt(high, 3)
     texels = fresh()
     copy = high.data.copy()
-    mesh_reader.derive_anew(copy)
+    mesh_reader.reset_normals(copy)
     bpy.ops.object.mode_set(mode="OBJECT")
     high.data = copy
     assert np.array_equal(texels, fresh())

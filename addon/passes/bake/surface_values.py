@@ -22,7 +22,7 @@ PROGRAM = Program(
         ("FLOAT_2D", "normals"),
         ("FLOAT_2D", "points"),
         ("FLOAT_2D", "labels"),
-        ("FLOAT_2D", "places"),
+        ("FLOAT_2D", "low_points"),
         ("FLOAT_2D", "directions"),
     ),
     constants=(("INT", "map_index"), ("MAT4", "to_space"), ("VEC4", "origin"), ("FLOAT", "scale")),
@@ -35,16 +35,16 @@ def draw(
     map_type: MapType,
     normals: gpu.types.GPUTexture,
     points: target.Target,
-    places: target.Target,
+    low_points: target.Target,
     *,
     to_space: np.ndarray,
     origin: np.ndarray,
     scale: float,
 ) -> None:
-    """Write the map into `into` (RGBA32F): xyz the value, alpha as in `normals`: 1 known, 0 nothing, -1 missed.
+    """Write the map into `into` (RGBA32F): xyz is the value, alpha is as in `normals`: 1 known, 0 empty, -1 missed.
 
-    points: what points.draw or cast.points wrote; places: the low mesh as gbuffer.draw wrote it. Vectors and positions
-    go through to_space (3, 3) and origin (3,), distances are times `scale`.
+    points: what points.draw or cast.points wrote. low_points: what gbuffer.draw wrote. Vectors and positions are transformed
+    with to_space (3, 3) and origin (3,); distances are multiplied by `scale`.
     """
     target.fill(
         into,
@@ -52,8 +52,8 @@ def draw(
         normals=normals,
         points=points.textures[0],
         labels=points.textures[1],
-        places=places.textures[0],
-        directions=places.textures[1],
+        low_points=low_points.textures[0],
+        directions=low_points.textures[1],
         map_index=map_type.index,
         to_space=shader.mat4(to_space),
         origin=(*origin, 0.0),
