@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Reads and writes in random combinations of jobs, folders, links and reports: none harms what is read, or another result.
 
-The seed is the test's name. More of them: IMPRINT_RANDOM=0:200 pytest tests/cli/test_harm_by_commands.py
+The seed is the test's name. More of them: IMPRINT_RANDOM=0:200 pytest tests/cli/test_random_commands.py
 """
 
 import hashlib

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Rays go to the GPU in slices, whether somebody waits for their steps or not, and a report's seconds add up."""
+"""Rays go to the GPU in slices, whether the window waits for their steps or not, and slices do not show in the map."""
 
 from types import SimpleNamespace
 
@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from addon.audit import checks
-from addon.core import progress, report
+from addon.core import progress
 from addon.core.progress import Pace
 from addon.core.settings import Settings
 from addon.engine import ray_casting
@@ -42,17 +42,6 @@ def slow(monkeypatch):
     return given
 
 
-def test_slices_come_to_last_as_long_as_they_should(monkeypatch):
-    clock = SimpleNamespace(now=0.0)
-    monkeypatch.setattr(progress, "time", SimpleNamespace(perf_counter=lambda: clock.now))
-    seen = []
-    for rows in Pace(0.5).slices(1000):
-        seen.append(rows)
-        clock.now += 0.01 * len(rows)
-    assert [row for rows in seen for row in rows] == list(range(1000))
-    assert [len(rows) for rows in seen] == [64, *[48] * 19, 24]
-
-
 @pytest.mark.usefixtures("gpu_context")
 @pytest.mark.parametrize("distances", [{}, {"extrusion": 0.2, "max_distance": 0.4}], ids=["measured", "set"])
 def test_nobody_listens_and_no_slice_is_too_long_for_a_driver(slow, distances):
@@ -83,29 +72,3 @@ def test_probes_for_distances_and_checks_are_sliced_as_well(slow):
     starts = [rows.start for rows in slow].count(0)
     assert starts == 4
     assert max(map(len, slow)) == Pace.FIRST < checks.PROBE
-
-
-@pytest.mark.usefixtures("gpu_context")
-@pytest.mark.parametrize("share_image", [False, True])
-@pytest.mark.parametrize("method", ["FLATTEN", "CAST"])
-def test_the_stages_are_parts_of_the_total_and_waiting_is_not(method, share_image, monkeypatch):
-    clock = SimpleNamespace(now=0.0)
-
-    def tick():
-        clock.now += 1.0  # whoever looks at the clock needs a second for it
-        return clock.now
-
-    monkeypatch.setattr(report, "time", SimpleNamespace(perf_counter=tick))
-    ray_casting.trees.free()
-    jobs = [several.Job(zoo.plane("lo"), [zoo.terrain("hi")])]
-    settings = Settings(method, width=32, height=32, image="map", storage="MEMORY", material=False)
-    work = several.work(bpy.context, jobs, settings, Pace(0.01), share_image=share_image)
-    try:
-        while True:
-            next(work)
-            clock.now += 1e6
-    except StopIteration as end:
-        (told,) = end.value
-    stages = {stage: seconds for stage, seconds in told.seconds.items() if stage != "total"}
-    assert stages["draw"] > 0.0 and (stages["tree"] > 0.0) == (method == "CAST")
-    assert 0.0 < sum(stages.values()) <= told.seconds["total"] < 1e6

@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A report's seconds add up."""
+
+from types import SimpleNamespace
+
+import bpy
+import pytest
+
+from addon.core import report
+from addon.core.progress import Pace
+from addon.core.settings import Settings
+from addon.engine import ray_casting
+from addon.jobs import several
+from tests.support import zoo
+
+
+@pytest.mark.usefixtures("gpu_context")
+@pytest.mark.parametrize("share_image", [False, True])
+@pytest.mark.parametrize("method", ["FLATTEN", "CAST"])
+def test_the_stages_are_parts_of_the_total_and_waiting_is_not(method, share_image, monkeypatch):
+    clock = SimpleNamespace(now=0.0)
+
+    def tick():
+        clock.now += 1.0  # whoever looks at the clock needs a second for it
+        return clock.now
+
+    monkeypatch.setattr(report, "time", SimpleNamespace(perf_counter=tick))
+    ray_casting.trees.free()
+    jobs = [several.Job(zoo.plane("lo"), [zoo.terrain("hi")])]
+    settings = Settings(method, width=32, height=32, image="map", storage="MEMORY", material=False)
+    work = several.work(bpy.context, jobs, settings, Pace(0.01), share_image=share_image)
+    try:
+        while True:
+            next(work)
+            clock.now += 1e6
+    except StopIteration as end:
+        (told,) = end.value
+    stages = {stage: seconds for stage, seconds in told.seconds.items() if stage != "total"}
+    assert stages["draw"] > 0.0 and (stages["tree"] > 0.0) == (method == "CAST")
+    assert 0.0 < sum(stages.values()) <= told.seconds["total"] < 1e6

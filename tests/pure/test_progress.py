@@ -1,0 +1,18 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Work is cut into slices that take the time that they should."""
+
+from types import SimpleNamespace
+
+from addon.core import progress
+from addon.core.progress import Pace
+
+
+def test_slices_come_to_last_as_long_as_they_should(monkeypatch):
+    clock = SimpleNamespace(now=0.0)
+    monkeypatch.setattr(progress, "time", SimpleNamespace(perf_counter=lambda: clock.now))
+    seen = []
+    for rows in Pace(0.5).slices(1000):
+        seen.append(rows)
+        clock.now += 0.01 * len(rows)
+    assert [row for rows in seen for row in rows] == list(range(1000))
+    assert [len(rows) for rows in seen] == [64, *[48] * 19, 24]
