@@ -1,0 +1,21 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The Python of the manual does what it says."""
+
+import bpy
+import pytest
+
+from scripts.imprint import ROOT
+from tests.support import zoo
+from tests.support.manual import blocks
+
+pytestmark = pytest.mark.usefixtures("gpu_context", "registered")
+
+
+def test_the_examples_for_python_bake(tmp_path):
+    zoo.plane("rock_low")
+    zoo.plane("rock_high", slope=0.2)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "rock.blend"))
+    (example,) = (text for language, text in blocks(ROOT / "docs" / "command-line.md") if language == "python")
+    exec(example.replace("1024", "32").replace("last=48", "last=2"))
+    assert {path.name for path in tmp_path.iterdir()} == {"rock.blend", "rock.exr", "rock_001.png", "rock_002.png"}
+    assert bpy.data.images["rock_low_normal"].size[:] == (32, 32)
