@@ -35,10 +35,10 @@ def free() -> None:
     from . import passes
     from .engine import gpu_memory
     from .ui.live.live_controller import live
-    from .ui.viewport import view_mode
+    from .ui.viewport.view_mode import viewer
 
     live.free()
-    view_mode.free()
+    viewer.free()
     gpu_memory.free()
     passes.free()
 
@@ -47,8 +47,8 @@ def _modules() -> tuple[ModuleType, ...]:
     """What has something to register, in this order: a panel after its parent. Imported only when Blender asks for it."""
     from .cli import command
     from .ui import check_operators, idle_memory, map_size, modal, operators, presets, properties
-    from .ui.panels import bake_panel, batch_panels, check_panel, settings_panels
-    from .ui.viewport import view_mode
+    from .ui.panels import bake_panel, batch_panels, check_panel, settings_panels, view_panel
+    from .ui.viewport import split_gizmo, view_mode, view_operators, view_properties
 
     return (
         properties,
@@ -60,7 +60,11 @@ def _modules() -> tuple[ModuleType, ...]:
         settings_panels,
         batch_panels,
         check_panel,
+        view_properties,
         view_mode,
+        view_operators,
+        split_gizmo,
+        view_panel,
         command,
         idle_memory,
         modal,
@@ -74,14 +78,14 @@ def _stop() -> None:
     from .ui.bake_results import results
     from .ui.live.live_controller import live
     from .ui.modal import runner
-    from .ui.viewport import view_mode
     from .ui.viewport.cage_overlay import overlay
+    from .ui.viewport.view_mode import viewer
 
     runner.stop(bpy.context)
     live.stop()
     results.forget()
     overlay.hide()
-    view_mode.off()
+    viewer.off()
 
 
 def _before_loading(*_) -> None:

@@ -14,8 +14,10 @@ from addon.passes import target
 from addon.ui import modal, operators
 from addon.ui.idle_memory import EVERY, idle_memory
 from addon.ui.live.live_controller import live
-from addon.ui.viewport import view_mode
+from addon.ui.viewport import view_operators
+from addon.ui.viewport.mode import Mode
 from addon.ui.viewport.progress_display import display
+from addon.ui.viewport.view_mode import viewer
 from tests.support import zoo
 from tests.support.maps import pixels
 from tests.support.snapshot import difference, snapshot
@@ -32,7 +34,7 @@ def pair():
     yield low, high
     modal.runner.stop(bpy.context)
     live.stop()
-    view_mode.off()
+    viewer.off()
 
 
 class Button(modal.SlicedOperator):
@@ -95,7 +97,7 @@ def is_clean():
 
 BUTTONS = {
     "live": lambda: Button(operators.IMPRINT_OT_live),
-    "view": lambda: Button(view_mode.IMPRINT_OT_view_show, mode="MAP"),
+    "view": lambda: Button(view_operators.IMPRINT_OT_view_show, mode="MAP"),
 }
 
 
@@ -118,7 +120,7 @@ def test_a_first_map_comes_in_slices_with_a_bar(pair, name):
         bpy.ops.imprint.live()
         assert (pixels(bpy.data.images["lo_normal"]) == now).all()
     else:
-        assert view_mode.mode() == "MAP"
+        assert viewer.mode is Mode.MAP
 
 
 @pytest.mark.usefixtures("tiny")
@@ -147,20 +149,20 @@ def test_esc_leaves_everything_as_it_was(pair, name, step):
     assert button.event("ESC") == {"CANCELLED"}
     assert is_clean()
     assert not live.is_on
-    assert view_mode.mode() == "OFF"
+    assert viewer.mode is Mode.OFF
     assert difference(before, snapshot()) == {}
 
 
 @pytest.mark.usefixtures("tiny")
 def test_esc_keeps_the_view_that_was_on(pair):
-    view_mode.switch(bpy.context, "MAP")
-    own = view_mode._own
-    button = Button(view_mode.IMPRINT_OT_view_refresh)
+    viewer.switch(bpy.context, Mode.MAP)
+    own = viewer.own
+    button = Button(view_operators.IMPRINT_OT_view_refresh)
     button.press()
     button.event()
     button.event("ESC")
-    assert view_mode.mode() == "MAP"
-    assert view_mode._own is own
+    assert viewer.mode is Mode.MAP
+    assert viewer.own is own
 
 
 @pytest.mark.usefixtures("tiny")

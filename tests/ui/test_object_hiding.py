@@ -5,10 +5,11 @@ import bpy
 import pytest
 
 import addon
+from addon.jobs import view_session
 from addon.scene import visibility
 from addon.ui.live.live_controller import live
-from addon.ui.viewport import view_mode
 from addon.ui.viewport.object_hiding import hiding
+from addon.ui.viewport.view_mode import viewer
 from tests.support import zoo
 from tests.ui.test_view_mode import seen, view, viewport
 
@@ -22,7 +23,7 @@ def pair():
     choose(zoo.terrain("other", n=2))
     yield low, high
     live.stop()
-    view_mode.off()
+    viewer.off()
 
 
 def space():
@@ -85,7 +86,7 @@ def test_nothing_need_be_selected(pair):
     view().mode = "MAP"
     assert shown() == {"lo", "other"}
     assert chosen() == set()
-    view_mode.off()
+    viewer.off()
     assert (space().local_view, chosen()) == (None, set())
 
 
@@ -102,7 +103,7 @@ def test_a_local_view_of_the_artists_own_stays(pair):
     isolate(*pair)
     view().mode = "MAP"
     assert shown() == {"lo", "hi"}
-    view_mode.off()
+    viewer.off()
     bpy.context.view_layer.update()
     assert space().local_view is not None
     assert in_view() == {"lo", "hi"}
@@ -117,7 +118,7 @@ def test_who_leaves_the_local_view_sees_all(pair):
     assert "hi" in shown()
     isolate(pair[1])  # and may have one of their own
     assert shown() == {"hi"}
-    view_mode.off()
+    viewer.off()
     bpy.context.view_layer.update()
     assert in_view() == {"hi"}
     toggle()
@@ -145,7 +146,7 @@ def test_undo_to_before_it_and_back_changes_nothing(pair):
         undo()
         assert shown() == {"lo", "other"}
     assert chosen() == {"other"}
-    view_mode.off()
+    viewer.off()
     for undo in (bpy.ops.ed.redo, bpy.ops.ed.redo, bpy.ops.ed.undo):
         undo()
         bpy.context.view_layer.update()
@@ -169,7 +170,7 @@ def test_another_view_layer_is_asked_for_too(pair):
     window, layers = viewport()["window"], bpy.context.scene.view_layers
     before, window.view_layer = window.view_layer, layers.new("another")
     assert shown() == {"lo", "other"}
-    view_mode.off()
+    viewer.off()
     bpy.context.view_layer.update()
     assert in_view() == {"lo", "hi", "other"}
     window.view_layer = before
@@ -194,7 +195,7 @@ def test_what_comes_later_is_seen_and_what_is_gone_does_no_harm(pair):
     assert shown() == {"lo", "other", "later"}
     bpy.data.objects.remove(pair[1])
     assert shown() == {"lo", "other", "later"}
-    view_mode.off()
+    viewer.off()
     assert (space().local_view, hiding.is_off) == (None, True)
 
 
@@ -254,7 +255,7 @@ def test_another_editor_in_its_place_goes_back_too(pair):
     shown()
     place, taken = viewport(), space()
     place["area"].type = "IMAGE_EDITOR"
-    view_mode.off()
+    viewer.off()
     assert place["area"].type == "IMAGE_EDITOR"
     place["area"].type = "VIEW_3D"
     assert (space(), space().local_view) == (taken, None)
@@ -262,9 +263,9 @@ def test_another_editor_in_its_place_goes_back_too(pair):
 
 def test_the_low_object_is_pulled_over_high_ones_only_where_they_are_in_view(pair, monkeypatch):
     told = []
-    draw = view_mode.view_session.Shading.draw
+    draw = view_session.Shading.draw
     monkeypatch.setattr(
-        view_mode.view_session.Shading, "draw", lambda *args, **kw: told.append(kw["is_alone"]) or draw(*args, **kw)
+        view_session.Shading, "draw", lambda *args, **kw: told.append(kw["is_alone"]) or draw(*args, **kw)
     )
     view().mode = "MAP"
     shown()

@@ -11,19 +11,19 @@ from addon.cli import command
 from addon.core.settings import Settings
 from addon.passes import shader, target
 from addon.ui import check_operators, map_size, modal, operators, presets, properties
-from addon.ui.panels import bake_panel, batch_panels, check_panel, settings_panels, sidebar
-from addon.ui.viewport import view_mode
+from addon.ui.panels import bake_panel, batch_panels, check_panel, settings_panels, sidebar, view_panel
+from addon.ui.viewport import split_gizmo, view_operators, view_properties
 from tests.support import maps, zoo
 
 OPERATORS = [
     cls.__name__
-    for module in (modal, operators, check_operators, map_size, presets, view_mode)
+    for module in (modal, operators, check_operators, map_size, presets, view_operators)
     for cls in module.CLASSES
     if issubclass(cls, bpy.types.Operator)
 ]
 PANELS = [
     cls
-    for module in (bake_panel, settings_panels, batch_panels, check_panel, view_mode)
+    for module in (bake_panel, settings_panels, batch_panels, check_panel, view_panel)
     for cls in module.CLASSES
     if issubclass(cls, bpy.types.Panel)
 ]
@@ -33,7 +33,7 @@ def traces():
     """What Blender knows of the add-on."""
     kinds = (bpy.types.Operator, bpy.types.Panel, bpy.types.UIList, bpy.types.Menu, bpy.types.PropertyGroup)
     found = {cls.__name__ for kind in kinds for cls in kind.__subclasses__() if cls.is_registered and is_ours(cls)}
-    gizmos = {view_mode.IMPRINT_GT_split: bpy.types.Gizmo, view_mode.IMPRINT_GGT_split: bpy.types.GizmoGroup}
+    gizmos = {split_gizmo.IMPRINT_GT_split: bpy.types.Gizmo, split_gizmo.IMPRINT_GGT_split: bpy.types.GizmoGroup}
     found |= {cls.__name__ for cls, kind in gizmos.items() if kind.bl_rna_get_subclass_py(cls.__name__)}
     found |= {f"Scene.{name}" for name in dir(bpy.types.Scene) if name.startswith("imprint")}
     return found | {name for name in dir(bpy.types.WindowManager) if name.startswith("imprint")}
@@ -100,7 +100,7 @@ class TestWords:
         for button in buttons:
             assert button.description, button.identifier
         structs = [*buttons, properties.ImprintSettings.bl_rna, properties.ImprintHigh.bl_rna]
-        structs.append(view_mode.ImprintView.bl_rna)
+        structs.append(view_properties.ImprintView.bl_rna)
         for struct in structs:
             for prop in struct.properties:
                 if prop.identifier not in {"rna_type", "name"}:

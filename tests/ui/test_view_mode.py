@@ -14,7 +14,9 @@ from addon.core.errors import BakeError
 from addon.jobs import view_session
 from addon.passes import target
 from addon.ui.live.live_controller import live
-from addon.ui.viewport import view_mode, viewport_text
+from addon.ui.viewport import view_drawing, viewport_text
+from addon.ui.viewport.mode import Mode
+from addon.ui.viewport.view_mode import viewer
 from tests.support import raster, zoo
 from tests.support.snapshot import difference, snapshot
 
@@ -31,19 +33,12 @@ def pair():
     low, high = zoo.terrains_in_slots("FLATTEN")
     yield low, high
     live.stop()
-    view_mode.off()
+    viewer.off()
 
 
 def view():
     """The settings of the views; an undo and a new file make others."""
     return bpy.context.scene.imprint_view
-
-
-def is_clean():
-    """Whether nothing is left."""
-    has_timer = bpy.app.timers.is_registered(view_mode.catch_up)
-    kept = (view_mode._own, view_mode._shading, view_mode._own_settings)
-    return view_mode.mode() == "OFF" and not view_mode._handles and not has_timer and kept == (None, None, None)
 
 
 def viewport():
@@ -67,7 +62,7 @@ def seen():
     into = target.Target(*SIZE, ("RGBA32F", "DEPTH_COMPONENT32F"))
     with bpy.context.temp_override(**viewport()), target.drawing(into):
         into.framebuffer.clear(depth=1.0)
-        view_mode._draw_view()
+        viewer.draw()
         pixels = np.empty((SIZE[1], SIZE[0], 4), np.float32)
         into.read(pixels)
     return pixels
@@ -77,13 +72,11 @@ def seen():
 def test_a_view_comes_and_goes_without_a_trace(mode, pair):
     before = snapshot()
     view().mode = mode
-    assert view().mode == view_mode.mode() == mode
-    assert len(view_mode._handles) == 2
+    assert view().mode == viewer.mode == mode
     assert seen().any()
     view().mode = mode  # twice is once
-    assert len(view_mode._handles) == 2
     view().mode = "OFF"
-    assert is_clean()
+    assert viewer.is_idle
     assert not difference(before, snapshot())
 
 
@@ -91,7 +84,7 @@ def test_the_views_differ_and_the_modes_are_one_key_apart(pair):
     pictures = []
     for mode in (*view_session.MODES, "OFF"):
         assert bpy.ops.imprint.view_next() == {"FINISHED"}
-        assert view_mode.mode() == mode
+        assert viewer.mode == mode
         pictures.append(seen() if mode != "OFF" else np.zeros_like(pictures[0]))
     for number, picture in enumerate(pictures):
         assert not any(np.array_equal(picture, other) for other in pictures[:number])
@@ -99,13 +92,13 @@ def test_the_views_differ_and_the_modes_are_one_key_apart(pair):
 
 def test_the_deviations_are_told(pair):
     view().mode = "MAP"
-    assert view_mode.figures() is None
-    assert view_mode.words() == []
+    assert viewer.figures is None
+    assert view_drawing.description(viewer.figures) == []
     view().mode = "BARE_DEVIATION"
-    found = view_mode.figures()
+    found = viewer.figures
     assert found.percentile_99 < 0.1
     assert found.bare_mean > 1.0
-    assert view_mode.words() == [
+    assert view_drawing.description(viewer.figures) == [
         f"With the map: mean {found.mean:.2f}°, 99 % below {found.percentile_99:.2f}°",
         f"Without: mean {found.bare_mean:.2f}°, 99 % below {found.bare_percentile_99:.2f}°",
     ]
@@ -116,8 +109,8 @@ def test_what_the_deviations_cannot_tell_is_said(pair):
     uv = np.array([corner.vector for corner in high.data.uv_layers[0].uv])
     high.data.uv_layers[0].uv.foreach_set("vector", (uv + (0.3, 0.0)).astype(np.float32).ravel())
     view().mode = "DEVIATION"
-    (line,) = view_mode.words()
-    assert line.startswith("Purple: 100.0% show another place of the high mesh")
+    (line,) = view_drawing.description(viewer.figures)
+    assert line.startswith("Purple: 100.0% shows another place of the high mesh")
 
 
 @pytest.mark.parametrize(
@@ -134,7 +127,7 @@ def test_what_the_deviations_cannot_tell_is_said(pair):
     ],
 )
 def test_a_label_stays_where_it_can_be_read(zone, share, free, x):
-    assert view_mode.place(zone, 100.0, share, free, 10.0) == x
+    assert view_drawing.label_position(zone, 100.0, share, free, 10.0) == x
 
 
 def test_what_lies_over_a_view_is_left_out():
@@ -144,25 +137,25 @@ def test_what_lies_over_a_view_is_left_out():
     window = region("WINDOW", "NONE", 20, 900)
     bars = [region("HEADER", "TOP", 20, 900), region("TOOLS", "LEFT", 20, 60), region("UI", "RIGHT", 700, 220)]
     context = SimpleNamespace(region=window, area=SimpleNamespace(regions=[window, *bars]))
-    assert view_mode.uncovered(context) == (60, 680)
+    assert view_drawing.visible_columns(context) == (60, 680)
     for bar in bars[1:]:
         bar.width = 1
-    assert view_mode.uncovered(context) == (0, 900)
+    assert view_drawing.visible_columns(context) == (0, 900)
 
 
 def test_what_cannot_be_shown_is_told_and_leaves_it_off(pair):
     bpy.context.scene.imprint.highs.clear()
     view().mode = "MAP"
-    assert view_mode.message.startswith("No high object for 'lo'")
-    assert is_clean()
+    assert viewer.message.startswith("No high object for 'lo'")
+    assert viewer.is_idle
     with pytest.raises(RuntimeError, match="No high object for 'lo'"):
         bpy.ops.imprint.view_next()
     with pytest.raises(BakeError, match="No high object"):
-        view_mode.switch(bpy.context, "SPLIT")
-    assert is_clean()
+        viewer.switch(bpy.context, Mode.SPLIT)
+    assert viewer.is_idle
     bpy.context.scene.imprint.highs.add().object = pair[1]
     view().mode = "MAP"
-    assert (view_mode.mode(), view_mode.message) == ("MAP", "")
+    assert (viewer.mode, viewer.message) == ("MAP", "")
 
 
 def test_where_the_map_would_go_does_not_matter(pair):
@@ -170,63 +163,63 @@ def test_where_the_map_would_go_does_not_matter(pair):
     settings = bpy.context.scene.imprint
     settings.storage, settings.output, settings.udim = "FILE", "", True
     view().mode = "MAP"
-    assert view_mode.mode() == "MAP"
+    assert viewer.mode == "MAP"
     assert not bpy.data.images
     assert not pair[0].material_slots
 
 
 def test_refresh_shows_what_has_changed(pair):
     view().mode = "BARE_DEVIATION"
-    before = view_mode.figures().bare_mean
-    assert not view_mode.is_outdated(bpy.context)
+    before = viewer.figures.bare_mean
+    assert not viewer.is_outdated(bpy.context)
     bpy.context.scene.imprint.width = 128
-    assert view_mode.is_outdated(bpy.context)
+    assert viewer.is_outdated(bpy.context)
     pair[1].scale.z = 2.0
-    assert view_mode.figures().bare_mean == before
+    assert viewer.figures.bare_mean == before
     assert bpy.ops.imprint.view_refresh() == {"FINISHED"}
-    assert not view_mode.is_outdated(bpy.context)
-    assert view_mode.figures().bare_mean > 1.5 * before
-    assert view_mode._shading.session.map.width == 128
+    assert not viewer.is_outdated(bpy.context)
+    assert viewer.figures.bare_mean > 1.5 * before
+    assert viewer.shading.session.map.width == 128
     bpy.context.scene.imprint.low = bpy.data.objects["hi"]
     with pytest.raises(RuntimeError, match="'hi'"):
         bpy.ops.imprint.view_refresh()
-    assert is_clean()
+    assert viewer.is_idle
     assert not bpy.ops.imprint.view_refresh.poll()
 
 
 def test_live_takes_over_and_gives_back(pair):
     view().mode = "BARE_DEVIATION"
-    before = view_mode.figures().bare_mean
+    before = viewer.figures.bare_mean
     assert bpy.ops.imprint.live() == {"FINISHED"}
-    view_mode.catch_up()
-    assert view_mode._own is None
-    assert view_mode._shading.session is live.session
+    viewer.catch_up()
+    assert viewer.own is None
+    assert viewer.shading.session is live.session
     pair[1].scale.z = 2.0
     bpy.context.view_layer.update()
     for _ in range(100):
         live.tick()
-    assert view_mode.figures().bare_mean > 1.5 * before
+    assert viewer.figures.bare_mean > 1.5 * before
     assert seen().any()
     assert bpy.ops.imprint.live() == {"FINISHED"}
     assert not seen().any()  # nothing is baked while a view is being drawn
-    assert bpy.app.timers.is_registered(view_mode.catch_up)
-    view_mode.catch_up()
-    assert view_mode._own is not None
+    assert viewer.timer.is_running
+    viewer.catch_up()
+    assert viewer.own is not None
     assert seen().any()
-    view_mode.off()
-    assert is_clean()
+    viewer.off()
+    assert viewer.is_idle
 
 
 def test_nothing_to_go_on_with_after_live_is_told(pair):
     assert bpy.ops.imprint.live() == {"FINISHED"}
     view().mode = "MAP"
-    assert view_mode._own is None
+    assert viewer.own is None
     bpy.data.objects.remove(pair[1])
     bpy.context.view_layer.update()
     bpy.ops.imprint.live()
-    view_mode.catch_up()
-    assert view_mode.message.startswith("No high object")
-    assert is_clean()
+    viewer.catch_up()
+    assert viewer.message.startswith("No high object")
+    assert viewer.is_idle
 
 
 def test_what_is_gone_or_hidden_is_not_drawn(pair):
@@ -249,7 +242,7 @@ def test_it_outlives_undo_and_modes(pair):
     view().mode = "SPLIT"
     moved = seen()
     bpy.ops.ed.undo()
-    assert view_mode.mode() == "SPLIT"
+    assert viewer.mode == "SPLIT"
     assert seen().any()
     assert not np.array_equal(seen(), moved)
     bpy.context.view_layer.objects.active = bpy.data.objects["lo"]
@@ -269,8 +262,8 @@ def test_a_light_of_the_scene_shines(kind, pair):
     bpy.context.view_layer.update()
     view().light = light
     expected = light.matrix_world.col[2 if kind == "SUN" else 3]
-    assert np.array_equal(view_mode._eye(looking(), light).light, expected)
-    assert view_mode._eye(looking(), light).light[3] == (kind != "SUN")
+    assert np.array_equal(view_drawing.eye(looking(), light).light, expected)
+    assert view_drawing.eye(looking(), light).light[3] == (kind != "SUN")
     assert not np.array_equal(seen(), by_the_view)
     bpy.data.objects.remove(light)
     assert view().light is None
@@ -279,7 +272,7 @@ def test_a_light_of_the_scene_shines(kind, pair):
 
 def test_the_views_own_light_comes_from_above_and_from_the_left():
     data = looking()
-    light = view_mode._eye(data, None).light
+    light = view_drawing.eye(data, None).light
     assert light[3] == 0.0
     x, y, z = data.view_matrix.to_3x3() @ Vector(light[:3])
     assert (x < 0.0, y > 0.0, z > max(-x, y)) == (True, True, True)
@@ -305,7 +298,7 @@ def test_the_line_of_the_split_can_be_moved(pair):
 def test_another_file_switches_it_off(pair):
     view().mode = "SPLIT"
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    assert is_clean()
+    assert viewer.is_idle
     assert view().mode == "OFF"
 
 
@@ -313,8 +306,8 @@ def test_it_goes_with_the_add_on(pair):
     view().mode = "DEVIATION"
     addon.unregister()
     try:
-        assert is_clean()
-        assert view_mode.catch_up not in live.on_new
+        assert viewer.is_idle
+        assert viewer.catch_up not in live.on_new
         assert not hasattr(bpy.types.Scene, "imprint_view")
     finally:
         addon.register()

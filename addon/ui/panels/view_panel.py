@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The panel of the views: the mode, its settings, and what was measured."""
+
+import bpy
+
+from ..viewport import view_drawing
+from ..viewport.mode import Mode
+from ..viewport.progress_display import display
+from ..viewport.view_mode import viewer
+from .sidebar import SidebarPanel, draw_paragraphs, split_layout
+
+
+class IMPRINT_PT_view(SidebarPanel, bpy.types.Panel):
+    """What the 3D viewports show."""
+
+    bl_idname = "IMPRINT_PT_view"
+    bl_parent_id = "IMPRINT_PT_bake"
+    bl_label = "View"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, view = split_layout(self.layout), context.scene.imprint_view
+        row = layout.row(align=True)
+        row.enabled = display.current is None
+        row.prop(view, "mode")
+        row.operator("imprint.view_refresh", text="", icon="FILE_REFRESH")
+        if viewer.is_outdated(context):
+            draw_paragraphs(layout, context, ["The settings have changed: refresh the view."], "INFO")
+        if viewer.mode in {Mode.MAP, Mode.SPLIT}:
+            layout.prop(view, "light")
+        if viewer.mode is Mode.SPLIT:
+            layout.prop(view, "split")
+        if viewer.mode.is_deviation:
+            layout.prop(view, "limit")
+            lines = view_drawing.description(viewer.figures)
+            draw_paragraphs(layout.box(), context, lines, "DRIVER_ROTATIONAL_DIFFERENCE")
+        if viewer.message:
+            draw_paragraphs(layout.box(), context, [viewer.message], "ERROR")
+
+
+CLASSES = (IMPRINT_PT_view,)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

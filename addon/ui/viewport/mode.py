@@ -1,0 +1,38 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The modes of the views: what a 3D viewport can show of a map."""
+
+from enum import StrEnum
+
+
+class Mode(StrEnum):
+    """What the 3D viewports show."""
+
+    OFF = "OFF"
+    MAP = "MAP"
+    SPLIT = "SPLIT"
+    DEVIATION = "DEVIATION"
+    BARE_DEVIATION = "BARE_DEVIATION"
+
+    @property
+    def is_deviation(self) -> bool:
+        return self in {Mode.DEVIATION, Mode.BARE_DEVIATION}
+
+    @property
+    def next(self) -> "Mode":
+        """The one after it; OFF after the last."""
+        modes = list(Mode)
+        return modes[(modes.index(self) + 1) % len(modes)]
+
+
+ITEMS = [
+    (Mode.OFF.value, "Off", "The viewport as it is"),
+    (Mode.MAP.value, "Map", "The low mesh with the map, lit"),
+    (
+        Mode.SPLIT.value,
+        "Split",
+        "The high mesh, the low mesh, and the low mesh with the map, side by side in one place",
+    ),
+    (Mode.DEVIATION.value, "Deviation", "Degrees between the low mesh with the map and the high surface"),
+    (Mode.BARE_DEVIATION.value, "Without Map", "Degrees between the low mesh without the map and the high surface"),
+]
+"""The modes as items of an EnumProperty, in their order."""
