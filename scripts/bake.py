@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Bakes inside Blender, without the extension being installed.
+"""Bakes inside Blender; the extension need not be installed.
 
 blender --background FILE.blend --python scripts/bake.py -- --low lo --high hi --output MAP.png
 """
@@ -14,15 +14,15 @@ from addon.cli import interruption, standard_streams  # noqa: E402
 
 arguments = sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else sys.argv[1:]
 standard_streams.reserve()
-interruption.listen()  # before Blender is loaded, which takes a second and dies of exceptions
+interruption.listen()  # before loading Blender, which takes a second and crashes on exceptions
 with standard_streams.ours():
     with standard_streams.silence(1):
-        import bpy  # noqa: F401 - the wheel has to be loaded before its submodules
+        import bpy  # noqa: F401 - the wheel must be loaded before its submodules
 
     from addon.cli import command
 
     try:
         code = command.run(arguments)
     finally:
-        addon.free()  # Blender crashes on exit while GPU objects live
+        addon.free()  # Blender crashes on exit while GPU objects exist
 sys.exit(interruption.leave() or code)

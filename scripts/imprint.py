@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Imprint from a checkout: demo, bake, bench, test and build, with everything they need set up at the first use.
+"""Runs Imprint from a checkout: demo, bake, bench, test and build. Sets up what they need at the first use.
 
-Runs on any Python from 3.9, with the standard library alone. It finds a Python 3.13, which is what Blender's wheel is
-made for, gives it an environment in .venv, and hands each command to that.
+This script runs on any Python from 3.9, with only the standard library. It finds a Python 3.13, which Blender's wheel
+needs, creates a virtual environment in .venv, and runs each command there.
 """
 
 import argparse
@@ -38,13 +38,13 @@ WANTED = "3.13"
 VENV = ROOT / ".venv"
 PYTHON = VENV / ("Scripts/python.exe" if WINDOWS else "bin/python")
 SITE_PACKAGES = VENV / ("Lib/site-packages" if WINDOWS else f"lib/python{WANTED}/site-packages")
-STAMP = VENV / "imprint-stamp"  # written last: an environment without it is half made
-GPU_STAMP = VENV / "imprint-gpu"  # the machine on which Blender's gpu module has been seen to start
+STAMP = VENV / "imprint-stamp"  # written last: an environment without it is incomplete
+GPU_STAMP = VENV / "imprint-gpu"  # names the machine on which Blender's gpu module has started before
 
 IS_ROOT = hasattr(os, "geteuid") and os.geteuid() == 0
 INSTALL = {"apt-get": "apt-get install --no-install-recommends", "dnf": "dnf install"}
 DRIVER = "a working OpenGL driver"
-PACKAGES = {  # what Blender's wheel takes from the system, and the packages for each installer above
+PACKAGES = {  # the system libraries that Blender's wheel needs, and their packages for each installer above
     "libEGL.so.1": ("libegl1", "libglvnd-egl"),
     "libGL.so.1": ("libgl1", "libglvnd-glx"),
     "libICE.so.6": ("libice6", "libICE"),
@@ -60,12 +60,12 @@ PACKAGES = {  # what Blender's wheel takes from the system, and the packages for
 
 
 class Failure(Exception):
-    """Something that the person can mend; the text is the one line they are told."""
+    """An error that the user can fix. Its text is the message, in one line."""
 
 
-def say(text):
-    """Tell the person something without touching standard output, which belongs to the command."""
-    with contextlib.suppress(OSError):  # a full disk, say: the exit code tells enough
+def print_message(text):
+    """Print a message to standard error: standard output belongs to the command."""
+    with contextlib.suppress(OSError):  # a full disk, for example: the exit code is enough
         print(f"imprint: {text}", file=sys.stderr, flush=True)
 
 
@@ -73,7 +73,7 @@ def say(text):
 
 
 def pyenv_roots():
-    """Yield the folders where pyenv may keep its Pythons: HOME need not be the one that it was installed under."""
+    """Yield the folders where pyenv may keep its Pythons: HOME may differ from the one at its installation."""
     if os.environ.get("PYENV_ROOT"):
         yield Path(os.environ["PYENV_ROOT"])
     yield Path(os.path.expanduser("~/.pyenv"))
@@ -83,7 +83,7 @@ def pyenv_roots():
 
 
 def python_candidates():
-    """Yield commands that may start a Python 3.13, the nearest first."""
+    """Yield commands that may start a Python 3.13, in order of preference."""
     yield [sys.executable]
     yield [f"python{WANTED}"]
     if WINDOWS:
@@ -92,16 +92,16 @@ def python_candidates():
         for pattern in (f"versions/{WANTED}*/bin/python{WANTED}", f"versions/{WANTED}*/python.exe"):
             yield from ([str(path)] for path in sorted(root.glob(pattern), reverse=True))
     if shutil.which("uv"):
-        # --system keeps uv from answering with the very environment that is about to be made anew.
+        # --system keeps uv from finding .venv itself, which is about to be replaced.
         find = ["uv", "python", "find", "--system", WANTED]
         yield [subprocess.run(find, capture_output=True, text=True, check=False).stdout.strip()]
 
 
 def base_python(command):
-    """Return the interpreter behind a command, or None where it is no Python 3.13 that can make environments.
+    """Return the interpreter that a command starts, or None unless it is a Python 3.13 that can create environments.
 
-    It has to be run: a pyenv shim is there for every version and fails for most, Debian splits ensurepip off, the
-    wheel does not load in a free-threaded build, and the Python of a virtual environment is to lead to its base.
+    The command must be run to find out: pyenv has shims for versions that are not installed, Debian packages ensurepip
+    separately, the wheel does not load in a free-threaded build, and a virtual environment must give its base Python.
     """
     program = (
         "import ensurepip, sys, sysconfig, venv\n"
@@ -123,7 +123,7 @@ def find_python(candidates):
         if path:
             return path
     raise Failure(
-        f"no Python {WANTED} with venv was found, which Blender's wheel needs: install one, for example with "
+        f"no Python {WANTED} with venv was found, and Blender's wheel needs one: install it, for example with "
         f"'uv python install {WANTED}' or 'apt-get install python{WANTED}-venv', and run this again"
     )
 
@@ -132,15 +132,15 @@ def find_python(candidates):
 
 
 def lock(file):
-    """Wait until no other process holds the file locked, and hold it until it is closed."""
+    """Lock the file until it is closed. Waits while another process holds the lock."""
     if fcntl:
         fcntl.flock(file, fcntl.LOCK_EX)
         return
-    file.seek(1 << 30)  # far past the end: Windows keeps others from reading what is locked
+    file.seek(1 << 30)  # far past the end: Windows does not let others read locked bytes
     while True:
         try:
             msvcrt.locking(file.fileno(), msvcrt.LK_LOCK, 1)
-        except OSError as error:  # it gives up after ten seconds, sooner than an environment is made
+        except OSError as error:  # the call gives up after ten seconds; creating an environment takes longer
             if error.errno != errno.EDEADLK:
                 raise
         else:
@@ -148,31 +148,31 @@ def lock(file):
 
 
 def wanted_stamp():
-    """Return what the stamp of an environment that fits the requirements says."""
+    """Return the stamp's text for an environment that fits the requirements."""
     return f"{WANTED} {hashlib.sha256(REQUIREMENTS.read_bytes()).hexdigest()}\n"
 
 
 def is_ready():
-    """Say whether the environment was finished, fits the requirements and still has its Python."""
+    """Tell whether the environment is complete, fits the requirements and still has its Python."""
     return PYTHON.is_file() and STAMP.is_file() and STAMP.read_text() == wanted_stamp()
 
 
 def make_environment():
-    """Make .venv from nothing, whatever lies there."""
+    """Create .venv from scratch, and replace an old one."""
     base = find_python(python_candidates())
-    say(f"setting up {VENV} with {base}: about 500 MB to download, once")
+    print_message(f"setting up {VENV} with {base}: about 500 MB to download, once")
     quiet = [] if sys.stderr.isatty() else ["--quiet"]
     pip = [str(PYTHON), "-m", "pip", "install", "--disable-pip-version-check", "--no-input", *quiet]
     for command in ([base, "-m", "venv", "--clear", str(VENV)], [*pip, "-r", str(REQUIREMENTS)]):
         if subprocess.call(command, stdout=sys.stderr):
-            raise Failure("the environment could not be set up, for the reason above; the next run starts it anew")
+            raise Failure("the environment could not be set up, for the reason above; the next run starts over")
     STAMP.write_text(wanted_stamp())
 
 
 def environment():
-    """Return the environment's Python; make it first where need be, once even if two processes ask at a time."""
+    """Return the environment's Python. Creates the environment if needed, only once if two processes run at a time."""
     if not is_ready():
-        with open(REQUIREMENTS, "r+b") as file:  # the lock is on a file that is there anyway, and outlives .venv
+        with open(REQUIREMENTS, "r+b") as file:  # lock a file that always exists, also while .venv is replaced
             lock(file)
             if not is_ready():
                 make_environment()
@@ -183,32 +183,34 @@ def environment():
 
 
 def crash(code):
-    """Say what killed a process that ended with this exit code, or nothing where it ended by itself."""
+    """Return what killed a process with this exit code, or "" if it ended by itself."""
     if code < 0:
         return f"signal {-code}, {signal.strsignal(-code)}"
     return f"exception {code:#x}" if code >= 0x80000000 else ""  # Windows
 
 
 def is_loadable(library):
-    """Say whether the system finds a shared library."""
+    """Tell whether the system finds a shared library."""
     try:
         ctypes.CDLL(library)
     except OSError as error:
-        return "cannot open shared object" not in str(error)  # it may be there and not fit into a memory limit
+        return "cannot open shared object" not in str(
+            error
+        )  # other errors, such as a memory limit, mean that it exists
     return True
 
 
 def memory_limit():
-    """Return the words for the limit that the shell sets to memory, or nothing. Drivers crash where it is too low."""
+    """Return a text about the shell's memory limit, or "" without one. Drivers crash if the limit is too low."""
     most = resource.getrlimit(resource.RLIMIT_AS)[0] if resource else -1
     unlimited = resource.RLIM_INFINITY if resource else -1
     return "" if most == unlimited else f", with memory limited to {most // 2**20:,} MiB by ulimit -v"
 
 
 def missing(code, output):
-    """Return what a machine lacks on which the probe ended so: shared libraries, or a driver.
+    """Return the missing shared libraries, or the driver, that explain this result of the probe.
 
-    The loader names the first library that it misses and gpu.init() none, so all that Blender needs are tried.
+    The loader names only the first missing library, and gpu.init() names none, so all libraries are tried.
     """
     if sys.platform != "linux":
         return []
@@ -218,7 +220,7 @@ def missing(code, output):
 
 
 def remedy(things, installer):
-    """Return the command that installs the packages of these things, or nothing where none is known."""
+    """Return the command that installs these libraries or the driver, or [] if it is not known."""
     if not installer:
         return []
     packages = sorted(PACKAGES[thing][list(INSTALL).index(installer)] for thing in things if thing in PACKAGES)
@@ -226,18 +228,18 @@ def remedy(things, installer):
 
 
 def explain(things, command, code, output):
-    """Return the one line that says why Blender does not start, and what to do where that is known."""
+    """Return a message, in one line, that says why Blender cannot start, and how to fix it if that is known."""
     if not things:
         lines = output.strip().splitlines() or [f"exit code {code}"]
-        return f"Blender does not start here: {crash(code) or lines[-1]}{memory_limit()}"
-    cure = f"to mend it: {' '.join(command)}" if command else "install what provides it"
-    return f"Blender does not start here for want of {', '.join(things)}; {cure}"
+        return f"Blender cannot start: {crash(code) or lines[-1]}{memory_limit()}"
+    fix = f"to fix it: {' '.join(command)}" if command else "install the package that provides it"
+    return f"Blender cannot start: missing {', '.join(things)}; {fix}"
 
 
 def probe(python):
-    """Start Blender's gpu module in a process of its own; return its exit code and what it wrote.
+    """Start Blender's gpu module in a child process. Returns its exit code and its error output.
 
-    Without a usable EGL, gpu.init() is no exception but a segmentation fault.
+    Without a usable EGL, gpu.init() does not raise an exception but crashes with a segmentation fault.
     """
     program = [python, "-c", "import bpy, gpu; gpu.init()"]
     done = subprocess.run(program, capture_output=True, text=True, errors="replace", check=False)
@@ -245,9 +247,9 @@ def probe(python):
 
 
 def require_gpu(python, may_install):
-    """Make sure that Blender and its gpu module start; where root on Debian can mend it, and we may, do so.
+    """Make sure that Blender and its gpu module start. As root on Debian, install missing packages if `may_install`.
 
-    Success is remembered for this machine, as probing costs a second; a process that dies makes us forget it again.
+    Probing takes a second, so a file records success for this machine. A crash of Blender removes the file.
     """
     machine = f"{platform.node()} {platform.release()}\n"
     if GPU_STAMP.is_file() and GPU_STAMP.read_text() == machine:
@@ -262,17 +264,17 @@ def require_gpu(python, may_install):
         command = remedy(things, installer)
         if not (is_first and may_install and IS_ROOT and installer == "apt-get" and command):
             raise Failure(explain(things, command, code, output))
-        say(f"Blender wants {', '.join(things)}: {' '.join(command)}")
-        unasked = dict(os.environ, DEBIAN_FRONTEND="noninteractive")
-        # What is installed already stays as it is: unasked, we add what is missing and upgrade nothing.
+        print_message(f"Blender needs {', '.join(things)}: {' '.join(command)}")
+        noninteractive = dict(os.environ, DEBIAN_FRONTEND="noninteractive")
+        # The user did not ask for this: add only missing packages, and upgrade none.
         for step in (["apt-get", "update", "-qq"], [*command, "--no-upgrade", "--yes", "-qq"]):
-            subprocess.call(step, stdout=subprocess.DEVNULL, env=unasked)
+            subprocess.call(step, stdout=subprocess.DEVNULL, env=noninteractive)
 
 
 def run_blender(arguments, **options):
-    """Run the environment's Python on something that uses the GPU, and return its exit code.
+    """Run the environment's Python with `arguments`, on a script that uses the GPU. Returns the exit code.
 
-    Where it does not start for want of packages, root's are installed.
+    As root on Debian, missing packages are installed first.
     """
     python = environment()
     require_gpu(python, may_install=True)
@@ -283,10 +285,10 @@ def run_blender(arguments, **options):
 
 
 def post_mortem(python, code, baking=""):
-    """Return the one line that says what Blender died of, which is to blame on the machine if a probe dies alike."""
-    died = f"Blender died of {crash(code)}" + (f", while it baked {baking}" if baking else "") + memory_limit()
+    """Return a message, in one line, about a crash of Blender. If a probe crashes too, the message is about the machine."""
+    died = f"Blender crashed with {crash(code)}" + (f" while baking {baking}" if baking else "") + memory_limit()
     if -code == signal.SIGKILL:
-        return f"{died}: by somebody's hand, or because memory ran out"
+        return f"{died}: another process killed it, or memory ran out"
     GPU_STAMP.unlink(missing_ok=True)
     probed, output = probe(python)
     if probed != code:
@@ -299,27 +301,29 @@ def post_mortem(python, code, baking=""):
 
 
 class Bake:
-    """Blender at work on scripts/bake.py, which stops in good order when this process is told to.
+    """A child process that runs scripts/bake.py in Blender, and stops cleanly when this process gets a signal.
 
-    A signal is handed on as another one, which says that it was: the process group may have got the same, and one that
-    came twice would end the bake at once. addon/cli/interruption.py has the other half of this.
+    The child gets a different signal than this process: the whole process group may have got the original one, and a
+    second one would end the bake at once. addon/cli/interruption.py receives the signals in the child.
     """
 
     STOP = ("SIGINT", "SIGTERM", "SIGHUP")
     GRACE = 3.0
-    """Seconds from the second signal to a SIGKILL: Blender may be deep in something that listens to none."""
+    """Seconds from the second signal to a SIGKILL: Blender may be busy in code that ignores signals."""
 
     def __init__(self, python, arguments):
-        self.told = []
-        """The signals that came."""
+        self.signals = []
+        """The signals received."""
         self._command = [python, str(SCRIPTS / "bake.py"), "--", *arguments]
         self._process = None
 
     def run(self):
-        """Return the exit code, as of a process of its own, and what was being baked when it ended."""
+        """Run the bake. Returns its exit code, and the name of the object that was being baked when it ended."""
         numbers = [getattr(signal, name) for name in self.STOP if hasattr(signal, name)]
-        numbers = [each for each in numbers if (each.name, signal.getsignal(each)) != ("SIGHUP", signal.SIG_IGN)]
-        before = {number: signal.signal(number, self._hear) for number in numbers}
+        numbers = [
+            number for number in numbers if (number.name, signal.getsignal(number)) != ("SIGHUP", signal.SIG_IGN)
+        ]
+        before = {number: signal.signal(number, self._receive) for number in numbers}
         try:
             with tempfile.TemporaryFile() as baking:
                 self._start(numbers, baking.fileno())
@@ -333,27 +337,27 @@ class Bake:
                 signal.signal(number, handler)
 
     def _start(self, numbers, baking):
-        """Blender starts with signals held back, until it listens to them; so does this process until it is there.
+        """Start Blender, unless a signal was received before.
 
-        It does not start where a signal came before, which nobody would hand on.
+        Signals are blocked in the child until it handles them, and in this process until the child exists.
         """
         environment = dict(os.environ, IMPRINT_LAUNCHER=str(os.getpid()), IMPRINT_BAKING=str(baking))
-        if WINDOWS:  # where a Ctrl-C reaches all processes of a console
+        if WINDOWS:  # there a Ctrl-C reaches all processes of a console
             self._process = subprocess.Popen(self._command)
             return
         held = [*numbers, signal.SIGUSR1, signal.SIGUSR2]
         signal.pthread_sigmask(signal.SIG_BLOCK, held)
         try:
-            if not self.told:
+            if not self.signals:
                 self._process = subprocess.Popen(self._command, env=environment, pass_fds=[baking])
         finally:
             signal.pthread_sigmask(signal.SIG_UNBLOCK, held)
 
-    def _hear(self, number, _):
-        self.told.append(number)
+    def _receive(self, number, _):
+        self.signals.append(number)
         if WINDOWS or self._process is None:
             return
-        if len(self.told) == 1:
+        if len(self.signals) == 1:
             self._process.send_signal(signal.SIGUSR1)
             return
         self._process.send_signal(signal.SIGUSR2)
@@ -371,27 +375,27 @@ def demo(options):
 
 
 def bench(options):
-    """Measure Imprint against other bakers, and keep Blender off the person's own settings."""
+    """Measure Imprint against other bakers, with Blender's factory settings instead of the user's."""
     with tempfile.TemporaryDirectory(prefix="imprint-bench-") as profile:
-        apart = dict(os.environ, BLENDER_USER_RESOURCES=profile)
-        return run_blender([str(SCRIPTS / "bench" / "run.py"), *options.rest], env=apart)
+        variables = dict(os.environ, BLENDER_USER_RESOURCES=profile)
+        return run_blender([str(SCRIPTS / "bench" / "run.py"), *options.rest], env=variables)
 
 
 def bake(options):
-    """Bake with the arguments of scripts/bake.py, which takes them after the dashes as it does inside Blender."""
+    """Bake with the arguments of scripts/bake.py, which takes them after "--", as it does inside Blender."""
     python = environment()
     require_gpu(python, may_install=False)
     running = Bake(python, options.rest)
     code, baking = running.run()
-    if running.told:
-        return 128 + running.told[0]
+    if running.signals:
+        return 128 + running.signals[0]
     if crash(code):
         raise Failure(post_mortem(python, code, baking))
     return code
 
 
 def test(options):
-    """Run ruff and pytest, both whatever the first finds, and keep Blender off the person's own settings."""
+    """Run ruff and then pytest, even if ruff fails, with Blender's factory settings instead of the user's."""
     parser = argparse.ArgumentParser(
         prog="imprint.py test",
         usage="%(prog)s [-h] [--all] [ARGUMENT ...]",
@@ -404,8 +408,8 @@ def test(options):
     lane = [] if own.all else ["-m", "not slow"]
     linted = subprocess.call([environment(), "-m", "ruff", "check"], cwd=ROOT)
     with tempfile.TemporaryDirectory(prefix="imprint-test-") as profile:
-        apart = dict(os.environ, BLENDER_USER_RESOURCES=profile)
-        tested = run_blender(["-m", "pytest", *lane, *rest], cwd=ROOT, env=apart)
+        variables = dict(os.environ, BLENDER_USER_RESOURCES=profile)
+        tested = run_blender(["-m", "pytest", *lane, *rest], cwd=ROOT, env=variables)
     return tested or linted
 
 
@@ -435,7 +439,7 @@ def build(options):
 
 
 def parse(arguments):
-    """Return the options. What follows demo, bake, bench and test is for what they start, --help included."""
+    """Return the options. The scripts behind demo, bake, bench and test parse their own options, --help included."""
     parser = argparse.ArgumentParser(prog="imprint.py", description=__doc__.split("\n\n", maxsplit=1)[0])
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for run, text in (
@@ -459,25 +463,25 @@ def main(arguments):
     options = parse(arguments)
     try:
         return options.run(options)
-    except (Failure, OSError) as failure:  # a folder that cannot be written is theirs to mend as well
-        say(failure)
+    except (Failure, OSError) as failure:  # the user can fix a folder without write permission as well
+        print_message(failure)
         return 1
     except KeyboardInterrupt:
         return 130
 
 
 def reserve_streams():
-    """Open what is closed of the standard streams: files would take their numbers, and be printed into."""
+    """Open closed standard streams: otherwise a new file would take a stream's number, and output would go into it."""
     for number in range(3):
         try:
             os.fstat(number)
         except OSError:
-            os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)  # takes the smallest number that is free
-    sys.stderr = sys.stderr or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115 - as long as this process
+            os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)  # open() takes the smallest free number
+    sys.stderr = sys.stderr or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115 - stays open until the process ends
 
 
 def end_on_signals():
-    """End on SIGTERM and SIGHUP as on Ctrl-C: what was started ends as well, and temporary folders go."""
+    """Exit cleanly on SIGTERM and SIGHUP, as on Ctrl-C: end child processes and remove temporary folders."""
     for number in (getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)):
         if signal.getsignal(number) == signal.SIG_DFL:  # nohup ignores one of them
             signal.signal(number, lambda number, _: sys.exit(128 + number))

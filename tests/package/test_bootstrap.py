@@ -243,7 +243,7 @@ class TestProbe:
         monkeypatch.setattr(imprint.subprocess, "call", lambda command, **_: commands.append(command))
         assert imprint.main([command]) == 1
         assert len(commands) == (0 if command == "bake" else 2)
-        assert "to mend it: apt-get install --no-install-recommends libsm6" in capfd.readouterr().err
+        assert "to fix it: apt-get install --no-install-recommends libsm6" in capfd.readouterr().err
 
 
 @pytest.fixture
@@ -287,12 +287,12 @@ class TestCommands:
         monkeypatch.setattr(imprint, "probe", lambda python: probes.append(python) or (0, ""))
         assert imprint.main(["bake"]) == 1
         message = capfd.readouterr().err
-        assert message.startswith("imprint: Blender died of signal 11, Segmentation fault, while it baked rock")
+        assert message.startswith("imprint: Blender crashed with signal 11, Segmentation fault while baking rock")
         assert message.count("\n") == 1
         assert len(probes) == 2
         assert not imprint.GPU_STAMP.exists()
 
-    @pytest.mark.parametrize(("probed", "word"), [(SEGFAULT, "OpenGL driver"), (-6, "Blender died of signal 11")])
+    @pytest.mark.parametrize(("probed", "word"), [(SEGFAULT, "OpenGL driver"), (-6, "Blender crashed with signal 11")])
     @pytest.mark.usefixtures("linux")
     def test_a_driver_is_blamed_where_the_probe_dies_alike(self, baking, monkeypatch, capfd, probed, word):
         baking("kill -SEGV $$")
@@ -306,7 +306,7 @@ class TestCommands:
         answers = [(0, "")]
         monkeypatch.setattr(imprint, "probe", lambda python: answers.pop(0))
         assert imprint.main(["bake"]) == 1
-        assert "signal 9, Killed: by somebody's hand, or because memory ran out" in capfd.readouterr().err
+        assert "signal 9, Killed: another process killed it, or memory ran out" in capfd.readouterr().err
 
     @pytest.mark.skipif(imprint.WINDOWS, reason="signals of POSIX")
     def test_a_signal_before_blender_starts_is_not_lost(self, baking, monkeypatch):
