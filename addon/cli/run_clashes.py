@@ -9,13 +9,12 @@ from pathlib import Path
 
 import bpy
 
-from ..core import file_names, udim
+from ..core import file_names
 from ..core.errors import WrongPlace
 from ..core.settings import Settings
-from ..core.udim import TOKEN
 from ..jobs import sequence
 from ..jobs.several import ATLAS
-from ..output import datablocks, image_writer, outputs
+from ..output import datablocks, output_clashes
 from ..output.path_clashes import Places
 from . import file_references
 from .mesh_import import ENDINGS
@@ -28,7 +27,7 @@ class Run:
 
     def __init__(self):
         self.places = Places()
-        self._told: set[str] = set()
+        self._known: set[str] = set()
         """The bakes whose maps are known to `places`."""
 
     def add(
@@ -72,7 +71,7 @@ class Run:
         for path, what in _drawn_in(options):
             if path != bpy.data.filepath:  # which is known, and may be saved over
                 self.places.read(path, _of(what, name), name)
-        if name not in self._told:
+        if name not in self._known:
             self._write_maps(name, options, lows)
 
     def _read(self, name: str, options: argparse.Namespace) -> None:
@@ -92,7 +91,7 @@ class Run:
             self.places.write(options.save_blend, _of("the scene to save", name), name, may_replace=own)
 
     def _write_maps(self, name: str, options: argparse.Namespace, lows: Sequence[str]) -> None:
-        self._told.add(name)
+        self._known.add(name)
         several = len(lows) > 1
         for low in lows:
             for path, what in maps(arguments.settings(options), low, frames(options)):
@@ -105,16 +104,11 @@ def frames(options: argparse.Namespace) -> range:
 
 
 def maps(settings: Settings, low: str, of_frames: Sequence[int] = ()) -> Iterator[tuple[str, str]]:
-    """The files that a bake of the object `low` writes, with what they are; TOKEN stands for tiles that are not named."""
-    plain = (
-        sequence.filled(settings, low) if of_frames else replace(settings, output=file_names.fill(settings.output, low))
-    )
-    each = [replace(plain, output=sequence.output_for(plain.output, frame)) for frame in of_frames] or [plain]
-    for one in each:
-        for kind, own in outputs.wanted(one).items():
-            path = image_writer.output_for(own)
-            for tile in own.tiles or [TOKEN]:
-                yield udim.fill(path, tile), outputs.label(kind)
+    """The files that a bake of the object `low` writes, as output_clashes.files returns them."""
+    if not of_frames:
+        yield from output_clashes.files(replace(settings, output=file_names.fill(settings.output, low)))
+    for frame in of_frames:
+        yield from output_clashes.files(sequence.of_frame(sequence.filled(settings, low), frame))
 
 
 def _of(what: str, name: str) -> str:

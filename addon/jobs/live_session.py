@@ -18,7 +18,7 @@ from ..engine.bands import Band
 from ..engine.sources import Source
 from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
-from ..output import datablocks, outputs
+from ..output import datablocks, output_clashes, outputs
 from ..passes import target
 from ..passes.mesh_upload import UploadCache
 from ..scene import bake_objects, mesh_reader, reading
@@ -43,7 +43,7 @@ class Session:
         settings.check()
         settings = replace(settings.read_by(context.scene.render.engine), modifiers="VIEWPORT", maps=(), mask=False)
         self.settings = several.for_low(settings, job.low.name)
-        outputs.check_apart(settings, [self.settings], [job.low.name])
+        output_clashes.check(settings, [self.settings], [job.low.name])
         several.check(context, job, self.settings)
         self.pace = speed
         self.texels: np.ndarray | None = None

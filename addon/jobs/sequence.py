@@ -13,7 +13,7 @@ from ..core.errors import BakeError
 from ..core.progress import Pace, Progress, Task, part
 from ..core.report import Report
 from ..core.settings import Settings
-from ..output import datablocks, image_writer, materials, outputs
+from ..output import datablocks, image_writer, materials, output_clashes, outputs
 from ..scene import bake_objects
 from . import several
 from .several import Job
@@ -35,6 +35,11 @@ def output_for(output: str, frame: int) -> str:
 def filled(settings: Settings, low_name: str) -> Settings:
     """The settings with the low object's name in the path, whose # are then still for frames alone."""
     return replace(settings, output=file_names.fill(settings.output, low_name.replace("#", "_")))
+
+
+def of_frame(settings: Settings, frame: int) -> Settings:
+    """The settings of one frame, from those with the low object's name filled in."""
+    return replace(settings, output=output_for(settings.output, frame))
 
 
 def work(
@@ -60,13 +65,15 @@ def work(
         raise BakeError(f"The image {image.name!r} is no picture or sequence: choose another name for the map.")
     if settings.material:
         materials.check(job.low)  # the frames themselves leave it alone
-    each = [replace(plain, output=output_for(settings.output, frame)) for frame in frames]
-    outputs.check_places(each, [low] * len(each), "let the number of the frame stand in the name")
+    each = [of_frame(plain, frame) for frame in frames]
+    output_clashes.check_files(each, [low] * len(each), "let the number of the frame stand in the name")
     reports = [] if reports is None else reports
     try:
         for number, frame in enumerate(frames):
             _go_to(scene, frame)
-            steps = part(several.work(context, [job], each[number], speed), number / len(frames), (number + 1) / len(frames))
+            steps = part(
+                several.work(context, [job], each[number], speed), number / len(frames), (number + 1) / len(frames)
+            )
             try:
                 while True:
                     step = next(steps)
@@ -77,7 +84,7 @@ def work(
     finally:
         if bake_objects.scene_of(scene) is not None:
             _go_to(scene, before)
-        for own in outputs.wanted(plain).values():
+        for own in output_clashes.settings_by_map(plain).values():
             passing = datablocks.get(own.image)
             if passing is not None:
                 bpy.data.images.remove(passing)

@@ -20,8 +20,8 @@ from ..engine.bands import bands
 from ..mesh import uv_layout
 from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
-from ..output import image_writer, materials
-from ..output.outputs import Outputs, check_apart, wanted
+from ..output import image_writer, materials, output_clashes
+from ..output.outputs import Outputs
 from ..scene import bake_objects, reading
 from . import atlas
 
@@ -149,7 +149,7 @@ def work(
     settings = settings.read_by(context.scene.render.engine)
     named = [for_low(settings, ATLAS if share_image else job.low.name) for job in jobs]
     each, names = (named[:1], [ATLAS]) if share_image else (named, [job.low.name for job in jobs])
-    check_apart(settings, each, names)
+    output_clashes.check(settings, each, names)
     for job, own in zip(jobs, named, strict=True):
         check(context, job, own)
     bakes, shared = [], atlas.Atlas(named[0])
@@ -279,7 +279,7 @@ def check(context: bpy.types.Context, job: Job, settings: Settings) -> None:
     reason = bake_objects.problem(context, job.low, job.highs, job.cage, settings.method)
     if reason:
         raise BakeError(reason)
-    for own in wanted(settings).values():
+    for own in output_clashes.settings_by_map(settings).values():
         image_writer.check(job.low.name, own)
     if settings.material:
         materials.check(job.low)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The images that a bake fills: the normal map and what was asked for beside it."""
+"""Stores the maps of one bake: images, files and materials, all or none."""
 
 from collections.abc import Sequence
 from contextlib import ExitStack
@@ -7,77 +7,24 @@ from contextlib import ExitStack
 import bpy
 import numpy as np
 
-from ..core import file_names, texel_state, udim
-from ..core.errors import BakeError, shorten_list
-from ..core.map_types import BY_NAME, MASK, NORMAL, Labeled
+from ..core import texel_state
+from ..core.errors import shorten_list
+from ..core.map_types import BY_NAME, MASK, NORMAL, Kind, Labeled
 from ..core.report import Report
 from ..core.settings import Settings
 from ..core.texel_state import Map
-from ..core.udim import TOKEN
 from . import datablocks, image_writer, materials, value_encoding
-from .path_clashes import Places
-
-
-def wanted(settings: Settings) -> dict[str, Settings]:
-    """The settings of each image that a bake fills, by the map's name."""
-    names = [MASK.name] * settings.mask + list(settings.maps)
-    return {NORMAL.name: settings} | {name: image_writer.beside(settings, BY_NAME[name]) for name in names}
-
-
-def label(name: str) -> str:
-    """What an image of `wanted` is called in a sentence."""
-    return f"the {BY_NAME[name].title}"
-
-
-def check_apart(settings: Settings, each: Sequence[Settings], names: Sequence[str]) -> None:
-    """Raise BakeError if two of a bake's maps would be one, or replace a file that the scene is made of.
-
-    each, names: of each image that is baked the settings, those of `settings` filled in, and its object.
-    """
-    _check_images(each, names, _advice(settings.image))
-    check_places(each, names, _advice(settings.output))
-
-
-def _advice(name: str) -> str:
-    """What to do about two maps that would go into one place, called `name` in the settings."""
-    if not name or file_names.LOW in name:  # images are called after the low object where nobody says how
-        return "rename one of the objects"
-    return f"put {file_names.LOW} into the name, or let them share it"
-
-
-def _check_images(each: Sequence[Settings], names: Sequence[str], advice: str) -> None:
-    """Raise BakeError if two maps would fill one image; see `check_apart`."""
-    owners: dict[str, str] = {}
-    for own, low in zip(each, names, strict=True):
-        for kind, one in wanted(own).items():
-            what = f"{label(kind)} of {low!r}"
-            other = owners.setdefault(one.image.casefold(), what)
-            if other != what:
-                raise BakeError(f"T{what[1:]} and {other} would both fill the image {one.image!r}: {advice}.")
-
-
-def check_places(each: Sequence[Settings], names: Sequence[str], advice: str) -> None:
-    """Raise WrongPlace if two files that bakes write would be one, or one of them is a file that the scene is made of.
-
-    each, names: as for `check_apart`. advice: what to do about two that would be one.
-    """
-    places = Places(advice)
-    for path, what in datablocks.sources():
-        places.read(path, what)
-    for own, low in zip(each, names, strict=True):
-        for kind, one in wanted(own).items():
-            path = image_writer.output_for(one)
-            for tile in one.tiles or [TOKEN] if path else ():
-                places.write(bpy.path.abspath(udim.fill(path, tile)), f"{label(kind)} of {low!r}")
+from .output_clashes import settings_by_map
 
 
 class Outputs:
-    """Used in a `with` block: nothing of the artist's changes before commit, and nothing is left behind without it."""
+    """Stores maps at commit(). Before that, nothing in the file or on disk changes. Use it in a `with` block."""
 
     def __init__(self, settings: Settings):
         self.settings = settings
         self._writers = {
-            name: image_writer.Writer("", own, is_normal=name == NORMAL.name) for name, own in wanted(settings).items()
+            name: image_writer.Writer("", own, is_normal=BY_NAME[name].kind is Kind.NORMAL)
+            for name, own in settings_by_map(settings).items()
         }
         self._kept: dict[str, dict[int, np.ndarray]] = {name: {} for name in settings.maps}
 
@@ -90,7 +37,7 @@ class Outputs:
                 all_of_them.callback(writer.discard)
 
     def add(self, tile: int, maps: dict[str, Map]) -> None:
-        """Take one UDIM tile of all maps, unless it stayed empty: triangles may pass by a tile without a texel in it."""
+        """Add one UDIM tile of all maps, by name. An empty tile is left out: a triangle may touch a tile and cover no texel."""
         texels, state = maps[NORMAL.name]
         if not state.any():
             return
@@ -98,14 +45,14 @@ class Outputs:
         if MASK.name in self._writers:
             self._writers[MASK.name].add(tile, image_writer.black_and_white(state == texel_state.MISSED))
         for name, kept in self._kept.items():
-            kept[tile] = maps[name][0]  # until the range of all tiles is known
+            kept[tile] = maps[name][0]  # encoded when the range of all tiles is known
 
     def commit(
         self, lows: Sequence[bpy.types.Object], reports: Sequence[Report], materials_seen: Sequence[str]
     ) -> None:
-        """Put all images in their places, or none, and the map into the materials of `lows`. Raises BakeError.
+        """Store all images or none, and add the normal map to the materials of `lows`. Raises BakeError.
 
-        materials_seen: what the numbers of a material map stand for.
+        materials_seen: the names of the materials by number, from 1.
         """
         settings = self.settings
         maps = {name: self._encode(name, tiles, reports, materials_seen) for name, tiles in self._kept.items()}

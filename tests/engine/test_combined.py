@@ -8,7 +8,7 @@ import pytest
 from addon.core.settings import Settings
 from addon.engine import bands, large_map_margin, post_process, ray_casting
 from addon.jobs import several
-from addon.output import image_writer, outputs
+from addon.output import image_writer, output_clashes
 from addon.passes import target
 from tests.support import zoo
 from tests.support.maps import pixels, texel_uv
@@ -194,7 +194,7 @@ def test_ids_are_not_dithered():
 
 
 def test_maps_of_few_values_take_few_bits():
-    wanted = outputs.wanted(Settings(maps=("COVERAGE", "OBJECT_ID", "HEIGHT"), mask=True, depth=16))
+    wanted = output_clashes.settings_by_map(Settings(maps=("COVERAGE", "OBJECT_ID", "HEIGHT"), mask=True, depth=16))
     depths = {name: own.depth for name, own in wanted.items()}
     assert depths == {"NORMAL": 16, "MASK": 8, "COVERAGE": 8, "OBJECT_ID": 8, "HEIGHT": 16}
 

@@ -9,7 +9,7 @@ import pytest
 from addon.core.errors import BakeError
 from addon.core.settings import Settings
 from addon.jobs import several
-from addon.output import outputs
+from addon.output import output_clashes
 from tests.support import zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -93,8 +93,8 @@ def test_letters_of_a_name_stay(tmp_path):
 
 
 def test_every_image_has_a_name_for_a_person():
-    every = outputs.wanted(settings("m.png", mask=True, maps=("HEIGHT", "OBJECT_ID")))
-    labels = [outputs.label(kind) for kind in every]
+    every = output_clashes.settings_by_map(settings("m.png", mask=True, maps=("HEIGHT", "OBJECT_ID")))
+    labels = [output_clashes.title(kind) for kind in every]
     assert labels == ["the normal map", "the miss mask", "the height map", "the object id map"]
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from addon.core import file_names, map_types
 from addon.core.errors import BakeError
 from addon.jobs import several
-from addon.output import image_writer, outputs
+from addon.output import image_writer, output_clashes
 from tests.support import maps
 from tests.support.snapshot import difference, snapshot
 
@@ -41,7 +41,8 @@ def of_bake(low, highs, settings, folder, cage=None):
         assert not written, written
         return sentence
     _check_report(report)
-    plan = outputs.wanted(replace(settings, image=report.image, output=file_names.fill(settings.output, report.low)))
+    filled = replace(settings, image=report.image, output=file_names.fill(settings.output, report.low))
+    plan = output_clashes.settings_by_map(filled)
     _check_changes(changed, low, [own.image for own in plan.values()])
     expected = set()
     for name, own in plan.items():
