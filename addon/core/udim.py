@@ -11,6 +11,8 @@ FIRST = 1001
 """The tile from 0 to 1, which is the whole map without UDIM."""
 TILES = range(FIRST, FIRST + COLUMNS * ROWS)
 """The tiles that Blender supports."""
+MOST_BAKED = 100
+"""The most tiles that a bake makes unless it names them: a single stray UV covers hundreds."""
 TOKEN = "<UDIM>"
 """The placeholder for a tile's number in a path."""
 

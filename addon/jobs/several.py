@@ -9,7 +9,7 @@ import gpu
 import numpy as np
 
 from ..audit import checks
-from ..core import file_names, progress
+from ..core import file_names, progress, udim
 from ..core.errors import BakeError, shorten_list
 from ..core.name_matching import Suffixes, match
 from ..core.progress import Pace, Progress, Task, part
@@ -29,8 +29,6 @@ TOLD_EVERY = 0.25
 """Seconds between two steps of which somebody wants to hear."""
 ATLAS = "atlas"
 """What stands for the low object's name where several share an image."""
-MANY_TILES = 100
-"""More UDIM tiles than this are only baked by name: a single stray UV covers hundreds."""
 
 
 class Job:
@@ -258,7 +256,7 @@ def _tiles(low: Mesh, settings: Settings) -> list[int]:
     if not settings.udim:
         return [1001]
     found = uv_layout.tiles(low)
-    if len(found) > MANY_TILES and not settings.tiles:
+    if len(found) > udim.MOST_BAKED and not settings.tiles:
         raise BakeError(
             f"{low.name!r} reaches over {len(found)} UDIM tiles: name those to bake, or look for stray UVs."
         )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What programs expect of a normal map, as Blender presets: those that come along, and the artist's own."""
+"""Presets of what programs expect of a normal map: those that come with Imprint, and the user's own."""
 
 from pathlib import Path
 
@@ -9,32 +9,32 @@ from bl_ui.utils import PresetPanel
 from bpy.props import BoolProperty
 
 FOLDER = "imprint"
-"""Under "presets", here and among the artist's own."""
+"""Below "presets", here and in the user's scripts."""
 
 
 class IMPRINT_PT_conventions(PresetPanel, bpy.types.Panel):
-    """Presets of what the channels hold, and for which reader"""
+    """Presets of the channels and the basis, for programs that read the map"""
 
-    bl_label = "Conventions"
+    bl_label = "Presets"
     preset_subdir = FOLDER
     preset_operator = "script.execute_preset"
     preset_add_operator = "imprint.convention_add"
 
 
 class IMPRINT_OT_convention_add(AddPresetBase, bpy.types.Operator):
-    """Keep what the channels hold, and for which reader, under a name, or remove what was kept"""
+    """Save the channels and the basis as a preset, or remove a preset"""
 
     bl_idname = "imprint.convention_add"
-    bl_label = "Add Convention"
+    bl_label = "Add Preset"
     preset_menu = "IMPRINT_PT_conventions"
     preset_defines = ["settings = bpy.context.scene.imprint"]
     preset_values = ["settings.red", "settings.green", "settings.blue", "settings.basis"]
     preset_subdir = FOLDER
 
     # As the base has them, which gives no descriptions.
-    remove_name: BoolProperty(description="Remove the one of this name", default=False, options={"HIDDEN", "SKIP_SAVE"})
+    remove_name: BoolProperty(description="Remove the preset of this name", default=False, options={"HIDDEN", "SKIP_SAVE"})
     remove_active: BoolProperty(
-        description="Remove the one that is shown", default=False, options={"HIDDEN", "SKIP_SAVE"}
+        description="Remove the preset that is shown", default=False, options={"HIDDEN", "SKIP_SAVE"}
     )
 
 

@@ -19,17 +19,22 @@ STDOUT = "-"
 class CommandOption:
     """An option of the command line, which is a key of job files as well."""
 
-    help: str
+    tooltip: str
     """What it does, without a full stop."""
     parsing: dict[str, Any]
     """What argparse.add_argument takes beside the help."""
     usual: str = ""
     """What is used where the option is not given, in words."""
+    items: tuple[tuple[str, str], ...] = ()
+    """The words that it takes, with what each means."""
+    note: str = ""
+    """A further sentence."""
 
     @property
     def arguments(self) -> dict[str, Any]:
         """All that argparse.add_argument takes."""
-        said = f"{self.help} (default: {self.usual})" if self.usual else self.help
+        sentences = [self.tooltip, *(f"{word}: {meaning}" for word, meaning in self.items), self.note]
+        said = ". ".join(filter(None, sentences)) + (f" (default: {self.usual})" if self.usual else "")
         return {**self.parsing, "help": said.replace("%", "%%")}
 
     @property
@@ -131,20 +136,6 @@ def _(_setting: kinds.ObjectSlots):
     return {"type": option_types.text, "action": "append"}
 
 
-def _help(setting: kinds.Setting) -> str:
-    """The tooltip, what each item of a choice means, and the option's note."""
-    option, sentences = setting.option, [setting.tooltip]
-    if isinstance(setting, kinds.Choice):
-        items = [(option_types.word_for(item.value), item.tooltip) for item in setting.items]
-        if option.explains:
-            sentences += [f"{word}: {tooltip}" for word, tooltip in items]
-        elif "|" not in _metavar(setting):
-            sentences.append(f"One of {', '.join(word for word, _ in items)}")
-    if option.off:
-        sentences = [option.off]
-    return ". ".join(filter(None, [*sentences, option.note]))
-
-
 def _metavar(setting: kinds.Setting) -> str:
     return setting.option.metavar or _parsing(setting).get("metavar") or setting.metavar
 
@@ -167,7 +158,12 @@ def _option(name: str, **more: Any) -> CommandOption:
     parsing = _parsing(setting)
     if "action" not in parsing or parsing["action"] == "append":
         parsing = {"default": setting.default, **parsing, "metavar": _metavar(setting)}
-    return CommandOption(_help(setting), {**parsing, "dest": name, **more}, _usual(setting))
+    option, items = setting.option, ()
+    if isinstance(setting, kinds.Choice) and option.explains:
+        items = tuple((option_types.word_for(item.value), item.tooltip) for item in setting.items)
+    return CommandOption(
+        option.off or setting.tooltip, {**parsing, "dest": name, **more}, _usual(setting), items, option.note
+    )
 
 
 def _word(name: str) -> str:
@@ -211,8 +207,7 @@ OBJECTS = {
         "_low,_high,_cage",
     ),
     "frames": CommandOption(
-        "Bake a map for each of these frames. ### in --output stands for the frame's number, "
-        "which else stands before the ending",
+        "Bake a map for each of these frames. The frame's number replaces ### in --output, or goes before the ending",
         {"type": option_types.frames, "metavar": "1-48"},
     ),
 }

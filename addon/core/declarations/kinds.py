@@ -22,7 +22,7 @@ class Option:
     default: str | None = None
     """What is used where the option is not given, if this is not the declaration's `empty` or `default`."""
     explains: bool = True
-    """Whether --help explains each item of a choice, or lists their words alone."""
+    """Whether --help and the manual explain each item of a choice."""
     off: str = ""
     """For a switch that is on by default: what the option does, which switches it off."""
 

@@ -10,7 +10,7 @@ MAX_MIPS = 8
 MAP: dict[str, Setting] = {
     "method": Choice(
         label="Method",
-        tooltip="How the detail of the high-poly mesh gets into the map",
+        tooltip="How the detail of the high mesh gets into the map",
         default="AUTO",
         items=(
             Item(
@@ -19,11 +19,11 @@ MAP: dict[str, Setting] = {
                 "Flatten where the meshes share their UV layout, else Cast. "
                 "The report says which method was used, and why",
             ),
-            Item("FLATTEN", "Flatten", "Draw the high-poly mesh in UV space. Both meshes must share their UV layout"),
+            Item("FLATTEN", "Flatten", "Draw the high mesh in UV space. Both meshes must share their UV layout"),
             Item(
                 "CAST",
                 "Cast",
-                "Cast rays from the low-poly mesh to the high-poly mesh. The meshes must lie in the same place",
+                "Cast rays from the low mesh to the high mesh. The meshes must lie in the same place",
             ),
         ),
     ),
@@ -32,8 +32,8 @@ MAP: dict[str, Setting] = {
         tooltip="Space of the normals",
         default="TANGENT",
         items=(
-            Item("TANGENT", "Tangent", "Relative to the low-poly surface. The mesh may deform, and the map may tile"),
-            Item("OBJECT", "Object", "Relative to the low-poly object. The object may move, its mesh may not deform"),
+            Item("TANGENT", "Tangent", "Relative to the low surface. The mesh may deform, and the map may tile"),
+            Item("OBJECT", "Object", "Relative to the low object. The object may move, its mesh may not deform"),
             Item("WORLD", "World", "Relative to the scene. The object may not move"),
         ),
     ),
@@ -52,7 +52,7 @@ MAP: dict[str, Setting] = {
         option=Option(note="Mesh files have no scene: for them, auto means mikktspace"),
     ),
     "uv_layer": Text(
-        label="UV Map", tooltip="UV map of the low-poly mesh", empty="the active one", option=Option(word="uv")
+        label="UV Map", tooltip="UV map of the low mesh", empty="the active one", option=Option(word="uv")
     ),
     "size": WholeNumber(
         label="Size",
@@ -117,8 +117,8 @@ MAP: dict[str, Setting] = {
     "unlimited": Switch(label="Unlimited", tooltip="Fill the whole background", empties=True, option=None),
     "mips": WholeNumber(
         label="Clean Mip Levels",
-        tooltip="Number of mip levels on which the checks want no color of another UV island: "
-        "1 takes 2 texels between islands, 2 takes 4, 3 takes 8, and half as many to the border",
+        tooltip="Number of mip levels on which UV islands may not mix, for the checks. "
+        "1 level takes 2 texels between islands, 2 take 4, 3 take 8, and half as many to the border",
         default=3,
         least=0,
         most=MAX_MIPS,
@@ -135,14 +135,14 @@ MAP: dict[str, Setting] = {
     ),
     "limited": Switch(
         label="Set Limit",
-        tooltip="Set the distance above which a warning is shown, instead of using 5 % of the low-poly mesh's radius",
+        tooltip="Set the distance above which a warning is shown, instead of using 5 % of the low mesh's radius",
         empties=False,
         option=None,
     ),
     "limit": Distance(
         label="Limit",
-        tooltip="Distance between the high-poly and the low-poly surface above which a warning is shown",
-        empty="5 % of the low-poly mesh's radius",
+        tooltip="Distance between the high and the low surface above which a warning is shown",
+        empty="5 % of the low mesh's radius",
         switch="limited",
         shown=0.1,
         shown_least=1e-6,
@@ -167,7 +167,7 @@ def _channel(name: str, usual: str, more: str = "") -> Choice:
         tooltip=f"Axis of the normal that the {name.lower()} channel stores{more}",
         default=f"+{usual}",
         items=tuple(items),
-        option=Option(metavar="AXIS", explains=False),
+        option=Option(metavar="AXIS", explains=False, note=f"One of {', '.join(item.value.lower() for item in items)}"),
     )
 
 

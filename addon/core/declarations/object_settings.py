@@ -9,12 +9,12 @@ _USUAL = Suffixes()
 BAKE: dict[str, Setting] = {
     "highs": ObjectSlots(
         label="High",
-        tooltip="Objects with the detail: meshes, curves, text, or objects that show instances",
+        tooltip="High-poly objects, which have the detail: meshes, curves, text, or objects that show instances",
         empty="the selected objects",
-        option=Option(word="high", default="the low-poly object with its modifiers", note="The option may be repeated"),
+        option=Option(word="high", default="the low object with its modifiers", note="The option may be repeated"),
     ),
     "low": ObjectSlot(
-        label="Low", tooltip="Low-poly mesh that gets the map", empty="the active object", option=Option(default="")
+        label="Low", tooltip="Low-poly mesh, which gets the map", empty="the active object", option=Option(default="")
     ),
     "live_every_time": Switch(
         label="Write Every Map",
@@ -24,11 +24,11 @@ BAKE: dict[str, Setting] = {
 }
 PAIRS: dict[str, Setting] = {
     "low_suffix": Text(
-        label="Low", tooltip="Ending of the names of low-poly objects, in any case", default=_USUAL.low, option=None
+        label="Low", tooltip="Ending of the names of low objects, in any case", default=_USUAL.low, option=None
     ),
     "high_suffix": Text(
         label="High",
-        tooltip="Ending of the names of high-poly objects, in any case. An underscore and more may follow it",
+        tooltip="Ending of the names of high objects, in any case. An underscore and more may follow it",
         default=_USUAL.high,
         option=None,
     ),

@@ -1,20 +1,21 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The settings of the panel Output, in its order."""
 
-from .. import file_formats, map_types
+from .. import file_formats, map_types, udim
 from ..file_formats import USUAL_DEPTH
 from ..udim import TOKEN
 from .kinds import Choice, FilePath, Flags, Item, Option, Setting, Switch, Text, Tiles
 
 _FORMATS = ", ".join(
-    f"{ending} ({' or '.join(map(str, one.depths))} bits)" for ending, one in file_formats.BY_ENDING.items()
+    f"{one.label} ({' or '.join(one.endings)}, {' or '.join(map(str, one.depths))} bits)"
+    for one in file_formats.FORMATS
 )
 
 OUTPUT: dict[str, Setting] = {
     "image": Text(
         label="Image",
-        tooltip="Name of the image to fill. {low} in it stands for the low-poly object's name",
-        empty="an image named after the low-poly object",
+        tooltip="Name of the image to fill. {low} in it stands for the low object's name",
+        empty="an image named after the low object",
     ),
     "depth": Choice(
         label="Depth",
@@ -32,13 +33,13 @@ OUTPUT: dict[str, Setting] = {
     ),
     "udim": Switch(
         label="UDIM Tiles",
-        tooltip="Bake a map for each UDIM tile that the low-poly mesh covers",
+        tooltip="Bake a map for each UDIM tile that the low mesh covers",
         option=Option(note=f"{TOKEN} in --output does the same"),
     ),
     "tiles": Tiles(
         label="Tiles",
         tooltip="UDIM tiles to bake, such as 1001, 1003",
-        empty="all tiles that the low-poly mesh covers, 100 at most",
+        empty=f"all tiles that the low mesh covers, {udim.MOST_BAKED} at most",
     ),
     "maps": Flags(
         label="Other Maps",
@@ -60,14 +61,14 @@ OUTPUT: dict[str, Setting] = {
     "output": FilePath(
         label="File",
         tooltip=f"Image file to write: {_FORMATS}. Missing folders are created. "
-        f"{{low}} in the path stands for the low-poly object's name, {TOKEN} for the tile's number",
-        option=Option(metavar="MAP", note="For mesh files, {low} is the name of the low-poly mesh's file"),
+        f"{{low}} in the path stands for the low object's name, {TOKEN} for the tile's number",
+        option=Option(metavar="MAP", note="For mesh files, {low} is the name of the low mesh's file"),
     ),
     "material": Switch(
         label="Material",
-        tooltip="Add the map to the low-poly object's material",
+        tooltip="Add the map to the low object's material",
         default=True,
-        option=Option(word="no-material", off="Leave the low-poly object's material as it is"),
+        option=Option(word="no-material", off="Leave the low object's material as it is"),
     ),
     "single_user": Switch(
         label="Single User",
@@ -75,8 +76,8 @@ OUTPUT: dict[str, Setting] = {
     ),
     "show_result": Switch(
         label="Show Result",
-        tooltip="After a bake, show the map in an open Image Editor and the low-poly mesh with it in the 3D viewport: "
-        "with Material Preview instead of Solid, and the high-poly objects hidden",
+        tooltip="After a bake, show the map in an open Image Editor and the low mesh with it in the 3D viewport: "
+        "with Material Preview instead of Solid, and the high objects hidden",
         default=True,
         option=None,
     ),

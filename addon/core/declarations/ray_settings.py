@@ -4,19 +4,17 @@
 from .kinds import Choice, Color, Distance, Item, ObjectSlot, Setting, Switch
 
 RAYS: dict[str, Setting] = {
-    "cage": ObjectSlot(
-        label="Cage", tooltip="Mesh on which the rays start. It must have the topology of the low-poly mesh"
-    ),
+    "cage": ObjectSlot(label="Cage", tooltip="Mesh on which the rays start. It must have the topology of the low mesh"),
     "measure": Switch(
         label="Measure Distances",
-        tooltip="Measure how far the high-poly surface lies from the low-poly one, instead of using the distances below",
+        tooltip="Measure how far the high surface lies from the low one, instead of using the distances below",
         default=True,
         empties=True,
         option=None,
     ),
     "extrusion": Distance(
         label="Extrusion",
-        tooltip="Distance outside the low-poly mesh at which the rays start",
+        tooltip="Distance outside the low mesh at which the rays start",
         empty="measured",
         switch="measure",
         may_be_zero=True,
@@ -33,7 +31,7 @@ RAYS: dict[str, Setting] = {
     ),
     "directions": Choice(
         label="Directions",
-        tooltip="Normals of the low-poly mesh that the rays follow",
+        tooltip="Normals of the low mesh that the rays follow",
         default="SMOOTH",
         items=(
             Item("SMOOTH", "Smooth", "Smooth vertex normals. Hard edges leave no gaps"),
@@ -41,7 +39,7 @@ RAYS: dict[str, Setting] = {
         ),
     ),
     "facing_only": Switch(
-        label="Ignore Backfaces", tooltip="Let the rays pass through high-poly faces that point away from them"
+        label="Ignore Backfaces", tooltip="Let the rays pass through faces of the high mesh that point away from them"
     ),
     "missed": Color(
         label="Miss Color",

@@ -1,0 +1,188 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Writes the manual's tables of settings, options, formats and maps from their declarations. Needs no Blender.
+
+In the pages, a table stands between the lines `<!-- table: NAME -->` and `<!-- end -->`; `<!-- options -->` starts that of the
+command line's options.
+"""
+
+import argparse
+import re
+import sys
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT))
+
+from addon.cli.usage.job_file import KEYS  # noqa: E402
+from addon.cli.usage.option_types import word_for  # noqa: E402
+from addon.cli.usage.options import FILE, JOBS, OPTIONS, CommandOption  # noqa: E402
+from addon.core import file_formats, map_types, udim  # noqa: E402
+from addon.core.declarations import kinds  # noqa: E402
+from addon.core.declarations.panel_settings import PANELS, PanelSettings  # noqa: E402
+
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+PLACE = re.compile(r"^(<!-- (?:table: ([\w-]+)|(options)) -->\n).*?^(<!-- end -->)$", re.MULTILINE | re.DOTALL)
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A table in Markdown."""
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |" for cells in lines) + "\n"
+
+
+def code(text: object) -> str:
+    return f"`{text}`"
+
+
+def sentence(text: str) -> str:
+    """A sentence with its full stop. Placeholders and options in it become code."""
+    text = re.sub(r"(?<![\w-])(<[A-Z]+>|\{\w+\}|###|--[a-z][a-z-]*)", r"`\1`", text)
+    return f"{text}." if text and not text.endswith(".") else text
+
+
+# Panels
+
+
+def default_of(setting: kinds.Setting) -> str:
+    """What a panel shows at first, in words."""
+    if setting.empty:
+        return setting.empty[0].upper() + setting.empty[1:]
+    if isinstance(setting, kinds.Switch):
+        return "On" if setting.default else "Off"
+    if isinstance(setting, kinds.Flags | kinds.ObjectSlot | kinds.FilePath):
+        return "None"
+    if isinstance(setting, kinds.Choice):
+        return next(item.label for item in setting.items if item.value == setting.default)
+    if isinstance(setting, kinds.Color):
+        return ", ".join(map(str, setting.default))
+    return str(setting.default)
+
+
+def meaning_of(setting: kinds.Setting) -> str:
+    """The tooltip, and that of each item of a choice."""
+    lines = [sentence(setting.tooltip)]
+    if isinstance(setting, kinds.Choice) and (setting.option is None or setting.option.explains):
+        lines += [f"**{item.label}**: {sentence(item.tooltip)}" for item in setting.items]
+    return "<br>".join(lines)
+
+
+def panel(shown: PanelSettings) -> str:
+    """The settings of a panel, from top to bottom."""
+    rows = ((f"**{one.label}**", default_of(one), meaning_of(one)) for one in shown.settings.values())
+    return table(("setting", "default", "what it does"), rows)
+
+
+# The command line
+
+
+def option_row(word: str, option: CommandOption) -> tuple[str, str, str]:
+    metavar = option.parsing.get("metavar", "")
+    said = f"{word} [{metavar}]" if option.parsing.get("nargs") == "?" else f"{word} {metavar}".strip()
+    lines = [option.tooltip, *(f"{code(word)}: {meaning}" for word, meaning in option.items), option.note]
+    return code(said), option.usual, "<br>".join(map(sentence, filter(None, lines)))
+
+
+def options() -> str:
+    """All options, in the groups of --help."""
+    parts = []
+    for title, group in OPTIONS.items():
+        rows = [option_row(f"--{word}", option) for word, option in group.items()]
+        if not parts:
+            rows = [
+                option_row("FILE ...", CommandOption(FILE.tooltip, {}, FILE.usual)),
+                option_row("--jobs", JOBS),
+                *rows,
+            ]
+        parts.append(f"**{title[0].upper()}{title[1:]}**\n\n{table(('option', 'default', 'what it does'), rows)}")
+    return "\n".join(parts)
+
+
+def job_file() -> str:
+    """The keys of a set, by the values that they take."""
+    by_value: dict[str, list[str]] = {}
+    for key, option in KEYS.items():
+        value = f"true, or {option.value}" if option.may_be_flag and not option.is_flag else option.value
+        by_value.setdefault(value, []).append(code(key))
+    return table(
+        ("value", "keys"), ((value[0].upper() + value[1:], ", ".join(keys)) for value, keys in by_value.items())
+    )
+
+
+# Files and maps
+
+
+def formats() -> str:
+    """The file formats, by their endings."""
+    rows = (
+        (
+            ", ".join(map(code, one.endings)),
+            one.label,
+            " or ".join(map(str, one.depths)),
+            str(one.usual_depth),
+            "as they are" if one.is_float else "from 0 to 1, in steps",
+        )
+        for one in file_formats.FORMATS
+    )
+    return table(("ending", "format", "bits per channel", "default", "values"), rows)
+
+
+def maps() -> str:
+    """The maps beside the normal map."""
+    rows = (
+        (
+            one.label,
+            code(word_for(one.name)),
+            sentence(one.tooltip),
+            code(one.range.value) if one.kind is map_types.Kind.VALUE else "a color for each",
+        )
+        for one in map_types.OTHERS
+    )
+    return table(("map", "`--maps`", "what it holds", "outside of float formats"), rows)
+
+
+def tiles() -> str:
+    """The limits of UDIM."""
+    rows = (
+        ("Tiles", f"{udim.TILES[0]} to {udim.TILES[-1]}: {udim.COLUMNS} along U and {udim.ROWS} along V"),
+        ("Number of a tile", f"{udim.FIRST} + U + {udim.COLUMNS} V, for the tile that starts at U and V"),
+        ("Tiles of one bake", f"{udim.MOST_BAKED} at most, unless `--tiles` names more"),
+        ("In paths", f"{code(udim.TOKEN)} stands for the number"),
+    )
+    return table(("UDIM", "limit"), rows)
+
+
+TABLES: dict[str, Callable[[], str]] = {
+    **{name: lambda shown=shown: panel(shown) for name, shown in PANELS.items()},
+    "options": options,
+    "job-file": job_file,
+    "file-formats": formats,
+    "map-types": maps,
+    "udim": tiles,
+}
+
+
+def filled(text: str) -> str:
+    """A page with its tables as they are to be. Raises KeyError for an unknown name."""
+    return PLACE.sub(lambda found: f"{found[1]}\n{TABLES[found[2] or found[3]]()}\n{found[4]}", text)
+
+
+def outdated() -> list[Path]:
+    """The pages whose tables differ from the declarations."""
+    return [page for page in PAGES if filled(text := page.read_text(encoding="utf-8")) != text]
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--check", action="store_true", help="name the pages that differ, and write nothing")
+    options = parser.parse_args()
+    pages = outdated()
+    for page in pages:
+        print(page.relative_to(ROOT))
+        if not options.check:
+            page.write_text(filled(page.read_text(encoding="utf-8")), encoding="utf-8", newline="\n")
+    return 1 if pages and options.check else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
