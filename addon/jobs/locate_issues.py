@@ -96,7 +96,7 @@ def _view(context: bpy.types.Context, report: Report, kind: str) -> _View:
     space = "TANGENT" if kind == "backwards" else "OBJECT"
     settings = replace(settings, method=report.method, space=space, maps=(), mask=False, material=False)
     settings = replace(settings, output="", storage="PACK" if settings.udim else "MEMORY")
-    settings = image_writer.beside(settings, kind)
+    settings = replace(settings, image=f"{settings.image}_{kind}", depth=8, dither=False)
     several.check(context, job, settings)
     told = Report(report.method, space, report.size, report.low, report.high, distances=report.distances)
     meshes = reading.read(context, job.low, job.highs, job.cage, settings)
