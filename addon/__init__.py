@@ -12,7 +12,7 @@ def register() -> None:
 
     for module in _modules():
         module.register()
-    bpy.app.handlers.load_pre.append(bpy.app.handlers.persistent(_before_loading))  # it stays for the next file
+    bpy.app.handlers.load_pre.append(bpy.app.handlers.persistent(before_loading))  # it stays for the next file
     atexit.register(free)
 
 
@@ -25,7 +25,7 @@ def unregister() -> None:
     _stop()
     for module in reversed(_modules()):
         module.unregister()
-    bpy.app.handlers.load_pre.remove(_before_loading)
+    bpy.app.handlers.load_pre.remove(before_loading)
     atexit.unregister(free)
     free()
 
@@ -88,6 +88,7 @@ def _stop() -> None:
     viewer.off()
 
 
-def _before_loading(*_) -> None:
+def before_loading(*_) -> None:
+    """Called by Blender before it opens another file."""
     _stop()
     free()

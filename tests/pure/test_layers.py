@@ -10,6 +10,9 @@ import pytest
 from scripts.imprint import ROOT
 
 ADDON = ROOT / "addon"
+TESTS_IN_THE_WINDOW = sorted(
+    path.relative_to(ROOT) for folder in ("ui", "window") for path in (ROOT / "tests" / folder).glob("*.py")
+)
 MODULES = sorted(
     path.relative_to(ROOT) for path in ADDON.rglob("*.py") if "presets" not in path.relative_to(ADDON).parts[:-1]
 )
@@ -121,6 +124,26 @@ def test_no_folder_holds_more_than_a_person_can_look_over():
 def test_no_file_is_long_without_a_reason():
     lines = {path.as_posix(): len((ROOT / path).read_text(encoding="utf-8").splitlines()) for path in MODULES}
     assert {name for name, count in lines.items() if count > MOST_LINES} == set(LONG)
+
+
+@pytest.mark.parametrize("path", MODULES, ids=str)
+def test_state_is_in_objects(path):
+    """And not in names of a module that functions assign to."""
+    tree = ast.parse((ROOT / path).read_text(encoding="utf-8"))
+    assert not [node.names for node in ast.walk(tree) if isinstance(node, ast.Global)]
+
+
+@pytest.mark.parametrize("path", TESTS_IN_THE_WINDOW, ids=str)
+def test_tests_of_the_window_use_public_names(path):
+    tree = ast.parse((ROOT / path).read_text(encoding="utf-8"))
+    private = [node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute) and is_private(node)]
+    assert private == []
+
+
+def is_private(attribute):
+    """Whether it is another object's own: `x._y`, but not `self._y`."""
+    is_own = isinstance(attribute.value, ast.Name) and attribute.value.id == "self"
+    return attribute.attr.startswith("_") and not attribute.attr.startswith("__") and not is_own
 
 
 def test_blenders_entry_point_imports_nothing_before_it_is_asked():

@@ -240,7 +240,7 @@ def test_adjust_last_operation_says_what_was_done_and_offers_nothing(pair):
         said.append(text)
 
     layout = SimpleNamespace(column=lambda *, align: SimpleNamespace(label=label))
-    operators._Bake.draw(SimpleNamespace(layout=layout), bpy.context)
+    operators.IMPRINT_OT_bake.draw(SimpleNamespace(layout=layout), bpy.context)
     assert "64 x 64" in " ".join(said)
     assert max(map(len, said)) <= operators.LAST_OPERATION
     assert "REGISTER" not in operators.IMPRINT_OT_live.bl_options

@@ -100,7 +100,7 @@ def test_trees_are_freed_when_another_file_is_opened():
     assert len(ray_casting.trees)
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     assert not len(ray_casting.trees)
-    assert addon._before_loading in bpy.app.handlers.load_pre  # it outlives the file
+    assert addon.before_loading in bpy.app.handlers.load_pre  # it outlives the file
 
 
 def test_the_switch_may_be_named_in_a_script(small):
