@@ -20,6 +20,7 @@ from ..core.progress import Progress
 from ..core.report import Report
 from ..core.settings import Settings
 from ..jobs import sequence, several
+from ..jobs.job import Job, jobs_by_name
 from ..output.atomic_file import check_writable, replacing, together
 from ..scene import bake_objects
 from . import interruption, mesh_import, run_clashes, standard_streams
@@ -161,7 +162,7 @@ def bake(plan: Plan, stage: Stage, files: run_clashes.Run, meter: Meter) -> Resu
 
 
 def _baked(
-    options: argparse.Namespace, jobs: Sequence[several.Job], settings: Settings, meter: Meter
+    options: argparse.Namespace, jobs: Sequence[Job], settings: Settings, meter: Meter
 ) -> tuple[list[Report], bool]:
     """The reports of all jobs or frames, or of those that were done when it was stopped; and whether it was.
 
@@ -175,7 +176,7 @@ def _baked(
             job = jobs[0 if options.frames else step.finished]
             meter.tell("the atlas" if share_image else job.low.name, step)
 
-    speed, reports = progress.Pace(several.TOLD_EVERY, looks=False), []
+    speed, reports = progress.Pace(several.PROGRESS_SECONDS, looks=False), []
     if options.frames:
         work = sequence.work(bpy.context, jobs[0], settings, run_clashes.frames(options), speed, reports=reports)
     else:
@@ -271,13 +272,13 @@ def to_json(results: Sequence[Result]) -> list[dict]:
 
 
 def _start_gpu() -> None:
-    """Without the window system's complaints of EGL, after which it goes on; what stops it is told by several.check."""
+    """Without the window system's complaints of EGL, after which it goes on; what stops it is told by check_job."""
     if interruption.is_launched():  # else nobody could tell of a crash but those lines
         with suppress(SystemError, RuntimeError), standard_streams.silence():
             gpu.init()
 
 
-def _jobs(options: argparse.Namespace, stage: Stage) -> tuple[list[several.Job], list[str]]:
+def _jobs(options: argparse.Namespace, stage: Stage) -> tuple[list[Job], list[str]]:
     """What to bake, ready in the scene, and what was found to be wrong with names."""
     if options.low_file:
         return [stage.job(options.low_file, options.high_file, options.cage_file)], []
@@ -288,10 +289,10 @@ def _jobs(options: argparse.Namespace, stage: Stage) -> tuple[list[several.Job],
     else:
         stage.take()
     if options.pairs:
-        return several.jobs_by_name(bpy.context, options.suffixes)
+        return jobs_by_name(bpy.context, options.suffixes)
     low = bake_objects.named(options.low)
     highs = [bake_objects.named(name) for name in options.high] or [low]
-    return [several.Job(low, highs, bake_objects.named(options.cage) if options.cage else None)], []
+    return [Job(low, highs, bake_objects.named(options.cage) if options.cage else None)], []
 
 
 def _save(path: Path, maps: set[bpy.types.Image]) -> None:

@@ -1,25 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a bake did, in numbers and in words."""
 
-import time
-from collections.abc import Generator, Iterator
-from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
-from typing import TypeVar
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, field, replace
 
 from . import bases
-
-Step = TypeVar("Step")
-Result = TypeVar("Result")
+from .timings import STAGES, Timings
 
 VERSION = 1
 """Of the report's keys as JSON. It goes up when a key goes or changes its meaning, and stays when one is added."""
-STAGES = ("extract", "method", "tree", "upload", "distances", "draw", "read", "audit", "image")
 
 
-@dataclass
+@dataclass(frozen=True)
 class Report:
-    """Filled while the bake goes on. `seconds` holds the stages, each for itself, and the total; shares are of all texels."""
+    """What is known of a bake that was done. Shares are of all texels. seconds: of each stage, and in total."""
 
     method: str
     space: str
@@ -68,7 +62,7 @@ class Report:
     """The files that were written, whole paths: of each tile the normal map, then of each other map."""
     backend: str = ""
     renderer: str = ""
-    seconds: dict[str, float] = field(default_factory=lambda: dict.fromkeys((*STAGES, "total"), 0.0))
+    seconds: dict[str, float] = field(default_factory=lambda: Timings().seconds)
     warnings: list[str] = field(default_factory=list)
     version: int = VERSION
 
@@ -78,41 +72,9 @@ class Report:
         del values["refs"]
         return {"version": values.pop("version"), **values}
 
-    def __post_init__(self):
-        self._inside = 0.0
-        """Seconds of the stages inside the one that is timed."""
-
-    @contextmanager
-    def timed(self, stage: str) -> Iterator[None]:
-        """Add the time that the block takes to `stage`, but for that of stages inside it, which count for themselves."""
-        start, around, self._inside = time.perf_counter(), self._inside, 0.0
-        try:
-            yield
-        finally:
-            seconds = time.perf_counter() - start
-            self.seconds[stage] += seconds - self._inside
-            self._inside = around + seconds
-
-    def counted(self, work: Generator[Step, None, Result]) -> Generator[Step, None, Result]:
-        """`work`, whose time is added to the total; that between its steps, in which it waits, is not."""
-        try:
-            while True:
-                with self.in_total():
-                    step = next(work)
-                yield step
-        except StopIteration as end:
-            return end.value
-        finally:
-            work.close()
-
-    @contextmanager
-    def in_total(self) -> Iterator[None]:
-        """Add the time that the block takes to the total."""
-        start = time.perf_counter()
-        try:
-            yield
-        finally:
-            self.seconds["total"] += time.perf_counter() - start
+    def with_warnings(self, warnings: Iterable[str]) -> "Report":
+        """The same report with more warnings."""
+        return replace(self, warnings=[*self.warnings, *warnings])
 
     def summary(self) -> list[str]:
         """Lines for a person: what was done, at what cost."""

@@ -8,3 +8,8 @@ MARGIN, WRITTEN, MISSED, DEFERRED = 1, 2, 3, 4
 
 Map = tuple[np.ndarray, np.ndarray]
 """Texels (height, width, 4) float32 as they are stored, and their state (height, width) uint8."""
+
+
+def of_raw(alpha: np.ndarray) -> np.ndarray:
+    """The states, uint8, of texels without a margin, from the alpha of their normals."""
+    return np.where(alpha > 0.0, WRITTEN, np.where(alpha < 0.0, MISSED, 0)).astype(np.uint8)

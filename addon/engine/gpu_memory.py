@@ -1,14 +1,21 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What bakes keep on the GPU for the next one, and how long."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 from ..passes import target
 from . import ray_casting
 
 
-def trim() -> None:
-    """Free trees or targets that hold more than their bounds, at the end of a bake."""
-    target.common.trim()
-    ray_casting.trees.trim()
+@contextmanager
+def trimmed() -> Iterator[None]:
+    """At the end of the block, free trees or targets that hold more than their bounds."""
+    try:
+        yield
+    finally:
+        target.common.trim()
+        ray_casting.trees.trim()
 
 
 def free() -> None:

@@ -1,115 +1,131 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Flatten or Cast: which of them it is, and what it needs before the passes run."""
+"""Decides how a bake is done: Flatten or Cast, on which UDIM tiles, and from which of the high meshes."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from ..core import udim
 from ..core.errors import BakeError, shorten_list
-from ..core.progress import Pace, Progress, Task
-from ..core.report import Report
 from ..core.settings import Settings
 from ..mesh import triangle_mesh, uv_layout
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import gap, local_space_of
-from ..passes import mesh_upload
-from . import ray_casting, ray_distances, sources, uv_agreement
+from . import uv_agreement
 
 FAR_APART = 0.5
 """Of the low mesh's radius: boxes that lie farther from each other than this have nothing to do with each other."""
 
 
-def choose(meshes: Meshes, tiles: Sequence[int], settings: Settings, report: Report) -> Meshes:
-    """Put into the report which method it is, and why where that was left open. Returns what that method can use."""
+@dataclass(frozen=True)
+class Plan:
+    """How a bake is done, decided before anything is drawn.
+
+    method: FLATTEN or CAST. why: a clause; empty where the settings name the method. tiles: UDIM numbers. meshes: what the
+    method can use of those that were read. separation: what separation.sample found for the choice, or None. warnings:
+    sentences.
+    """
+
+    method: str
+    tiles: tuple[int, ...]
+    meshes: Meshes
+    why: str = ""
+    separation: np.ndarray | None = None
+    warnings: tuple[str, ...] = ()
+
+
+def choose_method(meshes: Meshes, tiles: Sequence[int], settings: Settings) -> Plan:
+    """Decide between Flatten and Cast, and leave out what that method cannot use. Raises BakeError for meshes far apart."""
+    plan = Plan(settings.method, tuple(tiles), meshes)
     if settings.method == "AUTO":
-        with report.timed("method"):
-            if meshes.is_own_base and meshes.highs[0].uv is not None and not meshes.highs[0].instances:
-                report.method, report.why = "FLATTEN", "a surface and its own base mesh share their UVs"
-            elif meshes.cage is not None:
-                report.method, report.why = "CAST", "there is a cage"
-            else:
-                report.method, report.why, seen = uv_agreement.choose(meshes.low, meshes.highs, tiles)
-                meshes = replace(meshes, apart=seen)
-    if report.method == "FLATTEN":
-        return replace(
-            meshes,
-            highs=[triangle_mesh.keep_corners(high, triangle_mesh.finite_rows(high.uv)) for high in meshes.highs],
+        plan = _measured(plan)
+    return _flattened(plan) if plan.method == "FLATTEN" else _within_reach(plan, settings)
+
+
+def tiles_to_bake(meshes: Meshes, settings: Settings) -> list[int]:
+    """The UDIM tiles of `settings` that the low mesh lies on. Raises BakeError where there is none, or far too many."""
+    if not settings.udim:
+        return [udim.FIRST]
+    low = meshes.low
+    found = uv_layout.tiles(low)
+    if len(found) > udim.MOST_BAKED and not settings.tiles:
+        raise BakeError(
+            f"{low.name!r} reaches over {len(found)} UDIM tiles: name those to bake, or look for stray UVs."
         )
-    apart = gap(meshes.low, meshes.highs)
-    radius = local_space_of([meshes.low]).size
-    if apart > FAR_APART * radius and settings.max_distance is None and meshes.cage is None:
-        raise BakeError(_apart(report, apart))
-    # What no ray can reach would only make the tree coarse: the size of its boxes' steps is that of all high meshes.
-    far = max(settings.extrusion or 0.0, settings.max_distance or 0.0, 2.0 * radius)
-    out_of_reach = [gap(meshes.low, [high]) > far for high in meshes.highs]
-    if all(out_of_reach):
-        return meshes
-    report.warnings += [
-        f"{high.name!r} lies out of reach of the rays and was left out."
-        for high, is_out in zip(meshes.highs, out_of_reach, strict=True)
-        if is_out
-    ]
-    return replace(meshes, highs=[high for high, is_out in zip(meshes.highs, out_of_reach, strict=True) if not is_out])
+    wanted = [tile for tile in found if not settings.tiles or tile in settings.tiles]
+    if not wanted:
+        where = shorten_list(found) or "no tile"
+        raise BakeError(
+            f"{low.name!r} lies on {where}"
+            + (f", not on {shorten_list(settings.tiles)}." if settings.tiles else ": its UVs are empty or negative.")
+        )
+    return wanted
 
 
-def source(
-    meshes: Meshes,
-    tiles: Sequence[int],
-    settings: Settings,
-    report: Report,
-    pace: Pace,
-    *,
-    uploads: mesh_upload.UploadCache | None = None,
-) -> Task[sources.Source]:
-    """What draws the normals; `uploads` holds what was uploaded before."""
-    if report.method == "FLATTEN":
-        return sources.Flat(meshes.low, meshes.highs, settings, report, uploads=uploads)
-    yield Progress("Building the tree", 0.0)
-    ray_scene = ray_casting.trees.ray_scene_of(meshes.highs, report)
-    yield Progress("Measuring distances", 0.5)
-    with report.timed("upload"):
-        rays = ray_casting.rays(meshes.low, meshes.directions, meshes.cage, ray_scene.local_space)
-    # With a cage rays start on it, and nowhere else.
-    extrusion, reach = 0.0 if meshes.cage is not None else settings.extrusion, settings.max_distance
-    if extrusion is None or reach is None:
-        with report.timed("distances"):
-            outside, inside = ray_distances.measure(
-                ray_scene.tables,
-                rays,
-                (settings.width, settings.height),
-                tiles,
-                has_cage=meshes.cage is not None,
-                facing_only=settings.facing_only,
-            )
-        extrusion = outside * ray_scene.local_space.size if extrusion is None else extrusion
-        # What was measured from the low surface, from wherever rays start.
-        reach = extrusion + inside * ray_scene.local_space.size if reach is None else reach
-        report.measured = True
-    report.distances = {"extrusion": extrusion, "max_distance": reach}
-    size = ray_scene.local_space.size
-    ray_cast = ray_casting.RayCast(ray_scene, rays, extrusion / size, reach / size, settings.facing_only)
-    return sources.Rays(meshes.low, ray_cast, meshes.highs, settings, pace)
-
-
-def nothing_drawn(meshes: Meshes, tiles: Sequence[int], report: Report) -> str:
+def nothing_drawn(plan: Plan) -> str:
     """Why no texel was written, as a sentence."""
-    names = shorten_list(map(repr, report.high))
-    if not set(tiles).intersection(uv_layout.tiles(meshes.low)):
-        return f"No triangle of {report.low!r} lies on the map: its UVs are outside {_place(tiles)}, or empty."
-    if report.method == "FLATTEN":
-        if not any(set(tiles).intersection(uv_layout.tiles(high)) for high in meshes.highs):
-            return f"No triangle of {names} lies on the map: its UVs are outside {_place(tiles)}, or empty."
-        return f"{report.low!r} and {names} have no texel in common: their UV layouts differ, so cast rays instead."
-    apart = gap(meshes.low, meshes.highs)
-    if apart > 0.0:
-        return _apart(report, apart)
-    return f"No ray from {report.low!r} hit {names}: give a larger extrusion and maximum distance."
+    low, highs, tiles = plan.meshes.low, plan.meshes.highs, plan.tiles
+    if not set(tiles).intersection(uv_layout.tiles(low)):
+        return f"No triangle of {low.name!r} lies on the map: its UVs are outside {_place(tiles)}, or empty."
+    if plan.method == "FLATTEN":
+        if not any(set(tiles).intersection(uv_layout.tiles(high)) for high in highs):
+            return f"No triangle of {_names(highs)} lies on the map: its UVs are outside {_place(tiles)}, or empty."
+        return (
+            f"{low.name!r} and {_names(highs)} have no texel in common: their UV layouts differ, so cast rays instead."
+        )
+    distance = gap(low, highs)
+    if distance > 0.0:
+        return _far_apart(plan.meshes, distance)
+    return f"No ray from {low.name!r} hit {_names(highs)}: give a larger extrusion and maximum distance."
+
+
+def _measured(plan: Plan) -> Plan:
+    """With the method that the meshes call for."""
+    meshes = plan.meshes
+    if meshes.is_own_base and meshes.highs[0].uv is not None and not meshes.highs[0].instances:
+        return replace(plan, method="FLATTEN", why="a surface and its own base mesh share their UVs")
+    if meshes.cage is not None:
+        return replace(plan, method="CAST", why="there is a cage")
+    method, why, separation = uv_agreement.choose(meshes.low, meshes.highs, plan.tiles)
+    return replace(plan, method=method, why=why, separation=separation)
+
+
+def _flattened(plan: Plan) -> Plan:
+    """Without the corners whose UVs are not finite."""
+    highs = [triangle_mesh.keep_corners(high, triangle_mesh.finite_rows(high.uv)) for high in plan.meshes.highs]
+    return replace(plan, meshes=replace(plan.meshes, highs=highs))
+
+
+def _within_reach(plan: Plan, settings: Settings) -> Plan:
+    """Without the high meshes that no ray can reach."""
+    meshes = plan.meshes
+    distance = gap(meshes.low, meshes.highs)
+    radius = local_space_of([meshes.low]).size
+    if distance > FAR_APART * radius and settings.max_distance is None and meshes.cage is None:
+        raise BakeError(_far_apart(meshes, distance))
+    # They would only make the tree coarse: the size of its boxes' steps is that of all high meshes.
+    reach = max(settings.extrusion or 0.0, settings.max_distance or 0.0, 2.0 * radius)
+    is_near = [gap(meshes.low, [high]) <= reach for high in meshes.highs]
+    if not any(is_near):
+        return plan
+    pairs = list(zip(meshes.highs, is_near, strict=True))
+    return replace(
+        plan,
+        meshes=replace(meshes, highs=[high for high, near in pairs if near]),
+        warnings=tuple(
+            f"{high.name!r} lies out of reach of the rays and was left out." for high, near in pairs if not near
+        ),
+    )
 
 
 def _place(tiles: Sequence[int]) -> str:
     return "0 to 1" if list(tiles) == [udim.FIRST] else f"the tiles {shorten_list(tiles)}"
 
 
-def _apart(report: Report, distance: float) -> str:
-    names = shorten_list(map(repr, report.high))
-    return f"{report.low!r} and {names} do not overlap: they are {distance:.4g} apart."
+def _names(highs: Sequence[triangle_mesh.Mesh]) -> str:
+    return shorten_list(repr(high.name) for high in highs)
+
+
+def _far_apart(meshes: Meshes, distance: float) -> str:
+    return f"{meshes.low.name!r} and {_names(meshes.highs)} do not overlap: they are {distance:.4g} apart."

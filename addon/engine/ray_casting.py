@@ -11,7 +11,7 @@ import numpy as np
 
 from ..core.errors import BakeError
 from ..core.progress import Pace
-from ..core.report import Report
+from ..core.timings import Timings
 from ..mesh import bvh
 from ..mesh.local_space import LocalSpace, local_space_of
 from ..mesh.triangle_mesh import Mesh
@@ -38,14 +38,26 @@ class RayScene:
 class RayCast:
     """Rays from a low mesh to the high ones.
 
-    rays: as gbuffer.draw takes them. start_offset, max_t: as cast.trace takes them, in units of the scene's local space.
+    rays: as gbuffer.draw takes them. extrusion, max_distance: in scene units. is_measured: whether one of the two was
+    measured, and not set.
     """
 
     ray_scene: RayScene
     rays: gpu.types.GPUBatch
-    start_offset: float
-    max_t: float
+    extrusion: float
+    max_distance: float
     facing_only: bool
+    is_measured: bool = False
+
+    @property
+    def start_offset(self) -> float:
+        """As cast.trace takes it, in units of the scene's local space."""
+        return self.extrusion / self.ray_scene.local_space.size
+
+    @property
+    def max_t(self) -> float:
+        """As cast.trace takes it, in units of the scene's local space."""
+        return self.max_distance / self.ray_scene.local_space.size
 
     def trace(self, hits: target.Target, places: target.Target, pace: Pace | None = None) -> None:
         """Cast those that gbuffer.draw has written into `places`, as cast.trace does."""
@@ -94,12 +106,12 @@ class TreeCache:
         """What the kept trees hold on the GPU."""
         return sum(scene.tables.bytes for scene in self._scenes.values())
 
-    def ray_scene_of(self, highs: Sequence[Mesh], report: Report) -> RayScene:
+    def ray_scene_of(self, highs: Sequence[Mesh], timings: Timings) -> RayScene:
         """The tree over `highs`, built and uploaded unless it was kept.
 
         Kept by content and not by name: a change that Blender does not report cannot make it stale.
         """
-        with report.timed("tree"):
+        with timings.timed("tree"):
             key = tuple(
                 (zlib.crc32(np.ascontiguousarray(array)), array.shape)
                 for mesh in highs
@@ -107,7 +119,7 @@ class TreeCache:
             )
             found = self._scenes.pop(key, None)
             if found is None:
-                found = _build(highs, report)
+                found = _build(highs, timings)
                 self.built += 1
             self._scenes[key] = found
             while len(self) > 1 and (len(self) > self.most_trees or self.bytes > self.most_bytes):
@@ -128,7 +140,7 @@ trees = TreeCache()
 """The cache that bakes share."""
 
 
-def _build(highs: Sequence[Mesh], report: Report) -> RayScene:
+def _build(highs: Sequence[Mesh], timings: Timings) -> RayScene:
     count, most = sum(len(high.triangles) for high in highs), data_texture.limit() // 3
     if count > most:
         raise BakeError(f"The high meshes have {count:,} triangles together; this GPU takes {most:,} to cast rays at.")
@@ -147,7 +159,7 @@ def _build(highs: Sequence[Mesh], report: Report) -> RayScene:
         parts[0] if len(parts) == 1 else np.concatenate(parts) for parts in (points, normals, vertices, corners)
     )
     tree = bvh.build(points, vertices)
-    with report.timed("upload"):
+    with timings.timed("upload"):
         tables = cast.upload(
             tree.nodes,
             points,

@@ -11,7 +11,7 @@ from ..core.progress import Pace
 from ..passes import target
 from ..passes.bake import cast, gbuffer
 
-PROBE = 256
+PROBE_SIZE = 256
 """Rays a side, at most, that are sent both ways to find out."""
 QUANTILE = 0.999
 """Of the probes, those that lie farther are outliers: rays that slip past a rim and hit something behind."""
@@ -35,7 +35,7 @@ def measure(
     size: the map's width and height; tiles: its UDIM tiles. With a cage rays start where it says, and only how far they go
     is measured.
     """
-    width, height = (min(side, PROBE) for side in size)
+    width, height = (min(side, PROBE_SIZE) for side in size)
     places = target.get("rays", width, height, "RGBA32F", "RGBA32F")
     inwards, outwards = [], []
     for tile in tiles:

@@ -10,9 +10,9 @@ import numpy as np
 from ..core import bases, map_types
 from ..core.map_types import NORMAL, Kind
 from ..core.progress import Pace, Progress, Task, part
-from ..core.report import Report
 from ..core.settings import Settings
 from ..core.texel_state import Map
+from ..core.timings import Timings
 from ..mesh.triangle_mesh import Mesh
 from ..passes import mesh_upload, target
 from ..passes.bake import samples, tangent
@@ -37,16 +37,16 @@ class Renderer:
         source: Source,
         basis: Mesh | None,
         settings: Settings,
-        report: Report,
+        timings: Timings,
         pace: Pace,
         *,
         uploads: mesh_upload.UploadCache | None = None,
     ):
-        self.source, self.settings, self.report, self.pace = source, settings, report, pace
+        self.source, self.settings, self.timings, self.pace = source, settings, timings, pace
         self._picture: gpu.types.GPUTexture | None = None
         self.basis = None
         if basis is not None:
-            with report.timed("upload"):
+            with timings.timed("upload"):
                 self.basis = (uploads or mesh_upload.UploadCache()).upload(
                     f"{basis.name} as basis",
                     basis.triangles,
@@ -61,15 +61,15 @@ class Renderer:
         maps = {name: (np.empty((*size, 4), np.float32), np.empty(size, np.uint8)) for name in post_processes}
 
         def keep(name: str, band: Band, drawn: gpu.types.GPUTexture) -> None:
-            with self.report.timed("draw"):
+            with self.timings.timed("draw"):
                 stored = post_processes[name].draw(band, drawn)
                 stored.finish()
-            with self.report.timed("read"):
+            with self.timings.timed("read"):
                 for slot, array in enumerate(maps[name]):
                     stored.read(array[band.start : band.stop], slot)
 
         yield from self._banded(tile, self.settings.margin, keep)
-        with self.report.timed("draw"):
+        with self.timings.timed("draw"):
             for name, finish in post_processes.items():
                 finish.complete(tile, *maps[name])
         return maps
@@ -83,7 +83,7 @@ class Renderer:
         }
 
         def keep(name: str, band: Band, drawn: gpu.types.GPUTexture) -> None:
-            with self.report.timed("read"):
+            with self.timings.timed("read"):
                 target.read(drawn, maps[name][band.start : band.stop])
 
         yield from self._banded(tile, 0, keep)
@@ -126,18 +126,18 @@ class Renderer:
         for number, offset in enumerate(places):
             sample = replace(band, offset=offset)
             for drawn, rows in self._normals(sample):
-                with self.report.timed("draw"):
+                with self.timings.timed("draw"):
                     samples.add(sums, drawn, rows, is_first=number == 0)
                 if self.pace.is_heard:
                     yield self._step(sums.texture, (number + rows.stop / band.height) / count, band)
             for name in settings.maps:
                 if not _is_label(name):
                     total, drawn = target.get(f"sums of {name}", *size, "RGBA32F"), self._other(name, sample)
-                    with self.report.timed("draw"):
+                    with self.timings.timed("draw"):
                         samples.add(total, drawn, range(band.height), is_first=number == 0)
                 elif offset == central:
                     self._other(name, sample)
-        with self.report.timed("draw"):
+        with self.timings.timed("draw"):
             mean = target.get("low" if self.basis else "high", *size, "RGBA32F")
             samples.average(mean, sums)
             maps = {NORMAL.name: mean.texture}
@@ -152,7 +152,7 @@ class Renderer:
         """One sample of a band in the wanted space, slice by slice."""
         drawn = self.source.normals(band)
         while True:
-            with self.report.timed("draw"):
+            with self.timings.timed("draw"):
                 normals, rows = next(drawn, (None, None))
                 if normals is None:
                     return
@@ -165,7 +165,7 @@ class Renderer:
 
     def _other(self, name: str, band: Band) -> gpu.types.GPUTexture:
         """One sample of another map."""
-        with self.report.timed("draw"):
+        with self.timings.timed("draw"):
             return self.source.other(name, band, target.get(name, band.width, band.height, "RGBA32F"))
 
     def _step(self, normals: gpu.types.GPUTexture, done: float, band: Band, *, clear: bool = False) -> Progress:

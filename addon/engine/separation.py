@@ -8,7 +8,6 @@ import gpu
 import numpy as np
 
 from ..core import udim
-from ..core.report import Report
 from ..core.settings import Settings
 from ..core.udim import UvToClip
 from ..mesh.inputs import Meshes
@@ -18,33 +17,27 @@ from ..passes import mesh_upload, target
 from ..passes.bake import cast, gbuffer, points
 from . import ray_casting
 
-PROBE = 128
-"""Texels a side, at most, that are looked at when nobody asks for all of them."""
+PROBE_SIZE = 128
+"""Texels a side, at most, of a quick sample."""
 TRIANGLES = 2**16
-"""How many triangles of a high mesh are laid flat then: of a larger one every second, third, … and fewer texels are seen."""
+"""How many triangles of a high mesh are laid flat for a quick sample: of a larger one every second, third, …"""
 LIMIT = 0.05
 """Of the low mesh's radius: how far the high surface may lie from the low one where the settings set no limit."""
 
-Apart = Callable[[tuple[int, int], UvToClip], np.ndarray]
+Probe = Callable[[tuple[int, int], UvToClip], np.ndarray]
 """From width and height, and the way from UV space to clip space, to texels (height, width, 4) float32: in w 1 where low and
 high mesh are, -1 where the low one is alone, 0 where it is not; in xyz, where both are, what leads from the low point to
 the high one, in scene units and along the world's axes."""
 
 
-def looking(meshes: Meshes, settings: Settings, report: Report) -> Apart:
-    """What looks at these meshes as a bake by the report's method, and with its distances, does."""
-    if report.method == "FLATTEN":
-        return flattened(meshes.low, meshes.highs)
-    ray_scene = ray_casting.trees.ray_scene_of(meshes.highs, report)
-    rays = ray_casting.rays(meshes.low, meshes.directions, meshes.cage, ray_scene.local_space)
-    back, reach = (report.distances[name] / ray_scene.local_space.size for name in ("extrusion", "max_distance"))
-    return _along(meshes, ray_casting.RayCast(ray_scene, rays, back, reach, settings.facing_only))
+def full_probe(meshes: Meshes, ray_cast: ray_casting.RayCast | None) -> Probe:
+    """Measures along the rays of a bake; without rays, between meshes that are laid flat."""
+    return _ray_probe(meshes, ray_cast) if ray_cast else flat_probe(meshes.low, meshes.highs)
 
 
-def glancing(meshes: Meshes, ray_cast: ray_casting.RayCast | None) -> Apart:
-    """What looks at these meshes as a bake just did, along its `ray_cast`; without one, at most at TRIANGLES of each high
-    mesh."""
-    return _along(meshes, ray_cast) if ray_cast else flattened(meshes.low, [thinned(high) for high in meshes.highs])
+def quick_probe(meshes: Meshes, ray_cast: ray_casting.RayCast | None) -> Probe:
+    """As `full_probe`, but of meshes that are laid flat it takes at most TRIANGLES of each high one."""
+    return full_probe(meshes if ray_cast else replace(meshes, highs=[thinned(high) for high in meshes.highs]), ray_cast)
 
 
 def limit(low: Mesh, settings: Settings) -> float:
@@ -52,14 +45,14 @@ def limit(low: Mesh, settings: Settings) -> float:
     return LIMIT * local_space_of([low]).size if settings.limit is None else settings.limit
 
 
-def probe(look: Apart, size: tuple[int, int], tiles: Sequence[int]) -> np.ndarray:
-    """What `look` sees of a map of `size` at PROBE texels a side at the most, (tiles, height, width, 4) float32."""
-    small = min(size[0], PROBE), min(size[1], PROBE)
-    return np.stack([look(small, udim.uv_to_clip(tile)) for tile in tiles])
+def sample(probe: Probe, size: tuple[int, int], tiles: Sequence[int]) -> np.ndarray:
+    """What `probe` finds on a map of `size`, on at most PROBE_SIZE texels a side: (tiles, height, width, 4) float32."""
+    small = min(size[0], PROBE_SIZE), min(size[1], PROBE_SIZE)
+    return np.stack([probe(small, udim.uv_to_clip(tile)) for tile in tiles])
 
 
 def offset(texels: np.ndarray, method: str) -> np.ndarray:
-    """What high and low differ by as a whole, (3,), from texels (…, 4) as Apart has them.
+    """What high and low differ by as a whole, (3,), from texels (…, 4) as Probe has them.
 
     Who flattens may put the two side by side to look at them: that is no distance. Who casts rays may not.
     """
@@ -76,12 +69,12 @@ def distances(texels: np.ndarray, without: np.ndarray) -> np.ndarray:
     return np.where(texels[..., 3] > 0.0, far, np.float32(-1.0))
 
 
-def flattened(low: Mesh, highs: Sequence[Mesh]) -> Apart:
-    """What looks at meshes that are laid flat."""
+def flat_probe(low: Mesh, highs: Sequence[Mesh]) -> Probe:
+    """Measures between meshes that are laid flat."""
     local_space = local_space_of([low])
     on_low, on_high = [upload(low, local_space)], [upload(high, local_space) for high in highs]
 
-    def look(size: tuple[int, int], uv_to_clip: UvToClip) -> np.ndarray:
+    def probe(size: tuple[int, int], uv_to_clip: UvToClip) -> np.ndarray:
         below, above = draw_points(on_low, size, uv_to_clip), draw_points(on_high, size, uv_to_clip)
         is_alone = above[..., 3] == 0.0
         above -= below
@@ -89,7 +82,7 @@ def flattened(low: Mesh, highs: Sequence[Mesh]) -> Apart:
         above[..., 3] = np.where(is_alone, -below[..., 3], below[..., 3])
         return above
 
-    return look
+    return probe
 
 
 def thinned(mesh: Mesh) -> Mesh:
@@ -103,12 +96,12 @@ def thinned(mesh: Mesh) -> Mesh:
     return replace(mesh, positions=positions, vertices=numbers, uv=uv, triangles=numbers.reshape(-1, 3))
 
 
-def _along(meshes: Meshes, ray_cast: ray_casting.RayCast) -> Apart:
-    """What looks along rays."""
+def _ray_probe(meshes: Meshes, ray_cast: ray_casting.RayCast) -> Probe:
+    """Measures along rays."""
     local_space = ray_cast.ray_scene.local_space
     on_low = [upload(meshes.low, local_space)] if meshes.cage is not None else None
 
-    def look(size: tuple[int, int], uv_to_clip: UvToClip) -> np.ndarray:
+    def probe(size: tuple[int, int], uv_to_clip: UvToClip) -> np.ndarray:
         places = target.get("audit rays", *size, "RGBA32F", "RGBA32F")
         hits = target.get("audit hits", *size, "RGBA32UI")
         found = target.get("audit far", *size, "RGBA32F")
@@ -128,7 +121,7 @@ def _along(meshes: Meshes, ray_cast: ray_casting.RayCast) -> Apart:
         away[..., 3] = np.where(has_missed, -is_low, is_low)
         return away
 
-    return look
+    return probe
 
 
 def upload(mesh: Mesh, local_space: LocalSpace) -> gpu.types.GPUBatch:

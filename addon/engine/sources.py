@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where the texels of a map come from: high meshes laid flat, rays, or what was drawn before."""
+"""Sources of normals and other values: high meshes laid flat, rays, or maps that were drawn before."""
 
 from collections.abc import Iterator, Sequence
 from typing import Protocol
@@ -8,21 +8,24 @@ import gpu
 import numpy as np
 
 from ..core.map_types import NORMAL
-from ..core.progress import Pace
-from ..core.report import Report
+from ..core.progress import Pace, Progress, Task
 from ..core.settings import Settings
+from ..core.timings import Timings
 from ..mesh.local_space import local_space_of
 from ..mesh.triangle_mesh import Mesh, normal_matrix
 from ..passes import data_texture, mesh_upload, target
 from ..passes.bake import cast, flatten, gbuffer, points
-from . import ray_casting
+from . import ray_casting, ray_distances
 from .bands import Band
+from .method_choice import Plan
 from .surface_maps import SurfaceMaps
 
 
 class Source(Protocol):
-    """Draws a band of the normal map, and of the maps beside it. takes_time: whether it does so in slices. shot: what it
-    casts, if it does."""
+    """Draws a band of the normal map, and of the maps beside it.
+
+    takes_time: whether it does so in slices. ray_cast: the rays that it casts, or None.
+    """
 
     takes_time: bool
     ray_cast: ray_casting.RayCast | None
@@ -38,6 +41,45 @@ class Source(Protocol):
         it, in `into` or elsewhere."""
 
 
+def normal_source(
+    plan: Plan, settings: Settings, timings: Timings, pace: Pace, *, uploads: mesh_upload.UploadCache | None = None
+) -> Task[Source]:
+    """What draws the normals of a bake; `uploads` holds what was uploaded before. Raises BakeError for too many triangles."""
+    meshes = plan.meshes
+    if plan.method == "FLATTEN":
+        return Flat(meshes.low, meshes.highs, settings, timings, uploads=uploads)
+    ray_cast = yield from _ray_cast(plan, settings, timings)
+    return Rays(meshes.low, ray_cast, meshes.highs, settings, pace)
+
+
+def _ray_cast(plan: Plan, settings: Settings, timings: Timings) -> Task[ray_casting.RayCast]:
+    """The rays of a bake. Distances that the settings leave open are measured."""
+    meshes, has_cage = plan.meshes, plan.meshes.cage is not None
+    yield Progress("Building the tree", 0.0)
+    ray_scene = ray_casting.trees.ray_scene_of(meshes.highs, timings)
+    yield Progress("Measuring distances", 0.5)
+    with timings.timed("upload"):
+        rays = ray_casting.rays(meshes.low, meshes.directions, meshes.cage, ray_scene.local_space)
+    # With a cage rays start on it, and nowhere else.
+    extrusion, max_distance = 0.0 if has_cage else settings.extrusion, settings.max_distance
+    is_measured = extrusion is None or max_distance is None
+    if is_measured:
+        with timings.timed("distances"):
+            outside, inside = ray_distances.measure(
+                ray_scene.tables,
+                rays,
+                (settings.width, settings.height),
+                plan.tiles,
+                has_cage=has_cage,
+                facing_only=settings.facing_only,
+            )
+        unit = ray_scene.local_space.size
+        extrusion = outside * unit if extrusion is None else extrusion
+        # Measured from the low surface; rays start `extrusion` outside it.
+        max_distance = extrusion + inside * unit if max_distance is None else max_distance
+    return ray_casting.RayCast(ray_scene, rays, extrusion, max_distance, settings.facing_only, is_measured)
+
+
 class Flat:
     """Draws `highs` in UV space; `uploads` holds what was uploaded of them before."""
 
@@ -49,13 +91,13 @@ class Flat:
         low: Mesh,
         highs: Sequence[Mesh],
         settings: Settings,
-        report: Report,
+        timings: Timings,
         *,
         uploads: mesh_upload.UploadCache | None = None,
     ):
         uploads = uploads or mesh_upload.UploadCache()
         to_world = None if settings.space == "WORLD" else low.to_world
-        with report.timed("upload"):
+        with timings.timed("upload"):
             self.drawn = [
                 (
                     uploads.upload(high.name, high.triangles, uv=high.uv, normal=high.normals),
@@ -135,7 +177,7 @@ class Rays:
         return self.surface_maps.draw(into, name, self._normals.texture, self._points)
 
 
-class Drawn:
+class DrawnMaps:
     """Maps that were drawn before, by name, (height, width, 4) float32 as rendering.Renderer.raw returns them."""
 
     takes_time = False

@@ -13,7 +13,7 @@ from ..mesh.triangle_mesh import Mesh
 from ..passes import mesh_upload, target
 from ..passes.bake import gbuffer
 from . import separation
-from .separation import PROBE
+from .separation import PROBE_SIZE
 
 CLOSE = 0.05
 """Of the low mesh's radius: points of one texel that lie nearer than this, along the surface, belong together."""
@@ -23,7 +23,7 @@ SHIFT = 0.5
 """Of a part's extent: texels of a small part may differ in what leads from low to high by so much, on the average. A bolt
 in another place, or turned, differs by more than it is large, though it may lie close to the place where its UVs are."""
 LEAST = 32
-"""Texels a side that are looked at of each of many high meshes; of a few there are up to PROBE."""
+"""Texels a side that are looked at of each of many high meshes; of a few there are up to PROBE_SIZE."""
 SMALLEST = 1e-6
 """In tiles: UVs that reach less far have no texel on any map."""
 WIDE = 2.0
@@ -32,7 +32,7 @@ WIDE = 2.0
 
 def choose(low: Mesh, highs: Sequence[Mesh], tiles: Sequence[int]) -> tuple[str, str, np.ndarray | None]:
     """The method for these meshes on these UDIM tiles, FLATTEN or CAST, why, as a clause, and, for FLATTEN, what
-    separation.probe sees of a large map. One high mesh whose UVs are its own is enough for CAST."""
+    separation.sample finds on a large map. One high mesh whose UVs are its own is enough for CAST."""
     without = next((high for high in highs if high.uv is None), None)
     if without is not None:
         several = without.instances > 1
@@ -42,7 +42,7 @@ def choose(low: Mesh, highs: Sequence[Mesh], tiles: Sequence[int]) -> tuple[str,
             else "has no UV layer"
         )
         return "CAST", f"{without.name!r} {what}", None
-    texels = separation.probe(separation.flattened(low, highs), (PROBE, PROBE), tiles)
+    texels = separation.sample(separation.flat_probe(low, highs), (PROBE_SIZE, PROBE_SIZE), tiles)
     on_low, both = texels[..., 3] != 0.0, texels[..., 3] > 0.0
     if not both.any():
         return "CAST", "the UV layouts have no texel in common", None
@@ -66,7 +66,7 @@ def differing(low: Mesh, highs: Sequence[Mesh], tiles: Sequence[int], offset: np
     offset (3,): what low and high seem to differ by as a whole, in scene units. It is that of those that differ where they
     cover the most, and so the meshes are looked at as they stand as well: what explains more of them is right.
     """
-    surface = _Surface(low, max(LEAST, PROBE // math.isqrt(len(highs))))
+    surface = _Surface(low, max(LEAST, PROBE_SIZE // math.isqrt(len(highs))))
 
     def found(by: np.ndarray) -> list[str]:
         clauses = (_difference(surface, high, _views(low, high, tiles), by) for high in highs)
@@ -79,13 +79,13 @@ def differing(low: Mesh, highs: Sequence[Mesh], tiles: Sequence[int], offset: np
 
 
 def elsewhere(low: Mesh, highs: Sequence[Mesh]) -> np.ndarray:
-    """Where on the tile 0 to 1 meshes that are laid flat do not belong together: (PROBE, PROBE) bool, row 0 is v = 0.
+    """Where on the tile 0 to 1 meshes that are laid flat do not belong together: (PROBE_SIZE, PROBE_SIZE) bool, row 0 is v = 0.
 
     There the point of the high meshes lies CLOSE to none of the low mesh's on the same texel, along its surface.
     """
     surface, uv_to_clip = _Surface(low), udim.uv_to_clip()
     above = separation.draw_points(
-        [separation.upload(high, surface.local_space) for high in highs], (PROBE, PROBE), uv_to_clip
+        [separation.upload(high, surface.local_space) for high in highs], (PROBE_SIZE, PROBE_SIZE), uv_to_clip
     )
     layers = [surface.draw(uv_to_clip, is_last=is_last) for is_last in (True, False)]
     both = (above[..., 3] > 0.0) & (layers[0][0][..., 3] > 0.0)
@@ -162,7 +162,7 @@ def _box(uv: np.ndarray) -> np.ndarray:
 class _Surface:
     """The low mesh in UV space, to compare with: `side` texels along u and v."""
 
-    def __init__(self, low: Mesh, side: int = PROBE):
+    def __init__(self, low: Mesh, side: int = PROBE_SIZE):
         self.local_space, self.side = local_space_of([low]), side
         attributes = {
             "uv": low.uv,

@@ -4,20 +4,19 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-import bpy
 import numpy as np
 
-from ..audit import checks, severity
+from ..audit import severity
 from ..core import progress, texel_state
 from ..core.map_types import BY_NAME, NORMAL, Labeled
 from ..core.report import Report
 from ..core.settings import Settings
+from ..core.timings import Timings
 from ..engine import gpu_memory, post_process
 from ..engine.rendering import Renderer
-from ..engine.sources import Drawn
-from ..mesh.inputs import Meshes
-from ..mesh.triangle_mesh import Mesh
-from ..output.outputs import Outputs
+from ..engine.sources import DrawnMaps
+from ..output.outputs import Outputs, hook_up
+from .reports import DrawnJob, report_of
 
 
 class Atlas:
@@ -26,63 +25,76 @@ class Atlas:
     def __init__(self, settings: Settings):
         # In all their samples and in their own tangent spaces already.
         self.settings = replace(settings, samples=1)
-        self.lows: list[Mesh] = []
+        self.drawn: list[DrawnJob] = []
         self.tiles: dict[int, dict[str, np.ndarray]] = {}
         self.labels: dict[Labeled, list[str]] = {labeled: [] for labeled in Labeled}
+        self._warnings: list[list[str]] = []
 
-    def add(self, drawn: dict[int, dict[str, np.ndarray]], meshes: Meshes, report: Report) -> None:
-        """Lay the maps of one bake over those before. Misses yield to hits; else the later one stays."""
-        self.lows.append(meshes.low)
-        self._renumber(drawn, {Labeled.OBJECTS: report.high, Labeled.MATERIALS: meshes.materials})
-        for tile, maps in drawn.items():
-            if tile not in self.tiles:
-                self.tiles[tile] = maps
-                continue
-            below, above = self.tiles[tile], maps[NORMAL.name][..., 3]
-            hits, were_hits = above > 0.0, below[NORMAL.name][..., 3] > 0.0
-            lost = np.count_nonzero(hits & were_hits)
-            if lost > severity.MUCH_OVERLAP * max(1, np.count_nonzero(hits)):
-                report.warnings.append(
-                    f"{lost:,} texels of {report.low!r} lie over those of others in the same image: give each its own "
-                    "place, or a map each with {low} in the name."
-                )
-            wins = hits | ((above < 0.0) & (below[NORMAL.name][..., 3] <= 0.0))
-            for name, values in maps.items():
-                np.copyto(below[name], values, where=wins[..., None])
+    def add(self, drawn: DrawnJob, maps: dict[int, dict[str, np.ndarray]]) -> None:
+        """Lay the maps of one bake, by tile and name, over those before. Misses yield to hits; else the later one stays."""
+        self._renumber(maps, drawn.labels)
+        self.drawn.append(drawn)
+        self._warnings.append([])
+        for tile, above in maps.items():
+            if tile in self.tiles:
+                self._lay_over(self.tiles[tile], above)
+            else:
+                self.tiles[tile] = above
 
-    def store(self, lows: Sequence[bpy.types.Object], reports: Sequence[Report]) -> None:
-        """Add the margin, and put the maps where the settings want them."""
-        tally, last = checks.Tally(), reports[-1]
+    def store(self) -> list[Report]:
+        """Add the margin, and put the maps where the settings want them. Returns a report of each bake. Raises BakeError."""
+        last = self.drawn[-1].timings
         with last.in_total(), Outputs(self.settings) as outputs:
-            post_processes = post_process.for_maps(self.lows, self.settings)
-            try:
-                for tile, maps in self.tiles.items():
-                    renderer = Renderer(Drawn(maps), None, self.settings, last, progress.Pace())
-                    finished = progress.finish(renderer.texels(tile, post_processes))
-                    tally.add(finished[NORMAL.name][1], None, 0)
-                    outputs.add(tile, finished)
-            finally:
-                gpu_memory.trim()
+            margin = self._fill(outputs, last)
+            lows = [drawn.job.low for drawn in self.drawn]  # before anything changes: it raises if one was deleted
             with last.timed("image"):
-                outputs.commit(lows, reports, self.labels[Labeled.MATERIALS])
-        for report in reports:
-            report.margin = tally.margin / tally.texels
+                stored = outputs.commit(self.labels)
+                self._warnings[0] += stored.warnings
+                if self.settings.material:
+                    for low, drawn, warnings in zip(lows, self.drawn, self._warnings, strict=True):
+                        warnings.extend(hook_up(low, stored.image, drawn.meshes.uv_layer, self.settings))
+        return [
+            report_of(drawn, stored, warnings, margin)
+            for drawn, warnings in zip(self.drawn, self._warnings, strict=True)
+        ]
 
-    def _renumber(self, drawn: dict[int, dict[str, np.ndarray]], labels: dict[Labeled, Sequence[str]]) -> None:
+    def _fill(self, outputs: Outputs, timings: Timings) -> float:
+        """Give all maps with their margin to `outputs`. Returns the share of the texels that is margin."""
+        post_processes = post_process.for_maps([drawn.meshes.low for drawn in self.drawn], self.settings)
+        margin = texels = 0
+        with gpu_memory.trimmed():
+            for tile, maps in self.tiles.items():
+                renderer = Renderer(DrawnMaps(maps), None, self.settings, timings, progress.Pace())
+                finished = progress.finish(renderer.texels(tile, post_processes))
+                state = finished[NORMAL.name][1]
+                margin += int(np.count_nonzero(state == texel_state.MARGIN))
+                texels += state.size
+                outputs.add(tile, finished)
+        return margin / texels
+
+    def _lay_over(self, below: dict[str, np.ndarray], above: dict[str, np.ndarray]) -> None:
+        """Lay the maps of the last bake over those before, of one tile."""
+        alpha, alpha_below = above[NORMAL.name][..., 3], below[NORMAL.name][..., 3]
+        is_hit, was_hit = alpha > 0.0, alpha_below > 0.0
+        lost = np.count_nonzero(is_hit & was_hit)
+        if lost > severity.MUCH_OVERLAP * max(1, np.count_nonzero(is_hit)):
+            self._warnings[-1].append(
+                f"{lost:,} texels of {self.drawn[-1].meshes.low.name!r} lie over those of others in the same image: give each "
+                "its own place, or a map each with {low} in the name."
+            )
+        wins = is_hit | ((alpha < 0.0) & (alpha_below <= 0.0))
+        for name, values in above.items():
+            np.copyto(below[name], values, where=wins[..., None])
+
+    def _renumber(self, maps: dict[int, dict[str, np.ndarray]], labels: dict[Labeled, Sequence[str]]) -> None:
         """Each bake numbers its objects and materials from 1; here each has a number of its own."""
         numbers = {}
         for labeled, names in labels.items():
             known = self.labels[labeled]
             known += [name for name in dict.fromkeys(names) if name not in known]
             numbers[labeled] = np.array([0, *(known.index(name) + 1 for name in names)], np.float32)
-        for maps in drawn.values():
-            for name, values in maps.items():
+        for tile_maps in maps.values():
+            for name, values in tile_maps.items():
                 labeled = BY_NAME[name].labeled
                 if labeled:
                     values[..., :3] = numbers[labeled][values[..., :3].astype(np.int32)]
-
-
-def state(normals: np.ndarray) -> np.ndarray:
-    """The state of texels without a margin, from the alpha of their normals (height, width, 4)."""
-    alpha = normals[..., 3]
-    return np.where(alpha > 0.0, texel_state.WRITTEN, np.where(alpha < 0.0, texel_state.MISSED, 0)).astype(np.uint8)

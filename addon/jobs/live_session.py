@@ -8,13 +8,15 @@ import bpy
 import gpu
 import numpy as np
 
-from ..core import progress, texel_state
+from ..core import progress, texel_state, udim
 from ..core.errors import BakeError
+from ..core.map_types import NORMAL, Labeled
 from ..core.progress import Pace, Progress, Task
-from ..core.report import Report
 from ..core.settings import Settings
-from ..engine import method_choice, post_process, rendering, sources
+from ..core.timings import Timings
+from ..engine import post_process, rendering, sources
 from ..engine.bands import Band
+from ..engine.method_choice import Plan, choose_method, nothing_drawn
 from ..engine.sources import Source
 from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
@@ -23,16 +25,14 @@ from ..passes import target
 from ..passes.mesh_upload import UploadCache
 from ..scene import bake_objects, mesh_reader, reading
 from . import several
-from .several import Job
-
-READY = 0.2
-"""Share of a map that is done when drawing begins."""
+from .bake import READY
+from .job import Job, check_job
 
 
 class Session:
     """Follows the objects of a job.
 
-    texels: the last whole map, (height, width, 4) float32 as it is stored; None before the first. report: of its bake.
+    texels: the last whole map, (height, width, 4) float32 as it is stored; None before the first. plan: of its bake.
     """
 
     def __init__(self, context: bpy.types.Context, job: Job, settings: Settings, speed: Pace):
@@ -44,10 +44,10 @@ class Session:
         settings = replace(settings.read_by(context.scene.render.engine), modifiers="VIEWPORT", maps=(), mask=False)
         self.settings = several.for_low(settings, job.low.name)
         output_clashes.check(settings, [self.settings], [job.low.name])
-        several.check(context, job, self.settings)
+        check_job(context, job, self.settings)
         self.pace = speed
         self.texels: np.ndarray | None = None
-        self.report: Report | None = None
+        self.plan: Plan | None = None
         self._meshes: Meshes | None = None
         self._method = settings.method
         self._post_processes: dict[str, post_process.PostProcess] = {}
@@ -70,14 +70,25 @@ class Session:
 
         Raises BakeError.
         """
-        settings = replace(self.settings, method=self._method)
-        report = self.job.report(settings)
-        yield from report.counted(self._drawn(context, changed, settings, report))
+        settings, timings = replace(self.settings, method=self._method), Timings()
+        yield Progress(f"Reading {self.job.low.name}", 0.0)
+        meshes = self._read(context, changed, settings)
+        plan = choose_method(meshes, [udim.FIRST], settings)
+        self._method = plan.method
+        preparing = sources.normal_source(plan, settings, timings, self.pace, uploads=self._uploads)
+        source = yield from progress.part(preparing, 0.0, READY)
+        if source.takes_time and self.pace.is_heard:
+            yield self._first_look(source, settings)
+        renderer = rendering.Renderer(source, meshes.basis, settings, timings, self.pace, uploads=self._uploads)
+        maps = yield from progress.part(renderer.texels(udim.FIRST, self._post_processes), READY, 1.0)
+        texels, state = maps[NORMAL.name]
+        if not (state == texel_state.WRITTEN).any():
+            raise BakeError(nothing_drawn(plan))
+        self.texels, self._state, self.plan, self._source = texels, state, plan, source
+        self._coarse = None
 
-    def _drawn(
-        self, context: bpy.types.Context, changed: Collection[int] | None, settings: Settings, report: Report
-    ) -> Task[None]:
-        yield Progress(f"Reading {report.low}", 0.0)
+    def _read(self, context: bpy.types.Context, changed: Collection[int] | None, settings: Settings) -> Meshes:
+        """Read the objects that changed; `changed` as in `work`."""
         low, highs, cage = self.job.low, self.job.highs, self.job.cage
         reason = bake_objects.problem(context, low, highs, cage, self._method)
         if reason:
@@ -89,29 +100,16 @@ class Session:
             raise BakeError(
                 f"The map will follow when {hidden.name!r} leaves Sculpt Mode, which keeps Multires detail."
             )
-        with report.timed("extract"):
-            before = None if changed is None else self._meshes
-            changed = {uid for one in changed or () for uid in (one, *self._shown_by.get(one, ()))}
-            self._shown_by = bake_objects.shown_by(highs)
-            meshes = reading.read_again(context, low, highs, cage, settings, before=before, changed=changed)
-        self._meshes, report.uv_layer = meshes, meshes.uv_layer
+        before = None if changed is None else self._meshes
+        changed = {uid for changed_uid in changed or () for uid in (changed_uid, *self._shown_by.get(changed_uid, ()))}
+        self._shown_by = bake_objects.shown_by(highs)
+        meshes = reading.read_again(context, low, highs, cage, settings, before=before, changed=changed)
+        self._meshes = meshes
         if not self._post_processes or before is None or meshes.low is not before.low:
             self._post_processes = post_process.for_maps([meshes.low], settings)
-        shown = method_choice.choose(meshes, [1001], settings, report)
-        self._method = report.method
-        preparing = method_choice.source(shown, [1001], settings, report, self.pace, uploads=self._uploads)
-        source = yield from progress.part(preparing, 0.0, READY)
-        if source.takes_time and self.pace.is_heard:
-            yield self._first_look(source, shown.basis, settings, report)
-        renderer = rendering.Renderer(source, shown.basis, settings, report, self.pace, uploads=self._uploads)
-        maps = yield from progress.part(renderer.texels(1001, self._post_processes), READY, 1.0)
-        texels, state = maps["NORMAL"]
-        if not (state == texel_state.WRITTEN).any():
-            raise BakeError(method_choice.nothing_drawn(shown, [1001], report))
-        self.texels, self._state, self.report, self._source = texels, state, report, source
-        self._coarse = None
+        return meshes
 
-    def _first_look(self, source: Source, basis: Mesh | None, settings: Settings, report: Report) -> Progress:
+    def _first_look(self, source: Source, settings: Settings) -> Progress:
         """A coarse map, to be seen until the whole one is done."""
         small = replace(
             settings,
@@ -121,8 +119,8 @@ class Session:
         )
         # In targets of their own: those of the whole map stay as large as they are.
         with target.using(self._coarse_pool):
-            renderer = rendering.Renderer(source, basis, small, report, Pace(), uploads=self._uploads)
-            progress.finish(renderer.texels(1001, post_process.for_maps([self._meshes.low], small)))
+            renderer = rendering.Renderer(source, self._meshes.basis, small, Timings(), Pace(), uploads=self._uploads)
+            progress.finish(renderer.texels(udim.FIRST, post_process.for_maps([self._meshes.low], small)))
         self._coarse = self._coarse_pool.find("map").texture
         return Progress("Drawing", READY, self._coarse)
 
@@ -201,9 +199,9 @@ class Session:
         settings = self.settings
         is_new = datablocks.get(settings.image) is None
         image = datablocks.fill(settings.image, self.texels, is_float=settings.depth > 8, pack=False)
-        datablocks.sign(image, self.report.high)
+        datablocks.sign(image, self._high_names)
         if settings.material and (is_new or not self._is_stored):
-            self.report.warnings += outputs.hook_up(self.job.low, image, self.report, settings)
+            outputs.hook_up(self.job.low, image, self._meshes.uv_layer, settings)
         self._is_stored = True
 
     def commit(self) -> None:
@@ -211,5 +209,11 @@ class Session:
         low = self.job.refs[0].find()
         if self.texels is not None and low is not None:
             with outputs.Outputs(self.settings) as places:
-                places.add(1001, {"NORMAL": (self.texels, self._state)})
-                places.commit([low], [self.report], [])
+                places.add(udim.FIRST, {NORMAL.name: (self.texels, self._state)})
+                stored = places.commit({Labeled.OBJECTS: self._high_names})
+                if self.settings.material:
+                    outputs.hook_up(low, stored.image, self._meshes.uv_layer, self.settings)
+
+    @property
+    def _high_names(self) -> list[str]:
+        return [high.name for high in self._meshes.highs]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where the flaws are that the audit counted: on all texels of a map, and on which faces of the low mesh."""
+"""Locates the issues that the audit counted: on all texels of a map, and on which faces of the low mesh."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -11,17 +11,22 @@ from ..audit import mip_gaps
 from ..audit.checks import uv_space
 from ..core import progress
 from ..core.errors import BakeError
+from ..core.map_types import NORMAL
 from ..core.report import Report
 from ..core.settings import Settings
-from ..engine import gpu_memory, method_choice, rendering, separation
+from ..core.timings import Timings
+from ..engine import gpu_memory, rendering, separation
 from ..engine.bands import Band
+from ..engine.method_choice import Plan, choose_method
+from ..engine.sources import Source, normal_source
 from ..mesh import face_shapes, uv_islands, uv_layout, uv_seams
 from ..mesh.inputs import Meshes
 from ..output import image_writer
 from ..passes import mesh_upload, target
 from ..passes.audit import overlap, triangle_ids
 from ..scene import bake_objects, mesh_reader, reading
-from . import several
+from .job import Job, check_job
+from .reports import PastBake
 
 ON_TEXELS = ("overlap", "uncovered", "far", "gaps", "backwards")
 ON_TRIANGLES = ("mirrored", "outside", "no_area", "behind")
@@ -35,18 +40,11 @@ TEXELS = 1024 * 1024
 
 def of_low(report: Report) -> bpy.types.Object:
     """The low object of a bake that was done. Raises BakeError if it is gone."""
-    return _objects(report)[0]
-
-
-def _objects(report: Report) -> list[bpy.types.Object]:
-    """The low object of a bake that was done, the high ones and the cage. Raises BakeError if one is gone."""
-    names = [report.low, *report.high, *([report.cage] if report.cage else [])]
-    refs = report.refs or [bake_objects.ObjectRef(0, name) for name in names]  # from a file: whatever is called so
-    return [ref.resolve() for ref in refs]
+    return PastBake.of(report).job.low
 
 
 def find(context: bpy.types.Context, report: Report, kind: str) -> np.ndarray:
-    """The low object's own faces (N,) int that have flaws of this kind, or edges for kinds ON_EDGES, as the objects are now.
+    """The low object's own faces (N,) int that have issues of this kind, or edges for kinds ON_EDGES, as the objects are now.
 
     report: of the bake whose settings count. Raises BakeError if the objects cannot be baked like that any more, or if
     modifiers make faces of which nobody knows where they come from.
@@ -64,7 +62,7 @@ def find(context: bpy.types.Context, report: Report, kind: str) -> np.ndarray:
 
 
 def draw_mask(context: bpy.types.Context, report: Report, kind: str) -> bpy.types.Image:
-    """Fill an image, called after the map and the kind, that is white on the texels with flaws of a kind ON_TEXELS.
+    """Fill an image, called after the map and the kind, that is white on the texels with issues of a kind ON_TEXELS.
 
     report and errors: as in `find`.
     """
@@ -80,33 +78,41 @@ def draw_mask(context: bpy.types.Context, report: Report, kind: str) -> bpy.type
 
 @dataclass(frozen=True)
 class _View:
-    """What is looked at. settings: those of the mask."""
+    """The bake as its objects are now. settings: of the mask. distances: of the bake's rays; empty for Flatten."""
 
-    job: several.Job
-    meshes: Meshes
+    job: Job
+    plan: Plan
     settings: Settings
-    report: Report
+    distances: dict[str, float]
+
+    @property
+    def meshes(self) -> Meshes:
+        return self.plan.meshes
+
+    @property
+    def size(self) -> tuple[int, int]:
+        return self.settings.width, self.settings.height
+
+    def source(self) -> Source:
+        """What draws the map as the bake did."""
+        settings = replace(self.settings, **self.distances)
+        return progress.finish(normal_source(self.plan, settings, Timings(), progress.Pace()))
 
 
 def _view(context: bpy.types.Context, report: Report, kind: str) -> _View:
-    low, *highs = _objects(report)
-    job = several.Job(low, highs[: len(report.high)], highs[-1] if report.cage else None)
-    settings = Settings(**{k: tuple(v) if isinstance(v, list) else v for k, v in report.settings.items()})
+    past = PastBake.of(report)
     # Of all that can be set, what the map looks like does not count, and nothing is written but the mask.
     space = "TANGENT" if kind == "backwards" else "OBJECT"
-    settings = replace(settings, method=report.method, space=space, maps=(), mask=False, material=False)
+    settings = replace(past.settings, method=past.method, space=space, maps=(), mask=False, material=False)
     settings = replace(settings, output="", storage="PACK" if settings.udim else "MEMORY")
     settings = replace(settings, image=f"{settings.image}_{kind}", depth=8, dither=False)
-    several.check(context, job, settings)
-    told = Report(report.method, space, report.size, report.low, report.high, distances=report.distances)
-    meshes = reading.read(context, job.low, job.highs, job.cage, settings)
-    return _View(
-        job, method_choice.choose(meshes, report.tiles, settings, told), settings, replace(told, tiles=report.tiles)
-    )
+    check_job(context, past.job, settings)
+    meshes = reading.read(context, past.job.low, past.job.highs, past.job.cage, settings)
+    return _View(past.job, choose_method(meshes, past.tiles, settings), settings, past.distances)
 
 
 def _triangles(view: _View, kind: str) -> np.ndarray:
-    """Which triangles of the low mesh, (T,) bool, have flaws of this kind."""
+    """Which triangles of the low mesh, (T,) bool, have issues of this kind."""
     low = view.meshes.low
     if kind == "outside":
         outside = uv_layout.outside(low, uv_space(view.settings))
@@ -127,15 +133,13 @@ def _triangles(view: _View, kind: str) -> np.ndarray:
 
 
 def _masks(view: _View, kind: str) -> Iterator[tuple[Band, np.ndarray, int]]:
-    """Band by band, which texels (height, width) bool have flaws, and how many triangles lie on one of them at most."""
-    settings, tiles = view.settings, view.report.tiles
-    size, rows = (settings.width, settings.height), max(1, TEXELS // settings.width)
+    """Band by band, which texels (height, width) bool have issues, and how many triangles lie on one of them at most."""
+    (width, height), tiles = view.size, view.plan.tiles
+    rows = max(1, TEXELS // width)
     bands = [
-        Band(start, min(start + rows, settings.height), size, 0, tile)
-        for tile in tiles
-        for start in range(0, settings.height, rows)
+        Band(start, min(start + rows, height), view.size, 0, tile) for tile in tiles for start in range(0, height, rows)
     ]
-    try:
+    with gpu_memory.trimmed():
         if kind == "overlap":
             yield from _shared(view, bands)
         elif kind in {"gaps", "backwards"}:
@@ -143,9 +147,7 @@ def _masks(view: _View, kind: str) -> Iterator[tuple[Band, np.ndarray, int]]:
             for band in bands:
                 yield band, whole[band.tile][band.start : band.stop], 1
         else:
-            yield from _apart(view, kind, bands)
-    finally:
-        gpu_memory.trim()
+            yield from _separated(view, kind, bands)
 
 
 def _shared(view: _View, bands: list[Band]) -> Iterator[tuple[Band, np.ndarray, int]]:
@@ -159,13 +161,13 @@ def _shared(view: _View, bands: list[Band]) -> Iterator[tuple[Band, np.ndarray, 
         yield band, counts > 1.0, int(counts.max())
 
 
-def _apart(view: _View, kind: str, bands: list[Band]) -> Iterator[tuple[Band, np.ndarray, int]]:
+def _separated(view: _View, kind: str, bands: list[Band]) -> Iterator[tuple[Band, np.ndarray, int]]:
     """The texels that are uncovered or far, as `_masks` has them."""
-    look = separation.looking(view.meshes, view.settings, view.report)
-    texels = separation.probe(look, (view.settings.width, view.settings.height), view.report.tiles)
-    offset, limit = separation.offset(texels, view.report.method), separation.limit(view.meshes.low, view.settings)
+    probe = separation.full_probe(view.meshes, view.source().ray_cast)
+    texels = separation.sample(probe, view.size, view.plan.tiles)
+    offset, limit = separation.offset(texels, view.plan.method), separation.limit(view.meshes.low, view.settings)
     for band in bands:
-        texels = look((band.width, band.height), band.uv_to_clip)
+        texels = probe((band.width, band.height), band.uv_to_clip)
         mask = texels[..., 3] < 0.0 if kind == "uncovered" else separation.distances(texels, offset) > limit
         yield band, mask, 1
 
@@ -174,18 +176,16 @@ def _close(view: _View) -> Iterator[np.ndarray]:
     """Tile by tile, the texels (height, width) bool that lie too close to another island or to the border."""
     sparse = mip_gaps.grid(view.settings, mip_gaps.MOST)
     columns, rows = sparse.steps
-    for found in mip_gaps.find(view.meshes.low, view.report.tiles, view.settings, sparse, overlaps=True):
+    for found in mip_gaps.find(view.meshes.low, view.plan.tiles, view.settings, sparse, overlaps=True):
         close = np.repeat(np.repeat(found.close | found.border, rows, axis=0), columns, axis=1)
         yield close[: view.settings.height, : view.settings.width]
 
 
 def _backwards(view: _View) -> Iterator[np.ndarray]:
     """Tile by tile, the texels (height, width) bool whose normal points into the low mesh: drawn as in the bake."""
-    meshes, report, settings = view.meshes, view.report, replace(view.settings, **view.report.distances)
-    source = progress.finish(method_choice.source(meshes, report.tiles, settings, report, progress.Pace()))
-    renderer = rendering.Renderer(source, meshes.basis, settings, report, progress.Pace())
-    for tile in report.tiles:
-        normals = progress.finish(renderer.raw(tile))["NORMAL"]
+    renderer = rendering.Renderer(view.source(), view.meshes.basis, view.settings, Timings(), progress.Pace())
+    for tile in view.plan.tiles:
+        normals = progress.finish(renderer.raw(tile))[NORMAL.name]
         yield (normals[..., 2] <= 0.0) & (normals[..., 3] > 0.0)
 
 
@@ -217,17 +217,18 @@ def add_triangulate(context: bpy.types.Context, report: Report) -> tuple[bpy.typ
     Also returns how many quads the modifier nevertheless cuts otherwise: those that Blender turns since they would be
     folded. Raises BakeError if the object cannot take one, or has one already.
     """
-    low = of_low(report)
+    past = PastBake.of(report)
+    low = past.job.low
     if not low.is_editable:
         raise BakeError(f"{low.name!r} is linked from another file: make it local, so that it takes a modifier.")
-    if low.name in report.high:
+    if low in past.job.highs:
         raise BakeError(
             f"{low.name!r} was baked from its own modifiers onto its base mesh: triangulate that one instead."
         )
     if low.modifiers and low.modifiers[-1].type == "TRIANGULATE":
         raise BakeError(f"{low.name!r} has a Triangulate modifier already: {low.modifiers[-1].name!r}.")
     with (
-        bake_objects.ready(context, low, [], None, report.settings["modifiers"]) as depsgraph,
+        bake_objects.ready(context, low, [], None, past.settings.modifiers) as depsgraph,
         mesh_reader.evaluated(low, depsgraph) as data,
     ):
         mesh = mesh_reader.surface(data, "", low.name, mesh_reader.matrix(low), with_faces=True)

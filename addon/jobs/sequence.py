@@ -16,7 +16,7 @@ from ..core.settings import Settings
 from ..output import datablocks, image_writer, materials, output_clashes, outputs
 from ..scene import bake_objects
 from . import several
-from .several import Job
+from .job import Job
 
 PASSING = "Imprint frame"
 """The image that shows each frame in turn while the sequence is made."""
@@ -47,7 +47,7 @@ def work(
     job: Job,
     settings: Settings,
     frames: Sequence[int],
-    speed: Pace,
+    pace: Pace,
     *,
     reports: list[Report] | None = None,
 ) -> Task[list[Report]]:
@@ -72,7 +72,7 @@ def work(
         for number, frame in enumerate(frames):
             _go_to(scene, frame)
             steps = part(
-                several.work(context, [job], each[number], speed), number / len(frames), (number + 1) / len(frames)
+                several.work(context, [job], each[number], pace), number / len(frames), (number + 1) / len(frames)
             )
             try:
                 while True:
@@ -89,7 +89,7 @@ def work(
             if passing is not None:
                 bpy.data.images.remove(passing)
         if reports:
-            _show(job, settings, frames[: len(reports)], reports)
+            reports[:] = _show(job, settings, frames, reports)
     return reports
 
 
@@ -116,21 +116,23 @@ def _check(settings: Settings, frames: Sequence[int]) -> None:
         raise BakeError("There is no frame to bake: let the sequence end after it starts.")
 
 
-def _show(job: Job, settings: Settings, frames: Sequence[int], reports: Sequence[Report]) -> None:
-    """Make the image a sequence of the frames that are done, which are there even if the low object is not any more."""
+def _show(job: Job, settings: Settings, frames: Sequence[int], reports: Sequence[Report]) -> list[Report]:
+    """Make the image a sequence of the frames that are done, which are there even if the low object is not any more.
+
+    Returns the reports of these frames with that image.
+    """
     image = datablocks.show(settings.image, output_for(settings.output, frames[0]))
     image.source = "SEQUENCE"
-    outputs.sign(image, reports)
-    for report in reports:
-        report.image = image.name
+    first, *others = (replace(report, image=image.name) for report in reports)
+    done = [first.with_warnings(outputs.sign(image, [ref.name for ref in job.high_refs])), *others]
     low = job.refs[0].find()
     if low is None or not settings.material:
-        return
-    last = reports[-1]
-    last.warnings += outputs.hook_up(low, image, last, settings)
+        return done
+    done[-1] = done[-1].with_warnings(outputs.hook_up(low, image, done[-1].uv_layer, settings))
     for material in filter(None, (slot.material for slot in low.material_slots)):
         for node in material.node_tree.nodes:
             if node.bl_idname == "ShaderNodeTexImage" and node.image == image:
                 user = node.image_user
-                user.frame_start, user.frame_duration = frames[0], len(frames)
+                user.frame_start, user.frame_duration = frames[0], len(reports)
                 user.frame_offset, user.use_auto_refresh = frames[0] - 1, True
+    return done

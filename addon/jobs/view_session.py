@@ -199,7 +199,7 @@ class Shading:
     def _elsewhere(self) -> np.ndarray:
         """Which parts of the map, (rows, columns) bool, are of another place than the low mesh's."""
         meshes = self.session.meshes
-        if self.session.report.method != "FLATTEN" or meshes.is_own_base:  # which share their UVs
+        if self.session.plan.method != "FLATTEN" or meshes.is_own_base:  # which share their UVs
             return np.zeros((1, 1), bool)
         return uv_agreement.elsewhere(meshes.low, meshes.highs)
 

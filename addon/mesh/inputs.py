@@ -15,8 +15,8 @@ class Meshes:
     low: as rays and checks see it, with its faces. basis: the low mesh with tangents, for tangent space, else None.
     directions (C, 3) float32: by corner of `low`, away from its surface. cage: with the corners of `low`, or None.
     is_own_base: the high mesh is the low object's own surface with modifiers. materials: what the labels of the high
-    meshes stand for, from 1. apart: what apart.probe sees, where Auto has measured it already. shown: a surface on its
-    own base as it is shown, with the UVs that modifiers have moved; None where none does.
+    meshes stand for, from 1. shown: a surface on its own base as it is shown, with the UVs that modifiers have moved;
+    None where none does.
     """
 
     low: Mesh
@@ -27,5 +27,4 @@ class Meshes:
     uv_layer: str
     is_own_base: bool
     materials: list[str]
-    apart: np.ndarray | None = None
     shown: Mesh | None = None

@@ -3,6 +3,7 @@
 
 from collections.abc import Sequence
 from contextlib import ExitStack
+from dataclasses import dataclass
 
 import bpy
 import numpy as np
@@ -10,11 +11,26 @@ import numpy as np
 from ..core import texel_state
 from ..core.errors import shorten_list
 from ..core.map_types import BY_NAME, MASK, NORMAL, Kind, Labeled
-from ..core.report import Report
 from ..core.settings import Settings
 from ..core.texel_state import Map
 from . import datablocks, image_writer, materials, value_encoding
 from .output_clashes import settings_by_map
+
+
+@dataclass(frozen=True)
+class Stored:
+    """What `Outputs.commit` has put in place.
+
+    image: of the normal map. paths: files, of each tile the normal map, then of each other map. tiles: UDIM numbers. maps
+    and loss: as in Report. warnings: sentences.
+    """
+
+    image: bpy.types.Image
+    paths: list[str]
+    tiles: list[int]
+    maps: dict[str, dict]
+    loss: dict[str, float]
+    warnings: list[str]
 
 
 class Outputs:
@@ -47,32 +63,26 @@ class Outputs:
         for name, kept in self._kept.items():
             kept[tile] = maps[name][0]  # encoded when the range of all tiles is known
 
-    def commit(
-        self, lows: Sequence[bpy.types.Object], reports: Sequence[Report], materials_seen: Sequence[str]
-    ) -> None:
-        """Store all images or none, and add the normal map to the materials of `lows`. Raises BakeError.
+    def commit(self, labels: dict[Labeled, Sequence[str]]) -> Stored:
+        """Store all images or none. Raises BakeError.
 
-        materials_seen: the names of the materials by number, from 1.
+        labels: the names that the numbers of an object map and of a material map stand for, from 1.
         """
-        settings = self.settings
-        maps = {name: self._encode(name, tiles, reports, materials_seen) for name, tiles in self._kept.items()}
+        maps = {name: self._encode(name, tiles, labels) for name, tiles in self._kept.items()}
         stored = dict(zip(self._writers, image_writer.commit_all(list(self._writers.values())), strict=True))
-        sign(stored[NORMAL.name], reports)
-        for low, report in zip(lows, reports, strict=True):
-            report.image = stored[NORMAL.name].name
-            report.output = [path for writer in self._writers.values() for path in writer.paths]
-            report.tiles = [tile for tile in report.tiles if tile in self._writers[NORMAL.name].tiles]
-            report.loss = self._writers[NORMAL.name].loss
-            report.maps = {name.lower(): {"image": stored[name].name} | how for name, how in maps.items()}
-            if settings.material:
-                report.warnings += hook_up(low, stored[NORMAL.name], report, settings)
+        writer = self._writers[NORMAL.name]
+        return Stored(
+            image=stored[NORMAL.name],
+            paths=[path for writer in self._writers.values() for path in writer.paths],
+            tiles=list(writer.tiles),
+            maps={name.lower(): {"image": stored[name].name} | how for name, how in maps.items()},
+            loss=writer.loss,
+            warnings=sign(stored[NORMAL.name], labels[Labeled.OBJECTS]),
+        )
 
-    def _encode(
-        self, name: str, tiles: dict[int, np.ndarray], reports: Sequence[Report], materials_seen: Sequence[str]
-    ) -> dict:
+    def _encode(self, name: str, tiles: dict[int, np.ndarray], labels: dict[Labeled, Sequence[str]]) -> dict:
         map_type = BY_NAME[name]
-        labels = {Labeled.OBJECTS: dict.fromkeys(_highs(reports)), Labeled.MATERIALS: materials_seen}
-        names = list(labels.get(map_type.labeled, ()))
+        names = labels[map_type.labeled] if map_type.labeled else []
         how = value_encoding.encoding(map_type, list(tiles.values()), names, self.settings)
         for tile, texels in tiles.items():
             value_encoding.encode(texels, how)
@@ -80,29 +90,25 @@ class Outputs:
         return how
 
 
-def _highs(reports: Sequence[Report]) -> list[str]:
-    """The names of all that was baked from."""
-    return [high for report in reports for high in report.high]
-
-
-def sign(image: bpy.types.Image, reports: Sequence[Report]) -> None:
-    """Note in `image` which high objects its new map came from; the first report warns of one from others that it replaced."""
-    highs = list(dict.fromkeys(_highs(reports)))
+def sign(image: bpy.types.Image, highs: Sequence[str]) -> list[str]:
+    """Note in `image` the names of the high objects of its new map. Returns a warning if it replaced a map of others."""
+    highs = list(dict.fromkeys(highs))
     before = image_writer.replaced(image.name, highs)
     datablocks.sign(image, highs)
-    if before:
-        reports[0].warnings.append(
-            f"The image {image.name!r} held a map of {before}, which the one of {shorten_list(map(repr, highs))} replaced."
-        )
+    if not before:
+        return []
+    return [
+        f"The image {image.name!r} held a map of {before}, which the one of {shorten_list(map(repr, highs))} replaced."
+    ]
 
 
-def hook_up(low: bpy.types.Object, image: bpy.types.Image, report: Report, settings: Settings) -> list[str]:
-    """Show `image` in the materials of `low`; returns what there is to say about it."""
+def hook_up(low: bpy.types.Object, image: bpy.types.Image, uv_layer: str, settings: Settings) -> list[str]:
+    """Show `image` in the materials of `low`. Returns warnings."""
     return materials.hook_up(
         low,
         image,
         space=settings.space,
-        uv_layer=report.uv_layer,
+        uv_layer=uv_layer,
         channels=(settings.red, settings.green, settings.blue),
         single_user=settings.single_user,
     )

@@ -11,6 +11,7 @@ from ..core.errors import BakeError
 from ..core.report import Report
 from ..core.settings import Settings
 from ..jobs import sequence, several
+from ..jobs.job import Job, jobs_by_name
 from ..scene import bake_objects
 from . import modal
 from .bake_results import distances, high_objects, results
@@ -69,7 +70,7 @@ class _OnePair(_Bake, Options):
         job, settings = self.job(context)
         return (yield from several.work(context, [job], settings, pace))
 
-    def job(self, context: bpy.types.Context) -> tuple[several.Job, Settings]:
+    def job(self, context: bpy.types.Context) -> tuple[Job, Settings]:
         """What the arguments name, and the panel where they say nothing."""
         scene_settings = context.scene.imprint
         low, highs = scene_settings.subjects(context, bake_objects.named(self.low) if self.low else None)
@@ -79,7 +80,7 @@ class _OnePair(_Bake, Options):
             raise BakeError(bake_objects.problem(context, low, highs))
         settings = self.to_settings(fallback=scene_settings)
         cage = bake_objects.named(self.cage) if self.cage else scene_settings.cage_for(settings.method)
-        return several.Job(low, highs, cage), settings
+        return Job(low, highs, cage), settings
 
 
 class IMPRINT_OT_bake(_OnePair, bpy.types.Operator):
@@ -131,7 +132,7 @@ class IMPRINT_OT_live(modal.SlicedOperator, bpy.types.Operator):
         if low is None:
             raise BakeError(bake_objects.problem(context, low, highs))
         plain = settings.to_settings()
-        job = several.Job(low, highs, settings.cage_for(plain.method))
+        job = Job(low, highs, settings.cage_for(plain.method))
         yield from live.starting(context, job, plain, pace)
 
 
@@ -144,7 +145,7 @@ class IMPRINT_OT_bake_pairs(_Bake, bpy.types.Operator):
 
     def task(self, context: bpy.types.Context, pace: progress.Pace) -> progress.Task:
         settings = context.scene.imprint
-        jobs, problems = several.jobs_by_name(context, settings.suffixes())
+        jobs, problems = jobs_by_name(context, settings.suffixes())
         for problem in problems:
             self.report({"WARNING"}, problem)
         steps = several.work(context, jobs, settings.to_settings(), pace, share_image=settings.share_image)

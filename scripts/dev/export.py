@@ -13,9 +13,11 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 import addon  # noqa: E402
-from addon.core.report import Report  # noqa: E402
+from addon.core import progress, udim  # noqa: E402
 from addon.core.settings import Settings  # noqa: E402
-from addon.engine import method_choice, ray_casting, ray_distances  # noqa: E402
+from addon.core.timings import Timings  # noqa: E402
+from addon.engine.method_choice import choose_method  # noqa: E402
+from addon.engine.sources import normal_source  # noqa: E402
 from addon.mesh import bvh, triangle_mesh  # noqa: E402
 from addon.scene import reading  # noqa: E402
 
@@ -24,15 +26,11 @@ def export(source: Path, target: Path) -> None:
     """Write the objects 'hi' and 'lo' of a .blend: what the passes of Flatten and Cast take."""
     bpy.ops.wm.open_mainfile(filepath=str(source))
     low, high = bpy.data.objects["lo"], bpy.data.objects["hi"]
-    settings = Settings(method="CAST", space="WORLD")
+    settings = Settings(method="CAST", space="WORLD", width=512, height=512)
     meshes = reading.read(bpy.context, low, [high], None, settings)
-    report = Report("CAST", "WORLD", (512, 512), "lo", ["hi"])
-    meshes = method_choice.choose(meshes, [1001], settings, report)
-    ray_scene = ray_casting.trees.ray_scene_of(meshes.highs, report)
-    rays = ray_casting.rays(meshes.low, meshes.directions, None, ray_scene.local_space)
-    outside, inside = ray_distances.measure(
-        ray_scene.tables, rays, (512, 512), [1001], has_cage=False, facing_only=False
-    )
+    plan = choose_method(meshes, [udim.FIRST], settings)
+    meshes, ray_cast = plan.meshes, progress.finish(normal_source(plan, settings, Timings(), progress.Pace())).ray_cast
+    ray_scene = ray_cast.ray_scene
     (mesh,) = meshes.highs
     laid_flat = reading.read(bpy.context, low, [high], None, Settings(method="FLATTEN", space="WORLD")).highs[0]
     points = ray_scene.local_space.points(mesh)
@@ -53,8 +51,8 @@ def export(source: Path, target: Path) -> None:
         first_leaf=tree.first_leaf,
         origin=tree.origin,
         scale=tree.scale,
-        extrusion=outside,
-        reach=outside + inside,
+        extrusion=ray_cast.start_offset,
+        reach=ray_cast.max_t,
     )
 
 

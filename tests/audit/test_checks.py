@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.audit import checks
+from addon.audit import tally
 from addon.core.errors import BakeError
 from addon.core.report import Report
 from addon.core.settings import Settings
@@ -238,9 +238,9 @@ def test_meshes_side_by_side():
 def test_auto_looks_once(monkeypatch):
     """What chose the method tells the distances as well."""
     low, high = zoo.terrain("lo", 8), zoo.terrain("hi", 32)
-    size = separation.PROBE, separation.PROBE
+    size = separation.PROBE_SIZE, separation.PROBE_SIZE
     truth = bake(low, high, method="FLATTEN", size=size).checks["far"]
-    monkeypatch.setattr(separation, "looking", None)
+    monkeypatch.setattr(separation, "full_probe", None)
     one = bake(low, high, method="AUTO", size=size).checks["far"]
     assert one == truth
     assert 0.0 < one["percentile_99"] < one["maximum"] < 0.2
@@ -375,9 +375,11 @@ def test_large_maps_are_looked_at_in_bands(monkeypatch):
 
 
 def test_of_a_map_larger_than_the_probe_every_other_texel_is_counted():
-    report = bake(tiles("lo", (0, 0, 0.5, 1), (0.25, 0, 0.5, 1)), zoo.plane("hi"), size=(2 * checks.PROBE, 16))
-    assert part(report.checks["overlap"], *TEXELS) == counted(checks.PROBE // 4 * 16, checks.PROBE // 2 * 16)
-    assert mask(report, "overlap").sum() == checks.PROBE // 2 * 16
+    report = bake(tiles("lo", (0, 0, 0.5, 1), (0.25, 0, 0.5, 1)), zoo.plane("hi"), size=(2 * tally.SAMPLES_A_SIDE, 16))
+    assert part(report.checks["overlap"], *TEXELS) == counted(
+        tally.SAMPLES_A_SIDE // 4 * 16, tally.SAMPLES_A_SIDE // 2 * 16
+    )
+    assert mask(report, "overlap").sum() == tally.SAMPLES_A_SIDE // 2 * 16
 
 
 # Objects as they are now

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from addon.core import progress
-from addon.core.report import Report
 from addon.core.settings import Settings
+from addon.core.timings import Timings
 from addon.engine import rendering, sources
 from addon.engine.post_process import for_maps
 from addon.mesh import triangle_mesh
@@ -137,8 +137,8 @@ def folds(low):
         to_world=np.eye(4),
     )
     settings = Settings(space="WORLD", width=SIZE[0], height=SIZE[1], margin=0)
-    report = Report("FLATTEN", "WORLD", SIZE, "", [])
-    source = sources.Flat(painted, [painted], settings, report)
-    renderer = rendering.Renderer(source, None, settings, report, progress.Pace())
+    timings = Timings()
+    source = sources.Flat(painted, [painted], settings, timings)
+    renderer = rendering.Renderer(source, None, settings, timings, progress.Pace())
     texels, _ = progress.finish(renderer.texels(1001, for_maps([painted], settings)))["NORMAL"]
     return texels[..., 2] < 0.5

@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.audit import checks
+from addon.audit import tally
 from addon.core import progress
 from addon.core.progress import Pace
 from addon.core.settings import Settings
@@ -71,4 +71,4 @@ def test_probes_for_distances_and_checks_are_sliced_as_well(slow):
     # Both ways for the distances, then the map, then the checks' look at some of its texels.
     starts = [rows.start for rows in slow].count(0)
     assert starts == 4
-    assert max(map(len, slow)) == Pace.FIRST < checks.PROBE
+    assert max(map(len, slow)) == Pace.FIRST < tally.SAMPLES_A_SIDE

@@ -125,7 +125,7 @@ def test_many_high_objects_are_looked_at_once_and_in_few_texels(monkeypatch):
 
     monkeypatch.setattr(uv_agreement.separation, "draw_points", counted)
     assert bake(low, *highs).method == "FLATTEN"
-    assert sum(texels) <= 6 * uv_agreement.PROBE**2
+    assert sum(texels) <= 6 * uv_agreement.PROBE_SIZE**2
     assert len(texels) <= len(highs) + 4
     shifted = patch("shifted", boxes[7], shared(boxes[8]))
     report = bake(low, *highs[:7], shifted, *highs[8:])

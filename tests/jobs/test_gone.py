@@ -222,11 +222,11 @@ def test_live_follows_into_a_library_that_is_reloaded(library):
         before = high.session_uid
         source.reload()
         assert bpy.data.objects["hi"].session_uid != before
-        report = live.session.report
+        plan = live.session.plan
         for _ in range(20):
             live.tick()
         assert live.message == ""
-        assert live.session.report is not report
+        assert live.session.plan is not plan
         assert bpy.data.objects["hi"].session_uid in live.session.uids
     finally:
         live.stop()

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import bpy
 import pytest
 
-from addon.core import report
+from addon.core import timings
 from addon.core.progress import Pace
 from addon.core.settings import Settings
 from addon.engine import ray_casting
@@ -24,7 +24,7 @@ def test_the_stages_are_parts_of_the_total_and_waiting_is_not(method, share_imag
         clock.now += 1.0  # whoever looks at the clock needs a second for it
         return clock.now
 
-    monkeypatch.setattr(report, "time", SimpleNamespace(perf_counter=tick))
+    monkeypatch.setattr(timings, "time", SimpleNamespace(perf_counter=tick))
     ray_casting.trees.free()
     jobs = [several.Job(zoo.plane("lo"), [zoo.terrain("hi")])]
     settings = Settings(method, width=32, height=32, image="map", storage="MEMORY", material=False)

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from addon.audit import checks
+from addon.audit import checks, tally
 from addon.core import udim
 from addon.mesh import uv_layout
 from addon.mesh.triangle_mesh import Mesh
@@ -73,7 +73,13 @@ def test_random_triangles_seed_4():
 
 
 @pytest.mark.parametrize(
-    "size", [(checks.PROBE, 8), (2 * checks.PROBE, 8), (3 * checks.PROBE - 1, 5), (7, checks.PROBE + 1)]
+    "size",
+    [
+        (tally.SAMPLES_A_SIDE, 8),
+        (2 * tally.SAMPLES_A_SIDE, 8),
+        (3 * tally.SAMPLES_A_SIDE - 1, 5),
+        (7, tally.SAMPLES_A_SIDE + 1),
+    ],
 )
 @pytest.mark.parametrize("tile", [1001, 1013])
 def test_what_is_looked_at_of_a_large_map_are_its_own_texels_seed_9(size, tile):
@@ -84,8 +90,8 @@ def test_what_is_looked_at_of_a_large_map_are_its_own_texels_seed_9(size, tile):
     overlap.draw(drawn, mesh_upload.upload(low.triangles, uv=low.uv), udim.uv_to_clip(tile))
     drawn.read(all_of_them)
     some = next(checks.covering(low, size, [tile]))
-    assert max(some.shape) <= checks.PROBE
-    columns, rows = checks.probed(size).steps
+    assert max(some.shape) <= tally.SAMPLES_A_SIDE
+    columns, rows = tally.sampled(size).steps
     truth = all_of_them[::rows, ::columns]
     assert some.shape == truth.shape
     # Rasterizers round corners to a part of a texel, and texels are larger where fewer are drawn.

@@ -1,89 +1,85 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where a bake's time goes: each second is of one stage, and of none while nobody lets the bake go on."""
+"""A report is written once, when the bake is done."""
 
+import ast
+import dataclasses
 import json
-from types import SimpleNamespace
 
 import pytest
 
 from addon.core import report
-from addon.core.report import STAGES, Report
+from addon.core.report import Report
+from scripts.imprint import ROOT
+
+PAST_BAKES = {
+    "addon/jobs/reports.py": "finds the objects of a past bake, to locate its issues",
+    "addon/jobs/sequence.py": "shows the frames that are done",
+}
+"""Modules below ui/ and cli/ that read a report, and why."""
+BELOW = ("mesh", "passes", "engine", "audit", "scene", "output", "jobs")
 
 
 @pytest.fixture
-def clock(monkeypatch):
-    """Time that passes when the test says so: clock.now seconds."""
-    clock = SimpleNamespace(now=0.0)
-    monkeypatch.setattr(report, "time", SimpleNamespace(perf_counter=lambda: clock.now))
-    return clock
-
-
-@pytest.fixture
-def told():
+def done():
     return Report("CAST", "TANGENT", (16, 16), "lo", ["hi"])
 
 
-def staged(told):
-    return {stage: told.seconds[stage] for stage in STAGES if told.seconds[stage]}
+def test_a_report_does_not_change(done):
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        done.method = "FLATTEN"
 
 
-def test_a_stage_inside_another_counts_for_itself_alone(clock, told):
-    with told.timed("tree"):
-        clock.now += 1.0
-        for _ in range(2):
-            with told.timed("upload"):
-                clock.now += 10.0
-                with told.timed("read"):
-                    clock.now += 100.0
-        clock.now += 2.0
-    with told.timed("tree"):
-        clock.now += 0.5
-    assert staged(told) == {"tree": 3.5, "upload": 20.0, "read": 200.0}
+def test_more_warnings_make_another_report(done):
+    more = done.with_warnings(["first"]).with_warnings(["second"])
+    assert (done.warnings, more.warnings) == ([], ["first", "second"])
 
 
-def test_a_stage_that_fails_is_counted_and_ends(clock, told):
-    with pytest.raises(KeyError), told.timed("tree"), told.timed("upload"):
-        clock.now += 1.0
-        raise KeyError
-    with told.timed("draw"):
-        clock.now += 2.0
-    assert staged(told) == {"upload": 1.0, "draw": 2.0}
-
-
-def test_what_waits_between_two_steps_costs_nothing(clock, told):
-    def work():
-        for _ in range(3):
-            with told.timed("draw"):
-                clock.now += 1.0
-            yield "a step"
-        return "done"
-
-    steps = told.counted(work())
-    with pytest.raises(StopIteration) as end:
-        while True:
-            assert next(steps) == "a step"
-            clock.now += 1000.0
-    assert end.value.value == "done"
-    assert told.seconds["total"] == told.seconds["draw"] == 3.0
-
-
-def test_work_that_is_given_up_is_closed(told):
-    closed = []
-
-    def work():
-        try:
-            yield
-        finally:
-            closed.append(True)
-
-    steps = told.counted(work())
-    next(steps)
-    steps.close()
-    assert closed
-
-
-def test_the_keys_of_a_report_start_with_their_version(told):
-    data = json.loads(json.dumps(told.to_dict()))
+def test_the_keys_of_a_report_start_with_their_version(done):
+    data = json.loads(json.dumps(done.to_dict()))
     assert next(iter(data)) == "version"
     assert data["version"] == report.VERSION
-    assert Report(**data).to_dict() == told.to_dict() | {"size": [16, 16]}
+    assert Report(**data).to_dict() == done.to_dict() | {"size": [16, 16]}
+
+
+def modules():
+    """Each module below ui/ and cli/, by its path, as a syntax tree."""
+    for package in BELOW:
+        for path in sorted((ROOT / "addon" / package).rglob("*.py")):
+            yield path.relative_to(ROOT).as_posix(), ast.parse(path.read_text(encoding="utf-8"))
+
+
+def imports_report(tree):
+    return any(
+        isinstance(node, ast.ImportFrom)
+        and ((node.module or "").endswith("report") or any(alias.name == "report" for alias in node.names))
+        for node in ast.walk(tree)
+    )
+
+
+def is_report(annotation):
+    """Whether it is Report, or a list of them, and not work that ends with one."""
+    names = {node.id for node in ast.walk(annotation) if isinstance(node, ast.Name)} if annotation else set()
+    return "Report" in names and "Task" not in names
+
+
+def reads_of_reports(tree):
+    """The attributes that functions read of what their signatures call a Report."""
+    for function in ast.walk(tree):
+        if isinstance(function, ast.FunctionDef):
+            arguments = [*function.args.posonlyargs, *function.args.args, *function.args.kwonlyargs]
+            names = {argument.arg for argument in arguments if is_report(argument.annotation)} | {"report", "reports"}
+            for node in ast.walk(function):
+                value = node.value if isinstance(node, ast.Attribute) else None
+                value = value.value if isinstance(value, ast.Subscript) else value
+                if isinstance(value, ast.Name) and value.id in names:
+                    yield f"{value.id}.{node.attr}"
+
+
+def test_only_jobs_knows_of_reports():
+    assert [path for path, tree in modules() if imports_report(tree) and not path.startswith("addon/jobs/")] == []
+
+
+def test_no_step_of_a_bake_reads_a_report():
+    lists = {"reports.append"}
+    found = {path: set(reads_of_reports(tree)) - lists for path, tree in modules()}
+    assert {path for path, reads in found.items() if reads} <= set(PAST_BAKES), found

@@ -105,7 +105,7 @@ def test_it_follows_vertices_and_places(pair, method, which):
         follow()
         now = pixels(bpy.data.images["lo_normal"])
         assert not np.array_equal(now, before)
-        assert np.array_equal(now, fresh(method=live.session.report.method))
+        assert np.array_equal(now, fresh(method=live.session.plan.method))
         before = now
 
 

@@ -183,7 +183,7 @@ def fresh(high):
     """The texels of a bake of what is there now."""
     plain = vars(bpy.context.scene.imprint.to_settings())
     own = {"image": "fresh", "storage": "MEMORY", "material": False, "modifiers": "VIEWPORT"}
-    method = {"method": live.session.report.method}
+    method = {"method": live.session.plan.method}
     with at_view():
         several.bake(bpy.context, bpy.data.objects["lo"], [high], Settings(**plain | own | method))
     return pixels(bpy.data.images["fresh"])

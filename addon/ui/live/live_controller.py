@@ -10,7 +10,7 @@ from ...core import progress
 from ...core.errors import BakeError
 from ...core.settings import Settings
 from ...jobs import live_session
-from ...jobs.several import Job
+from ...jobs.job import Job
 from ..callbacks import Handlers, Timer
 from ..viewport.progress_display import display
 from .following import SLICE, Following

@@ -8,7 +8,8 @@ import bpy
 from ...core import progress
 from ...core.errors import BakeError
 from ...core.settings import Settings
-from ...jobs import live_session, several, view_session
+from ...jobs import live_session, view_session
+from ...jobs.job import Job
 from ...scene import bake_objects
 from ..callbacks import DrawCallbacks, Timer, redraw
 from ..live.live_controller import live
@@ -194,7 +195,7 @@ def _drawn_map(context: bpy.types.Context, pace: progress.Pace) -> progress.Task
     if low is None:
         raise BakeError(bake_objects.problem(context, low, highs))
     settings = panel.to_settings()
-    job = several.Job(low, highs, panel.cage_for(settings.method))
+    job = Job(low, highs, panel.cage_for(settings.method))
     session = live_session.Session(context, job, view_session.settings_for(settings), pace)
     yield from session.steps(context)
     return OwnMap(session, settings)

@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Counts the texels of a map by their state, tile by tile."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..core import texel_state
+from ..core.settings import Settings
+from ..core.texel_state import Map
+from ..engine import post_process
+from .sparse_maps import Sparse, at_most
+
+SAMPLES_A_SIDE = 1024
+"""Texels a side, at most, on which overlaps are counted."""
+FLAT = 0.5 * np.cos(np.radians(0.1))
+"""Half the z of normals that lean by less than is visible."""
+SOME = np.s_[::4, ::4]
+"""The texels whose normals are compared with the low mesh's."""
+
+
+@dataclass
+class Tally:
+    """Texels of all tiles of a map. written, margin, missed: by state, of `texels` in all.
+
+    compared: how many normals were compared with the low mesh's; turned_away: those that point into it; leaning: those
+    that differ from it. backwards: texels that readers lose which rebuild z.
+    """
+
+    written: int = 0
+    margin: int = 0
+    missed: int = 0
+    texels: int = 0
+    compared: int = 0
+    turned_away: int = 0
+    leaning: int = 0
+    backwards: int = 0
+    states: list[np.ndarray] = field(default_factory=list)
+    """Of each tile, the state of the texels that `sampled` names."""
+
+    def add(self, stored: Map, settings: Settings) -> None:
+        """Count a tile of the normal map as it is stored."""
+        texels, state = stored
+        self._add_state(state)
+        if settings.space == "TANGENT":
+            self._add_upwards(state, post_process.upwards(texels[SOME], settings))
+            self.backwards += post_process.backwards(texels, state, settings)
+
+    def add_raw(self, normals: np.ndarray, settings: Settings) -> None:
+        """Count a tile of normals as rendering.Renderer.raw has them."""
+        alpha = normals[..., 3]
+        state = texel_state.of_raw(alpha)
+        self._add_state(state)
+        if settings.space == "TANGENT":
+            self._add_upwards(state, 0.5 * normals[SOME][..., 2])
+            self.backwards += int(np.count_nonzero((normals[..., 2] <= 0.0) & (alpha > 0.0)))
+
+    def _add_state(self, state: np.ndarray) -> None:
+        self.written += int(np.count_nonzero(state == texel_state.WRITTEN))
+        self.margin += int(np.count_nonzero(state == texel_state.MARGIN))
+        self.missed += int(np.count_nonzero(state == texel_state.MISSED))
+        self.texels += state.size
+        columns, rows = sampled(state.shape[::-1]).steps
+        self.states.append(state[::rows, ::columns].copy())
+
+    def _add_upwards(self, state: np.ndarray, upwards: np.ndarray) -> None:
+        """upwards: of SOME texels, half the part of their normals that goes along the low mesh's."""
+        is_written = state[SOME] == texel_state.WRITTEN
+        self.compared += int(np.count_nonzero(is_written))
+        self.turned_away += int(np.count_nonzero(upwards[is_written] < 0.0))
+        self.leaning += int(np.count_nonzero(upwards[is_written] < FLAT))
+
+
+def sampled(size: tuple[int, int]) -> Sparse:
+    """Which texels of a map of width and height are looked at, evenly spaced: at most SAMPLES_A_SIDE a side."""
+    return at_most(size, SAMPLES_A_SIDE)

@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Measures the seconds that the stages of a bake take."""
+
+import time
+from collections.abc import Generator, Iterator
+from contextlib import contextmanager
+from typing import TypeVar
+
+Step = TypeVar("Step")
+Result = TypeVar("Result")
+
+STAGES = ("extract", "method", "tree", "upload", "distances", "draw", "read", "audit", "image")
+"""In the order in which a report lists them."""
+
+
+class Timings:
+    """Where the time of a bake goes. The steps of the bake write to it."""
+
+    def __init__(self):
+        self.seconds = dict.fromkeys((*STAGES, "total"), 0.0)
+        """By stage, and in total."""
+        self._inside = 0.0
+        """Seconds of the stages inside the one that is timed."""
+
+    @contextmanager
+    def timed(self, stage: str) -> Iterator[None]:
+        """Add the time that the block takes to `stage`, but for that of stages inside it, which count for themselves."""
+        start, around, self._inside = time.perf_counter(), self._inside, 0.0
+        try:
+            yield
+        finally:
+            seconds = time.perf_counter() - start
+            self.seconds[stage] += seconds - self._inside
+            self._inside = around + seconds
+
+    def counted(self, work: Generator[Step, None, Result]) -> Generator[Step, None, Result]:
+        """`work`, whose time is added to the total; that between its steps, in which it waits, is not."""
+        try:
+            while True:
+                with self.in_total():
+                    step = next(work)
+                yield step
+        except StopIteration as end:
+            return end.value
+        finally:
+            work.close()
+
+    @contextmanager
+    def in_total(self) -> Iterator[None]:
+        """Add the time that the block takes to the total."""
+        start = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.seconds["total"] += time.perf_counter() - start

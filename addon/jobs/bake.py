@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""One bake, step by step: read, choose a method, make a source, draw tile by tile, audit, store, hook up, report."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import bpy
+import numpy as np
+
+from ..audit.checks import audit
+from ..audit.tally import Tally
+from ..core.errors import BakeError
+from ..core.map_types import NORMAL
+from ..core.progress import Pace, Progress, Task, part
+from ..core.report import Report
+from ..core.settings import Settings
+from ..core.timings import Timings
+from ..engine import gpu_memory, post_process
+from ..engine.method_choice import Plan, choose_method, nothing_drawn, tiles_to_bake
+from ..engine.rendering import Renderer
+from ..engine.sources import normal_source
+from ..mesh.inputs import Meshes
+from ..output.outputs import Outputs, Stored, hook_up
+from ..scene import reading
+from .job import Job
+from .reports import DrawnJob, report_of
+
+READY = 0.2
+"""Share of a bake that is done when drawing begins."""
+
+
+def bake_job(context: bpy.types.Context, job: Job, settings: Settings, pace: Pace) -> Task[Report]:
+    """Bake one job into images of its own, and put the map into the low object's materials.
+
+    The settings are checked, with names filled in. Raises BakeError, and then nothing has changed.
+    """
+    timings = Timings()
+    drawn, stored, warnings = yield from timings.counted(_bake(context, job, settings, pace, timings))
+    return report_of(drawn, stored, warnings)
+
+
+def _bake(
+    context: bpy.types.Context, job: Job, settings: Settings, pace: Pace, timings: Timings
+) -> Task[tuple[DrawnJob, Stored, list[str]]]:
+    with Outputs(settings) as outputs:
+        with gpu_memory.trimmed():
+            ready = yield from part(_prepare(context, job, settings, pace, timings), 0.0, READY)
+            tally, post_processes = Tally(), post_process.for_maps([ready.plan.meshes.low], settings)
+            for tile, start, stop in _shares(ready.plan):
+                maps = yield from part(ready.renderer.texels(tile, post_processes), start, stop)
+                tally.add(maps[NORMAL.name], settings)
+                with timings.timed("image"):
+                    outputs.add(tile, maps)
+            drawn = _audit(job, settings, ready, tally, timings)
+        yield Progress("Storing", 1.0)
+        low = job.low  # before anything changes: it raises if the object was deleted
+        with timings.timed("image"):
+            stored = outputs.commit(drawn.labels)
+            notes = hook_up(low, stored.image, drawn.meshes.uv_layer, settings) if settings.material else []
+    return drawn, stored, [*stored.warnings, *notes]
+
+
+def draw_raw(
+    context: bpy.types.Context, job: Job, settings: Settings, pace: Pace, timings: Timings
+) -> Task[tuple[DrawnJob, dict[int, dict[str, np.ndarray]]]]:
+    """Draw one job and store nothing. Also returns the maps without a margin, by tile and name, as Renderer.raw has them."""
+    with gpu_memory.trimmed():
+        ready = yield from part(_prepare(context, job, settings, pace, timings), 0.0, READY)
+        tally, maps = Tally(), {}
+        for tile, start, stop in _shares(ready.plan):
+            maps[tile] = yield from part(ready.renderer.raw(tile), start, stop)
+            tally.add_raw(maps[tile][NORMAL.name], settings)
+        return _audit(job, settings, ready, tally, timings), maps
+
+
+@dataclass(frozen=True)
+class _Ready:
+    """What is to be drawn. meshes: all that were read."""
+
+    meshes: Meshes
+    plan: Plan
+    renderer: Renderer
+
+
+def _prepare(context: bpy.types.Context, job: Job, settings: Settings, pace: Pace, timings: Timings) -> Task[_Ready]:
+    name = job.low.name
+    yield Progress(f"Reading {name}", 0.0)
+    with timings.timed("extract"):
+        meshes = reading.read(context, job.low, job.highs, job.cage, settings)
+    tiles = tiles_to_bake(meshes, settings)
+    yield Progress(f"Looking at {name}", 0.5)
+    with timings.timed("method"):
+        plan = choose_method(meshes, tiles, settings)
+    source = yield from part(normal_source(plan, settings, timings, pace), 0.5, 1.0)
+    return _Ready(meshes, plan, Renderer(source, meshes.basis, settings, timings, pace))
+
+
+def _audit(job: Job, settings: Settings, ready: _Ready, tally: Tally, timings: Timings) -> DrawnJob:
+    """Raises BakeError if no texel was written."""
+    if not tally.written:
+        raise BakeError(nothing_drawn(ready.plan))
+    ray_cast = ready.renderer.source.ray_cast
+    with timings.timed("audit"):
+        findings = audit(ready.plan, tally, settings, ray_cast)
+    return DrawnJob(job, settings, ready.meshes, ready.plan, ray_cast, findings, timings)
+
+
+def _shares(plan: Plan) -> Iterator[tuple[int, float, float]]:
+    """Each UDIM tile, with the share of the bake that is done before and after it."""
+    share = (1.0 - READY) / len(plan.tiles)
+    for number, tile in enumerate(plan.tiles):
+        yield tile, READY + number * share, READY + (number + 1) * share

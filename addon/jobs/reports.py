@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Writes the report of a finished bake, and knows from a report which bake it was."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+
+import gpu
+
+from ..audit.checks import Findings
+from ..core.map_types import Labeled
+from ..core.report import Report
+from ..core.settings import Settings
+from ..core.timings import Timings
+from ..engine.method_choice import Plan
+from ..engine.ray_casting import RayCast
+from ..mesh.inputs import Meshes
+from ..output.outputs import Stored
+from ..scene.bake_objects import ObjectRef
+from .job import Job
+
+
+@dataclass(frozen=True)
+class DrawnJob:
+    """A bake whose maps are drawn and not yet stored. meshes: all that were read. ray_cast: None for Flatten."""
+
+    job: Job
+    settings: Settings
+    meshes: Meshes
+    plan: Plan
+    ray_cast: RayCast | None
+    findings: Findings
+    timings: Timings
+
+    @property
+    def labels(self) -> dict[Labeled, list[str]]:
+        """As Outputs.commit takes them."""
+        return {Labeled.OBJECTS: [high.name for high in self.meshes.highs], Labeled.MATERIALS: self.meshes.materials}
+
+
+def report_of(drawn: DrawnJob, stored: Stored, warnings: Sequence[str] = (), margin: float | None = None) -> Report:
+    """The report of a bake. warnings: of storing it. margin: of the stored map, where it is another than was drawn."""
+    settings, plan, ray_cast, findings = drawn.settings, drawn.plan, drawn.ray_cast, drawn.findings
+    return Report(
+        method=plan.method,
+        space=settings.space,
+        size=(settings.width, settings.height),
+        low=drawn.meshes.low.name,
+        high=drawn.labels[Labeled.OBJECTS],
+        cage=drawn.meshes.cage.name if drawn.meshes.cage else "",
+        refs=drawn.job.refs,
+        settings=asdict(settings),
+        uv_layer=drawn.meshes.uv_layer,
+        why=plan.why,
+        triangles=findings.triangles,
+        distances={"extrusion": ray_cast.extrusion, "max_distance": ray_cast.max_distance} if ray_cast else {},
+        measured=ray_cast is not None and ray_cast.is_measured,
+        missed=findings.missed,
+        coverage=findings.coverage,
+        margin=findings.margin if margin is None else margin,
+        overlap=findings.checks["overlap"]["share"],
+        mirrored=findings.checks["mirrored"]["count"],
+        checks=findings.checks,
+        tiles=[tile for tile in plan.tiles if tile in stored.tiles],
+        maps=stored.maps,
+        loss=stored.loss,
+        image=stored.image.name,
+        output=stored.paths,
+        backend=gpu.platform.backend_type_get(),
+        renderer=gpu.platform.renderer_get(),
+        seconds=drawn.timings.seconds,
+        warnings=[*plan.warnings, *findings.warnings, *warnings],
+    )
+
+
+@dataclass(frozen=True)
+class PastBake:
+    """A bake that was done: its objects, and how it was done. distances: of its rays, in scene units; else empty."""
+
+    job: Job
+    settings: Settings
+    method: str
+    distances: dict[str, float]
+    tiles: list[int]
+
+    @classmethod
+    def of(cls, report: Report) -> "PastBake":
+        """The bake of a report, be it one from a file. Raises BakeError if an object of it is gone."""
+        names = [report.low, *report.high, *([report.cage] if report.cage else [])]
+        refs = report.refs or [ObjectRef(0, name) for name in names]
+        low, *others = (ref.resolve() for ref in refs)
+        highs, cages = others[: len(report.high)], others[len(report.high) :]
+        # JSON has lists where settings have tuples.
+        settings = Settings(**{k: tuple(v) if isinstance(v, list) else v for k, v in report.settings.items()})
+        return cls(Job(low, highs, *cages), settings, report.method, report.distances, report.tiles)

@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Where a bake's time goes: each second is of one stage, and of none while nobody lets the bake go on."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from addon.core import timings
+from addon.core.timings import STAGES, Timings
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """Time that passes when the test says so: clock.now seconds."""
+    clock = SimpleNamespace(now=0.0)
+    monkeypatch.setattr(timings, "time", SimpleNamespace(perf_counter=lambda: clock.now))
+    return clock
+
+
+@pytest.fixture
+def measured():
+    return Timings()
+
+
+def staged(measured):
+    return {stage: measured.seconds[stage] for stage in STAGES if measured.seconds[stage]}
+
+
+def test_a_stage_inside_another_counts_for_itself_alone(clock, measured):
+    with measured.timed("tree"):
+        clock.now += 1.0
+        for _ in range(2):
+            with measured.timed("upload"):
+                clock.now += 10.0
+                with measured.timed("read"):
+                    clock.now += 100.0
+        clock.now += 2.0
+    with measured.timed("tree"):
+        clock.now += 0.5
+    assert staged(measured) == {"tree": 3.5, "upload": 20.0, "read": 200.0}
+
+
+def test_a_stage_that_fails_is_counted_and_ends(clock, measured):
+    with pytest.raises(KeyError), measured.timed("tree"), measured.timed("upload"):
+        clock.now += 1.0
+        raise KeyError
+    with measured.timed("draw"):
+        clock.now += 2.0
+    assert staged(measured) == {"upload": 1.0, "draw": 2.0}
+
+
+def test_what_waits_between_two_steps_costs_nothing(clock, measured):
+    def work():
+        for _ in range(3):
+            with measured.timed("draw"):
+                clock.now += 1.0
+            yield "a step"
+        return "done"
+
+    steps = measured.counted(work())
+    with pytest.raises(StopIteration) as end:
+        while True:
+            assert next(steps) == "a step"
+            clock.now += 1000.0
+    assert end.value.value == "done"
+    assert measured.seconds["total"] == measured.seconds["draw"] == 3.0
+
+
+def test_work_that_is_given_up_is_closed(measured):
+    closed = []
+
+    def work():
+        try:
+            yield
+        finally:
+            closed.append(True)
+
+    steps = measured.counted(work())
+    next(steps)
+    steps.close()
+    assert closed
