@@ -2,20 +2,24 @@
 """The pages of the manual, taken apart: blocks of code, inline code, sections, tables. Needs no Blender."""
 
 import re
+import textwrap
 
 from scripts.imprint import ROOT
 
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+FENCED = r"^ *```(\w*)\n(.*?)^ *```"
+"""A block of code, in a list as well."""
 
 
 def blocks(page):
     """The fenced blocks of a page: (language, text)."""
-    return re.findall(r"^```(\w*)\n(.*?)^```", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+    found = re.findall(FENCED, page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+    return [(language, textwrap.dedent(text)) for language, text in found]
 
 
 def prose(page):
     """A page without its fenced blocks."""
-    return re.sub(r"^```\w*\n.*?^```", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
+    return re.sub(FENCED, "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
 
 
 def inline(page):
