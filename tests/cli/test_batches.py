@@ -668,6 +668,7 @@ def test_progress_is_one_line_on_a_terminal_that_is_erased(scenes):
     assert screen(seen) == []
 
 
+@pytest.mark.slow
 @posix
 def test_progress_of_many_says_which(scenes):
     (scenes / "jobs.toml").write_text(JOBS)
@@ -687,6 +688,7 @@ def test_no_progress_in_a_pipe(scenes):
     assert "\r" not in done.stdout
 
 
+@pytest.mark.slow
 @posix
 def test_ctrl_c_leaves_nothing_behind(scenes):
     before = files(scenes)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Rays on real meshes, against Cycles' selected-to-active bake and a published map; distances, misses, cages."""
 
-import gc
+import weakref
 
 import bpy
 import gpu
@@ -14,7 +14,7 @@ from addon.core.errors import BakeError
 from addon.core.settings import Settings
 from addon.engine import ray_casting
 from addon.jobs import several
-from tests.support import angles, cycles, maps, oracle, zoo
+from tests.support import angles, cycles, lanes, maps, oracle, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -29,6 +29,8 @@ PAIRS = [
     "helmet_23358_6117",
     "normaltangenttest_published",
 ]
+FAST = ["spot_1696_536", "king_40480_4000"]
+"""Those whose bakes take least are checked each time."""
 SIZE = (1024, 1024)
 MEDIAN, P99 = 0.01, 0.1
 """Degrees from Cycles, which casts the same rays from positions that differ in the last bits."""
@@ -67,7 +69,7 @@ def cast(low, *highs, cage=None, **settings):
 
 
 @pytest.mark.shared
-@pytest.mark.parametrize("name", PAIRS)
+@pytest.mark.parametrize("name", lanes.slow_but(FAST, PAIRS))
 def test_rays_hit_what_cycles_hits(shared_assets, name):
     low, high, extrusion, reach = open_pair(shared_assets, name)
     texels, _ = cast(low, high, space="OBJECT", size=SIZE, extrusion=extrusion, max_distance=reach)
@@ -98,6 +100,7 @@ def test_rays_hit_what_cycles_hits(shared_assets, name):
     assert np.count_nonzero(inside) <= HAIRS_BREADTH
 
 
+@pytest.mark.slow
 @pytest.mark.shared
 def test_the_published_map_of_the_normal_tangent_test(shared_assets):
     """Made by others with another tool: it pins +Y, MikkTSpace with turned UVs, and the place of texels."""
@@ -115,7 +118,7 @@ def test_the_published_map_of_the_normal_tangent_test(shared_assets):
 
 
 @pytest.mark.shared
-@pytest.mark.parametrize("name", PAIRS)
+@pytest.mark.parametrize("name", lanes.slow_but(FAST, PAIRS))
 def test_measured_distances_reach_the_high_mesh(shared_assets, name):
     low, high, extrusion, reach = open_pair(shared_assets, name)
     texels, report = cast(low, high, space="OBJECT", size=SIZE)
@@ -336,13 +339,21 @@ def test_trees_of_jobs_that_are_done_are_let_go(monkeypatch):
         several.Job(zoo.plane(f"low {number}"), [zoo.terrain(f"high {number}", height=0.02 * (number + 1))])
         for number in range(5)
     ]
-    alive = []
+    made, alive, real = [], [], ray_casting.RayScene
+
+    def make(*arguments, **more):
+        scene = real(*arguments, **more)
+        made.append(weakref.ref(scene))
+        return scene
 
     def count(_step):
-        alive.append(sum(type(found) is ray_casting.RayScene for found in gc.get_objects()))
+        alive.append(sum(scene() is not None for scene in made))
+
+    monkeypatch.setattr(ray_casting, "RayScene", make)
 
     settings = Settings("CAST", width=16, height=16, storage="MEMORY", extrusion=0.5, max_distance=1.0)
     several.bake_all(bpy.context, jobs, settings, tell=count)
+    assert len(made) == len(jobs)
     assert max(alive) <= 2  # the one that is kept and the one at work
 
 

@@ -57,6 +57,7 @@ def held():
     return {name: len(getattr(bpy.data, name)) for name in lists}, nodes, target.common.roles
 
 
+@pytest.mark.slow
 @needs_proc
 def test_memory_stays_flat_over_hundreds_of_bakes(tmp_path, monkeypatch):
     temporary = tmp_path / "temporary"
@@ -118,6 +119,7 @@ print("peak", resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
 """
 
 
+@pytest.mark.slow
 @needs_proc
 @pytest.mark.parametrize("method", METHODS)
 def test_memory_does_not_grow_with_samples(method, tmp_path):

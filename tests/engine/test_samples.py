@@ -80,6 +80,7 @@ def test_the_error_of_a_sine_terrain_falls_with_every_doubling(method):
     assert errors[-1] < errors[0] / 10
 
 
+@pytest.mark.slow
 def test_the_error_falls_over_256_texels():
     """A strip of the same terrain with as many waves a texel: 48 of them, over 256 x 16 texels."""
     (width, height), (along, across), quads, fine = (256, 16), (48, 3), 106, 16

@@ -14,11 +14,13 @@ import pytest
 from addon.core import file_formats, map_types
 from addon.core.declarations.panel_settings import DECLARED
 from addon.core.settings import Settings
-from tests.support import outcome, zoo
+from tests.support import lanes, outcome, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
 FIRST, LAST = map(int, os.environ.get("IMPRINT_RANDOM", "0:360").split(":"))
+FEW = 60
+"""Cases of the fast lane."""
 MAPS_AT_LEAST = 0.3
 """Share of the cases that must end in a map, else refusing everything would pass."""
 NAMES = (
@@ -406,7 +408,7 @@ def existing_image(rng, name):
 # The test
 
 
-@pytest.mark.parametrize("seed", range(FIRST, LAST))
+@pytest.mark.parametrize("seed", lanes.slow_but(range(FIRST, FIRST + FEW), range(FIRST, LAST)))
 def test_a_map_or_a_sentence(seed, tmp_path, outcomes):
     rng = np.random.default_rng(seed)
     (tmp_path / "out").mkdir()

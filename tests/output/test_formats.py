@@ -19,7 +19,7 @@ from addon.core.settings import Settings
 from addon.jobs import several
 from addon.output import image_writer, quantize
 from scripts.imprint import ROOT
-from tests.support import pictures, zoo
+from tests.support import lanes, pictures, zoo
 from tests.support.maps import pixels
 
 WIDTH, HEIGHT = 56, 40
@@ -281,7 +281,7 @@ while True:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="there is no such signal")
-@pytest.mark.parametrize("seed", range(10), ids=lambda seed: f"seed {seed}")
+@pytest.mark.parametrize("seed", lanes.slow_but(range(2), range(10)), ids=lambda seed: f"seed {seed}")
 def test_a_process_that_is_killed_leaves_the_old_file_or_the_new_one(seed, tmp_path):
     paths = [tmp_path / f"map{ending}" for ending in (".png", ".tif", ".tga")]
     stored = [np.random.default_rng(turn).random((128, 128, 3)) * 255 for turn in range(2)]

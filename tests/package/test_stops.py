@@ -10,6 +10,7 @@ import time
 import pytest
 
 from scripts.dev import stops
+from tests.support import lanes
 
 pytestmark = [
     pytest.mark.usefixtures("gpu_context"),
@@ -29,23 +30,27 @@ def started(folder):
     return process
 
 
+SIGNALS = [
+    (signal.SIGTERM, "launcher"),
+    (signal.SIGINT, "launcher"),
+    (signal.SIGINT, "group"),
+    (signal.SIGTERM, "Blender"),
+    (signal.SIGHUP, "group"),
+]
+
+
 @pytest.mark.parametrize(
-    ("number", "target"),
-    [
-        (signal.SIGINT, "launcher"),
-        (signal.SIGINT, "group"),
-        (signal.SIGTERM, "launcher"),
-        (signal.SIGTERM, "Blender"),
-        (signal.SIGHUP, "group"),
-    ],
+    "case", lanes.slow_but([(signal.SIGTERM, "launcher")], SIGNALS), ids=lambda case: f"{case[0].name} to {case[1]}"
 )
-def test_a_signal_stops_a_batch_in_good_order(tmp_path, number, target):
+def test_a_signal_stops_a_batch_in_good_order(tmp_path, case):
+    number, target = case
     process = started(tmp_path)
     assert stops.send(process, number, target)
     code = process.wait(stops.PATIENCE)
     assert list(stops.faults(tmp_path, code, number, process)) == []
 
 
+@pytest.mark.slow
 def test_a_second_signal_ends_a_batch_at_once(tmp_path):
     process = started(tmp_path)
     process.send_signal(signal.SIGTERM)
@@ -55,6 +60,7 @@ def test_a_second_signal_ends_a_batch_at_once(tmp_path):
     assert stops.partials(tmp_path) == []
 
 
+@pytest.mark.slow
 def test_a_killed_launcher_takes_blender_along(tmp_path):
     process = started(tmp_path)
     process.kill()
@@ -70,7 +76,7 @@ STREAMS = {
 }
 
 
-@pytest.mark.parametrize("case", STREAMS)
+@pytest.mark.parametrize("case", lanes.slow_but(["full"], STREAMS))
 def test_maps_are_made_whatever_becomes_of_the_output(tmp_path, case):
     where, said = STREAMS[case]
     stops.write_sets(tmp_path, 2)
