@@ -29,7 +29,7 @@ class FileFormat:
     depths: tuple[int, ...]
     is_complete: completeness.Check
     is_float: bool = False
-    options: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    options: Mapping[str, str | int] = field(default_factory=lambda: MappingProxyType({}))
     correct: Callable[[Path], None] | None = None
 
     @property

@@ -125,17 +125,13 @@ def test_the_beginning_of_a_file_is_not_taken_for_the_whole(name, depth, tmp_pat
 def test_eight_bits_are_the_same_wherever_they_are_stored(dither, tmp_path):
     texels = some_texels()
     found = []
-    for storage, output in (
-        ("MEMORY", ""),
-        ("PACK", ""),
-        *(("FILE", str(tmp_path / f"map{e}")) for e in file_formats.BY_ENDING),
-    ):
-        if not output.endswith(".exr"):
-            image, _ = store(texels, storage=storage, output=output, depth=8, dither=dither)
-            found.append(np.round(pixels(image) * 255).astype(np.uint8))
-            if output:
-                np.testing.assert_array_equal(pictures.read(output), found[-1])
-    assert len(found) == 6
+    files = [str(tmp_path / name) for name, depth in KINDS if depth == 8]
+    for storage, output in (("MEMORY", ""), ("PACK", ""), *(("FILE", path) for path in files)):
+        image, _ = store(texels, storage=storage, output=output, depth=8, dither=dither)
+        found.append(np.round(pixels(image) * 255).astype(np.uint8))
+        if output:
+            np.testing.assert_array_equal(pictures.read(output), found[-1])
+    assert len(files) >= 4
     for other in found[1:]:
         np.testing.assert_array_equal(other, found[0])
     expected = quantize.dithered(texels) if dither else quantize.rounded(texels, 8)
@@ -300,8 +296,9 @@ def test_a_process_that_is_killed_leaves_the_old_file_or_the_new_one(seed, tmp_p
 
 
 def test_the_message_names_all_formats():
-    with pytest.raises(BakeError, match=r"does not end in one of .png, .exr, .tif, .tiff, .tga\."):
+    with pytest.raises(BakeError, match=r"does not end in one of .png, ") as refused:
         Settings(storage="FILE", output="map.jpg").check()
+    assert all(ending in str(refused.value) for ending in file_formats.BY_ENDING)
 
 
 def test_thresholds_of_the_dither_differ_by_channel():
