@@ -1,14 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One bake of the command line, and many: each fails alone, and all are told of in the end."""
+"""Runs the bakes of the command line. A bake that fails does not stop the others."""
 
 import argparse
-import json
 import os
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
@@ -23,11 +22,11 @@ from ..jobs import sequence, several
 from ..jobs.job import Job, jobs_by_name
 from ..output.atomic_file import check_writable, replacing, together
 from ..scene import bake_objects
-from . import interruption, mesh_import, run_clashes, standard_streams
+from . import interruption, mesh_import, results, run_clashes, standard_streams
 from .mesh_import import Stage
+from .results import Result
 from .terminal_progress import Meter
 from .usage import arguments
-from .usage.options import STDOUT
 
 
 @dataclass(frozen=True)
@@ -37,36 +36,6 @@ class Plan:
     name: str
     options: argparse.Namespace
     problem: str = ""
-
-
-@dataclass
-class Result:
-    """What became of a plan: reports, or an error."""
-
-    name: str
-    reports: list[Report] = field(default_factory=list)
-    maps: list[str] = field(default_factory=list)
-    """The files that were written."""
-    problems: list[str] = field(default_factory=list)
-    """What was found to be wrong with names."""
-    error: str = ""
-    seconds: float = 0.0
-    are: str = ""
-    """What several reports are of: "pairs" or "frames"."""
-    is_stopped: bool = False
-    """Whether somebody stopped it; pairs and frames that were done by then are kept."""
-
-    @property
-    def warnings(self) -> list[str]:
-        """Sentences."""
-        return [*self.problems, *(warning for report in self.reports for warning in report.warnings)]
-
-    def to_json(self) -> dict | None:
-        """Plain data for json.dump: of one bake its report, of pairs and frames all of theirs; None if there is none."""
-        reports = [report.to_dict() for report in self.reports]
-        if self.are:
-            return {self.are: reports, "problems": self.problems}
-        return reports[0] if reports else None
 
 
 def plans(sets: Sequence[argparse.Namespace]) -> tuple[list[Plan], list[str]]:
@@ -107,58 +76,90 @@ def bake_all(
 
     The last may have been stopped.
     """
-    results, stage = [], Stage()
+    done, stage = [], Stage()
     for number, plan in enumerate(planned, 1):
         meter.place = f"{number}/{len(planned)} "
         start = time.perf_counter()
         try:
             interruption.check()
-            result = bake(plan, stage, files, meter)
+            result = run(open_files(plan, stage, files, meter), stage, meter)
         except interruption.Stopped:
             result = Result(plan.name, is_stopped=True)
         except (BakeError, MemoryError) as error:
             result = Result(plan.name, error=sentence(error))
-            stage = Stage()  # what the bake has changed before it failed is nothing for the next one
+            stage = Stage()  # the failed bake may have changed the open scene
         result.seconds = time.perf_counter() - start
-        results.append(result)
+        done.append(result)
         meter.clear()
-        tell(results)
+        tell(done)
         if result.is_stopped:
             break
-    return results
+    return done
 
 
-def bake(plan: Plan, stage: Stage, files: run_clashes.Run, meter: Meter) -> Result:
-    """Do what the plan says, which `files` knows. Raises BakeError."""
+@dataclass(frozen=True)
+class Opened:
+    """A bake whose files are open."""
+
+    name: str
+    options: argparse.Namespace
+    settings: Settings
+    jobs: Sequence[several.Job]
+    problems: list[str]
+    """What is wrong with names."""
+
+    @property
+    def report(self) -> Path | None:
+        """The file of its report."""
+        return results.report_file(self.options.report)
+
+    @property
+    def scene(self) -> Path | None:
+        """The .blend to save."""
+        return Path(self.options.save_blend).absolute() if self.options.save_blend else None
+
+
+def open_files(plan: Plan, stage: Stage, files: run_clashes.Run, meter: Meter) -> Opened:
+    """Check what can be checked, and open what the plan names. `files` knows the plan. Raises BakeError.
+
+    WrongPlace says that the bake would harm a file.
+    """
     if plan.problem:
         raise BakeError(plan.problem)
-    options = plan.options
-    interruption.note(plan.name or subject(options))
+    options, name = plan.options, plan.name or subject(plan.options)
+    interruption.note(name)
     settings = arguments.settings(options)
-    report = Path(options.report).absolute() if options.report not in (None, STDOUT) else None
-    scene = Path(options.save_blend).absolute() if options.save_blend else None
-    # Before a file is opened, which may take long: what could go wrong at the end.
-    for path in (Path(settings.output), report, scene):
-        if path is not None and file_names.LOW not in str(path):
-            check_writable(path)
+    # Opening a file can take long, so check first that the results can be written.
+    for path in (settings.output, options.save_blend, results.report_file(options.report)):
+        if path and file_names.LOW not in str(path):
+            check_writable(Path(path).absolute())
     if meter.is_on:
         meter.tell(subject(options), Progress("Opening", 0.0))
     jobs, problems = _jobs(options, stage)
-    lows = [several.ATLAS] if _share_image(options) else [job.low.name for job in jobs]
-    files.opened(plan.name, options, lows)
+    files.opened(plan.name, options, [several.ATLAS] if _share_image(options) else [job.low.name for job in jobs])
+    return Opened(name, options, settings, jobs, problems)
+
+
+def run(opened: Opened, stage: Stage, meter: Meter) -> Result:
+    """Bake, and save what the options name. Raises BakeError, or Stopped where nothing was finished."""
+    options = opened.options
     _start_gpu()
-    with together():  # a bake of which a pair or a frame fails has failed, and so has one without its scene or report
-        reports, is_stopped = _baked(options, jobs, settings, meter)
-        for told in reports:
-            told.warnings += [*stage.notes, *_refused_scripts()]
-        are = "pairs" if options.pairs else "frames" if options.frames else ""
-        result = Result(plan.name, reports, written(reports), problems, are=are, is_stopped=is_stopped)
-        if scene is not None and not is_stopped:
+    with together():  # if a pair, a frame, the scene or the report fails, no file of the bake is written
+        reports, is_stopped = _baked(options, opened.jobs, opened.settings, meter)
+        for report in reports:
+            report.warnings += [*stage.notes, *_refused_scripts()]
+        result = Result(opened.name, reports, opened.problems, are=_kind(options), is_stopped=is_stopped)
+        if opened.scene is not None and not is_stopped:
             with stage.let_go():
-                _save(scene, {bpy.data.images[report.image] for report in reports})
-        if report is not None:
-            write_json(report, result.to_json())
+                _save(opened.scene, {bpy.data.images[report.image] for report in reports})
+        if opened.report is not None:
+            results.write_json(opened.report, result.to_json())
     return result
+
+
+def _kind(options: argparse.Namespace) -> str:
+    """What several reports of one bake are of."""
+    return "pairs" if options.pairs else "frames" if options.frames else ""
 
 
 def _baked(
@@ -199,76 +200,6 @@ def _refused_scripts() -> list[str]:
     if not bpy.app.autoexec_fail:
         return []
     return [f"Scripts of the file were not run, and what they drive stays as saved: {bpy.app.autoexec_fail_message}."]
-
-
-def written(reports: Sequence[Report]) -> list[str]:
-    """The files of several bakes, each once."""
-    return list(dict.fromkeys(path for report in reports for path in report.output))
-
-
-def write_json(path: Path, value) -> None:
-    """Write plain data to a file. Raises BakeError."""
-    with replacing(path) as partial:
-        partial.write_text(as_text(value) + "\n", encoding="utf-8")
-
-
-def as_text(value) -> str:
-    """Plain data as JSON."""
-    return json.dumps(value, indent=2)
-
-
-class ReportFile:
-    """The report of many bakes, written anew as they go on: a crash loses no more than the bakes of a moment."""
-
-    SHARE = 0.1
-    """Of the time, at most, that is spent on it: it grows with the number of bakes."""
-
-    def __init__(self, path: Path):
-        """Raises BakeError if it could not be written in the end."""
-        check_writable(path)
-        self._path, self._next = path, 0.0
-
-    def update(self, results: Sequence[Result]) -> None:
-        """Write it if it is time to, and it can be: the last one counts."""
-        start = time.perf_counter()
-        if start >= self._next:
-            with suppress(BakeError):
-                self.write(results)
-            stop = time.perf_counter()
-            self._next = stop + (stop - start) / self.SHARE
-
-    def write(self, results: Sequence[Result]) -> None:
-        """Raises BakeError."""
-        write_json(self._path, to_json(results))
-
-
-def table(results: Sequence[Result], planned: int) -> Iterator[str]:
-    """A line for each, and one for all; `planned` is how many there were to be."""
-    width = max((len(result.name) for result in results), default=0)
-    for result in results:
-        state = "stopped" if result.is_stopped else "failed" if result.error else "done"
-        said = result.error or ", ".join(result.maps)
-        yield f"{state:7} {result.seconds:8.2f} s  {result.name:{width}}  {said}".rstrip()
-    failed = sum(1 for result in results if result.error)
-    done = sum(1 for result in results if not result.error and not result.is_stopped)
-    left = f", {planned - failed - done} stopped or not begun" if planned > failed + done else ""
-    yield f"{done} done, {failed} failed{left}, {sum(result.seconds for result in results):.2f} s"
-
-
-def to_json(results: Sequence[Result]) -> list[dict]:
-    """Plain data for json.dump; one that was stopped is told of where some of its pairs or frames are done."""
-    return [
-        {
-            "name": result.name,
-            "ok": not result.error and not result.is_stopped,
-            "error": "It was stopped." if result.is_stopped else result.error,
-            "seconds": result.seconds,
-            "maps": result.maps,
-            "report": result.to_json(),
-        }
-        for result in results
-        if result.reports or not result.is_stopped
-    ]
 
 
 def _start_gpu() -> None:

@@ -3,17 +3,18 @@
 
 import argparse
 import sys
+import time
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TextIO
 
 import bpy
 
 from ..core.errors import BakeError, WrongPlace, sentence
 from ..core.progress import Progress
-from . import batch, interruption, run_clashes, standard_streams
-from .batch import Plan, Result
+from . import batch, interruption, results, run_clashes, standard_streams
+from .batch import Plan
 from .mesh_import import Stage
+from .results import Result
 from .terminal_progress import Meter
 from .usage import arguments, job_file
 from .usage.arguments import WrongUsage
@@ -101,54 +102,69 @@ def _refuse(program: str, error: Exception) -> int:
 
 
 def _bake_one(plan: Plan, files: run_clashes.Run, program: str, meter: Meter) -> int:
-    options, out = plan.options, _out(plan.options.report)
-    result = batch.bake(plan, Stage(), files, meter)
+    options, stage = plan.options, Stage()
+    start, is_begun = time.perf_counter(), False
+    try:
+        opened = batch.open_files(plan, stage, files, meter)
+        is_begun = True
+        result = batch.run(opened, stage, meter)
+    except (BakeError, MemoryError) as error:
+        if isinstance(error, WrongPlace) and not is_begun:
+            raise
+        meter.clear()
+        seconds = time.perf_counter() - start
+        return _fail(Result(batch.subject(options), error=sentence(error), seconds=seconds), options.report, program)
     meter.clear()
+    out = _out(options.report)
     _warn(program, result.warnings)
     if result.is_stopped:
         print(f"{program}: stopped, the {result.are} before are kept.", file=sys.stderr)
-    print("\n".join(line for report in result.reports for line in report.summary()), file=out)
-    scene = None if result.is_stopped else options.save_blend
-    print("Wrote", ", ".join(filter(None, (*result.maps, scene, _file(options.report)))), file=out)
+    print("\n".join(results.told(result)), file=out)
+    print(results.wrote(result, None if result.is_stopped else opened.scene, opened.report), file=out)
     if options.report == STDOUT:
-        print(batch.as_text(result.to_json()))
+        print(results.as_text(result.to_json()))
     return DONE
 
 
+def _fail(result: Result, report: str | None, program: str) -> int:
+    """Say why a single bake failed, on standard error and in its report."""
+    print(f"{program}: {result.error}", file=sys.stderr)
+    if path := results.report_file(report):
+        results.write_failure(path, result)
+    elif report:
+        print(results.as_text(results.to_json([result])[0]))
+    return FAILED
+
+
 def _bake_many(plans: Sequence[Plan], files: run_clashes.Run, report: str | None, program: str, meter: Meter) -> int:
-    """Each for itself; in the end a table, and the report of all."""
+    """Bake all plans, then print a table, and write the report of all."""
+    path = results.report_file(report)
+    file = results.ReportFile(path) if path else None
 
-    file = batch.ReportFile(Path(report).absolute()) if _file(report) else None
-
-    def tell(results: Sequence[Result]) -> None:
-        result = results[-1]
+    def tell(done: Sequence[Result]) -> None:
+        result = done[-1]
         if result.error:
             print(f"{program}: {result.name}: {result.error}", file=sys.stderr)
         _warn(f"{program}: {result.name}", result.warnings)
         if file:
-            file.update(results)
+            file.update(done)
 
-    results = batch.bake_all(plans, files, meter, tell)
+    found = batch.bake_all(plans, files, meter, tell)
     meter.clear()
-    done = sum(1 for result in results if not result.is_stopped)
-    if done < len(plans):
-        print(f"{program}: stopped, {done} of {len(plans)} were finished.", file=sys.stderr)
-    print("\n".join(batch.table(results, len(plans))), file=_out(report))
+    finished = sum(1 for result in found if not result.is_stopped)
+    if finished < len(plans):
+        print(f"{program}: stopped, {finished} of {len(plans)} were finished.", file=sys.stderr)
+    print("\n".join(results.table(found, len(plans))), file=_out(report))
     if file:
-        file.write(results)
-        print("Wrote", report)
+        file.write(found)
+        print(f"Wrote {path}")
     elif report:
-        print(batch.as_text(batch.to_json(results)))
-    return FAILED if any(result.error for result in results) else DONE
-
-
-def _file(report: str | None) -> str | None:
-    """The file that a report goes to, if it is one."""
-    return None if report == STDOUT else report
+        print(results.as_text(results.to_json(found)))
+    return FAILED if any(result.error for result in found) else DONE
 
 
 def _out(report: str | None) -> TextIO:
-    """Where a person is told what was done: standard output, unless the report has that for itself."""
+    """Where the summary goes: standard output, unless the report goes there."""
     return sys.stderr if report == STDOUT else sys.stdout
 
 

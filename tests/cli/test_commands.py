@@ -215,8 +215,12 @@ def test_a_scene_or_report_that_cannot_be_saved_leaves_nothing_of_the_bake(scene
     assert code == command.FAILED
     (line,) = capsys.readouterr().err.splitlines()
     assert ("s.blend" if end == "scene" else "r.json") in line
-    assert {path: path.read_bytes() for path in scene.rglob("*") if path.is_file()} == before
-    assert not (scene / "new").exists()
+    after = {path: path.read_bytes() for path in scene.rglob("*") if path.is_file()}
+    if end == "scene":
+        assert json.loads(after.pop(scene / "new" / "r.json"))["error"] == line.removeprefix("imprint: ")
+    else:
+        assert not (scene / "new").exists()
+    assert after == before
 
 
 def test_missing_folders_are_made(scene):
@@ -240,6 +244,53 @@ def test_the_report_may_be_standard_output_alone(scene, capsys):
     (found,) = json.loads(captured.out[captured.out.index("[\n") :])
     assert not found["ok"]
     assert "0 done, 1 failed" in captured.err
+
+
+FAILED_REPORT = {"name": "no", "ok": False, "maps": [], "report": None}
+
+
+@pytest.mark.parametrize("earlier", [None, '{"version": 1}'])
+def test_a_single_bake_that_fails_writes_its_report(scene, capsys, earlier):
+    if earlier:
+        (scene / "r.json").write_text(earlier)
+    words = [BAKE[0], "--low", "no", "--output", "m.png", "--report"]
+    assert command.run([*words, "r.json"]) == command.FAILED
+    report = json.loads((scene / "r.json").read_text())
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line == f"imprint: {report['error']}"
+    assert {key: report[key] for key in FAILED_REPORT} == FAILED_REPORT
+    assert report["seconds"] >= 0.0
+    assert command.run([*words, "-"]) == command.FAILED
+    out = capsys.readouterr().out
+    assert json.loads(out[out.index("{") :])["error"] == report["error"]
+
+
+def test_the_report_of_a_failure_replaces_no_file_of_another_kind(scene):
+    (scene / "r.json").write_text("not JSON")
+    assert command.run([BAKE[0], "--low", "no", "--output", "m.png", "--report", "r.json"]) == command.FAILED
+    assert (scene / "r.json").read_text() == "not JSON"
+
+
+def test_a_place_that_is_lost_during_the_bake_is_a_failure(scene, capsys, monkeypatch):
+    """Exit code 2 is for what is known before the bake: a call that makes no sense."""
+    work = several.work
+
+    def late(*arguments, **options):
+        (scene / "m.png").mkdir()
+        return work(*arguments, **options)
+
+    monkeypatch.setattr(several, "work", late)
+    assert command.run([*BAKE, "--output", "m.png", "--report", "r.json"]) == command.FAILED
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "m.png" in line
+    assert json.loads((scene / "r.json").read_text())["error"] in line
+
+
+def test_a_sequence_is_summed_up_in_one_line(scene, capsys):
+    assert command.run([*BAKE, "--frames", "1-3", "--output", "m.#.png"]) == command.DONE
+    first, second = capsys.readouterr().out.splitlines()[-2:]
+    assert first.startswith("3 frames of 'lo', ")
+    assert second == f"Wrote 3 maps from {scene / 'm.1.png'} to {scene / 'm.3.png'}"
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere all names are text")
@@ -502,7 +553,7 @@ def test_a_pair_that_fails_takes_the_others_along(rocks, capsys):
     before = files(rocks)
     assert command.run([*PAIRS, "--output", "{low}.png", "--report", "r.json"]) == command.FAILED
     assert capsys.readouterr().err.splitlines()[-1].startswith("imprint: 'b_low' and 'B_High.001' do not overlap")
-    assert files(rocks) == before
+    assert files(rocks) == sorted([*before, "r.json"])
     assert (rocks / "b_low.png").read_bytes() == b"of yesterday"
 
 
@@ -548,7 +599,7 @@ def test_distances_cage_and_mask(scene, fails):
 
 def test_what_was_written_is_told(scene, capsys):
     assert command.run([*BAKE, "--output", "m.png", "--mask", "--report", "r.json"]) == command.DONE
-    assert capsys.readouterr().out.rstrip().endswith(f"Wrote {scene / 'm.png'}, {scene / 'm_missed.png'}, r.json")
+    assert capsys.readouterr().out.rstrip().endswith(f"Wrote {scene / 'm.png'}, {scene / 'm_missed.png'}, {scene / 'r.json'}")
 
 
 def test_a_forgotten_file(fails):

@@ -1,0 +1,145 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The results of bakes: in lines for a terminal, as JSON, and in the report's file."""
+
+import json
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from ..core.errors import BakeError
+from ..core.report import Report
+from ..output.atomic_file import check_writable, replacing
+from .usage.options import STDOUT
+
+
+@dataclass
+class Result:
+    """The reports of a bake, or the error that ended it."""
+
+    name: str
+    reports: list[Report] = field(default_factory=list)
+    problems: list[str] = field(default_factory=list)
+    """What is wrong with names, in sentences."""
+    error: str = ""
+    seconds: float = 0.0
+    are: str = ""
+    """What several reports are of: "pairs" or "frames"."""
+    is_stopped: bool = False
+    """Whether a signal stopped it. Pairs and frames that were done by then are kept."""
+
+    @property
+    def maps(self) -> list[str]:
+        """The maps that were written, each once, as absolute paths."""
+        return list(dict.fromkeys(path for report in self.reports for path in report.output))
+
+    @property
+    def warnings(self) -> list[str]:
+        """Sentences."""
+        return [*self.problems, *(warning for report in self.reports for warning in report.warnings)]
+
+    def to_json(self) -> dict | None:
+        """Plain data for json.dump: of one bake its report, of pairs and frames all of theirs; None if there is none."""
+        reports = [report.to_dict() for report in self.reports]
+        if self.are:
+            return {self.are: reports, "problems": self.problems}
+        return reports[0] if reports else None
+
+
+def report_file(report: str | None) -> Path | None:
+    """The absolute path of a report, or None where it goes to standard output, or nowhere."""
+    return Path(report).absolute() if report not in (None, STDOUT) else None
+
+
+def write_json(path: Path, value) -> None:
+    """Write plain data to a file. Raises BakeError."""
+    with replacing(path) as partial:
+        partial.write_text(as_text(value) + "\n", encoding="utf-8")
+
+
+def as_text(value) -> str:
+    """Plain data as JSON."""
+    return json.dumps(value, indent=2)
+
+
+def write_failure(path: Path, result: Result) -> None:
+    """Write the report of a single bake that failed, if it can be written.
+
+    A file that holds no JSON is left alone: it may be an input that was not known to be one when the bake failed.
+    """
+    with suppress(BakeError, OSError, ValueError):
+        if path.exists():
+            json.loads(path.read_bytes())
+        write_json(path, to_json([result])[0])
+
+
+class ReportFile:
+    """The report of many bakes, written anew as they go on: a crash loses no more than the bakes of a moment."""
+
+    SHARE = 0.1
+    """Of the time, at most, that is spent on it: it grows with the number of bakes."""
+
+    def __init__(self, path: Path):
+        """Raises BakeError if it could not be written in the end."""
+        check_writable(path)
+        self._path, self._next = path, 0.0
+
+    def update(self, results: Sequence[Result]) -> None:
+        """Write it if it is time to, and it can be: the last one counts."""
+        start = time.perf_counter()
+        if start >= self._next:
+            with suppress(BakeError):
+                self.write(results)
+            stop = time.perf_counter()
+            self._next = stop + (stop - start) / self.SHARE
+
+    def write(self, results: Sequence[Result]) -> None:
+        """Raises BakeError."""
+        write_json(self._path, to_json(results))
+
+
+def told(result: Result) -> Iterator[str]:
+    """What a single bake did, in lines. All frames are one line, since they differ in little."""
+    if result.are == "frames":
+        seconds = sum(report.seconds["total"] for report in result.reports)
+        yield f"{len(result.reports)} frames of {result.reports[0].low!r}, {seconds:.2f} s"
+    else:
+        yield from (line for report in result.reports for line in report.summary())
+
+
+def wrote(result: Result, *others: Path | None) -> str:
+    """The files that a single bake wrote, as absolute paths: of frames the first and the last one."""
+    maps = result.maps
+    if result.are == "frames" and len(maps) > 2:
+        maps = [f"{len(maps)} maps from {maps[0]} to {maps[-1]}"]
+    return f"Wrote {', '.join([*maps, *(str(path) for path in others if path)])}"
+
+
+def table(results: Sequence[Result], planned: int) -> Iterator[str]:
+    """A line for each, and one for all; `planned` is how many there were to be."""
+    width = max((len(result.name) for result in results), default=0)
+    for result in results:
+        state = "stopped" if result.is_stopped else "failed" if result.error else "done"
+        said = result.error or ", ".join(result.maps)
+        yield f"{state:7} {result.seconds:8.2f} s  {result.name:{width}}  {said}".rstrip()
+    failed = sum(1 for result in results if result.error)
+    done = sum(1 for result in results if not result.error and not result.is_stopped)
+    left = f", {planned - failed - done} stopped or not begun" if planned > failed + done else ""
+    yield f"{done} done, {failed} failed{left}, {sum(result.seconds for result in results):.2f} s"
+
+
+def to_json(results: Sequence[Result]) -> list[dict]:
+    """Plain data for json.dump; one that was stopped is told of where some of its pairs or frames are done."""
+    return [
+        {
+            "name": result.name,
+            "ok": not result.error and not result.is_stopped,
+            "error": "It was stopped." if result.is_stopped else result.error,
+            "seconds": result.seconds,
+            "maps": result.maps,
+            "report": result.to_json(),
+        }
+        for result in results
+        if result.reports or not result.is_stopped
+    ]
