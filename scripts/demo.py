@@ -20,7 +20,7 @@ sys.path.insert(0, str(ROOT))
 import addon  # noqa: E402
 from addon.core.errors import BakeError  # noqa: E402
 from addon.core.settings import Settings  # noqa: E402
-from addon.jobs import several  # noqa: E402
+from addon.jobs import bake_pair  # noqa: E402
 from addon.output.atomic_file import replacing  # noqa: E402
 
 ELEVATIONS = ROOT / "scripts/data/jacksboro_fault_dem.npz"
@@ -143,7 +143,7 @@ def build_terrains() -> list[bpy.types.Object]:
 def bake(high: bpy.types.Object, low: bpy.types.Object, size: int, path: Path) -> bpy.types.Image:
     """Bake the detail of one terrain into a map for another, and say how it went."""
     settings = Settings(width=size, height=size, storage="FILE", output=str(path))
-    report = several.bake(bpy.context, low, [high], settings)
+    report = bake_pair(bpy.context, low, [high], settings)
     print(*report.summary(), *(f"warning: {text}" for text in report.warnings), sep="\n")
     return bpy.data.images[report.image]
 

@@ -1,2 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Whole jobs: one bake, several bakes, a sequence, a live session."""
+"""Whole bakes, from Blender's objects to images and materials.
+
+bake_pair bakes one low object, bake_all several jobs. Both return reports when all is done. work does the same as a generator,
+between whose steps Blender may go on. A Job holds the objects of one bake; jobs_by_name finds jobs by the objects' names.
+All raise BakeError for what cannot be baked.
+"""
+
+from .job import Job, jobs_by_name
+from .several import bake_all, bake_pair, work
+
+__all__ = ["Job", "bake_all", "bake_pair", "jobs_by_name", "work"]

@@ -22,7 +22,7 @@ ATLAS = "atlas"
 """What stands for the low object's name where several share an image."""
 
 
-def bake(
+def bake_pair(
     context: bpy.types.Context,
     low: bpy.types.Object,
     highs: Sequence[bpy.types.Object],

@@ -12,7 +12,7 @@ import numpy as np
 from addon.core.errors import BakeError
 from addon.core.settings import Settings
 from addon.engine import ray_casting
-from addon.jobs import several
+from addon.jobs import bake_pair
 from scripts.bench.peers import NAMES, PeerError, Peers
 from scripts.bench.scenes import Pair
 from tests.support import angles
@@ -74,7 +74,7 @@ class Imprint(Contender):
         if not self.keep:
             ray_casting.trees.free()
         start = time.perf_counter()
-        report = several.bake(bpy.context, self.pair.low, [self.pair.high], self.settings)
+        report = bake_pair(bpy.context, self.pair.low, [self.pair.high], self.settings)
         seconds = time.perf_counter() - start
         self.stages.append(report.seconds)
         return seconds

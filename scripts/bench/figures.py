@@ -11,7 +11,7 @@ from mathutils import Euler, Vector
 from PIL import Image
 
 from addon.core.settings import Settings
-from addon.jobs import several
+from addon.jobs import bake_pair
 from scripts import demo
 from scripts.bench import scenes
 
@@ -81,7 +81,7 @@ def terrain(folder: Path, scratch: Path, quick: bool) -> dict[str, str]:
 def bake(low: bpy.types.Object, high: bpy.types.Object, path: Path, **settings) -> None:
     """A map for Cycles into a file of 8 bits."""
     own = Settings(basis="BLENDER", storage="FILE", output=str(path), depth=8, **settings)
-    several.bake(bpy.context, low, [high], own)
+    bake_pair(bpy.context, low, [high], own)
 
 
 def beside(paths: Sequence[Path], path: Path) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from addon.core import progress
 from addon.core.settings import Settings
-from addon.jobs import live_session, several
+from addon.jobs import Job, live_session
 from tests.support import zoo
 
 CASES = ((224, 1024), (100, 512))
@@ -25,7 +25,7 @@ def _measure(quads: int, size: int, updates: int) -> dict:
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     high, low = zoo.terrain("high", n=quads, waves=8), zoo.terrain("low", n=16)
     settings = Settings("FLATTEN", width=size, height=size, storage="MEMORY", modifiers="VIEWPORT")
-    session = live_session.Session(bpy.context, several.Job(low, [high]), settings, progress.Pace())
+    session = live_session.Session(bpy.context, Job(low, [high]), settings, progress.Pace())
     session.run(bpy.context)
     session.store()
     rng, position = np.random.default_rng(1), high.data.attributes["position"].data

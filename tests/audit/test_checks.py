@@ -12,7 +12,7 @@ from addon.core.errors import BakeError
 from addon.core.report import Report
 from addon.core.settings import Settings
 from addon.engine import separation
-from addon.jobs import locate_issues, several
+from addon.jobs import Job, bake_all, locate_issues
 from tests.support import maps, zoo
 from tests.support.snapshot import difference, snapshot
 
@@ -24,8 +24,8 @@ RAYS = {"method": "CAST", "extrusion": 1.0, "max_distance": 2.0}
 def bake(low, *highs, cage=None, size=(64, 64), **settings):
     """The report of a bake, as it comes back from a file."""
     values = {"method": "FLATTEN", "margin": 0, "storage": "MEMORY", "material": False, **settings}
-    job = several.Job(low, highs, cage)
-    report = several.bake_all(bpy.context, [job], Settings(width=size[0], height=size[1], **values))[0]
+    job = Job(low, highs, cage)
+    report = bake_all(bpy.context, [job], Settings(width=size[0], height=size[1], **values))[0]
     return Report(**json.loads(json.dumps(report.to_dict())))
 
 
@@ -343,9 +343,9 @@ def test_several_bakes_into_one_image_have_checks_each():
         tiles(f"{name}_low", box)
         tiles(f"{name}_high", (*box[:3], 0.5))
     objects = bpy.data.objects
-    jobs = [several.Job(objects[f"{name}_low"], [objects[f"{name}_high"]]) for name in "ab"]
+    jobs = [Job(objects[f"{name}_low"], [objects[f"{name}_high"]]) for name in "ab"]
     settings = Settings(method="FLATTEN", width=64, height=64, margin=0, storage="MEMORY", image="atlas")
-    reports = several.bake_all(bpy.context, jobs, settings, share_image=True)
+    reports = bake_all(bpy.context, jobs, settings, share_image=True)
     for report, columns in zip(reports, (slice(0, 32), slice(32, 64)), strict=True):
         assert part(report.checks["uncovered"], *TEXELS) == counted(32 * 32, 32 * 64)
         truth = np.zeros((64, 64), bool)

@@ -7,7 +7,7 @@ import pytest
 
 from addon.audit import mip_gaps, severity
 from addon.core.settings import Settings
-from addon.jobs import locate_issues, several
+from addon.jobs import Job, bake_all, locate_issues
 from tests.audit.test_checks import QUARTERS, bake, faces, mask, part, tiles
 from tests.support import zoo
 
@@ -200,11 +200,11 @@ def test_texels_of_the_margin_are_no_loss():
 
 def test_in_an_image_that_is_shared_z_is_lost_as_well():
     low, high = tents(120)
-    jobs = [several.Job(low, [high])]
+    jobs = [Job(low, [high])]
     settings = Settings(
         method="FLATTEN", width=64, height=64, margin=4, storage="MEMORY", material=False, image="atlas"
     )
-    (report,) = several.bake_all(bpy.context, jobs, settings, share_image=True)
+    (report,) = bake_all(bpy.context, jobs, settings, share_image=True)
     assert report.checks["backwards"]["count"] == 32 * 32
 
 

@@ -13,7 +13,7 @@ from mathutils import Matrix
 from addon.core.errors import BakeError
 from addon.core.settings import Settings
 from addon.engine import ray_casting
-from addon.jobs import several
+from addon.jobs import Job, bake_all, bake_pair
 from tests.support import angles, cycles, lanes, maps, oracle, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -64,7 +64,7 @@ def cast(low, *highs, cage=None, **settings):
         "image": "cast",
         **settings,
     }
-    report = several.bake(bpy.context, low, highs, Settings(width=width, height=height, **values), cage)
+    report = bake_pair(bpy.context, low, highs, Settings(width=width, height=height, **values), cage)
     return maps.pixels(bpy.data.images[report.image]), report
 
 
@@ -278,7 +278,7 @@ def test_in_an_atlas_misses_of_one_object_leave_the_texels_of_another(order):
     )
     lows[1].location.y = highs[1].location.y = 10.0
     highs[1].data.transform(Matrix.Diagonal((0.5, 1.0, 1.0, 1.0)))
-    jobs = [several.Job(lows[number], [highs[number]]) for number in order]
+    jobs = [Job(lows[number], [highs[number]]) for number in order]
     settings = Settings(
         "CAST",
         "OBJECT",
@@ -293,7 +293,7 @@ def test_in_an_atlas_misses_of_one_object_leave_the_texels_of_another(order):
         depth=32,
         material=False,
     )
-    reports = several.bake_all(bpy.context, jobs, settings, share_image=True)
+    reports = bake_all(bpy.context, jobs, settings, share_image=True)
     texels, owner = (maps.pixels(bpy.data.images[name]) for name in ("atlas", "atlas_object_id"))
     assert (texels[..., 3] == 1.0).all()
     whole = 0.5 - 0.5 * 0.3 / np.hypot(0.3, 1.0)
@@ -336,7 +336,7 @@ def test_trees_of_jobs_that_are_done_are_let_go(monkeypatch):
     ray_casting.trees.free()
     monkeypatch.setattr(ray_casting.trees, "most_trees", 1)
     jobs = [
-        several.Job(zoo.plane(f"low {number}"), [zoo.terrain(f"high {number}", height=0.02 * (number + 1))])
+        Job(zoo.plane(f"low {number}"), [zoo.terrain(f"high {number}", height=0.02 * (number + 1))])
         for number in range(5)
     ]
     made, alive, real = [], [], ray_casting.RayScene
@@ -352,7 +352,7 @@ def test_trees_of_jobs_that_are_done_are_let_go(monkeypatch):
     monkeypatch.setattr(ray_casting, "RayScene", make)
 
     settings = Settings("CAST", width=16, height=16, storage="MEMORY", extrusion=0.5, max_distance=1.0)
-    several.bake_all(bpy.context, jobs, settings, tell=count)
+    bake_all(bpy.context, jobs, settings, tell=count)
     assert len(made) == len(jobs)
     assert max(alive) <= 2  # the one that is kept and the one at work
 
@@ -505,13 +505,13 @@ def test_a_neighbours_margin_does_not_hide_misses_in_an_atlas():
         return zoo.build(name, points, [(0, 1, 2, 3)], [[(start, 0), (stop, 0), (stop, 1), (start, 1)]])
 
     jobs = [
-        several.Job(strip("a", 0.0, 0.5), [strip("a high", 0.0, 0.25)]),  # its right half is missed
-        several.Job(strip("b", 0.5, 1.0), [strip("b high", 0.5, 1.0)]),
+        Job(strip("a", 0.0, 0.5), [strip("a high", 0.0, 0.25)]),  # its right half is missed
+        Job(strip("b", 0.5, 1.0), [strip("b high", 0.5, 1.0)]),
     ]
     settings = Settings(
         method="CAST", width=64, height=16, margin=8, depth=32, storage="MEMORY", material=False, image="atlas"
     )
-    reports = several.bake_all(bpy.context, jobs, settings, share_image=True)
+    reports = bake_all(bpy.context, jobs, settings, share_image=True)
     alpha = maps.pixels(bpy.data.images["atlas"])[..., 3]
     assert (alpha[:, 16:32] == 0.0).all()
     assert (alpha[:, 32:] == 1.0).all()
@@ -519,10 +519,10 @@ def test_a_neighbours_margin_does_not_hide_misses_in_an_atlas():
 
 
 def test_maps_of_several_pairs_never_go_into_one_file(tmp_path):
-    jobs = [several.Job(zoo.plane(name), [zoo.plane(name + " high")]) for name in ("a", "b")]
+    jobs = [Job(zoo.plane(name), [zoo.plane(name + " high")]) for name in ("a", "b")]
     settings = Settings(width=16, height=16, storage="FILE", output=str(tmp_path / "m.png"), material=False)
     with pytest.raises(BakeError, match="would both"):
-        several.bake_all(bpy.context, jobs, settings)
+        bake_all(bpy.context, jobs, settings)
     assert not list(tmp_path.iterdir())
 
 
@@ -553,9 +553,9 @@ def test_a_dense_closed_mesh_has_no_pinhole():
 
 
 def test_an_atlas_whose_uvs_overlap_is_told():
-    jobs = [several.Job(zoo.plane(name), [zoo.terrain(name + " high")]) for name in ("a", "b")]
+    jobs = [Job(zoo.plane(name), [zoo.terrain(name + " high")]) for name in ("a", "b")]
     settings = Settings(width=16, height=16, storage="MEMORY", image="atlas", material=False)
-    reports = several.bake_all(bpy.context, jobs, settings, share_image=True)
+    reports = bake_all(bpy.context, jobs, settings, share_image=True)
     assert reports[0].warnings == []
     assert "256 texels of 'b' lie over those of others" in reports[1].warnings[0]
 

@@ -9,7 +9,7 @@ import pytest
 from addon.core import progress
 from addon.core.settings import Settings
 from addon.engine import bands
-from addon.jobs import live_session, several
+from addon.jobs import Job, bake_pair, live_session
 from tests.support import angles, zoo
 from tests.support.maps import bake, texel_uv
 
@@ -182,10 +182,10 @@ def test_a_map_is_made_for_the_scenes_engine(engine, basis, reader):
     bpy.context.scene.render.engine = engine
     assert np.array_equal(bake(low, high), chosen)
     settings = Settings(width=64, height=64, material=False)
-    report = several.bake(bpy.context, low, [high], settings)
+    report = bake_pair(bpy.context, low, [high], settings)
     assert report.settings["basis"] == basis
     assert any(line.startswith(reader) for line in report.summary())
-    assert live_session.Session(bpy.context, several.Job(low, [high]), settings, progress.Pace()).settings.basis == basis
+    assert live_session.Session(bpy.context, Job(low, [high]), settings, progress.Pace()).settings.basis == basis
 
 
 @pytest.mark.parametrize("margin", [0, 5])

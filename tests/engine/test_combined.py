@@ -7,7 +7,7 @@ import pytest
 
 from addon.core.settings import Settings
 from addon.engine import bands, large_map_margin, post_process, ray_casting
-from addon.jobs import several
+from addon.jobs import Job, bake_all, bake_pair
 from addon.output import image_writer, output_clashes
 from addon.passes import target
 from tests.support import zoo
@@ -23,7 +23,7 @@ RAYS = {"extrusion": 0.5, "max_distance": 1.0}
 def bake(low, *highs, cage=None, **settings):
     """The report and, by name, the texels of a float map in memory and those beside it."""
     values = {"width": SIZE, "height": SIZE, "margin": 0, "depth": 32, "storage": "MEMORY", "material": False}
-    report = several.bake(bpy.context, low, highs, Settings(**{"image": "map", **values, **settings}), cage)
+    report = bake_pair(bpy.context, low, highs, Settings(**{"image": "map", **values, **settings}), cage)
     beside = {name: pixels(bpy.data.images[found["image"]]) for name, found in report.maps.items()}
     return report, {"normal": pixels(bpy.data.images["map"]), **beside}
 
@@ -225,7 +225,7 @@ def test_bands_of_any_tile_are_those_of_the_first(in_bands, tile, margin_type):
         move_uvs(obj, offset=((tile - 1001) % 10, (tile - 1001) // 10))
     in_bands()
     settings = Settings(width=SIZE, height=SIZE, udim=True, tiles=(tile,), depth=32, image="tile", **options)
-    several.bake(bpy.context, low, [high], settings)
+    bake_pair(bpy.context, low, [high], settings)
     assert np.allclose(pixels(bpy.data.images["tile"]), whole["normal"], atol=1e-5)
 
 
@@ -241,7 +241,7 @@ def test_each_tile_has_the_seams_that_lie_on_it():
     options = {"method": "CAST", "margin": 6, "margin_type": "ADJACENT_FACES", "udim": True, "storage": "PACK", **RAYS}
     for name, tiles in (("both", ()), ("first", (1001,)), ("second", (1002,))):
         settings = Settings(width=SIZE, height=SIZE, material=False, image=name, tiles=tiles, **options)
-        several.bake(bpy.context, low, [high], settings)
+        bake_pair(bpy.context, low, [high], settings)
 
     def packed(name):
         return {part.tile_number: part.packed_file.data for part in bpy.data.images[name].packed_files}
@@ -258,11 +258,9 @@ def atlas(names=("a", "b"), **settings):
             # Rows 12 to 38: below and above them the margin lies on other bands of 10 rows.
             move_uvs(obj, scale=(0.375, 0.55), offset=(0.03125 + 0.5 * number, 0.25))
         high.data.materials.append(bpy.data.materials.new(name))
-        jobs.append(several.Job(low, [high]))
+        jobs.append(Job(low, [high]))
     values = {"method": "FLATTEN", "depth": 32, "storage": "MEMORY", "material": False, "image": "atlas"}
-    reports = several.bake_all(
-        bpy.context, jobs, Settings(width=SIZE, height=SIZE, **values | settings), share_image=True
-    )
+    reports = bake_all(bpy.context, jobs, Settings(width=SIZE, height=SIZE, **values | settings), share_image=True)
     beside = {name: pixels(bpy.data.images[found["image"]]) for name, found in reports[0].maps.items()}
     return reports[0], {"normal": pixels(bpy.data.images["atlas"]), **beside}
 
@@ -286,14 +284,14 @@ def test_materials_of_an_atlas_are_numbered_together():
 
 def test_a_high_object_of_two_jobs_has_one_number_in_their_atlas():
     high = zoo.plane("hi")
-    jobs = [several.Job(zoo.plane("a"), [high]), several.Job(zoo.plane("b"), [zoo.plane("other"), high])]
+    jobs = [Job(zoo.plane("a"), [high]), Job(zoo.plane("b"), [zoo.plane("other"), high])]
     for number, job in enumerate(jobs):
         move_uvs(job.low, scale=(0.5, 1.0), offset=(0.5 * number, 0.0))
     jobs[1].highs[0].location.z = -0.01
     settings = Settings(
         width=SIZE, height=SIZE, method="CAST", storage="MEMORY", image="atlas", maps=("OBJECT_ID",), margin=0
     )
-    report = several.bake_all(bpy.context, jobs, settings, share_image=True)[0]
+    report = bake_all(bpy.context, jobs, settings, share_image=True)[0]
     found, colours = pixels(bpy.data.images["atlas_object_id"]), report.maps["object_id"]["colours"]
     assert list(colours) == ["hi", "other"]
     assert np.allclose(found[..., :3], colours["hi"], atol=2 / 255)

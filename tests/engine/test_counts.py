@@ -10,7 +10,7 @@ import pytest
 from addon.core import progress
 from addon.core.settings import Settings
 from addon.engine import ray_casting
-from addon.jobs import live_session, several
+from addon.jobs import Job, bake_all, bake_pair, live_session
 from addon.mesh import bvh
 from addon.passes import data_texture, mesh_upload, target
 from tests.support import zoo
@@ -81,7 +81,7 @@ def passes(counts):
 @pytest.mark.parametrize("samples", [1, 4, 16])
 def test_flatten_is_one_draw_a_sample(counts, samples):
     low, high = pair()
-    several.bake(bpy.context, low, [high], settings("FLATTEN", samples=samples))
+    bake_pair(bpy.context, low, [high], settings("FLATTEN", samples=samples))
     accumulated = {"bake/accumulate_comp.glsl": samples, "bake/average_frag.glsl": 1} if samples > 1 else {}
     assert passes(counts) == {
         "bake/flatten_frag.glsl": samples,
@@ -97,7 +97,7 @@ def test_flatten_is_one_draw_a_sample(counts, samples):
 def test_cast_is_one_dispatch_a_sample(counts, samples):
     low, high = pair()
     distances = {"extrusion": 0.3, "max_distance": 0.6}
-    several.bake(bpy.context, low, [high], settings("CAST", samples=samples, **distances))
+    bake_pair(bpy.context, low, [high], settings("CAST", samples=samples, **distances))
     found = passes(counts)
     # One more for the audit, which asks how far the rays went.
     assert samples <= found["bake/cast_comp.glsl"] <= samples + 1
@@ -106,7 +106,7 @@ def test_cast_is_one_dispatch_a_sample(counts, samples):
 
 def test_what_goes_up_and_comes_down(counts):
     low, high = pair()
-    several.bake(bpy.context, low, [high], settings("FLATTEN"))
+    bake_pair(bpy.context, low, [high], settings("FLATTEN"))
     corners = 4 * (64 * 64 + 8 * 8)
     assert counts["bytes of tables"] == 0
     # UVs and normals of both, the low's tangents; the audit lays both flat once more.
@@ -119,7 +119,7 @@ def test_what_goes_up_and_comes_down(counts):
 def test_a_tree_is_uploaded_once(counts):
     low, high = pair()
     for _ in range(3):
-        several.bake(bpy.context, low, [high], settings("CAST"))
+        bake_pair(bpy.context, low, [high], settings("CAST"))
     triangles = 2 * 64 * 64
     nodes = sum(4**level for level in range(6)) + triangles // 4  # six levels above the one of the triangles
     assert counts["bytes of tables"] == 16 * (3 * nodes + 2 * 3 * triangles)
@@ -130,7 +130,7 @@ def test_a_tree_is_uploaded_once(counts):
 def test_targets_are_let_go_when_they_hold_too_much(monkeypatch, method, share_image):
     def bake(most):
         monkeypatch.setattr(target.common, "most_bytes", most)
-        several.bake_all(bpy.context, [several.Job(*objects)], settings(method), share_image=share_image)
+        bake_all(bpy.context, [Job(*objects)], settings(method), share_image=share_image)
         return target.common.bytes
 
     low, high = pair()
@@ -143,7 +143,7 @@ def test_targets_are_let_go_when_they_hold_too_much(monkeypatch, method, share_i
 
 def test_a_live_map_uploads_what_has_changed_alone(counts):
     low, high = pair()
-    following = live_session.Session(bpy.context, several.Job(low, [high]), settings("FLATTEN"), progress.Pace())
+    following = live_session.Session(bpy.context, Job(low, [high]), settings("FLATTEN"), progress.Pace())
     following.run(bpy.context)
     counts.clear()
     points = np.empty(len(high.data.vertices) * 3, np.float32)

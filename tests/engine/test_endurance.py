@@ -19,7 +19,7 @@ import pytest
 from addon.core.progress import Pace
 from addon.core.settings import Settings
 from addon.engine import ray_casting
-from addon.jobs import several
+from addon.jobs import Job, bake_pair, several
 from addon.passes import target
 from scripts import imprint
 from tests.support import zoo
@@ -84,7 +84,7 @@ def test_memory_stays_flat_over_hundreds_of_bakes(tmp_path, monkeypatch):
             storage=storage,
             output=str(tmp_path / "map.png"),
         )
-        several.bake(bpy.context, low, [high], settings)
+        bake_pair(bpy.context, low, [high], settings)
         assert len(ray_casting.trees) <= ray_casting.KEPT_TREES
         assert target.common.bytes <= target.KEPT_BYTES
         if number + 1 == WARM:
@@ -114,7 +114,7 @@ low, high = zoo.plane("lo", 1), zoo.terrain("hi", 16)
 for obj in (low, high):
     uv = obj.data.uv_layers[0].uv
     uv.foreach_set("vector", [0.25 * part.vector[axis] for part in uv for axis in range(2)])
-report = several.bake(bpy.context, low, [high], settings)
+report = bake_pair(bpy.context, low, [high], settings)
 print("peak", resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
 """
 
@@ -142,7 +142,7 @@ SHARES = (0.0, *np.random.default_rng(0).random(8).round(3), 1.0)
 
 def break_off(low, high, settings, share):
     """Close a bake when so much of it is done; at 1, after the last step before anything is stored for good."""
-    work = several.work(bpy.context, [several.Job(low, [high])], settings, Pace(0.01))
+    work = several.work(bpy.context, [Job(low, [high])], settings, Pace(0.01))
     next(step for step in work if step.done >= share and (share < 1.0 or step.what == "Storing"))
     work.close()
 
@@ -175,7 +175,7 @@ def test_a_bake_that_is_broken_off_leaves_no_trace(method, storage, is_there, tm
         method=method, width=256, height=256, samples=4, mask=True, depth=8, storage=storage, output=output
     )
     if is_there:
-        several.bake(bpy.context, low, [high], settings)
+        bake_pair(bpy.context, low, [high], settings)
         high.rotation_euler.x = 0.1  # else the new map would be the old one
     before, there = snapshot(), files(folder)
     bpy.ops.wm.save_as_mainfile(filepath=str(old), copy=True)
@@ -187,7 +187,7 @@ def test_a_bake_that_is_broken_off_leaves_no_trace(method, storage, is_there, tm
     expected = contents(old)
     assert contents(new) == expected
 
-    several.bake(bpy.context, bpy.data.objects["lo"], [bpy.data.objects["hi"]], settings)
+    bake_pair(bpy.context, bpy.data.objects["lo"], [bpy.data.objects["hi"]], settings)
     assert set(files(folder)) == ({"map.png", "map_missed.png"} if storage == "FILE" else set())
     bpy.ops.wm.save_as_mainfile(filepath=str(new), copy=True)
     assert contents(new) != expected or files(folder) != there

@@ -9,7 +9,7 @@ import pytest
 from addon.core import map_types
 from addon.core.errors import BakeError
 from addon.core.settings import Settings
-from addon.jobs import several
+from addon.jobs import Job, bake_all, bake_pair
 from addon.output import value_encoding
 from tests.support import zoo
 from tests.support.maps import pixels, texel_uv
@@ -38,7 +38,7 @@ def pair():
 def bake(low, *highs, maps=map_types.NAMES, size=64, **settings):
     """The report and the maps by name, as arrays."""
     values_ = {"method": "FLATTEN", "depth": 32, "storage": "MEMORY", "material": False, "margin": 0, **settings}
-    report = several.bake(
+    report = bake_pair(
         bpy.context, low, highs, Settings(width=size, height=size, image="map", maps=tuple(maps), **values_)
     )
     return report, {name: pixels(bpy.data.images[found["image"]]) for name, found in report.maps.items()}
@@ -161,11 +161,11 @@ def test_values_of_an_atlas_keep_their_owners():
             uv = np.empty(len(layer) * 2, np.float32)
             layer.foreach_get("vector", uv)
             layer.foreach_set("vector", (uv.reshape(-1, 2) * (0.4, 1.0) + (0.55 * number, 0.0)).ravel())
-    jobs = [several.Job(low, [high]) for low, high in zip(lows, highs, strict=True)]
+    jobs = [Job(low, [high]) for low, high in zip(lows, highs, strict=True)]
     settings = Settings(
         "FLATTEN", width=32, height=32, image="atlas", maps=("HEIGHT", "OBJECT_ID"), depth=32, storage="MEMORY"
     )
-    reports = several.bake_all(bpy.context, jobs, settings, share_image=True)
+    reports = bake_all(bpy.context, jobs, settings, share_image=True)
     height, owner = (pixels(bpy.data.images[reports[0].maps[name]["image"]]) for name in ("height", "object_id"))
     assert np.allclose(height[:, :12, 0], 0.1, atol=1e-6)
     assert np.allclose(height[:, 18:30, 0], 0.2, atol=1e-6)
@@ -200,8 +200,8 @@ def test_what_was_missed_is_nobodys():
     ],
 )
 def test_two_bakes_share_no_image_and_no_file(tmp_path, names, own_settings):
-    jobs = [several.Job(zoo.plane(name), [zoo.plane(f"high of {name}")]) for name in names]
+    jobs = [Job(zoo.plane(name), [zoo.plane(f"high of {name}")]) for name in names]
     own = {**own_settings, "output": str(tmp_path / own_settings["output"]), "storage": "FILE"}
     with pytest.raises(BakeError, match="would both"):
-        several.bake_all(bpy.context, jobs, Settings("FLATTEN", width=32, height=32, **own))
+        bake_all(bpy.context, jobs, Settings("FLATTEN", width=32, height=32, **own))
     assert list(tmp_path.iterdir()) == []

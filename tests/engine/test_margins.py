@@ -12,7 +12,7 @@ import pytest
 from addon.core import texel_state
 from addon.core.settings import Settings
 from addon.engine import bands, large_map_margin, post_process
-from addon.jobs import several
+from addon.jobs import Job, bake_all
 from addon.mesh.triangle_mesh import Mesh
 from tests.support import angles, maps, zoo
 
@@ -100,7 +100,7 @@ def test_an_atlas_of_two_objects_has_no_margin_over_the_others_texels():
         corners = [(left, 0.25), (right, 0.25), (right, 0.75), (left, 0.75)]
         points = [(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]
         low = zoo.build(name, points, [(0, 1, 2, 3)], [corners])
-        return several.Job(low, [zoo.plane(f"{name} high", slope=slope)])
+        return Job(low, [zoo.plane(f"{name} high", slope=slope)])
 
     # 6 texels apart.
     jobs = [plate("a", 8 / 64, 29 / 64, 0.2), plate("b", 35 / 64, 56 / 64, -0.2)]
@@ -110,7 +110,7 @@ def test_an_atlas_of_two_objects_has_no_margin_over_the_others_texels():
         wanted = Settings(
             width=64, height=32, image=f"atlas {margin_type}", margin=None, margin_type=margin_type, **settings
         )
-        several.bake_all(bpy.context, jobs, wanted, share_image=True)
+        bake_all(bpy.context, jobs, wanted, share_image=True)
         texels = maps.pixels(bpy.data.images[wanted.image])
         assert (texels[..., 3] == 1.0).all()
         x = texels[..., 0] - 0.5

@@ -12,7 +12,7 @@ from addon.core import progress
 from addon.core.progress import Pace
 from addon.core.settings import Settings
 from addon.engine import ray_casting
-from addon.jobs import several
+from addon.jobs import bake_pair
 from addon.passes import target
 from addon.passes.bake import cast
 from tests.support import maps, zoo
@@ -67,7 +67,7 @@ def test_slices_leave_no_trace_in_the_map(monkeypatch, samples):
 def test_probes_for_distances_and_checks_are_sliced_as_well(slow):
     low, high = zoo.plane("lo"), zoo.terrain("hi")
     settings = Settings("CAST", width=SIZE, height=SIZE, image="map", storage="MEMORY", material=False)
-    several.bake(bpy.context, low, [high], settings)
+    bake_pair(bpy.context, low, [high], settings)
     # Both ways for the distances, then the map, then the checks' look at some of its texels.
     starts = [rows.start for rows in slow].count(0)
     assert starts == 4

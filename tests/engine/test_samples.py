@@ -7,7 +7,7 @@ import pytest
 
 from addon.core.declarations.panel_settings import DECLARED
 from addon.core.settings import Settings
-from addon.jobs import several
+from addon.jobs import bake_pair
 from addon.passes.bake import samples
 from tests.support import angles, maps, zoo
 from tests.support.maps import bake, texel_uv
@@ -161,7 +161,7 @@ def test_texels_that_all_samples_miss_are_missed_in_every_map(samples):
         margin=0,
         material=False,
     )
-    report = several.bake(bpy.context, low, [high], settings)
+    report = bake_pair(bpy.context, low, [high], settings)
     for name in ["map", *(found["image"] for found in report.maps.values())]:
         alpha = maps.pixels(bpy.data.images[name])[..., 3]
         assert (alpha[:, 8:24] == 1.0).all(), name

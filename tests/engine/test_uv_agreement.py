@@ -7,7 +7,7 @@ import pytest
 
 from addon.core.settings import Settings
 from addon.engine import uv_agreement
-from addon.jobs import several
+from addon.jobs import bake_pair
 from tests.support import zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -15,7 +15,7 @@ pytestmark = pytest.mark.usefixtures("gpu_context")
 
 def bake(low, *highs, method="AUTO", **settings):
     values = {"width": 64, "height": 64, "storage": "MEMORY", "material": False, **settings}
-    return several.bake(bpy.context, low, highs, Settings(method, **values))
+    return bake_pair(bpy.context, low, highs, Settings(method, **values))
 
 
 def patch(name, box, uv, *, height=0.05, n=4):

@@ -10,7 +10,7 @@ import pytest
 from addon.core.errors import BakeError
 from addon.core.progress import Pace, finish
 from addon.core.settings import Settings
-from addon.jobs import live_session, locate_issues, sequence, several
+from addon.jobs import Job, bake_all, bake_pair, live_session, locate_issues, sequence, several
 from addon.output import datablocks
 from addon.ui.live.live_controller import live
 from tests.support import zoo
@@ -31,7 +31,7 @@ def settings(**values):
 
 def pairs(names="ab"):
     lows = [zoo.plane(name) for name in names]
-    return [several.Job(low, [zoo.plane(f"{low.name} high", 4)]) for low in lows]
+    return [Job(low, [zoo.plane(f"{low.name} high", 4)]) for low in lows]
 
 
 def remove(name):
@@ -177,8 +177,8 @@ def namesakes(tmp_path):
 
 @pytest.mark.parametrize("which", [1, 2], ids=["flat", "steep"])
 def test_live_knows_namesakes_apart(namesakes, which):
-    job = several.Job(namesakes[0], [namesakes[which]])
-    several.bake_all(bpy.context, [job], settings(depth=32, image="baked"))
+    job = Job(namesakes[0], [namesakes[which]])
+    bake_all(bpy.context, [job], settings(depth=32, image="baked"))
     following = live_session.Session(bpy.context, job, settings(), Pace())
     following.run(bpy.context)
     assert np.array_equal(following.texels, pixels(bpy.data.images["baked"]))
@@ -190,9 +190,9 @@ def test_checks_know_namesakes_apart(namesakes, which):
     low, *highs = namesakes
     highs[which - 1].location.x = 0.9  # no longer above all of the low plane
     bpy.context.view_layer.update()
-    job = several.Job(low, [highs[which - 1]])
+    job = Job(low, [highs[which - 1]])
     near = settings(extrusion=2.0, max_distance=4.0)
-    report = several.bake_all(bpy.context, [job], near)[0]
+    report = bake_all(bpy.context, [job], near)[0]
     low.name = "renamed"
     mask = pixels(locate_issues.draw_mask(bpy.context, report, "uncovered"))[..., 0] > 0.5
     assert mask.mean() == pytest.approx(report.checks["uncovered"]["share"])
@@ -217,7 +217,7 @@ def test_live_follows_into_a_library_that_is_reloaded(library):
     source, low, high = library
     panel = bpy.context.scene.imprint
     panel.width = panel.height = 64
-    live.start(bpy.context, several.Job(low, [high]), panel.to_settings())
+    live.start(bpy.context, Job(low, [high]), panel.to_settings())
     try:
         before = high.session_uid
         source.reload()
@@ -235,7 +235,7 @@ def test_live_follows_into_a_library_that_is_reloaded(library):
 @pytest.mark.parametrize("relative", [False, True])
 def test_checks_find_what_was_reloaded(library, tmp_path, relative):
     source, low, high = library
-    report = several.bake(bpy.context, low, [high], settings())
+    report = bake_pair(bpy.context, low, [high], settings())
     if relative:  # as paths become when the scene is saved
         (tmp_path / "scenes").mkdir()
         bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scenes" / "scene.blend"))
@@ -268,4 +268,4 @@ def test_an_object_whose_library_is_missing_is_told_so(tmp_path, linked, is_low)
     names = ("linked", "other") if is_low else ("other", "linked")
     low, high = (bpy.data.objects[name] for name in names)
     with pytest.raises(BakeError, match=r"^'linked' is linked from '.*library\.blend', where it is not found: "):
-        several.bake(bpy.context, low, [high], settings())
+        bake_pair(bpy.context, low, [high], settings())

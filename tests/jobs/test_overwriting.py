@@ -8,7 +8,7 @@ import pytest
 
 from addon.core.errors import BakeError
 from addon.core.settings import Settings
-from addon.jobs import several
+from addon.jobs import Job, bake_all, bake_pair
 from addon.output import output_clashes
 from tests.support import zoo
 
@@ -39,9 +39,9 @@ def test_a_picture_that_shapes_the_high_mesh_is_not_written_over(tmp_path, outpu
         os.link(tmp_path / "shape.png", tmp_path / "hard.png")
     before = (tmp_path / "shape.png").read_bytes()
     with pytest.raises(BakeError, match="would be written over the image 'shape' of a texture"):
-        several.bake(bpy.context, low, [high], settings(f"{tmp_path}/{output}"))
+        bake_pair(bpy.context, low, [high], settings(f"{tmp_path}/{output}"))
     assert (tmp_path / "shape.png").read_bytes() == before
-    several.bake(bpy.context, low, [high], settings(tmp_path / "map.png"))
+    bake_pair(bpy.context, low, [high], settings(tmp_path / "map.png"))
     assert (tmp_path / "shape.png").read_bytes() == before
 
 
@@ -56,11 +56,11 @@ def test_links_to_the_open_file_and_to_libraries_are_seen(tmp_path, source):
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
     (tmp_path / "map.png").symlink_to(source)
     with pytest.raises(BakeError, match="would be written over (the open file|a linked library)"):
-        several.bake(bpy.context, bpy.data.objects[("lo", None)], [high], settings("//map.png"))
+        bake_pair(bpy.context, bpy.data.objects[("lo", None)], [high], settings("//map.png"))
 
 
 def jobs(*names):
-    return [several.Job(zoo.plane(name), [zoo.plane(f"{name} high")]) for name in names]
+    return [Job(zoo.plane(name), [zoo.plane(f"{name} high")]) for name in names]
 
 
 @pytest.mark.parametrize(
@@ -79,14 +79,14 @@ def jobs(*names):
 )
 def test_two_maps_in_one_place_are_named_with_the_advice_that_helps(tmp_path, names, output, image, said):
     with pytest.raises(BakeError) as refused:
-        several.bake_all(bpy.context, jobs(*names), settings(tmp_path / output, image=image))
+        bake_all(bpy.context, jobs(*names), settings(tmp_path / output, image=image))
     assert said.replace("{here}", str(tmp_path)) in str(refused.value)
     assert os.listdir(tmp_path) == []
 
 
 def test_letters_of_a_name_stay(tmp_path):
     (job,) = jobs("Möbel 岩")
-    (report,) = several.bake_all(bpy.context, [job], settings(tmp_path / "new" / "{low}.png", mask=True))
+    (report,) = bake_all(bpy.context, [job], settings(tmp_path / "new" / "{low}.png", mask=True))
     names = [f"Möbel 岩{end}.png" for end in ("", "_missed")]
     assert report.output == [str(tmp_path / "new" / name) for name in names]
     assert sorted(os.listdir(tmp_path / "new")) == sorted(names)
@@ -113,5 +113,5 @@ def test_what_a_linked_object_is_made_of_lies_beside_its_own_file(tmp_path):
         wanted.objects = ["hi"]
     bpy.context.scene.collection.objects.link(wanted.objects[0])
     with pytest.raises(BakeError, match="would be written over the image 'shape' of a texture"):
-        several.bake(bpy.context, low, wanted.objects, settings(tmp_path / "library" / "shape.png"))
-    several.bake(bpy.context, low, wanted.objects, settings(tmp_path / "shape.png"))
+        bake_pair(bpy.context, low, wanted.objects, settings(tmp_path / "library" / "shape.png"))
+    bake_pair(bpy.context, low, wanted.objects, settings(tmp_path / "shape.png"))

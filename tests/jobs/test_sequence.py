@@ -10,7 +10,7 @@ import pytest
 from addon.core.errors import BakeError
 from addon.core.progress import Pace, finish
 from addon.core.settings import Settings
-from addon.jobs import sequence, several
+from addon.jobs import Job, bake_pair, sequence
 from addon.output import datablocks
 from tests.support import zoo
 from tests.support.maps import pixels
@@ -35,7 +35,7 @@ def job():
     for curve in high.data.shape_keys.animation_data.action.layers[0].strips[0].channelbags[0].fcurves:
         for point in curve.keyframe_points:
             point.interpolation = "LINEAR"
-    return several.Job(low, [high])
+    return Job(low, [high])
 
 
 def settings(tmp_path, name="map.exr", **values):
@@ -114,7 +114,7 @@ def test_what_is_baked_beside_it_leaves_no_image_behind(job, tmp_path):
     assert [image.name for image in bpy.data.images] == ["lo_normal"]
     assert len(list(tmp_path.iterdir())) == 6
     assert bpy.context.scene.frame_current_final == 3.5
-    several.bake(bpy.context, job.low, job.highs, settings(tmp_path))  # one map in its place
+    bake_pair(bpy.context, job.low, job.highs, settings(tmp_path))  # one map in its place
     assert bpy.data.images["lo_normal"].source == "FILE"
 
 
@@ -144,7 +144,7 @@ def test_a_low_object_that_takes_no_material_is_told_before_a_frame_is_baked(job
     with bpy.data.libraries.load(path, link=True) as (_, wanted):
         wanted.objects = ["lo"]
     bpy.context.scene.collection.objects.link(wanted.objects[0])
-    linked = several.Job(wanted.objects[0], job.highs)
+    linked = Job(wanted.objects[0], job.highs)
     with pytest.raises(BakeError, match="is linked from a library"):
         finish(sequence.work(bpy.context, linked, settings(tmp_path), range(1, 3), Pace()))
     assert [path.name for path in tmp_path.iterdir()] == ["library.blend"]
@@ -163,7 +163,7 @@ def test_a_frame_over_a_file_of_the_scene_is_told_before_the_first_is_baked(job,
 def test_a_sequence_that_replaces_the_map_of_another_high_object_is_told(job, tmp_path):
     other = zoo.plane("other", slope=0.5)
     still = settings(tmp_path, "still.exr", image="m")
-    several.bake(bpy.context, job.low, [other], still)
+    bake_pair(bpy.context, job.low, [other], still)
     wanted = replace(still, output=str(tmp_path / "map.exr"))
     for told in ("The image 'm' held a map of 'other', which the one of 'hi' replaced.", None):
         reports = finish(sequence.work(bpy.context, job, wanted, range(1, 3), Pace()))

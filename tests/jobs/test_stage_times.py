@@ -10,7 +10,7 @@ from addon.core import timings
 from addon.core.progress import Pace
 from addon.core.settings import Settings
 from addon.engine import ray_casting
-from addon.jobs import several
+from addon.jobs import Job, several
 from tests.support import zoo
 
 
@@ -26,7 +26,7 @@ def test_the_stages_are_parts_of_the_total_and_waiting_is_not(method, share_imag
 
     monkeypatch.setattr(timings, "time", SimpleNamespace(perf_counter=tick))
     ray_casting.trees.free()
-    jobs = [several.Job(zoo.plane("lo"), [zoo.terrain("hi")])]
+    jobs = [Job(zoo.plane("lo"), [zoo.terrain("hi")])]
     settings = Settings(method, width=32, height=32, image="map", storage="MEMORY", material=False)
     work = several.work(bpy.context, jobs, settings, Pace(0.01), share_image=share_image)
     try:

@@ -16,7 +16,7 @@ from addon.core.errors import BakeError
 from addon.core.file_structure import completeness, tiff
 from addon.core.progress import Pace
 from addon.core.settings import Settings
-from addon.jobs import several
+from addon.jobs import Job, bake_pair, several
 from addon.output import image_writer, quantize
 from scripts.imprint import ROOT
 from tests.support import lanes, pictures, zoo
@@ -203,10 +203,10 @@ def test_dithering_loses_more_and_floats_nothing(tmp_path):
 def test_the_report_tells_the_loss():
     low, high = zoo.plane("low"), zoo.terrain("high")
     settings = Settings(method="FLATTEN", width=64, height=64, depth=8, mask=True)
-    report = several.bake(bpy.context, low, [high], settings)
+    report = bake_pair(bpy.context, low, [high], settings)
     assert 0.05 < report.loss["median"] < report.loss["maximum"] < 0.5
     assert sum(f"{report.loss['median']:.2g} degrees" in line for line in report.summary()) == 1
-    floats = several.bake(bpy.context, low, [high], Settings(method="FLATTEN", width=64, height=64))
+    floats = bake_pair(bpy.context, low, [high], Settings(method="FLATTEN", width=64, height=64))
     assert floats.loss == {}
     assert not any("degrees" in line for line in floats.summary())
 
@@ -243,7 +243,7 @@ def test_a_bake_that_is_stopped_leaves_nothing(tmp_path):
     settings = Settings(method="FLATTEN", width=64, height=64, storage="FILE", output=str(path), mask=True)
     seen, stops = set(), 0
     while True:
-        work = several.work(bpy.context, [several.Job(low, [high])], settings, Pace(0.001))
+        work = several.work(bpy.context, [Job(low, [high])], settings, Pace(0.001))
         steps = [next(work, None) for _ in range(stops + 1)]
         seen |= {name.partition(".partial")[2] for name in os.listdir(tmp_path) if "partial" in name}
         if steps[-1] is None:

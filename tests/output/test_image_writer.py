@@ -10,7 +10,7 @@ import pytest
 
 from addon.core.errors import BakeError
 from addon.core.settings import Settings
-from addon.jobs import several
+from addon.jobs import bake_pair
 from addon.output import atomic_file, image_writer
 from tests.support import zoo
 from tests.support.maps import pixels
@@ -359,6 +359,6 @@ def test_an_object_with_the_longest_name_has_one_image():
         low = zoo.plane(name)
         for _ in range(2):
             settings = Settings("FLATTEN", width=16, height=16, maps=("DISPLACEMENT",), storage="MEMORY")
-            found.add(several.bake(bpy.context, low, [high], settings).image)
+            found.add(bake_pair(bpy.context, low, [high], settings).image)
     assert len(found) == 2
     assert len(bpy.data.images) == 4

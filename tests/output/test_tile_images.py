@@ -12,7 +12,7 @@ from addon.core import map_types
 from addon.core.errors import BakeError
 from addon.core.progress import Pace
 from addon.core.settings import Settings
-from addon.jobs import several
+from addon.jobs import Job, bake_pair, several
 from addon.output import image_writer
 from tests.support import maps, pictures, zoo
 from tests.support.snapshot import difference, snapshot
@@ -373,7 +373,7 @@ def test_a_full_disk_in_the_midst_of_the_tiles(tmp_path):
 
 def bake(low, high, **settings):
     settings = {"method": "FLATTEN", "margin": 4, "udim": True, "material": False, "image": "map", **settings}
-    return several.bake(bpy.context, low, [high], Settings(width=SIZE, height=SIZE, **settings))
+    return bake_pair(bpy.context, low, [high], Settings(width=SIZE, height=SIZE, **settings))
 
 
 @pytest.mark.usefixtures("gpu_context")
@@ -511,7 +511,7 @@ def test_a_bake_that_is_stopped_leaves_nothing(storage, tmp_path, monkeypatch):
         output=str(folder / "map.png"),
         image="map",
     )
-    work = several.work(bpy.context, [several.Job(low, [high])], settings, Pace(0.001))
+    work = several.work(bpy.context, [Job(low, [high])], settings, Pace(0.001))
     most = 0
     for _ in work:
         found = [name for _, _, names in os.walk(tmp_path) for name in names]

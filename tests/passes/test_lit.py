@@ -13,7 +13,7 @@ from addon.core import progress
 from addon.core.errors import BakeError
 from addon.core.settings import Settings
 from addon.engine import bands
-from addon.jobs import live_session, several, view_session
+from addon.jobs import Job, live_session, view_session
 from addon.output import quantize
 from addon.passes import mesh_upload, target
 from addon.passes.view import lit
@@ -37,7 +37,7 @@ def session_of(low, highs, **settings):
     """A session that has drawn its map."""
     values = {"method": "FLATTEN", "width": 128, "height": 128, "depth": 32, "material": False, **settings}
     bpy.context.view_layer.update()
-    following = live_session.Session(bpy.context, several.Job(low, highs), Settings(**values), progress.Pace())
+    following = live_session.Session(bpy.context, Job(low, highs), Settings(**values), progress.Pace())
     following.run(bpy.context)
     return following
 

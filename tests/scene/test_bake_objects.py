@@ -8,7 +8,7 @@ import pytest
 
 from addon.core.errors import BakeError
 from addon.core.settings import Settings
-from addon.jobs import several
+from addon.jobs import bake_pair
 from addon.scene import bake_objects
 from tests.support import angles, maps, zoo
 
@@ -190,6 +190,6 @@ def test_the_uv_layer_of_the_same_name_is_shared():
 @pytest.mark.parametrize("name", ["{low}", "a{low}b", "{x}", "{"])
 def test_a_low_object_may_be_called_anything(name):
     low, high = zoo.plane(name), zoo.plane("high")
-    report = several.bake(bpy.context, low, [high], Settings("FLATTEN", width=16, height=16, mask=True))
+    report = bake_pair(bpy.context, low, [high], Settings("FLATTEN", width=16, height=16, mask=True))
     assert report.image == f"{name}_normal"
     assert sorted(image.name for image in bpy.data.images) == [f"{name}_normal", f"{name}_normal_missed"]

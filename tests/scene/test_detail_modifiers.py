@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from addon.core.settings import Settings
-from addon.jobs import several
+from addon.jobs import Job, bake_all, bake_pair
 from addon.scene import bake_objects
 from addon.ui.panels import bake_plan
 from tests.support import maps, zoo
@@ -36,7 +36,7 @@ def low():
     low, high = zoo.plane("lo", 2), zoo.terrain("hi")
     settings = bpy.context.scene.imprint
     settings.width = settings.height = 16
-    several.bake(bpy.context, low, [high], settings.to_settings())
+    bake_pair(bpy.context, low, [high], settings.to_settings())
     high.select_set(False)
     low.select_set(True)
     bpy.context.view_layer.objects.active = low
@@ -142,7 +142,7 @@ def test_subdivision_and_triangulate_bake_onto_their_base(low):
 def report(*objects, image="map", **settings):
     low, *highs = objects
     values = {"width": 16, "height": 16, "image": image, "storage": "MEMORY", "material": False, **settings}
-    return several.bake(bpy.context, low, highs, Settings(**values))
+    return bake_pair(bpy.context, low, highs, Settings(**values))
 
 
 def flat(warnings):
@@ -176,9 +176,9 @@ def test_only_in_tangent_space_does_one_normal_mean_a_flat_map():
 def test_maps_that_share_an_image_are_looked_at_alike():
     low, high = zoo.plane("lo"), zoo.plane("hi", slope=1.0)  # whose normals' z is 0.7: more than one half
     settings = Settings("FLATTEN", width=16, height=16, storage="MEMORY", material=False)
-    (told,) = several.bake_all(bpy.context, [several.Job(low, [high])], settings, share_image=True)
+    (told,) = bake_all(bpy.context, [Job(low, [high])], settings, share_image=True)
     assert not flat(told.warnings)
-    (told,) = several.bake_all(bpy.context, [several.Job(low, [zoo.plane("flat")])], settings, share_image=True)
+    (told,) = bake_all(bpy.context, [Job(low, [zoo.plane("flat")])], settings, share_image=True)
     assert flat(told.warnings)
 
 

@@ -14,7 +14,7 @@ import pytest
 
 from addon.core.errors import BakeError
 from addon.core.settings import Settings
-from addon.jobs import several
+from addon.jobs import Job, bake_all, bake_pair
 from addon.scene import bake_objects, reading
 from scripts import imprint
 from tests.support import maps, zoo
@@ -401,7 +401,7 @@ def test_what_is_instanced_may_be_in_edit_mode():
 
 def auto(plane, *highs, **settings):
     values = {"width": 48, "height": 48, "storage": "MEMORY", "material": False, **settings}
-    return several.bake(bpy.context, plane, highs, Settings("AUTO", **values))
+    return bake_pair(bpy.context, plane, highs, Settings("AUTO", **values))
 
 
 def test_auto_casts_at_instances_which_share_their_uvs_among_them():
@@ -451,7 +451,7 @@ def test_instances_have_the_material_of_their_object_and_one_number(method):
             )
         obj.scale.x, obj.location.x = 0.5, -0.5 * side
     high = link(empty("hi", shelf(one, other)))
-    report = several.bake(
+    report = bake_pair(
         bpy.context,
         plane,
         [high],
@@ -512,9 +512,9 @@ def test_what_is_hidden_is_read_and_stays_hidden(how, role):
     cage.location.z = 0.5
 
     def bake(image):
-        job = several.Job(plane, [high], cage)
+        job = Job(plane, [high], cage)
         settings = Settings("CAST", width=32, height=32, image=image, depth=32, storage="MEMORY", material=False)
-        several.bake_all(bpy.context, [job], settings)
+        bake_all(bpy.context, [job], settings)
         return maps.pixels(bpy.data.images[image])
 
     expected = bake("seen")

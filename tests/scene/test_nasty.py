@@ -9,7 +9,7 @@ from mathutils import Matrix, Vector
 from addon.core.declarations.panel_settings import DECLARED
 from addon.core.errors import BakeError
 from addon.core.settings import Settings
-from addon.jobs import several
+from addon.jobs import bake_pair
 from tests.support import angles, maps, outcome, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -236,7 +236,7 @@ def test_a_hidden_object_whose_matrix_is_out_of_date(method, name, scale):
     bpy.context.view_layer.update()
     obj.scale.x = scale
     with pytest.raises(BakeError, match=f"^{name!r} is (pressed flat|nowhere): "):
-        several.bake(bpy.context, low, [high], Settings(method=method, **SMALL))
+        bake_pair(bpy.context, low, [high], Settings(method=method, **SMALL))
 
 
 @pytest.mark.parametrize("method", DECLARED["method"].values)
@@ -246,7 +246,7 @@ def test_a_hidden_object_that_was_pressed_flat_and_is_no_more(method):
     bpy.context.view_layer.update()
     high.hide_viewport = True
     high.scale.x = 1.0
-    several.bake(bpy.context, low, [high], Settings(method=method, **SMALL))
+    bake_pair(bpy.context, low, [high], Settings(method=method, **SMALL))
 
 
 def test_a_base_mesh_whose_modifiers_lose_its_uvs(tmp_path):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from addon.core.settings import Settings
-from addon.jobs import several
+from addon.jobs import bake_pair
 from addon.scene import mesh_reader
 from tests.support import maps, zoo
 from tests.support.snapshot import difference, snapshot
@@ -233,7 +233,7 @@ def test_modifiers_count_at_the_levels_asked_for_and_keep_theirs(pair, kind, mod
         modifier.sculpt_levels = 2
     modifier.levels, modifier.render_levels = 1, 3
     before = snapshot(without=("images",))
-    report = several.bake(bpy.context, low, [high], Settings(width=16, height=16, modifiers=modifiers, material=False))
+    report = bake_pair(bpy.context, low, [high], Settings(width=16, height=16, modifiers=modifiers, material=False))
     assert report.triangles["high"] == 2 * 16 * 4**level
     assert difference(before, snapshot(without=("images",))) == {}
 
@@ -244,7 +244,7 @@ def test_modifiers_count_where_they_are_shown(pair, modifiers, counts):
     array = high.modifiers.new("Row", "ARRAY")
     array.show_viewport, array.show_render = False, True
     before = snapshot(without=("images",))
-    report = several.bake(bpy.context, low, [high], Settings(width=16, height=16, modifiers=modifiers, material=False))
+    report = bake_pair(bpy.context, low, [high], Settings(width=16, height=16, modifiers=modifiers, material=False))
     assert report.triangles["high"] == 2 * 16 * (2 if counts else 1)
     assert difference(before, snapshot(without=("images",))) == {}
 
@@ -260,7 +260,7 @@ def test_a_bake_makes_one_image_and_one_material(pair, storage, tmp_path):
     for obj in (low, disc):
         before, images = snapshot(without=made), set(bpy.data.images)
         settings = Settings(width=16, height=16, storage=storage, output=str(tmp_path / f"{obj.name}.png"))
-        report = several.bake(bpy.context, obj, [high], settings)
+        report = bake_pair(bpy.context, obj, [high], settings)
         changed = difference(before, snapshot(without=made))
         assert list(changed) == [("object", obj.name)]  # whose material it is
         assert obj.active_material.name == obj.name
@@ -289,5 +289,5 @@ def test_what_goes_wrong_on_the_way_leaves_all_as_before(pair, monkeypatch, erro
     before = snapshot()
     monkeypatch.setattr(mesh_reader, "surface", fail)
     with pytest.raises(error):
-        several.bake(bpy.context, low, [low], Settings(width=16, height=16))
+        bake_pair(bpy.context, low, [low], Settings(width=16, height=16))
     assert difference(before, snapshot()) == {}

@@ -14,7 +14,7 @@ import pytest
 
 from addon.core.errors import BakeError
 from addon.core.settings import Settings
-from addon.jobs import several
+from addon.jobs import bake_pair
 from tests.support import maps, zoo
 from tests.support.snapshot import difference, snapshot
 
@@ -49,7 +49,7 @@ def refusal(low, highs, **settings):
     """The message of a bake that must be refused and leave everything as it was."""
     before = snapshot()
     with pytest.raises(BakeError) as refused:
-        several.bake(bpy.context, low, highs, Settings(**SMALL | settings))
+        bake_pair(bpy.context, low, highs, Settings(**SMALL | settings))
     assert difference(before, snapshot()) == {}
     message = str(refused.value)
     assert is_one_sentence(message), message
@@ -346,7 +346,7 @@ def test_triangles_that_are_not_finite_are_left_out_and_counted(pair, bad, what,
         set_position(high, 40, (bad, 0, 0))
     else:
         set_uv(high, {0: (0.5, bad)})
-    report = several.bake(bpy.context, low, [high], Settings(**SMALL, space=space))
+    report = bake_pair(bpy.context, low, [high], Settings(**SMALL, space=space))
     # A corner of a quad is in one or two of its triangles; a vertex in the middle of quads is in 4 to 8, and infinity
     # spoils the normals of its neighbours too.
     (counted,) = (int(n) for w in report.warnings for n in re.findall(r"'hi': (\d+) of its triangles left out", w))
@@ -359,7 +359,7 @@ def test_triangles_that_are_not_finite_are_left_out_and_counted(pair, bad, what,
 def test_uvs_outside_the_tile_are_counted_and_named(pair):
     low, high = pair
     set_uv(high, {4 * 500: (1.5, 0.1)})
-    report = several.bake(bpy.context, low, [high], Settings(**SMALL))
+    report = bake_pair(bpy.context, low, [high], Settings(**SMALL))
     (warning,) = report.warnings
     assert re.match(r"'hi': [12] of its triangles reach outside the UV tile", warning)
 
@@ -367,7 +367,7 @@ def test_uvs_outside_the_tile_are_counted_and_named(pair):
 def test_triangles_without_area_in_uv_space_are_counted_and_named(pair):
     low, high = pair
     set_uv(high, {4 * 7 + corner: (0.25, 0.25) for corner in range(4)})
-    report = several.bake(bpy.context, low, [high], Settings(**SMALL))
+    report = bake_pair(bpy.context, low, [high], Settings(**SMALL))
     assert any(re.match(r"'hi': 2 of its triangles have no area", warning) for warning in report.warnings)
 
 
@@ -408,14 +408,14 @@ def test_a_mesh_that_is_one_point_in_space_gives_numbers_or_a_reason(pair, name,
 def test_nan_does_not_hide_uvs_outside_the_tile(pair):
     low, high = pair
     set_uv(high, {0: (np.nan, 0.0), 4 * 500: (1.5, 0.5)})
-    report = several.bake(bpy.context, low, [high], Settings(**SMALL))
+    report = bake_pair(bpy.context, low, [high], Settings(**SMALL))
     assert any("outside the UV tile" in warning for warning in report.warnings)
 
 
 def test_rounding_is_not_outside_the_tile(pair):
     low, high = pair
     high.modifiers.new("Rounded", "SUBSURF")
-    report = several.bake(bpy.context, low, [high], Settings(**SMALL))
+    report = bake_pair(bpy.context, low, [high], Settings(**SMALL))
     assert report.warnings == []
 
 

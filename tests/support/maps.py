@@ -4,14 +4,14 @@ import bpy
 import numpy as np
 
 from addon.core.settings import Settings
-from addon.jobs import several
+from addon.jobs import bake_pair
 
 
 def bake(low, *highs, image="map", **settings):
     """The texels (H, W, 4) float32 of a bake, row 0 at v = 0; without margin and material unless asked for."""
     size = settings.pop("size", (64, 64))
     values = {"method": "FLATTEN", "margin": 0, "depth": 32, "storage": "MEMORY", "material": False, **settings}
-    several.bake(bpy.context, low, highs, Settings(image=image, width=size[0], height=size[1], **values))
+    bake_pair(bpy.context, low, highs, Settings(image=image, width=size[0], height=size[1], **values))
     return pixels(bpy.data.images[image])
 
 

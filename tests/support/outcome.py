@@ -12,7 +12,7 @@ import numpy as np
 
 from addon.core import file_names, map_types
 from addon.core.errors import BakeError
-from addon.jobs import several
+from addon.jobs import bake_pair
 from addon.output import image_writer, output_clashes
 from tests.support import maps
 from tests.support.snapshot import difference, snapshot
@@ -30,7 +30,7 @@ def of_bake(low, highs, settings, folder, cage=None):
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
         try:
-            report = several.bake(bpy.context, low, highs, settings, cage)
+            report = bake_pair(bpy.context, low, highs, settings, cage)
         except BakeError as error:
             report, sentence = None, str(error)
     assert not told, [f"{warning.filename}:{warning.lineno} {warning.message}" for warning in told]

@@ -11,7 +11,7 @@ import pytest
 import addon
 from addon.core import progress
 from addon.core.settings import Settings
-from addon.jobs import live_session, several
+from addon.jobs import Job, bake_pair, live_session
 from addon.scene import bake_objects, mesh_reader
 from addon.ui.live import following, sculpt_strokes
 from addon.ui.live.live_controller import LiveState, live
@@ -69,7 +69,7 @@ def fresh(**changes):
         "material": False,
         "modifiers": "VIEWPORT",
     }
-    several.bake(bpy.context, low, highs, Settings(**plain | changes), settings.cage_for(settings.method))
+    bake_pair(bpy.context, low, highs, Settings(**plain | changes), settings.cage_for(settings.method))
     return pixels(bpy.data.images["fresh"])
 
 
@@ -536,7 +536,7 @@ def test_its_states_follow_each_other(pair, monkeypatch):
     low, high = pair
     assert live.state is LiveState.OFF
     settings = bpy.context.scene.imprint.to_settings()
-    starting = live.starting(bpy.context, several.Job(low, [high]), settings, progress.Pace(looks=False))
+    starting = live.starting(bpy.context, Job(low, [high]), settings, progress.Pace(looks=False))
     next(starting)
     assert live.state is LiveState.STARTING
     progress.finish(starting)
@@ -591,7 +591,7 @@ def test_maps_stay_right_however_often_shaders_are_freed(pair):
     settings = Settings("FLATTEN", width=64, height=64, storage="MEMORY", material=False)
     maps = []
     for _ in range(60):
-        session = live_session.Session(bpy.context, several.Job(low, [high]), settings, progress.Pace())
+        session = live_session.Session(bpy.context, Job(low, [high]), settings, progress.Pace())
         session.run(bpy.context)
         session.free()
         maps.append(session.texels)

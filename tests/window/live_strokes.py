@@ -21,7 +21,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 import addon  # noqa: E402
 from addon.core.settings import Settings  # noqa: E402
-from addon.jobs import several  # noqa: E402
+from addon.jobs import bake_pair  # noqa: E402
 from addon.ui.live.live_controller import live  # noqa: E402
 
 BRUSHES = "brushes/essentials_brushes-mesh_sculpt.blend/Brush/"
@@ -185,7 +185,7 @@ def fresh(high):
     own = {"image": "fresh", "storage": "MEMORY", "material": False, "modifiers": "VIEWPORT"}
     method = {"method": live.session.plan.method}
     with at_view():
-        several.bake(bpy.context, bpy.data.objects["lo"], [high], Settings(**plain | own | method))
+        bake_pair(bpy.context, bpy.data.objects["lo"], [high], Settings(**plain | own | method))
     return pixels(bpy.data.images["fresh"])
 
 
