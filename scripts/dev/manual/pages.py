@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The README's terrain, the pictures of the other maps, and the extension's icon and feature picture."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from scripts import demo
+
+from . import faults, subjects
+
+Picture = tuple[str, np.ndarray]
+TERRAIN_SIZE = (1500, 435)
+FEATURE_SIZE = (1920, 1080)
+ICON = 256
+MAPS = ("POSITION", "HEIGHT", "DISPLACEMENT", "DISTANCE", "COVERAGE", "OBJECT_ID", "MATERIAL_ID")
+
+
+def terrain() -> Iterator[Picture]:
+    """The picture that `imprint.py demo` makes, smaller."""
+    subjects.clear()
+    folder = Path(bpy.app.tempdir)
+    high, _, mapped, flat = terrains = demo.build_terrains()
+    demo.bake(high, mapped, 2048, folder / "low_normal.png")
+    demo.bake(high, flat, 2048, folder / "plane_normal.png")
+    demo.arrange(terrains)
+    yield "terrain", subjects.render(TERRAIN_SIZE, 32)
+    subjects.clear()
+
+
+def maps() -> Iterator[Picture]:
+    """docs/workflows.md: the normal map of a plate with studs, and each of the other maps."""
+    subjects.clear()
+    subjects.grid("plate", 200, lambda u, v: (0.9 * (u - 0.5), 0.9 * (v - 0.5), 0.0 * u))
+    studs = subjects.grid("studs", 400, lambda u, v: (0.9 * (u - 0.5), 0.9 * (v - 0.5), subjects.rivets(u, v) - 0.005))
+    studs.data.materials.append(subjects.material("brass"))
+    rows, columns = np.divmod(np.arange(400 * 400), 400)
+    is_upper = (rows > 200).astype(np.int32)
+    studs.data.polygons.foreach_set("material_index", is_upper)
+    subjects.grid("low", 1, lambda u, v: (u - 0.5, v - 0.5, 0 * u))
+    bpy.ops.imprint.bake(
+        low="low",
+        high=[{"name": "plate"}, {"name": "studs"}],
+        method="CAST",
+        extrusion=0.2,
+        max_distance=0.4,
+        width=512,
+        height=512,
+        samples="4",
+        depth="8",
+        image="low_normal",
+        maps=set(MAPS),
+    )
+    for image in list(bpy.data.images):
+        if image.name.startswith("low_"):
+            yield (
+                f"map-{image.name.removeprefix('low_normal_').removeprefix('low_').lower()}",
+                faults.pixels_of(image)[::2, ::2],
+            )
+    subjects.clear()
+
+
+def _lettering(words: str, place: tuple[float, float, float], size: float) -> None:
+    """Words before the camera, lit by nothing."""
+    text = bpy.data.curves.new(words, "FONT")
+    text.body, text.align_x, text.size = words, "CENTER", size
+    glow = bpy.data.materials.new(words)
+    shader = next(node for node in glow.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
+    shader.inputs["Base Color"].default_value = (0, 0, 0, 1)
+    shader.inputs["Emission Color"].default_value = (0.85, 0.85, 0.85, 1)
+    shader.inputs["Emission Strength"].default_value = 1.0
+    text.materials.append(glow)
+    obj = subjects.add(words, text)
+    obj.location, obj.rotation_euler = place, (np.pi / 2, 0, 0)
+    obj.visible_shadow = False
+
+
+def extension() -> Iterator[Picture]:
+    """The icon, and the carved monkey, its low mesh without the map, and with it."""
+    yield "../extension/icon.png", icon()
+    subjects.clear()
+    high, low = subjects.monkeys()
+    bare = low.copy()
+    bare.data = low.data.copy()
+    bare.data.materials.clear()
+    bare.data.materials.append(subjects.material("bare", subjects.STONE))
+    bpy.context.scene.collection.objects.link(bare)
+    high.data.materials.clear()
+    high.data.materials.append(subjects.material("carved", subjects.STONE))
+    subjects.bake(low, high, width=4096, height=4096)
+    for obj, words, x in ((high, "High", -2.9), (bare, "Low", 0.0), (low, "Low with the map", 2.9)):
+        obj.location.x, obj.rotation_euler.z = x, -0.35
+        _lettering(words, (x, -0.9, -1.5), 0.3)
+        _lettering(f"{demo.count_triangles(obj):,} triangles", (x, -0.9, -1.85), 0.2)
+    _lettering("Imprint", (0.0, -0.9, 1.62), 0.62)
+    subjects.light_and_camera((0, -14, 0.0))
+    camera = bpy.context.scene.camera.data
+    camera.type, camera.ortho_scale = "ORTHO", 9.0
+    subjects.set_sky("night")
+    yield "../extension/feature.jpg", subjects.render(FEATURE_SIZE, 48)
+    subjects.clear()
+
+
+def icon() -> np.ndarray:
+    """The normal map of a ball pressed into a plate with a raised rim, on a plate with round corners."""
+    scale = 4
+    places = (np.arange(ICON * scale) + 0.5) / (ICON * scale) * 2 - 1
+    x, y = np.meshgrid(places, -places)
+    heights = (
+        _relief(np.sqrt(x * x + y * y)) - 0.5 * np.clip((np.maximum(abs(x), abs(y)) - 0.80) / 0.12, 0, 1) ** 2 * 0.12
+    )
+    step = places[1] - places[0]
+    slope_y, slope_x = np.gradient(heights, step)
+    normals = np.stack([-slope_x, slope_y, np.ones_like(x)], axis=-1)
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    outside = np.maximum(abs(x) - 0.70, 0) ** 2 + np.maximum(abs(y) - 0.70, 0) ** 2 > 0.22**2
+    color = np.where(outside[..., None], 0.11, normals * 0.5 + 0.5)
+    small = color.reshape(ICON, scale, ICON, scale, 3).mean(axis=(1, 3))
+    return np.round(small * 255).astype(np.uint8)
+
+
+def _relief(radius: np.ndarray) -> np.ndarray:
+    """Heights by the distance from the middle: a dent, and the rim around it."""
+    dent = -np.sqrt(np.clip(0.52**2 - radius**2, 0, None)) * 0.9
+    rim = 0.09 * np.exp(-(((radius - 0.56) / 0.05) ** 2))
+    return dent + rim

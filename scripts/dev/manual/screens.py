@@ -1,0 +1,198 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The pictures that show Blender's window: the steps of the first map, the views, and each panel by itself.
+
+Each function is a generator. It yields a number of seconds for which Blender is to go on, or a picture: (name, pixels).
+"""
+
+from collections.abc import Iterator
+
+import bpy
+import numpy as np
+from mathutils import Vector
+
+from . import subjects, window
+
+Step = float | tuple[str, np.ndarray]
+PANEL_SCALE = 1.3
+"""Blender's interface in the pictures of panels, larger than usual."""
+EDGE, TOP = 8, 340
+"""Left margin of the sidebar, and height of its part down to Live, in pixels at a scale of 1."""
+TABS = 26
+"""Width of the sidebar's column of tabs at a scale of 1, in pixels."""
+
+
+def _prepare() -> Iterator[Step]:
+    """The carved monkey and its low mesh, seen from the front left, with the sidebar open."""
+    subjects.clear()
+    high, low = subjects.monkeys()
+    _, area, _ = window.viewport()
+    space = area.spaces.active
+    space.shading.type = "SOLID"
+    space.show_region_ui, space.show_region_toolbar = True, False
+    overlay = space.overlay
+    overlay.show_floor = overlay.show_axis_x = overlay.show_axis_y = overlay.show_cursor = overlay.show_text = False
+    space.show_gizmo_navigate = False
+    for obj in (high, low):
+        obj.select_set(True)
+    bpy.context.view_layer.objects.active = low
+    space.region_3d.view_perspective = "PERSP"
+    space.region_3d.view_rotation = (0.7845, 0.5736, -0.1368, -0.1924)
+    yield 0.5
+    window.region(area, "UI").active_panel_category = "Imprint"
+    yield 0.5
+    _frame()
+
+
+def _frame() -> None:
+    """Fill the viewport with what is selected."""
+    _, area, _ = window.viewport()
+    with window.override():
+        bpy.ops.view3d.view_selected()
+    area.spaces.active.region_3d.view_distance *= 0.8
+
+
+def steps() -> Iterator[Step]:
+    """docs/quick-start.md: from the selection to the map."""
+    yield from _prepare()
+    _, area, _ = window.viewport()
+    settings, space = bpy.context.scene.imprint, area.spaces.active
+    settings.samples = "4"
+    space.show_region_ui = False
+    yield 0.5
+    yield "step-1-select", _viewport_alone()
+    space.show_region_ui = True
+    yield 0.5
+    yield "step-2-panel", _top_of_sidebar()
+    _make_room()
+    settings.size, settings.samples = 4096, "1"
+    with window.override():
+        bpy.ops.imprint.bake("INVOKE_DEFAULT")
+    while not _is_half_done():
+        yield 0.1
+    yield "step-3-bake", window.crop(window.box_of(area))
+    yield from window.wait()
+    settings.size, settings.samples = 2048, "4"
+    with window.override():
+        bpy.ops.imprint.bake("INVOKE_DEFAULT")
+    yield from window.wait()
+    for obj in bpy.data.objects:
+        obj.select_set(False)
+    yield 4.0  # for the material's shaders and the small picture
+    yield "step-4-result", window.crop(window.box_of(area))
+    bpy.context.scene.imprint_view.mode = "SPLIT"
+    yield from window.wait()
+    yield 1.0
+    yield "step-5-split", window.crop(window.box_of(area))
+    bpy.context.scene.imprint_view.mode = "OFF"
+
+
+def _is_half_done() -> bool:
+    """Whether the bake that is going on shows something to look at."""
+    from addon.ui.viewport.progress_display import display
+
+    step = display.current
+    return step is None or step.done > 0.4
+
+
+def _top_of_sidebar() -> np.ndarray:
+    """The sidebar down to the button and Live."""
+    _, area, _ = window.viewport()
+    left, bottom, width, height = window.box_of(window.region(area, "UI"))
+    return window.crop((left + EDGE, bottom + height - TOP, width - EDGE, TOP))
+
+
+def views() -> Iterator[Step]:
+    """docs/panels.md: what View shows, and the shells of Show Cage."""
+    yield from _prepare()
+    _, area, _ = window.viewport()
+    area.spaces.active.show_region_ui = False
+    yield 0.5
+    _frame()
+    area.spaces.active.region_3d.view_distance *= 1.15  # room for the legend
+    with window.override():
+        bpy.ops.imprint.bake(width=2048, height=2048, samples="4")
+    shown = bpy.context.scene.imprint_view
+    for mode, name in (
+        ("MAP", "view-map"),
+        ("SPLIT", "view-split"),
+        ("DEVIATION", "view-deviation"),
+        ("BARE_DEVIATION", "view-without-map"),
+    ):
+        shown.mode, shown.limit = mode, 20.0
+        yield from window.wait()
+        yield 1.5
+        yield name, _viewport_alone()
+    shown.mode = "OFF"
+    bpy.data.objects["monkey_high"].hide_set(True)
+    area.spaces.active.shading.show_xray = True
+    with window.override():
+        bpy.ops.imprint.show_cage()
+    yield 1.0
+    yield "cage", _viewport_alone()
+    area.spaces.active.shading.show_xray = False
+    with window.override():
+        bpy.ops.imprint.show_cage()
+
+
+def _make_room() -> None:
+    """Move what is shown out from under the sidebar."""
+    _, area, _ = window.viewport()
+    region = area.spaces.active.region_3d
+    region.view_distance *= 1.25
+    region.view_location += region.view_rotation @ Vector((0.09 * region.view_distance, 0, 0))
+
+
+def _viewport_alone() -> np.ndarray:
+    """The viewport without its headers."""
+    _, area, _ = window.viewport()
+    left, bottom, width, height = window.box_of(window.region(area, "WINDOW"))
+    header = sum(window.region(area, kind).height for kind in ("HEADER", "TOOL_HEADER"))
+    return window.crop((left, bottom, width, height - header))
+
+
+def panels() -> Iterator[Step]:
+    """docs/panels.md: each panel by itself, drawn by a copy of it in a tab of its own."""
+    yield from _prepare()
+    preferences = bpy.context.preferences
+    preferences.view.ui_scale, preferences.system.use_region_overlap = PANEL_SCALE, False
+    yield 0.5
+    _, area, _ = window.viewport()
+    with window.override():
+        bpy.ops.imprint.bake(width=1024, height=1024)
+    settings, shown = bpy.context.scene.imprint, bpy.context.scene.imprint_view
+    settings.storage, settings.output = "FILE", "//maps/{low}.png"
+    for name in ("crate_low", "crate_high", "crate_high_2", "barrel_low", "barrel_high"):
+        subjects.add(name, bpy.data.meshes.new(name)).hide_set(True)
+    for name in ("bake", "report", "checks", "view", "map", "output", "rays", "pairs", "sequence"):
+        copies = _copies(f"IMPRINT_PT_{name}")
+        if name == "view":
+            shown.mode = "SPLIT"
+            yield from window.wait()
+        for copy in copies:
+            bpy.utils.register_class(copy)
+        yield 0.5
+        sidebar = window.region(area, "UI")
+        sidebar.active_panel_category = copies[0].bl_category
+        yield 2.5  # the panel opens, and the small picture is made
+        left, bottom, width, height = window.box_of(sidebar)
+        header = sum(window.region(area, kind).height for kind in ("HEADER", "TOOL_HEADER"))
+        tabs = round(TABS * PANEL_SCALE)
+        pixels = window.crop((left, bottom, width - tabs, min(height, area.height - header)))
+        yield f"panel-{name}", window.trimmed(pixels)
+        for copy in reversed(copies):
+            bpy.utils.unregister_class(copy)
+        shown.mode = "OFF"
+    preferences.view.ui_scale, preferences.system.use_region_overlap = 1.0, True
+
+
+def _copies(idname: str) -> list[type]:
+    """Copies of a panel and of those below it, open, in a tab that holds nothing else."""
+    original = getattr(bpy.types, idname)
+    category = f"Imprint {original.bl_label}" if original.bl_label != "Imprint" else "Imprint "
+    fields = {"bl_idname": f"{idname}_picture", "bl_category": category, "bl_options": set(), "bl_parent_id": ""}
+    copies = [type(f"{idname}_picture", (original,), fields)]
+    if idname == "IMPRINT_PT_map":
+        below = bpy.types.IMPRINT_PT_channels
+        fields = {"bl_idname": "IMPRINT_PT_channels_picture", "bl_category": category, "bl_options": set()}
+        copies.append(type("IMPRINT_PT_channels_picture", (below,), fields | {"bl_parent_id": copies[0].bl_idname}))
+    return copies
