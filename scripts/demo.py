@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The demo: a real terrain, baked onto a simplified one and onto a plane, as in Figures 7 to 9 of the paper.
+"""Bakes a real terrain onto a simplified one and onto a plane, as in Figures 7 to 9 of the paper.
 
 Started by `python3 scripts/imprint.py demo`. Makes the maps, a scene with the four terrains side by side, and a picture.
 """
@@ -29,7 +29,7 @@ EXAGGERATION = 2.0  # of the heights: the real relief, 0.84 km on 30 x 32 km, lo
 LOW_TRIANGLES = 9079  # as many as the paper's simplified terrain has
 
 PICTURE = (2000, 580)
-GAP = 3.0  # between two terrains, in kilometers as all that follow
+GAP = 3.0  # between two terrains, in kilometers, as are the lengths below
 LABEL_SIZE, LABEL_DROP = 2.2, 3.3  # the height of the letters, and their baseline's distance from the terrain
 CAMERA_DROP = 2.8  # below the middle of the terrains, which leaves room for the labels
 VIEW = Euler((math.radians(38), 0, 0))  # tilted from looking straight down
@@ -50,7 +50,7 @@ def parse() -> argparse.Namespace:
 
 
 def read_terrain() -> tuple[np.ndarray, tuple[float, float]]:
-    """The heights in kilometers around their mean, row 0 in the south, and the extent from west to east and south to north."""
+    """Read the heights in kilometers above their mean, row 0 in the south, and the extent along west-east and south-north."""
     with np.load(ELEVATIONS) as dem:
         meters = dem["elevation"][::-1].astype(np.float64)  # the file begins in the north
         latitude = math.radians(float(dem["ymin"] + dem["ymax"]) / 2)
@@ -61,7 +61,7 @@ def read_terrain() -> tuple[np.ndarray, tuple[float, float]]:
 
 
 def grid_mesh(name: str, heights: np.ndarray, extent: tuple[float, float]) -> bpy.types.Mesh:
-    """A smooth mesh of quads through a grid of heights, centered, whose UVs are the grid seen from above, from 0 to 1."""
+    """A smooth, centered mesh of quads through a grid of heights. Its UVs are the grid seen from above, from 0 to 1."""
     rows, columns = heights.shape
     u, v = np.meshgrid(np.linspace(0, 1, columns), np.linspace(0, 1, rows))
     positions = np.stack([(u - 0.5) * extent[0], (v - 0.5) * extent[1], heights], axis=-1)
@@ -83,7 +83,7 @@ def grid_mesh(name: str, heights: np.ndarray, extent: tuple[float, float]) -> bp
 
 
 def simplified(name: str, high: bpy.types.Object, triangles: int) -> bpy.types.Mesh:
-    """What Blender's Decimate modifier makes of a mesh. It takes the UVs along, so that both share their layout."""
+    """The mesh simplified by Blender's Decimate modifier, which keeps the UV layout."""
     decimate = high.modifiers.new("Decimate", "DECIMATE")
     decimate.ratio = triangles / count_triangles(high)
     decimate.use_collapse_triangulate = True
@@ -92,7 +92,7 @@ def simplified(name: str, high: bpy.types.Object, triangles: int) -> bpy.types.M
     mesh.name = name
     high.modifiers.remove(decimate)
 
-    # It lets the border's corners slip a little, and so a texel out of the map.
+    # Decimate moves the corners of the border a little, which could be a texel outside the map.
     uvs = np.empty(2 * len(mesh.loops), np.float32)
     mesh.uv_layers.active.uv.foreach_get("vector", uvs)
     mesh.uv_layers.active.uv.foreach_set("vector", uvs.clip(0, 1))
@@ -100,7 +100,7 @@ def simplified(name: str, high: bpy.types.Object, triangles: int) -> bpy.types.M
 
 
 def count_triangles(obj: bpy.types.Object) -> int:
-    """How many triangles Blender draws for an object's mesh."""
+    """The number of triangles that Blender draws for an object's mesh."""
     return len(obj.data.loops) - 2 * len(obj.data.polygons)
 
 
@@ -108,14 +108,14 @@ def count_triangles(obj: bpy.types.Object) -> int:
 
 
 def add(name: str, data: bpy.types.ID) -> bpy.types.Object:
-    """A new object in the scene."""
+    """Add a new object to the scene."""
     obj = bpy.data.objects.new(name, data)
     bpy.context.scene.collection.objects.link(obj)
     return obj
 
 
 def add_terrain(mesh: bpy.types.Mesh) -> bpy.types.Object:
-    """A terrain of plain clay: dull, so that nothing but the light's angle shows. Each has a material of its own."""
+    """Add a terrain with its own matte clay material: its shading depends only on the angle of the light."""
     material = bpy.data.materials.new(mesh.name)
     shader = next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
     shader.inputs["Base Color"].default_value = CLAY
@@ -127,7 +127,7 @@ def add_terrain(mesh: bpy.types.Mesh) -> bpy.types.Object:
 
 
 def build_terrains() -> list[bpy.types.Object]:
-    """The four terrains, all in one place: high, low, low for a map and plane for a map."""
+    """Add the four terrains, all in one place: high, low, low with a map, and a plane with a map."""
     heights, extent = read_terrain()
     high = add_terrain(grid_mesh("High", heights, extent))
     low = add_terrain(simplified("Low", high, LOW_TRIANGLES))
@@ -141,7 +141,7 @@ def build_terrains() -> list[bpy.types.Object]:
 
 
 def bake(high: bpy.types.Object, low: bpy.types.Object, size: int, path: Path) -> bpy.types.Image:
-    """Bake the detail of one terrain into a map for another, and say how it went."""
+    """Bake the detail of one terrain into a map for another, and print the summary."""
     settings = Settings(width=size, height=size, storage="FILE", output=str(path))
     report = bake_pair(bpy.context, low, [high], settings)
     print(*report.summary(), *(f"warning: {text}" for text in report.warnings), sep="\n")
@@ -149,7 +149,7 @@ def bake(high: bpy.types.Object, low: bpy.types.Object, size: int, path: Path) -
 
 
 def add_labels(terrains: list[bpy.types.Object]) -> None:
-    """Under each terrain its name and what it costs, turned towards the camera and lit by nothing."""
+    """Add a label with name and triangle count below each terrain, facing the camera and unlit."""
     chalk = bpy.data.materials.new("Label")
     nodes = chalk.node_tree.nodes
     nodes.clear()
@@ -192,11 +192,11 @@ def arrange(terrains: list[bpy.types.Object]) -> None:
 
 
 def render(path: Path, quick: bool) -> None:
-    """Make the picture, by Cycles on the processor."""
+    """Render the picture with Cycles on the CPU."""
     scene = bpy.context.scene
     scene.cycles.device = "CPU"
     scene.cycles.samples = 4 if quick else 32
-    scene.cycles.use_denoising = False  # it would smooth what the maps are to show
+    scene.cycles.use_denoising = False  # it would smooth the detail of the maps
     scene.view_settings.view_transform = "Standard"
     scene.render.resolution_x, scene.render.resolution_y = PICTURE
     scene.render.resolution_percentage = 25 if quick else 100
@@ -207,10 +207,10 @@ def render(path: Path, quick: bool) -> None:
 
 
 def save(path: Path, images: list[bpy.types.Image]) -> None:
-    """Save the scene, with the images beside it found wherever the folder is moved."""
+    """Save the scene, with relative paths to the images beside it, so that the folder can be moved."""
     for image in images:
         image.filepath = f"//{Path(image.filepath).name}"
-    bpy.context.preferences.filepaths.file_preview_type = "NONE"  # it would lie among the person's own thumbnails
+    bpy.context.preferences.filepaths.file_preview_type = "NONE"  # leave the user's folder of thumbnails alone
     with replacing(path) as partial:
         bpy.ops.wm.save_as_mainfile(filepath=str(partial), copy=True, relative_remap=False)
 
@@ -229,16 +229,16 @@ def demo(folder: Path, size: int, quick: bool) -> None:
 
 
 def main() -> int:
-    """Run the demo; return the exit code. What went wrong is one line on stderr."""
+    """Run the demo and return the exit code. An error is one line on stderr."""
     options = parse()
     start = time.perf_counter()
     try:
         demo(options.output.absolute(), options.size, options.quick)
-    except (BakeError, OSError) as error:  # no folder can be made, say
+    except (BakeError, OSError) as error:  # for example, the folder cannot be created
         print(f"imprint: {error}", file=sys.stderr)
         return 1
     finally:
-        addon.free()  # Blender crashes on exit while GPU objects live
+        addon.free()  # Blender crashes on exit while GPU objects exist
     print(f"{time.perf_counter() - start:.1f} s")
     return 0
 

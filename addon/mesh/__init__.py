@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Meshes as numpy arrays. Only `extract` knows of Blender."""
+"""Meshes as numpy arrays. Nothing here imports Blender."""

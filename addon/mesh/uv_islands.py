@@ -27,9 +27,9 @@ def islands(mesh: Mesh) -> np.ndarray:
     vertices = mesh.vertices[corners]
     first = np.zeros(len(mesh.positions), corners.dtype)
     first[vertices] = corners
-    node, apart = vertices.astype(np.int64), uv[corners] != uv[first[vertices]]
-    keys = np.stack([vertices[apart].astype(np.uint64), uv[corners[apart]]], axis=1)
-    node[apart] = len(mesh.positions) + np.unique(hashes(keys), return_inverse=True)[1]
+    node, has_other_uv = vertices.astype(np.int64), uv[corners] != uv[first[vertices]]
+    keys = np.stack([vertices[has_other_uv].astype(np.uint64), uv[corners[has_other_uv]]], axis=1)
+    node[has_other_uv] = len(mesh.positions) + np.unique(hashes(keys), return_inverse=True)[1]
     roots = connected_components(node.reshape(-1, 3), int(node.max()) + 1)[node[::3]]
     is_root = np.zeros(int(roots.max()) + 1, bool)
     is_root[roots] = True

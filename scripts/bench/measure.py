@@ -164,19 +164,19 @@ def _with_angles(pair: scenes.Pair, size: int, field: list[contenders.Contender]
 # Growth
 
 
-def growth(quick: bool, repeats: int, say: Callable[[str], None]) -> dict[str, list[dict]]:
-    """How cost grows with triangles (at 512), with texels (sides, one mesh) and with samples (at 256)."""
+def growth(quick: bool, repeats: int, log: Callable[[str], None]) -> dict[str, list[dict]]:
+    """Measure how cost grows with triangles (at 512), with texels (one mesh, several sizes) and with samples (at 256)."""
     counts = (10_000, 31_623, 100_000, 316_228, 1_000_000) + (() if quick else (3_162_278, 10_000_000))
     sides = (256, 512, 1024, 2048) + (() if quick else (4096, 8192))
     samples = (1, 2, 4, 8, 16) + (() if quick else (64,))
-    say("growth by triangles")
+    log("growth by triangles")
     scenes.empty()
     meshes = [scenes.sine(round((count / 2) ** 0.5), alone=False) for count in counts]
     triangles = _sweep([(pair, pair.triangles[0], 512, 1) for pair in meshes], repeats)
-    say("growth by texels")
+    log("growth by texels")
     pair = scenes.sine(316)
     texels = _sweep([(pair, side * side, side, 1) for side in sides], repeats)
-    say("growth by samples")
+    log("growth by samples")
     pair = scenes.sine(316)
     by_samples = _sweep([(pair, count, 256, count) for count in samples], repeats)
     return {"triangles": triangles, "texels": texels, "samples": by_samples}

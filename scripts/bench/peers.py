@@ -25,7 +25,7 @@ NAMES = {"open3d": "Open3D, RaycastingScene", "pymeshlab": "pymeshlab, transfer 
 
 
 def install() -> None:
-    """Make the environment. A package without a wheel for this machine is told, and is a gap in the tables."""
+    """Create the environment. A package without a wheel for this machine is reported, and leaves a gap in the tables."""
     if not PYTHON.is_file():
         print(f"bench: setting up {HOME}: about 600 MB to download, once", file=sys.stderr)
         subprocess.run([sys._base_executable, "-m", "venv", str(HOME)], check=True, stdout=sys.stderr)

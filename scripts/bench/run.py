@@ -36,11 +36,11 @@ def parse() -> argparse.Namespace:
 
 
 def bench(options: argparse.Namespace, scratch: Path) -> dict:
-    """Measure what was asked for; the result is plain data. scratch: a folder that goes away afterwards."""
+    """Run the chosen measurements and return plain data. scratch: a temporary folder."""
     start, quick, only = time.perf_counter(), options.quick, options.only
     repeats = 3 if quick else 5
 
-    def say(text: str) -> None:
+    def log(text: str) -> None:
         print(f"bench: {time.perf_counter() - start:4.0f} s  {text}", file=sys.stderr, flush=True)
 
     result = {"quick": quick, "repeats": repeats, "machine": measure.machine()}
@@ -50,26 +50,26 @@ def bench(options: argparse.Namespace, scratch: Path) -> dict:
             result["pairs"] = []
             for number, (build, sizes) in enumerate(measure.pairs(options.pairs, quick)):
                 pair = build()
-                say(pair.name)
+                log(pair.name)
                 result["pairs"] += measure.time_pair(pair, sizes, repeats, beside, quick)
                 if not (quick and number):
                     result["pairs"].append(measure.time_samples(pair, 1024, repeats))
             large = next(row for row in result["pairs"] if row["is_terrain"] and row["size"] == 2048)
             result["limit"] = measure.limit(large, result["machine"]["copy_gigabytes_per_second"])
         if "closed_forms" in only:
-            say("surfaces with known normals")
+            log("surfaces with known normals")
             result["closed_forms"] = measure.closed_forms(quick, repeats, beside)
     if "growth" in only:
-        result["growth"] = measure.growth(quick, repeats, say)
+        result["growth"] = measure.growth(quick, repeats, log)
         report.plot(result["growth"], options.output / "growth.png")
     if "live" in only:
-        say("live")
+        log("live")
         result["live"] = following.measure()
     if "hardware" in only and "moderngl" in result["peers"]:
-        say("shaders alone")
+        log("shaders alone")
         result["hardware"] = measure.hardware(options.pairs, scratch, quick)
     if "figures" in only:
-        say("figures")
+        log("figures")
         result["figures"] = figures.make(options.output, scratch, quick)
     result["seconds"] = time.perf_counter() - start
     return result

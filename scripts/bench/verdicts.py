@@ -59,7 +59,7 @@ def judge(result: dict) -> list[Verdict]:
     return [
         at_least("Flatten 10 times faster than Cycles, terrains at 2048", 10.0, against(CYCLES, FLATTEN, terrains)),
         at_least("Flatten no slower than Blender's multires bake", 1.0, against(MULTIRES, FLATTEN, sculpts)),
-        at_least("Cast no slower than Cycles, its tree built anew each time", 1.0, against(CYCLES, CAST, rows)),
+        at_least("Cast no slower than Cycles, its tree built again each time", 1.0, against(CYCLES, CAST, rows)),
         at_least("Cast no slower than Cycles with several samples a texel", 1.0, against(CYCLES, CAST, several)),
         at_least("Cast faster than Open3D", 1.0, against(NAMES["open3d"], CAST, rows)),
         *(accuracy(row) for row in result.get("closed_forms", [])),

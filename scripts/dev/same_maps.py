@@ -70,8 +70,8 @@ def difference(old: Path, new: Path) -> str:
         bpy.data.images.remove(image)
     if found[0].shape != found[1].shape:
         return "another size"
-    apart = np.abs(found[0] - found[1]).max(axis=1)
-    return f"at most {apart.max():.2g}, on {np.count_nonzero(apart):,} of {len(apart):,} texels"
+    differences = np.abs(found[0] - found[1]).max(axis=1)
+    return f"at most {differences.max():.2g}, on {np.count_nonzero(differences):,} of {len(differences):,} texels"
 
 
 def main() -> int:

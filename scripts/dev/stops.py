@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Stops batches of small bakes at random moments, and says what each stop left behind. Linux and macOS.
+"""Stops batches of small bakes at random moments, and checks what each stop leaves behind. Linux and macOS.
 
 python3 scripts/dev/stops.py [--count 100] [--seed 0] [--signals INT,TERM] [--sets 40] [--kill 20]
 
-Each batch is told to stop by one signal, sent to the launcher, to Blender or to the whole process group in turn. What must
-hold: the exit code is 128 and the signal's number, nobody of the group lives on, no partial file is left, each map that is
-there is whole and in the report, each in the report is there, and nothing is said but what is meant for people. With --kill
-that many batches are killed by SIGKILL instead, and a bake in the same folder has to sweep what they left.
+One signal stops each batch. It is sent to the launcher, to Blender and to the whole process group in turn. Afterwards the
+exit code must be 128 plus the signal's number, no process of the group may run, no partial file may be left, every map must
+be complete and in the report, every map in the report must exist, and the error output must hold Imprint's messages only.
+With --kill, that many batches are killed by SIGKILL instead, and a later bake in the same folder must remove their partial
+files.
 """
 
 import argparse
@@ -33,7 +34,7 @@ LOW = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nf 1/1
 
 
 def write_sets(folder, count, size=64):
-    """Write two small meshes and a job file that bakes them `count` times, by rays; return the command that does it."""
+    """Write two small meshes and a job file that casts rays between them `count` times. Returns the command that bakes."""
     (folder / "low.obj").write_text(LOW)
     (folder / "high.obj").write_text(LOW.replace(" 0\n", " 0.1\n", 1))
     sets = [{"low-file": "low.obj", "high-file": "high.obj", "output": f"maps/{n:02}.png"} for n in range(count)]
@@ -43,7 +44,7 @@ def write_sets(folder, count, size=64):
 
 
 def is_whole(path):
-    """Say whether a PNG file has all its parts, each with the sum that it says."""
+    """Tell whether a PNG file has all its chunks, each with the right checksum."""
     data, at = path.read_bytes(), 8
     while at + 12 <= len(data):
         size, kind = struct.unpack(">I4s", data[at : at + 8])
@@ -57,19 +58,19 @@ def is_whole(path):
 
 
 def children(pid):
-    """Return the process numbers of a process's children."""
+    """Return the process IDs of a process's children."""
     listed = subprocess.run(["ps", "-o", "pid=", "--ppid", str(pid)], capture_output=True, text=True, check=False)
     return [int(word) for word in listed.stdout.split()]
 
 
 def is_bake(pid):
-    """Say whether a process runs scripts/bake.py: the launcher starts others before."""
+    """Tell whether a process runs scripts/bake.py: the launcher starts other processes before."""
     shown = subprocess.run(["ps", "-o", "args=", "-p", str(pid)], capture_output=True, text=True, check=False)
     return str(HERE / "bake.py") in shown.stdout
 
 
 def send(process, number, target):
-    """Send a signal; return whether there was somebody to get it."""
+    """Send a signal. Returns False if the target process does not exist yet."""
     if target == "launcher":
         process.send_signal(number)
     elif target == "group":
@@ -83,7 +84,7 @@ def send(process, number, target):
 
 
 def group_lives(process, seconds=2.0):
-    """Say whether somebody of the process's group is alive after so many seconds."""
+    """Tell whether a process of the group still runs after this many seconds."""
     end = time.monotonic() + seconds
     while time.monotonic() < end:
         try:
@@ -95,7 +96,7 @@ def group_lives(process, seconds=2.0):
 
 
 def start(command, folder):
-    """Start a batch in a process group of its own, its streams in files."""
+    """Start a batch in a new process group, with its output in files."""
     with (folder / "out.txt").open("w") as out, (folder / "err.txt").open("w") as err:
         return subprocess.Popen(command, stdout=out, stderr=err, start_new_session=True)
 
@@ -107,28 +108,28 @@ def partials(folder):
 
 def faults(folder, code, number, process):
     """Yield what is wrong after a stop."""
-    if code not in {128 + number, -number}:  # the second before Python itself has started; shells call both the same
+    if code not in {128 + number, -number}:  # -number before Python has started; shells report both as 128 + number
         yield f"exit code {code}"
     if group_lives(process):
-        yield "somebody lives on"
+        yield "a process still runs"
     if partials(folder):
         yield f"left {partials(folder)}"
     maps = set(folder.glob("maps/*.png"))
     yield from (f"{path.name} is broken" for path in sorted(maps) if not is_whole(path))
     report = folder / "report.json"
-    told = json.loads(report.read_text()) if report.exists() else []
-    if {Path(path) for each in told for path in each["maps"]} != maps or not all(each["ok"] for each in told):
-        yield f"the report tells of {len(told)} bakes, there are {len(maps)} maps"
+    bakes = json.loads(report.read_text()) if report.exists() else []
+    if {Path(path) for bake in bakes for path in bake["maps"]} != maps or not all(bake["ok"] for bake in bakes):
+        yield f"the report lists {len(bakes)} bakes, but there are {len(maps)} maps"
     strange = [line for line in (folder / "err.txt").read_text().splitlines() if not line.startswith("imprint: ")]
     if strange:
-        yield f"said {strange[:3]}"
+        yield f"unexpected error output: {strange[:3]}"
     table = (folder / "out.txt").read_text().splitlines()
     if maps and not (table and re.match(rf"{len(maps)} done, 0 failed", table[-2])):
         yield "no table"
 
 
 def stop(folder, sets, moment, number, target):
-    """Stop one batch after so many seconds; return what was done by then, and what is wrong, or None if it was over."""
+    """Stop one batch after `moment` seconds. Returns a summary and the list of faults, or None if it ended before."""
     process = start(write_sets(folder, sets), folder)
     time.sleep(moment)
     while process.poll() is None and not send(process, number, target):
@@ -143,20 +144,20 @@ def stop(folder, sets, moment, number, target):
     if code == 0 and took < 0.01:
         return None
     maps = len(list(folder.glob("maps/*.png")))
-    if code == 0 and maps == sets:  # it came when all was done
+    if code == 0 and maps == sets:  # the signal came after the last bake
         code = 128 + number
     return f"{maps} maps, stopped in {took:.2f} s", list(faults(folder, code, number, process))
 
 
 def kill(folder, sets, moment, target):
-    """Kill one batch, whose maps are larger, as `stop` does; then bake once more."""
+    """Kill one batch, with larger maps, and bake once more in its folder. Returns as `stop` does."""
     process = start(write_sets(folder, sets, 1024), folder)
     time.sleep(moment)
     if process.poll() is not None:
         return None
     send(process, signal.SIGKILL, target)
     process.wait()
-    wrong = ["somebody lives on"] if group_lives(process, 10.0) else []  # Blender sees that its launcher is gone
+    wrong = ["a process still runs"] if group_lives(process, 10.0) else []  # Blender ends when its launcher is gone
     left = len(partials(folder))
     again = subprocess.run(write_sets(folder, 1), capture_output=True, text=True, check=False)
     wrong += [f"left {partials(folder)}"] if partials(folder) else []
@@ -166,7 +167,7 @@ def kill(folder, sets, moment, target):
 
 
 def timed(sets):
-    """Return the seconds of a whole batch."""
+    """Return the duration of a whole batch in seconds."""
     with tempfile.TemporaryDirectory(prefix="imprint-stops-") as name:
         begun = time.monotonic()
         subprocess.run(write_sets(Path(name), sets), stdout=subprocess.DEVNULL, check=True)
@@ -174,7 +175,7 @@ def timed(sets):
 
 
 def main():
-    """Run it; exit code 1 where anything was wrong."""
+    """Stop and kill batches. Returns exit code 1 if anything was wrong."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n", maxsplit=1)[0])
     parser.add_argument("--count", type=int, default=100, help="batches to stop (default: 100)")
     parser.add_argument("--seed", type=int, default=0, help="of the moments (default: 0)")

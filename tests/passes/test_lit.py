@@ -232,8 +232,8 @@ def test_it_covers_what_lies_around_it_and_not_what_is_before_it(is_parallel):
 @pytest.mark.parametrize("mode", ["MAP", "SPLIT"])
 @pytest.mark.parametrize("is_parallel", [False, True])
 def test_bumps_of_the_high_object_do_not_poke_through(is_parallel, mode):
-    """Higher than what is pulled anyway, and nobody has hidden it. Where it is not in view, what stands so far out is another
-    object, and stays in front."""
+    """The bumps are higher than the distance by which the low object is pulled forward, and the high object is visible. If
+    the high object is not in the view, an object this far in front is another one, and stays in front."""
     low, high = zoo.sphere("lo", n=10, latitude=60.0), zoo.sphere("hi", n=40, latitude=60.0)
     points = np.array([vertex.co for vertex in high.data.vertices])
     bumps = 1.0 + 0.3 * (np.sin(9.0 * points[:, :1]) * np.sin(9.0 * points[:, 2:]) > 0.5)

@@ -89,13 +89,13 @@ def test_what_is_looked_at_of_a_large_map_are_its_own_texels_seed_9(size, tile):
     drawn, all_of_them = target.get("test", *size, "R16F"), np.empty(size[::-1], np.float32)
     overlap.draw(drawn, mesh_upload.upload(low.triangles, uv=low.uv), udim.uv_to_clip(tile))
     drawn.read(all_of_them)
-    some = next(checks.covering(low, size, [tile]))
-    assert max(some.shape) <= tally.SAMPLES_A_SIDE
+    sampled = next(checks.covering(low, size, [tile]))
+    assert max(sampled.shape) <= tally.SAMPLES_A_SIDE
     columns, rows = tally.sampled(size).steps
     truth = all_of_them[::rows, ::columns]
-    assert some.shape == truth.shape
+    assert sampled.shape == truth.shape
     # Rasterizers round corners to a part of a texel, and texels are larger where fewer are drawn.
-    assert np.count_nonzero(some != truth) <= 0.005 * truth.size
+    assert np.count_nonzero(sampled != truth) <= 0.005 * truth.size
 
 
 def test_mirrored_triangles_are_known():

@@ -110,14 +110,14 @@ def test_what_cannot_be_put_back_is_told_and_kept(tmp_path, monkeypatch):
         real(source, target)
 
     monkeypatch.setattr(os, "replace", fail)
-    with pytest.raises(BakeError, match="could not be put back") as told, Replaced() as replaced:
+    with pytest.raises(BakeError, match="could not be put back") as error, Replaced() as replaced:
         write(tmp_path / "a.png")
         write(tmp_path / "b.png")
         with replaced.restoring():
             raise Stop
     assert (tmp_path / "b.png").read_text() == "old"
     (kept,) = (path for path in tmp_path.iterdir() if path.name not in {"a.png", "b.png"})
-    assert str(kept) in str(told.value)
+    assert str(kept) in str(error.value)
     assert kept.read_text() == "old"
 
 
@@ -144,7 +144,7 @@ def test_all_take_their_places_or_none(tmp_path, monkeypatch, can_link):
             write(tmp_path / name)
         if can_link:
             write(tmp_path / "c.png")
-        else:  # of a copy nobody can tell whether it is the file that was there
+        else:  # a copy cannot be recognized as the file that was there
             raise BakeError("Permission denied.")
     assert tree(tmp_path) == before
 

@@ -105,7 +105,10 @@ def test_one_normal_behind_its_triangle_is_found(corner, degrees, is_behind):
 def test_triangle_without_area_has_no_normals_behind(scale):
     behind = np.tile((0.0, 0.0, -1.0), (6, 1))
     points = np.array([*TRIANGLE, (0, 0, 0), (1, 0, 0), (2, 0, 0)]) * scale
-    assert face_shapes.normals_behind(mesh(points, [(0, 1, 2), (3, 4, 5)], [0, 1], normals=behind)).tolist() == [True, False]
+    assert face_shapes.normals_behind(mesh(points, [(0, 1, 2), (3, 4, 5)], [0, 1], normals=behind)).tolist() == [
+        True,
+        False,
+    ]
 
 
 def test_all_triangles_are_checked_across_blocks():

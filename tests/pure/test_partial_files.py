@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Partial files: nobody shares one, and what dead writers left is swept."""
+"""Tests partial files: each writer has its own, and the files of dead writers are removed."""
 
 import os
 from pathlib import Path

@@ -63,12 +63,12 @@ def test_islands_of_random_triangles_of_a_grid(seed):
 
 def test_islands_end_at_seams_and_stay_apart_where_they_overlap():
     square = [(0, 0), (1, 0), (1, 1), (0, 1)]
-    apart = [(2, 0), (3, 0), (3, 1), (2, 1)]
+    separate = [(2, 0), (3, 0), (3, 1), (2, 1)]
     two_quads, corners = [(0, 1, 2), (0, 2, 3), (4, 5, 6), (4, 6, 7)], np.arange(8)
     everything = np.ones(4, bool)
     on_one_surface = [0, 1, 2, 3, 1, 4, 5, 2]  # the second square is the first one's neighbor
     for uv, vertices, count in (
-        (square + apart, on_one_surface, 2),  # a seam
+        (square + separate, on_one_surface, 2),  # a seam
         (square + square, corners, 2),  # two islands on the same place
         (square + [(1, 0), (2, 0), (2, 1), (1, 1)], on_one_surface, 1),
     ):

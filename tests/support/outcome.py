@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What every bake must end in, whatever goes into it: a map, or one sentence and nothing changed."""
+"""Checks the outcome of any bake: either a map, or one message and no change."""
 
 import json
 import re
@@ -18,22 +18,19 @@ from tests.support import maps
 from tests.support.snapshot import difference, snapshot
 
 LONGEST = 400
-"""Characters of a sentence that a person still reads."""
+"""The longest message, in characters."""
 
 
 def of_bake(low, highs, settings, folder, cage=None):
-    """The report of a bake, or the sentence with which it was refused; what both leave behind has been looked at.
-
-    folder: where the settings' output lies.
-    """
+    """Bake and check the outcome. Returns the report, or the message of the error. folder: the folder of the output."""
     before, files = snapshot(), set(folder.rglob("*"))
-    with warnings.catch_warnings(record=True) as told:
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         try:
             report = bake_pair(bpy.context, low, highs, settings, cage)
         except BakeError as error:
             report, sentence = None, str(error)
-    assert not told, [f"{warning.filename}:{warning.lineno} {warning.message}" for warning in told]
+    assert not caught, [f"{warning.filename}:{warning.lineno} {warning.message}" for warning in caught]
     changed, written = difference(before, snapshot()), set(folder.rglob("*")) - files
     if report is None:
         _check_sentence(sentence)
@@ -43,21 +40,21 @@ def of_bake(low, highs, settings, folder, cage=None):
     _check_report(report)
     filled = replace(settings, image=report.image, output=file_names.fill(settings.output, report.low))
     plan = output_clashes.settings_by_map(filled)
-    _check_changes(changed, low, [own.image for own in plan.values()])
+    _check_changes(changed, low, [map_settings.image for map_settings in plan.values()])
     expected = set()
-    for name, own in plan.items():
-        is_color = map_types.BY_NAME[name].range is map_types.Range.UNIT or not own.is_float
-        image, path = bpy.data.images[own.image], image_writer.output_for(own)
+    for name, map_settings in plan.items():
+        is_color = map_types.BY_NAME[name].range is map_types.Range.UNIT or not map_settings.is_float
+        image, path = bpy.data.images[map_settings.image], image_writer.output_for(map_settings)
         if settings.udim:
             assert image.source == "TILED"
             assert [tile.number for tile in image.tiles if tile.size[0]] == sorted(report.tiles)
         else:
-            _check_image(image, own, is_color=is_color)
+            _check_image(image, map_settings, is_color=is_color)
             assert name != "NORMAL" or (maps.pixels(image)[..., 3] == 1.0).any()
         for tile in report.tiles if path else ():
             file = Path(path.replace("<UDIM>", str(tile)))
             expected.add(file)
-            _check_file(file, own, is_color=is_color)
+            _check_file(file, map_settings, is_color=is_color)
     assert written == expected, written
     assert {Path(path) for path in report.output} == expected
     return report
@@ -79,7 +76,7 @@ def _check_report(report):
 
 
 def _check_changes(changed, low, names):
-    """Of the file nothing has changed but the images, the materials, and which of them the low mesh has."""
+    """Only the images, the materials and the material slots of the low mesh may have changed."""
     sharers = {obj.name_full for obj in bpy.data.objects if obj.data == low.data}
     for key in changed:
         kind, name = key if isinstance(key, tuple) else (key, None)

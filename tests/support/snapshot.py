@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is in Blender's file and how it is shown, as plain data: two snapshots are equal where a bake left no trace."""
+"""Takes snapshots of Blender's file and view as plain data: they are equal if a bake left no trace."""
 
 import bpy
 import numpy as np
 
-# Which depend on what has been drawn or asked for, not on what the artist has set.
+# These depend on what was drawn or read, not on what the artist has set.
 FLEETING = {
     "rna_type",
     "bindcode",
@@ -18,18 +18,18 @@ FLEETING = {
     "face_count",
     "bound_box",
     "dimensions",
-    "pixels",  # see below: asking for them loads them
+    "pixels",  # reading them loads the image: see `pixels` below
 }
 
 
 def snapshot(context=None, *, without=()) -> dict:
-    """Everything that a bake must leave alone, by name. `without`: kinds of data of which only this bake may make more.
+    """Everything that a bake must not change, by name. without: collections to which a bake may add.
 
     Names of all datablocks; settings of scenes, objects, modifiers, view layers and images; selection, active object
     and modes; nodes and links; mesh attributes and image pixels.
     """
     context = context or bpy.context
-    context.view_layer.update()  # matrices lag behind what was set
+    context.view_layer.update()  # matrices are updated late
     state = {"active": context.view_layer.objects.active and context.view_layer.objects.active.name_full}
     for collection in _collections():
         if collection not in without:
@@ -57,7 +57,7 @@ def snapshot(context=None, *, without=()) -> dict:
 
 
 def difference(before: dict, after: dict) -> dict:
-    """What changed, as {key: (before, after)}: for assertions whose message is worth reading."""
+    """What changed, as {key: (before, after)}, for readable messages of assertions."""
     return {
         key: _narrowed(before.get(key), after.get(key))
         for key in before.keys() | after.keys()
@@ -66,7 +66,7 @@ def difference(before: dict, after: dict) -> dict:
 
 
 def settings(struct) -> dict:
-    """The values of an RNA struct's own properties; of pointers the names of what they point to."""
+    """The values of the properties of an RNA struct; for pointers, the names of their targets."""
     values = {}
     for prop in struct.bl_rna.properties:
         name = prop.identifier
@@ -84,7 +84,7 @@ def settings(struct) -> dict:
 
 
 def pixels(image) -> bytes:
-    """The pixels of an image, without loading what is not loaded."""
+    """The pixels of an image, if they are loaded."""
     if not image.has_data:
         return b""
     values = np.empty(len(image.pixels), np.float32)
@@ -93,7 +93,7 @@ def pixels(image) -> bytes:
 
 
 def _is_the_files(block) -> bool:
-    """Whether it belongs to the file: Blender itself loads brushes from its own libraries when a mode is entered."""
+    """Whether a datablock belongs to the file: Blender loads brushes from its own libraries when it enters a mode."""
     path = block.filepath if isinstance(block, bpy.types.Library) else block.library and block.library.filepath
     return not path or "essentials" not in path
 
@@ -113,7 +113,7 @@ def _layer(layer) -> dict:
 
 
 def _attributes(data) -> dict:
-    """The bytes of the attributes that a person sees; Blender keeps some of its own beside them."""
+    """The bytes of the attributes that the user can see; Blender stores internal ones too."""
     wanted = {"position": 3, "material_index": 1} | {layer.name: 2 for layer in data.uv_layers}
     found = {"names": sorted(a.name for a in data.attributes if not a.name.startswith("."))}
     for name, width in wanted.items():

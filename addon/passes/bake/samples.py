@@ -45,7 +45,7 @@ def offsets(count: int) -> list[tuple[float, float]]:
 
 
 def add(sums: target.Target, normals: gpu.types.GPUTexture, rows: range, *, is_first: bool) -> None:
-    """Add `normals` (RGBA32F; alpha 1 hit, 0 nothing, -1 missed) to `sums` (RGBA32F) in these rows, or start anew."""
+    """Add `normals` (RGBA32F; alpha 1 hit, 0 empty, -1 missed) to `sums` (RGBA32F) in these rows. is_first: replace them."""
     target.dispatch(ADD, sums.width, rows, normals=normals, sums=sums.texture, is_first=int(is_first))
 
 
