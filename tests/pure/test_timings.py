@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where a bake's time goes: each second is of one stage, and of none while nobody lets the bake go on."""
+"""Tests the time measured for each stage of a bake: each second counts for one stage, and pauses count for none."""
 
 from types import SimpleNamespace
 

@@ -137,7 +137,7 @@ NAMES = {
     "few": "shorten_list",
     "flaws": "issues",
 }
-API_WORDS = re.compile(r"CANCELLED|cancelled|colours\"")
+API_WORDS = re.compile(r"CANCELLED|cancelled|(?<=\")colours(?=\")")
 """Spelled this way by Blender's API, and by a key of the report that stays."""
 
 
