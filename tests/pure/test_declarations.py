@@ -25,7 +25,7 @@ def plain(text):
 
 
 def test_the_manuals_tables_are_up_to_date():
-    """Write them anew with `python3 scripts/dev/tables.py`."""
+    """Write them again with `python3 scripts/dev/tables.py`."""
     assert [page.name for page in tables.outdated()] == []
 
 
