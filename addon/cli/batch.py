@@ -146,8 +146,7 @@ def run(opened: Opened, stage: Stage, meter: Meter) -> Result:
     _start_gpu()
     with together():  # if a pair, a frame, the scene or the report fails, no file of the bake is written
         reports, is_stopped = _baked(options, opened.jobs, opened.settings, meter)
-        for report in reports:
-            report.warnings += [*stage.notes, *_refused_scripts()]
+        reports = [report.with_warnings([*stage.notes, *_refused_scripts()]) for report in reports]
         result = Result(opened.name, reports, opened.problems, are=_kind(options), is_stopped=is_stopped)
         if opened.scene is not None and not is_stopped:
             with stage.let_go():
