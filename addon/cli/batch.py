@@ -104,7 +104,7 @@ class Opened:
     name: str
     options: argparse.Namespace
     settings: Settings
-    jobs: Sequence[several.Job]
+    jobs: Sequence[Job]
     problems: list[str]
     """What is wrong with names."""
 

@@ -745,4 +745,4 @@ def test_a_wrong_range_of_frames_is_told(wrong, capsys, tmp_path):
 @pytest.mark.parametrize("wrong", ["1-99999999", "1-100001", "1048575-1048575"])
 def test_too_many_frames_are_told_at_once(wrong, capsys, tmp_path):
     assert command.run(["--low", "lo", "--output", str(tmp_path / "map.png"), f"--frames={wrong}"]) == 2
-    assert "is too long: frames go up to 1048574, and 100000 of them" in capsys.readouterr().err
+    assert "is too long: frames go up to 1048574, and a sequence has 100000 at most" in capsys.readouterr().err
