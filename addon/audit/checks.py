@@ -191,7 +191,7 @@ def _count(found: np.ndarray, of: int) -> dict[str, float]:
     return {"count": int(np.count_nonzero(found)), "of": of}
 
 
-def covering(low: Mesh, size: tuple[int, int], tiles: Sequence[int] = (1001,)) -> Iterator[np.ndarray]:
+def covering(low: Mesh, size: tuple[int, int], tiles: Sequence[int] = (udim.FIRST,)) -> Iterator[np.ndarray]:
     """How many triangles of `low` cover the texels that tally.sampled names, of a map of width and height, tile by tile.
 
     (height, width) float32; the array is used again for the next tile.

@@ -4,7 +4,7 @@
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field, replace
 
-from . import bases
+from . import bases, udim
 from .timings import STAGES, Timings
 
 VERSION = 1
@@ -50,7 +50,7 @@ class Report:
     outside the triangles moved by whole tiles on purpose; mirrored has islands; gaps the texels near the border, and how many
     texels are needed between islands; far has maximum, percentile_99, limit and the offset that was not counted, in scene
     units; uneven whether the low mesh is the base of its own high one."""
-    tiles: list[int] = field(default_factory=lambda: [1001])
+    tiles: list[int] = field(default_factory=lambda: [udim.FIRST])
     """The UDIM tiles that were baked."""
     maps: dict[str, dict] = field(default_factory=dict)
     """What was baked beside the normal map: its image, and how its numbers are stored: value = (stored - midlevel) *
