@@ -21,7 +21,7 @@ from ..core.settings import Settings
 from ..jobs import sequence, several
 from ..jobs.job import Job, jobs_by_name
 from ..output.atomic_file import check_writable, replacing, together
-from ..scene import bake_objects
+from ..scene import object_refs
 from . import interruption, mesh_import, results, run_clashes, standard_streams
 from .mesh_import import Stage
 from .results import Result
@@ -220,9 +220,9 @@ def _jobs(options: argparse.Namespace, stage: Stage) -> tuple[list[Job], list[st
         stage.take()
     if options.pairs:
         return jobs_by_name(bpy.context, options.suffixes)
-    low = bake_objects.named(options.low)
-    highs = [bake_objects.named(name) for name in options.high] or [low]
-    return [Job(low, highs, bake_objects.named(options.cage) if options.cage else None)], []
+    low = object_refs.by_name(options.low)
+    highs = [object_refs.by_name(name) for name in options.high] or [low]
+    return [Job(low, highs, object_refs.by_name(options.cage) if options.cage else None)], []
 
 
 def _save(path: Path, maps: set[bpy.types.Image]) -> None:

@@ -22,7 +22,7 @@ class Report:
     high: list[str]
     cage: str = ""
     refs: list = field(default_factory=list)
-    """A bake_objects.ObjectRef of the low object, the high ones and the cage; empty in a report of another session."""
+    """A object_refs.ObjectRef of the low object, the high ones and the cage; empty in a report of another session."""
     settings: dict = field(default_factory=dict)
     """What was asked for, as settings.Settings has it."""
     uv_layer: str = ""

@@ -12,27 +12,28 @@ from ..core.settings import Settings
 from ..engine.bands import bands
 from ..output import image_writer, materials
 from ..output.output_clashes import settings_by_map
-from ..scene import bake_objects
+from ..scene import object_checks
+from ..scene.object_refs import ObjectRef
 
 
 class Job:
-    """The objects of one bake. `highs` may be [low] alone: its surface with modifiers goes onto its own base mesh.
+    """The objects of one bake, which may be renamed, and deleted and brought back by Undo.
 
-    It outlives renaming and undo. The attributes `low`, `highs` and `cage`, which has the topology of `low` and lets rays
-    start on it, raise BakeError for an object that was deleted.
+    `highs` may be [low]: then the low object's modifiers are baked onto its own base mesh. `cage` has the topology of `low`,
+    and rays start on it. The attributes `low`, `highs` and `cage` raise BakeError for an object that was deleted.
     """
 
     def __init__(self, low: bpy.types.Object, highs: Sequence[bpy.types.Object], cage: bpy.types.Object | None = None):
-        self.refs = [bake_objects.hold(obj) for obj in (low, *highs, *([cage] if cage else []))]
-        self._has_cage = cage is not None
+        self._hold(low, highs, cage)
+
+    @property
+    def refs(self) -> list[ObjectRef]:
+        """Of the low object, the high ones and the cage, if there is one."""
+        return [self.low_ref, *self.high_refs, *([self.cage_ref] if self.cage_ref else [])]
 
     @property
     def low(self) -> bpy.types.Object:
-        return self.refs[0].resolve()
-
-    @property
-    def high_refs(self) -> list[bake_objects.ObjectRef]:
-        return self.refs[1 : len(self.refs) - self._has_cage]
+        return self.low_ref.resolve()
 
     @property
     def highs(self) -> list[bpy.types.Object]:
@@ -40,18 +41,21 @@ class Job:
 
     @property
     def cage(self) -> bpy.types.Object | None:
-        return self.refs[-1].resolve() if self._has_cage else None
+        return self.cage_ref.resolve() if self.cage_ref else None
 
     def renew(self) -> bool:
-        """Whether one has another session_uid now, as after its library was reloaded; from then on it is known by that.
+        """Hold the same objects by the session_uid that they have now. Returns whether one has changed.
 
-        Raises BakeError if one was deleted.
+        It changes when the object's library is reloaded. Raises BakeError if an object was deleted.
         """
-        found = [ref.resolve() for ref in self.refs]
-        is_new = any(obj.session_uid != ref.uid for obj, ref in zip(found, self.refs, strict=True))
-        if is_new:
-            self.refs = [bake_objects.hold(obj) for obj in found]
-        return is_new
+        before = [ref.uid for ref in self.refs]
+        self._hold(self.low, self.highs, self.cage)
+        return [ref.uid for ref in self.refs] != before
+
+    def _hold(self, low: bpy.types.Object, highs: Sequence[bpy.types.Object], cage: bpy.types.Object | None) -> None:
+        self.low_ref = ObjectRef.of(low)
+        self.high_refs = [ObjectRef.of(high) for high in highs]
+        self.cage_ref = ObjectRef.of(cage) if cage else None
 
 
 def jobs_by_name(context: bpy.types.Context, suffixes: Suffixes) -> tuple[list[Job], list[str]]:
@@ -74,7 +78,7 @@ def check_job(context: bpy.types.Context, job: Job, settings: Settings) -> None:
     """Raise BakeError for what can be known before anything is read."""
     # Scripts link, move and bake without a redraw between: view layers and matrices lag behind until asked.
     context.view_layer.update()
-    reason = bake_objects.problem(context, job.low, job.highs, job.cage, settings.method)
+    reason = object_checks.problem(context, job.low, job.highs, job.cage, settings.method)
     if reason:
         raise BakeError(reason)
     for image_settings in settings_by_map(settings).values():

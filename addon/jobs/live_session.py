@@ -23,7 +23,7 @@ from ..mesh.triangle_mesh import Mesh
 from ..output import datablocks, output_clashes, outputs
 from ..passes import target
 from ..passes.mesh_upload import UploadCache
-from ..scene import bake_objects, mesh_reader, reading
+from ..scene import instances, mesh_reader, object_checks, object_modes, reading
 from . import several
 from .bake import READY
 from .job import Job, check_job
@@ -90,19 +90,19 @@ class Session:
     def _read(self, context: bpy.types.Context, changed: Collection[int] | None, settings: Settings) -> Meshes:
         """Read the objects that changed; `changed` as in `work`."""
         low, highs, cage = self.job.low, self.job.highs, self.job.cage
-        reason = bake_objects.problem(context, low, highs, cage, self._method)
+        reason = object_checks.problem(context, low, highs, cage, self._method)
         if reason:
             raise BakeError(reason)
         if low in highs and low.mode == "EDIT":
             raise BakeError(f"The map will follow when {low.name!r}, which is its own high object, leaves Edit Mode.")
-        hidden = next(filter(bake_objects.hides_detail, highs), None)
+        hidden = next(filter(object_modes.hides_detail, highs), None)
         if hidden is not None:
             raise BakeError(
                 f"The map will follow when {hidden.name!r} leaves Sculpt Mode, which keeps Multires detail."
             )
         before = None if changed is None else self._meshes
         changed = {uid for changed_uid in changed or () for uid in (changed_uid, *self._shown_by.get(changed_uid, ()))}
-        self._shown_by = bake_objects.shown_by(highs)
+        self._shown_by = instances.shown_by(highs)
         meshes = reading.read_again(context, low, highs, cage, settings, before=before, changed=changed)
         self._meshes = meshes
         if not self._post_processes or before is None or meshes.low is not before.low:
@@ -206,7 +206,7 @@ class Session:
 
     def commit(self) -> None:
         """Store the last map as a bake does: in its file, or packed. Raises BakeError."""
-        low = self.job.refs[0].find()
+        low = self.job.low_ref.find()
         if self.texels is not None and low is not None:
             with outputs.Outputs(self.settings) as places:
                 places.add(udim.FIRST, {NORMAL.name: (self.texels, self._state)})

@@ -24,7 +24,7 @@ from ..mesh.inputs import Meshes
 from ..output import image_writer
 from ..passes import mesh_upload, target
 from ..passes.audit import overlap, triangle_ids
-from ..scene import bake_objects, mesh_reader, reading
+from ..scene import evaluation, mesh_reader, reading
 from .job import Job, check_job
 from .reports import PastBake
 
@@ -196,7 +196,7 @@ def _own(context: bpy.types.Context, view: _View, found: np.ndarray, domain: str
     has_modifiers = low not in view.job.highs and len(low.modifiers) > 0
     if domain == "FACE" and not has_modifiers:
         return found
-    with bake_objects.ready(context, low, [], None, view.settings.modifiers):
+    with evaluation.prepared(context, low, [], None, view.settings.modifiers):
         if not has_modifiers:
             return mesh_reader.edges(low.data, found)
         with (
@@ -228,7 +228,7 @@ def add_triangulate(context: bpy.types.Context, report: Report) -> tuple[bpy.typ
     if low.modifiers and low.modifiers[-1].type == "TRIANGULATE":
         raise BakeError(f"{low.name!r} has a Triangulate modifier already: {low.modifiers[-1].name!r}.")
     with (
-        bake_objects.ready(context, low, [], None, past.settings.modifiers) as depsgraph,
+        evaluation.prepared(context, low, [], None, past.settings.modifiers) as depsgraph,
         mesh_reader.evaluated(low, depsgraph) as data,
     ):
         mesh = mesh_reader.surface(data, "", low.name, mesh_reader.matrix(low), with_faces=True)

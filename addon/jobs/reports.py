@@ -15,7 +15,7 @@ from ..engine.method_choice import Plan
 from ..engine.ray_casting import RayCast
 from ..mesh.inputs import Meshes
 from ..output.outputs import Stored
-from ..scene.bake_objects import ObjectRef
+from ..scene.object_refs import ObjectRef
 from .job import Job
 
 

@@ -14,7 +14,7 @@ from ..core.progress import Pace, Progress, Task, part
 from ..core.report import Report
 from ..core.settings import Settings
 from ..output import datablocks, image_writer, materials, output_clashes, outputs
-from ..scene import bake_objects
+from ..scene import object_refs
 from . import several
 from .job import Job
 
@@ -82,7 +82,7 @@ def work(
                 reports += end.value
         yield Progress("Storing", 1.0, finished=len(frames))
     finally:
-        if bake_objects.scene_of(scene) is not None:
+        if object_refs.scene_by_uid(scene) is not None:
             _go_to(scene, before)
         for own in output_clashes.settings_by_map(plain).values():
             passing = datablocks.get(own.image)
@@ -94,7 +94,7 @@ def work(
 
 
 def _go_to(uid: int, frame: float) -> None:
-    scene = bake_objects.scene_of(uid)
+    scene = object_refs.scene_by_uid(uid)
     if scene is None:
         raise BakeError("The scene of the sequence was deleted: bring it back with Undo, or choose another one.")
     scene.frame_set(int(frame), subframe=frame - int(frame))
@@ -125,7 +125,7 @@ def _show(job: Job, settings: Settings, frames: Sequence[int], reports: Sequence
     image.source = "SEQUENCE"
     first, *others = (replace(report, image=image.name) for report in reports)
     done = [first.with_warnings(outputs.sign(image, [ref.name for ref in job.high_refs])), *others]
-    low = job.refs[0].find()
+    low = job.low_ref.find()
     if low is None or not settings.material:
         return done
     done[-1] = done[-1].with_warnings(outputs.hook_up(low, image, done[-1].uv_layer, settings))

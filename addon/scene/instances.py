@@ -50,6 +50,15 @@ def sources(obj: bpy.types.Object) -> Iterator[bpy.types.Object]:
             yield from sources(inner)
 
 
+def shown_by(owners: Sequence[bpy.types.Object]) -> dict[int, set[int]]:
+    """The session_uid of each object that `owners` show as an instance, with those of its owners."""
+    found: dict[int, set[int]] = {}
+    for owner in owners:
+        for obj in sources(owner):
+            found.setdefault(obj.session_uid, set()).add(owner.session_uid)
+    return found
+
+
 def shown(depsgraph: bpy.types.Depsgraph, owners: Sequence[bpy.types.Object]) -> Iterator[tuple]:
     """Each instance that `owners` show: the owner's index, the evaluated object shown, and its matrix.
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Switches objects to Object Mode while they are read."""
+"""Switches objects to Object Mode while they are read, and knows what Sculpt Mode hides."""
 
 from contextlib import ExitStack
 
@@ -39,3 +39,17 @@ def _switch(layer: bpy.types.ViewLayer, obj: bpy.types.Object, mode: str) -> Non
     if obj.mode != mode:
         layer.objects.active = obj
         bpy.ops.object.mode_set(mode=mode)
+
+
+def hides_detail(obj: bpy.types.Object) -> bool:
+    """Whether Sculpt Mode hides the Multires detail of `obj` from evaluation."""
+    return obj.mode == "SCULPT" and any(modifier.type == "MULTIRES" for modifier in obj.modifiers)
+
+
+def holds_strokes(context: bpy.types.Context, obj: bpy.types.Object) -> bool:
+    """Whether Blender reports strokes on `obj` only when the mesh is asked for: with Dyntopo, or if Sculpt Mode shows only
+    deforming modifiers."""
+    if obj.mode != "SCULPT":
+        return False
+    only_deforms = obj.modifiers and context.scene.tool_settings.sculpt.use_deform_only
+    return bool(obj.use_dynamic_topology_sculpting or only_deforms)

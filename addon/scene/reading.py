@@ -12,7 +12,7 @@ from ..core.settings import Settings
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import local_space_of
 from ..mesh.triangle_mesh import Mesh
-from . import bake_objects, mesh_reader, visibility
+from . import evaluation, mesh_reader, visibility
 from .high_reader import Reader
 from .high_reader import uv_layer as uv_layer_of
 
@@ -29,7 +29,7 @@ def read(
     settings: Settings,
 ) -> Meshes:
     """Evaluate and read all objects. Raises BakeError for missing faces or UV layers, and for a cage of another topology."""
-    with bake_objects.ready(context, low, highs, cage, settings.modifiers) as depsgraph:
+    with evaluation.prepared(context, low, highs, cage, settings.modifiers) as depsgraph:
         return _read(depsgraph, low, highs, cage, settings)
 
 
@@ -50,7 +50,7 @@ def read_again(
     out = next((obj for obj in (low, *highs, cage) if obj and not visibility.is_followed(context, obj)), None)
     if out is not None:
         raise BakeError(f"{out.name!r} is hidden in viewports, which the map follows: show it, or its collection.")
-    with bake_objects.instances_shown(context, highs) as depsgraph:
+    with evaluation.with_visible_instances(context, highs) as depsgraph:
         if before is None or {low.session_uid, cage and cage.session_uid}.intersection(changed):
             meshes = _read(depsgraph, low, highs, cage, settings)
         else:
@@ -58,7 +58,7 @@ def read_again(
             read = dict(zip(new, Reader(depsgraph, before.uv_layer, settings).read(new), strict=True))
             meshes = replace(before, highs=[read.get(number, mesh) for number, mesh in enumerate(before.highs)])
             _check_triangles(meshes.highs)
-    if meshes.is_own_base and bake_objects.smooths_uvs(low):
+    if meshes.is_own_base and evaluation.smooths_uvs(low):
         meshes = _with_kept_uvs(context, low, settings, meshes, before)
     return meshes
 
@@ -77,7 +77,7 @@ def _with_kept_uvs(
     if known is not None and known.uv.shape == shown.uv.shape and np.array_equal(known.uv, shown.uv):
         uv = before.highs[0].uv
     else:
-        with bake_objects.kept_uvs(context, low) as depsgraph:
+        with evaluation.with_fixed_uvs(context, low) as depsgraph:
             uv = Reader(depsgraph, meshes.uv_layer, settings).read({1: low})[0].uv
     return replace(meshes, highs=[replace(shown, uv=uv)], shown=shown)
 

@@ -12,7 +12,7 @@ from ..core.report import Report
 from ..core.settings import Settings
 from ..jobs import sequence, several
 from ..jobs.job import Job, jobs_by_name
-from ..scene import bake_objects
+from ..scene import instances, object_checks, object_refs
 from . import modal
 from .bake_results import distances, high_objects, results
 from .callbacks import redraw
@@ -73,13 +73,13 @@ class _OnePair(_Bake, Options):
     def job(self, context: bpy.types.Context) -> tuple[Job, Settings]:
         """What the arguments name, and the panel where they say nothing."""
         scene_settings = context.scene.imprint
-        low, highs = scene_settings.subjects(context, bake_objects.named(self.low) if self.low else None)
+        low, highs = scene_settings.subjects(context, object_refs.by_name(self.low) if self.low else None)
         if self.high:
-            highs = [bake_objects.named(item.name) for item in self.high]
+            highs = [object_refs.by_name(item.name) for item in self.high]
         if low is None:
-            raise BakeError(bake_objects.problem(context, low, highs))
+            raise BakeError(object_checks.problem(context, low, highs))
         settings = self.to_settings(fallback=scene_settings)
-        cage = bake_objects.named(self.cage) if self.cage else scene_settings.cage_for(settings.method)
+        cage = object_refs.by_name(self.cage) if self.cage else scene_settings.cage_for(settings.method)
         return Job(low, highs, cage), settings
 
 
@@ -130,7 +130,7 @@ class IMPRINT_OT_live(modal.SlicedOperator, bpy.types.Operator):
         settings = context.scene.imprint
         low, highs = settings.subjects(context)
         if low is None:
-            raise BakeError(bake_objects.problem(context, low, highs))
+            raise BakeError(object_checks.problem(context, low, highs))
         plain = settings.to_settings()
         job = Job(low, highs, settings.cage_for(plain.method))
         yield from live.starting(context, job, plain, pace)
@@ -236,7 +236,7 @@ class IMPRINT_OT_use_selection(bpy.types.Operator):
         settings.low = context.active_object
         settings.highs.clear()
         for obj in context.view_layer.objects.selected:
-            if obj != settings.low and bake_objects.may_be_high(obj):
+            if obj != settings.low and instances.may_show(obj):
                 settings.highs.add().object = obj
         return {"FINISHED"}
 

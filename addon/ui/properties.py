@@ -5,7 +5,7 @@ import bpy
 from bpy.props import FloatProperty, IntProperty, PointerProperty, StringProperty
 
 from ..core.name_matching import Suffixes
-from ..scene import bake_objects, visibility
+from ..scene import instances, object_checks, visibility
 from . import bake_results
 from .bake_results import results
 from .settings.bake_options import Options
@@ -17,7 +17,7 @@ def _is_mesh(_settings, obj: bpy.types.Object) -> bool:
 
 
 def _may_be_high(_settings, obj: bpy.types.Object) -> bool:
-    return bake_objects.may_be_high(obj)
+    return instances.may_show(obj)
 
 
 class ImprintHigh(bpy.types.PropertyGroup):
@@ -74,7 +74,7 @@ class ImprintSettings(bpy.types.PropertyGroup, Options):
         """What counts as high where nothing is chosen."""
         last = results.of(context, low) if low is not None else None
         before = bake_results.high_objects(last) if last is not None else []
-        own = bake_objects.own_highs(low)
+        own = object_checks.own_highs(low)
         is_hidden = before and not any(visibility.is_visible(obj) for obj in before)
         return before if is_hidden or not own else own
 

@@ -33,7 +33,6 @@ NOT_YET = (
     "addon/jobs/",
     "addon/mesh/inputs.py",
     "addon/output/",
-    "addon/scene/bake_objects.py",
     "addon/ui/",
     "docs/",
     "scripts/dev/manual/",

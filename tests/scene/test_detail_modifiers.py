@@ -7,7 +7,7 @@ import pytest
 
 from addon.core.settings import Settings
 from addon.jobs import Job, bake_all, bake_pair
-from addon.scene import bake_objects
+from addon.scene import object_checks
 from addon.ui.panels import bake_plan
 from tests.support import maps, zoo
 
@@ -76,7 +76,7 @@ def test_no_modifier_without_detail_writes_a_map_over(low, kind, from_slot):
         bpy.ops.imprint.bake()
     assert ("choose another high object" if from_slot else "select the high object too") in str(refused.value)
     np.testing.assert_array_equal(map_of_low(), before)
-    assert bake_objects.problem(bpy.context, *settings.subjects(bpy.context)) in str(refused.value)
+    assert object_checks.problem(bpy.context, *settings.subjects(bpy.context)) in str(refused.value)
 
 
 @pytest.mark.parametrize(
@@ -93,18 +93,18 @@ def test_the_high_object_of_the_last_bake_counts_instead(low, kind):
 
 def test_auto_smooth_is_no_detail(low):
     auto_smooth(low)
-    assert bake_objects.own_highs(low) == []
+    assert object_checks.own_highs(low) == []
 
 
 @pytest.mark.parametrize("nested", [False, True], ids=["plain", "nested"])
 def test_geometry_nodes_are_looked_into(low, nested):
     nodes(low, "GeometryNodeSetMaterial", "GeometryNodeInputPosition", nested=nested)
-    assert bake_objects.own_highs(low) == []
+    assert object_checks.own_highs(low) == []
     low.modifiers.clear()
     nodes(low, "GeometryNodeSetMaterial", "GeometryNodeSetPosition", nested=nested)
-    assert bake_objects.own_highs(low) == [low]
+    assert object_checks.own_highs(low) == [low]
     low.modifiers["Nodes"].node_group = None
-    assert bake_objects.own_highs(low) == []
+    assert object_checks.own_highs(low) == []
 
 
 def test_a_group_that_holds_itself_ends():
@@ -113,7 +113,7 @@ def test_a_group_that_holds_itself_ends():
     obj.modifiers.new("Nodes", "NODES").node_group = tree
     for one, held in ((tree, other), (other, other)):
         one.nodes.new("GeometryNodeGroup").node_tree = held
-    assert bake_objects.own_highs(obj) == []
+    assert object_checks.own_highs(obj) == []
 
 
 @pytest.mark.parametrize("kind", WITH_DETAIL)
@@ -121,9 +121,9 @@ def test_a_group_that_holds_itself_ends():
 def test_modifiers_with_detail_among_others(low, kind, other):
     low.modifiers.new("Other", other)
     low.modifiers.new("Detail", kind)
-    assert bake_objects.own_highs(low) == [low]
+    assert object_checks.own_highs(low) == [low]
     low.modifiers["Detail"].show_viewport = low.modifiers["Detail"].show_render = False
-    assert bake_objects.own_highs(low) == []
+    assert object_checks.own_highs(low) == []
 
 
 def test_subdivision_and_triangulate_bake_onto_their_base(low):

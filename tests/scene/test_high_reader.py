@@ -15,7 +15,7 @@ import pytest
 from addon.core.errors import BakeError
 from addon.core.settings import Settings
 from addon.jobs import Job, bake_all, bake_pair
-from addon.scene import bake_objects, reading
+from addon.scene import object_checks, reading
 from scripts import imprint
 from tests.support import maps, zoo
 from tests.support.snapshot import difference, snapshot
@@ -433,7 +433,7 @@ def test_instances_on_its_own_base_are_not_taken_to_share_its_uvs(is_single):
         (join.outputs[0], goes),
     ):
         tree.links.new(one, other)
-    assert bake_objects.own_highs(plane) == [plane]
+    assert object_checks.own_highs(plane) == [plane]
     report = auto(plane, plane)
     assert report.method == "CAST"
     assert ("10 instances" in report.why) != is_single

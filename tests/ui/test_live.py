@@ -12,7 +12,7 @@ import addon
 from addon.core import progress
 from addon.core.settings import Settings
 from addon.jobs import Job, bake_pair, live_session
-from addon.scene import bake_objects, mesh_reader
+from addon.scene import mesh_reader, object_refs
 from addon.ui.live import following, sculpt_strokes
 from addon.ui.live.live_controller import LiveState, live
 from tests.support import zoo
@@ -777,7 +777,7 @@ def test_it_looks_for_its_objects_once_and_only_when_something_is_new(pair, monk
     follow()
     looked, look = [], following.uids_in_scenes
     monkeypatch.setattr(following, "uids_in_scenes", lambda: (looked.append(1), look())[1])
-    monkeypatch.setattr(bake_objects.ObjectRef, "resolve", lambda ref: pytest.fail(f"{ref.name} was looked for"))
+    monkeypatch.setattr(object_refs.ObjectRef, "resolve", lambda ref: pytest.fail(f"{ref.name} was looked for"))
     for _ in range(5):
         live.tick()
     assert looked == []

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import bpy
 import pytest
 
-from addon.scene import bake_objects
+from addon.scene import object_refs
 from addon.ui.bake_results import results
 from addon.ui.panels import bake_panel
 from addon.ui.viewport import show_result
@@ -247,7 +247,7 @@ def test_namesakes_of_high_objects_stay(baked, tmp_path):
     (linked,) = here.objects
     bpy.context.scene.collection.objects.link(linked)
     for own, other in ((high, linked), (linked, high)):
-        report = SimpleNamespace(high=["hi"], refs=[bake_objects.hold(low), bake_objects.hold(own)])
+        report = SimpleNamespace(high=["hi"], refs=[object_refs.ObjectRef.of(low), object_refs.ObjectRef.of(own)])
         show_result.hide_high(bpy.context, report, hide=True)
         assert (own.visible_get(), other.visible_get()) == (False, True)
         show_result.hide_high(bpy.context, report, hide=False)

@@ -9,7 +9,7 @@ from ...core.errors import BakeError
 from ...core.progress import Pace, Task
 from ...core.settings import Settings
 from ...jobs import live_session
-from ...scene import bake_objects
+from ...scene import object_refs
 from .sculpt_strokes import Strokes
 
 SLICE = 0.02
@@ -48,7 +48,7 @@ class Following:
     @property
     def panel(self) -> bpy.types.PropertyGroup | None:
         """The settings of the scene in which Live was switched on, whichever scene is shown; None if it was deleted."""
-        scene = bake_objects.scene_of(self._scene)
+        scene = object_refs.scene_by_uid(self._scene)
         return scene and scene.imprint
 
     @property

@@ -7,7 +7,7 @@ import time
 import bpy
 
 from ...jobs import live_session
-from ...scene import bake_objects
+from ...scene import object_modes
 
 ANSWER = 1.0
 """Seconds after `apply_held` in which updates of objects with held strokes are Blender's answer, and not new strokes."""
@@ -39,7 +39,7 @@ class Strokes:
 
     def note(self, obj: bpy.types.Object) -> None:
         """Something about an object of the session is new."""
-        if not bake_objects.holds_strokes(bpy.context, obj) or time.monotonic() - self._asked > ANSWER:
+        if not object_modes.holds_strokes(bpy.context, obj) or time.monotonic() - self._asked > ANSWER:
             self._note(obj)
 
     def moved(self, rest: float) -> set[int]:
@@ -65,7 +65,7 @@ class Strokes:
             self.is_asking, self._asked = False, time.monotonic()
 
     def _note(self, obj: bpy.types.Object) -> None:
-        if bake_objects.holds_strokes(bpy.context, obj):
+        if object_modes.holds_strokes(bpy.context, obj):
             self._held.add(obj.session_uid)
             self._since = time.monotonic()
         elif obj.mode == "SCULPT":

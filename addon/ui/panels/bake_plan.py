@@ -5,7 +5,7 @@ import bpy
 
 from ...core.errors import BakeError
 from ...output import image_writer
-from ...scene import bake_objects
+from ...scene import object_checks
 from ..properties import ImprintSettings
 
 
@@ -20,7 +20,7 @@ def problem(
         settings.to_settings().check()
     except BakeError as error:
         return str(error)
-    return bake_objects.problem(context, low, highs, settings.cage_for(settings.method), settings.method)
+    return object_checks.problem(context, low, highs, settings.cage_for(settings.method), settings.method)
 
 
 def lines(low: bpy.types.Object, highs: list[bpy.types.Object], settings: ImprintSettings) -> list[str]:

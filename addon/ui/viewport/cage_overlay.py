@@ -9,7 +9,7 @@ import gpu
 
 from ...core.errors import BakeError
 from ...jobs import cage_shells
-from ...scene import bake_objects
+from ...scene import object_refs
 from ..callbacks import DrawCallbacks, Handlers, Timer, redraw
 
 OUTER, INNER = (0.1, 0.45, 1.0, 0.25), (1.0, 0.45, 0.1, 0.25)
@@ -30,7 +30,7 @@ class CageState(Enum):
 class _Subject:
     """The shells of one low object, for one choice of ray directions."""
 
-    low: bake_objects.ObjectRef
+    low: object_refs.ObjectRef
     directions: str
 
     def is_of(self, low: bpy.types.Object, directions: str) -> bool:
@@ -82,7 +82,7 @@ class CageOverlay:
 
     def mesh_of(self, low: bpy.types.Object, directions: str) -> gpu.types.GPUBatch | None:
         """The low mesh as it was last read, or None if it was not. Where it is missing or outdated, the timer reads it."""
-        self._wanted = _Subject(bake_objects.hold(low), directions)
+        self._wanted = _Subject(object_refs.ObjectRef.of(low), directions)
         is_read = self._read is not None and self._read.is_of(low, directions)
         if not is_read or self._is_outdated:
             self.timer.start()

@@ -10,7 +10,7 @@ from ...core.errors import BakeError
 from ...core.settings import Settings
 from ...jobs import live_session, view_session
 from ...jobs.job import Job
-from ...scene import bake_objects
+from ...scene import object_checks
 from ..callbacks import DrawCallbacks, Timer, redraw
 from ..live.live_controller import live
 from . import view_drawing
@@ -150,7 +150,7 @@ class ViewMode:
         session = self.session
         if session is None or not _is_low_visible(session, context):
             return []
-        low, *highs = (ref.find() for ref in (session.job.refs[0], *session.job.high_refs))
+        low, *highs = (ref.find() for ref in (session.job.low_ref, *session.job.high_refs))
         return [obj for obj in highs if obj is not None and obj != low]
 
     def draw(self) -> None:
@@ -193,7 +193,7 @@ def _drawn_map(context: bpy.types.Context, pace: progress.Pace) -> progress.Task
     panel = context.scene.imprint
     low, highs = panel.subjects(context)
     if low is None:
-        raise BakeError(bake_objects.problem(context, low, highs))
+        raise BakeError(object_checks.problem(context, low, highs))
     settings = panel.to_settings()
     job = Job(low, highs, panel.cage_for(settings.method))
     session = live_session.Session(context, job, view_session.settings_for(settings), pace)
@@ -202,7 +202,7 @@ def _drawn_map(context: bpy.types.Context, pace: progress.Pace) -> progress.Task
 
 
 def _is_low_visible(session: live_session.Session, context: bpy.types.Context) -> bool:
-    low = session.job.refs[0].find()
+    low = session.job.low_ref.find()
     return low is not None and low.visible_get(view_layer=context.view_layer, viewport=context.space_data)
 
 

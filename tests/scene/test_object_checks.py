@@ -9,7 +9,7 @@ import pytest
 from addon.core.errors import BakeError
 from addon.core.settings import Settings
 from addon.jobs import bake_pair
-from addon.scene import bake_objects
+from addon.scene import object_checks, object_refs
 from tests.support import angles, maps, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -38,7 +38,7 @@ def base(obj):
 
 def problem(low, *highs):
     bpy.context.view_layer.update()  # as it has been when a panel is drawn
-    return bake_objects.problem(bpy.context, low, highs)
+    return object_checks.problem(bpy.context, low, highs)
 
 
 # Names and reasons
@@ -46,7 +46,7 @@ def problem(low, *highs):
 
 def test_an_object_is_found_by_its_name():
     cube = zoo.cube("Cube")
-    assert bake_objects.named("Cube") == cube
+    assert object_refs.by_name("Cube") == cube
 
 
 @pytest.mark.parametrize(("typo", "hint"), [("Kube", "did you mean 'Cube'?"), ("xyz", "it has 2 objects.")])
@@ -54,7 +54,7 @@ def test_a_name_that_is_not_there_gets_a_hint(typo, hint):
     zoo.cube("Cube")
     zoo.plane("Plane")
     with pytest.raises(BakeError) as refused:
-        bake_objects.named(typo)
+        object_refs.by_name(typo)
     assert repr(typo) in str(refused.value)
     assert hint in str(refused.value)
 
