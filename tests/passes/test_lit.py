@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the views show is what arithmetic says: pictures against a rasterizer in float64, deviations against known ones."""
+"""Tests the views: pictures against a float64 rasterizer, and deviations against known angles."""
 
 import math
 
@@ -24,9 +24,9 @@ pytestmark = pytest.mark.usefixtures("gpu_context")
 SIZE = (256, 192)
 DIFFUSE, AMBIENT = 0.5, 0.04
 TOLERANCE = 5e-4
-"""Of a color: positions are rounded to 1/256 of a pixel before anything is interpolated. An eye would not see 2/255."""
+"""Tolerance of a color: GPUs round positions to 1/256 of a pixel before they interpolate. 2/255 is not visible."""
 SHARE = 0.995
-"""Of the pixels: along edges between triangles, the one in front may be the other."""
+"""Share of pixels that may differ: along edges, either triangle may be in front."""
 
 ASLANT = Matrix.LocRotScale((3.0, -2.0, 5.0), Euler((0.4, -0.3, 0.8)), (1.0, 1.0, 1.0))
 UNEVEN = Matrix.LocRotScale((0.0, 0.0, 0.0), Euler((0.2, 0.3, 0.1)), (1.5, 0.6, 1.1))
@@ -34,7 +34,7 @@ MIRRORED = Matrix.LocRotScale((1.0, 0.0, 0.0), Euler((0.0, 0.0, 0.5)), (-1.2, 0.
 
 
 def session_of(low, highs, **settings):
-    """A session that has drawn its map."""
+    """A live session that has rendered its map."""
     values = {"method": "FLATTEN", "width": 128, "height": 128, "depth": 32, "material": False, **settings}
     bpy.context.view_layer.update()
     following = live_session.Session(bpy.context, Job(low, highs), Settings(**values), progress.Pace())
@@ -43,7 +43,7 @@ def session_of(low, highs, **settings):
 
 
 def picture(draw):
-    """What `draw` draws: (H, W, 4) float32."""
+    """The picture that `draw` draws, (H, W, 4) float32."""
     into = target.Target(*SIZE, ("RGBA32F", "DEPTH_COMPONENT32F"))
     with target.drawing(into):
         into.framebuffer.clear(depth=1.0)
@@ -54,7 +54,7 @@ def picture(draw):
 
 
 def eye_on(low, light=(0.3, -0.4, 0.8, 0.0), *, is_parallel=False):
-    """An eye somewhat above that sees the whole object."""
+    """An eye above the object that sees all of it."""
     points = np.array([low.matrix_world @ vertex.co for vertex in low.data.vertices])
     center, radius = points.mean(axis=0), np.linalg.norm(points - points.mean(axis=0), axis=1).max()
     view = raster.look_at(center + np.array((0.9, -1.6, 1.9)) * 1.3 * radius, center)
@@ -72,7 +72,7 @@ def brightness(normals, points, light):
 
 
 def shown(low, texels, settings):
-    """The colors and world normals of `low`, by the pixels of its picture, as functions of an eye."""
+    """A function from an eye to the expected colors and world normals of `low`, pixel by pixel."""
     mesh = raster.corners(low, with_tangents=settings.space == "TANGENT")
     points = mesh.position @ mesh.matrix[:3, :3].T + mesh.matrix[:3, 3]
     if settings.depth == 8:
@@ -93,11 +93,11 @@ def shown(low, texels, settings):
 
 
 def check(pixels, mask, expected):
-    """Most of the pixels are as expected, and drawn where expected."""
+    """Assert that nearly all pixels are as expected, and drawn where expected."""
     assert mask.mean() > 0.1
     assert (np.abs(pixels[mask][:, :3] - expected[:, None]).max(axis=1) <= TOLERANCE).mean() >= SHARE
     assert ((pixels[..., 3] == 1.0) == mask).mean() >= SHARE
-    assert expected.std() > 0.02  # a picture of one color would prove nothing
+    assert expected.std() > 0.02  # a picture of one color would test nothing
 
 
 def pair(matrix, n=60):
@@ -108,7 +108,7 @@ def pair(matrix, n=60):
 
 
 def wavy(name, n):
-    """A sphere's belt with waves, in 2 n x n quads."""
+    """The belt of a sphere with waves, in 2 n x n quads."""
 
     def surface(u, v):
         longitude, latitude = 2 * np.pi * u, np.radians(60.0) * (2 * v - 1)
@@ -121,7 +121,7 @@ def wavy(name, n):
 
 @pytest.mark.parametrize("matrix", [ASLANT, UNEVEN, MIRRORED], ids=["aslant", "uneven", "mirrored"])
 @pytest.mark.parametrize("space", ["TANGENT", "OBJECT", "WORLD"])
-def test_the_map_is_lit_as_arithmetic_says(space, matrix):
+def test_the_lit_map_equals_the_float64_picture(space, matrix):
     low, high = pair(matrix)
     session = session_of(low, [high], space=space)
     eye = eye_on(low)
@@ -148,7 +148,7 @@ def test_the_map_is_read_as_it_was_written(settings):
     check(pixels, *shown(low, session.texels, session.settings)(eye))
 
 
-def test_a_lamp_shines_from_its_place():
+def test_a_point_light_shines_from_its_position():
     low, high = pair(ASLANT)
     session = session_of(low, [high])
     eye = eye_on(low, light=(*(ASLANT @ Matrix.Translation((0.5, -1.2, 1.0))).translation, 1.0))
@@ -156,7 +156,7 @@ def test_a_lamp_shines_from_its_place():
     check(pixels, *shown(low, session.texels, session.settings)(eye))
 
 
-def test_an_eye_without_vanishing_points():
+def test_an_orthographic_view():
     low, high = pair(ASLANT)
     session = session_of(low, [high])
     eye = eye_on(low, is_parallel=True)
@@ -166,7 +166,7 @@ def test_an_eye_without_vanishing_points():
 
 @pytest.mark.shared
 @pytest.mark.parametrize("space", ["TANGENT", "OBJECT", "WORLD"])
-def test_a_real_pair_is_lit_as_arithmetic_says(space, shared_assets):
+def test_a_real_pair_equals_the_float64_picture(space, shared_assets):
     bpy.ops.wm.open_mainfile(filepath=str(shared_assets / "pairs" / "spot_1696_536.blend"), load_ui=False)
     low, high = bpy.data.objects["lo"], bpy.data.objects["hi"]
     session = session_of(low, [high], space=space, width=512, height=512)
@@ -176,7 +176,7 @@ def test_a_real_pair_is_lit_as_arithmetic_says(space, shared_assets):
 
 
 def bare(obj, eye):
-    """Where `obj` is seen, and its colors without a map."""
+    """The mask of `obj` in the picture, and its colors without a map."""
     mesh = raster.corners(obj, with_tangents=False)
     points = mesh.position @ mesh.matrix[:3, :3].T + mesh.matrix[:3, 3]
     owner, weights = raster.rasterize(points, eye.projection @ eye.view, SIZE)
@@ -185,7 +185,7 @@ def bare(obj, eye):
 
 
 @pytest.mark.parametrize("split", [0.4, 0.95])
-def test_a_line_parts_high_and_low_and_low_with_map(split):
+def test_split_shows_high_mesh_low_mesh_and_low_mesh_with_map(split):
     low, high = pair(UNEVEN, n=20)
     session = session_of(low, [high])
     eye = eye_on(low)
@@ -202,8 +202,8 @@ def test_a_line_parts_high_and_low_and_low_with_map(split):
 
 
 @pytest.mark.parametrize("is_parallel", [False, True])
-def test_it_covers_what_lies_around_it_and_not_what_is_before_it(is_parallel):
-    """The high object stands out of the low one, and is on screen as well."""
+def test_the_view_covers_the_object_and_not_what_is_in_front(is_parallel):
+    """The high object protrudes from the low one, and is visible as well."""
     low, high = pair(ASLANT)
     drawn = view_session.Shading(session_of(low, [high]))
     eye = eye_on(low, is_parallel=is_parallel)
@@ -260,8 +260,8 @@ def test_bumps_of_the_high_object_do_not_poke_through(is_parallel, mode):
     assert (alone[mask] == behind[mask]).all(axis=1).mean() < 0.9
 
 
-def test_a_map_that_is_drawn_in_bands_is_not_shown(monkeypatch):
-    """Its last band is no map."""
+def test_a_map_rendered_in_bands_is_not_shown(monkeypatch):
+    """The texture holds only the last band."""
     monkeypatch.setattr(bands, "BAND_TEXELS", 128 * 64)
     low, high = pair(ASLANT)
     session = session_of(low, [high])
@@ -271,7 +271,7 @@ def test_a_map_that_is_drawn_in_bands_is_not_shown(monkeypatch):
         view_session.Shading(session)
 
 
-def test_what_was_moved_aside_is_shown_in_its_place():
+def test_a_high_object_moved_aside_is_drawn_over_the_low_one():
     low, high = pair(UNEVEN)
     eye = eye_on(low)
     pictures = []
@@ -281,11 +281,11 @@ def test_what_was_moved_aside_is_shown_in_its_place():
         pictures.append(picture(lambda drawn=session: view_session.Shading(drawn).draw("SPLIT", eye, split=0.9)))
     mask = pictures[0][..., 3] == 1.0
     assert (mask == (pictures[1][..., 3] == 1.0)).mean() >= SHARE
-    # Their boxes have centers that differ by a hair.
+    # The centers of their boxes differ slightly.
     assert np.percentile(np.abs(pictures[0] - pictures[1])[mask].max(axis=1), 90) < 0.02
 
 
-def test_what_moves_is_drawn_where_it_is():
+def test_moved_objects_are_drawn_at_their_new_position():
     low, high = pair(Matrix())
     session = session_of(low, [high])
     drawn = view_session.Shading(session)
@@ -297,7 +297,7 @@ def test_what_moves_is_drawn_where_it_is():
         check(pixels, *shown(low, session.texels, session.settings)(eye))
 
 
-def test_what_has_not_changed_is_not_uploaded_again(monkeypatch):
+def test_unchanged_meshes_are_not_uploaded_again(monkeypatch):
     low, high = pair(Matrix())
     session = session_of(low, [high])
     drawn, eye = view_session.Shading(session), eye_on(low)
@@ -314,7 +314,7 @@ def test_what_has_not_changed_is_not_uploaded_again(monkeypatch):
     assert len(uploads) == 4
 
 
-def test_nothing_is_drawn_of_what_is_gone_or_flat():
+def test_deleted_and_flattened_objects_are_not_drawn():
     low, high = pair(Matrix())
     session = session_of(low, [high])
     drawn, eye = view_session.Shading(session), eye_on(low)
@@ -334,11 +334,11 @@ def test_nothing_is_drawn_of_what_is_gone_or_flat():
 
 
 class TestDeviation:
-    """How far what is seen is from the high surface."""
+    """The angles between the normals shown and those of the high surface."""
 
     @staticmethod
     def of(low, high, **settings):
-        """What is measured of a map."""
+        """Measure the map of `low` and `high`."""
         drawn = view_session.Shading(session_of(low, [high], **settings))
         drawn.update(is_measured=True)
         return drawn
@@ -349,7 +349,7 @@ class TestDeviation:
         [{}, {"basis": "BLENDER"}, {"space": "OBJECT"}, {"space": "WORLD"}, {"red": "-Z", "blue": "+X"}],
         ids=str,
     )
-    def test_a_float_map_is_the_truth(self, settings, matrix):
+    def test_a_float_map_has_no_deviation(self, settings, matrix):
         drawn = self.of(*pair(matrix), **settings)
         measured = values(drawn)
         assert (measured[..., 3] == 1.0).mean() > 0.99
@@ -358,7 +358,7 @@ class TestDeviation:
         figures = drawn.figures
         assert figures.mean <= figures.percentile_99 < 0.1 < figures.bare_mean < figures.bare_percentile_99
 
-    def test_eight_bits_lose_what_rounding_loses(self):
+    def test_eight_bits_deviate_by_their_rounding(self):
         drawn = self.of(*pair(Matrix()), space="OBJECT", depth=8)
         texels = drawn.session.texels.reshape(-1, 4)
         lost = quantize.angles(texels, quantize.rounded(texels, 8))
@@ -368,7 +368,7 @@ class TestDeviation:
 
     @pytest.mark.parametrize("scale", [1.0, 2.5])
     @pytest.mark.parametrize("slopes", [(0.0, 0.2), (0.2, 0.0)], ids=["high", "low"])
-    def test_without_a_map_a_plane_is_off_by_the_slope(self, slopes, scale):
+    def test_without_a_map_a_plane_deviates_by_the_slope(self, slopes, scale):
         low, high = zoo.plane("lo", slope=slopes[0]), zoo.plane("hi", slope=slopes[1])
         for obj in (low, high):
             obj.scale.z = scale
@@ -380,7 +380,7 @@ class TestDeviation:
 
     @pytest.mark.parametrize(("limit", "color"), [(3.0, (0.0, 0.35, 0.1)), (1.0, (0.7, 0.0, 0.0))])
     def test_angles_are_shown_as_colors(self, limit, color):
-        """A third of the way it is green, and from the limit on red; the map itself is as blue as the ramp's beginning."""
+        """A third of the limit is green, the limit and above are red; the map itself is blue, as 0 is."""
         low, high = zoo.plane("lo"), zoo.plane("hi", slope=math.tan(math.radians(1.0)))
         drawn, eye = self.of(low, high), eye_on(low)
         pixels = picture(lambda: drawn.draw("BARE_DEVIATION", eye, limit=limit))
@@ -388,7 +388,7 @@ class TestDeviation:
         pixels = picture(lambda: drawn.draw("DEVIATION", eye, limit=limit))
         assert np.abs(pixels[pixels[..., 3] > 0.0][:, :3] - (0.0, 0.01, 0.15)).max() < 5e-3
 
-    def test_where_no_high_surface_is_nothing_is_known(self):
+    def test_without_a_high_surface_there_is_no_deviation(self):
         low, high = zoo.plane("lo"), zoo.plane("hi", 2, slope=0.2)
         uv = np.array([corner.vector for corner in high.data.uv_layers[0].uv]).reshape(-1, 4, 2)
         uv[uv.mean(axis=1)[:, 0] > 0.5] += (5, 0)  # out of the way
@@ -402,22 +402,22 @@ class TestDeviation:
         assert (np.abs(pixels[..., :3] - 0.1).max(axis=-1) < 1e-4).sum() > 0.3 * (pixels[..., 3] > 0.0).sum()
 
     def test_the_rim_of_an_island_is_not_gray(self):
-        """Half a texel of it is nearest to a texel that the island does not reach."""
+        """The nearest texel of its outer half texel is not part of the island."""
         low, high = zoo.disc("lo", sides=31), zoo.disc("hi", sides=31)
         drawn = self.of(low, high, width=16, height=16, space="OBJECT")
         pixels = picture(lambda: drawn.draw("DEVIATION", eye_on(low)))
         seen = pixels[..., 3] > 0.0
         assert (np.abs(pixels[seen][:, :3] - 0.1).max(axis=-1) < 1e-4).mean() < 0.02
 
-    def test_what_was_laid_flat_at_another_place_is_not_measured_by_itself(self):
-        """UVs that are turned round: only around the middle of the plane do they belong to the place where they lie."""
+    def test_texels_of_another_place_are_not_measured(self):
+        """The UVs are rotated by half a turn: they fit their place only around the middle of the plane."""
         low, high = zoo.plane("lo", 8), zoo.plane("hi", 8, slope=0.02)
         uv = np.array([corner.vector for corner in high.data.uv_layers[0].uv])
         high.data.uv_layers[0].uv.foreach_set("vector", (1.0 - uv).astype(np.float32).ravel())
         drawn = self.of(low, high)
         measured = values(drawn)
         v, u = (np.mgrid[:128, :128] + 0.5) / 128
-        # Twice the way to the middle, of a plane two units wide and the square root of two from its middle to a corner.
+        # Twice the distance to the middle, on a plane 2 units wide, with sqrt(2) from its middle to a corner.
         away = 4.0 * np.hypot(u - 0.5, v - 0.5) / math.sqrt(2.0)
         truth = np.where(away > 0.05, -2.0, 1.0)
         assert (measured[..., 3] != truth).mean() < 0.002
@@ -427,9 +427,7 @@ class TestDeviation:
         assert purple.sum() > 0.98 * (pixels[..., 3] > 0.0).sum()
 
     @pytest.mark.parametrize(("shift", "aside", "is_elsewhere"), [(0.1, 0, True), (0.0, 0.5, False), (0.0, 5, False)])
-    def test_uvs_that_were_moved_are_another_place_and_objects_that_were_moved_are_not(
-        self, shift, aside, is_elsewhere
-    ):
+    def test_moved_uvs_are_another_place_and_moved_objects_are_not(self, shift, aside, is_elsewhere):
         low, high = zoo.plane("lo", 4), zoo.plane("hi", 4, slope=0.02)
         uv = np.array([corner.vector for corner in high.data.uv_layers[0].uv])
         high.data.uv_layers[0].uv.foreach_set("vector", (uv + (shift, 0)).astype(np.float32).ravel())
@@ -438,7 +436,7 @@ class TestDeviation:
         assert figures.elsewhere == float(is_elsewhere)
         assert math.isnan(figures.mean) == is_elsewhere
 
-    def test_mirrored_halves_belong_to_either_half(self):
+    def test_mirrored_halves_fit_both_halves(self):
         low, high = zoo.mirrored("lo"), zoo.mirrored("hi", slope=0.02)
         data = high.data
         order = np.arange(len(data.polygons)).reshape(2, -1)[::-1].ravel()
@@ -454,20 +452,20 @@ class TestDeviation:
         high.data.uv_layers[0].uv.foreach_set("vector", (1.0 - uv).astype(np.float32).ravel())
         assert self.of(low, high, method="CAST", extrusion=0.1, max_distance=0.2).figures.elsewhere == 0.0
 
-    def test_rays_have_a_truth_as_well(self):
+    def test_cast_maps_have_a_deviation_as_well(self):
         low, high = pair(Matrix())
         drawn = self.of(low, high, method="CAST", samples=4, extrusion=0.1, max_distance=0.2)
         assert drawn.figures.percentile_99 < 1.0 < drawn.figures.bare_mean
 
 
 def values(drawn):
-    """What was measured, texel by texel."""
+    """The measured angles, texel by texel."""
     measured = np.empty((drawn.session.settings.height, drawn.session.settings.width, 4), np.float32)
     drawn._measured.read(measured)
     return measured
 
 
-def test_the_legend_goes_from_left_to_right():
+def test_the_legend_runs_from_left_to_right():
     low, high = zoo.plane("lo"), zoo.plane("hi")
     drawn = view_session.Shading(session_of(low, [high]))
     pixels = picture(lambda: drawn.draw_legend((10, 20), (90, 12)))
@@ -477,7 +475,7 @@ def test_the_legend_goes_from_left_to_right():
     assert np.abs(pixels[25, 99, :3] - (0.7, 0.0, 0.0)).max() < 0.02
 
 
-def test_a_view_needs_no_place_for_its_map_and_no_more_than_fits():
+def test_a_view_limits_the_map_size_and_keeps_the_map_in_memory():
     settings = view_session.settings_for(
         Settings(width=16384, height=4096, udim=True, tiles=(1002,), storage="FILE", output="x.png")
     )

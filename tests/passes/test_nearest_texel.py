@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The margin against a brute-force search for the nearest written texel."""
+"""Tests the margin against a brute-force search for the nearest written texel."""
 
 import gpu
 import numpy as np
@@ -12,7 +12,7 @@ from addon.passes.margin import nearest_texel, resolve
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
 NOTHING, WRITTEN, MISSED = 0.0, 1.0, -1.0
-"""What the alpha of a texel says before the margin."""
+"""The alpha of a texel before the margin is filled."""
 
 
 def resolved(alpha, reach):
@@ -35,7 +35,7 @@ def resolved(alpha, reach):
 
 
 def squares(alpha):
-    """The square of the distance (H, W) of each texel from the nearest written one, by looking at all of them."""
+    """The squared distance (H, W) from each texel to the nearest written one, by brute force."""
     rows, columns = np.indices(alpha.shape)
     y, x = np.nonzero(alpha == WRITTEN)
     return ((rows[..., None] - y) ** 2 + (columns[..., None] - x) ** 2).min(axis=-1)
@@ -50,7 +50,7 @@ def in_reach(alpha, reach):
 
 
 def squares_of(place):
-    """The square of the distance (H, W) of each texel from the place (H, W, 2) whose value it got."""
+    """The squared distance (H, W) from each texel to the position (H, W, 2) whose value it got."""
     rows, columns = np.indices(place.shape[:2])
     return (place[..., 0] - columns) ** 2 + (place[..., 1] - rows) ** 2
 
@@ -83,8 +83,8 @@ def test_the_margin_repeats_the_nearest_written_texel(name, reach):
     assert written[place[filled][:, 1].astype(int), place[filled][:, 0].astype(int)].all()
 
 
-def test_the_margin_is_exact_over_a_whole_large_map():
-    """Distances of thousands of texels, whose squares are large whole numbers."""
+def test_the_margin_is_exact_on_a_large_map():
+    """Distances reach thousands of texels, and their squares are large integers."""
     alpha = np.zeros((4096, 16), np.float32)
     alpha[0, 3] = alpha[4000, 12] = WRITTEN
     place, _, _ = resolved(alpha, None)
@@ -102,7 +102,7 @@ def test_missed_texels_stay_holes_seed_7(reach):
     assert np.array_equal(state == texel_state.MARGIN, (alpha == NOTHING) & in_reach(alpha, reach))
 
 
-def test_nothing_comes_from_nothing():
+def test_an_empty_map_gets_no_margin():
     _, alpha, state = resolved(np.zeros((20, 30)), None)
     assert not alpha.any()
     assert not state.any()

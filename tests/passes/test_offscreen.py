@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Flatten draws into a gpu.types.GPUOffScreen, which holds what a framebuffer of our own would, to the bit."""
+"""Tests that Flatten draws into a gpu.types.GPUOffScreen, with the same bits as in a framebuffer of textures."""
 
 import gpu
 import numpy as np
@@ -16,7 +16,7 @@ SIZE = (48, 32)
 
 
 def triangle(into):
-    """Draw one triangle with a normal of its own at each corner into `into`; returns the texels."""
+    """Draw one triangle with different normals at its corners into `into`. Returns the texels."""
     mesh = mesh_upload.upload(
         np.array([[0, 1, 2]], np.int32),
         uv=np.array([(0.1, 0.1), (0.9, 0.2), (0.4, 0.95)], np.float32),
@@ -34,7 +34,7 @@ def texels_of(drawn):
 
 @pytest.fixture
 def made(monkeypatch):
-    """Every GPUOffScreen that is made."""
+    """All GPUOffScreens that the test creates."""
     found, make = [], gpu.types.GPUOffScreen
 
     def spy(*arguments, **options):
@@ -48,7 +48,7 @@ def made(monkeypatch):
 
 
 @pytest.mark.parametrize("samples", [1, 4])
-def test_a_flattened_map_is_what_a_gpuoffscreen_holds(made, samples):
+def test_flatten_draws_into_a_gpuoffscreen(made, samples):
     low, high = zoo.plane("lo"), zoo.terrain("hi")
     stored = maps.bake(low, high, space="OBJECT", size=SIZE, samples=samples)
     assert [(one.width, one.height) for one in made] == [SIZE]
@@ -58,18 +58,18 @@ def test_a_flattened_map_is_what_a_gpuoffscreen_holds(made, samples):
     assert np.allclose(stored[..., :3], held[..., :3] * 0.5 + 0.5, rtol=0, atol=1e-6)
 
 
-def test_rays_need_none(made):
+def test_cast_creates_no_gpuoffscreen(made):
     maps.bake(zoo.plane("lo"), zoo.plane("hi"), method="CAST")
     assert made == []
 
 
-def test_it_holds_what_a_framebuffer_does_to_the_bit():
+def test_an_offscreen_and_a_framebuffer_get_the_same_bits():
     drawn = [triangle(kind(*SIZE, ("RGBA32F",))) for kind in (target.Target, target.Offscreen)]
     assert 0 < np.count_nonzero(drawn[0][..., 3]) < SIZE[0] * SIZE[1]
     assert np.array_equal(*drawn)
 
 
-def test_its_depth_hides_nothing_whatever_a_script_has_left_on():
+def test_the_depth_buffer_hides_nothing_after_a_script_left_depth_tests_on():
     expected = triangle(target.Offscreen(*SIZE, ("RGBA32F",)))
     gpu.state.depth_test_set("EQUAL")
     gpu.state.depth_mask_set(True)
@@ -81,7 +81,7 @@ def test_its_depth_hides_nothing_whatever_a_script_has_left_on():
         gpu.state.depth_mask_set(False)
 
 
-def test_it_is_kept_for_its_role_and_a_framebuffer_is_not_taken_for_it():
+def test_an_offscreen_is_kept_for_its_role_and_not_mixed_with_other_targets():
     with target.using(target.TargetPool()):
         plain = target.get("high", *SIZE, "RGBA32F")
         own = target.offscreen("high", *SIZE, "RGBA32F")
@@ -90,7 +90,7 @@ def test_it_is_kept_for_its_role_and_a_framebuffer_is_not_taken_for_it():
         assert target.offscreen("high", *SIZE[::-1], "RGBA32F") is not own
 
 
-def test_the_texture_outlives_it():
+def test_the_texture_stays_valid_after_the_offscreen_is_freed():
     own = target.Offscreen(*SIZE, ("RGBA32F",))
     expected, texture = triangle(own), own.texture
     del own
@@ -99,7 +99,7 @@ def test_the_texture_outlives_it():
     assert np.array_equal(found, expected)
 
 
-def test_what_was_bound_before_is_bound_again():
+def test_the_previous_framebuffer_is_bound_again():
     outer, own = target.Target(8, 8, ("RGBA32F",)), target.Offscreen(*SIZE, ("RGBA32F",))
     with target.drawing(outer):
         triangle(own)

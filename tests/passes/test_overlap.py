@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Texels that several triangles cover, on layouts where their number is known."""
+"""Tests the count of triangles on each texel, on layouts where it is known."""
 
 import numpy as np
 import pytest
@@ -29,7 +29,7 @@ def laid_out(uv, triangles):
 
 
 def overlap_share(low, size):
-    """Share of the texels under `low` that two or more of its triangles share."""
+    """The share of the texels of `low` that two or more of its triangles cover."""
     counts = next(checks.covering(low, size))
     return np.count_nonzero(counts > 1) / np.count_nonzero(counts)
 
@@ -38,7 +38,7 @@ SQUARE = [(0, 0), (1, 0), (1, 1), (0, 1)]
 HALVES = [(0, 1, 2), (0, 2, 3)]
 
 
-def test_triangles_that_meet_along_an_edge_share_nothing():
+def test_triangles_with_a_common_edge_share_no_texels():
     n = 17  # a grid whose lines run through texel centers
     u, v = np.meshgrid(np.linspace(0, 1, n), np.linspace(0, 1, n))
     uv = np.stack([u.ravel(), v.ravel()], axis=1)
@@ -49,12 +49,12 @@ def test_triangles_that_meet_along_an_edge_share_nothing():
     assert overlap_share(laid_out(uv, triangles), (24, 24)) == 0.0
 
 
-def test_half_of_the_map_twice():
+def test_half_of_the_map_is_covered_twice():
     uv = [*SQUARE, (0, 0), (0.5, 0), (0.5, 1), (0, 1)]
     assert overlap_share(laid_out(uv, [*HALVES, (4, 5, 6), (4, 6, 7)]), (64, 64)) == pytest.approx(0.5)
 
 
-def test_many_on_the_same_place_count_as_one_overlap():
+def test_many_triangles_on_one_place_count_as_one_overlap():
     uv = SQUARE * 30
     triangles = [np.array(half) + 4 * i for i in range(30) for half in HALVES]
     assert overlap_share(laid_out(uv, triangles), (32, 32)) == 1.0
@@ -82,7 +82,7 @@ def test_random_triangles_seed_4():
     ],
 )
 @pytest.mark.parametrize("tile", [1001, 1013])
-def test_what_is_looked_at_of_a_large_map_are_its_own_texels_seed_9(size, tile):
+def test_samples_of_a_large_map_are_texels_of_the_map_seed_9(size, tile):
     rng = np.random.default_rng(9)
     uv = rng.random((60, 2)).astype(np.float32) + ((tile - 1001) % 10, (tile - 1001) // 10)
     low = laid_out(uv, np.arange(60).reshape(-1, 3))
@@ -94,19 +94,19 @@ def test_what_is_looked_at_of_a_large_map_are_its_own_texels_seed_9(size, tile):
     columns, rows = tally.sampled(size).steps
     truth = all_of_them[::rows, ::columns]
     assert sampled.shape == truth.shape
-    # Rasterizers round corners to a part of a texel, and texels are larger where fewer are drawn.
+    # Rasterizers round corners to a fraction of a texel, and texels are larger if fewer are drawn.
     assert np.count_nonzero(sampled != truth) <= 0.005 * truth.size
 
 
-def test_mirrored_triangles_are_known():
+def test_mirrored_triangles_have_negative_areas():
     assert (uv_layout.areas(laid_out(SQUARE, HALVES)) > 0).all()
     areas = uv_layout.areas(laid_out(SQUARE, [HALVES[0], HALVES[1][::-1], (0, 1, 1)]))
     assert areas.tolist() == [1.0, -1.0, 0.0]
 
 
 @pytest.mark.parametrize("column", [0, 1000, 2046])
-def test_of_a_large_map_every_second_texel_is_looked_at_in_its_middle(column):
-    """A triangle pair over the middle half of one column of texels: the even ones are looked at."""
+def test_every_second_texel_of_a_large_map_is_sampled_at_its_center(column):
+    """A pair of triangles covers the middle half of one column of texels. Only even columns are sampled."""
     left, right = (column + 0.25) / 2048, (column + 0.75) / 2048
     low = laid_out([(left, 0), (right, 0), (right, 1), (left, 1)], HALVES)
     counts = next(checks.covering(low, (2048, 64)))
@@ -118,5 +118,5 @@ def test_of_a_large_map_every_second_texel_is_looked_at_in_its_middle(column):
 @pytest.mark.parametrize(
     "sliver", [[(2.5, 0.5)] * 3, [(1.5, 0.2), (1.5, 0.4), (1.5, 0.8)], [(0.2, 3.5), (0.8, 3.5), (0.4, 3.5)]]
 )
-def test_triangles_without_extent_lie_on_no_tile(sliver):
+def test_triangles_without_extent_are_on_no_tile(sliver):
     assert uv_layout.tiles(laid_out([*SQUARE, *sliver], [*HALVES, (4, 5, 6)])) == [1001]

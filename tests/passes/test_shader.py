@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Programs compile, and make the same map whatever they read by."""
+"""Tests that all programs compile, and that reading images and reading samplers give the same map."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ PROGRAMS = programs.find_all()
 
 @pytest.fixture(params=[True, False], ids=["images", "samplers"])
 def reading(request, monkeypatch):
-    """Programs read their texels as drivers in software want it, and as others do."""
+    """Run a test twice: programs read their texels as images, for software drivers, and as samplers."""
     shader.load.cache_clear()
     monkeypatch.setattr(shader, "reads_images", lambda: request.param)
     yield
@@ -31,7 +31,7 @@ def test_every_program_compiles_once(program):
 @pytest.mark.usefixtures("gpu_context")
 @pytest.mark.parametrize("method", ["FLATTEN", "CAST"])
 def test_samplers_and_images_make_the_same_map(method, monkeypatch):
-    """Seams, margin, tangents and samples included."""
+    """With seams, a margin, tangents and several samples."""
     low, high = zoo.sphere("low", 8), zoo.sphere("high", 32)
     high.scale.z = 1.2
     rays = {"extrusion": 0.3, "max_distance": 0.6} if method == "CAST" else {}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Targets: what a script has left switched on, and rows of another pass, leave no trace in what is drawn."""
+"""Tests that GPU state left by scripts, and rows of other passes, do not change what targets get."""
 
 import gpu
 import numpy as np
@@ -15,13 +15,15 @@ SIZE = (16, 12)
 
 
 def square(into):
-    """Draw a square over the whole of `into`, with a normal that leans; returns the texels."""
+    """Draw a square with a tilted normal over all of `into`. Returns the texels."""
     mesh = mesh_upload.upload(
         np.array([[0, 1, 2], [0, 2, 3]], np.int32),
         uv=np.array([(0, 0), (1, 0), (1, 1), (0, 1)], np.float32),
         normal=np.tile(np.float32((0.6, 0.0, 0.8)), (4, 1)),
     )
-    flatten.draw(into, [(mesh, np.eye(3)), (mesh, np.eye(3))], udim.uv_to_clip(1001))  # twice: what is added shows
+    flatten.draw(
+        into, [(mesh, np.eye(3)), (mesh, np.eye(3))], udim.uv_to_clip(1001)
+    )  # twice, to detect additive blending
     texels = np.empty((into.height, into.width, 4), np.float32)
     into.read(texels)
     return texels
@@ -41,7 +43,7 @@ def is_whole(texels):
     ],
 )
 @pytest.mark.parametrize("kind", [target.Target, target.Offscreen])
-def test_what_a_script_has_left_on_does_not_count(kind, switch, value, usual):
+def test_gpu_state_left_by_a_script_does_not_matter(kind, switch, value, usual):
     getattr(gpu.state, switch)(*value)
     try:
         assert is_whole(square(kind(*SIZE, ("RGBA32F",))))
@@ -49,7 +51,7 @@ def test_what_a_script_has_left_on_does_not_count(kind, switch, value, usual):
         getattr(gpu.state, switch)(*usual)
 
 
-def test_a_blend_comes_back():
+def test_the_blend_mode_is_restored():
     gpu.state.blend_set("ADDITIVE")
     try:
         square(target.Target(*SIZE, ("RGBA32F",)))
@@ -59,7 +61,7 @@ def test_a_blend_comes_back():
 
 
 @pytest.mark.parametrize("kind", [target.Target, target.Offscreen])
-def test_rows_that_were_drawn_alone_bind_nobody_later(kind):
+def test_drawing_some_rows_does_not_limit_later_drawing(kind):
     into = kind(*SIZE, ("RGBA32F",))
     with target.drawing(into, range(2, 5)):
         pass
@@ -68,7 +70,7 @@ def test_rows_that_were_drawn_alone_bind_nobody_later(kind):
 
 
 def test_no_framebuffer_is_bound_a_second_time():
-    """On OpenGL one belongs to the window in which it was first bound, and the next block may run in another window."""
+    """On OpenGL a framebuffer belongs to the window in which it was first bound; the next block may run in another one."""
     into = target.Target(4, 4, ("RGBA32F", "DEPTH_COMPONENT32F"))
     bound = []
     for value in (0.25, 0.75):

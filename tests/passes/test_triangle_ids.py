@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which triangles lie on a texel, in their order, on layouts where that is known."""
+"""Tests the triangles on each texel, layer by layer, on layouts where they are known."""
 
 import numpy as np
 import pytest
@@ -11,8 +11,7 @@ from tests.support import maps, oracle
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
 RIM = 1 / 128
-"""Of a texel: rasterizers round corners to a 256th of it, and on which side of an edge a center lies that is nearer than
-this is their choice."""
+"""Tolerance in texels: rasterizers round corners to 1/256 texel, and a center closer to an edge may be on either side."""
 
 
 def layers(uv, triangles, size, count, tile=1001):
@@ -35,11 +34,11 @@ def test_random_triangles(seed):
     assert (depths > 0).sum(axis=1).max() > 4
     for depth, found in zip(depths[is_clear], drawn[:, is_clear].T, strict=True):
         truth = [*np.flatnonzero(depth > 0.0)[::-1] + 1, 0]
-        np.testing.assert_array_equal(found, np.resize(truth, count))  # then they come again
+        np.testing.assert_array_equal(found, np.resize(truth, count))  # then they repeat
 
 
 def test_large_numbers_are_exact():
-    """One triangle a texel, on tiles of two digits, so that there are more than one part of a number can hold."""
+    """One triangle per texel, so many that their numbers need both parts."""
     size = 300
     i, j = np.meshgrid(np.arange(size), np.arange(size))
     first = np.stack([i.ravel(), j.ravel()], axis=1)
@@ -48,7 +47,7 @@ def test_large_numbers_are_exact():
     np.testing.assert_array_equal(numbers.ravel(), np.arange(1, size * size + 1))
 
 
-def test_corners_may_be_shared():
+def test_triangles_can_share_corners():
     numbers = layers([(0, 0), (1, 0), (1, 1), (0, 1)], [(0, 1, 2), (0, 2, 3)], (8, 4), 1)[0]
     assert numbers[0, -1] == 1
     assert numbers[-1, 0] == 2
