@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Who bakes, how their times are taken, and how far their maps are from the truth."""
+"""The bakers that are compared, how their times are measured, and the deviation of their maps from the truth."""
 
 import statistics
 import time
@@ -25,14 +25,14 @@ FLATTEN, CAST, KEPT, CYCLES, MULTIRES = (
     "Blender, multires",
 )
 PATIENCE = 10.0
-"""Seconds of a first bake after which a contender from outside Blender is not asked again."""
+"""A contender outside Blender bakes only once if its first bake takes more than this many seconds."""
 RIM = 2
-"""Texels at the rim of the map that are not compared: bakers differ in which of them they write."""
+"""Texels at the border of the map that are not compared: bakers differ in which of them they write."""
 
 
 @dataclass
 class Contender:
-    """A baker of one pair at one size. `bake` returns the seconds of one bake, `normals` the map it left."""
+    """A baker of one pair at one size. `bake` returns the seconds of one bake, `normals` its map."""
 
     name: str
     bake: Callable[[], float]
@@ -41,7 +41,7 @@ class Contender:
 
 @dataclass
 class Timed:
-    """Seconds of one contender: of the first bake, and of those after it, one a round."""
+    """The times of one contender in seconds: the first bake, and one bake per round."""
 
     first: float = 0.0
     seconds: list[float] = field(default_factory=list)
@@ -60,7 +60,7 @@ def clocked(work: Callable[[], object]) -> float:
 
 
 class Imprint(Contender):
-    """Ours, from the objects to an image in the low object's material. keep: whether the tree of rays serves again."""
+    """Imprint, from the objects to an image in the low object's material. keep: whether bakes reuse the ray tree."""
 
     def __init__(self, name: str, pair: Pair, size: int, *, keep: bool = False, **settings):
         self.pair, self.keep, self.stages = pair, keep, []
@@ -88,7 +88,7 @@ class Imprint(Contender):
 
 
 def cycles(pair: Pair, size: int, *, samples: int = 1, space: str = "TANGENT") -> Contender:
-    """Blender's own selected-to-active bake, with the rays that Cast has."""
+    """Blender's selected-to-active bake, with the same rays as Cast."""
     image = target_image(pair.low, "cycles", size)
 
     def bake() -> float:
@@ -115,7 +115,7 @@ def cycles(pair: Pair, size: int, *, samples: int = 1, space: str = "TANGENT") -
 
 
 def multires(sculpt: bpy.types.Object, size: int) -> Contender:
-    """Blender's multires bake: tangent space, which for a plane along x and y is world space as well."""
+    """Blender's multires bake in tangent space, which equals world space for a plane along x and y."""
     image = target_image(sculpt, "multires", size)
 
     def bake() -> float:
@@ -140,7 +140,7 @@ def others(peers: Peers, size: int) -> list[Contender]:
 
 
 def target_image(obj: bpy.types.Object, name: str, size: int) -> bpy.types.Image:
-    """What Blender's bakers ask for: an image node in each of the object's materials."""
+    """Add an image node to each of the object's materials, which Blender's bakers need."""
     if old := bpy.data.images.get(name):
         bpy.data.images.remove(old)
     image = bpy.data.images.new(name, size, size, float_buffer=True, is_data=True)
@@ -165,14 +165,14 @@ def activate(obj: bpy.types.Object, name: str) -> None:
 
 
 def normals_of(image: bpy.types.Image, size: int) -> np.ndarray:
-    """World-space normals (size, size, 3) of an image in which n is stored as n * 0.5 + 0.5."""
+    """The world-space normals (size, size, 3) in an image that stores n * 0.5 + 0.5."""
     texels = np.empty(size * size * 4, np.float32)
     image.pixels.foreach_get(texels)
     return angles.decode(texels.reshape(size, size, 4))
 
 
 def race(contenders: list[Contender], repeats: int) -> dict[str, Timed]:
-    """A first bake of each, then rounds in which each bakes once, so that what disturbs one disturbs all."""
+    """Bake once with each contender, then in rounds in which each bakes once, so that a disturbance affects all."""
     result = {contender.name: Timed() for contender in contenders}
     for turn in range(repeats + 1):
         for contender in contenders:
@@ -181,7 +181,7 @@ def race(contenders: list[Contender], repeats: int) -> dict[str, Timed]:
                 continue
             try:
                 seconds = contender.bake()
-            except (BakeError, PeerError, RuntimeError) as error:  # a RuntimeError is a Blender operator's
+            except (BakeError, PeerError, RuntimeError) as error:  # Blender's operators raise RuntimeError
                 timed.gap = str(error).strip().splitlines()[0]
                 continue
             if turn:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pictures after Figures 1 and 3 to 9 of the paper, from models that this repository or Blender makes."""
+"""Renders Figures 1 and 3 to 9 of the paper with other models, which this repository or Blender generates."""
 
 import math
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ SUN = Euler((math.radians(50), math.radians(-15), math.radians(-20)))
 
 
 def make(folder: Path, scratch: Path, quick: bool) -> dict[str, str]:
-    """Write the pictures into a folder; return their names with what they show."""
+    """Write the pictures into a folder. Returns their names and captions."""
     return sphere(folder, scratch) | creature(folder, scratch, quick) | terrain(folder, scratch, quick)
 
 
@@ -44,7 +44,7 @@ def creature(folder: Path, scratch: Path, quick: bool) -> dict[str, str]:
     high = demo.add_terrain(_subdivided(bpy.context.object, "High", 5))
     bpy.data.objects.remove(bpy.context.object)
     _wrinkle(high.data)
-    _set_the_stage(low, 640, quick)
+    _add_camera_and_sun(low, 640, quick)
     count = {obj.name: f"{demo.count_triangles(obj):,} triangles" for obj in (high, low)}
     _render(high, folder / "figure_3.png")
     _render(low, folder / "figure_4.png")
@@ -79,13 +79,13 @@ def terrain(folder: Path, scratch: Path, quick: bool) -> dict[str, str]:
 
 
 def bake(low: bpy.types.Object, high: bpy.types.Object, path: Path, **settings) -> None:
-    """A map for Cycles into a file of 8 bits."""
+    """Bake a map for Cycles into a file of 8 bits."""
     own = Settings(basis="BLENDER", storage="FILE", output=str(path), depth=8, **settings)
     bake_pair(bpy.context, low, [high], own)
 
 
 def beside(paths: Sequence[Path], path: Path) -> None:
-    """Pictures from files side by side."""
+    """Join pictures from files side by side."""
     pictures = []
     for one in paths:
         with Image.open(one) as picture:
@@ -98,7 +98,7 @@ def _paste(pictures: Sequence[Image.Image], path: Path) -> None:
 
 
 def _subdivided(obj: bpy.types.Object, name: str, levels: int) -> bpy.types.Mesh:
-    """An object's mesh after Catmull and Clark, with its UVs kept linear, so that all levels share them."""
+    """An object's mesh after Catmull-Clark subdivision, with linear UVs, so that all levels share them."""
     modifier = obj.modifiers.new("Subdivision", "SUBSURF")
     modifier.levels, modifier.uv_smooth = levels, "NONE"
     mesh = bpy.data.meshes.new_from_object(obj.evaluated_get(bpy.context.evaluated_depsgraph_get()))
@@ -109,7 +109,7 @@ def _subdivided(obj: bpy.types.Object, name: str, levels: int) -> bpy.types.Mesh
 
 
 def _wrinkle(mesh: bpy.types.Mesh) -> None:
-    """Move the points along their normals by waves that bend one another."""
+    """Displace the vertices along their normals with nested waves."""
     points, normals = (np.empty(3 * len(mesh.vertices), np.float32) for _ in range(2))
     mesh.vertices.foreach_get("co", points)
     mesh.vertex_normals.foreach_get("vector", normals)
@@ -122,8 +122,8 @@ def _wrinkle(mesh: bpy.types.Mesh) -> None:
     mesh.update()
 
 
-def _set_the_stage(obj: bpy.types.Object, side: int, quick: bool) -> None:
-    """A camera on an object, a sun, and the night around."""
+def _add_camera_and_sun(obj: bpy.types.Object, side: int, quick: bool) -> None:
+    """Add a camera that shows the object, a sun, and a dark background."""
     scene = bpy.context.scene
     scene.camera = demo.add("Camera", bpy.data.cameras.new("Camera"))
     scene.camera.data.type, scene.camera.data.ortho_scale = "ORTHO", 1.15 * max(obj.dimensions)
@@ -142,7 +142,7 @@ def _set_the_stage(obj: bpy.types.Object, side: int, quick: bool) -> None:
 
 
 def _render(shown: bpy.types.Object, path: Path) -> None:
-    """A picture of one mesh alone."""
+    """Render a picture of one object."""
     for obj in bpy.context.scene.objects:
         obj.hide_render = obj.type == "MESH" and obj is not shown
     bpy.ops.render.render()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What an update of the live map costs while a mesh is sculpted: its vertices move, its topology stays."""
+"""Measures updates of the live map while a mesh is sculpted: its vertices move, its topology stays."""
 
 import statistics
 import time
@@ -13,11 +13,11 @@ from addon.jobs import Job, live_session
 from tests.support import zoo
 
 CASES = ((224, 1024), (100, 512))
-"""Quads a side of the high terrain, two triangles each, and texels a side of the map."""
+"""Quads per side of the high terrain, two triangles each, and texels per side of the map."""
 
 
 def measure(updates: int = 30) -> list[dict]:
-    """Milliseconds of an update, its map read back, and of putting it into the image: median, least and most of many."""
+    """Milliseconds to update the map and read it back, and to write it into the image: median, minimum and maximum."""
     return [_measure(quads, size, updates) for quads, size in CASES]
 
 

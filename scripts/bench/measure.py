@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is measured, as plain data for report.py."""
+"""The measurements. They return plain data for report.py."""
 
 import json
 import os
@@ -29,12 +29,12 @@ PAPER = (
 )
 """Table 1 of Gumbau, González and Chover, Hardware generation of normal maps."""
 TERRAIN = (275_772, 9_079)
-"""The demo's, where no folder of pairs has a terrain."""
+"""The demo's terrain, used if no folder of pairs has one."""
 COPIED = 256 * 2**20
 
 
 def machine() -> dict:
-    """What the figures were taken on."""
+    """The machine of the measurements."""
     gpu.init()
     renderer = gpu.platform.renderer_get()
     return {
@@ -60,7 +60,7 @@ def _processor() -> str:
 
 
 def copy_bandwidth() -> float:
-    """Bytes a second that numpy reads and writes when it copies, the best of several."""
+    """The bytes per second that numpy reads and writes when it copies, the best of several runs."""
     source = np.ones(COPIED // 4, np.float32)
     target = np.zeros_like(source)
     return 2.0 * COPIED / min(contenders.clocked(lambda: np.copyto(target, source)) for _ in range(5))
@@ -70,7 +70,7 @@ def copy_bandwidth() -> float:
 
 
 def pairs(folder: Path | None, quick: bool) -> Iterator[tuple[Callable[[], scenes.Pair], tuple[int, ...]]]:
-    """What opens each pair, and the sizes to bake it at: those of the paper's table first, then terrains and others."""
+    """A function that opens each pair, and its map sizes: first those of the paper's table, then terrains and others."""
     usual = (1024,) if quick else (512, 1024, 2048)
     for high, low, *_ in PAPER:
         yield scenes.sized(folder, high, low), usual
@@ -88,7 +88,7 @@ def pairs(folder: Path | None, quick: bool) -> Iterator[tuple[Callable[[], scene
 
 
 def time_pair(pair: scenes.Pair, sizes: tuple[int, ...], repeats: int, beside: Peers, quick: bool) -> list[dict]:
-    """A pair by all contenders at all sizes, tangent space, one sample; a quick one leaves out Cast with a kept tree."""
+    """Time all contenders on a pair at all sizes, in tangent space, with one sample; `quick` leaves out the cached tree."""
     beside.load(pair) if beside.bakers else None
     rows = []
     for size in sizes:
@@ -104,7 +104,7 @@ def time_pair(pair: scenes.Pair, sizes: tuple[int, ...], repeats: int, beside: P
 
 
 def time_samples(pair: scenes.Pair, size: int, repeats: int, samples: int = 16) -> dict:
-    """The same with several samples a texel, for those that take them."""
+    """Time the contenders that support several samples per texel."""
     ours = [
         Imprint(FLATTEN, pair, size, method="FLATTEN", samples=samples),
         Imprint(CAST, pair, size, method="CAST", samples=samples),
@@ -130,7 +130,7 @@ def _row(pair: scenes.Pair, size: int, timed: dict[str, Timed]) -> dict:
 
 
 def closed_forms(quick: bool, repeats: int, beside: Peers) -> list[dict]:
-    """Times, and degrees from the truth, on surfaces whose normals are known; world space, the same texels for all."""
+    """Measure times, and degrees from the truth, on surfaces with known normals, in world space, on the same texels."""
     size, n = (512, 256) if quick else (1024, 512)
     rows = []
     for build in (scenes.sine, scenes.belt):
@@ -183,8 +183,8 @@ def growth(quick: bool, repeats: int, log: Callable[[str], None]) -> dict[str, l
 
 
 def _sweep(cases: list[tuple[scenes.Pair, int, int, int]], repeats: int) -> list[dict]:
-    """Points of one curve, from (pair, amount, size, samples): in a round each bakes once, so that what disturbs the
-    machine for a while bends no curve."""
+    """The points of one curve, from (pair, amount, size, samples). Each case bakes once per round, so that a temporary
+    disturbance of the machine does not bend the curve."""
     points, own = [], []
     for pair, amount, size, samples in cases:
         points.append({"amount": amount, "seconds": {}, "peak_gigabytes": {}})
@@ -201,14 +201,14 @@ def _sweep(cases: list[tuple[scenes.Pair, int, int, int]], repeats: int) -> list
 
 
 def forget_peak() -> None:
-    """Let the system count this process's peak memory from now on, where it can."""
+    """Reset the peak memory of this process, if the system supports it."""
     clear = Path("/proc/self/clear_refs")
     if clear.exists():
         clear.write_text("5", encoding="ascii")
 
 
 def peak_gigabytes() -> float | None:
-    """The most memory that this process held since then; None where the system does not tell."""
+    """The peak memory of this process since `forget_peak`, or None if the system does not report it."""
     status = Path("/proc/self/status")
     found = re.search(r"VmHWM:\s+(\d+) kB", status.read_text(encoding="ascii")) if status.exists() else None
     return int(found[1]) * 1024 / 1e9 if found else None
@@ -240,7 +240,7 @@ def terrain(folder: Path | None) -> scenes.Pair:
 
 
 def limit(row: dict, gigabytes_per_second: float) -> dict:
-    """The stages of Flatten and Cast in a row of `time_pair`, beside the bytes that each must move at the least, at the
+    """Compare the stages of Flatten and Cast in a row of `time_pair` with the least bytes that each must move, at the
     best copying speed.
 
     A texel has 16 bytes, a corner 32 (position, normal, UV) and each byte is read once and written once.
@@ -285,7 +285,7 @@ def limit(row: dict, gigabytes_per_second: float) -> dict:
 
 
 def hardware(folder: Path | None, scratch: Path, quick: bool) -> dict:
-    """What scripts/dev/hardware.py says of the shaders without Blender, or {"error": why it does not}."""
+    """Run scripts/dev/hardware.py, which times the shaders without Blender. Returns its result, or {"error": the reason}."""
     files = []
     sizes = (1024, 2048) if quick else (512, 1024, 2048)
     wanted = [(high, low) for high, low, *_ in PAPER] + [TERRAIN]
@@ -305,7 +305,7 @@ def hardware(folder: Path | None, scratch: Path, quick: bool) -> dict:
 
 
 def ratios(row: dict, slower: str, faster: str) -> dict[str, float] | None:
-    """How many times faster: of the medians, and the least and most of the rounds. None for a gap."""
+    """How many times faster: the ratio of the medians, and the minimum and maximum of the rounds. None for a gap."""
     theirs, ours = (row["times"].get(name, {}).get("seconds") for name in (slower, faster))
     if not theirs or not ours:
         return None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Other people's bakers, in an environment of their own and a process beside this one. None of them is needed."""
+"""Runs other bakers in a separate environment and process. All of them are optional."""
 
 import json
 import os
@@ -16,7 +16,7 @@ HOME = ROOT / "out" / "bench" / "peers"
 PYTHON = HOME / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
 PACKAGES = (
     "open3d==0.20.0",
-    "libusb-package==1.0.26.3",  # which Open3D's wheel wants from the system
+    "libusb-package==1.0.26.3",  # Open3D's wheel needs it from the system
     "pymeshlab==2025.7.post1",
     "moderngl==5.13.0",
     "pillow==13.0.0",
@@ -37,11 +37,11 @@ def install() -> None:
 
 
 class PeerError(Exception):
-    """What a peer said when it could not bake."""
+    """The error message of a baker."""
 
 
 class Peers:
-    """The process with the peers, for the time of a `with`; `versions` is empty where there is no environment."""
+    """The process with the other bakers, for a `with` block. `versions` is empty without the environment."""
 
     def __init__(self, scratch: Path):
         self.scratch, self.process, self.versions = scratch, None, {}
@@ -67,18 +67,18 @@ class Peers:
 
     @property
     def bakers(self) -> list[str]:
-        """The bakers among the modules that are there."""
+        """The bakers among the installed modules."""
         return [name for name in NAMES if name in self.versions]
 
     def load(self, pair: Pair) -> None:
-        """Hand a pair over. Both have it in memory afterwards, as Blender has its own."""
+        """Send a pair to the process, which keeps it in memory, as Blender does."""
         path = self.scratch / "pair.npz"
         np.savez(path, **arrays_of(pair))
         self._ask(do="load", path=str(path))
         path.unlink()
 
     def seconds(self, peer: str, size: int) -> float:
-        """How long one bake takes, by the peer's own clock, without the order's way there."""
+        """The seconds of one bake, measured in the process, without the time to send the request."""
         return self._ask(do="bake", peer=peer, size=size, save=None)["seconds"]
 
     def normals(self, peer: str, size: int) -> np.ndarray:

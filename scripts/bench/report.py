@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The report: Markdown of what was measured, and plots of how cost grows. Takes plain data, measures nothing."""
+"""Writes the report from the measurements: Markdown, and plots of how cost grows."""
 
 import statistics
 from pathlib import Path
@@ -18,7 +18,7 @@ def table(head: list[str], rows: list[list]) -> list[str]:
 
 
 def milliseconds(timed: dict | None) -> str:
-    """A contender's median with the least and most of its rounds, or why there is none."""
+    """A contender's median with the minimum and maximum of its rounds, or the reason why it has none."""
     if not timed or not timed["seconds"]:
         return GAP
     seconds = [1000.0 * second for second in timed["seconds"]]
@@ -79,7 +79,7 @@ def machine(result: dict) -> list[str]:
 
 
 def paper(rows: list[dict]) -> list[str]:
-    """Table 1 again, beside what the paper has."""
+    """Table 1 measured again, beside the figures of the paper."""
     lines = []
     known = {}
     for row in rows:
@@ -204,7 +204,7 @@ def growth(parts: dict[str, list[dict]]) -> list[str]:
 
 
 def limit(found: dict, alone: dict | None) -> list[str]:
-    """alone: what the shaders take without Blender, where that was measured."""
+    """alone: the times of the shaders without Blender, if they were measured."""
     lines, words = [], []
     for row in (alone or {}).get("rows", []):
         if (row["pair"], row["size"]) == (found["pair"], found["size"]) and FLATTEN in found["methods"]:
@@ -309,7 +309,7 @@ def figures(found: dict[str, str]) -> list[str]:
 
 
 def plot(parts: dict[str, list[dict]], path: Path) -> None:
-    """Seconds and peak memory over triangles, texels and samples, with the fits over all points."""
+    """Plot seconds and peak memory over triangles, texels and samples, with fits over all points."""
     import matplotlib as mpl
 
     mpl.use("Agg")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is baked: pairs from files, pairs made here, and two surfaces whose normals are known in closed form."""
+"""The pairs to bake: from files, generated, and two surfaces whose normals are known in closed form."""
 
 import math
 import re
@@ -17,12 +17,12 @@ TERRAINS = ("kepler", "sthelens", "terrain")
 RELIEF = 0.05
 """Height of the waves on both closed-form surfaces, in scene units."""
 LATITUDE = 60.0
-"""Where the belt of the sphere ends, in degrees."""
+"""The latitude, in degrees, where the belt of the sphere ends."""
 
 
 @dataclass
 class Pair:
-    """Two objects of the scene that is open. `truth` gives the world-space normals of the high one by UV, where known."""
+    """Two objects of the open scene. `truth` returns the world-space normals of the high object by UV, if known."""
 
     name: str
     low: bpy.types.Object
@@ -32,12 +32,12 @@ class Pair:
 
     @property
     def extrusion(self) -> float:
-        """How far outside rays start, in scene units; they go twice as far."""
+        """The distance outside the surface where rays start, in scene units; rays are twice as long."""
         return self.reach or max(self.low.dimensions) * 0.02
 
     @property
     def triangles(self) -> tuple[int, int]:
-        """Of the high and of the low object."""
+        """The triangle counts of the high and the low object."""
         return demo.count_triangles(self.high), demo.count_triangles(self.low)
 
     @property
@@ -57,7 +57,7 @@ def opened(path: Path) -> Pair:
 
 
 def made(high: int, low: int) -> Pair:
-    """The demo's terrain in about `high` triangles, and what Decimate makes of it with about `low`."""
+    """The demo's terrain with about `high` triangles, and the same terrain decimated to about `low`."""
     empty()
     heights, extent = demo.read_terrain()
     share = min(1.0, math.sqrt(high / 2 / np.prod(np.array(heights.shape) - 1)))
@@ -70,13 +70,13 @@ def made(high: int, low: int) -> Pair:
 
 
 def sized(folder: Path | None, high: int, low: int) -> Callable[[], Pair]:
-    """What opens a pair of that size from a folder, or makes one where the folder has none."""
+    """A function that opens a pair of that size from a folder, or generates one if the folder has none."""
     found = sorted(folder.glob(f"*_{high}_{low}.blend")) if folder else []
     return (lambda: opened(found[0])) if found else (lambda: made(high, low))
 
 
 def sizes(path: Path) -> tuple[int, int] | None:
-    """Triangles of the high and low object, as the file's name has them: NAME_HIGH_LOW.blend."""
+    """The triangle counts of the high and low object in a file's name, NAME_HIGH_LOW.blend."""
     match = re.fullmatch(r".*_(\d+)_(\d+)", path.stem)
     return (int(match[1]), int(match[2])) if match else None
 
@@ -160,7 +160,7 @@ def multires(levels: int) -> tuple[Pair, bpy.types.Object]:
 
 
 def arrays_of(pair: Pair) -> dict[str, np.ndarray]:
-    """Both objects as bakers outside Blender take them, in world space.
+    """Both objects as arrays for bakers outside Blender, in world space.
 
     high_points (V, 3), high_triangles (T, 3), high_normals (T, 3, 3) by corner; low_corners, low_directions (L, 3, 3)
     and low_uv (L, 3, 2) by corner; extrusion in scene units.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which targets hold: in all rounds. Where some rounds reach a target and others do not, it is open."""
+"""Judges targets. A target holds if all rounds reach it; if only some rounds do, it is open."""
 
 from dataclasses import dataclass
 
@@ -11,12 +11,12 @@ HOLDS, OPEN, MISSED, GAP = "holds", "open", "missed", "not measured"
 FINEST = 0.01
 """Degrees below which two maps are equally exact: a channel of 8 bits resolves 0.4, one of 16 bits 0.002."""
 LARGEST = 3
-"""Over so many of the largest points growth is held to linear."""
+"""Growth must be linear over this many of the largest points."""
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """A target, HOLDS, OPEN, MISSED or GAP, and the figures that say so."""
+    """A target, its state (HOLDS, OPEN, MISSED or GAP), and the figures behind it."""
 
     target: str
     outcome: str
@@ -24,12 +24,12 @@ class Verdict:
 
 
 def span(ratio: dict[str, float], digits: int = 2) -> str:
-    """A median with the least and most of its rounds."""
+    """A median with the minimum and maximum of its rounds."""
     return f"{ratio['median']:.{digits}f} ({ratio['least']:.{digits}f} to {ratio['most']:.{digits}f})"
 
 
 def at_least(target: str, wanted: float, found: list[tuple[str, dict[str, float] | None]]) -> Verdict:
-    """Whether all of the named ratios are at least `wanted`; None is a gap and does not count."""
+    """Judge whether all of the named ratios are at least `wanted`. None is a gap and does not count."""
     found = [(name, ratio) for name, ratio in found if ratio]
     if not found:
         return Verdict(target, GAP, "nothing to compare with was measured")
@@ -46,7 +46,7 @@ def at_least(target: str, wanted: float, found: list[tuple[str, dict[str, float]
 
 
 def judge(result: dict) -> list[Verdict]:
-    """The verdicts on a result of run.py."""
+    """Judge all targets on a result of run.py."""
     rows = [*result.get("pairs", []), *result.get("closed_forms", [])]
     several = [row for row in rows if row["samples"] > 1]
     rows = [row for row in rows if row["samples"] == 1]
@@ -73,7 +73,7 @@ def judge(result: dict) -> list[Verdict]:
 
 
 def accuracy(row: dict) -> Verdict:
-    """Whether ours is as exact as the best of the others, at the 99th percentile."""
+    """Judge whether Imprint is as accurate as the best other baker, at the 99th percentile."""
     ours = {name: degrees["percentile_99"] for name, degrees in row["angles"].items() if name in (FLATTEN, CAST)}
     theirs = {name: degrees["percentile_99"] for name, degrees in row["angles"].items() if name not in ours}
     target = f"As exact as the best other to {FINEST} degrees, {row['pair']}"
@@ -86,7 +86,7 @@ def accuracy(row: dict) -> Verdict:
 
 
 def linear(kind: str, points: list[dict], name: str) -> Verdict:
-    """Whether time grows no faster than linearly over the largest points."""
+    """Judge whether time grows at most linearly over the largest points."""
     found = exponents(points, name, LARGEST)
     outcome = HOLDS if found["most"] <= 1.0 else OPEN if found["least"] <= 1.0 else MISSED
     return Verdict(f"{name}: time grows at most linearly with {kind}", outcome, f"exponent {span(found)}")

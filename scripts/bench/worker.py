@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Other people's bakers, in the peers' Python: takes orders as lines of JSON, answers with a line each.
+"""Runs other bakers in the separate environment: reads requests as lines of JSON, and answers each with a line.
 
 Started by peers.py. An order is {"do": "versions"}, {"do": "load", "path": PAIR.npz} or {"do": "bake", "peer": NAME,
 "size": N, "save": MAP.npy or null}; what cannot be done is answered with {"error": TEXT}.
@@ -32,7 +32,7 @@ def open3d(pair, size: int) -> np.ndarray:
     low.vertex["directions"] = o3d.core.Tensor(pair["low_directions"].reshape(-1, 3))
     low.triangle["texture_uvs"] = o3d.core.Tensor(pair["low_uv"])
     drawn = low.bake_vertex_attr_textures(size, {"positions", "directions"}, margin=0.0, update_material=False)
-    # Its row 0 is the image's top.
+    # Row 0 is at the top of the image.
     places, ways = (drawn[name].numpy()[::-1].reshape(-1, 3) for name in ("positions", "directions"))
     covered = np.flatnonzero(np.abs(ways).sum(axis=1) > 0.0)
     ways = ways[covered] / np.linalg.norm(ways[covered], axis=1, keepdims=True)
@@ -89,7 +89,7 @@ BAKERS = {"open3d": open3d, "pymeshlab": pymeshlab}
 
 
 def preload() -> None:
-    """Load the libusb that Open3D's wheel wants from the system, from a wheel that brings it."""
+    """Load libusb, which Open3D's wheel needs from the system, from a wheel that contains it."""
     with contextlib.suppress(ImportError, OSError):
         import libusb_package
 
@@ -120,11 +120,11 @@ GAPS = (
     TypeError,
     ValueError,
 )
-"""What another library may raise, which leaves a gap in the table."""
+"""Errors of other libraries, which leave a gap in the table."""
 
 
 def main() -> None:
-    # What the libraries print goes elsewhere than the answers.
+    # Keep the output of the libraries apart from the answers.
     answers = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)
     preload()

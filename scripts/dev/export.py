@@ -23,7 +23,7 @@ from addon.scene import reading  # noqa: E402
 
 
 def export(source: Path, target: Path) -> None:
-    """Write the objects 'hi' and 'lo' of a .blend: what the passes of Flatten and Cast take."""
+    """Write the objects 'hi' and 'lo' of a .blend as the arrays that the Flatten and Cast passes take."""
     bpy.ops.wm.open_mainfile(filepath=str(source))
     low, high = bpy.data.objects["lo"], bpy.data.objects["hi"]
     settings = Settings(method="CAST", space="WORLD", width=512, height=512)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Times the shaders themselves on whatever OpenGL the machine has, without Blender: moderngl on EGL, meshes as .npz.
+"""Times the shaders without Blender, on the machine's OpenGL: moderngl on EGL, with meshes from .npz files.
 
 python3 scripts/dev/hardware.py FILE.npz ... [--output RESULT.json]     needs numpy and moderngl
 
@@ -56,7 +56,7 @@ def header(program: Program, stage: str, as_images: bool) -> str:
 
 
 def load(ctx: moderngl.Context, program: Program, as_images: bool):
-    """The compiled Program, as moderngl has it."""
+    """Compile a Program with moderngl."""
     stages = {stage: getattr(program, stage) for stage in ("vertex", "fragment", "compute") if getattr(program, stage)}
     sources = {
         stage: f"{header(program, stage, as_images)}\n{prelude(as_images)}{source(name)}"
@@ -68,7 +68,7 @@ def load(ctx: moderngl.Context, program: Program, as_images: bool):
 
 
 class Scene:
-    """One pair on the GPU: the meshes of a file, the targets of a size, the shaders."""
+    """One pair on the GPU: the meshes of a file, targets of one size, and the shaders."""
 
     def __init__(self, ctx: moderngl.Context, data, size: int, *, as_images: bool):
         self.ctx, self.size, self.data, self.as_images = ctx, size, data, as_images
@@ -92,7 +92,7 @@ class Scene:
         self.drawn = ctx.framebuffer([self.map])
 
     def _bind(self, compiled, program, **values) -> None:
-        """Set samplers, images and constants by their declared types; what the compiler has dropped is left out."""
+        """Set samplers, images and constants by their declared types, except those that the compiler removed."""
         for unit, (_, name) in enumerate(program.all_samplers(self.as_images)):
             values[name].use(location=unit)
             if name in compiled:
@@ -126,21 +126,21 @@ class Scene:
         return texture
 
     def bake_flat(self) -> None:
-        """The paper's one draw."""
+        """Draw the high mesh in UV space, as the paper does."""
         self.drawn.use()
         self.drawn.clear()
         self._bind(self.flatten, flatten.PROGRAM, normal_matrix=self.identity, uv_to_clip=self.uv_to_clip)
         self.high.render(moderngl.TRIANGLES)
 
     def start_rays(self) -> None:
-        """Where rays start, which is drawn before they are cast."""
+        """Draw the starts and directions of the rays."""
         self.places.use()
         self.places.clear()
         self._bind(self.gbuffer, gbuffer.PROGRAM, uv_to_clip=self.uv_to_clip)
         self.low.render(moderngl.TRIANGLES)
 
     def cast_rays(self) -> None:
-        """Every ray, to the triangle that it hits."""
+        """Trace all rays to the triangles that they hit."""
         data = self.data
         self._bind(
             self.trace,
@@ -163,7 +163,7 @@ class Scene:
         self.ctx.memory_barrier()
 
     def look_up(self) -> None:
-        """What was hit, as normals."""
+        """Write the normals at the hits."""
         self.drawn.use()
         self._bind(
             self.lookup,
@@ -176,12 +176,12 @@ class Scene:
         self.triangle.render(moderngl.TRIANGLES)
 
     def read(self) -> np.ndarray:
-        """The map (size, size, 4) float32."""
+        """Read the map, (size, size, 4) float32."""
         return np.frombuffer(self.map.read(), np.float32).reshape(self.size, self.size, 4)
 
 
 def timed(ctx: moderngl.Context, *works) -> float:
-    """Median seconds of `works` one after the other, until the GPU is done."""
+    """The median seconds to run `works` one after another, until the GPU has finished."""
     times = []
     for _ in range(REPEATS + 1):
         ctx.finish()
@@ -194,7 +194,7 @@ def timed(ctx: moderngl.Context, *works) -> float:
 
 
 def measure(ctx: moderngl.Context, path: Path, size: int, is_software: bool) -> dict:
-    """Times of one pair at one size."""
+    """Time one pair at one size."""
     with np.load(path) as file:
         data = dict(file)
     scene = Scene(ctx, data, size, as_images=is_software)

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Are the maps of two checkouts equal, to the bit? Bakes each pair of a folder with both and compares the files.
+"""Checks that two checkouts bake the same bits: bakes each pair of a folder with both and compares the files.
 
     .venv/bin/python scripts/dev/same_maps.py OLD_CHECKOUT PAIRS_FOLDER [--size 512] [--out DIR]
 
@@ -57,7 +57,7 @@ def bake(checkout: Path, pairs: Path, out: Path, size: int) -> None:
 
 
 def difference(old: Path, new: Path) -> str:
-    """How far two image files are apart, in words."""
+    """The difference between two image files, as text."""
     if not (old.is_file() and new.is_file()):
         return f"{(new if old.is_file() else old).parent.name} is missing"
     found = []
