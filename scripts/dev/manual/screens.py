@@ -72,6 +72,9 @@ def steps() -> Iterator[Step]:
     yield "step-3-bake", window.crop(window.box_of(area))
     yield from window.wait()
     settings.size, settings.samples = 2048, "4"
+    space.shading.type = "MATERIAL"
+    space.shading.studio_light = "sunset.exr"  # shows detail better than the usual one
+    space.shading.type = "SOLID"
     with window.override():
         bpy.ops.imprint.bake("INVOKE_DEFAULT")
     yield from window.wait()
@@ -124,12 +127,10 @@ def views() -> Iterator[Step]:
         yield name, _viewport_alone()
     shown.mode = "OFF"
     bpy.data.objects["monkey_high"].hide_set(True)
-    area.spaces.active.shading.show_xray = True
     with window.override():
         bpy.ops.imprint.show_cage()
     yield 1.0
     yield "cage", _viewport_alone()
-    area.spaces.active.shading.show_xray = False
     with window.override():
         bpy.ops.imprint.show_cage()
 
@@ -138,7 +139,7 @@ def _make_room() -> None:
     """Move what is shown out from under the sidebar."""
     _, area, _ = window.viewport()
     region = area.spaces.active.region_3d
-    region.view_distance *= 1.25
+    region.view_distance *= 1.12
     region.view_location += region.view_rotation @ Vector((0.09 * region.view_distance, 0, 0))
 
 

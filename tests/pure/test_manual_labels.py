@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The pages for artists call buttons and settings by the names that the interface shows."""
+
+import ast
+import re
+
+import pytest
+
+from scripts.imprint import ROOT
+from tests.support.manual import prose, rows, section
+
+PAGES = [
+    ROOT / "README.md",
+    *(ROOT / "docs" / f"{name}.md" for name in ("quick-start", "panels", "workflows", "engines", "troubleshooting")),
+]
+OF_BLENDER = {
+    "Edit > Preferences > Get Extensions",
+    "Install from Disk",
+    "Mesh > Normals > Recalculate Outside",
+    "Color Space",
+    "Non-Color",
+    "Tangents",
+}
+"""What Blender itself shows."""
+NUMBER = re.compile(r"\d+|\.\w+|\+")
+
+
+def shown():
+    """The texts in the code of the interface and in the declarations of settings."""
+    texts = set(OF_BLENDER)
+    for folder in ("ui", "core"):
+        for path in (ROOT / "addon" / folder).rglob("*.py"):
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                if isinstance(node, ast.Constant) and isinstance(node.value, str):
+                    texts.add(node.value)
+    return texts | {path.stem for path in (ROOT / "addon" / "presets").rglob("*.py")}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_names_in_bold_are_shown_by_the_interface(page):
+    known = shown()
+    text = re.sub(r"<!-- (table|options).*?<!-- end -->", "", prose(page), flags=re.DOTALL)
+    bold = {name for name in re.findall(r"\*\*([^*\n]+)\*\*", text) if not NUMBER.fullmatch(name)}
+    sentences = {name for name in bold if name.endswith((":", ".")) or name.islower()}
+    parts = {part for name in bold - sentences for part in ([name] if name in known else name.split(" > "))}
+    assert sorted(parts - known) == []
+
+
+@pytest.mark.parametrize("heading", ["## Checks", "## View"])
+def test_checks_and_views_have_the_names_that_the_interface_shows(heading):
+    named = {cells[0] for cells in rows(section(ROOT / "docs" / "panels.md", heading)) if not cells[0].startswith("!")}
+    assert sorted(named - shown()) == []
