@@ -31,7 +31,7 @@ from .usage import arguments
 
 @dataclass(frozen=True)
 class Plan:
-    """A bake to come: how it is called, what it is to do, and why it cannot be done, if that is known."""
+    """A bake to do: its name, its options, and why it cannot be done, if that is known."""
 
     name: str
     options: argparse.Namespace
@@ -39,7 +39,7 @@ class Plan:
 
 
 def plans(sets: Sequence[argparse.Namespace]) -> tuple[list[Plan], list[str]]:
-    """The bakes of several sets, where a folder of pairs is one for each pair, and sentences about files left over."""
+    """The bakes of several sets, and sentences about unpaired files. A folder of pairs makes a bake for each pair."""
     result, problems = [], []
     for number, options in enumerate(sets, 1):
         label = "{}" if len(sets) == 1 else f"set {number} ({{}})"
@@ -55,14 +55,14 @@ def plans(sets: Sequence[argparse.Namespace]) -> tuple[list[Plan], list[str]]:
         problems += left
         for pair, problem in found:
             own = copy(options)
-            own.report = None  # which is of all
+            own.report = None  # the report is of all pairs
             own.pairs, own.low_file, own.high_file, own.cage_file = None, pair.low, pair.highs, pair.cage
             result.append(Plan(label.format(subject(own)), own, problem))
     return result, problems
 
 
 def subject(options: argparse.Namespace) -> str:
-    """What a person would call the thing that is baked."""
+    """A short name for what is baked: the low object, its file, or the scene."""
     if options.low or options.low_file:
         return options.low or Path(options.low_file).stem
     place = options.pairs if arguments.is_folder(options) else (*options.file, bpy.data.filepath)[0]
@@ -70,11 +70,11 @@ def subject(options: argparse.Namespace) -> str:
 
 
 def bake_all(
-    planned: Sequence[Plan], files: run_clashes.Run, meter: Meter, tell: Callable[[list[Result]], None]
+    planned: Sequence[Plan], files: run_clashes.Run, meter: Meter, on_result: Callable[[list[Result]], None]
 ) -> list[Result]:
-    """Bake one plan after the other; `files` knows them, and `tell` hears of all so far as each ends.
+    """Bake one plan after the other. The last result may be of a bake that was stopped.
 
-    The last may have been stopped.
+    files: must have all plans. on_result: called after each bake, with all results so far.
     """
     done, stage = [], Stage()
     for number, plan in enumerate(planned, 1):
@@ -91,7 +91,7 @@ def bake_all(
         result.seconds = time.perf_counter() - start
         done.append(result)
         meter.clear()
-        tell(done)
+        on_result(done)
         if result.is_stopped:
             break
     return done
@@ -120,9 +120,9 @@ class Opened:
 
 
 def open_files(plan: Plan, stage: Stage, files: run_clashes.Run, meter: Meter) -> Opened:
-    """Check what can be checked, and open what the plan names. `files` knows the plan. Raises BakeError.
+    """Check what can be checked, and open what the plan names. files: must have the plan.
 
-    WrongPlace says that the bake would harm a file.
+    Raises BakeError, or WrongPlace if the bake would harm a file.
     """
     if plan.problem:
         raise BakeError(plan.problem)
@@ -134,7 +134,7 @@ def open_files(plan: Plan, stage: Stage, files: run_clashes.Run, meter: Meter) -
         if path and file_names.LOW not in str(path):
             check_writable(Path(path).absolute())
     if meter.is_on:
-        meter.tell(subject(options), Progress("Opening", 0.0))
+        meter.show(subject(options), Progress("Opening", 0.0))
     jobs, problems = _jobs(options, stage)
     files.opened(plan.name, options, [several.ATLAS] if _share_image(options) else [job.low.name for job in jobs])
     return Opened(name, options, settings, jobs, problems)
@@ -164,17 +164,17 @@ def _kind(options: argparse.Namespace) -> str:
 def _baked(
     options: argparse.Namespace, jobs: Sequence[Job], settings: Settings, meter: Meter
 ) -> tuple[list[Report], bool]:
-    """The reports of all jobs or frames, or of those that were done when it was stopped; and whether it was.
+    """The reports of all jobs or frames that were finished, and whether a signal stopped the bake.
 
-    Raises Stopped where nothing was done yet, or BakeError.
+    Raises BakeError, or Stopped where nothing was finished.
     """
     share_image = _share_image(options)
 
-    def tell(step: Progress) -> None:
+    def on_step(step: Progress) -> None:
         interruption.check()
         if meter.is_on:
             job = jobs[0 if options.frames else step.finished]
-            meter.tell("the atlas" if share_image else job.low.name, step)
+            meter.show("the atlas" if share_image else job.low.name, step)
 
     speed, reports = progress.Pace(several.PROGRESS_SECONDS, looks=False), []
     if options.frames:
@@ -182,7 +182,7 @@ def _baked(
     else:
         work = several.work(bpy.context, jobs, settings, speed, share_image=share_image, reports=reports)
     try:
-        return progress.finish(work, tell), False
+        return progress.finish(work, on_step), False
     except interruption.Stopped:
         if not reports:
             raise
@@ -190,26 +190,26 @@ def _baked(
 
 
 def _share_image(options: argparse.Namespace) -> bool:
-    """Whether all pairs go into one map, which has no low object's name."""
+    """Whether all pairs share one map, whose path has no low object's name."""
     return bool(options.pairs) and file_names.LOW not in options.output
 
 
 def _refused_scripts() -> list[str]:
-    """What Blender has not run of the open file, which may move a mesh."""
+    """A warning if Blender refused scripts of the open file, which may move a mesh."""
     if not bpy.app.autoexec_fail:
         return []
     return [f"Scripts of the file were not run, and what they drive stays as saved: {bpy.app.autoexec_fail_message}."]
 
 
 def _start_gpu() -> None:
-    """Without the window system's complaints of EGL, after which it goes on; what stops it is told by check_job."""
-    if interruption.is_launched():  # else nobody could tell of a crash but those lines
+    """Start the GPU without EGL's messages, which are harmless. check_job reports a failure."""
+    if interruption.is_launched():  # else those lines may be all that explains a crash
         with suppress(SystemError, RuntimeError), standard_streams.silence():
             gpu.init()
 
 
 def _jobs(options: argparse.Namespace, stage: Stage) -> tuple[list[Job], list[str]]:
-    """What to bake, ready in the scene, and what was found to be wrong with names."""
+    """The jobs, ready in the scene, and sentences about what is wrong with names."""
     if options.low_file:
         return [stage.job(options.low_file, options.high_file, options.cage_file)], []
     if options.file:

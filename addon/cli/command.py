@@ -24,7 +24,7 @@ DONE, FAILED, WRONG_USAGE = 0, 1, 2
 
 
 def run(words: Sequence[str], program: str = "imprint") -> int:
-    """Bake as `words`, the arguments, say. Returns the exit code; what went wrong is told on stderr, a line each."""
+    """Bake according to `words`, the arguments. Returns the exit code; errors and warnings go to stderr, a line each."""
     with interruption.listening(), standard_streams.ours():
         done = _run(words, program)
         return interruption.code() or done
@@ -68,7 +68,7 @@ def _read(words: Sequence[str], program: str) -> tuple[argparse.Namespace, list[
     if options.jobs:
         own, more = arguments.split_jobs(words)
         with Meter(sys.stderr) as meter:
-            return own, job_file.read(own.jobs, more, lambda share: meter.tell(own.jobs, Progress("Reading", share)))
+            return own, job_file.read(own.jobs, more, lambda share: meter.show(own.jobs, Progress("Reading", share)))
     arguments.check(options)
     return options, [options]
 
@@ -80,7 +80,10 @@ def _are_many(options: argparse.Namespace) -> bool:
 def _plan(
     options: argparse.Namespace, sets: Sequence[argparse.Namespace]
 ) -> tuple[list[Plan], list[str], run_clashes.Run]:
-    """The bakes to come, sentences about files left over, and the files of all. Raises WrongPlace, a line for each."""
+    """The bakes to do, sentences about unpaired files, and the files of all bakes.
+
+    Raises WrongPlace with a line for each bake that would harm a file.
+    """
     are_many = _are_many(options)
     plans, problems = batch.plans(sets) if are_many else ([Plan("", options)], [])
     files = run_clashes.Run()
@@ -119,7 +122,7 @@ def _bake_one(plan: Plan, files: run_clashes.Run, program: str, meter: Meter) ->
     _warn(program, result.warnings)
     if result.is_stopped:
         print(f"{program}: stopped, the {result.are} before are kept.", file=sys.stderr)
-    print("\n".join(results.told(result)), file=out)
+    print("\n".join(results.summary(result)), file=out)
     print(results.wrote(result, None if result.is_stopped else opened.scene, opened.report), file=out)
     if options.report == STDOUT:
         print(results.as_text(result.to_json()))
@@ -141,7 +144,7 @@ def _bake_many(plans: Sequence[Plan], files: run_clashes.Run, report: str | None
     path = results.report_file(report)
     file = results.ReportFile(path) if path else None
 
-    def tell(done: Sequence[Result]) -> None:
+    def on_result(done: Sequence[Result]) -> None:
         result = done[-1]
         if result.error:
             print(f"{program}: {result.name}: {result.error}", file=sys.stderr)
@@ -149,7 +152,7 @@ def _bake_many(plans: Sequence[Plan], files: run_clashes.Run, report: str | None
         if file:
             file.update(done)
 
-    found = batch.bake_all(plans, files, meter, tell)
+    found = batch.bake_all(plans, files, meter, on_result)
     meter.clear()
     finished = sum(1 for result in found if not result.is_stopped)
     if finished < len(plans):
@@ -174,11 +177,11 @@ def _warn(program: str, warnings: Sequence[str]) -> None:
 
 
 _handles: list[object] = []
-"""What Blender removes the command by, while it is registered."""
+"""Blender's handle of the command, while it is registered."""
 
 
 def is_registered() -> bool:
-    """Whether Blender knows the command."""
+    """Whether the command is registered."""
     return bool(_handles)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The files that a file refers to: a mesh file's materials, buffers and textures, the libraries of a .blend."""
+"""The files that a file uses: materials, buffers and textures of a mesh file, libraries of a .blend."""
 
 import json
 import os
@@ -14,40 +14,39 @@ import _blendfile_header
 from blend_render_info import RawBlendFileReader
 
 MOST = 1 << 24
-"""Bytes of a file that are looked at: an .obj names its materials before its points, and what is longer as JSON holds
-its buffers itself."""
+"""Bytes of a file that are read: an .obj names its materials before its points, and longer JSON contains its buffers."""
 _LIBRARY = re.compile(rb"[^\0]*[/\\][^\0]*\.blend(?=\0)")
-"""A path in the block of a library, which holds its bare name as well."""
+"""A path in the block of a library, which contains its bare name as well."""
 
 
 def of(path: Path) -> Iterator[Path]:
-    """What the mesh file at `path` names; of formats that only their importers read, nothing."""
+    """The files that the mesh file at `path` names; none for formats that only their importers read."""
     find = {".obj": _of_obj, ".gltf": _of_gltf, ".glb": _of_glb}.get(path.suffix.lower())
     if find is None:
         return
     try:
         names = list(find(path))
-    except (OSError, ValueError, RecursionError, struct.error):  # the importer will tell what is wrong with it
+    except (OSError, ValueError, RecursionError, struct.error):  # the importer will report what is wrong
         return
     for folder in _folders(path):
         yield from (folder / name for name in names)
 
 
 def libraries(path: Path) -> list[Path]:
-    """The files from which the .blend at `path` links, found without opening it in Blender; all its blocks are passed."""
-    import zstandard  # which Blender brings along
+    """The libraries that the .blend at `path` links, found without opening it in Blender. This reads all its blocks."""
+    import zstandard  # part of Blender
 
     try:
         with RawBlendFileReader(path) as file:
             # Names are in the bytes of the system, as paths are.
             found = [os.fsdecode(name) for block in _blocks(file, b"LI") for name in _LIBRARY.findall(block)]
     except (OSError, EOFError, ValueError, struct.error, zstandard.ZstdError, _blendfile_header.BlendHeaderError):
-        return []  # opening it will tell what is wrong with it
+        return []  # opening the file will report what is wrong
     return [path.parent / name.removeprefix("//") for name in found]
 
 
 def _blocks(file: BinaryIO, code: bytes) -> Iterator[bytes]:
-    """What the blocks of this kind hold."""
+    """The content of the blocks of this kind."""
     layout = _blendfile_header.BlendFileHeader(file).create_block_header_struct()
     while (head := _blendfile_header.BlockHeader(file, layout)).code != b"ENDB":
         if head.code.rstrip(b"\0") == code:
@@ -71,12 +70,12 @@ def _of_obj(path: Path) -> Iterator[str]:
 
 
 def _folders(path: Path) -> set[Path]:
-    """Where names in the file at `path` start: importers look beside a link, and a person may mean beside its file."""
+    """The folders that names in the file at `path` may start at: that of a link, which importers use, and of its target."""
     return {path.parent, Path(os.path.realpath(path)).parent}
 
 
 def _said(path: Path, words: tuple[str, ...]) -> Iterator[str]:
-    """What stands behind these words at the start of a line."""
+    """The text after one of these words at the start of a line."""
     with path.open("rb") as file:
         text = file.read(MOST).decode(errors="surrogateescape")
     for line in text.splitlines():

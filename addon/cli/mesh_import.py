@@ -19,14 +19,14 @@ IMPORTERS = {
     ".obj": ("wm", "obj_import", {}),
     ".ply": ("wm", "ply_import", {}),
     ".stl": ("wm", "stl_import", {}),
-    ".gltf": ("import_scene", "gltf", {"disable_bone_shape": True}),  # which would be one more mesh
+    ".gltf": ("import_scene", "gltf", {"disable_bone_shape": True}),  # it would be one more mesh
     ".glb": ("import_scene", "gltf", {"disable_bone_shape": True}),
     ".fbx": ("wm", "fbx_import", {}),
     ".usd": ("wm", "usd_import", {}),
     ".usda": ("wm", "usd_import", {}),
     ".usdc": ("wm", "usd_import", {}),
 }
-"""Blender's operators by the ending of files, and what they are told beside the path. All of them turn Z up."""
+"""Blender's import operators by the ending of files, with further arguments. All of them turn Z up."""
 
 ENDINGS = (".blend", *IMPORTERS)
 
@@ -37,9 +37,9 @@ class Stage:
     def __init__(self):
         self._open: list[Path] = []
         self.notes: list[str] = []
-        """Sentences on what of the open files does not take part."""
+        """Sentences about what is left out of the open files."""
         self._held = ExitStack()
-        """Lets go of the caches that are held."""
+        """Restores the simulation caches."""
 
     def open(self, names: Sequence[str]) -> None:
         """Open a .blend, or import files into an empty scene; nothing where these are open already.
@@ -62,24 +62,24 @@ class Stage:
         self._open = wanted
 
     def take(self) -> None:
-        """Take what is open, whoever has opened it: keep its simulations from writing files."""
+        """Use the open scene: keep its simulations from writing files."""
         self.notes = _hold_caches(self._held)
 
     @contextmanager
     def let_go(self) -> Iterator[None]:
-        """In this block the caches are as in the files, for the scene to be saved so."""
+        """Restore the simulation caches in this block, so that the scene is saved with them."""
         self._held.close()
         yield
         self.take()
 
     def _leave(self) -> None:
-        """Forget what is open: other files are to come, or an empty scene."""
+        """Forget the open files: other files or an empty scene replace them."""
         self._open, self.notes, self._held = [], [], ExitStack()
 
     def job(self, low: str, highs: Sequence[str], cage: str | None = None) -> Job:
-        """An empty scene with these files: the low object, and the cage, are the one mesh of theirs.
+        """An empty scene with these files. The low file and the cage's must contain one mesh each.
 
-        The low object is called as its file, without the ending. Raises BakeError.
+        The low object is named after its file, without the ending. Raises BakeError.
         """
         for name in (low, *highs, *([cage] if cage else [])):
             _existing(name)
@@ -94,9 +94,9 @@ class Stage:
 
 
 def pairs(folder: str, suffixes: Suffixes) -> tuple[list[tuple[Pair, str]], list[str]]:
-    """The pairs among the mesh files of a folder, their names turned to paths, each with what is wrong with it, or "".
+    """The pairs among the mesh files of a folder, as paths, each with what is wrong with it or "".
 
-    Also sentences about files without a partner. Raises BakeError when there is no pair.
+    Also sentences about unpaired files. Raises BakeError if there is no pair.
     """
     try:
         files = sorted(path for path in Path(folder).iterdir() if _ending(path) in ENDINGS)
@@ -114,14 +114,14 @@ def pairs(folder: str, suffixes: Suffixes) -> tuple[list[tuple[Pair, str]], list
     for pair in found:
         names = [pair.low, *pair.highs, *([pair.cage] if pair.cage else [])]
         twice = next((places[name] for name in names if len(places[name]) > 1), None)
-        problem = f"{twice[0].name!r} and {twice[1].name!r} share a name: take one of them away." if twice else ""
+        problem = f"{twice[0].name!r} and {twice[1].name!r} share a name: remove one of them." if twice else ""
         low, highs, cage = str(places[pair.low][0]), [str(places[high][0]) for high in pair.highs], pair.cage
         result.append((Pair(pair.name, low, highs, str(places[cage][0]) if cage else ""), problem))
     return result, problems
 
 
 def _split(files: Sequence[Path]) -> tuple[list[Path], list[Path]]:
-    """Those that Blender can open, and those whose names are not UTF-8."""
+    """The files that Blender can open, and those whose names are not UTF-8."""
     strange = [path for path in files if str(path) != str(path).encode(errors="replace").decode()]
     return [path for path in files if path not in strange], strange
 
@@ -143,7 +143,7 @@ def bring(name: str) -> list[bpy.types.Object]:
                 getattr(getattr(bpy.ops, module), operator)(filepath=str(path), **more)
     except AttributeError as error:
         raise BakeError(f"{str(path)!r} cannot be read: this Blender imports no {ending} files.") from error
-    except (RuntimeError, OSError, ValueError) as error:  # ValueError: of a .blend that is open already
+    except (RuntimeError, OSError, ValueError) as error:  # ValueError: for a .blend that is open already
         raise BakeError(f"{str(path)!r} could not be imported: {_cause(error)}.") from error
     new = [obj for obj in bpy.data.objects if obj.type == "MESH" and obj not in before]
     meshes = [obj for obj in new if obj.data.polygons or obj.modifiers]
@@ -173,7 +173,7 @@ def _open_blend(name: str) -> None:
 
 
 def _hold_caches(held: ExitStack) -> list[str]:
-    """Keep simulations from writing files as frames go by, until `held` is closed; returns what that changes."""
+    """Keep simulations from writing files as frames change, until `held` is closed. Returns sentences about what changes."""
     notes = []
     for obj in bpy.data.objects:
         for modifier in obj.modifiers:
@@ -189,7 +189,7 @@ def _hold_caches(held: ExitStack) -> list[str]:
 
 
 def _hold_points(obj: bpy.types.Object, held: ExitStack) -> None:
-    """What is baked on the disk is read from there; the rest stays in memory."""
+    """Caches that are baked on disk are read from there; the others stay in memory."""
     caches = [each.point_cache for each in obj.modifiers if each.type in {"CLOTH", "SOFT_BODY"}]
     caches += [system.point_cache for system in obj.particle_systems]
     for cache in caches:
@@ -219,7 +219,7 @@ def _only(name: str, meshes: Iterable[bpy.types.Object]) -> bpy.types.Object:
 
 
 def _cause(error: RuntimeError | OSError) -> str:
-    """What an importer says for itself; those written in Python end with the cause, after a traceback."""
+    """The importer's own message. Importers written in Python end with the cause, after a traceback."""
     if "Traceback" not in str(error):
         return reason(error)
     last = [line for line in str(error).splitlines() if line.strip() and not line.startswith((" ", "Location"))][-1]

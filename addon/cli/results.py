@@ -75,18 +75,18 @@ def write_failure(path: Path, result: Result) -> None:
 
 
 class ReportFile:
-    """The report of many bakes, written anew as they go on: a crash loses no more than the bakes of a moment."""
+    """The report of many bakes. It is written again while they go on, so that a crash loses only the last moments."""
 
     SHARE = 0.1
-    """Of the time, at most, that is spent on it: it grows with the number of bakes."""
+    """The most of the time that is spent on writing, which takes longer with each bake."""
 
     def __init__(self, path: Path):
-        """Raises BakeError if it could not be written in the end."""
+        """Raises BakeError if the file cannot be written."""
         check_writable(path)
         self._path, self._next = path, 0.0
 
     def update(self, results: Sequence[Result]) -> None:
-        """Write it if it is time to, and it can be: the last one counts."""
+        """Write the file if it is time to. A failure is ignored: `write` comes last."""
         start = time.perf_counter()
         if start >= self._next:
             with suppress(BakeError):
@@ -99,8 +99,8 @@ class ReportFile:
         write_json(self._path, to_json(results))
 
 
-def told(result: Result) -> Iterator[str]:
-    """What a single bake did, in lines. All frames are one line, since they differ in little."""
+def summary(result: Result) -> Iterator[str]:
+    """The summary of a single bake, in lines. A sequence has one line, since its frames hardly differ."""
     if result.are == "frames":
         seconds = sum(report.seconds["total"] for report in result.reports)
         yield f"{len(result.reports)} frames of {result.reports[0].low!r}, {seconds:.2f} s"
@@ -117,7 +117,7 @@ def wrote(result: Result, *others: Path | None) -> str:
 
 
 def table(results: Sequence[Result], planned: int) -> Iterator[str]:
-    """A line for each, and one for all; `planned` is how many there were to be."""
+    """A line for each bake, and one for all. planned: the number of bakes that were to be done."""
     width = max((len(result.name) for result in results), default=0)
     for result in results:
         state = "stopped" if result.is_stopped else "failed" if result.error else "done"
@@ -130,7 +130,7 @@ def table(results: Sequence[Result], planned: int) -> Iterator[str]:
 
 
 def to_json(results: Sequence[Result]) -> list[dict]:
-    """Plain data for json.dump; one that was stopped is told of where some of its pairs or frames are done."""
+    """Plain data for json.dump. A bake that was stopped is listed if some of its pairs or frames are done."""
     return [
         {
             "name": result.name,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the command line reads and writes, in all its bakes: found to clash before anything is written."""
+"""Checks all files that a call reads and writes before the first bake: none may be overwritten by mistake."""
 
 import argparse
 import os
@@ -28,7 +28,7 @@ class Run:
     def __init__(self):
         self.places = Places()
         self._known: set[str] = set()
-        """The bakes whose maps are known to `places`."""
+        """The bakes whose maps are in `places`."""
 
     def add(
         self,
@@ -37,39 +37,39 @@ class Run:
         report: str | None = None,
         folders: Iterable[str] = (),
     ) -> list[str]:
-        """Take bakes to come by their names, which differ, the file that lists them, the report of all, folders of meshes.
+        """Add the bakes to do. Returns a sentence for each bake that would overwrite a file, or lose one.
 
-        Returns a sentence for each bake that would harm a file, or be harmed by another one.
+        bakes: unique names and options. jobs: the job file. report: the report of all bakes. folders: of mesh files.
         """
         problems = []
 
-        def look(name: str, act: Callable, *more) -> None:
+        def check(name: str, act: Callable, *more) -> None:
             try:
                 act(*more)
             except WrongPlace as problem:
                 problems.append(f"{name}: {problem}" if name else str(problem))
 
         if jobs:
-            look("", self.places.read, jobs, "the job file")
+            check("", self.places.read, jobs, "the job file")
         for path in (path for folder in dict.fromkeys(folders) for path in _meshes_in(folder)):
-            look("", self.places.read, path, "a mesh in the folder")
+            check("", self.places.read, path, "a mesh in the folder")
         for name, options in bakes:
-            look(name, self._read, name, options)
+            check(name, self._read, name, options)
         for path, name in _libraries(bakes, report):
-            look(name, self.places.read, path, _of("a linked library", name), name)
+            check(name, self.places.read, path, _of("a linked library", name), name)
         for name, options in bakes:
-            look(name, self._write, name, options)
+            check(name, self._write, name, options)
         if report and report != STDOUT:
-            look("", self.places.write, report, "the report of all")
+            check("", self.places.write, report, "the report of all")
         return problems
 
     def opened(self, name: str, options: argparse.Namespace, lows: Sequence[str]) -> None:
-        """Take what is known of a bake once its files are open: `lows` are the names of its low objects.
+        """Add what is only known once the files of a bake are open. lows: the names of its low objects.
 
-        Raises WrongPlace.
+        Raises WrongPlace if a file would be overwritten.
         """
         for path, what in _drawn_in(options):
-            if path != bpy.data.filepath:  # which is known, and may be saved over
+            if path != bpy.data.filepath:  # it may be saved over
                 self.places.read(path, _of(what, name), name)
         if name not in self._known:
             self._write_maps(name, options, lows)
@@ -116,7 +116,7 @@ def _of(what: str, name: str) -> str:
 
 
 def _read_by(options: argparse.Namespace) -> Iterator[tuple[str, str, str]]:
-    """What a bake reads: paths, what they are, and "scene" for what it may be saved over."""
+    """The files that a bake reads: path, what it is, and "scene" if the saved scene may replace it."""
     opened = options.file or ([bpy.data.filepath] if not (options.low_file or arguments.is_folder(options)) else [])
     for path in filter(None, opened):
         yield path, "the file to open", "scene"
@@ -132,8 +132,8 @@ def _read_by(options: argparse.Namespace) -> Iterator[tuple[str, str, str]]:
 def _libraries(bakes: Sequence[tuple[str, argparse.Namespace]], report: str | None) -> Iterator[tuple[str, str]]:
     """The libraries of all files to open, with the first bake that opens each.
 
-    A bake sees its own once it is open, and only another one can have written over them by then. That takes a .blend that is
-    there already; without one, nothing is read here, as it takes a look through all of each file.
+    A bake finds its own libraries once its file is open; by then only another bake can have replaced them. That is possible
+    only if an existing .blend is to be written. Else no file is read here, since the search reads all of each file.
     """
     written = [report, *(path for _, options in bakes for path in (options.report, options.save_blend))]
     real = (os.path.realpath(path) for path in written if path)
@@ -150,15 +150,15 @@ def _libraries(bakes: Sequence[tuple[str, argparse.Namespace]], report: str | No
 def _meshes_in(folder: str) -> list[str]:
     try:
         names = os.listdir(folder)
-    except OSError:  # of which the bake will tell
+    except OSError:  # the bake will report it
         return []
     return [os.path.join(folder, name) for name in names if name.lower().endswith(ENDINGS)]
 
 
 def _drawn_in(options: argparse.Namespace) -> Iterator[tuple[str, str]]:
-    """What the files that are open now have drawn in: libraries, caches, textures of imported meshes."""
+    """The files that the open files use: libraries, caches, textures of imported meshes."""
     yield from datablocks.sources()
-    # The images of a .blend may be maps of an earlier bake, which the next one is to replace.
+    # The images of a .blend may be maps of an earlier bake, which the next bake replaces.
     named = [*options.file, *filter(None, (options.low_file, *options.high_file, options.cage_file))]
     if named and not any(Path(name).suffix.lower().startswith(".blend") for name in named):
         for image in bpy.data.images:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The standard streams of the command line: what is ours on standard output, and nothing lost where nobody reads it."""
+"""The standard streams of the command line: only our text on standard output, and no failure where nothing reads it."""
 
 import ctypes
 import io
@@ -11,14 +11,14 @@ from contextlib import ExitStack, contextmanager, redirect_stderr, redirect_stdo
 
 
 class _Patient(io.FileIO):
-    """A stream of the system that takes what it can: a full disk or a reader that went away stops no bake."""
+    """A stream of the system that ignores errors: a full disk or a closed pipe must not stop a bake."""
 
     error: OSError | None = None
-    """The first that there was."""
+    """The first error."""
 
     def write(self, data) -> int:
         try:
-            while (written := super().write(data)) is None:  # somebody has made it one that does not wait
+            while (written := super().write(data)) is None:  # the stream is non-blocking
                 select.select((), (self,), ())
             return written
         except OSError as error:
@@ -27,12 +27,12 @@ class _Patient(io.FileIO):
 
 
 def reserve() -> None:
-    """Open what is closed of the standard streams: the next file would take its number, and Blender prints into that."""
+    """Open closed standard streams: else the next file would take the number, and Blender would print into it."""
     for number in range(3):
         try:
             os.fstat(number)
         except OSError:
-            os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)  # takes the smallest number that is free
+            os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)  # takes the lowest free number
     for number, name in ((1, "stdout"), (2, "stderr")):
         if getattr(sys, name) is None:
             setattr(sys, name, io.TextIOWrapper(io.FileIO(number, "w", closefd=False)))
@@ -40,9 +40,9 @@ def reserve() -> None:
 
 @contextmanager
 def ours() -> Iterator[None]:
-    """Both standard streams take what they can, and what Blender itself prints goes to standard error.
+    """Both standard streams ignore errors, and Blender's own messages go to standard error.
 
-    Where they are no longer the system's own, as under a test's capture, they stay as they are.
+    Streams that are not the system's own, as in a test that captures them, stay as they are.
     """
     if not (_is(sys.stdout, 1) and _is(sys.stderr, 2)):
         yield
@@ -65,7 +65,7 @@ def ours() -> Iterator[None]:
 
 @contextmanager
 def silence(*numbers: int) -> Iterator[None]:
-    """Keep what is printed in the block, from C as well, off these streams of the system, or off both standard ones.
+    """Discard what the block prints, from C as well, on the streams `numbers`, or on both standard streams.
 
     Exceptions say what matters.
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How far a bake is, on one line of a terminal that is written over and erased in the end."""
+"""The progress of a bake on one line of a terminal, which is erased at the end."""
 
 import shutil
 from typing import TextIO
@@ -8,12 +8,12 @@ from ..core.progress import Progress
 
 
 class Meter:
-    """Writes to `stream` if that is a terminal, and nothing at all if it is not."""
+    """Writes to `stream` if it is a terminal, else nothing."""
 
     def __init__(self, stream: TextIO):
         self.is_on = stream.isatty()
         self.place = ""
-        """What the line starts with: which of many bakes this is."""
+        """The start of the line: the number of the bake among many."""
         self._stream, self._width = stream, 0
 
     def __enter__(self) -> "Meter":
@@ -22,8 +22,8 @@ class Meter:
     def __exit__(self, *_) -> None:
         self.clear()
 
-    def tell(self, name: str, step: Progress) -> None:
-        """Write what is going on with the object, or file, of that name."""
+    def show(self, name: str, step: Progress) -> None:
+        """Show a step of the object or file `name`."""
         what = step.what if name in step.what else f"{name}: {step.what}"
         self._write(f"{self.place}{what}, {min(step.done, 1.0):.0%}")
 
@@ -37,7 +37,7 @@ class Meter:
     def _write(self, line: str) -> None:
         if not self.is_on:
             return
-        line = line[: shutil.get_terminal_size().columns - 1]  # a longer one would go on below
+        line = line[: shutil.get_terminal_size().columns - 1]  # a longer line would wrap
         self._stream.write("\r" + line.ljust(self._width))
         self._stream.flush()
         self._width = len(line)

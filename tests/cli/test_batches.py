@@ -364,7 +364,7 @@ def test_files_whose_names_are_no_text_are_left_out_with_a_word(rocks, run):
 def test_two_files_of_one_name_are_one_too_many(rocks, run):
     export(rocks / "rocks" / "b_low.ply", bpy.data.objects["whatever"])
     _, _, err = run("--pairs", "rocks", *SMALL, "--output", "{low}.png")
-    assert "imprint: b_low: 'b_low.obj' and 'b_low.ply' share a name: take one of them away." in err.splitlines()
+    assert "imprint: b_low: 'b_low.obj' and 'b_low.ply' share a name: remove one of them." in err.splitlines()
     assert {"a_low.png", "b_low.png"} & set(files(rocks)) == {"a_low.png"}
 
 

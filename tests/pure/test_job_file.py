@@ -333,7 +333,7 @@ FAULTS = {
         "set 1: report: the pairs of a folder",
     ),
     "a scene with a wrong ending": (FIRST + "save-blend='s.txt'", "set 1: {s.txt} does not end in .blend"),
-    "standard output": (FIRST + "report='-'", "set 1: report: '-', standard output, is for the command line alone"),
+    "standard output": (FIRST + "report='-'", "set 1: report: '-', standard output, works only on the command line"),
     "a long value": (FIRST + "size = [" + "[1]," * 999 + "]", "set 1: size: a number or text is expected"),
     "no TOML": ("[[bake]\nlow = 3", "'jobs/jobs.toml' is no TOML: "),
 }
@@ -369,7 +369,7 @@ def test_many_sets_are_read_with_a_parser_that_is_made_once(write, monkeypatch):
         arguments._Parser, "__init__", lambda self, *a, **more: (made.append(1), real(self, *a, **more))[1]
     )
     sets = [{"file": "a.blend", "low": "a", "output": f"{number}.png"} for number in range(1000)]
-    assert len(job_file.read(write({"bake": sets}, "jobs/jobs.json"), tell=heard.append)) == 1000
+    assert len(job_file.read(write({"bake": sets}, "jobs/jobs.json"), on_progress=heard.append)) == 1000
     assert len(made) <= 2  # by the name of the program, --help's title
     assert heard == [number / 10 for number in range(1, 11)]
 

@@ -27,7 +27,6 @@ NOT_YET = (
     "CONTRIBUTING.md",
     "README.md",
     "addon/audit/",
-    "addon/cli/",
     "addon/core/",
     "addon/engine/",
     "addon/jobs/",

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The command line's parser, what its options must have in common, and the settings that they make."""
+"""Parses the command line, checks its options together, and makes settings from them."""
 
 import argparse
 import difflib
@@ -17,7 +17,7 @@ from .options import FILE, JOBS, OPTIONS, SUBJECTS
 
 
 class WrongUsage(Exception):
-    """What was asked for cannot be understood, or contradicts itself. The text is for the user, without a full stop."""
+    """The arguments are unknown or contradict each other. The text is for the user, without a full stop."""
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
@@ -33,20 +33,20 @@ class _Parser(argparse.ArgumentParser):
 
 
 def _names() -> Iterator[str]:
-    """All options, with their dashes."""
+    """The names of all options, with their dashes."""
     return (f"--{name}" for name in ("jobs", *(name for options in OPTIONS.values() for name in options)))
 
 
 @functools.cache
 def parser(program: str) -> argparse.ArgumentParser:
-    """Of the command line. It raises WrongUsage. Defaults are those of Settings, but for the file."""
+    """The parser of the command line. It raises WrongUsage."""
     result = _Parser(
         prog=program,
         usage="%(prog)s [FILE ...] --low NAME [--high NAME ...] --output MAP [option ...]\n"
         "       %(prog)s [FILE ...] --pairs [DIR] --output MAP [option ...]\n"
         "       %(prog)s --low-file FILE --high-file FILE ... --output MAP [option ...]\n"
         "       %(prog)s --jobs FILE [--report REPORT.json] [option ...]",
-        description="Bake the detail of high meshes into a normal map.",
+        description="Bake the detail of high-poly meshes into the normal map of a low-poly mesh.",
         allow_abbrev=False,
     )
     for title, options in OPTIONS.items():
@@ -60,7 +60,7 @@ def parser(program: str) -> argparse.ArgumentParser:
 
 
 def parse(arguments: Sequence[str], program: str = "imprint") -> argparse.Namespace:
-    """The options that `arguments` say, one by one; `check` looks at them together. Raises WrongUsage."""
+    """The options in `arguments`, each checked by itself. Raises WrongUsage."""
     options = parser(program).parse_intermixed_args(_joined(arguments))
     if options.pairs is True and len(options.file) == 1 and os.path.isdir(options.file[0]):
         options.pairs, options.file = options.file[0], []
@@ -70,7 +70,7 @@ def parse(arguments: Sequence[str], program: str = "imprint") -> argparse.Namesp
 
 
 def split_jobs(arguments: Sequence[str]) -> tuple[argparse.Namespace, list[str]]:
-    """--jobs and --report, and the other arguments, which count for all sets. Raises WrongUsage."""
+    """The options --jobs and --report, and the other arguments, which override all sets. Raises WrongUsage."""
     own = _Parser(add_help=False, allow_abbrev=False)
     own.add_argument("--jobs", **JOBS.arguments)
     own.add_argument("--report", **OPTIONS["output"]["report"].arguments)
@@ -82,7 +82,7 @@ def split_jobs(arguments: Sequence[str]) -> tuple[argparse.Namespace, list[str]]
 
 
 def check(options: argparse.Namespace) -> None:
-    """Raise WrongUsage for options that miss or contradict each other."""
+    """Raise WrongUsage for options that are missing or contradict each other."""
     named = [name for name in ("low", "pairs", "low_file") if vars(options)[name]]
     by_file = options.low_file or options.high_file or options.cage_file
     if not named:
@@ -115,7 +115,7 @@ def check(options: argparse.Namespace) -> None:
 
 
 def _check_folder(paths: Sequence[str | bool | None]) -> None:
-    """Raise WrongUsage if one of `paths` starts in the folder that we are in, and Blender could not go there."""
+    """Raise WrongUsage if one of `paths` is relative and Blender cannot use the current folder."""
     if not any(isinstance(name, str) and not os.path.isabs(name) for name in paths):
         return
     try:
@@ -131,12 +131,12 @@ def _check_folder(paths: Sequence[str | bool | None]) -> None:
 
 
 def is_folder(options: argparse.Namespace) -> bool:
-    """Whether pairs of files are to be baked."""
+    """Whether the options bake the pairs of a folder of mesh files."""
     return isinstance(options.pairs, str)
 
 
 def settings(options: argparse.Namespace) -> Settings:
-    """What the bake is to do. The map goes to a file, of the usual depth if none is asked for."""
+    """The settings of the bake. The map goes to a file, of the format's usual depth if no depth is given."""
     given = vars(options)
     values = {field.name: given[field.name] for field in fields(Settings) if field.name in given}
     values["width"], values["height"] = options.size
@@ -148,7 +148,7 @@ def settings(options: argparse.Namespace) -> Settings:
 
 
 def _joined(arguments: Sequence[str]) -> list[str]:
-    """argparse takes the -y of `--green -y` for an option of its own; `--green=-y` it understands."""
+    """The arguments with `--green -y` as `--green=-y`: argparse takes the single -y for an option."""
     result, words = [], iter(arguments)
     for word in words:
         value = next(words, None) if word in {"--red", "--green", "--blue"} else None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Job files: what to bake, in sets, as TOML or JSON. Each set becomes arguments, which the command line's parser reads."""
+"""Reads job files: sets of options, as TOML or JSON. Each set becomes arguments for the command line's parser."""
 
 import argparse
 import json
@@ -14,10 +14,10 @@ from .arguments import WrongUsage
 from .options import FILE, OPTIONS, STDOUT, CommandOption
 
 DEFAULTS, SETS = "defaults", "bake"
-TOLD_EVERY = 100
-"""Sets between two words about how far the reading is."""
-MOST_SAID = 80
-"""Characters of a wrong value that are shown."""
+PROGRESS_EVERY = 100
+"""Sets between two calls of the progress function."""
+MOST_SHOWN = 80
+"""Characters of a wrong value in a message."""
 KEYS: dict[str, CommandOption] = {
     "file": FILE,
     **{name: option for options in OPTIONS.values() for name, option in options.items()},
@@ -26,17 +26,17 @@ KEYS: dict[str, CommandOption] = {
 
 
 def read(
-    name: str, more: Sequence[str] = (), tell: Callable[[float], None] = lambda _share: None
+    name: str, more: Sequence[str] = (), on_progress: Callable[[float], None] = lambda _share: None
 ) -> list[argparse.Namespace]:
-    """The options of each set of a job file, checked; `more` are arguments that count for all of them.
+    """The options of each set of a job file, checked. Paths in the file start at its folder.
 
-    `tell` hears from time to time what share of the sets was read. Paths in the file start at its folder. Raises
-    WrongUsage with a line for each set that has a fault.
+    more: arguments that override all sets. on_progress: called now and then with the share of the sets that was read.
+    Raises WrongUsage with a line for each set that has a mistake.
     """
     path = Path(name).absolute()
     table = _load(name, path)
     defaults, sets = _parts(name, table)
-    # Apart, so that what is wrong there is not told for each set.
+    # Checked first, so that a mistake in the defaults is not reported for each set.
     faults = list(_faults(f"{name}, {DEFAULTS}", lambda: arguments.parse(_arguments(defaults, path.parent))))
     found = []
 
@@ -45,13 +45,15 @@ def read(
         if not options.file and not options.low_file and not arguments.is_folder(options):
             raise WrongUsage("file, low-file or a folder for pairs is missing")
         if options.report and arguments.is_folder(options):
-            raise WrongUsage("report: the pairs of a folder are told of by --report of the command line alone")
+            raise WrongUsage(
+                "report: the pairs of a folder have no report of their own, use --report on the command line"
+            )
         arguments.check(options)
         found.append(options)
 
     for number, values in enumerate([] if faults else sets, 1):
-        if number % TOLD_EVERY == 0:
-            tell(number / len(sets))
+        if number % PROGRESS_EVERY == 0:
+            on_progress(number / len(sets))
         faults += _faults(f"{name}, set {number}", lambda values=values: take(values))
     if faults:
         raise WrongUsage("\n".join(faults))
@@ -59,11 +61,11 @@ def read(
 
 
 def _faults(where: str, act) -> Iterator[str]:
-    """What is wrong with a part of the file, if anything is."""
+    """The mistake in a part of the file, if there is one."""
     try:
         act()
     except (WrongUsage, BakeError) as error:
-        said = re.sub(r"(?<!\S)--(?=\w)", "", str(error))  # keys have no dashes in front
+        said = re.sub(r"(?<!\S)--(?=\w)", "", str(error))  # keys are written without dashes
         yield f"{where}: {said.removeprefix('argument ').rstrip('.')}"
 
 
@@ -77,7 +79,7 @@ def _load(name: str, path: Path) -> dict:
         raise WrongUsage(f"{name!r} cannot be read: {error.strerror}") from error
     except RecursionError as error:
         raise WrongUsage(f"{name!r} is nested too deeply to be a list of sets") from error
-    except ValueError as error:  # what all three decoders raise
+    except ValueError as error:  # the error of all three decoders
         raise WrongUsage(f"{name!r} is no {path.suffix[1:].upper()}: {error}") from error
 
 
@@ -104,13 +106,13 @@ def _check_known(key: str, written: str, known: Iterable[str]) -> None:
 
 
 def _arguments(values: dict, folder: Path) -> list[str]:
-    """A set as the command line says it."""
+    """A set as arguments of the command line."""
     result, files, faults = [], [], []
     for written, value in values.items():
         key = written.replace("_", "-")
         try:
             words = _words_of(written, key, value)
-        except WrongUsage as fault:  # of which all are told at once
+        except WrongUsage as fault:  # all mistakes of a set are reported at once
             faults.append(str(fault))
             continue
         if KEYS[key].is_path:
@@ -127,25 +129,25 @@ def _arguments(values: dict, folder: Path) -> list[str]:
 
 
 def _words_of(written: str, key: str, value) -> list[str]:
-    """As `_words`, for keys that may be unknown."""
+    """The value as words, for a key that may be unknown."""
     _check_known(key, written, KEYS)
     words = _words(key, value)
     if key == "report" and STDOUT in words:
-        raise WrongUsage(f"report: {STDOUT!r}, standard output, is for the command line alone")
+        raise WrongUsage(f"report: {STDOUT!r}, standard output, works only on the command line")
     return words
 
 
 def _short(value) -> str:
-    """A value as JSON has it, which may be of any length and depth."""
+    """A value as JSON, cut to MOST_SHOWN characters."""
     try:
         said = json.dumps(value, default=str)
     except RecursionError:
         return "lists in lists"
-    return said if len(said) <= MOST_SAID else f"{said[:MOST_SAID]}…"
+    return said if len(said) <= MOST_SHOWN else f"{said[:MOST_SHOWN]}…"
 
 
 def _words(key: str, value) -> list[str]:
-    """A value as words of the command line: one of them, or several where an option may be given again."""
+    """A value as words of the command line: several where the option may be repeated, else one."""
     option = KEYS[key]
     if isinstance(value, bool) and option.may_be_flag:
         return []
