@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Files take their places whole: links stay, folders come and go with them, what is no file is refused, all can be undone."""
+"""Tests atomic replacement of files: links are kept, folders created and removed, other paths refused, changes undone."""
 
 import os
 
@@ -10,7 +10,7 @@ from addon.output.atomic_file import Partial, Replaced, check_writable, replacin
 
 
 def tree(folder):
-    """Every path below `folder`, with what a file holds."""
+    """Every path below `folder`, with the contents of files."""
     return {path.relative_to(folder).as_posix(): path.is_file() and path.read_text() for path in folder.rglob("*")}
 
 
@@ -19,7 +19,7 @@ def write(path, text="new"):
         partial.write_text(text)
 
 
-def test_missing_folders_are_made_when_there_is_something_to_store(tmp_path):
+def test_missing_folders_are_created_when_the_file_is_stored(tmp_path):
     place = tmp_path / "a" / "b" / "map.png"
     check_writable(place)
     assert os.listdir(tmp_path) == []
@@ -28,7 +28,7 @@ def test_missing_folders_are_made_when_there_is_something_to_store(tmp_path):
 
 
 @pytest.mark.parametrize("first", [0, 1])
-def test_folders_go_with_the_last_that_failed_and_not_with_those_that_are_used(tmp_path, first):
+def test_new_folders_are_removed_if_all_files_in_them_fail(tmp_path, first):
     def partials():
         result = [Partial(tmp_path / "a" / "b" / name) for name in ("1.png", "2.png")]
         for partial in result:
@@ -48,7 +48,7 @@ def test_folders_go_with_the_last_that_failed_and_not_with_those_that_are_used(t
     assert len(tree(tmp_path)) == 3
 
 
-def test_a_folder_that_was_there_stays(tmp_path):
+def test_existing_folders_are_kept(tmp_path):
     (tmp_path / "a").mkdir()
     with pytest.raises(BakeError), replacing(tmp_path / "a" / "b" / "map.png"):
         raise OSError("full")
@@ -56,11 +56,11 @@ def test_a_folder_that_was_there_stays(tmp_path):
 
 
 class Stop(Exception):
-    """What no code expects."""
+    """An exception that no code expects."""
 
 
 @pytest.mark.parametrize("can_link", [True, False])
-def test_what_was_replaced_is_put_back_unless_the_end_is_good(tmp_path, monkeypatch, can_link):
+def test_replaced_files_are_restored_after_an_error(tmp_path, monkeypatch, can_link):
     def fail(*_):
         raise OSError("no hard links here")
 
@@ -91,15 +91,15 @@ def test_what_was_replaced_is_put_back_unless_the_end_is_good(tmp_path, monkeypa
     }
 
 
-def test_before_the_last_part_nothing_is_put_back(tmp_path):
-    """Frames and pairs that are done are kept when a later one fails."""
+def test_completed_files_are_kept_when_a_later_one_fails(tmp_path):
+    """This keeps the finished frames of a sequence, and the finished pairs of a batch."""
     with pytest.raises(Stop), Replaced():
         write(tmp_path / "1.png")
         raise Stop
     assert tree(tmp_path) == {"1.png": "new"}
 
 
-def test_what_cannot_be_put_back_is_told_and_kept(tmp_path, monkeypatch):
+def test_a_file_that_cannot_be_restored_is_reported_and_its_copy_kept(tmp_path, monkeypatch):
     (tmp_path / "a.png").write_text("old")
     (tmp_path / "b.png").write_text("old")
     real = os.replace
@@ -122,7 +122,7 @@ def test_what_cannot_be_put_back_is_told_and_kept(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("can_link", [True, False])
-def test_all_take_their_places_or_none(tmp_path, monkeypatch, can_link):
+def test_all_files_are_replaced_or_none(tmp_path, monkeypatch, can_link):
     real = os.replace
 
     def fail(source, place):
@@ -149,7 +149,7 @@ def test_all_take_their_places_or_none(tmp_path, monkeypatch, can_link):
     assert tree(tmp_path) == before
 
 
-def test_what_took_its_place_together_can_be_undone_by_who_began_before(tmp_path):
+def test_an_outer_block_can_undo_files_that_were_replaced_together(tmp_path):
     (tmp_path / "a.png").write_text("old")
     with pytest.raises(Stop), Replaced() as replaced:
         with together():

@@ -31,7 +31,9 @@ def constants(path):
 
 @pytest.mark.parametrize("owner", DECLARED)
 def test_nothing_else_names_what_is_declared(owner):
-    found = {path.relative_to(ADDON).as_posix(): constants(path) & DECLARED[owner] for path in FILES if path.name != owner}
+    found = {
+        path.relative_to(ADDON).as_posix(): constants(path) & DECLARED[owner] for path in FILES if path.name != owner
+    }
     assert {path: names for path, names in found.items() if names} == {}
 
 

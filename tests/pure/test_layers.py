@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Imports run one way, as the table below says. Read from the source; nothing is imported."""
+"""Tests the structure of the code by reading its source: imports run one way, and files and folders stay small."""
 
 import ast
 from collections import Counter
@@ -30,7 +30,7 @@ MAY_IMPORT = {
     "cli": {"core", "scene", "output", "jobs"},
     "": {"passes", "engine", "ui", "cli"},  # addon/__init__.py, which registers and frees
 }
-"""Package to the packages that it may import."""
+"""The packages that each package may import."""
 WITHOUT = {
     "core": {"bpy", "gpu", "mathutils", "bmesh"},
     "mesh": {"bpy", "gpu", "mathutils", "bmesh"},
@@ -38,18 +38,18 @@ WITHOUT = {
     "engine": {"bpy", "bmesh"},
     "audit": {"bpy", "bmesh"},
 }
-"""Package to the modules of Blender's that it does without."""
+"""The modules of Blender that each package must not import."""
 MOST_FILES = 12
-"""In a folder: more than that, and it needs a division."""
+"""The largest number of modules in a folder."""
 MOST_LINES = 300
 LONG = {
     "addon/jobs/view_session.py": "to be divided",
 }
-"""Files that are longer, and why."""
+"""Longer files, with the reasons."""
 
 
 def imports(path):
-    """The modules that a file imports anywhere, as ("addon/core/errors", ...) for ours and ("bpy", ...) for others."""
+    """The modules that a file imports anywhere, as "addon/core/errors" for Imprint's own, and "bpy" for others."""
     here = path.parent.parts
     tree = ast.parse((ROOT / path).read_text(encoding="utf-8"))
     for_types = {node for branch in tree.body if is_for_types(branch) for node in ast.walk(branch)}
@@ -61,13 +61,13 @@ def imports(path):
         elif isinstance(node, ast.ImportFrom):
             base = list(here[: len(here) - node.level + 1]) if node.level else []
             base += (node.module or "").split(".") if node.module else []
-            # "from . import x" names modules, "from .x import y" their contents.
+            # "from . import x" imports modules, "from .x import y" imports their contents.
             found = ["/".join([*base, alias.name]) for alias in node.names]
             yield from (name if is_module(name) else "/".join(base) for name in found)
 
 
 def is_for_types(node):
-    """Whether it is `if TYPE_CHECKING:`, whose imports no program runs."""
+    """Whether the node is `if TYPE_CHECKING:`, whose imports never run."""
     return isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
 
 
@@ -76,7 +76,7 @@ def is_module(name):
 
 
 def package(name):
-    """The package of one of our modules, "" for addon/__init__.py, or None for the modules of others."""
+    """The package of a module, "" for addon/__init__.py, or None for modules outside addon/."""
     parts = PurePath(name).as_posix().removesuffix(".py").removesuffix("/__init__").split("/")
     if parts[0] != "addon":
         return None
@@ -105,7 +105,7 @@ def test_imports_run_one_way(path):
 
 
 @pytest.mark.parametrize("path", [path for path in MODULES if package(path) in WITHOUT], ids=str)
-def test_a_package_does_without_what_it_does_not_need(path):
+def test_packages_do_not_import_forbidden_modules(path):
     top = {name.split("/")[0] for name in imports(path)}
     assert not top & WITHOUT[package(path)]
 
@@ -115,7 +115,7 @@ def test_no_two_modules_have_the_same_name():
     assert [name for name, count in names.items() if count > 1] == []
 
 
-def test_no_folder_holds_more_than_a_person_can_look_over():
+def test_no_folder_is_too_large():
     folders = Counter(path.parent.as_posix() for path in MODULES if path.name != "__init__.py")
     assert {name: count for name, count in folders.items() if count > MOST_FILES} == {}
 
@@ -127,7 +127,7 @@ def test_no_file_is_long_without_a_reason():
 
 @pytest.mark.parametrize("path", MODULES, ids=str)
 def test_state_is_in_objects(path):
-    """And not in names of a module that functions assign to."""
+    """No function assigns to a global name."""
     tree = ast.parse((ROOT / path).read_text(encoding="utf-8"))
     assert not [node.names for node in ast.walk(tree) if isinstance(node, ast.Global)]
 
@@ -140,12 +140,12 @@ def test_tests_of_the_window_use_public_names(path):
 
 
 def is_private(attribute):
-    """Whether it is another object's own: `x._y`, but not `self._y`."""
+    """Whether an attribute is private to another object: `x._y`, but not `self._y`."""
     is_own = isinstance(attribute.value, ast.Name) and attribute.value.id == "self"
     return attribute.attr.startswith("_") and not attribute.attr.startswith("__") and not is_own
 
 
-def test_blenders_entry_point_imports_nothing_before_it_is_asked():
+def test_blenders_entry_point_imports_nothing_until_it_is_called():
     tree = ast.parse((ROOT / "__init__.py").read_text(encoding="utf-8"))
     assert not [node for node in tree.body if isinstance(node, ast.Import | ast.ImportFrom)]
     assert {node.name for node in tree.body if isinstance(node, ast.FunctionDef)} == {"register", "unregister"}

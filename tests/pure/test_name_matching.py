@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which names belong together."""
+"""Tests which object names form pairs."""
 
 import pytest
 
@@ -8,7 +8,7 @@ from addon.core.errors import BakeError
 from addon.core.name_matching import Pair, Suffixes, match
 
 
-def test_the_naming_of_the_readme():
+def test_the_suffixes_of_the_manual():
     names = ["rock_low", "rock_high", "rock_high_2", "rock_cage", "Camera", "tree_low", "tree_high"]
     assert match(names, Suffixes()) == (
         [Pair("rock", "rock_low", ["rock_high", "rock_high_2"], "rock_cage"), Pair("tree", "tree_low", ["tree_high"])],
@@ -17,7 +17,7 @@ def test_the_naming_of_the_readme():
 
 
 @pytest.mark.parametrize("high", ["ROCK_HIGH", "Rock_High.001", "rock_high_bolts.012", "rock_HIGH_a_b"])
-def test_case_copies_and_more_words_are_tolerated(high):
+def test_other_case_copies_and_extra_words_match(high):
     pairs, problems = match(["rock_low.003", high], Suffixes())
     assert [(pair.low, pair.highs) for pair in pairs] == [("rock_low.003", [high])]
     assert problems == []
@@ -26,7 +26,7 @@ def test_case_copies_and_more_words_are_tolerated(high):
 @pytest.mark.parametrize(
     "name", ["rock", "low", "_low", "rocklow", "rock_lower", "rock_highest", "rock_lop", "hi", "x_hill"]
 )
-def test_other_names_are_nobody_s_business(name):
+def test_other_names_are_ignored(name):
     assert match([name], Suffixes()) == ([], [])
 
 
@@ -48,13 +48,13 @@ WORDS = [
 
 
 @pytest.mark.parametrize(("low", "high"), WORDS)
-def test_usual_words_and_numbers_find_each_other(low, high):
+def test_common_suffixes_and_numbers_match(low, high):
     pairs, problems = match([high, low], Suffixes())
     assert [(pair.low, pair.highs) for pair in pairs] == [(low, [high])]
     assert problems == []
 
 
-def test_numbers_tell_pairs_apart():
+def test_numbers_distinguish_pairs():
     names = [f"rock_{role}_{number:02}" for role in ("low", "high", "cage") for number in (1, 2, 10)]
     pairs, problems = match([*names, "rock_high_02_moss", "rock_low", "rock_high", "rock_high_3"], Suffixes())
     assert problems == []
@@ -67,7 +67,7 @@ def test_numbers_tell_pairs_apart():
     assert len({pair.name for pair in pairs}) == 4
 
 
-def test_a_number_without_its_partner_is_said():
+def test_a_number_without_a_partner_is_reported():
     pairs, problems = match(["rock_low_01", "rock_high_02"], Suffixes())
     assert pairs == []
     assert problems == [
@@ -76,11 +76,11 @@ def test_a_number_without_its_partner_is_said():
     ]
 
 
-def test_suffixes_that_somebody_chose_win():
+def test_chosen_suffixes_take_precedence():
     pairs, _ = match(["a_hi", "a_low", "a_top"], Suffixes("_hi", "_top", "_cage"))
     assert pairs == [Pair("a", "a_hi", ["a_top"])]
     assert match(["a_lo", "a_hp"], Suffixes("_low", "_sculpt", "_cage"))[0] == []
-    pairs, _ = match(["a_lp", "a_hi"], Suffixes("_LP", "_high", "_cage"))  # the others stand for their words still
+    pairs, _ = match(["a_lp", "a_hi"], Suffixes("_LP", "_high", "_cage"))  # the default words of the others still match
     assert pairs == [Pair("a", "a_lp", ["a_hi"])]
 
 
@@ -96,12 +96,12 @@ def test_other_suffixes():
     assert pairs == [Pair("a", "a.lp", ["a.hp"])]
 
 
-def test_names_with_what_regular_expressions_read():
+def test_names_with_special_characters_of_regular_expressions():
     pairs, _ = match(["a(+)[low", "a(+)[high"], Suffixes("[low", "[high", "[cage"))
     assert pairs == [Pair("a(+)", "a(+)[low", ["a(+)[high"])]
 
 
-def test_what_is_left_over_is_said():
+def test_unmatched_names_are_reported():
     pairs, problems = match(["a_low", "b_high", "c_cage", "d_low", "D_LOW.001", "d_high"], Suffixes())
     assert [pair.name for pair in pairs] == ["D"]
     assert len(problems) == 4

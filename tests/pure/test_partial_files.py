@@ -14,7 +14,7 @@ def names(folder):
     return sorted(path.name for path in folder.iterdir())
 
 
-def test_a_partial_file_is_hidden_and_beside_its_target(tmp_path):
+def test_a_partial_file_is_hidden_and_in_the_folder_of_its_target(tmp_path):
     partial = Partial(tmp_path / "map.png")
     assert partial.here.parent == tmp_path
     assert partial.here.name.startswith(".imprint.")
@@ -23,8 +23,8 @@ def test_a_partial_file_is_hidden_and_beside_its_target(tmp_path):
     assert names(tmp_path) == []
 
 
-def test_processes_with_one_number_have_files_of_their_own(tmp_path, monkeypatch):
-    """As in two containers, where each is process 1."""
+def test_processes_with_the_same_id_have_different_files(tmp_path, monkeypatch):
+    """In two containers, both can be process 1."""
     monkeypatch.setattr(os, "getpid", lambda: 1)
     both = [Partial(tmp_path / "map.png") for _ in range(2)]
     for text, partial in zip("ab", both, strict=True):
@@ -40,13 +40,13 @@ def test_a_name_is_never_shared(tmp_path, monkeypatch):
     first, second = Partial(tmp_path / "map.png"), Partial(tmp_path / "map.png")
     first.here.write_text("whole")
     with pytest.raises(FileExistsError):
-        second.here  # noqa: B018 - looking is taking
+        second.here  # noqa: B018 - reading the attribute takes the name
     second.discard()
     first.commit()
     assert names(tmp_path) == ["map.png"]
 
 
-def test_nothing_else_is_swept(tmp_path):
+def test_other_files_are_not_removed(tmp_path):
     for name in (".imprint.toml", ".imprint.partial.png", "imprint.1.2.partial.png", ".other.1.2.partial.png", "a.png"):
         (tmp_path / name).touch()
         os.utime(tmp_path / name, (0, 0))
@@ -55,15 +55,15 @@ def test_nothing_else_is_swept(tmp_path):
     assert names(tmp_path) == before
 
 
-def test_a_process_that_ends_at_once_leaves_nothing(tmp_path):
+def test_a_process_that_exits_at_once_leaves_no_files(tmp_path):
     partial = Partial(tmp_path / "map.png")
     partial.here.write_text("half")
     partial_files.remove_ours()
     assert names(tmp_path) == []
 
 
-def test_a_folder_that_lets_nothing_go_is_no_error(tmp_path, monkeypatch):
-    """As one that has become read-only, or a share that went away."""
+def test_files_that_cannot_be_removed_are_no_error(tmp_path, monkeypatch):
+    """The folder may have become read-only, or a network share may be gone."""
     first, second = Partial(tmp_path / "a.png"), Partial(tmp_path / "b.png")
     for partial in (first, second):
         partial.here.write_text("half")
@@ -75,11 +75,11 @@ def test_a_folder_that_lets_nothing_go_is_no_error(tmp_path, monkeypatch):
         folder.setattr(Path, "unlink", refuses)
         first.discard()
         partial_files.remove_ours()
-    partial_files.sweep(tmp_path)  # their writer has let them go, alive as it is
+    partial_files.sweep(tmp_path)  # their writer still runs, but has released them
     assert names(tmp_path) == []
 
 
-def test_blenders_own_partial_file_goes_as_well(tmp_path):
+def test_partial_files_of_blender_are_removed_as_well(tmp_path):
     partial = Partial(tmp_path / "scene.blend")
     for path in (partial.here, partial.here.with_name(f"{partial.here.name}@")):
         path.write_text("half")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Paths are compared as file systems compare them: what leads to one file clashes, and nothing else does."""
+"""Tests that paths clash exactly if they lead to the same file, as file systems compare them."""
 
 import sys
 import unicodedata
@@ -50,13 +50,13 @@ OTHER = {
 
 
 @pytest.mark.parametrize("case", SAME)
-def test_one_file_is_not_both_read_and_written_nor_written_twice(tree, case):
+def test_reading_and_writing_or_writing_twice_is_a_clash(tree, case):
     one, other = (path.replace("{here}", str(tree)) for path in SAME[case])
     clashes.check_same(one, other)
 
 
 @pytest.mark.parametrize("case", OTHER)
-def test_two_files_are_two(tree, case):
+def test_different_files_do_not_clash(tree, case):
     one, other = OTHER[case]
     for first, second in ((one, other), (other, one)):
         places = Places()
@@ -67,13 +67,13 @@ def test_two_files_are_two(tree, case):
         places.write(second, "the map")
 
 
-def test_what_is_read_may_be_read_again(tree):
+def test_reading_a_file_twice_is_no_clash(tree):
     places = Places()
     for path in ("in/a.obj", "./in/a.obj", "in/A.OBJ"):
         places.read(path, "the mesh")
 
 
-def test_a_file_is_no_folder_of_another(tree):
+def test_a_file_cannot_be_the_folder_of_another(tree):
     for first, second in (("new/x", "new/x/r.json"), ("new/x/y/r.json", "new/X")):
         places = Places()
         places.write(first, "the map")
@@ -82,7 +82,7 @@ def test_a_file_is_no_folder_of_another(tree):
     places.write("new/y", "another")
 
 
-def test_only_who_may_replaces_what_was_read(tree):
+def test_only_permitted_outputs_replace_inputs(tree):
     places = Places()
     places.read("in/a.obj", "the scene", "set 1")
     places.write("out/../in/a.obj", "the scene", may_replace="set 1")
@@ -93,15 +93,15 @@ def test_only_who_may_replaces_what_was_read(tree):
         places.write("in/a.obj", "the scene", may_replace="set 1")
 
 
-def test_what_is_no_file_and_what_only_unfinished_files_are_called(tree):
+def test_folders_and_names_of_partial_files_are_refused(tree):
     with pytest.raises(WrongPlace, match="is a folder"):
         Places().write("in", "the report")
     with pytest.raises(WrongPlace, match="unfinished"):
         Places().read("in/.imprint.1.2.partial.obj", "the mesh")
 
 
-def test_many_paths_take_no_time_each_for_all_others(tree):
-    """By counting, not by the clock: the calls grow as the paths do."""
+def test_cost_grows_linearly_with_the_number_of_paths(tree):
+    """Counts calls instead of measuring time."""
 
     def calls(count):
         found = 0
@@ -126,7 +126,7 @@ def test_many_paths_take_no_time_each_for_all_others(tree):
 @pytest.mark.parametrize(
     ("other", "said"), [("{here}/out/m.png", 1), ("./out/m.png", 1), ("in/../out/m.png", 1), ("out/M.png", 2)]
 )
-def test_a_path_is_said_twice_only_where_it_reads_otherwise(tree, other, said):
+def test_a_message_names_both_paths_only_if_they_differ(tree, other, said):
     places = Places()
     places.write("out/m.png", "the map")
     with pytest.raises(WrongPlace) as refused:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a bake may be asked for, as plain data."""
+"""Tests which settings are accepted, and the messages for the others."""
 
 import dataclasses
 
@@ -23,7 +23,7 @@ GOOD = [
         for depth in file_format.depths
     ),
     {"storage": "FILE", "output": "//MAP.PNG"},
-    {"storage": "PACK", "output": "notes.txt"},  # not looked at
+    {"storage": "PACK", "output": "notes.txt"},  # ignored
     {"udim": True, "tiles": (1001, 2000)},
 ]
 BAD = [
@@ -49,24 +49,24 @@ BAD = [
 
 
 @pytest.mark.parametrize("values", GOOD, ids=str)
-def test_what_can_be_baked(values):
+def test_valid_settings_are_accepted(values):
     Settings(**values).check()
 
 
 @pytest.mark.parametrize("values", BAD, ids=str)
-def test_what_cannot_be_baked_is_named(values):
+def test_invalid_settings_are_named_in_the_message(values):
     with pytest.raises(BakeError) as refused:
         Settings(**values).check()
     message = str(refused.value)
     assert message.endswith(".")
     assert "\n" not in message
-    assert "(" not in message  # no tuple as Python writes it
-    # What was asked for is in the sentence, unless it was nothing.
+    assert "(" not in message  # no Python tuple
+    # The message quotes the value, unless it is empty.
     asked = {name: value for name, value in values.items() if name not in {"storage", "output", "udim"}}
     assert all(str(value).strip("(,)") in message for value in asked.values())
 
 
-def test_settings_do_not_change_under_a_bake():
+def test_settings_cannot_be_changed():
     with pytest.raises(dataclasses.FrozenInstanceError):
         Settings().width = 32
 
@@ -82,6 +82,6 @@ def test_settings_do_not_change_under_a_bake():
         ("MIKKTSPACE", "CYCLES", "MIKKTSPACE"),
     ],
 )
-def test_the_basis_follows_the_render_engine_where_nobody_chose(basis, engine, read):
+def test_the_automatic_basis_follows_the_render_engine(basis, engine, read):
     assert Settings(basis=basis).read_by(engine).basis == read
     assert Settings().basis == "AUTO"

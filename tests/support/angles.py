@@ -1,4 +1,4 @@
-"""Angles between decoded normals, and which texels to compare."""
+"""Measures angles between decoded normals, and selects the texels to compare."""
 
 import numpy as np
 
@@ -15,7 +15,7 @@ def degrees(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def eroded(mask: np.ndarray, texels: int) -> np.ndarray:
-    """`mask` (H, W) less what lies within `texels` (also diagonally) of its rim or of the map's."""
+    """`mask` (H, W) without the texels within `texels`, diagonally as well, of its border or of the map's."""
     for _ in range(texels):
         padded = np.pad(mask, 1)
         mask = np.logical_and.reduce(

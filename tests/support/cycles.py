@@ -1,4 +1,4 @@
-"""Cycles as an oracle: it bakes what a material's Normal input ends up with."""
+"""Cycles as an oracle: it bakes the shading normals of a material."""
 
 import bpy
 import numpy as np

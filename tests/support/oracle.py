@@ -1,4 +1,4 @@
-"""A float64 ray caster that looks at every triangle: slow, plain, and of no kin to the shader."""
+"""A float64 ray caster that tests every triangle. It is slow and simple, and shares no code with the shader."""
 
 import numpy as np
 
@@ -33,7 +33,7 @@ BLOCK = 2**18
 
 
 def depth_inside(points, triangles):
-    """How deep (N,) each of the points (N, 2) lies inside the triangle (T, 3, 2) that holds it best; below 0 outside."""
+    """The depth (N,) of each point (N, 2) in the triangle (T, 3, 2) that it lies deepest in; negative outside."""
     points, corners = np.asarray(points, np.float64), np.asarray(triangles, np.float64)
     edges = np.roll(corners, -1, axis=1) - corners
     lengths = np.maximum(np.linalg.norm(edges, axis=-1), 1e-300)
@@ -42,7 +42,7 @@ def depth_inside(points, triangles):
     for start in range(0, len(points), size):
         to_point = points[start : start + size, None, None] - corners
         distance = (edges[..., 0] * to_point[..., 1] - edges[..., 1] * to_point[..., 0]) / lengths
-        # Either winding may be the inside.
+        # Triangles have either winding.
         depth = np.maximum(distance.min(axis=-1), (-distance).min(axis=-1))
         result[start : start + size] = depth.max(axis=1)
     return result

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pictures' files as other programs see them: OpenImageIO, and Pillow where it knows the format."""
+"""Reads image files as other programs do: with OpenImageIO, and with Pillow if it supports the format."""
 
 import importlib
 import sys
@@ -11,7 +11,7 @@ from PIL import Image
 
 
 def _openimageio():
-    """The module that Blender brings along, in its own Python."""
+    """The OpenImageIO module of Blender's Python."""
     folder = next(Path(bpy.utils.resource_path("LOCAL"), "python").rglob("site-packages"))
     sys.path.append(str(folder))
     try:
@@ -21,10 +21,10 @@ def _openimageio():
 
 
 def read(path) -> np.ndarray:
-    """The numbers (H, W, 4) of a file as they stand in it, in its own type, row 0 at v = 0."""
+    """The stored values (H, W, 4) of a file, in its own type, row 0 at v = 0."""
     oiio = _openimageio()
     as_it_is = oiio.ImageSpec()
-    as_it_is.attribute("oiio:UnassociatedAlpha", 1)  # else OpenImageIO multiplies colors with alpha
+    as_it_is.attribute("oiio:UnassociatedAlpha", 1)  # otherwise OpenImageIO multiplies colors with alpha
     picture = oiio.ImageInput.open(str(path), as_it_is)
     assert picture, oiio.geterror()
     spec = picture.spec()
@@ -36,7 +36,7 @@ def read(path) -> np.ndarray:
 
 
 def pillow(path) -> np.ndarray:
-    """The bytes (H, W, 4) of a file as Pillow reads it, row 0 at v = 0. Raises OSError for a file in pieces."""
+    """The bytes (H, W, 4) of a file as Pillow reads it, row 0 at v = 0. Raises OSError for a truncated file."""
     with Image.open(path) as picture:
         assert picture.mode == "RGBA"
         return np.asarray(picture)[::-1]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pictures in float64 that share no code with the shaders: a rasterizer over pixel centers, and what it needs of a mesh."""
+"""A float64 rasterizer, which shares no code with the shaders, and the mesh data that it needs."""
 
 from dataclasses import dataclass
 
@@ -24,7 +24,7 @@ class Corners:
 
 
 def corners(obj, *, with_tangents=True):
-    """Read `obj`, an unmodified mesh of triangles and quads with one UV layer, one loop after the other."""
+    """Read `obj`, an unmodified mesh of triangles and quads with one UV layer, loop by loop."""
     data = obj.data
     if with_tangents:
         data.calc_tangents()
@@ -42,7 +42,7 @@ def corners(obj, *, with_tangents=True):
 
 
 def rasterize(points, matrix, size):
-    """Which triangle is in front at each pixel's center, and where on it.
+    """The front triangle at each pixel's center, and the position on it.
 
     points (T, 3, 3) world; matrix (4, 4) world to clip space, with all points before the eye; size (width, height).
     Returns triangle (H, W) int, -1 for none, and perspective-correct weights (H, W, 3).
@@ -76,7 +76,7 @@ def rasterize(points, matrix, size):
 
 
 def interpolate(values, owner, weights):
-    """`values` (T, 3, n) where a triangle was drawn: (N, n), pixel by pixel."""
+    """Interpolate `values` (T, 3, n) on the pixels with a triangle: (N, n)."""
     drawn = owner >= 0
     return np.einsum("pcn,pc->pn", values[owner[drawn]], weights[drawn])
 
@@ -86,7 +86,7 @@ def unit(vectors):
 
 
 def bilinear(texels, uv):
-    """`texels` (H, W, n) between their centers at `uv` (N, 2), repeating the rim."""
+    """Interpolate `texels` (H, W, n) between their centers at `uv` (N, 2), and extend the border."""
     size = np.array(texels.shape[1::-1])
     place = uv * size - 0.5
     first = np.floor(place).astype(int)
@@ -114,7 +114,7 @@ def from_tangent_space(normals, normal, tangent, basis):
 
 
 def look_at(eye, at, up=(0.0, 0.0, 1.0)):
-    """The view matrix (4, 4) of an eye that looks from one point at another."""
+    """The view matrix (4, 4) of a camera at `eye` that looks at the point `at`."""
     back = unit(np.subtract(eye, at, dtype=np.float64))
     right = unit(np.cross(up, back))
     matrix = np.eye(4)
@@ -124,7 +124,7 @@ def look_at(eye, at, up=(0.0, 0.0, 1.0)):
 
 
 def perspective(angle, near, far, aspect=1.0):
-    """The projection (4, 4) of a lens that sees `angle` degrees from bottom to top."""
+    """The perspective projection (4, 4) with a vertical field of view of `angle` degrees."""
     scale = 1.0 / np.tan(np.radians(angle) / 2.0)
     matrix = np.zeros((4, 4))
     matrix[0, 0], matrix[1, 1] = scale / aspect, scale
@@ -134,7 +134,7 @@ def perspective(angle, near, far, aspect=1.0):
 
 
 def parallel(height, near, far, aspect=1.0):
-    """The projection (4, 4) without vanishing points that sees `height` from bottom to top."""
+    """The orthographic projection (4, 4) of a view that is `height` high."""
     matrix = np.diag([2.0 / (height * aspect), 2.0 / height, 2.0 / (near - far), 1.0])
     matrix[2, 3] = (far + near) / (near - far)
     return matrix

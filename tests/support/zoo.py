@@ -8,7 +8,7 @@ LAYER = "UVMap"
 
 
 def build(name, points, faces, uv=None, *, normals=None, smooth=True) -> bpy.types.Object:
-    """An object of whole arrays.
+    """An object from arrays.
 
     points (V, 3); faces (F, n) indices of points; uv (F, n, 2) by corner, or None for no UV layer; normals (F, n, 3)
     custom corner normals, kept as they are.
@@ -27,7 +27,7 @@ def build(name, points, faces, uv=None, *, normals=None, smooth=True) -> bpy.typ
     if uv is not None:
         data.uv_layers.new(name=LAYER).uv.foreach_set("vector", np.asarray(uv, np.float32).ravel())
     if normals is not None:
-        # As vectors, which Blender takes as they are; normals_split_custom_set would round them.
+        # Blender keeps vectors exactly; normals_split_custom_set would round them.
         layer = data.attributes.new("custom_normal", "FLOAT_VECTOR", "CORNER")
         layer.data.foreach_set("vector", np.asarray(normals, np.float32).ravel())
     obj = bpy.data.objects.new(name, data)
@@ -43,13 +43,13 @@ def grid_faces(nu: int, nv: int, offset: int = 0) -> np.ndarray:
 
 
 def grid_uv(nu: int, nv: int) -> np.ndarray:
-    """The (points, 2) coordinates of such a grid, which fills 0..1."""
+    """The UVs (points, 2) of such a grid, which fills 0..1."""
     u, v = np.meshgrid(np.linspace(0, 1, nu + 1), np.linspace(0, 1, nv + 1))
     return np.stack([u.ravel(), v.ravel()], axis=1)
 
 
 def sheet(name, surface, nu, nv, **options) -> bpy.types.Object:
-    """The grid of `surface`, which takes u and v (N,) to points (N, 3); the UVs fill 0..1."""
+    """A grid over `surface`, a function from u and v (N,) to points (N, 3). The UVs fill 0..1."""
     uv, faces = grid_uv(nu, nv), grid_faces(nu, nv)
     return build(name, surface(*uv.T), faces, uv[faces], **options)
 
@@ -70,7 +70,7 @@ def terrain(name="Terrain", n=32, *, height=0.1, waves=2, **options) -> bpy.type
 
 
 def sphere(name="Sphere", n=32, *, latitude=75.0, **options) -> bpy.types.Object:
-    """The unit sphere's belt up to `latitude` degrees: u goes round, v up, and the normals are the sphere's own.
+    """The belt of the unit sphere up to `latitude` degrees: u is the longitude, v the latitude; normals are exact.
 
     No poles, where a triangle's corner has no u of its own, and the seam's points are there twice.
     """
@@ -84,7 +84,7 @@ def sphere(name="Sphere", n=32, *, latitude=75.0, **options) -> bpy.types.Object
 
 
 def cube(name="Cube", *, gap=0.05, **options) -> bpy.types.Object:
-    """The cube -1..1; each face has a cell of its own in a 3 x 2 atlas, `gap` of the cell's size away from its rim."""
+    """The cube -1..1. Each face fills one cell of a 3 x 2 atlas, up to `gap` of the cell's size from its border."""
     points = np.array([(x, y, z) for z in (-1, 1) for y in (-1, 1) for x in (-1, 1)])
     faces = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)]
     corner = np.array([(0, 0), (1, 0), (1, 1), (0, 1)]) * (1 - 2 * gap) + gap
