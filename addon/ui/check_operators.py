@@ -15,15 +15,15 @@ from .viewport.progress_display import display
 CHECKS = {
     "overlap": (
         "Overlapping UVs",
-        "Texels that two triangles of the low mesh or more share: they show one of them. Parts that lie on the very same "
-        "place, as mirrored halves do, share their detail on purpose and do no harm in tangent space",
+        "Texels that two or more triangles of the low mesh share: they show only one of them. Parts at exactly the same "
+        "place, such as mirrored halves, share their detail on purpose and do no harm in tangent space",
     ),
     "uncovered": ("Uncovered", "Texels of the low mesh that no high triangle covers, or whose ray hit nothing"),
-    "far": ("Far", "Texels whose points on the low and the high mesh lie farther apart than the limit"),
+    "far": ("Far", "Texels whose points on the low and the high mesh are farther apart than the limit"),
     "gaps": (
         "Close islands",
-        "Texels so close to another UV island, or to the border of the map, that the smaller mip levels mix them. How many "
-        "levels count is set beside the margin",
+        "Texels so close to another UV island, or to the border of the map, that the smaller mip levels mix them. Clean "
+        "Mips, below the margin, sets the number of levels",
     ),
     "backwards": (
         "Z below 0",
@@ -31,12 +31,12 @@ CHECKS = {
     ),
     "mirrored": (
         "Mirrored UVs",
-        "Triangles that are mirrored in UV space: right practice, as long as the reader knows",
+        "Triangles that are mirrored in UV space: common practice, which readers of the map must support",
     ),
     "outside": (
         "Outside the tile",
-        "Triangles that reach outside the UV tile, or the UDIM tiles, and are cut off there. Parts that were moved by whole "
-        "tiles off others on which they lie when taken back do no harm",
+        "Triangles that reach outside the UV tile, or the UDIM tiles, and are cut off there. Parts that "
+        "were moved by whole tiles, such as mirrored halves, do no harm",
     ),
     "no_area": ("Zero-area UVs", "Triangles without area in UV space, which cannot be drawn"),
     "hard_edges": (
@@ -48,23 +48,25 @@ CHECKS = {
         "Normals behind",
         "Triangles with a shading normal that points behind them, where no tangent-space map can be right",
     ),
-    "polygons": ("Quads, n-gons", "Faces with more than three corners: an exporter may cut them into other triangles"),
-    "uneven": ("Non-planar faces", "Quads and n-gons whose shape depends on the triangles that they are cut into"),
+    "polygons": (
+        "Quads, n-gons",
+        "Faces with more than three corners: an exporter may divide them into other triangles",
+    ),
+    "uneven": ("Non-planar faces", "Quads and n-gons whose shape depends on how they are divided into triangles"),
 }
-"""Of each kind of check, its label and its tooltip."""
+"""Label and tooltip of each check."""
 
 
 def _items(kinds: tuple[str, ...]) -> list[tuple[str, str, str]]:
     return [(kind.upper(), *CHECKS[kind]) for kind in kinds]
 
 
-class _OfLastBake:
-    """An operator on the low object of the last bake: `_apply` does it and returns what to tell, or "" where there was
-    nothing to do; it may raise BakeError."""
+class _LastBakeOperator:
+    """An operator on the low object of the last bake: `apply` does the work and returns a message. It may raise BakeError."""
 
     low: StringProperty(
         name="Low",
-        description="Name of a low object that was baked; empty for the one that the panel means, or the last one",
+        description="Name of a low object that was baked; empty for that of the panel, or else the last one",
         options={"SKIP_SAVE"},
     )
 
@@ -77,27 +79,27 @@ class _OfLastBake:
             report = results.named(context, self.low)
             if report is None:
                 raise BakeError(f"Nothing was baked onto {self.low!r} in this session.")
-            self.report({"INFO"}, self._apply(context, report))
+            self.report({"INFO"}, self.apply(context, report))
         except BakeError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
         return {"FINISHED"}
 
 
-class IMPRINT_OT_select_flaws(_OfLastBake, bpy.types.Operator):
-    """Select the low object's faces that the check is about, in Edit Mode"""
+class IMPRINT_OT_select_flaws(_LastBakeOperator, bpy.types.Operator):
+    """Select the faces of the low object that the check has found, in Edit Mode"""
 
     bl_idname = "imprint.select_flaws"
     bl_label = "Select Faces"
     bl_options = {"REGISTER", "UNDO"}
 
-    kind: EnumProperty(name="Check", description="Which faces", items=_items(locate_issues.KINDS))
+    kind: EnumProperty(name="Check", description="The check whose faces to select", items=_items(locate_issues.KINDS))
 
     @classmethod
     def description(cls, _context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
         return f"{CHECKS[properties.kind.lower()][1]}. Select the faces in Edit Mode"
 
-    def _apply(self, context: bpy.types.Context, report: Report) -> str:
+    def apply(self, context: bpy.types.Context, report: Report) -> str:
         low, kind = locate_issues.of_low(report), self.kind.lower()
         problem = face_selection.problem(low)
         if problem:
@@ -105,7 +107,7 @@ class IMPRINT_OT_select_flaws(_OfLastBake, bpy.types.Operator):
         found, is_edge = locate_issues.find(context, report, kind), kind in locate_issues.ON_EDGES
         which = "edge" if is_edge else "face"
         if not len(found):
-            raise BakeError(f"No {which} of {low.name!r} has this flaw: {CHECKS[kind][0].lower()}.")
+            raise BakeError(f"No {which} of {low.name!r} has this issue: {CHECKS[kind][0].lower()}.")
         face_selection.select(context, low, found, "EDGE" if is_edge else "FACE")
         if self.options.is_invoke and context.window is not None:
             show_result.selection(context)
@@ -113,20 +115,22 @@ class IMPRINT_OT_select_flaws(_OfLastBake, bpy.types.Operator):
         return f"{len(found):,} {which}{'s' if many else ''} of {low.name!r} {'are' if many else 'is'} selected"
 
 
-class IMPRINT_OT_show_mask(_OfLastBake, bpy.types.Operator):
-    """Make an image that is white on the texels that the check is about"""
+class IMPRINT_OT_show_mask(_LastBakeOperator, bpy.types.Operator):
+    """Make an image that is white on the texels that the check has found"""
 
     bl_idname = "imprint.show_mask"
     bl_label = "Show Mask"
     bl_options = {"REGISTER", "UNDO"}
 
-    kind: EnumProperty(name="Check", description="Which texels", items=_items(locate_issues.ON_TEXELS))
+    kind: EnumProperty(
+        name="Check", description="The check whose texels to show", items=_items(locate_issues.ON_TEXELS)
+    )
 
     @classmethod
     def description(cls, _context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
         return f"{CHECKS[properties.kind.lower()][1]}. Show them white in an image"
 
-    def _apply(self, context: bpy.types.Context, report: Report) -> str:
+    def apply(self, context: bpy.types.Context, report: Report) -> str:
         image = locate_issues.draw_mask(context, report, self.kind.lower())
         is_pressed = self.options.is_invoke and context.window is not None
         show = show_result.image_in_window if is_pressed else show_result.image
@@ -134,17 +138,17 @@ class IMPRINT_OT_show_mask(_OfLastBake, bpy.types.Operator):
         return f"The mask is in the image {image.name!r}"
 
 
-class IMPRINT_OT_add_triangulate(_OfLastBake, bpy.types.Operator):
-    """Add a modifier that cuts the low object's faces into the triangles that were baked, so that exporters keep to them"""
+class IMPRINT_OT_add_triangulate(_LastBakeOperator, bpy.types.Operator):
+    """Add a modifier that divides the low object's faces into the triangles that were baked, so that exporters use the same"""
 
     bl_idname = "imprint.add_triangulate"
     bl_label = "Add Triangulate"
     bl_options = {"REGISTER", "UNDO"}
 
-    def _apply(self, context: bpy.types.Context, report: Report) -> str:
+    def apply(self, context: bpy.types.Context, report: Report) -> str:
         modifier, folded = locate_issues.add_triangulate(context, report)
-        otherwise = f"; it cuts {folded:,} folded quads otherwise than Blender draws them" if folded else ""
-        return f"{report.low!r} has the modifier {modifier.name!r}{otherwise}"
+        difference = f"; it divides {folded:,} folded quads differently from how Blender draws them" if folded else ""
+        return f"{report.low!r} has the modifier {modifier.name!r}{difference}"
 
 
 CLASSES = (IMPRINT_OT_select_flaws, IMPRINT_OT_show_mask, IMPRINT_OT_add_triangulate)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Buttons: context in, bake called, report out."""
+"""Operators: they collect arguments, run the jobs, and report."""
 
 import textwrap
 
@@ -23,7 +23,7 @@ from .viewport.cage_overlay import overlay
 from .viewport.progress_display import display
 
 LAST_OPERATION = 40
-"""Letters in a line of Adjust Last Operation, which Blender makes no wider for its words."""
+"""Characters in a line of Adjust Last Operation, a box that Blender makes no wider for its text."""
 
 
 class _Bake(modal.SlicedOperator):
@@ -32,15 +32,15 @@ class _Bake(modal.SlicedOperator):
     @classmethod
     def poll(cls, _context: bpy.types.Context) -> bool:
         if live.is_on:
-            cls.poll_message_set("Live bakes into the same image: switch it off first")
+            cls.poll_message_set("Stop Live first: it writes to the same image")
             return False
         return display.current is None
 
     def finish(self, context: bpy.types.Context, result: list[Report]) -> None:
-        _tell(self, context, result)
+        _report(self, context, result)
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Adjust Last Operation says what was done: to bake otherwise is the panel's, with its bar and Esc."""
+        """Adjust Last Operation shows what was done. It offers no settings: the panel has them, with a bar and Esc."""
         column = self.layout.column(align=True)
         for line in context.window_manager.imprint_summary.split("\n"):
             for part in textwrap.wrap(line, LAST_OPERATION):
@@ -48,9 +48,9 @@ class _Bake(modal.SlicedOperator):
 
 
 class _OnePair(_Bake, Options):
-    """Bakes one low object, of the panel or of the arguments."""
+    """Bakes one low object, from the panel or from the arguments."""
 
-    # Names are not remembered for the next call: the panel's button means what the panel shows.
+    # Names are not remembered for the next call: the button bakes what the panel shows.
     low: StringProperty(
         name="Low",
         description="Name of the low object; empty for the slot or the active object",
@@ -63,7 +63,7 @@ class _OnePair(_Bake, Options):
         options={"SKIP_SAVE"},
     )
     cage: StringProperty(
-        name="Cage", description="Name of the cage; empty for the slot, which counts for rays", options={"SKIP_SAVE"}
+        name="Cage", description="Name of the cage; empty for the slot, which only rays use", options={"SKIP_SAVE"}
     )
 
     def task(self, context: bpy.types.Context, pace: progress.Pace) -> progress.Task:
@@ -71,7 +71,7 @@ class _OnePair(_Bake, Options):
         return (yield from several.work(context, [job], settings, pace))
 
     def job(self, context: bpy.types.Context) -> tuple[Job, Settings]:
-        """What the arguments name, and the panel where they say nothing."""
+        """The objects and settings from the arguments, or from the panel where an argument is missing."""
         scene_settings = context.scene.imprint
         low, highs = scene_settings.subjects(context, object_refs.by_name(self.low) if self.low else None)
         if self.high:
@@ -84,7 +84,7 @@ class _OnePair(_Bake, Options):
 
 
 class IMPRINT_OT_bake(_OnePair, bpy.types.Operator):
-    """Bake the detail of the high objects into a normal map for the low one"""
+    """Bake the detail of the high-poly objects into a normal map for the low-poly object"""
 
     bl_idname = "imprint.bake"
     bl_label = "Bake Normal Map"
@@ -92,14 +92,14 @@ class IMPRINT_OT_bake(_OnePair, bpy.types.Operator):
 
 
 class IMPRINT_OT_bake_sequence(_OnePair, bpy.types.Operator):
-    """Bake each frame of the scene's range into a numbered file of its own, as for wrinkle maps"""
+    """Bake each frame of the scene's range into a numbered file, for example for wrinkle maps"""
 
     bl_idname = "imprint.bake_sequence"
     bl_label = "Bake Sequence"
     bl_options = {"REGISTER", "UNDO"}
 
-    first: IntProperty(name="First", description="Frame; below 0 for the scene's first", default=-1)
-    last: IntProperty(name="Last", description="Frame; below 0 for the scene's last", default=-1)
+    first: IntProperty(name="First", description="First frame; below 0 for that of the scene", default=-1)
+    last: IntProperty(name="Last", description="Last frame; below 0 for that of the scene", default=-1)
 
     def task(self, context: bpy.types.Context, pace: progress.Pace) -> progress.Task:
         job, settings = self.job(context)
@@ -110,7 +110,7 @@ class IMPRINT_OT_bake_sequence(_OnePair, bpy.types.Operator):
 
 
 class IMPRINT_OT_live(modal.SlicedOperator, bpy.types.Operator):
-    """Bake anew whenever the high or the low objects change, or stop doing so"""
+    """Bake again whenever the high or low objects change, until it is switched off"""
 
     bl_idname = "imprint.live"
     bl_label = "Live"
@@ -131,13 +131,13 @@ class IMPRINT_OT_live(modal.SlicedOperator, bpy.types.Operator):
         low, highs = settings.subjects(context)
         if low is None:
             raise BakeError(object_checks.problem(context, low, highs))
-        plain = settings.to_settings()
-        job = Job(low, highs, settings.cage_for(plain.method))
-        yield from live.starting(context, job, plain, pace)
+        bake_settings = settings.to_settings()
+        job = Job(low, highs, settings.cage_for(bake_settings.method))
+        yield from live.starting(context, job, bake_settings, pace)
 
 
 class IMPRINT_OT_bake_pairs(_Bake, bpy.types.Operator):
-    """Bake each low object of the scene against the high ones that are named like it"""
+    """Bake each low object of the scene against the high objects with a matching name"""
 
     bl_idname = "imprint.bake_pairs"
     bl_label = "Bake Pairs by Name"
@@ -152,8 +152,8 @@ class IMPRINT_OT_bake_pairs(_Bake, bpy.types.Operator):
         return (yield from steps)
 
 
-def _tell(operator: bpy.types.Operator, context: bpy.types.Context, reports: list[Report]) -> None:
-    """Put what was done where an artist sees it: the status bar, the info log, the panel."""
+def _report(operator: bpy.types.Operator, context: bpy.types.Context, reports: list[Report]) -> None:
+    """Show what was done in the status bar, the Info editor and the panel."""
     manager = context.window_manager
     lines, warnings = [line for report in reports for line in report.summary()], []
     for warning in (warning for report in reports for warning in report.warnings):
@@ -167,7 +167,7 @@ def _tell(operator: bpy.types.Operator, context: bpy.types.Context, reports: lis
 
 
 class IMPRINT_OT_freeze_distances(bpy.types.Operator):
-    """Take the distances that the last bake of the low object measured as the ones that are set"""
+    """Set Extrusion and Max Distance to what the last bake of this low object measured"""
 
     bl_idname = "imprint.freeze_distances"
     bl_label = "Freeze Distances"
@@ -188,7 +188,7 @@ class IMPRINT_OT_freeze_distances(bpy.types.Operator):
 
 
 class IMPRINT_OT_show_high(bpy.types.Operator):
-    """Hide the high objects of the last bake, so that the low one is seen with its map, or show them again"""
+    """Hide the high objects of the last bake to see the low object with its map, or show them again"""
 
     bl_idname = "imprint.show_high"
     bl_label = "Show High"
@@ -206,7 +206,7 @@ class IMPRINT_OT_show_high(bpy.types.Operator):
 
 
 class IMPRINT_OT_show_cage(bpy.types.Operator):
-    """Show around the low mesh where rays start (blue) and where they end (orange), or stop showing it"""
+    """Show or hide two shells around the low mesh: where rays start (blue) and where they end (orange)"""
 
     bl_idname = "imprint.show_cage"
     bl_label = "Show Cage"
@@ -221,7 +221,7 @@ class IMPRINT_OT_show_cage(bpy.types.Operator):
 
 
 class IMPRINT_OT_use_selection(bpy.types.Operator):
-    """Fill the slots: the active object is the low one, the other selected ones with a surface are the high ones"""
+    """Fill the slots: the active object becomes the low object, the other selected objects with a surface the high objects"""
 
     bl_idname = "imprint.use_selection"
     bl_label = "Fill from Selection"
@@ -256,13 +256,13 @@ class IMPRINT_OT_high_add(bpy.types.Operator):
 
 
 class IMPRINT_OT_high_remove(bpy.types.Operator):
-    """Remove a slot; the object stays"""
+    """Remove a slot; its object stays in the scene"""
 
     bl_idname = "imprint.high_remove"
     bl_label = "Remove High Object"
     bl_options = {"REGISTER", "UNDO"}
 
-    index: IntProperty(name="Index", description="Which slot, from 0; below 0 for the active one", default=-1)
+    index: IntProperty(name="Index", description="Index of the slot, from 0; below 0 for the active slot", default=-1)
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:

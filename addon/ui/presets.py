@@ -32,7 +32,9 @@ class IMPRINT_OT_convention_add(AddPresetBase, bpy.types.Operator):
     preset_subdir = FOLDER
 
     # As the base has them, which gives no descriptions.
-    remove_name: BoolProperty(description="Remove the preset of this name", default=False, options={"HIDDEN", "SKIP_SAVE"})
+    remove_name: BoolProperty(
+        description="Remove the preset of this name", default=False, options={"HIDDEN", "SKIP_SAVE"}
+    )
     remove_active: BoolProperty(
         description="Remove the preset that is shown", default=False, options={"HIDDEN", "SKIP_SAVE"}
     )

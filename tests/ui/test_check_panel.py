@@ -194,7 +194,7 @@ REFUSALS = {
     gone: "'lo' was deleted",
     high_gone: "'hi' was deleted",
     out_of_the_scene: "'hi' is not in scene",
-    mended: "No face of 'lo' has this flaw: uncovered",
+    mended: "No face of 'lo' has this issue: uncovered",
 }
 
 

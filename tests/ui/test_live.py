@@ -359,7 +359,7 @@ def test_another_scene_changes_nothing(pair):
 
 def test_bake_waits_until_it_is_off(pair):
     switch(True)
-    with pytest.raises(RuntimeError, match="switch it off first"):
+    with pytest.raises(RuntimeError, match="Stop Live first"):
         bpy.ops.imprint.bake()
     switch(False)
     assert bpy.ops.imprint.bake() == {"FINISHED"}

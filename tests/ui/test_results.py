@@ -113,7 +113,7 @@ def test_a_map_that_has_gone_is_not_praised(baked):
     name, line = told(report)
     assert (name, line.split(",")[0]) == ("lo_normal", "2 warnings")
     bpy.data.images.remove(bpy.data.images["lo_normal"])
-    assert told(report) == ["lo_normal", "Undone, renamed or deleted"]
+    assert told(report) == ["lo_normal", "The image was undone, renamed or deleted"]
 
 
 def test_it_outlives_undo():

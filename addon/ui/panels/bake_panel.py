@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The main panel: what is baked, the button, and what came of it."""
+"""The main panel: the objects, the Bake button, and the result of the last bake."""
 
 import bpy
 
@@ -20,7 +20,7 @@ class IMPRINT_UL_highs(bpy.types.UIList):
 
 
 class IMPRINT_PT_bake(SidebarPanel, bpy.types.Panel):
-    """What is baked, and the button."""
+    """The objects to bake, and the Bake button."""
 
     bl_idname = "IMPRINT_PT_bake"
     bl_label = "Imprint"
@@ -42,7 +42,7 @@ class IMPRINT_PT_bake(SidebarPanel, bpy.types.Panel):
         problem = bake_plan.problem(context, low, highs, settings)
         following = live.description
         if following:
-            problem = ""  # the selection may be what it likes
+            problem = ""  # Live does not depend on the selection
         lines = [following or problem] if following or problem else bake_plan.lines(low, highs, settings)
         draw_paragraphs(layout.box(), context, lines, "ERROR" if problem else "INFO")
         # The bar takes the button's place: nothing moves under the mouse when a bake begins or ends.
@@ -66,7 +66,7 @@ class IMPRINT_PT_bake(SidebarPanel, bpy.types.Panel):
 
 
 def draw_result(layout: bpy.types.UILayout, report: Report) -> None:
-    """What came out of the last bake in a line, beside a small picture of it."""
+    """The result of the last bake in a line, beside a small picture of the map."""
     row = layout.box().row()
     image = bpy.data.images.get(report.image)
     if image is not None:
@@ -77,8 +77,8 @@ def draw_result(layout: bpy.types.UILayout, report: Report) -> None:
     if high_objects(report):
         is_hidden = show_result.hides_high(report)
         head.operator("imprint.show_high", text="", icon="HIDE_ON" if is_hidden else "HIDE_OFF", emboss=False)
-    if image is None:  # nothing came of it in the end
-        column.label(text="Undone, renamed or deleted", icon="INFO")
+    if image is None:
+        column.label(text="The image was undone, renamed or deleted", icon="INFO")
         return
     number = len(report.warnings)
     line = f"{number} {'warning' if number == 1 else 'warnings'}" if number else f"{report.coverage:.0%} covered"
@@ -86,7 +86,7 @@ def draw_result(layout: bpy.types.UILayout, report: Report) -> None:
 
 
 class IMPRINT_PT_report(SidebarPanel, bpy.types.Panel):
-    """What the last bake did, in words."""
+    """What the last bake did, and its warnings."""
 
     bl_idname = "IMPRINT_PT_report"
     bl_parent_id = "IMPRINT_PT_bake"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the Bake button will do, or what keeps it from baking, in sentences."""
+"""Sentences about the Bake button: what it will do, or why it cannot."""
 
 import bpy
 
@@ -15,7 +15,7 @@ def problem(
     highs: list[bpy.types.Object],
     settings: ImprintSettings,
 ) -> str:
-    """What is missing, in words; empty when nothing shows."""
+    """Why the button cannot bake, in a sentence; empty if no problem is visible."""
     try:
         settings.to_settings().check()
     except BakeError as error:
@@ -24,7 +24,7 @@ def problem(
 
 
 def lines(low: bpy.types.Object, highs: list[bpy.types.Object], settings: ImprintSettings) -> list[str]:
-    """What a press of the button will do, in words."""
+    """What the button will do, in sentences."""
     source = "its own modifiers" if low in highs else ", ".join(repr(high.name) for high in highs)
     name = image_writer.name_for(low.name, settings.to_settings())
     known = "over the image" if bpy.data.images.get(name) else "into a new image"
@@ -41,7 +41,7 @@ def lines(low: bpy.types.Object, highs: list[bpy.types.Object], settings: Imprin
 
 
 def _is_swapped(low: bpy.types.Object, highs: list[bpy.types.Object]) -> bool:
-    """Whether high and low look like each other's. What modifiers and instances add is not known without evaluating them."""
+    """Whether high and low seem swapped. Faces that modifiers and instances add are not known without evaluating them."""
     if low in highs or any(high.type != "MESH" or high.modifiers or high.mode == "SCULPT" for high in highs):
         return False
     return len(low.data.polygons) > sum(len(high.data.polygons) for high in highs)

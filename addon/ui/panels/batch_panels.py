@@ -11,7 +11,7 @@ from .sidebar import SettingsPanel, draw_paragraphs
 
 
 class IMPRINT_PT_pairs(SettingsPanel, bpy.types.Panel):
-    """Many at once, by name."""
+    """Bakes many low objects at once: pairs of objects by name."""
 
     bl_idname = "IMPRINT_PT_pairs"
     bl_parent_id = "IMPRINT_PT_bake"
@@ -32,7 +32,7 @@ class IMPRINT_PT_pairs(SettingsPanel, bpy.types.Panel):
         draw_paragraphs(box, context, [f"{pair.low}: {', '.join(pair.highs)}" for pair in found], "CHECKMARK")
         draw_paragraphs(box, context, problems, "ERROR")
         if not found and not problems:
-            draw_paragraphs(box, context, ["No object has one of these endings."], "INFO")
+            draw_paragraphs(box, context, ["No object name ends with one of these suffixes."], "INFO")
         layout.prop(settings, "share_image")
         row = layout.row()
         row.enabled = bool(found)
@@ -40,7 +40,7 @@ class IMPRINT_PT_pairs(SettingsPanel, bpy.types.Panel):
 
 
 class IMPRINT_PT_sequence(SettingsPanel, bpy.types.Panel):
-    """A map for each frame."""
+    """Bakes a map for each frame."""
 
     bl_idname = "IMPRINT_PT_sequence"
     bl_parent_id = "IMPRINT_PT_bake"
@@ -56,12 +56,12 @@ class IMPRINT_PT_sequence(SettingsPanel, bpy.types.Panel):
         row.enabled = context.scene.imprint.storage == "FILE"
         row.operator("imprint.bake_sequence", icon="RENDER_ANIMATION")
         if not row.enabled:
-            draw_paragraphs(layout, context, ["A sequence is files: store the map in a file."], "INFO")
+            draw_paragraphs(layout, context, ["Set Store to File to bake a sequence."], "INFO")
 
 
 @lru_cache(maxsize=1)
 def pairs(names: tuple[str, ...], suffixes: name_matching.Suffixes) -> tuple[list[name_matching.Pair], list[str]]:
-    """As name_matching.match, which looks at each name: not at each redraw, but where a name or an ending has changed."""
+    """As name_matching.match. Cached: a redraw matches names only if a name or a suffix has changed."""
     return name_matching.match(names, suffixes)
 
 

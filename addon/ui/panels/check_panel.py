@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The panel of the checks: what the last bake found, and the buttons that show where."""
+"""The panel of the checks: their findings in the last bake, and buttons that show where they are."""
 
 import bpy
 
@@ -8,12 +8,12 @@ from ..bake_results import results
 from ..check_operators import CHECKS
 from .sidebar import SidebarPanel
 
-SIGNS = {"GOOD": ("CHECKMARK", 0), "LOOK": ("INFO", 1), "WRONG": ("ERROR", 2)}
-"""The sign of each severity, and how much it weighs."""
+ICONS = {"GOOD": ("CHECKMARK", 0), "LOOK": ("INFO", 1), "WRONG": ("ERROR", 2)}
+"""Icon of each severity, and its rank."""
 
 
 class IMPRINT_PT_checks(SidebarPanel, bpy.types.Panel):
-    """What the last bake found."""
+    """The findings of the checks in the last bake."""
 
     bl_idname = "IMPRINT_PT_checks"
     bl_parent_id = "IMPRINT_PT_bake"
@@ -27,8 +27,8 @@ class IMPRINT_PT_checks(SidebarPanel, bpy.types.Panel):
     def draw_header_preset(self, context: bpy.types.Context) -> None:
         report = results.of(context)
         if report is not None:
-            worst = max(report.checks.values(), key=lambda check: SIGNS[_severity(check)][1], default={})
-            self.layout.label(text="", icon=SIGNS[_severity(worst)][0])
+            worst = max(report.checks.values(), key=lambda check: ICONS[_severity(check)][1], default={})
+            self.layout.label(text="", icon=ICONS[_severity(worst)][0])
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, report = self.layout, results.of(context)
@@ -41,9 +41,9 @@ class IMPRINT_PT_checks(SidebarPanel, bpy.types.Panel):
 
 
 def _draw_row(column: bpy.types.UILayout, kind: str, check: dict, low: str, context: bpy.types.Context) -> None:
-    """A check in a row: its sign, its name, its number, and the buttons that show where."""
+    """A check in a row: its icon, name and number, and the buttons that show where its findings are."""
     row = column.row(align=True)
-    row.label(text=CHECKS[kind][0], icon=SIGNS[_severity(check)][0])
+    row.label(text=CHECKS[kind][0], icon=ICONS[_severity(check)][0])
     number = row.row()
     number.alignment = "RIGHT"
     number.label(text=_number(check))
@@ -64,7 +64,7 @@ def _draw_row(column: bpy.types.UILayout, kind: str, check: dict, low: str, cont
 
 
 def _severity(check: dict) -> str:
-    """One of SIGNS: as the audit weighed it or, where it did not, by whether there is anything to look at."""
+    """One of ICONS: as the audit rated it or, if it did not, by whether there is a finding."""
     return check.get("severity") or ("LOOK" if check.get("count") else "GOOD")
 
 

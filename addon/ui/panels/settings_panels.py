@@ -10,7 +10,7 @@ from .sidebar import SettingsPanel, split_layout
 
 
 class IMPRINT_PT_map(SettingsPanel, bpy.types.Panel):
-    """What the map is like."""
+    """Settings of the map."""
 
     bl_idname = "IMPRINT_PT_map"
     bl_parent_id = "IMPRINT_PT_bake"
@@ -46,7 +46,7 @@ class IMPRINT_PT_map(SettingsPanel, bpy.types.Panel):
 
 
 class IMPRINT_PT_channels(SettingsPanel, bpy.types.Panel):
-    """What each channel holds; the presets in the map's header set it."""
+    """The content of each channel. The presets in the header of the Map panel set it."""
 
     bl_idname = "IMPRINT_PT_channels"
     bl_parent_id = "IMPRINT_PT_map"
@@ -61,7 +61,7 @@ class IMPRINT_PT_channels(SettingsPanel, bpy.types.Panel):
 
 
 class IMPRINT_PT_output(SettingsPanel, bpy.types.Panel):
-    """Where the map goes."""
+    """Where the map is stored."""
 
     bl_idname = "IMPRINT_PT_output"
     bl_parent_id = "IMPRINT_PT_bake"
