@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The meshes that a bake works on."""
+"""The meshes of one bake."""
 
 from dataclasses import dataclass
 
@@ -10,13 +10,13 @@ from .triangle_mesh import Mesh
 
 @dataclass(frozen=True)
 class Meshes:
-    """What a bake works on.
+    """All meshes that a bake reads: of the low-poly object ("low"), of the high-poly objects ("high") and of the cage.
 
-    low: as rays and checks see it, with its faces. basis: the low mesh with tangents, for tangent space, else None.
-    directions (C, 3) float32: by corner of `low`, away from its surface. cage: with the corners of `low`, or None.
-    is_own_base: the high mesh is the low object's own surface with modifiers. materials: what the labels of the high
-    meshes stand for, from 1. shown: a surface on its own base as it is shown, with the UVs that modifiers have moved;
-    None where none does.
+    low: the low mesh with its faces, for rays and checks. basis: the low mesh with tangents for tangent space, else None.
+    directions (C, 3) float32: ray directions by corner of `low`, away from its surface. cage: a mesh with the corners of
+    `low`, or None. is_own_base: whether the high mesh is the low object's own surface with modifiers. materials: the names
+    behind the material labels of the high meshes, which count from 1. shown: with is_own_base, the high mesh with the UVs
+    that modifiers moved, as the viewport shows it; None if no modifier moves UVs.
     """
 
     low: Mesh
