@@ -13,7 +13,7 @@ from addon.core import progress
 from addon.core.errors import BakeError
 from addon.core.settings import Settings
 from addon.engine import bands
-from addon.jobs import Job, live_session, view_session
+from addon.jobs import Job, live_session, view_scene, view_session
 from addon.output import quantize
 from addon.passes import mesh_upload, target
 from addon.passes.view import lit
@@ -487,7 +487,7 @@ def test_a_view_limits_the_map_size_and_keeps_the_map_in_memory():
 def test_many_high_meshes_are_probed_no_more_than_a_few(monkeypatch):
     low = zoo.plane("lo")
     highs = [zoo.terrain(f"hi {number}", n=32) for number in range(8)]
-    height = view_session._height
+    height = view_scene.height
 
     class Counted:
         found = 0
@@ -499,7 +499,6 @@ def test_many_high_meshes_are_probed_no_more_than_a_few(monkeypatch):
             Counted.found += 1
             return self.surface.find_nearest(point)
 
-    monkeypatch.setattr(view_session, "_height", lambda surface, *more: height(Counted(surface), *more))
-    drawn = view_session.Shading(session_of(low, highs))
-    drawn._placed(with_highs=False)
-    assert 0 < Counted.found <= view_session.PROBES + 6 * len(highs)
+    monkeypatch.setattr(view_scene, "height", lambda surface, *more: height(Counted(surface), *more))
+    view_scene.ViewObjects(session_of(low, highs)).place(with_highs=False)
+    assert 0 < Counted.found <= view_scene.PROBES + 6 * len(highs)
