@@ -20,7 +20,7 @@ from ..core.report import Report
 from ..core.settings import Settings
 from ..jobs import sequence, several
 from ..jobs.job import Job, jobs_by_name
-from ..output.atomic_file import check_writable, replacing, together
+from ..output.atomic_file import all_or_none, check_writable, replacing
 from ..scene import object_refs
 from . import interruption, mesh_import, results, run_clashes, standard_streams
 from .mesh_import import Stage
@@ -144,7 +144,7 @@ def run(opened: Opened, stage: Stage, meter: Meter) -> Result:
     """Bake, and save what the options name. Raises BakeError, or Stopped where nothing was finished."""
     options = opened.options
     _start_gpu()
-    with together():  # if a pair, a frame, the scene or the report fails, no file of the bake is written
+    with all_or_none():  # if a pair, a frame, the scene or the report fails, no file of the bake is written
         reports, is_stopped = _baked(options, opened.jobs, opened.settings, meter)
         reports = [report.with_warnings([*stage.notes, *_refused_scripts()]) for report in reports]
         result = Result(opened.name, reports, opened.problems, are=_kind(options), is_stopped=is_stopped)

@@ -123,6 +123,6 @@ def _handle(number: int, _) -> None:
     _asked.code = _asked.code or 128 + meant
     if name == END or _asked.direct > 1:
         try:
-            partial_files.remove_ours()
+            partial_files.remove_all()
         finally:  # also if the signal interrupted this very removal
             os._exit(_asked.code)

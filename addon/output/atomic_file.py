@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Files that are there whole or not at all."""
+"""Atomic file replacement: a file is complete, or as it was."""
 
 import os
 import shutil
@@ -10,31 +10,31 @@ from contextvars import ContextVar
 from pathlib import Path
 
 from ..core.errors import BakeError, WrongPlace
-from .partial_files import Beside, try_in
+from .partial_files import TemporaryPath, check_folder
 
-_MADE: set[Path] = set()
-"""Folders that were made for files of which none is there yet."""
+_NEW_FOLDERS: set[Path] = set()
+"""Folders that were made for files that are not yet written."""
 
 
 def check_writable(path: Path) -> None:
-    """Raise BakeError unless a file can be put at `path`; folders that are missing above it can be made then."""
+    """Raise BakeError unless a file can be written to `path`. Missing folders above it count as writable."""
     try:
-        target = place(path)
+        target = resolved(path)
         folder = next(folder for folder in target.parents if os.path.lexists(folder))
         # Ask the file system: permission bits say nothing about a full or read-only disk.
-        try_in(folder)
+        check_folder(folder)
     except OSError as error:
         raise BakeError(f"{str(path)!r} cannot be written: {reason(error)}.") from error
 
 
-def place(path: Path) -> Path:
-    """Where a file at `path` is to be put: links are followed, so that they stay. Raises as `check_kind`."""
+def resolved(path: Path) -> Path:
+    """The file that `path` names, with links followed, so that a file replaces their target. Raises as `check_kind`."""
     check_kind(path)
     return Path(os.path.realpath(path))
 
 
 def check_kind(path: str | Path) -> None:
-    """Raise WrongPlace for what is there and no file, and OSError where nothing can be."""
+    """Raise WrongPlace if `path` exists and is not a file, and OSError if it cannot exist."""
     try:
         mode = os.stat(path).st_mode
     except FileNotFoundError:
@@ -47,34 +47,34 @@ def check_kind(path: str | Path) -> None:
 
 
 def reason(error: OSError | RuntimeError) -> str:
-    """What a failed operation of the system or of Blender says for itself, in one line without a full stop."""
+    """The message of a failed operation of the system or of Blender, in one line without a full stop."""
     if isinstance(error, OSError) and error.strerror:
         return error.strerror
-    # Blender raises several reports at once, the first of them the cause.
+    # Blender raises several reports at once; the first is the cause.
     return str(error).strip().partition("\n")[0].removeprefix("Error: ").rstrip(".")
 
 
 class Partial:
-    """What is to take the place of the file at `path`, which stays as it is until `commit`. A link keeps its place.
+    """The new content of the file at `path`, which does not change until `commit`. A link stays a link.
 
-    Raises BakeError for what is no file.
+    Raises BakeError if `path` exists and is not a file.
     """
 
     def __init__(self, path: Path):
         try:
-            self.path = place(path)
+            self.path = resolved(path)
         except OSError as error:
             raise BakeError(f"{str(path)!r} cannot be written: {reason(error)}.") from error
-        self._beside = Beside(self.path.with_suffix(path.suffix))
+        self._temporary = TemporaryPath(self.path.with_suffix(path.suffix))
 
     @property
-    def here(self) -> Path:
-        """The path to write to, inside `told`."""
-        return self._beside.here
+    def temporary(self) -> Path:
+        """The path to write to, inside `writing`."""
+        return self._temporary.path
 
     @contextmanager
-    def told(self) -> Iterator[None]:
-        """Make the folder if it is missing, and turn what goes wrong in the block into a BakeError."""
+    def writing(self) -> Iterator[None]:
+        """Make missing folders, and turn errors in the block into BakeError."""
         try:
             _make(self.path.parent)
             yield
@@ -82,27 +82,27 @@ class Partial:
             raise BakeError(f"{str(self.path)!r} could not be written: {reason(error)}.") from error
 
     def commit(self) -> None:
-        """Put what was written into its place, in one step of the file system. Raises BakeError if that cannot be."""
-        with self.told():
+        """Replace the file, in one step of the file system. Raises BakeError if that fails."""
+        with self.writing():
             replaced = _REPLACED.get()
             if replaced is not None:
                 replaced.keep(self.path)
-            os.replace(self.here, self.path)
-        _MADE.difference_update(self.path.parents)
-        self._beside.remove()
+            os.replace(self.temporary, self.path)
+        _NEW_FOLDERS.difference_update(self.path.parents)
+        self._temporary.remove()
 
     def discard(self) -> None:
-        """Leave nothing behind, nor a folder that was made for it; after `commit` there is nothing."""
-        self._beside.remove()
+        """Remove the temporary file, and the folders that were made for it. After `commit` this does nothing."""
+        self._temporary.remove()
         _remove_made(self.path)
 
 
 class Replaced:
-    """In a `with` statement: remembers the files that commits replace, until it ends."""
+    """Keeps the old content of the files that commits replace. Use it in a `with` block."""
 
     def __init__(self):
-        self._before: dict[Path, tuple[Beside | None, list[Path]]] = {}
-        """By the path of a file: where its old content is, if it was there, and the folders that were made for it."""
+        self._before: dict[Path, tuple[TemporaryPath | None, list[Path]]] = {}
+        """By the path of a file: its old content, if it existed, and the folders that were made for it."""
 
     def __enter__(self) -> "Replaced":
         self._around = _REPLACED.get()
@@ -116,17 +116,17 @@ class Replaced:
                 copy.remove()
 
     def keep(self, path: Path) -> None:
-        """Hold what is at `path`, about to be replaced. Raises OSError if that cannot be."""
+        """Keep the content of `path`, which is about to be replaced. Raises OSError if that fails."""
         if self._around is not None:
             self._around.keep(path)
         if path in self._before:
             return
         copy = _copy(path) if path.exists() else None
-        self._before[path] = copy, [folder for folder in path.parents if folder in _MADE]
+        self._before[path] = copy, [folder for folder in path.parents if folder in _NEW_FOLDERS]
 
     @contextmanager
     def restoring(self) -> Iterator[None]:
-        """Put back all that was replaced, unless the block ends well."""
+        """Restore all replaced files if the block raises or is closed."""
         is_done = False
         try:
             yield
@@ -136,14 +136,14 @@ class Replaced:
                 self._restore()
 
     def _restore(self) -> None:
-        """Raises BakeError, when all is done that can be, for a file whose old content had to stay beside it."""
+        """Restore all files. Then raise BakeError if one could not be restored, with the path of its old content."""
         lost = ""
         for path, (copy, folders) in self._before.items():
             try:
-                if copy is not None and path.exists() and copy.here.samefile(path):
-                    copy.remove()  # it was about to be replaced and was not; and a file replaces no link to itself
+                if copy is not None and path.exists() and copy.path.samefile(path):
+                    copy.remove()  # not replaced after all; and os.replace does nothing between two links to one file
                 elif copy is not None:
-                    os.replace(copy.here, path)
+                    os.replace(copy.path, path)
                     copy.remove()
                 else:
                     path.unlink(missing_ok=True)
@@ -151,7 +151,7 @@ class Replaced:
                 lost = f"{str(path)!r} could not be put back: {reason(error)}"
                 if copy is not None:
                     lost += f"; it is in {str(copy.keep())!r}"
-            _MADE.update(folders)
+            _NEW_FOLDERS.update(folders)
             _remove_made(path)
         self._before.clear()
         if lost:
@@ -162,20 +162,20 @@ _REPLACED: ContextVar[Replaced | None] = ContextVar("_REPLACED", default=None)
 
 
 @contextmanager
-def together() -> Iterator[None]:
-    """Files that are put into their places in this block are put there all or none."""
+def all_or_none() -> Iterator[None]:
+    """Files that are committed in this block are replaced all or none."""
     with Replaced() as replaced, replaced.restoring():
         yield
 
 
-def _copy(path: Path) -> Beside:
-    """The content of a file under another name. Raises OSError."""
-    copy = Beside(path)
+def _copy(path: Path) -> TemporaryPath:
+    """A copy of a file, or a hard link to it. Raises OSError."""
+    copy = TemporaryPath(path)
     try:
         try:
-            os.link(path, copy.here)
+            os.link(path, copy.path)
         except OSError:  # a file system without hard links
-            shutil.copy2(path, copy.here)
+            shutil.copy2(path, copy.path)
     except OSError:
         copy.remove()
         raise
@@ -183,37 +183,37 @@ def _copy(path: Path) -> Beside:
 
 
 def _make(folder: Path) -> None:
-    """Make a folder, and those above it that are missing."""
-    for missing in reversed([place for place in (folder, *folder.parents) if not place.exists()]):
+    """Make a folder and the missing folders above it."""
+    for missing in reversed([parent for parent in (folder, *folder.parents) if not parent.exists()]):
         with suppress(FileExistsError):  # another process was faster
             missing.mkdir()
-            _MADE.add(missing)
+            _NEW_FOLDERS.add(missing)
 
 
 def _remove_made(path: Path) -> None:
-    """Remove the folders above `path` that were made for it and stayed empty."""
+    """Remove the folders above `path` that were made for it and are still empty."""
     for folder in path.parents:
-        if folder not in _MADE:
+        if folder not in _NEW_FOLDERS:
             break
         try:
             folder.rmdir()
         except FileNotFoundError:
             pass
-        except OSError:  # somebody uses it
+        except OSError:  # not empty
             break
-        _MADE.discard(folder)
+        _NEW_FOLDERS.discard(folder)
 
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """A path beside `path` to write to; what was written takes the place of `path` when the block ends well.
+    """A temporary path to write to. When the block ends without an error, the file there replaces `path`.
 
-    Raises BakeError if it cannot; then `path` is as it was.
+    Raises BakeError if that fails; then `path` has not changed.
     """
     partial = Partial(path)
     try:
-        with partial.told():
-            yield partial.here
+        with partial.writing():
+            yield partial.temporary
         partial.commit()
     finally:
         partial.discard()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Image datablocks: pixels set, files shown. Whoever uses a datablock keeps it."""
+"""Image datablocks: their pixels, files and tiles. Existing datablocks are filled again, so that their users keep them."""
 
 from collections.abc import Iterable, Iterator
 from pathlib import Path, PurePath
@@ -12,30 +12,30 @@ from ..core.file_names import file_name
 from ..core.udim import TOKEN
 
 ORIGIN = "imprint_high"
-"""A custom property of images that hold a map: the names of the high objects that it came from, a line each."""
+"""A custom property of maps: the names of the high objects that they came from, one per line."""
 
 OPAQUE_BITS = {24, 96}
-"""Image.depth, bits a texel, of images without alpha: their pixels hold it, but a file written from them does not."""
+"""Image.depth, in bits per texel, of images without alpha. Their pixels have alpha; a file written from them does not."""
 
 
 def get(name: str) -> bpy.types.Image | None:
-    """The image of this name in the open file; one that is linked from a library is none."""
+    """The image of this name in the open file, or None. Images linked from a library do not count."""
     return bpy.data.images.get((name, None))
 
 
 def origin(name: str) -> list[str]:
-    """The names of the high objects that the map in the image `name` came from; none where nobody knows."""
+    """The names of the high objects that the map in the image `name` came from. Empty if unknown."""
     image = get(name)
     return list(filter(None, str(image.get(ORIGIN, "")).split("\n"))) if image is not None else []
 
 
 def sign(image: bpy.types.Image, highs: Iterable[str]) -> None:
-    """Let `origin` know from which high objects the map in `image` came."""
+    """Store the names that `origin` returns."""
     image[ORIGIN] = "\n".join(highs)
 
 
 def fill(name: str, texels: np.ndarray, *, is_float: bool, pack: bool) -> bpy.types.Image:
-    """The image `name`, there or new, with `texels`, (height, width, 4) float32, in memory or packed."""
+    """The image `name`, made if missing, with `texels`, (height, width, 4) float32, in memory or packed."""
     height, width = texels.shape[:2]
     image = get(name)
     if image is None:
@@ -53,9 +53,9 @@ def fill(name: str, texels: np.ndarray, *, is_float: bool, pack: bool) -> bpy.ty
 
 
 def show(name: str, path: str, *, pack: bool = False) -> bpy.types.Image:
-    """The image `name`, there or new, with what is in the file at `path`; with TOKEN in it, a tile for each such file.
+    """The image `name`, made if missing, with the file at `path`, or with a tile for each file of a path with TOKEN.
 
-    Tiles that the image had and that have no file stay as empty ones. pack: the tiles, and forget where the files are.
+    Tiles of the image that have no file stay, empty. pack: pack the tiles, and clear the path of the files.
     """
     image = get(name) or bpy.data.images.new(name, 1, 1, is_data=True)
     is_tiled = TOKEN in path
@@ -77,13 +77,13 @@ def show(name: str, path: str, *, pack: bool = False) -> bpy.types.Image:
 def _pack_tiles(image: bpy.types.Image) -> None:
     image.pack()
     place = f"//{file_name(image.name)}.{TOKEN}{PurePath(image.filepath).suffix}"
-    image.filepath_raw = place  # loads nothing
+    image.filepath_raw = place  # filepath would load the file
     for packed in image.packed_files:
         packed.filepath = udim.fill(place, packed.tile_number)
 
 
 def tile_contents(image: bpy.types.Image) -> Iterator[tuple[int, bytes | Path]]:
-    """The tiles of a tiled image by number, and what holds their pixels: packed bytes, or a file. Empty ones are left out."""
+    """The tiles of a tiled image: their number, and their packed bytes or their file. Empty tiles are left out."""
     packed = {part.tile_number: part.packed_file for part in image.packed_files}
     for tile in image.tiles:
         path = Path(bpy.path.abspath(udim.fill(image.filepath, tile.number))).absolute()
@@ -94,7 +94,7 @@ def tile_contents(image: bpy.types.Image) -> Iterator[tuple[int, bytes | Path]]:
 
 
 def sources() -> Iterator[tuple[str, str]]:
-    """The files that the open scene is made of, beside pictures in materials: absolute paths, and what they are."""
+    """The files that the open scene uses, except images in materials: absolute paths, and what they are."""
     if bpy.data.filepath:
         yield bpy.data.filepath, "the open file"
     found = [(library, "a linked library") for library in bpy.data.libraries]
@@ -107,10 +107,10 @@ def sources() -> Iterator[tuple[str, str]]:
 
 
 def mark_as_data(image: bpy.types.Image) -> None:
-    """Let nobody take the numbers for colours, or multiply them with alpha.
+    """Mark the image as data, which is not color-managed or multiplied with alpha.
 
-    Before the pixels are set, since Blender drops those that no file holds when one of these changes; and not when
-    nothing changes. By role, since a colour configuration may call it otherwise than "Non-Color".
+    Call this before setting pixels: Blender drops unsaved pixels when one of these properties changes. So only those that
+    differ are set. By role, since a color configuration can have another name for "Non-Color".
     """
     if not image.colorspace_settings.is_data:
         image.colorspace_settings.is_data = True
@@ -126,7 +126,7 @@ def _forget_pixels(image: bpy.types.Image) -> None:
 
 
 def _regenerate(image: bpy.types.Image, width: int, height: int, is_float: bool) -> None:
-    """Make an existing image one of this size and kind whose pixels are free to be set."""
+    """Make an existing image a generated one of this size and kind, whose pixels can be set."""
     _forget_pixels(image)
     if image.source != "GENERATED" or tuple(image.size) != (width, height) or image.is_float != is_float:
         image.source = "GENERATED"
@@ -135,18 +135,18 @@ def _regenerate(image: bpy.types.Image, width: int, height: int, is_float: bool)
 
 
 def _give_alpha(image: bpy.types.Image) -> None:
-    """Let an image that was made without alpha pack it.
+    """Give alpha to an image that was made without it, so that packing keeps it.
 
-    Generating its pixels anew does not help, only reading them from a file does: one that is packed and has one texel.
+    Generating its pixels again does not help. Reading them from a file does: a packed one of one texel.
     """
     width, height = image.size
     seed = bpy.data.images.new("Imprint seed", 1, 1, alpha=True, float_buffer=image.is_float, is_data=True)
     try:
-        seed.pixels[0] = 0.0  # an image that nobody has touched is not packed
+        seed.pixels[0] = 0.0  # an untouched image is not packed
         seed.pack()
         image.source = "FILE"
         image.pack(data=seed.packed_file.data, data_len=seed.packed_file.size)
     finally:
         bpy.data.images.remove(seed)
-    mark_as_data(image)  # before it is scaled, see there
+    mark_as_data(image)  # before scaling, which sets pixels
     image.scale(width, height)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Texels into the bytes of a picture's file, by Blender's own writers."""
+"""Writes texels to image files, with Blender's own writers."""
 
 from pathlib import Path
 
@@ -13,9 +13,9 @@ from ..core.file_structure import completeness
 def write(texels: np.ndarray, path: Path, depth: int) -> None:
     """Write `texels`, (height, width, 4) float32 with row 0 at v = 0, to `path`, in the format that its ending names.
 
-    Alpha is 0 or 1: by anything in between, Blender's 16-bit PNG writer divides. depth: bits a channel. The numbers are
-    stored as they are, colours under alpha 0 included. Raises OSError or RuntimeError if that cannot be done, and leaves
-    what was written by then.
+    Alpha is 0 or 1: by anything in between, Blender's 16-bit PNG writer divides. depth: bits per channel. Numbers are
+    stored as they are, with the colors under alpha 0. Raises OSError or RuntimeError if that fails, and leaves a partial
+    file.
     """
     height, width = texels.shape[:2]
     file_format = file_formats.of(path)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A map on its way into an image datablock, and into files."""
+"""Writes one map into an image datablock and into files."""
 
 import re
 import tempfile
@@ -20,13 +20,13 @@ from . import atomic_file, datablocks, image_encoding, quantize
 from .atomic_file import Partial, check_writable
 
 LONGEST = 240
-"""Bytes of an image's name: Blender takes 255, and the names of other maps end in a word more."""
+"""Bytes of an image's name. Blender allows 255, and the names of other maps have a suffix."""
 
 
 def name_for(low_name: str, settings: Settings) -> str:
-    """The name of the image datablock; "{low}" in it stands for the low object's.
+    """The name of the image datablock, with the low object's name in place of "{low}".
 
-    One that Blender would cut, so that the image were not found again, is cut here, and others cut alike stay apart.
+    A name that Blender would cut, so that the image would not be found again, is cut here. A checksum keeps cut names distinct.
     """
     name = settings.image.replace("{low}", low_name) or f"{low_name}_normal"
     letters = name.encode()
@@ -36,7 +36,7 @@ def name_for(low_name: str, settings: Settings) -> str:
 
 
 def output_for(settings: Settings) -> str:
-    """The path to write to as Blender takes it, with TOKEN for the tile's number in a UDIM bake; empty for no file."""
+    """The path to write to, as in Blender, with TOKEN for the tile's number in a UDIM bake. Empty if no file is written."""
     path = settings.output
     if settings.storage != "FILE":
         return ""
@@ -54,7 +54,7 @@ def beside(settings: Settings, map_type: MapType) -> Settings:
     path = PurePath(settings.output)
     is_file = settings.storage == "FILE"
     lowest = (file_formats.of(path) if is_file else file_formats.PACKED[False]).depths[0]
-    # The number of a tile stays last, with what parts it from the name.
+    # The number of a tile stays last, with its separator.
     stem = re.sub(rf"[._ -]?{TOKEN}|$", rf"_{map_type.suffix}\g<0>", path.stem, count=1)
     return replace(
         settings,
@@ -66,14 +66,14 @@ def beside(settings: Settings, map_type: MapType) -> Settings:
 
 
 def black_and_white(where: np.ndarray) -> np.ndarray:
-    """Texels (height, width, 4) float32 that are white where `where` (height, width) is true."""
+    """Texels (height, width, 4) float32 that are white where `where` (height, width) is True, else black."""
     texels = np.ones((*where.shape, 4), np.float32)
     texels[..., :3] = where[..., None]
     return texels
 
 
 def check(low_name: str, settings: Settings) -> None:
-    """Raise BakeError if a map cannot be put where the settings want it, before anything is baked."""
+    """Raise BakeError if a map cannot be stored as the settings say. Called before the bake."""
     _check_image(settings.image or name_for(low_name, settings))
     output = output_for(settings)
     if output.startswith("//") and not bpy.data.filepath:
@@ -83,19 +83,21 @@ def check(low_name: str, settings: Settings) -> None:
 
 
 def replaced(name: str, highs: Iterable[str]) -> str:
-    """Whose map a bake from `highs` writes over in the image `name`, as names in a sentence: empty where it has none, where
-    nobody knows, and where one of `highs` was among those that it came from."""
+    """The high objects of the map in the image `name` that a bake from `highs` replaces, as names in a sentence.
+
+    Empty if the image has no map, if they are unknown, or if one of `highs` is among them.
+    """
     before = datablocks.origin(name)
     return "" if set(before).intersection(highs) else shorten_list(map(repr, before))
 
 
 class Writer:
-    """A map on its way into an image datablock, and files. Nothing of the artist's changes before commit.
+    """Stores one map in an image datablock and in files. Nothing in the open file or on disk changes before commit.
 
-    Tiles for files, and for packing as UDIM, are encoded as they come, so that memory does not grow with their number.
-    To be used in a with statement, or discarded in the end.
+    Tiles for files, and for packing as UDIM, are encoded when they are added, so that memory does not grow with their number.
+    Use it in a `with` block, or call `discard` at the end.
 
-    is_normal: whether to measure what normals lose by being stored in whole numbers.
+    is_normal: whether to measure the error of normals that are stored as integers.
     """
 
     def __init__(self, low_name: str, settings: Settings, *, is_normal: bool = False):
@@ -104,13 +106,13 @@ class Writer:
         self._partials: dict[int, Partial] = {}
         self._folder: tempfile.TemporaryDirectory | None = None
         self._path = output_for(settings)
-        """Of the files, as for Blender; empty where there are none."""
+        """The path of the files, as in Blender. Empty without files."""
         if settings.storage == "PACK" and settings.udim:  # Blender packs tiles out of files alone
             self._folder = tempfile.TemporaryDirectory(prefix="imprint-")
             self._path = str(Path(self._folder.name, f"map.{TOKEN}{file_formats.PACKED[settings.is_float].endings[0]}"))
         self._angles: list[np.ndarray] = []
         self.tiles: list[int] = []
-        """What was added."""
+        """The tiles that were added."""
 
     def __enter__(self):
         return self
@@ -119,7 +121,7 @@ class Writer:
         self.discard()
 
     def add(self, tile: int, texels: np.ndarray) -> None:
-        """Take the map of one UDIM tile, (height, width, 4) float32 with row 0 at v = 0; of 1001 where there is but one.
+        """Add the map of one UDIM tile, (height, width, 4) float32 with row 0 at v = 0. Without UDIM, the tile is udim.FIRST.
 
         Raises BakeError if it cannot be written.
         """
@@ -133,14 +135,14 @@ class Writer:
             partial = self._partials[tile] = Partial(self._of_tile(tile))
             # Packed as Blender packs other images, whose floats have 32 bits.
             depth = file_formats.OPEN_EXR.depths[-1] if self._folder and settings.is_float else settings.depth
-            with partial.told():
-                image_encoding.write(stored, partial.here, depth)
+            with partial.writing():
+                image_encoding.write(stored, partial.temporary, depth)
         else:
             self._texels = stored
 
     @property
     def paths(self) -> list[str]:
-        """What is written to disk, by tile: whole paths, links as they are called."""
+        """The absolute paths of the files, by tile. Links are not resolved."""
         return [] if self._folder else [str(self._of_tile(tile)) for tile in sorted(self._partials)]
 
     def _of_tile(self, tile: int) -> Path:
@@ -148,7 +150,7 @@ class Writer:
 
     @property
     def loss(self) -> dict[str, float]:
-        """Median and maximum of the degrees by which normals were turned; empty where they are stored as floats."""
+        """Median and maximum of the error of normals, in degrees. Empty if they are stored as floats."""
         if not self._angles:
             return {}
         angles = np.concatenate(self._angles)
@@ -159,18 +161,18 @@ class Writer:
         return commit_all([self])[0]
 
     def prepare(self) -> None:
-        """All that may be refused, with BakeError, and all that takes room on a disk: nothing is in its place yet."""
-        _check_image(self.name)  # an artist may have painted since
+        """Do all that can fail or needs disk space, without a change to existing files. Raises BakeError."""
+        _check_image(self.name)  # it may have been painted since
         if self._path and self.settings.udim:
             self._keep_other_tiles()
 
     def put_files(self) -> None:
-        """Put the files into their places. Raises BakeError if one cannot be."""
+        """Replace the files. Raises BakeError if that fails."""
         for partial in self._partials.values():
             partial.commit()
 
     def show(self) -> bpy.types.Image:
-        """The image with what was added."""
+        """The image with the added texels."""
         settings = self.settings
         if self._path:
             return datablocks.show(self.name, self._path, pack=self._folder is not None)
@@ -178,24 +180,24 @@ class Writer:
         return datablocks.fill(self.name, self._texels, is_float=settings.is_float, pack=pack)
 
     def discard(self) -> None:
-        """Leave nothing behind of what was not committed. May be called at any time, and again."""
+        """Remove what was not committed. Can be called at any time, and again."""
         for partial in self._partials.values():
             partial.discard()
         if self._folder:
             self._folder.cleanup()
 
     def _keep_other_tiles(self) -> None:
-        """Take along the tiles of the image that were not baked, unless their files are in the place of this map."""
+        """Copy the tiles of the image that were not baked, unless they are in the files of this map already."""
         image = datablocks.get(self.name)
         if image is None or image.source != "TILED":
             return
-        with next(iter(self._partials.values())).here.open("rb") as file:
-            start = file.read(2)  # in which formats differ
+        with next(iter(self._partials.values())).temporary.open("rb") as file:
+            start = file.read(2)  # formats differ in their first bytes
         for tile, content in datablocks.tile_contents(image):
             partial = Partial(self._of_tile(tile))
             if tile in self._partials or (isinstance(content, Path) and content.resolve() == partial.path):
                 continue
-            with partial.told():
+            with partial.writing():
                 data = content.read_bytes() if isinstance(content, Path) else content
                 is_there = partial.path.exists()
                 if (data != partial.path.read_bytes()) if is_there else (data[:2] != start):
@@ -204,17 +206,17 @@ class Writer:
                     )
                 if not is_there:
                     self._partials[tile] = partial
-                    partial.here.write_bytes(data)
+                    partial.temporary.write_bytes(data)
 
 
 def commit_all(writers: Sequence[Writer]) -> list[bpy.types.Image]:
-    """Put what was added to all of `writers` where their settings want it. Images are Non-Color and channel-packed.
+    """Store the maps of all writers. Images are Non-Color and channel-packed.
 
-    Raises BakeError if that cannot be done for one of them; then all images and files are as they were.
+    Raises BakeError if one of them fails; then no image or file has changed.
     """
     for writer in writers:
         writer.prepare()
-    with atomic_file.together():
+    with atomic_file.all_or_none():
         for writer in writers:
             writer.put_files()
         return [writer.show() for writer in writers]
@@ -229,7 +231,7 @@ def _check_image(name: str) -> None:
         or image.type not in {"IMAGE", "UV_TEST"}
         or image.is_multiview
     ):
-        raise BakeError(f"The image {name!r} is no single still picture: choose another name for the map.")
+        raise BakeError(f"The image {name!r} is not a still image: choose another name for the map.")
     if image.source == "TILED" and image.is_dirty:
         raise BakeError(f"The image {name!r} has tiles with unsaved changes: save or pack it first.")
 

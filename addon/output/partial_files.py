@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Paths for partial files that no other process has, and what processes left that are dead by now."""
+"""Temporary paths that belong to one process, and the removal of files that dead processes left."""
 
 import hashlib
 import os
@@ -17,22 +17,22 @@ except ImportError:  # Windows
     fcntl = None
 
 WEEK = 7 * 24 * 3600.0
-"""Seconds. Nobody takes that long to write a file: older ones are swept whoever wrote them, on whatever machine."""
+"""Seconds. No process writes a file for that long: older files are removed, whichever machine wrote them."""
 NAME = re.compile(r"\.imprint\.(?:(?P<machine>\w+)\.)?\d+\.\w+\.partial")
-"""Of a guard, with which the names of the files that it guards begin; 0.1.0 had neither guards nor machines."""
+"""Names of guards. The names of the files that a guard protects begin with its name. Version 0.1.0 had no machine in them."""
 
 
-class Beside:
-    """A path in the folder of `path`, with its ending, that is this process's own until `remove`."""
+class TemporaryPath:
+    """A path in the folder of `path`, with its ending, that no other process uses until `remove`."""
 
     def __init__(self, path: Path):
-        # Not made of path.stem, which may already be as long as the file system allows.
+        # Without path.stem, which may already be as long as the file system allows.
         self._folder, self._ending = path.parent, path.suffix
         self._guard: _Guard | None = None
 
     @property
-    def here(self) -> Path:
-        """The first look at it takes possession. Raises OSError where that cannot be."""
+    def path(self) -> Path:
+        """Reserved at the first access, which raises OSError if that fails."""
         if self._guard is None:
             _sweep_once(self._folder)
             self._guard = _Guard(self._folder)
@@ -40,44 +40,45 @@ class Beside:
         return self._folder / f"{self._guard.path.name}{self._ending}"
 
     def keep(self) -> Path:
-        """Give the file a name under which no process sweeps it, if that can be, and return its path."""
+        """Rename the file so that no process removes it, if possible. Returns its path."""
         kept = self._folder / f"imprint-kept-{secrets.token_hex(6)}{self._ending}"
         try:
-            os.replace(self.here, kept)
+            os.replace(self.path, kept)
         except OSError:
-            return self.here
+            return self.path
         self.remove()
         return kept
 
     def remove(self) -> None:
-        """Leave nothing there, as far as the folder still lets us. May be called again."""
+        """Remove the file, as far as the folder allows. Can be called again."""
         if self._guard is None:
             return
-        blenders = self.here.with_name(f"{self.here.name}@")  # its own partial file, of a .blend
-        for remove in (self.here.unlink, blenders.unlink, self._guard.remove):
+        blenders = self.path.with_name(f"{self.path.name}@")  # where Blender writes a .blend first
+        for remove in (self.path.unlink, blenders.unlink, self._guard.remove):
             with suppress(OSError):
                 remove()
         self._guard = None
         _OURS.discard(self)
 
 
-_OURS: set[Beside] = set()
+_OURS: set[TemporaryPath] = set()
+"""The reserved paths of this process."""
 
 
-def try_in(folder: Path) -> None:
-    """Raise OSError unless a file can be made in `folder`."""
+def check_folder(folder: Path) -> None:
+    """Raise OSError unless a file can be created in `folder`."""
     _sweep_once(folder)
     _Guard(folder).remove()
 
 
-def remove_ours() -> None:
-    """Leave nothing of this process, which ends at once."""
+def remove_all() -> None:
+    """Remove all temporary files of this process, before it exits."""
     for beside in tuple(_OURS):
         beside.remove()
 
 
 class _Guard:
-    """An empty hidden file that is locked as long as this process lives: with its name those begin that it guards."""
+    """An empty hidden file that this process locks. The names of the files that it protects begin with its name."""
 
     def __init__(self, folder: Path):
         while True:
@@ -85,22 +86,22 @@ class _Guard:
             self._descriptor = os.open(self.path, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o600)
             try:
                 _lock(self._descriptor)
-            except OSError:  # a file system without locks: then others find none to take, and leave it alone
+            except OSError:  # a file system without locks: other processes cannot lock the file either, and keep it
                 return
             if os.fstat(self._descriptor).st_nlink:
                 return
-            os.close(self._descriptor)  # somebody swept it before it was locked
+            os.close(self._descriptor)  # another process removed it before it was locked
 
     def remove(self) -> None:
         try:
-            os.close(self._descriptor)  # first, as Windows removes no file that is open
+            os.close(self._descriptor)  # first: Windows does not remove open files
         finally:
             self.path.unlink(missing_ok=True)
 
 
 @cache
 def machine() -> str:
-    """What tells this machine from all others: containers on it share the name, and a restart changes it."""
+    """An identifier of this machine since its start. Containers on a machine share it."""
     try:
         text = Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii")
     except OSError:
@@ -109,11 +110,11 @@ def machine() -> str:
 
 
 def sweep(folder: Path) -> None:
-    """Remove the partial files in `folder` whose writers are known to be dead, as far as we may."""
+    """Remove the temporary files in `folder` whose processes are known to have ended, as far as permissions allow."""
     files: dict[str, list[Path]] = {}
     try:
         names = os.listdir(folder)
-    except OSError:  # a folder may take files and show none
+    except OSError:  # a folder can be writable and not readable
         return
     for name in names:
         if match := NAME.match(name):
@@ -121,7 +122,7 @@ def sweep(folder: Path) -> None:
     for name, remains in files.items():
         try:
             _sweep(folder / name, remains)
-        except OSError:  # gone since, or another person's
+        except OSError:  # already gone, or owned by another user
             continue
 
 
@@ -134,12 +135,12 @@ def _sweep(guard: Path, remains: list[Path]) -> None:
     is_old = time.time() - max(path.stat().st_mtime for path in remains) > WEEK
     if not is_old and NAME.match(guard.name)["machine"] != machine():
         return
-    # A process takes its guard away last: without one nobody is at work.
+    # A process removes its guard last: without a guard, no process is writing.
     descriptor = os.open(guard, os.O_RDWR) if fcntl and guard.exists() else None
     try:
         if descriptor is not None and not is_old:
             _lock(descriptor, wait=False)
-        guard.unlink(missing_ok=True)  # Windows refuses to while a process has it open
+        guard.unlink(missing_ok=True)  # Windows refuses while a process has it open
         for path in remains:
             path.unlink(missing_ok=True)
     finally:
@@ -148,6 +149,7 @@ def _sweep(guard: Path, remains: list[Path]) -> None:
 
 
 def _lock(descriptor: int, *, wait: bool = True) -> None:
-    """Hold a file until it is closed; OSError where another process does, or nobody can. Nothing on Windows."""
+    """Lock a file until it is closed. Raises OSError if another process has locked it or the file system has no locks. Does
+    nothing on Windows."""
     if fcntl:
         fcntl.flock(descriptor, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))

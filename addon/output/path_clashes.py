@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which files a run reads and which it writes. No two of them may be one file, whatever the paths look like."""
+"""Finds clashes of files: a file that is written must not be read, or written twice, however its paths are spelled."""
 
 import os
 import re
@@ -17,7 +17,7 @@ from . import atomic_file
 
 _TILE = re.compile(r"(?=([0-9]{4}))")
 _UNFINISHED = re.compile(r"\.imprint\..*\.partial")
-"""What Imprint calls the files that it has not finished, and may sweep away."""
+"""Names of temporary files, which Imprint may remove."""
 
 
 @dataclass(frozen=True)
@@ -33,9 +33,9 @@ class _Table:
 
     exact: dict[Hashable, list[_Use]] = field(default_factory=dict)
     tiles: dict[Hashable, list[_Use]] = field(default_factory=dict)
-    """By what the path of a tile is called with TOKEN in place of its number."""
+    """Of paths with a tile's number, by the path with TOKEN in its place."""
     folders: dict[Hashable, list[_Use]] = field(default_factory=dict)
-    """By the folders that are to be made."""
+    """By the folders that will be made."""
 
     def add(self, keys: "_Keys", use: _Use) -> None:
         for table, own in ((self.exact, keys.exact), (self.tiles, keys.tiles), (self.folders, keys.folders)):
@@ -43,12 +43,12 @@ class _Table:
                 table.setdefault(key, []).append(use)
 
     def find(self, keys: "_Keys", spared: Hashable = None) -> _Use | None:
-        """Who uses the same file; not counting what `spared` does."""
+        """A use of the same file, except by `spared`. None if there is none."""
         found = chain(_all(self.exact, (*keys.exact, *keys.tiles)), _all(self.tiles, keys.exact))
         return next((use for use in found if spared is None or use.by != spared), None)
 
     def nested(self, keys: "_Keys") -> _Use | None:
-        """Who needs a folder in place of this file, or has a file in place of a folder of its."""
+        """A use that needs a folder where this file will be, or has a file where one of its folders will be."""
         return next(chain(_all(self.folders, keys.exact), _all(self.exact, keys.folders)), None)
 
 
@@ -58,7 +58,7 @@ def _all(table: dict[Hashable, list[_Use]], keys: Iterable[Hashable]) -> Iterato
 
 @dataclass(frozen=True)
 class _Keys:
-    """What a path is known by: equal where two paths may lead to one file."""
+    """The keys of a path. Two paths that can lead to one file have a key in common."""
 
     exact: tuple[Hashable, ...]
     tiles: tuple[Hashable, ...]
@@ -66,16 +66,16 @@ class _Keys:
 
 
 class Places:
-    """Add what is read first, then what is written. A path may hold TOKEN for the numbers of tiles."""
+    """The files that are read and written. Add those that are read first. A path may have TOKEN for the numbers of tiles."""
 
     def __init__(self, advice: str = "give each a place of its own"):
-        """advice: what to do about two that would be written to one place."""
+        """advice: what to do about two files that would be one."""
         self._advice = advice
         self._reads, self._writes = _Table(), _Table()
         self._folders: dict[str, tuple[Hashable, tuple[str, ...]]] = {}
 
     def read(self, path: str, what: str, by: Hashable = None) -> None:
-        """Say that `path` is read, as `what`. Raises WrongPlace where it is written as well."""
+        """Add a file that is read. what: its name in messages. by: its user. Raises WrongPlace if it is written as well."""
         keys, use = self._keys(path), _Use(what, path, by)
         written = self._writes.find(keys)
         if written is not None:
@@ -83,11 +83,11 @@ class Places:
         self._reads.add(keys, use)
 
     def write(self, path: str, what: str, by: Hashable = None, *, may_replace: Hashable = None) -> None:
-        """Say that `path` is written, as `what`. Raises WrongPlace where it is read or written as well, or is no file.
+        """Add a file that is written. Raises WrongPlace if it is read or written as well, or is not a file.
 
-        may_replace: the `by` of reads that do not count, as those of the scene that is saved over itself.
+        what, by: see `read`. may_replace: the `by` of reads that do not count, such as of the scene that is saved over itself.
         """
-        with suppress(OSError):  # which the bake will tell
+        with suppress(OSError):  # the bake reports it
             atomic_file.check_kind(path)
         keys, use = self._keys(path), _Use(what, path, by)
         read = self._reads.find(keys, may_replace)
@@ -104,7 +104,7 @@ class Places:
         self._writes.add(keys, use)
 
     def _keys(self, path: str) -> _Keys:
-        """Raises WrongPlace for a name that only unfinished files have."""
+        """Raises WrongPlace for the names of temporary files."""
         path = str(Path(path).absolute())
         if os.path.islink(path) or os.path.basename(path) in {"", ".."}:
             path = os.path.realpath(path)
@@ -117,15 +117,15 @@ class Places:
         if TOKEN not in path:
             try:
                 found = os.stat(path)
-                exact.append((found.st_dev, found.st_ino))  # of hard links the same
-            except (OSError, ValueError):  # not there yet, or no path at all
+                exact.append((found.st_dev, found.st_ino))  # the same for hard links
+            except (OSError, ValueError):  # missing, or not a valid path
                 pass
         tiles = [(root, *above, other) for other in _without_numbers(name)]
         folders = [(root, *above[: end + 1]) for end in range(len(above))]
         return _Keys(tuple(exact), tuple(tiles), tuple(folders))
 
     def _folder(self, path: str) -> tuple[Hashable, tuple[str, ...]]:
-        """The folder at `path`: what tells the nearest one that is there, and the names of those below it."""
+        """The folder at `path`: a key of the nearest one that exists, and the names of those below it."""
         if path not in self._folders:
             real = os.path.realpath(path)
             try:
@@ -139,12 +139,12 @@ class Places:
 
 
 def _folded(name: str) -> str:
-    """A name as the least exact of file systems reads it: in any case, composed or not."""
+    """A name as file systems compare it that ignore case and Unicode composition."""
     return unicodedata.normalize("NFC", unicodedata.normalize("NFD", name).casefold())
 
 
 def _without_numbers(name: str) -> Iterator[str]:
-    """A folded name with the token for each number of a tile in it."""
+    """A folded name with TOKEN in place of each number in it that can be a tile's, one at a time."""
     for found in _TILE.finditer(name):
         if int(found[1]) in udim.TILES:
             yield f"{name[: found.start(1)]}{_folded(TOKEN)}{name[found.end(1) :]}"

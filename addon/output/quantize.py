@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Numbers from 0 to 1 as whole steps: rounded or dithered, and what normals lose by it."""
+"""Rounds or dithers values from 0 to 1 to 8 or 16 bits, and measures the error of normals."""
 
 import numpy as np
 
 SAMPLES = 1 << 17
-"""At most about this many texels of a tile are measured."""
+"""The error is measured on about this many texels of a tile at most."""
 # Multiples of 1/g, 1/g^2 and 1/g^3, with g^4 = g + 1, spread evenly over rows, columns and channels together
 # (Roberts, "The Unreasonable Effectiveness of Quasirandom Sequences", 2018); here in units of 2^-32, that wrap around.
 _G = 1.2207440846057596
@@ -12,16 +12,16 @@ _ROW, _COLUMN, _CHANNEL = (int(2**32 / _G**power) for power in (1, 2, 3))
 
 
 def rounded(values: np.ndarray, depth: int) -> np.ndarray:
-    """`values` float32 from 0 to 1 as the nearest multiples of 1 / (2^depth - 1): what Blender makes of them."""
+    """`values` float32 from 0 to 1 as the nearest multiples of 1 / (2^depth - 1), as Blender rounds them."""
     steps = np.float32(2**depth - 1)
     return np.floor(values * steps + np.float32(0.5)) / steps
 
 
 def dithered(texels: np.ndarray) -> np.ndarray:
-    """`texels` (height, width, 4) float32 as multiples of 1/255 whose mean over a neighbourhood is as before.
+    """`texels` (height, width, 4) float32 as multiples of 1/255 whose mean over a neighborhood is as before.
 
-    Each colour goes to one of the two multiples around it, by a threshold that depends on its place alone, so that baking
-    again gives the same. Alpha, and colours where it is 0, are rounded to the nearest: background stays of one colour.
+    Each color goes to one of the two multiples around it, by a threshold that depends only on its place, so that baking
+    again gives the same. Alpha, and colors where alpha is 0, are rounded to the nearest: the background keeps one color.
     """
     height, width = texels.shape[:2]
     rows, columns = (np.arange(side, dtype=np.uint32) for side in (height, width))
@@ -48,7 +48,7 @@ def sample(texels: np.ndarray) -> np.ndarray:
 
 
 def angles(texels: np.ndarray, stored: np.ndarray) -> np.ndarray:
-    """Degrees (M,) float32 between the normals of texels (N, 4) and what is stored of them, where alpha is not 0."""
+    """Degrees (M,) float32 between the normals of texels (N, 4) and the stored ones, where alpha is not 0."""
     wanted = texels[..., 3] > 0.0
     before, after = (_unit(values[wanted, :3].astype(np.float64) * 2.0 - 1.0) for values in (texels, stored))
     # By the chord: the cosine of a small angle has no digits left.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The maps beside the normal map, from numbers to what an image holds, and what undoes it."""
+"""Encodes the values of maps other than the normal map for an image, and says how to decode them."""
 
 import colorsys
 from collections.abc import Sequence
@@ -10,13 +10,13 @@ from ..core.map_types import Kind, MapType, Range
 from ..core.settings import Settings
 
 GOLDEN = 0.6180339887498949
-"""Hues that are this far apart on the circle stay apart, however many there are."""
+"""A step around the circle of hues after which any number of hues stay distinct."""
 
 
 def encoding(map_type: MapType, maps: Sequence[np.ndarray], labels: Sequence[str], settings: Settings) -> dict:
     """How a map is stored: value = (stored - midlevel) * scale + offset, or colors by label.
 
-    maps: all tiles of it, (height, width, 4) float32 with alpha 0 where there is nothing. labels: what 1, 2, … stand for.
+    maps: its tiles, (height, width, 4) float32 with alpha 0 where there is no value. labels: the names of numbers, from 1.
     """
     if map_type.kind is Kind.LABEL:
         return {"colours": {label: list(color(number)) for number, label in enumerate(labels)}}
@@ -32,7 +32,7 @@ def encoding(map_type: MapType, maps: Sequence[np.ndarray], labels: Sequence[str
 
 
 def encode(texels: np.ndarray, how: dict) -> None:
-    """Bring `texels` (height, width, 4) float32 into the form that `how` says, in place; alpha stays."""
+    """Encode `texels` (height, width, 4) float32 in place, as `encoding` returned `how`. Alpha does not change."""
     known = texels[..., 3:] > 0.0
     if "colours" in how:
         np.copyto(texels[..., :3], np.float32(0.0), where=~known)
@@ -54,6 +54,6 @@ def color(number: int) -> tuple[float, float, float]:
 
 
 def _range(texels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The lowest and highest of the three numbers, (3,) each, of the texels that are known."""
+    """The lowest and the highest value of each channel, (3,) each, where alpha is above 0."""
     known = texels[texels[..., 3] > 0.0][:, :3]
     return (known.min(axis=0), known.max(axis=0)) if len(known) else (np.zeros(3), np.zeros(3))

@@ -469,6 +469,6 @@ def test_nothing_of_a_mask_is_left_when_the_image_cannot_take_it():
     bpy.data.images.new("lo_normal_far", 4, 4, tiled=True)
     bpy.data.images["lo_normal_far"].source = "SEQUENCE"
     before = snapshot()
-    with pytest.raises(BakeError, match="'lo_normal_far' is no single still picture"):
+    with pytest.raises(BakeError, match="'lo_normal_far' is not a still image"):
         mask(report, "far")
     assert difference(before, snapshot()) == {}

@@ -209,7 +209,7 @@ from addon.cli import interruption
 from addon.output.atomic_file import Partial
 with interruption.listening():
     partial = Partial(Path(sys.argv[1]))
-    partial.here.write_text("half")
+    partial.temporary.write_text("half")
     for name in sys.argv[2:]:
         signal.raise_signal(signal.Signals[name])
     print(interruption.code())
@@ -303,7 +303,7 @@ from addon.cli import interruption
 from addon.output.atomic_file import Partial
 with interruption.listening():
     partial = Partial(Path(sys.argv[1]))
-    partial.here.write_text("half")
+    partial.temporary.write_text("half")
     close = os.close
     def closes(number):
         close(number)

@@ -32,8 +32,8 @@ def test_a_link_stays_and_its_file_gets_the_content(tmp_path):
     (tmp_path / "store" / "1234").write_text("old")
     (tmp_path / "map.png").symlink_to("store/1234")
     partial = Partial(tmp_path / "map.png")
-    assert partial.here.parent == tmp_path.resolve() / "store"  # else it could not be one step of the file system
-    assert partial.here.suffix == ".png"  # which names the format
+    assert partial.temporary.parent == tmp_path.resolve() / "store"  # else it could not be one step of the file system
+    assert partial.temporary.suffix == ".png"  # which names the format
     partial.discard()
     write(tmp_path / "map.png")
     assert tree(tmp_path) == {"store": False, "store/1234": "new", "map.png": "store/1234"}

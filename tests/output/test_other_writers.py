@@ -26,8 +26,8 @@ import sys
 from pathlib import Path
 from addon.output.atomic_file import Partial
 partial = Partial(Path(sys.argv[1]))
-partial.here.write_text("half")
-partial.here.with_name(partial.here.name + "@").write_text("half")  # as Blender does with a .blend
+partial.temporary.write_text("half")
+partial.temporary.with_name(partial.temporary.name + "@").write_text("half")  # as Blender does with a .blend
 print(flush=True)
 sys.stdin.read()
 """
@@ -80,8 +80,8 @@ def test_a_folder_that_becomes_a_file_is_told_and_nothing_else_raised(tmp_path):
     """Somebody tidies up while a bake goes on."""
     folder = tmp_path / "maps"
     partial = Partial(folder / "map.png")
-    with partial.told():
-        partial.here.write_text("half")
+    with partial.writing():
+        partial.temporary.write_text("half")
     shutil.rmtree(folder)
     folder.touch()
     with pytest.raises(BakeError, match="could not be written"):
@@ -102,6 +102,6 @@ def test_a_guard_that_is_swept_before_it_is_locked_is_made_anew(tmp_path, monkey
 
     monkeypatch.setattr(partial_files, "_lock", late)
     partial = Partial(tmp_path / "map.png")
-    assert partial.here.with_suffix("").exists()
+    assert partial.temporary.with_suffix("").exists()
     partial.discard()
     assert names(tmp_path) == []

@@ -6,7 +6,7 @@ import os
 import pytest
 
 from addon.core.errors import BakeError
-from addon.output.atomic_file import Partial, Replaced, check_writable, replacing, together
+from addon.output.atomic_file import Partial, Replaced, all_or_none, check_writable, replacing
 
 
 def tree(folder):
@@ -32,8 +32,8 @@ def test_new_folders_are_removed_if_all_files_in_them_fail(tmp_path, first):
     def partials():
         result = [Partial(tmp_path / "a" / "b" / name) for name in ("1.png", "2.png")]
         for partial in result:
-            with partial.told():
-                partial.here.write_text("x")
+            with partial.writing():
+                partial.temporary.write_text("x")
         return result[first], result[1 - first]
 
     one, other = partials()
@@ -139,7 +139,7 @@ def test_all_files_are_replaced_or_none(tmp_path, monkeypatch, can_link):
     monkeypatch.setattr(os, "replace", fail)
     if not can_link:
         monkeypatch.setattr(os, "link", refuse)
-    with pytest.raises(BakeError, match="Permission denied"), Replaced(), together():
+    with pytest.raises(BakeError, match="Permission denied"), Replaced(), all_or_none():
         for name in ("a.png", "b.png"):
             write(tmp_path / name)
         if can_link:
@@ -152,7 +152,7 @@ def test_all_files_are_replaced_or_none(tmp_path, monkeypatch, can_link):
 def test_an_outer_block_can_undo_files_that_were_replaced_together(tmp_path):
     (tmp_path / "a.png").write_text("old")
     with pytest.raises(Stop), Replaced() as replaced:
-        with together():
+        with all_or_none():
             write(tmp_path / "a.png")
             write(tmp_path / "b.png")
         assert tree(tmp_path)["a.png"] == "new"

@@ -16,9 +16,9 @@ def names(folder):
 
 def test_a_partial_file_is_hidden_and_in_the_folder_of_its_target(tmp_path):
     partial = Partial(tmp_path / "map.png")
-    assert partial.here.parent == tmp_path
-    assert partial.here.name.startswith(".imprint.")
-    assert partial.here.suffix == ".png"
+    assert partial.temporary.parent == tmp_path
+    assert partial.temporary.name.startswith(".imprint.")
+    assert partial.temporary.suffix == ".png"
     partial.discard()
     assert names(tmp_path) == []
 
@@ -28,7 +28,7 @@ def test_processes_with_the_same_id_have_different_files(tmp_path, monkeypatch):
     monkeypatch.setattr(os, "getpid", lambda: 1)
     both = [Partial(tmp_path / "map.png") for _ in range(2)]
     for text, partial in zip("ab", both, strict=True):
-        partial.here.write_text(text)
+        partial.temporary.write_text(text)
     for text, partial in zip("ab", both, strict=True):
         partial.commit()
         assert (tmp_path / "map.png").read_text() == text
@@ -38,9 +38,9 @@ def test_processes_with_the_same_id_have_different_files(tmp_path, monkeypatch):
 def test_a_name_is_never_shared(tmp_path, monkeypatch):
     monkeypatch.setattr(partial_files.secrets, "token_hex", lambda _: "same")
     first, second = Partial(tmp_path / "map.png"), Partial(tmp_path / "map.png")
-    first.here.write_text("whole")
+    first.temporary.write_text("whole")
     with pytest.raises(FileExistsError):
-        second.here  # noqa: B018 - reading the attribute takes the name
+        second.temporary  # noqa: B018 - reading the attribute takes the name
     second.discard()
     first.commit()
     assert names(tmp_path) == ["map.png"]
@@ -57,8 +57,8 @@ def test_other_files_are_not_removed(tmp_path):
 
 def test_a_process_that_exits_at_once_leaves_no_files(tmp_path):
     partial = Partial(tmp_path / "map.png")
-    partial.here.write_text("half")
-    partial_files.remove_ours()
+    partial.temporary.write_text("half")
+    partial_files.remove_all()
     assert names(tmp_path) == []
 
 
@@ -66,7 +66,7 @@ def test_files_that_cannot_be_removed_are_no_error(tmp_path, monkeypatch):
     """The folder may have become read-only, or a network share may be gone."""
     first, second = Partial(tmp_path / "a.png"), Partial(tmp_path / "b.png")
     for partial in (first, second):
-        partial.here.write_text("half")
+        partial.temporary.write_text("half")
 
     def refuses(*_, **__):
         raise PermissionError
@@ -74,14 +74,14 @@ def test_files_that_cannot_be_removed_are_no_error(tmp_path, monkeypatch):
     with monkeypatch.context() as folder:
         folder.setattr(Path, "unlink", refuses)
         first.discard()
-        partial_files.remove_ours()
+        partial_files.remove_all()
     partial_files.sweep(tmp_path)  # their writer still runs, but has released them
     assert names(tmp_path) == []
 
 
 def test_partial_files_of_blender_are_removed_as_well(tmp_path):
     partial = Partial(tmp_path / "scene.blend")
-    for path in (partial.here, partial.here.with_name(f"{partial.here.name}@")):
+    for path in (partial.temporary, partial.temporary.with_name(f"{partial.temporary.name}@")):
         path.write_text("half")
     partial.discard()
     assert names(tmp_path) == []

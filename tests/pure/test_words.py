@@ -29,7 +29,6 @@ NOT_YET = (
     "addon/core/",
     "addon/engine/",
     "addon/jobs/",
-    "addon/output/",
     "addon/ui/",
     "docs/",
     "scripts/dev/manual/",

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The directory of a TIFF file: as much of TIFF 6.0 (Adobe, 1992) as it takes to find its strips and mend its alpha."""
+"""The directory of a TIFF file: as much of TIFF 6.0 (Adobe, 1992) as it takes to find its strips and correct its alpha."""
 
 import struct
 from pathlib import Path
@@ -7,7 +7,7 @@ from typing import BinaryIO, NamedTuple
 
 STRIP_OFFSETS, STRIP_BYTE_COUNTS, EXTRA_SAMPLES = 273, 279, 338
 ASSOCIATED, UNASSOCIATED = 1, 2
-"""Values of ExtraSamples: whether colours are multiplied with alpha or not."""
+"""Values of ExtraSamples: whether colors are multiplied with alpha."""
 _TYPES = {1: "B", 3: "H", 4: "I"}
 """BYTE, SHORT and LONG, as struct calls them."""
 
@@ -39,7 +39,7 @@ def directory(file: BinaryIO) -> dict[int, Entry]:
 
 
 def set_unassociated(path: Path) -> None:
-    """Tell that the colours of a file are not multiplied with its alpha."""
+    """Mark the colors of a file as not multiplied with its alpha."""
     with path.open("r+b") as file:
         order = _order(file)
         file.seek(directory(file)[EXTRA_SAMPLES].at)
