@@ -9,7 +9,6 @@ RENDERED are made alone, by Cycles.
 """
 
 import sys
-import traceback
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
@@ -60,15 +59,14 @@ def main(parts: list[str]) -> None:
         return
 
     def tick() -> float | None:
+        seconds = None
         try:
-            return next(work)
-        except StopIteration:
-            pass
-        except Exception:  # noqa: BLE001 - a timer's exception would leave the window open for good
-            traceback.print_exc()
-        with window.override():
-            bpy.ops.wm.quit_blender()
-        return None
+            seconds = next(work, None)
+        finally:  # after an error too, or the window would stay open
+            if seconds is None:
+                with window.override():
+                    bpy.ops.wm.quit_blender()
+        return seconds
 
     bpy.app.timers.register(tick, first_interval=0.5)
 

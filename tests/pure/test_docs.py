@@ -24,6 +24,7 @@ MADE = ("out/", "dist/", "../")
 OTHER_OPTIONS = {
     # Blender's
     *("--background", "--command", "--python", "--python-exit-code", "--factory-startup", "--gpu-backend"),
+    "--window-geometry",
     # pytest's, ruff's and git's
     *("--durations", "--fix", "--check", "--oneline"),
     # of the systems' tools

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The pages for artists call buttons and settings by the names that the interface shows."""
+"""The pages for artists call buttons and settings by the names that the interface shows, and their pictures are there."""
 
 import ast
 import re
@@ -22,6 +22,8 @@ OF_BLENDER = {
     "Tangents",
 }
 """What Blender itself shows."""
+LARGEST = 200 * 1024
+"""Bytes of a picture: a checkout and a page stay quick to load."""
 NUMBER = re.compile(r"\d+|\.\w+|\+")
 
 
@@ -50,3 +52,16 @@ def test_names_in_bold_are_shown_by_the_interface(page):
 def test_checks_and_views_have_the_names_that_the_interface_shows(heading):
     named = {cells[0] for cells in rows(section(ROOT / "docs" / "panels.md", heading)) if not cells[0].startswith("!")}
     assert sorted(named - shown()) == []
+
+
+def test_each_picture_is_shown_and_small():
+    folders = [ROOT / "docs" / "images", ROOT / "docs" / "extension"]
+    pictures = {path for folder in folders for path in folder.iterdir() if path.suffix in {".jpg", ".png"}}
+    shown_in = [*PAGES, ROOT / "docs" / "extension" / "description.md"]
+    linked = {
+        (page.parent / target).resolve()
+        for page in shown_in
+        for target in re.findall(r"!\[[^\]]*\]\(([^)]+)\)", prose(page))
+    }
+    assert linked == pictures
+    assert {path.name: path.stat().st_size for path in pictures if path.stat().st_size > LARGEST} == {}
