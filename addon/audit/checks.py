@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..core import texel_state, udim
+from ..core.declarations.values import Method
 from ..core.errors import shorten_list
 from ..core.settings import Settings
 from ..engine import ray_casting, separation, uv_agreement
@@ -99,7 +100,7 @@ def _uv_layout(plan: Plan, settings: Settings) -> tuple[Checks, list[str]]:
         "no_area": _count(areas == 0.0, count),
     }
     counts = [(mesh, mesh.not_finite, "left out: their coordinates are NaN or infinite") for mesh in (low, *highs)]
-    if plan.method == "FLATTEN":
+    if plan.method == Method.FLATTEN:
         for high in highs:
             no_area = np.count_nonzero(uv_layout.areas(high) == 0.0)
             counts.append((high, no_area, "have no area in UV space and cannot be drawn"))
@@ -127,7 +128,7 @@ def _texels(plan: Plan, tally: Tally, settings: Settings) -> Checks:
     missed = _share(tally.missed, tally.missed + tally.written)
     return {
         "overlap": overlap_check,
-        "uncovered": missed if plan.method == "CAST" else _share(uncovered, covered),
+        "uncovered": missed if plan.method == Method.CAST else _share(uncovered, covered),
         "gaps": _gaps(low, tiles, settings, overlaps=overlap_check["share"] > severity.MUCH_OVERLAP),
     }
 
@@ -159,7 +160,7 @@ def _distances(plan: Plan, settings: Settings, ray_cast: ray_casting.RayCast | N
     }
     # Of a single mesh that is laid flat where it does not belong most texels are far; of several, one may be small.
     differing = ""
-    is_open = settings.method == "FLATTEN" and not meshes.is_own_base
+    is_open = settings.method == Method.FLATTEN and not meshes.is_own_base
     if is_open and (len(meshes.highs) > 1 or check["share"] > severity.MANY_FAR):
         thinned = [separation.thinned(high) for high in meshes.highs]
         differing = uv_agreement.differing(meshes.low, thinned, plan.tiles, offset)

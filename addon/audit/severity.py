@@ -3,6 +3,7 @@
 
 from collections.abc import Callable
 
+from ..core.declarations.values import Method, Space
 from ..core.settings import Settings
 
 GOOD, LOOK, WRONG = "GOOD", "LOOK", "WRONG"
@@ -34,7 +35,7 @@ Check = dict[str, float]
 
 def of(kind: str, check: Check, settings: Settings) -> str:
     """How bad `check`, one of Report.checks, is: GOOD, LOOK or WRONG. settings: of the bake, with the method it took."""
-    if not check["count"] or (kind in _TANGENT_ONLY and settings.space != "TANGENT"):
+    if not check["count"] or (kind in _TANGENT_ONLY and settings.space != Space.TANGENT):
         return GOOD
     return WRONG if kind in _HARMS and _HARMS[kind](check, settings) else LOOK
 
@@ -43,19 +44,19 @@ def warning(kind: str, check: Check, low: str, settings: Settings) -> str:
     """What harms the map of the object `low`, as a sentence, where `of` says WRONG."""
     known = {"of": 1, "share": check["count"] / max(1, check.get("of", 1))} | check
     known |= {"where": TILES if settings.udim else TILE, "margin": check.get("needed", 0) / 2, "level": settings.mips}
-    sentence = _MISSED if kind == "uncovered" and settings.method == "CAST" else _SENTENCES[kind]
+    sentence = _MISSED if kind == "uncovered" and settings.method == Method.CAST else _SENTENCES[kind]
     return sentence.format(low=repr(low), **known)
 
 
 def _overlap(check: Check, settings: Settings) -> bool:
     # Parts that are laid on the very same place share their detail on purpose; normals of a space that does not turn
     # with the surface are those of one of them all the same.
-    shared = check["count"] - (check["stacked"] if settings.space == "TANGENT" else 0)
+    shared = check["count"] - (check["stacked"] if settings.space == Space.TANGENT else 0)
     return shared > MUCH_OVERLAP * check["of"]
 
 
 def _uncovered(check: Check, settings: Settings) -> bool:
-    return check["share"] > (MANY_MISSES if settings.method == "CAST" else MANY_UNCOVERED)
+    return check["share"] > (MANY_MISSES if settings.method == Method.CAST else MANY_UNCOVERED)
 
 
 def _far(check: Check, settings: Settings) -> bool:

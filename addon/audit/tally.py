@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..core import texel_state
+from ..core.declarations.values import Space
 from ..core.settings import Settings
 from ..core.texel_state import Map
 from ..engine import post_process
@@ -42,7 +43,7 @@ class Tally:
         """Count a tile of the normal map as it is stored."""
         texels, state = stored
         self._add_state(state)
-        if settings.space == "TANGENT":
+        if settings.space == Space.TANGENT:
             self._add_upwards(state, post_process.upwards(texels[SOME], settings))
             self.backwards += post_process.backwards(texels, state, settings)
 
@@ -51,7 +52,7 @@ class Tally:
         alpha = normals[..., 3]
         state = texel_state.of_raw(alpha)
         self._add_state(state)
-        if settings.space == "TANGENT":
+        if settings.space == Space.TANGENT:
             self._add_upwards(state, 0.5 * normals[SOME][..., 2])
             self.backwards += int(np.count_nonzero((normals[..., 2] <= 0.0) & (alpha > 0.0)))
 

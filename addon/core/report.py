@@ -5,6 +5,7 @@ from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field, replace
 
 from . import bases, udim
+from .declarations.values import Space
 from .timings import STAGES, Timings
 
 VERSION = 1
@@ -81,7 +82,7 @@ class Report:
         width, height = self.size
         stages = ", ".join(f"{stage} {self.seconds[stage]:.2f}" for stage in STAGES if self.seconds[stage])
         how = []
-        basis = self.settings.get("basis") if self.space == "TANGENT" else ""
+        basis = self.settings.get("basis") if self.space == Space.TANGENT else ""
         if basis in bases.BY_NAME:
             how.append(f"Basis: {bases.BY_NAME[basis].readers}")
         if self.why:

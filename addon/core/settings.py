@@ -8,6 +8,7 @@ from typing import Any
 
 from . import bases, file_formats, udim
 from .declarations.panel_settings import DECLARED
+from .declarations.values import Storage
 from .errors import BakeError
 from .udim import TOKEN
 
@@ -73,7 +74,7 @@ class Settings:
     @property
     def is_float(self) -> bool:
         """Whether images store values as they are, rather than steps from 0 to 1."""
-        return file_formats.of(self.output).is_float if self.storage == "FILE" else self.depth > 8
+        return file_formats.of(self.output).is_float if self.storage == Storage.FILE else self.depth > 8
 
     def check(self) -> None:
         """Raise BakeError for settings that no bake can have, whatever the objects are."""
@@ -88,14 +89,14 @@ class Settings:
             for word in re.findall(r"\{\w*\}", text):
                 if word != "{low}":
                     raise BakeError(f"Unknown placeholder {word} in {text!r}: use {{low}}, the low object's name.")
-        if self.storage == "FILE":
+        if self.storage == Storage.FILE:
             self._check_output()
 
     def _check_tiles(self) -> None:
         udim.check(self.tiles)
         if self.tiles and not self.udim:
             raise BakeError("Tiles are set but UDIM Tiles is off: enable it.")
-        if self.udim and self.storage == "MEMORY":
+        if self.udim and self.storage == Storage.MEMORY:
             raise BakeError("Blender cannot keep UDIM tiles in memory alone: store them in a file, or packed.")
 
     def _check_output(self) -> None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..core import udim
+from ..core.declarations.values import Method
 from ..core.errors import BakeError, shorten_list
 from ..core.settings import Settings
 from ..mesh import triangle_mesh, uv_layout
@@ -38,9 +39,9 @@ class Plan:
 def choose_method(meshes: Meshes, tiles: Sequence[int], settings: Settings) -> Plan:
     """Decide between Flatten and Cast, and leave out what that method cannot use. Raises BakeError for meshes far apart."""
     plan = Plan(settings.method, tuple(tiles), meshes)
-    if settings.method == "AUTO":
+    if settings.method == Method.AUTO:
         plan = _measured(plan)
-    return _flattened(plan) if plan.method == "FLATTEN" else _within_reach(plan, settings)
+    return _flattened(plan) if plan.method == Method.FLATTEN else _within_reach(plan, settings)
 
 
 def tiles_to_bake(meshes: Meshes, settings: Settings) -> list[int]:
@@ -68,7 +69,7 @@ def nothing_drawn(plan: Plan) -> str:
     low, highs, tiles = plan.meshes.low, plan.meshes.highs, plan.tiles
     if not set(tiles).intersection(uv_layout.tiles(low)):
         return f"No triangle of {low.name!r} lies on the map: its UVs are outside {_place(tiles)}, or empty."
-    if plan.method == "FLATTEN":
+    if plan.method == Method.FLATTEN:
         if not any(set(tiles).intersection(uv_layout.tiles(high)) for high in highs):
             return f"No triangle of {_names(highs)} lies on the map: its UVs are outside {_place(tiles)}, or empty."
         return (
@@ -84,9 +85,9 @@ def _measured(plan: Plan) -> Plan:
     """With the method that the meshes call for."""
     meshes = plan.meshes
     if meshes.is_own_base and meshes.highs[0].uv is not None and not meshes.highs[0].instances:
-        return replace(plan, method="FLATTEN", why="a surface and its own base mesh share their UVs")
+        return replace(plan, method=Method.FLATTEN, why="a surface and its own base mesh share their UVs")
     if meshes.cage is not None:
-        return replace(plan, method="CAST", why="there is a cage")
+        return replace(plan, method=Method.CAST, why="there is a cage")
     method, why, separation = uv_agreement.choose(meshes.low, meshes.highs, plan.tiles)
     return replace(plan, method=method, why=why, separation=separation)
 

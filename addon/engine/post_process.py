@@ -7,6 +7,7 @@ import gpu
 import numpy as np
 
 from ..core import texel_state
+from ..core.declarations.values import MarginType, Space
 from ..core.map_types import BY_NAME, NORMAL, Kind
 from ..core.settings import Settings
 from ..mesh import uv_seams as islands
@@ -93,10 +94,10 @@ class PostProcess:
 def for_maps(lows: Sequence[Mesh], settings: Settings) -> dict[str, PostProcess]:
     """One for each map of a bake, by name; `lows` are the meshes whose islands lie on it."""
     borders = None
-    if settings.margin_type == "ADJACENT_FACES" and settings.margin != 0:
+    if settings.margin_type == MarginType.ADJACENT_FACES and settings.margin != 0:
         found = islands.find(lows)
         borders = Borders(found, settings) if len(found.side) else None
-    normal = seam_fill.TANGENT if settings.space == "TANGENT" else seam_fill.NORMAL
+    normal = seam_fill.TANGENT if settings.space == Space.TANGENT else seam_fill.NORMAL
     of_kind = {Kind.NORMAL: normal, Kind.VALUE: seam_fill.VALUE, Kind.LABEL: seam_fill.LABEL}
     kinds = {name: of_kind[BY_NAME[name].kind] for name in (NORMAL.name, *settings.maps)}
     return {name: PostProcess(settings, kind, borders) for name, kind in kinds.items()}

@@ -8,6 +8,7 @@ import gpu
 import numpy as np
 
 from ..core import udim
+from ..core.declarations.values import Method
 from ..core.settings import Settings
 from ..core.udim import UvToClip
 from ..mesh.inputs import Meshes
@@ -57,7 +58,7 @@ def offset(texels: np.ndarray, method: str) -> np.ndarray:
     Who flattens may put the two side by side to look at them: that is no distance. Who casts rays may not.
     """
     together = texels[texels[..., 3] > 0.0]
-    if method != "FLATTEN" or not len(together):
+    if method != Method.FLATTEN or not len(together):
         return np.zeros(3, np.float32)
     return np.median(together[:, :3], axis=0)
 

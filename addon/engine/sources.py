@@ -7,6 +7,7 @@ from typing import Protocol
 import gpu
 import numpy as np
 
+from ..core.declarations.values import Method, Space
 from ..core.map_types import NORMAL
 from ..core.progress import Pace, Progress, Task
 from ..core.settings import Settings
@@ -46,7 +47,7 @@ def normal_source(
 ) -> Task[Source]:
     """What draws the normals of a bake; `uploads` holds what was uploaded before. Raises BakeError for too many triangles."""
     meshes = plan.meshes
-    if plan.method == "FLATTEN":
+    if plan.method == Method.FLATTEN:
         return Flat(meshes.low, meshes.highs, settings, timings, uploads=uploads)
     ray_cast = yield from _ray_cast(plan, settings, timings)
     return Rays(meshes.low, ray_cast, meshes.highs, settings, pace)
@@ -96,7 +97,7 @@ class Flat:
         uploads: mesh_upload.UploadCache | None = None,
     ):
         uploads = uploads or mesh_upload.UploadCache()
-        to_world = None if settings.space == "WORLD" else low.to_world
+        to_world = None if settings.space == Space.WORLD else low.to_world
         with timings.timed("upload"):
             self.drawn = [
                 (
@@ -141,7 +142,7 @@ class Rays:
         self.ray_cast, self.settings, self.pace = ray_cast, settings, pace
         ray_scene = ray_cast.ray_scene
         matrix = low.to_world[:3, :3]
-        self.to_space = np.eye(3) if settings.space == "WORLD" else matrix.T / np.abs(matrix).max()
+        self.to_space = np.eye(3) if settings.space == Space.WORLD else matrix.T / np.abs(matrix).max()
         if settings.maps:
             self.surface_maps = SurfaceMaps(low, ray_scene.local_space, settings)
             self.labels = data_texture.upload(

@@ -4,6 +4,7 @@
 import gpu
 import numpy as np
 
+from ..core.declarations.values import Space
 from ..core.map_types import BY_NAME
 from ..core.settings import Settings
 from ..mesh.local_space import LocalSpace
@@ -25,7 +26,7 @@ class SurfaceMaps:
             direction=low.to_world_normals(low.normals),
         )
         # Positions and vectors go with the normals: in the low object's space, or in the world's.
-        from_world = np.eye(4) if settings.space == "WORLD" else np.linalg.inv(low.to_world)
+        from_world = np.eye(4) if settings.space == Space.WORLD else np.linalg.inv(low.to_world)
         self.to_space = from_world[:3, :3] * local_space.size
         self.origin = from_world[:3, :3] @ local_space.origin + from_world[:3, 3]
 

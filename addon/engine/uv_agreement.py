@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..core import udim
+from ..core.declarations.values import Method
 from ..core.udim import UvToClip
 from ..mesh.local_space import LocalSpace, gap, local_space_of
 from ..mesh.triangle_mesh import Mesh
@@ -41,23 +42,27 @@ def choose(low: Mesh, highs: Sequence[Mesh], tiles: Sequence[int]) -> tuple[str,
             if several
             else "has no UV layer"
         )
-        return "CAST", f"{without.name!r} {what}", None
+        return Method.CAST, f"{without.name!r} {what}", None
     texels = separation.sample(separation.flat_probe(low, highs), (PROBE_SIZE, PROBE_SIZE), tiles)
     on_low, both = texels[..., 3] != 0.0, texels[..., 3] > 0.0
     if not both.any():
-        return "CAST", "the UV layouts have no texel in common", None
+        return Method.CAST, "the UV layouts have no texel in common", None
     # Artists put the two side by side to look at them: what they differ by as a whole does not count.
-    offset, surface = separation.offset(texels, "FLATTEN"), _Surface(low)
+    offset, surface = separation.offset(texels, Method.FLATTEN), _Surface(low)
     away = np.stack([surface.draw(udim.uv_to_clip(tile))[1] for tile in tiles])[both][:, :3]
     # Nor does detail, which stands up from the low surface; a layout that differs shows along it.
     between = _along((texels[both][:, :3] - offset) / surface.local_space.size, away)
     share = np.count_nonzero(np.linalg.norm(between, axis=1) < CLOSE) / np.count_nonzero(on_low)
     other = differing(low, highs, tiles, offset) if len(highs) > 1 else ""
     if other:
-        return "CAST", other, None
+        return Method.CAST, other, None
     if share < SHARE:
-        return "CAST", f"the UV layouts differ: on {share:.1%} of the texels alone the meshes' points lie close", None
-    return "FLATTEN", f"the UV layouts agree: on {share:.1%} of the texels the meshes' points lie close", texels
+        return (
+            Method.CAST,
+            f"the UV layouts differ: on {share:.1%} of the texels alone the meshes' points lie close",
+            None,
+        )
+    return Method.FLATTEN, f"the UV layouts agree: on {share:.1%} of the texels the meshes' points lie close", texels
 
 
 def differing(low: Mesh, highs: Sequence[Mesh], tiles: Sequence[int], offset: np.ndarray) -> str:

@@ -9,6 +9,7 @@ import gpu
 import numpy as np
 
 from ..core import progress, texel_state, udim
+from ..core.declarations.values import Modifiers
 from ..core.errors import BakeError
 from ..core.map_types import NORMAL, Labeled
 from ..core.progress import Pace, Progress, Task
@@ -41,7 +42,9 @@ class Session:
             raise BakeError("Live follows one tile alone: switch UDIM tiles off.")
         self.job = job
         settings.check()
-        settings = replace(settings.read_by(context.scene.render.engine), modifiers="VIEWPORT", maps=(), mask=False)
+        settings = replace(
+            settings.read_by(context.scene.render.engine), modifiers=Modifiers.VIEWPORT, maps=(), mask=False
+        )
         self.settings = several.for_low(settings, job.low.name)
         output_clashes.check(settings, [self.settings], [job.low.name])
         check_job(context, job, self.settings)

@@ -10,6 +10,7 @@ import numpy as np
 from ..audit import mip_gaps
 from ..audit.checks import uv_space
 from ..core import progress
+from ..core.declarations.values import Space, Storage
 from ..core.errors import BakeError
 from ..core.map_types import NORMAL
 from ..core.report import Report
@@ -102,9 +103,9 @@ class _View:
 def _view(context: bpy.types.Context, report: Report, kind: str) -> _View:
     past = PastBake.of(report)
     # Of all that can be set, what the map looks like does not count, and nothing is written but the mask.
-    space = "TANGENT" if kind == "backwards" else "OBJECT"
+    space = Space.TANGENT if kind == "backwards" else Space.OBJECT
     settings = replace(past.settings, method=past.method, space=space, maps=(), mask=False, material=False)
-    settings = replace(settings, output="", storage="PACK" if settings.udim else "MEMORY")
+    settings = replace(settings, output="", storage=Storage.PACK if settings.udim else Storage.MEMORY)
     settings = replace(settings, image=f"{settings.image}_{kind}", depth=8, dither=False)
     check_job(context, past.job, settings)
     meshes = reading.read(context, past.job.low, past.job.highs, past.job.cage, settings)

@@ -9,6 +9,7 @@ from pathlib import PurePath
 import bpy
 
 from ..core import file_names
+from ..core.declarations.values import Storage
 from ..core.errors import BakeError
 from ..core.progress import Pace, Progress, Task, part
 from ..core.report import Report
@@ -102,7 +103,7 @@ def _go_to(uid: int, frame: float) -> None:
 
 def _check(settings: Settings, frames: Sequence[int]) -> None:
     """Raise BakeError for what cannot be a sequence."""
-    if settings.storage != "FILE":
+    if settings.storage != Storage.FILE:
         raise BakeError("A sequence is files: choose to store the map in a file.")
     if settings.udim:
         raise BakeError("A sequence has one tile alone: switch UDIM tiles off.")

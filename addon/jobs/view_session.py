@@ -9,6 +9,7 @@ import gpu
 import numpy as np
 
 from ..core import bases
+from ..core.declarations.values import Method, Storage
 from ..core.errors import BakeError
 from ..core.settings import Settings
 from ..engine import post_process, uv_agreement
@@ -46,7 +47,7 @@ def settings_for(settings: Settings) -> Settings:
     while width * height > BAND_TEXELS:
         width, height = width // 2, height // 2
     return replace(
-        settings, width=width, height=height, udim=False, tiles=(), material=False, storage="MEMORY", output=""
+        settings, width=width, height=height, udim=False, tiles=(), material=False, storage=Storage.MEMORY, output=""
     )
 
 
@@ -164,7 +165,7 @@ class Shading:
     def _elsewhere(self) -> np.ndarray:
         """Which parts of the map, (rows, columns) bool, show another place than the low mesh has there."""
         meshes = self.session.meshes
-        if self.session.plan.method != "FLATTEN" or meshes.is_own_base:  # which share their UVs
+        if self.session.plan.method != Method.FLATTEN or meshes.is_own_base:  # which share their UVs
             return np.zeros((1, 1), bool)
         return uv_agreement.elsewhere(meshes.low, meshes.highs)
 

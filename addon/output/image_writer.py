@@ -12,6 +12,7 @@ import bpy
 import numpy as np
 
 from ..core import file_formats, udim
+from ..core.declarations.values import Storage
 from ..core.errors import BakeError, shorten_list
 from ..core.map_types import MapType
 from ..core.settings import Settings
@@ -38,7 +39,7 @@ def name_for(low_name: str, settings: Settings) -> str:
 def output_for(settings: Settings) -> str:
     """The path to write to, as in Blender, with TOKEN for the tile's number in a UDIM bake. Empty if no file is written."""
     path = settings.output
-    if settings.storage != "FILE":
+    if settings.storage != Storage.FILE:
         return ""
     if settings.udim and TOKEN not in path:
         ending = PurePath(path).suffix
@@ -52,7 +53,7 @@ def beside(settings: Settings, map_type: MapType) -> Settings:
     A map that is stored in the lowest depth is not dithered.
     """
     path = PurePath(settings.output)
-    is_file = settings.storage == "FILE"
+    is_file = settings.storage == Storage.FILE
     lowest = (file_formats.of(path) if is_file else file_formats.PACKED[False]).depths[0]
     # The number of a tile stays last, with its separator.
     stem = re.sub(rf"[._ -]?{TOKEN}|$", rf"_{map_type.suffix}\g<0>", path.stem, count=1)
@@ -107,7 +108,7 @@ class Writer:
         self._folder: tempfile.TemporaryDirectory | None = None
         self._path = output_for(settings)
         """The path of the files, as in Blender. Empty without files."""
-        if settings.storage == "PACK" and settings.udim:  # Blender packs tiles out of files alone
+        if settings.storage == Storage.PACK and settings.udim:  # Blender packs tiles out of files alone
             self._folder = tempfile.TemporaryDirectory(prefix="imprint-")
             self._path = str(Path(self._folder.name, f"map.{TOKEN}{file_formats.PACKED[settings.is_float].endings[0]}"))
         self._angles: list[np.ndarray] = []
@@ -176,7 +177,7 @@ class Writer:
         settings = self.settings
         if self._path:
             return datablocks.show(self.name, self._path, pack=self._folder is not None)
-        pack = settings.storage == "PACK"
+        pack = settings.storage == Storage.PACK
         return datablocks.fill(self.name, self._texels, is_float=settings.is_float, pack=pack)
 
     def discard(self) -> None:

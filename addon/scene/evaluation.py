@@ -6,6 +6,7 @@ from contextlib import ExitStack, contextmanager
 
 import bpy
 
+from ..core.declarations.values import Modifiers
 from ..core.errors import BakeError
 from . import instances, object_checks, object_modes, visibility
 
@@ -34,7 +35,7 @@ def prepared(
         for obj in read:
             if obj.data and getattr(obj.data, "is_editmode", False):
                 raise BakeError(f"The mesh of {obj.name!r} is in Edit Mode outside this view layer: leave it there.")
-            if modifiers == "RENDER":
+            if modifiers == Modifiers.RENDER:
                 _set_for_render(obj, restore)
         if low in highs:
             _fix_uvs(low, restore)

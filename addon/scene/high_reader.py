@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 import bpy
 import numpy as np
 
+from ..core.declarations.values import Method, Modifiers
 from ..core.errors import BakeError
 from ..core.settings import Settings
 from ..mesh import joining
@@ -46,7 +47,7 @@ class Reader:
         """The mesh of `high` joined with its instances."""
         to_world = mesh_reader.matrix(high)
         own = None
-        if instances.shows_itself(high, for_render=self.settings.modifiers == "RENDER"):
+        if instances.shows_itself(high, for_render=self.settings.modifiers == Modifiers.RENDER):
             with mesh_reader.evaluated(high, self.depsgraph) as data:
                 if data.polygons or not parts:
                     own = self._mesh(number, high.name, high, data, to_world)
@@ -60,7 +61,7 @@ class Reader:
             )
         if own is not None:
             parts = [Part(own, to_world[None]), *parts]
-        if self.settings.method == "AUTO" and max(len(part.matrices) for part in parts) > 1:
+        if self.settings.method == Method.AUTO and max(len(part.matrices) for part in parts) > 1:
             # All instances of a mesh share its UVs, so Flatten cannot tell them apart.
             parts = [Part(replace(part.mesh, uv=None), part.matrices) for part in parts]
         return joining.join(high.name, to_world, parts)
@@ -70,11 +71,11 @@ class Reader:
         layer, method = "", self.settings.method
         if not data.polygons:
             raise BakeError(_nothing(obj))
-        if method == "FLATTEN" or (method == "AUTO" and data.uv_layers):
+        if method == Method.FLATTEN or (method == Method.AUTO and data.uv_layers):
             # Use the layer with the low mesh's layer name; without one, the layer that the UV editor shows.
             layer = uv_layer(name, data, self.low_layer if self.low_layer in data.uv_layers else "")
         mesh = mesh_reader.surface(
-            data, layer, name, to_world, is_laid_flat=method == "FLATTEN", with_faces=bool(self.settings.maps)
+            data, layer, name, to_world, is_laid_flat=method == Method.FLATTEN, with_faces=bool(self.settings.maps)
         )
         return self._labeled(mesh, number, obj, data) if self.settings.maps else mesh
 

@@ -9,6 +9,7 @@ from dataclasses import replace
 import bpy
 import numpy as np
 
+from ..core.declarations.values import Directions
 from ..mesh.triangle_mesh import Mesh, finite_rows, keep_corners
 
 _NUMBER = ".imprint_face"
@@ -95,7 +96,7 @@ def directions(data: bpy.types.Mesh, mesh: Mesh, which: str) -> np.ndarray:
 
     which: "SMOOTH" for vertex normals, which ignore sharp edges, or "SPLIT" for corner normals.
     """
-    if which == "SPLIT":
+    if which == Directions.SPLIT:
         return mesh.normals
     return _read(data.vertex_normals, "vector", len(data.vertices), 3)[mesh.vertices]
 

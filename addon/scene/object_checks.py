@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import bpy
 import numpy as np
 
+from ..core.declarations.values import Method
 from . import detail_modifiers, instances
 
 MAX_CONDITION = 1e7
@@ -17,7 +18,7 @@ def problem(
     low: bpy.types.Object | None,
     highs: Sequence[bpy.types.Object],
     cage: bpy.types.Object | None = None,
-    method: str = "FLATTEN",
+    method: str = Method.FLATTEN,
 ) -> str:
     """The first reason why these objects cannot be baked by `method`, as a sentence; empty if no reason is known.
 
@@ -42,11 +43,11 @@ def problem(
         if not detail_modifiers.is_added(low):
             return f"{low.name!r} is both high and low, {detail_modifiers.without(low)}: choose another high object."
     for obj in (low, *highs, *([cage] if cage else [])):
-        needs_uv = obj == low or (obj in highs and method == "FLATTEN")
+        needs_uv = obj == low or (obj in highs and method == Method.FLATTEN)
         reason = _mesh_problem(obj, evaluated=low not in highs, needs_uv=needs_uv)
         if reason:
             return reason
-    if cage is not None and method == "FLATTEN":
+    if cage is not None and method == Method.FLATTEN:
         return f"The cage {cage.name!r} is for rays: choose the method Cast or Auto, or take the cage out."
     return ""
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 import bpy
 import numpy as np
 
+from ..core.declarations.values import Space
 from ..core.errors import BakeError
 from ..core.settings import Settings
 from ..mesh.inputs import Meshes
@@ -95,7 +96,9 @@ def _read(
         to_world = mesh_reader.matrix(low)
         low_mesh = mesh_reader.surface(data, uv_layer, low.name, to_world, with_faces=True)
         directions = mesh_reader.directions(data, low_mesh, settings.directions)
-        basis = mesh_reader.with_tangents(data, uv_layer, low.name, to_world) if settings.space == "TANGENT" else None
+        basis = (
+            mesh_reader.with_tangents(data, uv_layer, low.name, to_world) if settings.space == Space.TANGENT else None
+        )
         cage_mesh = cage and _cage(cage, depsgraph, low_mesh, len(data.polygons))
     reader = Reader(depsgraph, uv_layer, settings)
     high_meshes = reader.read(dict(enumerate(highs, start=1)))

@@ -4,6 +4,7 @@
 import bpy
 from bpy.props import FloatProperty, IntProperty, PointerProperty, StringProperty
 
+from ..core.declarations.values import Method
 from ..core.name_matching import Suffixes
 from ..scene import instances, object_checks, visibility
 from . import bake_results
@@ -80,7 +81,7 @@ class ImprintSettings(bpy.types.PropertyGroup, Options):
 
     def cage_for(self, method: str) -> bpy.types.Object | None:
         """The cage in the slot, which flattening has no use for."""
-        return None if method == "FLATTEN" else self.cage
+        return None if method == Method.FLATTEN else self.cage
 
     def suffixes(self) -> Suffixes:
         """How pairs are named."""

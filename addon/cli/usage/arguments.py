@@ -11,6 +11,7 @@ from dataclasses import fields
 from pathlib import PurePath
 
 from ...core import file_formats, udim
+from ...core.declarations.values import Storage
 from ...core.errors import BakeError
 from ...core.settings import Settings
 from .options import FILE, JOBS, OPTIONS, SUBJECTS
@@ -140,7 +141,7 @@ def settings(options: argparse.Namespace) -> Settings:
     given = vars(options)
     values = {field.name: given[field.name] for field in fields(Settings) if field.name in given}
     values["width"], values["height"] = options.size
-    values["storage"], values["output"] = "FILE", os.path.abspath(options.output)
+    values["storage"], values["output"] = Storage.FILE, os.path.abspath(options.output)
     values["udim"] = options.udim or bool(options.tiles) or udim.TOKEN in options.output
     if options.depth is None:
         values["depth"] = file_formats.usual_depth(options.output)

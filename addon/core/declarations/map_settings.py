@@ -3,6 +3,7 @@
 
 from .. import bases
 from .kinds import Choice, Distance, Item, Option, Setting, Switch, Text, WholeNumber
+from .values import MarginType, Method, Modifiers, Space
 
 MIN_SIZE, MAX_SIZE = 16, 16384
 MAX_MIPS = 8
@@ -11,17 +12,17 @@ MAP: dict[str, Setting] = {
     "method": Choice(
         label="Method",
         tooltip="How the detail of the high mesh gets into the map",
-        default="AUTO",
+        default=Method.AUTO,
         items=(
             Item(
-                "AUTO",
+                Method.AUTO,
                 "Auto",
                 "Flatten where the meshes share their UV layout, else Cast. "
                 "The report says which method was used, and why",
             ),
-            Item("FLATTEN", "Flatten", "Draw the high mesh in UV space. Both meshes must share their UV layout"),
+            Item(Method.FLATTEN, "Flatten", "Draw the high mesh in UV space. Both meshes must share their UV layout"),
             Item(
-                "CAST",
+                Method.CAST,
                 "Cast",
                 "Cast rays from the low mesh to the high mesh. The meshes must lie in the same place",
             ),
@@ -30,11 +31,11 @@ MAP: dict[str, Setting] = {
     "space": Choice(
         label="Space",
         tooltip="Space of the normals",
-        default="TANGENT",
+        default=Space.TANGENT,
         items=(
-            Item("TANGENT", "Tangent", "Relative to the low surface. The mesh may deform, and the map may tile"),
-            Item("OBJECT", "Object", "Relative to the low object. The object may move, its mesh may not deform"),
-            Item("WORLD", "World", "Relative to the scene. The object may not move"),
+            Item(Space.TANGENT, "Tangent", "Relative to the low surface. The mesh may deform, and the map may tile"),
+            Item(Space.OBJECT, "Object", "Relative to the low object. The object may move, its mesh may not deform"),
+            Item(Space.WORLD, "World", "Relative to the scene. The object may not move"),
         ),
     ),
     "basis": Choice(
@@ -93,11 +94,11 @@ MAP: dict[str, Setting] = {
     "margin_type": Choice(
         label="Margin Type",
         tooltip="How the margin is filled",
-        default="EXTEND",
+        default=MarginType.EXTEND,
         items=(
-            Item("EXTEND", "Extend", "Repeat the nearest texel of an island"),
+            Item(MarginType.EXTEND, "Extend", "Repeat the nearest texel of an island"),
             Item(
-                "ADJACENT_FACES",
+                MarginType.ADJACENT_FACES,
                 "Adjacent Faces",
                 "Continue the neighboring face across the seam, with normals rotated to fit",
             ),
@@ -127,10 +128,10 @@ MAP: dict[str, Setting] = {
     "modifiers": Choice(
         label="Modifiers",
         tooltip="Which settings of modifiers to use",
-        default="RENDER",
+        default=Modifiers.RENDER,
         items=(
-            Item("RENDER", "Render", "Levels and visibility as set for rendering"),
-            Item("VIEWPORT", "Viewport", "Levels and visibility as set for the viewport"),
+            Item(Modifiers.RENDER, "Render", "Levels and visibility as set for rendering"),
+            Item(Modifiers.VIEWPORT, "Viewport", "Levels and visibility as set for the viewport"),
         ),
     ),
     "limited": Switch(

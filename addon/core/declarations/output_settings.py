@@ -5,6 +5,7 @@ from .. import file_formats, map_types, udim
 from ..file_formats import USUAL_DEPTH
 from ..udim import TOKEN
 from .kinds import Choice, FilePath, Flags, Item, Option, Setting, Switch, Text, Tiles
+from .values import Storage
 
 _FORMATS = ", ".join(
     f"{one.label} ({' or '.join(one.endings)}, {' or '.join(map(str, one.depths))} bits)"
@@ -50,11 +51,11 @@ OUTPUT: dict[str, Setting] = {
     "storage": Choice(
         label="Store",
         tooltip="Where to keep the map",
-        default="PACK",
+        default=Storage.PACK,
         items=(
-            Item("PACK", "Packed", "Inside the .blend file"),
-            Item("FILE", "File", "In an image file"),
-            Item("MEMORY", "Memory", "Only in memory. Blender asks whether to save the image when it closes"),
+            Item(Storage.PACK, "Packed", "Inside the .blend file"),
+            Item(Storage.FILE, "File", "In an image file"),
+            Item(Storage.MEMORY, "Memory", "Only in memory. Blender asks whether to save the image when it closes"),
         ),
         option=None,  # the command line writes files
     ),

@@ -2,6 +2,7 @@
 """The settings of the panel Rays, in its order."""
 
 from .kinds import Choice, Color, Distance, Item, ObjectSlot, Setting, Switch
+from .values import Directions
 
 RAYS: dict[str, Setting] = {
     "cage": ObjectSlot(label="Cage", tooltip="Mesh on which the rays start. It must have the topology of the low mesh"),
@@ -32,10 +33,10 @@ RAYS: dict[str, Setting] = {
     "directions": Choice(
         label="Directions",
         tooltip="Normals of the low mesh that the rays follow",
-        default="SMOOTH",
+        default=Directions.SMOOTH,
         items=(
-            Item("SMOOTH", "Smooth", "Smooth vertex normals. Hard edges leave no gaps"),
-            Item("SPLIT", "Split", "The mesh's own normals, with hard edges and custom normals"),
+            Item(Directions.SMOOTH, "Smooth", "Smooth vertex normals. Hard edges leave no gaps"),
+            Item(Directions.SPLIT, "Split", "The mesh's own normals, with hard edges and custom normals"),
         ),
     ),
     "facing_only": Switch(

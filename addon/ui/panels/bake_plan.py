@@ -3,6 +3,7 @@
 
 import bpy
 
+from ...core.declarations.values import Method
 from ...core.errors import BakeError
 from ...output import image_writer
 from ...scene import object_checks
@@ -31,7 +32,7 @@ def lines(low: bpy.types.Object, highs: list[bpy.types.Object], settings: Imprin
     other = image_writer.replaced(name, [high.name for high in highs])
     over = f", which holds a map of {other}" if other else ""
     how = {"AUTO": "Bakes", "FLATTEN": "Flattens", "CAST": "Casts rays from"}[settings.method]
-    onto = f"{low.name!r} to {source}" if settings.method == "CAST" else f"{source} onto {low.name!r}"
+    onto = f"{low.name!r} to {source}" if settings.method == Method.CAST else f"{source} onto {low.name!r}"
     lines = [
         f"{how} {onto}: {settings.space.lower()} space, {settings.width} x {settings.height}, {known} {name!r}{over}."
     ]

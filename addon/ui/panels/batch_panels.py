@@ -6,6 +6,7 @@ from functools import lru_cache
 import bpy
 
 from ...core import name_matching
+from ...core.declarations.values import Storage
 from ...core.errors import BakeError
 from .sidebar import SettingsPanel, draw_paragraphs
 
@@ -53,7 +54,7 @@ class IMPRINT_PT_sequence(SettingsPanel, bpy.types.Panel):
         row.prop(context.scene, "frame_start", text="First")
         row.prop(context.scene, "frame_end", text="Last")
         row = layout.row()
-        row.enabled = context.scene.imprint.storage == "FILE"
+        row.enabled = context.scene.imprint.storage == Storage.FILE
         row.operator("imprint.bake_sequence", icon="RENDER_ANIMATION")
         if not row.enabled:
             draw_paragraphs(layout, context, ["Set Store to File to bake a sequence."], "INFO")

@@ -3,6 +3,7 @@
 
 import bpy
 
+from ...core.declarations.values import Method, Space, Storage
 from .. import map_size
 from ..presets import IMPRINT_PT_conventions
 from ..viewport.cage_overlay import overlay
@@ -24,7 +25,7 @@ class IMPRINT_PT_map(SettingsPanel, bpy.types.Panel):
         settings = context.scene.imprint
         layout.prop(settings, "method")
         layout.prop(settings, "space")
-        if settings.space == "TANGENT":
+        if settings.space == Space.TANGENT:
             layout.prop(settings, "basis")
         low, _ = settings.subjects(context)
         if low is not None and low.type == "MESH":
@@ -79,7 +80,7 @@ class IMPRINT_PT_output(SettingsPanel, bpy.types.Panel):
             layout.prop(settings, "tiles")
         layout.column().prop(settings, "maps")
         layout.prop(settings, "storage")
-        if settings.storage == "FILE":
+        if settings.storage == Storage.FILE:
             layout.prop(settings, "output")
         layout.prop(settings, "material")
         row = layout.row()
@@ -97,7 +98,7 @@ class IMPRINT_PT_rays(SettingsPanel, bpy.types.Panel):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return context.scene.imprint.method != "FLATTEN"
+        return context.scene.imprint.method != Method.FLATTEN
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = split_layout(self.layout)

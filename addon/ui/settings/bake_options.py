@@ -6,6 +6,7 @@ from dataclasses import fields
 from ...core import file_formats, udim
 from ...core.declarations import kinds
 from ...core.declarations.panel_settings import DECLARED
+from ...core.declarations.values import Storage
 from ...core.settings import Settings
 from .declared_properties import declared
 
@@ -36,8 +37,8 @@ class Options:
             for name in names
         }
         if fallback is not None and owner("output") is self and owner("storage") is fallback:
-            values["storage"] = "FILE"  # a script that names a file wants it written
-        if values["storage"] == "FILE" and not _is_set(owner("depth"), "depth"):
+            values["storage"] = Storage.FILE  # a script that names a file wants it written
+        if values["storage"] == Storage.FILE and not _is_set(owner("depth"), "depth"):
             values["depth"] = file_formats.usual_depth(values["output"])  # Targa has no 16 bits
         return Settings(**values).read_by((fallback or self).id_data.render.engine)
 

@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The values of settings that code compares. They are text as well, so that reports and presets hold plain words."""
+
+from enum import StrEnum
+
+
+class Method(StrEnum):
+    """How the detail of the high mesh gets into the map."""
+
+    AUTO = "AUTO"
+    FLATTEN = "FLATTEN"
+    CAST = "CAST"
+
+
+class Space(StrEnum):
+    """The space of the normals."""
+
+    TANGENT = "TANGENT"
+    OBJECT = "OBJECT"
+    WORLD = "WORLD"
+
+
+class Directions(StrEnum):
+    """The normals of the low mesh that rays follow."""
+
+    SMOOTH = "SMOOTH"
+    SPLIT = "SPLIT"
+
+
+class MarginType(StrEnum):
+    """How the margin is filled."""
+
+    EXTEND = "EXTEND"
+    ADJACENT_FACES = "ADJACENT_FACES"
+
+
+class Modifiers(StrEnum):
+    """Which settings of modifiers a bake uses."""
+
+    RENDER = "RENDER"
+    VIEWPORT = "VIEWPORT"
+
+
+class Storage(StrEnum):
+    """Where the map is kept."""
+
+    PACK = "PACK"
+    FILE = "FILE"
+    MEMORY = "MEMORY"
