@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Operators: they collect arguments, run the jobs, and report."""
+"""Operators that bake: they collect arguments, run the jobs, and report."""
 
 import textwrap
 
@@ -12,14 +12,12 @@ from ..core.report import Report
 from ..core.settings import Settings
 from ..jobs import sequence, several
 from ..jobs.job import Job, jobs_by_name
-from ..scene import instances, object_checks, object_refs
+from ..scene import object_checks, object_refs
 from . import modal
-from .bake_results import distances, high_objects, results
-from .callbacks import redraw
+from .bake_results import results
 from .live.live_controller import live
 from .properties import Options
 from .viewport import show_result
-from .viewport.cage_overlay import overlay
 from .viewport.progress_display import display
 
 LAST_OPERATION = 40
@@ -166,125 +164,5 @@ def _report(operator: bpy.types.Operator, context: bpy.types.Context, reports: l
         show_result.bake(context, reports)
 
 
-class IMPRINT_OT_freeze_distances(bpy.types.Operator):
-    """Set Extrusion and Max Distance to what the last bake of this low object measured"""
-
-    bl_idname = "imprint.freeze_distances"
-    bl_label = "Freeze Distances"
-    bl_options = {"REGISTER", "UNDO"}
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        if not distances(results.of(context)):
-            cls.poll_message_set("Bake this low object first, with Measure Distances on")
-            return False
-        return True
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        settings, found = context.scene.imprint, distances(results.of(context))
-        settings.extrusion, settings.max_distance = found["extrusion"], found["max_distance"]
-        settings.measure = False
-        return {"FINISHED"}
-
-
-class IMPRINT_OT_show_high(bpy.types.Operator):
-    """Hide the high objects of the last bake to see the low object with its map, or show them again"""
-
-    bl_idname = "imprint.show_high"
-    bl_label = "Show High"
-    bl_options = {"REGISTER", "UNDO"}
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        report = results.of(context)
-        return report is not None and bool(high_objects(report))
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        report = results.of(context)
-        show_result.hide_high(context, report, hide=not show_result.hides_high(report))
-        return {"FINISHED"}
-
-
-class IMPRINT_OT_show_cage(bpy.types.Operator):
-    """Show or hide two shells around the low mesh: where rays start (blue) and where they end (orange)"""
-
-    bl_idname = "imprint.show_cage"
-    bl_label = "Show Cage"
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        if overlay.is_on:
-            overlay.hide()
-        else:
-            overlay.show()
-        redraw()
-        return {"FINISHED"}
-
-
-class IMPRINT_OT_use_selection(bpy.types.Operator):
-    """Fill the slots: the active object becomes the low object, the other selected objects with a surface the high objects"""
-
-    bl_idname = "imprint.use_selection"
-    bl_label = "Fill from Selection"
-    bl_options = {"REGISTER", "UNDO"}
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return context.active_object is not None and context.active_object.type == "MESH"
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        settings = context.scene.imprint
-        settings.low = context.active_object
-        settings.highs.clear()
-        for obj in context.view_layer.objects.selected:
-            if obj != settings.low and instances.may_show(obj):
-                settings.highs.add().object = obj
-        return {"FINISHED"}
-
-
-class IMPRINT_OT_high_add(bpy.types.Operator):
-    """Add a slot for a high object"""
-
-    bl_idname = "imprint.high_add"
-    bl_label = "Add High Object"
-    bl_options = {"REGISTER", "UNDO"}
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        settings = context.scene.imprint
-        settings.highs.add()
-        settings.active_high = len(settings.highs) - 1
-        return {"FINISHED"}
-
-
-class IMPRINT_OT_high_remove(bpy.types.Operator):
-    """Remove a slot; its object stays in the scene"""
-
-    bl_idname = "imprint.high_remove"
-    bl_label = "Remove High Object"
-    bl_options = {"REGISTER", "UNDO"}
-
-    index: IntProperty(name="Index", description="Index of the slot, from 0; below 0 for the active slot", default=-1)
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return len(context.scene.imprint.highs) > 0
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        settings = context.scene.imprint
-        settings.highs.remove(self.index if self.index >= 0 else settings.active_high)
-        settings.active_high = max(0, min(settings.active_high, len(settings.highs) - 1))
-        return {"FINISHED"}
-
-
-CLASSES = (
-    IMPRINT_OT_bake,
-    IMPRINT_OT_bake_sequence,
-    IMPRINT_OT_live,
-    IMPRINT_OT_bake_pairs,
-    IMPRINT_OT_freeze_distances,
-    IMPRINT_OT_show_high,
-    IMPRINT_OT_show_cage,
-    IMPRINT_OT_use_selection,
-    IMPRINT_OT_high_add,
-    IMPRINT_OT_high_remove,
-)
+CLASSES = (IMPRINT_OT_bake, IMPRINT_OT_bake_sequence, IMPRINT_OT_live, IMPRINT_OT_bake_pairs)
 register, unregister = bpy.utils.register_classes_factory(CLASSES)
