@@ -1,0 +1,180 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Switches the extension off, and opens another file, in a real Blender window while Live, a view, the cage or a bake is on,
+and prints what stays behind. Not a test that pytest finds.
+
+    blender --factory-startup --python tests/window/nothing_stays.py
+
+Blender ends with 1 if anything stays.
+"""
+
+import functools
+import gc
+import sys
+from pathlib import Path
+
+import bpy
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+import addon  # noqa: E402
+from addon.engine import ray_casting  # noqa: E402
+from addon.passes import target  # noqa: E402
+from addon.ui.live.live_controller import LiveState, live  # noqa: E402
+from addon.ui.modal import runner  # noqa: E402
+from addon.ui.viewport.cage_overlay import overlay  # noqa: E402
+from addon.ui.viewport.mode import Mode  # noqa: E402
+from addon.ui.viewport.object_hiding import hiding  # noqa: E402
+from addon.ui.viewport.progress_display import display  # noqa: E402
+from addon.ui.viewport.view_mode import viewer  # noqa: E402
+
+HANDLERS = ("depsgraph_update_post", "frame_change_post", "undo_post", "redo_post", "save_pre", "load_pre", "load_post")
+PATIENCE = 20.0
+"""Seconds after which what has not come will not come."""
+
+
+def step():
+    """Do all cases; yields the seconds until it wants to go on."""
+    before = handlers()
+    is_well = True
+    for begin in (live_view_and_cage, own_view, view_after_live, running_bake):
+        for end in (switch_off, open_another_file):
+            addon.register()
+            yield 0.5
+            prepare()
+            yield 0.5
+            began = yield from begin()
+            yield 0.3
+            end()
+            yield 0.5
+            stays = left() + ([] if handlers() == before or end is open_another_file else ["handlers"])
+            if end is open_another_file:
+                addon.unregister()
+                yield 0.3
+                stays += [] if handlers() == before else ["handlers after it was switched off"]
+            is_well &= began and not stays
+            verdict = ", ".join(stays) or "nothing" if began else "it did not begin  <-- WRONG"
+            print(f"{begin.__name__:20} {end.__name__:20} stays: {verdict}", flush=True)
+    print("nothing stays" if is_well else "SOMETHING stays", flush=True)
+    if not is_well:
+        raise SystemExit(1)
+
+
+def live_view_and_cage():
+    """Live with a view of its map, and the cage."""
+    press("live")
+    is_live = yield from wait(lambda: live.state is LiveState.IDLE and runner.run is None)
+    press("view_show", mode="DEVIATION")
+    press("show_cage")
+    is_drawn = yield from wait(lambda: viewer.figures is not None and not hiding.is_off)
+    return is_live and is_drawn and overlay.is_on
+
+
+def own_view():
+    """A view of a map of its own."""
+    press("view_show", mode="SPLIT")
+    return (yield from wait(lambda: viewer.mode is Mode.SPLIT and viewer.own is not None and not hiding.is_off))
+
+
+def view_after_live():
+    """A view that Live took over and gave back."""
+    began = yield from own_view()
+    press("live")
+    taken = yield from wait(lambda: live.state is LiveState.IDLE and viewer.own is None and runner.run is None)
+    press("live")
+    given_back = yield from wait(lambda: not live.is_on and viewer.own is not None and runner.run is None)
+    return began and taken and given_back
+
+
+def running_bake():
+    """A bake with its progress bar."""
+    settings = bpy.context.scene.imprint
+    settings.width = settings.height = 4096
+    settings.samples = "16"
+    press("bake")
+    return (yield from wait(lambda: runner.run is not None and display.is_drawn))
+
+
+def switch_off():
+    addon.unregister()
+
+
+def open_another_file():
+    with at_view():
+        bpy.ops.wm.read_homefile(use_factory_startup=True)
+
+
+def prepare():
+    """A scene with a low grid and a high one, in the slots."""
+    with at_view():
+        for obj in list(bpy.data.objects):
+            bpy.data.objects.remove(obj)
+        for name, cuts in (("lo", 10), ("hi", 60)):
+            bpy.ops.mesh.primitive_grid_add(x_subdivisions=cuts, y_subdivisions=cuts, size=4)
+            bpy.context.object.name = name
+        bpy.data.objects["hi"].data.vertices[1700].co.z = 0.3
+        settings = bpy.context.scene.imprint
+        settings.low = bpy.data.objects["lo"]
+        settings.highs.clear()
+        settings.highs.add().object = bpy.data.objects["hi"]
+        settings.method, settings.width, settings.height, settings.samples = "CAST", 256, 256, "1"
+
+
+def left():
+    """What is still on, in words."""
+    gc.collect()
+    is_on = {
+        "Live": live.is_on or live.timer.is_running,
+        "the view": not viewer.is_idle,
+        "the cage": overlay.is_on or overlay.timer.is_running,
+        "hidden objects": not hiding.is_off,
+        "the bake": runner.run is not None,
+        "the progress bar": display.current is not None or display.is_drawn,
+        "targets": len(target.common) > 0,
+        "trees": len(ray_casting.trees) > 0,
+        "GPU objects": any(type(found).__module__ == "gpu.types" and is_large(found) for found in gc.get_objects()),
+    }
+    return [name for name, stays in is_on.items() if stays]
+
+
+def is_large(found):
+    return type(found).__name__ in {"GPUTexture", "GPUFrameBuffer", "GPUOffScreen"}
+
+
+def handlers():
+    """How many handlers there are."""
+    return [len(getattr(bpy.app.handlers, name)) for name in HANDLERS]
+
+
+def press(operator, **arguments):
+    with at_view():
+        getattr(bpy.ops.imprint, operator)("INVOKE_DEFAULT", **arguments)
+
+
+def wait(is_there):
+    """Until it is there. Returns whether it came."""
+    for _ in range(int(PATIENCE / 0.05)):
+        if is_there():
+            return True
+        yield 0.05
+    return False
+
+
+def at_view():
+    window = bpy.context.window_manager.windows[0]
+    area = max((a for a in window.screen.areas if a.type == "VIEW_3D"), key=lambda a: a.width * a.height)
+    region = next(region for region in area.regions if region.type == "WINDOW")
+    return bpy.context.temp_override(window=window, area=area, region=region, screen=window.screen)
+
+
+def run(steps):
+    """Call the next of `steps` when it wants to go on; end Blender after the last."""
+    seconds = next(steps, None)
+    if seconds is None:
+        with at_view():
+            bpy.ops.wm.quit_blender()
+    return seconds
+
+
+if "ui" not in globals():  # else a driver of windows calls step() itself
+    bpy.context.preferences.view.show_splash = False
+    bpy.app.timers.register(functools.partial(run, step()), first_interval=1.0, persistent=True)
