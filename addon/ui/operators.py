@@ -71,7 +71,7 @@ class _OnePair(_Bake, Options):
     def job(self, context: bpy.types.Context) -> tuple[Job, Settings]:
         """The objects and settings from the arguments, or from the panel where an argument is missing."""
         scene_settings = context.scene.imprint
-        low, highs = scene_settings.subjects(context, object_refs.by_name(self.low) if self.low else None)
+        low, highs = scene_settings.chosen_objects(context, object_refs.by_name(self.low) if self.low else None)
         if self.high:
             highs = [object_refs.by_name(item.name) for item in self.high]
         if low is None:
@@ -126,7 +126,7 @@ class IMPRINT_OT_live(modal.SlicedOperator, bpy.types.Operator):
             live.finish()
             return
         settings = context.scene.imprint
-        low, highs = settings.subjects(context)
+        low, highs = settings.chosen_objects(context)
         if low is None:
             raise BakeError(object_checks.problem(context, low, highs))
         bake_settings = settings.to_settings()

@@ -57,13 +57,14 @@ class ImprintSettings(bpy.types.PropertyGroup, Options):
     show_result: declared("show_result")
     active_high: IntProperty(name="Active High", description="Index of the selected slot")
 
-    def subjects(
+    def chosen_objects(
         self, context: bpy.types.Context, low: bpy.types.Object | None = None
     ) -> tuple[bpy.types.Object | None, list[bpy.types.Object]]:
-        """The low object, if none is given, and the high ones: from the slots, else as in "Selected to Active".
+        """The low object and the high ones: from the slots, else the active and the other selected objects.
 
-        Where none is chosen, a low object whose modifiers add detail is its own high one; else those of its last bake in
-        this session count. Where those are hidden, as they are after a bake, they come first.
+        Without high objects there, a low object whose modifiers add detail is its own high one. Else the high objects of
+        its last bake in this session count; they come first if they are all hidden, as they are after a bake.
+        low: overrides the slot.
         """
         low = low or self.low or context.active_object
         highs = [slot.object for slot in self.highs if slot.object]
@@ -72,7 +73,7 @@ class ImprintSettings(bpy.types.PropertyGroup, Options):
         return low, highs or self._remembered(context, low)
 
     def _remembered(self, context: bpy.types.Context, low: bpy.types.Object | None) -> list[bpy.types.Object]:
-        """What counts as high where nothing is chosen."""
+        """The high objects where none are in the slots or selected."""
         last = results.of(context, low) if low is not None else None
         before = bake_results.high_objects(last) if last is not None else []
         own = object_checks.own_highs(low)
@@ -80,15 +81,15 @@ class ImprintSettings(bpy.types.PropertyGroup, Options):
         return before if is_hidden or not own else own
 
     def cage_for(self, method: str) -> bpy.types.Object | None:
-        """The cage in the slot, which flattening has no use for."""
+        """The cage in the slot, or None for Flatten, which uses none."""
         return None if method == Method.FLATTEN else self.cage
 
     def suffixes(self) -> Suffixes:
-        """How pairs are named."""
+        """The endings of the names of pairs."""
         return Suffixes(self.low_suffix, self.high_suffix, self.cage_suffix)
 
     def distances(self, context: bpy.types.Context) -> tuple[float, float]:
-        """Extrusion and maximum distance as set or, where they are measured, as the last bake found them."""
+        """Extrusion and maximum distance: as set, or as the last bake measured them if Measure Distances is on."""
         owner = context.window_manager.imprint_found if self.measure else self
         return owner.extrusion, owner.max_distance
 

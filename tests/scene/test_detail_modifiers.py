@@ -76,7 +76,7 @@ def test_no_modifier_without_detail_writes_a_map_over(low, kind, from_slot):
         bpy.ops.imprint.bake()
     assert ("choose another high object" if from_slot else "select the high object too") in str(refused.value)
     np.testing.assert_array_equal(map_of_low(), before)
-    assert object_checks.problem(bpy.context, *settings.subjects(bpy.context)) in str(refused.value)
+    assert object_checks.problem(bpy.context, *settings.chosen_objects(bpy.context)) in str(refused.value)
 
 
 @pytest.mark.parametrize(
@@ -212,4 +212,4 @@ def test_a_map_of_another_high_object_is_said_before(low):
     (line,) = bake_plan.lines(low, [other], settings)
     assert line.endswith("over the image 'lo_normal', which holds a map of 'hi'.")
     low.modifiers.new("Finer", "SUBSURF")
-    assert "holds a map of 'hi'" in bake_plan.lines(*settings.subjects(bpy.context), settings)[0]
+    assert "holds a map of 'hi'" in bake_plan.lines(*settings.chosen_objects(bpy.context), settings)[0]

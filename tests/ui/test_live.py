@@ -61,7 +61,7 @@ def follow():
 def fresh(**changes):
     """The texels of a bake of what is there now, as the panel says it, seen in the viewport."""
     settings = bpy.context.scene.imprint
-    low, highs = settings.subjects(bpy.context)
+    low, highs = settings.chosen_objects(bpy.context)
     plain = {
         **vars(settings.to_settings()),
         "image": "fresh",

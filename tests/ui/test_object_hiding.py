@@ -224,7 +224,7 @@ def test_the_panel_in_that_viewport_still_knows_the_high_object(pair):
     view().mode = "MAP"
     shown()
     with bpy.context.temp_override(**viewport()):
-        assert bpy.context.scene.imprint.subjects(bpy.context) == (pair[0], [pair[1]])
+        assert bpy.context.scene.imprint.chosen_objects(bpy.context) == (pair[0], [pair[1]])
         assert visibility.is_visible(pair[1])
         assert bpy.ops.imprint.view_refresh() == {"FINISHED"}
         assert bpy.ops.imprint.bake() == {"FINISHED"}

@@ -215,7 +215,7 @@ def test_the_high_objects_of_the_last_bake_count_where_none_is_chosen(baked):
     low, high = baked
 
     def chosen():
-        return bpy.context.scene.imprint.subjects(bpy.context)[1]
+        return bpy.context.scene.imprint.chosen_objects(bpy.context)[1]
 
     assert chosen() == [high]
     other = zoo.plane("other")

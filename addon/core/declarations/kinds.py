@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The kinds of settings. A declaration holds all that panel, command line, job file and manual need to know of a setting."""
+"""The kinds of settings. A declaration holds what panel, command line, job file and manual need."""
 
 from dataclasses import dataclass
 from typing import Any, ClassVar

@@ -38,7 +38,7 @@ class IMPRINT_PT_bake(SidebarPanel, bpy.types.Panel):
         column.prop(settings, "low")
         column.operator("imprint.use_selection", icon="RESTRICT_SELECT_OFF")
 
-        low, highs = settings.subjects(context)
+        low, highs = settings.chosen_objects(context)
         problem = bake_plan.problem(context, low, highs, settings)
         following = live.description
         if following:

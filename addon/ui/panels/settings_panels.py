@@ -27,7 +27,7 @@ class IMPRINT_PT_map(SettingsPanel, bpy.types.Panel):
         layout.prop(settings, "space")
         if settings.space == Space.TANGENT:
             layout.prop(settings, "basis")
-        low, _ = settings.subjects(context)
+        low, _ = settings.chosen_objects(context)
         if low is not None and low.type == "MESH":
             layout.prop_search(settings, "uv_layer", low.data, "uv_layers", icon="GROUP_UVS")
         map_size.draw(layout, settings)

@@ -117,7 +117,7 @@ class CageOverlay:
     def _draw(self) -> None:
         context = bpy.context
         settings = context.scene.imprint
-        low, _ = settings.subjects(context)
+        low, _ = settings.chosen_objects(context)
         if low is None or low.type != "MESH" or low.mode != "OBJECT" or not low.data.polygons:
             return
         mesh = self.mesh_of(low, settings.directions)

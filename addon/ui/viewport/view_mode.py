@@ -191,7 +191,7 @@ class ViewMode:
 def _drawn_map(context: bpy.types.Context, pace: progress.Pace) -> progress.Task[OwnMap]:
     """A map of the current objects and settings."""
     panel = context.scene.imprint
-    low, highs = panel.subjects(context)
+    low, highs = panel.chosen_objects(context)
     if low is None:
         raise BakeError(object_checks.problem(context, low, highs))
     settings = panel.to_settings()
