@@ -322,13 +322,14 @@ def test_a_second_signal_in_the_middle_of_clearing_up_ends_at_once(tmp_path):
     assert files(tmp_path) == []
 
 
-def test_what_is_being_baked_may_find_no_room(monkeypatch):
+def test_what_is_being_baked_may_find_no_room(monkeypatch, capfd):
     full = os.open("/dev/full", os.O_WRONLY)
     monkeypatch.setenv(interruption.LAUNCHER, str(os.getppid()))
     monkeypatch.setenv(interruption.BAKING, str(full))
     with interruption.listening():
         interruption.note("rock")
     os.close(full)
+    assert capfd.readouterr() == ("", "")
 
 
 def test_too_little_memory_for_a_job_file_is_told_in_one_line(scene, monkeypatch, capfd):

@@ -7,12 +7,7 @@ import pytest
 
 from addon.core.errors import BakeError
 from addon.output import materials
-
-
-@pytest.fixture(autouse=True)
-def empty_scene():
-    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-
+from tests.support.snapshot import difference, snapshot
 
 # Scenes
 
@@ -685,10 +680,12 @@ def test_an_override_of_low_takes_materials(tmp_path):
     shown(low.active_material.node_tree.nodes["Principled BSDF"].inputs["Normal"])
 
 
-def test_check_accepts_what_can_be_edited():
-    materials.check(make_low())
-    materials.check(make_low(None))
-    materials.check(make_low(make_material()[0]))
+def test_check_accepts_what_can_be_edited_and_changes_nothing():
+    objects = [make_low(), make_low(None), make_low(make_material()[0])]
+    before = snapshot()
+    for low in objects:
+        materials.check(low)
+    assert difference(before, snapshot()) == {}
 
 
 # Through Cycles: the wires carry the normal that the map holds

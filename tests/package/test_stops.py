@@ -17,7 +17,7 @@ pytestmark = [
     pytest.mark.skipif(os.name == "nt", reason="signals of POSIX"),
 ]
 
-SETS = 1000
+SETS = 300
 """More than are ever done here."""
 
 

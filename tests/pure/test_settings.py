@@ -49,8 +49,10 @@ BAD = [
 
 
 @pytest.mark.parametrize("values", GOOD, ids=str)
-def test_valid_settings_are_accepted(values):
-    Settings(**values).check()
+def test_valid_settings_are_accepted_and_stay_as_they_are(values):
+    settings = Settings(**values)
+    settings.check()
+    assert {name: getattr(settings, name) for name in values} == values
 
 
 @pytest.mark.parametrize("values", BAD, ids=str)

@@ -246,7 +246,8 @@ def test_a_hidden_object_that_was_pressed_flat_and_is_no_more(method):
     bpy.context.view_layer.update()
     high.hide_viewport = True
     high.scale.x = 1.0
-    bake_pair(bpy.context, low, [high], Settings(method=method, **SMALL))
+    report = bake_pair(bpy.context, low, [high], Settings(method=method, **SMALL))
+    assert (report.coverage, report.missed) == (1.0, 0.0)
 
 
 def test_a_base_mesh_whose_modifiers_lose_its_uvs(tmp_path):

@@ -465,6 +465,7 @@ def test_nothing_remains_when_it_is_off(pair):
         assert live.tick() is None
 
 
+@pytest.mark.slow
 def test_a_thousand_updates_leave_no_more_than_one(pair):
     """Objects that Python and the GPU hold, counted; and one handler however many updates there were."""
     _, high = pair
