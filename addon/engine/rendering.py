@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The passes in their order, band by band, from a source to arrays of texels."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import gpu
@@ -110,43 +110,51 @@ class Renderer:
             yield self._step(normals, 0.0, band, clear=True)
 
     def _sampled(self, band: Band) -> Task[dict[str, gpu.types.GPUTexture]]:
-        """The maps of a band in all their samples."""
+        """The maps of a band: of normals and values the mean of all samples, of labels the central sample."""
         settings, count = self.settings, self.settings.samples
-        size = band.width, band.height
         if count == 1:
             for drawn, rows in self._normals(band):
                 if self.pace.is_heard:
                     yield self._step(drawn, rows.stop / band.height, band)
             return {NORMAL.name: drawn} | {name: self._other(name, band) for name in settings.maps}
-        sums = target.get("sums", *size, "RGBA32F")
+        sums = target.get("sums", band.width, band.height, "RGBA32F")
         if self.pace.is_heard:
-            target.clear(sums)  # what is not drawn yet must not be seen
-        places = samples.offsets(count)
-        central = min(places, key=lambda place: place[0] ** 2 + place[1] ** 2)
-        for number, offset in enumerate(places):
+            target.clear(sums)  # the picture shows rows that are not drawn yet
+        labels = [name for name in settings.maps if map_types.BY_NAME[name].kind is Kind.LABEL]
+        values = [name for name in settings.maps if name not in labels]
+        offsets = samples.offsets(count)
+        central = min(offsets, key=lambda offset: offset[0] ** 2 + offset[1] ** 2)
+        for number, offset in enumerate(offsets):
             sample = replace(band, offset=offset)
             for drawn, rows in self._normals(sample):
                 with self.timings.timed("draw"):
                     samples.add(sums, drawn, rows, is_first=number == 0)
                 if self.pace.is_heard:
                     yield self._step(sums.texture, (number + rows.stop / band.height) / count, band)
-            for name in settings.maps:
-                if not _is_label(name):
-                    total, drawn = target.get(f"sums of {name}", *size, "RGBA32F"), self._other(name, sample)
-                    with self.timings.timed("draw"):
-                        samples.add(total, drawn, range(band.height), is_first=number == 0)
-                elif offset == central:
-                    self._other(name, sample)
+            for name in values:
+                self._add(name, sample, is_first=number == 0)
+            for name in labels if offset == central else ():
+                self._other(name, sample)
+        return self._means(band, values, labels)
+
+    def _add(self, name: str, sample: Band, *, is_first: bool) -> None:
+        """Add one sample of a map of values to its sums."""
+        sums, drawn = target.get(f"sums of {name}", sample.width, sample.height, "RGBA32F"), self._other(name, sample)
         with self.timings.timed("draw"):
-            mean = target.get("low" if self.basis else "high", *size, "RGBA32F")
-            samples.average(mean, sums)
-            maps = {NORMAL.name: mean.texture}
-            for name in settings.maps:
-                result = target.get(name, *size, "RGBA32F")
-                if not _is_label(name):
-                    samples.average(result, target.get(f"sums of {name}", *size, "RGBA32F"), is_direction=False)
-                maps[name] = result.texture
-        return maps
+            samples.add(sums, drawn, range(sample.height), is_first=is_first)
+
+    def _means(self, band: Band, values: Sequence[str], labels: Sequence[str]) -> dict[str, gpu.types.GPUTexture]:
+        """The maps of a band from the sums of their samples. Maps of labels have been drawn already."""
+
+        def drawn(role: str) -> target.Target:
+            return target.get(role, band.width, band.height, "RGBA32F")
+
+        with self.timings.timed("draw"):
+            normals = drawn("low" if self.basis else "high")
+            samples.average(normals, drawn("sums"))
+            for name in values:
+                samples.average(drawn(name), drawn(f"sums of {name}"), is_direction=False)
+            return {NORMAL.name: normals.texture} | {name: drawn(name).texture for name in (*values, *labels)}
 
     def _normals(self, band: Band) -> Iterator[tuple[gpu.types.GPUTexture, range]]:
         """One sample of a band in the wanted space, slice by slice."""
@@ -173,7 +181,3 @@ class Renderer:
         if band.is_whole:  # of a larger map the first look is all that is shown
             self._picture = preview_picture.draw(normals, size, channels(self.settings), clear=clear)
         return Progress("Drawing", done, self._picture)
-
-
-def _is_label(name: str) -> bool:
-    return map_types.BY_NAME[name].kind is Kind.LABEL
