@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The size of the map: one number for both sides or one for each, and a menu of the usual ones."""
+"""The size of the map: one number for both sides or one for each, and a menu of common sizes."""
 
 import bpy
 from bpy.props import FloatProperty, IntProperty
 
 from ..core.declarations.map_settings import MAX_SIZE
 
-USUAL = (512, 1024, 2048, 4096, 8192)
+COMMON_SIZES = (512, 1024, 2048, 4096, 8192)
 
 
 class IMPRINT_OT_resize(bpy.types.Operator):
@@ -26,19 +26,19 @@ class IMPRINT_OT_resize(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         settings = context.scene.imprint
         factor = self.side / max(settings.width, settings.height) if self.side else self.factor
-        # Each stays within its limits, which the properties hold.
+        # The properties keep each side within its limits.
         settings.width, settings.height = (round(side * factor) for side in (settings.width, settings.height))
         return {"FINISHED"}
 
 
 class IMPRINT_MT_size(bpy.types.Menu):
-    """The usual sizes of maps."""
+    """Common sizes of maps."""
 
     bl_idname = "IMPRINT_MT_size"
     bl_label = "Size"
 
     def draw(self, _context: bpy.types.Context) -> None:
-        for side in USUAL:
+        for side in COMMON_SIZES:
             self.layout.operator("imprint.resize", text=str(side)).side = side
         self.layout.separator()
         for text, factor in (("Double", 2.0), ("Halve", 0.5)):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Puts what was made where an artist looks: into an open Image Editor, and on the low mesh in the 3D viewport."""
+"""Shows the result of a bake: the map in an open Image Editor, and the low mesh with it in the 3D viewport."""
 
 import bpy
 
@@ -13,7 +13,7 @@ def image(context: bpy.types.Context, shown: bpy.types.Image) -> bool:
     areas = [area for window in context.window_manager.windows for area in window.screen.areas]
     editors = [area.spaces.active for area in areas if area.type == "IMAGE_EDITOR"]
     free = [editor for editor in editors if editor.image == shown or not editor.use_image_pin]
-    # One that shows it already, so that no other picture goes.
+    # One that shows it already, so that no other picture is replaced.
     editor = next((editor for editor in free if editor.image == shown), next(iter(free), None))
     if editor is not None:
         editor.image = shown
@@ -21,7 +21,7 @@ def image(context: bpy.types.Context, shown: bpy.types.Image) -> bool:
 
 
 def image_in_window(context: bpy.types.Context, shown: bpy.types.Image) -> None:
-    """Show an image that was asked for: in an open Image Editor, else in a window of its own, as renders are."""
+    """Show an image in an open Image Editor, or else in a window of its own, as Blender shows renders."""
     if image(context, shown):
         return
     before = set(context.window_manager.windows)
@@ -35,9 +35,9 @@ def image_in_window(context: bpy.types.Context, shown: bpy.types.Image) -> None:
 
 
 def bake(context: bpy.types.Context, reports: list[Report]) -> None:
-    """Show the first map, and the low mesh with it: Material Preview in place of Solid, the high objects out of the way.
+    """Show the first map, and the low mesh with it: Material Preview instead of Solid, and the high objects hidden.
 
-    What is not open is not opened. Hidden high objects still count for the next bake of their low one.
+    No editor is opened. The next bake of the same low object uses its high objects although they are hidden.
     """
     first = bpy.data.images.get(reports[0].image)
     if first is not None:
@@ -62,12 +62,12 @@ def hide_high(context: bpy.types.Context, report: Report, hide: bool) -> None:
 
 
 def hides_high(report: Report) -> bool:
-    """Whether no high object of a bake is to be seen."""
+    """Whether no high object of a bake is visible."""
     return not any(visibility.is_visible(obj) for obj in high_objects(report))
 
 
 def selection(context: bpy.types.Context) -> None:
-    """Bring the selected faces into view, through what lies before them."""
+    """Frame the selected faces in the viewport, with X-Ray so that nothing covers them."""
     area = viewport(context)
     if area is None:
         return
@@ -80,7 +80,7 @@ def selection(context: bpy.types.Context) -> None:
 
 
 def viewport(context: bpy.types.Context) -> bpy.types.Area | None:
-    """The 3D viewport at hand, or else the largest one of the window; None where none is open."""
+    """The 3D viewport of the context, or else the largest one of its window; None if none is open."""
     if context.area is not None and context.area.type == "VIEW_3D":
         return context.area
     areas = context.window.screen.areas if context.window is not None else ()

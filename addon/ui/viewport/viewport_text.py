@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Words over a viewport, readable over whatever is shown there."""
+"""Text over a viewport, in a dark box so that it is readable over any color."""
 
 import blf
 import gpu
 from gpu_extras.batch import batch_for_shader
 
 SIZE = 12.0
-"""Of the letters, in pixels at a scale of 1."""
+"""Font size, in pixels at a scale of 1."""
 WHITE = (1.0, 1.0, 1.0, 1.0)
-GROUND = (0.08, 0.08, 0.08, 0.7)
-"""Of the box behind the words."""
+BACKGROUND = (0.08, 0.08, 0.08, 0.7)
+"""Color of the box behind the text."""
 PAD = (0.5, 0.35)
-"""Of the box around the words at the sides, above and below, in letters."""
+"""Padding of the box at the sides, and above and below, in font sizes."""
 
 
 def width(text: str, scale: float) -> float:
@@ -21,17 +21,17 @@ def width(text: str, scale: float) -> float:
 
 
 def write(text: str, x: float, y: float, scale: float, share: float = 0.0) -> None:
-    """Write a line of which this share lies left of x, in a dark box. To be called where a region draws pixels."""
+    """Write a line in a dark box; `share` of its width lies left of x. Call it from a POST_PIXEL draw callback."""
     x -= width(text, scale) * share
     letter = SIZE * scale
     left, right = x - PAD[0] * letter, x + width(text, scale) + PAD[0] * letter
-    # Capitals are 0.7 of a letter high; what hangs below the line has as much room as there is above them.
+    # Capitals are 0.7 of the font size high; descenders get as much room below as there is above.
     below, above = y - PAD[1] * letter, y + (0.7 + PAD[1]) * letter
     program = gpu.shader.from_builtin("UNIFORM_COLOR")
     corners = [(left, below), (right, below), (left, above), (right, above)]
     before = gpu.state.blend_get()
     gpu.state.blend_set("ALPHA")
-    program.uniform_float("color", GROUND)
+    program.uniform_float("color", BACKGROUND)
     batch_for_shader(program, "TRI_STRIP", {"pos": corners}).draw(program)
     gpu.state.blend_set(before)
     blf.color(0, *WHITE)
