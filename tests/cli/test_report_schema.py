@@ -59,12 +59,12 @@ def test_the_report_of_one_bake_is_that_of_the_manual(report, method):
     found = report(*PAIR, "--method", method, "--maps", "height,object-id", "--depth", "8")
     text = section(PAGE, "### The report of one bake")
     fits(rows(text), found)
-    told = {names(cells[0])[0]: set(names(cells[2])) for cells in rows(text)}
-    assert set(found["triangles"]) == told["triangles"]
-    assert set(found["distances"]) == (told["distances"] if method == "cast" else set())
-    assert set(found["loss"]) == told["loss"]
-    assert set(found["seconds"]) == told["seconds"]
-    assert {key for how in found["maps"].values() for key in how} <= told["maps"]
+    documented = {names(cells[0])[0]: set(names(cells[2])) for cells in rows(text)}
+    assert set(found["triangles"]) == documented["triangles"]
+    assert set(found["distances"]) == (documented["distances"] if method == "cast" else set())
+    assert set(found["loss"]) == documented["loss"]
+    assert set(found["seconds"]) == documented["seconds"]
+    assert {key for how in found["maps"].values() for key in how} <= documented["maps"]
 
 
 def test_the_checks_of_a_report_are_those_of_the_manual(report):
@@ -72,9 +72,9 @@ def test_the_checks_of_a_report_are_those_of_the_manual(report):
     text = section(PAGE, "### Checks")
     everywhere = {"severity", "count", "of", "share"}
     assert everywhere <= set(names(text))
-    told = {names(cells[0])[0]: set(names(cells[2])) for cells in rows(text)}
-    assert set(found) == set(told)
-    assert {kind: set(check) - everywhere for kind, check in found.items()} == told
+    documented = {names(cells[0])[0]: set(names(cells[2])) for cells in rows(text)}
+    assert set(found) == set(documented)
+    assert {kind: set(check) - everywhere for kind, check in found.items()} == documented
 
 
 def test_an_entry_of_many_is_that_of_the_manual(report, tmp_path):

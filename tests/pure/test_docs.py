@@ -201,7 +201,7 @@ def test_python_in_the_manual_is_python(page):
     assert called - operators == set()
 
 
-# Facts that are told twice
+# Facts that stand in the manual and in the code
 
 
 def test_the_table_of_packages_is_that_of_the_imports():
