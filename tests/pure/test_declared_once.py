@@ -2,6 +2,7 @@
 """Maps, file formats, bases and UDIM tiles are named where they are declared and nowhere else. Read from the source."""
 
 import ast
+import functools
 
 import pytest
 
@@ -20,6 +21,7 @@ DECLARED = {
 """The file in core/ that declares things, to the constants that name them. DISTANCE is a kind of number in Blender as well."""
 
 
+@functools.cache
 def constants(path):
     """The strings and numbers in a file."""
     return {

@@ -2,6 +2,7 @@
 """The manual is true: what its pages name is there, their links lead somewhere, and their commands are understood."""
 
 import ast
+import functools
 import json
 import re
 import shlex
@@ -98,6 +99,7 @@ def test_files_that_are_named_are_there(page):
 # Commands
 
 
+@functools.cache
 def options_in(script):
     """The options that a script's source names."""
     tree = ast.parse(script.read_text(encoding="utf-8"))
@@ -105,6 +107,7 @@ def options_in(script):
     return {word for word in words if re.fullmatch("--[a-z][a-z-]*", word)}
 
 
+@functools.cache
 def known_options():
     ours = {f"--{name}" for group in arguments.OPTIONS.values() for name in group} | {"--jobs"}
     return ours | OTHER_OPTIONS | {name for script in (ROOT / "scripts").rglob("*.py") for name in options_in(script)}
