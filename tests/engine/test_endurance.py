@@ -103,7 +103,7 @@ PEAK = """
 import resource, sys
 import bpy, gpu
 gpu.init()
-from addon.jobs import several
+from addon.jobs import bake_pair
 from addon.core.settings import Settings
 from tests.support import zoo
 
