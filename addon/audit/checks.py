@@ -83,7 +83,7 @@ def _direction_warnings(meshes: Meshes, tally: Tally) -> Iterator[str]:
 
 
 def uv_space(settings: Settings) -> tuple[int, int]:
-    """How many tiles along u and v there are to lie on."""
+    """The number of tiles along u and v that UVs may lie on."""
     return (udim.COLUMNS, udim.ROWS) if settings.udim else (1, 1)
 
 
@@ -91,7 +91,7 @@ def _uv_layout(plan: Plan, settings: Settings) -> tuple[Checks, list[str]]:
     low, highs = plan.meshes.low, plan.meshes.highs
     areas, outside = uv_layout.areas(low), uv_layout.outside(low, uv_space(settings))
     is_mirrored, count = areas < 0.0, len(low.triangles)
-    # With UDIM tiles nothing lies on what is inside: readers find no tile there.
+    # With UDIM, moved triangles overlap no others: readers find no tile there.
     moved = uv_islands.moved_copies(low) if outside.any() and not settings.udim else np.zeros(1, bool)
     islands = uv_islands.count_islands(low, is_mirrored) if is_mirrored.any() else 0
     checks = {
@@ -104,7 +104,7 @@ def _uv_layout(plan: Plan, settings: Settings) -> tuple[Checks, list[str]]:
         for high in highs:
             no_area = np.count_nonzero(uv_layout.areas(high) == 0.0)
             counts.append((high, no_area, "have no area in UV space and cannot be drawn"))
-            # Those that lie outside by whole tiles leave texels uncovered, or were moved there on purpose.
+            # Triangles outside by whole tiles leave texels uncovered, or were moved there on purpose.
             outside = uv_layout.outside(high, uv_space(settings))
             if outside.any():
                 where = severity.TILES if settings.udim else severity.TILE
@@ -121,7 +121,7 @@ def _texels(plan: Plan, tally: Tally, settings: Settings) -> Checks:
         shared += int(np.count_nonzero(counts > 1.0))
         uncovered += int(np.count_nonzero((counts > 0.0) & (state != texel_state.WRITTEN)))
     crossed = shared
-    if shared > severity.MUCH_OVERLAP * covered:  # fewer do no harm, stacked on purpose or not
+    if shared > severity.MUCH_OVERLAP * covered:  # fewer are harmless, stacked on purpose or not
         alone = replace(low, triangles=low.triangles[uv_islands.without_copies(low)])
         crossed = sum(int(np.count_nonzero(counts > 1.0)) for counts in covering(alone, size, tiles))
     overlap_check = _share(shared, covered) | {"stacked": shared - crossed}
@@ -158,7 +158,7 @@ def _distances(plan: Plan, settings: Settings, ray_cast: ray_casting.RayCast | N
         "limit": limit,
         "offset": float(np.linalg.norm(offset)),
     }
-    # Of a single mesh that is laid flat where it does not belong most texels are far; of several, one may be small.
+    # A single mesh with another UV layout is far on most texels. One of several may be small.
     differing = ""
     is_open = settings.method == Method.FLATTEN and not meshes.is_own_base
     if is_open and (len(meshes.highs) > 1 or check["share"] > severity.MANY_FAR):
@@ -193,9 +193,9 @@ def _count(found: np.ndarray, of: int) -> dict[str, float]:
 
 
 def covering(low: Mesh, size: tuple[int, int], tiles: Sequence[int] = (udim.FIRST,)) -> Iterator[np.ndarray]:
-    """How many triangles of `low` cover the texels that tally.sampled names, of a map of width and height, tile by tile.
+    """How many triangles of `low` cover each texel that tally.sampled names, tile by tile. size: width and height of the map.
 
-    (height, width) float32; the array is used again for the next tile.
+    Yields (height, width) float32; the next tile overwrites the array.
     """
     sparse = sampled(size)
     drawn = target.get("overlap", *sparse.small, "R16F")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the audit's numbers mean: which of them are right practice, worth a look, or harm the map."""
+"""Rates the numbers of the audit: good practice, worth a look, or harmful to the map."""
 
 from collections.abc import Callable
 
@@ -15,9 +15,9 @@ MANY_MISSES = 1e-3
 MANY_UNCOVERED = 1e-2
 """Share of texels without a high triangle, when nothing is cast, that does no harm: rims of islands differ a little."""
 MANY_FAR = 0.25
-"""Share of texels that may lie farther apart than the limit without harm, where the limit is nobody's wish."""
+"""Share of texels that may lie beyond the default limit without harm."""
 MANY_BEYOND = 1e-3
-"""The same where somebody has set the limit."""
+"""Share of texels that may lie beyond a limit from the settings without harm."""
 MANY_UNEVEN = 0.1
 """Share of faces that may depend on how they are cut into triangles without harm."""
 MANY_CLOSE = 0.02
@@ -28,20 +28,20 @@ MANY_BEHIND = 1e-2
 """Share of triangles whose shading normals may point behind them without harm: decimation leaves a few folds."""
 
 TILE, TILES = "UV tile 0 to 1", "UDIM tiles"
-"""What a mesh lies in, by the settings."""
+"""What the UVs of a mesh must lie in, without and with UDIM."""
 
 Check = dict[str, float]
 
 
 def of(kind: str, check: Check, settings: Settings) -> str:
-    """How bad `check`, one of Report.checks, is: GOOD, LOOK or WRONG. settings: of the bake, with the method it took."""
+    """The rating of `check`, one of Report.checks: GOOD, LOOK or WRONG. settings: of the bake, with its method."""
     if not check["count"] or (kind in _TANGENT_ONLY and settings.space != Space.TANGENT):
         return GOOD
     return WRONG if kind in _HARMS and _HARMS[kind](check, settings) else LOOK
 
 
 def warning(kind: str, check: Check, low: str, settings: Settings) -> str:
-    """What harms the map of the object `low`, as a sentence, where `of` says WRONG."""
+    """What harms the map of the object `low`, as a sentence. check: one that `of` rates WRONG."""
     known = {"of": 1, "share": check["count"] / max(1, check.get("of", 1))} | check
     known |= {"where": TILES if settings.udim else TILE, "margin": check.get("needed", 0) / 2, "level": settings.mips}
     sentence = _MISSED if kind == "uncovered" and settings.method == Method.CAST else _SENTENCES[kind]
@@ -49,8 +49,7 @@ def warning(kind: str, check: Check, low: str, settings: Settings) -> str:
 
 
 def _overlap(check: Check, settings: Settings) -> bool:
-    # Parts that are laid on the very same place share their detail on purpose; normals of a space that does not turn
-    # with the surface are those of one of them all the same.
+    # Stacked parts share their detail on purpose. In object and world space, the map still has the normals of only one part.
     shared = check["count"] - (check["stacked"] if settings.space == Space.TANGENT else 0)
     return shared > MUCH_OVERLAP * check["of"]
 
@@ -68,7 +67,7 @@ def _beyond(share: float) -> Callable[[Check, Settings], bool]:
 
 
 _TANGENT_ONLY = {"polygons", "hard_edges", "backwards", "behind"}
-"""Kinds that cost nothing where normals are not relative to the low surface."""
+"""Kinds that are harmless where normals are not relative to the low surface."""
 _HARMS: dict[str, Callable[[Check, Settings], bool]] = {
     "overlap": _overlap,
     "uncovered": _uncovered,
@@ -79,10 +78,10 @@ _HARMS: dict[str, Callable[[Check, Settings], bool]] = {
     "no_area": _beyond(0.0),
     "behind": _beyond(MANY_BEHIND),
     "hard_edges": lambda _check, _settings: True,
-    # Of a surface on its own base, the modifiers are the detail that the map shows.
+    # For a surface on its own base mesh, the modifiers are the detail that the map shows.
     "uneven": lambda check, _settings: not check["is_own_base"] and check["count"] > MANY_UNEVEN * check["of"],
 }
-"""When a kind harms. Those that are not named never do: mirrored UVs, and faces that are to be cut into triangles."""
+"""When a kind is harmful. Mirrored UVs and faces that are not triangles never are."""
 
 _MISSED = (
     "{share:.2%} of the rays from {low} hit nothing: those texels have alpha 0. Look at the extrusion and the maximum "
@@ -103,7 +102,7 @@ _SENTENCES = {
     "hard_edges": "{low} has {count:,} hard edges without a UV seam, each of which costs a visible line in tangent space: mark "
     "seams and unwrap there, or shade them smooth.",
     "behind": "{low}: {count:,} of its triangles have shading normals that point behind them, where no tangent-space map is "
-    "right: mend the normals, or add edges.",
+    "right: fix the normals, or add edges.",
     "uneven": "{count:,} of the {of:,} faces of {low} are not planar and change their shape with the triangles that an "
     "exporter cuts them into: add a Triangulate modifier.",
 }

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Maps of which only every so many texels are looked at."""
+"""Maps on which only every n-th texel is checked."""
 
 from dataclasses import dataclass
 
@@ -9,14 +9,14 @@ from ..core.udim import UvToClip
 
 @dataclass(frozen=True)
 class Sparse:
-    """A map of `size` (width, height) in texels, of which every `steps`-th is looked at along u and along v."""
+    """A map of `size` (width, height) in texels, on which every `steps`-th texel along u and v is checked."""
 
     size: tuple[int, int]
     steps: tuple[int, int]
 
     @property
     def small(self) -> tuple[int, int]:
-        """How many texels along u and v are looked at."""
+        """How many texels along u and v are checked."""
         return tuple(-(-side // step) for side, step in zip(self.size, self.steps, strict=True))
 
     def uv_to_clip(self, tile: int) -> UvToClip:
@@ -27,5 +27,5 @@ class Sparse:
 
 
 def at_most(size: tuple[int, int], most: int) -> Sparse:
-    """A map of which at most so many texels a side are looked at."""
+    """A map on which at most `most` texels a side are checked."""
     return Sparse(size, tuple(-(-side // most) for side in size))

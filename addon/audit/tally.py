@@ -73,5 +73,5 @@ class Tally:
 
 
 def sampled(size: tuple[int, int]) -> Sparse:
-    """Which texels of a map of width and height are looked at, evenly spaced: at most SAMPLES_A_SIDE a side."""
+    """The texels of a map of width and height that are checked, evenly spaced: at most SAMPLES_A_SIDE a side."""
     return at_most(size, SAMPLES_A_SIDE)

@@ -176,7 +176,7 @@ def _baked(
             job = jobs[0 if options.frames else step.finished]
             meter.show("the atlas" if share_image else job.low.name, step)
 
-    speed, reports = progress.Pace(several.PROGRESS_SECONDS, looks=False), []
+    speed, reports = progress.Pace(several.PROGRESS_SECONDS, has_picture=False), []
     if options.frames:
         work = sequence.work(bpy.context, jobs[0], settings, run_clashes.frames(options), speed, reports=reports)
     else:

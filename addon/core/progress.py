@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Work in slices: what a bake says between two of them, and how large they are."""
+"""Work in slices: reports progress between them, and keeps them short."""
 
 import time
 from collections.abc import Callable, Generator, Iterator
@@ -12,9 +12,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Progress:
-    """Said between two slices: what is going on, how much of the whole is done (0 to 1), and the map as far as it is.
+    """The state of a bake between two slices.
 
-    picture: a texture for the screen, or None where there is nothing to see yet. finished: how many maps are done.
+    what: the current step. done: the finished share of the whole, from 0 to 1. picture: the unfinished map as a texture for the
+    screen, or None. finished: how many maps are done.
     """
 
     what: str
@@ -25,7 +26,7 @@ class Progress:
 
 Result = TypeVar("Result")
 Task: TypeAlias = Generator[Progress, None, Result]
-"""Work that is done as far as the next step whenever it is asked for one."""
+"""A generator that does the work up to its next step each time."""
 
 
 def part(work: Task[Result], start: float, stop: float) -> Task[Result]:
@@ -40,13 +41,13 @@ def part(work: Task[Result], start: float, stop: float) -> Task[Result]:
         work.close()
 
 
-def finish(work: Task[Result], tell: Callable[[Progress], None] | None = None) -> Result:
-    """Do all of `work`; `tell` hears of each step."""
+def finish(work: Task[Result], on_progress: Callable[[Progress], None] | None = None) -> Result:
+    """Do all of `work`. on_progress: called with each step."""
     try:
         while True:
             step = next(work)
-            if tell is not None:
-                tell(step)
+            if on_progress is not None:
+                on_progress(step)
     except StopIteration as end:
         return end.value
     finally:
@@ -54,7 +55,7 @@ def finish(work: Task[Result], tell: Callable[[Progress], None] | None = None) -
 
 
 def run_for(work: Task[Result], seconds: float) -> Progress:
-    """As much of `work` as takes about `seconds`. Raises StopIteration at its end, with the result as value."""
+    """Do about `seconds` of `work`. Returns its last step. Raises StopIteration, with the result as value, at the end."""
     start = time.perf_counter()
     while True:
         step = next(work)
@@ -63,34 +64,33 @@ def run_for(work: Task[Result], seconds: float) -> Progress:
 
 
 class Pace:
-    """Cuts rows of texels into slices that take about `seconds` each; without a number nobody waits for their steps.
+    """Cuts rows of texels into slices that take about `seconds` each. Without a number, no listener waits for the steps.
 
-    looks: whether somebody looks at the picture of each step, and wants to see a coarse one first.
+    has_picture: whether steps are to have pictures, with a coarse one first.
     """
 
     LONGEST = 0.5
-    """Seconds, where nobody waits: a driver takes the GPU away from who keeps it for longer than it allows, which is 2 seconds
-    on Windows."""
+    """Seconds of a slice without a listener. Drivers reset a GPU that is busy for too long: 2 seconds on Windows."""
     FIRST = 64
     STEP = 8
-    """Slices are made of this many rows: workgroups of compute shaders do not straddle them."""
+    """Slices have a multiple of this many rows, the height of the workgroups of compute shaders."""
 
-    def __init__(self, seconds: float | None = None, *, looks: bool = True):
-        self.is_heard, self.looks = seconds is not None, looks
+    def __init__(self, seconds: float | None = None, *, has_picture: bool = True):
+        self.has_listener, self.has_picture = seconds is not None, has_picture
         self.seconds = self.LONGEST if seconds is None else seconds
         self._rows = self.FIRST
 
     def slices(self, height: int) -> Iterator[range]:
-        """The rows of one slice after another; the time until the next is asked for is what one takes.
+        """The rows of one slice after another. A slice lasts until the caller asks for the next one.
 
-        Who draws has to wait for what was drawn, as with target.Target.finish: drivers work later than they are called.
+        The caller must wait for the GPU, as with target.Target.finish, because drivers draw later than they are called.
         """
         start = 0
         while start < height:
             stop = min(height, start + self._rows)
             before = time.perf_counter()
             yield range(start, stop)
-            # At most double: one slice over empty texels says little of the next.
+            # At most twice as many: a slice of empty texels takes less time than the next one.
             rate = (stop - start) / max(time.perf_counter() - before, 1e-4)
             rows = min(rate * self.seconds, 2 * self._rows)
             self._rows = max(self.STEP, int(rows) // self.STEP * self.STEP)

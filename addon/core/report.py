@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a bake did, in numbers and in words."""
+"""The report of a bake, as numbers and as sentences."""
 
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field, replace
@@ -23,12 +23,12 @@ class Report:
     high: list[str]
     cage: str = ""
     refs: list = field(default_factory=list)
-    """A object_refs.ObjectRef of the low object, the high ones and the cage; empty in a report of another session."""
+    """A scene.object_refs.ObjectRef of the low object, of each high object and of the cage. Empty in a report from a file."""
     settings: dict = field(default_factory=dict)
-    """What was asked for, as settings.Settings has it."""
+    """The settings of the bake, by the names in settings.Settings."""
     uv_layer: str = ""
     why: str = ""
-    """Why this method, where it was chosen by itself."""
+    """Why the bake chose this method; empty where the settings name it."""
     triangles: dict[str, int] = field(default_factory=dict)
     distances: dict[str, float] = field(default_factory=dict)
     """For rays: extrusion and max_distance in scene units, as set or as measured."""
@@ -54,8 +54,8 @@ class Report:
     tiles: list[int] = field(default_factory=lambda: [udim.FIRST])
     """The UDIM tiles that were baked."""
     maps: dict[str, dict] = field(default_factory=dict)
-    """What was baked beside the normal map: its image, and how its numbers are stored: value = (stored - midlevel) *
-    scale + offset in scene units, or the colours of its labels."""
+    """The maps besides the normal map, by name: the image, and how its numbers are stored: value = (stored - midlevel) *
+    scale + offset in scene units, or the colors of its labels."""
     loss: dict[str, float] = field(default_factory=dict)
     """Median and maximum of the degrees by which 8 or 16 bits turned the normals; empty where they are floats."""
     image: str = ""
@@ -78,7 +78,7 @@ class Report:
         return replace(self, warnings=[*self.warnings, *warnings])
 
     def summary(self) -> list[str]:
-        """Lines for a person: what was done, at what cost."""
+        """Lines for the user: what was baked, and how long it took."""
         width, height = self.size
         stages = ", ".join(f"{stage} {self.seconds[stage]:.2f}" for stage in STAGES if self.seconds[stage])
         how = []

@@ -6,7 +6,7 @@ from collections.abc import Generator, Iterator
 from contextlib import contextmanager
 from typing import TypeVar
 
-Step = TypeVar("Step")
+Yielded = TypeVar("Yielded")
 Result = TypeVar("Result")
 
 STAGES = ("extract", "method", "tree", "upload", "distances", "draw", "read", "audit", "image")
@@ -33,7 +33,7 @@ class Timings:
             self.seconds[stage] += seconds - self._inside
             self._inside = around + seconds
 
-    def counted(self, work: Generator[Step, None, Result]) -> Generator[Step, None, Result]:
+    def counted(self, work: Generator[Yielded, None, Result]) -> Generator[Yielded, None, Result]:
         """`work`, whose time is added to the total; that between its steps, in which it waits, is not."""
         try:
             while True:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What bakes keep on the GPU for the next one, and how long."""
+"""Frees what bakes cache on the GPU."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -19,7 +19,7 @@ def trimmed() -> Iterator[None]:
 
 
 def free() -> None:
-    """Free trees and targets; the next bake makes them anew."""
+    """Free trees and targets; the next bake makes new ones."""
     target.common.free()
     ray_casting.trees.free()
 

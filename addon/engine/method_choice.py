@@ -16,7 +16,7 @@ from ..mesh.local_space import gap, local_space_of
 from . import uv_agreement
 
 FAR_APART = 0.5
-"""Of the low mesh's radius: boxes that lie farther from each other than this have nothing to do with each other."""
+"""Of the low mesh's radius: boxes with a larger gap between them do not belong together."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Plan:
 
 
 def choose_method(meshes: Meshes, tiles: Sequence[int], settings: Settings) -> Plan:
-    """Decide between Flatten and Cast, and leave out what that method cannot use. Raises BakeError for meshes far apart."""
+    """Decide between Flatten and Cast, and drop what that method cannot use. Raises BakeError for meshes far apart."""
     plan = Plan(settings.method, tuple(tiles), meshes)
     if settings.method == Method.AUTO:
         plan = _measured(plan)
@@ -105,7 +105,7 @@ def _within_reach(plan: Plan, settings: Settings) -> Plan:
     radius = local_space_of([meshes.low]).size
     if distance > FAR_APART * radius and settings.max_distance is None and meshes.cage is None:
         raise BakeError(_far_apart(meshes, distance))
-    # They would only make the tree coarse: the size of its boxes' steps is that of all high meshes.
+    # They would make the tree coarse: its boxes are quantized in steps that grow with all high meshes.
     reach = max(settings.extrusion or 0.0, settings.max_distance or 0.0, 2.0 * radius)
     is_near = [gap(meshes.low, [high]) <= reach for high in meshes.highs]
     if not any(is_near):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Makes meshes ready for rays: one tree over all high triangles, kept while they stay the same, and the low's rays."""
+"""Prepares meshes for rays: a tree over all high triangles, which is cached, and the rays of the low mesh."""
 
 import zlib
 from collections import OrderedDict
@@ -19,15 +19,18 @@ from ..passes import data_texture, mesh_upload, target
 from ..passes.bake import cast
 
 KEPT_BYTES = 1024 * 2**20
-"""What trees may hold on the GPU between bakes; the one used longest ago goes first."""
+"""The most that cached trees hold on the GPU."""
 KEPT_TREES = 4
-"""And how many there may be: a mesh that is being edited leaves one behind at every change."""
+"""The most trees that are cached: an edited mesh makes another one at every change."""
 
 
 @dataclass(frozen=True)
 class RayScene:
-    """What rays can hit: the high meshes together, in a space that fits them. order (T,) int: their triangles one mesh
-    after another, as they lie in the tree."""
+    """What rays can hit: all high meshes.
+
+    local_space: of the tree. tables: the tree on the GPU. order (T,) int: the triangles, numbered mesh after mesh, in the
+    order of the tree.
+    """
 
     local_space: LocalSpace
     tables: cast.Tables
@@ -38,12 +41,12 @@ class RayScene:
 class RayCast:
     """Rays from a low mesh to the high ones.
 
-    rays: as gbuffer.draw takes them. extrusion, max_distance: in scene units. is_measured: whether one of the two was
-    measured, and not set.
+    ray_mesh: from `upload_ray_mesh`. extrusion, max_distance: in scene units. is_measured: whether one of the two was measured,
+    and not set.
     """
 
     ray_scene: RayScene
-    rays: gpu.types.GPUBatch
+    ray_mesh: gpu.types.GPUBatch
     extrusion: float
     max_distance: float
     facing_only: bool
@@ -59,17 +62,17 @@ class RayCast:
         """As cast.trace takes it, in units of the scene's local space."""
         return self.max_distance / self.ray_scene.local_space.size
 
-    def trace(self, hits: target.Target, places: target.Target, pace: Pace | None = None) -> None:
-        """Cast those that gbuffer.draw has written into `places`, as cast.trace does."""
-        for _ in self.traced(hits, places, pace or Pace()):
+    def trace(self, hits: target.Target, rays: target.Target, pace: Pace | None = None) -> None:
+        """Cast the `rays` that gbuffer.draw has written, as cast.trace does."""
+        for _ in self.traced(hits, rays, pace or Pace()):
             pass
 
-    def traced(self, hits: target.Target, places: target.Target, pace: Pace) -> Iterator[range]:
-        """As `trace`, slice by slice: the rows that are done."""
-        for rows in pace.slices(places.height):
+    def traced(self, hits: target.Target, rays: target.Target, pace: Pace) -> Iterator[range]:
+        """As `trace`, in slices. Yields the rows that are done."""
+        for rows in pace.slices(rays.height):
             cast.trace(
                 hits,
-                places,
+                rays,
                 self.ray_scene.tables,
                 direction_sign=-1.0,
                 start_offset=self.start_offset,
@@ -82,9 +85,9 @@ class RayCast:
 
 
 class TreeCache:
-    """Trees over high meshes, kept on the GPU while the meshes stay the same.
+    """Trees over high meshes, cached on the GPU while the meshes stay the same.
 
-    most_bytes, most_trees: bounds; the tree that was used longest ago goes first.
+    most_bytes, most_trees: bounds. Beyond them, the tree that was used longest ago is freed first.
     """
 
     def __init__(self, most_bytes: int = KEPT_BYTES, most_trees: int = KEPT_TREES):
@@ -98,18 +101,18 @@ class TreeCache:
 
     @property
     def scenes(self) -> list[RayScene]:
-        """The kept ones, the one used longest ago first."""
+        """The cached trees, the one used longest ago first."""
         return list(self._scenes.values())
 
     @property
     def bytes(self) -> int:
-        """What the kept trees hold on the GPU."""
+        """What the cached trees hold on the GPU."""
         return sum(scene.tables.bytes for scene in self._scenes.values())
 
     def ray_scene_of(self, highs: Sequence[Mesh], timings: Timings) -> RayScene:
-        """The tree over `highs`, built and uploaded unless it was kept.
+        """The tree over `highs`, built and uploaded unless it is cached.
 
-        Kept by content and not by name: a change that Blender does not report cannot make it stale.
+        The key is the content and not the name, so that a change that Blender does not report cannot make it stale.
         """
         with timings.timed("tree"):
             key = tuple(
@@ -127,12 +130,12 @@ class TreeCache:
         return found
 
     def trim(self) -> None:
-        """Free the kept trees if together they hold more than `most_bytes`."""
+        """Free all trees if together they hold more than `most_bytes`."""
         if self.bytes > self.most_bytes:
             self.free()
 
     def free(self) -> None:
-        """Free the kept trees."""
+        """Free all trees."""
         self._scenes.clear()
 
 
@@ -148,7 +151,7 @@ def _build(highs: Sequence[Mesh], timings: Timings) -> RayScene:
     points, normals, vertices, corners = [], [], [], []
     points_before = corners_before = 0
     for high in highs:
-        # A mirror turns the winding, by which rays know a front from a back.
+        # A mirrored matrix reverses the winding, by which rays distinguish fronts from backs.
         triangles = high.triangles[:, ::-1] if np.linalg.det(high.to_world[:3, :3]) < 0.0 else high.triangles
         points.append(local_space.points(high))
         normals.append(high.to_world_normals(high.normals))
@@ -174,23 +177,25 @@ def _build(highs: Sequence[Mesh], timings: Timings) -> RayScene:
 
 
 def _behind(count: int, numbers: np.ndarray) -> np.ndarray:
-    """`numbers` behind so many others; large arrays are not copied for nothing."""
+    """`numbers` plus `count`; without a copy of large arrays if it is 0."""
     return numbers + count if count else numbers
 
 
-def rays(low: Mesh, directions: np.ndarray, cage: Mesh | None, local_space: LocalSpace) -> gpu.types.GPUBatch:
-    """The low mesh as gbuffer.draw wants it.
+def upload_ray_mesh(
+    low: Mesh, directions: np.ndarray, cage: Mesh | None, local_space: LocalSpace
+) -> gpu.types.GPUBatch:
+    """The low mesh with the positions and directions of its rays, as gbuffer.draw takes it.
 
     directions (C, 3) float32: normals by corner, in the low mesh's space. With a cage, which has the same corners, rays
-    start on it and run towards the low mesh; where the two touch, along the low mesh's normals.
+    start on it and run towards the low mesh. Where the two touch, they run along the low mesh's normals.
     """
     positions = local_space.points(low)[low.vertices]
     away = low.to_world_normals(directions)
     if cage is not None:
         starts = local_space.points(cage)[cage.vertices]
-        apart = starts - positions
-        touching = np.linalg.norm(apart, axis=1) < 1e-6
-        away = np.where(touching[:, None], away * np.float32(1e-6), apart)
+        to_cage = starts - positions
+        touching = np.linalg.norm(to_cage, axis=1) < 1e-6
+        away = np.where(touching[:, None], away * np.float32(1e-6), to_cage)
         positions = starts
     return mesh_upload.upload(
         low.triangles,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The passes in their order, band by band, from a source to arrays of texels."""
+"""Runs the passes in their order, band by band, from a source to arrays of texels."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -22,14 +22,14 @@ from .post_process import PostProcess, channels
 from .sources import Source
 
 COARSE = 8
-"""How many times smaller the first picture of a map is that takes its time."""
+"""How many times smaller the first picture of a slow map is."""
 
 
 class Renderer:
     """Draws the maps of one bake, the normal map and those of the settings, tile by tile.
 
-    basis: the mesh in whose tangent space the normals are to be, or None where they are already in their space. kept: what was
-    uploaded of it before.
+    basis: the mesh with the tangent space of the normals; None for normals that stay in the space of the source. uploads: a
+    cache of uploaded meshes.
     """
 
     def __init__(
@@ -56,7 +56,7 @@ class Renderer:
                 )
 
     def texels(self, tile: int, post_processes: dict[str, PostProcess]) -> Task[dict[str, Map]]:
-        """What is to be stored of a tile, by name."""
+        """The maps of a tile by name, as they are stored."""
         size = self.settings.height, self.settings.width
         maps = {name: (np.empty((*size, 4), np.float32), np.empty(size, np.uint8)) for name in post_processes}
 
@@ -94,7 +94,7 @@ class Renderer:
     ) -> Task[None]:
         settings = self.settings
         parts = list(bands(settings.width, settings.height, margin, tile))
-        if self.pace.is_heard and self.pace.looks and self.source.takes_time:
+        if self.pace.has_listener and self.pace.has_picture and self.source.takes_time:
             yield from part(self._coarse(tile), 0.0, 0.0)
         for number, band in enumerate(parts):
             maps = yield from part(self._sampled(band), number / len(parts), (number + 1) / len(parts))
@@ -102,7 +102,7 @@ class Renderer:
                 keep(name, band, drawn)
 
     def _coarse(self, tile: int) -> Task[None]:
-        """A first look at the whole."""
+        """A first, coarse picture of the whole map."""
         settings = self.settings
         size = max(1, settings.width // COARSE), max(1, settings.height // COARSE)
         band = Band(0, size[1], size, 0, tile)
@@ -114,11 +114,11 @@ class Renderer:
         settings, count = self.settings, self.settings.samples
         if count == 1:
             for drawn, rows in self._normals(band):
-                if self.pace.is_heard:
+                if self.pace.has_listener:
                     yield self._step(drawn, rows.stop / band.height, band)
             return {NORMAL.name: drawn} | {name: self._other(name, band) for name in settings.maps}
         sums = target.get("sums", band.width, band.height, "RGBA32F")
-        if self.pace.is_heard:
+        if self.pace.has_listener:
             target.clear(sums)  # the picture shows rows that are not drawn yet
         labels = [name for name in settings.maps if map_types.BY_NAME[name].kind is Kind.LABEL]
         values = [name for name in settings.maps if name not in labels]
@@ -129,7 +129,7 @@ class Renderer:
             for drawn, rows in self._normals(sample):
                 with self.timings.timed("draw"):
                     samples.add(sums, drawn, rows, is_first=number == 0)
-                if self.pace.is_heard:
+                if self.pace.has_listener:
                     yield self._step(sums.texture, (number + rows.stop / band.height) / count, band)
             for name in values:
                 self._add(name, sample, is_first=number == 0)
@@ -157,7 +157,7 @@ class Renderer:
             return {NORMAL.name: normals.texture} | {name: drawn(name).texture for name in (*values, *labels)}
 
     def _normals(self, band: Band) -> Iterator[tuple[gpu.types.GPUTexture, range]]:
-        """One sample of a band in the wanted space, slice by slice."""
+        """One sample of the normals of a band, in the space of the settings, in slices."""
         drawn = self.source.normals(band)
         while True:
             with self.timings.timed("draw"):
@@ -178,6 +178,6 @@ class Renderer:
 
     def _step(self, normals: gpu.types.GPUTexture, done: float, band: Band, *, clear: bool = False) -> Progress:
         size = self.settings.width, self.settings.height
-        if band.is_whole:  # of a larger map the first look is all that is shown
+        if band.is_whole:  # of a larger map, only the coarse picture is shown
             self._picture = preview_picture.draw(normals, size, channels(self.settings), clear=clear)
         return Progress("Drawing", done, self._picture)

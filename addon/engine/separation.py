@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How far the high surface lies from the low one on the same texels: the paper's second restriction."""
+"""Measures what leads from the low surface to the high one on the same texels."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -21,28 +21,28 @@ from . import ray_casting
 PROBE_SIZE = 128
 """Texels a side, at most, of a quick sample."""
 TRIANGLES = 2**16
-"""How many triangles of a high mesh are laid flat for a quick sample: of a larger one every second, third, …"""
+"""The most triangles of a high mesh that a quick sample draws: of a larger mesh every second, third, ..."""
 LIMIT = 0.05
 """Of the low mesh's radius: how far the high surface may lie from the low one where the settings set no limit."""
 
 Probe = Callable[[tuple[int, int], UvToClip], np.ndarray]
-"""From width and height, and the way from UV space to clip space, to texels (height, width, 4) float32: in w 1 where low and
-high mesh are, -1 where the low one is alone, 0 where it is not; in xyz, where both are, what leads from the low point to
-the high one, in scene units and along the world's axes."""
+"""A function from (width, height) and uv_to_clip to texels (height, width, 4) float32. w: 1 where both meshes are, -1 where
+the low mesh is alone, 0 outside it. xyz: the vector from the low point to the high one where both are, in scene units and
+world space."""
 
 
 def full_probe(meshes: Meshes, ray_cast: ray_casting.RayCast | None) -> Probe:
-    """Measures along the rays of a bake; without rays, between meshes that are laid flat."""
+    """Measures along the rays of a bake; without rays, between meshes that are drawn in UV space."""
     return _ray_probe(meshes, ray_cast) if ray_cast else flat_probe(meshes.low, meshes.highs)
 
 
 def quick_probe(meshes: Meshes, ray_cast: ray_casting.RayCast | None) -> Probe:
-    """As `full_probe`, but of meshes that are laid flat it takes at most TRIANGLES of each high one."""
+    """As `full_probe`, but without rays it draws at most TRIANGLES of each high mesh."""
     return full_probe(meshes if ray_cast else replace(meshes, highs=[thinned(high) for high in meshes.highs]), ray_cast)
 
 
 def limit(low: Mesh, settings: Settings) -> float:
-    """How far apart points of one texel may lie, in scene units."""
+    """The greatest distance between points of one texel that is not reported, in scene units."""
     return LIMIT * local_space_of([low]).size if settings.limit is None else settings.limit
 
 
@@ -53,9 +53,9 @@ def sample(probe: Probe, size: tuple[int, int], tiles: Sequence[int]) -> np.ndar
 
 
 def offset(texels: np.ndarray, method: str) -> np.ndarray:
-    """What high and low differ by as a whole, (3,), from texels (…, 4) as Probe has them.
+    """The offset (3,) between the high meshes and the low one as wholes, from texels (..., 4) of a Probe.
 
-    Who flattens may put the two side by side to look at them: that is no distance. Who casts rays may not.
+    For Flatten the meshes may stand side by side in the scene, and the offset does not count as a distance. For rays it is 0.
     """
     together = texels[texels[..., 3] > 0.0]
     if method != Method.FLATTEN or not len(together):
@@ -63,15 +63,15 @@ def offset(texels: np.ndarray, method: str) -> np.ndarray:
     return np.median(together[:, :3], axis=0)
 
 
-def distances(texels: np.ndarray, without: np.ndarray) -> np.ndarray:
-    """How far apart the points of texels (…, 4) are, less the offset `without` (3,): (…) float32, -1 where not both are."""
-    x, y, z = (texels[..., axis] - without[axis] for axis in range(3))
-    far = np.hypot(np.hypot(x, y), z)  # whose squares may be more than single precision holds
+def distances(texels: np.ndarray, offset: np.ndarray) -> np.ndarray:
+    """The distances (...) float32 of texels (..., 4), without the offset (3,); -1 where not both meshes are."""
+    x, y, z = (texels[..., axis] - offset[axis] for axis in range(3))
+    far = np.hypot(np.hypot(x, y), z)  # the squares may overflow single precision
     return np.where(texels[..., 3] > 0.0, far, np.float32(-1.0))
 
 
 def flat_probe(low: Mesh, highs: Sequence[Mesh]) -> Probe:
-    """Measures between meshes that are laid flat."""
+    """Measures between meshes that are drawn in UV space."""
     local_space = local_space_of([low])
     on_low, on_high = [upload(low, local_space)], [upload(high, local_space) for high in highs]
 
@@ -87,7 +87,7 @@ def flat_probe(low: Mesh, highs: Sequence[Mesh]) -> Probe:
 
 
 def thinned(mesh: Mesh) -> Mesh:
-    """`mesh`, or of its triangles every second, third, … so that TRIANGLES are left at most."""
+    """`mesh`, or every second, third, ... of its triangles, so that at most TRIANGLES remain."""
     step = -(-len(mesh.triangles) // TRIANGLES)
     if step < 2:
         return mesh
@@ -103,20 +103,20 @@ def _ray_probe(meshes: Meshes, ray_cast: ray_casting.RayCast) -> Probe:
     on_low = [upload(meshes.low, local_space)] if meshes.cage is not None else None
 
     def probe(size: tuple[int, int], uv_to_clip: UvToClip) -> np.ndarray:
-        places = target.get("audit rays", *size, "RGBA32F", "RGBA32F")
+        rays = target.get("audit rays", *size, "RGBA32F", "RGBA32F")
         hits = target.get("audit hits", *size, "RGBA32UI")
         found = target.get("audit far", *size, "RGBA32F")
-        gbuffer.draw(places, ray_cast.rays, uv_to_clip)
-        ray_cast.trace(hits, places)
+        gbuffer.draw(rays, ray_cast.ray_mesh, uv_to_clip)
+        ray_cast.trace(hits, rays)
         cast.distances(found, hits)
         far, away = (np.empty((size[1], size[0], 4), np.float32) for _ in range(2))
         found.read(far)
-        places.read(away, slot=1)
+        rays.read(away, slot=1)
         has_missed = far[..., 0] < 0.0
         is_low = away[..., 3]
         away[..., :3] *= np.float32(ray_cast.start_offset) - far[..., :1]
-        if on_low is not None:  # rays start on the cage, and not on the low mesh
-            places.read(far)
+        if on_low is not None:  # rays start on the cage
+            rays.read(far)
             away += far - draw_points(on_low, size, uv_to_clip)
         away *= np.float32(local_space.size)
         away[..., 3] = np.where(has_missed, -is_low, is_low)
@@ -126,7 +126,7 @@ def _ray_probe(meshes: Meshes, ray_cast: ray_casting.RayCast) -> Probe:
 
 
 def upload(mesh: Mesh, local_space: LocalSpace) -> gpu.types.GPUBatch:
-    """`mesh` as `draw_points` wants it."""
+    """`mesh` as `draw_points` takes it."""
     return mesh_upload.upload(
         mesh.triangles,
         uv=mesh.uv,
@@ -136,7 +136,7 @@ def upload(mesh: Mesh, local_space: LocalSpace) -> gpu.types.GPUBatch:
 
 
 def draw_points(meshes: Sequence[gpu.types.GPUBatch], size: tuple[int, int], uv_to_clip: UvToClip) -> np.ndarray:
-    """The points that `meshes` show in UV space, in their frame: (height, width, 4) float32, alpha 0 where there are none."""
+    """The points of `meshes` in UV space, in their local space: (height, width, 4) float32, alpha 0 where there is none."""
     drawn = target.get("audit points", *size, "RGBA32F", "RGBA32F")
     points.draw(drawn, meshes, uv_to_clip)
     texels = np.empty((size[1], size[0], 4), np.float32)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Sources of normals and other values: high meshes laid flat, rays, or maps that were drawn before."""
+"""Sources of normals and other values: high meshes drawn in UV space, rays, or maps that were drawn before."""
 
 from collections.abc import Iterator, Sequence
 from typing import Protocol
@@ -32,20 +32,20 @@ class Source(Protocol):
     ray_cast: ray_casting.RayCast | None
 
     def normals(self, band: Band) -> Iterator[tuple[gpu.types.GPUTexture, range]]:
-        """Unit normals in world space or the low object's: RGBA32F, alpha 1 written, 0 nothing, -1 missed.
+        """Unit normals in world space or the low object's: RGBA32F with alpha 1 for a hit, 0 outside the mesh, -1 for a miss.
 
-        In slices: each step gives the texture and the rows of it that have become ready.
+        In slices: yields the texture and the rows that are ready.
         """
 
     def other(self, name: str, band: Band, into: target.Target) -> gpu.types.GPUTexture:
-        """One of map_types.OTHERS for the band whose normals were just drawn, as surface_values.draw has
-        it, in `into` or elsewhere."""
+        """One of map_types.OTHERS for the band of the last `normals`, as surface_values.draw writes it, in `into` or
+        in another texture."""
 
 
 def normal_source(
     plan: Plan, settings: Settings, timings: Timings, pace: Pace, *, uploads: mesh_upload.UploadCache | None = None
 ) -> Task[Source]:
-    """What draws the normals of a bake; `uploads` holds what was uploaded before. Raises BakeError for too many triangles."""
+    """The source of a bake. uploads: a cache of uploaded meshes. Raises BakeError for more triangles than the GPU takes."""
     meshes = plan.meshes
     if plan.method == Method.FLATTEN:
         return Flat(meshes.low, meshes.highs, settings, timings, uploads=uploads)
@@ -54,21 +54,21 @@ def normal_source(
 
 
 def _ray_cast(plan: Plan, settings: Settings, timings: Timings) -> Task[ray_casting.RayCast]:
-    """The rays of a bake. Distances that the settings leave open are measured."""
+    """The rays of a bake. Distances that the settings do not set are measured."""
     meshes, has_cage = plan.meshes, plan.meshes.cage is not None
     yield Progress("Building the tree", 0.0)
     ray_scene = ray_casting.trees.ray_scene_of(meshes.highs, timings)
     yield Progress("Measuring distances", 0.5)
     with timings.timed("upload"):
-        rays = ray_casting.rays(meshes.low, meshes.directions, meshes.cage, ray_scene.local_space)
-    # With a cage rays start on it, and nowhere else.
+        ray_mesh = ray_casting.upload_ray_mesh(meshes.low, meshes.directions, meshes.cage, ray_scene.local_space)
+    # With a cage, rays start exactly on it.
     extrusion, max_distance = 0.0 if has_cage else settings.extrusion, settings.max_distance
     is_measured = extrusion is None or max_distance is None
     if is_measured:
         with timings.timed("distances"):
             outside, inside = ray_distances.measure(
                 ray_scene.tables,
-                rays,
+                ray_mesh,
                 (settings.width, settings.height),
                 plan.tiles,
                 has_cage=has_cage,
@@ -78,11 +78,11 @@ def _ray_cast(plan: Plan, settings: Settings, timings: Timings) -> Task[ray_cast
         extrusion = outside * unit if extrusion is None else extrusion
         # Measured from the low surface; rays start `extrusion` outside it.
         max_distance = extrusion + inside * unit if max_distance is None else max_distance
-    return ray_casting.RayCast(ray_scene, rays, extrusion, max_distance, settings.facing_only, is_measured)
+    return ray_casting.RayCast(ray_scene, ray_mesh, extrusion, max_distance, settings.facing_only, is_measured)
 
 
 class Flat:
-    """Draws `highs` in UV space; `uploads` holds what was uploaded of them before."""
+    """Draws `highs` in UV space. uploads: a cache of uploaded meshes."""
 
     takes_time = False
     ray_cast = None
@@ -152,22 +152,22 @@ class Rays:
     def normals(self, band: Band) -> Iterator[tuple[gpu.types.GPUTexture, range]]:
         """As Source has it."""
         size = band.width, band.height
-        places = target.get("rays", *size, "RGBA32F", "RGBA32F")
-        gbuffer.draw(places, self.ray_cast.rays, band.uv_to_clip)
+        rays = target.get("rays", *size, "RGBA32F", "RGBA32F")
+        gbuffer.draw(rays, self.ray_cast.ray_mesh, band.uv_to_clip)
         self._hits = target.get("hits", *size, "RGBA32UI")
         self._normals, self._points = target.get("high", *size, "RGBA32F"), None
-        if not self.pace.is_heard:
-            self.ray_cast.trace(self._hits, places, self.pace)
-            self._look_up(places, range(band.height))
+        if not self.pace.has_listener:
+            self.ray_cast.trace(self._hits, rays, self.pace)
+            self._look_up(rays, range(band.height))
             yield self._normals.texture, range(band.height)
             return
-        target.clear(self._normals)  # what is not drawn yet must not be seen
-        for rows in self.ray_cast.traced(self._hits, places, self.pace):
-            self._look_up(places, rows)
+        target.clear(self._normals)  # the picture must not show an earlier map
+        for rows in self.ray_cast.traced(self._hits, rays, self.pace):
+            self._look_up(rays, rows)
             yield self._normals.texture, rows
 
-    def _look_up(self, places: target.Target, rows: range) -> None:
-        cast.look_up(self._normals, self._hits, places, self.ray_cast.ray_scene.tables, self.to_space, rows=rows)
+    def _look_up(self, rays: target.Target, rows: range) -> None:
+        cast.look_up(self._normals, self._hits, rays, self.ray_cast.ray_scene.tables, self.to_space, rows=rows)
 
     def other(self, name: str, band: Band, into: target.Target) -> gpu.types.GPUTexture:
         """As Source has it."""
@@ -205,7 +205,7 @@ class DrawnMaps:
 
 
 def _labels_by_corner(mesh: Mesh) -> np.ndarray:
-    """The labels (C, n) float32 of corners, none of which two faces share."""
+    """The labels (C, n) float32 by corner; no two faces share a corner."""
     values = np.zeros((len(mesh.vertices), mesh.labels.shape[1]), np.float32)
     values[mesh.triangles] = mesh.labels[:, None]
     return values

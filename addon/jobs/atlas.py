@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One map of several bakes: the margin comes last, so that no object's runs over another's texels."""
+"""One map of several bakes. The margin comes last, so that no object's margin covers another object's texels."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -20,10 +20,10 @@ from .reports import DrawnJob, report_of
 
 
 class Atlas:
-    """Takes what bakes drew, as Renderer.raw has it, and stores it as one."""
+    """Collects the maps of bakes, as Renderer.raw gives them, and stores them as one."""
 
     def __init__(self, settings: Settings):
-        # In all their samples and in their own tangent spaces already.
+        # All samples and the tangent spaces of the objects are already in the maps.
         self.settings = replace(settings, samples=1)
         self.drawn: list[DrawnJob] = []
         self.tiles: dict[int, dict[str, np.ndarray]] = {}
@@ -31,7 +31,7 @@ class Atlas:
         self._warnings: list[list[str]] = []
 
     def add(self, drawn: DrawnJob, maps: dict[int, dict[str, np.ndarray]]) -> None:
-        """Lay the maps of one bake, by tile and name, over those before. Misses yield to hits; else the later one stays."""
+        """Add the maps of one bake, by tile and name. Hits replace misses; among hits, the later bake wins."""
         self._renumber(maps, drawn.labels)
         self.drawn.append(drawn)
         self._warnings.append([])
@@ -42,7 +42,7 @@ class Atlas:
                 self.tiles[tile] = above
 
     def store(self) -> list[Report]:
-        """Add the margin, and put the maps where the settings want them. Returns a report of each bake. Raises BakeError."""
+        """Add the margin and store the maps. Returns a report of each bake. Raises BakeError."""
         last = self.drawn[-1].timings
         with last.in_total(), Outputs(self.settings) as outputs:
             margin = self._fill(outputs, last)
@@ -59,7 +59,7 @@ class Atlas:
         ]
 
     def _fill(self, outputs: Outputs, timings: Timings) -> float:
-        """Give all maps with their margin to `outputs`. Returns the share of the texels that is margin."""
+        """Add all maps with their margin to `outputs`. Returns the share of the texels that is margin."""
         post_processes = post_process.for_maps([drawn.meshes.low for drawn in self.drawn], self.settings)
         margin = texels = 0
         with gpu_memory.trimmed():
@@ -73,7 +73,7 @@ class Atlas:
         return margin / texels
 
     def _lay_over(self, below: dict[str, np.ndarray], above: dict[str, np.ndarray]) -> None:
-        """Lay the maps of the last bake over those before, of one tile."""
+        """Combine one tile of the last bake with the bakes before."""
         alpha, alpha_below = above[NORMAL.name][..., 3], below[NORMAL.name][..., 3]
         is_hit, was_hit = alpha > 0.0, alpha_below > 0.0
         lost = np.count_nonzero(is_hit & was_hit)
@@ -87,7 +87,7 @@ class Atlas:
             np.copyto(below[name], values, where=wins[..., None])
 
     def _renumber(self, maps: dict[int, dict[str, np.ndarray]], labels: dict[Labeled, Sequence[str]]) -> None:
-        """Each bake numbers its objects and materials from 1; here each has a number of its own."""
+        """Each bake numbers its objects and materials from 1. In the atlas, each name has its own number."""
         numbers = {}
         for labeled, names in labels.items():
             known = self.labels[labeled]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The shells around the low mesh where rays start and end, for the viewport."""
+"""The shells around the low mesh where rays start and end, as the viewport shows them."""
 
 import bpy
 import gpu

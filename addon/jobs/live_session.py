@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A map that is drawn again whenever its objects change: what stayed is neither read nor uploaded again."""
+"""A map that is drawn again when its objects change. Only objects that changed are read and uploaded again."""
 
 from collections.abc import Collection
 from dataclasses import replace
@@ -36,8 +36,8 @@ class Session:
     texels: the last whole map, (height, width, 4) float32 as it is stored; None before the first. plan: of its bake.
     """
 
-    def __init__(self, context: bpy.types.Context, job: Job, settings: Settings, speed: Pace):
-        """Raises BakeError for what cannot be baked, or not live."""
+    def __init__(self, context: bpy.types.Context, job: Job, settings: Settings, pace: Pace):
+        """Raises BakeError for what cannot be baked, or cannot be followed."""
         if settings.udim:
             raise BakeError("Live follows one tile alone: switch UDIM tiles off.")
         self.job = job
@@ -48,7 +48,7 @@ class Session:
         self.settings = several.for_low(settings, job.low.name)
         output_clashes.check(settings, [self.settings], [job.low.name])
         check_job(context, job, self.settings)
-        self.pace = speed
+        self.pace = pace
         self.texels: np.ndarray | None = None
         self.plan: Plan | None = None
         self._meshes: Meshes | None = None
@@ -65,11 +65,11 @@ class Session:
 
     @property
     def uids(self) -> set[int]:
-        """The session_uid of each object that it follows, with those that these show by instances."""
+        """The session_uid of each object that it follows, and of those that they show as instances."""
         return {ref.uid for ref in self.job.refs} | self._shown_by.keys()
 
     def work(self, context: bpy.types.Context, changed: Collection[int] | None = None) -> Task[None]:
-        """Draw the map anew; `changed`: session_uid of the objects that are not as they were the last time, None for all.
+        """Draw the map again. changed: session_uid of the objects that changed since the last time; None for all.
 
         Raises BakeError.
         """
@@ -80,7 +80,7 @@ class Session:
         self._method = plan.method
         preparing = sources.normal_source(plan, settings, timings, self.pace, uploads=self._uploads)
         source = yield from progress.part(preparing, 0.0, READY)
-        if source.takes_time and self.pace.is_heard:
+        if source.takes_time and self.pace.has_listener:
             yield self._first_look(source, settings)
         renderer = rendering.Renderer(source, meshes.basis, settings, timings, self.pace, uploads=self._uploads)
         maps = yield from progress.part(renderer.texels(udim.FIRST, self._post_processes), READY, 1.0)
@@ -113,14 +113,14 @@ class Session:
         return meshes
 
     def _first_look(self, source: Source, settings: Settings) -> Progress:
-        """A coarse map, to be seen until the whole one is done."""
+        """Draw a coarse map, which is shown until the whole one is done."""
         small = replace(
             settings,
             width=max(16, settings.width // rendering.COARSE),
             height=max(16, settings.height // rendering.COARSE),
             samples=1,
         )
-        # In targets of their own: those of the whole map stay as large as they are.
+        # In its own pool, so that the targets of the whole map keep their size.
         with target.using(self._coarse_pool):
             renderer = rendering.Renderer(source, self._meshes.basis, small, Timings(), Pace(), uploads=self._uploads)
             progress.finish(renderer.texels(udim.FIRST, post_process.for_maps([self._meshes.low], small)))
@@ -128,24 +128,24 @@ class Session:
         return Progress("Drawing", READY, self._coarse)
 
     def is_moved(self, uid: int) -> bool:
-        """Whether vertices of the object with this session_uid are not where they were when they were last read."""
+        """Whether vertices of the object with this session_uid have moved since they were last read."""
         meshes = self._meshes
         if meshes is None:
             return True
         known = [meshes.low, *meshes.highs, *([meshes.cage] if meshes.cage else [])]
         found = {ref.uid: (ref.find(), mesh) for ref, mesh in zip(self.job.refs, known, strict=True)}
         obj, mesh = found.get(uid, (None, None))
-        if obj is None:  # deleted, or shown by instances, which are read as one mesh
+        if obj is None:  # deleted, or shown as an instance: instances are read as one mesh
             return True
         with mesh_reader.evaluated(obj, bpy.context.evaluated_depsgraph_get()) as data:
             return not np.array_equal(mesh_reader.points(data), mesh.positions)
 
     def run(self, context: bpy.types.Context, changed: Collection[int] | None = None) -> None:
-        """All of `work`, at once."""
+        """Do all of `work` at once."""
         progress.finish(self.steps(context, changed))
 
     def steps(self, context: bpy.types.Context, changed: Collection[int] | None = None) -> Task[None]:
-        """As `work`, with the session's own textures: other bakes may go on between."""
+        """As `work`, with the session's own textures, so that other bakes may go on in between."""
         work = self.work(context, changed)
         try:
             while True:
@@ -166,14 +166,16 @@ class Session:
         self._uploads, self._source = UploadCache(), None
 
     def advance(self, work: Task[None], seconds: float) -> Progress:
-        """As progress.some, with the session's own textures: other bakes may go on between."""
+        """As progress.run_for, with the session's own textures, so that other bakes may go on in between."""
         with target.using(self._pool):
             return progress.run_for(work, seconds)
 
     @property
     def map(self) -> gpu.types.GPUTexture | None:
-        """The last map on the GPU, coarse while rays for a whole one are on their way; None before the first, and where the
-        map is drawn in bands."""
+        """The last map on the GPU: a coarse one while rays for the whole map are being cast.
+
+        None before the first map, and for a map that is drawn in bands.
+        """
         if self._coarse is not None:
             return self._coarse
         drawn = self._pool.find("map")
@@ -186,12 +188,14 @@ class Session:
         return self._meshes
 
     def upload(self, key: str, mesh: Mesh, **attributes: np.ndarray) -> gpu.types.GPUBatch:
-        """As mesh_upload.UploadCache has it, beside what the session itself has uploaded."""
+        """As UploadCache.upload, in the cache of the session."""
         return self._uploads.upload(key, mesh.triangles, **attributes)
 
     def truth(self) -> gpu.types.GPUTexture:
-        """The high surface's normals that the last map came from, at the texels' centres, as sources.Source has them. Into
-        targets of the pool in use."""
+        """The normals of the high surface at the centers of the last map's texels, as sources.Source draws them.
+
+        They are in targets of the current pool.
+        """
         size = self.settings.width, self.settings.height
         for normals, _ in self._source.normals(Band(0, size[1], size, 0)):
             drawn = normals

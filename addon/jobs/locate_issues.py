@@ -36,34 +36,34 @@ ON_FACES = ("polygons", "uneven")
 KINDS = (*ON_TEXELS, *ON_TRIANGLES, *ON_EDGES, *ON_FACES)
 """As in Report.checks."""
 TEXELS = 1024 * 1024
-"""How many texels are looked at together: what is read of them takes some 100 bytes each."""
+"""How many texels are checked together. They take some 100 bytes each."""
 
 
 def of_low(report: Report) -> bpy.types.Object:
-    """The low object of a bake that was done. Raises BakeError if it is gone."""
+    """The low object of a past bake. Raises BakeError if an object of the bake was deleted."""
     return PastBake.of(report).job.low
 
 
 def find(context: bpy.types.Context, report: Report, kind: str) -> np.ndarray:
-    """The low object's own faces (N,) int that have issues of this kind, or edges for kinds ON_EDGES, as the objects are now.
+    """The low object's faces (N,) int with issues of this kind, or edges (N, 2) for kinds ON_EDGES, as the objects are now.
 
     report: of the bake whose settings count. Raises BakeError if the objects cannot be baked like that any more, or if
-    modifiers make faces of which nobody knows where they come from.
+    modifiers make faces that come from no face of the object.
     """
     view = _view(context, report, kind)
     if kind in ON_EDGES:
-        return _own(context, view, uv_seams.hard_edges(view.meshes.low), "EDGE")
+        return _in_edit_mesh(context, view, uv_seams.hard_edges(view.meshes.low), "EDGE")
     if kind in ON_FACES:
         found = np.flatnonzero(
             {"polygons": face_shapes.non_triangles, "uneven": face_shapes.non_planar}[kind](view.meshes.low)
         )
     else:
         found = np.unique(view.meshes.low.faces[_triangles(view, kind)])
-    return _own(context, view, found, "FACE")
+    return _in_edit_mesh(context, view, found, "FACE")
 
 
 def draw_mask(context: bpy.types.Context, report: Report, kind: str) -> bpy.types.Image:
-    """Fill an image, called after the map and the kind, that is white on the texels with issues of a kind ON_TEXELS.
+    """Fill an image that is white on the texels with issues of a kind ON_TEXELS. It is named after the map and the kind.
 
     report and errors: as in `find`.
     """
@@ -102,7 +102,7 @@ class _View:
 
 def _view(context: bpy.types.Context, report: Report, kind: str) -> _View:
     past = PastBake.of(report)
-    # Of all that can be set, what the map looks like does not count, and nothing is written but the mask.
+    # Settings of the map's appearance do not matter here, and only the mask is written.
     space = Space.TANGENT if kind == "backwards" else Space.OBJECT
     settings = replace(past.settings, method=past.method, space=space, maps=(), mask=False, material=False)
     settings = replace(settings, output="", storage=Storage.PACK if settings.udim else Storage.MEMORY)
@@ -134,7 +134,7 @@ def _triangles(view: _View, kind: str) -> np.ndarray:
 
 
 def _masks(view: _View, kind: str) -> Iterator[tuple[Band, np.ndarray, int]]:
-    """Band by band, which texels (height, width) bool have issues, and how many triangles lie on one of them at most."""
+    """Yields each band, which of its texels (height, width) bool have issues, and the most triangles on one of them."""
     (width, height), tiles = view.size, view.plan.tiles
     rows = max(1, TEXELS // width)
     bands = [
@@ -190,9 +190,11 @@ def _backwards(view: _View) -> Iterator[np.ndarray]:
         yield (normals[..., 2] <= 0.0) & (normals[..., 3] > 0.0)
 
 
-def _own(context: bpy.types.Context, view: _View, found: np.ndarray, domain: str) -> np.ndarray:
-    """Faces (N,) or edges (N, 2), named by their vertices, of the mesh that was baked as those of the object that an artist
-    edits. domain: "FACE" or "EDGE"."""
+def _in_edit_mesh(context: bpy.types.Context, view: _View, found: np.ndarray, domain: str) -> np.ndarray:
+    """The object's faces (N,) or edges (N, 2), by their vertices, that those of the baked mesh come from.
+
+    domain: "FACE" or "EDGE". found: faces or edges of the baked mesh, which modifiers may have changed.
+    """
     low = view.job.low
     has_modifiers = low not in view.job.highs and len(low.modifiers) > 0
     if domain == "FACE" and not has_modifiers:
@@ -204,19 +206,19 @@ def _own(context: bpy.types.Context, view: _View, found: np.ndarray, domain: str
             mesh_reader.numbered(low, domain),
             mesh_reader.evaluated(low, context.evaluated_depsgraph_get()) as data,
         ):
-            own = mesh_reader.numbers(data, domain)
+            numbers = mesh_reader.numbers(data, domain)
             found = found if domain == "FACE" else mesh_reader.edges(data, found)
-    if own is None:
+    if numbers is None:
         raise BakeError(f"The modifiers of {low.name!r} make faces that are not its own: apply them first.")
-    own = np.unique(own[found])
-    return own[own >= 0]
+    numbers = np.unique(numbers[found])
+    return numbers[numbers >= 0]
 
 
 def add_triangulate(context: bpy.types.Context, report: Report) -> tuple[bpy.types.Modifier, int]:
-    """Give the low object a modifier that cuts its faces as Blender draws them, and as they were baked.
+    """Add a modifier to the low object that cuts its faces as Blender draws them, and as they were baked.
 
-    Also returns how many quads the modifier nevertheless cuts otherwise: those that Blender turns since they would be
-    folded. Raises BakeError if the object cannot take one, or has one already.
+    Also returns how many quads the modifier cuts otherwise: Blender turns the diagonal of quads that it would fold. Raises
+    BakeError if the object cannot have the modifier, or has it already.
     """
     past = PastBake.of(report)
     low = past.job.low

@@ -20,7 +20,7 @@ from . import several
 from .job import Job
 
 PASSING = "Imprint frame"
-"""The image that shows each frame in turn while the sequence is made."""
+"""The image that shows each frame while the sequence is baked."""
 
 
 def output_for(output: str, frame: int) -> str:
@@ -52,28 +52,30 @@ def work(
     *,
     reports: list[Report] | None = None,
 ) -> Task[list[Report]]:
-    """Bake each of `frames`, and put the image sequence into the low object's material. A generator as several.work.
+    """Bake each of `frames`, and put the image sequence into the low object's materials. A generator, as several.work.
 
-    Frames that are done are kept when it is closed; `reports` is added to as they are. Raises BakeError.
+    If it is closed early, finished frames stay. reports: receives the report of each finished frame. Raises BakeError.
     """
     _check(settings, frames)
     scene, before = context.scene.session_uid, context.scene.frame_current_final
     low = job.low.name
     settings = replace(filled(settings, low), image=image_writer.name_for(low, settings))
-    plain = replace(settings, image=PASSING, material=False)
+    passing = replace(settings, image=PASSING, material=False)
     image = datablocks.get(settings.image)
     if image is not None and image.source not in {"GENERATED", "FILE", "SEQUENCE"}:
         raise BakeError(f"The image {image.name!r} is no picture or sequence: choose another name for the map.")
     if settings.material:
-        materials.check(job.low)  # the frames themselves leave it alone
-    each = [of_frame(plain, frame) for frame in frames]
-    output_clashes.check_files(each, [low] * len(each), "let the number of the frame stand in the name")
+        materials.check(job.low)  # the bakes of frames do not change it
+    frame_settings = [of_frame(passing, frame) for frame in frames]
+    output_clashes.check_files(frame_settings, [low] * len(frames), "let the number of the frame stand in the name")
     reports = [] if reports is None else reports
     try:
         for number, frame in enumerate(frames):
             _go_to(scene, frame)
             steps = part(
-                several.work(context, [job], each[number], pace), number / len(frames), (number + 1) / len(frames)
+                several.work(context, [job], frame_settings[number], pace),
+                number / len(frames),
+                (number + 1) / len(frames),
             )
             try:
                 while True:
@@ -85,10 +87,10 @@ def work(
     finally:
         if object_refs.scene_by_uid(scene) is not None:
             _go_to(scene, before)
-        for own in output_clashes.settings_by_map(plain).values():
-            passing = datablocks.get(own.image)
-            if passing is not None:
-                bpy.data.images.remove(passing)
+        for map_settings in output_clashes.settings_by_map(passing).values():
+            image = datablocks.get(map_settings.image)
+            if image is not None:
+                bpy.data.images.remove(image)
         if reports:
             reports[:] = _show(job, settings, frames, reports)
     return reports

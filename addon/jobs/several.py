@@ -17,9 +17,9 @@ from .bake import bake_job, draw_raw
 from .job import Job, check_job
 
 PROGRESS_SECONDS = 0.25
-"""Between two steps of which a listener is told."""
+"""Between two calls of a listener."""
 ATLAS = "atlas"
-"""What stands for the low object's name where several share an image."""
+"""Replaces the low object's name in the name of a shared image."""
 
 
 def bake_pair(
@@ -29,9 +29,9 @@ def bake_pair(
     settings: Settings,
     cage: bpy.types.Object | None = None,
 ) -> Report:
-    """Bake the detail of `highs` into a map for `low`, and put the map into its material.
+    """Bake the detail of `highs` into a map for `low`, and put the map into its materials.
 
-    Raises BakeError, with the scene, the image and its file as before, when that cannot be done.
+    Raises BakeError, and then the scene, the image and its file are as before.
     """
     return bake_all(context, [Job(low, highs, cage)], settings)[0]
 
@@ -42,11 +42,12 @@ def bake_all(
     settings: Settings,
     *,
     share_image: bool = False,
-    tell: Callable[[Progress], None] | None = None,
+    on_progress: Callable[[Progress], None] | None = None,
 ) -> list[Report]:
-    """All that `work` does, at once; `tell` hears how far it is."""
+    """Do all of `work` at once. on_progress: called with each step."""
     return progress.finish(
-        work(context, jobs, settings, Pace(PROGRESS_SECONDS if tell else None), share_image=share_image), tell
+        work(context, jobs, settings, Pace(PROGRESS_SECONDS if on_progress else None), share_image=share_image),
+        on_progress,
     )
 
 
@@ -59,14 +60,14 @@ def work(
     share_image: bool = False,
     reports: list[Report] | None = None,
 ) -> Task[list[Report]]:
-    """Bake several jobs, each low against its own highs alone, into an image each or, shared, into one (an atlas).
+    """Bake several jobs, each low object with its own high objects alone, into an image each, or into a shared one (an atlas).
 
-    A generator: between its steps Blender may go on, and closing it leaves everything as it was, but for jobs that were
-    done before. "{low}" in the settings' image and output stands for the low object's name. What can be known beforehand
-    is checked for all jobs before the first is baked. Raises BakeError; jobs before the one that failed are done, unless
-    they were to share its image. `reports` is added to as jobs are done, for a caller that closes it early.
+    A generator: between its steps Blender may go on. If it is closed early, finished jobs stay, and all else is as before.
+    "{low}" in the settings' image and output is replaced by the low object's name. All jobs are checked before the first is
+    baked. Raises BakeError; jobs before the one that failed stay, unless they share its image. reports: receives the report of
+    each finished job, for a caller that closes the generator early.
     """
-    settings.check()  # before names are filled in, which may hold anything
+    settings.check()  # before object names are filled in, which may contain anything
     settings = settings.read_by(context.scene.render.engine)
     filled = [for_low(settings, ATLAS if share_image else job.low.name) for job in jobs]
     if share_image:
@@ -96,7 +97,7 @@ def _into_one(context: bpy.types.Context, jobs: Sequence[Job], settings: Setting
 
 
 def _counting(steps: Task[Report], finished: int) -> Task[Report]:
-    """`steps`, each of which says that so many maps are finished."""
+    """`steps` with the number of finished maps."""
     try:
         while True:
             yield replace(next(steps), finished=finished)
@@ -107,7 +108,7 @@ def _counting(steps: Task[Report], finished: int) -> Task[Report]:
 
 
 def for_low(settings: Settings, name: str) -> Settings:
-    """The settings with names filled in; without one the image is called after the low object."""
+    """The settings with names filled in. Without a name, the image is named after the low object."""
     return replace(
         settings,
         image=image_writer.name_for(name, settings),

@@ -352,7 +352,7 @@ def test_trees_of_jobs_that_are_done_are_let_go(monkeypatch):
     monkeypatch.setattr(ray_casting, "RayScene", make)
 
     settings = Settings("CAST", width=16, height=16, storage="MEMORY", extrusion=0.5, max_distance=1.0)
-    bake_all(bpy.context, jobs, settings, tell=count)
+    bake_all(bpy.context, jobs, settings, on_progress=count)
     assert len(made) == len(jobs)
     assert max(alive) <= 2  # the one that is kept and the one at work
 

@@ -537,7 +537,7 @@ def test_its_states_follow_each_other(pair, monkeypatch):
     low, high = pair
     assert live.state is LiveState.OFF
     settings = bpy.context.scene.imprint.to_settings()
-    starting = live.starting(bpy.context, Job(low, [high]), settings, progress.Pace(looks=False))
+    starting = live.starting(bpy.context, Job(low, [high]), settings, progress.Pace(has_picture=False))
     next(starting)
     assert live.state is LiveState.STARTING
     progress.finish(starting)

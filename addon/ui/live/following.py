@@ -107,7 +107,7 @@ class Following:
         if self._refused is not None and self._refused[0] == wanted:
             raise BakeError(self._refused[1])
         try:
-            session = live_session.Session(bpy.context, self.session.job, wanted, Pace(SLICE, looks=False))
+            session = live_session.Session(bpy.context, self.session.job, wanted, Pace(SLICE, has_picture=False))
             self.session.commit()  # the new session may store into another image
         except BakeError as error:
             self._refused = wanted, str(error)

@@ -92,7 +92,7 @@ class LiveController:
 
     def start(self, context: bpy.types.Context, job: Job, settings: Settings) -> None:
         """Do the whole task of `starting` at once."""
-        progress.finish(self.starting(context, job, settings, progress.Pace(looks=False)))
+        progress.finish(self.starting(context, job, settings, progress.Pace(has_picture=False)))
 
     def starting(
         self, context: bpy.types.Context, job: Job, settings: Settings, pace: progress.Pace
@@ -112,7 +112,7 @@ class LiveController:
         finally:
             if not is_done and self._following is following:
                 self.stop()
-        session.pace = progress.Pace(SLICE, looks=False)
+        session.pace = progress.Pace(SLICE, has_picture=False)
         if not bpy.app.background:
             self.timer.start(TICK)
 
