@@ -32,7 +32,7 @@ READY = 0.2
 def bake_job(context: bpy.types.Context, job: Job, settings: Settings, pace: Pace) -> Task[Report]:
     """Bake one job into images of its own, and put the map into the low object's materials.
 
-    The settings are checked, with names filled in. Raises BakeError, and then nothing has changed.
+    settings: checked, with names filled in. Raises BakeError, and then nothing has changed.
     """
     timings = Timings()
     drawn, stored, warnings = yield from timings.counted(_bake(context, job, settings, pace, timings))
@@ -60,22 +60,9 @@ def _bake(
     return drawn, stored, [*stored.warnings, *notes]
 
 
-def draw_raw(
-    context: bpy.types.Context, job: Job, settings: Settings, pace: Pace, timings: Timings
-) -> Task[tuple[DrawnJob, dict[int, dict[str, np.ndarray]]]]:
-    """Draw one job and store nothing. Also returns the maps without a margin, by tile and name, as Renderer.raw has them."""
-    with gpu_memory.trimmed():
-        ready = yield from part(_prepare(context, job, settings, pace, timings), 0.0, READY)
-        tally, maps = Tally(), {}
-        for tile, start, stop in _shares(ready.plan):
-            maps[tile] = yield from part(ready.renderer.raw(tile), start, stop)
-            tally.add_raw(maps[tile][NORMAL.name], settings)
-        return _audit(job, settings, ready, tally, timings), maps
-
-
 @dataclass(frozen=True)
 class _Ready:
-    """What is to be drawn. meshes: all that were read."""
+    """A bake that is ready to be drawn. meshes: all that were read."""
 
     meshes: Meshes
     plan: Plan
@@ -110,3 +97,16 @@ def _shares(plan: Plan) -> Iterator[tuple[int, float, float]]:
     share = (1.0 - READY) / len(plan.tiles)
     for number, tile in enumerate(plan.tiles):
         yield tile, READY + number * share, READY + (number + 1) * share
+
+
+def draw_raw(
+    context: bpy.types.Context, job: Job, settings: Settings, pace: Pace, timings: Timings
+) -> Task[tuple[DrawnJob, dict[int, dict[str, np.ndarray]]]]:
+    """Draw one job and store nothing. Also returns the maps without a margin, by tile and name, as Renderer.raw has them."""
+    with gpu_memory.trimmed():
+        ready = yield from part(_prepare(context, job, settings, pace, timings), 0.0, READY)
+        tally, maps = Tally(), {}
+        for tile, start, stop in _shares(ready.plan):
+            maps[tile] = yield from part(ready.renderer.raw(tile), start, stop)
+            tally.add_raw(maps[tile][NORMAL.name], settings)
+        return _audit(job, settings, ready, tally, timings), maps
