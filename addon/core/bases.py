@@ -1,20 +1,20 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The tangent bases in which readers decode a map. To add one, add it to BASES: nothing else names a basis."""
+"""The tangent bases that programs decode maps with. To add one, add it to BASES: no other module names a basis."""
 
 from dataclasses import dataclass
 from types import MappingProxyType
 
 AUTO = "AUTO"
-"""In place of a basis: the one of the scene's render engine."""
+"""Instead of a basis: use that of the scene's render engine."""
 
 
 @dataclass(frozen=True)
 class Basis:
     """One basis: the interpolated tangent, bitangent = sign * cross(normal, tangent), and the interpolated normal.
 
-    name: in settings and job files. label, tooltip: in the interface. readers: which programs read a map exactly, and which
-    do not. normalizes_normal: whether the interpolated normal is normalized. index: in shaders/lib/map_lib.glsl. engines: the
-    render engines that use it, by Blender's identifiers.
+    name: in settings and job files. label, tooltip: in the interface. readers: which programs read its maps exactly, and
+    which do not. normalizes_normal: whether the interpolated normal is normalized. index: in shaders/lib/map_lib.glsl.
+    engines: Blender's identifiers of the render engines that use it.
     """
 
     name: str
@@ -46,14 +46,14 @@ BASES = (
     ),
     MIKKTSPACE,
 )
-BY_NAME = MappingProxyType({one.name: one for one in BASES})
+BY_NAME = MappingProxyType({basis.name: basis for basis in BASES})
 
 
 def of_name(name: str) -> Basis:
-    """The basis of this name, or MikkTSpace for AUTO where no render engine decides."""
+    """The basis of this name. AUTO gives MikkTSpace, for bakes without a render engine."""
     return BY_NAME.get(name, MIKKTSPACE)
 
 
 def of_engine(engine: str) -> Basis:
     """The basis of a render engine, by Blender's identifier. Engines that no basis lists follow MikkTSpace."""
-    return next((one for one in BASES if engine in one.engines), MIKKTSPACE)
+    return next((basis for basis in BASES if engine in basis.engines), MIKKTSPACE)

@@ -1,26 +1,26 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The one exception that a person is meant to read."""
+"""Errors whose messages the user reads."""
 
 from collections.abc import Iterable
 
 
 class BakeError(Exception):
-    """The bake cannot be done. Its text is one sentence that names the thing to mend."""
+    """The bake is not possible. The message is one sentence that says what to fix."""
 
 
 class WrongPlace(BakeError):
-    """A file cannot be written where it was asked to be: it would harm another one, or what is there is no file."""
+    """An output path cannot be used: it would overwrite a file that is needed, or it leads to something other than a file."""
 
 
 def sentence(error: BakeError | MemoryError) -> str:
-    """What a person is told of it."""
+    """The message for the user."""
     if isinstance(error, BakeError):
         return str(error)
     return f"There is not enough memory{f' ({error})' if str(error) else ''}: choose a smaller map, or bake less at a time."
 
 
-def shorten_list(things: Iterable[object], most: int = 3) -> str:
-    """`things` in a sentence that stays short: some of them, and how many more there are."""
-    words = list(map(str, things))
+def shorten_list(items: Iterable[object], most: int = 3) -> str:
+    """The first `most` items, separated by commas, and the number of the others: "a, b, c and 5 more"."""
+    words = list(map(str, items))
     more = len(words) - most
     return ", ".join(words) if more < 1 else f"{', '.join(words[:most])} and {more} more"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The file formats of maps. To add one, add it to FORMATS: nothing else names a format or a file ending."""
+"""The file formats of maps. To add one, add it to FORMATS: no other module names a format or a file ending."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -10,17 +10,17 @@ from .errors import BakeError
 from .file_structure import completeness, tiff
 
 USUAL_DEPTH = 16
-"""Bits per channel where none are given and the format has them."""
+"""The default bits per channel, for formats that have it."""
 
 
 @dataclass(frozen=True)
 class FileFormat:
     """One format.
 
-    label: its name in Blender's interface. blender: its identifier in Blender's image settings. endings: of its files, in lower
-    case, the usual one first. depths: bits per channel that it can have, in ascending order. is_float: whether it stores
-    values as they are, rather than steps from 0 to 1. is_complete: see file_structure.completeness. options: more of
-    Blender's image settings. correct: what to do with a file after Blender wrote it.
+    label: its name in Blender's interface. blender: its identifier in Blender's image settings. endings: its file endings in
+    lower case, the usual one first. depths: the bits per channel that it supports, in ascending order. is_float: whether it
+    stores floats, rather than steps from 0 to 1. is_complete: see file_structure.completeness. options: further image settings
+    of Blender. correct: fixes a file that Blender has written.
     """
 
     label: str
@@ -34,7 +34,7 @@ class FileFormat:
 
     @property
     def usual_depth(self) -> int:
-        """USUAL_DEPTH, or the next lower depth that the format has."""
+        """USUAL_DEPTH, or else the highest depth below it that the format has."""
         return max((depth for depth in self.depths if depth <= USUAL_DEPTH), default=self.depths[0])
 
 
@@ -50,16 +50,16 @@ FORMATS = (
         (8, 16),
         completeness.tiff_strips,
         options=MappingProxyType({"tiff_codec": "LZW"}),  # four times as fast as the default
-        # Blender's writer marks 16-bit colors as multiplied with alpha, which they are not: readers would divide them.
+        # Blender marks 16-bit colors as multiplied with alpha. They are not, but other programs would divide them by it.
         correct=tiff.set_unassociated,
     ),
     FileFormat("Targa", "TARGA_RAW", (".tga",), (8,), completeness.targa),
 )
-BY_ENDING = MappingProxyType({ending: one for one in FORMATS for ending in one.endings})
-DEPTHS = tuple(sorted({depth for one in FORMATS for depth in one.depths}))
-"""Bits per channel that some format has."""
+BY_ENDING = MappingProxyType({ending: file_format for file_format in FORMATS for ending in file_format.endings})
+DEPTHS = tuple(sorted({depth for file_format in FORMATS for depth in file_format.depths}))
+"""The bits per channel of all formats."""
 PACKED = MappingProxyType({False: PNG, True: OPEN_EXR})
-"""The formats in which Blender packs images, by whether they are floats."""
+"""The formats in which Blender packs images, by whether their pixels are floats."""
 
 
 def of(path: str | PurePath) -> FileFormat:
@@ -71,6 +71,6 @@ def of(path: str | PurePath) -> FileFormat:
 
 
 def usual_depth(path: str) -> int:
-    """The bits per channel of a file where none are given."""
+    """The default bits per channel of the file at `path`."""
     found = BY_ENDING.get(PurePath(path).suffix.lower())
     return found.usual_depth if found else USUAL_DEPTH

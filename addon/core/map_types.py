@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The maps that a bake makes. To add one, add it to OTHERS: nothing else names a map."""
+"""The maps that can be baked. To add one, add it to OTHERS: no other module names a map."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -7,7 +7,7 @@ from types import MappingProxyType
 
 
 class Kind(StrEnum):
-    """What a texel holds, which decides how samples and margins are made."""
+    """The kind of values in a map. Sampling and margins depend on it."""
 
     NORMAL = "a unit normal"
     VALUE = "numbers that have a mean"
@@ -16,7 +16,7 @@ class Kind(StrEnum):
 
 
 class Range(StrEnum):
-    """How values become channels from 0 to 1 in formats that cannot store them as they are, and what undoes it."""
+    """How formats without floats store values as channels from 0 to 1. Each formula decodes them."""
 
     UNIT = "value = stored"
     POSITIVE = "value = stored * scale"
@@ -25,7 +25,7 @@ class Range(StrEnum):
 
 
 class Labeled(StrEnum):
-    """What the numbers of a label map stand for."""
+    """The things that a label map numbers."""
 
     OBJECTS = "the high objects"
     MATERIALS = "the materials of the high objects"
@@ -35,10 +35,10 @@ class Labeled(StrEnum):
 class MapType:
     """One map.
 
-    name: in settings and job files. label, tooltip: in the interface. suffix: what the names of its image and files end in;
-    empty for the map that the settings name. range: for numbers. labeled: for labels. index: in shaders/bake/
-    surface_values_frag.glsl, for maps that it draws. is_deep: whether it is stored in the depth of the settings, rather than in
-    the lowest that the format has.
+    name: in settings and job files. label, tooltip: in the interface. suffix: the ending of the names of its image and files;
+    empty for the map that the settings name. range: only for maps of numbers. labeled: only for maps of labels. index: in
+    shaders/bake/surface_values_frag.glsl, for maps that this shader draws. is_deep: whether the map has the depth of the
+    settings, rather than the lowest depth of the format.
     """
 
     name: str
@@ -53,7 +53,7 @@ class MapType:
 
     @property
     def title(self) -> str:
-        """What it is called in a sentence."""
+        """The name of the map in a sentence."""
         return self.label.lower() if self.kind is Kind.STATE else f"{self.label.lower()} map"
 
 
@@ -126,6 +126,6 @@ OTHERS = (
         is_deep=False,
     ),
 )
-"""The maps that can be baked beside the normal map, in the order in which they are made."""
-NAMES = tuple(one.name for one in OTHERS)
-BY_NAME = MappingProxyType({one.name: one for one in (NORMAL, MASK, *OTHERS)})
+"""The maps that can be baked beside the normal map, in the order of baking."""
+NAMES = tuple(map_type.name for map_type in OTHERS)
+BY_NAME = MappingProxyType({map_type.name: map_type for map_type in (NORMAL, MASK, *OTHERS)})

@@ -10,29 +10,27 @@ from .errors import BakeError
 
 _COPY_NUMBER = re.compile(r"\.\d{3,}$")
 _WORDS = {"low": "low|lo|lp|low[_ -]?poly", "high": "high|hi|hp|high[_ -]?poly", "cage": "cage"}
-"""What people call them; each stands for all of its row where the suffix is the one that we suggest."""
+"""Usual endings of names. A default suffix matches all endings in its row."""
 
 
 @dataclass(frozen=True)
 class Suffixes:
-    """What the names end in, in any case. Those that are here by default stand for the usual words for it as well."""
+    """The endings of the names, in any case. A default suffix also matches the usual variants of it in _WORDS."""
 
     low: str = "_low"
     high: str = "_high"
     cage: str = "_cage"
 
     def check(self) -> None:
-        """Raise BakeError if names could not be told apart by these."""
+        """Raise BakeError unless the suffixes are different and not empty."""
         given = [suffix.casefold() for suffix in (self.low, self.high, self.cage)]
         if not all(given) or len(set(given)) < 3:
-            raise BakeError(
-                "The suffixes for low, high and cage objects must be three different ones, none of them empty."
-            )
+            raise BakeError("The suffixes of low, high and cage objects must all be different, and none may be empty.")
 
 
 @dataclass
 class Pair:
-    """The names of the objects that belong together; `name` is what they share."""
+    """The names of the objects of one bake. `name` is the part that they share."""
 
     name: str
     low: str = ""
@@ -43,16 +41,17 @@ class Pair:
 def match(names: Iterable[str], suffixes: Suffixes) -> tuple[list[Pair], list[str]]:
     """Sort `names` into pairs.
 
-    Returns the pairs that can be baked, by name, and sentences about what is left over: a low without a high one, high
-    ones without a low, two that claim the same place. Other names are nobody's business. A suffix may be followed by a
-    number, by which several pairs are told apart, and a high one by an underscore and more; Blender's .001 is not part of a
-    name.
+    Returns the pairs that can be baked, sorted by name, and sentences about problems: a low object without high objects,
+    high objects or a cage without a low object, two low objects or cages of one pair. Names without a suffix are ignored.
+
+    A number may follow a suffix, to distinguish pairs of one name. An underscore and more may follow a high suffix. Blender's
+    .001 at the end of a name is ignored.
     """
     suffixes.check()
     pairs: dict[tuple[str, int | None], Pair] = {}
     problems = []
     found = [(name, *_role(name, suffixes)) for name in sorted(names)]
-    # A high object's number may be its own: it is that of a pair where a low object has it too.
+    # High objects of one pair may also be numbered: the number belongs to the pair only if a low object has it too.
     numbered = {(base.casefold(), number) for _, role, base, number in found if role == "low"}
     for name, role, base, number in found:
         if not role:
@@ -67,21 +66,21 @@ def match(names: Iterable[str], suffixes: Suffixes) -> tuple[list[Pair], list[st
             problems.append(f"{name!r} and {getattr(pair, role)!r} are both the {role} object of {pair.name!r}.")
         else:
             setattr(pair, role, name)
-    whole = []
+    complete = []
     for (_, number), pair in sorted(pairs.items(), key=lambda item: (item[0][0], item[0][1] or -1)):
         if pair.low and pair.highs:
-            whole.append(pair)
+            complete.append(pair)
         elif pair.low:
             problems.append(
-                f"{pair.low!r} has no high object: none is called {_wanted(pair, number, suffixes.high)!r}."
+                f"{pair.low!r} has no high object: none is called {_missing(pair, number, suffixes.high)!r}."
             )
         else:
-            lonely = ", ".join(map(repr, pair.highs or [pair.cage]))
-            problems.append(f"{lonely} has no low object: none is called {_wanted(pair, number, suffixes.low)!r}.")
-    return whole, problems
+            unpaired = ", ".join(map(repr, pair.highs or [pair.cage]))
+            problems.append(f"{unpaired} has no low object: none is called {_missing(pair, number, suffixes.low)!r}.")
+    return complete, problems
 
 
-def _wanted(pair: Pair, number: int | None, suffix: str) -> str:
+def _missing(pair: Pair, number: int | None, suffix: str) -> str:
     if number is None:
         return pair.name + suffix
     return f"{pair.name.removesuffix(f' {number}')}{suffix}_{number}"
@@ -89,8 +88,10 @@ def _wanted(pair: Pair, number: int | None, suffix: str) -> str:
 
 @functools.lru_cache(maxsize=2**16)
 def _role(name: str, suffixes: Suffixes) -> tuple[str, str, int | None]:
-    """What `name` is, as a field of Pair ("" for nothing of ours; highs as "high"), what is left without its suffix, and the
-    number behind that, or None. Kept, since a panel asks for all objects at each redraw."""
+    """The role of an object by its name: "low", "high", "cage" or ""; the name without its suffix; and its number, or None.
+
+    Cached, because a panel calls this for all objects at each redraw.
+    """
     plain = _COPY_NUMBER.sub("", name)
     for role, pattern in _patterns(suffixes):
         found = pattern.fullmatch(plain)
@@ -101,7 +102,7 @@ def _role(name: str, suffixes: Suffixes) -> tuple[str, str, int | None]:
 
 @functools.lru_cache(maxsize=16)
 def _patterns(suffixes: Suffixes) -> list[tuple[str, re.Pattern]]:
-    """What names of each role look like: those that somebody has chosen come first."""
+    """The role and pattern of each suffix. Suffixes that the user has changed come first."""
     result = []
     for role in ("low", "cage", "high"):
         suffix, default = getattr(suffixes, role), getattr(Suffixes, role)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Work in slices: reports progress between them, and keeps them short."""
+"""Runs work in short slices, and reports progress between them."""
 
 import time
 from collections.abc import Callable, Generator, Iterator
@@ -26,11 +26,11 @@ class Progress:
 
 Result = TypeVar("Result")
 Task: TypeAlias = Generator[Progress, None, Result]
-"""A generator that does the work up to its next step each time."""
+"""A generator that does one slice of the work for each step it yields."""
 
 
 def part(work: Task[Result], start: float, stop: float) -> Task[Result]:
-    """`work` as the part from `start` to `stop` of something larger."""
+    """`work` as a part of a larger task: its progress goes from `start` to `stop`."""
     try:
         while True:
             step = next(work)
@@ -42,7 +42,7 @@ def part(work: Task[Result], start: float, stop: float) -> Task[Result]:
 
 
 def finish(work: Task[Result], on_progress: Callable[[Progress], None] | None = None) -> Result:
-    """Do all of `work`. on_progress: called with each step."""
+    """Run `work` to its end and return its result. on_progress: called after each step."""
     try:
         while True:
             step = next(work)
@@ -55,7 +55,7 @@ def finish(work: Task[Result], on_progress: Callable[[Progress], None] | None = 
 
 
 def run_for(work: Task[Result], seconds: float) -> Progress:
-    """Do about `seconds` of `work`. Returns its last step. Raises StopIteration, with the result as value, at the end."""
+    """Run `work` for about `seconds`. Returns the last step. Raises StopIteration, with the result as value, at the end."""
     start = time.perf_counter()
     while True:
         step = next(work)
@@ -64,16 +64,16 @@ def run_for(work: Task[Result], seconds: float) -> Progress:
 
 
 class Pace:
-    """Cuts rows of texels into slices that take about `seconds` each. Without a number, no listener waits for the steps.
+    """Divides rows of texels into slices that take about `seconds` each; None if no listener waits for the steps.
 
-    has_picture: whether steps are to have pictures, with a coarse one first.
+    has_picture: whether steps have pictures, a coarse one first.
     """
 
     LONGEST = 0.5
-    """Seconds of a slice without a listener. Drivers reset a GPU that is busy for too long: 2 seconds on Windows."""
+    """Seconds of a slice without a listener. Drivers reset a GPU that is busy for too long; on Windows, for 2 seconds."""
     FIRST = 64
     STEP = 8
-    """Slices have a multiple of this many rows, the height of the workgroups of compute shaders."""
+    """The rows of a slice are a multiple of this, the height of the workgroups of compute shaders."""
 
     def __init__(self, seconds: float | None = None, *, has_picture: bool = True):
         self.has_listener, self.has_picture = seconds is not None, has_picture
@@ -81,9 +81,9 @@ class Pace:
         self._rows = self.FIRST
 
     def slices(self, height: int) -> Iterator[range]:
-        """The rows of one slice after another. A slice lasts until the caller asks for the next one.
+        """Yield the rows of each slice. The time of a slice is that until the caller asks for the next one.
 
-        The caller must wait for the GPU, as with target.Target.finish, because drivers draw later than they are called.
+        The caller must wait for the GPU, as target.Target.finish does: drivers draw later than they are called.
         """
         start = 0
         while start < height:

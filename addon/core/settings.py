@@ -10,6 +10,7 @@ from . import bases, file_formats, udim
 from .declarations.panel_settings import DECLARED
 from .declarations.values import Storage
 from .errors import BakeError
+from .file_names import LOW
 from .udim import TOKEN
 
 
@@ -33,7 +34,7 @@ class Settings:
     height: int = _field("height")
     samples: int = _field("samples")
     extrusion: float | None = _field("extrusion")
-    """None to measure it. A cage replaces it."""
+    """None to measure it. Not used with a cage."""
     max_distance: float | None = _field("max_distance")
     """None to measure it."""
     directions: str = _field("directions")
@@ -51,14 +52,14 @@ class Settings:
     mips: int = _field("mips")
     udim: bool = _field("udim")
     tiles: tuple[int, ...] = _field("tiles")
-    """Empty for all that the low mesh covers."""
+    """Empty for all tiles that the low mesh covers."""
     limit: float | None = _field("limit")
     """None for 5 % of the low mesh's radius."""
     depth: int = _field("depth")
     dither: bool = _field("dither")
     modifiers: str = _field("modifiers")
     image: str = _field("image")
-    """Name of the image datablock. Empty for one named after the low object."""
+    """Name of the image datablock. Empty to name it after the low object."""
     storage: str = _field("storage")
     output: str = _field("output")
     """The file to write, for storage FILE."""
@@ -66,18 +67,18 @@ class Settings:
     single_user: bool = _field("single_user")
 
     def read_by(self, engine: str) -> "Settings":
-        """With the basis that a render engine reads, by Blender's name for it, where none is set."""
+        """These settings, where basis AUTO is replaced by that of a render engine. engine: Blender's identifier."""
         if self.basis != bases.AUTO:
             return self
         return replace(self, basis=bases.of_engine(engine).name)
 
     @property
     def is_float(self) -> bool:
-        """Whether images store values as they are, rather than steps from 0 to 1."""
+        """Whether images store floats, rather than steps from 0 to 1."""
         return file_formats.of(self.output).is_float if self.storage == Storage.FILE else self.depth > 8
 
     def check(self) -> None:
-        """Raise BakeError for settings that no bake can have, whatever the objects are."""
+        """Raise BakeError for settings that are not valid for any objects."""
         for name in (setting.name for setting in fields(self)):
             DECLARED[name].check(getattr(self, name))
         if len({axis[1] for axis in (self.red, self.green, self.blue)}) < 3:
@@ -86,9 +87,9 @@ class Settings:
             )
         self._check_tiles()
         for text in (self.image, self.output):
-            for word in re.findall(r"\{\w*\}", text):
-                if word != "{low}":
-                    raise BakeError(f"Unknown placeholder {word} in {text!r}: use {{low}}, the low object's name.")
+            for placeholder in re.findall(r"\{\w*\}", text):
+                if placeholder != LOW:
+                    raise BakeError(f"Unknown placeholder {placeholder} in {text!r}: use {LOW}, the low object's name.")
         if self.storage == Storage.FILE:
             self._check_output()
 

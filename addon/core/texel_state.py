@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a finished map holds for each texel: a color, and where it came from."""
+"""The state of each texel of a finished map: whether it was drawn, missed, filled or is background."""
 
 import numpy as np
 
 MARGIN, WRITTEN, MISSED, DEFERRED = 1, 2, 3, 4
-"""The state of a texel, as shaders/lib/state_lib.glsl has it; 0 is background. The margin fills deferred texels later."""
+"""States of a texel, as in shaders/lib/state_lib.glsl; 0 is background. The margin fills deferred texels later."""
 
 Map = tuple[np.ndarray, np.ndarray]
 """Texels (height, width, 4) float32 as they are stored, and their state (height, width) uint8."""

@@ -14,17 +14,17 @@ STAGES = ("extract", "method", "tree", "upload", "distances", "draw", "read", "a
 
 
 class Timings:
-    """Where the time of a bake goes. The steps of the bake write to it."""
+    """The seconds of each stage of a bake. The steps of the bake write to it."""
 
     def __init__(self):
         self.seconds = dict.fromkeys((*STAGES, "total"), 0.0)
         """By stage, and in total."""
         self._inside = 0.0
-        """Seconds of the stages inside the one that is timed."""
+        """The seconds of stages inside the current one."""
 
     @contextmanager
     def timed(self, stage: str) -> Iterator[None]:
-        """Add the time that the block takes to `stage`, but for that of stages inside it, which count for themselves."""
+        """Add the time of the block to `stage`. The time of stages inside it counts only for those."""
         start, around, self._inside = time.perf_counter(), self._inside, 0.0
         try:
             yield
@@ -34,7 +34,7 @@ class Timings:
             self._inside = around + seconds
 
     def counted(self, work: Generator[Yielded, None, Result]) -> Generator[Yielded, None, Result]:
-        """`work`, whose time is added to the total; that between its steps, in which it waits, is not."""
+        """`work`, with its time added to the total. The time between its steps does not count."""
         try:
             while True:
                 with self.in_total():
@@ -47,7 +47,7 @@ class Timings:
 
     @contextmanager
     def in_total(self) -> Iterator[None]:
-        """Add the time that the block takes to the total."""
+        """Add the time of the block to the total."""
         start = time.perf_counter()
         try:
             yield

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""UDIM tiles: their numbers, their places in UV space, and how they are written in lists and in paths."""
+"""UDIM tiles: their numbers, their places in UV space, and their spelling in lists and paths."""
 
 from collections.abc import Iterable
 
@@ -8,25 +8,25 @@ from .errors import BakeError
 COLUMNS, ROWS = 10, 100
 """The number of tiles along u and along v."""
 FIRST = 1001
-"""The tile from 0 to 1, which is the whole map without UDIM."""
+"""The tile from 0 to 1 in u and v: the whole map, without UDIM."""
 TILES = range(FIRST, FIRST + COLUMNS * ROWS)
 """The tiles that Blender supports."""
 MOST_BAKED = 100
-"""The most tiles that a bake makes unless it names them: a single stray UV covers hundreds."""
+"""The largest number of tiles of a bake without a list of tiles: a single stray UV can add hundreds."""
 TOKEN = "<UDIM>"
 """The placeholder for a tile's number in a path."""
 
 UvToClip = tuple[float, float, float, float]
-"""A map from UV space to clip space: the scale along u and v, then the offset. clip = uv * scale + offset."""
+"""A transform from UV space to clip space: the scales along u and v, then the offsets. clip = uv * scale + offset."""
 
 
 def number(column: int, row: int) -> int:
-    """The number of the tile whose lowest u is `column` and whose lowest v is `row`."""
+    """The number of the tile that begins at u = `column` and v = `row`."""
     return FIRST + column + COLUMNS * row
 
 
 def place(tile: int) -> tuple[int, int]:
-    """The lowest u and v on a tile."""
+    """The u and v where a tile begins."""
     row, column = divmod(tile - FIRST, COLUMNS)
     return column, row
 
@@ -37,9 +37,9 @@ def uv_to_clip(
     start: tuple[float, float] = (0.0, 0.0),
     count: tuple[int, int] | None = None,
 ) -> UvToClip:
-    """The map to clip space that shows a part of a tile.
+    """The transform to clip space that shows a part of a tile.
 
-    size: of the tile in texels, along u and v. start, count: the part in texels; without them, the whole tile.
+    size: of the tile in texels, along u and v. start, count: the part in texels; by default, the whole tile.
     """
     along_u, along_v = zip(place(tile), size, start, count or size, strict=True)
     scale_u, offset_u = _to_clip(*along_u)
@@ -53,19 +53,19 @@ def _to_clip(lowest: int, size: int, start: float, count: int) -> tuple[float, f
 
 
 def parse(text: str) -> tuple[int, ...]:
-    """The tiles in a list as "1001, 1003". Raises BakeError if it holds anything but whole numbers."""
+    """The tiles in a list such as "1001, 1003". Raises BakeError if it has anything but whole numbers."""
     words = text.replace(",", " ").split()
     # Python refuses to read thousands of digits.
     if not all(word.isdecimal() and len(word) < 100 for word in words):
-        raise BakeError(f"{text!r} is not a list of UDIM tiles as 1001, 1003.")
+        raise BakeError(f"{text!r} is not a list of UDIM tiles, such as 1001, 1003.")
     return tuple(dict.fromkeys(map(int, words)))
 
 
 def check(tiles: Iterable[int]) -> None:
-    """Raise BakeError if one of the numbers is not a tile's."""
+    """Raise BakeError if a number does not belong to a tile."""
     for tile in tiles:
         if tile not in TILES:
-            raise BakeError(f"{tile} is no UDIM tile: they go from {TILES[0]} to {TILES[-1]}.")
+            raise BakeError(f"{tile} is not a UDIM tile: their numbers are {TILES[0]} to {TILES[-1]}.")
 
 
 def fill(path: str, tile: int | str) -> str:

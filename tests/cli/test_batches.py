@@ -374,7 +374,7 @@ def test_two_files_of_one_name_are_one_too_many(rocks, run):
         (["--pairs", "none"], "The folder 'none' cannot be read: No such file or directory."),
         (["--pairs", "."], "No mesh file in '.' is called something_low."),
         (["--pairs", "rocks", "--suffixes", ".l,.h,.c"], "No mesh file in 'rocks' is called something.l."),
-        (["--pairs", "rocks", "--suffixes", "_x,_x,_c"], "must be three different ones"),
+        (["--pairs", "rocks", "--suffixes", "_x,_x,_c"], "must all be different"),
     ],
 )
 def test_folders_without_pairs(rocks, run, words, said):

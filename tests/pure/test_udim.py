@@ -52,5 +52,5 @@ def test_numbers_that_are_not_tiles_are_refused():
     udim.check(())
     udim.check((1001, 2000))
     for tile in (1000, 2001):
-        with pytest.raises(BakeError, match=f"{tile} is no UDIM tile"):
+        with pytest.raises(BakeError, match=f"{tile} is not a UDIM tile"):
             udim.check((1001, tile))

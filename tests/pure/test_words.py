@@ -23,7 +23,6 @@ PATTERNS = (
     "tests/**/*.py",
 )
 NOT_YET = (
-    "addon/core/",
     "addon/ui/",
     "scripts/dev/manual/",
     "tests/audit/",

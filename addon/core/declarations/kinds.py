@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The kinds of settings. A declaration holds what panel, command line, job file and manual need."""
+"""The kinds of settings. The panels, the command line, job files and the manual are made from such declarations."""
 
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -9,9 +9,9 @@ from ..errors import BakeError
 
 @dataclass(frozen=True)
 class Option:
-    """How the command line and job files say a setting, where the rule does not give it.
+    """How a setting is spelled on the command line and in job files, where the rule does not apply.
 
-    The rule: the setting's name with dashes for underscores, and a metavar by its kind.
+    The rule: the setting's name with dashes instead of underscores, and the metavar of its kind.
     """
 
     word: str = ""
@@ -20,34 +20,34 @@ class Option:
     note: str = ""
     """A sentence to add to the tooltip."""
     default: str | None = None
-    """What is used where the option is not given, if this is not the declaration's `empty` or `default`."""
+    """The value without the option, in words, if it differs from the declaration's `empty` and `default`."""
     explains: bool = True
     """Whether --help and the manual explain each item of a choice."""
     off: str = ""
-    """For a switch that is on by default: what the option does, which switches it off."""
+    """For a switch that is on by default: the help of the option, which switches it off."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Setting:
-    """What all kinds have. Sentences end without a full stop, as Blender's tooltips do."""
+    """The base of all kinds. Texts end without a full stop, as Blender's tooltips do."""
 
     label: str
     tooltip: str
     default: Any
     empty: str = ""
-    """What is used where the setting is left empty, or not given."""
+    """The value of a setting that is empty or not given, in words."""
     switch: str = ""
-    """The panel's switch that decides whether the value is None."""
+    """The name of the switch in the panel that sets the value to None."""
     option: Option | None = Option()
-    """None for what the command line does not have."""
+    """None if the command line does not have the setting."""
     metavar: ClassVar[str] = ""
 
     def check(self, value: Any) -> None:
-        """Raise BakeError if no bake can have this value."""
+        """Raise BakeError for a value that is not valid."""
 
     @property
     def panel_tooltip(self) -> str:
-        """The tooltip, with what is used where the field is empty."""
+        """The tooltip, with the value that an empty field means."""
         return f"{self.tooltip}. Leave empty to use {self.empty}" if self.empty and not self.switch else self.tooltip
 
 
@@ -57,7 +57,7 @@ class Switch(Setting):
 
     default: bool = False
     empties: bool | None = None
-    """The state in which the numbers that name this switch are None; None for a switch of its own."""
+    """The state in which the settings that name this switch are None. None if no setting names it."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class Item:
 
 @dataclass(frozen=True, kw_only=True)
 class Choice(Setting):
-    """One of several values, which are text or numbers."""
+    """One of several values: texts or numbers."""
 
     items: tuple[Item, ...]
 
@@ -104,9 +104,9 @@ class WholeNumber(Setting):
     least: int
     most: int
     usual_most: int | None = None
-    """Where the panel's slider ends."""
+    """The end of the panel's slider."""
     none_word: str = ""
-    """The word for None."""
+    """The word for None on the command line."""
     metavar: ClassVar[str] = "N"
 
     def check(self, value: int | None) -> None:
@@ -119,17 +119,17 @@ class WholeNumber(Setting):
 
 @dataclass(frozen=True, kw_only=True)
 class Distance(Setting):
-    """A distance in scene units; None to measure it, or to take the usual one."""
+    """A distance in scene units. None to measure it, or to use the default in `empty`."""
 
     LARGEST: ClassVar[float] = 1e18
-    """A float holds its square."""
+    """The square of this is still a valid float."""
     default: None = None
     shown: float
-    """What the panel starts with."""
+    """The initial value in the panel."""
     shown_least: float = 0.0
-    """The least that the panel's field takes."""
+    """The lowest value in the panel."""
     usual_most: float
-    """Where the panel's slider ends."""
+    """The end of the panel's slider."""
     may_be_zero: bool = False
     metavar: ClassVar[str] = "D"
 
@@ -148,8 +148,8 @@ class Color(Setting):
 
     def check(self, value: tuple[float, float, float]) -> None:
         if len(value) != 3 or not all(0.0 <= part <= 1.0 for part in value):
-            said = ", ".join(map(str, value))
-            raise BakeError(f"{self.label}: {said} is not a color. It must be three numbers from 0 to 1.")
+            numbers = ", ".join(map(str, value))
+            raise BakeError(f"{self.label}: {numbers} is not a color. It must be three numbers from 0 to 1.")
 
 
 @dataclass(frozen=True, kw_only=True)

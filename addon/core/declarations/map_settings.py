@@ -48,7 +48,7 @@ MAP: dict[str, Setting] = {
                 "Scene's Engine",
                 "The basis that the scene's render engine uses: Cycles its own, all others MikkTSpace",
             ),
-            *(Item(one.name, one.label, one.tooltip) for one in bases.BASES),
+            *(Item(basis.name, basis.label, basis.tooltip) for basis in bases.BASES),
         ),
         option=Option(note="Mesh files have no scene: for them, auto means mikktspace"),
     ),
@@ -69,7 +69,7 @@ MAP: dict[str, Setting] = {
         default=2048,
         least=MIN_SIZE,
         most=MAX_SIZE,
-        option=None,  # --size says both
+        option=None,  # --size sets both
     ),
     "height": WholeNumber(
         label="Height",

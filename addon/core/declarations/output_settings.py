@@ -8,8 +8,8 @@ from .kinds import Choice, FilePath, Flags, Item, Option, Setting, Switch, Text,
 from .values import Storage
 
 _FORMATS = ", ".join(
-    f"{one.label} ({' or '.join(one.endings)}, {' or '.join(map(str, one.depths))} bits)"
-    for one in file_formats.FORMATS
+    f"{file_format.label} ({' or '.join(file_format.endings)}, {' or '.join(map(str, file_format.depths))} bits)"
+    for file_format in file_formats.FORMATS
 )
 
 OUTPUT: dict[str, Setting] = {
@@ -45,7 +45,7 @@ OUTPUT: dict[str, Setting] = {
     "maps": Flags(
         label="Other Maps",
         tooltip="Maps to bake beside the normal map, each into an image of its own",
-        items=tuple(Item(one.name, one.label, one.tooltip) for one in map_types.OTHERS),
+        items=tuple(Item(map_type.name, map_type.label, map_type.tooltip) for map_type in map_types.OTHERS),
         option=Option(metavar="MAP,MAP..."),
     ),
     "storage": Choice(

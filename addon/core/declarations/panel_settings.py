@@ -26,6 +26,6 @@ PANELS = {
     "rays": PanelSettings("Rays", RAYS),
     "pairs": PanelSettings("Pairs by Name", PAIRS),
 }
-"""From top to bottom."""
+"""In the order of the sidebar."""
 DECLARED: dict[str, Setting] = {name: value for panel in PANELS.values() for name, value in panel.settings.items()}
 """All settings by name."""

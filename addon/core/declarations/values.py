@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The values of settings that code compares. They are text as well, so that reports and presets hold plain words."""
+"""The values of settings that code compares. They are strings as well, so that reports and presets contain plain words."""
 
 from enum import StrEnum
 

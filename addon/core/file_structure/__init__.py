@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How image files are built, as far as it takes to check and to correct what Blender wrote."""
+"""Reads as much of the structure of image files as is needed to check and correct the files that Blender wrote."""

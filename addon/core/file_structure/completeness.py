@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Whether an image file is complete: on a full disk, Blender's writers may leave the beginning of one without an error."""
+"""Detects truncated image files: on a full disk, Blender may write only a part of a file without an error."""
 
 import os
 import struct
@@ -10,16 +10,16 @@ from typing import BinaryIO
 from . import tiff
 
 Check = Callable[[BinaryIO, int, tuple[int, int]], bool]
-"""From an open file, its length in bytes, and width and height in texels to whether all is there. May raise struct.error
-for a file that ends inside a number."""
+"""A function of an open file, its length in bytes, and its width and height in texels, that returns whether the file is
+complete. It may raise struct.error for a file that ends inside a number."""
 TARGA_END = b"TRUEVISION-XFILE.\0"
 """The last bytes of every complete Targa file of version 2 (Truevision TGA File Format Specification, 1991)."""
 
 
 def is_complete(path: Path, check: Check, size: tuple[int, int]) -> bool:
-    """Whether the file at `path` holds all that Blender writes, by its format's `check`.
+    """Whether the file at `path` is complete, by the `check` of its format.
 
-    size: width and height in texels. Raises OSError if it cannot be read.
+    size: width and height in texels. Raises OSError if the file cannot be read.
     """
     with path.open("rb") as file:
         try:
@@ -29,7 +29,7 @@ def is_complete(path: Path, check: Check, size: tuple[int, int]) -> bool:
 
 
 def ends_in(end: bytes) -> Check:
-    """The check of a format whose complete files all have the same last bytes."""
+    """The check for a format whose complete files all end in the same bytes."""
 
     def check(file: BinaryIO, length: int, _: tuple[int, int]) -> bool:
         file.seek(max(0, length - len(end)))
@@ -39,22 +39,22 @@ def ends_in(end: bytes) -> Check:
 
 
 def targa(file: BinaryIO, length: int, size: tuple[int, int]) -> bool:
-    """See that an uncompressed file has room for its header of 18 bytes, its texels and the end of version 2."""
+    """Check that an uncompressed file is long enough for its header of 18 bytes, its texels, and TARGA_END."""
     return length >= 18 + size[0] * size[1] * 4 + len(TARGA_END) and ends_in(TARGA_END)(file, length, size)
 
 
 def tiff_strips(file: BinaryIO, length: int, _: tuple[int, int]) -> bool:
-    """See that all strips lie within the file."""
+    """Check that all strips are within the file."""
     found = tiff.directory(file)
     starts, sizes = (found[tag].values for tag in (tiff.STRIP_OFFSETS, tiff.STRIP_BYTE_COUNTS))
     return all(size > 0 and start + size <= length for start, size in zip(starts, sizes, strict=True))
 
 
 def open_exr(file: BinaryIO, length: int, _: tuple[int, int]) -> bool:
-    """Walk the header to the table of offsets, and see that the last block of lines lies within the file.
+    """Find the table of offsets behind the header, and check that the last block of lines is within the file.
 
-    After "The OpenEXR File Layout": attributes are name, type, size and value; the table ends where the blocks begin;
-    a block has its line, its size, its data.
+    From "The OpenEXR File Layout": an attribute has a name, a type, a size and a value; the table ends where the blocks
+    begin; a block has its line, its size and its data.
     """
     header = file.read(1 << 16)
     at = 8  # past the magic number and the version
@@ -63,7 +63,7 @@ def open_exr(file: BinaryIO, length: int, _: tuple[int, int]) -> bool:
         at += 4 + struct.unpack_from("<i", header, at)[0]
     table = at + 1
     (first,) = struct.unpack_from("<Q", header, table)
-    if not table < first < length:  # the table is filled last
+    if not table < first < length:  # writers fill the table last
         return False
     file.seek(table)
     offsets = struct.unpack(f"<{(first - table) // 8}Q", file.read(first - table))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The directory of a TIFF file: as much of TIFF 6.0 (Adobe, 1992) as it takes to find its strips and correct its alpha."""
+"""Reads the directory of a TIFF file: as much of TIFF 6.0 (Adobe, 1992) as the checks of strips and alpha need."""
 
 import struct
 from pathlib import Path
@@ -7,20 +7,20 @@ from typing import BinaryIO, NamedTuple
 
 STRIP_OFFSETS, STRIP_BYTE_COUNTS, EXTRA_SAMPLES = 273, 279, 338
 ASSOCIATED, UNASSOCIATED = 1, 2
-"""Values of ExtraSamples: whether colors are multiplied with alpha."""
+"""Values of ExtraSamples: colors are multiplied with alpha, or not."""
 _TYPES = {1: "B", 3: "H", 4: "I"}
-"""BYTE, SHORT and LONG, as struct calls them."""
+"""The struct formats of BYTE, SHORT and LONG."""
 
 
 class Entry(NamedTuple):
-    """The whole numbers of one tag, and where in the file the first of them is."""
+    """The integers of one tag. at: the position of the first in the file, in bytes."""
 
     at: int
     values: tuple[int, ...]
 
 
 def directory(file: BinaryIO) -> dict[int, Entry]:
-    """The whole-number entries of a file's first directory, by tag. Raises struct.error if the file ends before them."""
+    """The entries with integers of the file's first directory, by tag. Raises struct.error if the file ends before them."""
     order = _order(file)
     (start,) = struct.unpack(order + "I", _read(file, 4, 4))
     if not start:
@@ -28,10 +28,10 @@ def directory(file: BinaryIO) -> dict[int, Entry]:
     (count,) = struct.unpack(order + "H", _read(file, start, 2))
     entries = {}
     for row in range(count):
-        at = start + 2 + 12 * row + 8  # of the value, or of where to find it
-        tag, kind, number, value = struct.unpack(order + "HHII", _read(file, at - 8, 12))
+        at = start + 2 + 12 * row + 8  # the position of the value, or of an offset to it
+        tag, kind, length, value = struct.unpack(order + "HHII", _read(file, at - 8, 12))
         if kind in _TYPES:
-            layout = f"{order}{number}{_TYPES[kind]}"
+            layout = f"{order}{length}{_TYPES[kind]}"
             size = struct.calcsize(layout)
             at = at if size <= 4 else value
             entries[tag] = Entry(at, struct.unpack(layout, _read(file, at, size)))
@@ -47,7 +47,7 @@ def set_unassociated(path: Path) -> None:
 
 
 def _order(file: BinaryIO) -> str:
-    """The order of bytes, as struct calls it."""
+    """The byte order, as a character for struct."""
     return ">" if _read(file, 0, 2) == b"MM" else "<"
 
 
