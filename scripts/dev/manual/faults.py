@@ -22,6 +22,7 @@ FROM_TOP = (-0.35, 0.8, 0.55)
 
 BOX_CAMERA = ((-1.5, -2.3, 1.7), (0, 0, -0.04), 60.0)
 CORNER_CAMERA = ((-2.0, -2.4, 1.5), (-0.4, -0.4, 0.22), 90.0)
+CLOSE_CAMERA = ((-2.0, -2.4, 1.5), (-0.5, -0.5, 0.42), 180.0)
 BALL_CAMERA = ((-1.5, -5, 2.2), (0, 0, 0), 75.0)
 
 
@@ -173,8 +174,8 @@ def margin() -> Iterator[Picture]:
     """A small map without a margin and with one, on the mesh and around its islands."""
     high, low = _box(seams=True)
     for name, width in (("margin-wrong", 0), ("margin-right", 16)):
-        image = subjects.bake(low, high, method="CAST", measure=True, width=64, height=64, samples="16", margin=width)
-        yield name, _show(low, CORNER_CAMERA)
+        image = subjects.bake(low, high, method="CAST", measure=True, width=96, height=96, samples="16", margin=width)
+        yield name, _show(low, CLOSE_CAMERA)
         yield f"{name}-map", _enlarged(pixels_of(image))
 
 
