@@ -73,15 +73,16 @@ def steps() -> Iterator[Step]:
     yield from window.wait()
     settings.size, settings.samples = 2048, "4"
     space.shading.type = "MATERIAL"
-    space.shading.studio_light = "sunset.exr"  # shows detail better than the usual one
+    space.shading.studio_light = "city.exr"  # shows detail better than the usual one
     space.shading.type = "SOLID"
     with window.override():
         bpy.ops.imprint.bake("INVOKE_DEFAULT")
     yield from window.wait()
     for obj in bpy.data.objects:
         obj.select_set(False)
-    yield 4.0  # for the material's shaders and the small picture
+    yield 8.0  # for the material's shaders and the small picture
     yield "step-4-result", window.crop(window.box_of(area))
+    bpy.context.scene.imprint_view.split = 0.33
     bpy.context.scene.imprint_view.mode = "SPLIT"
     yield from window.wait()
     yield 1.0
