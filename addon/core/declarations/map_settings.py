@@ -117,7 +117,7 @@ MAP: dict[str, Setting] = {
     ),
     "unlimited": Switch(label="Unlimited", tooltip="Fill the whole background", empties=True, option=None),
     "mips": WholeNumber(
-        label="Clean Mip Levels",
+        label="Clean Mips",
         tooltip="Number of mip levels on which UV islands may not mix, for the checks. "
         "1 level takes 2 texels between islands, 2 take 4, 3 take 8, and half as many to the border",
         default=3,

@@ -38,7 +38,7 @@ class IMPRINT_PT_map(SettingsPanel, bpy.types.Panel):
         row.active = not settings.unlimited
         row.prop(settings, "margin")
         column.prop(settings, "unlimited")
-        column.prop(settings, "mips", text="Clean Mips")
+        column.prop(settings, "mips")
         layout.prop(settings, "modifiers")
         column = layout.column(align=True)
         column.prop(settings, "limited")
