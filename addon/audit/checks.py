@@ -25,12 +25,12 @@ TURNED_AWAY = 0.5
 """Share of normals that may point into the low mesh without a warning."""
 
 Checks = dict[str, Check]
-"""By kind, as in Report.checks, but for the severity."""
+"""By kind, as in Report.checks but without the severity."""
 
 
 @dataclass(frozen=True)
 class Findings:
-    """What is known of a finished map.
+    """The results of the audit.
 
     triangles: "high" and "low". coverage, margin: shares of all texels. missed: share of the low mesh's texels whose ray hit
     nothing. checks: as in Report.checks. warnings: sentences.
@@ -53,7 +53,7 @@ def audit(plan: Plan, tally: Tally, settings: Settings, ray_cast: ray_casting.Ra
     checks = uv_checks | texel_checks | distance_checks | _faces(meshes) | _normals(meshes, tally)
     with_method = replace(settings, method=plan.method)
     for kind, check in checks.items():
-        check["severity"] = severity.of(kind, check, with_method)
+        check["severity"] = severity.rate(kind, check, with_method)
     return Findings(
         triangles={"high": sum(len(high.triangles) for high in meshes.highs), "low": len(low.triangles)},
         coverage=tally.written / tally.texels,
@@ -78,12 +78,12 @@ def _direction_warnings(meshes: Meshes, tally: Tally) -> Iterator[str]:
     if tally.turned_away > TURNED_AWAY * max(1, tally.compared):
         yield f"Most high normals point into {low!r}: the normals of one of the two are flipped, recalculate them."
     if tally.compared and not tally.leaning:
-        what = "its own modifiers" if meshes.is_own_base else shorten_list(repr(high.name) for high in meshes.highs)
-        yield f"The map is flat: nothing of {what} differs from {low!r}. Is that the right high object?"
+        compared = "its own modifiers" if meshes.is_own_base else shorten_list(repr(high.name) for high in meshes.highs)
+        yield f"The map is flat: nothing of {compared} differs from {low!r}. Is that the right high object?"
 
 
 def uv_space(settings: Settings) -> tuple[int, int]:
-    """The number of tiles along u and v that UVs may lie on."""
+    """The number of tiles along u and v on which UVs are inside."""
     return (udim.COLUMNS, udim.ROWS) if settings.udim else (1, 1)
 
 
@@ -91,7 +91,7 @@ def _uv_layout(plan: Plan, settings: Settings) -> tuple[Checks, list[str]]:
     low, highs = plan.meshes.low, plan.meshes.highs
     areas, outside = uv_layout.areas(low), uv_layout.outside(low, uv_space(settings))
     is_mirrored, count = areas < 0.0, len(low.triangles)
-    # With UDIM, moved triangles overlap no others: readers find no tile there.
+    # With UDIM, triangles that were moved by whole tiles are on a tile of their own and do not repeat another one.
     moved = uv_islands.moved_copies(low) if outside.any() and not settings.udim else np.zeros(1, bool)
     islands = uv_islands.count_islands(low, is_mirrored) if is_mirrored.any() else 0
     checks = {
@@ -110,7 +110,7 @@ def _uv_layout(plan: Plan, settings: Settings) -> tuple[Checks, list[str]]:
                 where = severity.TILES if settings.udim else severity.TILE
                 cut_off = np.count_nonzero(outside & uv_islands.crossing(high))
                 counts.append((high, cut_off, f"reach outside the {where} and are cut off there"))
-    return checks, [f"{mesh.name!r}: {count:,} of its triangles {what}." for mesh, count, what in counts if count]
+    return checks, [f"{mesh.name!r}: {count:,} of its triangles {problem}." for mesh, count, problem in counts if count]
 
 
 def _texels(plan: Plan, tally: Tally, settings: Settings) -> Checks:
@@ -122,8 +122,8 @@ def _texels(plan: Plan, tally: Tally, settings: Settings) -> Checks:
         uncovered += int(np.count_nonzero((counts > 0.0) & (state != texel_state.WRITTEN)))
     crossed = shared
     if shared > severity.MUCH_OVERLAP * covered:  # fewer are harmless, stacked on purpose or not
-        alone = replace(low, triangles=low.triangles[uv_islands.without_copies(low)])
-        crossed = sum(int(np.count_nonzero(counts > 1.0)) for counts in covering(alone, size, tiles))
+        unique = replace(low, triangles=low.triangles[uv_islands.without_copies(low)])
+        crossed = sum(int(np.count_nonzero(counts > 1.0)) for counts in covering(unique, size, tiles))
     overlap_check = _share(shared, covered) | {"stacked": shared - crossed}
     missed = _share(tally.missed, tally.missed + tally.written)
     return {
@@ -158,10 +158,10 @@ def _distances(plan: Plan, settings: Settings, ray_cast: ray_casting.RayCast | N
         "limit": limit,
         "offset": float(np.linalg.norm(offset)),
     }
-    # A single mesh with another UV layout is far on most texels. One of several may be small.
+    # A single high mesh with another UV layout is far on most texels. One of several may cover only a few.
     differing = ""
-    is_open = settings.method == Method.FLATTEN and not meshes.is_own_base
-    if is_open and (len(meshes.highs) > 1 or check["share"] > severity.MANY_FAR):
+    was_chosen = settings.method == Method.FLATTEN and not meshes.is_own_base
+    if was_chosen and (len(meshes.highs) > 1 or check["share"] > severity.MANY_FAR):
         thinned = [separation.thinned(high) for high in meshes.highs]
         differing = uv_agreement.differing(meshes.low, thinned, plan.tiles, offset)
     return {"far": check}, [f"Cast rays, or choose Auto: {differing}."] if differing else []
@@ -193,9 +193,9 @@ def _count(found: np.ndarray, of: int) -> dict[str, float]:
 
 
 def covering(low: Mesh, size: tuple[int, int], tiles: Sequence[int] = (udim.FIRST,)) -> Iterator[np.ndarray]:
-    """How many triangles of `low` cover each texel that tally.sampled names, tile by tile. size: width and height of the map.
+    """How many triangles of `low` cover each texel that tally.sampled selects, tile by tile. size: of the map.
 
-    Yields (height, width) float32; the next tile overwrites the array.
+    Yields (height, width) float32. The next tile overwrites the array.
     """
     sparse = sampled(size)
     drawn = target.get("overlap", *sparse.small, "R16F")

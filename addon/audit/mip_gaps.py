@@ -20,9 +20,9 @@ MOST = 4096
 
 @dataclass(frozen=True)
 class Found:
-    """The texels of one tile that `grid` names, (height, width) bool each.
+    """The texels of one tile that `grid` selects, (height, width) bool each.
 
-    covered: by the mesh. close, border: which of these are too close to another island, or to the border.
+    covered: by the mesh. close, border: of the covered ones, those too close to another island, or to the border.
     """
 
     covered: np.ndarray
@@ -31,9 +31,9 @@ class Found:
 
 
 def needed(settings: Settings) -> int:
-    """The texels that are needed between islands: the width of one texel of the last mip level that counts.
+    """The texels that are needed between islands: the width of one texel of the last mip level in the settings.
 
-    Half as many are needed to the border, because readers that repeat the map continue there on its other side.
+    Half as many are needed to the border: a map that repeats has the other half on its opposite side.
     """
     return 2**settings.mips
 
@@ -50,21 +50,21 @@ def grid(settings: Settings, most: int = QUICK) -> Sparse:
 def find(low: Mesh, tiles: Sequence[int], settings: Settings, sparse: Sparse, *, overlaps: bool) -> Iterator[Found]:
     """The texels that are too close, on each of the tiles. overlaps: whether triangles share texels."""
     if overlaps:
-        alone = uv_islands.without_copies(low)
-        low = replace(low, triangles=low.triangles[alone], faces=low.faces[alone])
+        unique = uv_islands.without_copies(low)
+        low = replace(low, triangles=low.triangles[unique], faces=low.faces[unique])
     islands = uv_islands.islands(uv_islands.welded(low))
     drawn = [triangle_ids.upload(low.triangles, low.uv, islands + 1)]
-    if overlaps:  # overlapping islands count as one: the reversed order shows those that are hidden
+    if overlaps:  # overlapping islands count as one: in reverse order, the hidden ones are drawn last and show
         drawn.append(triangle_ids.upload(low.triangles[::-1], low.uv, islands[::-1] + 1))
     reach = [max(1, needed(settings) // step) for step in sparse.steps]
     for tile in tiles:
-        seen = [
+        layers = [
             next(triangle_ids.layers(batch, sparse.small, sparse.uv_to_clip(tile))).astype(np.int32) for batch in drawn
         ]
-        ids = _stacked(*seen, len(islands)) if overlaps else seen[0]
+        ids = _stacked(*layers, len(islands)) if overlaps else layers[0]
         covered = ids > 0
         border = np.zeros(ids.shape, bool)
-        if not settings.udim:  # tiles are not repeated
+        if not settings.udim:  # UDIM tiles do not repeat
             border = _near_border(ids, reach[0] // 2) | _near_border(ids.T, reach[1] // 2).T
         yield Found(covered, _near_others(ids, reach), border & covered)
 
@@ -78,20 +78,20 @@ def _stacked(above: np.ndarray, below: np.ndarray, count: int) -> np.ndarray:
 
 def _near_others(ids: np.ndarray, reach: Sequence[int]) -> np.ndarray:
     """Which texels are at most `reach` along u and v from a texel of another island. ids: 0 is background."""
-    if ids.max() == ids[ids > 0].min(initial=ids.max()):  # one island alone
+    if ids.max() == ids[ids > 0].min(initial=ids.max()):  # only one island
         return np.zeros(ids.shape, bool)
     unknown = np.int32(2**31 - 1)
     most = _slide(_slide(ids, reach[0], np.maximum).T, reach[1], np.maximum).T
     least = np.where(ids > 0, ids, unknown)
     least = _slide(_slide(least, reach[0], np.minimum).T, reach[1], np.minimum).T
-    # A window with two numbers: all texels in it are close. It belongs to its first texel.
+    # If a window has two numbers, all its texels are close. The result of a window is at its first texel.
     mixed = np.pad(most > least, [(reach[1], 0), (reach[0], 0)])
     covered = _slide(_slide(mixed, reach[0], np.logical_or).T, reach[1], np.logical_or).T
     return covered[: ids.shape[0], : ids.shape[1]] & (ids > 0)
 
 
 def _slide(values: np.ndarray, reach: int, take: np.ufunc) -> np.ndarray:
-    """`take` of each value of (rows, N) and of the `reach` values after it in its row; fewer at the end."""
+    """`take` over each value of (rows, N) and the `reach` values after it in its row, fewer at the end."""
     result, done = values.copy(), 1
     reach = min(reach, values.shape[1] - 1)
     while done <= reach:

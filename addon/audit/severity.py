@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Rates the numbers of the audit: good practice, worth a look, or harmful to the map."""
+"""Rates the results of the audit: good, worth a look, or harmful to the map."""
 
 from collections.abc import Callable
 
@@ -13,27 +13,27 @@ MUCH_OVERLAP = 1e-3
 MANY_MISSES = 1e-3
 """Share of rays that may hit nothing without harm."""
 MANY_UNCOVERED = 1e-2
-"""Share of texels without a high triangle, when nothing is cast, that does no harm: rims of islands differ a little."""
+"""Share of texels that may have no high triangle without harm, for Flatten: the borders of islands differ a little."""
 MANY_FAR = 0.25
 """Share of texels that may lie beyond the default limit without harm."""
 MANY_BEYOND = 1e-3
 """Share of texels that may lie beyond a limit from the settings without harm."""
 MANY_UNEVEN = 0.1
-"""Share of faces that may depend on how they are cut into triangles without harm."""
+"""Share of faces that may be non-planar without harm."""
 MANY_CLOSE = 0.02
 """Share of texels that may lie closer to another island, or the border, than the mip level allows without harm."""
 MANY_BACKWARDS = 1e-3
-"""Share of texels whose normal a reader that rebuilds z may lose without harm."""
+"""Share of texels whose normal may be wrong in readers that rebuild z, without harm."""
 MANY_BEHIND = 1e-2
 """Share of triangles whose shading normals may point behind them without harm: decimation leaves a few folds."""
 
 TILE, TILES = "UV tile 0 to 1", "UDIM tiles"
-"""What the UVs of a mesh must lie in, without and with UDIM."""
+"""The area for the UVs of a mesh, without and with UDIM."""
 
 Check = dict[str, float]
 
 
-def of(kind: str, check: Check, settings: Settings) -> str:
+def rate(kind: str, check: Check, settings: Settings) -> str:
     """The rating of `check`, one of Report.checks: GOOD, LOOK or WRONG. settings: of the bake, with its method."""
     if not check["count"] or (kind in _TANGENT_ONLY and settings.space != Space.TANGENT):
         return GOOD
@@ -41,11 +41,11 @@ def of(kind: str, check: Check, settings: Settings) -> str:
 
 
 def warning(kind: str, check: Check, low: str, settings: Settings) -> str:
-    """What harms the map of the object `low`, as a sentence. check: one that `of` rates WRONG."""
-    known = {"of": 1, "share": check["count"] / max(1, check.get("of", 1))} | check
-    known |= {"where": TILES if settings.udim else TILE, "margin": check.get("needed", 0) / 2, "level": settings.mips}
+    """The warning about the map of the object `low`, as a sentence. check: one that `rate` finds WRONG."""
+    values = {"of": 1, "share": check["count"] / max(1, check.get("of", 1))} | check
+    values |= {"where": TILES if settings.udim else TILE, "margin": check.get("needed", 0) / 2, "level": settings.mips}
     sentence = _MISSED if kind == "uncovered" and settings.method == Method.CAST else _SENTENCES[kind]
-    return sentence.format(low=repr(low), **known)
+    return sentence.format(low=repr(low), **values)
 
 
 def _overlap(check: Check, settings: Settings) -> bool:
@@ -67,7 +67,7 @@ def _beyond(share: float) -> Callable[[Check, Settings], bool]:
 
 
 _TANGENT_ONLY = {"polygons", "hard_edges", "backwards", "behind"}
-"""Kinds that are harmless where normals are not relative to the low surface."""
+"""Kinds that only harm tangent-space maps."""
 _HARMS: dict[str, Callable[[Check, Settings], bool]] = {
     "overlap": _overlap,
     "uncovered": _uncovered,
@@ -78,31 +78,31 @@ _HARMS: dict[str, Callable[[Check, Settings], bool]] = {
     "no_area": _beyond(0.0),
     "behind": _beyond(MANY_BEHIND),
     "hard_edges": lambda _check, _settings: True,
-    # For a surface on its own base mesh, the modifiers are the detail that the map shows.
+    # With modifiers baked onto their own base mesh, non-planar faces are part of the detail in the map.
     "uneven": lambda check, _settings: not check["is_own_base"] and check["count"] > MANY_UNEVEN * check["of"],
 }
 """When a kind is harmful. Mirrored UVs and faces that are not triangles never are."""
 
 _MISSED = (
-    "{share:.2%} of the rays from {low} hit nothing: those texels have alpha 0. Look at the extrusion and the maximum "
+    "{share:.2%} of the rays from {low} hit nothing: those texels have alpha 0. Check the extrusion and the maximum "
     "distance."
 )
 _SENTENCES = {
-    "overlap": "{share:.2%} of the texels of {low} belong to two of its triangles or more (overlapping UVs): they show the "
-    "detail of one of them.",
-    "uncovered": "{share:.2%} of the texels of {low} lie under no high triangle and stay empty.",
-    "far": "On {share:.2%} of the texels of {low} the high surface lies farther from it than {limit:.4g}, at most "
+    "overlap": "{share:.2%} of the texels of {low} belong to two or more of its triangles (overlapping UVs): they show the "
+    "detail of only one of them.",
+    "uncovered": "{share:.2%} of the texels of {low} have no high triangle and stay empty.",
+    "far": "On {share:.2%} of the texels of {low}, the high surface is farther away than {limit:.4g}, at most "
     "{maximum:.4g}.",
-    "gaps": "{share:.2%} of the texels of {low} lie within {needed} texels of another UV island, or {margin} of the border: "
+    "gaps": "{share:.2%} of the texels of {low} are within {needed} texels of another UV island, or {margin} of the border: "
     "mip level {level} mixes them. Pack the islands with a larger margin.",
-    "backwards": "{share:.2%} of the texels of {low} hold a normal whose z is 0 or less: readers that rebuild z from x and y "
-    "lose it. Split the UVs and normals where the low mesh turns away from the high one, or give it more faces there.",
+    "backwards": "{share:.2%} of the texels of {low} have a normal whose z is 0 or less: readers that rebuild z from x and y "
+    "show a wrong normal. Split the UVs and normals where the low mesh faces away from the high one, or add faces there.",
     "outside": "{low}: {count:,} of its triangles reach outside the {where} and are cut off there.",
     "no_area": "{low}: {count:,} of its triangles have no area in UV space and cannot be drawn.",
-    "hard_edges": "{low} has {count:,} hard edges without a UV seam, each of which costs a visible line in tangent space: mark "
-    "seams and unwrap there, or shade them smooth.",
-    "behind": "{low}: {count:,} of its triangles have shading normals that point behind them, where no tangent-space map is "
-    "right: fix the normals, or add edges.",
-    "uneven": "{count:,} of the {of:,} faces of {low} are not planar and change their shape with the triangles that an "
-    "exporter cuts them into: add a Triangulate modifier.",
+    "hard_edges": "{low} has {count:,} hard edges without a UV seam. Each shows as a line in tangent space: mark seams and "
+    "unwrap there, or shade them smooth.",
+    "behind": "{low}: {count:,} of its triangles have shading normals that point behind them, and no tangent-space map is "
+    "right there: fix the normals, or add edges.",
+    "uneven": "{count:,} of the {of:,} faces of {low} are not planar, and another program may triangulate them into another "
+    "shape: add a Triangulate modifier.",
 }

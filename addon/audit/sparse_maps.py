@@ -27,5 +27,5 @@ class Sparse:
 
 
 def at_most(size: tuple[int, int], most: int) -> Sparse:
-    """A map on which at most `most` texels a side are checked."""
+    """A map of `size` on which at most `most` texels a side are checked."""
     return Sparse(size, tuple(-(-side // most) for side in size))

@@ -15,17 +15,17 @@ from .sparse_maps import Sparse, at_most
 SAMPLES_A_SIDE = 1024
 """Texels a side, at most, on which overlaps are counted."""
 FLAT = 0.5 * np.cos(np.radians(0.1))
-"""Half the z of normals that lean by less than is visible."""
-SOME = np.s_[::4, ::4]
+"""Half the z of a normal that differs by 0.1 degrees from the low mesh's. Smaller differences are invisible."""
+COMPARED = np.s_[::4, ::4]
 """The texels whose normals are compared with the low mesh's."""
 
 
 @dataclass
 class Tally:
-    """Texels of all tiles of a map. written, margin, missed: by state, of `texels` in all.
+    """The numbers of texels in all tiles of a map. written, margin, missed: by state, of all `texels`.
 
-    compared: how many normals were compared with the low mesh's; turned_away: those that point into it; leaning: those
-    that differ from it. backwards: texels that readers lose which rebuild z.
+    compared: normals that were compared with the low mesh's; turned_away: those that point into the low mesh; leaning: those
+    that differ from its normal. backwards: texels whose z is 0 or less.
     """
 
     written: int = 0
@@ -37,23 +37,23 @@ class Tally:
     leaning: int = 0
     backwards: int = 0
     states: list[np.ndarray] = field(default_factory=list)
-    """Of each tile, the state of the texels that `sampled` names."""
+    """For each tile, the states of the texels that `sampled` selects."""
 
     def add(self, stored: Map, settings: Settings) -> None:
         """Count a tile of the normal map as it is stored."""
         texels, state = stored
         self._add_state(state)
         if settings.space == Space.TANGENT:
-            self._add_upwards(state, post_process.upwards(texels[SOME], settings))
+            self._add_upwards(state, post_process.upwards(texels[COMPARED], settings))
             self.backwards += post_process.backwards(texels, state, settings)
 
     def add_raw(self, normals: np.ndarray, settings: Settings) -> None:
-        """Count a tile of normals as rendering.Renderer.raw has them."""
+        """Count a tile of normals as rendering.Renderer.raw returns them."""
         alpha = normals[..., 3]
         state = texel_state.of_raw(alpha)
         self._add_state(state)
         if settings.space == Space.TANGENT:
-            self._add_upwards(state, 0.5 * normals[SOME][..., 2])
+            self._add_upwards(state, 0.5 * normals[COMPARED][..., 2])
             self.backwards += int(np.count_nonzero((normals[..., 2] <= 0.0) & (alpha > 0.0)))
 
     def _add_state(self, state: np.ndarray) -> None:
@@ -65,8 +65,8 @@ class Tally:
         self.states.append(state[::rows, ::columns].copy())
 
     def _add_upwards(self, state: np.ndarray, upwards: np.ndarray) -> None:
-        """upwards: of SOME texels, half the part of their normals that goes along the low mesh's."""
-        is_written = state[SOME] == texel_state.WRITTEN
+        """upwards: half the component of the normals along the low mesh's, for the texels COMPARED."""
+        is_written = state[COMPARED] == texel_state.WRITTEN
         self.compared += int(np.count_nonzero(is_written))
         self.turned_away += int(np.count_nonzero(upwards[is_written] < 0.0))
         self.leaning += int(np.count_nonzero(upwards[is_written] < FLAT))

@@ -109,7 +109,7 @@ def pairs(folder: str, suffixes: Suffixes) -> tuple[list[tuple[Pair, str]], list
     found, problems = match(places, suffixes)
     problems += [f"{str(path)!r} is left out: its name is not UTF-8, as all names in Blender are." for path in strange]
     if not found:
-        raise BakeError(" ".join(problems) or f"No mesh file in {folder!r} is called something{suffixes.low}.")
+        raise BakeError(" ".join(problems) or f"No mesh file in {folder!r} has a name that ends in {suffixes.low!r}.")
     result = []
     for pair in found:
         names = [pair.low, *pair.highs, *([pair.cage] if pair.cage else [])]

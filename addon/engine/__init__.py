@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Arrays in, texels out: chooses the method, casts rays, renders the maps."""
+"""Turns meshes as arrays into maps as arrays: chooses the method, casts rays, renders the maps."""

@@ -9,16 +9,16 @@ from ..core import udim
 from ..core.udim import UvToClip
 
 BAND_TEXELS = 4096 * 4096
-"""A larger map is drawn in bands of rows, so that the GPU holds a few textures of this many texels at the most."""
+"""A larger map is drawn in bands of rows, so that no texture on the GPU has more texels than this."""
 REACH = 64
-"""Texels: how wide a margin is drawn band by band. A wider one is completed from the whole map."""
+"""Texels. A margin up to this width is drawn band by band. A wider one is completed from the whole map."""
 
 
 @dataclass(frozen=True)
 class Band:
-    """Rows `start` to `stop` of a map of `size`, drawn with `halo` rows more on either side for the margin.
+    """Rows `start` to `stop` of a map of `size`, drawn with `halo` more rows on either side for the margin.
 
-    tile: its UDIM number. offset: where in its texel a sample lies, from the center, in texels.
+    tile: its UDIM number. offset: from the center of each texel to its sample, in texels.
     """
 
     start: int
@@ -54,7 +54,7 @@ def bands(width: int, height: int, margin_texels: int | None, tile: int = udim.F
     if rows >= height:
         yield Band(0, height, (width, height), 0, tile)
         return
-    # What is nearest to a texel of the margin may be as far away as its square of reach is wide at the corner.
+    # The search covers a square: the nearest texel may be in its corner, sqrt(2) times as far as its side.
     halo = math.ceil(math.sqrt(2.0) * min(REACH if margin_texels is None else margin_texels, REACH))
     for start in range(0, height, rows):
         yield Band(start, min(start + rows, height), (width, height), halo, tile)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Frees what bakes cache on the GPU."""
+"""Frees the trees and render targets that bakes cache on the GPU."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -25,6 +25,6 @@ def free() -> None:
 
 
 def free_if_idle(seconds: float) -> None:
-    """Free trees and targets if no bake has drawn for so many seconds."""
+    """Free trees and targets if no bake has drawn for this many seconds."""
     if target.common.idle_seconds > seconds:
         free()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What no band of a large map can see: texels across seams on other bands, and those farther away than its halo."""
+"""Completes the margin of large maps, where a band cannot see the texels it needs: those on other bands, beyond its halo."""
 
 import gpu
 import numpy as np
@@ -11,15 +11,15 @@ from ..passes.margin import nearest_texel, resolve, seam_fill
 ROWS = 256
 """How many rows are filled at a time, so that memory does not grow with the map."""
 COARSE = 4
-"""How many times smaller the copy of the map is in which the nearest texel is looked for when it is far away: the one that
-is found is at most 2 sqrt(2) times as many texels farther away than the nearest."""
+"""How many times smaller the copy of the map is in which distant texels are searched. The texel found is at most
+2 sqrt(2) COARSE texels farther away than the nearest."""
 
 
 def across(texels: np.ndarray, state: np.ndarray, similarities: np.ndarray, kind: int, encode: np.ndarray) -> None:
-    """Fill the texels that passes.seams left deferred, as shaders/margin/across_frag.glsl does where it sees the whole map.
+    """Fill the texels that passes.margin.seam_fill deferred, as shaders/margin/across_frag.glsl does for a whole map.
 
     texels (height, width, 4) float32, state (height, width) uint8: changed in place. similarities, kind, encode: as
-    seam_fill.upload and seam_fill.draw had them.
+    seam_fill.upload and seam_fill.draw take them.
     """
     for start in range(0, len(state), ROWS):
         y, x = np.nonzero(state[start : start + ROWS] == texel_state.DEFERRED)
@@ -31,12 +31,12 @@ def across(texels: np.ndarray, state: np.ndarray, similarities: np.ndarray, kind
 
         steps = np.maximum(np.abs(right), np.abs(up))
         beside = x + right - np.floor(right / steps + 0.5) + 1j * (y + up - np.floor(up / steps + 0.5))
-        first, place = (
+        first, position = (
             there + turn * np.where(is_mirrored, offset.conj(), offset)
             for offset in (texel + 0.5 + 0.5j - here for texel in (beside, x + 1j * y))
         )
-        found = np.flatnonzero(_is_one_island(state, first, place))
-        sums = _sums(texels, state, place[found], is_label=kind == seam_fill.LABEL)
+        found = np.flatnonzero(_is_one_island(state, first, position))
+        sums = _sums(texels, state, position[found], is_label=kind == seam_fill.LABEL)
         found, sums = found[sums[:, 3] > 0.0], sums[sums[:, 3] > 0.0]
         values = (sums[:, :3] / sums[:, 3:] - encode[:3, 3]) @ np.linalg.inv(encode[:3, :3]).T
         if kind == seam_fill.TANGENT:
@@ -45,8 +45,8 @@ def across(texels: np.ndarray, state: np.ndarray, similarities: np.ndarray, kind
             values[:, 0], values[:, 1] = flat.real, flat.imag
         if kind in (seam_fill.NORMAL, seam_fill.TANGENT):
             length = np.linalg.norm(values, axis=1)
-            known = length > 0.0  # where normals cancel out there is no direction: the nearest texel stays
-            found, values = found[known], values[known] / length[known, None]
+            has_direction = length > 0.0  # normals may cancel out: then the nearest texel stays
+            found, values = found[has_direction], values[has_direction] / length[has_direction, None]
         texels[y[found], x[found], :3] = values @ encode[:3, :3].T + encode[:3, 3]
 
 
@@ -55,7 +55,7 @@ def beyond(texels: np.ndarray, state: np.ndarray, reach: int | None) -> None:
 
     texels (height, width, 4) float32, state (height, width) uint8: changed in place.
     """
-    # Of each block one written texel, if there is any.
+    # One written texel of each block, if it has any.
     height, width = (-(-side // COARSE) for side in state.shape)
     values = np.zeros((height, width, 4), np.float32)
     for row, column in np.ndindex(COARSE, COARSE):
@@ -80,22 +80,22 @@ def beyond(texels: np.ndarray, state: np.ndarray, reach: int | None) -> None:
 
 
 def _is_one_island(state: np.ndarray, start: np.ndarray, stop: np.ndarray) -> np.ndarray:
-    """Whether the way between two places (N,) of the map, x + y i in texels, leads over covered texels alone: (N,) bool."""
+    """Whether the line between two positions (N,) on the map, x + y i in texels, crosses only covered texels: (N,) bool."""
     far = np.abs(stop - start)
     result = far <= seam_fill.FARTHEST
     for at in range(1, int(np.ceil(far[result].max(initial=0.0)))):
-        some = np.flatnonzero(result & (at < far))
-        place = start[some] + (stop[some] - start[some]) * (at / far[some])
-        result[some] = np.isin(_state_at(state, place), (texel_state.WRITTEN, texel_state.MISSED))
+        checked = np.flatnonzero(result & (at < far))
+        position = start[checked] + (stop[checked] - start[checked]) * (at / far[checked])
+        result[checked] = np.isin(_state_at(state, position), (texel_state.WRITTEN, texel_state.MISSED))
     return result
 
 
-def _sums(texels: np.ndarray, state: np.ndarray, place: np.ndarray, *, is_label: bool) -> np.ndarray:
-    """The written ones of the four texels around each place (N,), by their weights: (N, 4) float64, the last their sum."""
-    corner = place - (0.0 if is_label else 0.5 + 0.5j)
+def _sums(texels: np.ndarray, state: np.ndarray, position: np.ndarray, *, is_label: bool) -> np.ndarray:
+    """Weighted sums of the written texels among the four around each position (N,): (N, 4) float64, w: sum of the weights."""
+    corner = position - (0.0 if is_label else 0.5 + 0.5j)
     low = np.floor(corner.real) + 1j * np.floor(corner.imag)
     part = corner - low if not is_label else np.zeros_like(corner)
-    sums = np.zeros((len(place), 4))
+    sums = np.zeros((len(position), 4))
     for row, column in np.ndindex(2, 2):
         weight = np.abs(1 - column - part.real) * np.abs(1 - row - part.imag)
         weight[_state_at(state, low + column + 1j * row) != texel_state.WRITTEN] = 0.0
@@ -105,17 +105,17 @@ def _sums(texels: np.ndarray, state: np.ndarray, place: np.ndarray, *, is_label:
     return sums
 
 
-def _state_at(state: np.ndarray, place: np.ndarray) -> np.ndarray:
-    """The state of the texels in which places lie, 0 outside the map."""
-    x, y = _indices(state, place)
-    is_inside = (x == np.floor(place.real)) & (y == np.floor(place.imag))
+def _state_at(state: np.ndarray, position: np.ndarray) -> np.ndarray:
+    """The state of the texels that contain the positions, 0 outside the map."""
+    x, y = _indices(state, position)
+    is_inside = (x == np.floor(position.real)) & (y == np.floor(position.imag))
     return np.where(is_inside, state[y, x], 0)
 
 
-def _indices(state: np.ndarray, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Columns and rows of the texels that are nearest to places."""
+def _indices(state: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Columns and rows of the texels nearest to the positions."""
     height, width = state.shape
     return (
-        np.clip(np.floor(place.real), 0, width - 1).astype(np.int64),
-        np.clip(np.floor(place.imag), 0, height - 1).astype(np.int64),
+        np.clip(np.floor(position.real), 0, width - 1).astype(np.int64),
+        np.clip(np.floor(position.imag), 0, height - 1).astype(np.int64),
     )

@@ -16,16 +16,16 @@ from ..mesh.local_space import gap, local_space_of
 from . import uv_agreement
 
 FAR_APART = 0.5
-"""Of the low mesh's radius: boxes with a larger gap between them do not belong together."""
+"""Share of the low mesh's radius. Meshes whose boxes have a larger gap between them do not belong together."""
 
 
 @dataclass(frozen=True)
 class Plan:
     """How a bake is done, decided before anything is drawn.
 
-    method: FLATTEN or CAST. why: a clause; empty where the settings name the method. tiles: UDIM numbers. meshes: what the
-    method can use of those that were read. separation: what separation.sample found for the choice, or None. warnings:
-    sentences.
+    method: FLATTEN or CAST. why: a clause; empty where the settings name the method. tiles: UDIM numbers. meshes: those
+    that were read, reduced to the parts that the method can use. separation: the result of separation.sample if the choice
+    needed it, or None. warnings: sentences.
     """
 
     method: str
@@ -37,7 +37,10 @@ class Plan:
 
 
 def choose_method(meshes: Meshes, tiles: Sequence[int], settings: Settings) -> Plan:
-    """Decide between Flatten and Cast, and drop what that method cannot use. Raises BakeError for meshes far apart."""
+    """Decide between Flatten and Cast, and drop the parts of meshes that the method cannot use.
+
+    Raises BakeError for meshes that are far apart.
+    """
     plan = Plan(settings.method, tuple(tiles), meshes)
     if settings.method == Method.AUTO:
         plan = _measured(plan)
@@ -45,15 +48,13 @@ def choose_method(meshes: Meshes, tiles: Sequence[int], settings: Settings) -> P
 
 
 def tiles_to_bake(meshes: Meshes, settings: Settings) -> list[int]:
-    """The UDIM tiles of `settings` that the low mesh lies on. Raises BakeError where there is none, or far too many."""
+    """The UDIM tiles of `settings` that the low mesh covers. Raises BakeError if there is none, or far too many."""
     if not settings.udim:
         return [udim.FIRST]
     low = meshes.low
     found = uv_layout.tiles(low)
     if len(found) > udim.MOST_BAKED and not settings.tiles:
-        raise BakeError(
-            f"{low.name!r} reaches over {len(found)} UDIM tiles: name those to bake, or look for stray UVs."
-        )
+        raise BakeError(f"{low.name!r} covers {len(found)} UDIM tiles: list the tiles to bake, or look for stray UVs.")
     wanted = [tile for tile in found if not settings.tiles or tile in settings.tiles]
     if not wanted:
         where = shorten_list(found) or "no tile"
@@ -78,11 +79,11 @@ def nothing_drawn(plan: Plan) -> str:
     distance = gap(low, highs)
     if distance > 0.0:
         return _far_apart(plan.meshes, distance)
-    return f"No ray from {low.name!r} hit {_names(highs)}: give a larger extrusion and maximum distance."
+    return f"No ray from {low.name!r} hit {_names(highs)}: increase the extrusion and the maximum distance."
 
 
 def _measured(plan: Plan) -> Plan:
-    """With the method that the meshes call for."""
+    """`plan` with the method that suits its meshes."""
     meshes = plan.meshes
     if meshes.is_own_base and meshes.highs[0].uv is not None and not meshes.highs[0].instances:
         return replace(plan, method=Method.FLATTEN, why="a surface and its own base mesh share their UVs")
@@ -93,19 +94,19 @@ def _measured(plan: Plan) -> Plan:
 
 
 def _flattened(plan: Plan) -> Plan:
-    """Without the corners whose UVs are not finite."""
+    """`plan` without the corners whose UVs are not finite."""
     highs = [triangle_mesh.keep_corners(high, triangle_mesh.finite_rows(high.uv)) for high in plan.meshes.highs]
     return replace(plan, meshes=replace(plan.meshes, highs=highs))
 
 
 def _within_reach(plan: Plan, settings: Settings) -> Plan:
-    """Without the high meshes that no ray can reach."""
+    """`plan` without the high meshes that no ray can reach."""
     meshes = plan.meshes
     distance = gap(meshes.low, meshes.highs)
     radius = local_space_of([meshes.low]).size
     if distance > FAR_APART * radius and settings.max_distance is None and meshes.cage is None:
         raise BakeError(_far_apart(meshes, distance))
-    # They would make the tree coarse: its boxes are quantized in steps that grow with all high meshes.
+    # Distant meshes would make the tree less precise: the steps of its quantized boxes grow with the extent of all meshes.
     reach = max(settings.extrusion or 0.0, settings.max_distance or 0.0, 2.0 * radius)
     is_near = [gap(meshes.low, [high]) <= reach for high in meshes.highs]
     if not any(is_near):

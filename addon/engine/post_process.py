@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The last passes over a band: from values to what is stored, with the margin around the islands."""
+"""The last passes over a band: encode values as they are stored, and draw the margin around the islands."""
 
 from collections.abc import Sequence
 
@@ -10,7 +10,7 @@ from ..core import texel_state
 from ..core.declarations.values import MarginType, Space
 from ..core.map_types import BY_NAME, NORMAL, Kind
 from ..core.settings import Settings
-from ..mesh import uv_seams as islands
+from ..mesh import uv_seams
 from ..mesh.triangle_mesh import Mesh
 from ..passes import target
 from ..passes.margin import nearest_texel, resolve, seam_fill
@@ -19,15 +19,15 @@ from .bands import REACH, Band, bands
 
 
 class Borders:
-    """Where islands end, on one UDIM tile after another. Several maps may share it."""
+    """The borders of islands, on one UDIM tile at a time. Several maps may share it."""
 
-    def __init__(self, found: islands.Seams, settings: Settings):
+    def __init__(self, found: uv_seams.Seams, settings: Settings):
         self.found = found
         self.size = settings.width, settings.height
         self.tile = None
 
     def on(self, tile: int) -> "Borders":
-        """This, with what lies on a tile: `similarities` as mesh.seams has them, and `uploaded`."""
+        """These borders, prepared for a tile: `similarities` as uv_seams.Seams returns them, and `uploaded`."""
         if tile != self.tile:
             self.similarities = self.found.similarities(self.size, tile)
             self.uploaded = seam_fill.upload(*self.found.strips(self.size, tile), self.similarities)
@@ -36,10 +36,10 @@ class Borders:
 
 
 class PostProcess:
-    """Made once for a map.
+    """Encodes the values of one map and draws its margin.
 
-    kind: of its values, as passes.seams has them; normals are stored as half of what they are and a half, others as they
-    are. borders: where the islands on the map end, for a margin that goes on across them; None for one that does not.
+    kind: of the values, a constant of seam_fill. A normal n is stored as 0.5 n + 0.5, other values as they are. borders: for
+    a margin that continues the adjacent faces; None for a margin of the nearest texels.
     """
 
     def __init__(self, settings: Settings, kind: int, borders: Borders | None = None):
@@ -49,9 +49,9 @@ class PostProcess:
             self.encode[:3, :3], self.encode[:3, 3] = channels(settings) * 0.5, 0.5
 
     def draw(self, band: Band, values: gpu.types.GPUTexture) -> target.Target:
-        """The stored texels (RGBA32F) of the band's own rows and their state (R8) from `values`, which has its halo.
+        """The stored texels (RGBA32F) and their state (R8) of the band without its halo, from `values` with it.
 
-        `complete` has to follow the last band, unless there is one alone.
+        Call `complete` after the last band of a map that has several.
         """
         reach = self.settings.margin
         near = REACH if reach is None else min(reach, REACH)
@@ -81,7 +81,8 @@ class PostProcess:
         return stored
 
     def complete(self, tile: int, texels: np.ndarray, state: np.ndarray) -> None:
-        """Fill what no band could alone, in place: texels (height, width, 4) float32, state (height, width) uint8."""
+        """Fill the margin that needs several bands. texels (height, width, 4) float32, state (height, width) uint8: changed
+        in place."""
         height, width = state.shape
         if next(bands(width, height, None)).is_whole:
             return
@@ -92,10 +93,10 @@ class PostProcess:
 
 
 def for_maps(lows: Sequence[Mesh], settings: Settings) -> dict[str, PostProcess]:
-    """One for each map of a bake, by name; `lows` are the meshes whose islands lie on it."""
+    """A PostProcess for each map of a bake, by name. lows: the meshes whose islands are on the map."""
     borders = None
     if settings.margin_type == MarginType.ADJACENT_FACES and settings.margin != 0:
-        found = islands.find(lows)
+        found = uv_seams.find(lows)
         borders = Borders(found, settings) if len(found.side) else None
     normal = seam_fill.TANGENT if settings.space == Space.TANGENT else seam_fill.NORMAL
     of_kind = {Kind.NORMAL: normal, Kind.VALUE: seam_fill.VALUE, Kind.LABEL: seam_fill.LABEL}
@@ -104,7 +105,7 @@ def for_maps(lows: Sequence[Mesh], settings: Settings) -> dict[str, PostProcess]
 
 
 def channels(settings: Settings) -> np.ndarray:
-    """The (3, 3) matrix from a normal to what red, green and blue hold of it."""
+    """The (3, 3) matrix from a normal to its red, green and blue channels."""
     matrix = np.zeros((3, 3))
     for row, axis in enumerate((settings.red, settings.green, settings.blue)):
         matrix[row, "XYZ".index(axis[1])] = 1.0 if axis[0] == "+" else -1.0
@@ -112,8 +113,7 @@ def channels(settings: Settings) -> np.ndarray:
 
 
 def backwards(texels: np.ndarray, state: np.ndarray, settings: Settings) -> int:
-    """On how many of the written texels z is 0 or less: texels (height, width, 4) of normals as they are stored, and their
-    state."""
+    """The number of written texels whose z is 0 or less. texels (height, width, 4): normals as they are stored."""
     z = channels(settings)[:, 2]
     stored = texels[..., int(np.argmax(np.abs(z)))]
     half = np.float32(0.5)
@@ -121,6 +121,6 @@ def backwards(texels: np.ndarray, state: np.ndarray, settings: Settings) -> int:
 
 
 def upwards(texels: np.ndarray, settings: Settings) -> np.ndarray:
-    """The z of the normals that stored texels (height, width, 4) stand for, (height, width), times one half."""
+    """Half the z of the normals in stored texels (height, width, 4): (height, width)."""
     z = channels(settings)[:, 2]
     return texels[..., int(np.argmax(np.abs(z)))] * np.float32(z.sum()) - np.float32(0.5 * z.sum())

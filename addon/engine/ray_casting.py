@@ -18,10 +18,10 @@ from ..mesh.triangle_mesh import Mesh
 from ..passes import data_texture, mesh_upload, target
 from ..passes.bake import cast
 
-KEPT_BYTES = 1024 * 2**20
-"""The most that cached trees hold on the GPU."""
-KEPT_TREES = 4
-"""The most trees that are cached: an edited mesh makes another one at every change."""
+CACHE_BYTES = 1024 * 2**20
+"""The most GPU memory for cached trees."""
+CACHED_TREES = 4
+"""The most trees in the cache. Each change of a high mesh adds a tree."""
 
 
 @dataclass(frozen=True)
@@ -41,8 +41,8 @@ class RayScene:
 class RayCast:
     """Rays from a low mesh to the high ones.
 
-    ray_mesh: from `upload_ray_mesh`. extrusion, max_distance: in scene units. is_measured: whether one of the two was measured,
-    and not set.
+    ray_mesh: from `upload_ray_mesh`. extrusion, max_distance: in scene units. is_measured: whether at least one of the two
+    distances was measured, not set.
     """
 
     ray_scene: RayScene
@@ -87,10 +87,10 @@ class RayCast:
 class TreeCache:
     """Trees over high meshes, cached on the GPU while the meshes stay the same.
 
-    most_bytes, most_trees: bounds. Beyond them, the tree that was used longest ago is freed first.
+    most_bytes, most_trees: limits. Beyond them, the tree that was used longest ago is freed first.
     """
 
-    def __init__(self, most_bytes: int = KEPT_BYTES, most_trees: int = KEPT_TREES):
+    def __init__(self, most_bytes: int = CACHE_BYTES, most_trees: int = CACHED_TREES):
         self.most_bytes, self.most_trees = most_bytes, most_trees
         self.built = 0
         """How many trees were built since the start."""
@@ -106,13 +106,13 @@ class TreeCache:
 
     @property
     def bytes(self) -> int:
-        """What the cached trees hold on the GPU."""
+        """The GPU memory of the cached trees."""
         return sum(scene.tables.bytes for scene in self._scenes.values())
 
     def ray_scene_of(self, highs: Sequence[Mesh], timings: Timings) -> RayScene:
         """The tree over `highs`, built and uploaded unless it is cached.
 
-        The key is the content and not the name, so that a change that Blender does not report cannot make it stale.
+        The key is the content, not the name: Blender does not report every change of a mesh.
         """
         with timings.timed("tree"):
             key = tuple(
@@ -151,12 +151,12 @@ def _build(highs: Sequence[Mesh], timings: Timings) -> RayScene:
     points, normals, vertices, corners = [], [], [], []
     points_before = corners_before = 0
     for high in highs:
-        # A mirrored matrix reverses the winding, by which rays distinguish fronts from backs.
+        # A mirrored matrix reverses the winding, which decides whether a ray hits the front or the back.
         triangles = high.triangles[:, ::-1] if np.linalg.det(high.to_world[:3, :3]) < 0.0 else high.triangles
         points.append(local_space.points(high))
         normals.append(high.to_world_normals(high.normals))
-        vertices.append(_behind(points_before, np.take(high.vertices, triangles, mode="clip")))
-        corners.append(_behind(corners_before, triangles))
+        vertices.append(_shifted(points_before, np.take(high.vertices, triangles, mode="clip")))
+        corners.append(_shifted(corners_before, triangles))
         points_before, corners_before = points_before + len(high.positions), corners_before + len(high.normals)
     points, normals, vertices, corners = (
         parts[0] if len(parts) == 1 else np.concatenate(parts) for parts in (points, normals, vertices, corners)
@@ -176,8 +176,8 @@ def _build(highs: Sequence[Mesh], timings: Timings) -> RayScene:
     return RayScene(local_space, tables, tree.order)
 
 
-def _behind(count: int, numbers: np.ndarray) -> np.ndarray:
-    """`numbers` plus `count`; without a copy of large arrays if it is 0."""
+def _shifted(count: int, numbers: np.ndarray) -> np.ndarray:
+    """`numbers` plus `count`, without a copy if `count` is 0: the arrays are large."""
     return numbers + count if count else numbers
 
 
@@ -187,7 +187,7 @@ def upload_ray_mesh(
     """The low mesh with the positions and directions of its rays, as gbuffer.draw takes it.
 
     directions (C, 3) float32: normals by corner, in the low mesh's space. With a cage, which has the same corners, rays
-    start on it and run towards the low mesh. Where the two touch, they run along the low mesh's normals.
+    start on it and point at the low mesh. Where the two touch, they follow the low mesh's normals.
     """
     positions = local_space.points(low)[low.vertices]
     away = low.to_world_normals(directions)

@@ -14,11 +14,11 @@ from ..passes.bake import cast, gbuffer
 PROBE_SIZE = 256
 """The most rays a side that are cast inwards and outwards."""
 QUANTILE = 0.999
-"""Distances beyond this quantile are outliers: rays that pass an edge and hit something behind."""
+"""Distances beyond this quantile are outliers: rays that pass an edge and hit a surface behind it."""
 RESERVE = 1.5
 """Factor on the measured distances: the surface between two measured texels may lie farther away."""
 WHOLE_WORLD = 8.0
-"""The greatest distance in the local space of the high meshes, if the low mesh touches them."""
+"""Longer than any distance in the local space of the high meshes, if the low mesh touches them."""
 
 
 def measure(
@@ -42,7 +42,7 @@ def measure(
         gbuffer.draw(rays, ray_mesh, udim.uv_to_clip(tile))
         inwards.append(_probe(tables, rays, -1.0, facing_only))
         if not has_cage:
-            # The ray meets a high triangle outside the low surface from behind.
+            # These rays reach high triangles outside the low surface from behind.
             outwards.append(_probe(tables, rays, 1.0, facing_only=False))
     inwards = np.concatenate(inwards)
     if has_cage:

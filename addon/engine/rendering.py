@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Runs the passes in their order, band by band, from a source to arrays of texels."""
+"""Runs the passes in order, band by band, from a source to arrays of texels."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -22,13 +22,13 @@ from .post_process import PostProcess, channels
 from .sources import Source
 
 COARSE = 8
-"""How many times smaller the first picture of a slow map is."""
+"""How many times smaller than the map the first picture is, if drawing takes long."""
 
 
 class Renderer:
-    """Draws the maps of one bake, the normal map and those of the settings, tile by tile.
+    """Draws the maps of one bake, tile by tile: the normal map and the maps in the settings.
 
-    basis: the mesh with the tangent space of the normals; None for normals that stay in the space of the source. uploads: a
+    basis: the mesh with the tangent space of the normals; None for normals that keep the space of the source. uploads: a
     cache of uploaded meshes.
     """
 
@@ -70,13 +70,12 @@ class Renderer:
 
         yield from self._banded(tile, self.settings.margin, keep)
         with self.timings.timed("draw"):
-            for name, finish in post_processes.items():
-                finish.complete(tile, *maps[name])
+            for name, process in post_processes.items():
+                process.complete(tile, *maps[name])
         return maps
 
     def raw(self, tile: int) -> Task[dict[str, np.ndarray]]:
-        """Normals and other values of a tile in all their samples, (height, width, 4) float32 by name, without a margin;
-        alpha as in Source."""
+        """The maps of a tile by name, without encoding and margin: (height, width, 4) float32, alpha as in Source."""
         settings = self.settings
         maps = {
             name: np.empty((settings.height, settings.width, 4), np.float32) for name in (NORMAL.name, *settings.maps)
@@ -110,13 +109,13 @@ class Renderer:
             yield self._step(normals, 0.0, band, clear=True)
 
     def _sampled(self, band: Band) -> Task[dict[str, gpu.types.GPUTexture]]:
-        """The maps of a band: of normals and values the mean of all samples, of labels the central sample."""
+        """The maps of a band. Normals and values are the mean of all samples, labels are the central sample."""
         settings, count = self.settings, self.settings.samples
         if count == 1:
             for drawn, rows in self._normals(band):
                 if self.pace.has_listener:
                     yield self._step(drawn, rows.stop / band.height, band)
-            return {NORMAL.name: drawn} | {name: self._other(name, band) for name in settings.maps}
+            return {NORMAL.name: drawn} | {name: self._surface_map(name, band) for name in settings.maps}
         sums = target.get("sums", band.width, band.height, "RGBA32F")
         if self.pace.has_listener:
             target.clear(sums)  # the picture shows rows that are not drawn yet
@@ -134,17 +133,20 @@ class Renderer:
             for name in values:
                 self._add(name, sample, is_first=number == 0)
             for name in labels if offset == central else ():
-                self._other(name, sample)
+                self._surface_map(name, sample)
         return self._means(band, values, labels)
 
     def _add(self, name: str, sample: Band, *, is_first: bool) -> None:
-        """Add one sample of a map of values to its sums."""
-        sums, drawn = target.get(f"sums of {name}", sample.width, sample.height, "RGBA32F"), self._other(name, sample)
+        """Add one sample of a map of kind VALUE to its sums."""
+        sums, drawn = (
+            target.get(f"sums of {name}", sample.width, sample.height, "RGBA32F"),
+            self._surface_map(name, sample),
+        )
         with self.timings.timed("draw"):
             samples.add(sums, drawn, range(sample.height), is_first=is_first)
 
     def _means(self, band: Band, values: Sequence[str], labels: Sequence[str]) -> dict[str, gpu.types.GPUTexture]:
-        """The maps of a band from the sums of their samples. Maps of labels have been drawn already."""
+        """The maps of a band from the sums of their samples. Maps of kind LABEL are already drawn."""
 
         def drawn(role: str) -> target.Target:
             return target.get(role, band.width, band.height, "RGBA32F")
@@ -165,16 +167,18 @@ class Renderer:
                 if normals is None:
                     return
                 if self.basis is not None:
-                    turned = target.get("low", band.width, band.height, "RGBA32F")
+                    in_tangent_space = target.get("low", band.width, band.height, "RGBA32F")
                     is_unit = bases.of_name(self.settings.basis).normalizes_normal
-                    tangent.draw(turned, self.basis, normals, band.uv_to_clip, normalize_normal=is_unit, rows=rows)
-                    normals = turned.texture
+                    tangent.draw(
+                        in_tangent_space, self.basis, normals, band.uv_to_clip, normalize_normal=is_unit, rows=rows
+                    )
+                    normals = in_tangent_space.texture
             yield normals, rows
 
-    def _other(self, name: str, band: Band) -> gpu.types.GPUTexture:
-        """One sample of another map."""
+    def _surface_map(self, name: str, band: Band) -> gpu.types.GPUTexture:
+        """One sample of a map other than the normal map."""
         with self.timings.timed("draw"):
-            return self.source.other(name, band, target.get(name, band.width, band.height, "RGBA32F"))
+            return self.source.surface_map(name, band, target.get(name, band.width, band.height, "RGBA32F"))
 
     def _step(self, normals: gpu.types.GPUTexture, done: float, band: Band, *, clear: bool = False) -> Progress:
         size = self.settings.width, self.settings.height

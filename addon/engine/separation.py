@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Measures what leads from the low surface to the high one on the same texels."""
+"""Measures the vectors from the low surface to the high one, texel by texel."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -21,18 +21,18 @@ from . import ray_casting
 PROBE_SIZE = 128
 """Texels a side, at most, of a quick sample."""
 TRIANGLES = 2**16
-"""The most triangles of a high mesh that a quick sample draws: of a larger mesh every second, third, ..."""
+"""The most triangles of a high mesh that a quick sample draws. Of a larger mesh it draws every second, third, ..."""
 LIMIT = 0.05
-"""Of the low mesh's radius: how far the high surface may lie from the low one where the settings set no limit."""
+"""Share of the low mesh's radius: the limit for the distance between the surfaces if the settings have none."""
 
 Probe = Callable[[tuple[int, int], UvToClip], np.ndarray]
 """A function from (width, height) and uv_to_clip to texels (height, width, 4) float32. w: 1 where both meshes are, -1 where
-the low mesh is alone, 0 outside it. xyz: the vector from the low point to the high one where both are, in scene units and
-world space."""
+there is only the low mesh, 0 outside it. xyz: where both are, the vector from the low point to the high one, in scene units
+and world space."""
 
 
 def full_probe(meshes: Meshes, ray_cast: ray_casting.RayCast | None) -> Probe:
-    """Measures along the rays of a bake; without rays, between meshes that are drawn in UV space."""
+    """Measures along the rays of a bake. Without rays, measures between meshes that are drawn in UV space."""
     return _ray_probe(meshes, ray_cast) if ray_cast else flat_probe(meshes.low, meshes.highs)
 
 
@@ -47,7 +47,7 @@ def limit(low: Mesh, settings: Settings) -> float:
 
 
 def sample(probe: Probe, size: tuple[int, int], tiles: Sequence[int]) -> np.ndarray:
-    """What `probe` finds on a map of `size`, on at most PROBE_SIZE texels a side: (tiles, height, width, 4) float32."""
+    """The texels of `probe` for a map of `size`, at most PROBE_SIZE a side: (tiles, height, width, 4) float32."""
     small = min(size[0], PROBE_SIZE), min(size[1], PROBE_SIZE)
     return np.stack([probe(small, udim.uv_to_clip(tile)) for tile in tiles])
 
@@ -55,7 +55,7 @@ def sample(probe: Probe, size: tuple[int, int], tiles: Sequence[int]) -> np.ndar
 def offset(texels: np.ndarray, method: str) -> np.ndarray:
     """The offset (3,) between the high meshes and the low one as wholes, from texels (..., 4) of a Probe.
 
-    For Flatten the meshes may stand side by side in the scene, and the offset does not count as a distance. For rays it is 0.
+    For Flatten, the meshes may be side by side in the scene, and the offset does not count as a distance. For rays it is 0.
     """
     together = texels[texels[..., 3] > 0.0]
     if method != Method.FLATTEN or not len(together):
@@ -64,7 +64,7 @@ def offset(texels: np.ndarray, method: str) -> np.ndarray:
 
 
 def distances(texels: np.ndarray, offset: np.ndarray) -> np.ndarray:
-    """The distances (...) float32 of texels (..., 4), without the offset (3,); -1 where not both meshes are."""
+    """The distances (...) float32 of texels (..., 4), minus the offset (3,); -1 where one of the meshes is missing."""
     x, y, z = (texels[..., axis] - offset[axis] for axis in range(3))
     far = np.hypot(np.hypot(x, y), z)  # the squares may overflow single precision
     return np.where(texels[..., 3] > 0.0, far, np.float32(-1.0))
@@ -77,10 +77,10 @@ def flat_probe(low: Mesh, highs: Sequence[Mesh]) -> Probe:
 
     def probe(size: tuple[int, int], uv_to_clip: UvToClip) -> np.ndarray:
         below, above = draw_points(on_low, size, uv_to_clip), draw_points(on_high, size, uv_to_clip)
-        is_alone = above[..., 3] == 0.0
+        is_low_only = above[..., 3] == 0.0
         above -= below
         above *= np.float32(local_space.size)
-        above[..., 3] = np.where(is_alone, -below[..., 3], below[..., 3])
+        above[..., 3] = np.where(is_low_only, -below[..., 3], below[..., 3])
         return above
 
     return probe
@@ -136,7 +136,7 @@ def upload(mesh: Mesh, local_space: LocalSpace) -> gpu.types.GPUBatch:
 
 
 def draw_points(meshes: Sequence[gpu.types.GPUBatch], size: tuple[int, int], uv_to_clip: UvToClip) -> np.ndarray:
-    """The points of `meshes` in UV space, in their local space: (height, width, 4) float32, alpha 0 where there is none."""
+    """The points, in local space, of `meshes` drawn in UV space: (height, width, 4) float32, alpha 0 where there is no mesh."""
     drawn = target.get("audit points", *size, "RGBA32F", "RGBA32F")
     points.draw(drawn, meshes, uv_to_clip)
     texels = np.empty((size[1], size[0], 4), np.float32)

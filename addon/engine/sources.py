@@ -23,9 +23,9 @@ from .surface_maps import SurfaceMaps
 
 
 class Source(Protocol):
-    """Draws a band of the normal map, and of the maps beside it.
+    """Draws a band of the normal map and of the other maps.
 
-    takes_time: whether it does so in slices. ray_cast: the rays that it casts, or None.
+    takes_time: whether it draws normals in slices. ray_cast: the rays that it casts, or None.
     """
 
     takes_time: bool
@@ -37,9 +37,11 @@ class Source(Protocol):
         In slices: yields the texture and the rows that are ready.
         """
 
-    def other(self, name: str, band: Band, into: target.Target) -> gpu.types.GPUTexture:
-        """One of map_types.OTHERS for the band of the last `normals`, as surface_values.draw writes it, in `into` or
-        in another texture."""
+    def surface_map(self, name: str, band: Band, into: target.Target) -> gpu.types.GPUTexture:
+        """One of map_types.OTHERS for the band of the last `normals`, as surface_values.draw writes it.
+
+        Returns the texture of `into`, or another texture.
+        """
 
 
 def normal_source(
@@ -124,7 +126,7 @@ class Flat:
         flatten.draw(self._normals, self.drawn, band.uv_to_clip)
         yield self._normals.texture, range(band.height)
 
-    def other(self, name: str, band: Band, into: target.Target) -> gpu.types.GPUTexture:
+    def surface_map(self, name: str, band: Band, into: target.Target) -> gpu.types.GPUTexture:
         """As Source has it."""
         if self._points is None:
             self._points = target.get("points", band.width, band.height, "RGBA32F", "RGBA32F")
@@ -169,7 +171,7 @@ class Rays:
     def _look_up(self, rays: target.Target, rows: range) -> None:
         cast.look_up(self._normals, self._hits, rays, self.ray_cast.ray_scene.tables, self.to_space, rows=rows)
 
-    def other(self, name: str, band: Band, into: target.Target) -> gpu.types.GPUTexture:
+    def surface_map(self, name: str, band: Band, into: target.Target) -> gpu.types.GPUTexture:
         """As Source has it."""
         if self._points is None:
             self._points = target.get("points", band.width, band.height, "RGBA32F", "RGBA32F")
@@ -191,7 +193,7 @@ class DrawnMaps:
         """As Source has it, all rows at once."""
         yield self._upload(NORMAL.name, band), range(band.height)
 
-    def other(self, name: str, band: Band, _into: target.Target) -> gpu.types.GPUTexture:
+    def surface_map(self, name: str, band: Band, _into: target.Target) -> gpu.types.GPUTexture:
         """As Source has it."""
         return self._upload(name, band)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The maps beside the normal map, as numbers in scene units."""
+"""Draws the maps other than the normal map, in scene units."""
 
 import gpu
 import numpy as np
@@ -15,7 +15,7 @@ from .bands import Band
 
 
 class SurfaceMaps:
-    """Draws what lies between `low` and the points of the high meshes, which are in the space of `local_space`."""
+    """Draws maps from the points of the low mesh and of the high meshes. Both are in `local_space`."""
 
     def __init__(self, low: Mesh, local_space: LocalSpace, settings: Settings):
         self.local_space = local_space
@@ -25,20 +25,20 @@ class SurfaceMaps:
             position=local_space.points(low)[low.vertices],
             direction=low.to_world_normals(low.normals),
         )
-        # Positions and vectors go with the normals: in the low object's space, or in the world's.
+        # Positions and vectors are in the space of the normals: the low object's, or the world's.
         from_world = np.eye(4) if settings.space == Space.WORLD else np.linalg.inv(low.to_world)
         self.to_space = from_world[:3, :3] * local_space.size
         self.origin = from_world[:3, :3] @ local_space.origin + from_world[:3, 3]
 
     def start(self, band: Band) -> None:
-        """Look at another band."""
+        """Select the band that `draw` draws."""
         self.low_points = target.get("low points", band.width, band.height, "RGBA32F", "RGBA32F")
         gbuffer.draw(self.low_points, self.low, band.uv_to_clip)
 
     def draw(
         self, into: target.Target, name: str, normals: gpu.types.GPUTexture, points: target.Target
     ) -> gpu.types.GPUTexture:
-        """The map of this name into `into` (RGBA32F), alpha as in `normals`; returns its texture."""
+        """Draw the map of this name into `into` (RGBA32F), with the alpha of `normals`. Returns its texture."""
         surface_values.draw(
             into,
             BY_NAME[name],

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Measures whether high and low meshes share their UV layout: whether their points on the same texel lie close in space."""
+"""Measures whether high and low meshes share their UV layout: whether their points on the same texel are close in space."""
 
 import math
 from collections.abc import Sequence
@@ -17,18 +17,18 @@ from . import separation
 from .separation import PROBE_SIZE
 
 CLOSE = 0.05
-"""Of the low mesh's radius: points of one texel that are nearer than this, along the surface, belong together."""
+"""Share of the low mesh's radius. Points on the same texel belong together if they are closer than this, along the surface."""
 SHARE = 0.96
-"""How many of the low mesh's texels must have such a point on the high meshes."""
+"""Share of the low mesh's texels that must have such a point on the high meshes."""
 SHIFT = 0.5
-"""Of a part's extent: how much the vectors from low to high may differ on the texels of a small part, on average. On a bolt in
-another place, or rotated, they differ by more than its size, although it may lie close to the place of its UVs."""
-LEAST = 32
-"""Texels a side on which each of many high meshes is compared; each of a few is compared on up to PROBE_SIZE."""
-SMALLEST = 1e-6
-"""In tiles: UVs of a smaller extent cover no texel of any map."""
-WIDE = 2.0
-"""In tiles: UVs of a larger extent are compared tile by tile."""
+"""Share of a small part's extent: how much the vectors from low to high may differ on its texels, on average. If a bolt has
+the UVs of another bolt close to it, or is rotated, they differ by more than its size."""
+SMALLEST_PROBE = 32
+"""Texels a side on which each of many high meshes is compared. Each of a few is compared on up to PROBE_SIZE."""
+SMALLEST_EXTENT = 1e-6
+"""In tiles. UVs of a smaller extent cover no texel of any map."""
+LARGEST_EXTENT = 2.0
+"""In tiles. UVs of a larger extent are compared tile by tile."""
 
 
 def choose(low: Mesh, highs: Sequence[Mesh], tiles: Sequence[int]) -> tuple[str, str, np.ndarray | None]:
@@ -37,41 +37,40 @@ def choose(low: Mesh, highs: Sequence[Mesh], tiles: Sequence[int]) -> tuple[str,
     Returns FLATTEN or CAST, a clause, and, for FLATTEN, the result of separation.sample on a large map. A single high mesh
     with another UV layout calls for CAST.
     """
-    without = next((high for high in highs if high.uv is None), None)
-    if without is not None:
-        has_instances = without.instances > 1
-        instances = f"is made of {without.instances:,} instances, which have no UVs of their own"
-        what = instances if has_instances else "has no UV layer"
-        return Method.CAST, f"{without.name!r} {what}", None
+    no_uv = next((high for high in highs if high.uv is None), None)
+    if no_uv is not None:
+        instances = f"is made of {no_uv.instances:,} instances, which have no UVs of their own"
+        reason = instances if no_uv.instances > 1 else "has no UV layer"
+        return Method.CAST, f"{no_uv.name!r} {reason}", None
     texels = separation.sample(separation.flat_probe(low, highs), (PROBE_SIZE, PROBE_SIZE), tiles)
     on_low, both = texels[..., 3] != 0.0, texels[..., 3] > 0.0
     if not both.any():
         return Method.CAST, "the UV layouts have no texel in common", None
-    # High and low objects often stand side by side in the scene: their offset as wholes does not count.
+    # High and low objects are often side by side in the scene: the offset between them does not count.
     offset, surface = separation.offset(texels, Method.FLATTEN), _Surface(low)
-    away = np.stack([surface.draw(udim.uv_to_clip(tile))[1] for tile in tiles])[both][:, :3]
-    # Detail rises from the low surface; another layout moves points along it.
-    between = _along((texels[both][:, :3] - offset) / surface.local_space.size, away)
+    normals = np.stack([surface.draw(udim.uv_to_clip(tile))[1] for tile in tiles])[both][:, :3]
+    # Detail moves points away from the low surface; another layout moves them along it.
+    between = _tangential((texels[both][:, :3] - offset) / surface.local_space.size, normals)
     share = np.count_nonzero(np.linalg.norm(between, axis=1) < CLOSE) / np.count_nonzero(on_low)
-    other = differing(low, highs, tiles, offset) if len(highs) > 1 else ""
-    if other:
-        return Method.CAST, other, None
+    difference = differing(low, highs, tiles, offset) if len(highs) > 1 else ""
+    if difference:
+        return Method.CAST, difference, None
     if share < SHARE:
         return (
             Method.CAST,
-            f"the UV layouts differ: on {share:.1%} of the texels alone the meshes' points lie close",
+            f"the UV layouts differ: the meshes' points are close on only {share:.1%} of the texels",
             None,
         )
-    return Method.FLATTEN, f"the UV layouts agree: on {share:.1%} of the texels the meshes' points lie close", texels
+    return Method.FLATTEN, f"the UV layouts agree: the meshes' points are close on {share:.1%} of the texels", texels
 
 
 def differing(low: Mesh, highs: Sequence[Mesh], tiles: Sequence[int], offset: np.ndarray) -> str:
-    """A clause about the first high mesh whose UV layout, compared alone, is not that of `low`; empty if there is none.
+    """A clause about the first high mesh whose own UV layout differs from that of `low`; empty if there is none.
 
-    offset (3,): the measured offset between low and high meshes as wholes, in scene units. It is wrong if most texels belong to
-    meshes of another layout. The meshes are therefore also compared without it, and the better result counts.
+    offset (3,): the measured offset of the high meshes from the low one, in scene units. It is wrong if most texels belong to
+    meshes with another layout. The meshes are therefore also compared without it, and the better result counts.
     """
-    surface = _Surface(low, max(LEAST, PROBE_SIZE // math.isqrt(len(highs))))
+    surface = _Surface(low, max(SMALLEST_PROBE, PROBE_SIZE // math.isqrt(len(highs))))
 
     def found(by: np.ndarray) -> list[str]:
         clauses = (_difference(surface, high, _views(low, high, tiles), by) for high in highs)
@@ -83,10 +82,10 @@ def differing(low: Mesh, highs: Sequence[Mesh], tiles: Sequence[int], offset: np
     return clauses[0] if clauses else ""
 
 
-def elsewhere(low: Mesh, highs: Sequence[Mesh]) -> np.ndarray:
+def mismatched(low: Mesh, highs: Sequence[Mesh]) -> np.ndarray:
     """Where the meshes do not belong together on the UV tile 0 to 1: (PROBE_SIZE, PROBE_SIZE) bool, row 0 is v = 0.
 
-    There, the high meshes' point is not CLOSE to any point of the low mesh on the same texel, along its surface.
+    On these texels, the high meshes' point is not CLOSE to any point of the low mesh, along its surface.
     """
     surface, uv_to_clip = _Surface(low), udim.uv_to_clip()
     above = separation.draw_points(
@@ -97,16 +96,16 @@ def elsewhere(low: Mesh, highs: Sequence[Mesh]) -> np.ndarray:
     result = np.zeros(both.shape, bool)
     if both.any():
         above = above[both][:, :3]
-        above -= _moved_aside(surface.local_space, low, highs, above - layers[0][0][both][:, :3])
-        between = (_along(above - below[both][:, :3], away[both][:, :3]) for below, away in layers)
+        above -= _object_offset(surface.local_space, low, highs, above - layers[0][0][both][:, :3])
+        between = (_tangential(above - below[both][:, :3], normals[both][:, :3]) for below, normals in layers)
         result[both] = np.min([np.linalg.norm(vectors, axis=1) for vectors in between], axis=0) >= CLOSE
     return result
 
 
-def _moved_aside(local_space: LocalSpace, low: Mesh, highs: Sequence[Mesh], between: np.ndarray) -> np.ndarray:
-    """The offset (3,) between the meshes as wholes, in `local_space`. between (N, 3): the vectors between their points.
+def _object_offset(local_space: LocalSpace, low: Mesh, highs: Sequence[Mesh], between: np.ndarray) -> np.ndarray:
+    """The offset (3,) between the objects, in `local_space`. between (N, 3): the vectors between points on the same texels.
 
-    It is 0 unless the boxes around the meshes differ by it as well: moved UVs do not move objects.
+    It is 0 unless the boxes around the meshes have the same offset: moved UVs do not move objects.
     """
     offset = np.median(between, axis=0)
     between_boxes = local_space_of(highs).origin - local_space_of([low]).origin
@@ -120,22 +119,22 @@ def _difference(surface: "_Surface", high: Mesh, views: Sequence[UvToClip], offs
     if not close.size:
         return f"{high.name!r} has no texel in common with the low mesh"
     if close.mean() < SHARE:
-        return f"the UV layout of {high.name!r} differs: its points lie close on {close.mean():.1%} of its texels alone"
+        return f"the UV layout of {high.name!r} differs: its points are close on only {close.mean():.1%} of its texels"
     return ""
 
 
 def _close(surface: "_Surface", high: Mesh, uv_to_clip: UvToClip, offset: np.ndarray) -> np.ndarray:
-    """Whether the points of `high` belong to those of the low mesh: (N,) bool for the texels that both cover."""
+    """Whether the points of `high` and of the low mesh belong together: (N,) bool for the texels that both cover."""
     above = separation.draw_points(
         [separation.upload(high, surface.local_space)], (surface.side, surface.side), uv_to_clip
     )
     above[..., :3] -= offset / surface.local_space.size
     layers = []
     for is_last in (True, False):
-        below, away = surface.draw(uv_to_clip, is_last=is_last)
+        below, normals = surface.draw(uv_to_clip, is_last=is_last)
         both = (above[..., 3] > 0.0) & (below[..., 3] > 0.0)
         points = below[both][:, :3]
-        layers.append((points, _along(above[both][:, :3] - points, away[both][:, :3])))
+        layers.append((points, _tangential(above[both][:, :3] - points, normals[both][:, :3])))
     if not len(points):
         return np.empty(0, bool)
     far = np.array([np.linalg.norm(between, axis=1) for _, between in layers])
@@ -147,13 +146,13 @@ def _close(surface: "_Surface", high: Mesh, uv_to_clip: UvToClip, offset: np.nda
 
 
 def _views(low: Mesh, high: Mesh, tiles: Sequence[int]) -> list[UvToClip]:
-    """Each uv_to_clip of a view of the UVs that both meshes share, which may be small, or outside the baked tiles."""
+    """The uv_to_clip of each view of the UVs that both meshes cover, which may be small, or outside the baked tiles."""
     boxes = [_box(mesh.uv) for mesh in (low, high)]
     first, last = np.max([box[0] for box in boxes], axis=0), np.min([box[1] for box in boxes], axis=0)
     extent = last - first
-    if not (extent > SMALLEST).all():
+    if not (extent > SMALLEST_EXTENT).all():
         return []
-    if extent.max() > WIDE:
+    if extent.max() > LARGEST_EXTENT:
         return [udim.uv_to_clip(tile) for tile in tiles]
     scale = 2.0 / extent
     return [(*scale.tolist(), *(-1.0 - first * scale).tolist())]
@@ -175,23 +174,23 @@ class _Surface:
             "position": np.take(self.local_space.points(low), low.vertices, axis=0),
             "direction": low.to_world_normals(low.normals),
         }
-        # Mirrored halves overlap. The reversed order shows the half that the other order hides.
+        # Mirrored halves overlap. In reverse order, the hidden half is drawn last and shows.
         orders = {True: low.triangles, False: np.ascontiguousarray(low.triangles[::-1])}
         self.uploaded = {is_last: mesh_upload.upload(order, **attributes) for is_last, order in orders.items()}
 
     def draw(self, uv_to_clip: UvToClip, *, is_last: bool = True) -> list[np.ndarray]:
-        """The points, in the local space, and the unit normals, (side, side, 4) each.
+        """The points, in local space, and the unit normals, (side, side, 4) each.
 
-        Where triangles share texels, they are those of the last triangle, or of the first one.
+        Where triangles share texels, the last triangle counts, or the first one if not `is_last`.
         """
         drawn = target.get("audit rays", self.side, self.side, "RGBA32F", "RGBA32F")
         gbuffer.draw(drawn, self.uploaded[is_last], uv_to_clip)
-        seen = [np.empty((self.side, self.side, 4), np.float32) for _ in range(2)]
-        for slot, array in enumerate(seen):
+        texels = [np.empty((self.side, self.side, 4), np.float32) for _ in range(2)]
+        for slot, array in enumerate(texels):
             drawn.read(array, slot=slot)
-        return seen
+        return texels
 
 
-def _along(vectors: np.ndarray, away: np.ndarray) -> np.ndarray:
-    """`vectors` (N, 3) without their parts along the unit vectors `away` (N, 3)."""
-    return vectors - (vectors * away).sum(axis=1, keepdims=True) * away
+def _tangential(vectors: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """`vectors` (N, 3) without their components along the unit `normals` (N, 3)."""
+    return vectors - (vectors * normals).sum(axis=1, keepdims=True) * normals

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One map of several bakes. The margin comes last, so that no object's margin covers another object's texels."""
+"""One map for several bakes. The margin is drawn last, so that no object's margin covers another object's texels."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -20,7 +20,7 @@ from .reports import DrawnJob, report_of
 
 
 class Atlas:
-    """Collects the maps of bakes, as Renderer.raw gives them, and stores them as one."""
+    """Collects the maps of bakes, as Renderer.raw returns them, and stores them as one."""
 
     def __init__(self, settings: Settings):
         # All samples and the tangent spaces of the objects are already in the maps.
@@ -73,21 +73,21 @@ class Atlas:
         return margin / texels
 
     def _lay_over(self, below: dict[str, np.ndarray], above: dict[str, np.ndarray]) -> None:
-        """Combine one tile of the last bake with the bakes before."""
+        """Combine one tile of the last bake with those of the bakes before it."""
         alpha, alpha_below = above[NORMAL.name][..., 3], below[NORMAL.name][..., 3]
         is_hit, was_hit = alpha > 0.0, alpha_below > 0.0
         lost = np.count_nonzero(is_hit & was_hit)
         if lost > severity.MUCH_OVERLAP * max(1, np.count_nonzero(is_hit)):
             self._warnings[-1].append(
-                f"{lost:,} texels of {self.drawn[-1].meshes.low.name!r} lie over those of others in the same image: give each "
-                "its own place, or a map each with {low} in the name."
+                f"{lost:,} texels of {self.drawn[-1].meshes.low.name!r} overlap texels of other objects in the same image: "
+                "move their UVs apart, or bake a map for each with {low} in the name."
             )
         wins = is_hit | ((alpha < 0.0) & (alpha_below <= 0.0))
         for name, values in above.items():
             np.copyto(below[name], values, where=wins[..., None])
 
     def _renumber(self, maps: dict[int, dict[str, np.ndarray]], labels: dict[Labeled, Sequence[str]]) -> None:
-        """Each bake numbers its objects and materials from 1. In the atlas, each name has its own number."""
+        """Give each name in the atlas its own number. Each bake numbers its objects and materials from 1."""
         numbers = {}
         for labeled, names in labels.items():
             known = self.labels[labeled]

@@ -26,11 +26,11 @@ from .job import Job
 from .reports import DrawnJob, report_of
 
 READY = 0.2
-"""Share of a bake that is done when drawing begins."""
+"""The share of a bake that is done when drawing begins."""
 
 
 def bake_job(context: bpy.types.Context, job: Job, settings: Settings, pace: Pace) -> Task[Report]:
-    """Bake one job into images of its own, and put the map into the low object's materials.
+    """Bake one job into its own images, and put the map into the low object's materials.
 
     settings: checked, with names filled in. Raises BakeError, and then nothing has changed.
     """

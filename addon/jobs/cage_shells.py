@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The shells around the low mesh where rays start and end, as the viewport shows them."""
+"""The shells around the low mesh where rays start and end, for display in the viewport."""
 
 import bpy
 import gpu
@@ -13,7 +13,7 @@ __all__ = ["draw", "upload"]
 
 
 def upload(low: bpy.types.Object, depsgraph: bpy.types.Depsgraph, directions: str) -> gpu.types.GPUBatch:
-    """The low mesh in world space with unit directions, as cage_shell.draw wants it; directions as in Settings."""
+    """The low mesh in world space with unit directions, as cage_shell.draw takes it; directions as in Settings."""
     to_world = mesh_reader.matrix(low)
     with mesh_reader.evaluated(low, depsgraph) as data:
         mesh = mesh_reader.surface(data, "", low.name, to_world)

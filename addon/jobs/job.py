@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The objects of one bake: held, matched by name, and checked before anything is read."""
+"""The objects of one bake: references to them, their match by name, and checks before any mesh is read."""
 
 from collections.abc import Sequence
 
@@ -17,18 +17,18 @@ from ..scene.object_refs import ObjectRef
 
 
 class Job:
-    """The objects of one bake, which may be renamed, and deleted and brought back by Undo.
+    """The objects of one bake. They may be renamed, or be deleted and come back with Undo.
 
     `highs` may be [low]: then the low object's modifiers are baked onto its own base mesh. `cage` has the topology of `low`,
-    and rays start on it. The attributes `low`, `highs` and `cage` raise BakeError for an object that was deleted.
+    and rays start on it. The attributes `low`, `highs` and `cage` raise BakeError if the object was deleted.
     """
 
     def __init__(self, low: bpy.types.Object, highs: Sequence[bpy.types.Object], cage: bpy.types.Object | None = None):
-        self._hold(low, highs, cage)
+        self._refer_to(low, highs, cage)
 
     @property
     def refs(self) -> list[ObjectRef]:
-        """Of the low object, the high ones and the cage, if there is one."""
+        """References to the low object, the high ones and the cage, if there is one."""
         return [self.low_ref, *self.high_refs, *([self.cage_ref] if self.cage_ref else [])]
 
     @property
@@ -44,29 +44,31 @@ class Job:
         return self.cage_ref.resolve() if self.cage_ref else None
 
     def renew(self) -> bool:
-        """Hold the same objects by the session_uid that they have now. Returns whether one has changed.
+        """Refer to the same objects by their present session_uid. Returns whether one has changed.
 
         It changes when the object's library is reloaded. Raises BakeError if an object was deleted.
         """
         before = [ref.uid for ref in self.refs]
-        self._hold(self.low, self.highs, self.cage)
+        self._refer_to(self.low, self.highs, self.cage)
         return [ref.uid for ref in self.refs] != before
 
-    def _hold(self, low: bpy.types.Object, highs: Sequence[bpy.types.Object], cage: bpy.types.Object | None) -> None:
+    def _refer_to(
+        self, low: bpy.types.Object, highs: Sequence[bpy.types.Object], cage: bpy.types.Object | None
+    ) -> None:
         self.low_ref = ObjectRef.of(low)
         self.high_refs = [ObjectRef.of(high) for high in highs]
         self.cage_ref = ObjectRef.of(cage) if cage else None
 
 
 def jobs_by_name(context: bpy.types.Context, suffixes: Suffixes) -> tuple[list[Job], list[str]]:
-    """The jobs of the view layer's objects that are matched by name, and sentences about those that are not.
+    """The jobs of the view layer's objects that match by name, and sentences about objects without a match.
 
-    Raises BakeError when there is no job.
+    Raises BakeError if there is no job.
     """
     objects = context.view_layer.objects
     found, problems = match(objects.keys(), suffixes)
     if not found:
-        raise BakeError(" ".join(problems) or f"No object is called something{suffixes.low}.")
+        raise BakeError(" ".join(problems) or f"No object has a name that ends in {suffixes.low!r}.")
     jobs = [
         Job(objects[pair.low], [objects[name] for name in pair.highs], objects[pair.cage] if pair.cage else None)
         for pair in found
@@ -75,8 +77,8 @@ def jobs_by_name(context: bpy.types.Context, suffixes: Suffixes) -> tuple[list[J
 
 
 def check_job(context: bpy.types.Context, job: Job, settings: Settings) -> None:
-    """Raise BakeError for what can be known before anything is read."""
-    # Scripts link, move and bake without a redraw between: view layers and matrices lag behind until asked.
+    """Raise BakeError for problems that show before any mesh is read."""
+    # A script may link or move objects and bake without a redraw: view layers and matrices are old until this update.
     context.view_layer.update()
     reason = object_checks.problem(context, job.low, job.highs, job.cage, settings.method)
     if reason:

@@ -37,9 +37,9 @@ class Session:
     """
 
     def __init__(self, context: bpy.types.Context, job: Job, settings: Settings, pace: Pace):
-        """Raises BakeError for what cannot be baked, or cannot be followed."""
+        """Raises BakeError for objects or settings that cannot be baked, or not live."""
         if settings.udim:
-            raise BakeError("Live follows one tile alone: switch UDIM tiles off.")
+            raise BakeError("Live draws only one tile: turn UDIM Tiles off.")
         self.job = job
         settings.check()
         settings = replace(
@@ -65,7 +65,7 @@ class Session:
 
     @property
     def uids(self) -> set[int]:
-        """The session_uid of each object that it follows, and of those that they show as instances."""
+        """The session_uid of each object of the job, and of the objects that they show as instances."""
         return {ref.uid for ref in self.job.refs} | self._shown_by.keys()
 
     def work(self, context: bpy.types.Context, changed: Collection[int] | None = None) -> Task[None]:
@@ -81,7 +81,7 @@ class Session:
         preparing = sources.normal_source(plan, settings, timings, self.pace, uploads=self._uploads)
         source = yield from progress.part(preparing, 0.0, READY)
         if source.takes_time and self.pace.has_listener:
-            yield self._first_look(source, settings)
+            yield self._draw_coarse(source, settings)
         renderer = rendering.Renderer(source, meshes.basis, settings, timings, self.pace, uploads=self._uploads)
         maps = yield from progress.part(renderer.texels(udim.FIRST, self._post_processes), READY, 1.0)
         texels, state = maps[NORMAL.name]
@@ -112,15 +112,15 @@ class Session:
             self._post_processes = post_process.for_maps([meshes.low], settings)
         return meshes
 
-    def _first_look(self, source: Source, settings: Settings) -> Progress:
-        """Draw a coarse map, which is shown until the whole one is done."""
+    def _draw_coarse(self, source: Source, settings: Settings) -> Progress:
+        """Draw a coarse map to show until the whole one is done."""
         small = replace(
             settings,
             width=max(16, settings.width // rendering.COARSE),
             height=max(16, settings.height // rendering.COARSE),
             samples=1,
         )
-        # In its own pool, so that the targets of the whole map keep their size.
+        # It has its own pool, so that the targets of the whole map keep their size.
         with target.using(self._coarse_pool):
             renderer = rendering.Renderer(source, self._meshes.basis, small, Timings(), Pace(), uploads=self._uploads)
             progress.finish(renderer.texels(udim.FIRST, post_process.for_maps([self._meshes.low], small)))
@@ -135,7 +135,7 @@ class Session:
         known = [meshes.low, *meshes.highs, *([meshes.cage] if meshes.cage else [])]
         found = {ref.uid: (ref.find(), mesh) for ref, mesh in zip(self.job.refs, known, strict=True)}
         obj, mesh = found.get(uid, (None, None))
-        if obj is None:  # deleted, or shown as an instance: instances are read as one mesh
+        if obj is None:  # it was deleted, or is shown as an instance: instances are read as one mesh
             return True
         with mesh_reader.evaluated(obj, bpy.context.evaluated_depsgraph_get()) as data:
             return not np.array_equal(mesh_reader.points(data), mesh.positions)
@@ -145,7 +145,7 @@ class Session:
         progress.finish(self.steps(context, changed))
 
     def steps(self, context: bpy.types.Context, changed: Collection[int] | None = None) -> Task[None]:
-        """As `work`, with the session's own textures, so that other bakes may go on in between."""
+        """As `work`, but with the session's own textures, so that other bakes can run in between."""
         work = self.work(context, changed)
         try:
             while True:
@@ -158,7 +158,7 @@ class Session:
             work.close()
 
     def free(self) -> None:
-        """Free what is kept on the GPU."""
+        """Free all GPU memory of the session."""
         self._pool.free()
         self._coarse_pool.free()
         self._coarse = None
@@ -166,7 +166,7 @@ class Session:
         self._uploads, self._source = UploadCache(), None
 
     def advance(self, work: Task[None], seconds: float) -> Progress:
-        """As progress.run_for, with the session's own textures, so that other bakes may go on in between."""
+        """As progress.run_for, but with the session's own textures, so that other bakes can run in between."""
         with target.using(self._pool):
             return progress.run_for(work, seconds)
 
@@ -191,10 +191,10 @@ class Session:
         """As UploadCache.upload, in the cache of the session."""
         return self._uploads.upload(key, mesh.triangles, **attributes)
 
-    def truth(self) -> gpu.types.GPUTexture:
+    def high_normals(self) -> gpu.types.GPUTexture:
         """The normals of the high surface at the centers of the last map's texels, as sources.Source draws them.
 
-        They are in targets of the current pool.
+        The texture is in the current pool.
         """
         size = self.settings.width, self.settings.height
         for normals, _ in self._source.normals(Band(0, size[1], size, 0)):
@@ -215,9 +215,9 @@ class Session:
         """Store the last map as a bake does: in its file, or packed. Raises BakeError."""
         low = self.job.low_ref.find()
         if self.texels is not None and low is not None:
-            with outputs.Outputs(self.settings) as places:
-                places.add(udim.FIRST, {NORMAL.name: (self.texels, self._state)})
-                stored = places.commit({Labeled.OBJECTS: self._high_names})
+            with outputs.Outputs(self.settings) as writers:
+                writers.add(udim.FIRST, {NORMAL.name: (self.texels, self._state)})
+                stored = writers.commit({Labeled.OBJECTS: self._high_names})
                 if self.settings.material:
                     outputs.hook_up(low, stored.image, self._meshes.uv_layer, self.settings)
 

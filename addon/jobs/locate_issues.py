@@ -36,7 +36,7 @@ ON_FACES = ("polygons", "uneven")
 KINDS = (*ON_TEXELS, *ON_TRIANGLES, *ON_EDGES, *ON_FACES)
 """As in Report.checks."""
 TEXELS = 1024 * 1024
-"""How many texels are checked together. They take some 100 bytes each."""
+"""How many texels are checked together. They take about 100 bytes each."""
 
 
 def of_low(report: Report) -> bpy.types.Object:
@@ -47,7 +47,7 @@ def of_low(report: Report) -> bpy.types.Object:
 def find(context: bpy.types.Context, report: Report, kind: str) -> np.ndarray:
     """The low object's faces (N,) int with issues of this kind, or edges (N, 2) for kinds ON_EDGES, as the objects are now.
 
-    report: of the bake whose settings count. Raises BakeError if the objects cannot be baked like that any more, or if
+    report: of the bake whose settings apply. Raises BakeError if the objects can no longer be baked like that, or if
     modifiers make faces that come from no face of the object.
     """
     view = _view(context, report, kind)
@@ -63,15 +63,15 @@ def find(context: bpy.types.Context, report: Report, kind: str) -> np.ndarray:
 
 
 def draw_mask(context: bpy.types.Context, report: Report, kind: str) -> bpy.types.Image:
-    """Fill an image that is white on the texels with issues of a kind ON_TEXELS. It is named after the map and the kind.
+    """Fill an image that is white on texels with issues of a kind ON_TEXELS. Its name has the map's name and the kind.
 
     report and errors: as in `find`.
     """
     view = _view(context, report, kind)
     mask = np.empty((view.settings.height, view.settings.width), bool)
     with image_writer.Writer("", view.settings) as writer:
-        for band, seen, _ in _masks(view, kind):
-            mask[band.start : band.stop] = seen
+        for band, rows, _ in _masks(view, kind):
+            mask[band.start : band.stop] = rows
             if band.stop == len(mask):
                 writer.add(band.tile, image_writer.black_and_white(mask))
         return writer.commit()
@@ -79,7 +79,7 @@ def draw_mask(context: bpy.types.Context, report: Report, kind: str) -> bpy.type
 
 @dataclass(frozen=True)
 class _View:
-    """The bake as its objects are now. settings: of the mask. distances: of the bake's rays; empty for Flatten."""
+    """A past bake with its objects as they are now. settings: of the mask. distances: of the bake's rays; empty for Flatten."""
 
     job: Job
     plan: Plan
@@ -95,14 +95,14 @@ class _View:
         return self.settings.width, self.settings.height
 
     def source(self) -> Source:
-        """What draws the map as the bake did."""
+        """A source as the bake used it."""
         settings = replace(self.settings, **self.distances)
         return progress.finish(normal_source(self.plan, settings, Timings(), progress.Pace()))
 
 
 def _view(context: bpy.types.Context, report: Report, kind: str) -> _View:
     past = PastBake.of(report)
-    # Settings of the map's appearance do not matter here, and only the mask is written.
+    # Settings of the map's appearance do not matter, because only the mask is written.
     space = Space.TANGENT if kind == "backwards" else Space.OBJECT
     settings = replace(past.settings, method=past.method, space=space, maps=(), mask=False, material=False)
     settings = replace(settings, output="", storage=Storage.PACK if settings.udim else Storage.MEMORY)
@@ -174,7 +174,7 @@ def _separated(view: _View, kind: str, bands: list[Band]) -> Iterator[tuple[Band
 
 
 def _close(view: _View) -> Iterator[np.ndarray]:
-    """Tile by tile, the texels (height, width) bool that lie too close to another island or to the border."""
+    """Tile by tile, the texels (height, width) bool that are too close to another island or to the border."""
     sparse = mip_gaps.grid(view.settings, mip_gaps.MOST)
     columns, rows = sparse.steps
     for found in mip_gaps.find(view.meshes.low, view.plan.tiles, view.settings, sparse, overlaps=True):
@@ -191,9 +191,9 @@ def _backwards(view: _View) -> Iterator[np.ndarray]:
 
 
 def _in_edit_mesh(context: bpy.types.Context, view: _View, found: np.ndarray, domain: str) -> np.ndarray:
-    """The object's faces (N,) or edges (N, 2), by their vertices, that those of the baked mesh come from.
+    """The object's own faces (N,), or edges (N, 2) by their vertices, for faces or edges of the baked mesh.
 
-    domain: "FACE" or "EDGE". found: faces or edges of the baked mesh, which modifiers may have changed.
+    domain: "FACE" or "EDGE". found: in the baked mesh, which modifiers may have changed.
     """
     low = view.job.low
     has_modifiers = low not in view.job.highs and len(low.modifiers) > 0
@@ -209,27 +209,29 @@ def _in_edit_mesh(context: bpy.types.Context, view: _View, found: np.ndarray, do
             numbers = mesh_reader.numbers(data, domain)
             found = found if domain == "FACE" else mesh_reader.edges(data, found)
     if numbers is None:
-        raise BakeError(f"The modifiers of {low.name!r} make faces that are not its own: apply them first.")
+        raise BakeError(
+            f"The modifiers of {low.name!r} make new faces, which cannot be selected: apply the modifiers first."
+        )
     numbers = np.unique(numbers[found])
     return numbers[numbers >= 0]
 
 
 def add_triangulate(context: bpy.types.Context, report: Report) -> tuple[bpy.types.Modifier, int]:
-    """Add a modifier to the low object that cuts its faces as Blender draws them, and as they were baked.
+    """Add a Triangulate modifier to the low object, with the triangles that Blender draws and that were baked.
 
-    Also returns how many quads the modifier cuts otherwise: Blender turns the diagonal of quads that it would fold. Raises
-    BakeError if the object cannot have the modifier, or has it already.
+    Also returns how many quads the modifier cuts along the other diagonal: Blender switches it for quads that would fold.
+    Raises BakeError if the object cannot have the modifier, or already has it.
     """
     past = PastBake.of(report)
     low = past.job.low
     if not low.is_editable:
-        raise BakeError(f"{low.name!r} is linked from another file: make it local, so that it takes a modifier.")
+        raise BakeError(f"{low.name!r} is linked from another file: make it local to add a modifier.")
     if low in past.job.highs:
         raise BakeError(
-            f"{low.name!r} was baked from its own modifiers onto its base mesh: triangulate that one instead."
+            f"{low.name!r} was baked from its own modifiers onto its base mesh: triangulate the base mesh instead."
         )
     if low.modifiers and low.modifiers[-1].type == "TRIANGULATE":
-        raise BakeError(f"{low.name!r} has a Triangulate modifier already: {low.modifiers[-1].name!r}.")
+        raise BakeError(f"{low.name!r} already has a Triangulate modifier: {low.modifiers[-1].name!r}.")
     with (
         evaluation.prepared(context, low, [], None, past.settings.modifiers) as depsgraph,
         mesh_reader.evaluated(low, depsgraph) as data,

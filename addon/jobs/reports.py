@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Writes the report of a finished bake, and knows from a report which bake it was."""
+"""Makes the report of a finished bake, and finds the objects and settings of a bake from its report."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -38,7 +38,7 @@ class DrawnJob:
 
 
 def report_of(drawn: DrawnJob, stored: Stored, warnings: Sequence[str] = (), margin: float | None = None) -> Report:
-    """The report of a bake. warnings: of storing it. margin: of the stored map, where it is another than was drawn."""
+    """The report of a bake. warnings: from storing the maps. margin: of the stored map, if it differs from the drawn one."""
     settings, plan, ray_cast, findings = drawn.settings, drawn.plan, drawn.ray_cast, drawn.findings
     return Report(
         method=plan.method,
@@ -74,7 +74,7 @@ def report_of(drawn: DrawnJob, stored: Stored, warnings: Sequence[str] = (), mar
 
 @dataclass(frozen=True)
 class PastBake:
-    """A bake that was done: its objects, and how it was done. distances: of its rays, in scene units; else empty."""
+    """A finished bake: its objects and settings. distances: of its rays, in scene units; empty without rays."""
 
     job: Job
     settings: Settings
@@ -84,7 +84,7 @@ class PastBake:
 
     @classmethod
     def of(cls, report: Report) -> "PastBake":
-        """The bake of a report, be it one from a file. Raises BakeError if an object of it is gone."""
+        """The bake of a report, also of one from a file. Raises BakeError if one of its objects was deleted."""
         names = [report.low, *report.high, *([report.cage] if report.cage else [])]
         refs = report.refs or [ObjectRef(0, name) for name in names]
         low, *others = (ref.resolve() for ref in refs)

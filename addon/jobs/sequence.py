@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Maps of an animation, a file for each frame: wrinkle maps."""
+"""Bakes a map for each frame of an animation, into numbered files: wrinkle maps."""
 
 import re
 from collections.abc import Sequence
@@ -19,12 +19,12 @@ from ..scene import object_refs
 from . import several
 from .job import Job
 
-PASSING = "Imprint frame"
+FRAME_IMAGE = "Imprint frame"
 """The image that shows each frame while the sequence is baked."""
 
 
 def output_for(output: str, frame: int) -> str:
-    """The file of a frame: its number stands for the last run of # in the name, or comes before the ending, as _0001."""
+    """The file of a frame: its number replaces the last run of # in the name, or is added before the ending, as _0001."""
     path = PurePath(output)
     runs = list(re.finditer("#+", path.stem))
     if not runs:
@@ -34,7 +34,7 @@ def output_for(output: str, frame: int) -> str:
 
 
 def filled(settings: Settings, low_name: str) -> Settings:
-    """The settings with the low object's name in the path, whose # are then still for frames alone."""
+    """The settings with the low object's name in the path. A # in that name is replaced, because it means a frame."""
     return replace(settings, output=file_names.fill(settings.output, low_name.replace("#", "_")))
 
 
@@ -60,14 +60,14 @@ def work(
     scene, before = context.scene.session_uid, context.scene.frame_current_final
     low = job.low.name
     settings = replace(filled(settings, low), image=image_writer.name_for(low, settings))
-    passing = replace(settings, image=PASSING, material=False)
+    frame_base = replace(settings, image=FRAME_IMAGE, material=False)
     image = datablocks.get(settings.image)
     if image is not None and image.source not in {"GENERATED", "FILE", "SEQUENCE"}:
-        raise BakeError(f"The image {image.name!r} is no picture or sequence: choose another name for the map.")
+        raise BakeError(f"The image {image.name!r} is not a picture or sequence: choose another name for the map.")
     if settings.material:
         materials.check(job.low)  # the bakes of frames do not change it
-    frame_settings = [of_frame(passing, frame) for frame in frames]
-    output_clashes.check_files(frame_settings, [low] * len(frames), "let the number of the frame stand in the name")
+    frame_settings = [of_frame(frame_base, frame) for frame in frames]
+    output_clashes.check_files(frame_settings, [low] * len(frames), "put the frame number into the name with #")
     reports = [] if reports is None else reports
     try:
         for number, frame in enumerate(frames):
@@ -87,7 +87,7 @@ def work(
     finally:
         if object_refs.scene_by_uid(scene) is not None:
             _go_to(scene, before)
-        for map_settings in output_clashes.settings_by_map(passing).values():
+        for map_settings in output_clashes.settings_by_map(frame_base).values():
             image = datablocks.get(map_settings.image)
             if image is not None:
                 bpy.data.images.remove(image)
@@ -106,21 +106,21 @@ def _go_to(uid: int, frame: float) -> None:
 def _check(settings: Settings, frames: Sequence[int]) -> None:
     """Raise BakeError for what cannot be a sequence."""
     if settings.storage != Storage.FILE:
-        raise BakeError("A sequence is files: choose to store the map in a file.")
+        raise BakeError("A sequence needs files: set Store to File.")
     if settings.udim:
-        raise BakeError("A sequence has one tile alone: switch UDIM tiles off.")
+        raise BakeError("A sequence has only one tile: turn UDIM Tiles off.")
     if any(frame < 0 for frame in frames):
-        raise BakeError("A sequence has no frames below 0: Blender would not find their files.")
+        raise BakeError("A sequence cannot have frames below 0: Blender would not find their files.")
     if re.search(r"#[^#]*\d", PurePath(settings.output).stem):
         raise BakeError(
-            f"{settings.output!r} has a number behind the frame's, which Blender would take for it: put it in front."
+            f"{settings.output!r} has a number after the frame number, and Blender would read it as the frame: put it before."
         )
     if not frames:
-        raise BakeError("There is no frame to bake: let the sequence end after it starts.")
+        raise BakeError("There is no frame to bake: set the end frame to the start frame or later.")
 
 
 def _show(job: Job, settings: Settings, frames: Sequence[int], reports: Sequence[Report]) -> list[Report]:
-    """Make the image a sequence of the frames that are done, which are there even if the low object is not any more.
+    """Make the image a sequence of the finished frames, also if the low object was deleted.
 
     Returns the reports of these frames with that image.
     """

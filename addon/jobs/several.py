@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Bakes jobs one after another, into an image each or into one that they share: names, clashes, progress."""
+"""Bakes several jobs, each into its own image or all into a shared one: fills in names, checks for clashes, counts maps."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -17,7 +17,7 @@ from .bake import bake_job, draw_raw
 from .job import Job, check_job
 
 PROGRESS_SECONDS = 0.25
-"""Between two calls of a listener."""
+"""Seconds between two calls of a listener."""
 ATLAS = "atlas"
 """Replaces the low object's name in the name of a shared image."""
 
@@ -60,9 +60,9 @@ def work(
     share_image: bool = False,
     reports: list[Report] | None = None,
 ) -> Task[list[Report]]:
-    """Bake several jobs, each low object with its own high objects alone, into an image each, or into a shared one (an atlas).
+    """Bake several jobs, each low object only from its own high objects, into an image each, or into a shared one (an atlas).
 
-    A generator: between its steps Blender may go on. If it is closed early, finished jobs stay, and all else is as before.
+    A generator: Blender can continue between its steps. If it is closed early, finished jobs stay, and nothing else changes.
     "{low}" in the settings' image and output is replaced by the low object's name. All jobs are checked before the first is
     baked. Raises BakeError; jobs before the one that failed stay, unless they share its image. reports: receives the report of
     each finished job, for a caller that closes the generator early.

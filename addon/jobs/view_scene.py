@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The objects of a session where they are now, as a view draws them."""
+"""Places the objects of a session for its views."""
 
 from dataclasses import dataclass, replace
 
@@ -14,12 +14,12 @@ from ..scene import mesh_reader
 from .live_session import Session
 
 PULL = 0.1
-"""Of the low mesh's radius: the drawing is pulled towards the viewer by at least this much, so that neither the low object
-nor the high one around it shows through."""
+"""Share of the low mesh's radius: the drawing is pulled towards the viewer by at least this much, so that neither the low
+object nor the high one around it shows through."""
 SIDEWAYS = 3.0
-"""Of the height of the highest bump: how far the drawing is pulled, because a bump that is seen from the side hides more."""
+"""Factor on the height of the highest bump: the drawing is pulled this far, because a bump seen from the side hides more."""
 PROBES = 1000
-"""Vertices of all high meshes whose height over the low mesh is measured, besides the outermost of each."""
+"""How many vertices of all high meshes have their height over the low mesh measured, besides the outermost of each."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Eye:
 
 @dataclass(frozen=True)
 class ViewScene:
-    """What a view draws: batches with the normal matrices of their objects.
+    """The batches that a view draws, with the normal matrices of their objects.
 
     local_space: of the batches, around the low mesh. pull: how far the drawing is pulled towards the viewer, in its units.
     """
@@ -49,12 +49,12 @@ class ViewScene:
 
 
 class ViewObjects:
-    """Places the objects of `session`, in the shapes that it has last read."""
+    """Places the objects of `session`, with their meshes as last read."""
 
     def __init__(self, session: Session):
         self.session = session
         self._scene: ViewScene | None = None
-        self._seen: tuple[Meshes, list[bytes]] | None = None
+        self._placed: tuple[Meshes, list[bytes]] | None = None
         self._near: tuple[tuple | None, BVHTree | None] = None, None
 
     @property
@@ -85,15 +85,15 @@ class ViewObjects:
         if not all(np.isfinite(matrix).all() and np.linalg.det(matrix[:3, :3]) for matrix in matrices):
             return None
         bytes_of_matrices = [matrix.tobytes() for matrix in matrices]
-        if self._seen is None or self._seen[0] is not meshes or self._seen[1] != bytes_of_matrices:
+        if self._placed is None or self._placed[0] is not meshes or self._placed[1] != bytes_of_matrices:
             low, *highs = (replace(mesh, to_world=matrix) for mesh, matrix in zip(shown, matrices, strict=True))
-            self._scene, self._seen = self._scene_of(low, highs), (meshes, bytes_of_matrices)
+            self._scene, self._placed = self._scene_of(low, highs), (meshes, bytes_of_matrices)
         return self._scene
 
     def _scene_of(self, low: Mesh, highs: list[Mesh]) -> ViewScene:
         local_space = local_space_of([low])
         around, pull = local_space, PULL
-        if highs and gap(low, highs) > 0.0:  # moved aside: drawn as if it were in place
+        if highs and gap(low, highs) > 0.0:  # moved aside: drawn around the low mesh
             around = LocalSpace(local_space_of(highs).origin, local_space.size)
         elif highs:
             surface = self._surface(low, local_space)
@@ -128,7 +128,7 @@ def _positions(mesh: Mesh, local_space: LocalSpace) -> np.ndarray:
 
 
 def height(surface: BVHTree, points: np.ndarray, count: int) -> float:
-    """The greatest distance of points (V, 3) from a surface: of the outermost points, and of about `count` others."""
+    """The greatest distance of points (V, 3) from a surface, over the outermost points and about `count` others."""
     outermost = [*points.argmin(axis=0), *points.argmax(axis=0)]
     probes = np.concatenate([points[outermost], points[:: -(-len(points) // max(1, count))]])
     return max(surface.find_nearest(probe)[3] or 0.0 for probe in probes.tolist())
@@ -142,7 +142,7 @@ def view_projection(eye: Eye, local_space: LocalSpace, pull: float) -> np.ndarra
     to_world = np.diag([*[local_space.size] * 3, 1.0])
     to_world[:3, 3] = local_space.origin
     projection, pull = np.array(eye.projection, np.float64), pull * local_space.size
-    if projection[3, 3] == 0.0:  # perspective: points go along their rays, all by the same share of their distance
+    if projection[3, 3] == 0.0:  # perspective: points move along their rays by the same share of their distance
         distance = max(-(eye.view @ (*local_space.origin, 1.0))[2], 2.0 * pull)
         projection[2, 3] /= 1.0 - pull / distance
     else:

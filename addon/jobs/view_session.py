@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Draws the views of a session: its meshes lit with the map and without it, and the deviations of the map."""
+"""Draws the views of a session: its meshes lit with and without the map, and the deviations of the map."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -23,15 +23,15 @@ from .view_scene import PULL, Eye, ViewObjects, ViewScene, view_projection
 
 MODES = ("MAP", "SPLIT", "DEVIATION", "BARE_DEVIATION")
 MIDDLE = 0.25
-"""Of the view's width, for the low mesh without its map between the other two."""
+"""Share of the view's width for the low mesh without its map, between the other two."""
 
 
 @dataclass(frozen=True)
 class Figures:
-    """Degrees between the shaded normals and the high surface's, with the map and without it, over texels from the whole map.
+    """Degrees between the shaded normals and those of the high surface, with and without the map, over texels of the whole map.
 
-    elsewhere: the share of texels that do not count, because Flatten has drawn a high surface there that belongs to another
-    place: such a map cannot be measured by itself. The other figures are NaN where no texel counts.
+    elsewhere: the share of texels that are not measured, because Flatten has drawn another part of the high surface there.
+    The other figures are NaN if no texel is measured.
     """
 
     mean: float
@@ -42,7 +42,7 @@ class Figures:
 
 
 def settings_for(settings: Settings) -> Settings:
-    """Settings for the same map in memory alone, of one tile, and no larger than what is drawn at once."""
+    """Settings for the same map in memory only, with one tile, and small enough for a single band."""
     width, height = settings.width, settings.height
     while width * height > BAND_TEXELS:
         width, height = width // 2, height // 2
@@ -54,25 +54,25 @@ def settings_for(settings: Settings) -> Settings:
 def zones(width: int, split: float) -> list[range]:
     """The pixel columns for the high mesh, the low mesh and the low mesh with its map, in a view of `width`.
 
-    split: the place of the dividing line, from 0 to 1.
+    split: the position of the dividing line, from 0 to 1.
     """
     first, last = (round(min(max(split + side * MIDDLE / 2, 0.0), 1.0) * width) for side in (-1, 1))
     return [range(first), range(first, last), range(last, width)]
 
 
 class Shading:
-    """Draws the objects of `session`, which has drawn a map, where they are now. Their shapes are as it has last read them.
+    """Draws the objects of `session` where they are now, with their meshes as last read. The session must have a map.
 
-    figures: the deviations of the map at the last `update` that measured, or None.
+    figures: the deviations of the map from the last `update` that measured them, or None.
     """
 
     def __init__(self, session: Session):
-        """Raises BakeError for a map that is not on the GPU as a whole."""
+        """Raises BakeError for a map that is drawn in bands."""
         if session.map is None:
             settings = session.settings
             raise BakeError(
-                f"A map of {settings.width} x {settings.height} texels is drawn in bands and never on the GPU as a whole: "
-                "choose a smaller one to see it live."
+                f"A map of {settings.width} x {settings.height} texels is drawn in bands and is never whole on the GPU: "
+                "choose a smaller size to see it live."
             )
         self.session, self.objects = session, ViewObjects(session)
         self.figures: Figures | None = None
@@ -90,9 +90,9 @@ class Shading:
     def draw(self, mode: str, eye: Eye, *, split: float = 0.5, limit: float = 5.0, is_alone: bool = False) -> None:
         """Draw one of MODES into the bound framebuffer, which has depth.
 
-        split: the place of the dividing line, from 0 to 1. limit: degrees at which the colors of deviations end. is_alone: no
-        high object is visible that could show through. Nothing is drawn if an object was deleted or has zero scale, or before
-        `update` has measured the deviations.
+        split: the position of the dividing line, from 0 to 1. limit: degrees at which the colors of deviations end. is_alone:
+        no high object is visible that could show through. Draws nothing if an object was deleted or has zero scale, or if
+        the deviations of the map are not measured yet.
         """
         scene = self.objects.place(with_highs=mode == "SPLIT")
         drawn = self.session.map
@@ -131,7 +131,7 @@ class Shading:
         lit.draw(low, self.session.map, matrix, self._reading(normals, light))
 
     def _reading(self, normals: np.ndarray, light: np.ndarray | None = None) -> np.ndarray:
-        """The map's settings and the light, as the shaders take them."""
+        """The map's settings and the light as the shaders take them."""
         settings = self.session.settings
         kinds = {"WORLD": lit.WORLD, "OBJECT": lit.OBJECT}
         return lit.shading(
@@ -145,29 +145,33 @@ class Shading:
     def _measure(self) -> None:
         settings, low = self.session.settings, self.objects.low
         size = settings.width, settings.height
-        with target.using(target.TargetPool()):  # frees the targets that are used on the way
+        with target.using(target.TargetPool()):  # frees the intermediate targets at the end
             self._measured = target.get("deviation", *size, "RGBA32F")
             reading = self._reading(normal_matrix(low.to_world))
-            truth, uploaded, elsewhere = self.session.truth(), self.objects.upload_low(low), self._elsewhere()
-            deviation.measure(self._measured, uploaded, self.session.map, truth, reading, elsewhere=elsewhere)
+            high_normals, uploaded, elsewhere = (
+                self.session.high_normals(),
+                self.objects.upload_low(low),
+                self._elsewhere(),
+            )
+            deviation.measure(self._measured, uploaded, self.session.map, high_normals, reading, elsewhere=elsewhere)
             values = np.empty((size[1], size[0], 4), np.float32)
             self._measured.read(values)
         texels = quantize.sample(values)
-        known, elsewhere = texels[texels[:, 3] > 0.0], np.count_nonzero(texels[:, 3] < -1.5)
-        if len(known) + elsewhere:
+        measured, elsewhere = texels[texels[:, 3] > 0.0], np.count_nonzero(texels[:, 3] < -1.5)
+        if len(measured) + elsewhere:
             means, highest = np.full((2, 2), np.nan)
-            if len(known):
-                means = known[:, :2].mean(axis=0, dtype=np.float64)
-                highest = np.percentile(known[:, :2], 99, axis=0)
-            share = elsewhere / (len(known) + elsewhere)
+            if len(measured):
+                means = measured[:, :2].mean(axis=0, dtype=np.float64)
+                highest = np.percentile(measured[:, :2], 99, axis=0)
+            share = elsewhere / (len(measured) + elsewhere)
             self.figures = Figures(*map(float, (means[0], highest[0], means[1], highest[1], share)))
 
     def _elsewhere(self) -> np.ndarray:
-        """Which parts of the map, (rows, columns) bool, show another place than the low mesh has there."""
+        """Which parts of the map, (rows, columns) bool, show another part of the high surface than the low mesh has there."""
         meshes = self.session.meshes
-        if self.session.plan.method != Method.FLATTEN or meshes.is_own_base:  # which share their UVs
+        if self.session.plan.method != Method.FLATTEN or meshes.is_own_base:  # a base mesh shares the UVs
             return np.zeros((1, 1), bool)
-        return uv_agreement.elsewhere(meshes.low, meshes.highs)
+        return uv_agreement.mismatched(meshes.low, meshes.highs)
 
 
 def _draw_bare(parts: list[tuple[gpu.types.GPUBatch, np.ndarray]], matrix: np.ndarray, light: np.ndarray) -> None:
@@ -191,7 +195,7 @@ def _tested_for_depth() -> Iterator[None]:
 
 @contextmanager
 def _only(x: int, y: int, width: int, height: int) -> Iterator[None]:
-    """Nothing is drawn outside these pixels until the block ends."""
+    """Draw only inside these pixels until the block ends."""
     gpu.state.scissor_test_set(True)
     gpu.state.scissor_set(x, y, width, height)
     try:

@@ -41,7 +41,7 @@ CHECKS = {
     "no_area": ("Zero-area UVs", "Triangles without area in UV space, which cannot be drawn"),
     "hard_edges": (
         "Hard edges, no seam",
-        "Hard edges inside a UV island: each costs a visible line in tangent space. Mark a seam there and unwrap, or shade "
+        "Hard edges inside a UV island: each shows as a line in tangent space. Mark a seam there and unwrap, or shade "
         "smooth",
     ),
     "behind": (

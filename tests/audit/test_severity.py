@@ -313,7 +313,7 @@ MEANINGS = [
 
 @pytest.mark.parametrize(("kind", "check", "settings", "truth"), MEANINGS)
 def test_what_a_number_means(kind, check, settings, truth):
-    assert severity.of(kind, check, Settings(**{"method": "FLATTEN"} | settings)) == truth
+    assert severity.rate(kind, check, Settings(**{"method": "FLATTEN"} | settings)) == truth
 
 
 def test_each_kind_has_a_meaning():

@@ -372,8 +372,8 @@ def test_two_files_of_one_name_are_one_too_many(rocks, run):
     ("words", "said"),
     [
         (["--pairs", "none"], "The folder 'none' cannot be read: No such file or directory."),
-        (["--pairs", "."], "No mesh file in '.' is called something_low."),
-        (["--pairs", "rocks", "--suffixes", ".l,.h,.c"], "No mesh file in 'rocks' is called something.l."),
+        (["--pairs", "."], "No mesh file in '.' has a name that ends in '_low'."),
+        (["--pairs", "rocks", "--suffixes", ".l,.h,.c"], "No mesh file in 'rocks' has a name that ends in '.l'."),
         (["--pairs", "rocks", "--suffixes", "_x,_x,_c"], "must all be different"),
     ],
 )

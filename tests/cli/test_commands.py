@@ -142,8 +142,14 @@ CANNOT = {
 MAKES_NO_SENSE = {
     "size 0": ([*BAKE, "--size", "0", "--output", "m.png"], "Width: 0 is outside"),
     "size beyond all": ([*BAKE, "--size", "9" * 30, "--output", "m.png"], "16384"),
-    "size of a novel's length": ([*BAKE, "--size", "9" * 5000, "--output", "m.png"], "is neither a number of texels nor"),
-    "frames of a novel's length": ([*BAKE, "--frames", f"1-{'9' * 5000}", "--output", "m.png"], "not a range of frames"),
+    "size of a novel's length": (
+        [*BAKE, "--size", "9" * 5000, "--output", "m.png"],
+        "is neither a number of texels nor",
+    ),
+    "frames of a novel's length": (
+        [*BAKE, "--frames", f"1-{'9' * 5000}", "--output", "m.png"],
+        "not a range of frames",
+    ),
     "tiles of a novel's length": ([*BAKE, "--tiles", "1" * 5000, "--output", "m.png"], "not a list of UDIM tiles"),
     "option misspelt": ([*BAKE, "--outptu", "m.png"], "--outptu m.png, did you mean '--output'?"),
     "jobs misspelt": (["--job", "j.json"], "did you mean '--jobs'?"),
@@ -560,7 +566,7 @@ def test_a_pair_that_fails_takes_the_others_along(rocks, capsys):
 def test_pairs_that_are_not_there(rocks, capsys):
     arguments = ["rocks.blend", "--pairs", "--suffixes", ".lp,.hp,.cg", "--output", "m.png"]
     assert command.run(arguments) == command.FAILED
-    assert capsys.readouterr().err == "imprint: No object is called something.lp.\n"
+    assert capsys.readouterr().err == "imprint: No object has a name that ends in '.lp'.\n"
     assert files(rocks) == ["rocks.blend"]
 
 
@@ -599,7 +605,11 @@ def test_distances_cage_and_mask(scene, fails):
 
 def test_what_was_written_is_told(scene, capsys):
     assert command.run([*BAKE, "--output", "m.png", "--mask", "--report", "r.json"]) == command.DONE
-    assert capsys.readouterr().out.rstrip().endswith(f"Wrote {scene / 'm.png'}, {scene / 'm_missed.png'}, {scene / 'r.json'}")
+    assert (
+        capsys.readouterr()
+        .out.rstrip()
+        .endswith(f"Wrote {scene / 'm.png'}, {scene / 'm_missed.png'}, {scene / 'r.json'}")
+    )
 
 
 def test_a_forgotten_file(fails):

@@ -557,7 +557,7 @@ def test_an_atlas_whose_uvs_overlap_is_told():
     settings = Settings(width=16, height=16, storage="MEMORY", image="atlas", material=False)
     reports = bake_all(bpy.context, jobs, settings, share_image=True)
     assert reports[0].warnings == []
-    assert "256 texels of 'b' lie over those of others" in reports[1].warnings[0]
+    assert "256 texels of 'b' overlap texels of other objects" in reports[1].warnings[0]
 
 
 def test_a_mesh_that_is_inside_out_is_told():

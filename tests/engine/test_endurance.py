@@ -85,7 +85,7 @@ def test_memory_stays_flat_over_hundreds_of_bakes(tmp_path, monkeypatch):
             output=str(tmp_path / "map.png"),
         )
         bake_pair(bpy.context, low, [high], settings)
-        assert len(ray_casting.trees) <= ray_casting.KEPT_TREES
+        assert len(ray_casting.trees) <= ray_casting.CACHED_TREES
         assert target.common.bytes <= target.KEPT_BYTES
         if number + 1 == WARM:
             before, memory = held(), resident()

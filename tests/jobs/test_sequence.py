@@ -62,7 +62,7 @@ def test_each_frame_has_the_map_of_its_surface(job, tmp_path):
     (texture,) = [node for node in nodes if node.bl_idname == "ShaderNodeTexImage"]
     assert texture.image == image
     assert (texture.image_user.frame_start, texture.image_user.frame_duration) == (1, 3)
-    assert sequence.PASSING not in bpy.data.images
+    assert sequence.FRAME_IMAGE not in bpy.data.images
     finish(sequence.work(bpy.context, job, settings(tmp_path), frames, Pace()))  # and again, over itself
 
 
@@ -95,7 +95,7 @@ def test_frames_that_are_done_are_kept_when_it_is_stopped(job, tmp_path):
     assert bpy.data.images["lo_normal"].source == "SEQUENCE"
     nodes = job.low.data.materials[0].node_tree.nodes
     assert [node.image_user.frame_duration for node in nodes if node.bl_idname == "ShaderNodeTexImage"] == [2]
-    assert sequence.PASSING not in bpy.data.images
+    assert sequence.FRAME_IMAGE not in bpy.data.images
 
 
 def test_one_that_is_stopped_at_its_first_frame_leaves_nothing(job, tmp_path):

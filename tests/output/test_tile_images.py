@@ -475,7 +475,7 @@ def test_a_stray_uv_bakes_no_thousand_tiles():
     low, high = zoo.plane("low", n=2), zoo.plane("high")
     low.data.uv_layers[0].uv[0].vector = 1e6, 1e6
     with pytest.raises(
-        BakeError, match=r"^'low' reaches over 1000 UDIM tiles: name those to bake, or look for stray UVs\.$"
+        BakeError, match=r"^'low' covers 1000 UDIM tiles: list the tiles to bake, or look for stray UVs\.$"
     ):
         bake(low, high, storage="PACK")
     assert bake(low, high, storage="PACK", tiles=(1001,)).tiles == [1001]

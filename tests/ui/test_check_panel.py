@@ -300,7 +300,7 @@ def test_a_modifier_is_added_once(baked):
     before = snapshot()
     bpy.ops.imprint.add_triangulate("EXEC_DEFAULT", True)
     assert [modifier.type for modifier in bpy.data.objects["lo"].modifiers] == ["TRIANGULATE"]
-    assert "has a Triangulate modifier already" in refusal(bpy.ops.imprint.add_triangulate)
+    assert "already has a Triangulate modifier" in refusal(bpy.ops.imprint.add_triangulate)
     assert bpy.ops.ed.undo() == {"FINISHED"}
     assert difference(before, snapshot()) == {}
 

@@ -289,7 +289,7 @@ def test_it_follows_the_settings(pair):
         assert np.array_equal(pixels(bpy.data.images["lo_normal"]), fresh()), name
     settings.udim = True
     follow()
-    assert "switch UDIM tiles off" in live.message
+    assert "turn UDIM Tiles off" in live.message
     settings.udim = False
     follow()
     assert live.message == ""
@@ -627,7 +627,7 @@ def test_what_cannot_be_baked_for_now_is_told_and_waited_for(pair):
 
 def test_what_cannot_be_baked_at_all_does_not_start_it(pair):
     bpy.context.scene.imprint.udim = True
-    with pytest.raises(RuntimeError, match="Live follows one tile alone"):
+    with pytest.raises(RuntimeError, match="Live draws only one tile"):
         bpy.ops.imprint.live()
     assert not live.is_on
 

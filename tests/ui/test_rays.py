@@ -67,7 +67,7 @@ def test_pairs_by_name(small):
 
 def test_no_pairs(small):
     zoo.plane("a")
-    with pytest.raises(RuntimeError, match="No object is called something_low"):
+    with pytest.raises(RuntimeError, match="No object has a name that ends in '_low'"):
         bpy.ops.imprint.bake_pairs()
     small.high_suffix = "_LOW"
     with pytest.raises(RuntimeError, match="three different ones"):
