@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Atomic file replacement: a file is complete, or as it was."""
+"""Atomic file replacement: a file has either its complete new content or its old one."""
 
 import os
 import shutil
@@ -28,7 +28,7 @@ def check_writable(path: Path) -> None:
 
 
 def resolved(path: Path) -> Path:
-    """The file that `path` names, with links followed, so that a file replaces their target. Raises as `check_kind`."""
+    """`path` with links resolved, so that writing replaces their target. Raises as `check_kind`."""
     check_kind(path)
     return Path(os.path.realpath(path))
 
@@ -47,7 +47,7 @@ def check_kind(path: str | Path) -> None:
 
 
 def reason(error: OSError | RuntimeError) -> str:
-    """The message of a failed operation of the system or of Blender, in one line without a full stop."""
+    """The message of an error of the system or of Blender: one line without a full stop."""
     if isinstance(error, OSError) and error.strerror:
         return error.strerror
     # Blender raises several reports at once; the first is the cause.
@@ -136,19 +136,19 @@ class Replaced:
                 self._restore()
 
     def _restore(self) -> None:
-        """Restore all files. Then raise BakeError if one could not be restored, with the path of its old content."""
+        """Restore all files. Then raise BakeError if this failed for a file, with the path of its old content."""
         lost = ""
         for path, (copy, folders) in self._before.items():
             try:
                 if copy is not None and path.exists() and copy.path.samefile(path):
-                    copy.remove()  # not replaced after all; and os.replace does nothing between two links to one file
+                    copy.remove()  # it was not replaced; and os.replace does nothing between two links to one file
                 elif copy is not None:
                     os.replace(copy.path, path)
                     copy.remove()
                 else:
                     path.unlink(missing_ok=True)
             except OSError as error:
-                lost = f"{str(path)!r} could not be put back: {reason(error)}"
+                lost = f"The old content of {str(path)!r} could not be restored: {reason(error)}"
                 if copy is not None:
                     lost += f"; it is in {str(copy.keep())!r}"
             _NEW_FOLDERS.update(folders)
@@ -163,7 +163,7 @@ _REPLACED: ContextVar[Replaced | None] = ContextVar("_REPLACED", default=None)
 
 @contextmanager
 def all_or_none() -> Iterator[None]:
-    """Files that are committed in this block are replaced all or none."""
+    """Replace all files that are committed in the block, or none if it raises."""
     with Replaced() as replaced, replaced.restoring():
         yield
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Image datablocks: their pixels, files and tiles. Existing datablocks are filled again, so that their users keep them."""
+"""Image datablocks: their pixels, files and tiles. Existing datablocks are reused, so that their users keep them."""
 
 from collections.abc import Iterable, Iterator
 from pathlib import Path, PurePath
@@ -12,7 +12,7 @@ from ..core.file_names import file_name
 from ..core.udim import TOKEN
 
 ORIGIN = "imprint_high"
-"""A custom property of maps: the names of the high objects that they came from, one per line."""
+"""A custom property of baked images: the names of the high objects, one per line."""
 
 OPAQUE_BITS = {24, 96}
 """Image.depth, in bits per texel, of images without alpha. Their pixels have alpha; a file written from them does not."""
@@ -24,7 +24,7 @@ def get(name: str) -> bpy.types.Image | None:
 
 
 def origin(name: str) -> list[str]:
-    """The names of the high objects that the map in the image `name` came from. Empty if unknown."""
+    """The names of the high objects of the map in the image `name`. Empty if unknown."""
     image = get(name)
     return list(filter(None, str(image.get(ORIGIN, "")).split("\n"))) if image is not None else []
 
@@ -76,10 +76,10 @@ def show(name: str, path: str, *, pack: bool = False) -> bpy.types.Image:
 
 def _pack_tiles(image: bpy.types.Image) -> None:
     image.pack()
-    place = f"//{file_name(image.name)}.{TOKEN}{PurePath(image.filepath).suffix}"
-    image.filepath_raw = place  # filepath would load the file
+    path = f"//{file_name(image.name)}.{TOKEN}{PurePath(image.filepath).suffix}"
+    image.filepath_raw = path  # setting filepath would load the file
     for packed in image.packed_files:
-        packed.filepath = udim.fill(place, packed.tile_number)
+        packed.filepath = udim.fill(path, packed.tile_number)
 
 
 def tile_contents(image: bpy.types.Image) -> Iterator[tuple[int, bytes | Path]]:
@@ -94,23 +94,23 @@ def tile_contents(image: bpy.types.Image) -> Iterator[tuple[int, bytes | Path]]:
 
 
 def sources() -> Iterator[tuple[str, str]]:
-    """The files that the open scene uses, except images in materials: absolute paths, and what they are."""
+    """The files that the open scene uses, except images in materials: absolute paths, and descriptions for messages."""
     if bpy.data.filepath:
         yield bpy.data.filepath, "the open file"
     found = [(library, "a linked library") for library in bpy.data.libraries]
     found += [(cache, "a cache of the scene") for cache in bpy.data.cache_files]
-    shapes = (texture.image for texture in bpy.data.textures if texture.type == "IMAGE")
-    found += [(image, f"the image {image.name!r} of a texture") for image in filter(None, shapes)]
-    for owner, what in found:
+    images = (texture.image for texture in bpy.data.textures if texture.type == "IMAGE")
+    found += [(image, f"the image {image.name!r} of a texture") for image in filter(None, images)]
+    for owner, title in found:
         if owner.filepath:  # relative to the file that the owner is linked from
-            yield bpy.path.abspath(owner.filepath, library=owner.library), what
+            yield bpy.path.abspath(owner.filepath, library=owner.library), title
 
 
 def mark_as_data(image: bpy.types.Image) -> None:
     """Mark the image as data, which is not color-managed or multiplied with alpha.
 
-    Call this before setting pixels: Blender drops unsaved pixels when one of these properties changes. So only those that
-    differ are set. By role, since a color configuration can have another name for "Non-Color".
+    Call this before setting pixels: Blender drops unsaved pixels when one of these properties changes, so only those that
+    differ are set. Color configurations can have another name for "Non-Color", but not for its role.
     """
     if not image.colorspace_settings.is_data:
         image.colorspace_settings.is_data = True
@@ -126,7 +126,7 @@ def _forget_pixels(image: bpy.types.Image) -> None:
 
 
 def _regenerate(image: bpy.types.Image, width: int, height: int, is_float: bool) -> None:
-    """Make an existing image a generated one of this size and kind, whose pixels can be set."""
+    """Make the image a generated one of this size and kind, so that its pixels can be set."""
     _forget_pixels(image)
     if image.source != "GENERATED" or tuple(image.size) != (width, height) or image.is_float != is_float:
         image.source = "GENERATED"
@@ -137,7 +137,7 @@ def _regenerate(image: bpy.types.Image, width: int, height: int, is_float: bool)
 def _give_alpha(image: bpy.types.Image) -> None:
     """Give alpha to an image that was made without it, so that packing keeps it.
 
-    Generating its pixels again does not help. Reading them from a file does: a packed one of one texel.
+    Generating its pixels again does not help. Loading them from a file does, here a packed file of one texel.
     """
     width, height = image.size
     seed = bpy.data.images.new("Imprint seed", 1, 1, alpha=True, float_buffer=image.is_float, is_data=True)

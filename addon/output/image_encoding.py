@@ -13,13 +13,13 @@ from ..core.file_structure import completeness
 def write(texels: np.ndarray, path: Path, depth: int) -> None:
     """Write `texels`, (height, width, 4) float32 with row 0 at v = 0, to `path`, in the format that its ending names.
 
-    Alpha is 0 or 1: by anything in between, Blender's 16-bit PNG writer divides. depth: bits per channel. Numbers are
-    stored as they are, with the colors under alpha 0. Raises OSError or RuntimeError if that fails, and leaves a partial
+    Alpha must be 0 or 1, because Blender's 16-bit PNG writer divides by values in between. depth: bits per channel. Values
+    are stored unchanged, even where alpha is 0. Raises OSError or RuntimeError if writing fails, which can leave a partial
     file.
     """
     height, width = texels.shape[:2]
     file_format = file_formats.of(path)
-    # A scene of its own for Blender's image writer: the artist's output settings stay as they are.
+    # Blender's image writer reads its settings from a scene. A new scene leaves the user's settings unchanged.
     scene = bpy.data.scenes.new("Imprint output")
     image = bpy.data.images.new("Imprint output", width, height, alpha=True, float_buffer=depth > 8, is_data=True)
     try:
@@ -34,6 +34,6 @@ def write(texels: np.ndarray, path: Path, depth: int) -> None:
         bpy.data.images.remove(image)
         bpy.data.scenes.remove(scene)
     if not completeness.is_complete(path, file_format.is_complete, (width, height)):
-        raise RuntimeError("the disk took only a part of it")
+        raise RuntimeError("only a part of the file was written, perhaps because the disk is full")
     if file_format.correct:
         file_format.correct(path)

@@ -21,13 +21,14 @@ from . import atomic_file, datablocks, image_encoding, quantize
 from .atomic_file import Partial, check_writable
 
 LONGEST = 240
-"""Bytes of an image's name. Blender allows 255, and the names of other maps have a suffix."""
+"""The most bytes of an image's name. Blender allows 255, and the names of other maps get a suffix."""
 
 
 def name_for(low_name: str, settings: Settings) -> str:
     """The name of the image datablock, with the low object's name in place of "{low}".
 
-    A name that Blender would cut, so that the image would not be found again, is cut here. A checksum keeps cut names distinct.
+    Blender would shorten long names, and the image would not be found by its name. So they are shortened here, with a
+    checksum that keeps them distinct.
     """
     name = settings.image.replace("{low}", low_name) or f"{low_name}_normal"
     letters = name.encode()
@@ -37,7 +38,7 @@ def name_for(low_name: str, settings: Settings) -> str:
 
 
 def output_for(settings: Settings) -> str:
-    """The path to write to, as in Blender, with TOKEN for the tile's number in a UDIM bake. Empty if no file is written."""
+    """The path to write to, as Blender spells it, with TOKEN for the tile's number in a UDIM bake. Empty without a file."""
     path = settings.output
     if settings.storage != Storage.FILE:
         return ""
@@ -48,14 +49,14 @@ def output_for(settings: Settings) -> str:
 
 
 def beside(settings: Settings, map_type: MapType) -> Settings:
-    """The settings of another map beside that of `settings`, whose image is named.
+    """The settings of another map, from those of the normal map, whose image must have a name.
 
-    A map that is stored in the lowest depth is not dithered.
+    Maps that are stored in the lowest depth are not dithered.
     """
     path = PurePath(settings.output)
     is_file = settings.storage == Storage.FILE
     lowest = (file_formats.of(path) if is_file else file_formats.PACKED[False]).depths[0]
-    # The number of a tile stays last, with its separator.
+    # The tile's number stays at the end, with its separator.
     stem = re.sub(rf"[._ -]?{TOKEN}|$", rf"_{map_type.suffix}\g<0>", path.stem, count=1)
     return replace(
         settings,
@@ -67,14 +68,14 @@ def beside(settings: Settings, map_type: MapType) -> Settings:
 
 
 def black_and_white(where: np.ndarray) -> np.ndarray:
-    """Texels (height, width, 4) float32 that are white where `where` (height, width) is True, else black."""
+    """Texels (height, width, 4) float32: white where `where`, (height, width) bool, is True, else black."""
     texels = np.ones((*where.shape, 4), np.float32)
     texels[..., :3] = where[..., None]
     return texels
 
 
 def check(low_name: str, settings: Settings) -> None:
-    """Raise BakeError if a map cannot be stored as the settings say. Called before the bake."""
+    """Raise BakeError if a map cannot be stored with these settings. Called before the bake."""
     _check_image(settings.image or name_for(low_name, settings))
     output = output_for(settings)
     if output.startswith("//") and not bpy.data.filepath:
@@ -84,18 +85,18 @@ def check(low_name: str, settings: Settings) -> None:
 
 
 def replaced(name: str, highs: Iterable[str]) -> str:
-    """The high objects of the map in the image `name` that a bake from `highs` replaces, as names in a sentence.
+    """The high objects of the map in the image `name`, as a list for a message, if a bake from `highs` replaces that map.
 
-    Empty if the image has no map, if they are unknown, or if one of `highs` is among them.
+    Empty if the image has no map, if its high objects are unknown, or if one of `highs` is among them.
     """
     before = datablocks.origin(name)
     return "" if set(before).intersection(highs) else shorten_list(map(repr, before))
 
 
 class Writer:
-    """Stores one map in an image datablock and in files. Nothing in the open file or on disk changes before commit.
+    """Stores one map in an image datablock and in files. Before `commit`, no datablock or existing file changes.
 
-    Tiles for files, and for packing as UDIM, are encoded when they are added, so that memory does not grow with their number.
+    Tiles for files, and packed UDIM tiles, are encoded when they are added, so that memory does not grow with their number.
     Use it in a `with` block, or call `discard` at the end.
 
     is_normal: whether to measure the error of normals that are stored as integers.
@@ -107,8 +108,8 @@ class Writer:
         self._partials: dict[int, Partial] = {}
         self._folder: tempfile.TemporaryDirectory | None = None
         self._path = output_for(settings)
-        """The path of the files, as in Blender. Empty without files."""
-        if settings.storage == Storage.PACK and settings.udim:  # Blender packs tiles out of files alone
+        """The path of the files, as Blender spells it. Empty without files."""
+        if settings.storage == Storage.PACK and settings.udim:  # Blender can pack tiles only from files
             self._folder = tempfile.TemporaryDirectory(prefix="imprint-")
             self._path = str(Path(self._folder.name, f"map.{TOKEN}{file_formats.PACKED[settings.is_float].endings[0]}"))
         self._angles: list[np.ndarray] = []
@@ -134,7 +135,7 @@ class Writer:
             self._angles.append(quantize.angles(quantize.sample(texels), rounded))
         if self._path:
             partial = self._partials[tile] = Partial(self._of_tile(tile))
-            # Packed as Blender packs other images, whose floats have 32 bits.
+            # As in Blender's own packed images, floats have 32 bits.
             depth = file_formats.OPEN_EXR.depths[-1] if self._folder and settings.is_float else settings.depth
             with partial.writing():
                 image_encoding.write(stored, partial.temporary, depth)
@@ -158,12 +159,12 @@ class Writer:
         return {"median": float(np.median(angles)), "maximum": float(angles.max())} if len(angles) else {}
 
     def commit(self) -> bpy.types.Image:
-        """As `commit_all`, for this map alone."""
+        """Store this map. See `commit_all`."""
         return commit_all([self])[0]
 
     def prepare(self) -> None:
-        """Do all that can fail or needs disk space, without a change to existing files. Raises BakeError."""
-        _check_image(self.name)  # it may have been painted since
+        """Do everything that can fail or needs disk space, without changing existing files. Raises BakeError."""
+        _check_image(self.name)  # again, because the user may have painted on it
         if self._path and self.settings.udim:
             self._keep_other_tiles()
 
@@ -173,7 +174,7 @@ class Writer:
             partial.commit()
 
     def show(self) -> bpy.types.Image:
-        """The image with the added texels."""
+        """Put the added texels into the image, and return it."""
         settings = self.settings
         if self._path:
             return datablocks.show(self.name, self._path, pack=self._folder is not None)
@@ -181,7 +182,7 @@ class Writer:
         return datablocks.fill(self.name, self._texels, is_float=settings.is_float, pack=pack)
 
     def discard(self) -> None:
-        """Remove what was not committed. Can be called at any time, and again."""
+        """Remove temporary files. Can be called at any time, and more than once."""
         for partial in self._partials.values():
             partial.discard()
         if self._folder:

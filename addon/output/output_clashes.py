@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The images and files that bakes write, and whether two of them would be one.
+"""Checks that no two maps of a call are written to the same image or file.
 
-The rule for files is path_clashes.Places, here and on the command line. Images clash where their names differ in case at most.
+For files, path_clashes.Places has the rules, here and on the command line. Names of images clash also if they differ in case.
 """
 
 from collections.abc import Iterator, Sequence
@@ -24,53 +24,54 @@ def settings_by_map(settings: Settings) -> dict[str, Settings]:
 
 
 def files(settings: Settings) -> Iterator[tuple[str, str]]:
-    """The files that a bake writes, each with what it is. TOKEN stands for tiles that the settings do not name."""
-    for name, own in settings_by_map(settings).items():
-        path = image_writer.output_for(own)
-        for tile in own.tiles or [TOKEN] if path else ():
+    """The files that a bake writes: paths, and titles for messages. Paths have TOKEN if the settings name no tiles."""
+    for name, of_map in settings_by_map(settings).items():
+        path = image_writer.output_for(of_map)
+        for tile in of_map.tiles or [TOKEN] if path else ():
             yield udim.fill(path, tile), title(name)
 
 
 def title(name: str) -> str:
-    """What a map is called in a sentence."""
+    """The name of a map in a sentence."""
     return f"the {BY_NAME[name].title}"
 
 
 def check(settings: Settings, bakes: Sequence[Settings], objects: Sequence[str]) -> None:
-    """Raise BakeError if two maps of several bakes would be one, or would replace a file that the scene uses.
+    """Raise BakeError if two maps would be written to one image or file, or if a map would replace a file of the scene.
 
-    bakes: the settings of each bake, which are `settings` with names filled in. objects: its low object, or what stands for it.
+    bakes: the settings of each bake, which are `settings` with names filled in. objects: the name of its low object, or of
+    another subject for messages.
     """
     _check_images(bakes, objects, _advice(settings.image))
     check_files(bakes, objects, _advice(settings.output))
 
 
 def check_files(bakes: Sequence[Settings], objects: Sequence[str], advice: str) -> None:
-    """Raise WrongPlace if two files of several bakes would be one, or if one of them is a file that the scene uses.
+    """Raise WrongPlace if two files would be the same, or if a file is one that the scene uses.
 
-    bakes, objects: see `check`. advice: what to do about two files that would be one.
+    bakes, objects: see `check`. advice: for two files that would be the same, the end of the message.
     """
     places = Places(advice)
-    for path, what in datablocks.sources():
-        places.read(path, what)
+    for path, source in datablocks.sources():
+        places.read(path, source)
     for settings, low in zip(bakes, objects, strict=True):
-        for path, what in files(settings):
-            places.write(bpy.path.abspath(path), f"{what} of {low!r}")
+        for path, map_title in files(settings):
+            places.write(bpy.path.abspath(path), f"{map_title} of {low!r}")
 
 
 def _check_images(bakes: Sequence[Settings], objects: Sequence[str], advice: str) -> None:
     """Raise BakeError if two maps would fill one image. See `check`."""
     owners: dict[str, str] = {}
     for settings, low in zip(bakes, objects, strict=True):
-        for name, own in settings_by_map(settings).items():
-            what = f"{title(name)} of {low!r}"
-            other = owners.setdefault(own.image.casefold(), what)
-            if other != what:
-                raise BakeError(f"T{what[1:]} and {other} would both fill the image {own.image!r}: {advice}.")
+        for name, of_map in settings_by_map(settings).items():
+            owner = f"{title(name)} of {low!r}"
+            other = owners.setdefault(of_map.image.casefold(), owner)
+            if other != owner:
+                raise BakeError(f"T{owner[1:]} and {other} would both fill the image {of_map.image!r}: {advice}.")
 
 
 def _advice(name: str) -> str:
-    """What to do about two maps in one place, which the settings call `name`."""
+    """How to avoid two maps with the same `name`, the one in the settings."""
     if not name or file_names.LOW in name:  # without a name, an image is named after the low object
         return "rename one of the objects"
     return f"put {file_names.LOW} into the name, or let them share it"

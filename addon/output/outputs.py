@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Stores the maps of one bake: images, files and materials, all or none."""
+"""Stores the maps of one bake in images, files and materials: all of them, or none."""
 
 from collections.abc import Sequence
 from contextlib import ExitStack
@@ -19,10 +19,10 @@ from .output_clashes import settings_by_map
 
 @dataclass(frozen=True)
 class Stored:
-    """What `Outputs.commit` has put in place.
+    """The result of `Outputs.commit`.
 
-    image: of the normal map. paths: files, of each tile the normal map, then of each other map. tiles: UDIM numbers. maps
-    and loss: as in Report. warnings: sentences.
+    image: the normal map. paths: the files of the normal map by tile, then those of each other map. tiles: UDIM numbers.
+    maps, loss: as in Report. warnings: sentences.
     """
 
     image: bpy.types.Image
@@ -34,41 +34,41 @@ class Stored:
 
 
 class Outputs:
-    """Stores maps at commit(). Before that, nothing in the file or on disk changes. Use it in a `with` block."""
+    """Stores maps when `commit` is called. Before, no datablock or existing file changes. Use it in a `with` block."""
 
     def __init__(self, settings: Settings):
         self.settings = settings
         self._writers = {
-            name: image_writer.Writer("", own, is_normal=BY_NAME[name].kind is Kind.NORMAL)
-            for name, own in settings_by_map(settings).items()
+            name: image_writer.Writer("", of_map, is_normal=BY_NAME[name].kind is Kind.NORMAL)
+            for name, of_map in settings_by_map(settings).items()
         }
-        self._kept: dict[str, dict[int, np.ndarray]] = {name: {} for name in settings.maps}
+        self._tiles: dict[str, dict[int, np.ndarray]] = {name: {} for name in settings.maps}
 
     def __enter__(self) -> "Outputs":
         return self
 
     def __exit__(self, *_) -> None:
-        with ExitStack() as all_of_them:
+        with ExitStack() as discards:  # all of them run, even if one raises
             for writer in self._writers.values():
-                all_of_them.callback(writer.discard)
+                discards.callback(writer.discard)
 
     def add(self, tile: int, maps: dict[str, Map]) -> None:
-        """Add one UDIM tile of all maps, by name. An empty tile is left out: a triangle may touch a tile and cover no texel."""
+        """Add one UDIM tile of all maps, by name. Empty tiles are ignored: a triangle may touch a tile and cover no texel."""
         texels, state = maps[NORMAL.name]
         if not state.any():
             return
         self._writers[NORMAL.name].add(tile, texels)
         if MASK.name in self._writers:
             self._writers[MASK.name].add(tile, image_writer.black_and_white(state == texel_state.MISSED))
-        for name, kept in self._kept.items():
-            kept[tile] = maps[name][0]  # encoded when the range of all tiles is known
+        for name, tiles in self._tiles.items():
+            tiles[tile] = maps[name][0]  # encoded when the range of all tiles is known
 
     def commit(self, labels: dict[Labeled, Sequence[str]]) -> Stored:
         """Store all images or none. Raises BakeError.
 
-        labels: the names that the numbers of an object map and of a material map stand for, from 1.
+        labels: the names of objects and of materials, whose numbers in the maps start at 1.
         """
-        maps = {name: self._encode(name, tiles, labels) for name, tiles in self._kept.items()}
+        maps = {name: self._encode(name, tiles, labels) for name, tiles in self._tiles.items()}
         stored = dict(zip(self._writers, image_writer.commit_all(list(self._writers.values())), strict=True))
         writer = self._writers[NORMAL.name]
         return Stored(
@@ -91,15 +91,13 @@ class Outputs:
 
 
 def sign(image: bpy.types.Image, highs: Sequence[str]) -> list[str]:
-    """Note in `image` the names of the high objects of its new map. Returns a warning if it replaced a map of others."""
+    """Store the names of the high objects in `image`. Returns a warning if its map replaced one of other objects."""
     highs = list(dict.fromkeys(highs))
     before = image_writer.replaced(image.name, highs)
     datablocks.sign(image, highs)
     if not before:
         return []
-    return [
-        f"The image {image.name!r} held a map of {before}, which the one of {shorten_list(map(repr, highs))} replaced."
-    ]
+    return [f"The map of {shorten_list(map(repr, highs))} replaced a map of {before} in the image {image.name!r}."]
 
 
 def hook_up(low: bpy.types.Object, image: bpy.types.Image, uv_layer: str, settings: Settings) -> list[str]:

@@ -19,20 +19,20 @@ except ImportError:  # Windows
 WEEK = 7 * 24 * 3600.0
 """Seconds. No process writes a file for that long: older files are removed, whichever machine wrote them."""
 NAME = re.compile(r"\.imprint\.(?:(?P<machine>\w+)\.)?\d+\.\w+\.partial")
-"""Names of guards. The names of the files that a guard protects begin with its name. Version 0.1.0 had no machine in them."""
+"""The names of guards. A file that a guard protects has a name that begins with the guard's. Version 0.1.0 wrote no machine."""
 
 
 class TemporaryPath:
     """A path in the folder of `path`, with its ending, that no other process uses until `remove`."""
 
     def __init__(self, path: Path):
-        # Without path.stem, which may already be as long as the file system allows.
+        # path.stem is not used: it may already be as long as the file system allows.
         self._folder, self._ending = path.parent, path.suffix
         self._guard: _Guard | None = None
 
     @property
     def path(self) -> Path:
-        """Reserved at the first access, which raises OSError if that fails."""
+        """The path. The first access reserves it, and raises OSError if that fails."""
         if self._guard is None:
             _sweep_once(self._folder)
             self._guard = _Guard(self._folder)
@@ -50,11 +50,11 @@ class TemporaryPath:
         return kept
 
     def remove(self) -> None:
-        """Remove the file, as far as the folder allows. Can be called again."""
+        """Remove the file, if the folder allows it. Can be called more than once."""
         if self._guard is None:
             return
-        blenders = self.path.with_name(f"{self.path.name}@")  # where Blender writes a .blend first
-        for remove in (self.path.unlink, blenders.unlink, self._guard.remove):
+        blend = self.path.with_name(f"{self.path.name}@")  # Blender writes a .blend to this path first
+        for remove in (self.path.unlink, blend.unlink, self._guard.remove):
             with suppress(OSError):
                 remove()
         self._guard = None
@@ -73,8 +73,8 @@ def check_folder(folder: Path) -> None:
 
 def remove_all() -> None:
     """Remove all temporary files of this process, before it exits."""
-    for beside in tuple(_OURS):
-        beside.remove()
+    for path in tuple(_OURS):
+        path.remove()
 
 
 class _Guard:
@@ -86,7 +86,7 @@ class _Guard:
             self._descriptor = os.open(self.path, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o600)
             try:
                 _lock(self._descriptor)
-            except OSError:  # a file system without locks: other processes cannot lock the file either, and keep it
+            except OSError:  # a file system without locks, where other processes do not remove the file either
                 return
             if os.fstat(self._descriptor).st_nlink:
                 return
@@ -101,7 +101,7 @@ class _Guard:
 
 @cache
 def machine() -> str:
-    """An identifier of this machine since its start. Containers on a machine share it."""
+    """An identifier of this machine, which changes when it restarts. Containers on a machine share it."""
     try:
         text = Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii")
     except OSError:
@@ -110,7 +110,7 @@ def machine() -> str:
 
 
 def sweep(folder: Path) -> None:
-    """Remove the temporary files in `folder` whose processes are known to have ended, as far as permissions allow."""
+    """Remove the temporary files in `folder` whose processes have ended, if permissions allow it."""
     files: dict[str, list[Path]] = {}
     try:
         names = os.listdir(folder)
@@ -119,9 +119,9 @@ def sweep(folder: Path) -> None:
     for name in names:
         if match := NAME.match(name):
             files.setdefault(match[0], []).append(folder / name)
-    for name, remains in files.items():
+    for name, paths in files.items():
         try:
-            _sweep(folder / name, remains)
+            _sweep(folder / name, paths)
         except OSError:  # already gone, or owned by another user
             continue
 
@@ -131,8 +131,8 @@ def _sweep_once(folder: Path) -> None:
     sweep(folder)
 
 
-def _sweep(guard: Path, remains: list[Path]) -> None:
-    is_old = time.time() - max(path.stat().st_mtime for path in remains) > WEEK
+def _sweep(guard: Path, paths: list[Path]) -> None:
+    is_old = time.time() - max(path.stat().st_mtime for path in paths) > WEEK
     if not is_old and NAME.match(guard.name)["machine"] != machine():
         return
     # A process removes its guard last: without a guard, no process is writing.
@@ -141,7 +141,7 @@ def _sweep(guard: Path, remains: list[Path]) -> None:
         if descriptor is not None and not is_old:
             _lock(descriptor, wait=False)
         guard.unlink(missing_ok=True)  # Windows refuses while a process has it open
-        for path in remains:
+        for path in paths:
             path.unlink(missing_ok=True)
     finally:
         if descriptor is not None:
@@ -149,7 +149,8 @@ def _sweep(guard: Path, remains: list[Path]) -> None:
 
 
 def _lock(descriptor: int, *, wait: bool = True) -> None:
-    """Lock a file until it is closed. Raises OSError if another process has locked it or the file system has no locks. Does
-    nothing on Windows."""
+    """Lock a file until it is closed. Does nothing on Windows.
+
+    Raises OSError if another process has locked the file, or if the file system has no locks."""
     if fcntl:
         fcntl.flock(descriptor, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Finds clashes of files: a file that is written must not be read, or written twice, however its paths are spelled."""
+"""Detects clashes of paths: a file must not be both read and written, or written twice, even if its paths differ."""
 
 import os
 import re
@@ -22,7 +22,9 @@ _UNFINISHED = re.compile(r"\.imprint\..*\.partial")
 
 @dataclass(frozen=True)
 class _Use:
-    what: str
+    """A file that is read or written. title: for messages. by: see Places.read."""
+
+    title: str
     path: str
     by: Hashable
 
@@ -33,22 +35,22 @@ class _Table:
 
     exact: dict[Hashable, list[_Use]] = field(default_factory=dict)
     tiles: dict[Hashable, list[_Use]] = field(default_factory=dict)
-    """Of paths with a tile's number, by the path with TOKEN in its place."""
+    """The uses of paths with a tile's number, by the path with TOKEN instead of the number."""
     folders: dict[Hashable, list[_Use]] = field(default_factory=dict)
-    """By the folders that will be made."""
+    """The uses by the missing folders above them."""
 
     def add(self, keys: "_Keys", use: _Use) -> None:
-        for table, own in ((self.exact, keys.exact), (self.tiles, keys.tiles), (self.folders, keys.folders)):
-            for key in own:
+        for table, table_keys in ((self.exact, keys.exact), (self.tiles, keys.tiles), (self.folders, keys.folders)):
+            for key in table_keys:
                 table.setdefault(key, []).append(use)
 
-    def find(self, keys: "_Keys", spared: Hashable = None) -> _Use | None:
-        """A use of the same file, except by `spared`. None if there is none."""
+    def find(self, keys: "_Keys", ignored: Hashable = None) -> _Use | None:
+        """A use of the same file, except uses by `ignored`. None if there is none."""
         found = chain(_all(self.exact, (*keys.exact, *keys.tiles)), _all(self.tiles, keys.exact))
-        return next((use for use in found if spared is None or use.by != spared), None)
+        return next((use for use in found if ignored is None or use.by != ignored), None)
 
     def nested(self, keys: "_Keys") -> _Use | None:
-        """A use that needs a folder where this file will be, or has a file where one of its folders will be."""
+        """A use that needs a folder at the path of this file, or a file at the path of one of its folders."""
         return next(chain(_all(self.folders, keys.exact), _all(self.exact, keys.folders)), None)
 
 
@@ -68,35 +70,38 @@ class _Keys:
 class Places:
     """The files that are read and written. Add those that are read first. A path may have TOKEN for the numbers of tiles."""
 
-    def __init__(self, advice: str = "give each a place of its own"):
-        """advice: what to do about two files that would be one."""
+    def __init__(self, advice: str = "give each its own path"):
+        """advice: for two files that would be the same, the end of the message."""
         self._advice = advice
         self._reads, self._writes = _Table(), _Table()
         self._folders: dict[str, tuple[Hashable, tuple[str, ...]]] = {}
 
-    def read(self, path: str, what: str, by: Hashable = None) -> None:
-        """Add a file that is read. what: its name in messages. by: its user. Raises WrongPlace if it is written as well."""
-        keys, use = self._keys(path), _Use(what, path, by)
+    def read(self, path: str, title: str, by: Hashable = None) -> None:
+        """Add a file that is read. Raises WrongPlace if it is written as well.
+
+        title: the file in messages. by: an identifier of the reader.
+        """
+        keys, use = self._keys(path), _Use(title, path, by)
         written = self._writes.find(keys)
         if written is not None:
             raise _over(written, use)
         self._reads.add(keys, use)
 
-    def write(self, path: str, what: str, by: Hashable = None, *, may_replace: Hashable = None) -> None:
+    def write(self, path: str, title: str, by: Hashable = None, *, may_replace: Hashable = None) -> None:
         """Add a file that is written. Raises WrongPlace if it is read or written as well, or is not a file.
 
-        what, by: see `read`. may_replace: the `by` of reads that do not count, such as of the scene that is saved over itself.
+        title, by: see `read`. may_replace: the `by` of reads that are ignored, for a scene that is saved over itself.
         """
         with suppress(OSError):  # the bake reports it
             atomic_file.check_kind(path)
-        keys, use = self._keys(path), _Use(what, path, by)
+        keys, use = self._keys(path), _Use(title, path, by)
         read = self._reads.find(keys, may_replace)
         if read is not None:
             raise _over(use, read)
         written = self._writes.find(keys)
         if written is not None:
             raise WrongPlace(
-                f"{_subject(use)} and {written.what} would both be {_both(path, written.path)}: {self._advice}."
+                f"{_subject(use)} and {written.title} would both be {_both(path, written.path)}: {self._advice}."
             )
         nested = self._writes.nested(keys)
         if nested is not None:
@@ -109,7 +114,7 @@ class Places:
         if os.path.islink(path) or os.path.basename(path) in {"", ".."}:
             path = os.path.realpath(path)
         if _UNFINISHED.match(os.path.basename(path)):
-            raise WrongPlace(f"{path!r} is called as only Imprint's own unfinished files are: rename it.")
+            raise WrongPlace(f"{path!r} has a name that Imprint uses for its temporary files: rename it.")
         parent, name = os.path.split(path)
         root, above = self._folder(parent)
         name = _folded(name)
@@ -139,12 +144,12 @@ class Places:
 
 
 def _folded(name: str) -> str:
-    """A name as file systems compare it that ignore case and Unicode composition."""
+    """A name as it is compared by file systems that ignore case and Unicode composition."""
     return unicodedata.normalize("NFC", unicodedata.normalize("NFD", name).casefold())
 
 
 def _without_numbers(name: str) -> Iterator[str]:
-    """A folded name with TOKEN in place of each number in it that can be a tile's, one at a time."""
+    """A folded name with TOKEN instead of a tile's number, once for each such number in it."""
     for found in _TILE.finditer(name):
         if int(found[1]) in udim.TILES:
             yield f"{name[: found.start(1)]}{_folded(TOKEN)}{name[found.end(1) :]}"
@@ -152,12 +157,12 @@ def _without_numbers(name: str) -> Iterator[str]:
 
 def _over(written: _Use, read: _Use) -> WrongPlace:
     return WrongPlace(
-        f"{_subject(written)} would be written over {read.what}, {_both(read.path, written.path)}: give it a place of its own."
+        f"{_subject(written)} would overwrite {read.title}, {_both(read.path, written.path)}: choose another path for it."
     )
 
 
 def _subject(use: _Use) -> str:
-    return use.what[:1].upper() + use.what[1:]
+    return use.title[:1].upper() + use.title[1:]
 
 
 def _both(path: str, other: str) -> str:

@@ -6,22 +6,22 @@ import numpy as np
 SAMPLES = 1 << 17
 """The error is measured on about this many texels of a tile at most."""
 # Multiples of 1/g, 1/g^2 and 1/g^3, with g^4 = g + 1, spread evenly over rows, columns and channels together
-# (Roberts, "The Unreasonable Effectiveness of Quasirandom Sequences", 2018); here in units of 2^-32, that wrap around.
+# (Roberts, "The Unreasonable Effectiveness of Quasirandom Sequences", 2018); here in units of 2^-32, which wrap around.
 _G = 1.2207440846057596
 _ROW, _COLUMN, _CHANNEL = (int(2**32 / _G**power) for power in (1, 2, 3))
 
 
 def rounded(values: np.ndarray, depth: int) -> np.ndarray:
-    """`values` float32 from 0 to 1 as the nearest multiples of 1 / (2^depth - 1), as Blender rounds them."""
+    """`values` float32 from 0 to 1, rounded to multiples of 1 / (2^depth - 1) as Blender does."""
     steps = np.float32(2**depth - 1)
     return np.floor(values * steps + np.float32(0.5)) / steps
 
 
 def dithered(texels: np.ndarray) -> np.ndarray:
-    """`texels` (height, width, 4) float32 as multiples of 1/255 whose mean over a neighborhood is as before.
+    """`texels` (height, width, 4) float32 as multiples of 1/255. Their mean over a neighborhood stays the same.
 
-    Each color goes to one of the two multiples around it, by a threshold that depends only on its place, so that baking
-    again gives the same. Alpha, and colors where alpha is 0, are rounded to the nearest: the background keeps one color.
+    Each color is rounded up or down by a threshold that depends only on its position, so that each bake gives the same
+    result. Alpha, and colors where alpha is 0, are rounded to the nearest multiple: the background keeps one color.
     """
     height, width = texels.shape[:2]
     rows, columns = (np.arange(side, dtype=np.uint32) for side in (height, width))
@@ -42,16 +42,16 @@ def dithered(texels: np.ndarray) -> np.ndarray:
 
 
 def sample(texels: np.ndarray) -> np.ndarray:
-    """Texels (N, 4) from all over (height, width, 4)."""
+    """Texels (N, 4) from all parts of (height, width, 4)."""
     flat = texels.reshape(-1, 4)
-    return flat[:: (len(flat) // SAMPLES) | 1]  # odd: not the same few columns of each row
+    return flat[:: (len(flat) // SAMPLES) | 1]  # an odd step does not take the same few columns of each row
 
 
 def angles(texels: np.ndarray, stored: np.ndarray) -> np.ndarray:
     """Degrees (M,) float32 between the normals of texels (N, 4) and the stored ones, where alpha is not 0."""
-    wanted = texels[..., 3] > 0.0
-    before, after = (_unit(values[wanted, :3].astype(np.float64) * 2.0 - 1.0) for values in (texels, stored))
-    # By the chord: the cosine of a small angle has no digits left.
+    is_written = texels[..., 3] > 0.0
+    before, after = (_unit(values[is_written, :3].astype(np.float64) * 2.0 - 1.0) for values in (texels, stored))
+    # From the chord: the cosine of a small angle is too close to 1 for a precise result.
     chord = np.linalg.norm(after - before, axis=-1)
     return np.degrees(2.0 * np.arcsin(np.minimum(chord / 2.0, 1.0))).astype(np.float32)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Encodes the values of maps other than the normal map for an image, and says how to decode them."""
+"""Encodes the values of maps other than the normal map, and returns how to decode them."""
 
 import colorsys
 from collections.abc import Sequence
@@ -10,13 +10,13 @@ from ..core.map_types import Kind, MapType, Range
 from ..core.settings import Settings
 
 GOLDEN = 0.6180339887498949
-"""A step around the circle of hues after which any number of hues stay distinct."""
+"""A step around the circle of hues that keeps any number of hues distinct."""
 
 
 def encoding(map_type: MapType, maps: Sequence[np.ndarray], labels: Sequence[str], settings: Settings) -> dict:
-    """How a map is stored: value = (stored - midlevel) * scale + offset, or colors by label.
+    """How to decode a map: value = (stored - midlevel) * scale + offset, or the colors of its labels.
 
-    maps: its tiles, (height, width, 4) float32 with alpha 0 where there is no value. labels: the names of numbers, from 1.
+    maps: its tiles, (height, width, 4) float32 with alpha 0 where there is no value. labels: the names of the numbers from 1.
     """
     if map_type.kind is Kind.LABEL:
         return {"colours": {label: list(color(number)) for number, label in enumerate(labels)}}
@@ -32,11 +32,11 @@ def encoding(map_type: MapType, maps: Sequence[np.ndarray], labels: Sequence[str
 
 
 def encode(texels: np.ndarray, how: dict) -> None:
-    """Encode `texels` (height, width, 4) float32 in place, as `encoding` returned `how`. Alpha does not change."""
+    """Encode `texels` (height, width, 4) float32 in place. Alpha does not change. how: the result of `encoding`."""
     known = texels[..., 3:] > 0.0
     if "colours" in how:
         np.copyto(texels[..., :3], np.float32(0.0), where=~known)
-        # Two objects may have one name, one of them in a library: there are more numbers than names then.
+        # There can be more numbers than names: a linked object may have the name of a local one.
         count = int(texels[..., 0].max())
         palette = np.array([(0.0, 0.0, 0.0), *map(color, range(count))], np.float32)
         texels[..., :3] = palette[texels[..., 0].astype(np.int32)]

@@ -269,7 +269,7 @@ def test_a_library_is_not_written_over(place, capsys, output, option):
     assert (
         command.run(["in/linked.blend", *LATE, "--output=out/m.png", f"--{option}={output}"]) == command.WRONG_USAGE
     )
-    assert "would be written over a linked library" in capsys.readouterr().err
+    assert "would overwrite a linked library" in capsys.readouterr().err
     assert tree(place) == before
     bake = {
         "file": "in/linked.blend",
@@ -280,7 +280,7 @@ def test_a_library_is_not_written_over(place, capsys, output, option):
     }
     (place / "jobs.json").write_text(json.dumps({"bake": [bake]}))
     assert command.run(["--jobs=jobs.json", "--no-material", *SMALL]) == command.FAILED
-    assert "would be written over a linked library" in capsys.readouterr().err
+    assert "would overwrite a linked library" in capsys.readouterr().err
     assert {path: content for path, content in tree(place).items() if path.name != "jobs.json"} == before
 
 
@@ -325,7 +325,7 @@ def test_a_texture_that_only_the_importer_knows_is_not_written_over(place, capsy
     before = tree(place)
     words = ["--low-file=in/rock_a_low.obj", "--high-file=in/rock_a_high.obj", "--output=in/skin.png", *SMALL]
     assert command.run(words) == command.WRONG_USAGE
-    assert "would be written over a texture of the meshes" in capsys.readouterr().err
+    assert "would overwrite a texture of the meshes" in capsys.readouterr().err
     assert tree(place) == before
 
 

@@ -38,7 +38,7 @@ def test_a_picture_that_shapes_the_high_mesh_is_not_written_over(tmp_path, outpu
         (tmp_path / "link.png").symlink_to("shape.png")
         os.link(tmp_path / "shape.png", tmp_path / "hard.png")
     before = (tmp_path / "shape.png").read_bytes()
-    with pytest.raises(BakeError, match="would be written over the image 'shape' of a texture"):
+    with pytest.raises(BakeError, match="would overwrite the image 'shape' of a texture"):
         bake_pair(bpy.context, low, [high], settings(f"{tmp_path}/{output}"))
     assert (tmp_path / "shape.png").read_bytes() == before
     bake_pair(bpy.context, low, [high], settings(tmp_path / "map.png"))
@@ -55,7 +55,7 @@ def test_links_to_the_open_file_and_to_libraries_are_seen(tmp_path, source):
     high = zoo.plane("hi")
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
     (tmp_path / "map.png").symlink_to(source)
-    with pytest.raises(BakeError, match="would be written over (the open file|a linked library)"):
+    with pytest.raises(BakeError, match="would overwrite (the open file|a linked library)"):
         bake_pair(bpy.context, bpy.data.objects[("lo", None)], [high], settings("//map.png"))
 
 
@@ -112,6 +112,6 @@ def test_what_a_linked_object_is_made_of_lies_beside_its_own_file(tmp_path):
     with bpy.data.libraries.load(str(tmp_path / "library" / "library.blend"), link=True) as (_, wanted):
         wanted.objects = ["hi"]
     bpy.context.scene.collection.objects.link(wanted.objects[0])
-    with pytest.raises(BakeError, match="would be written over the image 'shape' of a texture"):
+    with pytest.raises(BakeError, match="would overwrite the image 'shape' of a texture"):
         bake_pair(bpy.context, low, wanted.objects, settings(tmp_path / "library" / "shape.png"))
     bake_pair(bpy.context, low, wanted.objects, settings(tmp_path / "shape.png"))

@@ -155,7 +155,7 @@ def test_a_frame_over_a_file_of_the_scene_is_told_before_the_first_is_baked(job,
     taken = tmp_path / "map_0002.exr"
     taken.write_text("a scene")
     monkeypatch.setattr(datablocks, "sources", lambda: iter([(str(taken), source)]))
-    with pytest.raises(BakeError, match=f"would be written over {source}"):
+    with pytest.raises(BakeError, match=f"would overwrite {source}"):
         finish(sequence.work(bpy.context, job, settings(tmp_path), range(1, 3), Pace()))
     assert [path.name for path in tmp_path.iterdir()] == ["map_0002.exr"]
 
@@ -165,7 +165,7 @@ def test_a_sequence_that_replaces_the_map_of_another_high_object_is_told(job, tm
     still = settings(tmp_path, "still.exr", image="m")
     bake_pair(bpy.context, job.low, [other], still)
     wanted = replace(still, output=str(tmp_path / "map.exr"))
-    for told in ("The image 'm' held a map of 'other', which the one of 'hi' replaced.", None):
+    for told in ("The map of 'hi' replaced a map of 'other' in the image 'm'.", None):
         reports = finish(sequence.work(bpy.context, job, wanted, range(1, 3), Pace()))
         assert [warning for report in reports for warning in report.warnings if "replaced" in warning] == [told] * bool(
             told

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Files by another program's eyes, rounding and dithering, and that a file is the old one or the new one at any moment."""
+"""Tests files with other programs' readers, rounding and dithering, and that a file is complete at any moment."""
 
 import os
 import random
@@ -24,17 +24,17 @@ from tests.support.maps import pixels
 
 WIDTH, HEIGHT = 56, 40
 FLAT = (0.5, 0.5, 1.0, 0.0)
-KINDS = [(f"map{ending}", depth) for ending, one in file_formats.BY_ENDING.items() for depth in one.depths]
-IN_DOUBT = 1e-4
-"""Of a step: so near to the middle between two steps, single precision may take either."""
+KINDS = [(f"map{ending}", depth) for ending, known in file_formats.BY_ENDING.items() for depth in known.depths]
+HALFWAY = 1e-4
+"""In steps: so close to the middle of two steps, single precision may round either way."""
 MEAN = 2e-3
-"""Degrees: what is left of the error of 64 x 64 dithered normals in their mean; of one it is 0.2."""
+"""Degrees: the error of the mean of 64 x 64 dithered normals. A single normal has an error of 0.2."""
 BLOCK = 0.1
-"""Of a step: how far the mean over 8 x 8 dithered texels may be from the true one; independent noise reaches 0.2."""
+"""In steps: the error of the mean over 8 x 8 dithered texels. With independent noise it reaches 0.2."""
 
 
 def some_texels(seed=1):
-    """Noise with background here and there, and with the ends of the scale."""
+    """Noise with some background, and with the values 0 and 1."""
     generator = np.random.default_rng(seed)
     texels = generator.random((HEIGHT, WIDTH, 4), dtype=np.float32)
     texels[..., 3] = 1.0
@@ -44,7 +44,7 @@ def some_texels(seed=1):
 
 
 def gradient(size=256):
-    """Unit normals (size, size, 3) that turn slowly, and the texels for them."""
+    """Unit normals (size, size, 3) that change slowly, and their texels."""
     u, v = np.meshgrid(np.linspace(-0.03, 0.03, size), np.linspace(-0.02, 0.04, size))
     normals = np.stack([u, v, np.sqrt(1.0 - u * u - v * v)], axis=-1)
     texels = np.ones((size, size, 4), np.float32)
@@ -53,7 +53,7 @@ def gradient(size=256):
 
 
 def store(texels, **settings):
-    """What the Writer makes of a map; returns the image and the loss."""
+    """Store a map with the Writer. Returns the image and the loss."""
     height, width = texels.shape[:2]
     settings = Settings(width=width, height=height, **settings)
     settings.check()
@@ -67,8 +67,8 @@ def store(texels, **settings):
 
 
 @pytest.mark.parametrize(("name", "depth"), KINDS)
-def test_another_program_reads_the_numbers(name, depth, tmp_path):
-    """To the last bit, alpha and the colours under it included."""
+def test_another_program_reads_the_same_values(name, depth, tmp_path):
+    """To the last bit, with alpha and the colors where it is 0."""
     texels = some_texels()
     store(texels, storage="FILE", output=str(tmp_path / name), depth=depth)
     found = pictures.read(tmp_path / name)
@@ -77,15 +77,15 @@ def test_another_program_reads_the_numbers(name, depth, tmp_path):
         return
     steps = 2**depth - 1
     assert found.dtype == {8: np.uint8, 16: np.uint16}[depth]
-    assert np.abs(found - texels.astype(np.float64) * steps).max() <= 0.5 + (IN_DOUBT if depth == 8 else 4e-3)
+    assert np.abs(found - texels.astype(np.float64) * steps).max() <= 0.5 + (HALFWAY if depth == 8 else 4e-3)
     np.testing.assert_array_equal(pictures.pillow(tmp_path / name)[..., 3], texels[..., 3] * 255)
     if depth == 8:
         np.testing.assert_array_equal(pictures.pillow(tmp_path / name), found)
 
 
 @pytest.mark.parametrize("name", ["map.png", "map.tif"])
-def test_sixteen_bits_are_sixteen(name, tmp_path):
-    """Each of 65536 steps is a number of its own: a file of 8 true bits would have 256."""
+def test_files_of_16_bits_have_65536_steps(name, tmp_path):
+    """A file that really has 8 bits would have 256."""
     texels = np.ones((256, 256, 4), np.float32)
     texels[..., 0] = (np.arange(65536) / 65535).reshape(256, 256)
     store(texels, storage="FILE", output=str(tmp_path / name), depth=16)
@@ -93,8 +93,8 @@ def test_sixteen_bits_are_sixteen(name, tmp_path):
 
 
 @pytest.mark.parametrize("depth", [8, 16])
-def test_a_tiff_says_that_its_colours_are_not_multiplied_with_alpha(depth, tmp_path):
-    """Else a reader divides by alpha, and loses what lies under 0."""
+def test_a_tiff_is_marked_as_not_multiplied_with_alpha(depth, tmp_path):
+    """Otherwise a reader would divide by alpha, and lose the colors where it is 0."""
     texels = some_texels()
     store(texels, storage="FILE", output=str(tmp_path / "map.tif"), depth=depth)
     with (tmp_path / "map.tif").open("rb") as file:
@@ -106,8 +106,8 @@ def test_a_tiff_says_that_its_colours_are_not_multiplied_with_alpha(depth, tmp_p
 
 
 @pytest.mark.parametrize(("name", "depth"), KINDS)
-def test_the_beginning_of_a_file_is_not_taken_for_the_whole(name, depth, tmp_path):
-    """Wherever it is cut, its tables whole or not."""
+def test_a_truncated_file_is_detected(name, depth, tmp_path):
+    """Wherever it is cut, inside its tables or after them."""
     texels, path = np.random.default_rng(1).random((100, 60, 4), dtype=np.float32), tmp_path / name
     store(texels, storage="FILE", output=str(path), depth=depth)
     content, check = path.read_bytes(), file_formats.of(path).is_complete
@@ -122,7 +122,7 @@ def test_the_beginning_of_a_file_is_not_taken_for_the_whole(name, depth, tmp_pat
 
 
 @pytest.mark.parametrize("dither", [False, True], ids=["rounded", "dithered"])
-def test_eight_bits_are_the_same_wherever_they_are_stored(dither, tmp_path):
+def test_images_of_8_bits_are_the_same_in_every_storage(dither, tmp_path):
     texels = some_texels()
     found = []
     files = [str(tmp_path / name) for name, depth in KINDS if depth == 8]
@@ -138,14 +138,14 @@ def test_eight_bits_are_the_same_wherever_they_are_stored(dither, tmp_path):
     np.testing.assert_array_equal(found[0], np.round(expected * 255))
 
 
-def test_rounding_goes_to_the_nearest():
+def test_values_are_rounded_to_the_nearest_step():
     texels = some_texels()
     steps = quantize.rounded(texels, 8).astype(np.float64) * 255
     np.testing.assert_allclose(steps, np.round(steps), atol=1e-4)
-    assert np.abs(steps - texels.astype(np.float64) * 255).max() <= 0.5 + IN_DOUBT
+    assert np.abs(steps - texels.astype(np.float64) * 255).max() <= 0.5 + HALFWAY
 
 
-def test_dithering_goes_to_one_of_the_two_around_and_leaves_what_is_exact():
+def test_dithering_rounds_up_or_down_and_keeps_exact_values():
     texels = some_texels()
     texels[5:20, 5:20, :3] = (np.random.default_rng(2).integers(0, 256, (15, 15, 3)) / 255).astype(np.float32)
     texels[5:20, 5:20, 3] = 1.0
@@ -170,14 +170,14 @@ def test_the_mean_of_dithered_normals_is_unbiased():
     error = quantize.dithered(texels)[..., :3].astype(np.float64) * 2.0 - 1.0 - normals
     blocks = np.abs(error.reshape(32, 8, 32, 8, 3).mean(axis=(1, 3))) / (2.0 / 255)
     assert blocks.max() < BLOCK
-    means = error.reshape(4, 64, 4, 64, 3).mean(axis=(1, 3))  # small beside 1: as good as angles in radians
+    means = error.reshape(4, 64, 4, 64, 3).mean(axis=(1, 3))  # small enough to be angles in radians
     assert np.degrees(np.abs(means)).max() < MEAN
     rounded = quantize.rounded(texels, 8)[..., :3].astype(np.float64) * 2.0 - 1.0 - normals
     assert np.abs(rounded.reshape(32, 8, 32, 8, 3).mean(axis=(1, 3))).max() / (2.0 / 255) > 3 * BLOCK
 
 
 @pytest.mark.parametrize(("depth", "output"), [(8, ""), (8, "map.tga"), (16, "map.png"), (16, "map.tiff")])
-def test_the_loss_is_the_angle_between_what_was_baked_and_what_is_stored(depth, output, tmp_path):
+def test_the_loss_is_the_angle_between_baked_and_stored_normals(depth, output, tmp_path):
     normals, texels = gradient()
     texels[:9] = FLAT  # does not count
     storage = "FILE" if output else "PACK"
@@ -191,7 +191,7 @@ def test_the_loss_is_the_angle_between_what_was_baked_and_what_is_stored(depth, 
     assert loss["maximum"] == pytest.approx(angles.max(), rel=0.01)
 
 
-def test_dithering_loses_more_and_floats_nothing(tmp_path):
+def test_dithering_has_more_loss_than_rounding_and_floats_have_none(tmp_path):
     _, texels = gradient()
     rounded, dithered = (store(texels, depth=8, dither=dither)[1] for dither in (False, True))
     assert rounded["median"] < dithered["median"] < 2.0 * rounded["median"]
@@ -200,7 +200,7 @@ def test_dithering_loses_more_and_floats_nothing(tmp_path):
 
 
 @pytest.mark.usefixtures("gpu_context")
-def test_the_report_tells_the_loss():
+def test_the_report_has_the_loss():
     low, high = zoo.plane("low"), zoo.terrain("high")
     settings = Settings(method="FLATTEN", width=64, height=64, depth=8, mask=True)
     report = bake_pair(bpy.context, low, [high], settings)
@@ -211,10 +211,10 @@ def test_the_report_tells_the_loss():
     assert not any("degrees" in line for line in floats.summary())
 
 
-# The old file or the new one
+# Files are complete: the old one or the new one
 
 
-def test_nothing_is_left_of_what_is_discarded(tmp_path):
+def test_discard_removes_all_temporary_files(tmp_path):
     path = tmp_path / "map.png"
     path.write_bytes(b"an old picture")
     settings = Settings(storage="FILE", output=str(path))
@@ -228,15 +228,15 @@ def test_nothing_is_left_of_what_is_discarded(tmp_path):
     assert not bpy.data.images
 
 
-def test_discarding_after_commit_changes_nothing(tmp_path):
+def test_discard_after_commit_changes_nothing(tmp_path):
     texels, path = some_texels(), tmp_path / "map.tga"
     store(texels, storage="FILE", output=str(path), depth=8)
     np.testing.assert_array_equal(pictures.read(path), np.round(quantize.rounded(texels, 8) * 255))
 
 
 @pytest.mark.usefixtures("gpu_context")
-def test_a_bake_that_is_stopped_leaves_nothing(tmp_path):
-    """Wherever: with its file written and not yet moved, too."""
+def test_a_stopped_bake_leaves_no_files(tmp_path):
+    """At every step, also between writing a file and moving it into place."""
     low, high = zoo.plane("low"), zoo.terrain("high")
     path = tmp_path / "map.tif"
     path.write_bytes(b"an old picture")
@@ -252,7 +252,7 @@ def test_a_bake_that_is_stopped_leaves_nothing(tmp_path):
         assert os.listdir(tmp_path) == ["map.tif"]
         assert path.read_bytes() == b"an old picture"
         stops += 1
-    assert seen == {"", ".tif"}  # what guards the name of a file, and the file
+    assert seen == {"", ".tif"}  # the guard of a temporary file, and the file
     assert sorted(os.listdir(tmp_path)) == ["map.tif", "map_missed.tif"]
 
 
@@ -276,7 +276,7 @@ while True:
 """
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="there is no such signal")
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGKILL")
 @pytest.mark.parametrize("seed", lanes.slow_but(range(2), range(10)), ids=lambda seed: f"seed {seed}")
 def test_a_process_that_is_killed_leaves_the_old_file_or_the_new_one(seed, tmp_path):
     paths = [tmp_path / f"map{ending}" for ending in (".png", ".tif", ".tga")]
@@ -295,17 +295,17 @@ def test_a_process_that_is_killed_leaves_the_old_file_or_the_new_one(seed, tmp_p
         assert any(np.abs(found - wanted).max() < 0.51 for wanted in stored), path
 
 
-def test_the_message_names_all_formats():
+def test_the_message_lists_all_formats():
     with pytest.raises(BakeError, match=r"does not end in one of .png, ") as refused:
         Settings(storage="FILE", output="map.jpg").check()
     assert all(ending in str(refused.value) for ending in file_formats.BY_ENDING)
 
 
 def test_thresholds_of_the_dither_differ_by_channel():
-    """Else grey noise would show where colours are alike."""
+    """Otherwise equal channels would get gray noise."""
     texels = np.full((64, 64, 4), 0.5, np.float32)
     texels[..., 3] = 1.0
     red, green, blue, alpha = np.moveaxis(quantize.dithered(texels), -1, 0)
-    for one, other in ((red, green), (green, blue), (blue, red)):
-        assert (one == other).mean() < 0.95
+    for first, second in ((red, green), (green, blue), (blue, red)):
+        assert (first == second).mean() < 0.95
     assert (alpha == 1.0).all()

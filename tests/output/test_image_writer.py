@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The image: what its pixels are, in memory, packed, and in files of every kind; and that the old is not lost."""
+"""Tests the pixels of images in memory, packed and in files of every format, and that failures keep the old ones."""
 
 import os
 from contextlib import contextmanager
@@ -17,16 +17,16 @@ from tests.support.maps import pixels
 from tests.support.snapshot import difference, snapshot
 
 ROUNDING = 1e-6
-"""Single precision, beside the quantisation of the formats below."""
+"""The error of single precision, in addition to the quantization of the formats below."""
 EXACT = 0.0
 STEP_8, STEP_16 = 0.5 / 255, 0.5 / 65535
-"""Half a step of whole numbers."""
+"""Half a step of integers."""
 STEP_HALF = 2**-12
 """Half a step of 16-bit floats between 0.5 and 1: they have 11 significant bits."""
 
 WIDTH, HEIGHT = 40, 24
 FLAT = (0.5, 0.5, 1.0, 0.0)
-"""Background: the flat normal under alpha 0."""
+"""Background: the flat normal with alpha 0."""
 FORMATS = {
     ("map.png", 8): STEP_8,
     ("map.png", 16): STEP_16,
@@ -44,7 +44,7 @@ def texels():
 
 
 def some_texels(width=WIDTH, height=HEIGHT, seed=1):
-    """Noise, no two rows or columns alike, with background here and there."""
+    """Noise with some background. All rows and columns are different."""
     random = np.random.default_rng(seed)
     result = random.random((height, width, 4), dtype=np.float32)
     result[..., 3] = 1.0
@@ -62,7 +62,7 @@ def store(texels, **settings):
 
 
 def assert_texels(image, texels, step):
-    """The pixels are the texels, colour under alpha 0 included; flat is as flat as the format allows."""
+    """The pixels are the texels, with the colors where alpha is 0. Those are as flat as the format allows."""
     found = pixels(image)
     assert found.shape == texels.shape
     np.testing.assert_allclose(found, texels, rtol=0, atol=step + ROUNDING)
@@ -90,7 +90,7 @@ def save_and_reload(tmp_path):
 
 @pytest.mark.parametrize(("depth", "step"), [(8, STEP_8), (16, EXACT), (32, EXACT)])
 @pytest.mark.parametrize("storage", ["PACK", "MEMORY"])
-def test_a_new_image_holds_the_texels(texels, storage, depth, step):
+def test_a_new_image_has_the_texels(texels, storage, depth, step):
     image = store(texels, storage=storage, depth=depth)
     assert image.name == "low_normal"
     assert_texels(image, texels, step)
@@ -100,7 +100,7 @@ def test_a_new_image_holds_the_texels(texels, storage, depth, step):
     assert len(bpy.data.images) == 1
 
 
-def test_the_image_may_be_named(texels):
+def test_the_image_gets_the_name_in_the_settings(texels):
     assert store(texels, image="Bark").name == "Bark"
     assert list(bpy.data.images.keys()) == ["Bark"]
 
@@ -117,11 +117,11 @@ def test_a_packed_image_survives_saving(texels, depth, step, tmp_path):
 
 
 @pytest.mark.parametrize(("name", "depth"), FORMATS)
-def test_a_file_holds_the_texels(texels, name, depth, tmp_path):
+def test_a_file_has_the_texels(texels, name, depth, tmp_path):
     path = tmp_path / name
     image = store(texels, storage="FILE", output=str(path), depth=depth)
     for found in (image, bpy.data.images.load(str(path), check_existing=False)):
-        # Another program's reader takes the file as it is: so does a fresh image that is told nothing but Non-Color.
+        # A new image that is only set to Non-Color reads the file unchanged, as other programs do.
         found.colorspace_settings.name = "Non-Color"
         found.alpha_mode = "CHANNEL_PACKED"
         assert_texels(found, texels, FORMATS[name, depth])
@@ -149,7 +149,7 @@ def test_a_path_relative_to_the_saved_scene(texels, tmp_path):
     assert_texels(image, texels, STEP_16)
 
 
-def test_endings_may_be_capital_letters(texels, tmp_path):
+def test_endings_may_be_in_upper_case(texels, tmp_path):
     assert_texels(store(texels, storage="FILE", output=str(tmp_path / "MAP.PNG")), texels, STEP_16)
 
 
@@ -164,13 +164,13 @@ def test_a_file_is_replaced(texels, tmp_path):
     path.write_bytes(b"an old picture")
     os.link(path, tmp_path / "witness.png")
     store(texels, storage="FILE", output=str(path))
-    # Replaced as a whole, and not written over: whoever has the old file open, keeps it.
+    # A program that has the old file open keeps its content.
     assert (tmp_path / "witness.png").read_bytes() == b"an old picture"
     assert path.read_bytes().startswith(b"\x89PNG")
 
 
-def test_a_file_is_shown_anew(texels, tmp_path):
-    """By the same image, as when an artist bakes again."""
+def test_the_image_shows_the_new_file(texels, tmp_path):
+    """When an artist bakes again."""
     path, other = str(tmp_path / "map.png"), some_texels(seed=2)
     store(texels, storage="FILE", output=path)
     assert_texels(store(other, storage="FILE", output=path), other, STEP_16)
@@ -178,7 +178,7 @@ def test_a_file_is_shown_anew(texels, tmp_path):
 
 @pytest.fixture
 def full_disk():
-    """A disk that takes so many bytes of each file, for the time of a with block."""
+    """A function that limits the bytes of each file in a `with` block."""
     resource = pytest.importorskip("resource")
 
     @contextmanager
@@ -195,7 +195,7 @@ def full_disk():
 
 @pytest.mark.parametrize(("name", "depth"), FORMATS)
 def test_a_full_disk_leaves_the_old_file_and_image(name, depth, tmp_path, full_disk):
-    """Wherever the file is cut: at once, in its head, in the last block that is written, in its last byte."""
+    """Wherever the file is cut: at the start, in its header, in the last block, before the last byte."""
     texels, path = some_texels(100, 60), tmp_path / name
     store(texels, storage="FILE", output=str(path), depth=depth, image="whole")
     size = path.stat().st_size
@@ -217,7 +217,7 @@ def test_a_full_disk_leaves_the_old_file_and_image(name, depth, tmp_path, full_d
     assert path.stat().st_size == size
 
 
-def test_a_file_that_cannot_be_moved_into_place_leaves_the_old(texels, tmp_path, monkeypatch):
+def test_a_file_that_cannot_be_moved_into_place_leaves_the_old_one(texels, tmp_path, monkeypatch):
     def fail(*_):
         raise OSError(13, "Permission denied")
 
@@ -233,7 +233,7 @@ def test_a_file_that_cannot_be_moved_into_place_leaves_the_old(texels, tmp_path,
     assert difference(before, snapshot()) == {}
 
 
-# Images that are there already
+# Existing images
 
 
 def opaque_file(tmp_path, mode="RGB", ending=".png"):
@@ -259,7 +259,7 @@ OLD = {
     "half float": lambda _: bpy.data.images.new("old", WIDTH, HEIGHT, alpha=True, float_buffer=True),
     "checker": lambda _: bpy.data.images.new("old", 8, 8, alpha=True),
     "sRGB file": opaque_file,
-    "grey file": lambda folder: opaque_file(folder, mode="BW"),
+    "gray file": lambda folder: opaque_file(folder, mode="BW"),
     "JPEG file": lambda folder: opaque_file(folder, ending=".jpg"),
     "missing file": lambda _: missing_file(),
 }
@@ -267,7 +267,7 @@ OLD = {
 
 @pytest.fixture(params=OLD)
 def old(request, tmp_path):
-    """An image of the map's name that somebody uses, told to be a colour with premultiplied alpha."""
+    """An image with the map's name that a material uses, marked as color with premultiplied alpha."""
     image = OLD[request.param](tmp_path)
     image.name = "low_normal"
     image.generated_type = "UV_GRID" if request.param == "checker" else image.generated_type
@@ -316,14 +316,14 @@ def test_an_existing_image_shows_the_file(texels, old, name, depth, tmp_path):
     assert_texels(again, texels, FORMATS[name, depth])
 
 
-def test_one_image_goes_through_every_storage_size_and_depth(tmp_path):
+def test_one_image_can_change_storage_size_and_depth(tmp_path):
     steps = [("PACK", depth, "", STEP_8 if depth == 8 else EXACT) for depth in (8, 16, 32)]
     steps += [("MEMORY", depth, "", STEP_8 if depth == 8 else EXACT) for depth in (8, 16, 32)]
     steps += [("FILE", depth, str(tmp_path / name), step) for (name, depth), step in FORMATS.items()]
     first = None
     for turn in range(60):
-        storage, depth, output, step = steps[(turn * 7) % len(steps)]  # 7 and 13 share no factor: another neighbour
-        width, height = ((16, 16), (24, 16), (24, 40))[turn // 2 % 3]  # each twice in a row
+        storage, depth, output, step = steps[(turn * 7) % len(steps)]  # 7 and 13 are coprime: other pairs in a row
+        width, height = ((16, 16), (24, 16), (24, 40))[turn // 2 % 3]  # each size twice in a row
         texels = some_texels(width, height, seed=turn)
         image = store(texels, storage=storage, depth=depth, output=output)
         first = first or image
@@ -335,7 +335,7 @@ def test_one_image_goes_through_every_storage_size_and_depth(tmp_path):
     assert len(bpy.data.images) == 1
 
 
-def test_a_linked_image_of_that_name_is_left_alone(texels, tmp_path):
+def test_a_linked_image_of_the_same_name_does_not_change(texels, tmp_path):
     bpy.data.images.new("low_normal", 4, 4).use_fake_user = True
     path = str(tmp_path / "library.blend")
     bpy.ops.wm.save_as_mainfile(filepath=path)
@@ -351,7 +351,7 @@ def test_a_linked_image_of_that_name_is_left_alone(texels, tmp_path):
 
 @pytest.mark.usefixtures("gpu_context")
 def test_an_object_with_the_longest_name_has_one_image():
-    """Blender cuts names: what is not found again would be made anew at every bake."""
+    """Blender shortens long names. An image that is not found by its name would be made again at each bake."""
     names = ["\u00e9" * 120 + end for end in ("one", "two")]
     high = zoo.plane("high")
     found = set()

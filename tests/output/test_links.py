@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Links stay and lead to one file, and what is no file is refused: pipes, sockets, devices."""
+"""Tests that links are kept and resolved, and that pipes, sockets and devices are refused."""
 
 import os
 import socket
@@ -15,7 +15,7 @@ pytestmark = pytest.mark.skipif(os.name == "nt", reason="links and pipes of POSI
 
 
 def tree(folder):
-    """Every path below `folder`, with what a file holds and where a link points."""
+    """Every path below `folder`, with the text of a file or the target of a link."""
     return {
         str(path.relative_to(folder)): os.readlink(path) if path.is_symlink() else path.is_file() and path.read_text()
         for path in folder.rglob("*")
@@ -27,19 +27,21 @@ def write(path, text="new"):
         partial.write_text(text)
 
 
-def test_a_link_stays_and_its_file_gets_the_content(tmp_path):
+def test_a_link_is_kept_and_its_target_is_replaced(tmp_path):
     (tmp_path / "store").mkdir()
     (tmp_path / "store" / "1234").write_text("old")
     (tmp_path / "map.png").symlink_to("store/1234")
     partial = Partial(tmp_path / "map.png")
-    assert partial.temporary.parent == tmp_path.resolve() / "store"  # else it could not be one step of the file system
-    assert partial.temporary.suffix == ".png"  # which names the format
+    assert (
+        partial.temporary.parent == tmp_path.resolve() / "store"
+    )  # in the same file system, so that moving is one step
+    assert partial.temporary.suffix == ".png"  # the ending selects the format
     partial.discard()
     write(tmp_path / "map.png")
     assert tree(tmp_path) == {"store": False, "store/1234": "new", "map.png": "store/1234"}
 
 
-def test_a_link_to_what_is_not_there_yet(tmp_path):
+def test_the_missing_target_of_a_link_is_created(tmp_path):
     (tmp_path / "map.png").symlink_to("later/it.png")
     check_writable(tmp_path / "map.png")
     write(tmp_path / "map.png")
@@ -61,7 +63,7 @@ def special(kind, path):
 
 
 @pytest.mark.parametrize(
-    ("kind", "said"),
+    ("kind", "message"),
     [
         ("pipe", "is a pipe"),
         ("socket", "is a socket"),
@@ -70,21 +72,21 @@ def special(kind, path):
         ("loop", "links"),
     ],
 )
-def test_what_is_no_file_is_refused_and_stays(tmp_path, monkeypatch, kind, said):
-    monkeypatch.chdir(tmp_path)  # the paths of sockets are short
-    place = tmp_path / "x"
-    special(kind, place.relative_to(tmp_path))
-    before = os.lstat(place)
+def test_special_files_are_refused_and_kept(tmp_path, monkeypatch, kind, message):
+    monkeypatch.chdir(tmp_path)  # the paths of sockets must be short
+    path = tmp_path / "x"
+    special(kind, path.relative_to(tmp_path))
+    before = os.lstat(path)
     for refuse in (check_writable, Partial, write):
-        with pytest.raises(BakeError, match=said):
-            refuse(place)
-    assert os.lstat(place).st_mode == before.st_mode
+        with pytest.raises(BakeError, match=message):
+            refuse(path)
+    assert os.lstat(path).st_mode == before.st_mode
     assert os.listdir(tmp_path) == ["x"]
 
 
 @pytest.fixture
 def linked(tmp_path, monkeypatch):
-    """A folder to work in: in/ with meshes, links to it and into it, a hard link, an empty out/."""
+    """The working folder: in/ with meshes, links to it and into it, a hard link, and an empty out/."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "in" / "deep").mkdir(parents=True)
     (tmp_path / "out").mkdir()
@@ -108,18 +110,18 @@ SAME = {
     "a link to a link": ("in/a.obj", "chain.obj"),
     "a hard link": ("in/a.obj", "hard.obj"),
     "a link and a hard link": ("soft.obj", "hard.obj"),
-    "a link to what is not there": ("out/r.json", "later.json"),
+    "a link to a missing file": ("out/r.json", "later.json"),
     "a tile in a linked folder": ("in/skin.1001.png", "soft/Skin.<UDIM>.png"),
 }
 
 
 @pytest.mark.parametrize("case", SAME)
 def test_links_to_one_file_clash(linked, case):
-    one, other = (path.replace("{here}", str(linked)) for path in SAME[case])
-    clashes.check_same(one, other)
+    first, second = (path.replace("{here}", str(linked)) for path in SAME[case])
+    clashes.check_same(first, second)
 
 
-def test_what_is_read_may_be_read_again_by_links(linked):
+def test_a_file_may_be_read_more_than_once_through_links(linked):
     places = Places()
     for path in ("in/a.obj", "soft.obj", "hard.obj"):
         places.read(path, "the mesh")
@@ -133,7 +135,7 @@ def test_only_the_reader_itself_may_replace_a_file_through_a_link(linked):
         places.write("hard.obj", "the scene", may_replace="set 2")
 
 
-def test_a_path_through_a_link_is_said_once_where_it_reads_the_same(linked):
+def test_a_message_has_a_path_once_if_both_spellings_are_equal(linked):
     places = Places()
     places.write("out/m.png", "the map")
     with pytest.raises(WrongPlace) as refused:
@@ -141,6 +143,6 @@ def test_a_path_through_a_link_is_said_once_where_it_reads_the_same(linked):
     assert str(refused.value).lower().count("m.png'") == 1
 
 
-def test_a_device_is_no_place_for_a_report():
+def test_a_report_cannot_be_written_to_a_device():
     with pytest.raises(WrongPlace, match="is a device"):
         Places().write(os.devnull, "the report")

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The node hook-up, in every kind of tree that people make."""
+"""Tests how a map is connected in many kinds of node trees."""
 
 import bpy
 import numpy as np
 import pytest
 
 from addon.core.errors import BakeError
-from addon.output import materials
+from addon.output import material_nodes, materials
 from tests.support.snapshot import difference, snapshot
 
 # Scenes
@@ -49,11 +49,11 @@ def hook_up(low, image, **values):
     )
 
 
-# What is in a tree
+# The content of a tree
 
 
 def source(socket, kind):
-    """The node that feeds socket, which must be of this kind."""
+    """The node connected to the input `socket`, which must be of this kind."""
     assert len(socket.links) == 1, f"{socket.node.name}.{socket.name} has {len(socket.links)} links"
     node = socket.links[0].from_node
     assert node.bl_idname == kind
@@ -61,7 +61,7 @@ def source(socket, kind):
 
 
 def shown(socket):
-    """The Normal Map and the Image Texture that feed a Normal input."""
+    """The Normal Map and the Image Texture connected to a Normal input."""
     normal_map = source(socket, "ShaderNodeNormalMap")
     assert socket.links[0].from_socket.identifier == "Normal"
     texture = source(normal_map.inputs["Color"], "ShaderNodeTexImage")
@@ -69,8 +69,8 @@ def shown(socket):
     return normal_map, texture
 
 
-def wires(tree):
-    """Every node and link by its address: equal only where nothing was made, removed or made anew."""
+def nodes_and_links(tree):
+    """The addresses of all nodes and links. They are equal only if none was added, removed or replaced."""
     return {node.as_pointer() for node in tree.nodes}, {
         (link.as_pointer(), link.from_socket.as_pointer(), link.to_socket.as_pointer()) for link in tree.links
     }
@@ -92,7 +92,7 @@ def test_a_mesh_without_material_gets_one_named_after_it():
     assert texture.image == image
     assert (normal_map.space, normal_map.uv_map, normal_map.convention) == ("TANGENT", "Layout", "OPENGL")
     assert kinds(tree) == ["BsdfPrincipled", "NormalMap", "OutputMaterial", "TexImage"]
-    assert image[materials.MARK]
+    assert image[material_nodes.MARK]
 
 
 def test_empty_slots_are_filled_where_faces_use_them():
@@ -106,7 +106,7 @@ def test_empty_slots_are_filled_where_faces_use_them():
         assert shown(material.node_tree.nodes["Principled BSDF"].inputs["Normal"])[1].image == image
 
 
-def test_a_mesh_without_faces_is_let_through():
+def test_a_mesh_without_faces_gets_no_note():
     low = bpy.data.objects.new("Low", bpy.data.meshes.new("Low"))
     assert hook_up(low, make_image()) == []
 
@@ -114,14 +114,14 @@ def test_a_mesh_without_faces_is_let_through():
 # Shaders
 
 
-def test_a_plain_material_is_wired_neatly_and_nothing_else_changes():
+def test_new_nodes_are_placed_beside_others_and_nothing_else_changes():
     material, tree, principled = make_material()
     tree.nodes.active = principled
     selected = {node.name for node in tree.nodes if node.select}
     frame = add(tree, "NodeFrame", location=(-400, -100))  # a frame does not take the place of a node
     frame.select = False
     principled.parent = frame
-    crowd = add(tree, "ShaderNodeRGB", select=False)  # where the Normal Map would like to stand
+    crowd = add(tree, "ShaderNodeRGB", select=False)  # in the first place for the Normal Map
     crowd.location_absolute = principled.location_absolute.x - 200, principled.location_absolute.y
     assert hook_up(make_low(material), make_image()) == []
     normal_map, texture = shown(principled.inputs["Normal"])
@@ -129,11 +129,11 @@ def test_a_plain_material_is_wired_neatly_and_nothing_else_changes():
     assert {node.name for node in tree.nodes if node.select} == selected
     assert normal_map.parent == texture.parent == frame
     for node, taker in ((normal_map, principled), (texture, normal_map)):
-        assert node[materials.MARK]
+        assert node[material_nodes.MARK]
         assert node.label.startswith("Imprint")
         assert node.location_absolute.x + node.width < taker.location_absolute.x
         assert node.location_absolute.x > taker.location_absolute.x - 400
-    assert normal_map.location_absolute.y == crowd.location_absolute.y - materials.NODE_HEIGHT
+    assert normal_map.location_absolute.y == crowd.location_absolute.y - material_nodes.NODE_HEIGHT
     assert abs(texture.location_absolute.y - normal_map.location_absolute.y) < 1
 
 
@@ -158,7 +158,7 @@ def test_two_mixed_shaders_share_one_normal_map():
     assert not principled.inputs["Coat Normal"].is_linked
 
 
-def test_a_muted_mix_and_shader_to_rgb_are_passed():
+def test_shaders_behind_a_muted_mix_and_shader_to_rgb_are_found():
     material, tree, principled = make_material()
     to_rgb, mix = add(tree, "ShaderNodeShaderToRGB"), add(tree, "ShaderNodeMixShader", mute=True)
     glow = add(tree, "ShaderNodeEmission")
@@ -190,11 +190,11 @@ def make_group(with_normal):
 
 
 @pytest.mark.parametrize("with_normal", [True, False])
-def test_a_group_is_a_shader_where_it_takes_a_normal(with_normal):
+def test_a_group_with_a_normal_input_is_a_shader(with_normal):
     material, tree, _ = make_material()
     node = add(tree, "ShaderNodeGroup", node_tree=make_group(with_normal))
     tree.links.new(node.outputs["Shader"], tree.nodes["Material Output"].inputs["Surface"])
-    before = wires(tree)
+    before = nodes_and_links(tree)
     notes = hook_up(make_low(material), make_image())
     if with_normal:
         assert notes == []
@@ -204,7 +204,7 @@ def test_a_group_is_a_shader_where_it_takes_a_normal(with_normal):
         assert len(notes) == 2
         assert all('"Skin"' in note for note in notes)
         assert f'"{node.name}"' in notes[0]
-        assert wires(tree) == before
+        assert nodes_and_links(tree) == before
 
 
 def test_a_material_without_output_gets_one():
@@ -220,27 +220,27 @@ def test_a_material_without_output_gets_one():
     assert old.location.x + old.width < new.location.x < new.location.x + new.width < output.location.x
 
 
-def test_an_input_that_is_not_there_is_left():
+def test_a_disabled_normal_input_is_ignored():
     material, tree, principled = make_material()
     principled.inputs["Normal"].enabled = False
-    before = wires(tree)
+    before = nodes_and_links(tree)
     assert len(hook_up(make_low(material), make_image())) == 1
-    assert wires(tree) == before
+    assert nodes_and_links(tree) == before
 
 
-def test_a_surface_that_takes_no_normal_is_told():
+def test_a_surface_without_a_normal_input_gets_a_note():
     material, tree, _ = make_material()
     tree.links.new(add(tree, "ShaderNodeEmission").outputs[0], tree.nodes["Material Output"].inputs["Surface"])
-    before = wires(tree)
+    before = nodes_and_links(tree)
     (note,) = hook_up(make_low(material), make_image())
     assert "Skin" in note
-    assert wires(tree) == before
+    assert nodes_and_links(tree) == before
 
 
-# What stands before the Normal input
+# Nodes connected to the Normal input
 
 
-def test_the_map_goes_underneath_bumps():
+def test_the_map_is_connected_below_bump_nodes():
     material, tree, principled = make_material()
     upper, lower = add(tree, "ShaderNodeBump"), add(tree, "ShaderNodeBump")
     diffuse, mix = add(tree, "ShaderNodeBsdfDiffuse"), add(tree, "ShaderNodeMixShader")
@@ -257,30 +257,30 @@ def test_the_map_goes_underneath_bumps():
     assert source(diffuse.inputs["Normal"], "ShaderNodeBump") == upper
 
 
-@pytest.mark.parametrize("held", ["nothing", "no image", "our image", "an older map of ours"])
-def test_a_normal_map_that_is_free_or_ours_is_used(held):
+@pytest.mark.parametrize("color", ["nothing", "no image", "the image", "an older map"])
+def test_an_existing_normal_map_without_another_image_is_used(color):
     material, tree, principled = make_material()
     image = make_image()
     normal_map = add(tree, "ShaderNodeNormalMap", space="WORLD", convention="DIRECTX", uv_map="Other")
     tree.links.new(normal_map.outputs[0], principled.inputs["Normal"])
-    if held != "nothing":
+    if color != "nothing":
         texture = add(tree, "ShaderNodeTexImage")
         tree.links.new(texture.outputs["Color"], normal_map.inputs["Color"])
-        if held == "our image":
+        if color == "the image":
             texture.image = image
-        elif held == "an older map of ours":
+        elif color == "an older map":
             texture.image = make_image("Older")
-            texture.image[materials.MARK] = True
-    before = wires(tree)
+            texture.image[material_nodes.MARK] = True
+    before = nodes_and_links(tree)
     assert hook_up(make_low(material), image) == []
     assert shown(principled.inputs["Normal"])[0] == normal_map
     assert shown(principled.inputs["Normal"])[1].image == image
     assert (normal_map.space, normal_map.uv_map, normal_map.convention) == ("TANGENT", "Layout", "OPENGL")
-    if held != "nothing":
-        assert wires(tree) == before
+    if color != "nothing":
+        assert nodes_and_links(tree) == before
 
 
-def test_somebody_elses_image_stays_in_its_node():
+def test_an_image_of_the_user_stays_in_its_node():
     material, tree, principled = make_material()
     normal_map, texture = add(tree, "ShaderNodeNormalMap"), add(tree, "ShaderNodeTexImage")
     dot = add(tree, "NodeReroute")
@@ -296,51 +296,51 @@ def test_somebody_elses_image_stays_in_its_node():
     assert shown(principled.inputs["Normal"])[0] == normal_map
     assert shown(principled.inputs["Normal"])[1].image == image
     assert texture.image == foreign
-    assert source(principled.inputs["Base Color"], "NodeReroute") == dot  # their other wires are theirs
+    assert source(principled.inputs["Base Color"], "NodeReroute") == dot  # its other links do not change
     assert source(dot.inputs[0], "ShaderNodeTexImage") == texture
 
 
 @pytest.mark.parametrize("kind", ["Bevel", "VectorMath", "NormalMap muted", "Bump muted", "wire muted"])
-def test_an_unknown_feed_of_the_normal_is_left(kind):
+def test_other_nodes_at_the_normal_input_do_not_change(kind):
     material, tree, principled = make_material()
     node = add(tree, "ShaderNode" + ("NormalMap" if kind == "wire muted" else kind.split()[0]))
     node.mute = kind.endswith("p muted")
     link = tree.links.new(node.outputs[0], principled.inputs["Normal"])
     link.is_muted = kind == "wire muted"
-    before = wires(tree)
+    before = nodes_and_links(tree)
     (note,) = hook_up(make_low(material), make_image())
     assert '"Skin"' in note
     assert f'"{node.name}"' in note
-    assert wires(tree) == before
+    assert nodes_and_links(tree) == before
 
 
-def test_an_unknown_feed_underneath_a_bump_is_left():
+def test_other_nodes_below_a_bump_node_do_not_change():
     material, tree, principled = make_material()
     bump, bevel = add(tree, "ShaderNodeBump"), add(tree, "ShaderNodeBevel")
     tree.links.new(bevel.outputs[0], bump.inputs["Normal"])
     tree.links.new(bump.outputs[0], principled.inputs["Normal"])
-    before = wires(tree)
+    before = nodes_and_links(tree)
     (note,) = hook_up(make_low(material), make_image())
     assert f'"{bevel.name}"' in note
-    assert wires(tree) == before
+    assert nodes_and_links(tree) == before
 
 
 @pytest.mark.parametrize("feed", ["RGB", "alpha", "texture muted"])
-def test_an_unknown_feed_of_the_colour_is_left(feed):
+def test_other_nodes_at_the_color_input_do_not_change(feed):
     material, tree, principled = make_material()
     normal_map = add(tree, "ShaderNodeNormalMap", space="WORLD")
     node = add(tree, "ShaderNodeRGB" if feed == "RGB" else "ShaderNodeTexImage")
     node.mute = feed.endswith("muted")
     tree.links.new(node.outputs["Alpha" if feed == "alpha" else "Color"], normal_map.inputs["Color"])
     tree.links.new(normal_map.outputs[0], principled.inputs["Normal"])
-    before = wires(tree)
+    before = nodes_and_links(tree)
     (note,) = hook_up(make_low(material), make_image())
     assert all(name in note for name in ('"Skin"', f'"{normal_map.name}"', f'"{node.name}"'))
-    assert wires(tree) == before
-    assert normal_map.space == "WORLD"  # it reads what somebody else made
+    assert nodes_and_links(tree) == before
+    assert normal_map.space == "WORLD"  # it does not show the map
 
 
-def test_reroutes_are_looked_through():
+def test_reroutes_are_followed():
     material, tree, principled = make_material()
     surface, normal, dangling = (add(tree, "NodeReroute") for _ in range(3))
     bump = add(tree, "ShaderNodeBump")
@@ -356,26 +356,26 @@ def test_reroutes_are_looked_through():
 
 @pytest.mark.parametrize("kind", ["NodeReroute", "ShaderNodeBump"])
 @pytest.mark.parametrize("count", [1, 3])
-def test_a_circle_of_wires_is_left(kind, count):
+def test_a_circle_of_links_does_not_change(kind, count):
     material, tree, principled = make_material()
     nodes = [add(tree, kind) for _ in range(count)]
     for node, after in zip(nodes, nodes[1:] + nodes[:1], strict=True):
         tree.links.new(node.outputs[0], after.inputs[-1])
     tree.links.new(nodes[0].outputs[0], principled.inputs["Normal"])
-    before = wires(tree)
+    before = nodes_and_links(tree)
     (note,) = hook_up(make_low(material), make_image())
     assert '"Skin"' in note
     assert "circle" in note
-    assert wires(tree) == before
+    assert nodes_and_links(tree) == before
 
 
-def test_shaders_in_a_circle_end():
+def test_shaders_in_a_circle_are_visited_once():
     material, tree, principled = make_material()
-    one, two = add(tree, "ShaderNodeAddShader"), add(tree, "ShaderNodeAddShader")
-    tree.links.new(one.outputs[0], two.inputs[0])
-    tree.links.new(two.outputs[0], one.inputs[0])
-    tree.links.new(principled.outputs[0], one.inputs[1])
-    tree.links.new(two.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
+    first, second = add(tree, "ShaderNodeAddShader"), add(tree, "ShaderNodeAddShader")
+    tree.links.new(first.outputs[0], second.inputs[0])
+    tree.links.new(second.outputs[0], first.inputs[0])
+    tree.links.new(principled.outputs[0], first.inputs[1])
+    tree.links.new(second.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
     assert hook_up(make_low(material), make_image()) == []
     shown(principled.inputs["Normal"])
 
@@ -385,7 +385,7 @@ def test_shaders_in_a_circle_end():
 
 @pytest.mark.parametrize("space", ["TANGENT", "OBJECT", "WORLD"])
 @pytest.mark.parametrize(("green", "convention"), [("+Y", "OPENGL"), ("-Y", "DIRECTX")])
-def test_space_and_green(space, green, convention):
+def test_the_normal_map_has_the_space_and_convention(space, green, convention):
     material, _, principled = make_material()
     hook_up(make_low(material), make_image(), space=space, channels=("+X", green, "+Z"))
     normal_map, _ = shown(principled.inputs["Normal"])
@@ -393,7 +393,7 @@ def test_space_and_green(space, green, convention):
     assert (normal_map.space, normal_map.convention, normal_map.uv_map) == (space, convention, uv_map)
 
 
-def test_another_uv_layer_is_named_once():
+def test_another_uv_layer_gets_one_uv_map_node():
     material, tree, principled = make_material()
     low, image = make_low(material), make_image()
     hook_up(low, image)
@@ -404,13 +404,13 @@ def test_another_uv_layer_is_named_once():
     uv_map = source(texture.inputs["Vector"], "ShaderNodeUVMap")
     assert uv_map.uv_map == shown(principled.inputs["Normal"])[0].uv_map == "Other"
 
-    before = wires(tree)
+    before = nodes_and_links(tree)
     assert hook_up(low, image) == []
     assert uv_map.uv_map == shown(principled.inputs["Normal"])[0].uv_map == "Layout"
-    assert wires(tree) == before
+    assert nodes_and_links(tree) == before
 
 
-def test_the_layer_that_is_rendered_counts_and_not_the_one_that_is_worked_on():
+def test_the_default_layer_is_the_render_active_one_not_the_active_one():
     material, _, principled = make_material()
     low, image = make_low(material), make_image()
     low.data.uv_layers.active = low.data.uv_layers["Other"]
@@ -423,45 +423,45 @@ def test_the_layer_that_is_rendered_counts_and_not_the_one_that_is_worked_on():
 
 
 @pytest.mark.parametrize("uv_map", ["Layout", "", "Other"])
-def test_somebody_elses_uv_map_is_used_where_it_fits(uv_map):
+def test_a_uv_map_node_of_the_user_is_used_if_it_has_the_layer(uv_map):
     material, tree, principled = make_material()
     normal_map, texture = add(tree, "ShaderNodeNormalMap"), add(tree, "ShaderNodeTexImage")
-    theirs = add(tree, "ShaderNodeUVMap", uv_map=uv_map)
-    tree.links.new(theirs.outputs[0], texture.inputs["Vector"])
+    existing = add(tree, "ShaderNodeUVMap", uv_map=uv_map)
+    tree.links.new(existing.outputs[0], texture.inputs["Vector"])
     tree.links.new(texture.outputs["Color"], normal_map.inputs["Color"])
     tree.links.new(normal_map.outputs[0], principled.inputs["Normal"])
     notes = hook_up(make_low(material), make_image())
-    assert theirs.uv_map == uv_map
+    assert existing.uv_map == uv_map
     if uv_map == "Other":
         (note,) = notes
-        assert all(name in note for name in ('"Skin"', '"Other"', f'"{theirs.name}"'))
+        assert all(name in note for name in ('"Skin"', '"Other"', f'"{existing.name}"'))
         assert source(texture.inputs["Vector"], "ShaderNodeUVMap").uv_map == "Layout"
     else:
         assert notes == []
-        assert source(texture.inputs["Vector"], "ShaderNodeUVMap") == theirs
+        assert source(texture.inputs["Vector"], "ShaderNodeUVMap") == existing
 
 
 @pytest.mark.parametrize(
     ("output", "layer", "plain"), [("UV", "Layout", 1), ("UV", "Other", 0), ("Object", "Layout", 0)]
 )
-def test_other_coordinates_are_left(output, layer, plain):
+def test_other_texture_coordinates_do_not_change(output, layer, plain):
     material, tree, principled = make_material()
     normal_map, texture = add(tree, "ShaderNodeNormalMap"), add(tree, "ShaderNodeTexImage")
     coordinates = add(tree, "ShaderNodeTexCoord")
     tree.links.new(coordinates.outputs[output], texture.inputs["Vector"])
     tree.links.new(texture.outputs["Color"], normal_map.inputs["Color"])
     tree.links.new(normal_map.outputs[0], principled.inputs["Normal"])
-    before = wires(tree)
+    before = nodes_and_links(tree)
     notes = hook_up(make_low(material), make_image(), uv_layer=layer)
-    assert wires(tree) == before
+    assert nodes_and_links(tree) == before
     assert len(notes) == ((output, layer) != ("UV", "Layout"))
     assert all(f'"{coordinates.name}"' in note for note in notes)
 
 
-# Again
+# Baking again
 
 
-def test_baking_again_changes_no_wire():
+def test_baking_again_changes_no_link():
     material, tree, principled = make_material()
     diffuse, mix, bump = (add(tree, f"ShaderNode{kind}") for kind in ("BsdfDiffuse", "MixShader", "Bump"))
     tree.links.new(principled.outputs[0], mix.inputs[1])
@@ -470,10 +470,10 @@ def test_baking_again_changes_no_wire():
     tree.links.new(bump.outputs[0], diffuse.inputs["Normal"])
     low = make_low(material)
     hook_up(low, make_image("First"), uv_layer="Other")
-    before = wires(tree)
+    before = nodes_and_links(tree)
     for name in ("Second", "Third"):
         assert hook_up(low, make_image(name), uv_layer="Other", space="OBJECT") == []
-        assert wires(tree) == before
+        assert nodes_and_links(tree) == before
         assert shown(principled.inputs["Normal"])[1].image.name == name
         assert shown(bump.inputs["Normal"])[0].space == "OBJECT"
 
@@ -498,7 +498,7 @@ def test_baking_again_into_the_same_image_leaves_the_material_untouched():
     assert touched == ["Low"]
 
 
-def test_a_node_of_ours_that_was_muted_is_not_used_elsewhere():
+def test_a_muted_node_of_imprint_is_not_used_elsewhere():
     material, tree, principled = make_material()
     low = make_low(material)
     hook_up(low, make_image())
@@ -516,27 +516,27 @@ def test_a_node_of_ours_that_was_muted_is_not_used_elsewhere():
     assert used == texture
 
 
-def test_a_cut_wire_is_mended_with_the_nodes_that_are_there():
+def test_removed_links_are_restored_with_the_existing_nodes():
     material, tree, principled = make_material()
     low, image = make_low(material), make_image()
     hook_up(low, image, uv_layer="Other")
-    nodes, _ = wires(tree)
+    nodes, _ = nodes_and_links(tree)
     for socket in [link.to_socket for link in tree.links if link.to_socket.name in ("Normal", "Color", "Vector")]:
         tree.links.remove(socket.links[0])
     assert hook_up(low, image, uv_layer="Other") == []
-    assert wires(tree)[0] == nodes
+    assert nodes_and_links(tree)[0] == nodes
     shown(principled.inputs["Normal"])
 
 
-def test_an_image_put_into_our_node_by_somebody_is_theirs():
+def test_an_image_that_the_user_puts_into_imprints_node_stays():
     material, tree, principled = make_material()
     low, image = make_low(material), make_image()
     hook_up(low, image)
     texture = shown(principled.inputs["Normal"])[1]
-    texture.image = theirs = make_image("Scan")
+    texture.image = existing = make_image("Scan")
     (note,) = hook_up(low, image)
     assert '"Scan"' in note
-    assert texture.image == theirs
+    assert texture.image == existing
     assert shown(principled.inputs["Normal"])[1].image == image
     assert kinds(tree).count("TexImage") == 2
 
@@ -544,7 +544,7 @@ def test_an_image_put_into_our_node_by_somebody_is_theirs():
 # Materials of other objects
 
 
-def test_a_shared_material_is_told():
+def test_a_shared_material_gets_a_note():
     material, *_ = make_material()
     low = make_low(material)
     for name in "ABCD":
@@ -562,18 +562,18 @@ def test_single_user_copies_a_shared_material_once():
     material, tree, _ = make_material()
     coat, *_ = make_material("Coat")
     low, other = make_low(material, coat, material), make_low(material, material, name="Other")
-    before = wires(tree)
+    before = nodes_and_links(tree)
     (note,) = hook_up(low, make_image(), single_user=True)
     copy = low.material_slots[0].material
     assert copy != material
     assert [slot.material for slot in low.material_slots] == [copy, coat, copy]
     assert other.active_material == material
-    assert wires(tree) == before
+    assert nodes_and_links(tree) == before
     assert f'"{copy.name}"' in note
     assert "1 other object (" in note
     assert '"Other"' in note
     shown(copy.node_tree.nodes["Principled BSDF"].inputs["Normal"])
-    assert {slot.link for slot in low.material_slots} == {"DATA"}  # low's mesh is low's alone
+    assert {slot.link for slot in low.material_slots} == {"DATA"}  # no other object uses the mesh
 
     assert hook_up(low, make_image(), single_user=True) == []
     assert low.active_material == copy
@@ -611,7 +611,7 @@ def test_a_new_material_on_a_shared_mesh(single_user, slots):
 
 
 def link(tmp_path, datablock, kind):
-    """Write a datablock into a library, start afresh, and link it from there."""
+    """Write a datablock into a library, open an empty file, and link it from there."""
     name, path = datablock.name, str(tmp_path / "library.blend")
     bpy.data.libraries.write(path, {datablock}, fake_user=True)
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
@@ -630,11 +630,11 @@ def test_a_linked_material(tmp_path, single_user, override):
         material = material.override_create()
     low = make_low(material)
     materials.check(low)
-    before = wires(material.node_tree)
+    before = nodes_and_links(material.node_tree)
     (note,) = hook_up(low, make_image(), single_user=single_user)
     assert '"Skin"' in note
     assert "library" in note
-    assert wires(material.node_tree) == before
+    assert nodes_and_links(material.node_tree) == before
     if single_user:
         copy = low.active_material
         assert not copy.library
@@ -650,7 +650,7 @@ def test_a_linked_low_is_refused(tmp_path):
         materials.check(low)
 
 
-def test_a_linked_mesh_is_refused_where_it_needs_a_slot(tmp_path):
+def test_a_linked_mesh_without_slots_is_refused(tmp_path):
     mesh = link(tmp_path, make_low().data, "meshes")
     with pytest.raises(BakeError, match='mesh "Low".*library'):
         materials.check(bpy.data.objects.new("Local", mesh))
@@ -680,7 +680,7 @@ def test_an_override_of_low_takes_materials(tmp_path):
     shown(low.active_material.node_tree.nodes["Principled BSDF"].inputs["Normal"])
 
 
-def test_check_accepts_what_can_be_edited_and_changes_nothing():
+def test_check_accepts_editable_objects_and_changes_nothing():
     objects = [make_low(), make_low(None), make_low(make_material()[0])]
     before = snapshot()
     for low in objects:
@@ -688,7 +688,7 @@ def test_check_accepts_what_can_be_edited_and_changes_nothing():
     assert difference(before, snapshot()) == {}
 
 
-# Through Cycles: the wires carry the normal that the map holds
+# Bakes with Cycles show the normal of the map
 
 TILTED = (0.48, 0.36, 0.8)
 CYCLES_TOLERANCE = 1e-4  # single precision, read back from a float image
@@ -720,7 +720,7 @@ def test_cycles_shows_the_normal_of_the_map(space, green):
 def test_cycles_reads_the_uv_layer_that_was_baked():
     low, image = make_low(), make_image()
     pixels = np.tile(np.array([*np.array(TILTED) * 0.5 + 0.5, 1.0]), (8, 8, 1))
-    pixels[:, 4:] = (0.5, 0.5, 1.0, 1.0)  # upright, where the whole of layer "Other" does not lie
+    pixels[:, 4:] = (0.5, 0.5, 1.0, 1.0)  # flat normals, where layer "Other" has no faces
     image.pixels = pixels.ravel()
     for corner in low.data.uv_layers["Other"].data:
         corner.uv.x *= 0.25

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Several processes write into one folder: locks tell the living from the dead, whose partial files are removed."""
+"""Tests several processes that write into one folder: only the temporary files of ended processes are removed."""
 
 import os
 import shutil
@@ -43,7 +43,7 @@ def writer(tmp_path):
         process.kill()
 
 
-def test_what_a_living_process_writes_is_left_alone(tmp_path, writer):
+def test_temporary_files_of_a_running_process_are_kept(tmp_path, writer):
     before = names(tmp_path)
     assert len(before) == 3
     partial_files.sweep(tmp_path)
@@ -51,7 +51,7 @@ def test_what_a_living_process_writes_is_left_alone(tmp_path, writer):
     assert names(tmp_path) == before
 
 
-def test_what_a_killed_process_left_is_swept_by_the_next_that_writes_there(tmp_path, writer):
+def test_temporary_files_of_a_killed_process_are_removed_by_the_next_one(tmp_path, writer):
     writer.kill()
     writer.wait()
     assert len(names(tmp_path)) == 3
@@ -59,7 +59,7 @@ def test_what_a_killed_process_left_is_swept_by_the_next_that_writes_there(tmp_p
     assert names(tmp_path) == []
 
 
-def test_another_machines_files_are_left_alone_for_a_week(tmp_path, writer, monkeypatch):
+def test_temporary_files_of_another_machine_are_kept_for_a_week(tmp_path, writer, monkeypatch):
     writer.kill()
     writer.wait()
     before = names(tmp_path)
@@ -70,14 +70,13 @@ def test_another_machines_files_are_left_alone_for_a_week(tmp_path, writer, monk
     for name in before[1:]:
         os.utime(tmp_path / name, (long_ago, long_ago))
     partial_files.sweep(tmp_path)
-    assert names(tmp_path) == before  # one of them is young: somebody writes
+    assert names(tmp_path) == before  # one file is recent, so its process may be writing
     os.utime(tmp_path / before[0], (long_ago, long_ago))
     partial_files.sweep(tmp_path)
     assert names(tmp_path) == []
 
 
-def test_a_folder_that_becomes_a_file_is_told_and_nothing_else_raised(tmp_path):
-    """Somebody tidies up while a bake goes on."""
+def test_a_folder_replaced_by_a_file_during_the_bake_raises_only_a_bake_error(tmp_path):
     folder = tmp_path / "maps"
     partial = Partial(folder / "map.png")
     with partial.writing():
@@ -90,8 +89,8 @@ def test_a_folder_that_becomes_a_file_is_told_and_nothing_else_raised(tmp_path):
     assert names(tmp_path) == ["maps"]
 
 
-def test_a_guard_that_is_swept_before_it_is_locked_is_made_anew(tmp_path, monkeypatch):
-    """By a process that looked just then, and took it for a dead one's."""
+def test_a_guard_that_is_removed_before_it_is_locked_is_made_again(tmp_path, monkeypatch):
+    """Another process may find it unlocked, and remove it as that of an ended process."""
     lock = partial_files._lock
 
     def late(descriptor):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Maps of several UDIM tiles: a file each, packed or not, and the tiles that a bake does not cover are left alone."""
+"""Tests maps of several UDIM tiles, in files and packed, and that tiles without a bake do not change."""
 
 import os
 from pathlib import Path
@@ -23,14 +23,14 @@ ROUNDING = 1e-6
 
 
 def texels(tile, seed=0):
-    """Noise of its own for each tile."""
+    """Noise that is different for each tile."""
     result = np.random.default_rng((seed, tile)).random((SIZE, SIZE, 4), dtype=np.float32)
     result[..., 3] = 1.0
     return result
 
 
 def store(*tiles, seed=0, **settings):
-    """What the Writer makes of tiles; returns the image."""
+    """Store tiles with the Writer. Returns the image."""
     settings = Settings(**{"width": SIZE, "height": SIZE, "udim": True, "image": "map", **settings})
     settings.check()
     image_writer.check("low", settings)
@@ -50,7 +50,7 @@ def packed(image):
 
 
 def shown(image, folder):
-    """The pixels of each tile as Blender has them in memory, by number: it gives those of the first tile alone."""
+    """The pixels in memory of each tile, by number. Image.pixels has only those of the first tile."""
     folder = Path(folder, "shown")
     folder.mkdir(exist_ok=True)
     copy = image.copy()
@@ -85,7 +85,7 @@ def unpacked(image, folder):
 
 
 def wide(name, waves):
-    """A sheet over three tiles from left to right, of 24 x 8 quads; with waves, of more."""
+    """A sheet over three tiles from left to right: 24 x 8 quads, or with waves, 192 x 64."""
     n = 64 if waves else 8
 
     def surface(u, v):
@@ -126,7 +126,7 @@ def test_each_tile_gets_a_file(name, depth, tmp_path):
         ("a.b.png", "a.b.1002.png", "a.b_missed.1002.png"),
     ],
 )
-def test_the_number_stands_where_the_name_says(output, map_files, mask_files, tmp_path):
+def test_the_number_replaces_the_placeholder(output, map_files, mask_files, tmp_path):
     store(1002, storage="FILE", output=str(tmp_path / output))
     settings = Settings(udim=True, image="map", storage="FILE", output=str(tmp_path / output))
     mask = image_writer.beside(settings, map_types.MASK)
@@ -143,8 +143,8 @@ def test_a_path_relative_to_the_saved_scene(tmp_path):
     assert numbers(image) == TILES
 
 
-def test_tiles_are_written_as_they_come(tmp_path):
-    """So that memory does not grow with their number; and nothing is in its place before all of them are whole."""
+def test_tiles_are_written_when_they_are_added(tmp_path):
+    """So that memory does not grow with their number. No file is in place before all of them are complete."""
     settings = Settings(width=SIZE, height=SIZE, udim=True, storage="FILE", output=str(tmp_path / "map.png"))
     with image_writer.Writer("low", settings) as writer:
         for count, tile in enumerate(TILES):
@@ -158,7 +158,7 @@ def test_tiles_are_written_as_they_come(tmp_path):
 # Other tiles
 
 
-def test_one_tile_leaves_the_files_of_the_others(tmp_path):
+def test_baking_one_tile_keeps_the_files_of_the_others(tmp_path):
     paths = {tile: tmp_path / f"map.{tile}.png" for tile in TILES}
     image = store(*TILES, storage="FILE", output=str(tmp_path / "map.png"))
     before = {tile: (path.read_bytes(), path.stat().st_mtime_ns, path.stat().st_ino) for tile, path in paths.items()}
@@ -173,7 +173,7 @@ def test_one_tile_leaves_the_files_of_the_others(tmp_path):
 
 
 @pytest.mark.parametrize("depth", [8, 16])
-def test_one_tile_leaves_the_packed_bytes_of_the_others(depth, tmp_path):
+def test_baking_one_tile_keeps_the_packed_bytes_of_the_others(depth, tmp_path):
     image = store(*TILES, depth=depth)
     before, seen = packed(image), shown(image, tmp_path)
     assert store(1002, seed=1, depth=depth) == image
@@ -193,8 +193,8 @@ def test_a_new_tile_joins_the_others():
 
 
 @pytest.mark.parametrize(("first", "then"), [("PACK", "FILE"), ("FILE", "PACK"), ("FILE", "ELSEWHERE")])
-def test_other_tiles_move_along(first, then, tmp_path):
-    """To where the map is stored now, to the byte."""
+def test_other_tiles_are_copied_to_the_new_storage(first, then, tmp_path):
+    """With the same bytes."""
     (tmp_path / "other").mkdir()
     places = {
         "PACK": {"storage": "PACK", "depth": 8},
@@ -220,7 +220,7 @@ def test_other_tiles_move_along(first, then, tmp_path):
 
 
 def test_other_tiles_of_another_format_stop_the_bake(tmp_path):
-    """A PNG file that is called .exr would be a trap."""
+    """They would become PNG files with the ending .exr."""
     image = store(*TILES, depth=8)
     before, bytes_before = snapshot(), packed(image)
     with pytest.raises(BakeError, match="^Tile 1001 of the image 'map' would be lost: bake it as well, or choose"):
@@ -231,7 +231,7 @@ def test_other_tiles_of_another_format_stop_the_bake(tmp_path):
     assert numbers(store(*TILES, storage="FILE", output=str(tmp_path / "map.exr"))) == TILES
 
 
-def test_other_tiles_that_differ_from_the_files_in_their_way_stop_the_bake(tmp_path):
+def test_other_tiles_that_would_overwrite_different_files_stop_the_bake(tmp_path):
     store(*TILES, storage="FILE", depth=8, output=str(tmp_path / "map.png"))
     image = store(*TILES, seed=1, depth=8)
     before, files = packed(image), {path.name: path.read_bytes() for path in tmp_path.iterdir()}
@@ -255,8 +255,8 @@ def test_painted_tiles_are_not_lost(storage, udim, tmp_path):
 
 
 @pytest.mark.parametrize("storage", ["PACK", "FILE"])
-def test_empty_tiles_stay(storage, tmp_path):
-    """As an artist makes them before there is anything to show."""
+def test_empty_tiles_are_kept(storage, tmp_path):
+    """An artist may add tiles before baking them."""
     image = bpy.data.images.new("map", 8, 8, tiled=True)
     image.tiles.new(1005)
     assert store(1002, storage=storage, output=str(tmp_path / "map.png")) == image
@@ -288,8 +288,8 @@ def test_packed_tiles_survive_saving(depth, ending, tmp_path):
 # From one tile to several and back
 
 
-def test_one_image_goes_through_every_kind(tmp_path):
-    """With the same users all the while."""
+def test_one_image_can_change_storage_and_tiles(tmp_path):
+    """And keeps its users."""
     kinds = [
         {"storage": "MEMORY", "udim": False, "depth": 8},
         {"storage": "PACK", "udim": True, "depth": 8},
@@ -335,7 +335,7 @@ def test_one_image_goes_through_every_kind(tmp_path):
         ),
     ],
 )
-def test_what_cannot_be_stored(settings, message):
+def test_settings_that_cannot_be_stored_are_refused(settings, message):
     with pytest.raises(BakeError) as refused:
         Settings(**{"udim": True, **settings}).check()
     assert str(refused.value) == message
@@ -348,7 +348,7 @@ def test_a_file_in_place_of_a_folder(tmp_path):
         image_writer.check("low", settings)
 
 
-def test_a_full_disk_in_the_midst_of_the_tiles(tmp_path):
+def test_a_full_disk_after_the_first_tile(tmp_path):
     resource = pytest.importorskip("resource")
     store(*TILES, storage="FILE", output=str(tmp_path / "map.tga"), depth=8)
     files = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
@@ -388,7 +388,7 @@ def test_a_mesh_over_three_tiles_gets_three_files(tmp_path):
     assert set(report.loss) == {"median", "maximum"}
     assert numbers(bpy.data.images["map"]) == numbers(bpy.data.images["map_missed"]) == TILES
     for shift, tile in enumerate(TILES):
-        # The same as the tile beside it moved to 0..1.
+        # The tile is the same as a bake of its faces moved to tile 1001.
         for obj in (low, high):
             layer = obj.data.uv_layers[0].uv
             uv = np.empty(2 * len(layer), np.float32)
@@ -403,7 +403,7 @@ def test_a_mesh_over_three_tiles_gets_three_files(tmp_path):
 
 @pytest.mark.usefixtures("gpu_context")
 @pytest.mark.parametrize("storage", ["PACK", "FILE"])
-def test_baking_one_tile_leaves_the_others(storage, tmp_path):
+def test_a_whole_bake_of_one_tile_keeps_the_others(storage, tmp_path):
     low, high = wide("low", 0.0), wide("high", 1.0)
 
     def contents():
@@ -419,8 +419,8 @@ def test_baking_one_tile_leaves_the_others(storage, tmp_path):
 
 
 @pytest.mark.usefixtures("gpu_context")
-def test_the_last_tile_of_all(tmp_path):
-    """2000, which stands for u from 9 to 10 and v from 99 to 100."""
+def test_the_last_tile(tmp_path):
+    """2000, with u from 9 to 10 and v from 99 to 100."""
     low, high = zoo.plane("low"), zoo.plane("high", slope=0.5)
     for obj in (low, high):
         layer = obj.data.uv_layers[0].uv
@@ -436,9 +436,9 @@ def test_the_last_tile_of_all(tmp_path):
 
 
 @pytest.mark.usefixtures("gpu_context")
-def test_a_tile_of_another_map_that_would_be_lost_stops_all_of_them(tmp_path):
+def test_a_tile_of_another_map_that_would_be_lost_stops_all_maps(tmp_path):
     low, high = wide("low", 0.0), wide("high", 1.0)
-    height = store(1001, depth=8, image="map_height")  # a packed PNG, which is no EXR
+    height = store(1001, depth=8, image="map_height")  # a packed PNG, not an EXR
     (tmp_path / "map.1002.exr").write_bytes(b"an old picture")
     before, bytes_before = snapshot(), packed(height)
     with pytest.raises(BakeError, match="^Tile 1001 of the image 'map_height' would be lost"):
@@ -451,14 +451,14 @@ def test_a_tile_of_another_map_that_would_be_lost_stops_all_of_them(tmp_path):
 
 @pytest.mark.usefixtures("gpu_context")
 @pytest.mark.parametrize("names", [{"map.1003.png"}, {"map_missed.1001.png"}, {"map_height.1002.png"}])
-def test_files_that_cannot_all_be_put_into_their_places_are_all_as_before(tmp_path, names, monkeypatch):
+def test_all_files_are_restored_if_one_cannot_be_replaced(tmp_path, names, monkeypatch):
     low, high = wide("low", 0.0), wide("high", 1.0)
     real = os.replace
 
-    def fail(source, place):
-        if Path(place).name in names:
+    def fail(source, target):
+        if Path(target).name in names:
             raise OSError(13, "Permission denied")
-        real(source, place)
+        real(source, target)
 
     for name in ("map.1001.png", "map_missed.1001.png"):
         (tmp_path / name).write_bytes(b"an old picture")
@@ -471,7 +471,7 @@ def test_files_that_cannot_all_be_put_into_their_places_are_all_as_before(tmp_pa
 
 
 @pytest.mark.usefixtures("gpu_context")
-def test_a_stray_uv_bakes_no_thousand_tiles():
+def test_a_stray_uv_does_not_bake_hundreds_of_tiles():
     low, high = zoo.plane("low", n=2), zoo.plane("high")
     low.data.uv_layers[0].uv[0].vector = 1e6, 1e6
     with pytest.raises(
@@ -482,8 +482,8 @@ def test_a_stray_uv_bakes_no_thousand_tiles():
 
 
 @pytest.mark.usefixtures("gpu_context")
-def test_a_tile_that_triangles_pass_by_is_not_touched(tmp_path):
-    """The box around a slanting triangle reaches over tiles that the triangle does not."""
+def test_a_tile_beside_a_triangle_is_not_written(tmp_path):
+    """The bounding box of a triangle may cover tiles that the triangle does not."""
     corners = np.array([[0.2, 0.2], [1.8, 0.3], [1.8, 1.8]])
     meshes = [
         zoo.build(name, np.pad(corners, ((0, 0), (0, 1))), [[0, 1, 2]], corners[None]) for name in ("low", "high")
@@ -496,7 +496,7 @@ def test_a_tile_that_triangles_pass_by_is_not_touched(tmp_path):
 
 @pytest.mark.usefixtures("gpu_context")
 @pytest.mark.parametrize("storage", ["PACK", "FILE"])
-def test_a_bake_that_is_stopped_leaves_nothing(storage, tmp_path, monkeypatch):
+def test_a_stopped_bake_of_tiles_leaves_no_files(storage, tmp_path, monkeypatch):
     temporary, folder = tmp_path / "temporary", tmp_path / "maps"
     temporary.mkdir()
     folder.mkdir()

@@ -110,7 +110,7 @@ def test_a_file_that_cannot_be_restored_is_reported_and_its_copy_kept(tmp_path, 
         real(source, target)
 
     monkeypatch.setattr(os, "replace", fail)
-    with pytest.raises(BakeError, match="could not be put back") as error, Replaced() as replaced:
+    with pytest.raises(BakeError, match="could not be restored") as error, Replaced() as replaced:
         write(tmp_path / "a.png")
         write(tmp_path / "b.png")
         with replaced.restoring():

@@ -96,7 +96,7 @@ def test_only_permitted_outputs_replace_inputs(tree):
 def test_folders_and_names_of_partial_files_are_refused(tree):
     with pytest.raises(WrongPlace, match="is a folder"):
         Places().write("in", "the report")
-    with pytest.raises(WrongPlace, match="unfinished"):
+    with pytest.raises(WrongPlace, match="temporary files"):
         Places().read("in/.imprint.1.2.partial.obj", "the mesh")
 
 

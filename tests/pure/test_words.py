@@ -30,7 +30,6 @@ NOT_YET = (
     "tests/conftest.py",
     "tests/engine/",
     "tests/jobs/",
-    "tests/output/",
     "tests/package/",
     "tests/pure/test_atomic_file.py",
     "tests/scene/",

@@ -12,12 +12,12 @@ def check_same(one, other):
         places = Places()
         places.read(first, "the mesh")
         with pytest.raises(
-            WrongPlace, match=r"^The map would be written over the mesh, .*: give it a place of its own\.$"
+            WrongPlace, match=r"^The map would overwrite the mesh, .*: choose another path for it\.$"
         ):
             places.write(second, "the map")
         places = Places("do what is right")
         places.write(first, "the report")
         with pytest.raises(WrongPlace, match=r"^The map and the report would both be .*: do what is right\.$"):
             places.write(second, "the map")
-        with pytest.raises(WrongPlace, match="The report would be written over a library"):
+        with pytest.raises(WrongPlace, match="The report would overwrite a library"):
             places.read(second, "a library")  # which showed itself late

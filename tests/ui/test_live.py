@@ -767,7 +767,7 @@ def test_it_writes_over_no_file_that_the_scene_is_made_of(pair, tmp_path):
     bpy.data.textures.new("shape", "IMAGE").image = image
     settings = bpy.context.scene.imprint
     settings.storage, settings.output = "FILE", str(tmp_path / "shape.png")
-    with pytest.raises(RuntimeError, match="would be written over the image 'shape' of a texture"):
+    with pytest.raises(RuntimeError, match="would overwrite the image 'shape' of a texture"):
         bpy.ops.imprint.live()
     assert not live.is_on
 
