@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Tells whether modifiers add detail to an object's base mesh, so that the object can be its own high object."""
+"""Finds out whether modifiers add detail to an object's base mesh, so that the object can be its own high object."""
 
 from collections.abc import Iterator
 
@@ -17,8 +17,10 @@ ADDING = {
     "SUBSURF",
     "WAVE",
 }
-"""Modifier types that keep the base mesh in place and add detail to its surface. Other types move or copy the mesh, cut its
-faces, or change only normals, UVs and groups: baked onto the base mesh, they give a flat map."""
+"""Modifier types that keep the base mesh in place and add detail to its surface.
+
+Other types move or copy the mesh, cut its faces, or change only normals, UVs and groups. Baked onto the base mesh, they give a
+flat map."""
 
 PASS_THROUGH = {
     "GeometryNodeCaptureAttribute",
@@ -47,7 +49,7 @@ PASS_THROUGH = {
 def is_added(obj: bpy.types.Object) -> bool:
     """Whether a modifier of `obj`, enabled for the viewport or for rendering, may add detail.
 
-    This is fast enough to call at every redraw: it looks at types only and evaluates nothing.
+    Fast enough for every redraw: it only reads types, and evaluates nothing.
     """
     return any(_adds(modifier) for modifier in obj.modifiers if modifier.show_viewport or modifier.show_render)
 
@@ -59,11 +61,11 @@ def without(obj: bpy.types.Object) -> str:
 
 def _adds(modifier: bpy.types.Modifier) -> bool:
     if modifier.type == "NODES":
-        return modifier.node_group is not None and any(map(_makes, _nodes(modifier.node_group, set())))
+        return modifier.node_group is not None and any(map(_changes_surface, _nodes(modifier.node_group, set())))
     return modifier.type in ADDING
 
 
-def _makes(node: bpy.types.Node) -> bool:
+def _changes_surface(node: bpy.types.Node) -> bool:
     return node.bl_idname not in PASS_THROUGH and any(socket.type == "GEOMETRY" for socket in node.outputs)
 
 

@@ -11,7 +11,7 @@ from ..core.errors import BakeError
 from . import instances, object_checks, object_modes, visibility
 
 SUBDIVIDING = {"SUBSURF", "MULTIRES"}
-"""Modifiers with levels, which smooth UVs as well."""
+"""Modifier types that have levels and can smooth UVs."""
 
 
 @contextmanager
@@ -22,7 +22,7 @@ def prepared(
     cage: bpy.types.Object | None,
     modifiers: str,
 ) -> Iterator[bpy.types.Depsgraph]:
-    """The objects in Object Mode, visible, with modifiers at the levels of `modifiers` (as in Settings) until the block ends.
+    """Put the objects into Object Mode, visible, with modifiers as `modifiers` in Settings says, until the block ends.
 
     Yields the evaluated dependency graph. Raises BakeError for an object that cannot be made visible or has no valid transform.
     """
@@ -46,9 +46,9 @@ def prepared(
 def with_visible_instances(
     context: bpy.types.Context, highs: Sequence[bpy.types.Object]
 ) -> Iterator[bpy.types.Depsgraph]:
-    """The instances of `highs` visible until the block ends. Yields the evaluated dependency graph.
+    """Make the instances of `highs` visible until the block ends. Yields the evaluated dependency graph.
 
-    It evaluates objects that the eye icon hides, but not their instances.
+    Blender evaluates objects that the eye icon hides, but not their instances.
     """
     with ExitStack() as restore:
         for high in highs:
@@ -59,29 +59,29 @@ def with_visible_instances(
 
 
 def smooths_uvs(obj: bpy.types.Object) -> bool:
-    """Whether a modifier of `obj` moves its UVs, which a bake onto its own base mesh prevents."""
+    """Whether a modifier of `obj` moves its UVs. Bakes onto its own base mesh prevent that."""
     return any(modifier.type in SUBDIVIDING and modifier.uv_smooth != "NONE" for modifier in obj.modifiers)
 
 
 @contextmanager
 def with_fixed_uvs(context: bpy.types.Context, obj: bpy.types.Object) -> Iterator[bpy.types.Depsgraph]:
-    """No modifier of `obj` moves its UVs until the block ends. Yields the evaluated dependency graph."""
+    """Keep modifiers of `obj` from moving its UVs until the block ends. Yields the evaluated dependency graph."""
     with ExitStack() as restore:
         _fix_uvs(obj, restore)
         yield context.evaluated_depsgraph_get()
 
 
 def _instanced(
-    context: bpy.types.Context, owners: Sequence[bpy.types.Object], without: Sequence[bpy.types.Object]
+    context: bpy.types.Context, owners: Sequence[bpy.types.Object], excluded: Sequence[bpy.types.Object]
 ) -> list[bpy.types.Object]:
-    """The objects that `owners` show as instances, except those in `without`."""
+    """The objects that `owners` show as instances, except those in `excluded`."""
     if not owners:
         return []
     found = {
         obj.original.session_uid: obj.original
         for _, obj, _ in instances.shown(context.evaluated_depsgraph_get(), owners)
     }
-    return [obj for obj in found.values() if obj not in without]
+    return [obj for obj in found.values() if obj not in excluded]
 
 
 def _evaluated(context: bpy.types.Context, objects: Sequence[bpy.types.Object]) -> bpy.types.Depsgraph:
@@ -101,7 +101,7 @@ def _set_for_render(obj: bpy.types.Object, restore: ExitStack) -> None:
 
 
 def _fix_uvs(obj: bpy.types.Object, restore: ExitStack) -> None:
-    # Subdivision also smooths UVs. The detail would be drawn beside its place in the UV layout of the base mesh.
+    # Subdivision can move UVs. Then the detail would not be in its place in the UV layout of the base mesh.
     for modifier in obj.modifiers:
         if modifier.type in SUBDIVIDING:
             visibility.put(modifier, "uv_smooth", "NONE", restore)

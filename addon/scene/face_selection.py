@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Selects faces or edges of an object in Edit Mode, to show them to the artist."""
+"""Selects faces or edges of an object in Edit Mode, to show them to the user."""
 
 import bpy
 import numpy as np
@@ -36,7 +36,7 @@ def select(context: bpy.types.Context, obj: bpy.types.Object, chosen: np.ndarray
             elements.foreach_set("hide", hidden & ~flags)
     obj.data.update_tag()
     context.tool_settings.mesh_select_mode = (False, domain == "EDGE", domain == "FACE")
-    # Undo in Edit Mode only leaves the mode: the changes made before need their own undo step.
+    # In Edit Mode, the first Undo only leaves the mode. The changes above need their own undo step.
     bpy.ops.ed.undo_push(message="Select Faces")
     bpy.ops.object.mode_set(mode="EDIT")
 

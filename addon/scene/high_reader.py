@@ -16,14 +16,14 @@ from ..mesh.triangle_mesh import Mesh
 from . import instances, mesh_reader
 
 MOST = 200_000_000
-"""The largest number of triangles of one high object with its instances: more do not fit in memory or on a GPU."""
+"""The largest number of triangles of a high object with its instances: more do not fit into memory or on a GPU."""
 
 
 @dataclass
 class Reader:
     """Reads the high objects of one bake.
 
-    low_layer: the low mesh's UV layer. materials: the number of each material name met so far.
+    low_layer: the low mesh's UV layer. materials: the numbers of the materials read so far, by name.
     """
 
     depsgraph: bpy.types.Depsgraph
@@ -41,28 +41,28 @@ class Reader:
             lambda owner, obj, data: self._mesh(numbers[owner.session_uid], owner.name, obj, data, np.eye(4)),
         )
         shown = dict(zip(owners, found, strict=True))
-        return [self._whole(number, high, shown.get(number, [])) for number, high in highs.items()]
+        return [self._joined(number, high, shown.get(number, [])) for number, high in highs.items()]
 
-    def _whole(self, number: int, high: bpy.types.Object, parts: Sequence[Part]) -> Mesh:
+    def _joined(self, number: int, high: bpy.types.Object, parts: Sequence[Part]) -> Mesh:
         """The mesh of `high` joined with its instances."""
         to_world = mesh_reader.matrix(high)
-        own = None
+        mesh = None
         if instances.shows_itself(high, for_render=self.settings.modifiers == Modifiers.RENDER):
             with mesh_reader.evaluated(high, self.depsgraph) as data:
                 if data.polygons or not parts:
-                    own = self._mesh(number, high.name, high, data, to_world)
+                    mesh = self._mesh(number, high.name, high, data, to_world)
         if not parts:
-            if own is None or not len(own.vertices):
-                raise BakeError(_nothing(high))
-            return own
+            if mesh is None or not len(mesh.vertices):
+                raise BakeError(_no_faces(high))
+            return mesh
         if sum(len(part.matrices) * len(part.mesh.triangles) for part in parts) > MOST:
             raise BakeError(
                 f"{high.name!r} has more than {MOST:,} triangles with its instances: reduce the number of instances."
             )
-        if own is not None:
-            parts = [Part(own, to_world[None]), *parts]
+        if mesh is not None:
+            parts = [Part(mesh, to_world[None]), *parts]
         if self.settings.method == Method.AUTO and max(len(part.matrices) for part in parts) > 1:
-            # All instances of a mesh share its UVs, so Flatten cannot tell them apart.
+            # All instances of a mesh have the same UVs, so Flatten would draw them on top of each other.
             parts = [Part(replace(part.mesh, uv=None), part.matrices) for part in parts]
         return joining.join(high.name, to_world, parts)
 
@@ -70,12 +70,12 @@ class Reader:
         """Read the mesh `data` of `obj`, which belongs to the high object `name`."""
         layer, method = "", self.settings.method
         if not data.polygons:
-            raise BakeError(_nothing(obj))
+            raise BakeError(_no_faces(obj))
         if method == Method.FLATTEN or (method == Method.AUTO and data.uv_layers):
-            # Use the layer with the low mesh's layer name; without one, the layer that the UV editor shows.
+            # Use the layer with the name of the low mesh's layer, or else the active one.
             layer = uv_layer(name, data, self.low_layer if self.low_layer in data.uv_layers else "")
         mesh = mesh_reader.surface(
-            data, layer, name, to_world, is_laid_flat=method == Method.FLATTEN, with_faces=bool(self.settings.maps)
+            data, layer, name, to_world, is_drawn_in_uv=method == Method.FLATTEN, with_faces=bool(self.settings.maps)
         )
         return self._labeled(mesh, number, obj, data) if self.settings.maps else mesh
 
@@ -88,7 +88,7 @@ class Reader:
 
 
 def uv_layer(name: str, data: bpy.types.Mesh, wanted: str) -> str:
-    """The name of the UV layer to read from `data`, the mesh of the object `name`. Raises BakeError without one."""
+    """The name of the UV layer to read from `data`, the mesh of the object `name`. Raises BakeError if there is none."""
     if not data.polygons:
         raise BakeError(f"{name!r} has no faces.")
     if not data.uv_layers:
@@ -99,7 +99,7 @@ def uv_layer(name: str, data: bpy.types.Mesh, wanted: str) -> str:
     return wanted or data.uv_layers.active.name
 
 
-def _nothing(high: bpy.types.Object) -> str:
+def _no_faces(high: bpy.types.Object) -> str:
     if high.type == "META" and "." in high.name:
         return f"{high.name!r} has no faces: the surface of its metaballs belongs to {high.name.rpartition('.')[0]!r}."
     return f"{high.name!r} has no faces."

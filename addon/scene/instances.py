@@ -15,7 +15,7 @@ WITH_NODES = {"CURVES", "POINTCLOUD"}
 """Object types that show meshes if geometry nodes create some."""
 
 Read = Callable[[bpy.types.Object, bpy.types.Object, bpy.types.Mesh], Mesh]
-"""A function that converts a mesh to arrays. It takes the object that shows the mesh, the object shown, and the mesh."""
+"""A function that converts a mesh to arrays. It takes the object that shows the instance, the instanced object and its mesh."""
 
 
 def may_show(obj: bpy.types.Object) -> bool:
@@ -31,7 +31,7 @@ def shows_more(obj: bpy.types.Object) -> bool:
 
 
 def shows_itself(obj: bpy.types.Object, *, for_render: bool) -> bool:
-    """Whether `obj` shows its own mesh: an instancer can be hidden itself."""
+    """Whether `obj` shows its own mesh, which objects with instances can hide."""
     if obj.type != "MESH":
         return False
     if obj.instance_type == "NONE" and not len(obj.particle_systems):
@@ -40,8 +40,9 @@ def shows_itself(obj: bpy.types.Object, *, for_render: bool) -> bool:
 
 
 def sources(obj: bpy.types.Object) -> Iterator[bpy.types.Object]:
-    """The objects that `obj` shows but whose changes Blender does not report as changes of `obj`: those of an instanced
-    collection, and children."""
+    """The objects that `obj` shows, but whose changes Blender does not report as changes of `obj`.
+
+    These are the objects of an instanced collection, and children."""
     if obj.instance_type in {"VERTS", "FACES"}:
         yield from obj.children
     elif obj.instance_type == "COLLECTION" and obj.instance_collection is not None:
@@ -51,7 +52,7 @@ def sources(obj: bpy.types.Object) -> Iterator[bpy.types.Object]:
 
 
 def shown_by(owners: Sequence[bpy.types.Object]) -> dict[int, set[int]]:
-    """The session_uid of each object that `owners` show as an instance, with those of its owners."""
+    """The session_uids of the owners that show an object as an instance, by the session_uid of that object."""
     found: dict[int, set[int]] = {}
     for owner in owners:
         for obj in sources(owner):

@@ -18,10 +18,10 @@ _NUMBER = ".imprint_face"
 
 @contextmanager
 def evaluated(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> Iterator[bpy.types.Mesh]:
-    """The mesh of `obj` with its modifiers, as `depsgraph` evaluates it. It shares Blender's arrays and costs no copy.
+    """The mesh of `obj` with its modifiers, as `depsgraph` evaluates it. It shares Blender's arrays, without a copy.
 
-    In Sculpt Mode, without modifiers, Blender moves the vertices of the object's own mesh and evaluates it later: then the
-    mesh is a copy of the object's own.
+    In Sculpt Mode without modifiers, Blender moves the vertices of the object's own mesh and evaluates it later. Then the
+    result is a copy of the object's own mesh.
     """
     owner = obj if is_sculpted_in_place(obj) else obj.evaluated_get(depsgraph)
     try:
@@ -42,7 +42,7 @@ def is_sculpted_in_place(obj: bpy.types.Object) -> bool:
 
 
 def reset_normals(data: bpy.types.Mesh) -> None:
-    """Make Blender compute the normals of `data` again: strokes and their undo leave old ones behind."""
+    """Make Blender compute the normals of `data` again. Strokes and their undo do not update them."""
     data.vertices.foreach_set("co", points(data).ravel())
 
 
@@ -63,13 +63,13 @@ def surface(
     name: str,
     to_world: np.ndarray,
     *,
-    is_laid_flat: bool = True,
+    is_drawn_in_uv: bool = True,
     with_faces: bool = False,
 ) -> Mesh:
     """Read positions, corner normals and triangles of `data`, UVs unless `uv_layer` is empty, and faces if `with_faces`.
 
-    Triangles with NaN or infinite values are left out and counted. UVs count only if the mesh is drawn in UV space
-    (is_laid_flat).
+    Triangles with NaN or infinite values are left out and counted. is_drawn_in_uv: whether this includes values of UVs, for a
+    mesh that is drawn in UV space.
     """
     corners = len(data.loops)
     mesh = Mesh(
@@ -82,10 +82,10 @@ def surface(
         uv=_read(data.uv_layers[uv_layer].uv, "vector", corners, 2) if uv_layer else None,
         faces=_faces(data) if with_faces else None,
     )
-    finite = finite_rows(mesh.normals, mesh.uv) if is_laid_flat and uv_layer else finite_rows(mesh.normals)
+    finite = finite_rows(mesh.normals, mesh.uv) if is_drawn_in_uv and uv_layer else finite_rows(mesh.normals)
     positions = finite_rows(mesh.positions)
     if positions is not None:
-        mesh.positions[~positions] = 0.0  # no triangle uses them, but NaN would spoil sums
+        mesh.positions[~positions] = 0.0  # no triangle uses them, but NaN would change sums
         by_corner = positions[mesh.vertices]
         finite = by_corner if finite is None else finite & by_corner
     return keep_corners(mesh, finite)
@@ -133,7 +133,7 @@ def _triangles(data: bpy.types.Mesh) -> np.ndarray:
     corners = len(data.loops)
     data.calc_loop_triangles()
     count = len(data.loop_triangles)
-    if count * 3 == corners:  # triangles alone, corner by corner
+    if count * 3 == corners:  # all faces are triangles
         return np.arange(corners, dtype=np.int32).reshape(-1, 3)
     triangles = np.empty((count, 3), np.int32)
     if not _copy_triangles(data.loop_triangles, triangles):
@@ -150,7 +150,7 @@ def _faces(data: bpy.types.Mesh) -> np.ndarray:
 def materials(obj: bpy.types.Object, data: bpy.types.Mesh, mesh: Mesh) -> tuple[np.ndarray, list[str]]:
     """The material of each triangle: (T,) int32 indices into the list of names, which is returned second; "" for none.
 
-    mesh: read with its faces from `data`, the mesh of `obj`.
+    mesh: the result of `surface` for `data`, the mesh of `obj`, with faces.
     """
     names = [slot.material.name if slot.material else "" for slot in obj.material_slots] or [""]
     indices = np.empty(len(data.polygons), np.int32)
@@ -177,7 +177,9 @@ def numbered(obj: bpy.types.Object, domain: str = "FACE") -> Iterator[None]:
 
 
 def numbers(data: bpy.types.Mesh, domain: str = "FACE") -> np.ndarray | None:
-    """The original face, or edge, of each one of an evaluated mesh of a `numbered` object: (N,) int32, -1 for none.
+    """The original face or edge of each face or edge of the evaluated mesh `data` of a `numbered` object.
+
+    (N,) int32, with -1 for none.
 
     Returns None if modifiers have removed the attribute.
     """
@@ -193,15 +195,14 @@ def edges(data: bpy.types.Mesh, ends: np.ndarray) -> np.ndarray:
     """The edges (N,) int of `data` between these pairs of vertices (N, 2), unordered. Pairs without an edge are left out."""
     pairs = np.empty((len(data.edges), 2), np.int32)
     data.edges.foreach_get("vertices", pairs.reshape(-1))
-    known, wanted = (
+    keys, end_keys = (
         values.min(axis=1).astype(np.int64) * len(data.vertices) + values.max(axis=1) for values in (pairs, ends)
     )
-    return np.flatnonzero(np.isin(known, wanted))
+    return np.flatnonzero(np.isin(keys, end_keys))
 
 
 def elements(data: bpy.types.Mesh, chosen: np.ndarray, domain: str = "FACE") -> dict[str, np.ndarray]:
-    """The indices of "polygons", "edges" and "vertices" of `data` that the `chosen` polygons consist of, or the `chosen`
-    edges for the domain "EDGE"."""
+    """The indices of the "polygons", "edges" and "vertices" of the `chosen` faces of `data`, or edges for the domain "EDGE"."""
     if domain == "EDGE":
         pairs = np.empty((len(data.edges), 2), np.int32)
         data.edges.foreach_get("vertices", pairs.reshape(-1))
@@ -218,10 +219,10 @@ def elements(data: bpy.types.Mesh, chosen: np.ndarray, domain: str = "FACE") -> 
 
 
 def _copy_triangles(source, triangles: np.ndarray) -> bool:
-    """Copy loop triangles from memory: foreach_get calls a function for each triangle, which is 80 times slower.
+    """Copy loop triangles from memory. foreach_get calls a function for each triangle, which is 80 times slower.
 
-    Each triangle should be three consecutive int32. The addresses and values of some triangles are checked first: if they
-    differ, nothing is copied and False is returned.
+    This works if each triangle is three consecutive int32. Checks the addresses and values of some triangles first; if they
+    differ, copies nothing and returns False.
     """
     first, last = source[0].as_pointer(), source[-1].as_pointer()
     if last - first != 12 * (len(source) - 1):
@@ -264,7 +265,7 @@ def _triangulated(data: bpy.types.Mesh, uv_layer: str) -> Iterator[bpy.types.Mes
         copy.polygons.foreach_set("loop_start", np.arange(0, len(corners), 3, dtype=np.int32))
         copy.update(calc_edges=True)
         copy.uv_layers.new(name=uv_layer).uv.foreach_set("vector", uv.reshape(-1))
-        # Normals as plain vectors, which Blender takes as they are; normals_split_custom_set would round them.
+        # Blender uses normals in plain vectors unchanged; normals_split_custom_set would round them.
         copy.attributes.new("custom_normal", "FLOAT_VECTOR", "CORNER").data.foreach_set("vector", normals.reshape(-1))
         yield copy
     finally:

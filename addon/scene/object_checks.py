@@ -10,7 +10,7 @@ from ..core.declarations.values import Method
 from . import detail_modifiers, instances
 
 MAX_CONDITION = 1e7
-"""Matrices are in single precision: beyond this ratio of scales their shortest axis is only rounding."""
+"""The largest ratio of scales in a matrix. Beyond it, the shortest axis is only rounding, in single precision."""
 
 
 def problem(
@@ -34,10 +34,12 @@ def problem(
             return reason
     twice = next((obj for number, obj in enumerate(highs) if obj in highs[:number]), None)
     if twice is not None:
-        return f"{twice.name!r} is named twice as a high object: take it out once."
+        return f"{twice.name!r} is twice in the high objects: remove it once."
     if low in highs:
         if len(highs) > 1:
-            return f"{low.name!r} is the low object and one of several high ones: take it out of the high ones."
+            return (
+                f"{low.name!r} is both the low object and one of several high objects: remove it from the high objects."
+            )
         if not low.modifiers:
             return f"{low.name!r} is both high and low and has no modifiers: choose another high object, or add some."
         if not detail_modifiers.is_added(low):
@@ -48,7 +50,7 @@ def problem(
         if reason:
             return reason
     if cage is not None and method == Method.FLATTEN:
-        return f"The cage {cage.name!r} is for rays: choose the method Cast or Auto, or take the cage out."
+        return f"The cage {cage.name!r} is for rays: choose the method Cast or Auto, or remove the cage."
     return ""
 
 
@@ -83,7 +85,7 @@ def _kind_problem(obj: bpy.types.Object, *, is_high: bool) -> str:
         if block and block.is_missing:
             file = block.library.filepath
             return (
-                f"{obj.name!r} is linked from {file!r}, where it is not found: bring it back, or relocate the library."
+                f"{obj.name!r} is linked from {file!r}, but is not in that file: restore it, or relocate the library."
             )
     if obj.type == "MESH" or (is_high and instances.may_show(obj)):
         return ""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Switches objects to Object Mode while they are read, and knows what Sculpt Mode hides."""
+"""Switches objects to Object Mode while they are read, and finds out what Sculpt Mode hides."""
 
 from contextlib import ExitStack
 
@@ -10,8 +10,8 @@ from . import mesh_reader, visibility
 
 def leave(layer: bpy.types.ViewLayer, meshes: set[bpy.types.Mesh], restore: ExitStack) -> None:
     """Switch all objects that use one of `meshes` to Object Mode until `restore` is closed."""
-    # In Edit Mode and Sculpt Mode, the mesh lags behind the screen until the mode is left. Any object that uses the mesh
-    # can be in that mode.
+    # In Edit Mode and Sculpt Mode, edits reach the mesh when the mode is left. Any object that uses the mesh can be in that
+    # mode.
     leaving = [obj for obj in layer.objects if obj.mode != "OBJECT" and obj.data in meshes]
     if any(obj.mode == "EDIT" for obj in leaving):  # all objects leave Edit Mode together, and all selected ones enter
         leaving += [obj for obj in layer.objects if obj.mode == "EDIT" and obj not in leaving]
@@ -47,8 +47,9 @@ def hides_detail(obj: bpy.types.Object) -> bool:
 
 
 def holds_strokes(context: bpy.types.Context, obj: bpy.types.Object) -> bool:
-    """Whether Blender reports strokes on `obj` only when the mesh is asked for: with Dyntopo, or if Sculpt Mode shows only
-    deforming modifiers."""
+    """Whether Blender reports strokes on `obj` only when the mesh is requested.
+
+    It does with Dyntopo, or if Sculpt Mode shows only deforming modifiers."""
     if obj.mode != "SCULPT":
         return False
     only_deforms = obj.modifiers and context.scene.tool_settings.sculpt.use_deform_only

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Holds objects by session_uid, and finds or refuses them."""
+"""References to objects by session_uid."""
 
 import difflib
 import os
@@ -12,11 +12,11 @@ from ..core.errors import BakeError
 
 @dataclass(frozen=True)
 class ObjectRef:
-    """An object, however it is renamed, or deleted and brought back by Undo.
+    """A reference to an object that stays valid if the object is renamed, or deleted and restored by Undo.
 
-    A bpy reference crashes after Undo, and a name may belong to a linked or a later object as well. uid: its session_uid, or 0
-    for any object of that name. name: at the time of `of`. library: the absolute path of the library that a linked object
-    comes from; reloading it gives the object another session_uid.
+    A bpy reference crashes after Undo, and a name may also belong to a linked or a newer object. uid: its session_uid, or 0
+    for any object of that name. name: its name when `of` was called. library: the absolute path of the library of a linked
+    object; reloading the library gives the object another session_uid.
     """
 
     uid: int
@@ -30,7 +30,7 @@ class ObjectRef:
 
     def find(self) -> bpy.types.Object | None:
         """The object, or None if it was deleted."""
-        found = bpy.data.objects.get(self.name)  # nearly always it, without a pass over all objects
+        found = bpy.data.objects.get(self.name)  # nearly always right, and much faster than a search
         if found is None or self.uid not in {0, found.session_uid}:
             found = next((obj for obj in bpy.data.objects if obj.session_uid == self.uid), None)
         if found is None and self.library:

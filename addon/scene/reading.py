@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Reads all objects of a bake into arrays at once, so that Blender's state is changed only for a short time."""
+"""Reads all objects of a bake into arrays at once, so that Blender's state changes only for a short time."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
@@ -18,8 +18,10 @@ from .high_reader import Reader
 from .high_reader import uv_layer as uv_layer_of
 
 SMALLEST, LARGEST = 5e-9, 1e9
-"""The limits of a mesh's radius; the first is multiplied by the square root of the number of triangles. Blender computes face
-normals from the cross product of two edges: in float32, its squared length is 0 for edges of 2e-9 and infinite for 4e9."""
+"""The limits of a mesh's radius. The first is multiplied by the square root of the number of triangles.
+
+Blender computes face normals from the cross product of two edges. In float32, its squared length is 0 for edges of 2e-9, and
+infinite for 4e9."""
 
 
 def read(
@@ -48,9 +50,9 @@ def read_again(
 
     Objects whose session_uid is not in `changed` are copied from `before`, the result for the same objects and settings.
     """
-    out = next((obj for obj in (low, *highs, cage) if obj and not visibility.is_followed(context, obj)), None)
-    if out is not None:
-        raise BakeError(f"{out.name!r} is hidden in viewports, which the map follows: show it, or its collection.")
+    hidden = next((obj for obj in (low, *highs, cage) if obj and not visibility.is_followed(context, obj)), None)
+    if hidden is not None:
+        raise BakeError(f"{hidden.name!r} is hidden in viewports, which Live follows: show it, or its collection.")
     with evaluation.with_visible_instances(context, highs) as depsgraph:
         if before is None or {low.session_uid, cage and cage.session_uid}.intersection(changed):
             meshes = _read(depsgraph, low, highs, cage, settings)
@@ -74,8 +76,8 @@ def _with_kept_uvs(
     (shown,) = meshes.highs
     if shown.uv is None:
         return meshes
-    known = before and before.shown
-    if known is not None and known.uv.shape == shown.uv.shape and np.array_equal(known.uv, shown.uv):
+    last = before and before.shown
+    if last is not None and last.uv.shape == shown.uv.shape and np.array_equal(last.uv, shown.uv):
         uv = before.highs[0].uv
     else:
         with evaluation.with_fixed_uvs(context, low) as depsgraph:
@@ -110,7 +112,7 @@ def _check_triangles(meshes: Sequence[Mesh]) -> None:
     for mesh in meshes:
         if not len(mesh.triangles):
             raise BakeError(
-                f"{mesh.name!r} has no triangle left to bake: the coordinates of all of them are NaN or infinite."
+                f"{mesh.name!r} has no valid triangles: the coordinates of all of them are NaN or infinite."
             )
         _check_size(mesh)
 
@@ -121,15 +123,17 @@ def _check_size(mesh: Mesh) -> None:
     smallest = SMALLEST * len(mesh.triangles) ** 0.5
     if smallest < most < LARGEST / stretch:  # a quick check, which is enough for nearly all meshes
         return
-    own, in_scene = (local_space_of([replace(mesh, to_world=to_world)]).size for to_world in (np.eye(4), mesh.to_world))
-    if own < smallest:
+    in_object, in_scene = (
+        local_space_of([replace(mesh, to_world=to_world)]).size for to_world in (np.eye(4), mesh.to_world)
+    )
+    if in_object < smallest:
         raise BakeError(
-            f"{mesh.name!r} has a radius of {own:.1g}, too small for its normals: scale the mesh itself up."
+            f"{mesh.name!r} has a radius of {in_object:.1g}, too small for its normals: scale the mesh itself up."
         )
-    if max(own, in_scene) > LARGEST:
+    if max(in_object, in_scene) > LARGEST:
         raise BakeError(
-            f"{mesh.name!r} has a radius of {max(own, in_scene):.1g}, too large for its normals: scale it down, or remove "
-            "what lies far away."
+            f"{mesh.name!r} has a radius of {max(in_object, in_scene):.1g}, too large for its normals: scale it down, or "
+            "remove faces that are far away."
         )
 
 
@@ -144,10 +148,10 @@ def _check_cage(low: Mesh, cage: Mesh, faces: tuple[int, int]) -> None:
     """Raise BakeError unless `cage` has the topology of `low`. faces: the numbers of faces of `low` and `cage`."""
     if faces[0] != faces[1]:
         raise BakeError(
-            f"The cage {cage.name!r} has {faces[1]:,} faces and {low.name!r} has {faces[0]:,}: take a copy of it."
+            f"The cage {cage.name!r} has {faces[1]:,} faces and {low.name!r} has {faces[0]:,}: use a copy of the low mesh."
         )
     if len(cage.vertices) != len(low.vertices):
         raise BakeError(
             f"The cage {cage.name!r} has {len(cage.vertices):,} face corners and {low.name!r} has {len(low.vertices):,}: "
-            "take a copy of it."
+            "use a copy of the low mesh."
         )

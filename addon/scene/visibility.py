@@ -9,8 +9,9 @@ from ..core.errors import BakeError
 
 
 def put(owner: bpy.types.bpy_struct, name: str, value: object, restore: ExitStack) -> None:
-    """Set a property if it differs, and restore it when `restore` is closed. Setting an equal value would cost an
-    evaluation."""
+    """Set a property if it differs, and restore it when `restore` is closed.
+
+    Setting an equal value would make Blender evaluate the object again."""
     before = getattr(owner, name)
     if before != value:
         setattr(owner, name, value)
@@ -34,11 +35,11 @@ def reveal(context: bpy.types.Context, obj: bpy.types.Object, restore: ExitStack
     context.view_layer.update()
     if is_visible(obj):
         return
-    # Its collections are hidden or excluded. The scene's own collection never is: link the object there for now.
-    place = context.scene.collection.objects
-    if obj not in place.values() and context.scene.is_editable:
-        place.link(obj)
-        restore.callback(place.unlink, obj)
+    # Its collections are hidden or excluded, but the scene's own collection never is. Link the object there for now.
+    scene_objects = context.scene.collection.objects
+    if obj not in scene_objects.values() and context.scene.is_editable:
+        scene_objects.link(obj)
+        restore.callback(scene_objects.unlink, obj)
         _show(obj, restore)
         context.view_layer.update()
     if not is_visible(obj):
@@ -48,7 +49,7 @@ def reveal(context: bpy.types.Context, obj: bpy.types.Object, restore: ExitStack
 
 
 def is_followed(context: bpy.types.Context, obj: bpy.types.Object) -> bool:
-    """Whether Blender evaluates `obj` when it changes: if it is visible, or hidden only by the eye in the Outliner."""
+    """Whether Blender evaluates `obj` when it changes: if it is visible, or hidden only by the eye icon in the Outliner."""
     if is_visible(obj):
         return True
     objects = context.view_layer.objects

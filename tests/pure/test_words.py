@@ -32,7 +32,6 @@ NOT_YET = (
     "tests/jobs/",
     "tests/package/",
     "tests/pure/test_atomic_file.py",
-    "tests/scene/",
     "tests/ui/",
     "tests/window/",
 )

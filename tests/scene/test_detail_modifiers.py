@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A low object alone in the selection: its own high one where its modifiers add detail, else no map is written over."""
+"""Tests a selected low object without others: it is its own high object if its modifiers add detail. Else no map changes."""
 
 import bpy
 import numpy as np
@@ -31,8 +31,7 @@ WITH_DETAIL = ("SUBSURF", "DISPLACE", "BEVEL", "REMESH", "WAVE")
 
 @pytest.fixture
 def low():
-    """A low object alone in the selection, with a good map from a high one that is still there, of a bake that the panel has
-    not seen, as one of an earlier session."""
+    """The only selected object, with a map from a high object that still exists, as from an earlier session."""
     low, high = zoo.plane("lo", 2), zoo.terrain("hi")
     settings = bpy.context.scene.imprint
     settings.width = settings.height = 16
@@ -53,7 +52,7 @@ def auto_smooth(obj):
 
 
 def nodes(obj, *kinds, nested=False):
-    """Geometry nodes of these kinds on `obj`, in a group of their own if they are to be nested."""
+    """Add geometry nodes of these kinds to `obj`. nested: inside a group."""
     tree = bpy.data.node_groups.new("Nodes", "GeometryNodeTree")
     for kind in kinds:
         tree.nodes.new(kind)
@@ -66,7 +65,7 @@ def nodes(obj, *kinds, nested=False):
 
 @pytest.mark.parametrize("kind", WITHOUT_DETAIL)
 @pytest.mark.parametrize("from_slot", [False, True], ids=["selected", "slot"])
-def test_no_modifier_without_detail_writes_a_map_over(low, kind, from_slot):
+def test_modifiers_without_detail_do_not_overwrite_a_map(low, kind, from_slot):
     low.modifiers.new("Some name", kind)
     settings, before = bpy.context.scene.imprint, map_of_low()
     if from_slot:
@@ -82,7 +81,7 @@ def test_no_modifier_without_detail_writes_a_map_over(low, kind, from_slot):
 @pytest.mark.parametrize(
     "kind", sorted({*WITHOUT_DETAIL} - {"MIRROR", "SOLIDIFY", "UV_WARP", "SHRINKWRAP", "SMOOTH", "DECIMATE"})
 )
-def test_the_high_object_of_the_last_bake_counts_instead(low, kind):
+def test_the_high_object_of_the_last_bake_is_used_instead(low, kind):
     assert bpy.ops.imprint.bake(low="lo", high=[{"name": "hi"}]) == {"FINISHED"}
     before = map_of_low()
     low.modifiers.new("Some name", kind)
@@ -91,13 +90,13 @@ def test_the_high_object_of_the_last_bake_counts_instead(low, kind):
     assert np.ptp(map_of_low()[..., 0]) > 0.1
 
 
-def test_auto_smooth_is_no_detail(low):
+def test_auto_smooth_adds_no_detail(low):
     auto_smooth(low)
     assert object_checks.own_highs(low) == []
 
 
 @pytest.mark.parametrize("nested", [False, True], ids=["plain", "nested"])
-def test_geometry_nodes_are_looked_into(low, nested):
+def test_the_nodes_of_a_modifier_decide(low, nested):
     nodes(low, "GeometryNodeSetMaterial", "GeometryNodeInputPosition", nested=nested)
     assert object_checks.own_highs(low) == []
     low.modifiers.clear()
@@ -107,18 +106,18 @@ def test_geometry_nodes_are_looked_into(low, nested):
     assert object_checks.own_highs(low) == []
 
 
-def test_a_group_that_holds_itself_ends():
+def test_a_group_inside_itself_is_read_once():
     obj, tree = zoo.plane(), bpy.data.node_groups.new("Nodes", "GeometryNodeTree")
     other = bpy.data.node_groups.new("Other", "GeometryNodeTree")
     obj.modifiers.new("Nodes", "NODES").node_group = tree
-    for one, held in ((tree, other), (other, other)):
-        one.nodes.new("GeometryNodeGroup").node_tree = held
+    for outer, inner in ((tree, other), (other, other)):
+        outer.nodes.new("GeometryNodeGroup").node_tree = inner
     assert object_checks.own_highs(obj) == []
 
 
 @pytest.mark.parametrize("kind", WITH_DETAIL)
 @pytest.mark.parametrize("other", ["TRIANGULATE", "ARMATURE"])
-def test_modifiers_with_detail_among_others(low, kind, other):
+def test_one_modifier_with_detail_is_enough(low, kind, other):
     low.modifiers.new("Other", other)
     low.modifiers.new("Detail", kind)
     assert object_checks.own_highs(low) == [low]
@@ -151,13 +150,13 @@ def flat(warnings):
 
 @pytest.mark.parametrize("method", ["FLATTEN", "CAST"])
 @pytest.mark.parametrize("depth", [8, 32])
-def test_a_flat_map_is_said(method, depth):
+def test_a_flat_map_gives_a_warning(method, depth):
     (warning,) = flat(report(zoo.plane("lo"), zoo.plane("hi", 4), method=method, depth=depth).warnings)
     assert "'hi'" in warning
     assert "'lo'" in warning
 
 
-def test_modifiers_that_do_nothing_are_said(low):
+def test_modifiers_without_effect_give_a_warning(low):
     low.modifiers.new("Lift", "DISPLACE").strength = 0.0
     (warning,) = flat(report(low, low).warnings)
     assert "its own modifiers" in warning
@@ -169,17 +168,17 @@ def test_a_map_with_detail_is_not_flat(green):
     assert not flat(report(zoo.plane("lo"), zoo.plane("hi", slope=0.005), green=green).warnings)
 
 
-def test_only_in_tangent_space_does_one_normal_mean_a_flat_map():
+def test_a_map_of_one_normal_is_flat_only_in_tangent_space():
     assert not flat(report(zoo.plane("lo"), zoo.plane("hi"), space="OBJECT").warnings)
 
 
-def test_maps_that_share_an_image_are_looked_at_alike():
-    low, high = zoo.plane("lo"), zoo.plane("hi", slope=1.0)  # whose normals' z is 0.7: more than one half
+def test_maps_that_share_an_image_are_checked_in_the_same_way():
+    low, high = zoo.plane("lo"), zoo.plane("hi", slope=1.0)  # its normals have a z of 0.7, more than one half
     settings = Settings("FLATTEN", width=16, height=16, storage="MEMORY", material=False)
-    (told,) = bake_all(bpy.context, [Job(low, [high])], settings, share_image=True)
-    assert not flat(told.warnings)
-    (told,) = bake_all(bpy.context, [Job(low, [zoo.plane("flat")])], settings, share_image=True)
-    assert flat(told.warnings)
+    (shared,) = bake_all(bpy.context, [Job(low, [high])], settings, share_image=True)
+    assert not flat(shared.warnings)
+    (shared,) = bake_all(bpy.context, [Job(low, [zoo.plane("flat")])], settings, share_image=True)
+    assert flat(shared.warnings)
 
 
 # A map from another high object
@@ -189,24 +188,24 @@ def replaced(warnings):
     return [warning for warning in warnings if "replaced" in warning]
 
 
-def test_a_map_of_another_high_object_is_said_after():
-    low, one, other = zoo.plane("lo"), zoo.terrain("one"), zoo.terrain("other", height=0.05)
-    assert not replaced(report(low, one).warnings)
-    assert not replaced(report(low, one).warnings)
-    assert not replaced(report(low, one, other).warnings)  # a part more is the same work going on
-    assert not replaced(report(low, other).warnings)
-    (warning,) = replaced(report(low, one).warnings)
+def test_replacing_a_map_of_another_high_object_gives_a_warning():
+    low, first, second = zoo.plane("lo"), zoo.terrain("first"), zoo.terrain("second", height=0.05)
+    assert not replaced(report(low, first).warnings)
+    assert not replaced(report(low, first).warnings)
+    assert not replaced(report(low, first, second).warnings)  # the map of the same object, with one more
+    assert not replaced(report(low, second).warnings)
+    (warning,) = replaced(report(low, first).warnings)
     assert "'map'" in warning
-    assert "'other'" in warning
-    assert "'one'" in warning
+    assert "'second'" in warning
+    assert "'first'" in warning
 
 
-def test_nobody_knows_where_a_painted_image_came_from():
+def test_replacing_a_painted_image_gives_no_warning():
     bpy.data.images.new("map", 16, 16)
     assert not replaced(report(zoo.plane("lo"), zoo.terrain("hi")).warnings)
 
 
-def test_a_map_of_another_high_object_is_said_before(low):
+def test_the_panel_names_the_high_object_of_the_map_to_replace(low):
     settings, other = bpy.context.scene.imprint, zoo.terrain("other")
     assert "which holds" not in bake_plan.lines(low, [bpy.data.objects["hi"]], settings)[0]
     (line,) = bake_plan.lines(low, [other], settings)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What may be high: all that Blender makes a mesh of, instances, and what lies in hidden collections."""
+"""Tests high objects of all types with a surface, with instances, and in hidden collections."""
 
 import math
 import os
@@ -23,9 +23,9 @@ from tests.support.snapshot import difference, snapshot
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
 SINGLE = 1e-6
-"""Single precision: Blender rounds the places of instances, and the points of what it makes of them."""
+"""The error of single precision: Blender rounds the transforms of instances, and the vertices of real copies."""
 ROUNDING, RIMS = 1e-4, 2e-3
-"""The same in texels where surfaces bend, and how many of them may lie on rims."""
+"""The error in texels on curved surfaces, and the share of texels on rims, which may differ more."""
 FULL = bool(os.environ.get("IMPRINT_ENDURANCE"))
 GIB = 2**30
 
@@ -35,16 +35,16 @@ def link(obj, collection=None):
     return obj
 
 
-def empty(name, collection, **where):
+def empty(name, collection, **transform):
     obj = bpy.data.objects.new(name, None)
     obj.instance_type, obj.instance_collection = "COLLECTION", collection
-    for key, value in where.items():
+    for key, value in transform.items():
         setattr(obj, key, value)
     return obj
 
 
 def shelf(*objects, name="Shelf"):
-    """A collection, not in the scene, that holds `objects` alone."""
+    """A collection with only `objects`, not linked to the scene."""
     collection = bpy.data.collections.new(name)
     for obj in objects:
         for other in obj.users_collection:
@@ -54,7 +54,6 @@ def shelf(*objects, name="Shelf"):
 
 
 def low():
-    """A plane with room for what lies on it."""
     return zoo.plane("lo")
 
 
@@ -64,12 +63,12 @@ def cast(low, *highs, **settings):
 
 
 def assert_alike(texels, expected):
-    """Equal, but where rounding decides whether a rim is hit, or which of two surfaces."""
+    """Equal, except where rounding decides whether a rim is hit, or which of two surfaces is."""
     assert (np.abs(texels - expected).max(axis=-1) > ROUNDING).mean() < RIMS
 
 
 def is_seen(texels):
-    """Whether something that is not the plane's own normal was hit, and not everywhere."""
+    """Whether some texels were hit, but not all, with different normals."""
     hit = texels[..., 3] > 0
     return hit.any() and not hit.all() and np.ptp(texels[hit][:, :3]) > 0.2
 
@@ -113,7 +112,7 @@ KINDS = (text, curve, nurbs, metaballs, hair_with_a_mesh)
 
 
 def nodes(obj):
-    """Geometry nodes on `obj`: the tree, the socket that its geometry comes out of, the one that it goes into."""
+    """Add geometry nodes to `obj`. Returns the tree, the output socket of the group input, the input of the group output."""
     tree = bpy.data.node_groups.new("Nodes", "GeometryNodeTree")
     for side in ("INPUT", "OUTPUT"):
         tree.interface.new_socket("Geometry", in_out=side, socket_type="NodeSocketGeometry")
@@ -123,7 +122,7 @@ def nodes(obj):
 
 
 def made_real(obj):
-    """What `obj` shows, as Blender's own Make Instances Real has it, in one list of plain mesh objects."""
+    """The meshes that `obj` shows, as mesh objects, as from Blender's Make Instances Real."""
     depsgraph = bpy.context.evaluated_depsgraph_get()
     found = []
     for item in depsgraph.object_instances:
@@ -138,14 +137,14 @@ def made_real(obj):
     return result
 
 
-# Blender makes one surface of all metaballs of a family, wherever they are: instances of one are no copies.
+# Blender makes one surface of all metaballs of a family, wherever they are, so instances of them are not copies.
 READ = [(kind, is_shared) for kind in KINDS for is_shared in (False, True) if not (is_shared and kind is metaballs)]
 
 
 @pytest.mark.parametrize(
     ("kind", "is_shared"), READ, ids=[f"{kind.__name__}-{'instanced' if shared else 'itself'}" for kind, shared in READ]
 )
-def test_whatever_has_a_surface_is_read(kind, is_shared):
+def test_objects_with_a_surface_are_read(kind, is_shared):
     plane, high = low(), kind()
     high.rotation_euler.z = 0.3
     expected = cast(plane, *made_real(high))
@@ -155,12 +154,12 @@ def test_whatever_has_a_surface_is_read(kind, is_shared):
     assert_alike(cast(plane, high), expected)
 
 
-def test_text_may_be_laid_flat():
-    """Blender gives text and curves UVs; nobody has to like them."""
+def test_text_can_be_flattened():
+    """Blender gives text and curves UVs."""
     assert maps.bake(low(), text(), space="OBJECT")[..., 3].any()
 
 
-def test_the_other_metaballs_have_no_surface():
+def test_only_the_first_metaball_has_a_surface():
     metaballs()
     with pytest.raises(BakeError, match=r"'Mball.001' has no faces: .* belongs to 'Mball'"):
         cast(low(), bpy.data.objects["Mball.001"])
@@ -180,7 +179,7 @@ ODD = {
 
 
 @pytest.mark.parametrize("kind", ODD)
-def test_what_has_no_surface_is_named(kind):
+def test_objects_without_a_surface_are_named(kind):
     odd = link(bpy.data.objects.new("odd", ODD[kind]()))
     assert odd.type == kind
     before = snapshot()
@@ -206,7 +205,7 @@ def test_an_empty_instance_has_no_faces():
 
 
 def bolt(name="bolt", n=3):
-    """A small dome, and its bottom turned from +Z a little, so that mirrors show."""
+    """A small dome with a slope, so that mirrored copies look different."""
     obj = zoo.terrain(name, n, height=0.2, waves=0.5)
     obj.scale = (0.1, 0.1, 0.1)
     for vertex in obj.data.vertices:
@@ -216,12 +215,12 @@ def bolt(name="bolt", n=3):
 
 
 def scattered(count, *, realized, scale=(1.0, 1.0, 1.0), n=3, seed=11):
-    """`count` bolts turned every way on points over the plane, as instances or as one mesh, and the plane beneath."""
+    """A plane with `count` randomly rotated bolts on it, as instances or realized as one mesh."""
     points = np.random.default_rng(seed).uniform(-0.9, 0.9, (count, 3)) * (1, 1, 0.05)
     cloud = zoo.build("hi", points, np.empty((0, 3), int))
     hidden = bolt("source", n)
     hidden.hide_viewport = True
-    tree, came, goes = nodes(cloud)
+    tree, geometry, result = nodes(cloud)
     on_points, info, turn, join = (
         tree.nodes.new(f"{kind}")
         for kind in (
@@ -237,7 +236,7 @@ def scattered(count, *, realized, scale=(1.0, 1.0, 1.0), n=3, seed=11):
     on_points.inputs["Scale"].default_value = tuple(0.05 * side for side in scale)
     grid = tree.nodes.new("GeometryNodeMeshGrid")
     grid.inputs["Size X"].default_value = grid.inputs["Size Y"].default_value = 2.0
-    tree.links.new(came, on_points.inputs["Points"])
+    tree.links.new(geometry, on_points.inputs["Points"])
     tree.links.new(info.outputs["Geometry"], on_points.inputs["Instance"])
     tree.links.new(turn.outputs["Value"], on_points.inputs["Rotation"])
     tree.links.new(on_points.outputs[0], join.inputs[0])
@@ -246,19 +245,21 @@ def scattered(count, *, realized, scale=(1.0, 1.0, 1.0), n=3, seed=11):
     if realized:
         last = tree.nodes.new("GeometryNodeRealizeInstances")
         tree.links.new(join.outputs[0], last.inputs[0])
-    tree.links.new(last.outputs[0], goes)
+    tree.links.new(last.outputs[0], result)
     return cloud
 
 
-def test_instances_on_points_are_as_if_they_were_realized():
+def test_instances_on_points_give_the_map_of_realized_ones():
     plane = low()
-    one, other = (scattered(200, realized=realized) for realized in (False, True))
-    mesh, real = (reading.read(bpy.context, plane, [obj], None, Settings("CAST")).highs[0] for obj in (one, other))
+    instanced, realized = (scattered(200, realized=is_realized) for is_realized in (False, True))
+    mesh, real = (
+        reading.read(bpy.context, plane, [obj], None, Settings("CAST")).highs[0] for obj in (instanced, realized)
+    )
     assert (mesh.instances, real.instances) == (200 + 1, 0)
     assert len(mesh.triangles) == len(real.triangles) == 18 * 200 + 8
-    texels = cast(plane, one, size=(128, 128), facing_only=True)
+    texels = cast(plane, instanced, size=(128, 128), facing_only=True)
     assert np.ptp(texels[..., 0]) > 0.2
-    assert_alike(texels, cast(plane, other, size=(128, 128), facing_only=True))
+    assert_alike(texels, cast(plane, realized, size=(128, 128), facing_only=True))
 
 
 TEN_MILLION = """
@@ -283,7 +284,7 @@ assert np.ptp(texels[0][..., 0]) > 0.2
 
 @pytest.mark.skipif(not FULL, reason="takes minutes: IMPRINT_ENDURANCE=1 runs it")
 def test_ten_million_triangles_by_instances_fit_in_six_gib():
-    """In a process of its own, whose memory is that of the driver in software as well."""
+    """In a separate process. Its memory includes that of a software driver."""
     ran = subprocess.run(
         [sys.executable, "-c", TEN_MILLION], cwd=imprint.ROOT, capture_output=True, text=True, check=False
     )
@@ -292,8 +293,8 @@ def test_ten_million_triangles_by_instances_fit_in_six_gib():
 
 
 @pytest.mark.parametrize("scale", [(-1, 1, 1), (1, -2, 1)])
-def test_mirrored_instances_are_as_mirrored_objects(scale):
-    """Which Realize Instances turns inside out, and Blender draws as they were."""
+def test_mirrored_instances_give_the_map_of_mirrored_objects(scale):
+    """Realize Instances would flip their normals; Blender does not when it draws them."""
     plane, high = low(), scattered(100, realized=False, scale=scale)
     texels = cast(plane, high, size=(128, 128), facing_only=True)
     assert np.ptp(texels[..., 0]) > 0.2
@@ -345,8 +346,8 @@ def test_particles_that_are_objects():
     assert mesh.instances == 21
 
 
-def test_instances_without_a_place_are_left_out():
-    """Scaled to nothing, they are hidden; pressed flat, they are surfaces still."""
+def test_instances_of_zero_size_are_left_out():
+    """Instances with zero scale on one axis are flat surfaces, and stay."""
     plane, source = low(), bolt()
     sizes = [(1.0, 1.0, 1.0), (0.0, 0.0, 0.0), (3.0, 3.0, 0.0), (1.0, 0.0, 0.0)]
     shelves = shelf(source)
@@ -361,15 +362,15 @@ def test_instances_without_a_place_are_left_out():
     np.testing.assert_allclose(flat, np.broadcast_to((0, 0, 1), flat.shape), rtol=0, atol=SINGLE)
 
 
-def test_far_from_the_origin_instances_are_as_near_to_their_empty():
+def test_instances_far_from_the_origin_stay_exact():
     plane, source = low(), bolt()
     high = link(empty("hi", shelf(source), scale=(5.0, 5.0, 5.0)))
     expected = cast(plane, high)
     plane.location = high.location = (4096.0, -4096.0, 4096.0)
-    np.testing.assert_allclose(cast(plane, high), expected, rtol=0, atol=2e-3)  # Blender's matrices are rounded there
+    np.testing.assert_allclose(cast(plane, high), expected, rtol=0, atol=2e-3)  # Blender rounds matrices there
 
 
-def test_levels_for_rendering_count_for_what_is_instanced():
+def test_instanced_objects_have_their_render_levels():
     plane, source = low(), bolt()
     smooth = source.modifiers.new("Smooth", "SUBSURF")
     smooth.levels, smooth.render_levels = 0, 2
@@ -382,7 +383,7 @@ def test_levels_for_rendering_count_for_what_is_instanced():
     assert (smooth.levels, smooth.render_levels) == (0, 2)
 
 
-def test_what_is_instanced_may_be_in_edit_mode():
+def test_an_instanced_object_may_be_in_edit_mode():
     plane, source = low(), bolt()
     high = link(empty("hi", shelf(source)))
     link(source)
@@ -396,7 +397,7 @@ def test_what_is_instanced_may_be_in_edit_mode():
     assert source.mode == "EDIT"
 
 
-# What Auto makes of them
+# Auto
 
 
 def auto(plane, *highs, **settings):
@@ -404,11 +405,11 @@ def auto(plane, *highs, **settings):
     return bake_pair(bpy.context, plane, highs, Settings("AUTO", **values))
 
 
-def test_auto_casts_at_instances_which_share_their_uvs_among_them():
+def test_auto_chooses_cast_for_several_instances_with_the_same_uvs():
     plane, source = low(), zoo.terrain("source", height=0.05)
     shelves = shelf(source)
-    one = link(empty("one", shelves))
-    report = auto(plane, one)
+    single = link(empty("one", shelves))
+    report = auto(plane, single)
     assert (report.method, "agree" in report.why) == ("FLATTEN", True)
     pair = shelf(empty("left", shelves), empty("right", shelves, location=(0.0, 0.0, 0.2)), name="Pair")
     report = auto(plane, link(empty("two", pair)))
@@ -417,22 +418,22 @@ def test_auto_casts_at_instances_which_share_their_uvs_among_them():
 
 
 @pytest.mark.parametrize("is_single", [False, True])
-def test_instances_on_its_own_base_are_not_taken_to_share_its_uvs(is_single):
+def test_auto_chooses_cast_for_instances_on_their_own_base(is_single):
     plane, source = zoo.plane("lo", 2), bolt()
     source.data.transform(mathutils.Matrix.Scale(0.1, 4))
-    tree, came, goes = nodes(plane)
+    tree, geometry, result = nodes(plane)
     on_points, info, join = (
         tree.nodes.new(f"GeometryNode{kind}") for kind in ("InstanceOnPoints", "ObjectInfo", "JoinGeometry")
     )
     info.inputs["Object"].default_value, info.inputs["As Instance"].default_value = source, True
-    for one, other in (
-        (came, on_points.inputs["Points"]),
+    for output, socket in (
+        (geometry, on_points.inputs["Points"]),
         (info.outputs["Geometry"], on_points.inputs["Instance"]),
-        (came, join.inputs[0]),
+        (geometry, join.inputs[0]),
         ((info if is_single else on_points).outputs["Geometry" if is_single else 0], join.inputs[0]),
-        (join.outputs[0], goes),
+        (join.outputs[0], result),
     ):
-        tree.links.new(one, other)
+        tree.links.new(output, socket)
     assert object_checks.own_highs(plane) == [plane]
     report = auto(plane, plane)
     assert report.method == "CAST"
@@ -440,9 +441,9 @@ def test_instances_on_its_own_base_are_not_taken_to_share_its_uvs(is_single):
 
 
 @pytest.mark.parametrize("method", ["FLATTEN", "CAST"])
-def test_instances_have_the_material_of_their_object_and_one_number(method):
-    plane, one, other = low(), zoo.terrain("one", height=0.02), zoo.terrain("other", height=0.02)
-    for obj, side in ((one, 1), (other, -1)):
+def test_instances_have_the_material_of_their_object_and_the_id_of_the_high_object(method):
+    plane, first, second = low(), zoo.terrain("first", height=0.02), zoo.terrain("second", height=0.02)
+    for obj, side in ((first, 1), (second, -1)):
         obj.data.materials.append(bpy.data.materials.new(obj.name))
         if method == "FLATTEN":
             layer = obj.data.uv_layers[0].uv
@@ -450,7 +451,7 @@ def test_instances_have_the_material_of_their_object_and_one_number(method):
                 "vector", [value for uv in layer for value in (0.5 * uv.vector.x + (side < 0) * 0.5, uv.vector.y)]
             )
         obj.scale.x, obj.location.x = 0.5, -0.5 * side
-    high = link(empty("hi", shelf(one, other)))
+    high = link(empty("hi", shelf(first, second)))
     report = bake_pair(
         bpy.context,
         plane,
@@ -463,14 +464,14 @@ def test_instances_have_the_material_of_their_object_and_one_number(method):
     assert len(np.unique(objects[8:-8, 4:-4, :3].reshape(-1, 3), axis=0)) == 1
     left, right = materials[16, 8, :3], materials[16, 24, :3]
     assert (left != right).any()
-    assert set(report.maps["material_id"]["colours"]) == {"one", "other"}
+    assert set(report.maps["material_id"]["colours"]) == {"first", "second"}
 
 
-# Hidden, parked, left out
+# Hidden objects and collections
 
 
 def parked(obj):
-    """A collection in the scene with `obj` in it alone, and its place in the view layer."""
+    """Move `obj` into a new collection of the scene. Returns the collection and its view layer collection."""
     collection = shelf(obj, name="Parked")
     bpy.context.scene.collection.children.link(collection)
     return collection, bpy.context.view_layer.layer_collection.children["Parked"]
@@ -504,7 +505,7 @@ HIDDEN = {
 
 @pytest.mark.parametrize("how", HIDDEN)
 @pytest.mark.parametrize("role", ["lo", "hi", "cage"])
-def test_what_is_hidden_is_read_and_stays_hidden(how, role):
+def test_hidden_objects_are_read_and_stay_hidden(how, role):
     plane, high, cage = low(), zoo.terrain("hi"), zoo.plane("cage")
     high.modifiers.new("Lift", "DISPLACE").strength = 0.1
     high.parent = link(bpy.data.objects.new("parent", None))
@@ -528,15 +529,15 @@ def test_what_is_hidden_is_read_and_stays_hidden(how, role):
     np.testing.assert_array_equal(texels, expected)
 
 
-def test_a_parked_empty_is_read():
+def test_an_empty_in_an_excluded_collection_is_read():
     plane, high = low(), link(empty("hi", shelf(bolt()), scale=(5.0, 5.0, 5.0)))
     expected = cast(plane, high)
     parked(high)[1].exclude = True
     np.testing.assert_array_equal(cast(plane, high), expected)
 
 
-def test_a_matrix_rotated():
-    """The oracle of this file: a matrix that Blender makes of an instance is the product of those that it is made of."""
+def test_the_matrix_of_an_instance():
+    """It is the product of the matrices of the empty and the instanced object. The other tests rely on this."""
     source = bolt()
     source.matrix_world = mathutils.Matrix.LocRotScale(
         (0.1, 0.2, 0.3), mathutils.Euler((0.4, 0.5, 0.6)), (0.7, -0.8, 0.9)
@@ -544,10 +545,10 @@ def test_a_matrix_rotated():
     high = link(empty("hi", shelf(source), location=(0.3, 0.0, 0.1), scale=(2.0, 1.0, -0.5)))
     bpy.context.view_layer.update()
     mesh = reading.read(bpy.context, low(), [high], None, Settings("CAST")).highs[0]
-    own = np.array([vertex.co for vertex in source.data.vertices])
-    whole = np.array(high.matrix_world) @ np.array(source.matrix_basis)
+    points = np.array([vertex.co for vertex in source.data.vertices])
+    product = np.array(high.matrix_world) @ np.array(source.matrix_basis)
     np.testing.assert_allclose(
         mesh.positions @ mesh.to_world[:3, :3].T + mesh.to_world[:3, 3],
-        own @ whole[:3, :3].T + whole[:3, 3],
+        points @ product[:3, :3].T + product[:3, 3],
         atol=SINGLE,
     )

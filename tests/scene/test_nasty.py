@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Files that break tools, and states that a file or a script leaves behind: a map, or a sentence."""
+"""Tests that files and scene states that break other tools give a map or a clear message."""
 
 import bpy
 import numpy as np
@@ -14,9 +14,9 @@ from tests.support import angles, maps, outcome, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
-FILES = {  # and how many meshes each holds
+FILES = {  # with the number of their meshes
     "BoxBadNormals.glb": 1,
-    "BoxWithInfinites.glb": 1,  # which the importer puts into one point
+    "BoxWithInfinites.glb": 1,  # the importer moves all of its vertices to one point
     "MirroredCube_252.blend": 2,
     "busted.STL": 1,
     "chair_model.obj": 4,
@@ -34,14 +34,14 @@ IMPORTERS = {
     ".blend": lambda path: bpy.ops.wm.open_mainfile(filepath=path),
 }
 AROUND = 1.2
-"""How much larger than an object a shape is that is put around it."""
+"""The size of a shape around an object, relative to the object."""
 ROUNDING = 1e-3
-"""Degrees: positions in single precision over quads that are a 64th of them large."""
+"""Degrees: the error of positions in single precision, with quads of 1/64 of their size."""
 SMALL = {"width": 32, "height": 32, "storage": "MEMORY"}
 
 
 @pytest.mark.shared
-def test_every_file_is_tried(shared_assets):
+def test_every_file_is_tested(shared_assets):
     assert sorted(path.name for path in (shared_assets / "nasty").iterdir()) == sorted(FILES)
 
 
@@ -56,7 +56,7 @@ def meshes(request, shared_assets):
 
 
 def around(shape, obj):
-    """Move and scale a shape of radius 1 so that it holds the object's box."""
+    """Move and scale a shape of radius 1 so that it contains the object's bounding box."""
     bpy.context.view_layer.update()
     corners = np.array([obj.matrix_world @ Vector(corner) for corner in obj.bound_box])
     low, high = corners.min(axis=0), corners.max(axis=0)
@@ -65,7 +65,7 @@ def around(shape, obj):
 
 
 def unwrap(obj):
-    """UVs from the vertices' x and y, so that most of the faces lie on others."""
+    """Add UVs from the vertices' x and y, so that most faces overlap others."""
     points = np.array([vertex.co[:2] for vertex in obj.data.vertices])
     points = (points - points.min(axis=0)) / np.maximum(np.ptp(points, axis=0), 1e-9)
     corners = [loop.vertex_index for loop in obj.data.loops]
@@ -93,7 +93,7 @@ def test_a_file_as_high(meshes, make, method, tmp_path):
         if method == "FLATTEN" and not high.data.uv_layers:
             assert "has no UV layer" in result
         else:
-            edge_on = make is zoo.plane and high.name == "something!"  # a disc that stands upright
+            edge_on = make is zoo.plane and high.name == "something!"  # an upright disc
             assert is_map(result) or is_a_point(high) or edge_on, result
         bpy.data.objects.remove(bpy.data.objects["lo"])
 
@@ -102,7 +102,7 @@ def test_a_file_as_high(meshes, make, method, tmp_path):
 @pytest.mark.parametrize("method", DECLARED["method"].values)
 @pytest.mark.parametrize("scale", [(1.0, 1.0, 1.0), (-1e-3, 1e3, 1.0), (1.0, 1.0, 0.0), (1e30, 1e30, 1e30)], ids=str)
 def test_a_file_as_instances(meshes, method, scale, tmp_path):
-    """All that it holds, twice in one collection, of which an empty shows an instance."""
+    """All objects of the file, twice in a collection that an empty instances."""
     shelf, twice = bpy.data.collections.new("Shelf"), bpy.data.collections.new("Twice")
     for obj in meshes:
         shelf.objects.link(obj)
@@ -138,7 +138,7 @@ def test_a_file_as_low(meshes, method, tmp_path):
 @pytest.mark.shared
 @pytest.mark.parametrize("method", DECLARED["method"].values)
 def test_a_file_onto_itself(meshes, method, tmp_path):
-    """Through a modifier that adds detail, and with the file's own UVs where there are some."""
+    """With a modifier that adds detail, and with the file's UVs if it has some."""
     for obj in meshes:
         if not obj.data.uv_layers:
             unwrap(obj)
@@ -151,7 +151,7 @@ def test_a_file_onto_itself(meshes, method, tmp_path):
 
 
 def scaled_pair(size):
-    """A plane and a terrain over it whose meshes themselves are as large as that."""
+    """A plane and a terrain over it. Their meshes, not their objects, are scaled by `size`."""
     pair = zoo.plane("lo", 8), zoo.terrain("hi", 64)
     for obj in pair:
         obj.data.transform(Matrix.Scale(size, 4))
@@ -169,14 +169,14 @@ def test_the_map_does_not_depend_on_the_size(method, size):
 
 @pytest.mark.parametrize("size", [1e-37, 1e-30, 1e-20, 1e-12, 1e-9, 1e-8, 1e10, 1e12, 1e20, 1e30, 1e37])
 @pytest.mark.parametrize("method", DECLARED["method"].values)
-def test_a_size_of_which_blender_has_no_normals(method, size, tmp_path):
+def test_a_size_without_valid_normals_is_refused(method, size, tmp_path):
     result = bake(*scaled_pair(size), method, tmp_path)
     assert ("too small" if size < 1.0 else "too large") in result
 
 
 @pytest.mark.parametrize("size", [1e-9, 1e9])
 @pytest.mark.parametrize("method", DECLARED["method"].values)
-def test_a_size_that_the_object_has_and_not_the_mesh(method, size, tmp_path):
+def test_a_very_small_or_large_object_scale_works(method, size, tmp_path):
     low, high = zoo.plane("lo", 8), zoo.terrain("hi", 64)
     low.scale = high.scale = [size / 2] * 3
     assert is_map(bake(low, high, method, tmp_path))
@@ -185,8 +185,8 @@ def test_a_size_that_the_object_has_and_not_the_mesh(method, size, tmp_path):
 @pytest.mark.parametrize("margin_type", DECLARED["margin_type"].values)
 @pytest.mark.parametrize("size", [1e3, 1e9, 1e20, 1e37])
 @pytest.mark.parametrize("method", DECLARED["method"].values)
-def test_uvs_that_lie_far_outside(method, size, margin_type, tmp_path):
-    """Of one quad, which is a part of the map's seams."""
+def test_uvs_far_outside_the_tile(method, size, margin_type, tmp_path):
+    """Of one quad at the map's seams."""
     low, high = zoo.plane("lo", 8), zoo.terrain("hi", 8)
     for obj in (low, high):
         for corner in obj.data.polygons[0].loop_indices:
@@ -196,8 +196,8 @@ def test_uvs_that_lie_far_outside(method, size, margin_type, tmp_path):
 
 
 @pytest.mark.parametrize("size", [0.0, 1e-30, 1e-25, 1e-10, 1e-5])
-def test_an_island_that_is_a_point_beside_the_one_across_its_seam(size, tmp_path):
-    """The point lies on an island, from which the margin of its neighbours would take texels."""
+def test_an_island_that_is_a_point_on_another_island(size, tmp_path):
+    """The margins of neighboring islands would take texels from it."""
     low, high = zoo.plane("lo", 2), zoo.terrain("hi", 2)
     for obj in (low, high):
         uv = obj.data.uv_layers[0].uv
@@ -207,7 +207,7 @@ def test_an_island_that_is_a_point_beside_the_one_across_its_seam(size, tmp_path
     assert is_map(bake(low, high, "FLATTEN", tmp_path, margin_type="ADJACENT_FACES", depth=32))
 
 
-def test_a_sentence_stays_short_however_many_tiles_and_objects_there_are(tmp_path):
+def test_messages_stay_short_with_many_tiles_and_objects(tmp_path):
     low, highs = zoo.plane("lo"), [zoo.plane(f"high {number:02} {'x' * 40}") for number in range(20)]
     for corner in low.data.uv_layers[0].uv:
         corner.vector = 10.0 * corner.vector.x, 90.0 * corner.vector.y + 1.0
@@ -229,7 +229,7 @@ def test_a_sentence_stays_short_however_many_tiles_and_objects_there_are(tmp_pat
 @pytest.mark.parametrize("name", ["lo", "hi"])
 @pytest.mark.parametrize("method", DECLARED["method"].values)
 def test_a_hidden_object_whose_matrix_is_out_of_date(method, name, scale):
-    """Blender looks at what is hidden only when it is shown."""
+    """Blender evaluates hidden objects only when they are shown."""
     low, high = zoo.plane("lo"), zoo.plane("hi", 4)
     obj = bpy.data.objects[name]
     obj.hide_viewport = True
@@ -240,7 +240,7 @@ def test_a_hidden_object_whose_matrix_is_out_of_date(method, name, scale):
 
 
 @pytest.mark.parametrize("method", DECLARED["method"].values)
-def test_a_hidden_object_that_was_pressed_flat_and_is_no_more(method):
+def test_a_hidden_object_whose_scale_is_no_longer_zero(method):
     low, high = zoo.plane("lo"), zoo.plane("hi", 4)
     high.scale.x = 0.0
     bpy.context.view_layer.update()
@@ -250,7 +250,7 @@ def test_a_hidden_object_that_was_pressed_flat_and_is_no_more(method):
     assert (report.coverage, report.missed) == (1.0, 0.0)
 
 
-def test_a_base_mesh_whose_modifiers_lose_its_uvs(tmp_path):
+def test_a_base_mesh_whose_modifiers_remove_its_uvs(tmp_path):
     obj = zoo.cube("own")
     tree = bpy.data.node_groups.new("Another cube", "GeometryNodeTree")
     tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
@@ -262,8 +262,8 @@ def test_a_base_mesh_whose_modifiers_lose_its_uvs(tmp_path):
 
 
 @pytest.mark.parametrize("mode", ["WEIGHT_PAINT", "VERTEX_PAINT", "TEXTURE_PAINT", "SCULPT"])
-def test_a_mesh_that_is_painted_on_one_object_and_edited_on_another(mode, tmp_path):
-    """Blender crashes where the one mode is entered after the other."""
+def test_a_mesh_in_a_paint_mode_on_one_object_and_in_edit_mode_on_another(mode, tmp_path):
+    """Blender crashes if the modes are entered in the wrong order."""
     low, high = zoo.plane("lo"), zoo.plane("hi", 4)
     twin = high.copy()
     bpy.context.collection.objects.link(twin)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which objects are baked: one, several, parents and children, and a mesh onto its own base."""
+"""Tests the checks of objects, and bakes of several objects, with parents, and onto their own base mesh."""
 
 import bpy
 import mathutils
@@ -15,9 +15,9 @@ from tests.support import angles, maps, zoo
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
 UNIT = 1e-6
-"""Single precision, on the way from the mesh to the map."""
+"""The error of single precision."""
 SCULPT_P99 = 0.05
-"""Degrees. Multires keeps its displacements in tangent space and single precision: its normals are not quite the mesh's."""
+"""Degrees. Multires stores displacements in tangent space, in single precision: its normals differ a little from the mesh's."""
 
 
 def link(obj):
@@ -26,7 +26,7 @@ def link(obj):
 
 
 def applied(obj):
-    """A copy of an object whose modifiers are its mesh, with the UVs that they give."""
+    """A copy of an object with its modifiers applied, and the UVs that they give."""
     mesh = bpy.data.meshes.new_from_object(obj.evaluated_get(bpy.context.evaluated_depsgraph_get()))
     return link(bpy.data.objects.new("applied", mesh))
 
@@ -37,7 +37,7 @@ def base(obj):
 
 
 def problem(low, *highs):
-    bpy.context.view_layer.update()  # as it has been when a panel is drawn
+    bpy.context.view_layer.update()  # as before a panel is drawn
     return object_checks.problem(bpy.context, low, highs)
 
 
@@ -50,7 +50,7 @@ def test_an_object_is_found_by_its_name():
 
 
 @pytest.mark.parametrize(("typo", "hint"), [("Kube", "did you mean 'Cube'?"), ("xyz", "it has 2 objects.")])
-def test_a_name_that_is_not_there_gets_a_hint(typo, hint):
+def test_an_unknown_name_gets_a_hint(typo, hint):
     zoo.cube("Cube")
     zoo.plane("Plane")
     with pytest.raises(BakeError) as refused:
@@ -59,7 +59,7 @@ def test_a_name_that_is_not_there_gets_a_hint(typo, hint):
     assert hint in str(refused.value)
 
 
-def test_nothing_stands_in_the_way_of_a_good_pair():
+def test_a_valid_pair_has_no_problem():
     low, high = zoo.plane("lo"), zoo.terrain("hi")
     assert problem(low, high) == ""
 
@@ -68,19 +68,19 @@ def test_no_low_object():
     assert problem(None).startswith("No low object: select")
 
 
-def test_modifiers_may_make_faces_and_uvs():
-    """Which of them do is known when they are evaluated: asked at every redraw, that would be too slow."""
-    low, bare = zoo.plane("lo"), link(bpy.data.objects.new("bare", bpy.data.meshes.new("bare")))
-    assert problem(low, bare).startswith("'bare' has no faces")
-    bare.modifiers.new("Nodes", "NODES")
-    assert problem(low, bare) == ""
-    assert problem(bare, low) == ""
-    bare.modifiers["Nodes"].node_group = bpy.data.node_groups.new("Cube", "GeometryNodeTree")
-    bare.modifiers["Nodes"].node_group.nodes.new("GeometryNodeMeshCube")
-    assert problem(bare, bare).startswith("'bare' has no faces")
+def test_modifiers_may_add_faces_and_uvs():
+    """Evaluating them to find out would be too slow for every redraw."""
+    low, empty = zoo.plane("lo"), link(bpy.data.objects.new("empty", bpy.data.meshes.new("empty")))
+    assert problem(low, empty).startswith("'empty' has no faces")
+    empty.modifiers.new("Nodes", "NODES")
+    assert problem(low, empty) == ""
+    assert problem(empty, low) == ""
+    empty.modifiers["Nodes"].node_group = bpy.data.node_groups.new("Cube", "GeometryNodeTree")
+    empty.modifiers["Nodes"].node_group.nodes.new("GeometryNodeMeshCube")
+    assert problem(empty, empty).startswith("'empty' has no faces")
 
 
-def test_an_object_in_edit_mode_is_not_judged_by_its_old_mesh():
+def test_the_outdated_mesh_of_an_object_in_edit_mode_is_not_checked():
     low = link(bpy.data.objects.new("lo", bpy.data.meshes.new("lo")))
     bpy.context.view_layer.objects.active = low
     bpy.ops.object.mode_set(mode="EDIT")
@@ -96,7 +96,7 @@ def test_odd_scales_are_no_problem(scale):
     assert problem(low, high) == ""
 
 
-# What is baked
+# Bakes
 
 
 def test_several_high_objects_fill_one_map():
@@ -111,12 +111,12 @@ def test_several_high_objects_fill_one_map():
         expected = np.array([-slope, 0, 1]) / np.hypot(slope, 1)
         np.testing.assert_allclose(texel, [*(expected * 0.5 + 0.5), 1], rtol=0, atol=UNIT)
     assert texels[32, 32, 3] == 0
-    one = maps.bake(low, parts[1], space="OBJECT", size=(64, 64))
-    assert one[32, 10, 3] == 0
+    right = maps.bake(low, parts[1], space="OBJECT", size=(64, 64))
+    assert right[32, 10, 3] == 0
 
 
-def test_parents_count():
-    """The normal of a plane in the low object's space, by the matrices that the parents' transforms make."""
+def test_transforms_of_parents_are_used():
+    """Compares the normal of a plane in the low object's space with one from the parents' matrices."""
     low, high = zoo.plane("lo"), zoo.plane("hi")
     lean = mathutils.Matrix.LocRotScale((1, 2, 3), mathutils.Euler((0.3, 1.1, -0.7)), (1, -2, 0.5))
     turn = mathutils.Matrix.LocRotScale((-4, 0, 1), mathutils.Euler((1.0, -0.2, 0.4)), (3, 1, 1))
@@ -136,7 +136,7 @@ def test_subdivision_onto_its_own_base():
     modifier.levels, modifier.render_levels = 0, 3
     texels = maps.bake(cube, cube)
     assert not np.array_equal(texels, maps.bake(cube, cube, modifiers="VIEWPORT"))
-    # The same by hand, with UVs that stay where the base has them.
+    # The same with the modifier applied, and the UVs of the base mesh.
     modifier.levels, modifier.uv_smooth = 3, "NONE"
     np.testing.assert_array_equal(texels, maps.bake(base(cube), applied(cube)))
 
@@ -153,7 +153,7 @@ def test_displacement_onto_its_own_base():
 
 
 def test_multires_onto_its_own_base():
-    """A sculpt, with the viewport at its base level: what a person has who works on something else."""
+    """A sculpt with the viewport at its base level."""
     sculpt = zoo.plane("sculpt", 4)
     modifier = sculpt.modifiers.new("Multires", "MULTIRES")
     bpy.context.view_layer.objects.active = sculpt
@@ -175,20 +175,20 @@ def test_multires_onto_its_own_base():
     assert np.percentile(error, 99) < SCULPT_P99
 
 
-def test_the_uv_layer_of_the_same_name_is_shared():
-    """The high mesh's layer of the low's name counts, whichever is active there."""
+def test_the_uv_layer_of_the_same_name_is_used():
+    """And not the active layer of the high mesh."""
     low, high = zoo.plane("lo"), zoo.plane("hi", slope=1.0)
     other = high.data.uv_layers.new(name="Other")
     other.uv.foreach_set("vector", np.full(8, 0.5, np.float32))
     high.data.uv_layers.active = other
     assert maps.bake(low, high, size=(16, 16))[..., 3].all()
     low.data.uv_layers[0].name = "Nowhere else"
-    with pytest.raises(BakeError):  # then it is the active one, which has no area
+    with pytest.raises(BakeError):  # now the active layer is used, which has no area
         maps.bake(low, high, size=(16, 16))
 
 
 @pytest.mark.parametrize("name", ["{low}", "a{low}b", "{x}", "{"])
-def test_a_low_object_may_be_called_anything(name):
+def test_a_low_object_may_have_any_name(name):
     low, high = zoo.plane(name), zoo.plane("high")
     report = bake_pair(bpy.context, low, [high], Settings("FLATTEN", width=16, height=16, mask=True))
     assert report.image == f"{name}_normal"

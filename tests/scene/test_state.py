@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A bake changes an image and a material, and nothing else: not modes, not selection, not what is shown or hidden."""
+"""Tests that a bake changes only an image and a material: not modes, selection or visibility."""
 
 import bmesh
 import bpy
@@ -16,11 +16,11 @@ pytestmark = pytest.mark.usefixtures("gpu_context")
 
 MODES = ["EDIT", "SCULPT", "VERTEX_PAINT", "WEIGHT_PAINT", "TEXTURE_PAINT"]
 SLOPE = 1.0
-"""Of the planes below: 45 degrees, whose normal nobody takes for another."""
+"""Of the planes below: 45 degrees, so that their normal differs from all others."""
 SLOPED = np.array([0.5 - 0.5 * np.sqrt(0.5), 0.5, 0.5 + 0.5 * np.sqrt(0.5)])
 """Its texel in object space."""
 ROUNDING = 1e-6
-"""Single precision on the way from the mesh to the map."""
+"""The error of single precision."""
 
 
 @pytest.fixture
@@ -29,7 +29,7 @@ def pair():
 
 
 def bake_without_trace(low, *highs, **settings):
-    """The texels of a bake that must leave everything but its image as it was."""
+    """The texels of a bake that must not change anything but its image."""
     before = snapshot(without=("images",))
     texels = maps.bake(low, *highs, **{"size": (16, 16)} | settings)
     assert difference(before, snapshot(without=("images",))) == {}
@@ -37,7 +37,7 @@ def bake_without_trace(low, *highs, **settings):
 
 
 def enter(mode, *objects):
-    """Select these objects alone, make the first active and enter a mode."""
+    """Select only these objects, make the first active, and enter a mode."""
     for obj in bpy.context.selected_objects:
         obj.select_set(False)
     for obj in objects:
@@ -48,7 +48,7 @@ def enter(mode, *objects):
 
 
 def lean(obj):
-    """Give a plane in Edit Mode a slope, as an edit that is not in its mesh yet."""
+    """Give a plane in Edit Mode a slope: an edit that is not in its mesh yet."""
     mesh = bmesh.from_edit_mesh(obj.data)
     for vertex in mesh.verts:
         vertex.co.z = SLOPE * vertex.co.x
@@ -64,7 +64,7 @@ def is_sloped(texels):
 
 @pytest.mark.parametrize("name", ["lo", "hi"])
 @pytest.mark.parametrize("mode", MODES)
-def test_the_mode_is_come_back_to(pair, mode, name):
+def test_the_mode_is_restored(pair, mode, name):
     enter(mode, bpy.data.objects[name])
     bake_without_trace(*pair)
 
@@ -78,14 +78,14 @@ def test_a_hidden_object_may_be_in_a_mode(pair, mode, hide):
     bake_without_trace(low, high)
 
 
-def test_edits_count_before_they_are_left(pair):
+def test_edits_are_baked_while_in_edit_mode(pair):
     low, high = pair
     enter("EDIT", high)
     lean(high)
     assert is_sloped(bake_without_trace(low, high, space="OBJECT"))
 
 
-def test_edits_count_through_another_object_with_the_same_mesh(pair):
+def test_edits_on_another_object_with_the_same_mesh_are_baked(pair):
     low, high = pair
     twin = high.copy()
     bpy.context.collection.objects.link(twin)
@@ -94,7 +94,7 @@ def test_edits_count_through_another_object_with_the_same_mesh(pair):
     assert is_sloped(bake_without_trace(low, high, space="OBJECT"))
 
 
-def test_edits_count_for_a_mesh_that_is_its_own_low_one():
+def test_edits_of_a_mesh_that_is_its_own_low_object_are_baked():
     obj = zoo.plane("own", 4)
     obj.modifiers.new("Rounded", "SUBSURF")
     twin = obj.copy()
@@ -105,7 +105,7 @@ def test_edits_count_for_a_mesh_that_is_its_own_low_one():
 
 
 @pytest.mark.parametrize("mode", ["EDIT", "SCULPT"])
-def test_a_hidden_twin_in_a_mode_is_let_out_of_it_and_back(mode):
+def test_a_hidden_object_with_the_same_mesh_leaves_its_mode_and_returns(mode):
     obj = zoo.plane("own", 4)
     obj.modifiers.new("Rounded", "SUBSURF")
     twin = obj.copy()
@@ -115,7 +115,7 @@ def test_a_hidden_twin_in_a_mode_is_let_out_of_it_and_back(mode):
     bake_without_trace(obj, obj)
 
 
-def test_edits_count_where_another_object_is_active(pair):
+def test_edits_are_baked_if_another_object_is_active(pair):
     low, high = pair
     enter("EDIT", high)
     lean(high)
@@ -123,7 +123,7 @@ def test_edits_count_where_another_object_is_active(pair):
     assert is_sloped(bake_without_trace(low, high, space="OBJECT"))
 
 
-def test_a_modifier_that_edit_mode_does_not_show_counts(pair):
+def test_a_modifier_hidden_in_edit_mode_is_baked(pair):
     low, high = pair
     displace = high.modifiers.new("Lift", "DISPLACE")
     displace.direction, displace.texture_coords = "Z", "LOCAL"
@@ -136,7 +136,7 @@ def test_a_modifier_that_edit_mode_does_not_show_counts(pair):
     np.testing.assert_array_equal(bake_without_trace(low, high, size=(64, 64)), expected)
 
 
-def test_others_in_edit_mode_stay_there_and_take_nobody_along(pair):
+def test_other_objects_keep_their_modes(pair):
     low, high = pair
     bystander, selected = zoo.cube("bystander"), zoo.cube("selected")
     enter("EDIT", bystander, high)
@@ -157,7 +157,7 @@ def test_edits_of_others_are_not_lost(pair):
 
 
 def test_a_file_saved_in_edit_mode(pair, tmp_path):
-    """In the background its UV layers have no elements until Edit Mode is left."""
+    """Without a window, its UV layers have no elements until Edit Mode is left."""
     low, high = pair
     enter("EDIT", low, high)
     lean(high)
@@ -166,11 +166,11 @@ def test_a_file_saved_in_edit_mode(pair, tmp_path):
     bpy.ops.wm.open_mainfile(filepath=path)
     low, high = bpy.data.objects["lo"], bpy.data.objects["hi"]
     assert low.mode == high.mode == "EDIT"
-    assert len(low.data.uv_layers[0].uv) == 0  # else this tests nothing
+    assert len(low.data.uv_layers[0].uv) == 0  # otherwise this tests nothing
     assert is_sloped(bake_without_trace(low, high, space="OBJECT"))
 
 
-# What is shown
+# Visibility
 
 
 def in_collection(obj):
@@ -223,7 +223,7 @@ def test_a_linked_hidden_high_object_is_baked(tmp_path):
 
 @pytest.mark.parametrize(("modifiers", "level"), [("RENDER", 3), ("VIEWPORT", 1)])
 @pytest.mark.parametrize("kind", ["SUBSURF", "MULTIRES"])
-def test_modifiers_count_at_the_levels_asked_for_and_keep_theirs(pair, kind, modifiers, level):
+def test_modifiers_are_baked_at_the_chosen_levels_and_keep_theirs(pair, kind, modifiers, level):
     low, high = pair
     modifier = high.modifiers.new("Detail", kind)
     if kind == "MULTIRES":
@@ -239,7 +239,7 @@ def test_modifiers_count_at_the_levels_asked_for_and_keep_theirs(pair, kind, mod
 
 
 @pytest.mark.parametrize(("modifiers", "counts"), [("RENDER", True), ("VIEWPORT", False)])
-def test_modifiers_count_where_they_are_shown(pair, modifiers, counts):
+def test_modifiers_are_baked_if_they_are_enabled_for_rendering_or_the_viewport(pair, modifiers, counts):
     low, high = pair
     array = high.modifiers.new("Row", "ARRAY")
     array.show_viewport, array.show_render = False, True
@@ -256,7 +256,7 @@ def test_modifiers_count_where_they_are_shown(pair, modifiers, counts):
 def test_a_bake_makes_one_image_and_one_material(pair, storage, tmp_path):
     low, high = pair
     made = ("images", "materials")
-    disc = zoo.disc("n-gon")  # triangulated in a mesh of its own
+    disc = zoo.disc("n-gon")  # triangulated in a temporary mesh
     for obj in (low, disc):
         before, images = snapshot(without=made), set(bpy.data.images)
         settings = Settings(width=16, height=16, storage=storage, output=str(tmp_path / f"{obj.name}.png"))
@@ -267,7 +267,7 @@ def test_a_bake_makes_one_image_and_one_material(pair, storage, tmp_path):
         assert set(bpy.data.images) - images == {bpy.data.images[report.image]}
 
 
-def test_meshes_are_not_changed_by_what_is_read_of_them(pair):
+def test_reading_does_not_change_meshes(pair):
     low, high = pair
     low.data.uv_layers.new(name="Second")
     low.data.uv_layers["Second"].active_render = True
@@ -278,7 +278,7 @@ def test_meshes_are_not_changed_by_what_is_read_of_them(pair):
 
 
 @pytest.mark.parametrize("error", [RuntimeError, KeyboardInterrupt])
-def test_what_goes_wrong_on_the_way_leaves_all_as_before(pair, monkeypatch, error):
+def test_an_error_while_reading_changes_nothing(pair, monkeypatch, error):
     def fail(*_, **__):
         raise error
 

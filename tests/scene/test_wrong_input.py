@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What cannot be baked: one sentence that names the thing and the remedy, and nothing is changed or written.
+"""Tests wrong input: the message is one sentence with the cause and the fix, and nothing is changed or written.
 
-What can be baked in part is baked, and the rest is counted.
+Input that is partly valid is baked, and the rest is counted.
 """
 
 import os
@@ -29,7 +29,7 @@ def is_one_sentence(text):
 
 @pytest.fixture
 def pair():
-    """A low and a high object in a scene with a little of everything that a bake could disturb."""
+    """A low and a high object in a scene with settings and datablocks that a bake could change."""
     low, high, other = zoo.plane("lo"), zoo.terrain("hi"), zoo.cube("other")
     other.modifiers.new("Rounded", "SUBSURF").levels = 0
     other.hide_render = True
@@ -46,7 +46,7 @@ def pair():
 
 
 def refusal(low, highs, **settings):
-    """The message of a bake that must be refused and leave everything as it was."""
+    """The message of a bake that must be refused without changing anything."""
     before = snapshot()
     with pytest.raises(BakeError) as refused:
         bake_pair(bpy.context, low, highs, Settings(**SMALL | settings))
@@ -62,7 +62,7 @@ def link(obj):
 
 
 def into_collection(obj):
-    """Move an object into a new collection; return it and its place in the view layer."""
+    """Move an object into a new collection. Returns the collection and its view layer collection."""
     collection = bpy.data.collections.new("Shelf")
     bpy.context.scene.collection.children.link(collection)
     bpy.context.scene.collection.objects.unlink(obj)
@@ -80,7 +80,7 @@ def empty_through_modifiers(obj):
 
 
 def child_of_flat_parent(obj):
-    """Nothing in the matrix is zero here, but for rounding it would be."""
+    """The matrix has no zeros, only because of rounding."""
     parent = link(bpy.data.objects.new("flat", None))
     parent.scale.z, parent.rotation_euler = 0.0, (1.0, 2.0, 3.0)
     obj.parent, obj.rotation_euler = parent, (0.4, 0.5, 0.6)
@@ -88,7 +88,7 @@ def child_of_flat_parent(obj):
 
 # Objects
 
-SPOILT = {  # what is done to an object, and the word in the message that helps
+SPOILED = {  # a change to an object, and the word in the message about the fix
     "no UV layer": (remove_uvs, "unwrap"),
     "no faces": (lambda obj: obj.data.clear_geometry(), "no faces"),
     "in no scene": (lambda obj: obj.users_scene[0].collection.objects.unlink(obj), "link it"),
@@ -100,10 +100,10 @@ SPOILT = {  # what is done to an object, and the word in the message that helps
 
 
 @pytest.mark.parametrize("name", ["lo", "hi"])
-@pytest.mark.parametrize("case", SPOILT)
-def test_an_object_that_cannot_be_baked_is_named_with_the_remedy(pair, name, case):
+@pytest.mark.parametrize("case", SPOILED)
+def test_the_message_names_the_object_and_the_fix(pair, name, case):
     low, high = pair
-    spoil, remedy = SPOILT[case]
+    spoil, remedy = SPOILED[case]
     spoil(bpy.data.objects[name])
     message = refusal(low, [high])
     assert repr(name) in message
@@ -116,7 +116,7 @@ KINDS = [(kind, "low") for kind in ("LIGHT", "EMPTY", "CURVE", "FONT")] + [
 
 
 @pytest.mark.parametrize(("kind", "role"), KINDS)
-def test_only_what_has_a_surface_is_baked(pair, kind, role):
+def test_objects_without_a_surface_are_refused(pair, kind, role):
     low, high = pair
     data = {
         "LIGHT": lambda: bpy.data.lights.new("odd", "SUN"),
@@ -130,7 +130,7 @@ def test_only_what_has_a_surface_is_baked(pair, kind, role):
     assert "mesh" in message
 
 
-def test_a_high_mesh_that_its_modifiers_leave_empty(pair):
+def test_a_high_mesh_that_modifiers_make_empty(pair):
     low, high = pair
     empty_through_modifiers(high)
     assert "'hi' has no faces" in refusal(low, [high])
@@ -141,7 +141,7 @@ def test_a_named_uv_layer_that_the_low_mesh_lacks(pair):
     message = refusal(low, [high], uv_layer="Lightmap")
     assert "'lo'" in message
     assert "'Lightmap'" in message
-    assert repr(zoo.LAYER) in message  # what there is instead
+    assert repr(zoo.LAYER) in message  # the existing layer
 
 
 def test_low_and_high_the_same_without_modifiers(pair):
@@ -151,12 +151,12 @@ def test_low_and_high_the_same_without_modifiers(pair):
 
 def test_a_low_object_among_several_high_ones(pair):
     low, high = pair
-    assert "'lo' is the low object and one of several high ones" in refusal(low, [high, low])
+    assert "'lo' is both the low object and one of several high objects" in refusal(low, [high, low])
 
 
-def test_a_high_object_that_is_named_twice(pair):
+def test_a_high_object_that_is_given_twice(pair):
     low, high = pair
-    assert "'hi' is named twice" in refusal(low, [high, high])
+    assert "'hi' is twice in the high objects" in refusal(low, [high, high])
 
 
 def test_no_high_object(pair):
@@ -165,7 +165,7 @@ def test_no_high_object(pair):
 
 
 def linked(tmp_path, *names):
-    """Objects of these names, linked from a library that holds the current scene."""
+    """Save the current scene as a library, and link the objects with these names from it."""
     path = str(tmp_path / "library.blend")
     bpy.ops.wm.save_as_mainfile(filepath=path, copy=True)
     with bpy.data.libraries.load(path, link=True) as (_, wanted):
@@ -211,13 +211,13 @@ SETTINGS = {
 
 
 @pytest.mark.parametrize("case", SETTINGS)
-def test_settings_that_no_bake_takes(pair, case):
+def test_settings_that_are_not_valid(pair, case):
     low, high = pair
     settings, word = SETTINGS[case]
     assert word in refusal(low, [high], **settings)
 
 
-def test_a_map_wider_than_the_gpu_takes(pair, monkeypatch):
+def test_a_map_that_is_too_wide_for_the_gpu(pair, monkeypatch):
     low, high = pair
     monkeypatch.setattr(gpu.capabilities, "max_texture_size_get", lambda: 1024)
     message = refusal(low, [high], width=2048)
@@ -234,7 +234,7 @@ def test_no_gpu(pair, monkeypatch):
     assert "no GPU" in refusal(low, [high])
 
 
-# Where the map goes
+# Output
 
 OUTPUTS = {
     "name too long in a missing folder": ("none/" + "m" * 300 + ".png", 16, "too long"),
@@ -261,7 +261,7 @@ def test_a_file_that_cannot_be_written(pair, tmp_path, case):
 
 def test_a_path_relative_to_a_file_that_was_never_saved(pair, tmp_path, monkeypatch):
     low, high = pair
-    monkeypatch.chdir(tmp_path)  # where Blender would look for it
+    monkeypatch.chdir(tmp_path)  # Blender would resolve the path here
     assert "save it first" in refusal(low, [high], storage="FILE", output="//map.png")
     assert os.listdir(tmp_path) == []
 
@@ -271,7 +271,7 @@ def of_source(source):
 
 
 def render():
-    """Four texels of nothing."""
+    """Render an empty picture of 4 x 4 pixels."""
     scene = bpy.context.scene
     scene.camera = link(bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera")))
     scene.render.resolution_x = scene.render.resolution_y = 4
@@ -291,7 +291,7 @@ def layered():
     result.save_render(path, scene=scene)
     image = bpy.data.images.load(path)
     image.name = "taken"
-    assert (len(image.pixels), image.type) == (0, "MULTILAYER")  # known once it is read
+    assert (len(image.pixels), image.type) == (0, "MULTILAYER")  # the type is set when the file is read
 
 
 TAKEN = {
@@ -305,7 +305,7 @@ TAKEN = {
 
 @pytest.mark.parametrize("storage", ["PACK", "MEMORY", "FILE"])
 @pytest.mark.parametrize("case", TAKEN)
-def test_an_image_that_is_no_single_picture_keeps_its_name(pair, tmp_path, case, storage):
+def test_an_image_that_is_not_a_still_image_is_not_replaced(pair, tmp_path, case, storage):
     low, high = pair
     TAKEN[case]()
     message = refusal(low, [high], image="taken", storage=storage, output=str(tmp_path / "map.png"))
@@ -318,7 +318,7 @@ def test_an_image_that_is_no_single_picture_keeps_its_name(pair, tmp_path, case,
 
 
 def poke(attribute, values):
-    """Set some elements of a vector attribute: {index: vector}. As a whole, since one by one infinity is clamped."""
+    """Set some elements of a vector attribute: {index: vector}. Setting single elements would clamp infinity."""
     width = len(attribute.data[0].vector)
     array = np.empty((len(attribute.data), width), np.float32)
     attribute.data.foreach_get("vector", array.ravel())
@@ -348,7 +348,7 @@ def test_triangles_that_are_not_finite_are_left_out_and_counted(pair, bad, what,
         set_uv(high, {0: (0.5, bad)})
     report = bake_pair(bpy.context, low, [high], Settings(**SMALL, space=space))
     # A corner of a quad is in one or two of its triangles; a vertex in the middle of quads is in 4 to 8, and infinity
-    # spoils the normals of its neighbours too.
+    # makes the normals of its neighbors invalid too.
     (counted,) = (int(n) for w in report.warnings for n in re.findall(r"'hi': (\d+) of its triangles left out", w))
     assert counted in (range(1, 3) if what == "uv" else range(4, 9))
     assert report.triangles["high"] == 2 * 32 * 32 - counted
@@ -394,8 +394,7 @@ def test_a_mesh_without_a_finite_point_is_named(pair, name, method):
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("space", ["TANGENT", "OBJECT", "WORLD"])
 @pytest.mark.parametrize("name", ["lo", "hi"])
-def test_a_mesh_that_is_one_point_in_space_gives_numbers_or_a_reason(pair, name, space, method):
-    """And with it what has no area in space alone."""
+def test_a_mesh_that_is_one_point_gives_finite_texels_or_a_message(pair, name, space, method):
     low, high = pair
     fill(name, "position", 0.5)
     try:
@@ -420,7 +419,7 @@ def test_rounding_is_not_outside_the_tile(pair):
 
 
 @pytest.mark.parametrize("name", ["hi", "lo"])
-def test_nothing_on_the_map_is_laid_to_the_right_mesh(pair, name):
+def test_the_message_names_the_mesh_that_is_not_on_the_map(pair, name):
     low, high = pair
     data = bpy.data.objects[name].data
     data.uv_layers[0].uv.foreach_set("vector", np.full(len(data.loops) * 2, 2.0, np.float32))

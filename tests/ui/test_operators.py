@@ -125,7 +125,7 @@ def test_one_object_with_modifiers(pair):
 
 
 def test_several_high_arguments(pair):
-    assert "'hi' is named twice" in refusal(low="lo", high=[{"name": "hi"}, {"name": "hi"}])
+    assert "'hi' is twice in the high objects" in refusal(low="lo", high=[{"name": "hi"}, {"name": "hi"}])
     zoo.plane("third", slope=-1.0)
     assert bake(low="lo", high=[{"name": "hi"}, {"name": "third"}])[8, 8, 0] > 0.8  # the last one lies on top
 
