@@ -48,9 +48,11 @@ def _modules() -> tuple[ModuleType, ...]:
     from .cli import command
     from .ui import check_operators, idle_memory, map_size, modal, operators, panel_operators, presets, properties
     from .ui.panels import bake_panel, batch_panels, check_panel, settings_panels, view_panel
+    from .ui.translations import catalog
     from .ui.viewport import split_gizmo, view_mode, view_operators, view_properties
 
     return (
+        catalog,
         properties,
         operators,
         panel_operators,

@@ -9,6 +9,7 @@ from ..core.report import Report
 from ..jobs import locate_issues
 from ..scene import face_selection
 from .bake_results import results
+from .translations.lookup import LABEL, tooltip
 from .viewport import show_result
 from .viewport.progress_display import display
 
@@ -68,6 +69,7 @@ class _LastBakeOperator:
         name="Low",
         description="Name of a low object that was baked; empty for that of the panel, or else the last one",
         options={"SKIP_SAVE"},
+        translation_context=LABEL,
     )
 
     @classmethod
@@ -93,11 +95,16 @@ class IMPRINT_OT_select_flaws(_LastBakeOperator, bpy.types.Operator):
     bl_label = "Select Faces"
     bl_options = {"REGISTER", "UNDO"}
 
-    kind: EnumProperty(name="Check", description="The check whose faces to select", items=_items(locate_issues.KINDS))
+    kind: EnumProperty(
+        name="Check",
+        description="The check whose faces to select",
+        items=_items(locate_issues.KINDS),
+        translation_context=LABEL,
+    )
 
     @classmethod
     def description(cls, _context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
-        return f"{CHECKS[properties.kind.lower()][1]}. Select the faces in Edit Mode"
+        return f"{tooltip(CHECKS[properties.kind.lower()][1])}. {tooltip('Select the faces in Edit Mode')}"
 
     def apply(self, context: bpy.types.Context, report: Report) -> str:
         low, kind = locate_issues.of_low(report), self.kind.lower()
@@ -123,12 +130,15 @@ class IMPRINT_OT_show_mask(_LastBakeOperator, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     kind: EnumProperty(
-        name="Check", description="The check whose texels to show", items=_items(locate_issues.ON_TEXELS)
+        name="Check",
+        description="The check whose texels to show",
+        items=_items(locate_issues.ON_TEXELS),
+        translation_context=LABEL,
     )
 
     @classmethod
     def description(cls, _context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
-        return f"{CHECKS[properties.kind.lower()][1]}. Show them white in an image"
+        return f"{tooltip(CHECKS[properties.kind.lower()][1])}. {tooltip('Show them white in an image')}"
 
     def apply(self, context: bpy.types.Context, report: Report) -> str:
         image = locate_issues.draw_mask(context, report, self.kind.lower())

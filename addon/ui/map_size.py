@@ -5,6 +5,7 @@ import bpy
 from bpy.props import FloatProperty, IntProperty
 
 from ..core.declarations.map_settings import MAX_SIZE
+from .translations.lookup import LABEL, label
 
 COMMON_SIZES = (512, 1024, 2048, 4096, 8192)
 
@@ -17,10 +18,20 @@ class IMPRINT_OT_resize(bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     side: IntProperty(
-        name="Side", description="Texels along the longer side; 0 to scale", default=0, min=0, max=MAX_SIZE
+        name="Side",
+        description="Texels along the longer side; 0 to scale",
+        default=0,
+        min=0,
+        max=MAX_SIZE,
+        translation_context=LABEL,
     )
     factor: FloatProperty(
-        name="Factor", description="By how much both sides are scaled", default=1.0, min=0.0, max=64.0
+        name="Factor",
+        description="By how much both sides are scaled",
+        default=1.0,
+        min=0.0,
+        max=64.0,
+        translation_context=LABEL,
     )
 
     def execute(self, context: bpy.types.Context) -> set[str]:
@@ -36,13 +47,14 @@ class IMPRINT_MT_size(bpy.types.Menu):
 
     bl_idname = "IMPRINT_MT_size"
     bl_label = "Size"
+    bl_translation_context = LABEL
 
     def draw(self, _context: bpy.types.Context) -> None:
         for side in COMMON_SIZES:
-            self.layout.operator("imprint.resize", text=str(side)).side = side
+            self.layout.operator("imprint.resize", text=str(side), translate=False).side = side
         self.layout.separator()
-        for text, factor in (("Double", 2.0), ("Halve", 0.5)):
-            self.layout.operator("imprint.resize", text=text).factor = factor
+        for text, factor in ((label("Double"), 2.0), (label("Halve"), 0.5)):
+            self.layout.operator("imprint.resize", text=text, translate=False).factor = factor
 
 
 def draw(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:

@@ -17,6 +17,7 @@ from . import modal
 from .bake_results import results
 from .live.live_controller import live
 from .properties import Options
+from .translations.lookup import LABEL, tooltip
 from .viewport import show_result
 from .viewport.progress_display import display
 
@@ -30,7 +31,7 @@ class _Bake(modal.SlicedOperator):
     @classmethod
     def poll(cls, _context: bpy.types.Context) -> bool:
         if live.is_on:
-            cls.poll_message_set("Stop Live first: it writes to the same image")
+            cls.poll_message_set(tooltip("Stop Live first: it writes to the same image"))
             return False
         return display.current is None
 
@@ -42,7 +43,7 @@ class _Bake(modal.SlicedOperator):
         column = self.layout.column(align=True)
         for line in context.window_manager.imprint_summary.split("\n"):
             for part in textwrap.wrap(line, LAST_OPERATION):
-                column.label(text=part)
+                column.label(text=part, translate=False)
 
 
 class _OnePair(_Bake, Options):
@@ -53,15 +54,20 @@ class _OnePair(_Bake, Options):
         name="Low",
         description="Name of the low object; empty for the slot or the active object",
         options={"SKIP_SAVE"},
+        translation_context=LABEL,
     )
     high: CollectionProperty(
         type=bpy.types.OperatorFileListElement,
         name="High",
         description='Names of the high objects, as [{"name": "sculpt"}]; empty for the slots or the selection',
         options={"SKIP_SAVE"},
+        translation_context=LABEL,
     )
     cage: StringProperty(
-        name="Cage", description="Name of the cage; empty for the slot, which only rays use", options={"SKIP_SAVE"}
+        name="Cage",
+        description="Name of the cage; empty for the slot, which only rays use",
+        options={"SKIP_SAVE"},
+        translation_context=LABEL,
     )
 
     def task(self, context: bpy.types.Context, pace: progress.Pace) -> progress.Task:
@@ -96,8 +102,12 @@ class IMPRINT_OT_bake_sequence(_OnePair, bpy.types.Operator):
     bl_label = "Bake Sequence"
     bl_options = {"REGISTER", "UNDO"}
 
-    first: IntProperty(name="First", description="First frame; below 0 for that of the scene", default=-1)
-    last: IntProperty(name="Last", description="Last frame; below 0 for that of the scene", default=-1)
+    first: IntProperty(
+        name="First", description="First frame; below 0 for that of the scene", default=-1, translation_context=LABEL
+    )
+    last: IntProperty(
+        name="Last", description="Last frame; below 0 for that of the scene", default=-1, translation_context=LABEL
+    )
 
     def task(self, context: bpy.types.Context, pace: progress.Pace) -> progress.Task:
         job, settings = self.job(context)

@@ -7,6 +7,7 @@ from bpy.props import IntProperty
 from ..scene import instances
 from .bake_results import distances, high_objects, results
 from .callbacks import redraw
+from .translations.lookup import LABEL, tooltip
 from .viewport import show_result
 from .viewport.cage_overlay import overlay
 
@@ -21,7 +22,7 @@ class IMPRINT_OT_freeze_distances(bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         if not distances(results.of(context)):
-            cls.poll_message_set("Bake this low object first, with Measure Distances on")
+            cls.poll_message_set(tooltip("Bake this low object first, with Measure Distances on"))
             return False
         return True
 
@@ -107,7 +108,12 @@ class IMPRINT_OT_high_remove(bpy.types.Operator):
     bl_label = "Remove High Object"
     bl_options = {"REGISTER", "UNDO"}
 
-    index: IntProperty(name="Index", description="Index of the slot, from 0; below 0 for the active slot", default=-1)
+    index: IntProperty(
+        name="Index",
+        description="Index of the slot, from 0; below 0 for the active slot",
+        default=-1,
+        translation_context=LABEL,
+    )
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:

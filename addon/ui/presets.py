@@ -8,6 +8,8 @@ from bl_operators.presets import AddPresetBase
 from bl_ui.utils import PresetPanel
 from bpy.props import BoolProperty
 
+from .translations.lookup import LABEL
+
 FOLDER = "imprint"
 """Below "presets", here and in the user's scripts."""
 
@@ -16,6 +18,7 @@ class IMPRINT_PT_conventions(PresetPanel, bpy.types.Panel):
     """Presets of the channels and the basis, for programs that read the map"""
 
     bl_label = "Presets"
+    bl_translation_context = LABEL
     preset_subdir = FOLDER
     preset_operator = "script.execute_preset"
     preset_add_operator = "imprint.convention_add"

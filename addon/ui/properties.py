@@ -11,6 +11,7 @@ from . import bake_results
 from .bake_results import results
 from .settings.bake_options import Options
 from .settings.declared_properties import declared
+from .translations.lookup import LABEL
 
 
 def _is_mesh(_settings, obj: bpy.types.Object) -> bool:
@@ -29,6 +30,7 @@ class ImprintHigh(bpy.types.PropertyGroup):
         name="High",
         description="Object with detail: a mesh, a curve, text, or an object that shows instances",
         poll=_may_be_high,
+        translation_context=LABEL,
     )
 
 
@@ -55,7 +57,7 @@ class ImprintSettings(bpy.types.PropertyGroup, Options):
     size: declared("size", get=lambda self: self.width, set=_set_size)
     square: declared("square", update=_make_square)
     show_result: declared("show_result")
-    active_high: IntProperty(name="Active High", description="Index of the selected slot")
+    active_high: IntProperty(name="Active High", description="Index of the selected slot", translation_context=LABEL)
 
     def chosen_objects(
         self, context: bpy.types.Context, low: bpy.types.Object | None = None
@@ -108,6 +110,7 @@ class ImprintFound(bpy.types.PropertyGroup):
         subtype="DISTANCE",
         precision=4,
         get=_found("extrusion"),
+        translation_context=LABEL,
     )
     max_distance: FloatProperty(
         name="Max Distance",
@@ -115,6 +118,7 @@ class ImprintFound(bpy.types.PropertyGroup):
         subtype="DISTANCE",
         precision=4,
         get=_found("max_distance"),
+        translation_context=LABEL,
     )
 
 
@@ -125,10 +129,16 @@ def register() -> None:
     bpy.types.WindowManager.imprint_found = PointerProperty(type=ImprintFound)
     bpy.types.Scene.imprint = PointerProperty(type=ImprintSettings)
     bpy.types.WindowManager.imprint_summary = StringProperty(
-        name="Last Bake", description="Summary of this session's last bake, one item per line", options={"SKIP_SAVE"}
+        name="Last Bake",
+        description="Summary of this session's last bake, one item per line",
+        options={"SKIP_SAVE"},
+        translation_context=LABEL,
     )
     bpy.types.WindowManager.imprint_warnings = StringProperty(
-        name="Warnings", description="Warnings of this session's last bake, one per line", options={"SKIP_SAVE"}
+        name="Warnings",
+        description="Warnings of this session's last bake, one per line",
+        options={"SKIP_SAVE"},
+        translation_context=LABEL,
     )
 
 

@@ -324,7 +324,7 @@ class Layout:
 
     row = column = _part
 
-    def label(self, text="", icon="NONE"):
+    def label(self, text="", icon="NONE", translate=True):
         assert icon in self.ICONS
         if text:
             self.drawn.labels.append(text)

@@ -303,7 +303,7 @@ class Layout:
         assert icon_value
         self.drawn.icons.append("picture")
 
-    def progress(self, factor, text):
+    def progress(self, factor, text, translate=True):
         assert 0.0 <= factor <= 1.0
         self.drawn.labels.append(text)
 
@@ -314,7 +314,7 @@ class Layout:
     def separator(self):
         pass
 
-    def label(self, text="", icon="NONE"):
+    def label(self, text="", icon="NONE", translate=True):
         assert icon in self.ICONS
         self.drawn.labels.append(text)
         self.drawn.icons.append(icon)

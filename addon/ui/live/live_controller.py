@@ -12,6 +12,7 @@ from ...core.settings import Settings
 from ...jobs import live_session
 from ...jobs.job import Job
 from ..callbacks import Handlers, Timer
+from ..translations.lookup import message
 from ..viewport.progress_display import display
 from .following import SLICE, Following
 
@@ -88,7 +89,8 @@ class LiveController:
         refs = self._following.session.job.refs
         low, *others = (found.name if (found := ref.find()) else ref.name for ref in refs)
         others = [name for name in dict.fromkeys(others) if name != low]
-        return f"Live: {low!r} follows {', '.join(map(repr, others)) or 'its own modifiers'}."
+        followed = ", ".join(map(repr, others)) or message("its own modifiers")
+        return message("Live: {} follows {}.").format(repr(low), followed)
 
     def start(self, context: bpy.types.Context, job: Job, settings: Settings) -> None:
         """Do the whole task of `starting` at once."""

@@ -6,6 +6,7 @@ import bpy
 from ...core.report import Report
 from ..bake_results import high_objects, results
 from ..live.live_controller import live
+from ..translations.lookup import label, message
 from ..viewport import show_result
 from ..viewport.progress_display import display
 from . import bake_plan
@@ -29,7 +30,7 @@ class IMPRINT_PT_bake(SidebarPanel, bpy.types.Panel):
         layout = self.layout
         settings = context.scene.imprint
         column = layout.column()
-        column.label(text="High")
+        column.label(text=label("High"), translate=False)
         row = column.row()
         row.template_list("IMPRINT_UL_highs", "", settings, "highs", settings, "active_high", rows=2, maxrows=5)
         buttons = row.column(align=True)
@@ -53,7 +54,7 @@ class IMPRINT_PT_bake(SidebarPanel, bpy.types.Panel):
             row.enabled = not problem
             row.operator("imprint.bake", icon="RENDER_STILL")
         else:
-            row.progress(factor=step.done, text=display.short_text())
+            row.progress(factor=step.done, text=display.short_text(), translate=False)
         row = layout.row()
         row.enabled = step is None and (live.is_on or not problem)
         row.operator("imprint.live", icon="PLAY", depress=live.is_on)
@@ -73,16 +74,20 @@ def draw_result(layout: bpy.types.UILayout, report: Report) -> None:
         row.template_icon(row.icon(image), scale=2.6)
     column = row.column(align=True)
     head = column.row()
-    head.label(text=report.image)
+    head.label(text=report.image, translate=False)
     if high_objects(report):
         is_hidden = show_result.hides_high(report)
         head.operator("imprint.show_high", text="", icon="HIDE_ON" if is_hidden else "HIDE_OFF", emboss=False)
     if image is None:
-        column.label(text="The image was undone, renamed or deleted", icon="INFO")
+        column.label(text=message("The image was undone, renamed or deleted"), icon="INFO", translate=False)
         return
     number = len(report.warnings)
-    line = f"{number} {'warning' if number == 1 else 'warnings'}" if number else f"{report.coverage:.0%} covered"
-    column.label(text=f"{line}, {report.seconds['total']:.1f} s", icon="ERROR" if number else "CHECKMARK")
+    if number:
+        line = (message("1 warning") if number == 1 else message("{} warnings")).format(number)
+    else:
+        line = message("{} covered").format(f"{report.coverage:.0%}")
+    line = f"{line}, {report.seconds['total']:.1f} s"
+    column.label(text=line, icon="ERROR" if number else "CHECKMARK", translate=False)
 
 
 class IMPRINT_PT_report(SidebarPanel, bpy.types.Panel):

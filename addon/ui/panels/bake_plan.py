@@ -3,11 +3,12 @@
 
 import bpy
 
-from ...core.declarations.values import Method
+from ...core.declarations.values import Method, Space
 from ...core.errors import BakeError
 from ...output import image_writer
 from ...scene import object_checks
 from ..properties import ImprintSettings
+from ..translations.lookup import message
 
 
 def problem(
@@ -26,18 +27,34 @@ def problem(
 
 def lines(low: bpy.types.Object, highs: list[bpy.types.Object], settings: ImprintSettings) -> list[str]:
     """What the button will do, in sentences."""
-    source = "its own modifiers" if low in highs else ", ".join(repr(high.name) for high in highs)
+    action = {
+        Method.AUTO: message("Bakes {highs} onto {low}"),
+        Method.FLATTEN: message("Flattens {highs} onto {low}"),
+        Method.CAST: message("Casts rays from {low} to {highs}"),
+    }[settings.method]
+    space = {
+        Space.TANGENT: message("tangent space"),
+        Space.OBJECT: message("object space"),
+        Space.WORLD: message("world space"),
+    }[settings.space]
+    objects = {
+        "low": repr(low.name),
+        "highs": message("its own modifiers") if low in highs else ", ".join(repr(high.name) for high in highs),
+    }
     name = image_writer.name_for(low.name, settings.to_settings())
-    known = "over the image" if bpy.data.images.get(name) else "into a new image"
-    other = image_writer.replaced(name, [high.name for high in highs])
-    over = f", which holds a map of {other}" if other else ""
-    how = {"AUTO": "Bakes", "FLATTEN": "Flattens", "CAST": "Casts rays from"}[settings.method]
-    onto = f"{low.name!r} to {source}" if settings.method == Method.CAST else f"{source} onto {low.name!r}"
-    lines = [
-        f"{how} {onto}: {settings.space.lower()} space, {settings.width} x {settings.height}, {known} {name!r}{over}."
+    target = message("over the image {}") if bpy.data.images.get(name) else message("into a new image {}")
+    parts = [
+        space,
+        f"{settings.width} x {settings.height}",
+        target.format(repr(name)),
     ]
+    other = image_writer.replaced(name, [high.name for high in highs])
+    if other:
+        parts.append(message("which holds a map of {}").format(other))
+    lines = [f"{action.format(**objects)}: {', '.join(parts)}."]
     if _is_swapped(low, highs):
-        lines.append(f"{low.name!r} has more faces than {source}: the low object is the active one, selected last.")
+        text = message("{low} has more faces than {highs}: the low object is the active one, selected last.")
+        lines.append(text.format(**objects))
     return lines
 
 

@@ -8,6 +8,7 @@ import bpy
 from ...core import name_matching
 from ...core.declarations.values import Storage
 from ...core.errors import BakeError
+from ..translations.lookup import label, message
 from .sidebar import SettingsPanel, draw_paragraphs
 
 
@@ -33,7 +34,7 @@ class IMPRINT_PT_pairs(SettingsPanel, bpy.types.Panel):
         draw_paragraphs(box, context, [f"{pair.low}: {', '.join(pair.highs)}" for pair in found], "CHECKMARK")
         draw_paragraphs(box, context, problems, "ERROR")
         if not found and not problems:
-            draw_paragraphs(box, context, ["No object name ends with one of these suffixes."], "INFO")
+            draw_paragraphs(box, context, [message("No object name ends with one of these suffixes.")], "INFO")
         layout.prop(settings, "share_image")
         row = layout.row()
         row.enabled = bool(found)
@@ -51,13 +52,13 @@ class IMPRINT_PT_sequence(SettingsPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
         row = layout.row(align=True)
-        row.prop(context.scene, "frame_start", text="First")
-        row.prop(context.scene, "frame_end", text="Last")
+        row.prop(context.scene, "frame_start", text=label("First"))
+        row.prop(context.scene, "frame_end", text=label("Last"))
         row = layout.row()
         row.enabled = context.scene.imprint.storage == Storage.FILE
         row.operator("imprint.bake_sequence", icon="RENDER_ANIMATION")
         if not row.enabled:
-            draw_paragraphs(layout, context, ["Set Store to File to bake a sequence."], "INFO")
+            draw_paragraphs(layout, context, [message("Set Store to File to bake a sequence.")], "INFO")
 
 
 @lru_cache(maxsize=1)

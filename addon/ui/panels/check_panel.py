@@ -6,6 +6,7 @@ import bpy
 from ...jobs import locate_issues
 from ..bake_results import results
 from ..check_operators import CHECKS
+from ..translations.lookup import label, message
 from .sidebar import SidebarPanel
 
 ICONS = {"GOOD": ("CHECKMARK", 0), "LOOK": ("INFO", 1), "WRONG": ("ERROR", 2)}
@@ -43,10 +44,10 @@ class IMPRINT_PT_checks(SidebarPanel, bpy.types.Panel):
 def _draw_row(column: bpy.types.UILayout, kind: str, check: dict, low: str, context: bpy.types.Context) -> None:
     """A check in a row: its icon, name and number, and the buttons that show where its findings are."""
     row = column.row(align=True)
-    row.label(text=CHECKS[kind][0], icon=ICONS[_severity(check)][0])
+    row.label(text=label(CHECKS[kind][0]), icon=ICONS[_severity(check)][0], translate=False)
     number = row.row()
     number.alignment = "RIGHT"
-    number.label(text=_number(check))
+    number.label(text=_number(check), translate=False)
     buttons = row.row(align=True)
     buttons.enabled = check["count"] > 0
     for operator, icon, kinds in (
@@ -60,7 +61,8 @@ def _draw_row(column: bpy.types.UILayout, kind: str, check: dict, low: str, cont
             buttons.label(text="", icon="BLANK1")  # so that the others stay in their column
     if "maximum" in check and check["count"]:
         far = (_length(context, check[name]) for name in ("limit", "percentile_99", "maximum"))
-        column.label(text="Over {}; 99 % within {}, at most {}".format(*far), icon="BLANK1")
+        text = message("Over {}; 99 % within {}, at most {}").format(*far)
+        column.label(text=text, icon="BLANK1", translate=False)
 
 
 def _severity(check: dict) -> str:
@@ -72,8 +74,9 @@ def _number(check: dict) -> str:
     """A check's number in a few characters."""
     if "share" in check:
         return f"{check['share']:.1%}" if check["share"] >= 0.001 or not check["count"] else "< 0.1%"
-    within = f" in {check['islands']:,}" if check.get("islands") else ""
-    return f"{check['count']:,}{within}"
+    if check.get("islands"):
+        return message("{} in {}").format(f"{check['count']:,}", f"{check['islands']:,}")
+    return f"{check['count']:,}"
 
 
 def _length(context: bpy.types.Context, distance: float) -> str:

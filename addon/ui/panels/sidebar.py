@@ -5,6 +5,8 @@ import textwrap
 
 import bpy
 
+from ..translations.lookup import LABEL, message
+
 
 class SidebarPanel:
     """A panel in the "Imprint" tab of the 3D viewport's sidebar."""
@@ -12,6 +14,7 @@ class SidebarPanel:
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
     bl_category = "Imprint"
+    bl_translation_context = LABEL
 
 
 class SettingsPanel(SidebarPanel):
@@ -28,9 +31,9 @@ def split_layout(layout: bpy.types.UILayout) -> bpy.types.UILayout:
 
 
 def draw_paragraphs(layout: bpy.types.UILayout, context: bpy.types.Context, lines: list[str], icon: str) -> None:
-    """Draw lines wrapped to the width of the sidebar; Blender's labels do not wrap by themselves."""
+    """Draw lines, translated and wrapped to the width of the sidebar; Blender's labels do not wrap by themselves."""
     width = max(20, int(context.region.width / (7.0 * context.preferences.system.ui_scale)) - 6)
     column = layout.column(align=True)
     for line in lines:
-        for number, part in enumerate(textwrap.wrap(line, width)):
-            column.label(text=part, icon="BLANK1" if number else icon)
+        for number, part in enumerate(textwrap.wrap(message(line), width)):
+            column.label(text=part, icon="BLANK1" if number else icon, translate=False)

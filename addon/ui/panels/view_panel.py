@@ -3,6 +3,7 @@
 
 import bpy
 
+from ..translations.lookup import message
 from ..viewport import view_drawing
 from ..viewport.mode import Mode
 from ..viewport.progress_display import display
@@ -24,7 +25,7 @@ class IMPRINT_PT_view(SidebarPanel, bpy.types.Panel):
         row.prop(view, "mode")
         row.operator("imprint.view_refresh", text="", icon="FILE_REFRESH")
         if viewer.is_outdated(context):
-            draw_paragraphs(layout, context, ["The settings have changed: refresh the view."], "INFO")
+            draw_paragraphs(layout, context, [message("The settings have changed: refresh the view.")], "INFO")
         if viewer.mode in {Mode.MAP, Mode.SPLIT}:
             layout.prop(view, "light")
         if viewer.mode is Mode.SPLIT:

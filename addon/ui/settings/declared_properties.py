@@ -18,6 +18,7 @@ from bpy.props import (
 
 from ...core.declarations import kinds
 from ...core.declarations.panel_settings import DECLARED
+from ..translations.lookup import LABEL
 
 
 def declared(name: str, **more: Any):
@@ -26,7 +27,7 @@ def declared(name: str, **more: Any):
 
 
 def _words(setting: kinds.Setting) -> dict[str, str]:
-    return {"name": setting.label, "description": setting.panel_tooltip}
+    return {"name": setting.label, "description": setting.panel_tooltip, "translation_context": LABEL}
 
 
 @singledispatch

@@ -8,6 +8,7 @@ from gpu_extras.presets import draw_texture_2d
 
 from ...core.progress import Progress
 from ..callbacks import DrawCallbacks, redraw
+from ..translations.lookup import label, message
 from . import viewport_text
 
 SIDE = 256
@@ -47,7 +48,7 @@ class ProgressDisplay:
         # The editors may take longer to draw than a slice of the bake.
         if time.monotonic() - self._redrawn > REDRAW:
             self._redrawn = time.monotonic()
-            context.workspace.status_text_set(f"{self.text()}   Esc: stop")
+            context.workspace.status_text_set(f"{self.text()}   {message('Esc: stop')}")
             redraw("VIEW_3D", "IMAGE_EDITOR")
 
     def hide(self, context: bpy.types.Context) -> None:
@@ -60,7 +61,7 @@ class ProgressDisplay:
 
     def text(self) -> str:
         """The current step in a line: what is done, how far it is, how much time is left."""
-        return f"{self.current.what}, {self.short_text()}"
+        return f"{label(self.current.what)}, {self.short_text()}"
 
     def short_text(self) -> str:
         """How far the current step is and, once that is known, how much time is left."""
@@ -84,8 +85,9 @@ def time_left(done: float, seconds: float) -> str:
         return ""
     left = seconds * (1.0 - done) / done
     if left >= 60.0:
-        return f", {left / 60.0:.0f} min left"
-    return f", {left if left < 10.0 else 5.0 * round(left / 5.0):.0f} s left"
+        return f", {message('{} min left').format(f'{left / 60.0:.0f}')}"
+    seconds_left = left if left < 10.0 else 5.0 * round(left / 5.0)
+    return f", {message('{} s left').format(f'{seconds_left:.0f}')}"
 
 
 display = ProgressDisplay()

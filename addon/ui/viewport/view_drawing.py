@@ -5,6 +5,7 @@ import bpy
 import numpy as np
 
 from ...jobs import view_session
+from ..translations.lookup import label, message
 from . import viewport_text
 from .mode import Mode
 
@@ -32,12 +33,12 @@ def draw_labels(context: bpy.types.Context, mode: Mode, figures: view_session.Fi
     """Write over a view what its parts are, or what was measured."""
     view, region, scale = context.scene.imprint_view, context.region, context.preferences.system.ui_scale
     if mode is Mode.SPLIT:
-        parts = (("High", 1.0), ("Low", 0.5), ("Low with Map", 0.0))
-        for zone, (label, share) in zip(view_session.zones(region.width, view.split), parts, strict=True):
-            width = viewport_text.width(label, scale)
+        parts = ((label("High"), 1.0), (label("Low"), 0.5), (label("Low with Map"), 0.0))
+        for zone, (text, share) in zip(view_session.zones(region.width, view.split), parts, strict=True):
+            width = viewport_text.width(text, scale)
             x = label_position(zone, width, share, visible_columns(context), TEXT * scale)
             if x is not None:
-                viewport_text.write(label, x, EDGE * scale, scale)
+                viewport_text.write(text, x, EDGE * scale, scale)
     elif mode.is_deviation:
         x, y = _bar_position(region, scale)
         for end, degrees in ((0.0, 0.0), (1.0, view.limit)):
@@ -52,16 +53,15 @@ def description(figures: view_session.Figures | None) -> list[str]:
         return []
     elsewhere = []
     if figures.elsewhere >= SHOWN_SHARE:
-        elsewhere = [
-            f"Purple: {figures.elsewhere:.1%} shows another place of the high mesh and is not measured: cast rays"
-        ]
+        text = message("Purple: {} shows another place of the high mesh and is not measured: cast rays")
+        elsewhere = [text.format(f"{figures.elsewhere:.1%}")]
     if figures.elsewhere == 1.0:
         return elsewhere
     return elsewhere + [
-        f"{what}: mean {mean:.2f}{DEGREES}, 99 % below {most:.2f}{DEGREES}"
-        for what, mean, most in (
-            ("With the map", figures.mean, figures.percentile_99),
-            ("Without", figures.bare_mean, figures.bare_percentile_99),
+        text.format(f"{mean:.2f}{DEGREES}", f"{most:.2f}{DEGREES}")
+        for text, mean, most in (
+            (message("With the map: mean {}, 99 % below {}"), figures.mean, figures.percentile_99),
+            (message("Without: mean {}, 99 % below {}"), figures.bare_mean, figures.bare_percentile_99),
         )
     ]
 

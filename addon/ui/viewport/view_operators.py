@@ -8,6 +8,7 @@ from ...core.progress import Pace, Task
 from ..callbacks import Key
 from ..live.live_controller import live
 from ..modal import SlicedOperator
+from ..translations.lookup import LABEL
 from .mode import ITEMS, Mode
 from .progress_display import display
 from .view_mode import viewer
@@ -38,7 +39,7 @@ class IMPRINT_OT_view_show(_Show, bpy.types.Operator):
     bl_idname = "imprint.view_show"
     bl_label = "Show View"
 
-    mode: EnumProperty(name="View", description="What the 3D viewport shows", items=ITEMS)
+    mode: EnumProperty(name="View", description="What the 3D viewport shows", items=ITEMS, translation_context=LABEL)
 
     def wanted(self) -> Mode:
         return Mode(self.mode)

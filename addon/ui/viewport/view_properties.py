@@ -4,6 +4,7 @@
 import bpy
 from bpy.props import EnumProperty, FloatProperty, PointerProperty
 
+from ..translations.lookup import LABEL
 from .mode import ITEMS, Mode
 from .view_mode import viewer
 
@@ -24,13 +25,20 @@ class ImprintView(bpy.types.PropertyGroup):
     """Scene.imprint_view: what the 3D viewports show of the map. The mode belongs to the session and is not saved."""
 
     mode: EnumProperty(
-        name="View", description="What the 3D viewport shows", items=ITEMS, get=_get_mode, set=_set_mode, options=set()
+        name="View",
+        description="What the 3D viewport shows",
+        items=ITEMS,
+        get=_get_mode,
+        set=_set_mode,
+        options=set(),
+        translation_context=LABEL,
     )
     light: PointerProperty(
         type=bpy.types.Object,
         name="Light",
         description="The light that shines on the mesh; without one, a light that follows the view",
         poll=_is_light,
+        translation_context=LABEL,
     )
     split: FloatProperty(
         name="Line",
@@ -39,6 +47,7 @@ class ImprintView(bpy.types.PropertyGroup):
         min=0.0,
         max=1.0,
         subtype="FACTOR",
+        translation_context=LABEL,
     )
     limit: FloatProperty(
         name="Range",
@@ -47,6 +56,7 @@ class ImprintView(bpy.types.PropertyGroup):
         min=0.01,
         max=180.0,
         soft_max=45.0,
+        translation_context=LABEL,
     )
 
 

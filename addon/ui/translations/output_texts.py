@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Texts of the panel Output."""
+
+from .lookup import LABEL, SENTENCE
+
+TABLE = {
+    (LABEL, "Output"): {"de_DE": "Ausgabe", "es": "Salida"},
+    (LABEL, "Image"): {"de_DE": "Bild", "es": "Imagen"},
+    (
+        SENTENCE,
+        "Name of the image to fill. {low} in it stands for the low object's name. Leave empty to use an image "
+        "named after the low object",
+    ): {
+        "de_DE": "Name des Bildes, das gefüllt wird. {low} darin steht für den Namen des Low-Poly-Objekts. Leer "
+        "lassen, um ein nach dem Low-Poly-Objekt benanntes Bild zu verwenden",
+        "es": "Nombre de la imagen a llenar. En él, {low} representa el nombre del objeto low poly. Dejar vacío "
+        "para usar una imagen con el nombre del objeto low poly",
+    },
+    (LABEL, "Depth"): {"de_DE": "Tiefe", "es": "Profundidad"},
+    (SENTENCE, "Bits per channel"): {"de_DE": "Bits pro Kanal", "es": "Bits por canal"},
+    (SENTENCE, "Smallest. May show steps on smooth surfaces"): {
+        "de_DE": "Am kleinsten. Kann auf glatten Oberflächen Stufen zeigen",
+        "es": "La más pequeña. Puede mostrar escalones en superficies suaves",
+    },
+    (SENTENCE, "Smooth: 16-bit PNG or TIFF, half-float OpenEXR, or a float image inside Blender"): {
+        "de_DE": "Glatt: PNG oder TIFF mit 16 Bit, OpenEXR mit halber Fließkommagenauigkeit oder ein Fließkommabild "
+        "in Blender",
+        "es": "Suave: PNG o TIFF de 16 bits, OpenEXR de media precisión decimal o una imagen decimal en Blender",
+    },
+    (SENTENCE, "Exact: float OpenEXR, or a float image inside Blender"): {
+        "de_DE": "Genau: OpenEXR mit Fließkommawerten oder ein Fließkommabild in Blender",
+        "es": "Exacta: OpenEXR decimal o una imagen decimal en Blender",
+    },
+    (LABEL, "Dither"): {"de_DE": "Dithering", "es": "Tramado"},
+    (SENTENCE, "Hide the steps of 8 bits in fine noise, instead of rounding to the nearest value"): {
+        "de_DE": "Die Stufen von 8 Bit in feinem Rauschen verbergen, statt auf den nächsten Wert zu runden",
+        "es": "Oculta los escalones de 8 bits en un ruido fino, en vez de redondear al valor más cercano",
+    },
+    (LABEL, "UDIM Tiles"): {"de_DE": "UDIM-Kacheln", "es": "Celdas UDIM"},
+    (SENTENCE, "Bake a map for each UDIM tile that the low mesh covers"): {
+        "de_DE": "Für jede UDIM-Kachel, die das Low-Poly-Mesh bedeckt, eine Map backen",
+        "es": "Captura un mapa para cada celda UDIM que cubra la malla low poly",
+    },
+    (LABEL, "Tiles"): {"de_DE": "Kacheln", "es": "Celdas"},
+    (
+        SENTENCE,
+        "UDIM tiles to bake, such as 1001, 1003. Leave empty to use all tiles that the low mesh covers, 100 at most",
+    ): {
+        "de_DE": "UDIM-Kacheln, die gebacken werden, etwa 1001, 1003. Leer lassen, um alle Kacheln zu verwenden, "
+        "die das Low-Poly-Mesh bedeckt, höchstens 100",
+        "es": "Celdas UDIM a capturar, por ejemplo 1001, 1003. Dejar vacío para usar todas las celdas que cubra "
+        "la malla low poly, 100 como máximo",
+    },
+    (LABEL, "Other Maps"): {"de_DE": "Weitere Maps", "es": "Otros mapas"},
+    (SENTENCE, "Maps to bake beside the normal map, each into an image of its own"): {
+        "de_DE": "Maps, die neben der Normalmap gebacken werden, jede in ein eigenes Bild",
+        "es": "Mapas a capturar además del mapa de normales, cada uno en su propia imagen",
+    },
+    (LABEL, "Position"): {"de_DE": "Position", "es": "Posición"},
+    (SENTENCE, "Position of the high surface, in the low object's space or, for world space, in the world's"): {
+        "de_DE": "Position der High-Poly-Oberfläche, im Raum des Low-Poly-Objekts oder, beim Raum Welt, in dem der "
+        "Welt",
+        "es": "Posición de la superficie high poly, en el espacio del objeto low poly o, con el espacio Global, "
+        "en el del mundo",
+    },
+    (SENTENCE, "Distance from the low surface to the high one along the low surface's normal"): {
+        "de_DE": "Abstand von der Low-Poly- zur High-Poly-Oberfläche entlang der Normalen der Low-Poly-Oberfläche",
+        "es": "Distancia de la superficie low poly a la high poly, a lo largo de la normal de la superficie low poly",
+    },
+    (LABEL, "Vector Displacement"): {"de_DE": "Vektorverlagerung", "es": "Desplazamiento vectorial"},
+    (SENTENCE, "Vector from the low surface to the high one"): {
+        "de_DE": "Vektor von der Low-Poly- zur High-Poly-Oberfläche",
+        "es": "Vector de la superficie low poly a la high poly",
+    },
+    (LABEL, "Distance"): {"de_DE": "Abstand", "es": "Distancia"},
+    (SENTENCE, "Distance from the low surface to the high one in any direction"): {
+        "de_DE": "Abstand von der Low-Poly- zur High-Poly-Oberfläche in beliebiger Richtung",
+        "es": "Distancia de la superficie low poly a la high poly en cualquier dirección",
+    },
+    (LABEL, "Coverage"): {"de_DE": "Abdeckung", "es": "Cobertura"},
+    (SENTENCE, "White where a high object covers the texel"): {
+        "de_DE": "Weiß, wo ein High-Poly-Objekt das Texel bedeckt",
+        "es": "Blanco donde un objeto high poly cubre el texel",
+    },
+    (LABEL, "Object ID"): {"de_DE": "Objekt-ID", "es": "ID de objeto"},
+    (SENTENCE, "A color for each high object"): {
+        "de_DE": "Eine Farbe für jedes High-Poly-Objekt",
+        "es": "Un color para cada objeto high poly",
+    },
+    (LABEL, "Material ID"): {"de_DE": "Material-ID", "es": "ID de material"},
+    (SENTENCE, "A color for each material of the high objects"): {
+        "de_DE": "Eine Farbe für jedes Material der High-Poly-Objekte",
+        "es": "Un color para cada material de los objetos high poly",
+    },
+    (LABEL, "Store"): {"de_DE": "Speichern", "es": "Guardar"},
+    (SENTENCE, "Where to keep the map"): {"de_DE": "Wo die Map gespeichert wird", "es": "Dónde guardar el mapa"},
+    (LABEL, "Packed"): {"de_DE": "Gepackt", "es": "Empacado"},
+    (SENTENCE, "Inside the .blend file"): {"de_DE": "In der .blend-Datei", "es": "Dentro del archivo .blend"},
+    (LABEL, "File"): {"de_DE": "Datei", "es": "Archivo"},
+    (SENTENCE, "In an image file"): {"de_DE": "In einer Bilddatei", "es": "En un archivo de imagen"},
+    (LABEL, "Memory"): {"de_DE": "Speicher", "es": "Memoria"},
+    (SENTENCE, "Only in memory. Blender asks whether to save the image when it closes"): {
+        "de_DE": "Nur im Arbeitsspeicher. Blender fragt beim Beenden, ob das Bild gespeichert werden soll",
+        "es": "Sólo en la memoria. Al cerrarse, Blender pregunta si guardar la imagen",
+    },
+    (
+        SENTENCE,
+        "Image file to write: PNG (.png, 8 or 16 bits), OpenEXR (.exr, 16 or 32 bits), TIFF (.tif or .tiff, 8 or "
+        "16 bits), Targa (.tga, 8 bits). Missing folders are created. {low} in the path stands for the low "
+        "object's name, <UDIM> for the tile's number",
+    ): {
+        "de_DE": "Bilddatei, die geschrieben wird: PNG (.png, 8 oder 16 Bit), OpenEXR (.exr, 16 oder 32 Bit), TIFF "
+        "(.tif oder .tiff, 8 oder 16 Bit), Targa (.tga, 8 Bit). Fehlende Ordner werden angelegt. {low} im "
+        "Pfad steht für den Namen des Low-Poly-Objekts, <UDIM> für die Nummer der Kachel",
+        "es": "Archivo de imagen a escribir: PNG (.png, 8 o 16 bits), OpenEXR (.exr, 16 o 32 bits), TIFF (.tif o "
+        ".tiff, 8 o 16 bits), Targa (.tga, 8 bits). Las carpetas que falten se crearán. En la ruta, {low} "
+        "representa el nombre del objeto low poly, y <UDIM> el número de la celda",
+    },
+    (SENTENCE, "Add the map to the low object's material"): {
+        "de_DE": "Die Map dem Material des Low-Poly-Objekts hinzufügen",
+        "es": "Adiciona el mapa al material del objeto low poly",
+    },
+    (LABEL, "Single User"): {"de_DE": "Eigene Kopie", "es": "Copia propia"},
+    (SENTENCE, "Copy materials that other objects use as well, so that those objects keep their look"): {
+        "de_DE": "Materialien kopieren, die auch andere Objekte verwenden, damit deren Aussehen erhalten bleibt",
+        "es": "Copia los materiales que también usan otros objetos, para que éstos conserven su aspecto",
+    },
+    (LABEL, "Show Result"): {"de_DE": "Ergebnis anzeigen", "es": "Mostrar resultado"},
+    (
+        SENTENCE,
+        "After a bake, show the map in an open Image Editor and the low mesh with it in the 3D viewport: with "
+        "Material Preview instead of Solid, and the high objects hidden",
+    ): {
+        "de_DE": "Nach dem Backen die Map in einem offenen Bildeditor anzeigen und das Low-Poly-Mesh mit ihr im "
+        "3D-Ansichtsfenster: mit Materialbeispiel statt Massiv und mit verborgenen High-Poly-Objekten",
+        "es": "Tras la captura, muestra el mapa en un Editor de imágenes abierto y la malla low poly con él en "
+        "la Vista 3D: con Previsualización de materiales en vez de Sólido, y los objetos high poly ocultos",
+    },
+}

@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Texts of the panel Rays."""
+
+from .lookup import LABEL, OPERATOR, SENTENCE
+
+TABLE = {
+    (LABEL, "Rays"): {"de_DE": "Strahlen", "es": "Rayos"},
+    (LABEL, "Cage"): {"de_DE": "Käfig", "es": "Jaula"},
+    (SENTENCE, "Mesh on which the rays start. It must have the topology of the low mesh"): {
+        "de_DE": "Mesh, auf dem die Strahlen beginnen. Es muss die Topologie des Low-Poly-Meshes haben",
+        "es": "Malla desde la que parten los rayos. Debe tener la topología de la malla low poly",
+    },
+    (LABEL, "Measure Distances"): {"de_DE": "Abstände messen", "es": "Medir distancias"},
+    (SENTENCE, "Measure how far the high surface lies from the low one, instead of using the distances below"): {
+        "de_DE": "Messen, wie weit die High-Poly-Oberfläche von der Low-Poly-Oberfläche entfernt ist, statt die "
+        "Abstände unten zu verwenden",
+        "es": "Mide a qué distancia está la superficie high poly de la low poly, en vez de usar las distancias "
+        "de abajo",
+    },
+    (LABEL, "Extrusion"): {"de_DE": "Extrusion", "es": "Extrusión"},
+    (SENTENCE, "Distance outside the low mesh at which the rays start"): {
+        "de_DE": "Abstand außerhalb des Low-Poly-Meshes, in dem die Strahlen beginnen",
+        "es": "Distancia por fuera de la malla low poly a la que parten los rayos",
+    },
+    (LABEL, "Max Distance"): {"de_DE": "Maximaler Abstand", "es": "Distancia máxima"},
+    (SENTENCE, "Length of the rays, from where they start"): {
+        "de_DE": "Länge der Strahlen, von ihrem Anfang aus",
+        "es": "Longitud de los rayos, desde su origen",
+    },
+    (SENTENCE, "Distance that the last bake measured"): {
+        "de_DE": "Abstand, den der letzte Backvorgang gemessen hat",
+        "es": "Distancia que midió la última captura",
+    },
+    (OPERATOR, "Freeze Distances"): {"de_DE": "Abstände fixieren", "es": "Fijar distancias"},
+    (SENTENCE, "Set Extrusion and Max Distance to what the last bake of this low object measured"): {
+        "de_DE": "Extrusion und maximalen Abstand auf die Werte setzen, die der letzte Backvorgang dieses "
+        "Low-Poly-Objekts gemessen hat",
+        "es": "Asigna a Extrusión y Distancia máxima los valores que midió la última captura de este objeto low poly",
+    },
+    (SENTENCE, "Bake this low object first, with Measure Distances on"): {
+        "de_DE": "Zuerst dieses Low-Poly-Objekt mit Abstände messen backen",
+        "es": "Capturar antes este objeto low poly, con Medir distancias activado",
+    },
+    (OPERATOR, "Show Cage"): {"de_DE": "Käfig anzeigen", "es": "Mostrar jaula"},
+    (SENTENCE, "Show or hide two shells around the low mesh: where rays start (blue) and where they end (orange)"): {
+        "de_DE": "Zwei Hüllen um das Low-Poly-Mesh anzeigen oder verbergen: wo Strahlen beginnen (blau) und wo sie "
+        "enden (orange)",
+        "es": "Muestra u oculta dos envolturas alrededor de la malla low poly: donde parten los rayos (azul) y "
+        "donde terminan (naranja)",
+    },
+    (LABEL, "Directions"): {"de_DE": "Richtungen", "es": "Direcciones"},
+    (SENTENCE, "Normals of the low mesh that the rays follow"): {
+        "de_DE": "Normalen des Low-Poly-Meshes, denen die Strahlen folgen",
+        "es": "Normales de la malla low poly que siguen los rayos",
+    },
+    (LABEL, "Smooth"): {"de_DE": "Weich", "es": "Suavizar"},
+    (SENTENCE, "Smooth vertex normals. Hard edges leave no gaps"): {
+        "de_DE": "Weiche Eckpunktnormalen. Harte Kanten hinterlassen keine Lücken",
+        "es": "Normales de vértices suaves. Los bordes duros no dejan huecos",
+    },
+    (LABEL, "Split"): {"de_DE": "Geteilt", "es": "Dividir"},
+    (SENTENCE, "The mesh's own normals, with hard edges and custom normals"): {
+        "de_DE": "Die eigenen Normalen des Meshes, mit harten Kanten und benutzerdefinierten Normalen",
+        "es": "Las normales propias de la malla, con bordes duros y normales personalizadas",
+    },
+    (LABEL, "Ignore Backfaces"): {"de_DE": "Rückseiten ignorieren", "es": "Ignorar caras traseras"},
+    (SENTENCE, "Let the rays pass through faces of the high mesh that point away from them"): {
+        "de_DE": "Strahlen durch Flächen des High-Poly-Meshes hindurchlassen, die von ihnen abgewandt sind",
+        "es": "Deja que los rayos atraviesen las caras de la malla high poly orientadas en sentido contrario a ellos",
+    },
+    (LABEL, "Miss Color"): {"de_DE": "Farbe ohne Treffer", "es": "Color de fallo"},
+    (SENTENCE, "Color of texels whose ray hits nothing. Their alpha is 0"): {
+        "de_DE": "Farbe von Texeln, deren Strahl nichts trifft. Ihr Alpha ist 0",
+        "es": "Color de los texels cuyo rayo no alcanza nada. Su alfa es 0",
+    },
+    (LABEL, "Miss Mask"): {"de_DE": "Maske ohne Treffer", "es": "Máscara de fallos"},
+    (SENTENCE, "Also make an image that is white where the rays hit nothing"): {
+        "de_DE": "Zusätzlich ein Bild erzeugen, das dort weiß ist, wo Strahlen nichts treffen",
+        "es": "Crea además una imagen que es blanca donde los rayos no alcanzan nada",
+    },
+}

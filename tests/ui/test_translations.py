@@ -1,0 +1,170 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Every text of the interface is in the table of translations, and every entry of the table is a text of the interface.
+
+Blender's Python package has no languages: tests/window/languages.py checks the interface of a Blender that has them.
+"""
+
+import ast
+import re
+import string
+from collections.abc import Iterator
+
+import bpy
+import pytest
+
+from addon.ui.translations import catalog
+from addon.ui.translations.lookup import LABEL, OPERATOR, SENTENCE
+from scripts.imprint import ROOT
+
+Text = tuple[str, str]
+"""The context of a text, and the text in English."""
+LOOKUPS = {"label": LABEL, "message": SENTENCE, "tooltip": SENTENCE}
+"""The functions that look a text up, and the context of each."""
+RAISED_OR_SHOWN = {"Progress": LABEL, "BakeError": SENTENCE}
+"""Classes whose texts the interface looks up when it shows them, and the context of each."""
+OF_BLENDER = {"rna_type", "name", "remove_name", "remove_active"}
+"""Properties that base classes of Blender give to classes of the add-on."""
+UNNAMED = re.compile(r"[\W\d]*")
+"""Texts without a word."""
+
+
+def own_classes() -> Iterator[type]:
+    for kind in (bpy.types.Operator, bpy.types.Panel, bpy.types.Menu, bpy.types.PropertyGroup):
+        yield from (cls for cls in kind.__subclasses__() if cls.__module__.startswith("addon."))
+
+
+def of_properties(struct: bpy.types.Struct) -> Iterator[Text]:
+    for prop in struct.properties:
+        if prop.identifier not in OF_BLENDER:
+            yield prop.translation_context, prop.name
+            yield SENTENCE, prop.description
+            for item in prop.enum_items_static if prop.type == "ENUM" else ():
+                yield prop.translation_context, item.name
+                yield SENTENCE, item.description
+
+
+def registered_texts() -> Iterator[Text]:
+    """The labels and tooltips of the registered classes and properties."""
+    for cls in own_classes():
+        if issubclass(cls, bpy.types.Operator):
+            group, name = cls.bl_idname.split(".")
+            struct = getattr(getattr(bpy.ops, group), name).get_rna_type()
+            yield OPERATOR, cls.bl_label
+            yield SENTENCE, struct.description
+            yield from of_properties(struct)
+        elif issubclass(cls, bpy.types.PropertyGroup):
+            yield from of_properties(cls.bl_rna)
+        else:
+            yield cls.bl_translation_context, cls.bl_label
+    for name in ("imprint_summary", "imprint_warnings"):
+        prop = bpy.types.WindowManager.bl_rna.properties[name]
+        yield from ((prop.translation_context, prop.name), (SENTENCE, prop.description))
+
+
+def calls(*folders: str) -> Iterator[ast.Call]:
+    for folder in folders:
+        for path in (ROOT / "addon" / folder).rglob("*.py"):
+            tree = ast.parse(path.read_text(encoding="utf-8"))
+            yield from (node for node in ast.walk(tree) if isinstance(node, ast.Call))
+
+
+def called(call: ast.Call) -> str:
+    """The name of the function or method that is called."""
+    return getattr(call.func, "attr", getattr(call.func, "id", ""))
+
+
+def is_text(node: ast.expr) -> bool:
+    return isinstance(node, ast.Constant) and isinstance(node.value, str)
+
+
+def drawn_texts() -> Iterator[Text]:
+    """The texts that code looks up, the names of steps that the progress bar shows, and errors that name no object."""
+    for call in calls("ui"):
+        if called(call) in LOOKUPS and isinstance(call.func, ast.Name) and is_text(call.args[0]):
+            yield LOOKUPS[called(call)], call.args[0].value
+    for call in calls("ui", "jobs", "engine", "scene", "core", "output", "audit"):
+        if called(call) in RAISED_OR_SHOWN and call.args and is_text(call.args[0]):
+            yield RAISED_OR_SHOWN[called(call)], call.args[0].value
+
+
+def constants() -> set[str]:
+    """All texts in the code of the add-on, without the table."""
+    table = ROOT / "addon" / "ui" / "translations"
+    paths = [path for path in (ROOT / "addon").rglob("*.py") if table not in path.parents]
+    trees = [ast.parse(path.read_text(encoding="utf-8")) for path in paths]
+    return {node.value for tree in trees for node in ast.walk(tree) if is_text(node)}
+
+
+def shown_texts() -> set[Text]:
+    """All that is to be translated."""
+    same = set().union(*catalog.UNTRANSLATED.values())
+    found = {*registered_texts(), *drawn_texts()}
+    return {(context, text) for context, text in found if text not in same and not UNNAMED.fullmatch(text)}
+
+
+def fields(text: str) -> list[str | None]:
+    """The placeholders in braces."""
+    return sorted(name for _, name, *_ in string.Formatter().parse(text) if name is not None)
+
+
+def stop(text: str) -> str:
+    """The punctuation mark at the end."""
+    return text[-1] if text[-1] in string.punctuation and text[-1] not in ")}" else ""
+
+
+def translated() -> Iterator[tuple[str, str]]:
+    """Each translation, and its English text."""
+    yield from ((text, english) for (_, english), texts in catalog.TABLE.items() for text in texts.values())
+
+
+@pytest.mark.usefixtures("registered")
+class TestTexts:
+    def test_none_is_missing(self):
+        assert sorted(shown_texts() - set(catalog.TABLE)) == []
+
+    def test_each_is_used(self):
+        """Sentences that functions return count as used if the code has them."""
+        known, code = shown_texts(), constants()
+        assert (
+            sorted(key for key in catalog.TABLE if key not in known and (key[0] != SENTENCE or key[1] not in code))
+            == []
+        )
+
+    def test_each_text_that_is_not_translated_is_shown(self):
+        found = {text for _, text in registered_texts()}
+        assert sorted(set().union(*catalog.UNTRANSLATED.values()) - found) == []
+
+    def test_properties_and_panels_have_the_context_of_labels(self):
+        """In its default context Blender would use its own translations of the same words."""
+        known = {context for context, text in registered_texts() if text}
+        assert known == {LABEL, OPERATOR, SENTENCE}
+        labels = {text for cls in own_classes() for text in [getattr(cls, "bl_label", "")]}
+        assert not [text for text in labels if (SENTENCE, text) in set(registered_texts())]
+
+
+class TestEntries:
+    def test_each_has_all_languages(self):
+        wanted = set(catalog.LOCALES)
+        assert [key for key, texts in catalog.TABLE.items() if set(texts) != wanted or not all(texts.values())] == []
+
+    def test_placeholders_are_those_of_the_english_text(self):
+        assert [text for text, english in translated() if fields(text) != fields(english)] == []
+
+    def test_each_ends_as_the_english_text_does(self):
+        """Blender adds the full stop to tooltips; messages have one."""
+        assert [text for text, english in translated() if text != text.strip() or stop(text) != stop(english)] == []
+
+    def test_each_differs_from_the_english_text(self):
+        assert [key for key, texts in catalog.TABLE.items() if set(texts.values()) == {key[1]}] == []
+
+
+def test_each_text_is_in_one_part_of_the_table():
+    assert sum(len(part.TABLE) for part in catalog.PARTS) == len(catalog.TABLE)
+
+
+@pytest.mark.parametrize("call", [call for call in calls("ui") if any(arg.arg == "text" for arg in call.keywords)])
+def test_fixed_texts_of_a_layout_are_looked_up(call):
+    """Blender would look them up in its default context."""
+    text = next(arg.value for arg in call.keywords if arg.arg == "text")
+    assert not isinstance(text, ast.JoinedStr)
+    assert not is_text(text) or text.value == ""
