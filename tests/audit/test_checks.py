@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the audit counts, and where it says that it is, on meshes where every texel and every face is known."""
+"""What the audit counts and where it locates it, on meshes where every texel and every face is known."""
 
 import json
 
@@ -22,15 +22,15 @@ RAYS = {"method": "CAST", "extrusion": 1.0, "max_distance": 2.0}
 
 
 def bake(low, *highs, cage=None, size=(64, 64), **settings):
-    """The report of a bake, as it comes back from a file."""
+    """The report of a bake, written to a file and read back."""
     values = {"method": "FLATTEN", "margin": 0, "storage": "MEMORY", "material": False, **settings}
     job = Job(low, highs, cage)
     report = bake_all(bpy.context, [job], Settings(width=size[0], height=size[1], **values))[0]
     return Report(**json.loads(json.dumps(report.to_dict())))
 
 
-def suspicious(report):
-    """The warnings, but for that planes have no detail."""
+def warnings_of(report):
+    """The warnings, except that the map of planes is flat."""
     return [warning for warning in report.warnings if not warning.startswith("The map is flat")]
 
 
@@ -39,7 +39,7 @@ def faces(report, kind):
 
 
 def mask(report, kind):
-    """The mask (H, W) bool, which holds black and white alone."""
+    """The mask (H, W) bool. It must be only black and white."""
     texels = maps.pixels(locate_issues.draw_mask(bpy.context, report, kind))
     assert set(np.unique(texels[..., :3])) <= {0.0, 1.0}
     assert (texels[..., 3] == 1.0).all()
@@ -47,7 +47,7 @@ def mask(report, kind):
 
 
 def tiles(name, *boxes, height=0.0, flip=(), **options):
-    """Quads in the plane z = height, each over a box (u0, v0, u1, v1) of UV space, which is its place as well.
+    """Quads in the plane z = height, each over a box (u0, v0, u1, v1) of UV space and of x and y.
 
     flip: those whose UVs are mirrored, along u within their boxes.
     """
@@ -61,7 +61,7 @@ def tiles(name, *boxes, height=0.0, flip=(), **options):
 
 
 def part(check, *names):
-    """Some of what is known of a check."""
+    """Some of the values of a check."""
     return {name: check[name] for name in names}
 
 
@@ -85,7 +85,7 @@ def test_nothing_is_wrong_with_two_planes():
     for kind in ("overlap", "uncovered", "far"):
         assert report.checks[kind]["of"] == 64 * 64
         assert not mask(report, kind).any()
-    assert suspicious(report) == []
+    assert warnings_of(report) == []
     assert [kind for kind in locate_issues.KINDS if faces(report, kind)] == ["polygons"]
 
 
@@ -98,13 +98,13 @@ def test_shared_texels():
     assert part(report.checks["overlap"], *TEXELS) == counted(16 * 64, (48 + 8) * 64)
     assert report.overlap == 16 / 56
     assert any("belong to two or more of its triangles" in warning for warning in report.warnings)
-    truth = np.zeros((64, 64), bool)
-    truth[:, 16:32] = True
-    np.testing.assert_array_equal(mask(report, "overlap"), truth)
+    expected = np.zeros((64, 64), bool)
+    expected[:, 16:32] = True
+    np.testing.assert_array_equal(mask(report, "overlap"), expected)
     assert faces(report, "overlap") == [0, 1, 2]
 
 
-def test_of_many_layers_each_face_is_found():
+def test_faces_of_all_overlapping_layers_are_found():
     report = bake(tiles("lo", *[(0, 0, 0.5, 0.5)] * 30, (0.5, 0.5, 1, 1)), zoo.plane("hi"))
     assert faces(report, "overlap") == list(range(30))
 
@@ -121,7 +121,7 @@ def test_mirrored_islands():
 
 
 @pytest.mark.parametrize(("udim", "outside"), [(False, [1, 2, 3, 4]), (True, [2, 3, 4])], ids=["one tile", "udim"])
-def test_what_reaches_outside_the_tiles(udim, outside):
+def test_triangles_outside_the_tiles(udim, outside):
     boxes = [(0, 0, 1, 1), (1.25, 0, 1.5, 1), (-0.5, 0, -0.25, 1), (9.5, 0, 10.5, 1), (0, 99.5, 0.5, 100.5)]
     storage = {"udim": True, "storage": "PACK", "tiles": (1001,)} if udim else {}
     report = bake(tiles("lo", *boxes), zoo.plane("hi"), **storage)
@@ -148,9 +148,9 @@ def test_uncovered_texels(settings):
     low, high = tiles("lo", *QUARTERS), tiles("hi", *QUARTERS[1:], height=0.01)
     report = bake(low, high, **settings)
     assert part(report.checks["uncovered"], *TEXELS) == counted(32 * 32, 64 * 64)
-    truth = np.zeros((64, 64), bool)
-    truth[:32, :32] = True
-    np.testing.assert_array_equal(mask(report, "uncovered"), truth)
+    expected = np.zeros((64, 64), bool)
+    expected[:32, :32] = True
+    np.testing.assert_array_equal(mask(report, "uncovered"), expected)
     assert faces(report, "uncovered") == [0]
     words = "hit nothing" if settings == RAYS else "have no high triangle"
     assert any(words in warning and "25.00%" in warning for warning in report.warnings)
@@ -159,14 +159,14 @@ def test_uncovered_texels(settings):
 def test_a_few_uncovered_texels_are_counted_and_raise_no_warning():
     report = bake(tiles("lo", (0, 0, 1, 1)), tiles("hi", (0, 0, 0.995, 1)), size=(256, 256))
     assert report.checks["uncovered"]["count"] == 256
-    assert suspicious(report) == []
+    assert warnings_of(report) == []
 
 
 # Distances
 
 
 def stairs(height=0.5):
-    """A low and a high mesh that is `height` above it over the third face."""
+    """A low mesh, and a high mesh that is `height` above its third face."""
     return tiles("lo", *QUARTERS), tiles("hi", *QUARTERS, height=[0.0, 0.0, height, 0.0])
 
 
@@ -181,11 +181,11 @@ def test_far_texels(settings):
     assert check["percentile_99"] == pytest.approx(0.75, rel=1e-5)
     assert check["limit"] == pytest.approx(0.05 * np.hypot(10, 10) / 2)
     assert check["offset"] == pytest.approx(0.0, abs=1e-5)
-    truth = np.zeros((64, 64), bool)
-    truth[32:, :32] = True
-    np.testing.assert_array_equal(mask(report, "far"), truth)
+    expected = np.zeros((64, 64), bool)
+    expected[32:, :32] = True
+    np.testing.assert_array_equal(mask(report, "far"), expected)
     assert faces(report, "far") == [2]
-    assert suspicious(report) == []
+    assert warnings_of(report) == []
 
 
 @pytest.mark.parametrize(("limit", "count"), [(0.49, 32 * 32), (0.51, 0)])
@@ -193,19 +193,19 @@ def test_the_limit_is_in_scene_units(limit, count):
     report = bake(*stairs(), limit=limit)
     assert report.checks["far"]["count"] == count
     assert report.checks["far"]["limit"] == limit
-    assert bool(suspicious(report)) == bool(count)
+    assert bool(warnings_of(report)) == bool(count)
     assert faces(report, "far") == [2] * bool(count)
 
 
 def test_many_far_texels_raise_a_warning():
     low, high = tiles("lo", *QUARTERS), tiles("hi", *QUARTERS, height=[0.0, 0.5, 0.5, 0.0])
     report = bake(low, high, **RAYS)
-    assert "On 50.00% of the texels of 'lo'" in suspicious(report)[0]
-    assert "farther away than 0.03536, at most 0.5." in suspicious(report)[0]
+    assert "On 50.00% of the texels of 'lo'" in warnings_of(report)[0]
+    assert "farther away than 0.03536, at most 0.5." in warnings_of(report)[0]
 
 
 def test_the_99th_percentile_is_not_the_maximum():
-    """A slope: distances are spread evenly from 0 to 2, but for the median, which is taken for an offset."""
+    """A slope: distances are spread evenly from 0 to 2, minus the median, which counts as an offset."""
     report = bake(zoo.plane("lo"), zoo.plane("hi", slope=1.0), limit=5.0)
     check = report.checks["far"]
     assert check["maximum"] == pytest.approx(1 - 1 / 64, rel=1e-4)
@@ -235,30 +235,30 @@ def test_meshes_side_by_side():
     assert not any("apart as a whole" in line for line in bake(low, high).summary())
 
 
-def test_auto_looks_once(monkeypatch):
-    """What chose the method tells the distances as well."""
+def test_auto_probes_once(monkeypatch):
+    """The measurement that chose the method also gives the distances."""
     low, high = zoo.terrain("lo", 8), zoo.terrain("hi", 32)
     size = separation.PROBE_SIZE, separation.PROBE_SIZE
-    truth = bake(low, high, method="FLATTEN", size=size).checks["far"]
+    expected = bake(low, high, method="FLATTEN", size=size).checks["far"]
     monkeypatch.setattr(separation, "full_probe", None)
-    one = bake(low, high, method="AUTO", size=size).checks["far"]
-    assert one == truth
-    assert 0.0 < one["percentile_99"] < one["maximum"] < 0.2
+    found = bake(low, high, method="AUTO", size=size).checks["far"]
+    assert found == expected
+    assert 0.0 < found["percentile_99"] < found["maximum"] < 0.2
 
 
-def test_of_a_large_high_mesh_some_triangles_are_looked_at(monkeypatch):
+def test_only_some_triangles_of_a_large_high_mesh_are_probed(monkeypatch):
     low, high = zoo.plane("lo"), zoo.plane("hi", 16)
     high.data.vertices[140].co.z = 0.5
     monkeypatch.setattr(separation, "TRIANGLES", 100)
     report = bake(low, high)
     check = report.checks["far"]
-    assert 64 * 64 / 8 < check["of"] < 64 * 64 / 4  # one triangle out of 6
+    assert 64 * 64 / 8 < check["of"] < 64 * 64 / 4  # every sixth triangle
     assert check["maximum"] <= 0.5
     monkeypatch.undo()
     assert bake(low, high).checks["far"]["of"] == 64 * 64
 
 
-def test_several_high_meshes_lie_on_each_other_as_in_the_map():
+def test_several_high_meshes_overlap_as_on_the_map():
     low, ground, lid = zoo.plane("lo"), zoo.plane("hi"), tiles("lid", (0, 0, 1, 0.25), height=0.4)
     lid.scale, lid.location = (2, 2, 1), (-1, -1, 0)
     assert bake(low, ground, lid).checks["far"]["count"] == 64 * 16
@@ -305,7 +305,7 @@ def triangles_of(polygons):
 
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("noise", [0.01, 0.1])
-def test_the_modifier_cuts_as_blender_draws(seed, noise):
+def test_the_modifier_makes_the_triangles_that_blender_draws(seed, noise):
     rng = np.random.default_rng(seed)
     low, gon = zoo.plane("lo", 6), zoo.disc("gon", 9)
     for obj in (low, gon):
@@ -325,7 +325,7 @@ def test_the_modifier_cuts_as_blender_draws(seed, noise):
         assert [after.checks[kind]["count"] for kind in ("polygons", "uneven")] == [0, 0]
 
 
-def test_normals_stay_when_faces_are_cut():
+def test_normals_stay_when_faces_are_triangulated():
     low = zoo.terrain("lo", 2)
     low.data.vertices[4].co.z = 0.7
     low.data.normals_split_custom_set(np.tile((0.6, 0.0, 0.8), (16, 1)))
@@ -335,10 +335,10 @@ def test_normals_stay_when_faces_are_cut():
     np.testing.assert_allclose(normals, np.tile((0.6, 0.0, 0.8), (24, 1)), atol=1e-3)
 
 
-# What the numbers are of
+# Shared images, tiles and large maps
 
 
-def test_several_bakes_into_one_image_have_checks_each():
+def test_each_bake_into_a_shared_image_has_its_own_checks():
     for name, box in (("a", (0, 0, 0.5, 1)), ("b", (0.5, 0, 1, 1))):
         tiles(f"{name}_low", box)
         tiles(f"{name}_high", (*box[:3], 0.5))
@@ -348,9 +348,9 @@ def test_several_bakes_into_one_image_have_checks_each():
     reports = bake_all(bpy.context, jobs, settings, share_image=True)
     for report, columns in zip(reports, (slice(0, 32), slice(32, 64)), strict=True):
         assert part(report.checks["uncovered"], *TEXELS) == counted(32 * 32, 32 * 64)
-        truth = np.zeros((64, 64), bool)
-        truth[32:, columns] = True
-        np.testing.assert_array_equal(mask(report, "uncovered"), truth)
+        expected = np.zeros((64, 64), bool)
+        expected[32:, columns] = True
+        np.testing.assert_array_equal(mask(report, "uncovered"), expected)
     assert bpy.data.images["atlas_uncovered"]
 
 
@@ -364,7 +364,7 @@ def test_udim_tiles():
     assert [tile.number for tile in image.tiles] == [1001, 1002]
 
 
-def test_large_maps_are_looked_at_in_bands(monkeypatch):
+def test_large_maps_are_checked_in_bands(monkeypatch):
     low, high = stairs()
     report = bake(low, high, size=(48, 80))
     whole = {kind: (mask(report, kind), faces(report, kind)) for kind in ("overlap", "far")}
@@ -374,7 +374,7 @@ def test_large_maps_are_looked_at_in_bands(monkeypatch):
         assert faces(report, kind) == found
 
 
-def test_of_a_map_larger_than_the_probe_every_other_texel_is_counted():
+def test_a_map_larger_than_the_probe_is_sampled_on_every_second_texel():
     report = bake(tiles("lo", (0, 0, 0.5, 1), (0.25, 0, 0.5, 1)), zoo.plane("hi"), size=(2 * tally.SAMPLES_A_SIDE, 16))
     assert part(report.checks["overlap"], *TEXELS) == counted(
         tally.SAMPLES_A_SIDE // 4 * 16, tally.SAMPLES_A_SIDE // 2 * 16
@@ -385,7 +385,7 @@ def test_of_a_map_larger_than_the_probe_every_other_texel_is_counted():
 # Objects as they are now
 
 
-def test_modifiers_take_the_faces_along():
+def test_faces_are_found_through_modifiers():
     low, high = zoo.plane("lo", 2), tiles("hi", (0, 0, 0.5, 1))
     rounded = low.modifiers.new("Cut", "SUBSURF")
     rounded.subdivision_type, rounded.levels, rounded.render_levels = "SIMPLE", 1, 2
@@ -428,7 +428,7 @@ def test_a_surface_and_its_own_base_mesh():
         locate_issues.add_triangulate(bpy.context, report)
 
 
-def test_objects_are_looked_at_as_they_are_now():
+def test_checks_use_the_objects_as_they_are_now():
     low, high = stairs()
     report = bake(low, high)
     high.data.vertices.foreach_set("co", np.zeros(48))
@@ -442,8 +442,8 @@ def test_objects_are_looked_at_as_they_are_now():
         faces(report, "far")
 
 
-def test_the_method_stays_that_of_the_bake():
-    """Auto would cast rays by now, and none of them would miss."""
+def test_checks_use_the_method_of_the_bake():
+    """Auto would now cast rays, and none of them would miss."""
     low, high = zoo.plane("lo", 2), zoo.plane("hi", 2)
     report = bake(low, high, method="AUTO")
     assert report.method == "FLATTEN"
@@ -454,7 +454,7 @@ def test_the_method_stays_that_of_the_bake():
 
 
 @pytest.mark.parametrize("kind", locate_issues.KINDS)
-def test_looking_changes_nothing(kind):
+def test_checks_change_nothing(kind):
     low, high = stairs()
     report = bake(low, high)
     bpy.context.view_layer.objects.active = low
@@ -464,7 +464,7 @@ def test_looking_changes_nothing(kind):
     assert difference(before, snapshot()) == {}
 
 
-def test_nothing_of_a_mask_is_left_when_the_image_cannot_take_it():
+def test_no_mask_remains_when_the_image_cannot_store_it():
     report = bake(*stairs())
     bpy.data.images.new("lo_normal_far", 4, 4, tiled=True)
     bpy.data.images["lo_normal_far"].source = "SEQUENCE"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Checks that no baker inside Blender has, and what the audit's numbers mean: only what harms is a warning."""
+"""How the audit rates its results: only checks that harm the map raise a warning."""
 
 import bpy
 import numpy as np
@@ -15,7 +15,7 @@ pytestmark = pytest.mark.usefixtures("gpu_context")
 
 
 def severities(report):
-    """How bad each check is that is not good."""
+    """The severity of each check that is not GOOD."""
     return {kind: check["severity"] for kind, check in report.checks.items() if check["severity"] != "GOOD"}
 
 
@@ -23,7 +23,7 @@ def severities(report):
 
 
 def halves(name="lo", *, move=(0.0, 0.0), **options):
-    """Two mirrored halves side by side that share their UVs, the second one's moved."""
+    """Two mirrored halves side by side with the same UVs, those of the second one moved."""
     low = zoo.mirrored(name, 4, **options)
     uv = np.array([corner.vector for corner in low.data.uv_layers[0].uv])
     uv[len(uv) // 2 :] += move
@@ -31,7 +31,7 @@ def halves(name="lo", *, move=(0.0, 0.0), **options):
     return low
 
 
-def test_mirrored_halves_on_each_other_are_right_practice_in_tangent_space():
+def test_stacked_mirrored_halves_are_good_practice_in_tangent_space():
     report = bake(halves(), halves("hi", slope=0.02))
     assert part(report.checks["overlap"], "share", "stacked", "severity") == {
         "share": 1.0,
@@ -43,19 +43,19 @@ def test_mirrored_halves_on_each_other_are_right_practice_in_tangent_space():
 
 
 @pytest.mark.parametrize("space", ["OBJECT", "WORLD"])
-def test_in_other_spaces_one_half_shows_the_normals_of_the_other(space):
+def test_stacked_mirrored_halves_are_wrong_in_object_and_world_space(space):
     report = bake(halves(), halves("hi"), space=space)
     assert report.checks["overlap"]["severity"] == "WRONG"
     assert any("overlapping UVs" in warning for warning in report.warnings)
 
 
-def test_halves_that_lie_on_each_other_in_part_are_wrong():
+def test_halves_that_overlap_in_part_are_wrong():
     report = bake(halves(move=(0.125, 0.0)), halves("hi", move=(0.125, 0.0)), udim=True, storage="PACK", tiles=(1001,))
     assert part(report.checks["overlap"], "count", "stacked") == {"count": 56 * 64, "stacked": 0}
     assert report.checks["overlap"]["severity"] == "WRONG"
 
 
-def test_of_shared_texels_those_that_are_not_stacked_count():
+def test_only_shared_texels_that_are_not_stacked_count():
     stacked, crossing = (0, 0, 0.5, 0.5), (0.5, 0.5, 1, 1)
     report = bake(tiles("lo", stacked, stacked, crossing, (0.75, 0.5, 1, 0.75)), zoo.plane("hi"))
     assert part(report.checks["overlap"], "count", "stacked") == {"count": 32 * 32 + 16 * 16, "stacked": 32 * 32}
@@ -63,7 +63,7 @@ def test_of_shared_texels_those_that_are_not_stacked_count():
 
 
 @pytest.mark.parametrize("move", [(1.0, 0.0), (0.0, -2.0)])
-def test_a_half_moved_by_whole_tiles_is_right_practice(move):
+def test_a_half_moved_by_whole_tiles_is_good_practice(move):
     report = bake(halves(move=move), halves("hi", move=move, slope=0.02))
     assert part(report.checks["outside"], "count", "moved", "severity") == {
         "count": 32,
@@ -81,13 +81,13 @@ def test_a_half_that_crosses_the_border_is_wrong(move):
     assert any("reach outside the UV tile" in warning for warning in report.warnings)
 
 
-def test_of_what_lies_outside_the_faces_that_harm_are_selected():
+def test_only_harmful_faces_outside_the_tile_are_selected():
     report = bake(tiles("lo", (0, 0, 1, 1), (1, 0, 2, 1), (1.5, 0, 1.75, 1)), zoo.plane("hi"))
     assert part(report.checks["outside"], "count", "moved") == {"count": 4, "moved": 2}
     assert faces(report, "outside") == [2]
 
 
-def test_high_parts_moved_by_whole_tiles_are_no_warning():
+def test_high_parts_moved_by_whole_tiles_raise_no_warning():
     assert bake(tiles("lo", (0, 0, 1, 1)), tiles("hi", (0, 0, 1, 1), (1, 0, 2, 1)), space="OBJECT").warnings == []
     report = bake(tiles("lo2", (0, 0, 1, 1)), tiles("hi2", (0.5, 0, 1.5, 1), (0, 0, 1, 1)), space="OBJECT")
     (warning,) = report.warnings
@@ -98,7 +98,7 @@ def test_high_parts_moved_by_whole_tiles_are_no_warning():
 
 
 def islands(gap, size=64, border=8):
-    """Two islands in a map of `size` texels, so many texels apart and so many from its border."""
+    """Two islands on a map of `size` texels, `gap` texels apart and `border` texels from its border."""
     middle, rim = (size - gap) / 2 / size, border / size
     return tiles("lo", (rim, rim, middle, 1 - rim), (middle + gap / size, rim, 1 - rim, 1 - rim))
 
@@ -109,20 +109,20 @@ def islands(gap, size=64, border=8):
 def test_islands_closer_than_a_texel_of_the_mip_level(mips, gap, is_close):
     report = bake(islands(gap), zoo.plane("hi"), mips=mips)
     need = 2**mips
-    # Each side is close as far in as a texel of the mip level reaches past the gap.
+    # On each side, the texels are close up to where a texel of the mip level reaches past the gap.
     wide, first = max(0, need - gap), (64 - gap) // 2
-    truth = np.zeros((64, 64), bool)
-    truth[8:56, first - wide : first] = truth[8:56, first + gap : first + gap + wide] = True
+    expected = np.zeros((64, 64), bool)
+    expected[8:56, first - wide : first] = expected[8:56, first + gap : first + gap + wide] = True
     check = report.checks["gaps"]
-    assert part(check, "count", "border", "needed") == {"count": truth.sum(), "border": 0, "needed": need}
-    np.testing.assert_array_equal(mask(report, "gaps"), truth)
+    assert part(check, "count", "border", "needed") == {"count": expected.sum(), "border": 0, "needed": need}
+    np.testing.assert_array_equal(mask(report, "gaps"), expected)
     assert faces(report, "gaps") == ([0, 1] if is_close else [])
     assert check["severity"] == ("WRONG" if is_close else "GOOD")
     assert any("of another UV island" in warning for warning in report.warnings) == is_close
 
 
 @pytest.mark.parametrize(("border", "is_close"), [(4, False), (3, True), (0, True)])
-def test_islands_closer_to_the_border_than_half_of_that(border, is_close):
+def test_islands_closer_to_the_border_than_half_a_texel_of_the_mip_level(border, is_close):
     low = tiles("lo", (border / 64, 0.25, 0.75, 0.75))
     report = bake(low, zoo.plane("hi"))
     assert report.checks["gaps"]["border"] == report.checks["gaps"]["count"] == (4 - border) * 32 * is_close
@@ -132,28 +132,28 @@ def test_islands_closer_to_the_border_than_half_of_that(border, is_close):
 
 
 @pytest.mark.parametrize("box", [(0, 0, 1, 1), (0, 0.25, 1, 0.75), (0.25, 0, 0.75, 1)])
-def test_an_island_that_goes_on_past_the_border_is_close_to_itself(box):
+def test_an_island_that_continues_past_the_border_is_close_to_itself(box):
     report = bake(tiles("lo", box), zoo.plane("hi"))
     assert report.checks["gaps"]["count"] == 0
 
 
-def test_islands_on_each_other_are_not_close_and_their_neighbours_are():
-    one, other = (8 / 64, 8 / 64, 30 / 64, 30 / 64), (16 / 64, 16 / 64, 40 / 64, 40 / 64)
-    report = bake(tiles("lo", one, other, one), zoo.plane("hi"))
+def test_stacked_islands_are_not_close_but_their_neighbors_are():
+    first, second = (8 / 64, 8 / 64, 30 / 64, 30 / 64), (16 / 64, 16 / 64, 40 / 64, 40 / 64)
+    report = bake(tiles("lo", first, second, first), zoo.plane("hi"))
     assert report.checks["overlap"]["count"] > 0
     assert report.checks["gaps"]["count"] == 0
     near = (44 / 64, 16 / 64, 56 / 64, 40 / 64)
-    report = bake(tiles("lo2", one, other, one, near), zoo.plane("hi2"))
+    report = bake(tiles("lo2", first, second, first, near), zoo.plane("hi2"))
     assert report.checks["gaps"]["count"] == 2 * 4 * 24
     assert faces(report, "gaps") == [1, 3]
 
 
-def test_pieces_of_one_island_that_a_file_parted_are_not_close():
+def test_pieces_of_one_island_split_by_a_file_are_not_close():
     assert bake(tiles("lo", *QUARTERS), zoo.plane("hi")).checks["gaps"]["count"] == 0
 
 
 @pytest.mark.parametrize("size", [(1024, 64), (64, 2048), (4096, 2048)])
-def test_of_a_large_map_two_texels_on_each_gap_are_looked_at(size):
+def test_two_texels_on_each_gap_of_a_large_map_are_checked(size):
     for mips in (1, 3):
         sparse = mip_gaps.grid(Settings(width=size[0], height=size[1], mips=mips))
         assert max(sparse.steps) <= 2 ** (mips - 1)
@@ -179,9 +179,9 @@ def test_texels_whose_z_is_lost(channels, slope, is_lost):
     assert part(report.checks["backwards"], "count", "of") == {"count": 32 * 32 * is_lost, "of": 64 * 64}
     assert report.checks["backwards"]["severity"] == ("WRONG" if is_lost else "GOOD")
     assert any("readers that rebuild z" in warning for warning in report.warnings) == is_lost
-    truth = np.zeros((64, 64), bool)
-    truth[32:, :32] = is_lost
-    np.testing.assert_array_equal(mask(report, "backwards"), truth)
+    expected = np.zeros((64, 64), bool)
+    expected[32:, :32] = is_lost
+    np.testing.assert_array_equal(mask(report, "backwards"), expected)
     assert faces(report, "backwards") == [2] * is_lost
 
 
@@ -192,13 +192,13 @@ def test_the_margin_does_not_count_and_rays_do(settings):
     assert bake(*tents(120), **settings).checks["backwards"]["count"] == 32 * 32
 
 
-def test_texels_of_the_margin_are_no_loss():
+def test_texels_of_the_margin_do_not_count_as_lost():
     low = tiles("lo", QUARTERS[2])
     high = tiles("hi", QUARTERS[2], normals=np.tile((1.0, 0.0, -0.1), (1, 4, 1)))
     assert bake(low, high, margin=8).checks["backwards"]["count"] == 32 * 32
 
 
-def test_in_an_image_that_is_shared_z_is_lost_as_well():
+def test_lost_z_is_counted_in_a_shared_image_too():
     low, high = tents(120)
     jobs = [Job(low, [high])]
     settings = Settings(
@@ -223,7 +223,7 @@ def roof(name="lo", **options):
 
 
 def edges(report):
-    """The ends of the edges that are hard, of the low object's own."""
+    """The ends of the hard edges of the low object."""
     low = locate_issues.of_low(report)
     return [tuple(low.data.edges[number].vertices) for number in locate_issues.find(bpy.context, report, "hard_edges")]
 
@@ -246,18 +246,18 @@ def test_sharp_edges_of_a_smooth_mesh():
     assert [tuple(sorted(ends)) for ends in edges(report)] == [(1, 4)]
 
 
-def test_hard_edges_cost_nothing_in_other_spaces():
+def test_hard_edges_are_harmless_in_object_and_world_space():
     report = bake(roof(smooth=False), roof("hi"), space="OBJECT")
     assert report.checks["hard_edges"] == {"count": 1, "severity": "GOOD"}
     assert report.warnings == []
 
 
-def test_hard_edges_at_seams_are_right():
+def test_hard_edges_at_seams_are_good():
     assert bake(zoo.cube("lo"), zoo.cube("hi")).checks["hard_edges"]["count"] == 0
 
 
 @pytest.mark.parametrize("modifier", ["TRIANGULATE", "ARRAY"])
-def test_edges_that_modifiers_have_made_lead_to_the_own_ones(modifier):
+def test_edges_made_by_modifiers_map_back_to_edges_of_the_object(modifier):
     low = roof(smooth=False)
     low.modifiers.new("Some", modifier)
     report = bake(low, roof("hi"))
@@ -311,9 +311,9 @@ MEANINGS = [
 ]
 
 
-@pytest.mark.parametrize(("kind", "check", "settings", "truth"), MEANINGS)
-def test_what_a_number_means(kind, check, settings, truth):
-    assert severity.rate(kind, check, Settings(**{"method": "FLATTEN"} | settings)) == truth
+@pytest.mark.parametrize(("kind", "check", "settings", "expected"), MEANINGS)
+def test_what_a_number_means(kind, check, settings, expected):
+    assert severity.rate(kind, check, Settings(**{"method": "FLATTEN"} | settings)) == expected
 
 
 def test_each_kind_has_a_meaning():

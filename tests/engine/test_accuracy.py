@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Flatten on real meshes, against Cycles: what it makes of the high mesh, and what it reads out of the map."""
+"""Flatten on real meshes, compared with Cycles: its bake of the high mesh, and its normals from the map."""
 
 from dataclasses import replace
 
@@ -28,16 +28,16 @@ PAIRS = [
     "king_40480_4000",
 ]
 FAST = ["king_40480_4000"]
-"""Those whose bakes take least are checked each time."""
+"""The pairs with the fastest bakes run in the fast lane."""
 
 OBJECT_SPACE_P99 = 0.05
-"""Degrees. Rasterisers snap corners to 1/256 texel; on these meshes that turns a normal by a few hundredths."""
+"""Degrees. Rasterizers snap corners to 1/256 texel. On these meshes that rotates a normal by a few hundredths of a degree."""
 ROUND_TRIP_P99 = 0.1
 """Degrees. As above, twice: once when the map is drawn, once when Cycles interpolates the low mesh."""
 VISIBLY_WRONG = 5.0
 """Degrees."""
 UNEXPLAINED = 5e-5
-"""Share of texels that may be visibly wrong outside folded slivers: a few, on the rims of folds and where islands meet."""
+"""Share of texels that may be visibly wrong outside folded slivers: a few at the borders of folds and islands."""
 
 
 def open_pair(folder, name):
@@ -51,7 +51,7 @@ def bake(low, high, image="map", **settings):
 
 
 @pytest.mark.parametrize("name", lanes.slow_but(FAST, PAIRS))
-def test_object_space_is_what_cycles_bakes_of_the_high_mesh(shared_assets, name):
+def test_object_space_map_equals_cycles_bake_of_the_high_mesh(shared_assets, name):
     low, high = open_pair(shared_assets, name)
     texels = bake(low, high, space="OBJECT")
     expected, written = cycles.bake_normals(high, SIZE, space="OBJECT")
@@ -71,14 +71,14 @@ TRANSFORMS = {"plain": mathutils.Matrix(), "turned_scaled": TURNED, "mirrored": 
 
 @pytest.mark.parametrize("transform", TRANSFORMS)
 @pytest.mark.parametrize("name", lanes.slow_but(FAST, [*PAIRS, "helmet_23358_6117"]))
-def test_tangent_map_comes_back_through_the_normal_map_node(shared_assets, name, transform):
+def test_tangent_map_gives_the_high_normals_in_the_normal_map_node(shared_assets, name, transform):
     low, high = open_pair(shared_assets, name)
     for obj in (low, high):
         obj.matrix_world = TRANSFORMS[transform] @ obj.matrix_world
     low.data.materials.clear()
     low.data.materials.append(diffuse_material())
     expected = bake(low, high, "expected", space="WORLD")
-    bpy.context.scene.render.engine = "CYCLES"  # for which the map is made, as it is the scene's
+    bpy.context.scene.render.engine = "CYCLES"  # the map is made for the scene's render engine
     texels = bake(low, high, "tangent", material=True)
     seen, written = cycles.world_normals(low, SIZE)
     both = angles.eroded(written & (texels[..., 3] > 0), 2)
@@ -95,7 +95,7 @@ def test_tangent_map_comes_back_through_the_normal_map_node(shared_assets, name,
     assert wrong[~folded].mean() < UNEXPLAINED
 
 
-def test_ten_kilometres_from_the_origin_the_map_is_the_same(shared_assets):
+def test_map_is_the_same_ten_kilometers_from_the_origin(shared_assets):
     maps = []
     for offset in (0.0, 10_000.0):
         low, high = open_pair(shared_assets, "king_40480_4000")
@@ -108,7 +108,7 @@ def test_ten_kilometres_from_the_origin_the_map_is_the_same(shared_assets):
 def diffuse_material():
     """A material whose shader shows the Normal input as it is.
 
-    A glossy shader bends normals that would reflect below the surface, which hides what the map says.
+    A glossy shader bends normals that would reflect below the surface, which hides errors of the map.
     """
     material = bpy.data.materials.new("diffuse")
     nodes, links = material.node_tree.nodes, material.node_tree.links
@@ -121,13 +121,13 @@ def diffuse_material():
 def folds(low):
     """Where (H, W) the low mesh has a triangle with a corner normal behind its own face.
 
-    Cycles takes such a texel for a back face and turns the normal round: no map can help a folded sliver.
+    Cycles treats such a texel as a back face and flips the normal: no map is right on a folded sliver.
     """
     with mesh_reader.evaluated(low, bpy.context.evaluated_depsgraph_get()) as data:
         mesh = mesh_reader.surface(data, data.uv_layers.active.name, low.name, mesh_reader.matrix(low))
     corners = mesh.positions[mesh.vertices[mesh.triangles]] @ mesh.to_world[:3, :3].T
     face = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    face *= np.sign(np.linalg.det(mesh.to_world[:3, :3]))  # a mirror turns the winding, not the outside
+    face *= np.sign(np.linalg.det(mesh.to_world[:3, :3]))  # mirroring reverses the winding, not the outside
     world_normals = mesh.normals @ triangle_mesh.normal_matrix(mesh.to_world).T
     behind = ((world_normals[mesh.triangles] * face[:, None]).sum(axis=-1) <= 0.0).any(axis=1)
     # Drawn like any mesh: one normal for the folded triangles, its opposite for the others.

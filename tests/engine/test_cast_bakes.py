@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Rays on real meshes, against Cycles' selected-to-active bake and a published map; distances, misses, cages."""
+"""Rays on real meshes, compared with Cycles' selected-to-active bake and a published map; distances, misses, cages."""
 
 import weakref
 
@@ -30,17 +30,17 @@ PAIRS = [
     "normaltangenttest_published",
 ]
 FAST = ["spot_1696_536", "king_40480_4000"]
-"""Those whose bakes take least are checked each time."""
+"""The pairs with the fastest bakes run in the fast lane."""
 SIZE = (1024, 1024)
 MEDIAN, P99 = 0.01, 0.1
 """Degrees from Cycles, which casts the same rays from positions that differ in the last bits."""
-HAIRS_BREADTH = 8
-"""Texels of a million that Cycles alone hits inside low triangles. In double precision their rays pass an edge of the high
+NEAR_AN_EDGE = 8
+"""Texels of a million, inside low triangles, that only Cycles hits. In double precision their rays pass an edge of the high
 mesh by less than 1e-4 of a triangle, or end less than 1e-4 of their length before it."""
 OTHER_LAYER = 5e-4
-"""Share of texels where the two may hit different layers: rays along an edge or between two skins."""
+"""Share of texels where the two may hit different layers: rays along an edge or between two layers."""
 SNAP = 1 / 128
-"""Texels. Rasterisers snap corners to 1/256 of a texel: an edge that near may pass on either side of a centre."""
+"""Texels. Rasterizers snap corners to 1/256 of a texel: an edge this close to a center may pass on either side of it."""
 
 
 def open_pair(folder, name):
@@ -88,22 +88,22 @@ def test_rays_hit_what_cycles_hits(shared_assets, name):
     assert np.median(error) < MEDIAN
     assert np.percentile(error, 99) < P99
     assert (error > 5.0).mean() < OTHER_LAYER
-    # What Cycles alone has lies on rims, but for a handful of rays that a hair's breadth decides.
+    # Texels that only Cycles hits are at borders, except for a few rays that barely pass an edge.
     row, column = np.nonzero(written & ~ours)
-    centres = (np.stack([column, row], axis=1) + 0.5) / SIZE
+    centers = (np.stack([column, row], axis=1) + 0.5) / SIZE
     layer = low.data.uv_layers.active.uv
     uv = np.empty((len(layer), 2), np.float32)
     layer.foreach_get("vector", uv.reshape(-1))
     triangles = np.empty((len(low.data.loop_triangles), 3), np.int32)
     low.data.loop_triangles.foreach_get("loops", triangles.reshape(-1))
-    inside = oracle.depth_inside(centres, uv[triangles]) * SIZE[0] > SNAP
-    assert np.count_nonzero(inside) <= HAIRS_BREADTH
+    inside = oracle.depth_inside(centers, uv[triangles]) * SIZE[0] > SNAP
+    assert np.count_nonzero(inside) <= NEAR_AN_EDGE
 
 
 @pytest.mark.slow
 @pytest.mark.shared
 def test_the_published_map_of_the_normal_tangent_test(shared_assets):
-    """Made by others with another tool: it pins +Y, MikkTSpace with turned UVs, and the place of texels."""
+    """The map comes from another tool: it checks +Y, MikkTSpace with rotated UVs, and the positions of texels."""
     low, high, extrusion, reach = open_pair(shared_assets, "normaltangenttest_published")
     size = (2048, 2048)
     texels, _ = cast(low, high, size=size, extrusion=extrusion, max_distance=reach)
@@ -128,7 +128,7 @@ def test_measured_distances_reach_the_high_mesh(shared_assets, name):
     print(f"{name}: {report.distances}, missed {report.missed:.4%}, over 5 degrees from 2 % by hand {differs:.4%}")
     assert report.missed < 1e-3
     if name not in {"spot_control_vs_subd5", "king_40480_4000", "helmet_23358_6117"}:
-        # Those three have other skins within 2 % of the surface, which rays from that far strike first.
+        # These three have other layers within 2 % of the surface, which rays from that distance hit first.
         assert differs < 1e-3
 
 
@@ -150,19 +150,19 @@ def test_far_away_and_tiny_objects_give_the_same_map(scale, offset):
     assert angles.degrees(angles.decode(before), angles.decode(after)).max() < 0.05
 
 
-def test_a_sphere_inside_a_sphere_is_found_whole():
-    """Flatten's truth for cast: concentric spheres see each other's normals along the same ray."""
+def test_rays_find_all_of_a_sphere_inside_a_sphere():
+    """On concentric spheres, rays must give the map that Flatten gives."""
     low, high = zoo.sphere("low", n=24), zoo.sphere("high", n=96)
     high.scale = (0.9, 0.9, 0.9)
     bpy.context.view_layer.update()
     texels, report = cast(low, high, space="OBJECT", size=(256, 128))
     flat = maps.bake(low, high, space="OBJECT", size=(256, 128), image="flat")
-    assert report.missed < 0.02  # the belt's rims: rays from the outer one pass above the inner one
+    assert report.missed < 0.02  # without the belt's borders: rays from the outer one pass above the inner one
     both = (texels[..., 3] > 0) & (flat[..., 3] > 0)
     assert angles.degrees(angles.decode(texels), angles.decode(flat))[both].max() < 0.5
 
 
-def test_misses_are_counted_and_never_disguised():
+def test_misses_are_counted_and_keep_alpha_0():
     low, high = zoo.plane("low"), zoo.plane("high")
     high.scale = (0.5, 1.0, 1.0)  # covers the middle half
     bpy.context.view_layer.update()
@@ -174,21 +174,21 @@ def test_misses_are_counted_and_never_disguised():
     assert (texels[holes] == np.float32((1.0, 0.0, 1.0, 0.0))).all()
 
 
-def test_several_high_objects_are_one_target():
+def test_rays_hit_all_of_several_high_objects():
     left, right = (zoo.plane(name) for name in ("left", "right"))
     for side, obj in ((-0.5, left), (0.5, right)):
         obj.matrix_world = mathutils.Matrix.LocRotScale((side, 0, 0.01), None, (0.5, 1, 1))
     right.data.transform(mathutils.Matrix.Rotation(0.2, 4, "X"))
     bpy.context.view_layer.update()
     texels, report = cast(zoo.plane("low"), left, right, extrusion=0.3, max_distance=0.6)
-    assert report.missed < 0.02  # the turned one is a little shorter
+    assert report.missed < 0.02  # the rotated one is a little shorter
     assert np.allclose(texels[20:44, :30], np.float32((0.5, 0.5, 1, 1)), atol=1e-5)
     turned = angles.decode(texels[20:44, 34:])
     assert angles.degrees(turned, np.float64((0, -np.sin(0.2), np.cos(0.2)))).max() < 0.01
 
 
-def test_smooth_directions_leave_no_gap_at_hard_edges():
-    """Rays along a cube's split normals spread at its edges and miss what lies before them."""
+def test_smooth_directions_leave_no_gaps_at_hard_edges():
+    """Rays along a cube's split normals diverge at its edges and miss the surface in front of them."""
     low, high = zoo.cube("low", smooth=False), zoo.cube("high", smooth=False)
     high.scale = (1.1, 1.1, 1.1)
     bpy.context.view_layer.update()
@@ -197,8 +197,8 @@ def test_smooth_directions_leave_no_gap_at_hard_edges():
     assert smooth.missed == 0.0
 
 
-def test_a_cage_says_where_rays_start():
-    """A high plane whose half at x > 0 lies above the cage is not seen there."""
+def test_rays_start_on_the_cage():
+    """Half of the high plane, at x > 0, is above the cage. Rays do not hit it there."""
     low = zoo.plane("low", n=2)
     cage = zoo.plane("cage", n=2)
     cage.location.z = 0.5
@@ -216,12 +216,12 @@ def test_a_cage_says_where_rays_start():
     assert (texels[..., 0] < 0.45).all()  # the lid's slope
 
 
-def test_a_cage_of_another_mesh_is_refused_with_both_numbers():
+def test_a_cage_with_another_topology_is_refused_with_both_face_counts():
     with pytest.raises(BakeError, match=r"'cage' has 9 faces and 'low' has 4"):
         cast(zoo.plane("low", n=2), zoo.plane("high"), cage=zoo.plane("cage", n=3))
 
 
-def test_objects_that_do_not_meet_are_refused_with_the_distance():
+def test_objects_that_do_not_overlap_are_refused_with_the_distance():
     high = zoo.plane("high")
     high.location.x = 12.0
     bpy.context.view_layer.update()
@@ -231,12 +231,12 @@ def test_objects_that_do_not_meet_are_refused_with_the_distance():
 
 @pytest.mark.parametrize("value", [-0.1, float("nan"), float("inf")])
 @pytest.mark.parametrize("name", ["extrusion", "max_distance"])
-def test_distances_that_are_none_are_refused(name, value):
+def test_invalid_distances_are_refused(name, value):
     with pytest.raises(BakeError, match="not a distance"):
         cast(zoo.plane("low"), zoo.plane("high"), **{name: value})
 
 
-def test_the_tree_is_kept_until_the_high_mesh_changes():
+def test_the_tree_is_cached_until_the_high_mesh_changes():
     trees = ray_casting.trees
     trees.free()
     before = trees.built
@@ -255,7 +255,7 @@ def test_the_tree_is_kept_until_the_high_mesh_changes():
 
 
 @pytest.mark.parametrize("change", ["flat", "custom normals"])
-def test_rays_see_other_normals_on_the_same_surface(change):
+def test_rays_return_changed_normals_on_the_same_surface(change):
     low, high = zoo.plane("low"), zoo.terrain("high", n=8)
     smooth, _ = cast(low, high, space="OBJECT")
     if change == "flat":
@@ -270,8 +270,8 @@ def test_rays_see_other_normals_on_the_same_surface(change):
 
 
 @pytest.mark.parametrize("order", [(0, 1), (1, 0)], ids=["misses above", "hits above"])
-def test_in_an_atlas_misses_of_one_object_leave_the_texels_of_another(order):
-    """One low mesh whose high one covers it, and one on the same texels whose high one covers half."""
+def test_misses_of_one_object_in_an_atlas_do_not_replace_texels_of_another(order):
+    """Two low meshes on the same texels. The high mesh covers all of one, and half of the other."""
     lows, highs = (
         [zoo.plane(name) for name in ("a", "b")],
         [zoo.plane("whole", slope=0.3), zoo.plane("half", slope=-0.3)],
@@ -299,10 +299,10 @@ def test_in_an_atlas_misses_of_one_object_leave_the_texels_of_another(order):
     whole = 0.5 - 0.5 * 0.3 / np.hypot(0.3, 1.0)
     outer = np.r_[0:8, 24:32]
     assert np.allclose(texels[:, outer, 0], whole, atol=1e-5)
-    colours = reports[0].maps["object_id"]["colours"]
-    assert np.allclose(owner[:, outer, :3], colours["whole"], atol=2 / 255)
+    colors = reports[0].maps["object_id"]["colours"]
+    assert np.allclose(owner[:, outer, :3], colors["whole"], atol=2 / 255)
     above = ("whole", "half")[order[-1]]
-    assert np.allclose(owner[:, 8:24, :3], colours[above], atol=2 / 255)
+    assert np.allclose(owner[:, 8:24, :3], colors[above], atol=2 / 255)
 
 
 def test_auto_measures_whether_uvs_are_shared():
@@ -310,10 +310,10 @@ def test_auto_measures_whether_uvs_are_shared():
     layer = other.data.uv_layers[0].uv
     uv = np.empty(len(layer) * 2, np.float32)
     layer.foreach_get("vector", uv)
-    layer.foreach_set("vector", uv.reshape(-1, 2)[:, ::-1].ravel())  # turned over
+    layer.foreach_set("vector", uv.reshape(-1, 2)[:, ::-1].ravel())  # upside down
     _, report = cast(low, shared, method="AUTO")
     assert (report.method, "agree" in report.why) == ("FLATTEN", True)
-    shared.location = (3.0, 1.0, 0.0)  # put aside to look at it
+    shared.location = (3.0, 1.0, 0.0)  # moved aside
     _, report = cast(low, shared, method="AUTO")
     assert report.method == "FLATTEN"
     _, report = cast(low, other, method="AUTO")
@@ -331,8 +331,8 @@ def test_more_triangles_than_the_gpu_takes_are_refused_with_the_number(monkeypat
         cast(zoo.plane("low"), zoo.terrain("high", n=32))
 
 
-def test_trees_of_jobs_that_are_done_are_let_go(monkeypatch):
-    """Though the jobs themselves are kept to the end of their batch, for their reports."""
+def test_trees_of_finished_jobs_are_freed(monkeypatch):
+    """The jobs themselves stay until the end of their batch, for their reports."""
     ray_casting.trees.free()
     monkeypatch.setattr(ray_casting.trees, "most_trees", 1)
     jobs = [
@@ -354,10 +354,10 @@ def test_trees_of_jobs_that_are_done_are_let_go(monkeypatch):
     settings = Settings("CAST", width=16, height=16, storage="MEMORY", extrusion=0.5, max_distance=1.0)
     bake_all(bpy.context, jobs, settings, on_progress=count)
     assert len(made) == len(jobs)
-    assert max(alive) <= 2  # the one that is kept and the one at work
+    assert max(alive) <= 2  # the cached one and the one in use
 
 
-def test_kept_trees_are_bounded_and_the_oldest_goes_first(monkeypatch):
+def test_cached_trees_are_limited_and_the_oldest_is_freed_first(monkeypatch):
     trees = ray_casting.trees
     trees.free()
     low = zoo.plane("low")
@@ -378,7 +378,7 @@ def test_kept_trees_are_bounded_and_the_oldest_goes_first(monkeypatch):
     assert not trees
 
 
-def test_facing_only_passes_through_a_lid_that_is_turned_away():
+def test_ignore_backfaces_passes_through_a_lid_that_faces_away():
     low, high, lid = zoo.plane("low"), zoo.plane("high"), zoo.plane("lid", slope=0.2)
     lid.data.flip_normals()
     lid.location.z = 0.3
@@ -392,7 +392,7 @@ def test_facing_only_passes_through_a_lid_that_is_turned_away():
 
 
 def test_split_directions_leave_gaps_at_hard_edges():
-    """What Directions is for: along split normals rays of a cube never look at what lies off its edges."""
+    """Ray Directions set to split normals: rays of a cube never reach the surface beyond its edges."""
     low, high = zoo.cube("low", smooth=False), zoo.sphere("high", n=48)
     high.scale = (1.9, 1.9, 1.9)
     bpy.context.view_layer.update()
@@ -403,10 +403,10 @@ def test_split_directions_leave_gaps_at_hard_edges():
     assert angles.degrees(angles.decode(smooth), angles.decode(split))[both].max() > 5.0
 
 
-# What a review found
+# Special cases
 
 
-def test_facing_only_knows_front_from_back_on_a_mirrored_object():
+def test_ignore_backfaces_distinguishes_front_and_back_on_a_mirrored_object():
     low, high = zoo.plane("low"), zoo.plane("high", slope=0.2)
     high.scale.x = -1.0
     bpy.context.view_layer.update()
@@ -436,8 +436,8 @@ def turned_uvs(obj, degrees, scale=1.0):
         (0, 0.8, 0.05, "CAST"),
     ],
 )
-def test_auto_looks_along_the_surface(degrees, scale, height, method):
-    """Detail of any height agrees with its layout; a layout that is turned or shrunk does not."""
+def test_auto_compares_points_along_the_surface(degrees, scale, height, method):
+    """Detail of any height agrees with the layout. A rotated or smaller layout does not."""
     high = zoo.terrain("high", height=height)
     turned_uvs(high, degrees, scale)
     _, report = cast(zoo.plane("low"), high, method="AUTO")
@@ -455,11 +455,11 @@ def add_loose_vertex(obj, place):
 @pytest.mark.parametrize("method", ["CAST", "AUTO"])
 def test_loose_vertices_change_nothing(name, place, method):
     low, high = zoo.plane("low"), zoo.terrain("high")
-    before, one = cast(low, high, method=method)
+    before, first = cast(low, high, method=method)
     add_loose_vertex(bpy.data.objects[name], place)
-    after, other = cast(low, high, method=method)
-    assert one.method == other.method
-    assert one.distances == pytest.approx(other.distances)
+    after, second = cast(low, high, method=method)
+    assert first.method == second.method
+    assert first.distances == pytest.approx(second.distances)
     assert np.abs(before - after).max() < 1e-5
 
 
@@ -477,7 +477,7 @@ def test_uvs_of_the_high_mesh_do_not_matter_to_rays():
     assert np.array_equal(texels, cast(low, high)[0])
 
 
-def test_high_objects_out_of_reach_do_not_coarsen_the_tree():
+def test_high_objects_out_of_reach_do_not_make_the_tree_less_precise():
     low, high, far = zoo.plane("low"), zoo.terrain("high"), zoo.plane("far")
     alone, _ = cast(low, high)
     far.location.x = 10_000.0
@@ -488,7 +488,7 @@ def test_high_objects_out_of_reach_do_not_coarsen_the_tree():
     assert np.array_equal(alone, together)
 
 
-def test_a_cage_takes_the_place_of_the_extrusion():
+def test_a_cage_replaces_the_extrusion():
     low, cage, high, lid = zoo.plane("low", n=2), zoo.plane("cage", n=2), zoo.plane("high"), zoo.plane("lid", slope=0.3)
     cage.location.z, high.location.z, lid.location.z = 0.5, 0.4, 1.5
     bpy.context.view_layer.update()
@@ -497,9 +497,9 @@ def test_a_cage_takes_the_place_of_the_extrusion():
     assert (texels == np.float32((0.5, 0.5, 1, 1))).all()
 
 
-def test_a_neighbours_margin_does_not_hide_misses_in_an_atlas():
+def test_margin_of_a_neighbor_does_not_hide_misses_in_an_atlas():
     def strip(name, start, stop):
-        """A piece of the plane from x to x, with its UVs where it lies."""
+        """A strip of the plane from x = start to x = stop, with the plane's UVs."""
         x = 2.0 * np.array((start, stop)) - 1.0
         points = [(x[0], -1, 0), (x[1], -1, 0), (x[1], 1, 0), (x[0], 1, 0)]
         return zoo.build(name, points, [(0, 1, 2, 3)], [[(start, 0), (stop, 0), (stop, 1), (start, 1)]])
@@ -518,7 +518,7 @@ def test_a_neighbours_margin_does_not_hide_misses_in_an_atlas():
     assert reports[0].missed == pytest.approx(0.5, abs=0.02)
 
 
-def test_maps_of_several_pairs_never_go_into_one_file(tmp_path):
+def test_maps_of_several_pairs_never_overwrite_the_same_file(tmp_path):
     jobs = [Job(zoo.plane(name), [zoo.plane(name + " high")]) for name in ("a", "b")]
     settings = Settings(width=16, height=16, storage="FILE", output=str(tmp_path / "m.png"), material=False)
     with pytest.raises(BakeError, match="would both"):
@@ -527,19 +527,19 @@ def test_maps_of_several_pairs_never_go_into_one_file(tmp_path):
 
 
 @pytest.mark.parametrize("missed", [(float("nan"), 0, 0), (2.0, 0, 0), (-0.1, 0, 0)])
-def test_a_colour_that_is_none_is_refused(missed):
+def test_an_invalid_color_is_refused(missed):
     with pytest.raises(BakeError, match="Miss Color"):
         Settings(missed=missed).check()
 
 
-def test_a_map_that_does_not_fit_is_refused_with_the_limit(monkeypatch):
+def test_a_map_too_large_for_the_gpu_is_refused_with_the_limit(monkeypatch):
     monkeypatch.setattr(gpu.capabilities, "max_texture_size_get", lambda: 64)
     with pytest.raises(BakeError, match="whose textures have at most 64"):
         maps.bake(zoo.plane("low"), zoo.plane("high"), size=(65, 64))
 
 
 def test_a_dense_closed_mesh_has_no_pinhole():
-    """Through a bake: half a million triangles, each smaller than a texel, under rays from far away."""
+    """In a whole bake: half a million triangles, each smaller than a texel, and rays from far away."""
     low, high = zoo.plane("low"), zoo.terrain("high", n=512, height=0.05)
     for obj in (low, high):
         obj.rotation_euler = (0.4, 1.1, -0.3)
@@ -549,10 +549,10 @@ def test_a_dense_closed_mesh_has_no_pinhole():
         assert report.missed == 0.0
 
 
-# What a first user stumbled over
+# Messages
 
 
-def test_an_atlas_whose_uvs_overlap_is_told():
+def test_overlapping_uvs_in_an_atlas_raise_a_warning():
     jobs = [Job(zoo.plane(name), [zoo.terrain(name + " high")]) for name in ("a", "b")]
     settings = Settings(width=16, height=16, storage="MEMORY", image="atlas", material=False)
     reports = bake_all(bpy.context, jobs, settings, share_image=True)
@@ -560,7 +560,7 @@ def test_an_atlas_whose_uvs_overlap_is_told():
     assert "256 texels of 'b' overlap texels of other objects" in reports[1].warnings[0]
 
 
-def test_a_mesh_that_is_inside_out_is_told():
+def test_a_mesh_with_flipped_normals_raises_a_warning():
     low, high = zoo.plane("low"), zoo.terrain("high")
     _, report = cast(low, high)
     assert report.warnings == []
@@ -570,7 +570,7 @@ def test_a_mesh_that_is_inside_out_is_told():
 
 
 @pytest.mark.parametrize("offset", [3.0, 6.0])
-def test_objects_apart_are_refused_though_a_few_rays_would_hit(offset):
+def test_separate_objects_are_refused_even_if_a_few_rays_hit(offset):
     low, high = zoo.sphere("low", n=8), zoo.sphere("high", n=16)
     high.location.x = offset + 1.0
     bpy.context.view_layer.update()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Maps whose every texel is known."""
+"""Maps whose texels are known in closed form."""
 
 import bpy
 import mathutils
@@ -16,9 +16,9 @@ from tests.support.maps import bake, texel_uv
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
 SNAP = 0.03
-"""Degrees. A corner may lie up to 1/512 texel off, on meshes that turn by less than 10 degrees a texel."""
+"""Degrees. A corner may be up to 1/512 texel off, on meshes whose normals change by less than 10 degrees per texel."""
 CHORD = 0.12
-"""Degrees between a 128-sided sphere's interpolated normal and the sphere's own, at most."""
+"""Degrees. The most between the interpolated normals of a 128-sided sphere and those of the sphere."""
 
 
 @pytest.mark.parametrize("space", ["TANGENT", "OBJECT", "WORLD"])
@@ -41,38 +41,38 @@ def test_green_down_mirrors_the_green_channel():
     high.rotation_euler.x = 0.3
     low = zoo.plane("low")
     up, down = (bake(low, high, green=green) for green in ("+Y", "-Y"))
-    assert up[0, 0, 1] < 0.4  # turned about +X, the normal leans towards -Y
+    assert up[0, 0, 1] < 0.4  # rotated about +X, the normal leans towards -Y
     assert np.allclose(up[..., 1] + down[..., 1], 1.0, atol=1e-6)
     assert np.array_equal(up[..., [0, 2, 3]], down[..., [0, 2, 3]])
 
 
-def test_a_sphere_s_object_map_is_its_normal():
+def test_object_space_map_of_a_sphere_is_its_normal():
     sphere = zoo.sphere("high", n=64)
     texels = bake(zoo.sphere("low", n=8), sphere, space="OBJECT", size=(256, 128))
     u, v = np.moveaxis(texel_uv(256, 128), -1, 0)
     longitude, latitude = 2 * np.pi * u, np.radians(75.0) * (2 * v - 1)
-    truth = np.stack(
+    expected = np.stack(
         [np.cos(longitude) * np.cos(latitude), np.sin(longitude) * np.cos(latitude), np.sin(latitude)], axis=-1
     )
-    assert angles.degrees(angles.decode(texels), truth).max() < CHORD
+    assert angles.degrees(angles.decode(texels), expected).max() < CHORD
 
 
-def test_a_terrain_s_map_is_the_derivative_of_its_height():
-    """On a plane the tangent-space normal of z = f(x, y) is (-df/dx, -df/dy, 1), normalised."""
+def test_map_of_a_terrain_is_the_derivative_of_its_height():
+    """On a plane the tangent-space normal of z = f(x, y) is (-df/dx, -df/dy, 1), normalized."""
     height, waves = 0.05, 1
     texels = bake(zoo.plane("low"), zoo.terrain("high", n=512, height=height, waves=waves), size=(128, 128))
     u, v = np.moveaxis(texel_uv(128, 128), -1, 0)
     step = 2 * np.pi * waves
     dx = 0.5 * step * height * np.cos(step * u) * np.sin(step * v)  # x = 2 u - 1
     dy = 0.5 * step * height * np.sin(step * u) * np.cos(step * v)
-    truth = np.stack([-dx, -dy, np.ones_like(dx)], axis=-1)
-    truth /= np.linalg.norm(truth, axis=-1, keepdims=True)
+    expected = np.stack([-dx, -dy, np.ones_like(dx)], axis=-1)
+    expected /= np.linalg.norm(expected, axis=-1, keepdims=True)
     inner = angles.eroded(np.ones(u.shape, bool), 1)  # Blender's normals are one-sided at the border
-    assert angles.degrees(angles.decode(texels), truth)[inner].max() < SNAP
+    assert angles.degrees(angles.decode(texels), expected)[inner].max() < SNAP
 
 
 def test_a_low_mesh_like_the_high_one_gives_a_flat_tangent_map():
-    """Also where UVs are mirrored, turned and stretched: the basis is the low mesh's own."""
+    """Also where UVs are mirrored, rotated and stretched: the low mesh has its own tangent space."""
     low, high = zoo.sphere("low", n=16), zoo.sphere("high", n=16)
     texels = bake(low, high, size=(128, 128))
     flat = np.float64((0.0, 0.0, 1.0))
@@ -81,18 +81,18 @@ def test_a_low_mesh_like_the_high_one_gives_a_flat_tangent_map():
 
 @pytest.mark.parametrize("scale", [(1, 1, 1), (1, 2, 0.5), (-1, 1, 1), (-2, -1, -1)])
 def test_the_plane_of_a_moved_object_has_the_moved_normal(scale):
-    """World space against the cross product of the transformed edges: shares nothing with the inverse transpose."""
+    """In world space, compared with the cross product of the transformed edges, which needs no inverse transpose."""
     low, high = zoo.plane("low"), zoo.plane("high", slope=0.4)
     high.matrix_world = mathutils.Matrix.LocRotScale((1, 2, 3), mathutils.Euler((0.5, -0.3, 2.0)), scale)
     bpy.context.view_layer.update()
     texels = bake(low, high, space="WORLD")
     a, b, c = (np.array(high.matrix_world @ mathutils.Vector(p)) for p in ((0, 0, 0), (1, 0, 0.4), (0, 1, 0)))
-    truth = np.cross(b - a, c - a) * np.sign(np.prod(scale))
-    truth /= np.linalg.norm(truth)
-    assert angles.degrees(angles.decode(texels), truth).max() < 1e-3
+    expected = np.cross(b - a, c - a) * np.sign(np.prod(scale))
+    expected /= np.linalg.norm(expected)
+    assert angles.degrees(angles.decode(texels), expected).max() < 1e-3
 
 
-def test_objects_may_be_turned_together_without_the_map_changing():
+def test_map_does_not_change_when_both_objects_rotate_together():
     low, high = zoo.sphere("low", n=12), zoo.terrain("high")
     before = bake(low, high)
     for obj in (low, high):
@@ -116,7 +116,7 @@ def test_the_high_mesh_may_be_in_several_objects():
 def test_flat_faces_stay_flat():
     high = zoo.terrain("high", n=4, height=0.5, smooth=False)
     texels = bake(zoo.plane("low"), high, size=(64, 64))
-    # Two triangles a quad, each of one colour at the most.
+    # Two triangles per quad, each with only one color.
     assert len(np.unique(texels.reshape(-1, 4).round(5), axis=0)) <= 32
 
 
@@ -136,12 +136,12 @@ def test_order_of_vertices_and_faces_does_not_matter_seed_7():
         zoo.build("shuffled", shuffled, new_place[faces][order], uv[faces][order]),
         image="after",
     )
-    # Sums of face normals are added in another order: the last bits of a float may differ.
+    # Face normals are added in another order: the last bits of a float may differ.
     assert np.abs(before - after).max() < 1e-6
 
 
 def test_triangulated_input_gives_the_same_map():
-    """With the same normals at the corners: those that Blender derives depend on the faces themselves."""
+    """The corner normals must be the same: those that Blender computes depend on the faces."""
     low, high = zoo.plane("low"), zoo.sphere("high", n=16)
     quads = bake(low, high)
     triangulate = high.modifiers.new("Triangulate", "TRIANGULATE")
@@ -150,7 +150,7 @@ def test_triangulated_input_gives_the_same_map():
 
 
 def test_low_meshes_with_ngons_work():
-    """A hexagon, its tangents from its triangles; in its plane nothing else than flat can come out."""
+    """A hexagon, with tangents from its triangles. The map of a plane must be flat."""
     angle = np.arange(6) * np.pi / 3
     points = np.stack([np.cos(angle), np.sin(angle), np.zeros(6)], axis=1)
     uv = 0.5 + 0.45 * points[:, :2]
@@ -176,7 +176,7 @@ def test_both_bases_agree_on_a_plane_and_differ_on_a_bent_mesh():
     ("engine", "basis", "reader"),
     [("CYCLES", "BLENDER", "Basis: Cycles"), ("BLENDER_EEVEE", "MIKKTSPACE", "Basis: MikkTSpace")],
 )
-def test_a_map_is_made_for_the_scenes_engine(engine, basis, reader):
+def test_a_map_is_made_for_the_render_engine_of_the_scene(engine, basis, reader):
     low, high = zoo.sphere("low", n=4), zoo.sphere("high", n=48)
     chosen = bake(low, high, basis=basis)
     bpy.context.scene.render.engine = engine
@@ -202,5 +202,5 @@ def test_a_map_drawn_in_bands_is_the_same(monkeypatch, margin):
     assert [part.stop - part.start for part in found] == [16, 16, 16, 12]
     banded = bake(low, high, size=(64, 60), margin=margin, image="banded")
     assert np.array_equal(whole[..., 3], banded[..., 3])
-    # Corners are snapped to the texel grid of the band, which need not be that of the whole map.
+    # Corners are snapped to the texel grid of the band, which may differ from that of the whole map.
     assert angles.degrees(angles.decode(whole), angles.decode(banded)).max() < SNAP

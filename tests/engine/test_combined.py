@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Rules that only two features together reach: tiles and bands, atlases and samples, cages that touch, maps and misses."""
+"""Combinations of two features: tiles and bands, atlases and samples, cages that touch, maps and misses."""
 
 import bpy
 import numpy as np
@@ -21,7 +21,7 @@ RAYS = {"extrusion": 0.5, "max_distance": 1.0}
 
 
 def bake(low, *highs, cage=None, **settings):
-    """The report and, by name, the texels of a float map in memory and those beside it."""
+    """The report and, by name, the texels of the normal map and the other maps, as float images in memory."""
     values = {"width": SIZE, "height": SIZE, "margin": 0, "depth": 32, "storage": "MEMORY", "material": False}
     report = bake_pair(bpy.context, low, highs, Settings(**{"image": "map", **values, **settings}), cage)
     beside = {name: pixels(bpy.data.images[found["image"]]) for name, found in report.maps.items()}
@@ -35,7 +35,7 @@ def move_uvs(obj, scale=(1.0, 1.0), offset=(0.0, 0.0)):
 
 @pytest.fixture
 def in_bands(monkeypatch):
-    """Makes small maps large: bands of 10 rows, and a margin of more texels than their halo."""
+    """Treat small maps as large ones, with bands of 10 rows and a margin wider than their halo."""
 
     def shrink():
         monkeypatch.setattr(bands, "BAND_TEXELS", 10 * SIZE)
@@ -49,7 +49,7 @@ def in_bands(monkeypatch):
 # Rays
 
 
-def test_the_tree_that_was_used_last_is_kept(monkeypatch):
+def test_the_tree_that_was_used_last_stays_cached(monkeypatch):
     trees = ray_casting.trees
     monkeypatch.setattr(trees, "most_trees", 2)
     trees.free()
@@ -61,17 +61,17 @@ def test_the_tree_that_was_used_last_is_kept(monkeypatch):
 
 
 def test_each_of_several_high_meshes_shows_its_own_normals():
-    """Whose points and corners are of different numbers, unlike those of single faces."""
+    """The meshes have different numbers of points and corners, unlike single faces."""
     low, highs = zoo.plane("lo"), [zoo.terrain(name, n=n, height=0.2) for name, n in (("a", 12), ("b", 6), ("c", 8))]
     alone = []
     for number, high in enumerate(highs):
         high.scale.x, high.location.x = 1.0 / 3.0, (number - 1) * 2.0 / 3.0
         alone.append(bake(low, high, method="CAST", space="WORLD", **RAYS)[1]["normal"])
     _, found = bake(low, *highs, method="CAST", space="WORLD", **RAYS)
-    for number, wanted in enumerate(alone):
+    for number, expected in enumerate(alone):
         columns = np.s_[:, 16 * number + 1 : 16 * number + 15]
-        assert len(np.unique(wanted[columns])) > 100
-        assert np.allclose(found["normal"][columns], wanted[columns], atol=1e-5)
+        assert len(np.unique(expected[columns])) > 100
+        assert np.allclose(found["normal"][columns], expected[columns], atol=1e-5)
 
 
 def test_high_meshes_beside_the_low_one_are_within_reach_of_measured_distances():
@@ -91,12 +91,12 @@ def test_each_face_has_its_own_material_seed_4(method):
     owner = np.random.default_rng(4).integers(0, 3, (16, 16))
     high.data.polygons.foreach_set("material_index", owner.ravel())
     report, found = bake(low, high, method=method, maps=("MATERIAL_ID",), **RAYS)
-    colours = np.array([report.maps["material_id"]["colours"][name] for name in ("a", "b", "c")])
-    wanted = colours[np.kron(owner, np.ones((3, 3), int))]
-    assert np.allclose(found["material_id"][1::3, 1::3, :3], wanted[1::3, 1::3], atol=2 / 255)  # the middles of faces
+    colors = np.array([report.maps["material_id"]["colours"][name] for name in ("a", "b", "c")])
+    expected = colors[np.kron(owner, np.ones((3, 3), int))]
+    assert np.allclose(found["material_id"][1::3, 1::3, :3], expected[1::3, 1::3], atol=2 / 255)  # the middles of faces
 
 
-def test_a_face_whose_material_is_not_there_shows_the_last():
+def test_a_face_without_its_material_has_the_last_one():
     low, high = zoo.plane("lo"), zoo.plane("hi")
     for name in ("a", "b"):
         high.data.materials.append(bpy.data.materials.new(name))
@@ -105,8 +105,8 @@ def test_a_face_whose_material_is_not_there_shows_the_last():
     assert np.allclose(found["material_id"][..., :3], report.maps["material_id"]["colours"]["b"], atol=2 / 255)
 
 
-def test_where_a_cage_touches_the_low_mesh_rays_follow_its_normals():
-    """Over the left half the cage lies on the low mesh."""
+def test_rays_follow_low_normals_where_the_cage_touches_the_low_mesh():
+    """The left half of the cage is on the low mesh."""
     low, cage, high = zoo.plane("lo", 2), zoo.plane("cage", 2), zoo.plane("hi", slope=0.2)
     high.location.z = -0.3
     for vertex in cage.data.vertices:
@@ -116,7 +116,7 @@ def test_where_a_cage_touches_the_low_mesh_rays_follow_its_normals():
     assert np.allclose(found["normal"][..., 0], 0.5 - 0.5 * 0.2 / np.hypot(0.2, 1.0), atol=1e-5)
 
 
-def test_facing_only_measures_what_lies_outside():
+def test_ignore_backfaces_measures_surfaces_outside():
     low, high = zoo.plane("lo"), zoo.plane("hi")
     high.location.z = 0.2
     report, found = bake(low, high, method="CAST", facing_only=True)
@@ -139,19 +139,19 @@ def test_distances_are_measured_on_all_tiles():
 @pytest.mark.parametrize("scale", [1e-20, 1e5])
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("space", ["TANGENT", "OBJECT", "WORLD"])
-def test_the_scale_of_objects_does_not_count(method, space, scale):
+def test_the_scale_of_objects_does_not_change_the_map(method, space, scale):
     low, high = zoo.plane("lo"), zoo.plane("hi", slope=0.2)
-    _, wanted = bake(low, high, method=method, space=space)
+    _, expected = bake(low, high, method=method, space=space)
     low.scale = high.scale = (scale,) * 3
     _, found = bake(low, high, method=method, space=space)
-    assert np.allclose(found["normal"], wanted["normal"], atol=1e-5)
+    assert np.allclose(found["normal"], expected["normal"], atol=1e-5)
 
 
-# Maps beside the normal map
+# Maps other than the normal map
 
 
 @pytest.mark.parametrize("name", ["HEIGHT", "DISPLACEMENT", "DISTANCE"])
-def test_between_two_surfaces_is_nothing_where_there_is_one(name):
+def test_distances_are_empty_where_there_is_only_one_surface(name):
     """The high mesh covers the whole map, the low one its left half."""
     low, high = zoo.plane("lo"), zoo.plane("hi")
     move_uvs(low, scale=(0.5, 1.0))
@@ -160,7 +160,7 @@ def test_between_two_surfaces_is_nothing_where_there_is_one(name):
     assert (found["position"][..., 3] == 1.0).all()
 
 
-def test_rays_that_miss_do_not_count_in_the_mean_of_those_that_hit():
+def test_rays_that_miss_do_not_count_in_the_mean():
     low, high = zoo.plane("lo"), zoo.plane("hi")
     high.scale.x, high.location.z = 0.5 + 1.0 / SIZE, 0.1  # ends in the middle of a texel
     _, found = bake(low, high, method="CAST", samples=64, maps=("HEIGHT", "COVERAGE"), **RAYS)
@@ -178,7 +178,7 @@ def test_positions_of_a_tall_object_fit_into_whole_numbers():
 
 
 @pytest.mark.parametrize("storage", ["PACK", "MEMORY"])
-def test_images_of_16_bits_hold_numbers_as_they_are(storage):
+def test_images_of_16_bits_store_numbers_unchanged(storage):
     low, high = zoo.plane("lo"), zoo.plane("hi")
     high.location.z = -7.0
     report, found = bake(low, high, method="FLATTEN", maps=("HEIGHT",), depth=16, storage=storage)
@@ -194,14 +194,14 @@ def test_ids_are_not_dithered():
 
 
 def test_maps_of_few_values_take_few_bits():
-    wanted = output_clashes.settings_by_map(Settings(maps=("COVERAGE", "OBJECT_ID", "HEIGHT"), mask=True, depth=16))
-    depths = {name: own.depth for name, own in wanted.items()}
+    expected = output_clashes.settings_by_map(Settings(maps=("COVERAGE", "OBJECT_ID", "HEIGHT"), mask=True, depth=16))
+    depths = {name: own.depth for name, own in expected.items()}
     assert depths == {"NORMAL": 16, "MASK": 8, "COVERAGE": 8, "OBJECT_ID": 8, "HEIGHT": 16}
 
 
 @pytest.mark.parametrize("blue", ["+Z", "-Z"])
 @pytest.mark.parametrize("is_inside_out", [False, True])
-def test_normals_that_point_inwards_are_told_whatever_blue_holds(blue, is_inside_out):
+def test_normals_that_point_inwards_raise_a_warning_whatever_is_in_blue(blue, is_inside_out):
     low, high = zoo.plane("lo"), zoo.plane("hi")
     if is_inside_out:
         high.data.flip_normals()
@@ -214,7 +214,7 @@ def test_normals_that_point_inwards_are_told_whatever_blue_holds(blue, is_inside
 
 @pytest.mark.parametrize("tile", [1001, 1002, 1011, 1034])
 @pytest.mark.parametrize("margin_type", ["EXTEND", "ADJACENT_FACES"])
-def test_bands_of_any_tile_are_those_of_the_first(in_bands, tile, margin_type):
+def test_bands_of_any_tile_equal_those_of_the_first(in_bands, tile, margin_type):
     low, high = zoo.two_islands("lo", gap=0.5), zoo.two_islands("hi", gap=0.5)
     for obj in (low, high):
         move_uvs(obj, scale=(0.5, 0.5), offset=(0.25, 0.25))  # exact in single precision on all of these tiles
@@ -229,8 +229,8 @@ def test_bands_of_any_tile_are_those_of_the_first(in_bands, tile, margin_type):
     assert np.allclose(pixels(bpy.data.images["tile"]), whole["normal"], atol=1e-5)
 
 
-def test_each_tile_has_the_seams_that_lie_on_it():
-    """A seam on each of two tiles, at other places: baked together as they are alone."""
+def test_each_tile_has_only_its_own_seams():
+    """Two tiles with seams at different positions: baked together, they equal single bakes."""
     low = zoo.cube("lo")
     uv = low.data.uv_layers[0].uv
     for face in low.data.polygons:
@@ -250,12 +250,12 @@ def test_each_tile_has_the_seams_that_lie_on_it():
 
 
 def atlas(names=("a", "b"), **settings):
-    """The texels of one image for two terrains side by side, and those beside it."""
+    """The texels of a shared image for two terrains side by side, and those of the other maps."""
     jobs = []
     for number, name in enumerate(names):
         low, high = zoo.plane(f"{name}_low"), zoo.terrain(f"{name}_high", n=8)
         for obj in (low, high):
-            # Rows 12 to 38: below and above them the margin lies on other bands of 10 rows.
+            # The meshes cover rows 12 to 38: the margin below and above is on other bands of 10 rows.
             move_uvs(obj, scale=(0.375, 0.55), offset=(0.03125 + 0.5 * number, 0.25))
         high.data.materials.append(bpy.data.materials.new(name))
         jobs.append(Job(low, [high]))
@@ -266,7 +266,7 @@ def atlas(names=("a", "b"), **settings):
 
 
 @pytest.mark.parametrize("margin", [0, 3])
-def test_an_atlas_in_bands_is_the_whole_one(in_bands, margin):
+def test_an_atlas_in_bands_equals_the_whole_one(in_bands, margin):
     _, whole = atlas(margin=margin)
     in_bands()
     _, banded = atlas(("c", "d"), margin=margin)
@@ -276,10 +276,10 @@ def test_an_atlas_in_bands_is_the_whole_one(in_bands, margin):
 
 def test_materials_of_an_atlas_are_numbered_together():
     report, found = atlas(maps=("MATERIAL_ID",), margin=0)
-    colours = report.maps["material_id"]["colours"]
-    assert list(colours) == ["a", "b"]
+    colors = report.maps["material_id"]["colours"]
+    assert list(colors) == ["a", "b"]
     left, right = found["material_id"][SIZE // 2, [8, SIZE - 12], :3]
-    assert np.allclose([left, right], [colours["a"], colours["b"]], atol=2 / 255)
+    assert np.allclose([left, right], [colors["a"], colors["b"]], atol=2 / 255)
 
 
 def test_a_high_object_of_two_jobs_has_one_number_in_their_atlas():
@@ -292,19 +292,19 @@ def test_a_high_object_of_two_jobs_has_one_number_in_their_atlas():
         width=SIZE, height=SIZE, method="CAST", storage="MEMORY", image="atlas", maps=("OBJECT_ID",), margin=0
     )
     report = bake_all(bpy.context, jobs, settings, share_image=True)[0]
-    found, colours = pixels(bpy.data.images["atlas_object_id"]), report.maps["object_id"]["colours"]
-    assert list(colours) == ["hi", "other"]
-    assert np.allclose(found[..., :3], colours["hi"], atol=2 / 255)
+    found, colors = pixels(bpy.data.images["atlas_object_id"]), report.maps["object_id"]["colours"]
+    assert list(colors) == ["hi", "other"]
+    assert np.allclose(found[..., :3], colors["hi"], atol=2 / 255)
 
 
-def test_high_objects_of_one_name_have_colors_of_their_own(tmp_path):
-    """One of them comes from a library."""
+def test_high_objects_with_the_same_name_have_different_colors(tmp_path):
+    """One of the objects is linked from a library."""
     zoo.plane("hi")
     bpy.data.libraries.write(str(tmp_path / "library.blend"), {bpy.data.objects["hi"]})
-    with bpy.data.libraries.load(str(tmp_path / "library.blend"), link=True) as (_, wanted):
-        wanted.objects = ["hi"]
-    bpy.context.scene.collection.objects.link(wanted.objects[0])
-    highs = [bpy.data.objects["hi", None], wanted.objects[0]]
+    with bpy.data.libraries.load(str(tmp_path / "library.blend"), link=True) as (_, expected):
+        expected.objects = ["hi"]
+    bpy.context.scene.collection.objects.link(expected.objects[0])
+    highs = [bpy.data.objects["hi", None], expected.objects[0]]
     highs[0].location.x = 1.0
     report, found = bake(zoo.plane("lo"), *highs, method="CAST", maps=("OBJECT_ID",))
     assert list(report.maps["object_id"]["colours"]) == ["hi"]
@@ -324,7 +324,7 @@ def test_an_atlas_is_not_sampled_again(monkeypatch):
 
 
 @pytest.mark.parametrize("dither", [False, True])
-def test_only_8_bits_are_dithered_and_only_whole_numbers_lose(dither):
+def test_only_8_bits_are_dithered_and_only_integers_lose_precision(dither):
     texels = np.full((16, 16, 4), 0.3, np.float32)
     for depth, values, is_lossy in ((8, 2 if dither else 1, True), (16, 1, False), (32, 1, False)):
         settings = Settings(width=16, height=16, depth=depth, dither=dither, image="map", storage="MEMORY")
@@ -334,7 +334,7 @@ def test_only_8_bits_are_dithered_and_only_whole_numbers_lose(dither):
             assert len(np.unique(pixels(writer.commit())[..., 0])) == values
 
 
-def test_the_loss_is_that_of_all_tiles():
+def test_the_loss_includes_all_tiles():
     settings = Settings(width=16, height=16, udim=True, depth=8, image="map")
     exact, rough = np.ones((16, 16, 4), np.float32), np.random.default_rng(0).random((16, 16, 4), np.float32)
     rough[..., 3] = 1.0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a bake costs in things that do not depend on the machine: passes, uploads, bytes, and nodes of the tree."""
+"""Costs of a bake that do not depend on the machine: passes, uploads, bytes, and nodes of the tree."""
 
 from collections import Counter
 
@@ -23,7 +23,7 @@ TEXELS = SIZE * SIZE
 
 @pytest.fixture
 def counts(monkeypatch):
-    """How often each program was run, and how many bytes went up and came down, since the test began."""
+    """How often each program ran, and how many bytes were uploaded and read back, since the test began."""
     seen = Counter()
     bind, vertices, read = target.bind, mesh_upload._vertices, target.Target.read
     upload, gathered = data_texture.upload, data_texture.upload_gathered
@@ -67,7 +67,7 @@ def settings(method, **values):
 
 
 def passes(counts):
-    """The runs by shader file, without those of the audit, which looks at small maps of its own."""
+    """The runs by shader file, without those of the audit, which draws its own small maps."""
     audit = {
         "audit/overlap_frag.glsl",
         "bake/gbuffer_frag.glsl",
@@ -79,7 +79,7 @@ def passes(counts):
 
 
 @pytest.mark.parametrize("samples", [1, 4, 16])
-def test_flatten_is_one_draw_a_sample(counts, samples):
+def test_flatten_draws_once_per_sample(counts, samples):
     low, high = pair()
     bake_pair(bpy.context, low, [high], settings("FLATTEN", samples=samples))
     accumulated = {"bake/accumulate_comp.glsl": samples, "bake/average_frag.glsl": 1} if samples > 1 else {}
@@ -94,25 +94,25 @@ def test_flatten_is_one_draw_a_sample(counts, samples):
 
 
 @pytest.mark.parametrize("samples", [1, 4])
-def test_cast_is_one_dispatch_a_sample(counts, samples):
+def test_cast_dispatches_once_per_sample(counts, samples):
     low, high = pair()
     distances = {"extrusion": 0.3, "max_distance": 0.6}
     bake_pair(bpy.context, low, [high], settings("CAST", samples=samples, **distances))
     found = passes(counts)
-    # One more for the audit, which asks how far the rays went.
+    # One more for the audit, which measures the lengths of rays.
     assert samples <= found["bake/cast_comp.glsl"] <= samples + 1
     assert found["bake/lookup_frag.glsl"] == found["bake/tangent_frag.glsl"] == samples
 
 
-def test_what_goes_up_and_comes_down(counts):
+def test_bytes_uploaded_and_read_back(counts):
     low, high = pair()
     bake_pair(bpy.context, low, [high], settings("FLATTEN"))
     corners = 4 * (64 * 64 + 8 * 8)
     assert counts["bytes of tables"] == 0
-    # UVs and normals of both, the low's tangents; the audit lays both flat once more.
+    # UVs and normals of both meshes, tangents of the low one. The audit draws both once more.
     flat = corners * (2 + 3) * 4 + 4 * 8 * 8 * 4 * 4
     assert flat <= counts["bytes of vertices"] <= 4 * flat
-    # The map and its state; the audit's small maps are of the same size here.
+    # The map and its state. The audit's small maps have the same size here.
     assert TEXELS * 17 <= counts["bytes read"] <= TEXELS * 17 * 5
 
 
@@ -127,7 +127,7 @@ def test_a_tree_is_uploaded_once(counts):
 
 @pytest.mark.parametrize("share_image", [False, True])
 @pytest.mark.parametrize("method", ["FLATTEN", "CAST"])
-def test_targets_are_let_go_when_they_hold_too_much(monkeypatch, method, share_image):
+def test_targets_are_freed_when_they_exceed_their_limit(monkeypatch, method, share_image):
     def bake(most):
         monkeypatch.setattr(target.common, "most_bytes", most)
         bake_all(bpy.context, [Job(*objects)], settings(method), share_image=share_image)
@@ -141,7 +141,7 @@ def test_targets_are_let_go_when_they_hold_too_much(monkeypatch, method, share_i
     assert bake(1) == 0
 
 
-def test_a_live_map_uploads_what_has_changed_alone(counts):
+def test_a_live_map_uploads_only_changed_objects(counts):
     low, high = pair()
     following = live_session.Session(bpy.context, Job(low, [high]), settings("FLATTEN"), progress.Pace())
     following.run(bpy.context)
@@ -161,7 +161,7 @@ def test_a_live_map_uploads_what_has_changed_alone(counts):
 
 
 def test_rays_visit_few_nodes_seed_3():
-    """On a fixed terrain: a walk over the tree as the shader does it, node by node, without the shader."""
+    """On a fixed terrain, with the shader's traversal of the tree written in Python."""
     n, rays = 64, 200
     grid = zoo.grid_uv(n, n)
     points = np.column_stack([grid, 0.1 * np.sin(9 * grid[:, 0]) * np.cos(7 * grid[:, 1])]).astype(np.float32)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Hundreds of bakes, many samples, and bakes that are broken off: nothing grows, and nothing is left behind.
+"""Hundreds of bakes, many samples, and canceled bakes: memory does not grow, and nothing remains.
 
-With IMPRINT_ENDURANCE=1 it is 500 bakes instead of 200, and maps of 2048 texels a side instead of 1024 for the samples.
+With IMPRINT_ENDURANCE=1, there are 500 bakes instead of 200, and maps for samples have 2048 texels a side instead of 1024.
 """
 
 import ctypes
@@ -36,14 +36,14 @@ needs_proc = pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="m
 # Many bakes
 
 WARM, BAKES = 100, 500 if FULL else 200
-"""After how many bakes memory is measured first and last."""
+"""The numbers of bakes after which memory is measured."""
 GROWTH = 6 * MIB
-"""What memory may have grown by in between: less than a map of 64 x 64 texels a bake."""
+"""How much memory may grow in between: less than a map of 64 x 64 texels per bake."""
 SIZES = ((16, 16), (64, 64), (128, 32), (256, 256))
 
 
 def resident():
-    """Bytes of memory that this process holds, less what the C library keeps for later."""
+    """Bytes of memory of this process, without those that the C library keeps for reuse."""
     trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
     if trim:
         trim(0)
@@ -51,7 +51,7 @@ def resident():
 
 
 def held():
-    """What must not become more from bake to bake."""
+    """Counts that must not grow from bake to bake."""
     lists = [p.identifier for p in bpy.data.bl_rna.properties if p.type == "COLLECTION"]
     nodes = [len(material.node_tree.nodes) for material in bpy.data.materials]
     return {name: len(getattr(bpy.data, name)) for name in lists}, nodes, target.common.roles
@@ -98,7 +98,7 @@ def test_memory_stays_flat_over_hundreds_of_bakes(tmp_path, monkeypatch):
 
 SIDE = 2048 if FULL else 1024
 MORE = 1.3
-"""How many times the memory of one sample sixteen may need."""
+"""Factor: the memory for sixteen samples over the memory for one, at most."""
 PEAK = """
 import resource, sys
 import bpy, gpu
@@ -123,8 +123,7 @@ print("peak", resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
 @needs_proc
 @pytest.mark.parametrize("method", METHODS)
 def test_memory_does_not_grow_with_samples(method, tmp_path):
-    """Peaks of a process for each. Where OpenGL is software, they hold the textures as well, which are as large as the
-    map, however little of it is covered."""
+    """Compares peaks of a process for each. With software OpenGL they include the textures, which are as large as the map."""
     peaks = {}
     for samples in (1, 16):
         output = str(tmp_path / f"{samples}.png")
@@ -134,14 +133,14 @@ def test_memory_does_not_grow_with_samples(method, tmp_path):
     assert peaks[16] < MORE * peaks[1], peaks
 
 
-# Breaking off
+# Canceling
 
 SHARES = (0.0, *np.random.default_rng(0).random(8).round(3), 1.0)
-"""Of a bake, when it is broken off."""
+"""Shares of a bake after which it is canceled."""
 
 
-def break_off(low, high, settings, share):
-    """Close a bake when so much of it is done; at 1, after the last step before anything is stored for good."""
+def cancel(low, high, settings, share):
+    """Close a bake after `share` of it. At 1, after the last step before anything is stored."""
     work = several.work(bpy.context, [Job(low, [high])], settings, Pace(0.01))
     next(step for step in work if step.done >= share and (share < 1.0 or step.what == "Storing"))
     work.close()
@@ -152,7 +151,7 @@ def files(folder):
 
 
 def contents(path):
-    """The pixels of the images as they are stored, the nodes and the lists of a saved file, which is opened for that."""
+    """The pixels of the images as stored, the nodes and the lists of a saved file. Opens that file."""
     bpy.ops.wm.open_mainfile(filepath=str(path))
     state = snapshot()
     images = [
@@ -165,7 +164,7 @@ def contents(path):
 @pytest.mark.parametrize("is_there", [False, True], ids=["no map", "over a map"])
 @pytest.mark.parametrize("storage", ["PACK", "FILE"])
 @pytest.mark.parametrize("method", METHODS)
-def test_a_bake_that_is_broken_off_leaves_no_trace(method, storage, is_there, tmp_path):
+def test_a_canceled_bake_changes_nothing(method, storage, is_there, tmp_path):
     low, high = zoo.plane("lo", 4), zoo.terrain("hi", 48)
     low.data.materials.append(bpy.data.materials.new("Skin"))
     folder, old, new = tmp_path / "maps", tmp_path / "old.blend", tmp_path / "new.blend"
@@ -176,11 +175,11 @@ def test_a_bake_that_is_broken_off_leaves_no_trace(method, storage, is_there, tm
     )
     if is_there:
         bake_pair(bpy.context, low, [high], settings)
-        high.rotation_euler.x = 0.1  # else the new map would be the old one
+        high.rotation_euler.x = 0.1  # so that the new map differs from the old one
     before, there = snapshot(), files(folder)
     bpy.ops.wm.save_as_mainfile(filepath=str(old), copy=True)
     for share in SHARES:
-        break_off(low, high, settings, share)
+        cancel(low, high, settings, share)
         assert difference(before, snapshot()) == {}
         assert files(folder) == there
     bpy.ops.wm.save_as_mainfile(filepath=str(new), copy=True)

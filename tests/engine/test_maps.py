@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The maps beside the normal map, against closed forms: where, how high, how far, whose."""
+"""The maps other than the normal map, compared with closed forms: positions, heights, distances, IDs."""
 
 import bmesh
 import bpy
@@ -18,17 +18,17 @@ pytestmark = pytest.mark.usefixtures("gpu_context")
 
 HEIGHT, WAVES, SCALE, PLACE = 0.1, 2, 2.0, (3.0, 4.0, 5.0)
 TRIANGLES = 1e-3
-"""What 128 quads along the terrain and the triangles' flatness leave of the closed form, in the object's units."""
+"""The most that 128 quads of flat triangles may differ from the closed form, in the object's units."""
 
 
-def truth(size):
-    """The terrain's height (N, N) at the texels' centres, in its own units."""
+def expected_height(size):
+    """The terrain's height (N, N) at the texels' centers, in the object's units."""
     u, v = np.moveaxis(texel_uv(size, size), -1, 0)
     return HEIGHT * np.sin(2 * np.pi * WAVES * u) * np.sin(2 * np.pi * WAVES * v)
 
 
 def pair():
-    """A plane and a terrain over it that share their place and their scale."""
+    """A plane and a terrain over it, with the same location and scale."""
     low, high = zoo.plane("lo"), zoo.terrain("hi", n=128, height=HEIGHT, waves=WAVES)
     for obj in (low, high):
         obj.location, obj.scale = PLACE, (SCALE,) * 3
@@ -47,34 +47,34 @@ def bake(low, *highs, maps=map_types.NAMES, size=64, **settings):
 @pytest.mark.parametrize("method", ["FLATTEN", "CAST"])
 @pytest.mark.parametrize("space", ["TANGENT", "OBJECT", "WORLD"])
 @pytest.mark.parametrize("samples", [1, 4])
-def test_distances_and_places_are_those_of_the_surface(method, space, samples):
+def test_distances_and_positions_match_the_surface(method, space, samples):
     report, maps = bake(*pair(), method=method, space=space, samples=samples)
-    z = truth(64)
+    z = expected_height(64)
     assert set(maps) == {name.lower() for name in map_types.NAMES}
     assert np.abs(maps["height"][..., 0] - SCALE * z).max() < SCALE * TRIANGLES
-    # Samples lie on both sides of the zero, where distances do not cancel out.
+    # Samples are on both sides of zero, where distances must not cancel out.
     assert np.abs(maps["distance"][..., 0] - SCALE * np.abs(z)).max() < SCALE * (TRIANGLES if samples == 1 else 0.01)
     place = np.concatenate([texel_uv(64, 64) * 2 - 1, z[..., None]], axis=-1)
-    apart = np.stack([0 * z, 0 * z, z], axis=-1)
+    separation = np.stack([0 * z, 0 * z, z], axis=-1)
     if space == "WORLD":
-        place, apart = place * SCALE + PLACE, apart * SCALE
+        place, separation = place * SCALE + PLACE, separation * SCALE
     assert np.abs(maps["position"][..., :3] - place).max() < SCALE * TRIANGLES
-    assert np.abs(maps["displacement"][..., :3] - apart).max() < SCALE * TRIANGLES
+    assert np.abs(maps["displacement"][..., :3] - separation).max() < SCALE * TRIANGLES
     assert all((texels[..., 3] == 1.0).all() for texels in maps.values())
     assert report.maps["height"]["scale"] == 1.0
 
 
 @pytest.mark.parametrize(("ending", "depth"), [(".png", 8), (".png", 16), (".exr", 32)])
-def test_what_the_report_says_undoes_what_the_file_holds(tmp_path, ending, depth):
+def test_the_report_has_the_range_to_decode_the_file(tmp_path, ending, depth):
     report, maps = bake(*pair(), storage="FILE", output=str(tmp_path / f"map{ending}"), depth=depth, space="WORLD")
-    z = truth(64) * SCALE
-    wanted = {
+    z = expected_height(64) * SCALE
+    expected = {
         "height": z[..., None],
         "distance": np.abs(z)[..., None],
         "displacement": np.stack([0 * z, 0 * z, z], axis=-1),
         "position": np.concatenate([(texel_uv(64, 64) * 2 - 1) * SCALE, z[..., None]], axis=-1) + PLACE,
     }
-    for name, value in wanted.items():
+    for name, value in expected.items():
         how = report.maps[name]
         found = (maps[name][..., : value.shape[-1]] - how["midlevel"]) * how["scale"] + how.get("offset", 0.0)
         step = 0.5 * how["scale"] / (2**depth - 1) if ending == ".png" else 0.0
@@ -84,20 +84,20 @@ def test_what_the_report_says_undoes_what_the_file_holds(tmp_path, ending, depth
 
 @pytest.mark.parametrize("height", [-0.35, 0.35], ids=["below", "above"])
 @pytest.mark.parametrize("name", ["HEIGHT", "DISPLACEMENT"])
-def test_whole_numbers_hold_what_lies_on_one_side_more_than_on_the_other(name, height):
+def test_integers_store_ranges_that_are_not_symmetric(name, height):
     low, high = zoo.plane("lo"), zoo.plane("hi", slope=0.45)
     high.location.z = height
     report, maps = bake(low, high, maps=[name], depth=8, size=32)
     how = report.maps[name.lower()]
     found = (maps[name.lower()][..., 0 if name == "HEIGHT" else 2] - how["midlevel"]) * how["scale"]
-    wanted = height + 0.45 * (texel_uv(32, 32)[..., 0] * 2 - 1)
-    assert np.abs(found - wanted).max() <= 0.51 * how["scale"] / 255
+    expected = height + 0.45 * (texel_uv(32, 32)[..., 0] * 2 - 1)
+    assert np.abs(found - expected).max() <= 0.51 * how["scale"] / 255
 
 
 @pytest.mark.parametrize("method", ["FLATTEN", "CAST"])
 @pytest.mark.parametrize(("border", "owner"), [(0.25, "right"), (0.75, "left")])
-def test_a_texel_belongs_to_whom_its_middle_does(method, border, owner):
-    """Two planes that meet in column 16, off its middle."""
+def test_a_texel_belongs_to_the_object_at_its_center(method, border, owner):
+    """Two planes that meet inside column 16, not at its center."""
     low, edge = zoo.plane("lo"), (16 + border) / 32
     for name, start, stop in (("left", 0.0, edge), ("right", edge, 1.0)):
         u = np.array([start, stop, stop, start])
@@ -105,14 +105,14 @@ def test_a_texel_belongs_to_whom_its_middle_does(method, border, owner):
         zoo.build(name, np.pad(uv * 2 - 1, ((0, 0), (0, 1))), [range(4)], uv[None])
     highs = bpy.data.objects["left"], bpy.data.objects["right"]
     report, maps = bake(low, *highs, method=method, maps=["OBJECT_ID"], size=32, samples=16)
-    colours = report.maps["object_id"]["colours"]
-    assert np.allclose(maps["object_id"][:, 16, :3], colours[owner], atol=2 / 255)
-    assert np.allclose(maps["object_id"][:, 15, :3], colours["left"], atol=2 / 255)
-    assert np.allclose(maps["object_id"][:, 17, :3], colours["right"], atol=2 / 255)
+    colors = report.maps["object_id"]["colours"]
+    assert np.allclose(maps["object_id"][:, 16, :3], colors[owner], atol=2 / 255)
+    assert np.allclose(maps["object_id"][:, 15, :3], colors["left"], atol=2 / 255)
+    assert np.allclose(maps["object_id"][:, 17, :3], colors["right"], atol=2 / 255)
 
 
 @pytest.mark.parametrize("method", ["FLATTEN", "CAST"])
-def test_objects_and_materials_have_a_colour_each(method):
+def test_objects_and_materials_have_their_own_colors(method):
     low = zoo.plane("lo", n=2)
     half = zoo.plane("left", n=2)
     other = zoo.plane("right", n=2)
@@ -128,18 +128,18 @@ def test_objects_and_materials_have_a_colour_each(method):
         mesh.to_mesh(obj.data)
         mesh.free()
     report, maps = bake(low, half, other, method=method, maps=["OBJECT_ID", "MATERIAL_ID"], size=32, samples=4)
-    colours = report.maps["object_id"]["colours"]
-    assert list(colours) == ["left", "right"]
-    assert np.allclose(maps["object_id"][:, :16, :3], colours["left"], atol=2 / 255)
-    assert np.allclose(maps["object_id"][:, 16:, :3], colours["right"], atol=2 / 255)
-    colours = report.maps["material_id"]["colours"]
-    assert list(colours) == ["moss", "stone"]
-    assert np.allclose(maps["material_id"][:16, :, :3], colours["moss"], atol=2 / 255)
-    assert np.allclose(maps["material_id"][16:, :, :3], colours["stone"], atol=2 / 255)
+    colors = report.maps["object_id"]["colours"]
+    assert list(colors) == ["left", "right"]
+    assert np.allclose(maps["object_id"][:, :16, :3], colors["left"], atol=2 / 255)
+    assert np.allclose(maps["object_id"][:, 16:, :3], colors["right"], atol=2 / 255)
+    colors = report.maps["material_id"]["colours"]
+    assert list(colors) == ["moss", "stone"]
+    assert np.allclose(maps["material_id"][:16, :, :3], colors["moss"], atol=2 / 255)
+    assert np.allclose(maps["material_id"][16:, :, :3], colors["stone"], atol=2 / 255)
 
 
-def test_coverage_is_the_share_of_a_texel(tmp_path):
-    """A high mesh over u < 1/2 + 1/4 texel: of four samples a texel at the rim has one or none."""
+def test_coverage_is_the_covered_share_of_a_texel(tmp_path):
+    """A high mesh over u < 1/2 + 1/4 texel: one or none of the four samples of a texel at its border hits."""
     low, high = zoo.plane("lo"), zoo.plane("hi")
     layer = high.data.uv_layers[0].uv
     uv = np.empty(len(layer) * 2, np.float32)
@@ -151,7 +151,7 @@ def test_coverage_is_the_share_of_a_texel(tmp_path):
     assert np.allclose(cover[:, 16], 0.5, atol=1 / 64)
 
 
-def test_values_of_an_atlas_keep_their_owners():
+def test_values_in_an_atlas_stay_with_their_objects():
     lows = [zoo.plane(f"{name}_low") for name in "ab"]
     highs = [zoo.plane(f"{name}_high") for name in "ab"]
     for number, (low, high) in enumerate(zip(lows, highs, strict=True)):
@@ -169,19 +169,19 @@ def test_values_of_an_atlas_keep_their_owners():
     height, owner = (pixels(bpy.data.images[reports[0].maps[name]["image"]]) for name in ("height", "object_id"))
     assert np.allclose(height[:, :12, 0], 0.1, atol=1e-6)
     assert np.allclose(height[:, 18:30, 0], 0.2, atol=1e-6)
-    colours = reports[1].maps["object_id"]["colours"]
-    assert list(colours) == ["a_high", "b_high"]
-    assert np.allclose(owner[:, :12, :3], colours["a_high"], atol=2 / 255)
-    assert np.allclose(owner[:, 18:30, :3], colours["b_high"], atol=2 / 255)
+    colors = reports[1].maps["object_id"]["colours"]
+    assert list(colors) == ["a_high", "b_high"]
+    assert np.allclose(owner[:, :12, :3], colors["a_high"], atol=2 / 255)
+    assert np.allclose(owner[:, 18:30, :3], colors["b_high"], atol=2 / 255)
 
 
-def test_colours_differ():
-    colours = np.array([value_encoding.color(number) for number in range(40)])
-    apart = np.abs(colours[:, None] - colours[None]).max(axis=-1) + np.eye(40)
-    assert apart.min() > 0.04
+def test_colors_differ():
+    colors = np.array([value_encoding.color(number) for number in range(40)])
+    distances = np.abs(colors[:, None] - colors[None]).max(axis=-1) + np.eye(40)
+    assert distances.min() > 0.04
 
 
-def test_what_was_missed_is_nobodys():
+def test_missed_texels_have_no_object():
     low, high = zoo.plane("lo"), zoo.plane("hi")
     high.scale.x = 0.5
     rays = {"method": "CAST", "extrusion": 0.1, "max_distance": 0.2, "missed": (1.0, 0.0, 0.0)}
@@ -193,15 +193,15 @@ def test_what_was_missed_is_nobodys():
 
 
 @pytest.mark.parametrize(
-    ("names", "own_settings"),
+    ("names", "case_settings"),
     [
         (("a_low", "b_low"), {"image": "Normal", "output": "{low}.png"}),
         (("rock", "rock_height"), {"output": "{low}.png", "maps": ("HEIGHT",)}),
     ],
 )
-def test_two_bakes_share_no_image_and_no_file(tmp_path, names, own_settings):
+def test_two_bakes_share_no_image_and_no_file(tmp_path, names, case_settings):
     jobs = [Job(zoo.plane(name), [zoo.plane(f"high of {name}")]) for name in names]
-    own = {**own_settings, "output": str(tmp_path / own_settings["output"]), "storage": "FILE"}
+    settings = {**case_settings, "output": str(tmp_path / case_settings["output"]), "storage": "FILE"}
     with pytest.raises(BakeError, match="would both"):
-        bake_all(bpy.context, jobs, Settings("FLATTEN", width=32, height=32, **own))
+        bake_all(bpy.context, jobs, Settings("FLATTEN", width=32, height=32, **settings))
     assert list(tmp_path.iterdir()) == []

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The margin around islands: what it repeats, what it goes on with across seams, and what of it smaller maps see."""
+"""The margin around islands: nearest texels, continuation across seams, and its effect on mip levels."""
 
 import cmath
 from dataclasses import replace
@@ -20,7 +20,7 @@ pytestmark = pytest.mark.usefixtures("gpu_context")
 
 SIZE = 216, 160
 BLUR = 0.25
-"""Degrees: what the field changes over half a texel, by which the mean of what is written around a place may lie beside."""
+"""Degrees. The field changes by this much over half a texel: the mean of the texels around a position may be off by it."""
 
 
 def finished(values, lows, tile=1001, name="NORMAL", **settings):
@@ -47,23 +47,23 @@ def upload(values):
 
 
 def marked(alpha):
-    """Values (H, W, 4) of this alpha that hold their own place, for a map that stores them as they are."""
+    """Values (H, W, 4) of this alpha that are their own column and row, for a map that stores them unchanged."""
     rows, columns = np.indices(alpha.shape)
     return np.stack([columns, rows, np.zeros_like(rows), alpha], axis=-1).astype(np.float32)
 
 
 def squares(values, texels):
-    """The square of the distance (H, W) from each texel to the place whose value it got, and to the nearest written one."""
+    """The squared distance (H, W) from each texel to the texel whose value it has, and to the nearest written one."""
     rows, columns = np.indices(values.shape[:2])
     y, x = np.nonzero(values[..., 3] > 0.0)
     truth = ((rows[..., None] - y) ** 2 + (columns[..., None] - x) ** 2).min(axis=-1)
     return (texels[..., 0] - columns) ** 2 + (texels[..., 1] - rows) ** 2, truth
 
 
-# What the margin repeats
+# Margin of the nearest texels
 
 
-def test_between_two_islands_each_texel_takes_the_nearer():
+def test_texels_between_two_islands_take_the_nearer_one():
     values = np.zeros((40, 46, 4), np.float32)
     values[10:30, 5:20], values[10:30, 26:41] = (0, 0, 1, 1), (0.6, 0, 0.8, 1)
     texels, state = finished(values, [], margin=None)
@@ -77,7 +77,7 @@ def test_between_two_islands_each_texel_takes_the_nearer():
 @pytest.mark.parametrize("level", [0, 1, 2, 3, 4, None])
 @pytest.mark.parametrize("seed", [1, 2])
 def test_no_background_reaches_a_covered_texel_of_smaller_maps_seed(seed, level):
-    """With a margin of 2^level up to that level of the mip chain; without a limit on all of them."""
+    """With a margin of 2^level: up to that mip level. With an unlimited margin: on all levels."""
     size = 64
     alpha = (np.random.default_rng(seed).random((size, size)) < 0.004).astype(np.float32)
     alpha[13:22, 40:60] = 1.0  # an island, and specks
@@ -96,7 +96,7 @@ def test_no_background_reaches_a_covered_texel_of_smaller_maps_seed(seed, level)
 
 def test_an_atlas_of_two_objects_has_no_margin_over_the_others_texels():
     def plate(name, left, right, slope):
-        """A low and a high square; the low one's UVs fill the map from left to right."""
+        """A low and a high square. The low one's UVs fill the map from left to right."""
         corners = [(left, 0.25), (right, 0.25), (right, 0.75), (left, 0.75)]
         points = [(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]
         low = zoo.build(name, points, [(0, 1, 2, 3)], [corners])
@@ -107,20 +107,20 @@ def test_an_atlas_of_two_objects_has_no_margin_over_the_others_texels():
     settings = {"method": "CAST", "space": "WORLD", "extrusion": 0.5, "max_distance": 1.0}
     settings |= {"depth": 32, "storage": "MEMORY", "material": False}
     for margin_type in ("EXTEND", "ADJACENT_FACES"):
-        wanted = Settings(
+        atlas_settings = Settings(
             width=64, height=32, image=f"atlas {margin_type}", margin=None, margin_type=margin_type, **settings
         )
-        bake_all(bpy.context, jobs, wanted, share_image=True)
-        texels = maps.pixels(bpy.data.images[wanted.image])
+        bake_all(bpy.context, jobs, atlas_settings, share_image=True)
+        texels = maps.pixels(bpy.data.images[atlas_settings.image])
         assert (texels[..., 3] == 1.0).all()
         x = texels[..., 0] - 0.5
         assert (x[:, :32] < -0.05).all()
         assert (x[:, 32:] > 0.05).all()
         for job in jobs:
-            own = maps.bake(job.low, *job.highs, image="own", size=(64, 32), **settings)
-            written = own[..., 3] > 0.0
+            alone = maps.bake(job.low, *job.highs, image="alone", size=(64, 32), **settings)
+            written = alone[..., 3] > 0.0
             assert np.count_nonzero(written) == 21 * 16
-            assert np.array_equal(texels[written], own[written])
+            assert np.array_equal(texels[written], alone[written])
 
 
 # Bands
@@ -128,7 +128,7 @@ def test_an_atlas_of_two_objects_has_no_margin_over_the_others_texels():
 
 @pytest.fixture
 def in_bands(monkeypatch):
-    """Makes small maps large: bands of a few rows, and a short reach."""
+    """Treat small maps as large ones, with bands of a few rows and a short reach."""
 
     def shrink(rows, reach):
         monkeypatch.setattr(bands, "BAND_TEXELS", SIZE[0] * rows)
@@ -141,7 +141,7 @@ def in_bands(monkeypatch):
 
 @pytest.mark.parametrize("name", ["as it was", "37 degrees", "mirrored at 127 degrees", "smaller"])
 @pytest.mark.parametrize("margin_type", ["EXTEND", "ADJACENT_FACES"])
-def test_bands_give_the_same_as_the_whole(in_bands, margin_type, name):
+def test_bands_give_the_same_map_as_the_whole(in_bands, margin_type, name):
     islands = cut(**CUTS[name])
     lows, values = [mesh_of(islands)], drawn(islands, "TANGENT")
     values[60:70, 45:50, 3] = -1.0  # a hole
@@ -153,14 +153,14 @@ def test_bands_give_the_same_as_the_whole(in_bands, margin_type, name):
     if margin_type == "EXTEND":
         assert np.array_equal(texels, whole)
     else:
-        # Where a place falls between two texels may be rounded either way.
+        # A position between two texels may be rounded either way.
         off = np.abs(texels - whole).max(axis=-1) > 1e-5
         assert np.count_nonzero(off) < 1e-3 * np.count_nonzero(state == texel_state.MARGIN)
 
 
 @pytest.mark.parametrize("margin", [20, None])
 @pytest.mark.parametrize("seed", [1, 2])
-def test_far_from_a_band_the_texel_taken_is_almost_the_nearest_seed(in_bands, seed, margin):
+def test_texels_far_from_a_band_take_almost_the_nearest_texel_seed(in_bands, seed, margin):
     alpha = np.random.default_rng(seed).choice([0.0, 1.0, -1.0], SIZE[::-1], p=[0.9979, 0.0005, 0.0016])
     values = marked(alpha)
     in_bands(30, 8)
@@ -183,9 +183,9 @@ def test_far_from_a_band_the_texel_taken_is_almost_the_nearest_seed(in_bands, se
 
 
 class Island:
-    """A rectangle of the plane, x and y from `low` to `high`, laid into the map by uv = scale * rotation * z + offset.
+    """A rectangle of the plane, x and y from `low` to `high`. It is mapped by uv = scale * rotation * z + offset.
 
-    z = x + y i, or its conjugate where the island is mirrored; all in texels of SIZE.
+    z = x + y i, or its conjugate if the island is mirrored. UVs are in texels of SIZE.
     """
 
     def __init__(self, low, high, *, center, scale, degrees, mirrored=False):
@@ -197,11 +197,11 @@ class Island:
         return np.conj(z) if self.mirrored else z
 
     def place(self, z):
-        """Where points of the plane lie in the map."""
+        """The positions on the map of points of the plane."""
         return self.factor * self._turned(np.asarray(z)) + self.offset
 
     def point(self, place):
-        """Which points of the plane lie there, also beside the island."""
+        """The points of the plane at positions on the map, also outside the island."""
         return self._turned((np.asarray(place) - self.offset) / self.factor)
 
     @property
@@ -215,7 +215,7 @@ class Island:
         return self._turned(1j * self.factor.conjugate() / abs(self.factor))
 
     def is_over(self, place, rim=0.0):
-        """Which places lie on the island, at least `rim` of the plane's units inside."""
+        """Which positions are on the island, at least `rim` inside, in units of the plane."""
         z = self.point(place)
         return (
             (z.real >= self.low.real + rim)
@@ -232,7 +232,7 @@ def places(size=SIZE):
 
 
 def mesh_of(islands, size=SIZE, *, parted=False):
-    """The islands as one mesh whose rectangles share vertices where they lie at one point, unless they are parted."""
+    """The islands as one mesh. Rectangles share vertices at the same points, unless `parted`."""
     corners = np.array(
         [(i.low, complex(i.high.real, i.low.imag), i.high, complex(i.low.real, i.high.imag)) for i in islands]
     )
@@ -262,7 +262,7 @@ def field(z):
 
 
 def seen_from(island, place, space):
-    """The field as `island` has it at places of the map, also where they lie beside it: (H, W, 3)."""
+    """The field of `island` at positions on the map, also outside the island: (H, W, 3)."""
     normals = field(island.point(place))
     if space != "TANGENT":
         return normals
@@ -272,7 +272,7 @@ def seen_from(island, place, space):
 
 
 def drawn(islands, space, size=SIZE):
-    """The map (H, W, 4) of the field without a margin: what PostProcess takes."""
+    """The map (H, W, 4) of the field without a margin, as PostProcess takes it."""
     place = places(size)
     values = np.zeros((*place.shape, 4), np.float32)
     for island in islands:
@@ -292,7 +292,7 @@ CUTS = {
 
 
 def cut(scale=45.0, **right):
-    """The plane's two halves: the left one as it is, the right one turned."""
+    """The two halves of the plane: the left one unchanged, the right one rotated."""
     return [
         Island((-1, -1), (0, 1), center=(48, 80), scale=45.0, degrees=0.0),
         Island((0, -1), (1, 1), center=(150, 80), scale=scale, **right),
@@ -302,7 +302,7 @@ def cut(scale=45.0, **right):
 @pytest.mark.parametrize("parted", [False, True], ids=["shared vertices", "parted vertices"])
 @pytest.mark.parametrize("space", ["TANGENT", "OBJECT", "WORLD"])
 @pytest.mark.parametrize("name", CUTS)
-def test_across_a_seam_the_surface_goes_on(name, space, parted):
+def test_surface_continues_across_a_seam(name, space, parted):
     islands, place = cut(**CUTS[name]), places()
     values = drawn(islands, space)
     texels, state = finished(
@@ -311,22 +311,22 @@ def test_across_a_seam_the_surface_goes_on(name, space, parted):
     plain, plain_state = finished(values, [mesh_of(islands)], space=space, margin=16)
     assert np.array_equal(state, plain_state)
     assert np.array_equal(texels[state != texel_state.MARGIN], plain[state != texel_state.MARGIN])
-    for one, other in (islands, islands[::-1]):
-        z = one.point(place)
-        # Beside the seam, and away from its ends; what the neighbour's own margin is nearer to is not asked.
+    for island, neighbor in (islands, islands[::-1]):
+        z = island.point(place)
+        # Beside the seam, away from its ends and from the margin of the other island.
         beside = (
             (state == texel_state.MARGIN)
             & (np.abs(z.imag) < 0.8)
-            & (np.sign(z.real) == -np.sign(one.low.real + one.high.real))
+            & (np.sign(z.real) == -np.sign(island.low.real + island.high.real))
         )
-        beside &= (np.abs(z.real) * abs(one.factor) < 12.0) & ~other.is_over(place, -0.3)
+        beside &= (np.abs(z.real) * abs(island.factor) < 12.0) & ~neighbor.is_over(place, -0.3)
         assert np.count_nonzero(beside) > 500
-        error = angles.degrees(angles.decode(texels), seen_from(one, place, space))[beside]
+        error = angles.degrees(angles.decode(texels), seen_from(island, place, space))[beside]
         assert error.max() < BLUR
-        assert angles.degrees(angles.decode(plain), seen_from(one, place, space))[beside].max() > 3.0
+        assert angles.degrees(angles.decode(plain), seen_from(island, place, space))[beside].max() > 3.0
 
 
-def test_where_the_surface_ends_the_nearest_texel_stays():
+def test_nearest_texel_stays_where_the_surface_ends():
     islands, place = cut(degrees=37.0), places()
     values, lows = drawn(islands, "TANGENT"), [mesh_of(islands)]
     values[:2, :2] = (0.6, 0, 0.8, 1)
@@ -339,19 +339,19 @@ def test_where_the_surface_ends_the_nearest_texel_stays():
     assert not np.array_equal(texels, plain)
 
 
-def labelled(islands):
-    """The number of each texel's island from 1, and 0 beside them: (H, W) float32."""
+def numbered(islands):
+    """The number of each texel's island from 1, and 0 outside: (H, W) float32."""
     numbers = np.zeros(SIZE[::-1], np.float32)
     for number, island in enumerate(islands, start=1):
         numbers[island.is_over(places())] = number
     return numbers
 
 
-def test_across_a_narrow_island_lies_nothing_of_the_next_one_in_the_map():
+def test_margin_across_a_narrow_island_has_nothing_of_the_next_island_on_the_map():
     narrow = Island((0, -1), (0.15, 1), center=(120, 80), scale=45.0, degrees=0.0)
     stranger = Island((5, -1), (6, 1), center=(150, 80), scale=45.0, degrees=0.0)
     islands = [cut(degrees=0.0)[0], narrow, stranger]
-    numbers = labelled(islands)
+    numbers = numbered(islands)
     values = np.stack([numbers, numbers, numbers, numbers > 0.0], axis=-1).astype(np.float32)
     texels, state = finished(values, [mesh_of(islands)], name="OBJECT_ID", margin=12, margin_type="ADJACENT_FACES")
     z = islands[0].point(places())
@@ -363,13 +363,13 @@ def test_across_a_narrow_island_lies_nothing_of_the_next_one_in_the_map():
 
 
 @pytest.mark.parametrize("backwards", [False, True])
-def test_between_two_seams_each_texel_goes_over_the_nearer(backwards):
+def test_texels_between_two_seams_continue_across_the_nearer_one(backwards):
     def strip(low, high, left):
         return Island((low, -1), (high, 1), center=(left + (high - low) * 22.5, 80), scale=45.0, degrees=0.0)
 
-    # 1 goes on in 2, 3 in 4; between 1 and 3 are two texels, which the strips along both borders cover.
+    # 1 continues in 2, and 3 in 4. Between 1 and 3 are two texels, which the strips along both borders cover.
     islands = [strip(-1, 0, 10.2), strip(0, 0.5, 120.2), strip(5, 6, 57.2), strip(4.5, 5, 160.2)]
-    numbers = labelled(islands)
+    numbers = numbered(islands)
     values = np.stack([numbers, numbers, numbers, numbers > 0.0], axis=-1).astype(np.float32)
     low = mesh_of(islands[::-1] if backwards else islands)
     texels, _ = finished(values, [low], name="OBJECT_ID", margin=16, margin_type="ADJACENT_FACES")
@@ -377,7 +377,7 @@ def test_between_two_seams_each_texel_goes_over_the_nearer(backwards):
 
 
 @pytest.mark.parametrize("margin", [20, None])
-def test_far_from_a_seam_the_nearest_texel_stays(monkeypatch, margin):
+def test_nearest_texel_stays_far_from_a_seam(monkeypatch, margin):
     monkeypatch.setattr(post_process, "REACH", 8)
     islands = cut(degrees=37.0)
     values, lows = drawn(islands, "TANGENT"), [mesh_of(islands)]
@@ -391,8 +391,8 @@ def test_far_from_a_seam_the_nearest_texel_stays(monkeypatch, margin):
     assert np.isclose(texels, plain, atol=1e-4).all(axis=-1)[beside & (far < 8.0)].mean() < 0.1
 
 
-def test_labels_are_never_mixed_and_other_values_are(in_bands):
-    """Numbers without a mean, and numbers with one, that change along the seam."""
+def test_labels_are_never_mixed_but_values_are(in_bands):
+    """Numbers that change along the seam, as labels and as values."""
     islands = cut(degrees=37.0)
     values = np.zeros((*SIZE[::-1], 4), np.float32)
     for island in islands:
@@ -416,9 +416,9 @@ def test_labels_are_never_mixed_and_other_values_are(in_bands):
 
 @pytest.mark.parametrize("name", ["NORMAL", "POSITION"])
 @pytest.mark.parametrize("is_banded", [False, True])
-def test_where_normals_cancel_out_across_a_seam_the_nearest_texel_stays(in_bands, name, is_banded):
-    """Opposite normals in every second column, and a seam that leads between two of them."""
-    size = 256, 128  # powers of two, in which texels are exact
+def test_nearest_texel_stays_where_normals_cancel_out_across_a_seam(in_bands, name, is_banded):
+    """Opposite normals in every second column, and a seam between two columns."""
+    size = 256, 128  # powers of two, so that positions of texels are exact
     islands = [
         Island((-1, -1), (0, 1), center=(48.5, 64), scale=32.0, degrees=0.0),
         Island((0, -1), (1, 1), center=(150, 64), scale=32.0, degrees=0.0),
@@ -438,31 +438,31 @@ def test_where_normals_cancel_out_across_a_seam_the_nearest_texel_stays(in_bands
     assert np.isfinite(texels).all()
     assert (state[beside] == texel_state.MARGIN).all()
     assert np.array_equal(np.unique(texels[right][:, 2]), [0.0, 1.0] if name == "NORMAL" else [-1.0, 1.0])
-    nearest = texels[64, 64, 2]  # of the left island, whose last column this is
+    nearest = texels[64, 64, 2]  # the last column of the left island
     assert (texels[beside][:, 2] == (nearest if name == "NORMAL" else 0.0)).all()
 
 
-def test_channels_are_exchanged_after_the_turn():
+def test_channels_are_swapped_after_the_rotation():
     islands = cut(degrees=37.0)
     values, lows = drawn(islands, "TANGENT"), [mesh_of(islands)]
     options = {"margin": 16, "margin_type": "ADJACENT_FACES"}
     plain, state = finished(values, lows, **options)
-    other, _ = finished(values, lows, red="-Y", green="+Z", blue="+X", **options)
-    plain, other = plain[state > 0], other[state > 0]
-    assert np.allclose(other[:, :3], np.stack([1.0 - plain[:, 1], plain[:, 2], plain[:, 0]], axis=1), atol=1e-6)
+    swapped, _ = finished(values, lows, red="-Y", green="+Z", blue="+X", **options)
+    plain, swapped = plain[state > 0], swapped[state > 0]
+    assert np.allclose(swapped[:, :3], np.stack([1.0 - plain[:, 1], plain[:, 2], plain[:, 0]], axis=1), atol=1e-6)
 
 
-def test_on_another_tile_the_margin_is_the_same():
+def test_margin_is_the_same_on_another_tile():
     islands = cut(degrees=37.0)
     values, low = drawn(islands, "TANGENT"), mesh_of(islands)
     options = {"margin": 16, "margin_type": "ADJACENT_FACES"}
     here, _ = finished(values, [low], **options)
     there, _ = finished(values, [replace(low, uv=low.uv + np.float32((2, 1)))], tile=1013, **options)
-    # UVs are coarser there.
+    # UVs have less precision there.
     assert np.count_nonzero(np.abs(here - there).max(axis=-1) > 1e-3) < 20
 
 
-def test_a_hole_across_a_seam_is_not_brought_over():
+def test_a_hole_across_a_seam_is_not_continued():
     islands = cut(degrees=0.0)
     values, low = drawn(islands, "TANGENT"), mesh_of(islands)
     hole = (np.abs(islands[1].point(places()).imag) < 0.2) & (values[..., 3] > 0.0) & (places().real > 100)
@@ -478,8 +478,8 @@ def test_a_hole_across_a_seam_is_not_brought_over():
 
 @pytest.mark.parametrize("name", ["37 degrees", "mirrored at 127 degrees"])
 @pytest.mark.parametrize("space", ["TANGENT", "WORLD"])
-def test_a_baked_seam_goes_on_as_if_uncut(space, name):
-    """Through a whole bake: the truth is a bake of the left half alone, grown past the seam."""
+def test_a_baked_seam_continues_as_if_uncut(space, name):
+    """In a whole bake. The expected map is a bake of only the left half, extended past the seam."""
     islands = cut(**CUTS[name])
     left = islands[0]
     grown = Island((-1, -1), (0.3, 1), center=(48 + 0.15 * 45.0, 80), scale=45.0, degrees=0.0)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Rays go to the GPU in slices, whether the window waits for their steps or not, and slices do not show in the map."""
+"""Rays go to the GPU in slices, with a listener for their steps or without, and slices do not change the map."""
 
 from types import SimpleNamespace
 
@@ -23,7 +23,7 @@ RAYS = {"method": "CAST", "size": (SIZE, SIZE), "space": "OBJECT"}
 
 @pytest.fixture
 def slow(monkeypatch):
-    """A GPU on which each row takes 0.05 s; returns the rows of rays that it was given at a time."""
+    """A GPU that takes 0.05 s for each row. Returns a list of the slices, as ranges of rows."""
     clock, given, trace, finish = SimpleNamespace(now=0.0, left=0.0), [], cast.trace, target.Target.finish
 
     def slow_trace(into, rays, *arguments, rows=None, **options):
@@ -32,7 +32,7 @@ def slow(monkeypatch):
         trace(into, rays, *arguments, rows=rows, **options)
 
     def slow_finish(self):
-        clock.now, clock.left = clock.now + clock.left, 0.0  # drivers work later than they are called
+        clock.now, clock.left = clock.now + clock.left, 0.0  # drivers start their work later
         finish(self)
 
     monkeypatch.setattr(progress, "time", SimpleNamespace(perf_counter=lambda: clock.now))
@@ -44,7 +44,7 @@ def slow(monkeypatch):
 
 @pytest.mark.usefixtures("gpu_context")
 @pytest.mark.parametrize("distances", [{}, {"extrusion": 0.2, "max_distance": 0.4}], ids=["measured", "set"])
-def test_nobody_listens_and_no_slice_is_too_long_for_a_driver(slow, distances):
+def test_slices_are_short_without_a_listener(slow, distances):
     maps.bake(zoo.plane("lo"), zoo.terrain("hi"), **RAYS, **distances)
     baked = slow[-SIZE // Pace.STEP :]
     assert max(map(len, slow)) == Pace.FIRST  # the first of each
@@ -55,7 +55,7 @@ def test_nobody_listens_and_no_slice_is_too_long_for_a_driver(slow, distances):
 
 @pytest.mark.usefixtures("gpu_context", "slow")
 @pytest.mark.parametrize("samples", [1, 4])
-def test_slices_leave_no_trace_in_the_map(monkeypatch, samples):
+def test_slices_do_not_change_the_map(monkeypatch, samples):
     low, high = zoo.plane("lo"), zoo.terrain("hi")
     sliced = maps.bake(low, high, **RAYS, samples=samples)
     monkeypatch.setattr(Pace, "FIRST", SIZE)
@@ -64,11 +64,11 @@ def test_slices_leave_no_trace_in_the_map(monkeypatch, samples):
 
 
 @pytest.mark.usefixtures("gpu_context")
-def test_probes_for_distances_and_checks_are_sliced_as_well(slow):
+def test_probes_for_distances_and_checks_are_sliced_too(slow):
     low, high = zoo.plane("lo"), zoo.terrain("hi")
     settings = Settings("CAST", width=SIZE, height=SIZE, image="map", storage="MEMORY", material=False)
     bake_pair(bpy.context, low, [high], settings)
-    # Both ways for the distances, then the map, then the checks' look at some of its texels.
+    # Two directions for the distances, then the map, then the checks on some of its texels.
     starts = [rows.start for rows in slow].count(0)
     assert starts == 4
     assert max(map(len, slow)) == Pace.FIRST < tally.SAMPLES_A_SIDE

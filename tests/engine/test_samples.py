@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Antialiasing: the mean of several samples a texel, by both methods."""
+"""Antialiasing: the mean of several samples per texel, with both methods."""
 
 import bpy
 import numpy as np
@@ -17,11 +17,11 @@ pytestmark = pytest.mark.usefixtures("gpu_context")
 METHODS = ["FLATTEN", "CAST"]
 RAYS = {"extrusion": 1.5, "max_distance": 3.0}
 AREA_MEAN = 2.0
-"""Degrees between a rim texel of 16 samples and the mean by area: a sample more or less on one side is one sixteenth."""
+"""Degrees between a border texel of 16 samples and the mean by area. A sample more or less on one side is one sixteenth."""
 
 
 @pytest.mark.parametrize("count", DECLARED["samples"].values)
-def test_samples_are_spread_evenly_around_the_centre(count):
+def test_samples_are_spread_evenly_around_the_center(count):
     x, y = np.array(samples.offsets(count)).T
     assert np.allclose([x.mean(), y.mean()], 0.0)
     if count in (4, 16, 64):
@@ -31,7 +31,7 @@ def test_samples_are_spread_evenly_around_the_centre(count):
 
 
 def step(slope, at):
-    """A roof whose ridge, along v, lies at u = `at`; and the plane below it."""
+    """A roof with its ridge along v at u = `at`, and the plane below it."""
     x = 2.0 * at - 1.0
     points = [(-1, -1, -slope * (x + 1)), (x, -1, 0), (1, -1, -slope * (1 - x))]
     points += [(px, 1, z) for px, _, z in points]
@@ -47,34 +47,34 @@ def test_the_rim_between_two_facets_is_their_mean_by_area(method, share):
     low, high = step(0.6, (column + share) / size)
     left, right = np.array((-0.6, 0, 1)) / np.hypot(0.6, 1), np.array((0.6, 0, 1)) / np.hypot(0.6, 1)
     rays = RAYS if method == "CAST" else {}
-    one = angles.decode(bake(low, high, method=method, size=(size, size), image="one", **rays))[:, column]
+    single = angles.decode(bake(low, high, method=method, size=(size, size), image="one", **rays))[:, column]
     many = angles.decode(bake(low, high, method=method, size=(size, size), samples=16, image="many", **rays))
     mean = share * left + (1 - share) * right
     assert angles.degrees(many[:, column], mean / np.linalg.norm(mean)).max() < AREA_MEAN
-    # One of them, all or nothing: which one is left open where texel centres lie on the ridge itself.
-    assert np.minimum(angles.degrees(one, left), angles.degrees(one, right)).max() < 0.1
+    # With one sample it is one of the two. On the ridge itself it may be either.
+    assert np.minimum(angles.degrees(single, left), angles.degrees(single, right)).max() < 0.1
     assert angles.degrees(many[:, column - 1], left).max() < 0.1
     assert angles.degrees(many[:, column + 1], right).max() < 0.1
 
 
 @pytest.mark.parametrize("method", METHODS)
 def test_the_error_of_a_sine_terrain_falls_with_every_doubling(method):
-    """Against the mean of the true normals over each texel's area, 32 x 32 points in each."""
+    """Compared with the mean of the true normals over each texel's area, at 32 x 32 points."""
     size, waves, height, fine = 32, 6, 0.04, 32
     u, v = np.moveaxis(texel_uv(size * fine, size * fine), -1, 0)
     step_ = 2 * np.pi * waves
     dx, dy = (0.5 * step_ * height * a(step_ * u) * b(step_ * v) for a, b in ((np.cos, np.sin), (np.sin, np.cos)))
-    truth = np.stack([-dx, -dy, np.ones_like(dx)], axis=-1)
-    truth /= np.linalg.norm(truth, axis=-1, keepdims=True)
-    truth = truth.reshape(size, fine, size, fine, 3).mean(axis=(1, 3))
-    truth /= np.linalg.norm(truth, axis=-1, keepdims=True)
+    expected = np.stack([-dx, -dy, np.ones_like(dx)], axis=-1)
+    expected /= np.linalg.norm(expected, axis=-1, keepdims=True)
+    expected = expected.reshape(size, fine, size, fine, 3).mean(axis=(1, 3))
+    expected /= np.linalg.norm(expected, axis=-1, keepdims=True)
     low, high = zoo.plane("low"), zoo.terrain("high", n=640, waves=waves, height=height)
     rays = {"extrusion": 0.3, "max_distance": 0.6} if method == "CAST" else {}
     inner = angles.eroded(np.ones((size, size), bool), 1)
     errors = []
     for count in (1, 2, 4, 8, 16):
         texels = bake(low, high, method=method, size=(size, size), samples=count, **rays)
-        errors.append(angles.degrees(angles.decode(texels), truth)[inner].mean())
+        errors.append(angles.degrees(angles.decode(texels), expected)[inner].mean())
     print(method, [round(error, 4) for error in errors])
     assert errors == sorted(errors, reverse=True)
     assert errors[-1] < errors[0] / 10
@@ -82,35 +82,35 @@ def test_the_error_of_a_sine_terrain_falls_with_every_doubling(method):
 
 @pytest.mark.slow
 def test_the_error_falls_over_256_texels():
-    """A strip of the same terrain with as many waves a texel: 48 of them, over 256 x 16 texels."""
+    """A strip of the same terrain with as many waves per texel: 48 waves over 256 x 16 texels."""
     (width, height), (along, across), quads, fine = (256, 16), (48, 3), 106, 16
     angle = 2 * np.pi
 
     def surface(u, v):
         return np.stack([along * u, across * v, 0.15 * np.sin(angle * along * u) * np.sin(angle * across * v)], axis=1)
 
-    truth = np.zeros((height, width, 3))
+    expected = np.zeros((height, width, 3))
     for du, dv in np.ndindex(fine, fine):
         x, y = np.meshgrid(np.arange(width) + (du + 0.5) / fine, np.arange(height) + (dv + 0.5) / fine)
         x, y = angle * along * x / width, angle * across * y / height
         slopes = 0.15 * angle * np.cos(x) * np.sin(y), 0.15 * angle * np.sin(x) * np.cos(y)
         normals = np.stack([-slopes[0], -slopes[1], np.ones_like(x)], axis=-1)
-        truth += normals / np.linalg.norm(normals, axis=-1, keepdims=True)
-    truth /= np.linalg.norm(truth, axis=-1, keepdims=True)
+        expected += normals / np.linalg.norm(normals, axis=-1, keepdims=True)
+    expected /= np.linalg.norm(expected, axis=-1, keepdims=True)
     high = zoo.sheet("high", surface, along * quads, across * quads)
     low = zoo.sheet("low", lambda u, v: np.stack([along * u, across * v, 0 * u], axis=1), 1, 1)
     inner = angles.eroded(np.ones((height, width), bool), 1)
     errors = []
     for count in (1, 2, 4, 8, 16):
         texels = bake(low, high, size=(width, height), samples=count)
-        errors.append(angles.degrees(angles.decode(texels), truth)[inner].mean())
+        errors.append(angles.degrees(angles.decode(texels), expected)[inner].mean())
     print([round(error, 4) for error in errors])
     assert errors == sorted(errors, reverse=True)
 
 
 @pytest.mark.parametrize("method", METHODS)
 def test_only_covered_samples_count(method):
-    """At an island's rim the mean is that of the samples that lie on it, of length one again."""
+    """At the border of an island, the result is the normalized mean of the samples on the island."""
     low, high = zoo.two_islands("low", gap=0.33), zoo.two_islands("high", gap=0.33)
     rays = RAYS if method == "CAST" else {}
     texels = bake(low, high, method=method, size=(33, 33), samples=16, space="OBJECT", **rays)
@@ -121,14 +121,14 @@ def test_only_covered_samples_count(method):
     assert covered[single].all()
 
 
-def test_a_texel_is_missed_when_no_ray_of_it_hits():
+def test_a_texel_is_missed_when_none_of_its_rays_hits():
     low, high = zoo.plane("low"), zoo.plane("high")
     high.scale.x = 0.53
     options = {"method": "CAST", "size": (32, 32), "missed": (1.0, 0.0, 0.0), **RAYS}
-    one, many = bake(low, high, **options), bake(low, high, samples=16, image="many", **options)
+    single, many = bake(low, high, **options), bake(low, high, samples=16, image="many", **options)
     holes = many[..., 3] == 0.0
     assert (many[holes] == np.float32((1, 0, 0, 0))).all()
-    assert holes.sum() <= (one[..., 3] == 0.0).sum()
+    assert holes.sum() <= (single[..., 3] == 0.0).sum()
     assert np.abs(many[~holes] - np.float32((0.5, 0.5, 1, 1))).max() < 1e-6
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Auto, where there are several high objects: each of them must share the low mesh's UVs to be laid flat."""
+"""Auto with several high objects: each must share the low mesh's UVs for Flatten."""
 
 import bpy
 import numpy as np
@@ -34,7 +34,7 @@ def patch(name, box, uv, *, height=0.05, n=4):
 
 
 def shared(box):
-    """The UVs that the plane -1..1 has there."""
+    """The UVs of the plane -1..1 in this box."""
     return tuple((np.array(box) + 1) / 2)
 
 
@@ -45,14 +45,14 @@ CORNERS = {
     "all over": (0.0, 0.0, 1.0, 1.0),
     "in its place, four times as large": (0.58, 0.58, 0.68, 0.68),
     "beside the map": (1.5, 0.5, 1.6, 0.6),
-    "in its place, turned over": (0.625, 0.625, 0.6, 0.6),
+    "in its place, rotated": (0.625, 0.625, 0.6, 0.6),
     "without area": (0.5, 0.5, 0.5, 0.5),
 }
 
 
 @pytest.mark.parametrize("uv", CORNERS.values(), ids=CORNERS)
 @pytest.mark.parametrize("is_first", [False, True])
-def test_a_bolt_with_uvs_of_its_own_is_cast(uv, is_first):
+def test_a_bolt_with_different_uvs_is_cast(uv, is_first):
     low, terrain, bolt = zoo.plane("lo"), zoo.terrain("hi", height=0.02), patch("bolt", BOX, uv)
     report = bake(low, *((bolt, terrain) if is_first else (terrain, bolt)))
     assert report.method == "CAST"
@@ -61,19 +61,19 @@ def test_a_bolt_with_uvs_of_its_own_is_cast(uv, is_first):
 
 
 @pytest.mark.parametrize("box", [BOX, (0.5, -0.9, 0.51, -0.89), (-1.0, -1.0, -0.99, 1.0)], ids=["bolt", "tiny", "rim"])
-def test_a_bolt_that_shares_the_layout_is_laid_flat(box):
+def test_a_bolt_that_shares_the_layout_is_flattened(box):
     low, terrain, bolt = zoo.plane("lo"), zoo.terrain("hi", height=0.02), patch("bolt", box, shared(box))
     report = bake(low, terrain, bolt)
     assert (report.method, "agree" in report.why) == ("FLATTEN", True)
 
 
-def test_what_is_put_aside_as_a_whole_is_laid_flat():
+def test_meshes_moved_aside_together_are_flattened():
     low, terrain, bolt = zoo.plane("lo"), zoo.terrain("hi", height=0.02), patch("bolt", BOX, shared(BOX))
     terrain.location = bolt.location = (3.0, 1.0, 0.0)
     assert bake(low, terrain, bolt).method == "FLATTEN"
 
 
-def test_mirrored_halves_on_the_same_uvs_are_laid_flat():
+def test_mirrored_halves_on_the_same_uvs_are_flattened():
     low = zoo.mirrored("lo")
     halves = [patch(f"hi {side}", (0, -1, side, 1), (0, 0, 1, 1), height=0.1, n=8) for side in (1, -1)]
     assert bake(low, *halves).method == "FLATTEN"
@@ -89,7 +89,7 @@ def test_tiles_that_are_not_baked_do_not_count():
     assert bake(low, *highs, udim=True, tiles=(1002,), storage="PACK").method == "FLATTEN"
 
 
-# Where Flatten is forced
+# With Flatten set
 
 
 def differs(report):
@@ -97,21 +97,21 @@ def differs(report):
 
 
 @pytest.mark.parametrize("uv", [CORNERS["in a corner"], CORNERS["beside the map"]], ids=["in a corner", "beside"])
-def test_flatten_names_a_high_object_with_other_uvs(uv):
+def test_flatten_reports_a_high_object_with_different_uvs(uv):
     low, terrain, bolt = zoo.plane("lo"), zoo.terrain("hi", height=0.02), patch("bolt", BOX, uv)
     (warning,) = differs(bake(low, terrain, bolt, method="FLATTEN"))
     assert "'bolt'" in warning
     assert not differs(bake(low, terrain, patch("good", BOX, shared(BOX)), method="FLATTEN"))
 
 
-def test_flatten_names_its_only_high_object():
-    low, high = zoo.plane("lo"), patch("hi", (-1, -1, 1, 1), (1, 0, 0, 1))  # turned over
+def test_flatten_reports_its_only_high_object():
+    low, high = zoo.plane("lo"), patch("hi", (-1, -1, 1, 1), (1, 0, 0, 1))  # upside down
     (warning,) = differs(bake(low, high, method="FLATTEN"))
     assert "'hi'" in warning
     assert not differs(bake(low, zoo.terrain("good"), method="FLATTEN"))
 
 
-def test_many_high_objects_are_looked_at_once_and_in_few_texels(monkeypatch):
+def test_many_high_objects_are_probed_once_on_few_texels(monkeypatch):
     low, texels = zoo.plane("lo"), []
     side = 6
     corners = [(x / side, y / side) for x in range(side) for y in range(side)]

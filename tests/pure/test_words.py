@@ -25,10 +25,8 @@ PATTERNS = (
 NOT_YET = (
     "addon/ui/",
     "scripts/dev/manual/",
-    "tests/audit/",
     "tests/cli/",
     "tests/conftest.py",
-    "tests/engine/",
     "tests/jobs/",
     "tests/package/",
     "tests/pure/test_atomic_file.py",
