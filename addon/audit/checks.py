@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..core import texel_state, udim
-from ..core.declarations.values import Method
+from ..core.declarations.choices import Method
 from ..core.errors import shorten_list
 from ..core.settings import Settings
 from ..engine import ray_casting, separation, uv_agreement

@@ -3,7 +3,7 @@
 
 from collections.abc import Callable
 
-from ..core.declarations.values import Method, Space
+from ..core.declarations.choices import Method, Space
 from ..core.settings import Settings
 
 GOOD, LOOK, WRONG = "GOOD", "LOOK", "WRONG"

@@ -22,9 +22,9 @@ from ..jobs import sequence, several
 from ..jobs.job import Job, jobs_by_name
 from ..output.atomic_file import all_or_none, check_writable, replacing
 from ..scene import object_refs
-from . import interruption, mesh_import, results, run_clashes, standard_streams
+from . import batch_results, interruption, mesh_import, run_clashes, standard_streams
+from .batch_results import Result
 from .mesh_import import Stage
-from .results import Result
 from .terminal_progress import Meter
 from .usage import arguments
 
@@ -111,7 +111,7 @@ class Opened:
     @property
     def report(self) -> Path | None:
         """The file of its report."""
-        return results.report_file(self.options.report)
+        return batch_results.report_file(self.options.report)
 
     @property
     def scene(self) -> Path | None:
@@ -130,7 +130,7 @@ def open_files(plan: Plan, stage: Stage, files: run_clashes.Run, meter: Meter) -
     interruption.note(name)
     settings = arguments.settings(options)
     # Opening a file can take long, so check first that the results can be written.
-    for path in (settings.output, options.save_blend, results.report_file(options.report)):
+    for path in (settings.output, options.save_blend, batch_results.report_file(options.report)):
         if path and file_names.LOW not in str(path):
             check_writable(Path(path).absolute())
     if meter.is_on:
@@ -152,7 +152,7 @@ def run(opened: Opened, stage: Stage, meter: Meter) -> Result:
             with stage.let_go():
                 _save(opened.scene, {bpy.data.images[report.image] for report in reports})
         if opened.report is not None:
-            results.write_json(opened.report, result.to_json())
+            batch_results.write_json(opened.report, result.to_json())
     return result
 
 

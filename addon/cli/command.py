@@ -11,10 +11,10 @@ import bpy
 
 from ..core.errors import BakeError, WrongPlace, sentence
 from ..core.progress import Progress
-from . import batch, interruption, results, run_clashes, standard_streams
+from . import batch, batch_results, interruption, run_clashes, standard_streams
 from .batch import Plan
+from .batch_results import Result
 from .mesh_import import Stage
-from .results import Result
 from .terminal_progress import Meter
 from .usage import arguments, job_file
 from .usage.arguments import WrongUsage
@@ -122,27 +122,27 @@ def _bake_one(plan: Plan, files: run_clashes.Run, program: str, meter: Meter) ->
     _warn(program, result.warnings)
     if result.is_stopped:
         print(f"{program}: stopped, the {result.are} before are kept.", file=sys.stderr)
-    print("\n".join(results.summary(result)), file=out)
-    print(results.wrote(result, None if result.is_stopped else opened.scene, opened.report), file=out)
+    print("\n".join(batch_results.summary(result)), file=out)
+    print(batch_results.wrote(result, None if result.is_stopped else opened.scene, opened.report), file=out)
     if options.report == STDOUT:
-        print(results.as_text(result.to_json()))
+        print(batch_results.as_text(result.to_json()))
     return DONE
 
 
 def _fail(result: Result, report: str | None, program: str) -> int:
     """Say why a single bake failed, on standard error and in its report."""
     print(f"{program}: {result.error}", file=sys.stderr)
-    if path := results.report_file(report):
-        results.write_failure(path, result)
+    if path := batch_results.report_file(report):
+        batch_results.write_failure(path, result)
     elif report:
-        print(results.as_text(results.to_json([result])[0]))
+        print(batch_results.as_text(batch_results.to_json([result])[0]))
     return FAILED
 
 
 def _bake_many(plans: Sequence[Plan], files: run_clashes.Run, report: str | None, program: str, meter: Meter) -> int:
     """Bake all plans, then print a table, and write the report of all."""
-    path = results.report_file(report)
-    file = results.ReportFile(path) if path else None
+    path = batch_results.report_file(report)
+    file = batch_results.ReportFile(path) if path else None
 
     def on_result(done: Sequence[Result]) -> None:
         result = done[-1]
@@ -157,12 +157,12 @@ def _bake_many(plans: Sequence[Plan], files: run_clashes.Run, report: str | None
     finished = sum(1 for result in found if not result.is_stopped)
     if finished < len(plans):
         print(f"{program}: stopped, {finished} of {len(plans)} were finished.", file=sys.stderr)
-    print("\n".join(results.table(found, len(plans))), file=_out(report))
+    print("\n".join(batch_results.table(found, len(plans))), file=_out(report))
     if file:
         file.write(found)
         print(f"Wrote {path}")
     elif report:
-        print(results.as_text(results.to_json(found)))
+        print(batch_results.as_text(batch_results.to_json(found)))
     return FAILED if any(result.error for result in found) else DONE
 
 

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field, replace
 
 from . import bases, udim
-from .declarations.values import Space
+from .declarations.choices import Space
 from .timings import STAGES, Timings
 
 VERSION = 1

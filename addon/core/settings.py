@@ -7,8 +7,8 @@ from pathlib import PurePath
 from typing import Any
 
 from . import bases, file_formats, udim
-from .declarations.panel_settings import DECLARED
-from .declarations.values import Storage
+from .declarations.all_settings import DECLARED
+from .declarations.choices import Storage
 from .errors import BakeError
 from .file_names import LOW
 from .udim import TOKEN

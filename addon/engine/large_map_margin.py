@@ -6,7 +6,7 @@ import numpy as np
 
 from ..core import texel_state
 from ..passes import target
-from ..passes.margin import nearest_texel, resolve, seam_fill
+from ..passes.margin import margin_fill, margin_search, seam_fill
 
 ROWS = 256
 """How many rows are filled at a time, so that memory does not grow with the map."""
@@ -67,8 +67,8 @@ def beyond(texels: np.ndarray, state: np.ndarray, reach: int | None) -> None:
         (width, height), format="RGBA32F", data=gpu.types.Buffer("FLOAT", values.shape, values)
     )
     stored = target.get("coarse", width, height, "RGBA32F", "R8")
-    nearest = nearest_texel.search(uploaded, None if reach is None else reach // COARSE)
-    resolve.draw(stored, uploaded, nearest, halo=0, encode=np.eye(4), missed=(0.0, 0.0, 0.0))
+    nearest = margin_search.search(uploaded, None if reach is None else reach // COARSE)
+    margin_fill.draw(stored, uploaded, nearest, halo=0, encode=np.eye(4), missed=(0.0, 0.0, 0.0))
     stored.read(values)
     for start in range(0, len(state), ROWS):
         y, x = np.nonzero(state[start : start + ROWS] == 0)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..core import udim
-from ..core.declarations.values import Method
+from ..core.declarations.choices import Method
 from ..core.errors import BakeError, shorten_list
 from ..core.settings import Settings
 from ..mesh import triangle_mesh, uv_layout

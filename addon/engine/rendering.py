@@ -15,10 +15,9 @@ from ..core.texel_state import Map
 from ..core.timings import Timings
 from ..mesh.triangle_mesh import Mesh
 from ..passes import mesh_upload, target
-from ..passes.bake import samples, tangent
-from ..passes.view import preview_picture
+from ..passes.bake import preview_picture, samples, tangent
 from .bands import Band, bands
-from .post_process import PostProcess, channels
+from .margin_and_channels import PostProcess, channels
 from .sources import Source
 
 COARSE = 8

@@ -8,7 +8,7 @@ import gpu
 import numpy as np
 
 from ..core import udim
-from ..core.declarations.values import Method
+from ..core.declarations.choices import Method
 from ..core.settings import Settings
 from ..core.udim import UvToClip
 from ..mesh.inputs import Meshes

@@ -7,7 +7,7 @@ from typing import Protocol
 import gpu
 import numpy as np
 
-from ..core.declarations.values import Method, Space
+from ..core.declarations.choices import Method, Space
 from ..core.map_types import NORMAL
 from ..core.progress import Pace, Progress, Task
 from ..core.settings import Settings
@@ -19,7 +19,7 @@ from ..passes.bake import cast, flatten, gbuffer, points
 from . import ray_casting, ray_distances
 from .bands import Band
 from .method_choice import Plan
-from .surface_maps import SurfaceMaps
+from .other_maps import OtherMaps
 
 
 class Source(Protocol):
@@ -38,7 +38,7 @@ class Source(Protocol):
         """
 
     def surface_map(self, name: str, band: Band, into: target.Target) -> gpu.types.GPUTexture:
-        """One of map_types.OTHERS for the band of the last `normals`, as surface_values.draw writes it.
+        """One of map_types.OTHERS for the band of the last `normals`, as other_map_values.draw writes it.
 
         Returns the texture of `into`, or another texture.
         """
@@ -109,12 +109,12 @@ class Flat:
                 for high in highs
             ]
             if settings.maps:
-                self.surface_maps = SurfaceMaps(low, local_space_of([low]), settings)
+                self.other_maps = OtherMaps(low, local_space_of([low]), settings)
                 self.surfaces = [
                     mesh_upload.upload(
                         high.triangles,
                         uv=high.uv,
-                        position=self.surface_maps.local_space.points(high)[high.vertices],
+                        position=self.other_maps.local_space.points(high)[high.vertices],
                         labels=_labels_by_corner(high),
                     )
                     for high in highs
@@ -131,8 +131,8 @@ class Flat:
         if self._points is None:
             self._points = target.get("points", band.width, band.height, "RGBA32F", "RGBA32F")
             points.draw(self._points, self.surfaces, band.uv_to_clip)
-            self.surface_maps.start(band)
-        return self.surface_maps.draw(into, name, self._normals.texture, self._points)
+            self.other_maps.start(band)
+        return self.other_maps.draw(into, name, self._normals.texture, self._points)
 
 
 class Rays:
@@ -146,7 +146,7 @@ class Rays:
         matrix = low.to_world[:3, :3]
         self.to_space = np.eye(3) if settings.space == Space.WORLD else matrix.T / np.abs(matrix).max()
         if settings.maps:
-            self.surface_maps = SurfaceMaps(low, ray_scene.local_space, settings)
+            self.other_maps = OtherMaps(low, ray_scene.local_space, settings)
             self.labels = data_texture.upload(
                 np.pad(np.concatenate([high.labels for high in highs])[ray_scene.order], ((0, 0), (0, 1)))
             )
@@ -176,8 +176,8 @@ class Rays:
         if self._points is None:
             self._points = target.get("points", band.width, band.height, "RGBA32F", "RGBA32F")
             cast.points(self._points, self._hits, self.ray_cast.ray_scene.tables, self.labels)
-            self.surface_maps.start(band)
-        return self.surface_maps.draw(into, name, self._normals.texture, self._points)
+            self.other_maps.start(band)
+        return self.other_maps.draw(into, name, self._normals.texture, self._points)
 
 
 class DrawnMaps:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..core import udim
-from ..core.declarations.values import Method
+from ..core.declarations.choices import Method
 from ..core.udim import UvToClip
 from ..mesh.local_space import LocalSpace, gap, local_space_of
 from ..mesh.triangle_mesh import Mesh

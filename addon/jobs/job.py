@@ -10,7 +10,7 @@ from ..core.errors import BakeError
 from ..core.name_matching import Suffixes, match
 from ..core.settings import Settings
 from ..engine.bands import bands
-from ..output import image_writer, materials
+from ..output import map_storage, materials
 from ..output.output_clashes import settings_by_map
 from ..scene import object_checks
 from ..scene.object_refs import ObjectRef
@@ -84,7 +84,7 @@ def check_job(context: bpy.types.Context, job: Job, settings: Settings) -> None:
     if reason:
         raise BakeError(reason)
     for image_settings in settings_by_map(settings).values():
-        image_writer.check(job.low.name, image_settings)
+        map_storage.check(job.low.name, image_settings)
     if settings.material:
         materials.check(job.low)
     try:

@@ -9,13 +9,13 @@ import gpu
 import numpy as np
 
 from ..core import progress, texel_state, udim
-from ..core.declarations.values import Modifiers
+from ..core.declarations.choices import Modifiers
 from ..core.errors import BakeError
 from ..core.map_types import NORMAL, Labeled
 from ..core.progress import Pace, Progress, Task
 from ..core.settings import Settings
 from ..core.timings import Timings
-from ..engine import post_process, rendering, sources
+from ..engine import margin_and_channels, rendering, sources
 from ..engine.bands import Band
 from ..engine.method_choice import Plan, choose_method, nothing_drawn
 from ..engine.sources import Source
@@ -53,7 +53,7 @@ class Session:
         self.plan: Plan | None = None
         self._meshes: Meshes | None = None
         self._method = settings.method
-        self._post_processes: dict[str, post_process.PostProcess] = {}
+        self._post_processes: dict[str, margin_and_channels.PostProcess] = {}
         self._uploads = UploadCache()
         self._source: sources.Source | None = None
         self._pool = target.TargetPool()
@@ -109,7 +109,7 @@ class Session:
         meshes = reading.read_again(context, low, highs, cage, settings, before=before, changed=changed)
         self._meshes = meshes
         if not self._post_processes or before is None or meshes.low is not before.low:
-            self._post_processes = post_process.for_maps([meshes.low], settings)
+            self._post_processes = margin_and_channels.for_maps([meshes.low], settings)
         return meshes
 
     def _draw_coarse(self, source: Source, settings: Settings) -> Progress:
@@ -123,7 +123,7 @@ class Session:
         # It has its own pool, so that the targets of the whole map keep their size.
         with target.using(self._coarse_pool):
             renderer = rendering.Renderer(source, self._meshes.basis, small, Timings(), Pace(), uploads=self._uploads)
-            progress.finish(renderer.texels(udim.FIRST, post_process.for_maps([self._meshes.low], small)))
+            progress.finish(renderer.texels(udim.FIRST, margin_and_channels.for_maps([self._meshes.low], small)))
         self._coarse = self._coarse_pool.find("map").texture
         return Progress("Drawing", READY, self._coarse)
 

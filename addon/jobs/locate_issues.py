@@ -10,7 +10,7 @@ import numpy as np
 from ..audit import mip_gaps
 from ..audit.checks import uv_space
 from ..core import progress
-from ..core.declarations.values import Space, Storage
+from ..core.declarations.choices import Space, Storage
 from ..core.errors import BakeError
 from ..core.map_types import NORMAL
 from ..core.report import Report
@@ -22,12 +22,12 @@ from ..engine.method_choice import Plan, choose_method
 from ..engine.sources import Source, normal_source
 from ..mesh import face_shapes, uv_islands, uv_layout, uv_seams
 from ..mesh.inputs import Meshes
-from ..output import image_writer
+from ..output import map_storage
 from ..passes import mesh_upload, target
 from ..passes.audit import overlap, triangle_ids
 from ..scene import evaluation, mesh_reader, reading
 from .job import Job, check_job
-from .reports import PastBake
+from .report_writing import PastBake
 
 ON_TEXELS = ("overlap", "uncovered", "far", "gaps", "backwards")
 ON_TRIANGLES = ("mirrored", "outside", "no_area", "behind")
@@ -69,11 +69,11 @@ def draw_mask(context: bpy.types.Context, report: Report, kind: str) -> bpy.type
     """
     view = _view(context, report, kind)
     mask = np.empty((view.settings.height, view.settings.width), bool)
-    with image_writer.Writer("", view.settings) as writer:
+    with map_storage.Writer("", view.settings) as writer:
         for band, rows, _ in _masks(view, kind):
             mask[band.start : band.stop] = rows
             if band.stop == len(mask):
-                writer.add(band.tile, image_writer.black_and_white(mask))
+                writer.add(band.tile, map_storage.black_and_white(mask))
         return writer.commit()
 
 

@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 from bpy.types import Image, Material, MaterialSlot, Mesh, Object
 
-from ..core.declarations.values import Space
+from ..core.declarations.choices import Space
 from ..core.errors import BakeError
 from . import material_nodes
 

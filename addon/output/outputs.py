@@ -13,7 +13,7 @@ from ..core.errors import shorten_list
 from ..core.map_types import BY_NAME, MASK, NORMAL, Kind, Labeled
 from ..core.settings import Settings
 from ..core.texel_state import Map
-from . import datablocks, image_writer, materials, value_encoding
+from . import datablocks, map_storage, materials, value_encoding
 from .output_clashes import settings_by_map
 
 
@@ -39,7 +39,7 @@ class Outputs:
     def __init__(self, settings: Settings):
         self.settings = settings
         self._writers = {
-            name: image_writer.Writer("", of_map, is_normal=BY_NAME[name].kind is Kind.NORMAL)
+            name: map_storage.Writer("", of_map, is_normal=BY_NAME[name].kind is Kind.NORMAL)
             for name, of_map in settings_by_map(settings).items()
         }
         self._tiles: dict[str, dict[int, np.ndarray]] = {name: {} for name in settings.maps}
@@ -59,7 +59,7 @@ class Outputs:
             return
         self._writers[NORMAL.name].add(tile, texels)
         if MASK.name in self._writers:
-            self._writers[MASK.name].add(tile, image_writer.black_and_white(state == texel_state.MISSED))
+            self._writers[MASK.name].add(tile, map_storage.black_and_white(state == texel_state.MISSED))
         for name, tiles in self._tiles.items():
             tiles[tile] = maps[name][0]  # encoded when the range of all tiles is known
 
@@ -69,7 +69,7 @@ class Outputs:
         labels: the names of objects and of materials, whose numbers in the maps start at 1.
         """
         maps = {name: self._encode(name, tiles, labels) for name, tiles in self._tiles.items()}
-        stored = dict(zip(self._writers, image_writer.commit_all(list(self._writers.values())), strict=True))
+        stored = dict(zip(self._writers, map_storage.commit_all(list(self._writers.values())), strict=True))
         writer = self._writers[NORMAL.name]
         return Stored(
             image=stored[NORMAL.name],
@@ -93,7 +93,7 @@ class Outputs:
 def sign(image: bpy.types.Image, highs: Sequence[str]) -> list[str]:
     """Store the names of the high objects in `image`. Returns a warning if its map replaced one of other objects."""
     highs = list(dict.fromkeys(highs))
-    before = image_writer.replaced(image.name, highs)
+    before = map_storage.replaced(image.name, highs)
     datablocks.sign(image, highs)
     if not before:
         return []

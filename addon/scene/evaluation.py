@@ -6,7 +6,7 @@ from contextlib import ExitStack, contextmanager
 
 import bpy
 
-from ..core.declarations.values import Modifiers
+from ..core.declarations.choices import Modifiers
 from ..core.errors import BakeError
 from . import instances, object_checks, object_modes, visibility
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import bpy
 import numpy as np
 
-from ..core.declarations.values import Method, Modifiers
+from ..core.declarations.choices import Method, Modifiers
 from ..core.errors import BakeError
 from ..core.settings import Settings
 from ..mesh import joining

@@ -9,7 +9,7 @@ from dataclasses import replace
 import bpy
 import numpy as np
 
-from ..core.declarations.values import Directions
+from ..core.declarations.choices import Directions
 from ..mesh.triangle_mesh import Mesh, finite_rows, keep_corners
 
 _NUMBER = ".imprint_face"

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import bpy
 import numpy as np
 
-from ..core.declarations.values import Method
+from ..core.declarations.choices import Method
 from . import detail_modifiers, instances
 
 MAX_CONDITION = 1e7

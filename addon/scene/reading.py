@@ -7,7 +7,7 @@ from dataclasses import replace
 import bpy
 import numpy as np
 
-from ..core.declarations.values import Space
+from ..core.declarations.choices import Space
 from ..core.errors import BakeError
 from ..core.settings import Settings
 from ..mesh.inputs import Meshes

@@ -4,7 +4,7 @@
 import bpy
 from bpy.props import FloatProperty, IntProperty, PointerProperty, StringProperty
 
-from ..core.declarations.values import Method
+from ..core.declarations.choices import Method
 from ..core.name_matching import Suffixes
 from ..scene import instances, object_checks, visibility
 from . import bake_results

@@ -15,7 +15,7 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 import addon  # noqa: E402
-from scripts.bench import figures, following, measure, peers, report, verdicts  # noqa: E402
+from scripts.bench import figures, live_updates, measure, peers, report, verdicts  # noqa: E402
 
 PARTS = ("pairs", "closed_forms", "growth", "live", "hardware", "figures")
 
@@ -64,7 +64,7 @@ def bench(options: argparse.Namespace, scratch: Path) -> dict:
         report.plot(result["growth"], options.output / "growth.png")
     if "live" in only:
         log("live")
-        result["live"] = following.measure()
+        result["live"] = live_updates.measure()
     if "hardware" in only and "moderngl" in result["peers"]:
         log("shaders alone")
         result["hardware"] = measure.hardware(options.pairs, scratch, quick)

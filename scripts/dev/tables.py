@@ -19,7 +19,7 @@ from addon.cli.usage.option_types import word_for  # noqa: E402
 from addon.cli.usage.options import FILE, JOBS, OPTIONS, CommandOption  # noqa: E402
 from addon.core import file_formats, map_types, udim  # noqa: E402
 from addon.core.declarations import kinds  # noqa: E402
-from addon.core.declarations.panel_settings import PANELS, PanelSettings  # noqa: E402
+from addon.core.declarations.all_settings import PANELS, PanelSettings  # noqa: E402
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 PLACE = re.compile(r"^(<!-- (?:table: ([\w-]+)|(options)) -->\n).*?^(<!-- end -->)$", re.MULTILINE | re.DOTALL)

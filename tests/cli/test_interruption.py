@@ -116,13 +116,13 @@ def test_a_signal_while_a_file_is_imported_is_not_lost(scene, monkeypatch):
 
 
 def test_a_signal_when_all_is_done_changes_the_exit_code_alone(scene, monkeypatch):
-    write = command.results.write_json
+    write = command.batch_results.write_json
 
     def late(*arguments):
         signal.raise_signal(signal.SIGTERM)
         write(*arguments)
 
-    monkeypatch.setattr(command.results, "write_json", late)
+    monkeypatch.setattr(command.batch_results, "write_json", late)
     assert command.run([*ONE, "--output", "m.png", "--report", "r.json"]) == 128 + signal.SIGTERM
     assert files(scene) == ["m.png", "r.json", "s.blend"]
 
@@ -189,7 +189,7 @@ def test_too_little_memory_is_told_in_one_line(scene, monkeypatch, capfd):
 
 def test_the_report_of_a_batch_grows_as_it_goes_on(scene, monkeypatch):
     """So that a crash loses little."""
-    monkeypatch.setattr(command.results.ReportFile, "SHARE", 1e9)
+    monkeypatch.setattr(command.batch_results.ReportFile, "SHARE", 1e9)
     seen, work = [], several.work
 
     def watched(*arguments, **options):

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from addon.core.settings import Settings
-from addon.engine import bands, large_map_margin, post_process, ray_casting
+from addon.engine import bands, large_map_margin, margin_and_channels, ray_casting
 from addon.jobs import Job, bake_all, bake_pair
-from addon.output import image_writer, output_clashes
+from addon.output import map_storage, output_clashes
 from addon.passes import target
 from tests.support import zoo
 from tests.support.maps import pixels, texel_uv
@@ -39,7 +39,7 @@ def in_bands(monkeypatch):
 
     def shrink():
         monkeypatch.setattr(bands, "BAND_TEXELS", 10 * SIZE)
-        for module in (bands, post_process):
+        for module in (bands, margin_and_channels):
             monkeypatch.setattr(module, "REACH", 3)
         monkeypatch.setattr(large_map_margin, "ROWS", 7)
 
@@ -328,7 +328,7 @@ def test_only_8_bits_are_dithered_and_only_integers_lose_precision(dither):
     texels = np.full((16, 16, 4), 0.3, np.float32)
     for depth, values, is_lossy in ((8, 2 if dither else 1, True), (16, 1, False), (32, 1, False)):
         settings = Settings(width=16, height=16, depth=depth, dither=dither, image="map", storage="MEMORY")
-        with image_writer.Writer("lo", settings, is_normal=True) as writer:
+        with map_storage.Writer("lo", settings, is_normal=True) as writer:
             writer.add(1001, texels)
             assert bool(writer.loss) == is_lossy
             assert len(np.unique(pixels(writer.commit())[..., 0])) == values
@@ -338,7 +338,7 @@ def test_the_loss_includes_all_tiles():
     settings = Settings(width=16, height=16, udim=True, depth=8, image="map")
     exact, rough = np.ones((16, 16, 4), np.float32), np.random.default_rng(0).random((16, 16, 4), np.float32)
     rough[..., 3] = 1.0
-    with image_writer.Writer("lo", settings, is_normal=True) as writer:
+    with map_storage.Writer("lo", settings, is_normal=True) as writer:
         writer.add(1001, rough)
         writer.add(1002, exact)
         assert writer.loss["maximum"] > 0.1

@@ -72,7 +72,7 @@ def passes(counts):
         "audit/overlap_frag.glsl",
         "bake/gbuffer_frag.glsl",
         "bake/points_frag.glsl",
-        "audit/faces_frag.glsl",
+        "audit/triangle_ids_frag.glsl",
         "bake/distance_frag.glsl",
     }
     return {name: count for name, count in counts.items() if name.endswith(".glsl") and name not in audit}
@@ -88,7 +88,7 @@ def test_flatten_draws_once_per_sample(counts, samples):
         "bake/tangent_frag.glsl": samples,
         "margin/margin_rows_comp.glsl": 1,
         "margin/margin_columns_comp.glsl": 1,
-        "margin/resolve_frag.glsl": 1,
+        "margin/margin_fill_frag.glsl": 1,
         **accumulated,
     }
 

@@ -5,7 +5,7 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.core.declarations.panel_settings import DECLARED
+from addon.core.declarations.all_settings import DECLARED
 from addon.core.settings import Settings
 from addon.jobs import bake_pair
 from addon.passes.bake import samples

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from addon.core import file_formats, map_types
-from addon.core.declarations.panel_settings import DECLARED
+from addon.core.declarations.all_settings import DECLARED
 from addon.core.settings import Settings
 from tests.support import lanes, outcome, zoo
 

@@ -17,7 +17,7 @@ from addon.core.file_structure import completeness, tiff
 from addon.core.progress import Pace
 from addon.core.settings import Settings
 from addon.jobs import Job, bake_pair, several
-from addon.output import image_writer, quantize
+from addon.output import map_storage, quantize
 from scripts.imprint import ROOT
 from tests.support import lanes, pictures, zoo
 from tests.support.maps import pixels
@@ -57,8 +57,8 @@ def store(texels, **settings):
     height, width = texels.shape[:2]
     settings = Settings(width=width, height=height, **settings)
     settings.check()
-    image_writer.check("low", settings)
-    with image_writer.Writer("low", settings, is_normal=True) as writer:
+    map_storage.check("low", settings)
+    with map_storage.Writer("low", settings, is_normal=True) as writer:
         writer.add(1001, texels)
         return writer.commit(), writer.loss
 
@@ -218,7 +218,7 @@ def test_discard_removes_all_temporary_files(tmp_path):
     path = tmp_path / "map.png"
     path.write_bytes(b"an old picture")
     settings = Settings(storage="FILE", output=str(path))
-    writer = image_writer.Writer("low", settings)
+    writer = map_storage.Writer("low", settings)
     writer.add(1001, some_texels())
     assert len(list(tmp_path.glob("*.png"))) == 2
     writer.discard()
@@ -259,7 +259,7 @@ def test_a_stopped_bake_leaves_no_files(tmp_path):
 FOREVER = """
 import os, sys
 import numpy as np
-from addon.output import image_writer
+from addon.output import map_storage
 from addon.core.settings import Settings
 
 texels = np.ones((128, 128, 4), np.float32)
@@ -267,7 +267,7 @@ turn = 0
 while True:
     for name in sys.argv[1:]:
         texels[..., :3] = np.random.default_rng(turn % 2).random((128, 128, 3))
-        with image_writer.Writer("low", Settings(storage="FILE", output=name, depth=8)) as writer:
+        with map_storage.Writer("low", Settings(storage="FILE", output=name, depth=8)) as writer:
             writer.add(1001, texels)
             writer.commit()
     turn += 1

@@ -13,10 +13,11 @@ from addon.core import progress
 from addon.core.errors import BakeError
 from addon.core.settings import Settings
 from addon.engine import bands
-from addon.jobs import Job, live_session, view_scene, view_session
+from addon.jobs import Job, live_session
 from addon.output import quantize
 from addon.passes import mesh_upload, target
 from addon.passes.view import lit
+from addon.views import view_objects, view_shading
 from tests.support import oracle, raster, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -62,7 +63,7 @@ def eye_on(low, light=(0.3, -0.4, 0.8, 0.0), *, is_parallel=False):
     lens = (
         raster.parallel(2.1 * radius, 0.1, 100.0, aspect) if is_parallel else raster.perspective(40, 0.1, 100, aspect)
     )
-    return view_session.Eye(view, lens, np.array(light, np.float64))
+    return view_shading.Eye(view, lens, np.array(light, np.float64))
 
 
 def brightness(normals, points, light):
@@ -125,7 +126,7 @@ def test_the_lit_map_equals_the_float64_picture(space, matrix):
     low, high = pair(matrix)
     session = session_of(low, [high], space=space)
     eye = eye_on(low)
-    pixels = picture(lambda: view_session.Shading(session).draw("MAP", eye))
+    pixels = picture(lambda: view_shading.Shading(session).draw("MAP", eye))
     check(pixels, *shown(low, session.texels, session.settings)(eye))
 
 
@@ -144,7 +145,7 @@ def test_the_map_is_read_as_it_was_written(settings):
     low, high = pair(UNEVEN)
     session = session_of(low, [high], **settings)
     eye = eye_on(low)
-    pixels = picture(lambda: view_session.Shading(session).draw("MAP", eye))
+    pixels = picture(lambda: view_shading.Shading(session).draw("MAP", eye))
     check(pixels, *shown(low, session.texels, session.settings)(eye))
 
 
@@ -152,7 +153,7 @@ def test_a_point_light_shines_from_its_position():
     low, high = pair(ASLANT)
     session = session_of(low, [high])
     eye = eye_on(low, light=(*(ASLANT @ Matrix.Translation((0.5, -1.2, 1.0))).translation, 1.0))
-    pixels = picture(lambda: view_session.Shading(session).draw("MAP", eye))
+    pixels = picture(lambda: view_shading.Shading(session).draw("MAP", eye))
     check(pixels, *shown(low, session.texels, session.settings)(eye))
 
 
@@ -160,7 +161,7 @@ def test_an_orthographic_view():
     low, high = pair(ASLANT)
     session = session_of(low, [high])
     eye = eye_on(low, is_parallel=True)
-    pixels = picture(lambda: view_session.Shading(session).draw("MAP", eye))
+    pixels = picture(lambda: view_shading.Shading(session).draw("MAP", eye))
     check(pixels, *shown(low, session.texels, session.settings)(eye))
 
 
@@ -171,7 +172,7 @@ def test_a_real_pair_equals_the_float64_picture(space, shared_assets):
     low, high = bpy.data.objects["lo"], bpy.data.objects["hi"]
     session = session_of(low, [high], space=space, width=512, height=512)
     eye = eye_on(low)
-    pixels = picture(lambda: view_session.Shading(session).draw("MAP", eye))
+    pixels = picture(lambda: view_shading.Shading(session).draw("MAP", eye))
     check(pixels, *shown(low, session.texels, session.settings)(eye))
 
 
@@ -189,8 +190,8 @@ def test_split_shows_high_mesh_low_mesh_and_low_mesh_with_map(split):
     low, high = pair(UNEVEN, n=20)
     session = session_of(low, [high])
     eye = eye_on(low)
-    pixels = picture(lambda: view_session.Shading(session).draw("SPLIT", eye, split=split))
-    zones = view_session.zones(SIZE[0], split)
+    pixels = picture(lambda: view_shading.Shading(session).draw("SPLIT", eye, split=split))
+    zones = view_shading.zones(SIZE[0], split)
     assert [column for zone in zones for column in zone] == list(range(SIZE[0]))
     for zone, (mask, colors) in zip(
         zones, (bare(high, eye), bare(low, eye), shown(low, session.texels, session.settings)(eye)), strict=True
@@ -205,7 +206,7 @@ def test_split_shows_high_mesh_low_mesh_and_low_mesh_with_map(split):
 def test_the_view_covers_the_object_and_not_what_is_in_front(is_parallel):
     """The high object protrudes from the low one, and is visible as well."""
     low, high = pair(ASLANT)
-    drawn = view_session.Shading(session_of(low, [high]))
+    drawn = view_shading.Shading(session_of(low, [high]))
     eye = eye_on(low, is_parallel=is_parallel)
     around = raster.corners(high, with_tangents=False).position
 
@@ -238,7 +239,7 @@ def test_bumps_of_the_high_object_do_not_poke_through(is_parallel, mode):
     points = np.array([vertex.co for vertex in high.data.vertices])
     bumps = 1.0 + 0.3 * (np.sin(9.0 * points[:, :1]) * np.sin(9.0 * points[:, 2:]) > 0.5)
     high.data.vertices.foreach_set("co", (points * bumps).astype(np.float32).ravel())
-    drawn = view_session.Shading(session_of(low, [high]))
+    drawn = view_shading.Shading(session_of(low, [high]))
     eye = eye_on(low, is_parallel=is_parallel)
     corners = raster.corners(high, with_tangents=False).position.reshape(-1, 3).astype(np.float32)
     seen = mesh_upload.upload(
@@ -268,7 +269,7 @@ def test_a_map_rendered_in_bands_is_not_shown(monkeypatch):
     assert session.texels.shape == (128, 128, 4)
     assert session.map is None
     with pytest.raises(BakeError, match="128 x 128 texels is drawn in bands"):
-        view_session.Shading(session)
+        view_shading.Shading(session)
 
 
 def test_a_high_object_moved_aside_is_drawn_over_the_low_one():
@@ -278,7 +279,7 @@ def test_a_high_object_moved_aside_is_drawn_over_the_low_one():
     for aside in (0.0, 10.0):
         high.location.x = aside
         session = session_of(low, [high])
-        pictures.append(picture(lambda drawn=session: view_session.Shading(drawn).draw("SPLIT", eye, split=0.9)))
+        pictures.append(picture(lambda drawn=session: view_shading.Shading(drawn).draw("SPLIT", eye, split=0.9)))
     mask = pictures[0][..., 3] == 1.0
     assert (mask == (pictures[1][..., 3] == 1.0)).mean() >= SHARE
     # The centers of their boxes differ slightly.
@@ -288,7 +289,7 @@ def test_a_high_object_moved_aside_is_drawn_over_the_low_one():
 def test_moved_objects_are_drawn_at_their_new_position():
     low, high = pair(Matrix())
     session = session_of(low, [high])
-    drawn = view_session.Shading(session)
+    drawn = view_shading.Shading(session)
     for matrix in (Matrix(), MIRRORED):
         low.matrix_world = matrix
         bpy.context.view_layer.update()
@@ -300,7 +301,7 @@ def test_moved_objects_are_drawn_at_their_new_position():
 def test_unchanged_meshes_are_not_uploaded_again(monkeypatch):
     low, high = pair(Matrix())
     session = session_of(low, [high])
-    drawn, eye = view_session.Shading(session), eye_on(low)
+    drawn, eye = view_shading.Shading(session), eye_on(low)
     uploads = []
     monkeypatch.setattr(
         session, "upload", lambda *args, given=session.upload, **more: uploads.append(args) or given(*args, **more)
@@ -317,7 +318,7 @@ def test_unchanged_meshes_are_not_uploaded_again(monkeypatch):
 def test_deleted_and_flattened_objects_are_not_drawn():
     low, high = pair(Matrix())
     session = session_of(low, [high])
-    drawn, eye = view_session.Shading(session), eye_on(low)
+    drawn, eye = view_shading.Shading(session), eye_on(low)
     low.scale.x = 0.0
     bpy.context.view_layer.update()
     assert not picture(lambda: drawn.draw("MAP", eye)).any()
@@ -327,7 +328,7 @@ def test_deleted_and_flattened_objects_are_not_drawn():
     assert not picture(lambda: drawn.draw("SPLIT", eye)).any()
     assert picture(lambda: drawn.draw("MAP", eye)).any()
     bpy.data.objects.remove(low)
-    for mode in view_session.MODES:
+    for mode in view_shading.MODES:
         assert not picture(lambda mode=mode: drawn.draw(mode, eye)).any()
     session.free()
     assert not picture(lambda: drawn.draw("MAP", eye)).any()
@@ -339,7 +340,7 @@ class TestDeviation:
     @staticmethod
     def of(low, high, **settings):
         """Measure the map of `low` and `high`."""
-        drawn = view_session.Shading(session_of(low, [high], **settings))
+        drawn = view_shading.Shading(session_of(low, [high], **settings))
         drawn.update(is_measured=True)
         return drawn
 
@@ -467,7 +468,7 @@ def values(drawn):
 
 def test_the_legend_runs_from_left_to_right():
     low, high = zoo.plane("lo"), zoo.plane("hi")
-    drawn = view_session.Shading(session_of(low, [high]))
+    drawn = view_shading.Shading(session_of(low, [high]))
     pixels = picture(lambda: drawn.draw_legend((10, 20), (90, 12)))
     assert pixels[20:32, 10:100, 3].all()
     assert pixels[..., 3].sum() == 90 * 12
@@ -476,7 +477,7 @@ def test_the_legend_runs_from_left_to_right():
 
 
 def test_a_view_limits_the_map_size_and_keeps_the_map_in_memory():
-    settings = view_session.settings_for(
+    settings = view_shading.settings_for(
         Settings(width=16384, height=4096, udim=True, tiles=(1002,), storage="FILE", output="x.png")
     )
     settings.check()
@@ -487,7 +488,7 @@ def test_a_view_limits_the_map_size_and_keeps_the_map_in_memory():
 def test_many_high_meshes_are_probed_no_more_than_a_few(monkeypatch):
     low = zoo.plane("lo")
     highs = [zoo.terrain(f"hi {number}", n=32) for number in range(8)]
-    height = view_scene.height
+    height = view_objects.height
 
     class Counted:
         found = 0
@@ -499,6 +500,6 @@ def test_many_high_meshes_are_probed_no_more_than_a_few(monkeypatch):
             Counted.found += 1
             return self.surface.find_nearest(point)
 
-    monkeypatch.setattr(view_scene, "height", lambda surface, *more: height(Counted(surface), *more))
-    view_scene.ViewObjects(session_of(low, highs)).place(with_highs=False)
-    assert 0 < Counted.found <= view_scene.PROBES + 6 * len(highs)
+    monkeypatch.setattr(view_objects, "height", lambda surface, *more: height(Counted(surface), *more))
+    view_objects.ViewObjects(session_of(low, highs)).place(with_highs=False)
+    assert 0 < Counted.found <= view_objects.PROBES + 6 * len(highs)

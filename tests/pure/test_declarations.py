@@ -10,7 +10,7 @@ from addon.cli.usage import arguments
 from addon.cli.usage.job_file import KEYS
 from addon.cli.usage.options import FILES, OBJECTS, OPTIONS
 from addon.core.declarations import kinds
-from addon.core.declarations.panel_settings import DECLARED, PANELS
+from addon.core.declarations.all_settings import DECLARED, PANELS
 from addon.core.errors import BakeError
 from addon.core.settings import Settings
 from scripts.dev import tables

@@ -26,7 +26,8 @@ MAY_IMPORT = {
     "engine": {"core", "mesh", "passes"},
     "audit": {"core", "mesh", "passes", "engine"},
     "jobs": {"core", "mesh", "passes", "scene", "output", "engine", "audit"},
-    "ui": {"core", "scene", "output", "engine", "jobs"},
+    "views": {"core", "mesh", "passes", "scene", "output", "engine", "jobs"},
+    "ui": {"core", "scene", "output", "engine", "jobs", "views"},
     "cli": {"core", "scene", "output", "jobs"},
     "": {"passes", "engine", "ui", "cli"},  # addon/__init__.py, which registers and frees
 }

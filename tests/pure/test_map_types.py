@@ -16,7 +16,7 @@ def test_names_and_suffixes_are_unlike():
 
 
 def test_the_shader_numbers_the_maps_as_they_are_declared():
-    source = (ROOT / "shaders" / "bake" / "surface_values_frag.glsl").read_text(encoding="utf-8")
+    source = (ROOT / "shaders" / "bake" / "other_map_values_frag.glsl").read_text(encoding="utf-8")
     found = {name: int(number) for name, number in re.findall(r"const int INDEX_(\w+) = (\d+);", source)}
     assert found == {one.name: one.index for one in map_types.OTHERS if one.index >= 0}
 

@@ -103,7 +103,7 @@ NAMES = {
     "Kept": "a cache",
     "Work": "Task",
     "Step": "Progress",
-    "relief": "surface_values",
+    "relief": "other_map_values",
     "stitch": "large_map_margin",
     "subjects": "objects",
     "told": "reported, messages, ...",

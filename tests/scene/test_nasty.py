@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from mathutils import Matrix, Vector
 
-from addon.core.declarations.panel_settings import DECLARED
+from addon.core.declarations.all_settings import DECLARED
 from addon.core.errors import BakeError
 from addon.core.settings import Settings
 from addon.jobs import bake_pair

@@ -5,11 +5,11 @@ import bpy
 import pytest
 
 import addon
-from addon.jobs import view_session
 from addon.scene import visibility
 from addon.ui.live.live_controller import live
 from addon.ui.viewport.object_hiding import hiding
 from addon.ui.viewport.view_mode import viewer
+from addon.views import view_shading
 from tests.support import zoo
 from tests.ui.test_view_mode import seen, view, viewport
 
@@ -263,9 +263,9 @@ def test_another_editor_in_its_place_goes_back_too(pair):
 
 def test_the_low_object_is_pulled_over_high_ones_only_where_they_are_in_view(pair, monkeypatch):
     told = []
-    draw = view_session.Shading.draw
+    draw = view_shading.Shading.draw
     monkeypatch.setattr(
-        view_session.Shading, "draw", lambda *args, **kw: told.append(kw["is_alone"]) or draw(*args, **kw)
+        view_shading.Shading, "draw", lambda *args, **kw: told.append(kw["is_alone"]) or draw(*args, **kw)
     )
     view().mode = "MAP"
     shown()

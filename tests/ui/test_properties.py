@@ -5,7 +5,7 @@ import bpy
 import pytest
 
 from addon.core.declarations import kinds
-from addon.core.declarations.panel_settings import DECLARED
+from addon.core.declarations.all_settings import DECLARED
 
 pytestmark = pytest.mark.usefixtures("registered")
 

@@ -11,12 +11,12 @@ from mathutils import Matrix, Vector
 
 import addon
 from addon.core.errors import BakeError
-from addon.jobs import view_session
 from addon.passes import target
 from addon.ui.live.live_controller import live
 from addon.ui.viewport import view_drawing, viewport_text
-from addon.ui.viewport.mode import Mode
 from addon.ui.viewport.view_mode import viewer
+from addon.ui.viewport.view_modes import Mode
+from addon.views import view_shading
 from tests.support import raster, zoo
 from tests.support.snapshot import difference, snapshot
 
@@ -68,7 +68,7 @@ def seen():
     return pixels
 
 
-@pytest.mark.parametrize("mode", view_session.MODES)
+@pytest.mark.parametrize("mode", view_shading.MODES)
 def test_a_view_comes_and_goes_without_a_trace(mode, pair):
     before = snapshot()
     view().mode = mode
@@ -82,7 +82,7 @@ def test_a_view_comes_and_goes_without_a_trace(mode, pair):
 
 def test_the_views_differ_and_the_modes_are_one_key_apart(pair):
     pictures = []
-    for mode in (*view_session.MODES, "OFF"):
+    for mode in (*view_shading.MODES, "OFF"):
         assert bpy.ops.imprint.view_next() == {"FINISHED"}
         assert viewer.mode == mode
         pictures.append(seen() if mode != "OFF" else np.zeros_like(pictures[0]))
@@ -230,7 +230,7 @@ def test_what_is_gone_or_hidden_is_not_drawn(pair):
     pair[0].hide_set(False)
     assert seen().any()
     bpy.data.objects.remove(pair[0])
-    for mode in view_session.MODES:
+    for mode in view_shading.MODES:
         view().mode = mode
         assert not seen()[40:].any()  # above the legend
 

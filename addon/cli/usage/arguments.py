@@ -11,7 +11,7 @@ from dataclasses import fields
 from pathlib import PurePath
 
 from ...core import file_formats, udim
-from ...core.declarations.values import Storage
+from ...core.declarations.choices import Storage
 from ...core.errors import BakeError
 from ...core.settings import Settings
 from .options import FILE, JOBS, OPTIONS, SUBJECTS

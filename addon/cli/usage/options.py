@@ -7,7 +7,7 @@ from functools import singledispatch
 from typing import Any
 
 from ...core.declarations import kinds
-from ...core.declarations.panel_settings import DECLARED, PANELS
+from ...core.declarations.all_settings import DECLARED, PANELS
 from ...core.name_matching import Suffixes
 from . import option_types
 

@@ -2,8 +2,8 @@
 """The settings of the panels Map and Channels, in their order."""
 
 from .. import bases
+from .choices import MarginType, Method, Modifiers, Space
 from .kinds import Choice, Distance, Item, Option, Setting, Switch, Text, WholeNumber
-from .values import MarginType, Method, Modifiers, Space
 
 MIN_SIZE, MAX_SIZE = 16, 16384
 MAX_MIPS = 8

@@ -4,8 +4,8 @@
 from .. import file_formats, map_types, udim
 from ..file_formats import USUAL_DEPTH
 from ..udim import TOKEN
+from .choices import Storage
 from .kinds import Choice, FilePath, Flags, Item, Option, Setting, Switch, Text, Tiles
-from .values import Storage
 
 _FORMATS = ", ".join(
     f"{file_format.label} ({' or '.join(file_format.endings)}, {' or '.join(map(str, file_format.depths))} bits)"

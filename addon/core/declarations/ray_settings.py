@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The settings of the panel Rays, in its order."""
 
+from .choices import Directions
 from .kinds import Choice, Color, Distance, Item, ObjectSlot, Setting, Switch
-from .values import Directions
 
 RAYS: dict[str, Setting] = {
     "cage": ObjectSlot(label="Cage", tooltip="Mesh on which the rays start. It must have the topology of the low mesh"),

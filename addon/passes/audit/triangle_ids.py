@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     import gpu
 
 PROGRAM = Program(
-    vertex="audit/faces_vert.glsl",
-    fragment="audit/faces_frag.glsl",
+    vertex="audit/triangle_ids_vert.glsl",
+    fragment="audit/triangle_ids_frag.glsl",
     inputs=(("VEC2", "uv"), ("VEC2", "number")),
     varyings=(("VEC2", "v_number"),),
     samplers=(("FLOAT_2D", "above"),),
@@ -25,7 +25,7 @@ PROGRAM = Program(
     outputs=(("FLOAT", "number_out"),),
 )
 PART = 4096
-"""As in shaders/audit/faces_frag.glsl: numbers are up to the square of it, 2^24, where single precision ends as well."""
+"""As in shaders/audit/triangle_ids_frag.glsl: numbers are up to the square of it, 2^24, where single precision ends as well."""
 
 
 def upload(triangles: np.ndarray, uv: np.ndarray, numbers: np.ndarray | None = None) -> gpu.types.GPUBatch:

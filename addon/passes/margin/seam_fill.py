@@ -16,7 +16,7 @@ from ...core.udim import UvToClip
 from .. import blender_gpu as gpu
 from .. import data_texture, mesh_upload, shader, target
 from ..program import Program
-from .nearest_texel import Nearest
+from .margin_search import Nearest
 
 BORDERS = Program(
     vertex="margin/borders_vert.glsl",

@@ -12,8 +12,8 @@ if TYPE_CHECKING:
     import gpu
 
 PROGRAM = Program(
-    vertex="view/shell_vert.glsl",
-    fragment="view/shell_frag.glsl",
+    vertex="view/cage_shell_vert.glsl",
+    fragment="view/cage_shell_frag.glsl",
     inputs=(("VEC3", "position"), ("VEC3", "direction")),
     constants=(("MAT4", "view_projection"), ("VEC4", "color"), ("FLOAT", "offset")),
     outputs=(("VEC4", "color_out"),),

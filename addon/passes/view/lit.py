@@ -30,8 +30,8 @@ MAP = Program(
     outputs=(("VEC4", "color_out"),),
 )
 BARE = Program(
-    vertex="view/bare_vert.glsl",
-    fragment="view/bare_frag.glsl",
+    vertex="view/lit_without_map_vert.glsl",
+    fragment="view/lit_without_map_frag.glsl",
     inputs=(("VEC3", "position"), ("VEC3", "normal")),
     varyings=_VARYINGS[:2],
     constants=_CONSTANTS,

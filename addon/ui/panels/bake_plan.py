@@ -3,9 +3,9 @@
 
 import bpy
 
-from ...core.declarations.values import Method, Space
+from ...core.declarations.choices import Method, Space
 from ...core.errors import BakeError
-from ...output import image_writer
+from ...output import map_storage
 from ...scene import object_checks
 from ..properties import ImprintSettings
 from ..translations.lookup import message
@@ -41,14 +41,14 @@ def lines(low: bpy.types.Object, highs: list[bpy.types.Object], settings: Imprin
         "low": repr(low.name),
         "highs": message("its own modifiers") if low in highs else ", ".join(repr(high.name) for high in highs),
     }
-    name = image_writer.name_for(low.name, settings.to_settings())
+    name = map_storage.name_for(low.name, settings.to_settings())
     target = message("over the image {}") if bpy.data.images.get(name) else message("into a new image {}")
     parts = [
         space,
         f"{settings.width} x {settings.height}",
         target.format(repr(name)),
     ]
-    other = image_writer.replaced(name, [high.name for high in highs])
+    other = map_storage.replaced(name, [high.name for high in highs])
     if other:
         parts.append(message("which holds a map of {}").format(other))
     lines = [f"{action.format(**objects)}: {', '.join(parts)}."]

@@ -6,7 +6,7 @@ from functools import lru_cache
 import bpy
 
 from ...core import name_matching
-from ...core.declarations.values import Storage
+from ...core.declarations.choices import Storage
 from ...core.errors import BakeError
 from ..translations.lookup import label, message
 from .sidebar import SettingsPanel, draw_paragraphs

@@ -3,7 +3,7 @@
 
 import bpy
 
-from ...core.declarations.values import Method, Space, Storage
+from ...core.declarations.choices import Method, Space, Storage
 from .. import map_size
 from ..presets import IMPRINT_PT_conventions
 from ..viewport.cage_overlay import overlay

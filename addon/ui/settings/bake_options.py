@@ -5,8 +5,8 @@ from dataclasses import fields
 
 from ...core import file_formats, udim
 from ...core.declarations import kinds
-from ...core.declarations.panel_settings import DECLARED
-from ...core.declarations.values import Storage
+from ...core.declarations.all_settings import DECLARED
+from ...core.declarations.choices import Storage
 from ...core.settings import Settings
 from .declared_properties import declared
 

@@ -17,7 +17,7 @@ from bpy.props import (
 )
 
 from ...core.declarations import kinds
-from ...core.declarations.panel_settings import DECLARED
+from ...core.declarations.all_settings import DECLARED
 from ..translations.lookup import LABEL
 
 

@@ -8,8 +8,8 @@ import bpy
 import gpu
 
 from ...core.errors import BakeError
-from ...jobs import cage_shells
 from ...scene import object_refs
+from ...views import cage_shells
 from ..callbacks import DrawCallbacks, Handlers, Timer, redraw
 
 OUTER, INNER = (0.1, 0.45, 1.0, 0.25), (1.0, 0.45, 0.1, 0.25)

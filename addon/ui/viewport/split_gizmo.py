@@ -5,9 +5,9 @@ import bpy
 import gpu
 from gpu_extras.batch import batch_for_shader
 
-from ...jobs import view_session
-from .mode import Mode
+from ...views import view_shading
 from .view_mode import viewer
+from .view_modes import Mode
 
 LINE = (0.9, 0.9, 0.9, 0.6)
 """Color of the lines."""
@@ -22,7 +22,7 @@ class IMPRINT_GT_split(bpy.types.Gizmo):
 
     def draw(self, context: bpy.types.Context) -> None:
         region, view = context.region, context.scene.imprint_view
-        _, low, _ = view_session.zones(region.width, view.split)
+        _, low, _ = view_shading.zones(region.width, view.split)
         points = [(x, y) for x in (low.start, low.stop) for y in (0, region.height)]
         program = gpu.shader.from_builtin("UNIFORM_COLOR")
         gpu.state.blend_set("ALPHA")
@@ -33,7 +33,7 @@ class IMPRINT_GT_split(bpy.types.Gizmo):
         gpu.state.blend_set("NONE")
 
     def test_select(self, context: bpy.types.Context, location: tuple[int, int]) -> int:
-        _, low, _ = view_session.zones(context.region.width, context.scene.imprint_view.split)
+        _, low, _ = view_shading.zones(context.region.width, context.scene.imprint_view.split)
         reach = REACH * context.preferences.system.ui_scale
         return 0 if min(abs(location[0] - low.start), abs(location[0] - low.stop)) < reach else -1
 

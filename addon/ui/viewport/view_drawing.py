@@ -4,10 +4,10 @@
 import bpy
 import numpy as np
 
-from ...jobs import view_session
+from ...views import view_shading
 from ..translations.lookup import label, message
 from . import viewport_text
-from .mode import Mode
+from .view_modes import Mode
 
 HEADLIGHT = np.array((-0.6, 0.7, 1.0, 0.0))
 """Direction to the view's own light, in view space: slightly from above and from the left."""
@@ -20,7 +20,7 @@ SHOWN_SHARE = 0.0005
 DEGREES = "\N{DEGREE SIGN}"
 
 
-def draw_mesh(context: bpy.types.Context, shading: view_session.Shading, mode: Mode, *, is_alone: bool) -> None:
+def draw_mesh(context: bpy.types.Context, shading: view_shading.Shading, mode: Mode, *, is_alone: bool) -> None:
     """Draw the meshes into a view, and the legend of the deviations. is_alone: whether the high objects are hidden there."""
     view = context.scene.imprint_view
     shading.draw(mode, eye(context.region_data, view.light), split=view.split, limit=view.limit, is_alone=is_alone)
@@ -29,12 +29,12 @@ def draw_mesh(context: bpy.types.Context, shading: view_session.Shading, mode: M
         shading.draw_legend(_bar_position(context.region, scale), (BAR[0] * scale, BAR[1] * scale))
 
 
-def draw_labels(context: bpy.types.Context, mode: Mode, figures: view_session.Figures | None) -> None:
+def draw_labels(context: bpy.types.Context, mode: Mode, figures: view_shading.Figures | None) -> None:
     """Write over a view what its parts are, or what was measured."""
     view, region, scale = context.scene.imprint_view, context.region, context.preferences.system.ui_scale
     if mode is Mode.SPLIT:
         parts = ((label("High"), 1.0), (label("Low"), 0.5), (label("Low with Map"), 0.0))
-        for zone, (text, share) in zip(view_session.zones(region.width, view.split), parts, strict=True):
+        for zone, (text, share) in zip(view_shading.zones(region.width, view.split), parts, strict=True):
             width = viewport_text.width(text, scale)
             x = label_position(zone, width, share, visible_columns(context), TEXT * scale)
             if x is not None:
@@ -47,7 +47,7 @@ def draw_labels(context: bpy.types.Context, mode: Mode, figures: view_session.Fi
             viewport_text.write(line, region.width / 2, y + (BAR[1] + TEXT * (1.5 * number + 0.7)) * scale, scale, 0.5)
 
 
-def description(figures: view_session.Figures | None) -> list[str]:
+def description(figures: view_shading.Figures | None) -> list[str]:
     """The deviations in two lines, and in one more the share that was not measured; empty without figures."""
     if figures is None:
         return []
@@ -86,7 +86,7 @@ def label_position(zone: range, width: float, share: float, visible: tuple[int, 
     return start + (stop - start - width) * share if stop - start >= width else None
 
 
-def eye(region_data: bpy.types.RegionView3D, light: bpy.types.Object | None) -> view_session.Eye:
+def eye(region_data: bpy.types.RegionView3D, light: bpy.types.Object | None) -> view_shading.Eye:
     """The camera of a view, and its light: an object, or the view's own for None."""
     view = np.array(region_data.view_matrix, np.float64)
     if light is None:
@@ -96,7 +96,7 @@ def eye(region_data: bpy.types.RegionView3D, light: bpy.types.Object | None) -> 
         towards = np.array(light.matrix_world.col[2])
     else:
         towards = np.array(light.matrix_world.col[3])
-    return view_session.Eye(view, np.array(region_data.window_matrix, np.float64), towards)
+    return view_shading.Eye(view, np.array(region_data.window_matrix, np.float64), towards)
 
 
 def _bar_position(region: bpy.types.Region, scale: float) -> tuple[float, float]:

@@ -8,15 +8,16 @@ import bpy
 from ...core import progress
 from ...core.errors import BakeError
 from ...core.settings import Settings
-from ...jobs import live_session, view_session
+from ...jobs import live_session
 from ...jobs.job import Job
 from ...scene import object_checks
+from ...views import view_shading
 from ..callbacks import DrawCallbacks, Timer, redraw
 from ..live.live_controller import live
 from . import view_drawing
-from .mode import Mode
 from .object_hiding import hiding
 from .progress_display import display
+from .view_modes import Mode
 
 RETRY = 0.5
 """Seconds until a view that waits for a bake checks again."""
@@ -40,7 +41,7 @@ class ViewMode:
     def __init__(self):
         self.mode = Mode.OFF
         self.message = ""
-        self.shading: view_session.Shading | None = None
+        self.shading: view_shading.Shading | None = None
         self.own: OwnMap | None = None
         self.timer = Timer(self.catch_up)
         self._draw_callbacks = DrawCallbacks(
@@ -61,7 +62,7 @@ class ViewMode:
         return self.own.session if self.own is not None else None
 
     @property
-    def figures(self) -> view_session.Figures | None:
+    def figures(self) -> view_shading.Figures | None:
         """The deviations of the map that is shown, once a mode that measures them has been on."""
         return self.shading.figures if self.shading is not None else None
 
@@ -136,7 +137,7 @@ class ViewMode:
         """Whether the settings have changed since the map that is shown was drawn."""
         return self.own is not None and self.own.settings != context.scene.imprint.to_settings()
 
-    def shading_for(self, context: bpy.types.Context) -> view_session.Shading | None:
+    def shading_for(self, context: bpy.types.Context) -> view_shading.Shading | None:
         """What is to be drawn into the view that is being drawn; None if the low object is not visible there."""
         session = self.session
         if self.shading is None or self.shading.session is not session:
@@ -174,7 +175,7 @@ class ViewMode:
         if self.own is not None and self.session is not self.own.session:
             self.free()
         if self.shading is None or self.shading.session is not self.session:
-            self.shading = view_session.Shading(self.session)
+            self.shading = view_shading.Shading(self.session)
         self.shading.update(is_measured=self.mode.is_deviation)
         redraw()
 
@@ -196,7 +197,7 @@ def _drawn_map(context: bpy.types.Context, pace: progress.Pace) -> progress.Task
         raise BakeError(object_checks.problem(context, low, highs))
     settings = panel.to_settings()
     job = Job(low, highs, panel.cage_for(settings.method))
-    session = live_session.Session(context, job, view_session.settings_for(settings), pace)
+    session = live_session.Session(context, job, view_shading.settings_for(settings), pace)
     yield from session.steps(context)
     return OwnMap(session, settings)
 

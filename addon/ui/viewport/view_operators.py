@@ -9,9 +9,9 @@ from ..callbacks import Key
 from ..live.live_controller import live
 from ..modal import SlicedOperator
 from ..translations.lookup import LABEL
-from .mode import ITEMS, Mode
 from .progress_display import display
 from .view_mode import viewer
+from .view_modes import ITEMS, Mode
 
 
 class _Show(SlicedOperator):

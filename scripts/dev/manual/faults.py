@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 
-from . import subjects
+from scripts.dev.manual import subjects
 
 Picture = tuple[str, np.ndarray]
 """The name of a file, without its ending, and (height, width, 3) bytes."""

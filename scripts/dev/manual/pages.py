@@ -8,8 +8,7 @@ import bpy
 import numpy as np
 
 from scripts import demo
-
-from . import faults, subjects
+from scripts.dev.manual import faults, subjects
 
 Picture = tuple[str, np.ndarray]
 TERRAIN_SIZE = (1500, 435)

@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 from mathutils import Vector
 
-from . import subjects, window
+from scripts.dev.manual import subjects, window
 
 Step = float | tuple[str, np.ndarray]
 PANEL_SCALE = 1.3

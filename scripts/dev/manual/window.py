@@ -10,7 +10,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from . import subjects
+from scripts.dev.manual import subjects
 
 Box = tuple[int, int, int, int]
 """Left, bottom, width and height in pixels of the window, from its lower left corner."""

@@ -9,17 +9,17 @@ import gpu
 import numpy as np
 
 from ..core import bases
-from ..core.declarations.values import Method, Storage
+from ..core.declarations.choices import Method, Storage
 from ..core.errors import BakeError
 from ..core.settings import Settings
-from ..engine import post_process, uv_agreement
+from ..engine import margin_and_channels, uv_agreement
 from ..engine.bands import BAND_TEXELS
+from ..jobs.live_session import Session
 from ..mesh.triangle_mesh import normal_matrix
 from ..output import quantize
 from ..passes import mesh_upload, target
 from ..passes.view import deviation, lit
-from .live_session import Session
-from .view_scene import PULL, Eye, ViewObjects, ViewScene, view_projection
+from .view_objects import PULL, Eye, ViewObjects, ViewScene, view_projection
 
 MODES = ("MAP", "SPLIT", "DEVIATION", "BARE_DEVIATION")
 MIDDLE = 0.25
@@ -138,7 +138,7 @@ class Shading:
             normals,
             light,
             kind=kinds.get(settings.space, bases.of_name(settings.basis).index),
-            channels=post_process.channels(settings),
+            channels=margin_and_channels.channels(settings),
             steps=255 if settings.depth == 8 else 0,
         )
 

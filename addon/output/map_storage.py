@@ -12,12 +12,12 @@ import bpy
 import numpy as np
 
 from ..core import file_formats, udim
-from ..core.declarations.values import Storage
+from ..core.declarations.choices import Storage
 from ..core.errors import BakeError, shorten_list
 from ..core.map_types import MapType
 from ..core.settings import Settings
 from ..core.udim import TOKEN
-from . import atomic_file, datablocks, image_encoding, quantize
+from . import atomic_file, datablocks, image_file, quantize
 from .atomic_file import Partial, check_writable
 
 LONGEST = 240
@@ -138,7 +138,7 @@ class Writer:
             # As in Blender's own packed images, floats have 32 bits.
             depth = file_formats.OPEN_EXR.depths[-1] if self._folder and settings.is_float else settings.depth
             with partial.writing():
-                image_encoding.write(stored, partial.temporary, depth)
+                image_file.write(stored, partial.temporary, depth)
         else:
             self._texels = stored
 

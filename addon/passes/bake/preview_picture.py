@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 PROGRAM = Program(
     vertex="lib/fullscreen_vert.glsl",
-    fragment="view/picture_frag.glsl",
+    fragment="bake/preview_picture_frag.glsl",
     inputs=(("VEC2", "position"),),
     samplers=(("FLOAT_2D", "normals"),),
     constants=(("VEC4", "scale"), ("MAT4", "channels")),

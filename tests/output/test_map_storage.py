@@ -11,7 +11,7 @@ import pytest
 from addon.core.errors import BakeError
 from addon.core.settings import Settings
 from addon.jobs import bake_pair
-from addon.output import atomic_file, image_writer
+from addon.output import atomic_file, map_storage
 from tests.support import zoo
 from tests.support.maps import pixels
 from tests.support.snapshot import difference, snapshot
@@ -55,8 +55,8 @@ def some_texels(width=WIDTH, height=HEIGHT, seed=1):
 def store(texels, **settings):
     height, width = texels.shape[:2]
     settings = Settings(width=width, height=height, **settings)
-    image_writer.check("low", settings)
-    with image_writer.Writer("low", settings) as writer:
+    map_storage.check("low", settings)
+    with map_storage.Writer("low", settings) as writer:
         writer.add(1001, texels)
         return writer.commit()
 

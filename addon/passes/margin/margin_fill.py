@@ -9,14 +9,14 @@ import numpy as np
 
 from .. import shader, target
 from ..program import Program
-from .nearest_texel import Nearest
+from .margin_search import Nearest
 
 if TYPE_CHECKING:
     import gpu
 
 PROGRAM = Program(
     vertex="lib/fullscreen_vert.glsl",
-    fragment="margin/resolve_frag.glsl",
+    fragment="margin/margin_fill_frag.glsl",
     inputs=(("VEC2", "position"),),
     texels=(("RGBA32F", "FLOAT_2D", "values"), ("R16I", "INT_2D", "offsets"), ("R32I", "INT_2D", "source_rows")),
     constants=(("INT", "halo"), ("MAT4", "encode"), ("VEC4", "missed")),
@@ -35,7 +35,7 @@ def draw(
 ) -> None:
     """Write the map (RGBA32F) and the state of its texels (R8) into `into`, whose row 0 is row `halo` of `values`.
 
-    values: alpha above 0 where a texel was written, below 0 where its ray missed. nearest: what nearest_texel.search
+    values: alpha above 0 where a texel was written, below 0 where its ray missed. nearest: what margin_search.search
     returned for `values`. encode: (4, 4), from a value and 1 to red, green and blue. missed: the color of misses.
     """
     target.fill(

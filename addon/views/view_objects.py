@@ -7,11 +7,11 @@ import gpu
 import numpy as np
 from mathutils.bvhtree import BVHTree
 
+from ..jobs.live_session import Session
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import LocalSpace, gap, local_space_of
 from ..mesh.triangle_mesh import Mesh, normal_matrix
 from ..scene import mesh_reader
-from .live_session import Session
 
 PULL = 0.1
 """Share of the low mesh's radius: the drawing is pulled towards the viewer by at least this much, so that neither the low

@@ -7,13 +7,13 @@ import gpu
 import numpy as np
 
 from ..core import texel_state
-from ..core.declarations.values import MarginType, Space
+from ..core.declarations.choices import MarginType, Space
 from ..core.map_types import BY_NAME, NORMAL, Kind
 from ..core.settings import Settings
 from ..mesh import uv_seams
 from ..mesh.triangle_mesh import Mesh
 from ..passes import target
-from ..passes.margin import nearest_texel, resolve, seam_fill
+from ..passes.margin import margin_fill, margin_search, seam_fill
 from . import large_map_margin
 from .bands import REACH, Band, bands
 
@@ -56,8 +56,8 @@ class PostProcess:
         reach = self.settings.margin
         near = REACH if reach is None else min(reach, REACH)
         stored = target.get("map", band.width, band.stop - band.start, "RGBA32F", "R8")
-        nearest = nearest_texel.search(values, reach if band.is_whole else near)
-        resolve.draw(
+        nearest = margin_search.search(values, reach if band.is_whole else near)
+        margin_fill.draw(
             stored,
             values,
             nearest,

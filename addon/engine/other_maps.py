@@ -4,17 +4,17 @@
 import gpu
 import numpy as np
 
-from ..core.declarations.values import Space
+from ..core.declarations.choices import Space
 from ..core.map_types import BY_NAME
 from ..core.settings import Settings
 from ..mesh.local_space import LocalSpace
 from ..mesh.triangle_mesh import Mesh
 from ..passes import mesh_upload, target
-from ..passes.bake import gbuffer, surface_values
+from ..passes.bake import gbuffer, other_map_values
 from .bands import Band
 
 
-class SurfaceMaps:
+class OtherMaps:
     """Draws maps from the points of the low mesh and of the high meshes. Both are in `local_space`."""
 
     def __init__(self, low: Mesh, local_space: LocalSpace, settings: Settings):
@@ -39,7 +39,7 @@ class SurfaceMaps:
         self, into: target.Target, name: str, normals: gpu.types.GPUTexture, points: target.Target
     ) -> gpu.types.GPUTexture:
         """Draw the map of this name into `into` (RGBA32F), with the alpha of `normals`. Returns its texture."""
-        surface_values.draw(
+        other_map_values.draw(
             into,
             BY_NAME[name],
             normals,
