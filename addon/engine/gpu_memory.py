@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from ..passes import target
-from . import ray_casting
+from . import tree_cache
 
 
 @contextmanager
@@ -15,13 +15,13 @@ def trimmed() -> Iterator[None]:
         yield
     finally:
         target.common.trim()
-        ray_casting.trees.trim()
+        tree_cache.trees.trim()
 
 
 def free() -> None:
     """Free trees and targets; the next bake makes new ones."""
     target.common.free()
-    ray_casting.trees.free()
+    tree_cache.trees.free()
 
 
 def free_if_idle(seconds: float) -> None:

@@ -1,40 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Prepares meshes for rays: a tree over all high triangles, which is cached, and the rays of the low mesh."""
+"""The rays of a bake: from the low mesh, or from its cage, to the high meshes. passes/bake/cast.py casts them."""
 
-import zlib
-from collections import OrderedDict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import gpu
 import numpy as np
 
-from ..core.errors import BakeError
 from ..core.progress import Pace
-from ..core.timings import Timings
-from ..mesh import bvh
-from ..mesh.local_space import LocalSpace, local_space_of
+from ..mesh.local_space import LocalSpace
 from ..mesh.triangle_mesh import Mesh
-from ..passes import data_texture, mesh_upload, target
+from ..passes import mesh_upload, target
 from ..passes.bake import cast
-
-CACHE_BYTES = 1024 * 2**20
-"""The most GPU memory for cached trees."""
-CACHED_TREES = 4
-"""The most trees in the cache. Each change of a high mesh adds a tree."""
-
-
-@dataclass(frozen=True)
-class RayScene:
-    """What rays can hit: all high meshes.
-
-    local_space: of the tree. tables: the tree on the GPU. order (T,) int: the triangles, numbered mesh after mesh, in the
-    order of the tree.
-    """
-
-    local_space: LocalSpace
-    tables: cast.Tables
-    order: np.ndarray
+from .tree_cache import RayScene
 
 
 @dataclass(frozen=True)
@@ -82,103 +60,6 @@ class RayCast:
             )
             hits.finish()
             yield rows
-
-
-class TreeCache:
-    """Trees over high meshes, cached on the GPU while the meshes stay the same.
-
-    most_bytes, most_trees: limits. Beyond them, the tree that was used longest ago is freed first.
-    """
-
-    def __init__(self, most_bytes: int = CACHE_BYTES, most_trees: int = CACHED_TREES):
-        self.most_bytes, self.most_trees = most_bytes, most_trees
-        self.built = 0
-        """How many trees were built since the start."""
-        self._scenes: OrderedDict[tuple, RayScene] = OrderedDict()
-
-    def __len__(self) -> int:
-        return len(self._scenes)
-
-    @property
-    def scenes(self) -> list[RayScene]:
-        """The cached trees, the one used longest ago first."""
-        return list(self._scenes.values())
-
-    @property
-    def bytes(self) -> int:
-        """The GPU memory of the cached trees."""
-        return sum(scene.tables.bytes for scene in self._scenes.values())
-
-    def ray_scene_of(self, highs: Sequence[Mesh], timings: Timings) -> RayScene:
-        """The tree over `highs`, built and uploaded unless it is cached.
-
-        The key is the content, not the name: Blender does not report every change of a mesh.
-        """
-        with timings.timed("tree"):
-            key = tuple(
-                (zlib.crc32(np.ascontiguousarray(array)), array.shape)
-                for mesh in highs
-                for array in (mesh.positions, mesh.vertices, mesh.normals, mesh.triangles, mesh.to_world)
-            )
-            found = self._scenes.pop(key, None)
-            if found is None:
-                found = _build(highs, timings)
-                self.built += 1
-            self._scenes[key] = found
-            while len(self) > 1 and (len(self) > self.most_trees or self.bytes > self.most_bytes):
-                self._scenes.popitem(last=False)
-        return found
-
-    def trim(self) -> None:
-        """Free all trees if together they hold more than `most_bytes`."""
-        if self.bytes > self.most_bytes:
-            self.free()
-
-    def free(self) -> None:
-        """Free all trees."""
-        self._scenes.clear()
-
-
-trees = TreeCache()
-"""The cache that bakes share."""
-
-
-def _build(highs: Sequence[Mesh], timings: Timings) -> RayScene:
-    count, most = sum(len(high.triangles) for high in highs), data_texture.limit() // 3
-    if count > most:
-        raise BakeError(f"The high meshes have {count:,} triangles together; this GPU takes {most:,} to cast rays at.")
-    local_space = local_space_of(highs)
-    points, normals, vertices, corners = [], [], [], []
-    points_before = corners_before = 0
-    for high in highs:
-        # A mirrored matrix reverses the winding, which decides whether a ray hits the front or the back.
-        triangles = high.triangles[:, ::-1] if np.linalg.det(high.to_world[:3, :3]) < 0.0 else high.triangles
-        points.append(local_space.points(high))
-        normals.append(high.to_world_normals(high.normals))
-        vertices.append(_shifted(points_before, np.take(high.vertices, triangles, mode="clip")))
-        corners.append(_shifted(corners_before, triangles))
-        points_before, corners_before = points_before + len(high.positions), corners_before + len(high.normals)
-    points, normals, vertices, corners = (
-        parts[0] if len(parts) == 1 else np.concatenate(parts) for parts in (points, normals, vertices, corners)
-    )
-    tree = bvh.build(points, vertices)
-    with timings.timed("upload"):
-        tables = cast.upload(
-            tree.nodes,
-            points,
-            np.take(vertices, tree.order, axis=0),
-            normals,
-            np.take(corners, tree.order, axis=0),
-            first_leaf=tree.first_leaf,
-            origin=tree.origin,
-            scale=tree.scale,
-        )
-    return RayScene(local_space, tables, tree.order)
-
-
-def _shifted(count: int, numbers: np.ndarray) -> np.ndarray:
-    """`numbers` plus `count`, without a copy if `count` is 0: the arrays are large."""
-    return numbers + count if count else numbers
 
 
 def upload_ray_mesh(

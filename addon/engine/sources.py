@@ -16,7 +16,7 @@ from ..mesh.local_space import local_space_of
 from ..mesh.triangle_mesh import Mesh, normal_matrix
 from ..passes import data_texture, mesh_upload, target
 from ..passes.bake import cast, flatten, gbuffer, points
-from . import ray_casting, ray_distances
+from . import ray_casting, ray_distances, tree_cache
 from .bands import Band
 from .method_choice import Plan
 from .other_maps import OtherMaps
@@ -59,7 +59,7 @@ def _ray_cast(plan: Plan, settings: Settings, timings: Timings) -> Task[ray_cast
     """The rays of a bake. Distances that the settings do not set are measured."""
     meshes, has_cage = plan.meshes, plan.meshes.cage is not None
     yield Progress("Building the tree", 0.0)
-    ray_scene = ray_casting.trees.ray_scene_of(meshes.highs, timings)
+    ray_scene = tree_cache.trees.ray_scene_of(meshes.highs, timings)
     yield Progress("Measuring distances", 0.5)
     with timings.timed("upload"):
         ray_mesh = ray_casting.upload_ray_mesh(meshes.low, meshes.directions, meshes.cage, ray_scene.local_space)

@@ -214,30 +214,3 @@ def _in_edit_mesh(context: bpy.types.Context, view: _View, found: np.ndarray, do
         )
     numbers = np.unique(numbers[found])
     return numbers[numbers >= 0]
-
-
-def add_triangulate(context: bpy.types.Context, report: Report) -> tuple[bpy.types.Modifier, int]:
-    """Add a Triangulate modifier to the low object, with the triangles that Blender draws and that were baked.
-
-    Also returns how many quads the modifier cuts along the other diagonal: Blender switches it for quads that would fold.
-    Raises BakeError if the object cannot have the modifier, or already has it.
-    """
-    past = PastBake.of(report)
-    low = past.job.low
-    if not low.is_editable:
-        raise BakeError(f"{low.name!r} is linked from another file: make it local to add a modifier.")
-    if low in past.job.highs:
-        raise BakeError(
-            f"{low.name!r} was baked from its own modifiers onto its base mesh: triangulate the base mesh instead."
-        )
-    if low.modifiers and low.modifiers[-1].type == "TRIANGULATE":
-        raise BakeError(f"{low.name!r} already has a Triangulate modifier: {low.modifiers[-1].name!r}.")
-    with (
-        evaluation.prepared(context, low, [], None, past.settings.modifiers) as depsgraph,
-        mesh_reader.evaluated(low, depsgraph) as data,
-    ):
-        mesh = mesh_reader.surface(data, "", low.name, mesh_reader.matrix(low), with_faces=True)
-    modifier = low.modifiers.new("Triangulate", "TRIANGULATE")
-    modifier.quad_method, modifier.ngon_method = "FIXED", "CLIP"
-    modifier.keep_custom_normals = True
-    return modifier, int(np.count_nonzero(face_shapes.folded(mesh)))

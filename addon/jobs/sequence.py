@@ -14,7 +14,7 @@ from ..core.errors import BakeError
 from ..core.progress import Pace, Progress, Task, part
 from ..core.report import Report
 from ..core.settings import Settings
-from ..output import datablocks, map_storage, materials, output_clashes, outputs
+from ..output import datablocks, map_names, materials, output_clashes, outputs
 from ..scene import object_refs
 from . import several
 from .job import Job
@@ -59,7 +59,7 @@ def work(
     _check(settings, frames)
     scene, before = context.scene.session_uid, context.scene.frame_current_final
     low = job.low.name
-    settings = replace(filled(settings, low), image=map_storage.name_for(low, settings))
+    settings = replace(filled(settings, low), image=map_names.name_for(low, settings))
     frame_base = replace(settings, image=FRAME_IMAGE, material=False)
     image = datablocks.get(settings.image)
     if image is not None and image.source not in {"GENERATED", "FILE", "SEQUENCE"}:

@@ -11,7 +11,7 @@ from ..core.progress import Pace, Progress, Task, part
 from ..core.report import Report
 from ..core.settings import Settings
 from ..core.timings import Timings
-from ..output import map_storage, output_clashes
+from ..output import map_names, output_clashes
 from .atlas import Atlas
 from .bake import bake_job, draw_raw
 from .job import Job, check_job
@@ -111,6 +111,6 @@ def for_low(settings: Settings, name: str) -> Settings:
     """The settings with names filled in. Without a name, the image is named after the low object."""
     return replace(
         settings,
-        image=map_storage.name_for(name, settings),
+        image=map_names.name_for(name, settings),
         output=file_names.fill(settings.output, name),
     )

@@ -13,20 +13,20 @@ from ..core.errors import BakeError
 from ..core.map_types import BY_NAME, MASK, NORMAL
 from ..core.settings import Settings
 from ..core.udim import TOKEN
-from . import datablocks, map_storage
+from . import datablocks, map_names
 from .path_clashes import Places
 
 
 def settings_by_map(settings: Settings) -> dict[str, Settings]:
     """The settings of each image that a bake writes, by the map's name."""
     names = [MASK.name] * settings.mask + list(settings.maps)
-    return {NORMAL.name: settings} | {name: map_storage.beside(settings, BY_NAME[name]) for name in names}
+    return {NORMAL.name: settings} | {name: map_names.beside(settings, BY_NAME[name]) for name in names}
 
 
 def files(settings: Settings) -> Iterator[tuple[str, str]]:
     """The files that a bake writes: paths, and titles for messages. Paths have TOKEN if the settings name no tiles."""
     for name, of_map in settings_by_map(settings).items():
-        path = map_storage.output_for(of_map)
+        path = map_names.output_for(of_map)
         for tile in of_map.tiles or [TOKEN] if path else ():
             yield udim.fill(path, tile), title(name)
 

@@ -6,7 +6,7 @@ from bpy.props import EnumProperty, StringProperty
 
 from ..core.errors import BakeError
 from ..core.report import Report
-from ..jobs import locate_issues
+from ..jobs import locate_issues, triangulate
 from ..scene import face_selection
 from .bake_results import results
 from .translations.lookup import LABEL, tooltip
@@ -156,7 +156,7 @@ class IMPRINT_OT_add_triangulate(_LastBakeOperator, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     def apply(self, context: bpy.types.Context, report: Report) -> str:
-        modifier, folded = locate_issues.add_triangulate(context, report)
+        modifier, folded = triangulate.add_triangulate(context, report)
         difference = f"; it divides {folded:,} folded quads differently from how Blender draws them" if folded else ""
         return f"{report.low!r} has the modifier {modifier.name!r}{difference}"
 

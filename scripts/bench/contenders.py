@@ -11,7 +11,7 @@ import numpy as np
 
 from addon.core.errors import BakeError
 from addon.core.settings import Settings
-from addon.engine import ray_casting
+from addon.engine import tree_cache
 from addon.jobs import bake_pair
 from scripts.bench.peers import NAMES, PeerError, Peers
 from scripts.bench.scenes import Pair
@@ -72,7 +72,7 @@ class Imprint(Contender):
 
     def _bake(self) -> float:
         if not self.keep:
-            ray_casting.trees.free()
+            tree_cache.trees.free()
         start = time.perf_counter()
         report = bake_pair(bpy.context, self.pair.low, [self.pair.high], self.settings)
         seconds = time.perf_counter() - start

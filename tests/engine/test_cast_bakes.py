@@ -12,7 +12,7 @@ from mathutils import Matrix
 
 from addon.core.errors import BakeError
 from addon.core.settings import Settings
-from addon.engine import ray_casting
+from addon.engine import tree_cache
 from addon.jobs import Job, bake_all, bake_pair
 from tests.support import angles, cycles, lanes, maps, oracle, zoo
 
@@ -237,7 +237,7 @@ def test_invalid_distances_are_refused(name, value):
 
 
 def test_the_tree_is_cached_until_the_high_mesh_changes():
-    trees = ray_casting.trees
+    trees = tree_cache.trees
     trees.free()
     before = trees.built
     low, high = zoo.plane("low"), zoo.terrain("high")
@@ -265,7 +265,7 @@ def test_rays_return_changed_normals_on_the_same_surface(change):
     high.data.update()
     changed, _ = cast(low, high, space="OBJECT")
     assert np.abs(changed - smooth).max() > 0.05
-    ray_casting.trees.free()
+    tree_cache.trees.free()
     assert np.array_equal(changed, cast(low, high, space="OBJECT")[0])
 
 
@@ -325,21 +325,21 @@ def test_auto_measures_whether_uvs_are_shared():
 
 
 def test_more_triangles_than_the_gpu_takes_are_refused_with_the_number(monkeypatch):
-    monkeypatch.setattr(ray_casting.data_texture, "limit", lambda: 300)
-    ray_casting.trees.free()
+    monkeypatch.setattr(tree_cache.data_texture, "limit", lambda: 300)
+    tree_cache.trees.free()
     with pytest.raises(BakeError, match=r"2,048 triangles together; this GPU takes 100"):
         cast(zoo.plane("low"), zoo.terrain("high", n=32))
 
 
 def test_trees_of_finished_jobs_are_freed(monkeypatch):
     """The jobs themselves stay until the end of their batch, for their reports."""
-    ray_casting.trees.free()
-    monkeypatch.setattr(ray_casting.trees, "most_trees", 1)
+    tree_cache.trees.free()
+    monkeypatch.setattr(tree_cache.trees, "most_trees", 1)
     jobs = [
         Job(zoo.plane(f"low {number}"), [zoo.terrain(f"high {number}", height=0.02 * (number + 1))])
         for number in range(5)
     ]
-    made, alive, real = [], [], ray_casting.RayScene
+    made, alive, real = [], [], tree_cache.RayScene
 
     def make(*arguments, **more):
         scene = real(*arguments, **more)
@@ -349,7 +349,7 @@ def test_trees_of_finished_jobs_are_freed(monkeypatch):
     def count(_step):
         alive.append(sum(scene() is not None for scene in made))
 
-    monkeypatch.setattr(ray_casting, "RayScene", make)
+    monkeypatch.setattr(tree_cache, "RayScene", make)
 
     settings = Settings("CAST", width=16, height=16, storage="MEMORY", extrusion=0.5, max_distance=1.0)
     bake_all(bpy.context, jobs, settings, on_progress=count)
@@ -358,7 +358,7 @@ def test_trees_of_finished_jobs_are_freed(monkeypatch):
 
 
 def test_cached_trees_are_limited_and_the_oldest_is_freed_first(monkeypatch):
-    trees = ray_casting.trees
+    trees = tree_cache.trees
     trees.free()
     low = zoo.plane("low")
     cast(low, zoo.terrain("a"))

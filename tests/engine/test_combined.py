@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from addon.core.settings import Settings
-from addon.engine import bands, large_map_margin, margin_and_channels, ray_casting
+from addon.engine import bands, large_map_margin, margin_and_channels, tree_cache
 from addon.jobs import Job, bake_all, bake_pair
 from addon.output import map_storage, output_clashes
 from addon.passes import target
@@ -50,7 +50,7 @@ def in_bands(monkeypatch):
 
 
 def test_the_tree_that_was_used_last_stays_cached(monkeypatch):
-    trees = ray_casting.trees
+    trees = tree_cache.trees
     monkeypatch.setattr(trees, "most_trees", 2)
     trees.free()
     before = trees.built

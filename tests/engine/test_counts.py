@@ -9,7 +9,7 @@ import pytest
 
 from addon.core import progress
 from addon.core.settings import Settings
-from addon.engine import ray_casting
+from addon.engine import tree_cache
 from addon.jobs import Job, bake_all, bake_pair, live_session
 from addon.mesh import bvh
 from addon.passes import data_texture, mesh_upload, target
@@ -53,7 +53,7 @@ def counts(monkeypatch):
     monkeypatch.setattr(data_texture, "upload", counting_upload)
     monkeypatch.setattr(data_texture, "upload_gathered", counting_gathered)
     monkeypatch.setattr(target.Target, "read", counting_read)
-    ray_casting.trees.free()
+    tree_cache.trees.free()
     return seen
 
 

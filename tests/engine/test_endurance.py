@@ -18,7 +18,7 @@ import pytest
 
 from addon.core.progress import Pace
 from addon.core.settings import Settings
-from addon.engine import ray_casting
+from addon.engine import tree_cache
 from addon.jobs import Job, bake_pair, several
 from addon.passes import target
 from scripts import imprint
@@ -85,7 +85,7 @@ def test_memory_stays_flat_over_hundreds_of_bakes(tmp_path, monkeypatch):
             output=str(tmp_path / "map.png"),
         )
         bake_pair(bpy.context, low, [high], settings)
-        assert len(ray_casting.trees) <= ray_casting.CACHED_TREES
+        assert len(tree_cache.trees) <= tree_cache.CACHED_TREES
         assert target.common.bytes <= target.KEPT_BYTES
         if number + 1 == WARM:
             before, memory = held(), resident()

@@ -11,7 +11,7 @@ from addon.audit import tally
 from addon.core import progress
 from addon.core.progress import Pace
 from addon.core.settings import Settings
-from addon.engine import ray_casting
+from addon.engine import tree_cache
 from addon.jobs import bake_pair
 from addon.passes import target
 from addon.passes.bake import cast
@@ -38,7 +38,7 @@ def slow(monkeypatch):
     monkeypatch.setattr(progress, "time", SimpleNamespace(perf_counter=lambda: clock.now))
     monkeypatch.setattr(cast, "trace", slow_trace)
     monkeypatch.setattr(target.Target, "finish", slow_finish)
-    ray_casting.trees.free()
+    tree_cache.trees.free()
     return given
 
 

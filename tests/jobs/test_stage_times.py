@@ -9,7 +9,7 @@ import pytest
 from addon.core import timings
 from addon.core.progress import Pace
 from addon.core.settings import Settings
-from addon.engine import ray_casting
+from addon.engine import tree_cache
 from addon.jobs import Job, several
 from tests.support import zoo
 
@@ -25,7 +25,7 @@ def test_the_stages_are_parts_of_the_total_and_waiting_is_not(method, share_imag
         return clock.now
 
     monkeypatch.setattr(timings, "time", SimpleNamespace(perf_counter=tick))
-    ray_casting.trees.free()
+    tree_cache.trees.free()
     jobs = [Job(zoo.plane("lo"), [zoo.terrain("hi")])]
     settings = Settings(method, width=32, height=32, image="map", storage="MEMORY", material=False)
     work = several.work(bpy.context, jobs, settings, Pace(0.01), share_image=share_image)

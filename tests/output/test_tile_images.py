@@ -13,7 +13,7 @@ from addon.core.errors import BakeError
 from addon.core.progress import Pace
 from addon.core.settings import Settings
 from addon.jobs import Job, bake_pair, several
-from addon.output import map_storage
+from addon.output import map_names, map_storage
 from tests.support import maps, pictures, zoo
 from tests.support.snapshot import difference, snapshot
 
@@ -129,7 +129,7 @@ def test_each_tile_gets_a_file(name, depth, tmp_path):
 def test_the_number_replaces_the_placeholder(output, map_files, mask_files, tmp_path):
     store(1002, storage="FILE", output=str(tmp_path / output))
     settings = Settings(udim=True, image="map", storage="FILE", output=str(tmp_path / output))
-    mask = map_storage.beside(settings, map_types.MASK)
+    mask = map_names.beside(settings, map_types.MASK)
     store(1002, storage="FILE", output=mask.output, image=mask.image, depth=mask.depth)
     assert sorted(os.listdir(tmp_path)) == sorted([map_files, mask_files])
     assert all(numbers(image) == (1002,) for image in bpy.data.images)

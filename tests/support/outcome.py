@@ -13,7 +13,7 @@ import numpy as np
 from addon.core import file_names, map_types
 from addon.core.errors import BakeError
 from addon.jobs import bake_pair
-from addon.output import map_storage, output_clashes
+from addon.output import map_names, output_clashes
 from tests.support import maps
 from tests.support.snapshot import difference, snapshot
 
@@ -44,7 +44,7 @@ def of_bake(low, highs, settings, folder, cage=None):
     expected = set()
     for name, map_settings in plan.items():
         is_color = map_types.BY_NAME[name].range is map_types.Range.UNIT or not map_settings.is_float
-        image, path = bpy.data.images[map_settings.image], map_storage.output_for(map_settings)
+        image, path = bpy.data.images[map_settings.image], map_names.output_for(map_settings)
         if settings.udim:
             assert image.source == "TILED"
             assert [tile.number for tile in image.tiles if tile.size[0]] == sorted(report.tiles)

@@ -9,7 +9,7 @@ import pytest
 import addon
 from addon.core import progress
 from addon.core.errors import BakeError
-from addon.engine import gpu_memory, ray_casting
+from addon.engine import gpu_memory, tree_cache
 from addon.passes import target
 from addon.ui import modal, operators
 from addon.ui.idle_memory import EVERY, idle_memory
@@ -249,13 +249,13 @@ def test_adjust_last_operation_says_what_was_done_and_offers_nothing(pair):
 def test_what_is_kept_is_let_go_when_nobody_bakes(pair, monkeypatch):
     bpy.ops.imprint.bake()
     gpu_memory.free_if_idle(60.0)
-    assert len(ray_casting.trees)
+    assert len(tree_cache.trees)
     assert len(target.common)
     monkeypatch.setattr(idle_memory, "after", 0.0)
     monkeypatch.setattr(display, "current", progress.Progress("Baking", 0.5))
     idle_memory.check()
-    assert len(ray_casting.trees)
+    assert len(tree_cache.trees)
     monkeypatch.setattr(display, "current", None)
     assert idle_memory.check() == EVERY
-    assert not len(ray_casting.trees)
+    assert not len(tree_cache.trees)
     assert not len(target.common)

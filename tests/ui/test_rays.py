@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import addon
-from addon.engine import ray_casting
+from addon.engine import tree_cache
 from addon.ui.viewport.cage_overlay import CageState, overlay
 from tests.support import maps, zoo
 
@@ -97,9 +97,9 @@ def test_trees_are_freed_when_another_file_is_opened():
     zoo.plane("lo")
     zoo.plane("hi")
     bpy.ops.imprint.bake(low="lo", high=[{"name": "hi"}])
-    assert len(ray_casting.trees)
+    assert len(tree_cache.trees)
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    assert not len(ray_casting.trees)
+    assert not len(tree_cache.trees)
     assert addon.before_loading in bpy.app.handlers.load_pre  # it outlives the file
 
 

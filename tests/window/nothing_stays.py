@@ -17,7 +17,9 @@ import bpy
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 import addon  # noqa: E402
-from addon.engine import ray_casting  # noqa: E402
+from addon.engine import (
+    tree_cache,
+)
 from addon.passes import target  # noqa: E402
 from addon.ui.live.live_controller import LiveState, live  # noqa: E402
 from addon.ui.modal import runner  # noqa: E402
@@ -130,7 +132,7 @@ def left():
         "the bake": runner.run is not None,
         "the progress bar": display.current is not None or display.is_drawn,
         "targets": len(target.common) > 0,
-        "trees": len(ray_casting.trees) > 0,
+        "trees": len(tree_cache.trees) > 0,
         "GPU objects": any(type(found).__module__ == "gpu.types" and is_large(found) for found in gc.get_objects()),
     }
     return [name for name, stays in is_on.items() if stays]

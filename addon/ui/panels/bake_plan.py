@@ -5,7 +5,7 @@ import bpy
 
 from ...core.declarations.choices import Method, Space
 from ...core.errors import BakeError
-from ...output import map_storage
+from ...output import map_names, map_storage
 from ...scene import object_checks
 from ..properties import ImprintSettings
 from ..translations.lookup import message
@@ -41,7 +41,7 @@ def lines(low: bpy.types.Object, highs: list[bpy.types.Object], settings: Imprin
         "low": repr(low.name),
         "highs": message("its own modifiers") if low in highs else ", ".join(repr(high.name) for high in highs),
     }
-    name = map_storage.name_for(low.name, settings.to_settings())
+    name = map_names.name_for(low.name, settings.to_settings())
     target = message("over the image {}") if bpy.data.images.get(name) else message("into a new image {}")
     parts = [
         space,
