@@ -10,8 +10,9 @@ from ..core import texel_state, udim
 from ..core.declarations.choices import Method
 from ..core.errors import shorten_list
 from ..core.settings import Settings
-from ..engine import ray_casting, separation, uv_agreement
+from ..engine import separation, uv_agreement
 from ..engine.method_choice import Plan
+from ..engine.rays import ray_casting
 from ..mesh import face_shapes, uv_islands, uv_layout, uv_seams
 from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh

@@ -20,7 +20,7 @@ from ..core.report import Report
 from ..core.settings import Settings
 from ..jobs import sequence, several
 from ..jobs.job import Job, jobs_by_name
-from ..output.atomic_file import all_or_none, check_writable, replacing
+from ..output.files.atomic_file import all_or_none, check_writable, replacing
 from ..scene import object_refs
 from . import batch_results, interruption, mesh_import, run_clashes, standard_streams
 from .batch_results import Result

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from ..core.errors import BakeError
 from ..core.report import Report
-from ..output.atomic_file import check_writable, replacing
+from ..output.files.atomic_file import check_writable, replacing
 from .usage.options import STDOUT
 
 

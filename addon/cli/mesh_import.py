@@ -11,7 +11,7 @@ import bpy
 from ..core.errors import BakeError
 from ..core.name_matching import Pair, Suffixes, match
 from ..jobs.job import Job
-from ..output.atomic_file import reason
+from ..output.files.atomic_file import reason
 from ..scene.visibility import put
 from . import interruption, standard_streams
 

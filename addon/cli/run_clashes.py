@@ -15,7 +15,7 @@ from ..core.settings import Settings
 from ..jobs import sequence
 from ..jobs.several import ATLAS
 from ..output import datablocks, output_clashes
-from ..output.path_clashes import Places
+from ..output.files.path_clashes import Places
 from . import file_references
 from .mesh_import import ENDINGS
 from .usage import arguments

@@ -16,7 +16,7 @@ from ..mesh.local_space import LocalSpace, local_space_of
 from ..mesh.triangle_mesh import Mesh
 from ..passes import mesh_upload, target
 from ..passes.bake import cast, gbuffer, points
-from . import ray_casting
+from .rays import ray_casting
 
 PROBE_SIZE = 128
 """Texels a side, at most, of a quick sample."""

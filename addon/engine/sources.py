@@ -16,10 +16,10 @@ from ..mesh.local_space import local_space_of
 from ..mesh.triangle_mesh import Mesh, normal_matrix
 from ..passes import data_texture, mesh_upload, target
 from ..passes.bake import cast, flatten, gbuffer, points
-from . import ray_casting, ray_distances, tree_cache
 from .bands import Band
 from .method_choice import Plan
 from .other_maps import OtherMaps
+from .rays import ray_casting, ray_distances, tree_cache
 
 
 class Source(Protocol):

@@ -12,7 +12,7 @@ from ..core.report import Report
 from ..core.settings import Settings
 from ..core.timings import Timings
 from ..engine.method_choice import Plan
-from ..engine.ray_casting import RayCast
+from ..engine.rays.ray_casting import RayCast
 from ..mesh.inputs import Meshes
 from ..output.outputs import Stored
 from ..scene.object_refs import ObjectRef

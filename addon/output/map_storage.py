@@ -13,8 +13,9 @@ from ..core.declarations.choices import Storage
 from ..core.errors import BakeError, shorten_list
 from ..core.settings import Settings
 from ..core.udim import TOKEN
-from . import atomic_file, datablocks, image_file, quantize
-from .atomic_file import Partial, check_writable
+from . import datablocks, image_file, quantize
+from .files import atomic_file
+from .files.atomic_file import Partial, check_writable
 from .map_names import name_for, output_for
 
 

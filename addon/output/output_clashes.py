@@ -14,7 +14,7 @@ from ..core.map_types import BY_NAME, MASK, NORMAL
 from ..core.settings import Settings
 from ..core.udim import TOKEN
 from . import datablocks, map_names
-from .path_clashes import Places
+from .files.path_clashes import Places
 
 
 def settings_by_map(settings: Settings) -> dict[str, Settings]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from addon.core.errors import BakeError
 from addon.core.settings import Settings
-from addon.engine import tree_cache
+from addon.engine.rays import tree_cache
 from addon.jobs import bake_pair
 from scripts.bench.peers import NAMES, PeerError, Peers
 from scripts.bench.scenes import Pair

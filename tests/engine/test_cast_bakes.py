@@ -12,7 +12,7 @@ from mathutils import Matrix
 
 from addon.core.errors import BakeError
 from addon.core.settings import Settings
-from addon.engine import tree_cache
+from addon.engine.rays import tree_cache
 from addon.jobs import Job, bake_all, bake_pair
 from tests.support import angles, cycles, lanes, maps, oracle, zoo
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from addon.core.settings import Settings
-from addon.engine import bands, large_map_margin, margin_and_channels, tree_cache
+from addon.engine import bands, large_map_margin, margin_and_channels
+from addon.engine.rays import tree_cache
 from addon.jobs import Job, bake_all, bake_pair
 from addon.output import map_storage, output_clashes
 from addon.passes import target

@@ -9,7 +9,7 @@ import pytest
 from addon.core import timings
 from addon.core.progress import Pace
 from addon.core.settings import Settings
-from addon.engine import tree_cache
+from addon.engine.rays import tree_cache
 from addon.jobs import Job, several
 from tests.support import zoo
 

@@ -11,7 +11,8 @@ import pytest
 from addon.core.errors import BakeError
 from addon.core.settings import Settings
 from addon.jobs import bake_pair
-from addon.output import atomic_file, map_storage
+from addon.output import map_storage
+from addon.output.files import atomic_file
 from tests.support import zoo
 from tests.support.maps import pixels
 from tests.support.snapshot import difference, snapshot

@@ -10,8 +10,8 @@ import time
 import pytest
 
 from addon.core.errors import BakeError
-from addon.output import partial_files
-from addon.output.atomic_file import Partial, check_writable
+from addon.output.files import partial_files
+from addon.output.files.atomic_file import Partial, check_writable
 from scripts.imprint import ROOT
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="locks of POSIX, and files removed while they are open")
@@ -24,7 +24,7 @@ def names(folder):
 WRITER = """
 import sys
 from pathlib import Path
-from addon.output.atomic_file import Partial
+from addon.output.files.atomic_file import Partial
 partial = Partial(Path(sys.argv[1]))
 partial.temporary.write_text("half")
 partial.temporary.with_name(partial.temporary.name + "@").write_text("half")  # as Blender does with a .blend

@@ -6,7 +6,7 @@ import os
 import pytest
 
 from addon.core.errors import BakeError
-from addon.output.atomic_file import Partial, Replaced, all_or_none, check_writable, replacing
+from addon.output.files.atomic_file import Partial, Replaced, all_or_none, check_writable, replacing
 
 
 def tree(folder):

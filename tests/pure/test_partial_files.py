@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from addon.output import partial_files
-from addon.output.atomic_file import Partial
+from addon.output.files import partial_files
+from addon.output.files.atomic_file import Partial
 
 
 def names(folder):

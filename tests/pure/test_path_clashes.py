@@ -7,7 +7,7 @@ import unicodedata
 import pytest
 
 from addon.core.errors import WrongPlace
-from addon.output.path_clashes import Places
+from addon.output.files.path_clashes import Places
 from tests.support import clashes
 
 

@@ -9,7 +9,8 @@ import pytest
 import addon
 from addon.core import progress
 from addon.core.errors import BakeError
-from addon.engine import gpu_memory, tree_cache
+from addon.engine import gpu_memory
+from addon.engine.rays import tree_cache
 from addon.passes import target
 from addon.ui import modal, operators
 from addon.ui.idle_memory import EVERY, idle_memory

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import addon
-from addon.engine import tree_cache
+from addon.engine.rays import tree_cache
 from addon.ui.viewport.cage_overlay import CageState, overlay
 from tests.support import maps, zoo
 

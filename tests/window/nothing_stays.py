@@ -17,9 +17,7 @@ import bpy
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 import addon  # noqa: E402
-from addon.engine import (
-    tree_cache,
-)
+from addon.engine.rays import tree_cache
 from addon.passes import target  # noqa: E402
 from addon.ui.live.live_controller import LiveState, live  # noqa: E402
 from addon.ui.modal import runner  # noqa: E402

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 import gpu
 import numpy as np
 
-from ..core import udim
-from ..core.progress import Pace
-from ..passes import target
-from ..passes.bake import cast, gbuffer
+from ...core import udim
+from ...core.progress import Pace
+from ...passes import target
+from ...passes.bake import cast, gbuffer
 
 PROBE_SIZE = 256
 """The most rays a side that are cast inwards and outwards."""

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import gpu
 import numpy as np
 
-from ..core.progress import Pace
-from ..mesh.local_space import LocalSpace
-from ..mesh.triangle_mesh import Mesh
-from ..passes import mesh_upload, target
-from ..passes.bake import cast
+from ...core.progress import Pace
+from ...mesh.local_space import LocalSpace
+from ...mesh.triangle_mesh import Mesh
+from ...passes import mesh_upload, target
+from ...passes.bake import cast
 from .tree_cache import RayScene
 
 

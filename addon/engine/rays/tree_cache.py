@@ -8,13 +8,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.errors import BakeError
-from ..core.timings import Timings
-from ..mesh import bvh
-from ..mesh.local_space import LocalSpace, local_space_of
-from ..mesh.triangle_mesh import Mesh
-from ..passes import data_texture
-from ..passes.bake import cast
+from ...core.errors import BakeError
+from ...core.timings import Timings
+from ...mesh import bvh
+from ...mesh.local_space import LocalSpace, local_space_of
+from ...mesh.triangle_mesh import Mesh
+from ...passes import data_texture
+from ...passes.bake import cast
 
 CACHE_BYTES = 1024 * 2**20
 """The most GPU memory for cached trees."""

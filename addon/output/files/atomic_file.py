@@ -9,7 +9,7 @@ from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from pathlib import Path
 
-from ..core.errors import BakeError, WrongPlace
+from ...core.errors import BakeError, WrongPlace
 from .partial_files import TemporaryPath, check_folder
 
 _NEW_FOLDERS: set[Path] = set()

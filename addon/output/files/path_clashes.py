@@ -10,9 +10,9 @@ from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path
 
-from ..core import udim
-from ..core.errors import WrongPlace
-from ..core.udim import TOKEN
+from ...core import udim
+from ...core.errors import WrongPlace
+from ...core.udim import TOKEN
 from . import atomic_file
 
 _TILE = re.compile(r"(?=([0-9]{4}))")
