@@ -80,7 +80,7 @@ TABLE = {
     (LABEL, "Hard edges, no seam"): {"de_DE": "Harte Kanten, keine Naht", "es": "Bordes duros sin costura"},
     (
         SENTENCE,
-        "Hard edges inside a UV island: each costs a visible line in tangent space. Mark a seam there and unwrap, "
+        "Hard edges inside a UV island: each shows as a line in tangent space. Mark a seam there and unwrap, "
         "or shade smooth",
     ): {
         "de_DE": "Harte Kanten innerhalb einer UV-Insel: Jede hinterlässt im Tangentenraum eine sichtbare Linie. "

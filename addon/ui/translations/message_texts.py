@@ -40,21 +40,21 @@ TABLE = {
         "de_DE": "Live folgt nur einer Kachel: UDIM-Kacheln ausschalten.",
         "es": "En vivo sigue una sola celda: desactivar Celdas UDIM.",
     },
-    (SENTENCE, "A sequence is files: choose to store the map in a file."): {
-        "de_DE": "Eine Sequenz besteht aus Dateien: die Map in einer Datei speichern.",
-        "es": "Una secuencia consta de archivos: elegir guardar el mapa en un archivo.",
+    (SENTENCE, "A sequence needs files: set Store to File."): {
+        "de_DE": "Eine Sequenz braucht Dateien: die Map in einer Datei speichern.",
+        "es": "Una secuencia necesita archivos: elegir guardar el mapa en un archivo.",
     },
-    (SENTENCE, "A sequence has one tile alone: switch UDIM tiles off."): {
+    (SENTENCE, "A sequence has only one tile: turn UDIM Tiles off."): {
         "de_DE": "Eine Sequenz hat nur eine Kachel: UDIM-Kacheln ausschalten.",
         "es": "Una secuencia tiene una sola celda: desactivar Celdas UDIM.",
     },
-    (SENTENCE, "A sequence has no frames below 0: Blender would not find their files."): {
-        "de_DE": "Eine Sequenz hat keine Einzelbilder unter 0: Blender würde ihre Dateien nicht finden.",
-        "es": "Una secuencia no tiene fotogramas menores que 0: Blender no encontraría sus archivos.",
+    (SENTENCE, "A sequence cannot have frames below 0: Blender would not find their files."): {
+        "de_DE": "Eine Sequenz kann keine Einzelbilder unter 0 haben: Blender würde ihre Dateien nicht finden.",
+        "es": "Una secuencia no puede tener fotogramas menores que 0: Blender no encontraría sus archivos.",
     },
-    (SENTENCE, "There is no frame to bake: let the sequence end after it starts."): {
-        "de_DE": "Es gibt kein Einzelbild zu backen: Die Sequenz muss nach ihrem Anfang enden.",
-        "es": "No hay fotogramas que capturar: la secuencia debe terminar después de comenzar.",
+    (SENTENCE, "There is no frame to bake: set the end frame to the start frame or later."): {
+        "de_DE": "Es gibt kein Einzelbild zu backen: das Endbild auf das Startbild oder später setzen.",
+        "es": "No hay fotogramas que capturar: poner el fotograma final en el inicial o después.",
     },
     (SENTENCE, "The scene of the sequence was deleted: bring it back with Undo, or choose another one."): {
         "de_DE": "Die Szene der Sequenz wurde gelöscht: mit Rückgängig wiederherstellen oder eine andere wählen.",

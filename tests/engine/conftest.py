@@ -1,0 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tests of the engine."""
+
+import bpy  # noqa: F401 - Blender's bmesh module comes with it
