@@ -36,7 +36,7 @@ TABLE = {
         "es": "Los sufijos de los objetos low poly, high poly y jaulas deben ser todos distintos, y ninguno "
         "puede estar vacío.",
     },
-    (SENTENCE, "Live follows one tile alone: switch UDIM tiles off."): {
+    (SENTENCE, "Live draws only one tile: turn UDIM Tiles off."): {
         "de_DE": "Live folgt nur einer Kachel: UDIM-Kacheln ausschalten.",
         "es": "En vivo sigue una sola celda: desactivar Celdas UDIM.",
     },
