@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Many bakes at once: mesh files, folders of pairs, job files; each fails alone, and all are told of in the end."""
+"""Tests bakes of mesh files, folders of pairs and job files: a failure does not stop the others, and all are reported."""
 
 import json
 import logging
@@ -24,7 +24,7 @@ pytestmark = [
 
 SMALL = ["--size", "16", "--margin", "0", "--limit", "9"]
 ROUNDING_16 = 1e-4
-"""Half a step of 16-bit whole numbers, and of the numbers in text files."""
+"""Half a step of 16-bit integers, and of the numbers in text files."""
 
 EXPORTERS = {
     ".obj": lambda path: bpy.ops.wm.obj_export(filepath=path, export_selected_objects=True),
@@ -60,20 +60,20 @@ def read(path):
 
 
 def leaning(slope):
-    """The colour of a plane that rises by `slope` along x, seen from the plane z = 0."""
+    """The color of a plane that rises by `slope` along x, in the map of the plane z = 0."""
     return np.array((-slope, 0.0, 1.0)) / np.hypot(slope, 1.0) * 0.5 + 0.5
 
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    """An empty folder to work in."""
+    """The working folder, empty."""
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
 
 @pytest.fixture
 def run(capsys, monkeypatch):
-    """Bakes; returns the exit code and what was written to the two streams."""
+    """A function that runs a command. It returns the exit code and the text on both streams."""
     monkeypatch.setattr(logging, "raiseExceptions", False)  # the importer of glTF logs to the output of an earlier test
 
     def run(*words):
@@ -89,19 +89,19 @@ def run(capsys, monkeypatch):
 # Mesh files
 
 SAME_PLACE = 0.05
-"""Degrees between maps of the same surface out of different files, whose numbers are rounded: half floats at the most."""
+"""Degrees between maps of the same surface from different files, whose numbers are rounded, to half floats at most."""
 
 
-def test_all_endings_are_told_and_tried(capsys):
+def test_all_endings_are_in_the_help_and_tested(capsys):
     assert command.run(["--help"]) == command.DONE
-    said = capsys.readouterr().out.replace("\n", " ")
-    assert all(ending in said for ending in mesh_import.ENDINGS)
+    text = capsys.readouterr().out.replace("\n", " ")
+    assert all(ending in text for ending in mesh_import.ENDINGS)
     assert set(EXPORTERS) == set(mesh_import.ENDINGS)
 
 
 @pytest.fixture(scope="module")
 def bumps(tmp_path_factory):
-    """A low and a high surface without symmetry, turned and moved, in files of every format."""
+    """Files of every format with a low and a high surface without symmetry, rotated and moved."""
     folder = tmp_path_factory.mktemp("bumps")
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
 
@@ -123,12 +123,12 @@ def bumps(tmp_path_factory):
 
 
 WITH_UVS = [ending for ending in EXPORTERS if ending != ".stl"]
-SHADED = [ending for ending in WITH_UVS if ending != ".ply"]  # which keeps smooth normals
+SHADED = [ending for ending in WITH_UVS if ending != ".ply"]  # PLY files have only smooth normals
 
 
 @pytest.mark.parametrize("number", range(len(WITH_UVS)), ids=WITH_UVS)
-def test_files_of_all_formats_land_on_each_other(bumps, folder, run, number):
-    """The low surface out of one format and the high one out of another, against the scene they came from."""
+def test_files_of_all_formats_have_the_same_transform(bumps, folder, run, number):
+    """The low surface from one format and the high surface from another, compared with their scene."""
     low, high = WITH_UVS[number], SHADED[(number + 3) % len(SHADED)]
     numbers = ["--size", "32", "--margin", "0", "--depth", "32", "--method", "cast", "--space", "world"]
     numbers += ["--extrusion", "0.3", "--max-distance", "0.6", "--output"]
@@ -157,7 +157,7 @@ def test_a_mesh_file_is_a_scene_as_well(folder, run):
     assert np.allclose(read(folder / "two.png")[8, 8, :3], leaning(0.3), atol=ROUNDING_16)
 
 
-def test_meshes_may_be_many_in_the_high_file_and_one_in_the_low(folder, run):
+def test_the_high_file_may_have_several_meshes_and_the_low_file_one(folder, run):
     low, high, more = zoo.plane("lo"), zoo.plane("hi", slope=0.3), zoo.plane("more", slope=0.3)
     more.location.z = -0.2
     export(folder / "rock.obj", low)
@@ -174,7 +174,7 @@ def test_meshes_may_be_many_in_the_high_file_and_one_in_the_low(folder, run):
     assert err.startswith(f"imprint: {str(folder / 'two.glb')!r} holds 2 meshes where one is wanted: ")
 
 
-def test_the_low_mesh_is_called_as_its_file_whatever_else_is_called_so(folder, run):
+def test_the_low_mesh_gets_the_name_of_its_file_even_if_others_have_it(folder, run):
     plane, parent = zoo.plane("Plane"), bpy.data.objects.new("rock", None)
     bpy.context.scene.collection.objects.link(parent)
     plane.parent = parent
@@ -189,8 +189,8 @@ def test_the_low_mesh_is_called_as_its_file_whatever_else_is_called_so(folder, r
     assert "rock.png" in files(folder)
 
 
-def test_bones_are_no_meshes(folder, run):
-    """Blender's importer of glTF gives them a shape, which is one."""
+def test_shapes_of_bones_are_not_baked(folder, run):
+    """Blender's importer of glTF adds a mesh for them."""
     high = zoo.plane("hi", slope=0.2)
     export(folder / "low.obj", zoo.plane("lo"))
     armature = bpy.data.objects.new("Armature", bpy.data.armatures.new("Armature"))
@@ -231,7 +231,7 @@ BROKEN = {
 
 @pytest.mark.parametrize("role", ["low", "high", "cage"])
 @pytest.mark.parametrize("name", BROKEN)
-def test_broken_files_are_one_sentence(folder, run, name, role):
+def test_broken_files_give_one_sentence(folder, run, name, role):
     good = {"low": "low.obj", "high": "high.obj", "cage": "low.obj"}
     export(folder / "low.obj", zoo.plane("lo"))
     export(folder / "high.obj", zoo.plane("hi", slope=0.2))
@@ -247,7 +247,7 @@ def test_broken_files_are_one_sentence(folder, run, name, role):
     assert files(folder) == before
 
 
-def test_a_missing_file_is_told_before_others_are_read(folder, run, monkeypatch):
+def test_a_missing_file_is_reported_before_others_are_read(folder, run, monkeypatch):
     export(folder / "low.obj", zoo.plane("lo"))
     monkeypatch.setattr(mesh_import, "bring", lambda name: pytest.fail(f"{name} was read"))
     code, _, err = run("--low-file", "low.obj", "--high-file", "none.obj", *SMALL, "--output", "m.png")
@@ -272,7 +272,7 @@ def test_a_missing_file_is_told_before_others_are_read(folder, run, monkeypatch)
         "nancolor.obj",
     ],
 )
-def test_nasty_files_end_with_a_map_or_a_sentence(shared_assets, folder, run, name, role):
+def test_nasty_files_give_a_map_or_one_sentence(shared_assets, folder, run, name, role):
     other = "high" if role == "low" else "low"
     export(folder / "other.obj", zoo.sphere("other", 8))
     nasty = [f"--{role}-file", shared_assets / "nasty" / name, f"--{other}-file", "other.obj"]
@@ -287,8 +287,8 @@ def test_nasty_files_end_with_a_map_or_a_sentence(shared_assets, folder, run, na
     assert ("m.png" in files(folder)) == (code == command.DONE)
 
 
-def test_importers_keep_quiet(folder):
-    """In a process of its own, where what C prints counts as well."""
+def test_importers_print_nothing(folder):
+    """In a separate process, to see the output of C code as well."""
     export(folder / "low.obj", zoo.plane("lo"))
     export(folder / "high.glb", zoo.plane("hi", slope=0.2))
     done = script("--low-file", "low.obj", "--high-file", "high.glb", *SMALL, "--output", "m.png")
@@ -298,7 +298,7 @@ def test_importers_keep_quiet(folder):
 
 
 def script(*words, **options):
-    """Run scripts/bake.py in a process of its own."""
+    """Run scripts/bake.py in a separate process."""
     program = [sys.executable, str(imprint.ROOT / "scripts" / "bake.py"), "--", *map(str, words)]
     return subprocess.run(program, capture_output=True, text=True, errors="replace", check=False, **options)
 
@@ -308,7 +308,7 @@ def script(*words, **options):
 
 @pytest.fixture
 def rocks(folder):
-    """Files of three pairs, one of which cannot be baked, and two loose ones."""
+    """Files of three pairs, of which one cannot be baked, and two files without a pair."""
     (folder / "rocks").mkdir()
     low = zoo.plane("whatever")
     for name, slope in (("a", 0.2), ("b", 0.4)):
@@ -345,14 +345,14 @@ def test_a_folder_of_pairs(rocks, run):
     assert lines[3].startswith("2 done, 1 failed, ")
 
 
-def test_a_cage_of_a_folder_counts(rocks, run):
+def test_a_cage_in_a_folder_is_used(rocks, run):
     assert run("--pairs", "rocks", *SMALL, "--output", "{low}.png", "--method", "flatten")[0] == command.FAILED
-    assert "a_low.png" not in files(rocks)  # flattening takes no cage
+    assert "a_low.png" not in files(rocks)  # Flatten does not use a cage
     assert "b_low.png" in files(rocks)
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere all names are text")
-def test_files_whose_names_are_no_text_are_left_out_with_a_word(rocks, run):
+@pytest.mark.skipif(sys.platform != "linux", reason="on other systems all names are UTF-8")
+def test_files_whose_names_are_not_utf_8_are_left_out_with_a_warning(rocks, run):
     for name in ("\udcff_low.obj", "\udcff_high.obj"):
         (rocks / "rocks" / name).write_bytes((rocks / "rocks" / "a_low.obj").read_bytes())
     _, _, err = run("--pairs", "rocks", *SMALL, "--output", "{low}.png", "--report", "r.json")
@@ -361,7 +361,7 @@ def test_files_whose_names_are_no_text_are_left_out_with_a_word(rocks, run):
     assert [(each["name"], each["ok"]) for each in found] == [("a_low", True), ("b_low", True), ("c_low", False)]
 
 
-def test_two_files_of_one_name_are_one_too_many(rocks, run):
+def test_two_files_with_the_same_name_are_refused(rocks, run):
     export(rocks / "rocks" / "b_low.ply", bpy.data.objects["whatever"])
     _, _, err = run("--pairs", "rocks", *SMALL, "--output", "{low}.png")
     assert "imprint: b_low: 'b_low.obj' and 'b_low.ply' share a name: remove one of them." in err.splitlines()
@@ -369,7 +369,7 @@ def test_two_files_of_one_name_are_one_too_many(rocks, run):
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         (["--pairs", "none"], "The folder 'none' cannot be read: No such file or directory."),
         (["--pairs", "."], "No mesh file in '.' has a name that ends in '_low'."),
@@ -377,12 +377,12 @@ def test_two_files_of_one_name_are_one_too_many(rocks, run):
         (["--pairs", "rocks", "--suffixes", "_x,_x,_c"], "must all be different"),
     ],
 )
-def test_folders_without_pairs(rocks, run, words, said):
+def test_folders_without_pairs(rocks, run, words, message):
     code, _, err = run(*words, *SMALL, "--output", "{low}.png")
     assert code == command.FAILED
     (line,) = err.splitlines()
     assert line.startswith(f"imprint: {(rocks / words[1]).resolve().name}: ")
-    assert said in line
+    assert message in line
 
 
 # Job files
@@ -390,7 +390,7 @@ def test_folders_without_pairs(rocks, run, words, said):
 
 @pytest.fixture
 def scenes(folder):
-    """rock.blend and hero.blend, each with two pairs, and a mesh file each of a third, in folders beside the job file."""
+    """rock.blend and hero.blend with two pairs each, and the mesh files of a third pair, in folders beside the job file."""
     (folder / "in").mkdir()
     (folder / "maps").mkdir()
     for number, scene in enumerate(("rock", "hero")):
@@ -455,18 +455,18 @@ def test_a_job_file(scenes, run, monkeypatch):
     assert np.allclose(read(scenes / "maps" / "a.png")[8, 8, :3], leaning(0.2), atol=ROUNDING_16)
     assert np.allclose(read(scenes / "maps" / "hero_b_low.png")[8, 8, :3], leaning(0.4), atol=ROUNDING_16)
     assert np.allclose(read(scenes / "maps" / "c_low.exr")[8, 8, :3], leaning(0.4), atol=ROUNDING_16)
-    told = json.loads((scenes / "elsewhere" / "r.json").read_text())
-    assert [each["name"] for each in told] == [
+    reports = json.loads((scenes / "elsewhere" / "r.json").read_text())
+    assert [each["name"] for each in reports] == [
         "set 1 (rock_a_low)",
         "set 2 (hero.blend)",
         "set 3 (hero_a_lo)",
         "set 4 (c_low)",
         "set 5 (c_low)",
     ]
-    assert [each["ok"] for each in told] == [True, True, False, True, True]
-    assert told[0]["report"] == json.loads((scenes / "maps" / "a.json").read_text())
-    assert [pair["low"] for pair in told[1]["report"]["pairs"]] == ["hero_a_low", "hero_b_low"]
-    assert len(told[1]["maps"]) == 2
+    assert [each["ok"] for each in reports] == [True, True, False, True, True]
+    assert reports[0]["report"] == json.loads((scenes / "maps" / "a.json").read_text())
+    assert [pair["low"] for pair in reports[1]["report"]["pairs"]] == ["hero_a_low", "hero_b_low"]
+    assert len(reports[1]["maps"]) == 2
     assert "4 done, 1 failed" in out
 
 
@@ -485,7 +485,7 @@ def test_toml_and_json_bake_the_same(scenes, run):
     assert found[0] == found[1]
 
 
-def test_other_options_count_for_all_sets(scenes, run):
+def test_options_on_the_command_line_apply_to_all_sets(scenes, run):
     (scenes / "jobs.toml").write_text(JOBS)
     run("--jobs", "jobs.toml", "--size", "32x16", "--green", "-y")
     assert {read(scenes / path).shape for path in files(scenes) if path.endswith(".png")} == {(16, 32, 4)}
@@ -515,7 +515,7 @@ def test_a_faulty_job_file_is_wrong_usage_and_nothing_is_baked(scenes, run, name
 
 @pytest.fixture
 def opened(monkeypatch):
-    """The names of the scenes that are opened, and of files that are read, in order."""
+    """The names of the opened scenes and imported files, in order."""
     result, open_blend, bring = [], mesh_import._open_blend, mesh_import.bring
     monkeypatch.setattr(
         mesh_import, "_open_blend", lambda name: (result.append(os.path.basename(name)), open_blend(name))
@@ -538,7 +538,7 @@ def test_a_scene_is_opened_once_for_sets_that_follow_each_other(scenes, run, ope
     assert opened == ["rock.blend", "c_low.obj", "c_high.glb", "rock.blend"]
 
 
-def test_sets_do_not_see_what_others_have_changed(scenes, run):
+def test_sets_do_not_see_the_changes_of_others(scenes, run):
     a = {"file": "in/rock.blend", "low": "rock_a_low", "high": "rock_a_high", "output": "1.png"}
     between = {"file": "in/hero.blend", "low": "hero_a_low", "high": "hero_a_high", "output": "2.png"}
     b = {**a, "low": "rock_b_low", "high": "rock_b_high", "output": "3.png", "save-blend": "saved.blend"}
@@ -553,7 +553,7 @@ def test_sets_do_not_see_what_others_have_changed(scenes, run):
     assert bpy.data.objects["rock_a_low"].active_material is not None  # they share the open file
 
 
-def test_a_map_is_not_written_over_by_a_later_set(scenes, run):
+def test_a_later_set_does_not_overwrite_a_map(scenes, run):
     a = {"file": "in/rock.blend", "low": "rock_a_low", "high": "rock_a_high", "output": "{low}.png"}
     b = {"file": "in/rock.blend", "pairs": True, "output": "in/../{low}.png"}
     (scenes / "jobs.json").write_text(jobs(a, b))
@@ -565,7 +565,7 @@ def test_a_map_is_not_written_over_by_a_later_set(scenes, run):
     assert "rock_b_low.png" not in files(scenes)
 
 
-def test_sets_that_clash_are_told_before_the_first_is_baked(scenes, run):
+def test_clashes_of_sets_are_reported_before_the_first_bake(scenes, run):
     a = {"file": "in/rock.blend", "low": "rock_a_low", "high": "rock_a_high", "output": "{low}.png"}
     b = {**a, "low": "rock_b_low", "high": "rock_b_high", "report": "r.json"}
     (scenes / "jobs.json").write_text(jobs(a, b, {**a, "mask": True}, {**b, "output": "x.png"}))
@@ -579,7 +579,7 @@ def test_sets_that_clash_are_told_before_the_first_is_baked(scenes, run):
 
 
 @pytest.mark.parametrize(
-    ("fault", "said"),
+    ("fault", "message"),
     [
         ({"file": "none.blend"}, "There is no file"),
         ({"file": "jobs.json"}, "could not be opened"),
@@ -587,20 +587,20 @@ def test_sets_that_clash_are_told_before_the_first_is_baked(scenes, run):
         ({"cage": "none"}, "There is no object called 'none'"),
     ],
 )
-def test_each_set_fails_alone(scenes, run, fault, said):
+def test_a_set_that_fails_does_not_stop_others(scenes, run, fault, message):
     good = {"file": "in/rock.blend", "low": "rock_a_low", "high": "rock_a_high", "output": "{low}.png"}
     (scenes / "jobs.json").write_text(jobs({**good, "output": "bad.png", **fault}, good))
     code, out, err = run("--jobs", "jobs.json")
     assert code == command.FAILED
     (line,) = err.splitlines()
     assert line.startswith("imprint: set 1 (rock_a_low): ")
-    assert said in line
+    assert message in line
     assert "rock_a_low.png" in files(scenes)
     assert "bad.png" not in files(scenes)
     assert "1 done, 1 failed" in out
 
 
-def test_a_report_that_cannot_be_written_is_told_first(scenes, run):
+def test_a_report_that_cannot_be_written_is_reported_before_the_bakes(scenes, run):
     (scenes / "jobs.toml").write_text(JOBS)
     before = files(scenes)
     code, _, err = run("--jobs", "jobs.toml", "--report", "jobs.toml/r.json")
@@ -615,7 +615,10 @@ posix = pytest.mark.skipif(os.name == "nt", reason="Windows has no pseudo-termin
 
 
 def on_terminal(*words, stop_at=None):
-    """Run scripts/bake.py with its errors on a terminal; at the word `stop_at` press Ctrl-C. Exit code and both texts."""
+    """Run scripts/bake.py with its errors on a terminal. Returns the exit code and both texts.
+
+    stop_at: a text on the terminal at which Ctrl-C is pressed.
+    """
     import threading
 
     master, slave = os.openpty()
@@ -629,7 +632,7 @@ def on_terminal(*words, stop_at=None):
         while True:
             try:
                 piece = os.read(master, 4096)
-            except OSError:  # Linux says so that the other end was closed
+            except OSError:  # on Linux, the other end was closed
                 piece = b""
             if not piece:
                 break
@@ -644,7 +647,7 @@ def on_terminal(*words, stop_at=None):
 
 
 def screen(text):
-    """The lines that a terminal shows in the end."""
+    """The lines that a terminal shows at the end."""
     lines = []
     for line in text.replace("\r\n", "\n").split("\n"):
         shown = ""
@@ -659,7 +662,7 @@ BIG += ["--output", "m.png"]
 
 
 @posix
-def test_progress_is_one_line_on_a_terminal_that_is_erased(scenes):
+def test_progress_on_a_terminal_is_one_line_that_is_erased(scenes):
     code, _, seen = on_terminal(*BIG, "--size", "128")
     assert code == command.DONE
     assert "\rReading rock_a_low, " in seen
@@ -670,12 +673,12 @@ def test_progress_is_one_line_on_a_terminal_that_is_erased(scenes):
 
 @pytest.mark.slow
 @posix
-def test_progress_of_many_says_which(scenes):
+def test_progress_of_several_bakes_has_a_number_and_a_name(scenes):
     (scenes / "jobs.toml").write_text(JOBS)
     code, out, seen = on_terminal("--jobs", "jobs.toml")
     assert code == command.FAILED
-    for said in ("1/5 rock_a_low: Opening, 0%", "2/5 hero_b_low: Drawing, ", "5/5 c_low: Opening, 0%"):
-        assert said in seen
+    for text in ("1/5 rock_a_low: Opening, 0%", "2/5 hero_b_low: Drawing, ", "5/5 c_low: Opening, 0%"):
+        assert text in seen
     (line,) = screen(seen)
     assert line.startswith("imprint: set 3 (hero_a_lo): ")
     assert "4 done, 1 failed" in out
@@ -690,7 +693,7 @@ def test_no_progress_in_a_pipe(scenes):
 
 @pytest.mark.slow
 @posix
-def test_ctrl_c_leaves_nothing_behind(scenes):
+def test_ctrl_c_leaves_no_files(scenes):
     before = files(scenes)
     code, _, seen = on_terminal(*BIG, "--size", "2048", "--samples", "64", stop_at=b"Drawing")
     assert code == 128 + signal.SIGINT
@@ -699,7 +702,7 @@ def test_ctrl_c_leaves_nothing_behind(scenes):
 
 
 @posix
-def test_ctrl_c_stops_many_and_tells_of_those_that_are_done(scenes):
+def test_ctrl_c_stops_a_batch_and_reports_finished_bakes(scenes):
     good = {"file": "in/rock.blend", "low": "rock_a_low", "high": "rock_a_high", "output": "1.png"}
     long = {**good, "output": "2.png", "size": 2048, "samples": 64, "method": "cast"}
     (scenes / "jobs.json").write_text(jobs(good, long, {**good, "output": "3.png"}))
@@ -712,7 +715,7 @@ def test_ctrl_c_stops_many_and_tells_of_those_that_are_done(scenes):
     assert [each["name"] for each in json.loads((scenes / "r.json").read_text())] == ["set 1 (rock_a_low)"]
 
 
-def test_ctrl_c_is_what_it_was_after_a_bake(scenes, run):
+def test_a_bake_restores_the_handler_of_ctrl_c(scenes, run):
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         assert run(*BIG, "--size", "16")[0] == command.DONE
@@ -728,8 +731,8 @@ def test_a_sequence_has_a_file_and_a_report_for_each_frame(tmp_path):
         high.keyframe_insert("rotation_euler", frame=frame)
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
     words = ["--low", low.name, "--high", high.name, "--space", "object", "--size", "16", "--frames", "1-3"]
-    places = ["--output", str(tmp_path / "map.##.png"), "--report", str(tmp_path / "report.json")]
-    assert command.run([*words, *places]) == 0
+    paths = ["--output", str(tmp_path / "map.##.png"), "--report", str(tmp_path / "report.json")]
+    assert command.run([*words, *paths]) == 0
     maps = [str(tmp_path / f"map.{frame:02}.png") for frame in (1, 2, 3)]
     assert sorted(map(str, tmp_path.glob("*.png"))) == maps
     report = json.loads((tmp_path / "report.json").read_text())
@@ -737,12 +740,12 @@ def test_a_sequence_has_a_file_and_a_report_for_each_frame(tmp_path):
 
 
 @pytest.mark.parametrize("wrong", ["3-1", "1", "a-b", "1-", "-3"])
-def test_a_wrong_range_of_frames_is_told(wrong, capsys, tmp_path):
+def test_a_wrong_range_of_frames_is_reported(wrong, capsys, tmp_path):
     assert command.run(["--low", "lo", "--output", str(tmp_path / "map.png"), f"--frames={wrong}"]) == 2
-    assert "is not a range of frames as 1-48" in capsys.readouterr().err
+    assert "is not a range of frames, such as 1-48" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("wrong", ["1-99999999", "1-100001", "1048575-1048575"])
-def test_too_many_frames_are_told_at_once(wrong, capsys, tmp_path):
+def test_too_many_frames_are_reported_at_once(wrong, capsys, tmp_path):
     assert command.run(["--low", "lo", "--output", str(tmp_path / "map.png"), f"--frames={wrong}"]) == 2
     assert "is too long: frames go up to 1048574, and a sequence has 100000 at most" in capsys.readouterr().err

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The command line: exit codes, one line on stderr, and nothing written unless all went well."""
+"""Tests the command line: exit codes, one line on stderr, and no files if something fails."""
 
 import json
 import os
@@ -21,12 +21,12 @@ from tests.support import maps, zoo
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
 ROUNDING_16 = 1e-5
-"""Half a step of 16-bit whole numbers, and single precision."""
+"""Half a step of 16-bit integers, and the error of single precision."""
 
 
 @pytest.fixture
 def scene(tmp_path, monkeypatch):
-    """A folder to work in, with scene/file.blend: a low object, a high one, and a texture with a relative path."""
+    """The working folder, with scene/file.blend: a low and a high object, and a texture with a relative path."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "scene").mkdir()
     zoo.plane("lo")
@@ -49,7 +49,7 @@ BAKE = ["scene/file.blend", "--low", "lo", "--high", "hi", "--method", "flatten"
 
 @pytest.fixture
 def fails(scene, capsys):
-    """Runs arguments that must fail with this code and write nothing; returns the last line on stderr."""
+    """A function that runs a command that must fail with a code and write nothing. It returns the last line on stderr."""
 
     def run(code, *arguments):
         before = files(scene)
@@ -69,7 +69,7 @@ def fails(scene, capsys):
 # Parsing
 
 
-def test_the_readmes_lines_are_understood():
+def test_the_command_in_the_readme_is_parsed():
     line = (
         "FILE.blend --low lo --high hi --high hi2 --space object --uv Layout --method flatten --size 4096x1024 --green +y "
         "--margin 8 --depth 32 --output MAP.exr --save-blend OUT.blend --report REPORT.json"
@@ -92,7 +92,7 @@ def test_sizes(text, size):
 
 
 WRONG = {
-    "a limit that no float holds": [*BAKE, "--output", "m.png", "--limit", "1e39"],
+    "a limit that is too large for a float": [*BAKE, "--output", "m.png", "--limit", "1e39"],
     "no low object": ["scene/file.blend", "--output", "m.png"],
     "no output": BAKE,
     "unknown option": [*BAKE, "--output", "m.png", "--quality", "high"],
@@ -105,9 +105,9 @@ WRONG = {
     "green without a value": [*BAKE, "--output", "m.png", "--green"],
     "depth": [*BAKE, "--output", "m.png", "--depth", "24"],
     "margin": [*BAKE, "--output", "m.png", "--margin", "wide"],
-    "a name that is no text": ["scene/file.blend", "--low", "\udcff", "--high", "hi", "--output", "m.png"],
-    "map and report in one": [*BAKE, "--output", "m.png", "--report", "./m.png"],
-    "map and scene in one": [*BAKE, "--output", "m.png", "--save-blend", "scene/../m.png"],
+    "a name that is not UTF-8": ["scene/file.blend", "--low", "\udcff", "--high", "hi", "--output", "m.png"],
+    "map and report in one file": [*BAKE, "--output", "m.png", "--report", "./m.png"],
+    "map and scene in one file": [*BAKE, "--output", "m.png", "--save-blend", "scene/../m.png"],
     "report over the scene": [*BAKE, "--output", "m.png", "--report", "scene/file.blend"],
 }
 
@@ -122,16 +122,16 @@ def test_help(capsys):
     assert "--save-blend" in capsys.readouterr().out
 
 
-# Failing
+# Failures
 
 CANNOT = {
     "no such file": (["nothing.blend", *BAKE[1:], "--output", "m.png"], "no file"),
     "a folder for a file": (["scene", *BAKE[1:], "--output", "m.png"], "no file"),
     "no scene file": (["scene/texture.png", *BAKE[1:], "--output", "m.png"], "could not be opened"),
     "a broken scene file": (["broken.blend", *BAKE[1:], "--output", "m.png"], "could not be opened"),
-    "low object misspelt": ([*BAKE, "--low", "loo", "--output", "m.png"], "did you mean 'lo'?"),
-    "high object misspelt": ([*BAKE, "--high", "hii", "--output", "m.png"], "did you mean 'hi'?"),
-    "nothing alike": ([*BAKE, "--low", "Suzanne", "--output", "m.png"], "it has 2 objects"),
+    "low object misspelled": ([*BAKE, "--low", "loo", "--output", "m.png"], "did you mean 'lo'?"),
+    "high object misspelled": ([*BAKE, "--high", "hii", "--output", "m.png"], "did you mean 'hi'?"),
+    "no similar name": ([*BAKE, "--low", "Suzanne", "--output", "m.png"], "it has 2 objects"),
     "a scene twice": (["scene/file.blend", *BAKE, "--output", "m.png"], "Cannot load from the current blend file"),
     "no detail": ([*BAKE[:3], "--output", "m.png"], "'lo' is both high and low"),
     "no such UV map": ([*BAKE, "--uv", "Lightmap", "--output", "m.png"], "'lo' has no UV layer 'Lightmap'"),
@@ -139,26 +139,26 @@ CANNOT = {
 }
 
 
-MAKES_NO_SENSE = {
+INVALID = {
     "size 0": ([*BAKE, "--size", "0", "--output", "m.png"], "Width: 0 is outside"),
-    "size beyond all": ([*BAKE, "--size", "9" * 30, "--output", "m.png"], "16384"),
-    "size of a novel's length": (
+    "huge size": ([*BAKE, "--size", "9" * 30, "--output", "m.png"], "16384"),
+    "size of 5000 digits": (
         [*BAKE, "--size", "9" * 5000, "--output", "m.png"],
         "is neither a number of texels nor",
     ),
-    "frames of a novel's length": (
+    "frames of 5000 digits": (
         [*BAKE, "--frames", f"1-{'9' * 5000}", "--output", "m.png"],
         "not a range of frames",
     ),
-    "tiles of a novel's length": ([*BAKE, "--tiles", "1" * 5000, "--output", "m.png"], "not a list of UDIM tiles"),
-    "option misspelt": ([*BAKE, "--outptu", "m.png"], "--outptu m.png, did you mean '--output'?"),
-    "jobs misspelt": (["--job", "j.json"], "did you mean '--jobs'?"),
-    "option like none": ([*BAKE, "--qqq", "--output", "m.png"], "unrecognized arguments: --qqq"),
+    "tiles of 5000 digits": ([*BAKE, "--tiles", "1" * 5000, "--output", "m.png"], "not a list of UDIM tiles"),
+    "option misspelled": ([*BAKE, "--outptu", "m.png"], "--outptu m.png, did you mean '--output'?"),
+    "jobs misspelled": (["--job", "j.json"], "did you mean '--jobs'?"),
+    "unknown option without a similar one": ([*BAKE, "--qqq", "--output", "m.png"], "unrecognized arguments: --qqq"),
     "negative margin": ([*BAKE, "--margin", "-1", "--output", "m.png"], "-1"),
     "format": ([*BAKE, "--output", "m.jpg"], "one of .png, .exr"),
     "format and depth": ([*BAKE, "--output", "m.png", "--depth", "32"], "8 or 16 bits"),
     "folder for a report": ([*BAKE, "--output", "m.png", "--report", "scene"], "is a folder"),
-    "size 0, before a file is opened that may take long": (
+    "size 0, before the file is opened": (
         ["none.blend", *BAKE[1:-1], "0", "--output", "m.png"],
         "Width: 0 is outside",
     ),
@@ -166,21 +166,21 @@ MAKES_NO_SENSE = {
 }
 
 
-@pytest.mark.parametrize("case", MAKES_NO_SENSE)
-def test_what_makes_no_sense_is_wrong_usage(fails, case):
-    arguments, words = MAKES_NO_SENSE[case]
+@pytest.mark.parametrize("case", INVALID)
+def test_invalid_values_are_wrong_usage(fails, case):
+    arguments, words = INVALID[case]
     assert words in fails(command.WRONG_USAGE, *arguments)
 
 
 @pytest.mark.parametrize("case", CANNOT)
-def test_what_cannot_be_done_is_told_in_one_line(scene, fails, case):
+def test_a_bake_that_is_not_possible_gives_one_line(scene, fails, case):
     (scene / "broken.blend").write_bytes((scene / "scene" / "file.blend").read_bytes()[:2000])
     arguments, words = CANNOT[case]
     assert words in fails(command.FAILED, *arguments)
 
 
 def test_no_partial_report(scene, fails, monkeypatch):
-    """Whatever goes wrong at the end: what was there before is there."""
+    """Existing files do not change if the bake fails at its end."""
 
     def fail(*_, **__):
         raise BakeError("The bake went wrong.")
@@ -195,13 +195,13 @@ def test_no_partial_report(scene, fails, monkeypatch):
 
 
 LIMIT = 20_000
-"""Bytes that a file may have here: more than a small map, less than any .blend."""
+"""The most bytes of a file in the test: more than a small map, less than any .blend."""
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no such limit")
 @pytest.mark.parametrize("end", ["scene", "report"])
 @pytest.mark.parametrize("more", [[], ["--frames", "1-2"], ["--mask", "--maps", "height"]])
-def test_a_scene_or_report_that_cannot_be_saved_leaves_nothing_of_the_bake(scene, monkeypatch, capsys, end, more):
+def test_a_scene_or_report_that_cannot_be_saved_undoes_the_bake(scene, monkeypatch, capsys, end, more):
     import resource
 
     def fail(*_, **__):
@@ -230,13 +230,13 @@ def test_a_scene_or_report_that_cannot_be_saved_leaves_nothing_of_the_bake(scene
 
 
 def test_missing_folders_are_made(scene):
-    """And removed again where the bake fails: see above, and tests/pure/test_atomic_file.py."""
+    """They are removed again if the bake fails: see above, and tests/pure/test_atomic_file.py."""
     words = [*BAKE, "--output", "a/b/m.png", "--report", "r/r.json", "--save-blend", "s/s.blend"]
     assert command.run(words) == command.DONE
     assert {"a/b/m.png", "r/r.json", "s/s.blend"} <= set(files(scene))
 
 
-def test_the_report_may_be_standard_output_alone(scene, capsys):
+def test_the_report_can_be_the_only_text_on_standard_output(scene, capsys):
     assert command.run([*BAKE, "--output", "m.png", "--report", "-"]) == command.DONE
     captured = capsys.readouterr()
     assert json.loads(captured.out[captured.out.index("{") :])["output"] == [str(scene / "m.png")]
@@ -271,14 +271,14 @@ def test_a_single_bake_that_fails_writes_its_report(scene, capsys, earlier):
     assert json.loads(out[out.index("{") :])["error"] == report["error"]
 
 
-def test_the_report_of_a_failure_replaces_no_file_of_another_kind(scene):
+def test_the_report_of_a_failure_does_not_replace_other_files(scene):
     (scene / "r.json").write_text("not JSON")
     assert command.run([BAKE[0], "--low", "no", "--output", "m.png", "--report", "r.json"]) == command.FAILED
     assert (scene / "r.json").read_text() == "not JSON"
 
 
-def test_a_place_that_is_lost_during_the_bake_is_a_failure(scene, capsys, monkeypatch):
-    """Exit code 2 is for what is known before the bake: a call that makes no sense."""
+def test_a_path_that_becomes_a_folder_during_the_bake_is_a_failure(scene, capsys, monkeypatch):
+    """Exit code 2 is only for wrong calls, which are found before the bake."""
     work = several.work
 
     def late(*arguments, **options):
@@ -292,15 +292,15 @@ def test_a_place_that_is_lost_during_the_bake_is_a_failure(scene, capsys, monkey
     assert json.loads((scene / "r.json").read_text())["error"] in line
 
 
-def test_a_sequence_is_summed_up_in_one_line(scene, capsys):
+def test_a_sequence_has_a_summary_of_one_line(scene, capsys):
     assert command.run([*BAKE, "--frames", "1-3", "--output", "m.#.png"]) == command.DONE
     first, second = capsys.readouterr().out.splitlines()[-2:]
     assert first.startswith("3 frames of 'lo', ")
     assert second == f"Wrote 3 maps from {scene / 'm.1.png'} to {scene / 'm.3.png'}"
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere all names are text")
-def test_a_folder_whose_name_is_no_text(scene, fails, monkeypatch):
+@pytest.mark.skipif(sys.platform != "linux", reason="on other systems all names are UTF-8")
+def test_a_folder_whose_name_is_not_utf_8(scene, fails, monkeypatch):
     strange = scene / "\udcff"
     strange.mkdir()
     monkeypatch.chdir(strange)
@@ -312,7 +312,7 @@ def test_a_folder_whose_name_is_no_text(scene, fails, monkeypatch):
 
 @pytest.mark.skipif(os.name == "nt", reason="links and pipes of POSIX")
 @pytest.mark.parametrize("option", ["--output", "--report", "--save-blend"])
-def test_a_link_stays_and_a_pipe_is_refused(scene, capsys, option):
+def test_a_link_is_kept_and_a_pipe_is_refused(scene, capsys, option):
     names = {"--output": "m.png", "--report": "r.json", "--save-blend": "s.blend"}
     words = [*BAKE, *(word for item in names.items() for word in item)]
     (scene / "store").mkdir()
@@ -335,7 +335,7 @@ def test_a_link_stays_and_a_pipe_is_refused(scene, capsys, option):
 # Baking
 
 
-def test_a_map_is_written(scene, capsys):
+def test_the_map_is_written(scene, capsys):
     before = files(scene)
     assert command.run([*BAKE, "--output", "m.png", "--margin", "0"]) == command.DONE
     assert files(scene) == sorted([*before, "m.png"])
@@ -353,7 +353,7 @@ def test_a_map_is_written(scene, capsys):
 )
 def test_green_points_up_or_down(scene, arguments, is_up):
     bpy.ops.wm.open_mainfile(filepath=str(scene / "scene" / "file.blend"))
-    bpy.data.objects["hi"].rotation_euler.z = np.pi / 2  # so that it rises with y, and its normal leans to -y
+    bpy.data.objects["hi"].rotation_euler.z = np.pi / 2  # so that it rises along y, and its normal points to -y
     assert command.run([*BAKE[1:], "--output", "m.exr", *arguments]) == command.DONE
     green = maps.pixels(bpy.data.images["lo_normal"])[8, 8, 1]
     assert (green < 0.2) == is_up
@@ -369,13 +369,13 @@ def test_green_points_up_or_down(scene, arguments, is_up):
         (["--tiles", "1001", "--mask", "--output", "{low}.<UDIM>.png"], ["lo.1001", "lo_missed.1001"]),
     ],
 )
-def test_more_maps_and_tiles_are_files_beside(scene, arguments, written):
+def test_other_maps_and_tiles_are_written_beside_the_map(scene, arguments, written):
     before = files(scene)
     assert command.run([*BAKE, *arguments]) == command.DONE
     assert sorted(set(files(scene)) - set(before)) == [f"{name}.png" for name in written]
 
 
-def test_a_format_of_8_bits_needs_no_word_of_them(scene):
+def test_a_format_with_only_8_bits_needs_no_depth(scene):
     assert command.run([*BAKE, "--output", "m.tga"]) == command.DONE
     assert read(scene / "m.tga").shape == (16, 16, 4)
     assert bpy.data.images["lo_normal"].depth == 32
@@ -410,7 +410,7 @@ def test_the_report(scene):
     assert seconds["total"] >= sum(value for stage, value in seconds.items() if stage != "total") * 0.999
 
 
-def test_warnings_are_told_and_do_not_fail(scene, capsys):
+def test_warnings_are_printed_and_the_bake_does_not_fail(scene, capsys):
     bpy.ops.wm.open_mainfile(filepath=str(scene / "scene" / "file.blend"))
     bpy.data.objects["hi"].data.uv_layers[0].uv[0].vector = (-1, 0)
     assert command.run([*BAKE[1:], "--output", "m.png", "--report", "r.json"]) == command.DONE
@@ -420,7 +420,7 @@ def test_warnings_are_told_and_do_not_fail(scene, capsys):
 
 
 def shown(path):
-    """Open a scene; return the image that its low object wears, by following the wires from the output."""
+    """Open a scene. Returns the image that its low object shows, by following the links from the output."""
     bpy.ops.wm.open_mainfile(filepath=str(path))
     low = bpy.data.objects["lo"]
     assert low.mode == "OBJECT"
@@ -433,14 +433,14 @@ def shown(path):
 @pytest.mark.parametrize(
     ("output", "blend", "filepath"),
     [
-        ("m.png", "s.blend", "//m.png"),  # beside each other, elsewhere than the scene that was opened
+        ("m.png", "s.blend", "//m.png"),  # beside each other, in another folder than the opened scene
         ("scene/m.png", "scene/s.blend", "//m.png"),
         ("out/maps/m.png", "out/s.blend", "//maps/m.png"),
-        ("outer/m.png", "out/s.blend", None),  # not to be moved together: the path is a whole one
+        ("outer/m.png", "out/s.blend", None),  # in different folders: the path is absolute
         ("m.png", "out/s.blend", None),
     ],
 )
-def test_the_saved_scene_wears_the_map(scene, output, blend, filepath):
+def test_the_saved_scene_shows_the_map(scene, output, blend, filepath):
     for path in (scene / output, scene / blend):
         path.parent.mkdir(parents=True, exist_ok=True)
     before = files(scene)
@@ -450,7 +450,7 @@ def test_the_saved_scene_wears_the_map(scene, output, blend, filepath):
     assert image.filepath == (filepath or str(scene / output))
     assert image.colorspace_settings.is_data
     assert maps.pixels(image).shape == (16, 16, 4)
-    assert bpy.data.images["texture"].size[:] == (4, 4)  # what was relative before still finds its file
+    assert bpy.data.images["texture"].size[:] == (4, 4)  # relative paths still lead to their files
     if filepath:
         home = (scene / blend).parent
         for path in (scene / output, scene / blend):
@@ -460,19 +460,19 @@ def test_the_saved_scene_wears_the_map(scene, output, blend, filepath):
         assert maps.pixels(shown(scene / "moved" / (scene / blend).name)).shape == (16, 16, 4)
 
 
-def test_the_scene_may_be_saved_over_itself(scene):
+def test_the_scene_may_replace_its_own_file(scene):
     assert command.run([*BAKE, "--output", "m.png", "--save-blend", "scene/file.blend"]) == command.DONE
     assert tuple(shown(scene / "scene" / "file.blend").size) == (16, 16)
 
 
-def test_the_material_may_be_left_alone(scene):
+def test_no_material_leaves_the_material_unchanged(scene):
     assert command.run([*BAKE, "--output", "m.png", "--save-blend", "s.blend", "--no-material"]) == command.DONE
     bpy.ops.wm.open_mainfile(filepath=str(scene / "s.blend"))
     assert bpy.data.objects["lo"].active_material is None
 
 
 def script(*arguments):
-    """Run scripts/bake.py in a process of its own, as people do."""
+    """Run scripts/bake.py in a separate process, as users do."""
     program = [sys.executable, str(ROOT / "scripts" / "bake.py"), "--", *arguments]
     return subprocess.run(program, capture_output=True, text=True, errors="replace", check=False)
 
@@ -485,8 +485,8 @@ def test_the_scripts_exit_codes(scene, arguments, code):
     done = script(*arguments)
     assert done.returncode == code, done.stderr
     assert (scene / "m.png").exists() == (code == 0)
-    said = [line for line in done.stderr.splitlines() if line.startswith("imprint: ")]
-    assert len(said) == (code != 0)
+    messages = [line for line in done.stderr.splitlines() if line.startswith("imprint: ")]
+    assert len(messages) == (code != 0)
     assert "Traceback" not in done.stderr
 
 
@@ -495,7 +495,7 @@ def test_the_scripts_exit_codes(scene, arguments, code):
 
 @pytest.fixture
 def rocks(tmp_path, monkeypatch):
-    """rocks.blend: two pairs by name side by side, one with a cage, whose UVs lie in halves of one atlas; a loose high."""
+    """rocks.blend: two pairs side by side, one with a cage, with UVs in the halves of an atlas; and a high object alone."""
     monkeypatch.chdir(tmp_path)
     for number, (name, slope) in enumerate([("a", 0.0), ("b", 0.3)]):
         low, high = zoo.plane(f"{name}_low"), zoo.plane(f"{name.upper()}_High.001", slope=slope)
@@ -531,7 +531,7 @@ def test_pairs_may_share_an_atlas(rocks, capsys):
     ]
     assert len(report["problems"]) == 1
     texels = read(rocks / "atlas.png")
-    # Neighbours overlap in space, and each low mesh sees its own high one alone.
+    # Neighbors overlap in space, but rays from each low mesh hit only its own high mesh.
     assert np.allclose(texels[8:24, 4:12, :3], (0.5, 0.5, 1.0), atol=ROUNDING_16)
     lean = np.array((-0.3, 0.0, 1.0)) / np.hypot(0.3, 1.0)
     assert np.allclose(texels[8:24, 20:28, :3], lean * 0.5 + 0.5, atol=1e-3)
@@ -546,12 +546,12 @@ def test_pairs_may_share_an_atlas(rocks, capsys):
     assert [image.filepath for image in images] == ["//atlas.png"]
 
 
-def test_pairs_may_have_a_map_each(rocks):
+def test_pairs_may_have_their_own_maps(rocks):
     assert command.run([*PAIRS, "--output", "{low}_n.png"]) == command.DONE
     assert files(rocks) == ["a_low_n.png", "b_low_n.png", "rocks.blend"]
 
 
-def test_a_pair_that_fails_takes_the_others_along(rocks, capsys):
+def test_a_pair_that_fails_makes_all_fail(rocks, capsys):
     bpy.ops.wm.open_mainfile(filepath=str(rocks / "rocks.blend"))
     bpy.data.objects["B_High.001"].location.z = 1000.0
     bpy.ops.wm.save_as_mainfile(filepath=str(rocks / "rocks.blend"))
@@ -563,7 +563,7 @@ def test_a_pair_that_fails_takes_the_others_along(rocks, capsys):
     assert (rocks / "b_low.png").read_bytes() == b"of yesterday"
 
 
-def test_pairs_that_are_not_there(rocks, capsys):
+def test_suffixes_without_pairs(rocks, capsys):
     arguments = ["rocks.blend", "--pairs", "--suffixes", ".lp,.hp,.cg", "--output", "m.png"]
     assert command.run(arguments) == command.FAILED
     assert capsys.readouterr().err == "imprint: No object has a name that ends in '.lp'.\n"
@@ -603,7 +603,7 @@ def test_distances_cage_and_mask(scene, fails):
     assert mask[..., 0].mean() == pytest.approx(report["missed"])
 
 
-def test_what_was_written_is_told(scene, capsys):
+def test_the_last_line_lists_the_written_files(scene, capsys):
     assert command.run([*BAKE, "--output", "m.png", "--mask", "--report", "r.json"]) == command.DONE
     assert (
         capsys.readouterr()
@@ -612,6 +612,6 @@ def test_what_was_written_is_told(scene, capsys):
     )
 
 
-def test_a_forgotten_file(fails):
-    forgotten = ["--low", "lo", "--high", "hi", "--output", "m.png"]
-    assert fails(command.FAILED, *forgotten) == "imprint: There is no scene to bake: give a FILE."
+def test_a_call_without_a_file(fails):
+    words = ["--low", "lo", "--high", "hi", "--output", "m.png"]
+    assert fails(command.FAILED, *words) == "imprint: There is no scene to bake: give a FILE."

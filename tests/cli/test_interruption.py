@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Signals stop the command line in good order, wherever they fall; what is done by then is kept and told."""
+"""Tests that signals stop the command line cleanly at any moment, and that finished bakes are kept and reported."""
 
 import json
 import os
@@ -26,7 +26,7 @@ SIGNALS = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
 
 @pytest.fixture
 def scene(tmp_path, monkeypatch):
-    """A folder to work in, with s.blend: two pairs by name."""
+    """The working folder, with s.blend: two pairs by name."""
     monkeypatch.chdir(tmp_path)
     for name in "ab":
         zoo.plane(f"{name}_low")
@@ -44,7 +44,7 @@ ONE = ["s.blend", "--low", "a_low", "--high", "a_high", "--size", "16"]
 
 @pytest.fixture
 def stops_at(monkeypatch):
-    """Has a signal come when `work` of the pipeline says for the `number`-th time what it does."""
+    """A function that raises signals at the `number`-th step of a bake with `word` in its text."""
 
     def arrange(word, number=1, signals=(signal.SIGINT,)):
         work, count = several.work, iter(range(1000))
@@ -70,7 +70,7 @@ def stops_at(monkeypatch):
 
 @pytest.mark.parametrize("number", SIGNALS)
 @pytest.mark.parametrize("word", ["Reading", "Storing"])
-def test_a_bake_that_is_stopped_leaves_nothing(scene, stops_at, capfd, number, word):
+def test_a_stopped_bake_leaves_no_files_and_restores_handlers(scene, stops_at, capfd, number, word):
     stops_at(word, signals=[number])
     before = [signal.getsignal(each) for each in SIGNALS]
     assert command.run([*ONE, "--output", "m.png", "--report", "r.json"]) == 128 + number
@@ -80,7 +80,7 @@ def test_a_bake_that_is_stopped_leaves_nothing(scene, stops_at, capfd, number, w
 
 
 def test_a_signal_in_one_of_blenders_callbacks_is_not_lost(scene):
-    """An exception there would be printed, and forgotten."""
+    """Blender would print an exception in a callback, and go on."""
 
     @bpy.app.handlers.persistent
     def handler(*_):
@@ -115,7 +115,7 @@ def test_a_signal_while_a_file_is_imported_is_not_lost(scene, monkeypatch):
     assert "m.png" not in files(scene)
 
 
-def test_a_signal_when_all_is_done_changes_the_exit_code_alone(scene, monkeypatch):
+def test_a_signal_after_the_bake_changes_only_the_exit_code(scene, monkeypatch):
     write = command.batch_results.write_json
 
     def late(*arguments):
@@ -127,7 +127,7 @@ def test_a_signal_when_all_is_done_changes_the_exit_code_alone(scene, monkeypatc
     assert files(scene) == ["m.png", "r.json", "s.blend"]
 
 
-def test_pairs_that_are_done_are_kept_and_told(scene, stops_at, capfd):
+def test_finished_pairs_are_kept_and_reported(scene, stops_at, capfd):
     stops_at("Reading b_low")
     words = ["s.blend", "--pairs", "--size", "16", "--limit", "9", "--output", "{low}.png", "--report", "r.json"]
     assert command.run([*words, "--save-blend", "o.blend"]) == 128 + signal.SIGINT
@@ -138,7 +138,7 @@ def test_pairs_that_are_done_are_kept_and_told(scene, stops_at, capfd):
     assert out.endswith(f"Wrote {scene / 'a_low.png'}, {scene / 'r.json'}\n")
 
 
-def test_frames_that_are_done_are_kept_and_told(scene, stops_at):
+def test_finished_frames_are_kept_and_reported(scene, stops_at):
     stops_at("Reading", number=3)
     words = [*ONE, "--frames", "1-9", "--output", "m.#.png", "--report", "r.json"]
     assert command.run(words) == 128 + signal.SIGINT
@@ -148,12 +148,12 @@ def test_frames_that_are_done_are_kept_and_told(scene, stops_at):
 
 
 def batch(scene, count=4):
-    one = {"file": "s.blend", "low": "a_low", "high": "a_high", "size": 16, "limit": 9}
-    (scene / "j.json").write_text(json.dumps({"bake": [{**one, "output": f"{n}.png"} for n in range(count)]}))
+    bake = {"file": "s.blend", "low": "a_low", "high": "a_high", "size": 16, "limit": 9}
+    (scene / "j.json").write_text(json.dumps({"bake": [{**bake, "output": f"{n}.png"} for n in range(count)]}))
     return ["--jobs", "j.json", "--report", "r.json"]
 
 
-def test_a_batch_tells_what_was_done(scene, stops_at, capfd):
+def test_a_stopped_batch_reports_finished_bakes(scene, stops_at, capfd):
     stops_at("Reading", number=3)
     assert command.run(batch(scene)) == 128 + signal.SIGINT
     assert files(scene) == ["0.png", "1.png", "j.json", "r.json", "s.blend"]
@@ -164,7 +164,7 @@ def test_a_batch_tells_what_was_done(scene, stops_at, capfd):
     assert "2 done, 0 failed, 2 stopped or not begun" in out
 
 
-def test_too_little_memory_fails_one_bake_alone(scene, monkeypatch, capfd):
+def test_too_little_memory_for_one_bake_does_not_stop_others(scene, monkeypatch, capfd):
     work, numbers = several.work, iter(range(4))
 
     def heavy(*arguments, **options):
@@ -174,21 +174,21 @@ def test_too_little_memory_fails_one_bake_alone(scene, monkeypatch, capfd):
 
     monkeypatch.setattr(several, "work", heavy)
     assert command.run(batch(scene)) == command.FAILED
-    told = json.loads((scene / "r.json").read_text())
-    assert [each["ok"] for each in told] == [True, False, True, True]
-    assert told[1]["error"].startswith("There is not enough memory (Unable to allocate 4.00 EiB")
+    reports = json.loads((scene / "r.json").read_text())
+    assert [each["ok"] for each in reports] == [True, False, True, True]
+    assert reports[1]["error"].startswith("There is not enough memory (Unable to allocate 4.00 EiB")
     assert "Traceback" not in capfd.readouterr().err
 
 
-def test_too_little_memory_is_told_in_one_line(scene, monkeypatch, capfd):
+def test_too_little_memory_gives_one_line(scene, monkeypatch, capfd):
     monkeypatch.setattr(several, "work", lambda *_, **__: np.empty(2**59, np.float64))
     assert command.run([*ONE, "--output", "m.png"]) == command.FAILED
     (line,) = capfd.readouterr().err.splitlines()
     assert line.startswith("imprint: There is not enough memory (")
 
 
-def test_the_report_of_a_batch_grows_as_it_goes_on(scene, monkeypatch):
-    """So that a crash loses little."""
+def test_the_report_of_a_batch_is_written_after_each_bake(scene, monkeypatch):
+    """So that a crash loses only one entry."""
     monkeypatch.setattr(command.batch_results.ReportFile, "SHARE", 1e9)
     seen, work = [], several.work
 
@@ -223,13 +223,13 @@ with interruption.listening():
         (["SIGINT"], None),
         (["SIGINT", "SIGINT"], 130),
         (["SIGTERM", "SIGHUP"], 143),
-        (["SIGUSR1", "SIGTERM"], None),  # the launcher handed the same signal on
+        (["SIGUSR1", "SIGTERM"], None),  # the launcher passed the same signal on
         (["SIGTERM", "SIGUSR1"], None),
         (["SIGTERM", "SIGUSR1", "SIGTERM"], 143),
         (["SIGUSR1", "SIGUSR2"], 130),
     ],
 )
-def test_a_second_signal_ends_at_once_and_leaves_nothing(tmp_path, signals, code):
+def test_a_second_signal_ends_at_once_and_leaves_no_files(tmp_path, signals, code):
     program = [sys.executable, "-c", ENDS, str(tmp_path / "map.png"), *signals]
     done = subprocess.run(program, capture_output=True, text=True, check=False, cwd=imprint.ROOT)
     assert done.returncode == (code or 0), done.stderr
@@ -251,7 +251,7 @@ def test_a_launcher_that_was_killed_stops_the_bake(monkeypatch):
     monkeypatch.setenv(interruption.LAUNCHER, str(os.getppid()))
     with interruption.listening():
         interruption.check()
-        monkeypatch.setattr(os, "getppid", lambda: 2**30)  # whoever takes in orphans
+        monkeypatch.setattr(os, "getppid", lambda: 2**30)  # the process that adopts orphans
         with pytest.raises(interruption.Stopped):
             interruption.check()
         assert interruption.code() == 128 + signal.SIGHUP
@@ -263,7 +263,7 @@ import runpy, signal, sys
 class Stop:
     def find_spec(self, name, *_):
         if name == "bpy":
-            sys.meta_path.remove(self)  # loading it asks again
+            sys.meta_path.remove(self)  # loading bpy calls this again
             signal.raise_signal(signal.SIGINT)
 sys.meta_path.insert(0, Stop())
 sys.argv = sys.argv[1:]
@@ -271,8 +271,8 @@ runpy.run_path(sys.argv[0])
 """
 
 
-def test_ctrl_c_before_blender_is_there(scene):
-    """The signal comes as soon as the program can have asked for it."""
+def test_ctrl_c_before_blender_is_loaded(scene):
+    """The signal comes as soon as the program can handle it."""
     program = [sys.executable, "-c", LATE, str(imprint.ROOT / "scripts" / "bake.py"), *ONE, "--output", "m.png"]
     done = subprocess.run(program, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (130, "imprint: stopped, nothing was finished.\n")
@@ -290,7 +290,7 @@ finally:
 """
 
 
-def test_who_has_done_all_is_not_stopped_any_more(scene):
+def test_signals_after_the_end_are_ignored(scene):
     program = [sys.executable, "-c", AFTERWARDS, str(imprint.ROOT / "scripts" / "bake.py"), *ONE, "--output", "m.png"]
     done = subprocess.run(program, capture_output=True, text=True, check=False)
     assert (done.returncode, files(scene)) == (0, ["m.png", "s.blend"])
@@ -315,14 +315,14 @@ with interruption.listening():
 """
 
 
-def test_a_second_signal_in_the_middle_of_clearing_up_ends_at_once(tmp_path):
+def test_a_second_signal_during_the_cleanup_ends_at_once(tmp_path):
     program = [sys.executable, "-c", TWICE, str(tmp_path / "map.png")]
     done = subprocess.run(program, capture_output=True, text=True, check=False, cwd=imprint.ROOT)
     assert (done.returncode, done.stderr) == (130, "")
     assert files(tmp_path) == []
 
 
-def test_what_is_being_baked_may_find_no_room(monkeypatch, capfd):
+def test_a_full_disk_for_the_name_of_the_bake_is_ignored(monkeypatch, capfd):
     full = os.open("/dev/full", os.O_WRONLY)
     monkeypatch.setenv(interruption.LAUNCHER, str(os.getppid()))
     monkeypatch.setenv(interruption.BAKING, str(full))
@@ -332,7 +332,7 @@ def test_what_is_being_baked_may_find_no_room(monkeypatch, capfd):
     assert capfd.readouterr() == ("", "")
 
 
-def test_too_little_memory_for_a_job_file_is_told_in_one_line(scene, monkeypatch, capfd):
+def test_too_little_memory_for_a_job_file_gives_one_line(scene, monkeypatch, capfd):
     def read(*_):
         raise MemoryError
 
@@ -341,15 +341,15 @@ def test_too_little_memory_for_a_job_file_is_told_in_one_line(scene, monkeypatch
     assert capfd.readouterr().err.startswith("imprint: There is not enough memory: ")
 
 
-def test_who_was_started_by_another_process_does_not_wait_for_the_launcher(monkeypatch):
-    """As a script of a farm's, which hands its environment on."""
+def test_a_process_with_another_parent_ignores_the_launcher(monkeypatch):
+    """A script of a render farm may inherit the environment of the launcher."""
     monkeypatch.setenv(interruption.LAUNCHER, str(os.getpid()))
     with interruption.listening():
         interruption.check()
         assert not interruption.is_launched()
 
 
-def test_the_last_note_alone_is_what_is_being_baked(tmp_path, monkeypatch):
+def test_only_the_name_of_the_current_bake_is_kept(tmp_path, monkeypatch):
     monkeypatch.setenv(interruption.LAUNCHER, str(os.getppid()))
     with (tmp_path / "baking").open("wb") as file, interruption.listening():
         monkeypatch.setenv(interruption.BAKING, str(file.fileno()))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Paths that only systems other than Windows have."""
+"""Tests paths that are not possible on Windows."""
 
 import json
 import os
@@ -8,10 +8,10 @@ import pytest
 
 from addon.cli.usage import arguments, job_file
 
-pytestmark = pytest.mark.skipif(os.name == "nt", reason="two slashes start the name of a server there")
+pytestmark = pytest.mark.skipif(os.name == "nt", reason="on Windows, two slashes start the name of a server")
 
 
-def test_two_slashes_of_a_job_file_are_one(tmp_path):
+def test_two_slashes_in_a_job_file_become_one(tmp_path):
     content = {"bake": [{"file": "//a.blend", "low": "a", "output": "//m.png"}]}
     (tmp_path / "jobs.json").write_text(json.dumps(content), encoding="utf-8")
     (found,) = job_file.read(str(tmp_path / "jobs.json"))

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Reads and writes in random combinations of jobs, folders, links and reports: none harms what is read, or another result.
+"""Tests random combinations of jobs, folders, links and reports: none changes its inputs or another result.
 
-The seed is the test's name. More of them: IMPRINT_RANDOM=0:200 pytest tests/cli/test_random_commands.py
+The seed is in the test's name. For more of them: IMPRINT_RANDOM=0:200 pytest tests/cli/test_random_commands.py
 """
 
 import hashlib
@@ -26,16 +26,16 @@ pytestmark = [
 
 FIRST, LAST = map(int, os.environ.get("IMPRINT_RANDOM", "0:60").split(":"))
 ENOUGH = 0.2
-"""Share of the cases that must bake, and share that must be refused: else one answer to everything would pass."""
+"""The least share of cases that bake, and of cases that are refused. Otherwise refusing all would pass."""
 SMALL = ["--size", "16", "--margin", "0", "--limit", "9", "--method", "flatten"]
 TEXTURES = ("skin.png", "skin.1001.png", "skin_0001.png", "rock_a_low.png", "rock_a_low_height.png")
 STARTS = {".png": b"\x89PNG", ".json": (b"{", b"["), ".blend": (b"BLENDER", b"\x28\xb5\x2f\xfd")}
-"""What files begin with."""
+"""The first bytes of files."""
 
 
 @pytest.fixture(scope="module")
 def outcomes():
-    """How many cases ended how."""
+    """The number of cases for each outcome."""
     count = Counter()
     yield count
     print(f"{count.total()} combinations: {dict(count)}")
@@ -45,7 +45,7 @@ def outcomes():
 
 @pytest.fixture(scope="module")
 def inputs(tmp_path_factory):
-    """A folder with what can be baked: scenes, one of them with a library, and meshes that name materials and textures."""
+    """A folder with scenes, one of them with a library, and with meshes that refer to materials and textures."""
     folder = tmp_path_factory.mktemp("inputs")
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     for name in ("rock_a", "rock_b"):
@@ -72,8 +72,8 @@ def inputs(tmp_path_factory):
         image = bpy.data.images.new(name, 4, 4)
         image.filepath_raw, image.file_format = str(folder / name), "PNG"
         image.save()
-    told = "".join(f"newmtl m{number}\nmap_Kd {name}\n" for number, name in enumerate(TEXTURES))
-    (folder / "rock_a_high.mtl").write_text(told)
+    text = "".join(f"newmtl m{number}\nmap_Kd {name}\n" for number, name in enumerate(TEXTURES))
+    (folder / "rock_a_high.mtl").write_text(text)
     points = (folder / "rock_a_high.obj").read_text()
     (folder / "rock_a_high.obj").write_text(f"mtllib rock_a_high.mtl\n{points}")
     return folder
@@ -81,7 +81,7 @@ def inputs(tmp_path_factory):
 
 @pytest.fixture
 def place(inputs, tmp_path, monkeypatch):
-    """A folder to work in: in/, with links into it, and out/ with an older map."""
+    """The working folder: in/, with links into it, and out/ with an older map."""
     monkeypatch.chdir(tmp_path)
     shutil.copytree(inputs, tmp_path / "in")
     (tmp_path / "out").mkdir()
@@ -94,7 +94,7 @@ def place(inputs, tmp_path, monkeypatch):
 
 
 def tree(folder):
-    """What lies in a folder: links by where they point, files by a hash of what they hold."""
+    """The paths in a folder, with the targets of links and hashes of the content of files."""
     result = {}
     for path in sorted(folder.rglob("*")):
         if path.is_symlink():
@@ -105,20 +105,20 @@ def tree(folder):
 
 
 class Case:
-    """One random call, made of the generator `rng`."""
+    """One random call, from the generator `rng`."""
 
     def __init__(self, rng, folder):
         self.rng, self.folder = rng, folder
         self.files = sorted(path.name for path in (folder / "in").iterdir())
         self.is_bold = rng.random() < 0.55
-        """Whether outputs go where they may do harm."""
+        """Whether outputs may overwrite inputs or other results."""
         self.written = []
 
-    def pick(self, *things):
-        return things[self.rng.integers(len(things))]
+    def pick(self, *choices):
+        return choices[self.rng.integers(len(choices))]
 
     def disguise(self, name):
-        """A path to in/name."""
+        """An unusual spelling of the path in/name."""
         return self.pick(
             *(f"in/{name}", f"./in/{name}", f"out/../in/{name}", f"in//{name}", f"soft/{name}", f"soft/../in/{name}"),
             *(f"{self.folder}/in/{name}", f"/{self.folder}/in/{name}", f"in/./{name}", f"soft_{name}", f"hard_{name}"),
@@ -129,10 +129,10 @@ class Case:
         return self.pick(f"in/{name}", f"soft/{name}", f"./in/../in/{name}", f"soft_{name}")
 
     def output(self, ending):
-        """Where a file with this ending is to go: somewhere new, where an input is, or where another result goes."""
+        """A path for a file with this ending: a new one, or that of an input or of another result."""
         if self.is_bold and self.rng.random() < 0.45:
             fitting = [name for name in self.files if name.endswith(ending)]
-            # A report may be called anything.
+            # A report may have any name.
             return self.disguise(self.pick(*(fitting if fitting and ending != ".json" else self.files)))
         if self.is_bold and self.written and self.rng.random() < 0.3:
             return self.pick(*self.written)
@@ -140,21 +140,21 @@ class Case:
         return self.pick(self.written[-1], f"./{self.written[-1]}")
 
     def map(self):
-        """Options of the map, with what may spread: tiles, frames, other maps, the low object's name."""
-        place = self.pick("out", "out", "new/deep") if not self.is_bold else self.pick("out", "in", "soft")
+        """Options of the map. Tiles, other maps and {low} add files."""
+        folder = self.pick("out", "out", "new/deep") if not self.is_bold else self.pick("out", "in", "soft")
         stem = self.pick("x", "{low}", "skin") if self.is_bold else self.pick("{low}", "fresh{low}", "old{low}")
         number = len(self.written)
         return self.pick(
-            {"output": f"{place}/{stem}.png"},
-            {"output": f"{place}/{stem}{number}.png", "mask": True},
-            {"output": f"{place}/{stem}.<UDIM>.png"},
-            {"output": f"{place}/{stem}.png", "tiles": "1001"},
-            {"output": f"{place}/{stem}.png", "maps": "height"},
+            {"output": f"{folder}/{stem}.png"},
+            {"output": f"{folder}/{stem}{number}.png", "mask": True},
+            {"output": f"{folder}/{stem}.<UDIM>.png"},
+            {"output": f"{folder}/{stem}.png", "tiles": "1001"},
+            {"output": f"{folder}/{stem}.png", "maps": "height"},
             {"output": self.output(".png")},
         )
 
-    def subject(self):
-        """What is baked, as options."""
+    def objects(self):
+        """Options for the objects."""
         name = self.pick("rock_a", "rock_b")
         high = "rock_a_high.obj" if name == "rock_a" else "rock_b_high.gltf"
         scene = self.source(self.pick("rock.blend", "linked.blend"))
@@ -166,9 +166,9 @@ class Case:
             {"file": self.source("rock.blend"), "pairs": True},
         )
 
-    def one(self):
+    def bake(self):
         """All options of a bake."""
-        options = {**self.subject(), **self.map()}
+        options = {**self.objects(), **self.map()}
         if "tiles" not in options and "<UDIM>" not in options["output"] and "pairs" not in options:
             options |= self.pick({}, {}, {"frames": "1-2"})
         options |= self.pick({}, {"report": self.output(".json")})
@@ -179,13 +179,13 @@ class Case:
         """The whole call."""
         kind = self.pick("one", "one", "jobs", "jobs", "folder")
         if kind == "one":
-            self.bakes = [self.one()]
+            self.bakes = [self.bake()]
             return [*as_words(self.bakes[0]), *SMALL]
         report = self.pick([], ["--report", self.output(".json")], ["--report", "jobs.json"] if self.is_bold else [])
         if kind == "folder":
             self.bakes = [{"pairs": self.pick("in", "soft", "./in"), **self.map()}]
             return [*as_words(self.bakes[0]), *report, *SMALL]
-        self.bakes = [{**self.one(), **self.pick({}, {}, {"low": "none"})} for _ in range(self.rng.integers(1, 4))]
+        self.bakes = [{**self.bake(), **self.pick({}, {}, {"low": "none"})} for _ in range(self.rng.integers(1, 4))]
         (self.folder / "jobs.json").write_text(json.dumps({"bake": self.bakes}))
         return ["--jobs", self.pick("jobs.json", "./jobs.json"), *report, *SMALL]
 
@@ -204,11 +204,11 @@ NAMED_IN = {
     "rock_a_high.obj": ["rock_a_high.mtl", *TEXTURES],
     "rock_b_high.gltf": ["rock_b_high.bin"],
 }
-"""What is read with a file."""
+"""The other files that are read with a file."""
 
 
 def read_by(options, folder):
-    """Where the files really are that a bake reads; told of by the test alone."""
+    """The real paths of the files that a bake reads, found without the code under test."""
     names = [options[key] for key in ("file", "low-file", "high-file") if key in options]
     if isinstance(options.get("pairs"), str):
         names += [str(path) for path in (folder / "in").iterdir() if path.suffix in {".obj", ".gltf", ".blend"}]
@@ -217,7 +217,7 @@ def read_by(options, folder):
 
 
 def protected(bakes, folder):
-    """What must stay as it is: all that is read, but for the one scene that is saved over itself."""
+    """The files that must not change: all that are read, except a scene that is saved over itself."""
     reads = [read_by(options, folder) for options in bakes]
     result = set().union(*reads, {str(folder / "jobs.json")})
     for number, options in enumerate(bakes):
@@ -228,35 +228,35 @@ def protected(bakes, folder):
 
 
 @pytest.mark.parametrize("seed", range(FIRST, LAST))
-def test_no_input_is_harmed_by_seed(place, outcomes, capsys, seed):
+def test_no_input_is_changed_by_seed(place, outcomes, capsys, seed):
     case = Case(np.random.default_rng(seed), place)
     words = case.words()
     before = tree(place)
     code = command.run(words)
     captured = capsys.readouterr()
     after = tree(place)
-    said = (words, captured.err, (place / "jobs.json").read_text() if (place / "jobs.json").exists() else "")
-    assert "Traceback" not in captured.err, said
+    context = (words, captured.err, (place / "jobs.json").read_text() if (place / "jobs.json").exists() else "")
+    assert "Traceback" not in captured.err, context
     for path in protected(case.bakes, place).intersection(map(str, before)):
-        assert after.get(Path(path)) == before.get(Path(path)), (path, said)
+        assert after.get(Path(path)) == before.get(Path(path)), (path, context)
     for path, content in before.items():
-        assert not path.is_symlink() or after.get(path) == content, (path, said)
-    assert not [path for path in after if ".partial" in path.name], said
+        assert not path.is_symlink() or after.get(path) == content, (path, context)
+    assert not [path for path in after if ".partial" in path.name], context
     if code == command.WRONG_USAGE:
         outcomes["refused"] += 1
-        assert after == before, said
+        assert after == before, context
         assert "error: " in captured.err
     elif code == command.DONE:
         outcomes["baked"] += 1
-        assert after != before, said
+        assert after != before, context
         for path in set(after) - set(before):
             starts = STARTS[path.suffix]
-            assert path.read_bytes().startswith(starts), (path, said)
+            assert path.read_bytes().startswith(starts), (path, context)
     else:
         outcomes["failed"] += 1
 
 
-# What shows only when files are open
+# Clashes that are found only in open files
 
 
 LATE = ["--low=rock_a_low", "--high=rock_a_high", "--no-material", *SMALL]
@@ -264,11 +264,9 @@ LATE = ["--low=rock_a_low", "--high=rock_a_high", "--no-material", *SMALL]
 
 @pytest.mark.parametrize("output", ["in/lib.blend", "hard_lib.blend", "soft/LIB.blend"])
 @pytest.mark.parametrize("option", ["report", "save-blend"])
-def test_a_library_is_not_written_over(place, capsys, output, option):
+def test_a_library_is_not_overwritten(place, capsys, output, option):
     before = tree(place)
-    assert (
-        command.run(["in/linked.blend", *LATE, "--output=out/m.png", f"--{option}={output}"]) == command.WRONG_USAGE
-    )
+    assert command.run(["in/linked.blend", *LATE, "--output=out/m.png", f"--{option}={output}"]) == command.WRONG_USAGE
     assert "would overwrite a linked library" in capsys.readouterr().err
     assert tree(place) == before
     bake = {
@@ -285,17 +283,17 @@ def test_a_library_is_not_written_over(place, capsys, output, option):
 
 
 @pytest.mark.parametrize("option", ["save-blend", "report"])
-def test_a_library_of_a_later_set_is_not_written_over(place, capsys, option):
-    own = {"low": "rock_a_low", "high": "rock_a_high"}
-    if option == "report":  # whose path is a link's here
+def test_a_library_of_a_later_set_is_not_overwritten(place, capsys, option):
+    objects = {"low": "rock_a_low", "high": "rock_a_high"}
+    if option == "report":  # through a link
         (place / "r.json").symlink_to("in/lib.blend")
     first = {
         "file": "in/rock.blend",
-        **own,
+        **objects,
         "output": "out/a.png",
         option: "r.json" if option == "report" else "in/lib.blend",
     }
-    second = {"file": "in/linked.blend", **own, "output": "out/b.png"}
+    second = {"file": "in/linked.blend", **objects, "output": "out/b.png"}
     (place / "jobs.json").write_text(json.dumps({"bake": [first, second]}))
     before = tree(place)
     assert command.run(["--jobs=jobs.json", *SMALL]) == command.WRONG_USAGE
@@ -310,15 +308,15 @@ def test_libraries_are_found_without_opening_a_file(place, packed):
     bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True, compress=packed)
     assert path.read_bytes().startswith(STARTS[".blend"][packed])
     assert place / "in" / "lib.blend" in file_references.libraries(path)
-    whole = path.read_bytes()
-    for broken in (whole[:1000], whole[:10], whole[:400] + b"no stream" + whole[400:], b""):
+    content = path.read_bytes()
+    for broken in (content[:1000], content[:10], content[:400] + b"no stream" + content[400:], b""):
         path.write_bytes(broken)
-        file_references.libraries(path)  # whatever it still finds
+        file_references.libraries(path)  # must not raise
     assert file_references.libraries(path) == []
     assert file_references.libraries(place / "in" / "rock_a_low.obj") == []
 
 
-def test_a_texture_that_only_the_importer_knows_is_not_written_over(place, capsys, monkeypatch):
+def test_a_texture_that_only_the_importer_finds_is_not_overwritten(place, capsys, monkeypatch):
     monkeypatch.setattr(file_references, "of", lambda _path: iter(()))
     mesh = place / "in" / "rock_a_high.obj"
     mesh.write_text(mesh.read_text().replace("\nf ", "\nusemtl m0\nf ", 1))
@@ -330,7 +328,7 @@ def test_a_texture_that_only_the_importer_knows_is_not_written_over(place, capsy
 
 
 @pytest.mark.parametrize("name", ["rock_b_high.bin", "a%20b.bin", "far/deep.bin"])
-def test_the_buffer_of_a_gltf_is_not_written_over(place, capsys, name):
+def test_the_buffer_of_a_gltf_file_is_not_overwritten(place, capsys, name):
     path = place / "in" / "rock_b_high.gltf"
     table = json.loads(path.read_text())
     table["buffers"][0]["uri"] = name

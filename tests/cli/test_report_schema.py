@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Reports hold the keys that the manual says, down to the last one, and nothing else."""
+"""Tests that reports have exactly the keys in the manual."""
 
 import json
 
@@ -23,12 +23,12 @@ KINDS = {
     "0": (int, float),
     "two": list,
 }
-"""The first word of a type in the manual, and what json.load makes of it."""
+"""The first word of a type in the manual, and the types that json.load returns for it."""
 
 
 @pytest.fixture
 def report(tmp_path, monkeypatch):
-    """Bakes with further arguments; returns the report as JSON has it."""
+    """A function that bakes with more arguments, and returns the report from JSON."""
     monkeypatch.chdir(tmp_path)
     zoo.plane("a_low")
     zoo.plane("a_high", slope=0.2)
@@ -44,7 +44,7 @@ def report(tmp_path, monkeypatch):
 PAIR = ["file.blend", "--low", "a_low", "--high", "a_high", "--output", "map.png"]
 
 
-def fits(table, values):
+def check_keys(table, values):
     """Check names and types of the keys of `values` against a table of the manual."""
     assert [names(cells[0])[0] for cells in table] == list(values)
     for cells in table:
@@ -55,10 +55,10 @@ def fits(table, values):
 
 
 @pytest.mark.parametrize("method", ["flatten", "cast"])
-def test_the_report_of_one_bake_is_that_of_the_manual(report, method):
+def test_the_report_of_one_bake_has_the_keys_in_the_manual(report, method):
     found = report(*PAIR, "--method", method, "--maps", "height,object-id", "--depth", "8")
     text = section(PAGE, "### The report of one bake")
-    fits(rows(text), found)
+    check_keys(rows(text), found)
     documented = {names(cells[0])[0]: set(names(cells[2])) for cells in rows(text)}
     assert set(found["triangles"]) == documented["triangles"]
     assert set(found["distances"]) == (documented["distances"] if method == "cast" else set())
@@ -67,7 +67,7 @@ def test_the_report_of_one_bake_is_that_of_the_manual(report, method):
     assert {key for how in found["maps"].values() for key in how} <= documented["maps"]
 
 
-def test_the_checks_of_a_report_are_those_of_the_manual(report):
+def test_the_checks_of_a_report_are_those_in_the_manual(report):
     found = report(*PAIR)["checks"]
     text = section(PAGE, "### Checks")
     everywhere = {"severity", "count", "of", "share"}
@@ -77,11 +77,11 @@ def test_the_checks_of_a_report_are_those_of_the_manual(report):
     assert {kind: set(check) - everywhere for kind, check in found.items()} == documented
 
 
-def test_an_entry_of_many_is_that_of_the_manual(report, tmp_path):
+def test_the_entry_of_a_batch_has_the_keys_in_the_manual(report, tmp_path):
     job = {"bake": [{"file": "file.blend", "low": "a_low", "high": "a_high", "output": "map.png"}]}
     (tmp_path / "jobs.json").write_text(json.dumps(job), encoding="utf-8")
     (entry,) = report("--jobs", "jobs.json")
-    fits(rows(section(PAGE, "### An entry of many")), entry)
+    check_keys(rows(section(PAGE, "### An entry of many")), entry)
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Standard output and what may be on its other end."""
+"""Tests output to a pipe."""
 
 import os
 import threading
@@ -10,18 +10,18 @@ from addon.cli import standard_streams
 
 
 @pytest.mark.skipif(os.name == "nt", reason="pipes of POSIX")
-def test_a_pipe_that_does_not_wait_gets_all():
-    """As some parents make them, for all who have them open."""
+def test_a_pipe_that_does_not_block_gets_all_text():
+    """Some parent processes set their pipes to non-blocking, which changes them for all processes."""
     source, sink = os.pipe()
     os.set_blocking(sink, False)
-    got = []
-    reader = threading.Thread(target=lambda: got.extend(iter(lambda: os.read(source, 4096), b"")))
-    said = "word " * 100_000
+    received = []
+    reader = threading.Thread(target=lambda: received.extend(iter(lambda: os.read(source, 4096), b"")))
+    text = "word " * 100_000
     with standard_streams._text(standard_streams._Patient(sink, "wb")) as stream:
         threading.Timer(0.05, reader.start).start()
-        stream.write(said)
+        stream.write(text)
     while not reader.ident:
         pass
     reader.join()
     os.close(source)
-    assert b"".join(got).decode() == said
+    assert b"".join(received).decode() == text

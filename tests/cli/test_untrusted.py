@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Files of others: what they would run is not run, what they would write is not written, and both are said."""
+"""Tests untrusted files: their scripts do not run, their simulations write no files, and warnings report both."""
 
 import json
 
@@ -16,14 +16,14 @@ BAKE = ["s.blend", "--low", "lo", "--high", "hi", "--size", "16", "--limit", "9"
 
 @pytest.fixture
 def high(tmp_path, monkeypatch):
-    """The high object of a scene that is to be saved as s.blend in the folder to work in."""
+    """The high object of a scene that a test saves as s.blend in the working folder."""
     monkeypatch.chdir(tmp_path)
     zoo.plane("lo")
     return zoo.plane("hi", slope=0.1)
 
 
 def baked(folder, *words):
-    """Bake s.blend; returns what was written, and the warnings of the reports."""
+    """Bake s.blend. Returns the names of new files, and the warnings in the reports."""
     bpy.ops.wm.save_as_mainfile(filepath=str(folder / "s.blend"))
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     before = set(folder.rglob("*"))
@@ -33,7 +33,7 @@ def baked(folder, *words):
     return sorted(path.name for path in set(folder.rglob("*")) - before), warnings
 
 
-def test_scripts_that_were_refused_are_told(tmp_path, high, capfd):
+def test_scripts_that_did_not_run_give_a_warning(tmp_path, high, capfd):
     driver = high.driver_add("location", 2).driver
     driver.expression = "len([1 for i in range(2)])"
     _, warnings = baked(tmp_path, "--output", "m.png")
@@ -51,7 +51,7 @@ def test_a_cache_on_the_disk_stays_in_memory(tmp_path, high):
     assert not [warning for warning in warnings if "Scripts" in warning]
 
 
-def test_a_fluid_that_writes_files_is_switched_off_and_told(tmp_path, high):
+def test_a_fluid_that_writes_files_is_switched_off_with_a_warning(tmp_path, high):
     domain = zoo.plane("domain").modifiers.new("Fluid", "FLUID")
     domain.fluid_type = "DOMAIN"
     domain.domain_settings.cache_type, domain.domain_settings.cache_directory = "REPLAY", "//cache"
@@ -63,12 +63,12 @@ def test_a_fluid_that_writes_files_is_switched_off_and_told(tmp_path, high):
 
 
 def simulated(folder, high):
-    """Give the scene what writes files: a cloth that caches on the disk, and a fluid on Replay."""
+    """Give the scene simulations that write files: a cloth with a disk cache, and a fluid on Replay."""
     domain = zoo.plane("domain").modifiers.new("Fluid", "FLUID")
     domain.fluid_type = "DOMAIN"
     domain.domain_settings.cache_type = "REPLAY"
     cloth = high.modifiers.new("Cloth", "CLOTH")
-    bpy.ops.wm.save_as_mainfile(filepath=str(folder / "s.blend"))  # there are no such caches before
+    bpy.ops.wm.save_as_mainfile(filepath=str(folder / "s.blend"))  # disk caches need a saved file
     cloth.point_cache.use_disk_cache = True
 
 
@@ -80,7 +80,7 @@ def test_the_saved_scene_keeps_its_simulations(tmp_path, high):
     assert (fluid.show_viewport, fluid.show_render, cloth.point_cache.use_disk_cache) == (True, True, True)
 
 
-def test_a_file_that_is_open_already_writes_none_either(tmp_path, high, capsys):
+def test_simulations_of_the_open_file_write_no_files(tmp_path, high, capsys):
     simulated(tmp_path, high)
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "s.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "s.blend"))

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Installs an extension's zip as a person would, enables it, uses it, and disables it again.
+"""Installs an extension's zip as a user does, enables it, uses it, and disables it again.
 
-test_build.py starts this in a process of its own, away from the checkout: nothing but the zip may give it the add-on.
+test_build.py starts this in a separate process outside the checkout, so that the add-on can come only from the zip.
 """
 
 import math
@@ -13,13 +13,13 @@ MODULE = "bl_ext.user_default.imprint"
 
 
 def install(archive):
-    """Install the zip into the person's own repository and enable it."""
+    """Install the zip into the user's repository and enable it."""
     bpy.ops.extensions.package_install_files(filepath=archive, repo="user_default", enable_on_install=True)
     assert MODULE in bpy.context.preferences.addons, f"{MODULE} is not enabled"
 
 
 def use():
-    """Do with the installed add-on what a person does: bake a plane that leans onto one that lies flat."""
+    """Bake a tilted plane onto a flat one, with the installed add-on."""
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     bpy.ops.mesh.primitive_plane_add(rotation=(0.5, 0.0, 0.0))
     high = bpy.context.object
@@ -33,7 +33,7 @@ def use():
 
 
 def remove():
-    """Disable the add-on, which must leave without a trace of its classes."""
+    """Disable the add-on."""
     bpy.ops.preferences.addon_disable(module=MODULE)
     assert MODULE not in bpy.context.preferences.addons, f"{MODULE} is still enabled"
 

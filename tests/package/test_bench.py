@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The benchmark: fits, verdicts and report on numbers made up here, and one small measurement with known angles."""
+"""Tests the benchmark's fits, verdicts and report on invented numbers, and one small measurement with known angles."""
 
 import json
 import re
@@ -13,7 +13,7 @@ from scripts.bench.contenders import CAST, CYCLES, FLATTEN, MULTIRES
 from tests.support import angles
 
 EXACT = 0.6
-"""Degrees: what triangles of 1/128 of the map, which interpolate normals, may miss of the waves."""
+"""Degrees: the error of triangles with a size of 1/128 of the map, which interpolate normals."""
 
 
 def timed(*seconds, first=1.0, gap=""):
@@ -62,20 +62,20 @@ def result(**parts):
 
 
 @pytest.mark.parametrize("power", [0.5, 1.0, 2.0])
-def test_the_exponent_of_a_power_is_found(power):
+def test_exponents_are_fitted(power):
     found = measure.exponents(points(power, scatter=0.1), FLATTEN)
     assert found == pytest.approx({"median": power, "least": power - 0.1, "most": power + 0.1})
 
 
-def test_the_largest_points_can_be_fitted_alone():
+def test_only_the_largest_points_can_be_fitted():
     bent = points(0.0, count=2) + points(2.0)[2:]
     assert measure.exponents(bent, CAST, last=3)["median"] == pytest.approx(2.0)
     assert measure.exponents(bent, CAST)["median"] != pytest.approx(2.0)
 
 
-def test_ratios_are_those_of_medians_and_of_rounds():
+def test_ratios_of_medians_and_of_rounds():
     assert measure.ratios(row(), CYCLES, FLATTEN) == pytest.approx({"median": 20.0, "least": 10.0, "most": 40.0})
-    assert measure.ratios(row(), "Nobody", FLATTEN) is None
+    assert measure.ratios(row(), "Unknown", FLATTEN) is None
 
 
 @pytest.mark.parametrize(
@@ -88,7 +88,7 @@ def test_ratios_are_those_of_medians_and_of_rounds():
         ((), "not measured"),
     ],
 )
-def test_a_ratio_is_held_to_its_target(seconds, outcome):
+def test_verdicts_of_ratios(seconds, outcome):
     times = {FLATTEN: timed(*seconds), CAST: timed(1.0, 1.0, 1.0), CYCLES: timed(2.0, 2.0, 2.0)}
     verdict = verdicts.judge(result(pairs=[row(times=times)]))[0]
     assert "10 times" in verdict.target
@@ -96,7 +96,7 @@ def test_a_ratio_is_held_to_its_target(seconds, outcome):
 
 
 @pytest.mark.parametrize(("ours", "outcome"), [(0.305, "holds"), (0.35, "missed")])
-def test_accuracy_is_held_to_the_best_other(ours, outcome):
+def test_verdicts_of_accuracy(ours, outcome):
     found = {
         name: {"median": 0.1, "percentile_99": degrees, "maximum": 1.0, "written": 1.0}
         for name, degrees in ((FLATTEN, ours), (CYCLES, 0.3), (MULTIRES, 0.5))
@@ -107,13 +107,13 @@ def test_accuracy_is_held_to_the_best_other(ours, outcome):
 @pytest.mark.parametrize(
     ("power", "scatter", "outcome"), [(0.7, 0.2, "holds"), (0.9, 0.2, "open"), (1.1, 0.2, "open"), (1.5, 0.2, "missed")]
 )
-def test_growth_is_held_to_linear(power, scatter, outcome):
+def test_verdicts_of_growth(power, scatter, outcome):
     assert verdicts.linear("triangles", points(power, scatter), FLATTEN).outcome == outcome
 
 
-def test_the_report_says_what_holds_first_and_leaves_gaps_where_nothing_was_measured(tmp_path):
-    gone = {"Open3D, RaycastingScene": timed(first=0.0, gap="not today")}
-    rows = [row(times=row()["times"] | gone)]
+def test_the_report_starts_with_verdicts_and_has_gaps_for_missing_measurements(tmp_path):
+    missing = {"Open3D, RaycastingScene": timed(first=0.0, gap="not today")}
+    rows = [row(times=row()["times"] | missing)]
     made = result(
         pairs=rows,
         closed_forms=[row(angles={})],
@@ -135,7 +135,7 @@ def test_the_report_says_what_holds_first_and_leaves_gaps_where_nothing_was_meas
     assert (tmp_path / "growth.png").stat().st_size > 0
 
 
-def test_the_limit_counts_what_a_stage_must_move():
+def test_the_limit_counts_the_bytes_of_each_stage():
     stages = measure.limit(row(), 10.0)["methods"][FLATTEN]["stages"]
     assert stages["draw"]["least_seconds"] == pytest.approx(2 * 16 * 2048**2 / 10e9)
     assert stages["extract"]["bytes"] == 2 * 3 * 32 * 209_000
@@ -143,8 +143,8 @@ def test_the_limit_counts_what_a_stage_must_move():
 
 
 @pytest.mark.parametrize("build", [scenes.sine, scenes.belt])
-def test_maps_are_held_to_the_closed_form(build):
-    """The formula is checked on the mesh itself, whose quads have nearly the surface's normal at their middle."""
+def test_maps_agree_with_the_closed_form(build):
+    """Checks the formula on the mesh as well, whose quads nearly have the surface's normal at their center."""
     pair = build(128)
     high = pair.high.data
     normals, uv = np.empty(3 * len(high.polygons), np.float32), np.empty(2 * len(high.loops), np.float32)
@@ -153,16 +153,16 @@ def test_maps_are_held_to_the_closed_form(build):
     truth = pair.truth(*uv.reshape(-1, 4, 2).mean(axis=1, dtype=np.float64).T)
     assert angles.degrees(normals.reshape(-1, 3), truth).max() < EXACT
 
-    own = contenders.Imprint(FLATTEN, pair, 64, method="FLATTEN", space="WORLD")
-    own.bake()
-    found = contenders.deviation(pair, own.normals())
+    contender = contenders.Imprint(FLATTEN, pair, 64, method="FLATTEN", space="WORLD")
+    contender.bake()
+    found = contenders.deviation(pair, contender.normals())
     assert found["maximum"] < EXACT
     assert found["written"] == 1.0
-    turned = contenders.deviation(pair, -own.normals())
-    assert turned["median"] > 179.0
+    flipped = contenders.deviation(pair, -contender.normals())
+    assert flipped["median"] > 179.0
 
 
-def test_a_race_keeps_contenders_apart_and_tells_gaps():
+def test_a_race_alternates_contenders_and_reports_gaps():
     order = []
 
     def runner(name):

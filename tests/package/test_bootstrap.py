@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The parts of scripts/imprint.py that can be tried without setting anything up."""
+"""Tests the parts of scripts/imprint.py that need no real environment."""
 
 import ast
 import signal
@@ -18,7 +18,7 @@ SEGFAULT = -11
 
 
 def fake_python(folder, body, name="python3.13"):
-    """Write an executable that behaves as the shell lines say and return the command that starts it."""
+    """Write an executable shell script with `body`. Returns the command that starts it."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / name
     path.write_text(f"#!/bin/sh\n{body}\n")
@@ -28,7 +28,7 @@ def fake_python(folder, body, name="python3.13"):
 
 @pytest.fixture
 def bare(tmp_path, monkeypatch):
-    """Point the script at an empty checkout, with requirements and no environment."""
+    """An empty checkout for the script, with requirements and without an environment."""
     venv = tmp_path / ".venv"
     monkeypatch.setattr(imprint, "VENV", venv)
     monkeypatch.setattr(imprint, "PYTHON", venv / "python")
@@ -40,7 +40,7 @@ def bare(tmp_path, monkeypatch):
 
 
 def finish_environment():
-    """Stand in for make_environment()."""
+    """Does what make_environment() would do."""
     imprint.VENV.mkdir(exist_ok=True)
     imprint.PYTHON.touch()
     imprint.STAMP.write_text(imprint.wanted_stamp())
@@ -53,29 +53,29 @@ class TestOldPythons:
     def test_help_runs_on_the_oldest(self):
         found = [path for root in imprint.pyenv_roots() for path in root.glob("versions/3.9.*/bin/python3.9")]
         if not found:
-            pytest.skip("no Python 3.9 here; its syntax is checked all the same")
+            pytest.skip("no Python 3.9 here; another test checks the syntax")
         shown = subprocess.run([found[0], imprint.__file__, "--help"], capture_output=True, text=True, check=True)
         assert all(command in shown.stdout for command in ("demo", "bake", "test", "build"))
 
 
 class TestChoiceOfPython:
-    def test_a_shim_that_fails_is_passed_over(self, tmp_path):
+    def test_a_shim_that_fails_is_skipped(self, tmp_path):
         shim = fake_python(tmp_path / "shims", "echo 'pyenv: command not found' >&2; exit 127")
         real = fake_python(tmp_path / "real", "echo 3.13 /base/python3.13")
         assert imprint.find_python([shim, real]) == "/base/python3.13"
 
-    def test_another_version_is_passed_over(self, tmp_path):
+    def test_another_version_is_skipped(self, tmp_path):
         other = fake_python(tmp_path / "other", "echo 3.12 /base/python3.12")
         real = fake_python(tmp_path / "real", "echo 3.13 /base/python3.13")
         assert imprint.find_python([other, real]) == "/base/python3.13"
 
-    def test_one_that_is_not_there_is_passed_over(self, tmp_path):
+    def test_a_missing_command_is_skipped(self, tmp_path):
         assert imprint.base_python([str(tmp_path / "nowhere")]) is None
 
-    def test_this_python_leads_to_its_base(self):
+    def test_the_base_of_this_python_is_found(self):
         assert imprint.base_python([sys.executable]) == sys._base_executable
 
-    def test_none_is_one_line_that_says_what_to_do(self):
+    def test_without_a_python_the_message_says_what_to_install(self):
         with pytest.raises(imprint.Failure) as failure:
             imprint.find_python([])
         message = str(failure.value)
@@ -92,7 +92,7 @@ class TestChoiceOfPython:
         monkeypatch.setenv("PATH", str(tmp_path / "pyenv/bin"))
         assert python in list(imprint.python_candidates())
 
-    def test_pyenv_root_is_looked_at_first(self, tmp_path, monkeypatch):
+    def test_pyenv_root_is_searched_first(self, tmp_path, monkeypatch):
         monkeypatch.setenv("PYENV_ROOT", str(tmp_path))
         assert next(imprint.pyenv_roots()) == tmp_path
 
@@ -103,27 +103,27 @@ class TestStamp:
         finish_environment()
         assert imprint.is_ready()
 
-    def test_a_half_made_one_is_not(self, bare):
+    def test_an_incomplete_environment_is_not_ready(self, bare):
         finish_environment()
         imprint.STAMP.unlink()
         assert not imprint.is_ready()
 
-    def test_one_whose_python_went_away_is_not(self, bare):
+    def test_an_environment_without_its_python_is_not_ready(self, bare):
         finish_environment()
         imprint.PYTHON.unlink()
         assert not imprint.is_ready()
 
-    def test_changed_requirements_make_it_anew(self, bare):
+    def test_an_environment_for_other_requirements_is_not_ready(self, bare):
         finish_environment()
         imprint.REQUIREMENTS.write_text("bpy==5.2.4\n")
         assert not imprint.is_ready()
 
-    def test_two_at_once_make_it_once(self, bare, monkeypatch):
+    def test_two_processes_make_the_environment_once(self, bare, monkeypatch):
         made = []
 
         def make():
             made.append(1)
-            time.sleep(0.2)  # long enough for the other to arrive
+            time.sleep(0.2)  # until the other thread waits
             finish_environment()
 
         monkeypatch.setattr(imprint, "make_environment", make)
@@ -142,7 +142,7 @@ class TestStamp:
 
 @pytest.fixture
 def linux(monkeypatch):
-    """A Linux on which each library is there, whatever this machine has."""
+    """A Linux with all libraries, even if this machine lacks some."""
     monkeypatch.setattr(sys, "platform", "linux")
     monkeypatch.setattr(imprint, "is_loadable", lambda library: True)
 
@@ -150,17 +150,17 @@ def linux(monkeypatch):
 class TestMissingLibraries:
     IMPORT_ERROR = "ImportError: libSM.so.6: cannot open shared object file: No such file or directory"
 
-    def test_the_one_that_the_loader_names(self, linux):
+    def test_a_library_in_the_error_is_found(self, linux):
         assert imprint.missing(1, self.IMPORT_ERROR) == ["libSM.so.6"]
 
-    def test_all_others_that_are_absent_too(self, linux, monkeypatch):
+    def test_other_missing_libraries_are_found(self, linux, monkeypatch):
         monkeypatch.setattr(imprint, "is_loadable", lambda library: library != "libXi.so.6")
         assert imprint.missing(1, self.IMPORT_ERROR) == ["libSM.so.6", "libXi.so.6"]
 
-    def test_a_crash_with_every_library_there_wants_a_driver(self, linux):
+    def test_a_crash_with_all_libraries_means_a_missing_driver(self, linux):
         assert imprint.missing(SEGFAULT, "") == [imprint.DRIVER]
 
-    def test_a_crash_under_a_memory_limit_wants_none(self, linux, monkeypatch):
+    def test_a_crash_with_a_memory_limit_does_not(self, linux, monkeypatch):
         resource = pytest.importorskip("resource")
         monkeypatch.setattr(resource, "getrlimit", lambda _: (2**30, resource.RLIM_INFINITY))
         warning = "libEGL warning: failed to open swrast: /dri/swrast_dri.so: cannot open shared object file"
@@ -175,7 +175,7 @@ class TestMissingLibraries:
         monkeypatch.setattr(imprint.ctypes, "CDLL", fail)
         assert imprint.is_loadable("libGL.so.1")
 
-    def test_the_command_names_the_packages(self, monkeypatch):
+    def test_the_command_installs_the_packages(self, monkeypatch):
         monkeypatch.setattr(imprint, "IS_ROOT", False)
         things = ["libSM.so.6", "libEGL.so.1"]
         apt = "sudo apt-get install --no-install-recommends libegl1 libsm6"
@@ -200,12 +200,12 @@ class TestMissingLibraries:
         assert "apt-get install libsm6" in message
         assert "\n" not in message
 
-    def test_another_error_is_passed_on(self):
+    def test_other_errors_are_in_the_message(self):
         assert "RuntimeError: no" in imprint.explain([], [], 1, "Traceback\nRuntimeError: no\n")
 
 
 class TestProbe:
-    def test_success_is_remembered(self, bare, monkeypatch):
+    def test_a_success_is_stored(self, bare, monkeypatch):
         finish_environment()
         probes = []
         monkeypatch.setattr(imprint, "probe", lambda python: probes.append(python) or (0, ""))
@@ -213,7 +213,7 @@ class TestProbe:
         imprint.require_gpu("python", may_install=False)
         assert probes == ["python"]
 
-    def test_failure_is_not(self, bare, linux, monkeypatch):
+    def test_a_failure_is_not_stored(self, bare, linux, monkeypatch):
         finish_environment()
         monkeypatch.setattr(imprint, "IS_ROOT", False)
         monkeypatch.setattr(imprint, "probe", lambda python: (SEGFAULT, ""))
@@ -221,7 +221,7 @@ class TestProbe:
             imprint.require_gpu("python", may_install=True)
         assert not imprint.GPU_STAMP.exists()
 
-    def test_root_on_debian_installs_and_tries_again(self, bare, linux, monkeypatch):
+    def test_root_on_debian_installs_packages_and_probes_again(self, bare, linux, monkeypatch):
         finish_environment()
         answers = [(1, TestMissingLibraries.IMPORT_ERROR), (0, "")]
         commands = []
@@ -248,7 +248,7 @@ class TestProbe:
 
 @pytest.fixture
 def ready(bare, monkeypatch):
-    """A checkout that is set up, with the commands that are started collected and ended as the test wants."""
+    """A checkout with an environment. Returns the list of commands that are started, and a dict with their exit code."""
     finish_environment()
     started = []
     ending = {"code": 0}
@@ -259,7 +259,7 @@ def ready(bare, monkeypatch):
 
 @pytest.fixture
 def baking(ready, bare):
-    """Lets Blender be a shell script for a test: returns what writes it, and where it puts its arguments."""
+    """A function that replaces Blender by a shell script. It returns the file that the script writes its arguments to."""
 
     def become(body):
         fake_python(imprint.PYTHON.parent, f'printf "%s\\n" "$@" > "{bare}/started"\n{body}', imprint.PYTHON.name)
@@ -270,18 +270,18 @@ def baking(ready, bare):
 
 class TestCommands:
     @pytest.mark.parametrize("arguments", [["--help"], ["--high", "a.obj", "--", "-x", "b"], ["-h"], []])
-    def test_bake_gets_its_arguments_untouched(self, baking, arguments):
+    def test_bake_gets_its_arguments_unchanged(self, baking, arguments):
         started = baking("exit 0")
         assert imprint.main(["bake", *arguments]) == 0
         assert started.read_text().splitlines() == [str(imprint.SCRIPTS / "bake.py"), "--", *arguments]
 
     @pytest.mark.parametrize("code", [0, 1, 2])
-    def test_the_exit_code_is_passed_on_in_silence(self, baking, code, capfd):
+    def test_the_exit_code_is_returned_without_a_message(self, baking, code, capfd):
         baking(f"exit {code}")
         assert imprint.main(["bake"]) == code
         assert capfd.readouterr() == ("", "")
 
-    def test_a_crash_is_one_line_that_names_the_bake_and_makes_us_probe_again(self, baking, monkeypatch, capfd):
+    def test_a_crash_gives_one_line_with_the_bake_and_a_new_probe(self, baking, monkeypatch, capfd):
         baking("printf rock > /dev/fd/$IMPRINT_BAKING; kill -SEGV $$")
         probes = []
         monkeypatch.setattr(imprint, "probe", lambda python: probes.append(python) or (0, ""))
@@ -294,14 +294,14 @@ class TestCommands:
 
     @pytest.mark.parametrize(("probed", "word"), [(SEGFAULT, "OpenGL driver"), (-6, "Blender crashed with signal 11")])
     @pytest.mark.usefixtures("linux")
-    def test_a_driver_is_blamed_where_the_probe_dies_alike(self, baking, monkeypatch, capfd, probed, word):
+    def test_the_driver_is_named_if_the_probe_crashes_in_the_same_way(self, baking, monkeypatch, capfd, probed, word):
         baking("kill -SEGV $$")
         answers = [(0, ""), (probed, "")]
         monkeypatch.setattr(imprint, "probe", lambda python: answers.pop(0))
         assert imprint.main(["bake"]) == 1
         assert word in capfd.readouterr().err
 
-    def test_a_killed_bake_blames_no_driver(self, baking, monkeypatch, capfd):
+    def test_a_killed_bake_does_not_name_a_driver(self, baking, monkeypatch, capfd):
         baking("kill -KILL $$")
         answers = [(0, "")]
         monkeypatch.setattr(imprint, "probe", lambda python: answers.pop(0))
@@ -316,19 +316,19 @@ class TestCommands:
         assert imprint.main(["bake"]) == 128 + signal.SIGTERM
         assert not started.exists()
 
-    def test_pytest_runs_after_ruff_whatever_ruff_says(self, ready):
+    def test_pytest_runs_even_if_ruff_fails(self, ready):
         started, ending = ready
         ending["code"] = 1
         assert imprint.main(["test", "-k", "word", "tests/pure"]) == 1
         assert [command[2] for command in started] == ["ruff", "pytest"]
         assert started[1][3:] == ["-m", "not slow", "-k", "word", "tests/pure"]
 
-    def test_all_tests_are_run_where_that_is_said(self, ready):
+    def test_all_runs_the_slow_tests_as_well(self, ready):
         started, _ = ready
         assert imprint.main(["test", "--all", "-k", "word"]) == 0
         assert started[1][3:] == ["-k", "word"]
 
-    def test_the_help_of_the_tests_runs_none(self, ready, capsys):
+    def test_the_help_of_the_tests_runs_no_tests(self, ready, capsys):
         started, _ = ready
         with pytest.raises(SystemExit) as ended:
             imprint.main(["test", "--help"])
@@ -336,7 +336,7 @@ class TestCommands:
         shown = " ".join(capsys.readouterr().out.split())
         assert all(words in shown for words in ("--all", "-m pytest tests/pure"))
 
-    def test_wrong_usage_is_two(self, capsys):
+    def test_wrong_usage_has_exit_code_2(self, capsys):
         with pytest.raises(SystemExit) as ended:
             imprint.main(["bakke"])
         assert ended.value.code == 2
@@ -344,25 +344,25 @@ class TestCommands:
 
 BLENDER = """
 import os, signal, sys, time
-heard, signals, is_deaf = open(sys.argv[1], "a", buffering=1), sys.argv[2].split(), sys.argv[3] == "deaf"
-def hear(number, _):
-    print(signal.Signals(number).name, file=heard)
+log, signals, kind = open(sys.argv[1], "a", buffering=1), sys.argv[2].split(), sys.argv[3]
+def receive(number, _):
+    print(signal.Signals(number).name, file=log)
     if signals:
         os.kill(os.getppid(), signal.Signals[signals.pop(0)])
-    elif not is_deaf:
+    elif kind != "ignores":
         sys.exit(3)
 for number in (signal.SIGUSR1, signal.SIGUSR2):
-    signal.signal(number, hear)
+    signal.signal(number, receive)
 signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGUSR1, signal.SIGUSR2])
 os.kill(os.getppid(), signal.Signals[signals.pop(0)])
-time.sleep(5 if is_deaf or "told" in sys.argv[3] else 0.2)
-print("was not stopped", file=heard)
+time.sleep(5 if kind in ("ignores", "stops") else 0.2)
+print("was not stopped", file=log)
 """
 
 
 @pytest.mark.skipif(imprint.WINDOWS, reason="signals of POSIX")
 class TestSignals:
-    """The launcher's half of stopping; a script in place of Blender sends it the signals."""
+    """How the launcher stops. A script instead of Blender sends it the signals."""
 
     @pytest.fixture
     def run(self, baking, bare, monkeypatch):
@@ -370,27 +370,27 @@ class TestSignals:
 
         def run(signals, kind):
             (bare / "blender.py").write_text(BLENDER)
-            baking(f'exec "{sys.executable}" "{bare}/blender.py" "{bare}/heard" "{signals}" {kind}')
-            return imprint.main(["bake"]), (bare / "heard").read_text().split("\n")[:-1]
+            baking(f'exec "{sys.executable}" "{bare}/blender.py" "{bare}/log" "{signals}" {kind}')
+            return imprint.main(["bake"]), (bare / "log").read_text().split("\n")[:-1]
 
         return run
 
-    def test_a_first_one_asks(self, run, monkeypatch):
+    def test_the_first_signal_stops_blender_cleanly(self, run, monkeypatch):
         monkeypatch.setattr(imprint.Bake, "GRACE", 60.0)
         before = signal.getsignal(signal.SIGTERM)
-        assert run("SIGTERM", "told") == (128 + signal.SIGTERM, ["SIGUSR1"])
+        assert run("SIGTERM", "stops") == (128 + signal.SIGTERM, ["SIGUSR1"])
         assert signal.getsignal(signal.SIGTERM) == before
 
-    def test_a_second_one_is_handed_on(self, run, monkeypatch):
+    def test_the_second_signal_ends_blender_at_once(self, run, monkeypatch):
         monkeypatch.setattr(imprint.Bake, "GRACE", 60.0)
-        assert run("SIGINT SIGTERM", "told") == (128 + signal.SIGINT, ["SIGUSR1", "SIGUSR2"])
+        assert run("SIGINT SIGTERM", "stops") == (128 + signal.SIGINT, ["SIGUSR1", "SIGUSR2"])
 
-    def test_who_listens_to_none_is_killed(self, run):
-        assert run("SIGTERM SIGTERM", "deaf") == (128 + signal.SIGTERM, ["SIGUSR1", "SIGUSR2"])
+    def test_a_blender_that_ignores_signals_is_killed(self, run):
+        assert run("SIGTERM SIGTERM", "ignores") == (128 + signal.SIGTERM, ["SIGUSR1", "SIGUSR2"])
 
     def test_nohup_is_respected(self, run):
         before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
         try:
-            assert run("SIGHUP", "ignored") == (0, ["was not stopped"])
+            assert run("SIGHUP", "goes on") == (0, ["was not stopped"])
         finally:
             signal.signal(signal.SIGHUP, before)

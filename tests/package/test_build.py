@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The extension's zip: built and validated by Blender's own tool, complete, free of anything else, and installable."""
+"""Tests that Blender's own tool builds and validates the zip, and that it is complete and can be installed."""
 
 import importlib.util
 import os
@@ -19,18 +19,18 @@ SITE_PACKAGES = Path(importlib.util.find_spec("bpy").origin).parent.parent
 
 
 def build(source, output):
-    """Build and validate the extension that lies in a source folder, with this Python's wheel."""
+    """Build and validate the extension in a source folder, with the wheel of this Python."""
     return imprint.build_zip(sys.executable, SITE_PACKAGES, source, output)
 
 
 def listing(archive):
-    """Return the names in a zip, folders' own entries included if there are any."""
+    """Return the names in a zip, with the entries of folders, if any."""
     with zipfile.ZipFile(archive) as file:
         return sorted(file.namelist())
 
 
 def expected_listing(source):
-    """Return what the zip must hold: the files at the top, every module of the add-on and every shader."""
+    """Return the names that the zip must have: the files at the top, every module of the add-on and every shader."""
     inside = [*(source / "addon").rglob("*.py"), *(source / "shaders").rglob("*.glsl")]
     return sorted([*TOP, *(path.relative_to(source).as_posix() for path in inside)])
 
@@ -41,7 +41,7 @@ def archive(tmp_path_factory):
     return build(imprint.ROOT, tmp_path_factory.mktemp("dist"))
 
 
-def test_the_zip_holds_the_add_on_and_nothing_else(archive):
+def test_the_zip_has_the_add_on_and_nothing_else(archive):
     assert listing(archive) == expected_listing(imprint.ROOT)
 
 
@@ -50,14 +50,14 @@ def test_the_zip_is_named_after_the_manifest(archive):
     assert archive.name == f"{manifest['id']}-{manifest['version']}.zip"
 
 
-def test_what_lies_about_stays_out(tmp_path):
-    """What a working checkout gathers must not be packed, not even a folder that nobody has thought of yet."""
+def test_other_files_of_a_checkout_are_not_packed(tmp_path):
+    """Not even those in folders that no rule names."""
     source = tmp_path / "checkout"
     for folder in ("addon", "shaders"):
         shutil.copytree(imprint.ROOT / folder, source / folder)
     for name in TOP:
         shutil.copy(imprint.ROOT / name, source)
-    for litter in (
+    for name in (
         ".venv/lib/module.py",
         ".git/config",
         ".python-version",
@@ -71,8 +71,8 @@ def test_what_lies_about_stays_out(tmp_path):
         "addon/.DS_Store",
         "shaders/view/lit.blend1",
     ):
-        (source / litter).parent.mkdir(parents=True, exist_ok=True)
-        (source / litter).touch()
+        (source / name).parent.mkdir(parents=True, exist_ok=True)
+        (source / name).touch()
     assert listing(build(source, tmp_path / "dist")) == expected_listing(imprint.ROOT)
 
 
@@ -83,8 +83,8 @@ def test_a_broken_manifest_is_refused(tmp_path):
         build(tmp_path, tmp_path / "dist")
 
 
-def test_it_installs_and_is_enabled(archive, tmp_path):
-    """In a process of its own, isolated (-I) so that the checkout cannot stand in for what the zip lacks."""
+def test_the_zip_can_be_installed_and_used(archive, tmp_path):
+    """In a separate, isolated process (-I), so that nothing is imported from the checkout."""
     program = [sys.executable, "-I", str(Path(__file__).with_name("install_zip.py")), str(archive)]
     profile = dict(os.environ, BLENDER_USER_RESOURCES=str(tmp_path / "profile"))
     done = subprocess.run(program, env=profile, cwd=tmp_path, capture_output=True, text=True, check=False)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The lanes of tests: what each needs, and that nothing is in none."""
+"""Tests the lanes of tests: pure ones need no Blender, and each file has fast ones."""
 
 import ast
 import subprocess
@@ -21,7 +21,7 @@ sys.exit(pytest.main(sys.argv[1:]))
 
 
 def run(*arguments):
-    """Run pytest without Blender's modules; returns its exit code and what it wrote."""
+    """Run pytest without Blender's modules. Returns its exit code and output."""
     command = [sys.executable, "-c", WITHOUT_BLENDER, "-q", "-p", "no:cacheprovider", *arguments]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     return done.returncode, done.stdout + done.stderr
@@ -34,8 +34,8 @@ def test_pure_tests_pass_without_blender():
     assert " skipped" not in output
 
 
-def test_pure_tests_leave_nothing_out_on_any_system():
-    """What needs links, locks or signals of POSIX stands in another folder."""
+def test_pure_tests_skip_nothing_on_any_system():
+    """Tests that need links, locks or signals of POSIX are in other folders."""
     texts = {path.name: path.read_text(encoding="utf-8") for path in (ROOT / "tests" / "pure").glob("*.py")}
     assert texts
     assert [name for name, text in texts.items() if "skip" in text] == []
@@ -62,8 +62,8 @@ def test_no_two_files_have_the_same_name():
     assert len(set(names)) == len(names)
 
 
-def test_others_need_it():
-    """Else the test above would show nothing."""
+def test_other_tests_need_blender():
+    """Otherwise the test of the pure ones would show nothing."""
     code, output = run("--collect-only", "tests/passes/test_shader.py")
     assert code != pytest.ExitCode.OK
     assert "bpy" in output or "gpu" in output

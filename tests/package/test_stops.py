@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Batches of another process, stopped by signals as scripts/dev/stops.py does at length, and where their output goes."""
+"""Tests batches in another process that signals stop, as scripts/dev/stops.py does many times, and their output."""
 
 import os
 import signal
@@ -18,11 +18,11 @@ pytestmark = [
 ]
 
 SETS = 300
-"""More than are ever done here."""
+"""More than any test here finishes."""
 
 
 def started(folder):
-    """A batch of which two bakes are done."""
+    """A running batch with two finished bakes."""
     process = stops.start(stops.write_sets(folder, SETS), folder)
     while len(list(folder.glob("maps/*.png"))) < 2:
         assert process.poll() is None, (folder / "err.txt").read_text()
@@ -42,7 +42,7 @@ SIGNALS = [
 @pytest.mark.parametrize(
     "case", lanes.slow_but([(signal.SIGTERM, "launcher")], SIGNALS), ids=lambda case: f"{case[0].name} to {case[1]}"
 )
-def test_a_signal_stops_a_batch_in_good_order(tmp_path, case):
+def test_a_signal_stops_a_batch_cleanly(tmp_path, case):
     number, target = case
     process = started(tmp_path)
     assert stops.send(process, number, target)
@@ -61,7 +61,7 @@ def test_a_second_signal_ends_a_batch_at_once(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_killed_launcher_takes_blender_along(tmp_path):
+def test_blender_stops_if_its_launcher_is_killed(tmp_path):
     process = started(tmp_path)
     process.kill()
     process.wait()
@@ -72,23 +72,23 @@ def test_a_killed_launcher_takes_blender_along(tmp_path):
 STREAMS = {
     "full": (">/dev/full", "imprint: standard output could not be written: No space left on device.\n"),
     "all closed": ("<&- >&- 2>&-", ""),
-    "nobody reads": ("| true", ""),
+    "no reader": ("| true", ""),
 }
 
 
 @pytest.mark.parametrize("case", lanes.slow_but(["full"], STREAMS))
-def test_maps_are_made_whatever_becomes_of_the_output(tmp_path, case):
-    where, said = STREAMS[case]
+def test_maps_are_written_even_if_the_output_fails(tmp_path, case):
+    redirection, message = STREAMS[case]
     stops.write_sets(tmp_path, 2)
-    command = f'"$@" {where}; exit ${{PIPESTATUS[0]}}'
+    command = f'"$@" {redirection}; exit ${{PIPESTATUS[0]}}'
     words = [*stops.LAUNCHER, "--jobs", str(tmp_path / "jobs.json")]
     done = subprocess.run(["bash", "-c", command, "bash", *words], capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stdout, done.stderr) == (0, "", said)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", message)
     assert [stops.is_whole(path) for path in tmp_path.glob("maps/*")] == [True, True]
 
 
-def test_standard_output_is_ours_alone(tmp_path):
-    """Blender tells of each file that it reads and writes, and the window system of what it does not like."""
+def test_standard_output_has_only_imprints_text(tmp_path):
+    """Blender prints each file that it reads or writes, and the window system prints warnings."""
     mesh = tmp_path / "low.obj"
     mesh.write_text(stops.LOW)
     program = "import sys, bpy\nbpy.ops.wm.read_homefile(use_empty=True)\n"

@@ -20,10 +20,10 @@ def write(path, text="new"):
 
 
 def test_missing_folders_are_created_when_the_file_is_stored(tmp_path):
-    place = tmp_path / "a" / "b" / "map.png"
-    check_writable(place)
+    path = tmp_path / "a" / "b" / "map.png"
+    check_writable(path)
     assert os.listdir(tmp_path) == []
-    write(place)
+    write(path)
     assert tree(tmp_path) == {"a": False, "a/b": False, "a/b/map.png": "new"}
 
 
@@ -36,15 +36,15 @@ def test_new_folders_are_removed_if_all_files_in_them_fail(tmp_path, first):
                 partial.temporary.write_text("x")
         return result[first], result[1 - first]
 
-    one, other = partials()
-    one.discard()
+    earlier, later = partials()
+    earlier.discard()
     assert (tmp_path / "a" / "b").is_dir()
-    other.discard()
+    later.discard()
     assert os.listdir(tmp_path) == []
-    one, other = partials()
-    one.commit()
-    other.discard()
-    one.discard()
+    earlier, later = partials()
+    earlier.commit()
+    later.discard()
+    earlier.discard()
     assert len(tree(tmp_path)) == 3
 
 
@@ -125,10 +125,10 @@ def test_a_file_that_cannot_be_restored_is_reported_and_its_copy_kept(tmp_path, 
 def test_all_files_are_replaced_or_none(tmp_path, monkeypatch, can_link):
     real = os.replace
 
-    def fail(source, place):
-        if place.name == "c.png":
+    def fail(source, target):
+        if target.name == "c.png":
             raise OSError(13, "Permission denied")
-        real(source, place)
+        real(source, target)
 
     def refuse(*_):
         raise OSError("no hard links here")
@@ -144,7 +144,7 @@ def test_all_files_are_replaced_or_none(tmp_path, monkeypatch, can_link):
             write(tmp_path / name)
         if can_link:
             write(tmp_path / "c.png")
-        else:  # a copy cannot be recognized as the file that was there
+        else:  # a copy is not the same file as the old one
             raise BakeError("Permission denied.")
     assert tree(tmp_path) == before
 

@@ -43,8 +43,7 @@ WITHOUT = {
 MOST_FILES = 12
 """The largest number of modules in a folder."""
 MOST_LINES = 300
-LONG = {
-}
+LONG = {}
 """Longer files, with the reasons."""
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A report is written once, when the bake is done."""
+"""Tests that a report is written once, at the end of a bake, and that no step of the bake reads it."""
 
 import ast
 import dataclasses
@@ -42,7 +42,7 @@ def test_the_keys_of_a_report_start_with_their_version(done):
 
 
 def modules():
-    """Each module below ui/ and cli/, by its path, as a syntax tree."""
+    """The path and the syntax tree of each module below ui/ and cli/."""
     for package in BELOW:
         for path in sorted((ROOT / "addon" / package).rglob("*.py")):
             yield path.relative_to(ROOT).as_posix(), ast.parse(path.read_text(encoding="utf-8"))
@@ -57,13 +57,13 @@ def imports_report(tree):
 
 
 def is_report(annotation):
-    """Whether it is Report, or a list of them, and not work that ends with one."""
+    """Whether the annotation is Report, or a list of them, but not a task that returns one."""
     names = {node.id for node in ast.walk(annotation) if isinstance(node, ast.Name)} if annotation else set()
     return "Report" in names and "Task" not in names
 
 
 def reads_of_reports(tree):
-    """The attributes that functions read of what their signatures call a Report."""
+    """The attributes that functions read of arguments annotated as Report."""
     for function in ast.walk(tree):
         if isinstance(function, ast.FunctionDef):
             arguments = [*function.args.posonlyargs, *function.args.args, *function.args.kwonlyargs]
@@ -75,7 +75,7 @@ def reads_of_reports(tree):
                     yield f"{value.id}.{node.attr}"
 
 
-def test_only_jobs_knows_of_reports():
+def test_only_jobs_imports_reports():
     assert [path for path, tree in modules() if imports_report(tree) and not path.startswith("addon/jobs/")] == []
 
 

@@ -25,11 +25,8 @@ PATTERNS = (
 NOT_YET = (
     "addon/ui/",
     "scripts/dev/manual/",
-    "tests/cli/",
     "tests/conftest.py",
     "tests/jobs/",
-    "tests/package/",
-    "tests/pure/test_atomic_file.py",
     "tests/ui/",
     "tests/window/",
 )

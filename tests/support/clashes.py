@@ -11,9 +11,7 @@ def check_same(one, other):
     for first, second in ((one, other), (other, one)):
         places = Places()
         places.read(first, "the mesh")
-        with pytest.raises(
-            WrongPlace, match=r"^The map would overwrite the mesh, .*: choose another path for it\.$"
-        ):
+        with pytest.raises(WrongPlace, match=r"^The map would overwrite the mesh, .*: choose another path for it\.$"):
             places.write(second, "the map")
         places = Places("do what is right")
         places.write(first, "the report")

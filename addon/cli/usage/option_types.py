@@ -52,7 +52,7 @@ def size(value: str) -> tuple[int, int]:
 def frames(value: str) -> tuple[int, int]:
     first, _, last = value.partition("-")
     if not (_is_number(first) and _is_number(last)) or int(first) > int(last):
-        raise argparse.ArgumentTypeError(f"{value!r} is not a range of frames as 1-48")
+        raise argparse.ArgumentTypeError(f"{value!r} is not a range of frames, such as 1-48")
     if int(last) > LAST_FRAME or int(last) - int(first) >= MANY_FRAMES:
         raise argparse.ArgumentTypeError(
             f"{value!r} is too long: frames go up to {LAST_FRAME}, and a sequence has {MANY_FRAMES} at most"
