@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What Blender's window shows: properties, operators, panels."""
+"""The interface in Blender's window: properties, operators, panels, views."""

@@ -11,7 +11,7 @@ class BakeResults:
 
     def __init__(self):
         self._reports: dict[tuple[int, int], Report] = {}
-        """By the session_uid of the scene and of the low object, which no other file, rename or undo changes."""
+        """By the session_uid of the scene and of the low object, which a rename or Undo does not change."""
 
     def remember(self, context: bpy.types.Context, reports: list[Report]) -> None:
         """Keep the reports of a bake in the context's scene, in place of earlier ones of the same low objects."""
@@ -21,7 +21,7 @@ class BakeResults:
             self._reports[key] = report  # the last one comes last
 
     def forget(self) -> None:
-        """Forget all reports: numbers of one file say nothing about another."""
+        """Forget all reports: a session_uid of one file means nothing in another."""
         self._reports.clear()
         for manager in bpy.data.window_managers:
             manager.imprint_summary = manager.imprint_warnings = ""
@@ -31,14 +31,14 @@ class BakeResults:
         return any(scene == context.scene.session_uid for scene, _ in self._reports)
 
     def of(self, context: bpy.types.Context, low: bpy.types.Object | None = None) -> Report | None:
-        """The report of the last bake onto `low` in the context's scene, or without it onto the low object of the panel.
-        None if there is none."""
+        """The report of the last bake onto `low` in the context's scene, or None. low: by default, the low object of the
+        panel."""
         low = low or context.scene.imprint.low or context.active_object
         return self._reports.get((context.scene.session_uid, low.session_uid)) if low is not None else None
 
     def named(self, context: bpy.types.Context, name: str = "") -> Report | None:
-        """The report of the last bake onto the low object that has, or had then, this name. Without a name: onto the low
-        object of the panel, or else the last one in the context's scene. None if there is none."""
+        """The report of the last bake onto the low object that has this name or had it then, or None. Without a name: onto
+        the low object of the panel, or the last one in the context's scene."""
         own = [report for (scene, _), report in self._reports.items() if scene == context.scene.session_uid]
         if not name:
             return self.of(context) or next(reversed(own), None)
@@ -47,12 +47,12 @@ class BakeResults:
 
 
 def distances(report: Report | None) -> dict[str, float]:
-    """Extrusion and maximum distance as a bake measured them, in scene units; empty where they were set."""
+    """Extrusion and maximum distance as a bake measured them, in scene units; empty if they were set."""
     return report.distances if report is not None and report.measured else {}
 
 
 def high_objects(report: Report) -> list[bpy.types.Object]:
-    """The high objects of a bake that still exist, without the low one where it was its own."""
+    """The high objects of a bake that still exist, without the low object if it was its own high object."""
     low, *highs = (ref.find() for ref in report.refs[: 1 + len(report.high)])
     return [high for high in highs if high not in {None, low}]
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What Blender calls: timers, event handlers, drawing in editors, keys. Each object adds its own and removes them."""
+"""Callbacks of Blender: timers, event handlers, drawing in editors, keys. Each class adds its callbacks and removes them."""
 
 from collections.abc import Callable
 
@@ -9,7 +9,7 @@ import bpy
 class Timer:
     """A function that Blender calls later, again after as many seconds as it returns, and never again after None.
 
-    Blender knows a timer by its address: a bound method is another object each time that it is looked up, so it is kept.
+    Blender identifies a timer by its function. Each look-up of a bound method makes a new object, so this one is stored.
     """
 
     def __init__(self, function: Callable[[], float | None]):
@@ -20,7 +20,7 @@ class Timer:
         return bpy.app.timers.is_registered(self._function)
 
     def start(self, seconds: float = 0.0, *, persistent: bool = False) -> None:
-        """Call the function in so many seconds, unless the timer runs already. persistent: even after another file is
+        """Call the function after `seconds`, unless the timer is already running. persistent: also after another file was
         opened."""
         if not self.is_running:
             bpy.app.timers.register(self._function, first_interval=seconds, persistent=persistent)
@@ -38,18 +38,18 @@ class Handlers:
 
     @property
     def are_added(self) -> bool:
-        """Whether Blender calls any of them."""
+        """Whether any of the functions is in its list."""
         return any(function in getattr(bpy.app.handlers, name) for name, function in self._handlers)
 
     def add(self) -> None:
-        """Add those that are not there yet."""
+        """Add the functions that are not in their lists."""
         for name, function in self._handlers:
             functions = getattr(bpy.app.handlers, name)
             if function not in functions:
                 functions.append(function)
 
     def remove(self) -> None:
-        """Remove those that are there: opening a file removes them too."""
+        """Remove the functions that are in their lists. Opening a file may already have removed them."""
         for name, function in self._handlers:
             functions = getattr(bpy.app.handlers, name)
             if function in functions:
@@ -68,7 +68,7 @@ class DrawCallbacks:
         return bool(self._handles)
 
     def add(self) -> None:
-        """Draw from now on; twice is once."""
+        """Draw from now on. A second call does nothing."""
         if not self._handles:
             for space, draw, event in self._callbacks:
                 self._handles.append((space, space.draw_handler_add(draw, (), "WINDOW", event)))
@@ -80,7 +80,7 @@ class DrawCallbacks:
 
 
 class Key:
-    """A key that calls an operator, in one of Blender's keymaps: its name and the space type that it is of."""
+    """A key that calls an operator, in one of Blender's keymaps, given by its name and space type."""
 
     def __init__(self, operator: str, key: str, keymap: str, space_type: str = "EMPTY", **modifiers: bool):
         self._operator, self._key, self._modifiers = operator, key, modifiers
@@ -89,7 +89,7 @@ class Key:
 
     def add(self) -> None:
         keys = bpy.context.window_manager.keyconfigs.addon
-        if keys is not None:  # Blender has none in the background
+        if keys is not None:  # in the background, Blender has no keymaps
             keymap = keys.keymaps.new(self._keymap, space_type=self._space_type)
             item = keymap.keymap_items.new(self._operator, self._key, "PRESS", **self._modifiers)
             self._added.append((keymap, item))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The checks of a bake by name, and the operators that show where their findings are."""
+"""Labels and tooltips of the checks of a bake, and the operators that show where their findings are."""
 
 import bpy
 from bpy.props import EnumProperty, StringProperty

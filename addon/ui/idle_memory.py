@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Frees GPU memory when there was no bake for a while. Batches in the background keep it: their next bake comes soon."""
+"""Frees GPU memory if there was no bake for a while. Not in the background, where the next bake of a batch starts soon."""
 
 import bpy
 
@@ -15,14 +15,14 @@ EVERY = 15.0
 
 
 class IdleMemory:
-    """Frees what is kept on the GPU after so many seconds without a bake."""
+    """Frees cached GPU memory after `after` seconds without a bake."""
 
     def __init__(self, after: float = AFTER):
         self.after = after
         self.timer = Timer(self.check)
 
     def check(self) -> float:
-        """Free what is kept if it is time. Returns the seconds until the next check."""
+        """Free the memory if it is time. Returns the seconds until the next check."""
         if display.current is None and not live.is_on:
             gpu_memory.free_if_idle(self.after)
         return EVERY

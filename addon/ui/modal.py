@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Runs tasks in the window: in slices, with a progress bar, views that can be turned, and Esc. Scripts run them at once."""
+"""Runs tasks in slices in the window, with a progress bar, view navigation, and Esc. Scripts run tasks at once."""
 
 from dataclasses import dataclass
 
@@ -24,7 +24,7 @@ NAVIGATION = {
     "TRACKPADZOOM",
     "NDOF_MOTION",
 }
-"""Events that the views get while a task runs. All others could change what is being baked."""
+"""Events that viewports get while a task runs. All others could change the objects of the bake."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +45,7 @@ class Runner:
         self.run: Run | None = None
 
     def start(self, context: bpy.types.Context, task: Task) -> Run:
-        """Begin a task. Nothing of it is done yet."""
+        """Begin a task, without doing its first step."""
         self.run = Run(task, context.window_manager.event_timer_add(0.01, window=context.window))
         display.show(context, Progress("Starting", 0.0))
         return self.run
@@ -56,9 +56,9 @@ class Runner:
         display.show(context, progress.run_for(self.run.task, TICK))
 
     def stop(self, context: bpy.types.Context) -> str:
-        """End the task where it is, and remove its progress bar. Returns what is left of it, in a sentence.
+        """Cancel the task, and remove its progress bar. Returns a sentence about what was kept.
 
-        What was not done changes nothing. Without a task, nothing happens.
+        Unfinished work changes nothing. Without a task, nothing happens.
         """
         if self.run is None:
             return ""
@@ -78,12 +78,12 @@ runner = Runner()
 
 
 class SlicedOperator:
-    """An operator that runs a task: at once from scripts, in slices from the window."""
+    """An operator that runs a task: at once in scripts, in slices in the window."""
 
     _own: Run | None = None
 
     def task(self, context: bpy.types.Context, pace: Pace) -> Task:
-        """What the operator does. It may raise BakeError."""
+        """The task of the operator. It may raise BakeError."""
         raise NotImplementedError
 
     def finish(self, context: bpy.types.Context, result) -> None:
@@ -134,7 +134,7 @@ class SlicedOperator:
         return {"RUNNING_MODAL"}
 
     def cancel(self, context: bpy.types.Context) -> None:
-        """Blender calls this when the file is closed in the middle."""
+        """Called by Blender if the file is closed while the task runs."""
         if runner.run is self._own:
             runner.stop(context)
 

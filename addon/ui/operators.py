@@ -39,7 +39,7 @@ class _Bake(modal.SlicedOperator):
         _report(self, context, result)
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Adjust Last Operation shows what was done. It offers no settings: the panel has them, with a bar and Esc."""
+        """Show the summary in Adjust Last Operation. Only the panel has settings, with a progress bar and Esc."""
         column = self.layout.column(align=True)
         for line in context.window_manager.imprint_summary.split("\n"):
             for part in textwrap.wrap(line, LAST_OPERATION):
@@ -161,7 +161,7 @@ class IMPRINT_OT_bake_pairs(_Bake, bpy.types.Operator):
 
 
 def _report(operator: bpy.types.Operator, context: bpy.types.Context, reports: list[Report]) -> None:
-    """Show what was done in the status bar, the Info editor and the panel."""
+    """Show the summary and warnings in the status bar, the Info editor and the panel."""
     manager = context.window_manager
     lines, warnings = [line for report in reports for line in report.summary()], []
     for warning in (warning for report in reports for warning in report.warnings):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Operators of the panels that bake nothing: slots, measured distances, and what the viewport shows."""
+"""Operators of the panels that do not bake: slots, measured distances, and visibility in the viewport."""
 
 import bpy
 from bpy.props import IntProperty

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Presets of what programs expect of a normal map: those that come with Imprint, and the user's own."""
+"""Presets for programs that read a normal map: those that come with Imprint, and the user's own."""
 
 from pathlib import Path
 
@@ -34,7 +34,7 @@ class IMPRINT_OT_convention_add(AddPresetBase, bpy.types.Operator):
     preset_values = ["settings.red", "settings.green", "settings.blue", "settings.basis"]
     preset_subdir = FOLDER
 
-    # As the base has them, which gives no descriptions.
+    # As in Blender's base class, which has no descriptions.
     remove_name: BoolProperty(
         description="Remove the preset of this name", default=False, options={"HIDDEN", "SKIP_SAVE"}
     )

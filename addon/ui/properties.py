@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What Blender stores for Imprint: the settings of a scene, and the results that panels show."""
+"""The data that Blender stores for Imprint: the settings of a scene, and the results that panels show."""
 
 import bpy
 from bpy.props import FloatProperty, IntProperty, PointerProperty, StringProperty
@@ -64,9 +64,9 @@ class ImprintSettings(bpy.types.PropertyGroup, Options):
     ) -> tuple[bpy.types.Object | None, list[bpy.types.Object]]:
         """The low object and the high ones: from the slots, else the active and the other selected objects.
 
-        Without high objects there, a low object whose modifiers add detail is its own high one. Else the high objects of
-        its last bake in this session count; they come first if they are all hidden, as they are after a bake.
-        low: overrides the slot.
+        Without high objects, a low object whose modifiers add detail is its own high one. Otherwise, the high objects of
+        its last bake in this session are used. They come first if they are all hidden, as they are after a bake. low:
+        overrides the slot.
         """
         low = low or self.low or context.active_object
         highs = [slot.object for slot in self.highs if slot.object]
@@ -75,7 +75,7 @@ class ImprintSettings(bpy.types.PropertyGroup, Options):
         return low, highs or self._remembered(context, low)
 
     def _remembered(self, context: bpy.types.Context, low: bpy.types.Object | None) -> list[bpy.types.Object]:
-        """The high objects where none are in the slots or selected."""
+        """The high objects to use if none are in the slots or selected."""
         last = results.of(context, low) if low is not None else None
         before = bake_results.high_objects(last) if last is not None else []
         own = object_checks.own_highs(low)
@@ -83,7 +83,7 @@ class ImprintSettings(bpy.types.PropertyGroup, Options):
         return before if is_hidden or not own else own
 
     def cage_for(self, method: str) -> bpy.types.Object | None:
-        """The cage in the slot, or None for Flatten, which uses none."""
+        """The cage in the slot, or None for Flatten, which needs no cage."""
         return None if method == Method.FLATTEN else self.cage
 
     def suffixes(self) -> Suffixes:
@@ -97,12 +97,12 @@ class ImprintSettings(bpy.types.PropertyGroup, Options):
 
 
 def _found(name: str):
-    """A getter of a distance that the last bake of the current low object measured in this session; 0 without one."""
+    """A getter of a distance that the last bake of the current low object measured in this session; 0 if it measured none."""
     return lambda _: bake_results.distances(results.of(bpy.context)).get(name, 0.0)
 
 
 class ImprintFound(bpy.types.PropertyGroup):
-    """WindowManager.imprint_found: what the last bake of the current low object measured."""
+    """WindowManager.imprint_found: the distances that the last bake of the current low object measured."""
 
     extrusion: FloatProperty(
         name="Extrusion",

@@ -23,7 +23,6 @@ PATTERNS = (
     "tests/**/*.py",
 )
 NOT_YET = (
-    "addon/ui/",
     "scripts/dev/manual/",
     "tests/conftest.py",
     "tests/jobs/",

@@ -700,8 +700,8 @@ def test_strokes_of_dyntopo_are_asked_for_once(pair, monkeypatch):
     enter_sculpt_mode(high)
     bpy.ops.sculpt.dynamic_topology_toggle()
     follow()
-    asked, ask = [], sculpt_strokes.Strokes.apply_held
-    monkeypatch.setattr(sculpt_strokes.Strokes, "apply_held", lambda self: (asked.append(1), ask(self), sculpt(high)))
+    asked, ask = [], sculpt_strokes.Strokes.apply_delayed
+    monkeypatch.setattr(sculpt_strokes.Strokes, "apply_delayed", lambda self: (asked.append(1), ask(self), sculpt(high)))
     monkeypatch.setattr(sculpt_strokes, "ANSWER", -1.0)
     sculpt(high)
     monkeypatch.setattr(sculpt_strokes, "ANSWER", 1e6)
@@ -719,7 +719,7 @@ def test_nothing_is_asked_for_while_a_stroke_is_drawn(pair, monkeypatch):
     bpy.ops.sculpt.dynamic_topology_toggle()
     follow()
     asked = []
-    monkeypatch.setattr(sculpt_strokes.Strokes, "apply_held", lambda _: asked.append(1))
+    monkeypatch.setattr(sculpt_strokes.Strokes, "apply_delayed", lambda _: asked.append(1))
     monkeypatch.setattr(sculpt_strokes, "is_drawing", lambda: True)
     live.tick()
     live.tick()

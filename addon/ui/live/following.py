@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What Live knows while it is on: a session, what has changed since its last map, and the map that is being drawn."""
+"""The data of Live while it is on: a session, the changes since its last map, and the map that is being drawn."""
 
 import time
 
@@ -30,7 +30,7 @@ class Following:
     def __init__(self, session: live_session.Session, settings: Settings, scene: bpy.types.Scene):
         self.session = session
         self._settings = settings
-        """Those that the session was made with."""
+        """The settings of the session."""
         self._refused: tuple[Settings, str] | None = None
         """Settings of the panel that cannot be baked, and why."""
         self._scene = scene.session_uid
@@ -57,7 +57,7 @@ class Following:
 
     @property
     def is_resting(self) -> bool:
-        """Whether there is nothing to do: the image shows the objects as they are, as far as Blender reports."""
+        """Whether there is nothing to do: the image shows all changes that Blender has reported."""
         is_changed = self._changed or self._all_changed or self._strokes.are_open
         return self._task is None and self._is_stored and not is_changed
 
@@ -77,12 +77,12 @@ class Following:
                 self._strokes.note(obj)
 
     def note_undo(self) -> None:
-        """Any object may have changed, or be gone, or be back."""
+        """Note that any object may have changed, or been deleted or restored."""
         self._all_changed = self._may_be_gone = True
         self._strokes.note_all()
 
     def check_objects(self) -> None:
-        """Raise BakeError while an object is gone. Undo may bring it back, and then everything is read again."""
+        """Raise BakeError while an object is deleted. After Undo brings it back, all objects are read again."""
         if not (self._may_be_gone or self._is_one_gone):
             return
         was_one_gone, self._is_one_gone, self._may_be_gone = self._is_one_gone, True, False
@@ -98,8 +98,8 @@ class Following:
         self._all_changed |= was_one_gone
 
     def follow_settings(self) -> bool:
-        """Start a new session, with the same objects, when the settings of the panel are others. Raises BakeError while they
-        cannot be baked. Returns whether they could not be baked before, and are now as they were."""
+        """Start a new session with the same objects if the settings of the panel have changed. Raises BakeError while they
+        cannot be baked. Returns whether they are back to the session's settings after that."""
         wanted = self.panel.to_settings()
         if wanted == self._settings:
             was_refused, self._refused = self._refused is not None, None
@@ -118,8 +118,8 @@ class Following:
         return False
 
     def advance(self, seconds: float, rest: float) -> bool:
-        """Draw for about so many seconds, if anything has changed; store the map when there was no change for `rest` seconds.
-        Returns whether there is something new to see. Raises BakeError."""
+        """Draw for about `seconds` if anything has changed. Store the map after `rest` seconds without a change. Returns
+        whether there is a new map. Raises BakeError."""
         self._changed |= self._strokes.moved(rest)
         if self._changed or self._all_changed:
             self._begin()
@@ -137,13 +137,13 @@ class Following:
         return True
 
     def interrupt(self) -> None:
-        """Give up the map that is being drawn. What it had to read counts as changed for the next one."""
+        """Cancel the map that is being drawn. The objects that it had to read count as changed for the next map."""
         if self._task is not None:
             self._task.close()
         self._task = None
 
     def free(self) -> None:
-        """Give up the map that is being drawn, and free what the session keeps on the GPU."""
+        """Cancel the map that is being drawn, and free the session's GPU memory."""
         self.interrupt()
         self.session.free()
 

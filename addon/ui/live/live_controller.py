@@ -25,22 +25,22 @@ REST = 0.4
 
 
 class LiveState(Enum):
-    """What Live does."""
+    """The state of Live."""
 
     OFF = "off"
     STARTING = "starting"
     """It draws its first map."""
     DRAWING = "drawing"
     REFUSED = "refused"
-    """The objects or settings cannot be baked for now; `message` says why."""
+    """The objects or settings cannot be baked at present; `message` says why."""
     IDLE = "idle"
 
 
 class LiveController:
-    """Switches Live on and off, and hears of every change while it is on.
+    """Turns Live on and off, and gets all changes while it is on.
 
-    message: why the last map was not drawn, in a sentence; empty if it was. on_new: called when there is something new to
-    see. rest, budget: seconds, as REST and BUDGET.
+    message: why the last map was not drawn, in a sentence; empty if it was. on_new: called after a new map or message. rest,
+    budget: seconds, as REST and BUDGET.
     """
 
     def __init__(self):
@@ -73,17 +73,17 @@ class LiveController:
 
     @property
     def is_resting(self) -> bool:
-        """Whether it is on and has nothing to do: the image shows the objects as they are, as far as Blender reports."""
+        """Whether Live is on and has nothing to do: the image shows all changes that Blender has reported."""
         return self._following is not None and self._following.is_resting
 
     @property
     def session(self) -> live_session.Session | None:
-        """The session that is followed, or None while Live is off."""
+        """The session of Live, or None while Live is off."""
         return self._following.session if self._following is not None else None
 
     @property
     def description(self) -> str:
-        """What is followed, in a sentence; empty while Live is off."""
+        """The objects that Live follows, in a sentence; empty while Live is off."""
         if self._following is None:
             return ""
         refs = self._following.session.job.refs
@@ -135,12 +135,12 @@ class LiveController:
             following.free()
 
     def free(self) -> None:
-        """Free what is kept on the GPU, which the next map makes again."""
+        """Free the GPU memory of the session. The next map uses new memory."""
         if self._following is not None:
             self._following.session.free()
 
     def tick(self) -> float | None:
-        """Do what there is to do. Returns the seconds until the next tick, None when Live is off."""
+        """Do the pending work for one tick. Returns the seconds until the next tick, None if Live is off."""
         following = self._following
         if following is None:
             return None
@@ -183,7 +183,7 @@ class LiveController:
             self._following.note_update(depsgraph)
 
     def _on_save(self, *_) -> None:
-        """Store the map, which the saved file would lack otherwise."""
+        """Store the map, so that the saved file has it."""
         if self._following is not None:
             try:
                 self._following.session.commit()
@@ -191,7 +191,7 @@ class LiveController:
                 self._show_message(str(error))
 
     def _show_message(self, text: str) -> None:
-        """Change the message, and draw it if it is another one."""
+        """Change the message, and redraw if it is different."""
         if text != self.message:
             self.message = text
             self._announce()

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Strokes in Sculpt Mode. For these Blender only reports that something about an object is new, and some it holds back until
-it is asked to apply them: to follow them, the vertices are compared."""
+"""Finds changes by strokes in Sculpt Mode. Blender only reports that an object has changed, and it delays some strokes until
+a script asks for them. Vertices are therefore compared."""
 
 import time
 
@@ -10,7 +10,7 @@ from ...jobs import live_session
 from ...scene import object_modes
 
 ANSWER = 1.0
-"""Seconds after `apply_held` in which updates of objects with held strokes are Blender's answer, and not new strokes."""
+"""Seconds after `apply_delayed` in which updates of objects with delayed strokes are Blender's answer, and not new strokes."""
 
 
 class Strokes:
@@ -21,30 +21,30 @@ class Strokes:
         self._noted: set[int] = set()
         """session_uid of the objects whose vertices are to be compared."""
         self._held: set[int] = set()
-        """session_uid of the objects whose strokes Blender may hold back."""
+        """session_uid of the objects whose strokes Blender may delay."""
         self._since = self._asked = -ANSWER
         self.is_asking = False
-        """Whether updates that Blender reports now are its answer to `apply_held`."""
+        """Whether updates that Blender reports now are its answer to `apply_delayed`."""
         self.note_all()
 
     @property
     def are_open(self) -> bool:
-        """Whether something may have moved that was not compared yet."""
+        """Whether vertices may have moved that were not compared yet."""
         return bool(self._noted or self._held)
 
     def note_all(self) -> None:
-        """Any object may have moved: after an undo, and at the start."""
+        """Note that any object may have moved: after Undo, and at the start."""
         for obj in filter(None, (ref.find() for ref in self._session.job.refs)):
             self._note(obj)
 
     def note(self, obj: bpy.types.Object) -> None:
-        """Something about an object of the session is new."""
+        """Note that an object of the session has changed."""
         if not object_modes.holds_strokes(bpy.context, obj) or time.monotonic() - self._asked > ANSWER:
             self._note(obj)
 
     def moved(self, rest: float) -> set[int]:
-        """The session_uid of each object that is not where it was read. Held strokes are applied when there was no stroke
-        for `rest` seconds."""
+        """The session_uid of each object whose vertices have moved since they were read. Delayed strokes are applied after
+        `rest` seconds without a stroke."""
         is_busy = is_drawing()
         if is_busy:
             self.note_all()
@@ -52,11 +52,11 @@ class Strokes:
         if self._held and not is_busy and time.monotonic() - self._since > rest:
             noted |= self._held
             self._held.clear()
-            self.apply_held()
+            self.apply_delayed()
         return {uid for uid in noted if self._session.is_moved(uid)}
 
-    def apply_held(self) -> None:
-        """Make Blender apply the strokes that it holds back."""
+    def apply_delayed(self) -> None:
+        """Make Blender apply the strokes that it delays."""
         self.is_asking = True
         try:
             bpy.ops.ed.flush_edits()

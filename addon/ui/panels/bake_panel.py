@@ -46,7 +46,7 @@ class IMPRINT_PT_bake(SidebarPanel, bpy.types.Panel):
             problem = ""  # Live does not depend on the selection
         lines = [following or problem] if following or problem else bake_plan.lines(low, highs, settings)
         draw_paragraphs(layout.box(), context, lines, "ERROR" if problem else "INFO")
-        # The bar takes the button's place: nothing moves under the mouse when a bake begins or ends.
+        # The bar replaces the button: nothing moves under the mouse when a bake begins or ends.
         row = layout.row()
         row.scale_y = 1.6
         step = display.current

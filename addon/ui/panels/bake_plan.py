@@ -59,7 +59,7 @@ def lines(low: bpy.types.Object, highs: list[bpy.types.Object], settings: Imprin
 
 
 def _is_swapped(low: bpy.types.Object, highs: list[bpy.types.Object]) -> bool:
-    """Whether high and low seem swapped. Faces that modifiers and instances add are not known without evaluating them."""
+    """Whether high and low seem swapped. Counts no faces that modifiers and instances add: that needs an evaluation."""
     if low in highs or any(high.type != "MESH" or high.modifiers or high.mode == "SCULPT" for high in highs):
         return False
     return len(low.data.polygons) > sum(len(high.data.polygons) for high in highs)

@@ -58,7 +58,7 @@ def _draw_row(column: bpy.types.UILayout, kind: str, check: dict, low: str, cont
             button = buttons.operator(operator, text="", icon=icon)
             button.kind, button.low = kind.upper(), low
         else:
-            buttons.label(text="", icon="BLANK1")  # so that the others stay in their column
+            buttons.label(text="", icon="BLANK1")  # keeps the other buttons in their columns
     if "maximum" in check and check["count"]:
         far = (_length(context, check[name]) for name in ("limit", "percentile_99", "maximum"))
         text = message("Over {}; 99 % within {}, at most {}").format(*far)
@@ -66,7 +66,7 @@ def _draw_row(column: bpy.types.UILayout, kind: str, check: dict, low: str, cont
 
 
 def _severity(check: dict) -> str:
-    """One of ICONS: as the audit rated it or, if it did not, by whether there is a finding."""
+    """One of ICONS: the rating of the audit or, without a rating, whether there is a finding."""
     return check.get("severity") or ("LOOK" if check.get("count") else "GOOD")
 
 

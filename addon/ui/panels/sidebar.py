@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the panels of the sidebar share: their place, and text that wraps."""
+"""Base classes and functions of the panels in the sidebar: their place, and text that wraps."""
 
 import textwrap
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The panel of the views: the mode, its settings, and what was measured."""
+"""The panel of the views: the mode, its settings, and the measured deviations."""
 
 import bpy
 
@@ -12,7 +12,7 @@ from .sidebar import SidebarPanel, draw_paragraphs, split_layout
 
 
 class IMPRINT_PT_view(SidebarPanel, bpy.types.Panel):
-    """What the 3D viewports show."""
+    """The view of the map in the 3D viewports."""
 
     bl_idname = "IMPRINT_PT_view"
     bl_parent_id = "IMPRINT_PT_bake"

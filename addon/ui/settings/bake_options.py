@@ -15,9 +15,9 @@ class Options:
     """The fields of Settings, under the same names, and the switches that make some of them None."""
 
     def to_settings(self, fallback: "Options | None" = None) -> Settings:
-        """Plain data. What was not set here is taken from `fallback`.
+        """The settings as plain data. Those that were not set here come from `fallback`.
 
-        A script that sets a number means it, whatever the number's switch is.
+        A number that a script sets is used, whatever the number's switch is.
         """
 
         def owner(name: str) -> Options:
@@ -37,14 +37,14 @@ class Options:
             for name in names
         }
         if fallback is not None and owner("output") is self and owner("storage") is fallback:
-            values["storage"] = Storage.FILE  # a script that names a file wants it written
+            values["storage"] = Storage.FILE  # if a script sets a file name, the file is written
         if values["storage"] == Storage.FILE and not _is_set(owner("depth"), "depth"):
-            values["depth"] = file_formats.usual_depth(values["output"])  # Targa has no 16 bits
+            values["depth"] = file_formats.usual_depth(values["output"])  # Targa has only 8 bits
         return Settings(**values).read_by((fallback or self).id_data.render.engine)
 
 
 def _plain(setting: kinds.Setting, value):
-    """The value of a property as Settings holds it."""
+    """The value of a property as in Settings."""
     if isinstance(setting, kinds.Flags):
         return tuple(name for name in setting.values if name in value)
     if isinstance(setting, kinds.Choice):

@@ -22,7 +22,7 @@ from ..translations.lookup import LABEL
 
 
 def declared(name: str, **more: Any):
-    """The property of the setting `name`; `more` are arguments that only Blender knows, as `poll` or `update`."""
+    """The property of the setting `name`. more: arguments that a declaration cannot have, such as `poll` or `update`."""
     return _property(DECLARED[name], more)
 
 
@@ -33,7 +33,7 @@ def _words(setting: kinds.Setting) -> dict[str, str]:
 @singledispatch
 def _property(setting: kinds.Setting, more: dict[str, Any]):
     """The property for a declaration of any kind."""
-    raise TypeError(f"no property is known for {setting!r}")
+    raise TypeError(f"there is no property for {setting!r}")
 
 
 @_property.register

@@ -17,7 +17,7 @@ OUTER, INNER = (0.1, 0.45, 1.0, 0.25), (1.0, 0.45, 0.1, 0.25)
 
 
 class CageState(Enum):
-    """What the overlay does."""
+    """The state of the overlay."""
 
     OFF = "off"
     READING = "reading"
@@ -38,7 +38,7 @@ class _Subject:
 
 
 class CageOverlay:
-    """Draws the shells of the low object that the panel means."""
+    """Draws the shells of the panel's low object."""
 
     def __init__(self):
         self._draw_callbacks = DrawCallbacks((bpy.types.SpaceView3D, self._draw, "POST_VIEW"))
@@ -50,7 +50,7 @@ class CageOverlay:
         )
         self.timer = Timer(self.catch_up)
         self._wanted: _Subject | None = None
-        """What a view has asked for when it was last drawn."""
+        """The shells that a view needed when it was last drawn."""
         self._read: _Subject | None = None
         self._mesh: gpu.types.GPUBatch | None = None
         """The low mesh of `_read`; None where it cannot be read."""
@@ -81,7 +81,7 @@ class CageOverlay:
         self._wanted = self._read = self._mesh = None
 
     def mesh_of(self, low: bpy.types.Object, directions: str) -> gpu.types.GPUBatch | None:
-        """The low mesh as it was last read, or None if it was not. Where it is missing or outdated, the timer reads it."""
+        """The low mesh as last read, or None. If it is missing or outdated, the timer reads it."""
         self._wanted = _Subject(object_refs.ObjectRef.of(low), directions)
         is_read = self._read is not None and self._read.is_of(low, directions)
         if not is_read or self._is_outdated:
@@ -89,7 +89,7 @@ class CageOverlay:
         return self._mesh if is_read else None
 
     def catch_up(self) -> None:
-        """Read the low mesh. Not while a view is being drawn: reading evaluates the scene."""
+        """Read the low mesh. Do not call this while a view is being drawn: reading evaluates the scene."""
         low = self._wanted.low.find() if self._wanted is not None else None
         if low is None:
             return
@@ -101,7 +101,7 @@ class CageOverlay:
         redraw()
 
     def _on_update(self, _scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
-        """Only a change of the low object counts: another one may be moved or sculpted for minutes."""
+        """Only changes of the low object count: the user may move or sculpt another object for minutes."""
         if self._read is None:
             return
         self._is_outdated |= any(

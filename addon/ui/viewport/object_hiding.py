@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Takes objects out of 3D viewports while something is drawn there in their place, and brings them back.
+"""Hides objects in 3D viewports while a view draws in their place, and shows them again.
 
-It uses local views, which belong to a viewport: the objects stay as they are, selected or not, and no undo step brings
-them back hidden. An undo step does hold which objects are in the local views of its time, so that a local view of the artist's
-own stays as it is. A viewport asks while it is drawn, and is changed soon after: not while it is being drawn.
+It uses Local View, which belongs to a viewport: the objects do not change, and Undo cannot leave them hidden. Undo does
+restore which objects are in Local View, so a Local View of the user stays as it is. A viewport makes its request while it is
+being drawn. The request is done soon after, because drawing must not change a viewport.
 """
 
 from collections.abc import Iterator
@@ -18,7 +18,7 @@ Place = tuple[bpy.types.Window, bpy.types.Screen, bpy.types.Area, bpy.types.Spac
 
 @dataclass(frozen=True)
 class _Request:
-    """What a viewport is to show: the objects, by session_uid, that are out of it, and of which view layer."""
+    """A request of a viewport: the objects to hide, by session_uid, and their view layer."""
 
     out: frozenset[int]
     scene: int
@@ -26,7 +26,7 @@ class _Request:
 
 
 class ObjectHiding:
-    """Knows what each viewport has asked for and what was done. Viewports are known by their address."""
+    """Keeps the request of each viewport, and what was done. Viewports are identified by their address."""
 
     def __init__(self):
         self.timer = Timer(self.catch_up)
@@ -35,9 +35,9 @@ class ObjectHiding:
         )
         self._requests: dict[int, _Request] = {}
         self._taken: dict[int, _Request | None] = {}
-        """Viewports that are in a local view of ours, with what they show; None where an undo may have changed it."""
+        """Viewports in Local View by this class, with their requests; None if Undo may have changed what they show."""
         self._left: set[int] = set()
-        """Viewports whose local view the artist has left, or that can have none."""
+        """Viewports whose Local View the user has left, or that can have none."""
 
     @property
     def is_off(self) -> bool:
@@ -46,7 +46,7 @@ class ObjectHiding:
         return not (is_used or self.timer.is_running or self._handlers.are_added)
 
     def ask(self, context: bpy.types.Context, objects: list[bpy.types.Object]) -> None:
-        """Have `objects`, and no others, out of the viewport that is being drawn."""
+        """Request that `objects`, and no others, are hidden in the viewport that is being drawn."""
         space = context.space_data
         key = space.as_pointer()
         if key in self._taken and space.local_view is None:
@@ -67,7 +67,7 @@ class ObjectHiding:
         return done is not None and space.local_view is not None and {obj.session_uid for obj in objects} <= done.out
 
     def catch_up(self) -> None:
-        """Do what the viewports have asked for."""
+        """Do what the viewports have requested."""
         self._handlers.add()
         for place in list(_places()):
             request = self._requests.pop(place[3].as_pointer(), None)
@@ -90,8 +90,8 @@ class ObjectHiding:
         self._taken.clear()
 
     def _after_undo(self, *_) -> None:
-        """What is in a local view is as it was then, and Blender leaves one that was not there yet: the artist has not left
-        it. The next draw asks again."""
+        """Undo restores Local View as it was, and may leave it. The user has not left it, so the next draw requests it
+        again."""
         for *_, space in list(_places()):
             key = space.as_pointer()
             if key in self._taken:
@@ -131,7 +131,7 @@ def _places() -> Iterator[Place]:
 
 
 def _enter(place: Place) -> bool:
-    """Go into local view, for which Blender needs a selected object. Returns whether it did."""
+    """Enter Local View, for which Blender needs a selected object. Returns whether it did."""
     window, *_, space = place
     for obj in window.view_layer.objects:
         if not obj.visible_get(view_layer=window.view_layer, viewport=space):
@@ -147,7 +147,7 @@ def _enter(place: Place) -> bool:
 
 
 def _switch(place: Place) -> bool:
-    """Go into local view or out of it, with nothing framed. Returns whether it did: there are 16 local views at most."""
+    """Enter or leave Local View without framing. Returns whether it did: Blender has at most 16 Local Views."""
     window, screen, area, space = place
     kind = area.type
     area.type = "VIEW_3D"  # it may have become another editor meanwhile

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Shows a bake in progress: text for panel and status bar, and in the editors the map as far as it is."""
+"""Shows a bake in progress: text for the panel and the status bar, and in the editors the part of the map that is drawn."""
 
 import time
 
@@ -22,9 +22,9 @@ KNOWN = 0.05
 
 
 class ProgressDisplay:
-    """The progress of the one bake that may be going on.
+    """The progress of the running bake.
 
-    current: its last step, or None while there is no bake.
+    current: its last step, or None if no bake is running.
     """
 
     def __init__(self):
@@ -60,11 +60,11 @@ class ProgressDisplay:
         redraw("VIEW_3D", "IMAGE_EDITOR")
 
     def text(self) -> str:
-        """The current step in a line: what is done, how far it is, how much time is left."""
+        """The current step in a line: its name, its progress, and the remaining time."""
         return f"{label(self.current.what)}, {self.short_text()}"
 
     def short_text(self) -> str:
-        """How far the current step is and, once that is known, how much time is left."""
+        """The progress of the current step and, if it is known, the remaining time."""
         return f"{self.current.done:.0%}{time_left(self.current.done, time.monotonic() - self._began)}"
 
     def _draw(self) -> None:
@@ -79,8 +79,8 @@ class ProgressDisplay:
 
 
 def time_left(done: float, seconds: float) -> str:
-    """How long the rest takes if it goes on at the same speed: `seconds` for a share `done`. Rounded, so that it does not
-    flicker; empty while that cannot be known."""
+    """The remaining time at the same speed: `seconds` for a share `done`. Rounded so that it does not flicker, and empty
+    if it is too early for an estimate."""
     if done < KNOWN or seconds < 1.0:
         return ""
     left = seconds * (1.0 - done) / done

@@ -21,7 +21,7 @@ def image(context: bpy.types.Context, shown: bpy.types.Image) -> bool:
 
 
 def image_in_window(context: bpy.types.Context, shown: bpy.types.Image) -> None:
-    """Show an image in an open Image Editor, or else in a window of its own, as Blender shows renders."""
+    """Show an image in an open Image Editor, or else in a new window, as Blender shows renders."""
     if image(context, shown):
         return
     before = set(context.window_manager.windows)
@@ -80,7 +80,7 @@ def selection(context: bpy.types.Context) -> None:
 
 
 def viewport(context: bpy.types.Context) -> bpy.types.Area | None:
-    """The 3D viewport of the context, or else the largest one of its window; None if none is open."""
+    """The 3D viewport of the context, or the largest one of its window; None if no 3D viewport is open."""
     if context.area is not None and context.area.type == "VIEW_3D":
         return context.area
     areas = context.window.screen.areas if context.window is not None else ()

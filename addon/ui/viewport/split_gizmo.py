@@ -53,7 +53,7 @@ class IMPRINT_GT_split(bpy.types.Gizmo):
 
 
 class IMPRINT_GGT_split(bpy.types.GizmoGroup):
-    """Holds the lines of the split in 3D viewports that show it."""
+    """The group of the lines, in 3D viewports with the Split view."""
 
     bl_idname = "IMPRINT_GGT_split"
     bl_label = "Split"

@@ -16,7 +16,7 @@ BAR = (240.0, 12.0)
 EDGE, TEXT = 60.0, viewport_text.SIZE
 """Height of the labels above the lower edge, and their size, in pixels at a scale of 1."""
 SHOWN_SHARE = 0.0005
-"""Share of texels from another place from which it is shown: it is written with one decimal of a percent."""
+"""The share of texels that are not measured is shown from this value: the text has one decimal of a percent."""
 DEGREES = "\N{DEGREE SIGN}"
 
 
@@ -30,7 +30,7 @@ def draw_mesh(context: bpy.types.Context, shading: view_shading.Shading, mode: M
 
 
 def draw_labels(context: bpy.types.Context, mode: Mode, figures: view_shading.Figures | None) -> None:
-    """Write over a view what its parts are, or what was measured."""
+    """Write the names of a view's parts over it, or the measured deviations."""
     view, region, scale = context.scene.imprint_view, context.region, context.preferences.system.ui_scale
     if mode is Mode.SPLIT:
         parts = ((label("High"), 1.0), (label("Low"), 0.5), (label("Low with Map"), 0.0))
@@ -48,7 +48,7 @@ def draw_labels(context: bpy.types.Context, mode: Mode, figures: view_shading.Fi
 
 
 def description(figures: view_shading.Figures | None) -> list[str]:
-    """The deviations in two lines, and in one more the share that was not measured; empty without figures."""
+    """The deviations in two lines, and the share that was not measured in a third; empty without figures."""
     if figures is None:
         return []
     elsewhere = []
@@ -80,8 +80,8 @@ def visible_columns(context: bpy.types.Context) -> tuple[int, int]:
 
 
 def label_position(zone: range, width: float, share: float, visible: tuple[int, int], gap: float) -> float | None:
-    """The x at which a label of this width begins, in the visible part of its zone with a gap at both ends; `share` of the
-    room that is left lies on its left. None where it does not fit."""
+    """The x where a label of this width begins, in the visible part of its zone with a gap at both ends. `share` of the free
+    room is on its left. None if it does not fit."""
     start, stop = max(zone.start, visible[0]) + gap, min(zone.stop, visible[1]) - gap
     return start + (stop - start - width) * share if stop - start >= width else None
 
@@ -90,7 +90,7 @@ def eye(region_data: bpy.types.RegionView3D, light: bpy.types.Object | None) -> 
     """The camera of a view, and its light: an object, or the view's own for None."""
     view = np.array(region_data.view_matrix, np.float64)
     if light is None:
-        towards = view.T @ HEADLIGHT  # a view turns and does not stretch
+        towards = view.T @ HEADLIGHT  # a view matrix rotates and does not scale
         towards[3] = 0.0
     elif light.data.type == "SUN":
         towards = np.array(light.matrix_world.col[2])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The state of the views: which mode is on, and whose map it shows. The drawing itself is in view_drawing."""
+"""The state of the views: which mode is on, and which map it shows. The drawing itself is in view_drawing."""
 
 from dataclasses import dataclass
 
@@ -25,17 +25,17 @@ RETRY = 0.5
 
 @dataclass(frozen=True)
 class OwnMap:
-    """A map that was drawn for the views alone, and the settings of the panel that it was drawn with."""
+    """A map that was drawn only for the views, and the settings of the panel that it was drawn with."""
 
     session: live_session.Session
     settings: Settings
 
 
 class ViewMode:
-    """Shows one of the modes, of Live's map or of one that is drawn for the views.
+    """Shows one of the modes for Live's map, or for a map drawn for the views.
 
-    mode: the one that is on. message: why the view went off, in a sentence; empty if it did not, or on request. shading:
-    what is drawn, or None. own: the map for the views while Live is off, or None.
+    mode: the one that is on. message: why the view was turned off, in a sentence; empty if it was not, or if the user turned
+    it off. shading: the object that draws, or None. own: the map for the views while Live is off, or None.
     """
 
     def __init__(self):
@@ -50,20 +50,20 @@ class ViewMode:
 
     @property
     def is_idle(self) -> bool:
-        """Whether it is off, and no map, drawing or timer remains."""
+        """Whether the view is off, and no map, draw callback or timer remains."""
         is_used = self.own or self.shading or self._draw_callbacks.are_added or self.timer.is_running
         return self.mode is Mode.OFF and not is_used
 
     @property
     def session(self) -> live_session.Session | None:
-        """The one whose map is shown: Live's as soon as it has a map."""
+        """The session whose map is shown: Live's as soon as it has a map."""
         if live.is_on and live.session.texels is not None:
             return live.session
         return self.own.session if self.own is not None else None
 
     @property
     def figures(self) -> view_shading.Figures | None:
-        """The deviations of the map that is shown, once a mode that measures them has been on."""
+        """The deviations of the shown map, after a mode that measures them was on."""
         return self.shading.figures if self.shading is not None else None
 
     def switch(self, context: bpy.types.Context, wanted: Mode) -> None:
@@ -75,7 +75,7 @@ class ViewMode:
     ) -> progress.Task[None]:
         """Show a mode. A map is drawn first if there is none, or if it is to be `redrawn`.
 
-        Raises BakeError when there is nothing to show, and then the view is off. A task that is closed changes nothing.
+        Raises BakeError if there is nothing to show, and then the view is off. A task that is closed changes nothing.
         """
         self.message = ""
         if wanted is Mode.OFF:
@@ -94,7 +94,7 @@ class ViewMode:
         self._draw_callbacks.add()
 
     def choose(self, wanted: Mode) -> None:
-        """Show a mode, in slices where there is a window. What cannot be shown is in `message`; a running bake goes first."""
+        """Show a mode, in slices if there is a window. Problems are in `message`. A running bake finishes first."""
         if display.current is not None:
             return
         try:
@@ -103,7 +103,7 @@ class ViewMode:
             self.message = str(error)
 
     def off(self) -> None:
-        """Show the viewports as they are. No drawing, timer or map remains."""
+        """Turn the view off. No draw callback, timer or map remains."""
         self.mode = Mode.OFF
         self._draw_callbacks.remove()
         self.timer.stop()
@@ -112,13 +112,13 @@ class ViewMode:
         redraw()
 
     def free(self) -> None:
-        """Free what is on the GPU."""
+        """Free the view's GPU memory."""
         if self.own is not None:
             self.own.session.free()
         self.own = self.shading = None
 
     def catch_up(self) -> float | None:
-        """Show what Live has drawn since the last time, or a map of its own after Live was switched off."""
+        """Show the map that Live has drawn since the last time, or draw a map for the view after Live was turned off."""
         if self.mode is Mode.OFF:
             return None
         if display.current is not None:
@@ -138,7 +138,7 @@ class ViewMode:
         return self.own is not None and self.own.settings != context.scene.imprint.to_settings()
 
     def shading_for(self, context: bpy.types.Context) -> view_shading.Shading | None:
-        """What is to be drawn into the view that is being drawn; None if the low object is not visible there."""
+        """The shading for the viewport that Blender is drawing; None if the low object is not visible there."""
         session = self.session
         if self.shading is None or self.shading.session is not session:
             self.timer.start()  # Live was switched on or off; nothing is baked while a view is being drawn
@@ -146,7 +146,7 @@ class ViewMode:
         return self.shading if _is_low_visible(session, context) else None
 
     def high_objects(self, context: bpy.types.Context) -> list[bpy.types.Object]:
-        """The high objects, which the view hides because it draws the low one in their place; none where that is not
+        """The high objects to hide, because the view draws the low object in their place; none if the low object is not
         visible."""
         session = self.session
         if session is None or not _is_low_visible(session, context):
@@ -171,7 +171,7 @@ class ViewMode:
             view_drawing.draw_labels(context, self.mode, self.figures)
 
     def _update_shading(self) -> None:
-        """Prepare what is to be shown. Not while a view is being drawn."""
+        """Prepare the shading. Do not call this while a view is being drawn."""
         if self.own is not None and self.session is not self.own.session:
             self.free()
         if self.shading is None or self.shading.session is not self.session:
@@ -180,7 +180,7 @@ class ViewMode:
         redraw()
 
     def _ask_for(self, wanted: Mode) -> None:
-        """Show a mode: with a progress bar where there is a window. Raises BakeError."""
+        """Show a mode, with a progress bar if there is a window. Raises BakeError."""
         windows = bpy.context.window_manager.windows
         if bpy.app.background or wanted is Mode.OFF or self.session is not None or not windows:
             self.switch(bpy.context, wanted)

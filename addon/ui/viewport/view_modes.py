@@ -5,7 +5,7 @@ from enum import StrEnum
 
 
 class Mode(StrEnum):
-    """What the 3D viewports show."""
+    """A view that the 3D viewports can show."""
 
     OFF = "OFF"
     MAP = "MAP"
@@ -19,7 +19,7 @@ class Mode(StrEnum):
 
     @property
     def next(self) -> "Mode":
-        """The one after it; OFF after the last."""
+        """The next mode; OFF after the last."""
         modes = list(Mode)
         return modes[(modes.index(self) + 1) % len(modes)]
 

@@ -15,7 +15,7 @@ from .view_modes import ITEMS, Mode
 
 
 class _Show(SlicedOperator):
-    """Shows a mode; if it needs a map, that is drawn in slices."""
+    """Shows a mode. If it needs a map, the map is drawn in slices."""
 
     @classmethod
     def poll(cls, _context: bpy.types.Context) -> bool:
@@ -28,7 +28,7 @@ class _Show(SlicedOperator):
         yield from viewer.switching(context, self.wanted(), pace)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        # Without a map to draw there is nothing to wait for.
+        # Without a map to draw, there is nothing to wait for.
         is_quick = self.wanted() is Mode.OFF or viewer.session is not None
         return self.execute(context) if is_quick else super().invoke(context, event)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The settings of the views. They change what is shown, and never the map."""
+"""The settings of the views. They do not change the map."""
 
 import bpy
 from bpy.props import EnumProperty, FloatProperty, PointerProperty
@@ -43,7 +43,7 @@ class ImprintView(bpy.types.PropertyGroup):
     split: FloatProperty(
         name="Line",
         description="Position of the line between high and low, as a share of the view's width",
-        default=0.4,  # left of the middle: the sidebar lies over the right end, and the three parts look alike
+        default=0.4,  # left of the middle, because the sidebar covers the right end
         min=0.0,
         max=1.0,
         subtype="FACTOR",

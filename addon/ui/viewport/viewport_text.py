@@ -21,11 +21,11 @@ def width(text: str, scale: float) -> float:
 
 
 def write(text: str, x: float, y: float, scale: float, share: float = 0.0) -> None:
-    """Write a line in a dark box; `share` of its width lies left of x. Call it from a POST_PIXEL draw callback."""
+    """Write a line in a dark box, with `share` of its width to the left of x. Call it from a POST_PIXEL draw callback."""
     x -= width(text, scale) * share
     letter = SIZE * scale
     left, right = x - PAD[0] * letter, x + width(text, scale) + PAD[0] * letter
-    # Capitals are 0.7 of the font size high; descenders get as much room below as there is above.
+    # Capitals are 0.7 of the font size high. Descenders get as much room below as there is above.
     below, above = y - PAD[1] * letter, y + (0.7 + PAD[1]) * letter
     program = gpu.shader.from_builtin("UNIFORM_COLOR")
     corners = [(left, below), (right, below), (left, above), (right, above)]
