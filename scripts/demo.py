@@ -25,16 +25,16 @@ from addon.output.files.atomic_file import replacing  # noqa: E402
 
 ELEVATIONS = ROOT / "scripts/data/jacksboro_fault_dem.npz"
 KM_PER_DEGREE = 111.2  # of latitude; one unit of the scene is a kilometer
-EXAGGERATION = 2.0  # of the heights: the real relief, 0.84 km on 30 x 32 km, looks flat in a small picture
-LOW_TRIANGLES = 9079  # as many as the paper's simplified terrain has
+EXAGGERATION = 2.0  # of the heights: the real relief, 0.84 km over 30 x 32 km, looks flat in a small picture
+LOW_TRIANGLES = 9079  # as in the paper's simplified terrain
 
 PICTURE = (2000, 580)
-GAP = 3.0  # between two terrains, in kilometers, as are the lengths below
+GAP = 3.0  # between two terrains; this and the lengths below are in kilometers
 LABEL_SIZE, LABEL_DROP = 2.2, 3.3  # the height of the letters, and their baseline's distance from the terrain
 CAMERA_DROP = 2.8  # below the middle of the terrains, which leaves room for the labels
 VIEW = Euler((math.radians(38), 0, 0))  # tilted from looking straight down
 SUN = Euler((math.radians(38 - 90), 0, math.radians(50)))  # 38 degrees high in the north-west, as maps are shaded
-CLAY, NIGHT, CHALK = (0.62, 0.58, 0.52, 1), (0.06, 0.06, 0.065, 1), (0.85, 0.85, 0.85, 1)
+CLAY, BACKGROUND, LABEL = (0.62, 0.58, 0.52, 1), (0.06, 0.06, 0.065, 1), (0.85, 0.85, 0.85, 1)
 
 
 def parse() -> argparse.Namespace:
@@ -42,7 +42,7 @@ def parse() -> argparse.Namespace:
     result = argparse.ArgumentParser(prog="imprint.py demo", description="Bake a terrain, and make a picture of it.")
     result.add_argument("--size", type=int, default=2048, metavar="TEXELS", help="of the square maps (default: 2048)")
     result.add_argument("--output", type=Path, default=ROOT / "out/demo", metavar="DIR", help="default: out/demo")
-    result.add_argument("--quick", action="store_true", help="a picture of a quarter of the size, and coarse")
+    result.add_argument("--quick", action="store_true", help="make a small, coarse picture")
     return result.parse_args()
 
 
@@ -127,7 +127,7 @@ def add_terrain(mesh: bpy.types.Mesh) -> bpy.types.Object:
 
 
 def build_terrains() -> list[bpy.types.Object]:
-    """Add the four terrains, all in one place: high, low, low with a map, and a plane with a map."""
+    """Add the four terrains at the same place: high, low, low with a map, and a plane with a map."""
     heights, extent = read_terrain()
     high = add_terrain(grid_mesh("High", heights, extent))
     low = add_terrain(simplified("Low", high, LOW_TRIANGLES))
@@ -135,7 +135,7 @@ def build_terrains() -> list[bpy.types.Object]:
     mapped.name = "Low with map"
     flat = grid_mesh("Plane with map", np.zeros((2, 2)), extent)
     terrains = [high, low, add_terrain(mapped), add_terrain(flat)]
-    for terrain in terrains:  # last, since Decimate does better on real proportions
+    for terrain in terrains:  # last, because Decimate works better with the real proportions
         terrain.data.transform(Matrix.Diagonal((1, 1, EXAGGERATION, 1)))
     return terrains
 
@@ -150,17 +150,17 @@ def bake(high: bpy.types.Object, low: bpy.types.Object, size: int, path: Path) -
 
 def add_labels(terrains: list[bpy.types.Object]) -> None:
     """Add a label with name and triangle count below each terrain, facing the camera and unlit."""
-    chalk = bpy.data.materials.new("Label")
-    nodes = chalk.node_tree.nodes
+    material = bpy.data.materials.new("Label")
+    nodes = material.node_tree.nodes
     nodes.clear()
     emission, output = nodes.new("ShaderNodeEmission"), nodes.new("ShaderNodeOutputMaterial")
-    emission.inputs["Color"].default_value = CHALK
-    chalk.node_tree.links.new(emission.outputs["Emission"], output.inputs["Surface"])
+    emission.inputs["Color"].default_value = LABEL
+    material.node_tree.links.new(emission.outputs["Emission"], output.inputs["Surface"])
     for terrain in terrains:
         text = bpy.data.curves.new(f"{terrain.name} label", "FONT")
         text.body = f"{terrain.name}\n{count_triangles(terrain):,} triangles"
         text.align_x, text.size = "CENTER", LABEL_SIZE
-        text.materials.append(chalk)
+        text.materials.append(material)
         label = add(text.name, text)
         label.rotation_euler = VIEW
         front = Vector((terrain.location.x, -terrain.dimensions.y / 2, 0))
@@ -183,9 +183,9 @@ def arrange(terrains: list[bpy.types.Object]) -> None:
     sun = add("Sun", bpy.data.lights.new("Sun", "SUN"))
     sun.data.energy, sun.data.angle = 4.2, math.radians(1)
     sun.rotation_euler = SUN
-    scene.world = bpy.data.worlds.new("Night")
+    scene.world = bpy.data.worlds.new("Background")
     background = next(node for node in scene.world.node_tree.nodes if node.type == "BACKGROUND")
-    background.inputs["Color"].default_value = NIGHT
+    background.inputs["Color"].default_value = BACKGROUND
 
 
 # The files
@@ -210,7 +210,7 @@ def save(path: Path, images: list[bpy.types.Image]) -> None:
     """Save the scene, with relative paths to the images beside it, so that the folder can be moved."""
     for image in images:
         image.filepath = f"//{Path(image.filepath).name}"
-    bpy.context.preferences.filepaths.file_preview_type = "NONE"  # leave the user's folder of thumbnails alone
+    bpy.context.preferences.filepaths.file_preview_type = "NONE"  # write no thumbnail into the user's folder
     with replacing(path) as partial:
         bpy.ops.wm.save_as_mainfile(filepath=str(partial), copy=True, relative_remap=False)
 
@@ -219,7 +219,7 @@ def demo(folder: Path, size: int, quick: bool) -> None:
     """Build, bake, render, save."""
     folder.mkdir(parents=True, exist_ok=True)
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    bpy.context.scene.render.engine = "CYCLES"  # before the bakes: maps are made for the scene's engine
+    bpy.context.scene.render.engine = "CYCLES"  # before the bakes, because maps are made for the scene's engine
     high, low, mapped, flat = terrains = build_terrains()
     images = [bake(high, mapped, size, folder / "low_normal.png"), bake(high, flat, size, folder / "plane_normal.png")]
     arrange(terrains)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What tests start from: a profile of their own, an empty scene, and, where asked for, a GPU and the real meshes.
+"""Fixtures for all tests: a temporary profile, an empty scene, a GPU, and the real meshes.
 
-bpy is imported inside the fixtures: tests/pure, which has no use for them, runs without it.
+The fixtures import bpy, not this module: tests/pure does not use them, and runs without bpy.
 """
 
 import atexit
@@ -15,7 +15,7 @@ import pytest
 
 from scripts import imprint
 
-# Before bpy is imported, which reads it once: no test may touch the person's own Blender settings.
+# This comes before the import of bpy, which reads it once. No test may use the user's Blender settings.
 _profile = tempfile.mkdtemp(prefix="imprint-profile-")
 atexit.register(shutil.rmtree, _profile, ignore_errors=True)
 os.environ["BLENDER_USER_RESOURCES"] = _profile
@@ -33,13 +33,13 @@ def empty_scene():
 
 @pytest.fixture(scope="session")
 def gpu_context():
-    """A GPU to draw on. Without one tests fail: a suite that skips its subject would look healthy."""
-    import bpy  # noqa: F401 - which brings gpu
+    """A GPU to draw on. Without one, tests fail: skipped tests would look like success."""
+    import bpy  # noqa: F401 - Blender's gpu module comes with it
     import gpu
 
     import addon
 
-    code, output = imprint.probe(sys.executable)  # in a process of its own, since a missing EGL kills it
+    code, output = imprint.probe(sys.executable)  # in a separate process, because a missing EGL kills it
     if code:
         pytest.fail(f"gpu.init() ended with {code}: {output}", pytrace=False)
     gpu.init()

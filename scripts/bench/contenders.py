@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The bakers that are compared, how their times are measured, and the deviation of their maps from the truth."""
+"""The bakers to compare. Measures their times, and the deviation of their maps from known normals."""
 
 import statistics
 import time
@@ -25,7 +25,7 @@ FLATTEN, CAST, KEPT, CYCLES, MULTIRES = (
     "Blender, multires",
 )
 PATIENCE = 10.0
-"""A contender outside Blender bakes only once if its first bake takes more than this many seconds."""
+"""Seconds. A baker outside Blender bakes only once if its first bake takes longer."""
 RIM = 2
 """Texels at the border of the map that are not compared: bakers differ in which of them they write."""
 
@@ -41,7 +41,7 @@ class Contender:
 
 @dataclass
 class Timed:
-    """The times of one contender in seconds: the first bake, and one bake per round."""
+    """The seconds of one baker: for the first bake, and for one bake per round. gap: why there are no more."""
 
     first: float = 0.0
     seconds: list[float] = field(default_factory=list)
@@ -131,8 +131,8 @@ def multires(sculpt: bpy.types.Object, size: int) -> Contender:
     return Contender(MULTIRES, bake, lambda: normals_of(image, size))
 
 
-def others(peers: Peers, size: int) -> list[Contender]:
-    """The peers outside Blender, for the pair that they have loaded."""
+def outside_blender(peers: Peers, size: int) -> list[Contender]:
+    """The bakers outside Blender, for the pair that they have loaded."""
     return [
         Contender(NAMES[name], lambda name=name: peers.seconds(name, size), lambda name=name: peers.normals(name, size))
         for name in peers.bakers
@@ -156,7 +156,7 @@ def target_image(obj: bpy.types.Object, name: str, size: int) -> bpy.types.Image
 
 
 def activate(obj: bpy.types.Object, name: str) -> None:
-    """Make the image node of that name the one that Blender bakes to."""
+    """Make the image node of this name active. Blender bakes to the active image node."""
     for slot in obj.material_slots:
         if slot.material:
             nodes = slot.material.node_tree.nodes
@@ -172,7 +172,7 @@ def normals_of(image: bpy.types.Image, size: int) -> np.ndarray:
 
 
 def race(contenders: list[Contender], repeats: int) -> dict[str, Timed]:
-    """Bake once with each contender, then in rounds in which each bakes once, so that a disturbance affects all."""
+    """Bake once with each contender, then in rounds. Each bakes once per round, so that a disturbance affects all."""
     result = {contender.name: Timed() for contender in contenders}
     for turn in range(repeats + 1):
         for contender in contenders:
@@ -189,7 +189,7 @@ def race(contenders: list[Contender], repeats: int) -> dict[str, Timed]:
                 continue
             timed.first = seconds
             if contender.name in NAMES.values() and seconds > PATIENCE:
-                timed.gap = f"its first bake took {seconds:.0f} s, so there were no others"
+                timed.gap = f"its first bake took {seconds:.0f} s, so it did not bake again"
     for contender in contenders:
         if isinstance(contender, Imprint) and not result[contender.name].gap:
             result[contender.name].stages = contender.median_stages()
@@ -197,7 +197,7 @@ def race(contenders: list[Contender], repeats: int) -> dict[str, Timed]:
 
 
 def deviation(pair: Pair, normals: np.ndarray) -> dict[str, float]:
-    """Degrees from the truth: median, 99th percentile and maximum, and the share of texels that were written."""
+    """Degrees from the known normals: median, 99th percentile and maximum; and the share of texels that were written."""
     size = len(normals)
     centers = (np.arange(size) + 0.5) / size
     truth = pair.truth(*np.meshgrid(centers, centers))

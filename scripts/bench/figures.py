@@ -37,7 +37,7 @@ def sphere(folder: Path, scratch: Path) -> dict[str, str]:
 
 
 def creature(folder: Path, scratch: Path, quick: bool) -> dict[str, str]:
-    """Figures 3 to 6: high mesh, low mesh, map, and the low mesh with the map."""
+    """Figures 3 to 6: the high mesh, the low mesh, the map, and the low mesh with the map."""
     scenes.empty()
     bpy.ops.mesh.primitive_monkey_add()
     low = demo.add_terrain(_subdivided(bpy.context.object, "Low", 1))
@@ -54,13 +54,13 @@ def creature(folder: Path, scratch: Path, quick: bool) -> dict[str, str]:
     return {
         "figure_3.png": f"Figure 3: the high mesh, {count['High']}",
         "figure_4.png": f"Figure 4: the low mesh, {count['Low']}",
-        "figure_5.png": "Figure 5: the map that Cast makes of the two",
+        "figure_5.png": "Figure 5: the map of the two, baked with Cast",
         "figure_6.png": f"Figure 6: the low mesh, {count['Low']}, with the map",
     }
 
 
 def terrain(folder: Path, scratch: Path, quick: bool) -> dict[str, str]:
-    """Figures 7 to 9, from the demo: the map, the high mesh beside the low one with it, and a plane with it."""
+    """Figures 7 to 9, from the demo: the map, the high mesh beside the low mesh with the map, and a plane with its map."""
     demo.demo(scratch / "demo", 1024 if quick else 2048, quick)
     with Image.open(scratch / "demo" / "low_normal.png") as picture:
         picture.convert("RGB").resize((1024, 1024)).save(folder / "figure_7.png")
@@ -80,15 +80,16 @@ def terrain(folder: Path, scratch: Path, quick: bool) -> dict[str, str]:
 
 def bake(low: bpy.types.Object, high: bpy.types.Object, path: Path, **settings) -> None:
     """Bake a map for Cycles into a file of 8 bits."""
-    own = Settings(basis="BLENDER", storage="FILE", output=str(path), depth=8, **settings)
-    bake_pair(bpy.context, low, [high], own)
+    bake_pair(
+        bpy.context, low, [high], Settings(basis="BLENDER", storage="FILE", output=str(path), depth=8, **settings)
+    )
 
 
 def beside(paths: Sequence[Path], path: Path) -> None:
     """Join pictures from files side by side."""
     pictures = []
-    for one in paths:
-        with Image.open(one) as picture:
+    for source in paths:
+        with Image.open(source) as picture:
             pictures.append(picture.convert("RGB"))
     _paste(pictures, path)
 
@@ -131,9 +132,9 @@ def _add_camera_and_sun(obj: bpy.types.Object, side: int, quick: bool) -> None:
     scene.camera.location = VIEW.to_matrix() @ Vector((0, 0, 20))
     sun = demo.add("Sun", bpy.data.lights.new("Sun", "SUN"))
     sun.data.energy, sun.data.angle, sun.rotation_euler = 4.0, math.radians(1), SUN
-    scene.world = bpy.data.worlds.new("Night")
+    scene.world = bpy.data.worlds.new("Background")
     background = next(node for node in scene.world.node_tree.nodes if node.type == "BACKGROUND")
-    background.inputs["Color"].default_value = demo.NIGHT
+    background.inputs["Color"].default_value = demo.BACKGROUND
     scene.render.resolution_x = scene.render.resolution_y = side
     scene.render.engine, scene.cycles.device, scene.cycles.samples = "CYCLES", "CPU", 8 if quick else 64
     scene.cycles.use_denoising = False

@@ -27,7 +27,7 @@ PAPER = (
     (48048, 23378, "31", 97704, 160975),
     (61644, 20517, "31", 129969, 179569),
 )
-"""Table 1 of Gumbau, González and Chover, Hardware generation of normal maps."""
+"""Table 1 of the paper: Gumbau, González and Chover, "Hardware generation of normal maps"."""
 TERRAIN = (275_772, 9_079)
 """The demo's terrain, used if no folder of pairs has one."""
 COPIED = 256 * 2**20
@@ -70,26 +70,26 @@ def copy_bandwidth() -> float:
 
 
 def pairs(folder: Path | None, quick: bool) -> Iterator[tuple[Callable[[], scenes.Pair], tuple[int, ...]]]:
-    """A function that opens each pair, and its map sizes: first those of the paper's table, then terrains and others."""
+    """A function that opens each pair, and its map sizes: first the pairs of the paper's table, then terrains and others."""
     usual = (1024,) if quick else (512, 1024, 2048)
     for high, low, *_ in PAPER:
         yield scenes.sized(folder, high, low), usual
     known = {(high, low) for high, low, *_ in PAPER}
     found = [path for path in sorted(folder.glob("*.blend")) if scenes.sizes(path)] if folder else []
-    others = [path for path in found if scenes.sizes(path) not in known]
-    terrains = [path for path in others if path.name.startswith(scenes.TERRAINS)]
+    unknown = [path for path in found if scenes.sizes(path) not in known]
+    terrains = [path for path in unknown if path.name.startswith(scenes.TERRAINS)]
     for path in terrains[:1] if quick else terrains:
         yield (lambda path=path: scenes.opened(path)), (2048,) if quick else usual
     if not terrains:
         yield (lambda: scenes.made(*TERRAIN)), (2048,) if quick else usual
-    for path in () if quick else others:
+    for path in () if quick else unknown:
         if path not in terrains:
             yield (lambda path=path: scenes.opened(path)), usual
 
 
-def time_pair(pair: scenes.Pair, sizes: tuple[int, ...], repeats: int, beside: Peers, quick: bool) -> list[dict]:
+def time_pair(pair: scenes.Pair, sizes: tuple[int, ...], repeats: int, others: Peers, quick: bool) -> list[dict]:
     """Time all contenders on a pair at all sizes, in tangent space, with one sample; `quick` leaves out the cached tree."""
-    beside.load(pair) if beside.bakers else None
+    others.load(pair) if others.bakers else None
     rows = []
     for size in sizes:
         ours = [
@@ -98,7 +98,7 @@ def time_pair(pair: scenes.Pair, sizes: tuple[int, ...], repeats: int, beside: P
         ]
         if not quick:
             ours.append(Imprint(KEPT, pair, size, method="CAST", keep=True))
-        field = [*ours, contenders.cycles(pair, size), *contenders.others(beside, size)]
+        field = [*ours, contenders.cycles(pair, size), *contenders.outside_blender(others, size)]
         rows.append(_row(pair, size, contenders.race(field, repeats)))
     return rows
 
@@ -122,25 +122,25 @@ def _row(pair: scenes.Pair, size: int, timed: dict[str, Timed]) -> dict:
         "low": low,
         "size": size,
         "samples": 1,
-        "times": {name: vars(one) for name, one in timed.items()},
+        "times": {name: vars(times) for name, times in timed.items()},
     }
 
 
 # Accuracy
 
 
-def closed_forms(quick: bool, repeats: int, beside: Peers) -> list[dict]:
+def closed_forms(quick: bool, repeats: int, others: Peers) -> list[dict]:
     """Measure times, and degrees from the truth, on surfaces with known normals, in world space, on the same texels."""
     size, n = (512, 256) if quick else (1024, 512)
     rows = []
     for build in (scenes.sine, scenes.belt):
         pair = build(n)
-        beside.load(pair) if beside.bakers else None
+        others.load(pair) if others.bakers else None
         field = [
             Imprint(FLATTEN, pair, size, method="FLATTEN", space="WORLD"),
             Imprint(CAST, pair, size, method="CAST", space="WORLD"),
             contenders.cycles(pair, size, space="OBJECT"),
-            *contenders.others(beside, size),
+            *contenders.outside_blender(others, size),
         ]
         rows.append(_with_angles(pair, size, field, repeats))
     pair, sculpt = scenes.multires(9)
@@ -185,7 +185,7 @@ def growth(quick: bool, repeats: int, log: Callable[[str], None]) -> dict[str, l
 def _sweep(cases: list[tuple[scenes.Pair, int, int, int]], repeats: int) -> list[dict]:
     """The points of one curve, from (pair, amount, size, samples). Each case bakes once per round, so that a temporary
     disturbance of the machine does not bend the curve."""
-    points, own = [], []
+    points, bakers = [], []
     for pair, amount, size, samples in cases:
         points.append({"amount": amount, "seconds": {}, "peak_gigabytes": {}})
         for name, method in ((FLATTEN, "FLATTEN"), (CAST, "CAST")):
@@ -193,9 +193,9 @@ def _sweep(cases: list[tuple[scenes.Pair, int, int, int]], repeats: int) -> list
             forget_peak()
             baker.bake()
             points[-1]["peak_gigabytes"][name] = peak_gigabytes()
-            own.append((baker, points[-1]["seconds"].setdefault(name, [])))
+            bakers.append((baker, points[-1]["seconds"].setdefault(name, [])))
     for _ in range(repeats):
-        for baker, seconds in own:
+        for baker, seconds in bakers:
             seconds.append(baker.bake())
     return points
 
@@ -217,7 +217,7 @@ def peak_gigabytes() -> float | None:
 def exponents(points: list[dict], name: str, last: int | None = None) -> dict[str, float]:
     """The b of seconds = a * amount ** b, by least squares of the logarithms: of the medians, and its range over rounds.
 
-    last: over so many of the largest points alone, where what a bake costs in any case hides the growth least.
+    last: use only this many of the largest points, where the constant cost of a bake hides the growth least.
     """
     points = points[-last:] if last else points
     amounts = np.log([point["amount"] for point in points])
@@ -240,10 +240,9 @@ def terrain(folder: Path | None) -> scenes.Pair:
 
 
 def limit(row: dict, gigabytes_per_second: float) -> dict:
-    """Compare the stages of Flatten and Cast in a row of `time_pair` with the least bytes that each must move, at the
-    best copying speed.
+    """Compare the stages of Flatten and Cast in a row of `time_pair` with the time to copy the bytes that each must move.
 
-    A texel has 16 bytes, a corner 32 (position, normal, UV) and each byte is read once and written once.
+    A texel has 16 bytes, a corner 32 (position, normal, UV). Each byte is read once and written once.
     """
     corners, texels = 2 * 3 * 32, 2 * 16 * row["size"] ** 2
     least = {
@@ -288,8 +287,8 @@ def hardware(folder: Path | None, scratch: Path, quick: bool) -> dict:
     """Run scripts/dev/hardware.py, which times the shaders without Blender. Returns its result, or {"error": the reason}."""
     files = []
     sizes = (1024, 2048) if quick else (512, 1024, 2048)
-    wanted = [(high, low) for high, low, *_ in PAPER] + [TERRAIN]
-    for high, low in wanted[3:] if quick else wanted:
+    counts = [(high, low) for high, low, *_ in PAPER] + [TERRAIN]
+    for high, low in counts[3:] if quick else counts:
         pair = terrain(folder) if (high, low) == TERRAIN else scenes.sized(folder, high, low)()
         blend, file = scratch / f"{pair.name}.blend", scratch / f"{pair.name}.npz"
         bpy.ops.wm.save_as_mainfile(filepath=str(blend), copy=True)
@@ -305,7 +304,7 @@ def hardware(folder: Path | None, scratch: Path, quick: bool) -> dict:
 
 
 def ratios(row: dict, slower: str, faster: str) -> dict[str, float] | None:
-    """How many times faster: the ratio of the medians, and the minimum and maximum of the rounds. None for a gap."""
+    """The speedup: the ratio of the medians, and the minimum and maximum of the rounds. None for a gap."""
     theirs, ours = (row["times"].get(name, {}).get("seconds") for name in (slower, faster))
     if not theirs or not ours:
         return None

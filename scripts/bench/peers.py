@@ -16,7 +16,7 @@ HOME = ROOT / "out" / "bench" / "peers"
 PYTHON = HOME / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
 PACKAGES = (
     "open3d==0.20.0",
-    "libusb-package==1.0.26.3",  # Open3D's wheel needs it from the system
+    "libusb-package==1.0.26.3",  # Open3D's wheel needs libusb, which some systems lack
     "pymeshlab==2025.7.post1",
     "moderngl==5.13.0",
     "pillow==13.0.0",
@@ -41,7 +41,7 @@ class PeerError(Exception):
 
 
 class Peers:
-    """The process with the other bakers, for a `with` block. `versions` is empty without the environment."""
+    """The process with the other bakers. Use it in a `with` block. `versions` is empty without the environment."""
 
     def __init__(self, scratch: Path):
         self.scratch, self.process, self.versions = scratch, None, {}
@@ -89,8 +89,8 @@ class Peers:
         path.unlink()
         return texels
 
-    def _ask(self, **order) -> dict:
-        self.process.stdin.write(json.dumps(order) + "\n")
+    def _ask(self, **request) -> dict:
+        self.process.stdin.write(json.dumps(request) + "\n")
         self.process.stdin.flush()
         line = self.process.stdout.readline()
         answer = json.loads(line) if line else {"error": f"the process died, see {self.scratch / 'peers.log'}"}

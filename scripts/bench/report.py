@@ -34,7 +34,7 @@ def markdown(result: dict) -> str:
     """The whole report."""
     lines = ["# Imprint, measured", ""]
     if result["quick"]:
-        lines += ["A quick run: fewer sizes and rounds than the whole one.", ""]
+        lines += ["A quick run, with fewer sizes and rounds than a full one.", ""]
     lines += verdicts(judge(result)) + machine(result)
     for part, write in (
         ("pairs", lambda rows: paper(rows) + contest(rows)),
@@ -53,8 +53,7 @@ def markdown(result: dict) -> str:
 def verdicts(found: list[Verdict]) -> list[str]:
     held = sum(verdict.outcome == HOLDS for verdict in found)
     return [
-        f"{held} of {len(found)} targets hold. Each is held in all rounds; where some reach it and others do not, it is "
-        "called open.",
+        f"{held} of {len(found)} targets hold. A target holds if all rounds reach it. If only some rounds do, it is open.",
         "",
         *(f"- **{verdict.outcome}**: {verdict.target}. {verdict.figures}." for verdict in found),
         "",
@@ -63,31 +62,31 @@ def verdicts(found: list[Verdict]) -> list[str]:
 
 def machine(result: dict) -> list[str]:
     about, peers = result["machine"], result["peers"]
-    software = ", which draws in software: there is no GPU" if about["in_software"] else ""
+    software = ", which draws in software, without a GPU" if about["in_software"] else ""
     others = ", ".join(f"{name} {version}" for name, version in peers.items()) or "none; --peers installs them"
     load = f"load {about['load']} at the start" if about["load"] is not None else "load unknown"
     return [
         f"{about['cores']} cores of {about['processor']}, {about['system']}, {load}; {about['renderer']} by "
         f"{about['backend']}{software}; Blender {about['blender']}. Other bakers: {others}.",
         "",
-        f"Medians of {result['repeats']} rounds after a first bake that does not count, with the least and most of the "
-        "rounds in brackets. In a round each contender bakes once; a ratio's brackets are those of the rounds' ratios. "
-        "A time goes from the objects (for bakers outside Blender: from arrays) to pixels that can be read. "
-        f"{GAP} is a gap: not installed, or it cannot bake that pair. The whole took {result['seconds']:.0f} s.",
+        f"Figures are medians of {result['repeats']} rounds, with the minimum and maximum of the rounds in brackets. Each "
+        "baker bakes once per round; a first bake does not count. Brackets of a ratio are those of the ratios of the rounds. "
+        "Times are from the objects, or from arrays for bakers outside Blender, to pixels that can be read. "
+        f"{GAP} is a gap: the baker is not installed, or cannot bake the pair. The measurement took {result['seconds']:.0f} s.",
         "",
     ]
 
 
 def paper(rows: list[dict]) -> list[str]:
-    """Table 1 measured again, beside the figures of the paper."""
+    """Table 1 of the paper, with new measurements beside its figures."""
     lines = []
     known = {}
     for row in rows:
         if row["samples"] == 1:
             known.setdefault((row["pair"], row["high"], row["low"]), []).append(row)
-    for (name, high, low), mine in list(known.items())[: len(PAPER)]:
+    for (name, high, low), measured in list(known.items())[: len(PAPER)]:
         theirs = min(PAPER, key=lambda entry: abs(entry[0] - high) + abs(entry[1] - low))
-        for row in mine:
+        for row in measured:
             flat = row["times"][FLATTEN]
             lines.append(
                 [
@@ -110,14 +109,14 @@ def paper(rows: list[dict]) -> list[str]:
         "our pair",
         "map",
         "Flatten",
-        "of that, drawing",
+        "drawing in Flatten",
         "Cast",
     ]
     return [
-        "## Table 1 of the paper again",
+        "## Table 1 of the paper, measured again",
         "",
-        "Milliseconds. Their columns are from the paper, on their machine; the paper's GPU time is that of "
-        "drawing, ours is everything from the objects to the image.",
+        "Milliseconds. The columns up to Melody are from the paper, on its machine. The paper's GPU time is only for "
+        "drawing; ours is for all steps from the objects to the image.",
         "",
         *table(head, lines),
     ]
@@ -134,17 +133,17 @@ def contest(rows: list[dict]) -> list[str]:
             [label, *(milliseconds(times.get(name)) for name in names), f"{1000 * first:,.0f}" if first else GAP]
             + [ratio(row, CYCLES, FLATTEN), ratio(row, CYCLES, CAST)]
         )
-        reasons += [f"- {label}, {name}: {one['gap']}" for name, one in times.items() if one["gap"]]
+        reasons += [f"- {label}, {name}: {timed['gap']}" for name, timed in times.items() if timed["gap"]]
         stages += [
             [label, SHORT[name], *(f"{1000 * times[name]['stages'][stage]:.0f}" for stage in STAGES)]
             for name in SHORT
             if times[name]["stages"]
         ]
-    head = ["pair, map", *names, "Cycles' first bake", "Flatten faster than Cycles", "Cast faster than Cycles"]
+    head = ["pair, map", *names, "Cycles' first bake", "Cycles / Flatten", "Cycles / Cast"]
     return [
-        "## Against others",
+        "## Compared with other bakers",
         "",
-        "Milliseconds; tangent space.",
+        "Milliseconds, in tangent space.",
         "",
         *table(head, lines),
         *([*reasons, ""] if reasons else []),
@@ -167,10 +166,10 @@ def closed_forms(rows: list[dict]) -> list[str]:
             lines.append([row["pair"], f"{row['high']:,}", name, milliseconds(timed), *found, written])
     head = ["surface", "triangles", "baker", "milliseconds", "median", "99th percentile", "maximum", "written"]
     return [
-        "## How exact",
+        "## Accuracy",
         "",
-        "Degrees from the normal that the formula has at the texel's center, the same texels for all; what is left is "
-        "mostly the mesh's own: its triangles interpolate normals. World space, "
+        "Degrees from the exact normal at the texel's center, for the same texels. Most of the error comes from the mesh, "
+        "whose triangles interpolate normals. World space, "
         f"{rows[0]['size']} x {rows[0]['size']} texels.",
         "",
         *table(head, lines),
@@ -190,54 +189,54 @@ def growth(parts: dict[str, list[dict]]) -> list[str]:
             [kind, *(span(exponents(points, name, last)) for name in SHORT for last in (None, LARGEST))],
         )
     return [
-        "## How cost grows",
+        "## Growth of cost",
         "",
-        "Triangles at 512 x 512; texels and samples with 199,712 triangles, samples at 256 x 256. The exponent b of "
-        "time = a x amount^b, by least squares of the logarithms; below 1 is slower than linear growth. Peak memory is the "
-        "whole process, Blender and the meshes and images of all points up to this one included: an upper bound.",
+        "Triangles at 512 x 512; texels and samples with 199,712 triangles, samples at 256 x 256. The exponent is the b of "
+        "time = a x amount^b, by least squares of the logarithms; below 1, growth is slower than linear. Peak memory is that "
+        "of the whole process, with Blender and the meshes and images of all points so far: an upper bound.",
         "",
         *table(["by", "Flatten, all", f"Flatten, largest {LARGEST}", "Cast, all", f"Cast, largest {LARGEST}"], fits),
         *table(["by", "amount", "Flatten, ms", "Cast, ms", "Flatten, peak GB", "Cast, peak GB"], lines),
-        "![How cost grows](growth.png)",
+        "![Growth of cost](growth.png)",
         "",
     ]
 
 
 def limit(found: dict, alone: dict | None) -> list[str]:
-    """alone: the times of the shaders without Blender, if they were measured."""
-    lines, words = [], []
+    """found: from measure.limit. alone: the times of the shaders without Blender, if they were measured."""
+    lines, summary = [], []
     for row in (alone or {}).get("rows", []):
         if (row["pair"], row["size"]) == (found["pair"], found["size"]) and FLATTEN in found["methods"]:
             share = row["flatten_ms"] / 1000 / found["methods"][FLATTEN]["total"]
-            words.append(
-                f"- The paper's one draw alone, without Blender: {row['flatten_ms']:.1f} ms, {share:.0%} of all that "
-                "Flatten does."
+            summary.append(
+                f"- Only the paper's draw call, without Blender: {row['flatten_ms']:.1f} ms, {share:.0%} of the time of "
+                "Flatten."
             )
     for name, method in found["methods"].items():
         stages, total = method["stages"], method["total"]
-        for stage, one in stages.items():
-            least = f"{1000 * one['least_seconds']:.1f}" if one["bytes"] else GAP
+        for stage, cost in stages.items():
+            least = f"{1000 * cost['least_seconds']:.1f}" if cost["bytes"] else GAP
             lines.append(
-                [SHORT[name], stage, f"{1000 * one['seconds']:.1f}", f"{one['seconds'] / total:.0%}"]
-                + [f"{one['bytes'] / 1e6:.0f}" if one["bytes"] else GAP, least]
+                [SHORT[name], stage, f"{1000 * cost['seconds']:.1f}", f"{cost['seconds'] / total:.0%}"]
+                + [f"{cost['bytes'] / 1e6:.0f}" if cost["bytes"] else GAP, least]
             )
-        bound = sum(one["least_seconds"] for one in stages.values())
+        bound = sum(cost["least_seconds"] for cost in stages.values())
         drawing, reading = (stages.get(stage, {"seconds": 0.0})["seconds"] / total for stage in ("draw", "extract"))
-        next_one = max(stages, key=lambda stage: stages[stage]["seconds"] - stages[stage]["least_seconds"])
-        words.append(
-            f"- {SHORT[name]}: {1000 * total:.0f} ms, {total / bound:.1f} times what moving the bytes would take "
-            f"({1000 * bound:.1f} ms). All drawing (the map, tangents, margin, checks) is {drawing:.0%} of it, "
+        slowest = max(stages, key=lambda stage: stages[stage]["seconds"] - stages[stage]["least_seconds"])
+        summary.append(
+            f"- {SHORT[name]}: {1000 * total:.0f} ms, {total / bound:.1f} times the time to move the bytes "
+            f"({1000 * bound:.1f} ms). Drawing (the map, tangents, margin, checks) takes {drawing:.0%}, "
             f"reading the meshes {reading:.0%}. "
-            f"The stage to attack next is **{next_one}**, which loses most against its bound."
+            f"The stage to improve next is **{slowest}**, which is furthest from its bound."
         )
     return [
         "## Distance to the limit",
         "",
-        f"{found['pair']} at {found['size']}, against {found['gigabytes_per_second']:.1f} GB/s, the best at which numpy copies "
-        "(read and written). The bytes are the least that a stage must move: 32 a corner, 16 a texel, each read once and "
-        "written once. What computes (drawing in software, rays) has more to do than that.",
+        f"{found['pair']} at {found['size']}, compared with {found['gigabytes_per_second']:.1f} GB/s, the best speed of a copy "
+        "with numpy (read and written). The bytes are the least that a stage must move: 32 for a corner, 16 for a texel, each "
+        "read once and written once. Stages that compute, such as rays or drawing in software, take longer.",
         "",
-        *words,
+        *summary,
         "",
         *table(["method", "stage", "ms", "share", "MB at least", "ms at least"], lines),
     ]
@@ -248,7 +247,7 @@ def hardware(found: dict) -> list[str]:
     if "error" in found:
         return [*lines, f"Not measured: {found['error']}.", ""]
     renderer = found["renderer"]
-    how = f"{renderer}, in software" if found["in_software"] else renderer
+    device = f"{renderer}, in software" if found["in_software"] else renderer
     head = [
         "pair",
         "map",
@@ -261,8 +260,8 @@ def hardware(found: dict) -> list[str]:
     ]
     return [
         *lines,
-        f"Without Blender, on {how}: the same GLSL by scripts/dev/hardware.py, milliseconds until the GPU is done. "
-        "The addon reads by images in software and by samplers elsewhere.",
+        f"The same GLSL without Blender, on {device}, by scripts/dev/hardware.py: milliseconds until the GPU is done. "
+        "The add-on reads through images in software, and through samplers on a GPU.",
         "",
         *table(
             head,
@@ -287,8 +286,8 @@ def live(rows: list[dict]) -> list[str]:
     return [
         "## Live",
         "",
-        "An update while vertices move, from the changed mesh to the map's texels in memory, and putting those into the image; "
-        "milliseconds, with the least and most of all updates.",
+        "Milliseconds of an update while vertices move: from the changed mesh to the map's texels in memory, and from there "
+        "to the image. In brackets, the minimum and maximum of all updates.",
         "",
         *table(
             ["triangles", "map", "update", "image"],

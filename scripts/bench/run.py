@@ -31,7 +31,7 @@ def parse() -> argparse.Namespace:
     parser.add_argument("--output", type=Path, default=ROOT / "out" / "bench", metavar="DIR", help="default: out/bench")
     options = parser.parse_args()
     if options.pairs and not options.pairs.is_dir():
-        parser.error(f"{options.pairs} is no folder")
+        parser.error(f"{options.pairs} is not a folder")
     return options
 
 
@@ -44,21 +44,21 @@ def bench(options: argparse.Namespace, scratch: Path) -> dict:
         print(f"bench: {time.perf_counter() - start:4.0f} s  {text}", file=sys.stderr, flush=True)
 
     result = {"quick": quick, "repeats": repeats, "machine": measure.machine()}
-    with peers.Peers(scratch) as beside:
-        result["peers"] = beside.versions
+    with peers.Peers(scratch) as others:
+        result["peers"] = others.versions
         if "pairs" in only:
             result["pairs"] = []
             for number, (build, sizes) in enumerate(measure.pairs(options.pairs, quick)):
                 pair = build()
                 log(pair.name)
-                result["pairs"] += measure.time_pair(pair, sizes, repeats, beside, quick)
+                result["pairs"] += measure.time_pair(pair, sizes, repeats, others, quick)
                 if not (quick and number):
                     result["pairs"].append(measure.time_samples(pair, 1024, repeats))
             large = next(row for row in result["pairs"] if row["is_terrain"] and row["size"] == 2048)
             result["limit"] = measure.limit(large, result["machine"]["copy_gigabytes_per_second"])
         if "closed_forms" in only:
             log("surfaces with known normals")
-            result["closed_forms"] = measure.closed_forms(quick, repeats, beside)
+            result["closed_forms"] = measure.closed_forms(quick, repeats, others)
     if "growth" in only:
         result["growth"] = measure.growth(quick, repeats, log)
         report.plot(result["growth"], options.output / "growth.png")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The pairs to bake: from files, generated, and two surfaces whose normals are known in closed form."""
+"""The pairs to bake: from files, generated terrains, and two surfaces with known normals."""
 
 import math
 import re
@@ -82,7 +82,7 @@ def sizes(path: Path) -> tuple[int, int] | None:
 
 
 def sine(n: int, waves: int = 4, *, alone: bool = True) -> Pair:
-    """A sine terrain of n x n quads, with exact normals, over a plane of two triangles. alone: in an empty scene."""
+    """A sine terrain of n x n quads, with exact normals, over a plane of two triangles. alone: empty the scene first."""
     if alone:
         empty()
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Judges targets. A target holds if all rounds reach it; if only some rounds do, it is open."""
+"""Compares measurements with targets. A target holds if all rounds reach it; if only some do, it is open."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,7 @@ from scripts.bench.peers import NAMES
 
 HOLDS, OPEN, MISSED, GAP = "holds", "open", "missed", "not measured"
 FINEST = 0.01
-"""Degrees below which two maps are equally exact: a channel of 8 bits resolves 0.4, one of 16 bits 0.002."""
+"""Two maps whose errors differ by less than these degrees are equally exact. 8 bits resolve 0.4 degrees, 16 bits 0.002."""
 LARGEST = 3
 """Growth must be linear over this many of the largest points."""
 
@@ -29,24 +29,24 @@ def span(ratio: dict[str, float], digits: int = 2) -> str:
 
 
 def at_least(target: str, wanted: float, found: list[tuple[str, dict[str, float] | None]]) -> Verdict:
-    """Judge whether all of the named ratios are at least `wanted`. None is a gap and does not count."""
+    """Check that all ratios, with their names, are at least `wanted`. Ratios that are None are ignored."""
     found = [(name, ratio) for name, ratio in found if ratio]
     if not found:
-        return Verdict(target, GAP, "nothing to compare with was measured")
+        return Verdict(target, GAP, "nothing was measured to compare with")
     missed = [(name, ratio) for name, ratio in found if ratio["most"] < wanted]
     unsure = [(name, ratio) for name, ratio in found if ratio["least"] < wanted <= ratio["most"]]
     outcome = MISSED if missed else OPEN if unsure else HOLDS
     medians = [ratio["median"] for _, ratio in found]
     held = len(found) - len(missed) - len(unsure)
     figures = f"{held} of {len(found)} hold, {min(medians):.2f} to {max(medians):.2f} times faster"
-    for word, those in (("missed", missed), ("open", unsure)):
-        if those:
-            figures += f"; {word}: " + ", ".join(f"{name} {span(ratio)}" for name, ratio in those)
+    for word, group in (("missed", missed), ("open", unsure)):
+        if group:
+            figures += f"; {word}: " + ", ".join(f"{name} {span(ratio)}" for name, ratio in group)
     return Verdict(target, outcome, figures)
 
 
 def judge(result: dict) -> list[Verdict]:
-    """Judge all targets on a result of run.py."""
+    """The verdicts for all targets. result: from run.py."""
     rows = [*result.get("pairs", []), *result.get("closed_forms", [])]
     several = [row for row in rows if row["samples"] > 1]
     rows = [row for row in rows if row["samples"] == 1]
@@ -59,8 +59,8 @@ def judge(result: dict) -> list[Verdict]:
     return [
         at_least("Flatten 10 times faster than Cycles, terrains at 2048", 10.0, against(CYCLES, FLATTEN, terrains)),
         at_least("Flatten no slower than Blender's multires bake", 1.0, against(MULTIRES, FLATTEN, sculpts)),
-        at_least("Cast no slower than Cycles, its tree built again each time", 1.0, against(CYCLES, CAST, rows)),
-        at_least("Cast no slower than Cycles with several samples a texel", 1.0, against(CYCLES, CAST, several)),
+        at_least("Cast no slower than Cycles, with a new tree for each bake", 1.0, against(CYCLES, CAST, rows)),
+        at_least("Cast no slower than Cycles with several samples per texel", 1.0, against(CYCLES, CAST, several)),
         at_least("Cast faster than Open3D", 1.0, against(NAMES["open3d"], CAST, rows)),
         *(accuracy(row) for row in result.get("closed_forms", [])),
         *(
@@ -73,12 +73,12 @@ def judge(result: dict) -> list[Verdict]:
 
 
 def accuracy(row: dict) -> Verdict:
-    """Judge whether Imprint is as accurate as the best other baker, at the 99th percentile."""
+    """Check that Imprint is as accurate as the best other baker, at the 99th percentile."""
     ours = {name: degrees["percentile_99"] for name, degrees in row["angles"].items() if name in (FLATTEN, CAST)}
     theirs = {name: degrees["percentile_99"] for name, degrees in row["angles"].items() if name not in ours}
-    target = f"As exact as the best other to {FINEST} degrees, {row['pair']}"
+    target = f"As exact as the best other baker, within {FINEST} degrees, {row['pair']}"
     if not ours or not theirs:
-        return Verdict(target, GAP, "nothing to compare with was measured")
+        return Verdict(target, GAP, "nothing was measured to compare with")
     best = min(theirs, key=theirs.get)
     figures = ", ".join(f"{name} {degrees:.4f}" for name, degrees in {**ours, best: theirs[best]}.items())
     outcome = HOLDS if max(ours.values()) <= theirs[best] + FINEST else MISSED
@@ -86,7 +86,7 @@ def accuracy(row: dict) -> Verdict:
 
 
 def linear(kind: str, points: list[dict], name: str) -> Verdict:
-    """Judge whether time grows at most linearly over the largest points."""
+    """Check that time grows at most linearly over the largest points."""
     found = exponents(points, name, LARGEST)
     outcome = HOLDS if found["most"] <= 1.0 else OPEN if found["least"] <= 1.0 else MISSED
     return Verdict(f"{name}: time grows at most linearly with {kind}", outcome, f"exponent {span(found)}")

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Runs other bakers in the separate environment: reads requests as lines of JSON, and answers each with a line.
 
-Started by peers.py. An order is {"do": "versions"}, {"do": "load", "path": PAIR.npz} or {"do": "bake", "peer": NAME,
-"size": N, "save": MAP.npy or null}; what cannot be done is answered with {"error": TEXT}.
+Started by peers.py. A request is {"do": "versions"}, {"do": "load", "path": PAIR.npz} or {"do": "bake", "peer": NAME,
+"size": N, "save": MAP.npy or null}. The answer to a request that fails is {"error": TEXT}.
 """
 
 import contextlib
@@ -22,7 +22,7 @@ MODULES = ("open3d", "pymeshlab", "moderngl")
 
 
 def open3d(pair, size: int) -> np.ndarray:
-    """Texels (size, size, 3) of unit normals by RaycastingScene, 0 where nothing was hit, from arrays as others."""
+    """Texels (size, size, 3) of unit normals by RaycastingScene; 0 for misses. pair: see scenes.arrays_of."""
     import open3d as o3d
 
     low = o3d.t.geometry.TriangleMesh(
@@ -33,10 +33,10 @@ def open3d(pair, size: int) -> np.ndarray:
     low.triangle["texture_uvs"] = o3d.core.Tensor(pair["low_uv"])
     drawn = low.bake_vertex_attr_textures(size, {"positions", "directions"}, margin=0.0, update_material=False)
     # Row 0 is at the top of the image.
-    places, ways = (drawn[name].numpy()[::-1].reshape(-1, 3) for name in ("positions", "directions"))
-    covered = np.flatnonzero(np.abs(ways).sum(axis=1) > 0.0)
-    ways = ways[covered] / np.linalg.norm(ways[covered], axis=1, keepdims=True)
-    rays = np.concatenate([places[covered] + pair["extrusion"] * ways, -ways], axis=1).astype(np.float32)
+    positions, outward = (drawn[name].numpy()[::-1].reshape(-1, 3) for name in ("positions", "directions"))
+    covered = np.flatnonzero(np.abs(outward).sum(axis=1) > 0.0)
+    outward = outward[covered] / np.linalg.norm(outward[covered], axis=1, keepdims=True)
+    rays = np.concatenate([positions[covered] + pair["extrusion"] * outward, -outward], axis=1).astype(np.float32)
     scene = o3d.t.geometry.RaycastingScene()
     scene.add_triangles(o3d.core.Tensor(pair["high_points"]), o3d.core.Tensor(pair["high_triangles"].astype(np.uint32)))
     answer = scene.cast_rays(o3d.core.Tensor(rays))
@@ -50,7 +50,7 @@ def open3d(pair, size: int) -> np.ndarray:
 
 
 def pymeshlab(pair, size: int) -> np.ndarray:
-    """Texels (size, size, 3) of normals by its transfer to a texture, which keeps 8 bits a channel; from arrays."""
+    """Texels (size, size, 3) of normals by its transfer to a texture with 8 bits per channel. pair: see scenes.arrays_of."""
     import pymeshlab as pml
     from PIL import Image
 
@@ -89,7 +89,7 @@ BAKERS = {"open3d": open3d, "pymeshlab": pymeshlab}
 
 
 def preload() -> None:
-    """Load libusb, which Open3D's wheel needs from the system, from a wheel that contains it."""
+    """Load libusb, which Open3D's wheel needs, from another wheel, in case the system lacks it."""
     with contextlib.suppress(ImportError, OSError):
         import libusb_package
 
@@ -124,26 +124,26 @@ GAPS = (
 
 
 def main() -> None:
-    # Keep the output of the libraries apart from the answers.
+    # Libraries print to standard output. Send that to standard error, and only answers to standard output.
     answers = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)
     preload()
     pair = {}
     for line in sys.stdin:
-        order = json.loads(line)
+        request = json.loads(line)
         answer = {}
         try:
-            if order["do"] == "versions":
+            if request["do"] == "versions":
                 answer = versions()
-            elif order["do"] == "load":
-                with np.load(order["path"]) as file:
+            elif request["do"] == "load":
+                with np.load(request["path"]) as file:
                     pair = dict(file)
             else:
                 start = time.perf_counter()
-                texels = BAKERS[order["peer"]](pair, order["size"])
+                texels = BAKERS[request["peer"]](pair, request["size"])
                 answer = {"seconds": time.perf_counter() - start}
-                if order["save"]:
-                    np.save(order["save"], texels)
+                if request["save"]:
+                    np.save(request["save"], texels)
         except GAPS as error:
             answer = {"error": f"{type(error).__name__}: {error}"}
         print(json.dumps(answer), file=answers, flush=True)

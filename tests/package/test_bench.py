@@ -128,7 +128,7 @@ def test_the_report_starts_with_verdicts_and_has_gaps_for_missing_measurements(t
     assert "None" not in text
     assert "not today" in text
     assert "| – |" in text
-    assert "attack next is **image**" in text
+    assert "improve next is **image**" in text
     for table in re.findall(r"(?:^\|.*\n)+", text, re.MULTILINE):
         assert len({line.count("|") for line in table.splitlines()}) == 1
     report.plot(made["growth"], tmp_path / "growth.png")

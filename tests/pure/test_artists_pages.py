@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The pages for artists call buttons and settings by the names that the interface shows, and their pictures are there."""
+"""Tests that the pages for artists use the names in the interface, and that their pictures exist."""
 
 import ast
 import re
@@ -21,9 +21,9 @@ OF_BLENDER = {
     "Non-Color",
     "Tangents",
 }
-"""What Blender itself shows."""
+"""Names in Blender's own interface."""
 LARGEST = 200 * 1024
-"""Bytes of a picture: a checkout and a page stay quick to load."""
+"""The most bytes of a picture, so that pages load quickly."""
 NUMBER = re.compile(r"\d+|\.\w+|\+")
 
 
@@ -39,7 +39,7 @@ def shown():
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_names_in_bold_are_shown_by_the_interface(page):
+def test_names_in_bold_are_in_the_interface(page):
     known = shown()
     text = re.sub(r"<!-- (table|options).*?<!-- end -->", "", prose(page), flags=re.DOTALL)
     bold = {name for name in re.findall(r"\*\*([^*\n]+)\*\*", text) if not NUMBER.fullmatch(name)}
@@ -49,7 +49,7 @@ def test_names_in_bold_are_shown_by_the_interface(page):
 
 
 @pytest.mark.parametrize("heading", ["## Checks", "## View"])
-def test_checks_and_views_have_the_names_that_the_interface_shows(heading):
+def test_checks_and_views_have_the_names_in_the_interface(heading):
     named = {cells[0] for cells in rows(section(ROOT / "docs" / "panels.md", heading)) if not cells[0].startswith("!")}
     assert sorted(named - shown()) == []
 

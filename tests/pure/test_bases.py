@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the declarations of bases have to keep, for shaders that rely on them."""
+"""Tests the declarations of bases, on which shaders rely."""
 
 import re
 
@@ -8,7 +8,7 @@ from addon.passes.view import lit
 from scripts.imprint import ROOT
 
 
-def test_the_shader_numbers_the_bases_as_they_are_declared():
+def test_the_shader_has_the_declared_indices_of_bases():
     source = (ROOT / "shaders" / "lib" / "map_lib.glsl").read_text(encoding="utf-8")
     found = {name: int(number) for name, number in re.findall(r"const int MAP_(\w+) = (\d+);", source)}
     declared = {one.name: one.index for one in bases.BASES}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A setting is declared once: settings, command line, job file and manual have what the declaration says."""
+"""Tests that settings, command line, job files and manual follow the declarations."""
 
 import re
 from dataclasses import fields
@@ -20,12 +20,12 @@ FIELDS = {field.name: field for field in fields(Settings)}
 
 
 def plain(text):
-    """Text without line breaks and the marks of Markdown."""
+    """Text without line breaks and Markdown."""
     return re.sub(r"\s+", " ", text.replace("`", "").replace("\\|", "|"))
 
 
 def test_the_manuals_tables_are_up_to_date():
-    """Write them again with `python3 scripts/dev/tables.py`."""
+    """To update them, run `python3 scripts/dev/tables.py`."""
     assert [page.name for page in tables.outdated()] == []
 
 
@@ -40,8 +40,8 @@ def test_each_field_of_the_settings_is_declared(name):
     assert FIELDS[name].default == DECLARED[name].default
 
 
-def test_what_is_declared_is_a_field_or_belongs_to_the_panel_alone():
-    """The panel's switches and slots, and what the command line says in another way."""
+def test_each_declaration_is_a_field_or_used_only_by_the_panel():
+    """Only the panel uses its switches and slots, and settings with another option on the command line."""
     more = {name for name, setting in DECLARED.items() if name not in FIELDS and setting.option}
     assert more == {"low", "highs", "cage", "size"}
     assert {name for name in FIELDS if not DECLARED[name].option} == {"width", "height", "storage"}
@@ -52,7 +52,7 @@ def test_no_two_panels_show_the_same_setting():
 
 
 @pytest.mark.parametrize("name", DECLARED)
-def test_the_words_are_sentences_without_a_full_stop(name):
+def test_texts_have_no_full_stop_at_their_end(name):
     setting = DECLARED[name]
     items = setting.items if isinstance(setting, kinds.Choice) else ()
     for text in (
@@ -72,7 +72,7 @@ def test_a_switch_decides_whether_a_number_is_none(name):
 
 
 @pytest.mark.parametrize("name", OPTIONAL)
-def test_help_tooltip_and_manual_say_the_same(name):
+def test_help_tooltip_and_manual_have_the_same_text(name):
     setting = OPTIONAL[name]
     said = setting.option.off or setting.tooltip
     help_text = plain(arguments.parser("imprint").format_help()).replace("- ", "-")
@@ -83,7 +83,7 @@ def test_help_tooltip_and_manual_say_the_same(name):
     assert setting.tooltip in panels
 
 
-def test_each_option_is_made_from_a_declaration_or_named_as_no_setting():
+def test_each_option_comes_from_a_declaration_or_is_in_the_list_of_others():
     made = {setting.option.word or name.replace("_", "-") for name, setting in OPTIONAL.items()}
     words = {word for group in OPTIONS.values() for word in group}
     assert words - made == (set(OBJECTS) | set(FILES)) - {"low", "high", "cage"}
@@ -105,10 +105,10 @@ WRONG = {
 
 
 @pytest.mark.parametrize("name", WRONG)
-def test_a_value_outside_the_limits_is_refused_by_the_label(name):
+def test_the_message_about_a_value_outside_the_limits_has_the_label(name):
     with pytest.raises(BakeError, match=f"^{DECLARED[name].label}: "):
         Settings(**{name: WRONG[name]}).check()
 
 
-def test_zero_is_an_extrusion():
+def test_extrusion_may_be_zero():
     Settings(extrusion=0.0).check()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Maps, file formats, bases and UDIM tiles are named where they are declared and nowhere else. Read from the source."""
+"""Tests, by reading the source, that only the declarations name maps, file formats, bases and UDIM tiles."""
 
 import ast
 import functools
@@ -18,7 +18,7 @@ DECLARED = {
     "bases.py": set(bases.BY_NAME),
     "udim.py": {udim.TOKEN, udim.FIRST},
 }
-"""The file in core/ that declares things, to the constants that name them. DISTANCE is a kind of number in Blender as well."""
+"""The constants that each declaring file in core/ may name. DISTANCE is also a kind of number in Blender."""
 
 
 @functools.cache
@@ -32,13 +32,13 @@ def constants(path):
 
 
 @pytest.mark.parametrize("owner", DECLARED)
-def test_nothing_else_names_what_is_declared(owner):
+def test_no_other_module_names_declared_constants(owner):
     found = {
         path.relative_to(ADDON).as_posix(): constants(path) & DECLARED[owner] for path in FILES if path.name != owner
     }
     assert {path: names for path, names in found.items() if names} == {}
 
 
-def test_the_names_are_found_where_they_are_declared():
+def test_the_declarations_name_the_constants():
     for owner, names in DECLARED.items():
         assert names <= constants(ADDON / "core" / owner) | {udim.FIRST}

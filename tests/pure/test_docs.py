@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The manual is true: what its pages name is there, their links lead somewhere, and their commands are understood."""
+"""Tests the manual: files that it names exist, links work, commands and job files are valid, tables match the code."""
 
 import ast
 import functools
@@ -19,9 +19,9 @@ from tests.pure.test_layers import MAY_IMPORT, WITHOUT
 from tests.support.manual import PAGES, blocks, inline, names, prose, rows, section
 
 TOP = {path.name for path in ROOT.iterdir()} - {"out", "dist", ".venv"}
-"""Files and folders at the top, but for what commands make."""
+"""Files and folders at the top of the repository, except those that commands create."""
 MADE = ("out/", "dist/", "../")
-"""What paths start with that are no files of the repository."""
+"""The beginnings of paths that are not in the repository."""
 OTHER_OPTIONS = {
     # Blender's
     *("--background", "--command", "--python", "--python-exit-code", "--factory-startup", "--gpu-backend"),
@@ -33,7 +33,7 @@ OTHER_OPTIONS = {
     "--help",
 }
 SHELLS = {"", "sh", "bash", "console"}
-"""Languages of blocks that hold commands."""
+"""The languages of blocks with commands."""
 
 
 def ids(paths):
@@ -44,13 +44,13 @@ def ids(paths):
 
 
 def anchors(page):
-    """What a link to a heading of this page may end in, as GitHub makes it."""
+    """The anchors of the headings of a page, as on GitHub."""
     headings = re.findall(r"^#+ (.+)$", prose(page), re.MULTILINE)
     return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
 
 @pytest.mark.parametrize("page", [*PAGES, ROOT / "CHANGELOG.md"], ids=ids([*PAGES, ROOT / "CHANGELOG.md"]))
-def test_links_lead_somewhere(page):
+def test_the_targets_of_links_exist(page):
     broken = []
     for target in re.findall(r"\]\(([^)\s]+)\)", prose(page)):
         if re.match("https?:|mailto:", target):
@@ -76,7 +76,7 @@ def test_each_page_of_the_manual_is_linked():
 
 
 def is_there(name):
-    """Whether a path of the repository exists; one of code may start below addon/ or shaders/, or be a bare name."""
+    """Whether a path in the repository exists. Paths of code may start below addon/ or shaders/, or be only a file's name."""
     bases = [ROOT, ROOT / "addon", ROOT / "shaders"] if "/" in name else [ROOT]
     if any(any(base.glob(name)) for base in bases):
         return True
@@ -86,7 +86,7 @@ def is_there(name):
 
 
 @pytest.mark.parametrize("page", PAGES, ids=ids(PAGES))
-def test_files_that_are_named_are_there(page):
+def test_named_files_exist(page):
     text = "\n".join([prose(page), *(block for language, block in blocks(page) if language in SHELLS | {"text"})])
     named = set(re.findall(r"(?<![\w./<{*-])[\w./*-]+\.(?:py|glsl|md)\b", text))
     for code in inline(page):
@@ -101,7 +101,7 @@ def test_files_that_are_named_are_there(page):
 
 @functools.cache
 def options_in(script):
-    """The options that a script's source names."""
+    """The options in the source of a script."""
     tree = ast.parse(script.read_text(encoding="utf-8"))
     words = (node.value for node in ast.walk(tree) if isinstance(node, ast.Constant) and isinstance(node.value, str))
     return {word for word in words if re.fullmatch("--[a-z][a-z-]*", word)}
@@ -114,7 +114,7 @@ def known_options():
 
 
 def commands(page):
-    """The command lines of a page, as words."""
+    """The commands of a page, as lists of words."""
     for language, text in blocks(page):
         if language in SHELLS:
             for line in text.replace("\\\n", " ").splitlines():
@@ -129,7 +129,7 @@ def commands(page):
 
 
 def bake_arguments(words):
-    """What a command hands to the bake, or None where it does not bake."""
+    """The arguments that a command passes to the bake, or None if it does not bake."""
     launcher = [
         number for number, word in enumerate(words) if word.endswith("scripts/imprint.py") or word == "imprint.py"
     ]
@@ -144,7 +144,7 @@ def bake_arguments(words):
 
 
 def check_command(words):
-    """Raise, or fail, for a command that would not be understood."""
+    """Raise or fail for a command that is not valid."""
     given = bake_arguments(words)
     if given is not None:
         if given in ([], ["--help"]):
@@ -158,7 +158,7 @@ def check_command(words):
     script = next((word for word in words if re.search(r"(^|/)\w+\.py$", word)), None)
     if script is not None and script.endswith("imprint.py"):
         options = imprint.parse(words[words.index(script) + 1 :])
-        known = known_options()  # tests and demo have parsers of their own, which need Blender
+        known = known_options()  # test and demo have their own parsers, which need Blender
         assert [word for word in options.rest if word.startswith("--") and word.partition("=")[0] not in known] == []
     elif script is not None and (ROOT / script).is_file():
         known = options_in(ROOT / script) | OTHER_OPTIONS
@@ -166,7 +166,7 @@ def check_command(words):
 
 
 @pytest.mark.parametrize("page", PAGES, ids=ids(PAGES))
-def test_commands_are_understood(page, tmp_path, monkeypatch):
+def test_commands_are_valid(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for words in commands(page):
         try:
@@ -176,13 +176,13 @@ def test_commands_are_understood(page, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("page", PAGES, ids=ids(PAGES))
-def test_options_that_are_named_exist(page):
+def test_named_options_exist(page):
     named = {option for code in inline(page) for option in re.findall(r"(?<![\w-])--[a-z][a-z-]*", code)}
     assert sorted(named - known_options()) == []
 
 
 @pytest.mark.parametrize("page", PAGES, ids=ids(PAGES))
-def test_job_files_are_understood(page, tmp_path):
+def test_job_files_are_valid(page, tmp_path):
     for language, text in blocks(page):
         if language in {"toml", "json"} and "bake" in text.split("=")[0].split(":")[0] + text and "output" in text:
             path = tmp_path / f"jobs.{language}"
@@ -191,7 +191,7 @@ def test_job_files_are_understood(page, tmp_path):
 
 
 @pytest.mark.parametrize("page", PAGES, ids=ids(PAGES))
-def test_python_in_the_manual_is_python(page):
+def test_python_in_the_manual_is_valid(page):
     operators = set()
     for path in (ROOT / "addon").rglob("*.py"):
         operators |= set(re.findall(r'bl_idname = "imprint\.(\w+)"', path.read_text(encoding="utf-8")))
@@ -204,10 +204,10 @@ def test_python_in_the_manual_is_python(page):
     assert called - operators == set()
 
 
-# Facts that stand in the manual and in the code
+# Facts in the manual and in the code
 
 
-def test_the_table_of_packages_is_that_of_the_imports():
+def test_the_table_of_packages_has_the_permitted_imports():
     found = {}
     for cells in rows(section(ROOT / "docs" / "architecture.md", "## What may import what")):
         (package,) = names(cells[0])
@@ -227,7 +227,7 @@ def test_the_tree_has_all_folders():
     assert named <= top | packages | passes | {"imprint", "lib", "dev", "bench", "pure", "support"}
 
 
-def test_the_table_of_states_is_that_of_the_code():
+def test_the_table_of_states_has_the_values_in_the_code():
     cells = rows(section(ROOT / "docs" / "shaders.md", "## States"))
     assert {name: int(number) for number, name, _ in cells if name} == {
         name: value for name, value in vars(texel_state).items() if isinstance(value, int)
@@ -252,7 +252,7 @@ def test_the_version_is_the_same_everywhere():
     assert zips <= {manifest}
 
 
-def test_the_packages_to_install_are_those_that_the_script_names():
+def test_the_packages_to_install_are_those_of_the_script():
     text = section(ROOT / "docs" / "command-line.md", "## Servers and containers")
     (line,) = re.findall(r"apt-get install --no-install-recommends ((?:.|\\\n)*?)\n```", text)
     assert set(line.replace("\\\n", " ").split()) == {debian for debian, _ in imprint.PACKAGES.values()}

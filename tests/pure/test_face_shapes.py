@@ -33,8 +33,8 @@ def quad(height=0.0, cut="first and third", to_world=None):
 @pytest.mark.parametrize("cut", CUTS)
 @pytest.mark.parametrize(("degrees", "is_non_planar"), [(0.0, False), (0.9, False), (1.1, True), (40.0, True)])
 def test_quad_is_non_planar_by_the_angle_between_its_triangulations(cut, degrees, is_non_planar):
-    # One triangulation keeps a triangle in the plane; both triangles of the other lean out of it along a side. They lean
-    # less against the lifted triangle.
+    # One triangulation has a triangle in the plane. Both triangles of the other are tilted against the plane, but less
+    # against the lifted triangle.
     assert face_shapes.non_planar(quad(np.tan(np.radians(degrees)), cut)).tolist() == [is_non_planar]
 
 
@@ -63,7 +63,7 @@ def test_planar_quad_with_three_corners_in_line_is_planar():
 
 
 @pytest.mark.parametrize("turn", range(4))
-def test_one_leaning_sliver_makes_a_quad_non_planar(turn):
+def test_one_tilted_sliver_makes_a_quad_non_planar(turn):
     points = [(0, 0, 0), (2, -1, 0), (1, 2, 0), (0.48, 1.01, 0.01)]
     assert face_shapes.non_planar(mesh(points[turn:] + points[:turn], CUTS["first and third"], [0, 0])).all()
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Names of objects become names of files that every system takes."""
+"""Tests that names of objects become file names that are valid on every system."""
 
 import pytest
 
@@ -18,6 +18,6 @@ from addon.core import file_names
         ("\udcff", "_"),
     ],
 )
-def test_only_what_file_systems_refuse_is_replaced(name, written):
+def test_only_characters_that_file_systems_refuse_are_replaced(name, written):
     assert file_names.file_name(name) == written
     assert file_names.fill("a/{low}/{low}.png", name) == f"a/{written}/{written}.png"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the command line and job files understand, and what they say of the rest, before anything is baked."""
+"""Tests how the command line and job files are read, and the messages about mistakes in them."""
 
 import json
 import os
@@ -25,7 +25,7 @@ def settings(*more, low=LOW):
 # The command line
 
 
-def test_defaults_are_those_of_the_settings(tmp_path, monkeypatch):
+def test_the_defaults_are_those_of_settings(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     expected = Settings(width=2048, height=2048, storage="FILE", output=str(tmp_path / "m.png"))
     assert settings() == expected
@@ -59,18 +59,18 @@ SAID = {
     "dither": ("--dither", True),
     "modifiers": ("--modifiers viewport", "VIEWPORT"),
     "image": ("--image Map", "Map"),
-    "output": ("--output /n.exr", os.path.abspath("/n.exr")),  # with the drive on Windows
+    "output": ("--output /n.exr", os.path.abspath("/n.exr")),  # on Windows, with the drive
     "material": ("--no-material", False),
     "single_user": ("--single-user", True),
 }
 
 
-def test_every_setting_can_be_said():
+def test_every_setting_has_an_option():
     assert set(SAID) | {"storage"} == {field.name for field in fields(Settings)}
 
 
 @pytest.mark.parametrize("name", SAID)
-def test_each_option_is_that_setting(name):
+def test_each_option_sets_its_setting(name):
     words, value = SAID[name]
     assert getattr(settings(), name) != value
     assert getattr(settings(*words.split()), name) == value
@@ -83,28 +83,28 @@ def test_axes_whose_names_look_like_options(channel, axis, joint):
     assert getattr(settings(*f"--{channel}{joint}{axis.lower()}".split()), channel) == axis
 
 
-def test_all_three_axes_at_once():
+def test_all_three_axes_can_be_set():
     found = settings("--red", "-x", "--green", "-y", "--blue", "-z")
     assert (found.red, found.green, found.blue) == ("-X", "-Y", "-Z")
 
 
-def test_every_map_can_be_said():
+def test_every_map_has_a_word():
     words = ",".join(name.lower().replace("_", "-") for name in map_types.NAMES)
     assert settings("--maps", words).maps == map_types.NAMES
 
 
 @pytest.mark.parametrize("words", ["--tiles 1002", "--udim", "--output m.<UDIM>.png"])
-def test_what_switches_tiles_on(words):
+def test_options_that_enable_tiles(words):
     assert settings(*words.split()).udim
 
 
 @pytest.mark.parametrize("slashes", ["//", "///", "////"])
 @pytest.mark.parametrize("option", ["output", "report", "save-blend", "low-file", "jobs", "pairs", "file"])
 @pytest.mark.parametrize("system", ["posix", "nt"])
-def test_two_slashes_are_one(monkeypatch, system, option, slashes):
-    """As a shell's $ROOT/map.png makes them; to Blender they would be the folder of the open file.
+def test_two_slashes_become_one(monkeypatch, system, option, slashes):
+    """A shell's $ROOT/map.png may have two. Blender would read them as the folder of the open file.
 
-    On Windows they start the name of a server, and stay.
+    On Windows they start the name of a server, and are kept.
     """
     monkeypatch.setattr(os, "name", system)
     words = [f"{slashes}x/y.png"] if option == "file" else [f"--{option}", f"{slashes}x/y.png"]
@@ -114,17 +114,17 @@ def test_two_slashes_are_one(monkeypatch, system, option, slashes):
 
 
 @pytest.mark.parametrize("ending", file_formats.BY_ENDING)
-def test_the_usual_depth_is_the_best_up_to_16_that_the_format_has(ending):
+def test_the_default_depth_is_16_or_the_highest_below_that(ending):
     found = settings("--output", f"m{ending.upper()}")
     found.check()
     assert found.depth == (16 if 16 in file_formats.BY_ENDING[ending].depths else 8)
 
 
-def test_help_names_every_map_and_ending():
-    said = arguments.parser("imprint").format_help()
-    assert all(name.lower().replace("_", "-") in "".join(said.split()) for name in map_types.NAMES)
-    assert all(ending in said for ending in file_formats.BY_ENDING)
-    assert all(title in said for title in ("what to bake:", "rays:", "map:", "output:"))
+def test_help_has_every_map_and_ending():
+    text = arguments.parser("imprint").format_help()
+    assert all(name.lower().replace("_", "-") in "".join(text.split()) for name in map_types.NAMES)
+    assert all(ending in text for ending in file_formats.BY_ENDING)
+    assert all(title in text for title in ("what to bake:", "rays:", "map:", "output:"))
 
 
 WRONG = {
@@ -154,7 +154,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("case", WRONG)
-def test_wrong_usage_is_named(case):
+def test_messages_about_wrong_usage(case):
     words, said = WRONG[case]
     with pytest.raises(WrongUsage) as refused:
         arguments.check(arguments.parse(words.split()))
@@ -215,7 +215,7 @@ output = "a.png"
 
 @pytest.fixture
 def write(tmp_path, monkeypatch):
-    """Writes a job file and returns its name."""
+    """A function that writes a job file and returns its name."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "jobs").mkdir()
 
@@ -227,7 +227,7 @@ def write(tmp_path, monkeypatch):
     return file
 
 
-def test_what_a_job_file_says(write, tmp_path):
+def test_a_job_file_is_read(write, tmp_path):
     here = tmp_path / "jobs"
     rock, scene, files = job_file.read(write(TOML))
     assert (rock.file, rock.low, rock.high, rock.cage) == (
@@ -250,39 +250,39 @@ def test_what_a_job_file_says(write, tmp_path):
     assert (files.size, files.extrusion, files.material, files.facing_only) == ((64, 32), 0.125, False, False)
 
 
-def test_json_says_the_same(write):
+def test_json_gives_the_same_as_toml(write):
     import tomllib
 
     assert job_file.read(write(tomllib.loads(TOML), "jobs/jobs.json")) == job_file.read(write(TOML))
 
 
-def test_a_mark_of_the_byte_order_is_no_fault(write):
+def test_a_byte_order_mark_is_ignored(write):
     assert len(job_file.read(write("\ufeff" + TOML))) == 3
 
 
-def test_what_a_set_says_counts_over_the_defaults(write):
+def test_a_set_overrides_the_defaults(write):
     text = "[defaults]\nmask = true\nhigh = ['a', 'b']\nfile = 'x.blend'\nlow = 'l'\noutput = 'm.png'\n[[bake]]\n"
     (default,) = job_file.read(write(text))
-    (own,) = job_file.read(write(text + "mask = false\nhigh = 'c'\n"))
+    (changed,) = job_file.read(write(text + "mask = false\nhigh = 'c'\n"))
     assert (default.mask, default.high) == (True, ["a", "b"])
-    assert (own.mask, own.high) == (False, ["c"])
+    assert (changed.mask, changed.high) == (False, ["c"])
 
 
-def test_options_of_the_command_line_count_over_the_file():
+def test_options_on_the_command_line_are_passed_to_all_sets():
     words = "--size 32 --jobs j.toml --green -x --report r.json --mask"
     known, more = arguments.split_jobs(words.split())
     assert (known.jobs, known.report) == ("j.toml", "r.json")
     assert more == ["--size", "32", "--green=-x", "--mask"]
 
 
-def test_for_all_sets(write):
+def test_options_on_the_command_line_override_all_sets(write):
     found = job_file.read(write(TOML), ["--size", "32", "--green=+y"])
     assert {options.size for options in found} == {(32, 32)}
     assert {options.green for options in found} == {"+Y"}
 
 
 @pytest.mark.parametrize("words", ["--low x", "x.blend", "--pairs", "--low-file x.obj", "--high x"])
-def test_objects_are_named_in_the_file_alone(words):
+def test_only_the_job_file_may_name_objects(words):
     with pytest.raises(WrongUsage, match="names what to bake"):
         arguments.split_jobs(["--jobs", "j.toml", *words.split()])
 
@@ -290,11 +290,11 @@ def test_objects_are_named_in_the_file_alone(words):
 SET = "[[bake]]\nfile='a.blend'\nlow='a'\noutput='{n}.png'\n"
 FIRST = SET.format(n=1)
 FAULTS = {
-    "a misspelt key": (
+    "a misspelled key": (
         FIRST + SET.format(n=2) + "sampels = 4",
         "set 2: unknown key 'sampels', did you mean 'samples'?",
     ),
-    "a misspelt default": (
+    "a misspelled default": (
         "[defaults]\nmaxdistance = 4\n" + FIRST,
         "defaults: unknown key 'maxdistance', did you mean 'max-distance'?",
     ),
@@ -340,7 +340,7 @@ FAULTS = {
 
 
 @pytest.mark.parametrize("case", FAULTS)
-def test_a_fault_is_one_line_that_names_the_place(write, tmp_path, case):
+def test_a_mistake_gives_one_line_with_its_place(write, tmp_path, case):
     text, said = FAULTS[case]
     name = write(text)
     with pytest.raises(WrongUsage) as refused:
@@ -353,7 +353,7 @@ def test_a_fault_is_one_line_that_names_the_place(write, tmp_path, case):
     assert len(message) < 500
 
 
-def test_all_sets_with_a_fault_are_told_at_once(write):
+def test_mistakes_in_all_sets_are_reported_together(write):
     with pytest.raises(WrongUsage) as refused:
         job_file.read(write(FIRST + "sise = 4\n" + SET.format(n=2) + SET.format(n=3) + "mask = 3\n"))
     first, second = str(refused.value).splitlines()
@@ -361,21 +361,21 @@ def test_all_sets_with_a_fault_are_told_at_once(write):
     assert "set 3: mask" in second
 
 
-def test_many_sets_are_read_with_a_parser_that_is_made_once(write, monkeypatch):
-    """And with words about how far it is: ten thousand sets take seconds."""
-    made, heard = [], []
+def test_many_sets_are_read_with_one_parser_and_progress(write, monkeypatch):
+    """Ten thousand sets take seconds."""
+    made, progress = [], []
     real = arguments._Parser.__init__
     monkeypatch.setattr(
         arguments._Parser, "__init__", lambda self, *a, **more: (made.append(1), real(self, *a, **more))[1]
     )
     sets = [{"file": "a.blend", "low": "a", "output": f"{number}.png"} for number in range(1000)]
-    assert len(job_file.read(write({"bake": sets}, "jobs/jobs.json"), on_progress=heard.append)) == 1000
-    assert len(made) <= 2  # by the name of the program, --help's title
-    assert heard == [number / 10 for number in range(1, 11)]
+    assert len(job_file.read(write({"bake": sets}, "jobs/jobs.json"), on_progress=progress.append)) == 1000
+    assert len(made) <= 2  # a parser for each program name in --help
+    assert progress == [number / 10 for number in range(1, 11)]
 
 
 @pytest.mark.parametrize(
-    ("name", "content", "said"),
+    ("name", "content", "message"),
     [
         ("jobs/jobs.json", "[1]", "a table with 'bake'"),
         ("jobs/jobs.json", "{'bake': []}", "is no JSON"),
@@ -388,12 +388,12 @@ def test_many_sets_are_read_with_a_parser_that_is_made_once(write, monkeypatch):
         ("jobs/jobs.txt", TOML, "does not end in .toml or .json"),
     ],
 )
-def test_other_faults_of_files(write, name, content, said):
+def test_other_mistakes_in_job_files(write, name, content, message):
     with pytest.raises(WrongUsage) as refused:
         job_file.read(write(content, name))
-    assert said in str(refused.value)
+    assert message in str(refused.value)
 
 
-def test_a_file_that_is_not_there(tmp_path):
+def test_a_missing_job_file(tmp_path):
     with pytest.raises(WrongUsage, match="cannot be read: No such file"):
         job_file.read(str(tmp_path / "none.toml"))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the declarations of maps have to keep, for files and shaders that rely on them."""
+"""Tests the declarations of maps, on which files and shaders rely."""
 
 import re
 
@@ -10,18 +10,18 @@ from addon.core.map_types import Kind
 from scripts.imprint import ROOT
 
 
-def test_names_and_suffixes_are_unlike():
-    every = [map_types.NORMAL, map_types.MASK, *map_types.OTHERS]
-    assert len(map_types.BY_NAME) == len({one.suffix for one in every}) == len(every)
+def test_names_and_suffixes_are_unique():
+    declared = [map_types.NORMAL, map_types.MASK, *map_types.OTHERS]
+    assert len(map_types.BY_NAME) == len({map_type.suffix for map_type in declared}) == len(declared)
 
 
-def test_the_shader_numbers_the_maps_as_they_are_declared():
+def test_the_shader_has_the_declared_indices_of_maps():
     source = (ROOT / "shaders" / "bake" / "other_map_values_frag.glsl").read_text(encoding="utf-8")
     found = {name: int(number) for name, number in re.findall(r"const int INDEX_(\w+) = (\d+);", source)}
-    assert found == {one.name: one.index for one in map_types.OTHERS if one.index >= 0}
+    assert found == {map_type.name: map_type.index for map_type in map_types.OTHERS if map_type.index >= 0}
 
 
-@pytest.mark.parametrize("one", map_types.OTHERS, ids=lambda one: one.name)
-def test_labels_are_of_something_and_take_few_bits(one):
-    assert (one.kind is Kind.LABEL) == (one.labeled is not None)
-    assert not (one.kind is Kind.LABEL and one.is_deep)
+@pytest.mark.parametrize("map_type", map_types.OTHERS, ids=lambda map_type: map_type.name)
+def test_only_label_maps_have_labels_and_they_are_not_deep(map_type):
+    assert (map_type.kind is Kind.LABEL) == (map_type.labeled is not None)
+    assert not (map_type.kind is Kind.LABEL and map_type.is_deep)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Tests partial files: each writer has its own, and the files of dead writers are removed."""
+"""Tests temporary files: each process has its own, and those of ended processes are removed."""
 
 import os
 from pathlib import Path
@@ -40,7 +40,7 @@ def test_a_name_is_never_shared(tmp_path, monkeypatch):
     first, second = Partial(tmp_path / "map.png"), Partial(tmp_path / "map.png")
     first.temporary.write_text("whole")
     with pytest.raises(FileExistsError):
-        second.temporary  # noqa: B018 - reading the attribute takes the name
+        second.temporary  # noqa: B018 - reading the attribute reserves the path
     second.discard()
     first.commit()
     assert names(tmp_path) == ["map.png"]
@@ -62,7 +62,7 @@ def test_a_process_that_exits_at_once_leaves_no_files(tmp_path):
     assert names(tmp_path) == []
 
 
-def test_files_that_cannot_be_removed_are_no_error(tmp_path, monkeypatch):
+def test_files_that_cannot_be_removed_raise_no_error(tmp_path, monkeypatch):
     """The folder may have become read-only, or a network share may be gone."""
     first, second = Partial(tmp_path / "a.png"), Partial(tmp_path / "b.png")
     for partial in (first, second):
@@ -75,7 +75,7 @@ def test_files_that_cannot_be_removed_are_no_error(tmp_path, monkeypatch):
         folder.setattr(Path, "unlink", refuses)
         first.discard()
         partial_files.remove_all()
-    partial_files.sweep(tmp_path)  # their writer still runs, but has released them
+    partial_files.sweep(tmp_path)  # their process still runs, but has unlocked them
     assert names(tmp_path) == []
 
 

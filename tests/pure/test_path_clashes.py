@@ -13,7 +13,7 @@ from tests.support import clashes
 
 @pytest.fixture
 def tree(tmp_path, monkeypatch):
-    """A folder to work in: in/ with meshes, and an empty out/."""
+    """The working folder: in/ with meshes, and an empty out/."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "in" / "deep").mkdir(parents=True)
     (tmp_path / "out").mkdir()
@@ -124,11 +124,11 @@ def test_cost_grows_linearly_with_the_number_of_paths(tree):
 
 
 @pytest.mark.parametrize(
-    ("other", "said"), [("{here}/out/m.png", 1), ("./out/m.png", 1), ("in/../out/m.png", 1), ("out/M.png", 2)]
+    ("other", "count"), [("{here}/out/m.png", 1), ("./out/m.png", 1), ("in/../out/m.png", 1), ("out/M.png", 2)]
 )
-def test_a_message_names_both_paths_only_if_they_differ(tree, other, said):
+def test_a_message_names_both_paths_only_if_they_differ(tree, other, count):
     places = Places()
     places.write("out/m.png", "the map")
     with pytest.raises(WrongPlace) as refused:
         places.write(other.format(here=tree), "the report")
-    assert str(refused.value).lower().count("m.png'") == said
+    assert str(refused.value).lower().count("m.png'") == count

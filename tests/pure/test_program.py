@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The shader files and what the passes declare for them, read without a GPU."""
+"""Tests the shader files and the declarations of the passes, without a GPU."""
 
 import re
 
@@ -43,8 +43,8 @@ def test_includes_are_resolved_once_and_lines_keep_their_numbers(tmp_path, monke
 
 
 @pytest.mark.parametrize("declared", PROGRAMS.values(), ids=PROGRAMS)
-def test_shaders_use_what_is_declared_for_them(declared):
-    """A name that none of them has would be refused when it is set, on the drivers that drop it."""
+def test_shaders_use_all_declared_names(declared):
+    """Some drivers remove unused names, and setting them is an error."""
     text = "\n".join(map(program.source, files_of(declared)))
     words = set(re.findall(r"\w+", text))
     kinds = (declared.inputs, declared.varyings, declared.samplers, declared.constants, declared.outputs)
@@ -57,7 +57,7 @@ def test_shaders_use_what_is_declared_for_them(declared):
 
 BYTES = {"INT": 4, "FLOAT": 4, "VEC2": 8, "VEC3": 16, "VEC4": 16, "MAT4": 64}
 MOST_CONSTANTS = 128
-"""Bytes of push constants that every Vulkan driver has room for."""
+"""The bytes of push constants that every Vulkan driver supports."""
 
 
 @pytest.mark.parametrize("declared", PROGRAMS.values(), ids=PROGRAMS)
@@ -84,5 +84,5 @@ def test_names_of_a_library_start_with_its_own(path):
         ("Apple M3 Max", False),
     ],
 )
-def test_what_draws_in_software(renderer, expected):
+def test_software_renderers_are_recognized(renderer, expected):
     assert program.in_software(renderer) == expected

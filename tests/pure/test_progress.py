@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Work is cut into slices that take the time that they should."""
+"""Tests that slices of work take the intended time."""
 
 from types import SimpleNamespace
 
@@ -7,7 +7,7 @@ from addon.core import progress
 from addon.core.progress import Pace
 
 
-def test_slices_come_to_last_as_long_as_they_should(monkeypatch):
+def test_slices_adapt_to_the_intended_time(monkeypatch):
     clock = SimpleNamespace(now=0.0)
     monkeypatch.setattr(progress, "time", SimpleNamespace(perf_counter=lambda: clock.now))
     seen = []

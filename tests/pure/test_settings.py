@@ -49,7 +49,7 @@ BAD = [
 
 
 @pytest.mark.parametrize("values", GOOD, ids=str)
-def test_valid_settings_are_accepted_and_stay_as_they_are(values):
+def test_valid_settings_are_accepted_unchanged(values):
     settings = Settings(**values)
     settings.check()
     assert {name: getattr(settings, name) for name in values} == values

@@ -11,7 +11,7 @@ from addon.core.timings import STAGES, Timings
 
 @pytest.fixture
 def clock(monkeypatch):
-    """Time that passes when the test says so: clock.now seconds."""
+    """A clock that the test sets: clock.now, in seconds."""
     clock = SimpleNamespace(now=0.0)
     monkeypatch.setattr(timings, "time", SimpleNamespace(perf_counter=lambda: clock.now))
     return clock
@@ -26,7 +26,7 @@ def staged(measured):
     return {stage: measured.seconds[stage] for stage in STAGES if measured.seconds[stage]}
 
 
-def test_a_stage_inside_another_counts_for_itself_alone(clock, measured):
+def test_a_stage_inside_another_counts_only_for_itself(clock, measured):
     with measured.timed("tree"):
         clock.now += 1.0
         for _ in range(2):
@@ -49,7 +49,7 @@ def test_a_stage_that_fails_is_counted_and_ends(clock, measured):
     assert staged(measured) == {"upload": 1.0, "draw": 2.0}
 
 
-def test_what_waits_between_two_steps_costs_nothing(clock, measured):
+def test_time_between_steps_does_not_count(clock, measured):
     def work():
         for _ in range(3):
             with measured.timed("draw"):
@@ -66,7 +66,7 @@ def test_what_waits_between_two_steps_costs_nothing(clock, measured):
     assert measured.seconds["total"] == measured.seconds["draw"] == 3.0
 
 
-def test_work_that_is_given_up_is_closed(measured):
+def test_work_is_closed_with_its_timer(measured):
     closed = []
 
     def work():

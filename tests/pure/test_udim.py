@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The arithmetic of UDIM tiles."""
+"""Tests the arithmetic of UDIM tiles."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ def shown(uv, uv_to_clip):
     return np.asarray(uv) * uv_to_clip[:2] + uv_to_clip[2:]
 
 
-def test_numbers_and_places_are_each_others_inverse():
+def test_number_and_place_are_inverse_functions():
     assert [udim.place(tile) for tile in (1001, 1010, 1011, 2000)] == [(0, 0), (9, 0), (0, 1), (9, 99)]
     assert [udim.number(*udim.place(tile)) for tile in udim.TILES] == list(udim.TILES)
 

@@ -24,7 +24,6 @@ PATTERNS = (
 )
 NOT_YET = (
     "scripts/dev/manual/",
-    "tests/conftest.py",
     "tests/jobs/",
     "tests/ui/",
     "tests/window/",
