@@ -23,7 +23,6 @@ PATTERNS = (
     "tests/**/*.py",
 )
 NOT_YET = (
-    "scripts/dev/manual/",
     "tests/jobs/",
     "tests/ui/",
     "tests/window/",

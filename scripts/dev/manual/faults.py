@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 
-from scripts.dev.manual import subjects
+from scripts.dev.manual import models
 
 Picture = tuple[str, np.ndarray]
 """The name of a file, without its ending, and (height, width, 3) bytes."""
@@ -27,14 +27,14 @@ BALL_CAMERA = ((-1.5, -5, 2.2), (0, 0, 0), 75.0)
 
 
 def _show(
-    low: bpy.types.Object, camera: tuple = PLAQUE_CAMERA, samples: int = subjects.CYCLES_SAMPLES, sky: str = "night"
+    low: bpy.types.Object, camera: tuple = PLAQUE_CAMERA, samples: int = models.CYCLES_SAMPLES, sky: str = "night"
 ) -> np.ndarray:
     """A render of one object alone."""
     for obj in bpy.data.objects:
         obj.hide_render = obj.type == "MESH" and obj != low
-    subjects.light_and_camera(*camera, FROM_TOP if camera == PLAQUE_CAMERA else subjects.FROM_LEFT)
-    subjects.set_sky(sky)
-    return subjects.render(SIZE, samples)
+    models.light_and_camera(*camera, FROM_TOP if camera == PLAQUE_CAMERA else models.FROM_LEFT)
+    models.set_sky(sky)
+    return models.render(SIZE, samples)
 
 
 def pixels_of(image: bpy.types.Image) -> np.ndarray:
@@ -60,9 +60,9 @@ def _plaque(name: str = "plaque") -> tuple[bpy.types.Object, bpy.types.Object]:
     def carved(u, v):
         groove = -0.02 * np.clip(1 - (np.abs(np.maximum(np.abs(u - 0.5), np.abs(v - 0.5)) - 0.46) / 0.012) ** 2, 0, 1)
         inside = np.clip((u - 0.08) / 0.84, 0, 1), np.clip((v - 0.08) / 0.84, 0, 1)
-        return u - 0.5, v - 0.5, subjects.rivets(*inside) + groove
+        return u - 0.5, v - 0.5, models.rivets(*inside) + groove
 
-    return subjects.grid(f"{name}_high", 400, carved), subjects.grid(
+    return models.grid(f"{name}_high", 400, carved), models.grid(
         f"{name}_low", 1, lambda u, v: (u - 0.5, v - 0.5, 0 * u)
     )
 
@@ -70,8 +70,8 @@ def _plaque(name: str = "plaque") -> tuple[bpy.types.Object, bpy.types.Object]:
 def green() -> Iterator[Picture]:
     """A map with green down, read as if it were up: as a reader does that was not told."""
     high, low = _plaque()
-    right = subjects.bake(low, high, green="+Y")
-    wrong = subjects.bake(low, high, green="-Y", material=False)
+    right = models.bake(low, high, green="+Y")
+    wrong = models.bake(low, high, green="-Y", material=False)
     node = next(node for node in low.active_material.node_tree.nodes if node.type == "TEX_IMAGE")
     for name, image in (("green-wrong", wrong), ("green-right", right)):
         node.image = image
@@ -80,15 +80,15 @@ def green() -> Iterator[Picture]:
 
 def missed() -> Iterator[Picture]:
     """Rays that are too short, the mask that shows where, and the measured distances."""
-    high, low = subjects.monkeys()
+    high, low = models.monkeys()
     camera = ((-2.4, -6, 1.2), (0.05, 0, -0.03), 78.0)
-    subjects.bake(low, high, method="CAST", extrusion=0.012, max_distance=0.03, image="short", mask=True)
+    models.bake(low, high, method="CAST", extrusion=0.012, max_distance=0.03, image="short", mask=True)
     yield "missed-wrong", _show(low, camera)
     yield (
         "missed-mask",
         _enlarged(pixels_of(next(image for image in bpy.data.images if image.name.startswith("short_")))),
     )
-    subjects.bake(low, high, method="CAST", measure=True)
+    models.bake(low, high, method="CAST", measure=True)
     yield "missed-right", _show(low, camera)
 
 
@@ -96,11 +96,11 @@ def layer() -> Iterator[Picture]:
     """Rays that start beyond a plate that stands off, and rays that start below it."""
 
     def ground(u, v):
-        return 2 * u - 1, 2 * v - 1, 0.12 * subjects.rivets(u, v, 9, 0.3, 1.0)
+        return 2 * u - 1, 2 * v - 1, 0.12 * models.rivets(u, v, 9, 0.3, 1.0)
 
-    floor_high = subjects.grid("floor_high", 540, ground)
-    floor_low = subjects.grid("floor_low", 1, lambda u, v: (2 * u - 1, 2 * v - 1, 0 * u))
-    plate = subjects.grid("plate", 200, lambda u, v: (u - 0.5, v - 0.5, 0.45 + 0.25 * subjects.rivets(u, v, 3)))
+    floor_high = models.grid("floor_high", 540, ground)
+    floor_low = models.grid("floor_low", 1, lambda u, v: (2 * u - 1, 2 * v - 1, 0 * u))
+    plate = models.grid("plate", 200, lambda u, v: (u - 0.5, v - 0.5, 0.45 + 0.25 * models.rivets(u, v, 3)))
     for name, extrusion in (("layer-wrong", 0.6), ("layer-right", 0.1)):
         image = f"floor_{extrusion}"
         bpy.ops.imprint.bake(
@@ -122,24 +122,24 @@ def _box(seams: bool) -> tuple[bpy.types.Object, bpy.types.Object]:
     bpy.ops.mesh.primitive_cube_add(size=1.0)
     low = bpy.context.object
     low.name = "box_low"
-    low.data.materials.append(subjects.material("box", subjects.STEEL, 0.35))
+    low.data.materials.append(models.material("box", models.STEEL, 0.35))
     bevel = low.modifiers.new("Bevel", "BEVEL")
     bevel.width, bevel.segments = 0.2, 16
-    high = subjects.evaluated_copy(low, "box_high")
+    high = models.evaluated_copy(low, "box_high")
     high.data.shade_smooth()
     low.modifiers.clear()
     low.data.shade_flat()
     if seams:
-        subjects.unwrap(low, 30.0, 0.06)
+        models.unwrap(low, 30.0, 0.06)
     return high, low
 
 
 def hard_edges() -> Iterator[Picture]:
     """Hard edges inside a UV island, and on its border. Blender's cube comes unfolded into one island."""
     for name, seams in (("hard-edges-wrong", False), ("hard-edges-right", True)):
-        subjects.clear()
+        models.clear()
         high, low = _box(seams)
-        subjects.bake(low, high, method="CAST", measure=True, width=128, height=128, samples="16")
+        models.bake(low, high, method="CAST", measure=True, width=128, height=128, samples="16")
         yield name, _show(low, CORNER_CAMERA)
 
 
@@ -147,8 +147,8 @@ def overlaps() -> Iterator[Picture]:
     """Two plates whose UVs lie on each other, and side by side."""
 
     def two(sides, left, right, shift, name):
-        one = subjects.grid(f"{name}_left", sides, lambda u, v: (u - 1.04, v - 0.5, left(u, v)))
-        other = subjects.grid(f"{name}_right", sides, lambda u, v: (u + 0.04, v - 0.5, right(u, v)))
+        one = models.grid(f"{name}_left", sides, lambda u, v: (u - 1.04, v - 0.5, left(u, v)))
+        other = models.grid(f"{name}_right", sides, lambda u, v: (u + 0.04, v - 0.5, right(u, v)))
         for obj, first in ((one, 0.0), (other, shift)):
             uvs = np.empty(len(obj.data.loops) * 2, np.float32)
             obj.data.uv_layers[0].uv.foreach_get("vector", uvs)
@@ -163,10 +163,10 @@ def overlaps() -> Iterator[Picture]:
         return 0.02 * np.sin(u * 8 * math.pi)
 
     for name, shift in (("overlap-wrong", 0.0), ("overlap-right", 0.5)):
-        subjects.clear()
-        high = two(240, subjects.rivets, waves, shift, "two_high")
+        models.clear()
+        high = two(240, models.rivets, waves, shift, "two_high")
         low = two(1, lambda u, v: 0 * u, lambda u, v: 0 * u, shift, "two_low")
-        subjects.bake(low, high, method="CAST", extrusion=0.2, max_distance=0.4)
+        models.bake(low, high, method="CAST", extrusion=0.2, max_distance=0.4)
         yield name, _show(low, ((0, -1.3, 3.2), (0, 0, 0), 50.0))
 
 
@@ -174,20 +174,20 @@ def margin() -> Iterator[Picture]:
     """A small map without a margin and with one, on the mesh and around its islands."""
     high, low = _box(seams=True)
     for name, width in (("margin-wrong", 0), ("margin-right", 16)):
-        image = subjects.bake(low, high, method="CAST", measure=True, width=96, height=96, samples="16", margin=width)
+        image = models.bake(low, high, method="CAST", measure=True, width=96, height=96, samples="16", margin=width)
         yield name, _show(low, CLOSE_CAMERA)
         yield f"{name}-map", _enlarged(pixels_of(image))
 
 
 def depth() -> Iterator[Picture]:
     """A smooth shining surface with a map of 8 bits, and of 16."""
-    high = subjects.grid(
+    high = models.grid(
         "swell_high", 300, lambda u, v: (u - 0.5, v - 0.5, 0.03 * np.sin(3 * u + 1) * np.sin(3 * v + 1))
     )
-    low = subjects.grid("swell_low", 1, lambda u, v: (u - 0.5, v - 0.5, 0 * u))
-    low.data.materials[0] = subjects.material("mirror", subjects.STEEL, 0.03, 1.0)
+    low = models.grid("swell_low", 1, lambda u, v: (u - 0.5, v - 0.5, 0 * u))
+    low.data.materials[0] = models.material("mirror", models.STEEL, 0.03, 1.0)
     for name, bits in (("depth-wrong", "8"), ("depth-right", "16")):
-        subjects.bake(low, high, method="FLATTEN", depth=bits)
+        models.bake(low, high, method="FLATTEN", depth=bits)
         yield name, _show(low, samples=48, sky="stripes")
 
 
@@ -196,7 +196,7 @@ def doubled() -> Iterator[Picture]:
     bpy.ops.mesh.primitive_uv_sphere_add(segments=48, ring_count=24)
     low = bpy.context.object
     low.name = "stone"
-    low.data.materials.append(subjects.material("stone"))
+    low.data.materials.append(models.material("stone"))
     low.data.shade_smooth()
     subdivision = low.modifiers.new("Subdivision", "SUBSURF")
     subdivision.levels = subdivision.render_levels = 3
@@ -213,7 +213,7 @@ def doubled() -> Iterator[Picture]:
 def color_space() -> Iterator[Picture]:
     """The map read as a color, and as data."""
     high, low = _plaque()
-    image = subjects.bake(low, high, depth="8")
+    image = models.bake(low, high, depth="8")
     image.colorspace_settings.name = "sRGB"
     yield "color-space-wrong", _show(low)
     image.colorspace_settings.name = "Non-Color"
@@ -223,11 +223,11 @@ def color_space() -> Iterator[Picture]:
 def skewed() -> Iterator[Picture]:
     """Detail near a hard edge, baked along smooth normals and along the faces' own."""
     for name, directions in (("skewed-wrong", "SMOOTH"), ("skewed-right", "SPLIT")):
-        subjects.clear()
+        models.clear()
         _, low = _box(seams=True)
         bpy.data.objects.remove(bpy.data.objects["box_high"])
         high = _studded_box()
-        subjects.bake(low, high, method="CAST", extrusion=0.15, max_distance=0.3, directions=directions, samples="16")
+        models.bake(low, high, method="CAST", extrusion=0.15, max_distance=0.3, directions=directions, samples="16")
         yield name, _show(low, BOX_CAMERA)
 
 
@@ -261,6 +261,6 @@ FAULTS = (green, missed, layer, hard_edges, overlaps, margin, depth, doubled, co
 def pictures() -> Iterator[Picture]:
     """All of them, each in a scene of its own."""
     for fault in FAULTS:
-        subjects.clear()
+        models.clear()
         yield from fault()
-    subjects.clear()
+    models.clear()

@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 
 from scripts import demo
-from scripts.dev.manual import faults, subjects
+from scripts.dev.manual import faults, models
 
 Picture = tuple[str, np.ndarray]
 TERRAIN_SIZE = (1500, 435)
@@ -19,26 +19,26 @@ MAPS = ("POSITION", "HEIGHT", "DISPLACEMENT", "DISTANCE", "COVERAGE", "OBJECT_ID
 
 def terrain() -> Iterator[Picture]:
     """The picture that `imprint.py demo` makes, smaller."""
-    subjects.clear()
+    models.clear()
     folder = Path(bpy.app.tempdir)
     high, _, mapped, flat = terrains = demo.build_terrains()
     demo.bake(high, mapped, 2048, folder / "low_normal.png")
     demo.bake(high, flat, 2048, folder / "plane_normal.png")
     demo.arrange(terrains)
-    yield "terrain", subjects.render(TERRAIN_SIZE, 32)
-    subjects.clear()
+    yield "terrain", models.render(TERRAIN_SIZE, 32)
+    models.clear()
 
 
 def maps() -> Iterator[Picture]:
     """docs/workflows.md: the normal map of a plate with studs, and each of the other maps."""
-    subjects.clear()
-    subjects.grid("plate", 200, lambda u, v: (0.9 * (u - 0.5), 0.9 * (v - 0.5), 0.0 * u))
-    studs = subjects.grid("studs", 400, lambda u, v: (0.9 * (u - 0.5), 0.9 * (v - 0.5), subjects.rivets(u, v) - 0.005))
-    studs.data.materials.append(subjects.material("brass"))
+    models.clear()
+    models.grid("plate", 200, lambda u, v: (0.9 * (u - 0.5), 0.9 * (v - 0.5), 0.0 * u))
+    studs = models.grid("studs", 400, lambda u, v: (0.9 * (u - 0.5), 0.9 * (v - 0.5), models.rivets(u, v) - 0.005))
+    studs.data.materials.append(models.material("brass"))
     rows, columns = np.divmod(np.arange(400 * 400), 400)
     is_upper = (rows > 200).astype(np.int32)
     studs.data.polygons.foreach_set("material_index", is_upper)
-    subjects.grid("low", 1, lambda u, v: (u - 0.5, v - 0.5, 0 * u))
+    models.grid("low", 1, lambda u, v: (u - 0.5, v - 0.5, 0 * u))
     bpy.ops.imprint.bake(
         low="low",
         high=[{"name": "plate"}, {"name": "studs"}],
@@ -58,7 +58,7 @@ def maps() -> Iterator[Picture]:
                 f"map-{image.name.removeprefix('low_normal_').removeprefix('low_').lower()}",
                 faults.pixels_of(image)[::2, ::2],
             )
-    subjects.clear()
+    models.clear()
 
 
 def _lettering(words: str, place: tuple[float, float, float], size: float) -> None:
@@ -71,7 +71,7 @@ def _lettering(words: str, place: tuple[float, float, float], size: float) -> No
     shader.inputs["Emission Color"].default_value = (0.85, 0.85, 0.85, 1)
     shader.inputs["Emission Strength"].default_value = 1.0
     text.materials.append(glow)
-    obj = subjects.add(words, text)
+    obj = models.add(words, text)
     obj.location, obj.rotation_euler = place, (np.pi / 2, 0, 0)
     obj.visible_shadow = False
 
@@ -79,31 +79,31 @@ def _lettering(words: str, place: tuple[float, float, float], size: float) -> No
 def extension() -> Iterator[Picture]:
     """The icon, and the carved monkey, its low mesh without the map, and with it."""
     yield "../extension/icon.png", icon()
-    subjects.clear()
-    high, low = subjects.monkeys()
+    models.clear()
+    high, low = models.monkeys()
     bare = low.copy()
     bare.data = low.data.copy()
     bare.data.materials.clear()
-    bare.data.materials.append(subjects.material("bare", subjects.STONE))
+    bare.data.materials.append(models.material("bare", models.STONE))
     bpy.context.scene.collection.objects.link(bare)
     high.data.materials.clear()
-    high.data.materials.append(subjects.material("carved", subjects.STONE))
-    subjects.bake(low, high, width=4096, height=4096)
+    high.data.materials.append(models.material("carved", models.STONE))
+    models.bake(low, high, width=4096, height=4096)
     for obj, words, x in ((high, "High", -2.9), (bare, "Low", 0.0), (low, "Low with the map", 2.9)):
         obj.location.x, obj.rotation_euler.z = x, -0.35
         _lettering(words, (x, -0.9, -1.5), 0.3)
         _lettering(f"{demo.count_triangles(obj):,} triangles", (x, -0.9, -1.85), 0.2)
     _lettering("Imprint", (0.0, -0.9, 1.62), 0.62)
-    subjects.light_and_camera((0, -14, 0.0))
+    models.light_and_camera((0, -14, 0.0))
     camera = bpy.context.scene.camera.data
     camera.type, camera.ortho_scale = "ORTHO", 9.0
-    subjects.set_sky("night")
-    yield "../extension/feature.jpg", subjects.render(FEATURE_SIZE, 48)
-    subjects.clear()
+    models.set_sky("night")
+    yield "../extension/feature.jpg", models.render(FEATURE_SIZE, 48)
+    models.clear()
 
 
 def icon() -> np.ndarray:
-    """The normal map of a ball pressed into a plate with a raised rim, on a plate with round corners."""
+    """The normal map of a ball in a plate with a raised rim, on a plate with round corners."""
     scale = 4
     places = (np.arange(ICON * scale) + 0.5) / (ICON * scale) * 2 - 1
     x, y = np.meshgrid(places, -places)

@@ -10,9 +10,9 @@ import bpy
 import numpy as np
 from mathutils import Vector
 
-from scripts.dev.manual import subjects, window
+from scripts.dev.manual import models, window
 
-Step = float | tuple[str, np.ndarray]
+Action = float | tuple[str, np.ndarray]
 PANEL_SCALE = 1.3
 """Blender's interface in the pictures of panels, larger than usual."""
 EDGE, TOP = 8, 340
@@ -21,10 +21,10 @@ TABS = 26
 """Width of the sidebar's column of tabs at a scale of 1, in pixels."""
 
 
-def _prepare() -> Iterator[Step]:
+def _prepare() -> Iterator[Action]:
     """The carved monkey and its low mesh, seen from the front left, with the sidebar open."""
-    subjects.clear()
-    high, low = subjects.monkeys()
+    models.clear()
+    high, low = models.monkeys()
     _, area, _ = window.viewport()
     space = area.spaces.active
     space.shading.type = "SOLID"
@@ -51,7 +51,7 @@ def _frame() -> None:
     area.spaces.active.region_3d.view_distance *= 0.8
 
 
-def steps() -> Iterator[Step]:
+def steps() -> Iterator[Action]:
     """docs/quick-start.md: from the selection to the map."""
     yield from _prepare()
     _, area, _ = window.viewport()
@@ -105,7 +105,7 @@ def _top_of_sidebar() -> np.ndarray:
     return window.crop((left + EDGE, bottom + height - TOP, width - EDGE, TOP))
 
 
-def views() -> Iterator[Step]:
+def views() -> Iterator[Action]:
     """docs/panels.md: what View shows, and the shells of Show Cage."""
     yield from _prepare()
     _, area, _ = window.viewport()
@@ -152,7 +152,7 @@ def _viewport_alone() -> np.ndarray:
     return window.crop((left, bottom, width, height - header))
 
 
-def panels() -> Iterator[Step]:
+def panels() -> Iterator[Action]:
     """docs/panels.md: each panel by itself, drawn by a copy of it in a tab of its own."""
     yield from _prepare()
     preferences = bpy.context.preferences
@@ -164,7 +164,7 @@ def panels() -> Iterator[Step]:
     settings, shown = bpy.context.scene.imprint, bpy.context.scene.imprint_view
     settings.storage, settings.output = "FILE", "//maps/{low}.png"
     for name in ("crate_low", "crate_high", "crate_high_2", "barrel_low", "barrel_high"):
-        subjects.add(name, bpy.data.meshes.new(name)).hide_set(True)
+        models.add(name, bpy.data.meshes.new(name)).hide_set(True)
     for name in ("bake", "report", "checks", "view", "map", "output", "rays", "pairs", "sequence"):
         copies = _copies(f"IMPRINT_PT_{name}")
         if name == "view":

@@ -10,7 +10,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from scripts.dev.manual import subjects
+from scripts.dev.manual import models
 
 Box = tuple[int, int, int, int]
 """Left, bottom, width and height in pixels of the window, from its lower left corner."""
@@ -63,13 +63,13 @@ def screen() -> np.ndarray:
         with override():
             bpy.ops.wm.redraw_timer(type="DRAW_WIN_SWAP", iterations=1)
             bpy.ops.screen.screenshot(filepath=str(path))
-        pixels = subjects.load(path)
+        pixels = models.load(path)
         if np.ptp(pixels) > 0:
             return pixels
         if shutil.which("import") is None:
             raise RuntimeError("Blender's screenshots are empty here, and ImageMagick is missing.")
         subprocess.run(["import", "-silent", "-window", "root", str(path)], check=True)
-        return subjects.load(path)
+        return models.load(path)
 
 
 def crop(box: Box, pixels: np.ndarray | None = None) -> np.ndarray:

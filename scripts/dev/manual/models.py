@@ -94,7 +94,7 @@ def evaluated_copy(obj: bpy.types.Object, name: str) -> bpy.types.Object:
 
 
 def monkeys(levels: int = 5) -> tuple[bpy.types.Object, bpy.types.Object]:
-    """(high, low): Blender's monkey, carved in stone by modifiers, and the bare one with UVs unwrapped anew."""
+    """(high, low): Blender's monkey, carved in stone by modifiers, and the bare one with UVs unwrapped again."""
     bpy.ops.mesh.primitive_monkey_add()
     low = bpy.context.object
     low.name = low.data.name = "monkey_low"
