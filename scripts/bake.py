@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Bakes inside Blender; the extension need not be installed.
+"""Bakes inside Blender, without an installed extension.
 
 blender --background FILE.blend --python scripts/bake.py -- --low lo --high hi --output MAP.png
 """
@@ -14,7 +14,7 @@ from addon.cli import interruption, standard_streams  # noqa: E402
 
 arguments = sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else sys.argv[1:]
 standard_streams.reserve()
-interruption.listen()  # before loading Blender, which takes a second and crashes on exceptions
+interruption.listen()  # before bpy is loaded, which takes a second and crashes on exceptions
 with standard_streams.ours():
     with standard_streams.silence(1):
         import bpy  # noqa: F401 - the wheel must be loaded before its submodules

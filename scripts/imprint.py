@@ -39,7 +39,7 @@ VENV = ROOT / ".venv"
 PYTHON = VENV / ("Scripts/python.exe" if WINDOWS else "bin/python")
 SITE_PACKAGES = VENV / ("Lib/site-packages" if WINDOWS else f"lib/python{WANTED}/site-packages")
 STAMP = VENV / "imprint-stamp"  # written last: an environment without it is incomplete
-GPU_STAMP = VENV / "imprint-gpu"  # names the machine on which Blender's gpu module has started before
+GPU_STAMP = VENV / "imprint-gpu"  # has the name of a machine on which Blender's gpu module has started
 
 IS_ROOT = hasattr(os, "geteuid") and os.geteuid() == 0
 INSTALL = {"apt-get": "apt-get install --no-install-recommends", "dnf": "dnf install"}
@@ -64,8 +64,8 @@ class Failure(Exception):
 
 
 def print_message(text):
-    """Print a message to standard error: standard output belongs to the command."""
-    with contextlib.suppress(OSError):  # a full disk, for example: the exit code is enough
+    """Print a message to standard error. Standard output is for the command."""
+    with contextlib.suppress(OSError):  # for example, a full disk: then there is only the exit code
         print(f"imprint: {text}", file=sys.stderr, flush=True)
 
 
@@ -73,7 +73,7 @@ def print_message(text):
 
 
 def pyenv_roots():
-    """Yield the folders where pyenv may keep its Pythons: HOME may differ from the one at its installation."""
+    """Yield folders that may have pyenv's Pythons. HOME may be another one than when pyenv was installed."""
     if os.environ.get("PYENV_ROOT"):
         yield Path(os.environ["PYENV_ROOT"])
     yield Path(os.path.expanduser("~/.pyenv"))
@@ -92,7 +92,7 @@ def python_candidates():
         for pattern in (f"versions/{WANTED}*/bin/python{WANTED}", f"versions/{WANTED}*/python.exe"):
             yield from ([str(path)] for path in sorted(root.glob(pattern), reverse=True))
     if shutil.which("uv"):
-        # --system keeps uv from finding .venv itself, which is about to be replaced.
+        # Without --system, uv finds .venv itself, which may be replaced.
         find = ["uv", "python", "find", "--system", WANTED]
         yield [subprocess.run(find, capture_output=True, text=True, check=False).stdout.strip()]
 
@@ -100,8 +100,9 @@ def python_candidates():
 def base_python(command):
     """Return the interpreter that a command starts, or None unless it is a Python 3.13 that can create environments.
 
-    The command must be run to find out: pyenv has shims for versions that are not installed, Debian packages ensurepip
-    separately, the wheel does not load in a free-threaded build, and a virtual environment must give its base Python.
+    This runs the command, because its name is not enough: pyenv has shims for versions that are not installed, Debian has
+    ensurepip in another package, Blender's wheel does not load in a free-threaded build, and a virtual environment has a base
+    Python.
     """
     program = (
         "import ensurepip, sys, sysconfig, venv\n"
@@ -153,7 +154,7 @@ def wanted_stamp():
 
 
 def is_ready():
-    """Tell whether the environment is complete, fits the requirements and still has its Python."""
+    """Whether the environment is complete, fits the requirements and still has its Python."""
     return PYTHON.is_file() and STAMP.is_file() and STAMP.read_text() == wanted_stamp()
 
 
@@ -183,14 +184,14 @@ def environment():
 
 
 def crash(code):
-    """Return what killed a process with this exit code, or "" if it ended by itself."""
+    """Return the signal or exception that ended a process with this exit code, or "" if it exited."""
     if code < 0:
         return f"signal {-code}, {signal.strsignal(-code)}"
     return f"exception {code:#x}" if code >= 0x80000000 else ""  # Windows
 
 
 def is_loadable(library):
-    """Tell whether the system finds a shared library."""
+    """Whether the system finds a shared library."""
     try:
         ctypes.CDLL(library)
     except OSError as error:
@@ -201,7 +202,7 @@ def is_loadable(library):
 
 
 def memory_limit():
-    """Return a text about the shell's memory limit, or "" without one. Drivers crash if the limit is too low."""
+    """Return a clause about the memory limit of the shell, or "" without one. Drivers crash if the limit is too low."""
     most = resource.getrlimit(resource.RLIMIT_AS)[0] if resource else -1
     unlimited = resource.RLIM_INFINITY if resource else -1
     return "" if most == unlimited else f", with memory limited to {most // 2**20:,} MiB by ulimit -v"
@@ -219,27 +220,27 @@ def missing(code, output):
     return absent or ([DRIVER] if crash(code) and not memory_limit() else [])
 
 
-def remedy(things, installer):
-    """Return the command that installs these libraries or the driver, or [] if it is not known."""
+def remedy(absent, installer):
+    """Return the command that installs the absent libraries or driver, or [] if it is not known."""
     if not installer:
         return []
-    packages = sorted(PACKAGES[thing][list(INSTALL).index(installer)] for thing in things if thing in PACKAGES)
+    packages = sorted(PACKAGES[name][list(INSTALL).index(installer)] for name in absent if name in PACKAGES)
     return [*([] if IS_ROOT else ["sudo"]), *INSTALL[installer].split(), *packages] if packages else []
 
 
-def explain(things, command, code, output):
-    """Return a message, in one line, that says why Blender cannot start, and how to fix it if that is known."""
-    if not things:
+def explain(absent, command, code, output):
+    """Return a message of one line: why Blender cannot start, and how to fix it if that is known."""
+    if not absent:
         lines = output.strip().splitlines() or [f"exit code {code}"]
         return f"Blender cannot start: {crash(code) or lines[-1]}{memory_limit()}"
     fix = f"to fix it: {' '.join(command)}" if command else "install the package that provides it"
-    return f"Blender cannot start: missing {', '.join(things)}; {fix}"
+    return f"Blender cannot start: missing {', '.join(absent)}; {fix}"
 
 
 def probe(python):
     """Start Blender's gpu module in a child process. Returns its exit code and its error output.
 
-    Without a usable EGL, gpu.init() does not raise an exception but crashes with a segmentation fault.
+    A child process, because gpu.init() crashes with a segmentation fault if there is no usable EGL.
     """
     program = [python, "-c", "import bpy, gpu; gpu.init()"]
     done = subprocess.run(program, capture_output=True, text=True, errors="replace", check=False)
@@ -249,7 +250,7 @@ def probe(python):
 def require_gpu(python, may_install):
     """Make sure that Blender and its gpu module start. As root on Debian, install missing packages if `may_install`.
 
-    Probing takes a second, so a file records success for this machine. A crash of Blender removes the file.
+    A probe takes a second, so a file records its success on this machine. A crash of Blender removes the file.
     """
     machine = f"{platform.node()} {platform.release()}\n"
     if GPU_STAMP.is_file() and GPU_STAMP.read_text() == machine:
@@ -260,13 +261,13 @@ def require_gpu(python, may_install):
         if code == 0:
             GPU_STAMP.write_text(machine)
             return
-        things = missing(code, output)
-        command = remedy(things, installer)
+        absent = missing(code, output)
+        command = remedy(absent, installer)
         if not (is_first and may_install and IS_ROOT and installer == "apt-get" and command):
-            raise Failure(explain(things, command, code, output))
-        print_message(f"Blender needs {', '.join(things)}: {' '.join(command)}")
+            raise Failure(explain(absent, command, code, output))
+        print_message(f"Blender needs {', '.join(absent)}: {' '.join(command)}")
         noninteractive = dict(os.environ, DEBIAN_FRONTEND="noninteractive")
-        # The user did not ask for this: add only missing packages, and upgrade none.
+        # Add only missing packages and upgrade none, because this happens without a question.
         for step in (["apt-get", "update", "-qq"], [*command, "--no-upgrade", "--yes", "-qq"]):
             subprocess.call(step, stdout=subprocess.DEVNULL, env=noninteractive)
 
@@ -285,16 +286,16 @@ def run_blender(arguments, **options):
 
 
 def post_mortem(python, code, baking=""):
-    """Return a message, in one line, about a crash of Blender. If a probe crashes too, the message is about the machine."""
-    died = f"Blender crashed with {crash(code)}" + (f" while baking {baking}" if baking else "") + memory_limit()
+    """Return a message of one line about a crash of Blender. If a probe crashes as well, it says what the machine lacks."""
+    crashed = f"Blender crashed with {crash(code)}" + (f" while baking {baking}" if baking else "") + memory_limit()
     if -code == signal.SIGKILL:
-        return f"{died}: another process killed it, or memory ran out"
+        return f"{crashed}: another process killed it, or memory ran out"
     GPU_STAMP.unlink(missing_ok=True)
     probed, output = probe(python)
     if probed != code:
-        return died
-    things = missing(probed, output)
-    return explain(things, remedy(things, next(filter(shutil.which, INSTALL), None)), probed, output)
+        return crashed
+    absent = missing(probed, output)
+    return explain(absent, remedy(absent, next(filter(shutil.which, INSTALL), None)), probed, output)
 
 
 # Stopping
@@ -303,13 +304,13 @@ def post_mortem(python, code, baking=""):
 class Bake:
     """A child process that runs scripts/bake.py in Blender, and stops cleanly when this process gets a signal.
 
-    The child gets a different signal than this process: the whole process group may have got the original one, and a
+    The child gets another signal than this process. The original signal may have reached the whole process group, and a
     second one would end the bake at once. addon/cli/interruption.py receives the signals in the child.
     """
 
     STOP = ("SIGINT", "SIGTERM", "SIGHUP")
     GRACE = 3.0
-    """Seconds from the second signal to a SIGKILL: Blender may be busy in code that ignores signals."""
+    """Seconds from the second signal to SIGKILL. Blender may be busy in code that ignores signals."""
 
     def __init__(self, python, arguments):
         self.signals = []
@@ -337,21 +338,21 @@ class Bake:
                 signal.signal(number, handler)
 
     def _start(self, numbers, baking):
-        """Start Blender, unless a signal was received before.
+        """Start Blender, unless this process has received a signal.
 
         Signals are blocked in the child until it handles them, and in this process until the child exists.
         """
         environment = dict(os.environ, IMPRINT_LAUNCHER=str(os.getpid()), IMPRINT_BAKING=str(baking))
-        if WINDOWS:  # there a Ctrl-C reaches all processes of a console
+        if WINDOWS:  # on Windows, Ctrl-C reaches all processes of a console
             self._process = subprocess.Popen(self._command)
             return
-        held = [*numbers, signal.SIGUSR1, signal.SIGUSR2]
-        signal.pthread_sigmask(signal.SIG_BLOCK, held)
+        blocked = [*numbers, signal.SIGUSR1, signal.SIGUSR2]
+        signal.pthread_sigmask(signal.SIG_BLOCK, blocked)
         try:
             if not self.signals:
                 self._process = subprocess.Popen(self._command, env=environment, pass_fds=[baking])
         finally:
-            signal.pthread_sigmask(signal.SIG_UNBLOCK, held)
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, blocked)
 
     def _receive(self, number, _):
         self.signals.append(number)
@@ -375,14 +376,14 @@ def demo(options):
 
 
 def bench(options):
-    """Measure Imprint against other bakers, with Blender's factory settings instead of the user's."""
+    """Compare Imprint with other bakers, with Blender's factory settings instead of the user's."""
     with tempfile.TemporaryDirectory(prefix="imprint-bench-") as profile:
         variables = dict(os.environ, BLENDER_USER_RESOURCES=profile)
         return run_blender([str(SCRIPTS / "bench" / "run.py"), *options.rest], env=variables)
 
 
 def bake(options):
-    """Bake with the arguments of scripts/bake.py, which takes them after "--", as it does inside Blender."""
+    """Bake with scripts/bake.py. It gets its arguments after "--", as inside Blender."""
     python = environment()
     require_gpu(python, may_install=False)
     running = Bake(python, options.rest)
@@ -404,8 +405,8 @@ def test(options):
         allow_abbrev=False,
     )
     parser.add_argument("--all", action="store_true", help="run the slow tests as well")
-    own, rest = parser.parse_known_args(options.rest)
-    lane = [] if own.all else ["-m", "not slow"]
+    known, rest = parser.parse_known_args(options.rest)
+    lane = [] if known.all else ["-m", "not slow"]
     linted = subprocess.call([environment(), "-m", "ruff", "check"], cwd=ROOT)
     with tempfile.TemporaryDirectory(prefix="imprint-test-") as profile:
         variables = dict(os.environ, BLENDER_USER_RESOURCES=profile)
@@ -444,13 +445,13 @@ def parse(arguments):
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for run, text in (
         (demo, "bake the example"),
-        (bake, "bake a normal map: bake --help says how"),
-        (bench, "measure Imprint against other bakers and write a report: bench --help says how"),
-        (test, "run ruff and the tests: test --help says how"),
+        (bake, "bake a normal map; see bake --help"),
+        (bench, "compare Imprint with other bakers, and write a report; see bench --help"),
+        (test, "run ruff and the tests; see test --help"),
     ):
         commands.add_parser(run.__name__, help=text, add_help=False).set_defaults(run=run)
     building = commands.add_parser("build", help="make the extension's zip and print its path")
-    building.add_argument("--output", metavar="DIR", default=ROOT / "dist", help="where to put it (default: dist)")
+    building.add_argument("--output", metavar="DIR", default=ROOT / "dist", help="folder for the zip (default: dist)")
     building.set_defaults(run=build)
     passes_on = arguments[:1] in (["demo"], ["bake"], ["bench"], ["test"])
     options = parser.parse_args(arguments[:1] if passes_on else arguments)
@@ -463,7 +464,7 @@ def main(arguments):
     options = parse(arguments)
     try:
         return options.run(options)
-    except (Failure, OSError) as failure:  # the user can fix a folder without write permission as well
+    except (Failure, OSError) as failure:  # the user can also fix, for example, a folder without write permission
         print_message(failure)
         return 1
     except KeyboardInterrupt:
@@ -471,7 +472,7 @@ def main(arguments):
 
 
 def reserve_streams():
-    """Open closed standard streams: otherwise a new file would take a stream's number, and output would go into it."""
+    """Open closed standard streams. Otherwise a new file could get the number of a stream, and output would go into it."""
     for number in range(3):
         try:
             os.fstat(number)
@@ -483,7 +484,7 @@ def reserve_streams():
 def end_on_signals():
     """Exit cleanly on SIGTERM and SIGHUP, as on Ctrl-C: end child processes and remove temporary folders."""
     for number in (getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)):
-        if signal.getsignal(number) == signal.SIG_DFL:  # nohup ignores one of them
+        if signal.getsignal(number) == signal.SIG_DFL:  # nohup makes a process ignore SIGHUP
             signal.signal(number, lambda number, _: sys.exit(128 + number))
 
 

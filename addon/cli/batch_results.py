@@ -121,8 +121,8 @@ def table(results: Sequence[Result], planned: int) -> Iterator[str]:
     width = max((len(result.name) for result in results), default=0)
     for result in results:
         state = "stopped" if result.is_stopped else "failed" if result.error else "done"
-        said = result.error or ", ".join(result.maps)
-        yield f"{state:7} {result.seconds:8.2f} s  {result.name:{width}}  {said}".rstrip()
+        details = result.error or ", ".join(result.maps)
+        yield f"{state:7} {result.seconds:8.2f} s  {result.name:{width}}  {details}".rstrip()
     failed = sum(1 for result in results if result.error)
     done = sum(1 for result in results if not result.error and not result.is_stopped)
     left = f", {planned - failed - done} stopped or not begun" if planned > failed + done else ""

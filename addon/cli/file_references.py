@@ -65,7 +65,7 @@ def _of_obj(path: Path) -> Iterator[str]:
                 continue
             # Options may stand before the name, which may hold spaces.
             yield from (
-                os.path.join(os.path.dirname(library), name) for said in maps for name in {said, said.split()[-1]}
+                os.path.join(os.path.dirname(library), name) for value in maps for name in {value, value.split()[-1]}
             )
 
 

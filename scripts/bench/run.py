@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Measures Imprint against other bakers, known normals and the limits of the machine, and writes a report.
+"""Compares Imprint with other bakers, known normals and the limits of the machine, and writes a report.
 
 python3 scripts/imprint.py bench [--quick] [--pairs DIR] [--peers] [--output out/bench]
 """

@@ -74,12 +74,12 @@ def test_a_switch_decides_whether_a_number_is_none(name):
 @pytest.mark.parametrize("name", OPTIONAL)
 def test_help_tooltip_and_manual_have_the_same_text(name):
     setting = OPTIONAL[name]
-    said = setting.option.off or setting.tooltip
+    text = setting.option.off or setting.tooltip
     help_text = plain(arguments.parser("imprint").format_help()).replace("- ", "-")
     manual = plain((tables.ROOT / "docs" / "command-line.md").read_text(encoding="utf-8"))
     panels = plain((tables.ROOT / "docs" / "panels.md").read_text(encoding="utf-8"))
-    assert said.replace("- ", "-") in help_text
-    assert said in manual
+    assert text.replace("- ", "-") in help_text
+    assert text in manual
     assert setting.tooltip in panels
 
 

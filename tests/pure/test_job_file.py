@@ -155,10 +155,10 @@ WRONG = {
 
 @pytest.mark.parametrize("case", WRONG)
 def test_messages_about_wrong_usage(case):
-    words, said = WRONG[case]
+    words, expected = WRONG[case]
     with pytest.raises(WrongUsage) as refused:
         arguments.check(arguments.parse(words.split()))
-    assert said in str(refused.value)
+    assert expected in str(refused.value)
     assert "\n" not in str(refused.value)
 
 
@@ -341,13 +341,13 @@ FAULTS = {
 
 @pytest.mark.parametrize("case", FAULTS)
 def test_a_mistake_gives_one_line_with_its_place(write, tmp_path, case):
-    text, said = FAULTS[case]
+    text, expected = FAULTS[case]
     name = write(text)
     with pytest.raises(WrongUsage) as refused:
         job_file.read(name)
     message = str(refused.value)
-    said = re.sub(r"\{(\w\.\w+)\}", lambda found: repr(str(tmp_path / "jobs" / found[1])), said)
-    assert said in message
+    expected = re.sub(r"\{(\w\.\w+)\}", lambda found: repr(str(tmp_path / "jobs" / found[1])), expected)
+    assert expected in message
     assert name in message
     assert "\n" not in message
     assert len(message) < 500

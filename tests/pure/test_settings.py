@@ -64,8 +64,8 @@ def test_invalid_settings_are_named_in_the_message(values):
     assert "\n" not in message
     assert "(" not in message  # no Python tuple
     # The message quotes the value, unless it is empty.
-    asked = {name: value for name, value in values.items() if name not in {"storage", "output", "udim"}}
-    assert all(str(value).strip("(,)") in message for value in asked.values())
+    invalid = {name: value for name, value in values.items() if name not in {"storage", "output", "udim"}}
+    assert all(str(value).strip("(,)") in message for value in invalid.values())
 
 
 def test_settings_cannot_be_changed():

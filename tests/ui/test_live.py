@@ -701,7 +701,9 @@ def test_strokes_of_dyntopo_are_asked_for_once(pair, monkeypatch):
     bpy.ops.sculpt.dynamic_topology_toggle()
     follow()
     asked, ask = [], sculpt_strokes.Strokes.apply_delayed
-    monkeypatch.setattr(sculpt_strokes.Strokes, "apply_delayed", lambda self: (asked.append(1), ask(self), sculpt(high)))
+    monkeypatch.setattr(
+        sculpt_strokes.Strokes, "apply_delayed", lambda self: (asked.append(1), ask(self), sculpt(high))
+    )
     monkeypatch.setattr(sculpt_strokes, "ANSWER", -1.0)
     sculpt(high)
     monkeypatch.setattr(sculpt_strokes, "ANSWER", 1e6)

@@ -65,8 +65,8 @@ def _faults(where: str, act) -> Iterator[str]:
     try:
         act()
     except (WrongUsage, BakeError) as error:
-        said = re.sub(r"(?<!\S)--(?=\w)", "", str(error))  # keys are written without dashes
-        yield f"{where}: {said.removeprefix('argument ').rstrip('.')}"
+        message = re.sub(r"(?<!\S)--(?=\w)", "", str(error))  # keys are written without dashes
+        yield f"{where}: {message.removeprefix('argument ').rstrip('.')}"
 
 
 def _load(name: str, path: Path) -> dict:
@@ -140,10 +140,10 @@ def _words_of(written: str, key: str, value) -> list[str]:
 def _short(value) -> str:
     """A value as JSON, cut to MOST_SHOWN characters."""
     try:
-        said = json.dumps(value, default=str)
+        text = json.dumps(value, default=str)
     except RecursionError:
         return "lists in lists"
-    return said if len(said) <= MOST_SHOWN else f"{said[:MOST_SHOWN]}…"
+    return text if len(text) <= MOST_SHOWN else f"{text[:MOST_SHOWN]}…"
 
 
 def _words(key: str, value) -> list[str]:

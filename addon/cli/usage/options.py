@@ -34,8 +34,8 @@ class CommandOption:
     def arguments(self) -> dict[str, Any]:
         """All that argparse.add_argument takes."""
         sentences = [self.tooltip, *(f"{word}: {meaning}" for word, meaning in self.items), self.note]
-        said = ". ".join(filter(None, sentences)) + (f" (default: {self.usual})" if self.usual else "")
-        return {**self.parsing, "help": said.replace("%", "%%")}
+        text = ". ".join(filter(None, sentences)) + (f" (default: {self.usual})" if self.usual else "")
+        return {**self.parsing, "help": text.replace("%", "%%")}
 
     @property
     def is_path(self) -> bool:

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Files that are complete or absent, and paths that must not meet."""
+"""Writes files atomically, and detects clashes of their paths."""
