@@ -78,7 +78,7 @@ TABLE = {
         "de_DE": "Bei jeder Änderung der High-Poly- oder Low-Poly-Objekte erneut backen, bis Live ausgeschaltet wird",
         "es": "Vuelve a capturar cada vez que cambien los objetos high poly o low poly, hasta que se desactive",
     },
-    (LABEL, "Write Every Map"): {"de_DE": "Jede Map schreiben", "es": "Escribir cada mapa"},
+    (LABEL, "Write Every Map"): {"de_DE": "Alle schreiben", "es": "Escribir todos"},
     (SENTENCE, "While Live is on, write each map to the image at once, and not only when editing pauses"): {
         "de_DE": "Solange Live eingeschaltet ist, jede Map sofort in das Bild schreiben, nicht erst in einer "
         "Bearbeitungspause",

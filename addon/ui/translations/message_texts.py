@@ -37,12 +37,12 @@ TABLE = {
         "puede estar vacío.",
     },
     (SENTENCE, "Live draws only one tile: turn UDIM Tiles off."): {
-        "de_DE": "Live folgt nur einer Kachel: UDIM-Kacheln ausschalten.",
-        "es": "En vivo sigue una sola celda: desactivar Celdas UDIM.",
+        "de_DE": "Live zeichnet nur eine Kachel: UDIM-Kacheln ausschalten.",
+        "es": "En vivo dibuja una sola celda: desactivar Celdas UDIM.",
     },
     (SENTENCE, "A sequence needs files: set Store to File."): {
-        "de_DE": "Eine Sequenz braucht Dateien: die Map in einer Datei speichern.",
-        "es": "Una secuencia necesita archivos: elegir guardar el mapa en un archivo.",
+        "de_DE": "Eine Sequenz braucht Dateien: Speichern auf Datei stellen.",
+        "es": "Una secuencia necesita archivos: elegir Archivo en Guardar.",
     },
     (SENTENCE, "A sequence has only one tile: turn UDIM Tiles off."): {
         "de_DE": "Eine Sequenz hat nur eine Kachel: UDIM-Kacheln ausschalten.",

@@ -22,7 +22,7 @@ TABLE = {
         "de_DE": "Abstand außerhalb des Low-Poly-Meshes, in dem die Strahlen beginnen",
         "es": "Distancia por fuera de la malla low poly a la que parten los rayos",
     },
-    (LABEL, "Max Distance"): {"de_DE": "Maximaler Abstand", "es": "Distancia máxima"},
+    (LABEL, "Max Distance"): {"de_DE": "Max. Abstand", "es": "Distancia máx"},
     (SENTENCE, "Length of the rays, from where they start"): {
         "de_DE": "Länge der Strahlen, von ihrem Anfang aus",
         "es": "Longitud de los rayos, desde su origen",
@@ -33,9 +33,9 @@ TABLE = {
     },
     (OPERATOR, "Freeze Distances"): {"de_DE": "Abstände fixieren", "es": "Fijar distancias"},
     (SENTENCE, "Set Extrusion and Max Distance to what the last bake of this low object measured"): {
-        "de_DE": "Extrusion und maximalen Abstand auf die Werte setzen, die der letzte Backvorgang dieses "
+        "de_DE": "Extrusion und Max. Abstand auf die Werte setzen, die der letzte Backvorgang dieses "
         "Low-Poly-Objekts gemessen hat",
-        "es": "Asigna a Extrusión y Distancia máxima los valores que midió la última captura de este objeto low poly",
+        "es": "Asigna a Extrusión y Distancia máx los valores que midió la última captura de este objeto low poly",
     },
     (SENTENCE, "Bake this low object first, with Measure Distances on"): {
         "de_DE": "Zuerst dieses Low-Poly-Objekt mit Abstände messen backen",
@@ -68,7 +68,7 @@ TABLE = {
         "de_DE": "Strahlen durch Flächen des High-Poly-Meshes hindurchlassen, die von ihnen abgewandt sind",
         "es": "Deja que los rayos atraviesen las caras de la malla high poly orientadas en sentido contrario a ellos",
     },
-    (LABEL, "Miss Color"): {"de_DE": "Farbe ohne Treffer", "es": "Color de fallo"},
+    (LABEL, "Miss Color"): {"de_DE": "Ohne Treffer", "es": "Color de fallo"},
     (SENTENCE, "Color of texels whose ray hits nothing. Their alpha is 0"): {
         "de_DE": "Farbe von Texeln, deren Strahl nichts trifft. Ihr Alpha ist 0",
         "es": "Color de los texels cuyo rayo no alcanza nada. Su alfa es 0",
