@@ -32,7 +32,7 @@ def at_least(target: str, wanted: float, found: list[tuple[str, dict[str, float]
     """Check that all ratios, with their names, are at least `wanted`. Ratios that are None are ignored."""
     found = [(name, ratio) for name, ratio in found if ratio]
     if not found:
-        return Verdict(target, GAP, "nothing was measured to compare with")
+        return Verdict(target, GAP, "Nothing was measured to compare with")
     missed = [(name, ratio) for name, ratio in found if ratio["most"] < wanted]
     unsure = [(name, ratio) for name, ratio in found if ratio["least"] < wanted <= ratio["most"]]
     outcome = MISSED if missed else OPEN if unsure else HOLDS
@@ -78,7 +78,7 @@ def accuracy(row: dict) -> Verdict:
     theirs = {name: degrees["percentile_99"] for name, degrees in row["angles"].items() if name not in ours}
     target = f"As exact as the best other baker, within {FINEST} degrees, {row['pair']}"
     if not ours or not theirs:
-        return Verdict(target, GAP, "nothing was measured to compare with")
+        return Verdict(target, GAP, "Nothing was measured to compare with")
     best = min(theirs, key=theirs.get)
     figures = ", ".join(f"{name} {degrees:.4f}" for name, degrees in {**ours, best: theirs[best]}.items())
     outcome = HOLDS if max(ours.values()) <= theirs[best] + FINEST else MISSED
