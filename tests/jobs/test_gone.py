@@ -20,9 +20,9 @@ from tests.support.snapshot import difference, snapshot
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
 SLICED = 1e-9
-"""Seconds of a slice: as many steps as there can be."""
+"""Seconds of a slice. So short that each step is a slice."""
 STEEP = 1.0
-"""Slope of a surface whose normals nobody takes for a flat one's."""
+"""Slope of a surface whose normals differ clearly from those of a flat one."""
 
 
 def settings(**values):
@@ -39,7 +39,7 @@ def remove(name):
 
 
 def steps_of(work):
-    """The steps of `work`, and at last the sentence that it ends with; empty when it is done."""
+    """The steps of `work`, and at the end the message of its error; empty if it has none."""
     try:
         yield from work
     except BakeError as error:
@@ -49,38 +49,38 @@ def steps_of(work):
 
 
 def stopped_by(work, change, step):
-    """What `work` ends with where `change` comes after this many steps; None where it is done by then."""
-    told = list(itertools.islice(work, step))
-    if len(told) < step:
+    """The message of the error if `change` runs after this many steps; None if `work` is already done."""
+    steps = list(itertools.islice(work, step))
+    if len(steps) < step:
         return None
     change()
     return list(steps_of(work))[-1]
 
 
 def endings(make, change):
-    """What a bake says when `change` comes after its first step, its second, ... each in a file of its own."""
+    """The messages of errors if `change` runs after the first step, the second, ... each in a new file."""
     for step in itertools.count(1):
         bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-        said = stopped_by(make(), change, step)
-        if said is None:
+        message = stopped_by(make(), change, step)
+        if message is None:
             return
-        yield said
+        yield message
 
 
 @pytest.mark.parametrize("share_image", [False, True], ids=["several", "atlas"])
 @pytest.mark.parametrize("name", ["a", "a high", "b", "b high"])
-def test_an_object_that_is_deleted_is_a_sentence_at_every_step(name, share_image):
+def test_a_deleted_object_raises_an_error_at_every_step(name, share_image):
     def make():
         return several.work(bpy.context, pairs(), settings(), Pace(SLICED), share_image=share_image)
 
-    said = list(endings(make, lambda: remove(name)))
-    assert len(said) > 6
-    assert set(said) <= {"", f"{name!r} was deleted: bring it back with Undo, or choose another object."}
-    assert any(said)
+    messages = list(endings(make, lambda: remove(name)))
+    assert len(messages) > 6
+    assert set(messages) <= {"", f"{name!r} was deleted: bring it back with Undo, or choose another object."}
+    assert any(messages)
 
 
 @pytest.mark.parametrize("name", ["a", "a high"])
-def test_nothing_changes_where_the_only_object_goes(name):
+def test_deleting_an_object_of_the_only_job_changes_nothing(name):
     work = several.work(bpy.context, pairs("a"), settings(), Pace(SLICED))
     next(work)
     remove(name)
@@ -90,7 +90,7 @@ def test_nothing_changes_where_the_only_object_goes(name):
     assert difference(before, snapshot()) == {}
 
 
-def test_maps_of_jobs_that_are_done_stay():
+def test_maps_of_finished_jobs_stay():
     work = several.work(bpy.context, pairs(), settings(), Pace(SLICED))
     while next(work).finished < 1:
         pass
@@ -101,15 +101,15 @@ def test_maps_of_jobs_that_are_done_stay():
 
 
 def test_an_atlas_is_not_replaced():
-    grey = np.full((16, 16, 4), 0.5, np.float32)
-    datablocks.fill("atlas", grey, is_float=True, pack=False)
+    gray = np.full((16, 16, 4), 0.5, np.float32)
+    datablocks.fill("atlas", gray, is_float=True, pack=False)
     work = several.work(bpy.context, pairs(), settings(image="atlas"), Pace(SLICED), share_image=True)
     while next(work).what != "Storing":
         pass
     remove("b")
     with pytest.raises(BakeError, match="'b' was deleted"):
         finish(work)
-    assert np.array_equal(pixels(bpy.data.images["atlas"]), grey)
+    assert np.array_equal(pixels(bpy.data.images["atlas"]), gray)
     assert not bpy.data.objects["a"].data.materials
 
 
@@ -119,7 +119,7 @@ def of_frames(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["a", "a high"])
-def test_frames_that_are_done_stay(tmp_path, name):
+def test_finished_frames_stay(tmp_path, name):
     work = of_frames(tmp_path)
     while next(work).finished < 1:
         pass
@@ -131,7 +131,7 @@ def test_frames_that_are_done_stay(tmp_path, name):
     assert bpy.context.scene.frame_current == 1
 
 
-def test_a_scene_that_is_deleted_ends_its_sequence(tmp_path):
+def test_deleting_the_scene_ends_the_sequence(tmp_path):
     scene = bpy.context.scene
     work = of_frames(tmp_path)
     while next(work).finished < 1:
@@ -144,13 +144,13 @@ def test_a_scene_that_is_deleted_ends_its_sequence(tmp_path):
 
 
 @pytest.mark.parametrize("share_image", [False, True], ids=["several", "atlas"])
-def test_renaming_changes_nothing(share_image):
+def test_renaming_objects_does_not_change_a_bake(share_image):
     jobs = pairs()
     work = several.work(bpy.context, jobs, settings(image="{low}"), Pace(SLICED), share_image=share_image)
     next(work)
     for obj in list(bpy.data.objects):
         obj.name = f"{obj.name} renamed"
-    zoo.plane("a high", slope=STEEP)  # which is not the one
+    zoo.plane("a high", slope=STEEP)  # a new object with the old name
     finish(work)
     images = {"atlas"} if share_image else {"a", "b"}
     assert {image.name for image in bpy.data.images} == images
@@ -161,22 +161,22 @@ def test_renaming_changes_nothing(share_image):
 
 @pytest.fixture
 def namesakes(tmp_path):
-    """A low plane, and two objects called "hi": a flat one, and a steep one that is linked."""
+    """A low plane, and two objects called "hi": a flat one, and a linked steep one."""
     zoo.plane("hi", slope=STEEP)
     path = str(tmp_path / "library.blend")
     bpy.ops.wm.save_as_mainfile(filepath=path)
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     low, flat = zoo.plane("lo"), zoo.plane("hi")
-    with bpy.data.libraries.load(path, link=True) as (_, wanted):
-        wanted.objects = ["hi"]
-    (steep,) = wanted.objects
+    with bpy.data.libraries.load(path, link=True) as (_, linked_data):
+        linked_data.objects = ["hi"]
+    (steep,) = linked_data.objects
     bpy.context.scene.collection.objects.link(steep)
     assert flat.name == steep.name
     return low, flat, steep
 
 
 @pytest.mark.parametrize("which", [1, 2], ids=["flat", "steep"])
-def test_live_knows_namesakes_apart(namesakes, which):
+def test_live_distinguishes_objects_with_the_same_name(namesakes, which):
     job = Job(namesakes[0], [namesakes[which]])
     bake_all(bpy.context, [job], settings(depth=32, image="baked"))
     following = live_session.Session(bpy.context, job, settings(), Pace())
@@ -186,7 +186,7 @@ def test_live_knows_namesakes_apart(namesakes, which):
 
 
 @pytest.mark.parametrize("which", [1, 2], ids=["flat", "steep"])
-def test_checks_know_namesakes_apart(namesakes, which):
+def test_checks_distinguish_objects_with_the_same_name(namesakes, which):
     low, *highs = namesakes
     highs[which - 1].location.x = 0.9  # no longer above all of the low plane
     bpy.context.view_layer.update()
@@ -201,19 +201,19 @@ def test_checks_know_namesakes_apart(namesakes, which):
 
 @pytest.fixture
 def library(tmp_path):
-    """The file that the high object is linked from, and a pair with it."""
+    """A library with the high object, a low object, and the linked high object."""
     path = tmp_path / "library.blend"
     zoo.terrain("hi", n=8)
     bpy.ops.wm.save_as_mainfile(filepath=str(path))
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    with bpy.data.libraries.load(str(path), link=True) as (_, wanted):
-        wanted.objects = ["hi"]
-    bpy.context.scene.collection.objects.link(wanted.objects[0])
-    return bpy.data.libraries[0], zoo.plane("lo"), wanted.objects[0]
+    with bpy.data.libraries.load(str(path), link=True) as (_, linked_data):
+        linked_data.objects = ["hi"]
+    bpy.context.scene.collection.objects.link(linked_data.objects[0])
+    return bpy.data.libraries[0], zoo.plane("lo"), linked_data.objects[0]
 
 
 @pytest.mark.usefixtures("registered")
-def test_live_follows_into_a_library_that_is_reloaded(library):
+def test_live_follows_objects_of_a_reloaded_library(library):
     source, low, high = library
     panel = bpy.context.scene.imprint
     panel.width = panel.height = 64
@@ -233,10 +233,10 @@ def test_live_follows_into_a_library_that_is_reloaded(library):
 
 
 @pytest.mark.parametrize("relative", [False, True])
-def test_checks_find_what_was_reloaded(library, tmp_path, relative):
+def test_checks_find_objects_of_a_reloaded_library(library, tmp_path, relative):
     source, low, high = library
     report = bake_pair(bpy.context, low, [high], settings())
-    if relative:  # as paths become when the scene is saved
+    if relative:  # Blender makes paths relative when it saves the scene
         (tmp_path / "scenes").mkdir()
         bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scenes" / "scene.blend"))
         source.filepath = "//../library.blend"
@@ -250,15 +250,15 @@ def test_checks_find_what_was_reloaded(library, tmp_path, relative):
 
 @pytest.mark.parametrize("linked", ["objects", "meshes"])
 @pytest.mark.parametrize("is_low", [True, False])
-def test_an_object_whose_library_is_missing_is_told_so(tmp_path, linked, is_low):
-    """Blender shows an empty in its place, or a mesh without faces."""
+def test_an_object_with_a_missing_library_raises_an_error(tmp_path, linked, is_low):
+    """Blender replaces it by an empty, or by a mesh without faces."""
     library, scene = tmp_path / "library.blend", tmp_path / "scene.blend"
     zoo.terrain("linked", n=8)
     bpy.ops.wm.save_as_mainfile(filepath=str(library))
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    with bpy.data.libraries.load(str(library), link=True) as (there, wanted):
-        setattr(wanted, linked, getattr(there, linked)[:1])
-    found = getattr(wanted, linked)[0]
+    with bpy.data.libraries.load(str(library), link=True) as (there, linked_data):
+        setattr(linked_data, linked, getattr(there, linked)[:1])
+    found = getattr(linked_data, linked)[0]
     obj = found if linked == "objects" else bpy.data.objects.new("linked", found)
     bpy.context.scene.collection.objects.link(obj)
     zoo.plane("other")
@@ -267,5 +267,5 @@ def test_an_object_whose_library_is_missing_is_told_so(tmp_path, linked, is_low)
     bpy.ops.wm.open_mainfile(filepath=str(scene))
     names = ("linked", "other") if is_low else ("other", "linked")
     low, high = (bpy.data.objects[name] for name in names)
-    with pytest.raises(BakeError, match=r"^'linked' is linked from '.*library\.blend', where it is not found: "):
+    with pytest.raises(BakeError, match=r"^'linked' is linked from '.*library\.blend', but is not in that file: "):
         bake_pair(bpy.context, low, [high], settings())

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A bake in the window writes over no file that the scene is made of, and never two maps into one."""
+"""A bake in the window overwrites no file that the scene uses, and never writes two maps to one file."""
 
 import os
 
@@ -20,7 +20,7 @@ def settings(output, **values):
 
 
 def save(path):
-    """A picture of one colour."""
+    """An image of a single color."""
     image = bpy.data.images.new("shape", 4, 4)
     image.filepath_raw, image.file_format = str(path), "PNG"
     image.save()
@@ -29,7 +29,7 @@ def save(path):
 
 
 @pytest.mark.parametrize("output", ["shape.png", "./shape.png", "link.png", "hard.png", "SHAPE.png"])
-def test_a_picture_that_shapes_the_high_mesh_is_not_written_over(tmp_path, output):
+def test_an_image_that_shapes_the_high_mesh_is_not_overwritten(tmp_path, output):
     low, high = zoo.plane("lo"), zoo.plane("hi", n=4)
     texture = bpy.data.textures.new("shape", "IMAGE")
     texture.image = save(tmp_path / "shape.png")
@@ -47,11 +47,11 @@ def test_a_picture_that_shapes_the_high_mesh_is_not_written_over(tmp_path, outpu
 
 @pytest.mark.skipif(os.name == "nt", reason="links of POSIX")
 @pytest.mark.parametrize("source", ["scene.blend", "library.blend"])
-def test_links_to_the_open_file_and_to_libraries_are_seen(tmp_path, source):
+def test_links_to_the_open_file_and_to_libraries_are_recognized(tmp_path, source):
     zoo.plane("lo")
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "library.blend"), copy=True)
-    with bpy.data.libraries.load(str(tmp_path / "library.blend"), link=True) as (_, wanted):
-        wanted.objects = ["lo"]
+    with bpy.data.libraries.load(str(tmp_path / "library.blend"), link=True) as (_, linked_data):
+        linked_data.objects = ["lo"]
     high = zoo.plane("hi")
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
     (tmp_path / "map.png").symlink_to(source)
@@ -64,7 +64,7 @@ def jobs(*names):
 
 
 @pytest.mark.parametrize(
-    ("names", "output", "image", "said"),
+    ("names", "output", "image", "message"),
     [
         (
             ("a", "b"),
@@ -77,14 +77,14 @@ def jobs(*names):
         (("a", "b"), "{low}.png", "Map", "both fill the image 'Map': put {low} into the name, or let them share it."),
     ],
 )
-def test_two_maps_in_one_place_are_named_with_the_advice_that_helps(tmp_path, names, output, image, said):
+def test_two_maps_with_the_same_file_or_image_raise_an_error_with_advice(tmp_path, names, output, image, message):
     with pytest.raises(BakeError) as refused:
         bake_all(bpy.context, jobs(*names), settings(tmp_path / output, image=image))
-    assert said.replace("{here}", str(tmp_path)) in str(refused.value)
+    assert message.replace("{here}", str(tmp_path)) in str(refused.value)
     assert os.listdir(tmp_path) == []
 
 
-def test_letters_of_a_name_stay(tmp_path):
+def test_letters_outside_ascii_stay_in_file_names(tmp_path):
     (job,) = jobs("Möbel 岩")
     (report,) = bake_all(bpy.context, [job], settings(tmp_path / "new" / "{low}.png", mask=True))
     names = [f"Möbel 岩{end}.png" for end in ("", "_missed")]
@@ -92,13 +92,13 @@ def test_letters_of_a_name_stay(tmp_path):
     assert sorted(os.listdir(tmp_path / "new")) == sorted(names)
 
 
-def test_every_image_has_a_name_for_a_person():
+def test_every_map_has_a_title():
     every = output_clashes.settings_by_map(settings("m.png", mask=True, maps=("HEIGHT", "OBJECT_ID")))
     labels = [output_clashes.title(kind) for kind in every]
     assert labels == ["the normal map", "the miss mask", "the height map", "the object id map"]
 
 
-def test_what_a_linked_object_is_made_of_lies_beside_its_own_file(tmp_path):
+def test_paths_in_a_library_are_relative_to_the_library(tmp_path):
     (tmp_path / "library").mkdir()
     texture = bpy.data.textures.new("shape", "IMAGE")
     texture.image = save(tmp_path / "library" / "shape.png")
@@ -109,9 +109,9 @@ def test_what_a_linked_object_is_made_of_lies_beside_its_own_file(tmp_path):
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     low = zoo.plane("lo")
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
-    with bpy.data.libraries.load(str(tmp_path / "library" / "library.blend"), link=True) as (_, wanted):
-        wanted.objects = ["hi"]
-    bpy.context.scene.collection.objects.link(wanted.objects[0])
+    with bpy.data.libraries.load(str(tmp_path / "library" / "library.blend"), link=True) as (_, linked_data):
+        linked_data.objects = ["hi"]
+    bpy.context.scene.collection.objects.link(linked_data.objects[0])
     with pytest.raises(BakeError, match="would overwrite the image 'shape' of a texture"):
-        bake_pair(bpy.context, low, wanted.objects, settings(tmp_path / "library" / "shape.png"))
-    bake_pair(bpy.context, low, wanted.objects, settings(tmp_path / "shape.png"))
+        bake_pair(bpy.context, low, linked_data.objects, settings(tmp_path / "library" / "shape.png"))
+    bake_pair(bpy.context, low, linked_data.objects, settings(tmp_path / "shape.png"))

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Random objects and settings, mostly odd ones: each bake ends in a map or in one sentence, and never in anything else.
+"""Random objects and settings, mostly unusual: each bake ends in a map or in a one-sentence error message.
 
-The seed is the test's name. More of them: IMPRINT_RANDOM=1000:5000 pytest tests/jobs/test_random.py
+The seed is in the test's name. For other seeds: IMPRINT_RANDOM=1000:5000 pytest tests/jobs/test_random.py
 """
 
 import os
@@ -22,7 +22,7 @@ FIRST, LAST = map(int, os.environ.get("IMPRINT_RANDOM", "0:360").split(":"))
 FEW = 60
 """Cases of the fast lane."""
 MAPS_AT_LEAST = 0.3
-"""Share of the cases that must end in a map, else refusing everything would pass."""
+"""Share of the cases that must end in a map: otherwise, refusing everything would pass."""
 NAMES = (
     *("rock", "Rock.001", ".hidden", "a b  c", "it's", 'say "so"', "tab\there", "ends."),
     *("{low}", "<UDIM>", "a/b", "C:\\x", "//", "..", "%s %d", "{", "CON", "a" * 63, "é" * 31),
@@ -32,7 +32,7 @@ NAMES = (
 
 @pytest.fixture(scope="module")
 def outcomes():
-    """How many cases ended how."""
+    """The number of cases by outcome."""
     count = Counter()
     yield count
     if count.total() >= 200:
@@ -68,7 +68,7 @@ def fan(rng):
 
 
 def parts(rng):
-    """Loose parts, one of them far off, and vertices and an edge's ends without a face."""
+    """Loose parts, one of them far away, and vertices and edges without faces."""
     points, faces = grid(rng)
     count = len(points)
     moved = [points, points * 0.5 + rng.normal(0, 1, 3), points * 1e-3 + (50, 0, 0), rng.normal(0, 9, (3, 3))]
@@ -94,8 +94,8 @@ SHAPES = {
 }
 
 
-def some(change):
-    """Apply `change` to a few rows alone."""
+def to_few_rows(change):
+    """A function that applies `change` only to a few rows."""
 
     def spoil(rng, values):
         rows = rng.random(len(values)) < rng.choice([0.05, 0.5])
@@ -117,14 +117,14 @@ COORDINATES = {
     "plain": (lambda rng, p: p, 80),
     "scaled": (lambda rng, p: p * 10.0 ** rng.choice([-30, -12, -6, -4, 3, 6, 8, 12, 20, 30, 38]), 6),
     "far away": (lambda rng, p: p + 10.0 ** rng.choice([3, 7, 12, 30]), 3),
-    "some far away": (some(lambda rng, p: p * 10.0 ** rng.choice([3, 12, 30, 38])), 2),
-    "some not finite": (some(one_number(np.nan)), 2),
-    "some infinite": (some(one_number(-np.inf)), 2),
+    "some far away": (to_few_rows(lambda rng, p: p * 10.0 ** rng.choice([3, 12, 30, 38])), 2),
+    "some not finite": (to_few_rows(one_number(np.nan)), 2),
+    "some infinite": (to_few_rows(one_number(-np.inf)), 2),
     "none finite": (one_number(np.nan), 0.5),
     "in a point": (lambda rng, p: p * 0 + 0.25, 0.5),
     "on a line": (lambda rng, p: p * (0, 1, 0), 0.5),
     "flat": (lambda rng, p: p * (1, 1, 0), 2),
-    "some in a point": (some(lambda rng, p: p * 0), 2),
+    "some in a point": (to_few_rows(lambda rng, p: p * 0), 2),
     "denormal": (lambda rng, p: p * 1e-42, 0.5),
 }
 UVS = {
@@ -136,16 +136,16 @@ UVS = {
     "mirrored": (lambda rng, uv: uv * (-1, 1) + (1, 0), 2),
     "in a point": (lambda rng, uv: uv * 0 + 0.5, 1),
     "on a line": (lambda rng, uv: uv * (0, 1) + (0.5, 0), 1),
-    "some not finite": (some(one_number(np.nan)), 2),
-    "some infinite": (some(one_number(np.inf)), 2),
+    "some not finite": (to_few_rows(one_number(np.nan)), 2),
+    "some infinite": (to_few_rows(one_number(np.inf)), 2),
     "none finite": (one_number(np.nan), 0.5),
-    "some huge": (some(lambda rng, uv: uv * 10.0 ** rng.choice([3, 12, 38])), 2),
+    "some huge": (to_few_rows(lambda rng, uv: uv * 10.0 ** rng.choice([3, 12, 38])), 2),
     "none": (None, 1.5),
 }
 
 
 def pick(rng, weighted: dict):
-    """One of the keys, by its weight: the value, or the last of the value's parts."""
+    """A random key, by weights. The weight is the value, or the last part of the value."""
     weights = np.array([value[-1] if isinstance(value, tuple) else value for value in weighted.values()], float)
     return list(weighted)[rng.choice(len(weights), p=weights / weights.sum())]
 
@@ -153,7 +153,7 @@ def pick(rng, weighted: dict):
 def mesh(rng, name):
     points, faces = pick(rng, SHAPES)(rng)
     flat = points[:, :2] * 0.5 + 0.5
-    if len(points) == 91:  # the ball, laid flat as a belt
+    if len(points) == 91:  # the ball, unwrapped as a belt
         flat = zoo.grid_uv(12, 6)
     data = bpy.data.meshes.new(name)
     with np.errstate(over="ignore", invalid="ignore"):
@@ -179,7 +179,7 @@ def mesh(rng, name):
 
 
 def chain(rng, obj):
-    """Parents that turn and scale unevenly, so that the matrix shears."""
+    """Parents with rotations and uneven scales, so that the matrix shears."""
     for number in range(rng.integers(1, 4)):
         parent = link(bpy.data.objects.new(f"parent {number}", None))
         parent.rotation_euler, parent.scale = rng.normal(0, 1, 3), rng.uniform(0.3, 2, 3) * rng.choice([-1, 1], 3)
@@ -196,7 +196,7 @@ MATRICES = {
     "scaled": (lambda rng, obj: setattr(obj, "scale", 10.0 ** rng.uniform(-2, 2, 3)), 2),
     "mirrored": (lambda rng, obj: setattr(obj, "scale", rng.choice([-1, 1], 3)), 2),
     "huge or tiny": (lambda rng, obj: setattr(obj, "scale", [10.0 ** rng.choice([-38, -20, -9, 8, 20, 38])] * 3), 1),
-    "pressed flat": (lambda rng, obj: setattr(obj, "scale", rng.integers(0, 2, 3)), 0.5),
+    "flattened": (lambda rng, obj: setattr(obj, "scale", rng.integers(0, 2, 3)), 0.5),
     "not finite": (lambda rng, obj: setattr(obj, "location", (0, rng.choice([np.nan, np.inf]), 0)), 0.3),
     "in a chain": (chain, 3),
 }
@@ -212,14 +212,14 @@ MODIFIERS_MADE = {
     "MIRROR": lambda rng, m: setattr(m, "use_axis", (rng.random(3) < 0.5).tolist()),
     "ARRAY": lambda rng, m: setattr(m, "count", int(rng.integers(1, 4))),
     "DISPLACE": lambda rng, m: setattr(m, "strength", rng.choice([0.1, 0.1, 1e20, np.nan])),
-    # "Beauty", the default, never comes to an end on coordinates of 1e20: Blender's own.
+    # "Beauty", the default, never ends on coordinates of 1e20. This is a bug of Blender.
     "TRIANGULATE": lambda rng, m: (setattr(m, "quad_method", "FIXED"), setattr(m, "ngon_method", "CLIP")),
     "SOLIDIFY": lambda rng, m: setattr(m, "thickness", rng.normal()),
     "EDGE_SPLIT": lambda rng, m: None,
     "WELD": lambda rng, m: setattr(m, "merge_threshold", rng.choice([0.0, 0.5, 100.0])),
     "SHRINKWRAP": lambda rng, m: None,
     "MULTIRES": lambda rng, m: None,
-    # These leave no face, often.
+    # These often leave no face.
     "NODES": lambda rng, m: setattr(m, "node_group", geometry_nodes(rng)),
     "MASK": lambda rng, m: None,
     "DECIMATE": lambda rng, m: setattr(m, "ratio", rng.choice([0.0, 0.5, 1.0])),
@@ -227,7 +227,7 @@ MODIFIERS_MADE = {
 
 
 def geometry_nodes(rng):
-    """A group that gives nothing at all, or a mesh without UVs in the place of the object's."""
+    """A node group with no output geometry, or with a new mesh without UVs."""
     tree = bpy.data.node_groups.new("Other geometry", "GeometryNodeTree")
     tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
     output = tree.nodes.new("NodeGroupOutput")
@@ -315,7 +315,7 @@ def is_local(datablock):
 
 
 def place(rng, obj):
-    """Where it is and what is being done to it, which comes last."""
+    """Set the transform of an object and its mode. The mode comes last."""
     if obj.mode == "OBJECT" and rng.random() < 0.1 and obj.type == "MESH" and is_local(obj.data):
         enter_mode(rng, obj)
     if rng.random() < 0.1:
@@ -337,14 +337,14 @@ def make_cage(rng, low):
 
 
 def from_library(rng, obj, folder):
-    """The object linked from a file, perhaps overridden, in the place of the one that was made here."""
+    """Replace the object by one that is linked from a file, perhaps with an override."""
     path = str(folder / "library.blend")
     bpy.data.libraries.write(path, {obj})
     name = obj.name
     bpy.data.objects.remove(obj)
-    with bpy.data.libraries.load(path, link=True) as (_, wanted):
-        wanted.objects = [name]
-    linked = wanted.objects[0]
+    with bpy.data.libraries.load(path, link=True) as (_, linked_data):
+        linked_data.objects = [name]
+    linked = linked_data.objects[0]
     if rng.random() < 0.5:
         linked = linked.override_create()
         if linked.data and rng.random() < 0.5:
@@ -409,7 +409,7 @@ def existing_image(rng, name):
 
 
 @pytest.mark.parametrize("seed", lanes.slow_but(range(FIRST, FIRST + FEW), range(FIRST, LAST)))
-def test_a_map_or_a_sentence(seed, tmp_path, outcomes):
+def test_a_random_bake_ends_in_a_map_or_an_error_message(seed, tmp_path, outcomes):
     rng = np.random.default_rng(seed)
     (tmp_path / "out").mkdir()
     low = make_object(rng)
@@ -423,7 +423,7 @@ def test_a_map_or_a_sentence(seed, tmp_path, outcomes):
         if low.type == "MESH" and low.is_editable and rng.random() < 0.9:
             low.modifiers.new("Detail", "SUBSURF")
     cage = make_cage(rng, low) if rng.random() < 0.08 else None
-    bpy.context.view_layer.update()  # what is hidden is not kept up to date
+    bpy.context.view_layer.update()  # Blender does not update hidden objects
     for obj in bpy.context.scene.objects.values():
         place(rng, obj)
     settings = make_settings(rng, tmp_path, low)

@@ -21,7 +21,7 @@ pytestmark = pytest.mark.usefixtures("gpu_context")
 
 @pytest.fixture
 def job():
-    """A plane, and one that a shape key tilts from frame 1 to frame 11."""
+    """A plane, and a plane that a shape key tilts from frame 1 to frame 11."""
     low, high = zoo.plane("lo"), zoo.plane("hi", n=4)
     high.shape_key_add(name="Basis")
     key = high.shape_key_add(name="Tilted")
@@ -63,28 +63,28 @@ def test_each_frame_has_the_map_of_its_surface(job, tmp_path):
     assert texture.image == image
     assert (texture.image_user.frame_start, texture.image_user.frame_duration) == (1, 3)
     assert sequence.FRAME_IMAGE not in bpy.data.images
-    finish(sequence.work(bpy.context, job, settings(tmp_path), frames, Pace()))  # and again, over itself
+    finish(sequence.work(bpy.context, job, settings(tmp_path), frames, Pace()))  # again, over the same files
 
 
-def test_each_frame_shows_its_own_picture(job, tmp_path):
+def test_each_frame_shows_its_own_map(job, tmp_path):
     finish(sequence.work(bpy.context, job, settings(tmp_path), range(5, 9), Pace()))
     for frame, shown in ((5, 5), (7, 7), (8, 8), (20, 8)):
         bpy.context.scene.frame_set(frame)
-        seen = job.low.evaluated_get(bpy.context.evaluated_depsgraph_get())
-        nodes = seen.material_slots[0].material.node_tree.nodes
+        shown_object = job.low.evaluated_get(bpy.context.evaluated_depsgraph_get())
+        nodes = shown_object.material_slots[0].material.node_tree.nodes
         (texture,) = [node for node in nodes if node.bl_idname == "ShaderNodeTexImage"]
         path = texture.image.filepath_from_user(image_user=texture.image_user)
         assert path == str(tmp_path / f"map_{shown:04}.exr")
 
 
 @pytest.mark.parametrize(
-    ("name", "wanted"), [("map.png", "map_0007.png"), ("m_##_a.exr", "m_07_a.exr"), ("#.png", "7.png")]
+    ("name", "expected"), [("map.png", "map_0007.png"), ("m_##_a.exr", "m_07_a.exr"), ("#.png", "7.png")]
 )
-def test_the_number_stands_where_a_person_would_look(name, wanted):
-    assert sequence.output_for(name, 7) == wanted
+def test_the_frame_number_is_in_the_file_name(name, expected):
+    assert sequence.output_for(name, 7) == expected
 
 
-def test_frames_that_are_done_are_kept_when_it_is_stopped(job, tmp_path):
+def test_finished_frames_stay_when_a_sequence_is_stopped(job, tmp_path):
     bpy.context.scene.frame_set(3)
     work = sequence.work(bpy.context, job, settings(tmp_path), range(1, 49), Pace())
     while next(work).finished < 2:
@@ -98,7 +98,7 @@ def test_frames_that_are_done_are_kept_when_it_is_stopped(job, tmp_path):
     assert sequence.FRAME_IMAGE not in bpy.data.images
 
 
-def test_one_that_is_stopped_at_its_first_frame_leaves_nothing(job, tmp_path):
+def test_a_sequence_stopped_at_its_first_frame_leaves_nothing(job, tmp_path):
     before = snapshot()
     work = sequence.work(bpy.context, job, settings(tmp_path), range(1, 49), Pace())
     next(work)
@@ -107,14 +107,14 @@ def test_one_that_is_stopped_at_its_first_frame_leaves_nothing(job, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_what_is_baked_beside_it_leaves_no_image_behind(job, tmp_path):
+def test_other_maps_of_a_sequence_leave_no_image(job, tmp_path):
     bpy.context.scene.frame_set(3, subframe=0.5)
     work = sequence.work(bpy.context, job, settings(tmp_path, maps=("HEIGHT",), mask=True), range(1, 3), Pace())
     finish(work)
     assert [image.name for image in bpy.data.images] == ["lo_normal"]
     assert len(list(tmp_path.iterdir())) == 6
     assert bpy.context.scene.frame_current_final == 3.5
-    bake_pair(bpy.context, job.low, job.highs, settings(tmp_path))  # one map in its place
+    bake_pair(bpy.context, job.low, job.highs, settings(tmp_path))  # a single map replaces the sequence
     assert bpy.data.images["lo_normal"].source == "FILE"
 
 
@@ -128,7 +128,7 @@ def test_what_is_baked_beside_it_leaves_no_image_behind(job, tmp_path):
         ({"name": "a_##_v2.exr"}, range(3)),
     ],
 )
-def test_what_cannot_be_a_sequence(job, tmp_path, wrong, frames):
+def test_settings_that_cannot_be_a_sequence(job, tmp_path, wrong, frames):
     before = snapshot()
     values = {"name": "map.exr"} | wrong
     asked = replace(settings(tmp_path, values.pop("name")), **values)
@@ -138,20 +138,22 @@ def test_what_cannot_be_a_sequence(job, tmp_path, wrong, frames):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_low_object_that_takes_no_material_is_told_before_a_frame_is_baked(job, tmp_path):
+def test_a_low_object_that_cannot_have_a_material_raises_an_error_before_any_frame(job, tmp_path):
     path = str(tmp_path / "library.blend")
     bpy.ops.wm.save_as_mainfile(filepath=path, copy=True)
-    with bpy.data.libraries.load(path, link=True) as (_, wanted):
-        wanted.objects = ["lo"]
-    bpy.context.scene.collection.objects.link(wanted.objects[0])
-    linked = Job(wanted.objects[0], job.highs)
+    with bpy.data.libraries.load(path, link=True) as (_, linked_data):
+        linked_data.objects = ["lo"]
+    bpy.context.scene.collection.objects.link(linked_data.objects[0])
+    linked = Job(linked_data.objects[0], job.highs)
     with pytest.raises(BakeError, match="is linked from a library"):
         finish(sequence.work(bpy.context, linked, settings(tmp_path), range(1, 3), Pace()))
     assert [path.name for path in tmp_path.iterdir()] == ["library.blend"]
 
 
 @pytest.mark.parametrize("source", ["the open file", "a linked library"])
-def test_a_frame_over_a_file_of_the_scene_is_told_before_the_first_is_baked(job, tmp_path, monkeypatch, source):
+def test_a_frame_that_would_overwrite_a_file_of_the_scene_raises_an_error_before_any_frame(
+    job, tmp_path, monkeypatch, source
+):
     taken = tmp_path / "map_0002.exr"
     taken.write_text("a scene")
     monkeypatch.setattr(datablocks, "sources", lambda: iter([(str(taken), source)]))
@@ -160,14 +162,13 @@ def test_a_frame_over_a_file_of_the_scene_is_told_before_the_first_is_baked(job,
     assert [path.name for path in tmp_path.iterdir()] == ["map_0002.exr"]
 
 
-def test_a_sequence_that_replaces_the_map_of_another_high_object_is_told(job, tmp_path):
+def test_a_sequence_that_replaces_the_map_of_another_high_object_raises_a_warning(job, tmp_path):
     other = zoo.plane("other", slope=0.5)
     still = settings(tmp_path, "still.exr", image="m")
     bake_pair(bpy.context, job.low, [other], still)
-    wanted = replace(still, output=str(tmp_path / "map.exr"))
-    for told in ("The map of 'hi' replaced a map of 'other' in the image 'm'.", None):
-        reports = finish(sequence.work(bpy.context, job, wanted, range(1, 3), Pace()))
-        assert [warning for report in reports for warning in report.warnings if "replaced" in warning] == [told] * bool(
-            told
-        )
+    settings_of_sequence = replace(still, output=str(tmp_path / "map.exr"))
+    for expected in (["The map of 'hi' replaced a map of 'other' in the image 'm'."], []):
+        reports = finish(sequence.work(bpy.context, job, settings_of_sequence, range(1, 3), Pace()))
+        warnings = [text for report in reports for text in report.warnings if "replaced" in text]
+        assert warnings == expected
         assert datablocks.origin("m") == ["hi"]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A report's seconds add up."""
+"""The seconds of the stages in a report add up to the total."""
 
 from types import SimpleNamespace
 
@@ -17,11 +17,11 @@ from tests.support import zoo
 @pytest.mark.usefixtures("gpu_context")
 @pytest.mark.parametrize("share_image", [False, True])
 @pytest.mark.parametrize("method", ["FLATTEN", "CAST"])
-def test_the_stages_are_parts_of_the_total_and_waiting_is_not(method, share_image, monkeypatch):
+def test_stages_add_up_to_the_total_without_waiting(method, share_image, monkeypatch):
     clock = SimpleNamespace(now=0.0)
 
     def tick():
-        clock.now += 1.0  # whoever looks at the clock needs a second for it
+        clock.now += 1.0  # each look at the clock takes a second
         return clock.now
 
     monkeypatch.setattr(timings, "time", SimpleNamespace(perf_counter=tick))
@@ -34,7 +34,7 @@ def test_the_stages_are_parts_of_the_total_and_waiting_is_not(method, share_imag
             next(work)
             clock.now += 1e6
     except StopIteration as end:
-        (told,) = end.value
-    stages = {stage: seconds for stage, seconds in told.seconds.items() if stage != "total"}
+        (report,) = end.value
+    stages = {stage: seconds for stage, seconds in report.seconds.items() if stage != "total"}
     assert stages["draw"] > 0.0 and (stages["tree"] > 0.0) == (method == "CAST")
-    assert 0.0 < sum(stages.values()) <= told.seconds["total"] < 1e6
+    assert 0.0 < sum(stages.values()) <= report.seconds["total"] < 1e6

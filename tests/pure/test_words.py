@@ -22,13 +22,6 @@ PATTERNS = (
     "scripts/**/*.py",
     "tests/**/*.py",
 )
-NOT_YET = (
-    "tests/jobs/",
-    "tests/ui/",
-    "tests/window/",
-)
-"""Files, and folders with a slash at the end, whose texts still wait for plain words. This list only shrinks."""
-
 PHRASES = {
     r"for want of": "missing",
     r"\b(is|are|was|were|be|been|being) told\b": "report, warn, message",
@@ -121,10 +114,6 @@ def files() -> list[str]:
     return sorted(found - {Path(__file__).relative_to(ROOT).as_posix()})
 
 
-def is_done(name: str) -> bool:
-    return not any(name == part or (part.endswith("/") and name.startswith(part)) for part in NOT_YET)
-
-
 def text_of(name: str) -> str:
     text = (ROOT / name).read_text(encoding="utf-8")
     if name == "CONTRIBUTING.md":  # its table quotes the words to avoid
@@ -151,7 +140,7 @@ def names_in(text: str) -> list[str]:
     ]
 
 
-@pytest.mark.parametrize("name", list(filter(is_done, files())))
+@pytest.mark.parametrize("name", files())
 def test_texts_use_plain_words(name):
     text = text_of(name)
     found = found_in(text, PHRASES) + found_in(text, SPELLINGS)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What Blender calls is added once however often it is asked for, and removed without a trace."""
+"""Callbacks are added only once, and removed completely."""
 
 import bpy
 import pytest
@@ -8,14 +8,14 @@ from addon.ui.callbacks import DrawCallbacks, Handlers, Key, Timer
 
 
 class Listener:
-    """Its methods are other objects each time that they are looked up, as those of the add-on's objects are."""
+    """Each look-up of its method makes a new object, as for the add-on's classes."""
 
-    def hear(self, *_):
+    def on_update(self, *_):
         return None
 
 
-def test_a_timer_of_a_method_is_found_again():
-    timer = Timer(Listener().hear)
+def test_a_timer_of_a_method_is_found_after_another_look_up():
+    timer = Timer(Listener().on_update)
     assert not timer.is_running
     for _ in range(2):
         timer.start(60.0)
@@ -28,19 +28,19 @@ def test_a_timer_of_a_method_is_found_again():
 def test_handlers_are_added_once_and_removed():
     listener = Listener()
     before = list(bpy.app.handlers.undo_post)
-    handlers = Handlers(("undo_post", listener.hear), ("save_pre", listener.hear))
+    handlers = Handlers(("undo_post", listener.on_update), ("save_pre", listener.on_update))
     for _ in range(2):
         handlers.add()
-        assert bpy.app.handlers.undo_post == [*before, listener.hear]
+        assert bpy.app.handlers.undo_post == [*before, listener.on_update]
     assert handlers.are_added
-    bpy.app.handlers.save_pre.remove(listener.hear)  # as when another file is opened
+    bpy.app.handlers.save_pre.remove(listener.on_update)  # Blender does this when it opens another file
     for _ in range(2):
         handlers.remove()
         assert bpy.app.handlers.undo_post == before
     assert not handlers.are_added
 
 
-def test_what_draws_is_added_once_and_removed(monkeypatch):
+def test_draw_callbacks_are_added_once_and_removed(monkeypatch):
     added = []
 
     class Editor:
@@ -54,11 +54,11 @@ def test_what_draws_is_added_once_and_removed(monkeypatch):
             assert region == "WINDOW"
             added.remove(handle)
 
-    hear = Listener().hear
-    callbacks = DrawCallbacks((Editor, hear, "POST_VIEW"), (Editor, hear, "POST_PIXEL"))
+    on_update = Listener().on_update
+    callbacks = DrawCallbacks((Editor, on_update, "POST_VIEW"), (Editor, on_update, "POST_PIXEL"))
     for _ in range(2):
         callbacks.add()
-        assert added == [(hear, (), "WINDOW", "POST_VIEW"), (hear, (), "WINDOW", "POST_PIXEL")]
+        assert added == [(on_update, (), "WINDOW", "POST_VIEW"), (on_update, (), "WINDOW", "POST_PIXEL")]
     for _ in range(2):
         callbacks.remove()
         assert added == []
@@ -66,7 +66,7 @@ def test_what_draws_is_added_once_and_removed(monkeypatch):
 
 
 @pytest.mark.parametrize(("keymap", "space_type"), [("Window", "EMPTY"), ("3D View", "VIEW_3D")])
-def test_a_key_comes_and_goes(keymap, space_type):
+def test_a_key_is_added_once_and_removed(keymap, space_type):
     def items():
         found = bpy.context.window_manager.keyconfigs.addon.keymaps.find(keymap, space_type=space_type)
         kinds = found.keymap_items if found else ()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The checks in the panel, and the buttons that show where something is wrong."""
+"""The checks in the panel, and the buttons that show where issues are."""
 
 from types import SimpleNamespace
 
@@ -20,7 +20,7 @@ pytestmark = pytest.mark.usefixtures("registered", "gpu_context")
 
 @pytest.fixture
 def baked():
-    """A low object of 4 x 4 quads whose right half no high triangle covers, after its bake."""
+    """A low object of 4 x 4 quads after its bake. No high triangle covers its right half."""
     low, high = zoo.plane("lo", 4), zoo.plane("hi", 4)
     keep_left(high)
     bake("lo", "hi")
@@ -31,7 +31,7 @@ LEFT, RIGHT = [0, 1, 4, 5, 8, 9, 12, 13], [2, 3, 6, 7, 10, 11, 14, 15]
 
 
 def keep_left(high):
-    """Move the right half's UVs out of the way."""
+    """Move the UVs of the right half off the map."""
     uv = np.array([corner.vector for corner in high.data.uv_layers[0].uv]).reshape(-1, 4, 2)
     uv[uv.mean(axis=1)[:, 0] > 0.5] += (5, 0)
     high.data.uv_layers[0].uv.foreach_set("vector", uv.astype(np.float32).ravel())
@@ -56,7 +56,7 @@ def selected(obj):
 
 
 def is_right_half(obj):
-    """Whether the right half's faces, edges and vertices are selected, and nothing else is."""
+    """Whether only the faces, edges and vertices of the right half are selected."""
     faces, edges, vertices = selected(obj)
     right = {vertex.index for vertex in obj.data.vertices if vertex.co.x > -1e-6}
     return (
@@ -67,7 +67,7 @@ def is_right_half(obj):
 
 
 def refusal(operator, **arguments):
-    """The message of a button that must refuse and change nothing."""
+    """The message of a button that must fail and change nothing."""
     before = snapshot()
     with pytest.raises(RuntimeError) as refused:
         operator(**arguments)
@@ -81,7 +81,7 @@ def refusal(operator, **arguments):
 # Faces
 
 
-def test_the_faces_are_selected_in_edit_mode(baked):
+def test_faces_are_selected_in_edit_mode(baked):
     low, high = baked
     bpy.context.tool_settings.mesh_select_mode = (True, False, False)
     high.select_set(True)
@@ -95,7 +95,7 @@ def test_the_faces_are_selected_in_edit_mode(baked):
 
 
 @pytest.mark.parametrize("editing", ["lo", "hi", "both"])
-def test_it_works_in_edit_mode(baked, editing):
+def test_selection_works_in_edit_mode(baked, editing):
     low, high = baked
     for obj in baked:
         obj.select_set(editing in {obj.name, "both"})
@@ -109,7 +109,7 @@ def test_it_works_in_edit_mode(baked, editing):
     assert selected(low)[0] == list(range(16))
 
 
-def test_it_works_in_a_mode_that_another_object_took_over(baked):
+def test_selection_works_when_another_object_is_in_a_mode(baked):
     low, high = baked
     bpy.context.view_layer.objects.active = low
     bpy.ops.object.mode_set(mode="EDIT")
@@ -118,7 +118,7 @@ def test_it_works_in_a_mode_that_another_object_took_over(baked):
     assert is_right_half(low)
 
 
-def test_hidden_faces_show_up_if_they_are_the_ones(baked):
+def test_hidden_faces_with_an_issue_are_revealed(baked):
     low, _ = baked
     bpy.context.view_layer.objects.active = low
     bpy.ops.object.mode_set(mode="EDIT")
@@ -139,7 +139,7 @@ def test_undo_of_a_selection(baked):
     before, chosen = snapshot(), selected(low)
     bpy.ops.imprint.select_flaws("EXEC_DEFAULT", True, kind="UNCOVERED")
     assert is_right_half(bpy.data.objects["lo"])
-    for _ in range(2):  # out of Edit Mode, and what was selected
+    for _ in range(2):  # Edit Mode and the selection are undone
         assert bpy.ops.ed.undo() == {"FINISHED"}
     low = bpy.data.objects["lo"]
     assert difference(before, snapshot()) == {}
@@ -184,7 +184,7 @@ def out_of_the_scene(low, high):
     bpy.context.scene.collection.objects.unlink(high)
 
 
-def mended(low, high):
+def fixed(low, high):
     high.data.uv_layers[0].uv.foreach_set("vector", np.ravel([c.vector for c in low.data.uv_layers[0].uv]))
 
 
@@ -194,30 +194,30 @@ REFUSALS = {
     gone: "'lo' was deleted",
     high_gone: "'hi' was deleted",
     out_of_the_scene: "'hi' is not in scene",
-    mended: "No face of 'lo' has this issue: uncovered",
+    fixed: "No face of 'lo' has this issue: uncovered",
 }
 
 
 @pytest.mark.parametrize("state", REFUSALS, ids=lambda state: state.__name__)
-def test_what_cannot_be_selected_is_told(baked, state):
+def test_refusals_to_select_have_a_message(baked, state):
     state(*baked)
     assert REFUSALS[state] in refusal(bpy.ops.imprint.select_flaws, kind="UNCOVERED")
 
 
-def test_linked_objects_are_left_alone(baked, tmp_path):
+def test_linked_objects_do_not_change(baked, tmp_path):
     path = str(tmp_path / "library.blend")
     bpy.data.libraries.write(path, {bpy.data.objects["lo"]})
     bpy.data.objects.remove(bpy.data.objects["lo"])
-    with bpy.data.libraries.load(path, link=True) as (_, wanted):
-        wanted.objects = ["lo"]
-    bpy.context.scene.collection.objects.link(wanted.objects[0])
+    with bpy.data.libraries.load(path, link=True) as (_, linked_data):
+        linked_data.objects = ["lo"]
+    bpy.context.scene.collection.objects.link(linked_data.objects[0])
     bake("lo", "hi")
     assert "'lo' is linked" in refusal(bpy.ops.imprint.select_flaws, kind="UNCOVERED")
     assert "'lo' is linked" in refusal(bpy.ops.imprint.add_triangulate)
     assert bpy.ops.imprint.show_mask(kind="UNCOVERED") == {"FINISHED"}
 
 
-def test_buttons_wait_for_a_bake(baked):
+def test_buttons_are_disabled_before_a_bake(baked):
     results.forget()
     for operator in (bpy.ops.imprint.select_flaws, bpy.ops.imprint.show_mask, bpy.ops.imprint.add_triangulate):
         assert not operator.poll()
@@ -226,20 +226,20 @@ def test_buttons_wait_for_a_bake(baked):
 # Masks
 
 
-def test_the_mask_is_an_image_beside_the_map(baked):
+def test_the_mask_is_a_separate_image(baked):
     for _ in range(2):
         assert bpy.ops.imprint.show_mask(kind="UNCOVERED") == {"FINISHED"}
     image = bpy.data.images["lo_normal_uncovered"]
     assert image.packed_file is None
     assert image.colorspace_settings.is_data
-    truth = np.zeros((32, 32), bool)
-    truth[:, 16:] = True
-    np.testing.assert_array_equal(maps.pixels(image)[..., 0], truth)
+    expected = np.zeros((32, 32), bool)
+    expected[:, 16:] = True
+    np.testing.assert_array_equal(maps.pixels(image)[..., 0], expected)
     assert len(bpy.data.images) == 2
 
 
 def test_the_mask_follows_the_settings_of_the_bake(baked):
-    """And not those of the panel, which may have been changed since."""
+    """It does not follow those of the panel, which may have changed since."""
     bpy.context.scene.imprint.width = 128
     bake("lo", "hi", image="{low} map", height=64)
     bpy.context.scene.imprint.image = "Other"
@@ -247,12 +247,12 @@ def test_the_mask_follows_the_settings_of_the_bake(baked):
     assert tuple(bpy.data.images["lo map_uncovered"].size) == (32, 64)
 
 
-def test_an_open_image_editor_shows_it(baked):
+def test_an_open_image_editor_shows_the_mask(baked):
     image, other = bpy.data.images["lo_normal"], bpy.data.images.new("other", 4, 4)
     for editors, shows in (
         ([], None),
         ([editor(other), editor(other)], 0),
-        ([editor(other), editor(image)], 1),  # and the other picture stays
+        ([editor(other), editor(image)], 1),  # the other image stays
         ([editor(other, use_image_pin=True), editor(None)], 1),
         ([editor(other, use_image_pin=True)], None),
     ):
@@ -286,7 +286,7 @@ def test_undo_of_a_mask(baked):
 
 
 @pytest.mark.parametrize("state", [gone, high_gone, out_of_the_scene])
-def test_masks_that_cannot_be_made_are_told(baked, state):
+def test_refusals_to_make_a_mask_have_a_message(baked, state):
     state(*baked)
     assert REFUSALS[state] in refusal(bpy.ops.imprint.show_mask, kind="UNCOVERED")
 
@@ -309,7 +309,7 @@ def test_a_modifier_is_added_once(baked):
 
 
 class Layout:
-    """Takes what the panel draws."""
+    """A layout that records what the panel draws."""
 
     ICONS = bpy.types.UILayout.bl_rna.functions["label"].parameters["icon"].enum_items
 
@@ -347,12 +347,12 @@ def draw(active):
     return layout.drawn
 
 
-def test_the_panel_waits_for_a_bake():
+def test_the_panel_is_hidden_before_a_bake():
     low = zoo.plane("lo")
     assert not check_panel.IMPRINT_PT_checks.poll(SimpleNamespace(scene=bpy.context.scene, active_object=low))
 
 
-def test_the_panel_shows_a_sign_and_a_number_for_each_check(baked):
+def test_the_panel_shows_an_icon_and_a_number_for_each_check(baked):
     drawn = draw(baked[0])
     rows = dict(zip(drawn.labels[::2], zip(drawn.icons[::2], drawn.labels[1::2], strict=True), strict=True))
     assert rows == {
@@ -402,23 +402,23 @@ def test_distances_have_their_unit(baked):
     ],
     ids=["select_flaws", "show_mask"],
 )
-def test_each_button_says_what_its_check_is_about(operator, kinds):
-    told = {operator.description(None, SimpleNamespace(kind=kind.upper())) for kind in kinds}
-    assert len(told) == len(kinds)
+def test_each_button_has_the_tooltip_of_its_check(operator, kinds):
+    tooltips = {operator.description(None, SimpleNamespace(kind=kind.upper())) for kind in kinds}
+    assert len(tooltips) == len(kinds)
     for kind in kinds:
         assert operator.description(None, SimpleNamespace(kind=kind.upper())).startswith(
             check_operators.CHECKS[kind][1]
         )
 
 
-def test_every_enabled_button_can_be_pressed(baked):
+def test_every_enabled_button_works(baked):
     for button in draw(baked[0]).buttons:
         if button.enabled:
             arguments = {"kind": button.kind} if hasattr(button, "kind") else {}
             assert getattr(bpy.ops.imprint, button.name)(low=button.low, **arguments) == {"FINISHED"}
 
 
-def test_of_several_low_objects_the_active_one_is_shown():
+def test_the_checks_of_the_active_low_object_are_shown():
     for number, name in enumerate(("a", "b")):
         zoo.plane(f"{name}_low", 1 + number)
         zoo.plane(f"{name}_high")
@@ -438,12 +438,12 @@ def test_of_several_low_objects_the_active_one_is_shown():
     assert "Nothing was baked onto 'c'" in refusal(bpy.ops.imprint.select_flaws, kind="POLYGONS", low="c")
 
 
-def test_a_bake_that_failed_leaves_the_checks_of_the_one_before(baked):
+def test_checks_of_the_last_successful_bake_stay(baked):
     before = results.named(bpy.context, "lo")
     with pytest.raises(RuntimeError):
-        bake("lo", "nobody")
+        bake("lo", "missing")
     assert results.named(bpy.context, "lo") is before is not None
 
 
-def test_all_kinds_have_words():
+def test_all_kinds_have_a_label_and_a_tooltip():
     assert tuple(sorted(check_operators.CHECKS)) == tuple(sorted(locate_issues.KINDS))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Live: the map follows the objects, costs nothing twice, and leaves nothing when it is off."""
+"""Live: the map follows the objects, reads and draws nothing twice, and leaves nothing when it is off."""
 
 import ctypes
 import gc
@@ -25,7 +25,7 @@ HANDLERS = ("depsgraph_update_post", "frame_change_post", "undo_post", "redo_pos
 
 @pytest.fixture
 def pair(monkeypatch):
-    """A low terrain and a high one, small maps, and a hand that rests at once."""
+    """A low terrain and a high one, small maps, and no waiting for a pause in editing."""
     low, high = zoo.terrain("lo", n=8), zoo.terrain("hi", n=24, height=0.15)
     settings = bpy.context.scene.imprint
     settings.low = low
@@ -37,7 +37,7 @@ def pair(monkeypatch):
 
 
 def handlers():
-    """How many handlers there are."""
+    """The number of handlers."""
     return {name: len(getattr(bpy.app.handlers, name)) for name in HANDLERS}
 
 
@@ -49,17 +49,17 @@ def switch(on):
 
 
 def follow():
-    """Let the timer run until there is nothing to do."""
+    """Run the timer until there is nothing to do."""
     bpy.context.view_layer.update()
     for _ in range(200):
         live.tick()
         if not live.is_on or live.is_resting:
             return
-    raise AssertionError("live does not come to an end")
+    raise AssertionError("Live does not come to rest")
 
 
 def fresh(**changes):
-    """The texels of a bake of what is there now, as the panel says it, seen in the viewport."""
+    """The texels of a new bake with the settings of the panel and viewport modifiers."""
     settings = bpy.context.scene.imprint
     low, highs = settings.chosen_objects(bpy.context)
     plain = {
@@ -74,7 +74,7 @@ def fresh(**changes):
 
 
 def move(obj, seed):
-    """Push the vertices about, as a sculpt stroke does."""
+    """Move the vertices, as a sculpt stroke does."""
     rng = np.random.default_rng(seed)
     points = np.empty(len(obj.data.vertices) * 3, np.float32)
     position = obj.data.attributes["position"].data
@@ -84,7 +84,7 @@ def move(obj, seed):
     obj.data.update()
 
 
-def test_switching_it_on_is_enough(pair):
+def test_live_bakes_when_it_is_turned_on(pair):
     low, _ = pair
     switch(True)
     image = bpy.data.images["lo_normal"]
@@ -95,7 +95,7 @@ def test_switching_it_on_is_enough(pair):
 
 @pytest.mark.parametrize("method", ["FLATTEN", "CAST", "AUTO"])
 @pytest.mark.parametrize("which", ["hi", "lo"])
-def test_it_follows_vertices_and_places(pair, method, which):
+def test_live_follows_vertices_and_transforms(pair, method, which):
     bpy.context.scene.imprint.method = method
     switch(True)
     obj = bpy.data.objects[which]
@@ -111,7 +111,7 @@ def test_it_follows_vertices_and_places(pair, method, which):
 
 @pytest.mark.parametrize("is_hidden", [False, True], ids=["shown", "hidden by the eye"])
 @pytest.mark.parametrize("how", ["collection", "nested", "vertices"])
-def test_it_follows_what_is_shown_by_instances(pair, how, is_hidden):
+def test_live_follows_objects_shown_as_instances(pair, how, is_hidden):
     _, high = pair
     settings = bpy.context.scene.imprint
     settings.method, settings.measure = "CAST", False
@@ -149,8 +149,8 @@ def test_it_follows_what_is_shown_by_instances(pair, how, is_hidden):
 
 
 @pytest.mark.parametrize("how", ["excluded", "collection", "object"])
-def test_what_blender_does_not_evaluate_is_refused(pair, how):
-    """Blender hands out a mesh of it all the same, but an old one, or one without modifiers."""
+def test_objects_that_blender_does_not_evaluate_are_refused(pair, how):
+    """For such objects, Blender returns an old mesh, or one without modifiers."""
     _, high = pair
     shelf = bpy.data.collections.new("Shelf")
     bpy.context.scene.collection.objects.unlink(high)
@@ -164,7 +164,7 @@ def test_what_blender_does_not_evaluate_is_refused(pair, how):
         bpy.ops.imprint.live()
 
 
-def test_a_collection_that_is_hidden_by_the_eye_is_followed(pair):
+def test_live_follows_a_collection_hidden_with_the_eye(pair):
     _, high = pair
     shelf = bpy.data.collections.new("Shelf")
     bpy.context.scene.collection.objects.unlink(high)
@@ -179,7 +179,7 @@ def test_a_collection_that_is_hidden_by_the_eye_is_followed(pair):
     assert np.array_equal(pixels(bpy.data.images["lo_normal"]), fresh())
 
 
-def test_it_follows_modifiers_shape_keys_and_frames(pair):
+def test_live_follows_modifiers_shape_keys_and_frames(pair):
     _, high = pair
     modifier = high.modifiers.new("Wave", "DISPLACE")
     modifier.texture = bpy.data.textures.new("Clouds", "CLOUDS")
@@ -190,13 +190,13 @@ def test_it_follows_modifiers_shape_keys_and_frames(pair):
     points[2::3] *= 3.0
     key.data.foreach_set("co", points)
     switch(True)
-    seen = [pixels(bpy.data.images["lo_normal"])]
+    results = [pixels(bpy.data.images["lo_normal"])]
 
     def changed():
         follow()
-        seen.append(pixels(bpy.data.images["lo_normal"]))
-        assert not np.array_equal(seen[-1], seen[-2])
-        assert np.array_equal(seen[-1], fresh())
+        results.append(pixels(bpy.data.images["lo_normal"]))
+        assert not np.array_equal(results[-1], results[-2])
+        assert np.array_equal(results[-1], fresh())
 
     modifier.strength = 0.3
     changed()
@@ -209,8 +209,8 @@ def test_it_follows_modifiers_shape_keys_and_frames(pair):
     changed()
 
 
-def test_it_follows_a_mesh_in_edit_mode(pair):
-    import bmesh  # there once bpy is
+def test_live_follows_a_mesh_in_edit_mode(pair):
+    import bmesh  # available only after bpy is imported
 
     low, high = pair
     switch(True)
@@ -229,7 +229,7 @@ def test_it_follows_a_mesh_in_edit_mode(pair):
     follow()
     assert np.array_equal(pixels(bpy.data.images["lo_normal"]), fresh())
     assert np.array_equal(now, fresh())
-    # Another topology.
+    # A new topology.
     bpy.ops.object.mode_set(mode="EDIT")
     bpy.ops.mesh.select_all(action="SELECT")
     bpy.ops.mesh.subdivide(smoothness=1.0)
@@ -240,7 +240,7 @@ def test_it_follows_a_mesh_in_edit_mode(pair):
     assert low.mode == "OBJECT"
 
 
-def test_an_object_on_its_own_base(pair):
+def test_live_follows_modifiers_on_their_own_base_mesh(pair):
     low, _ = pair
     settings = bpy.context.scene.imprint
     settings.highs.clear()
@@ -251,15 +251,15 @@ def test_an_object_on_its_own_base(pair):
     switch(True)
     displace.strength = 0.2
     follow()
-    # The bake reads a surface that was subdivided anew, without moving UVs: its normals differ in the last digits.
+    # The bake reads a surface that was subdivided again: its normals differ in the last digits.
     assert np.abs(pixels(bpy.data.images["lo_normal"]) - fresh()).max() < 5e-6
     assert low.modifiers["Subdivision"].uv_smooth == smoothing
     follow()
-    assert live.state is LiveState.IDLE  # reading is no change
+    assert live.state is LiveState.IDLE  # reading must not count as a change
 
 
-def test_multires_detail_is_waited_for(pair):
-    """In Sculpt Mode Blender gives the base mesh in its place, whose map would wipe out the detail."""
+def test_live_waits_for_multires_detail(pair):
+    """In Sculpt Mode, Blender returns the base mesh instead. Its map would have no detail."""
     low, _ = pair
     bpy.context.scene.imprint.highs.clear()
     bpy.context.view_layer.objects.active = low
@@ -280,7 +280,7 @@ def test_multires_detail_is_waited_for(pair):
     assert live.message == ""
 
 
-def test_it_follows_the_settings(pair):
+def test_live_follows_the_settings(pair):
     switch(True)
     settings = bpy.context.scene.imprint
     for name, value in (("width", 32), ("green", "-Y"), ("space", "OBJECT"), ("samples", "4"), ("method", "CAST")):
@@ -295,7 +295,7 @@ def test_it_follows_the_settings(pair):
     assert live.message == ""
 
 
-def test_files_are_written_when_it_is_switched_off(pair, tmp_path):
+def test_files_are_written_when_live_is_turned_off(pair, tmp_path):
     _, high = pair
     settings = bpy.context.scene.imprint
     settings.storage, settings.output, settings.depth = "FILE", str(tmp_path / "map.exr"), "32"
@@ -303,34 +303,34 @@ def test_files_are_written_when_it_is_switched_off(pair, tmp_path):
     assert list(tmp_path.iterdir()) == []
     move(high, 5)
     follow()
-    wanted = pixels(bpy.data.images["lo_normal"])
+    expected = pixels(bpy.data.images["lo_normal"])
     switch(False)
     image = bpy.data.images["lo_normal"]
     assert image.source == "FILE"
-    assert np.array_equal(pixels(image), wanted)
+    assert np.array_equal(pixels(image), expected)
     assert [path.name for path in tmp_path.iterdir()] == ["map.exr"]
 
 
-def test_the_map_is_packed_when_it_is_switched_off(pair):
+def test_the_map_is_packed_when_live_is_turned_off(pair):
     switch(True)
     assert bpy.data.images["lo_normal"].packed_file is None
     switch(False)
     assert bpy.data.images["lo_normal"].packed_file is not None
 
 
-def test_the_map_is_in_a_file_that_is_saved_meanwhile(pair, tmp_path):
+def test_a_file_saved_during_live_has_the_map(pair, tmp_path):
     _, high = pair
     switch(True)
     move(high, 9)
     follow()
-    wanted = pixels(bpy.data.images["lo_normal"])
+    expected = pixels(bpy.data.images["lo_normal"])
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
     assert live.is_on
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "scene.blend"))
-    assert np.allclose(pixels(bpy.data.images["lo_normal"]), wanted, atol=1e-6)
+    assert np.allclose(pixels(bpy.data.images["lo_normal"]), expected, atol=1e-6)
 
 
-def test_what_changed_before_a_map_was_interrupted_is_in_the_next(pair, monkeypatch):
+def test_changes_of_an_interrupted_map_are_in_the_next_map(pair, monkeypatch):
     _, high = pair
     other = zoo.terrain("other", n=24, height=0.1)
     other.location.x = 0.5
@@ -338,16 +338,16 @@ def test_what_changed_before_a_map_was_interrupted_is_in_the_next(pair, monkeypa
     switch(True)
     follow()
     monkeypatch.setattr(live, "budget", 0.0)
-    for changed in (other, high):  # what the map shows of the two is the later one
+    for changed in (other, high):  # on shared texels, the map shows the later of the two
         move(changed, 5)
         bpy.context.view_layer.update()
-        live.tick()  # begins a map, and does not come to its end
+        live.tick()  # begins a map and does not finish it
         assert live.state is LiveState.DRAWING
     follow()
     assert np.array_equal(pixels(bpy.data.images["lo_normal"]), fresh())
 
 
-def test_another_scene_changes_nothing(pair):
+def test_live_does_not_change_in_another_scene(pair):
     switch(True)
     session = live.session
     other = bpy.data.scenes.new("Other")
@@ -357,7 +357,7 @@ def test_another_scene_changes_nothing(pair):
     bpy.data.scenes.remove(other)
 
 
-def test_bake_waits_until_it_is_off(pair):
+def test_bake_is_disabled_while_live_is_on(pair):
     switch(True)
     with pytest.raises(RuntimeError, match="Stop Live first"):
         bpy.ops.imprint.bake()
@@ -365,7 +365,7 @@ def test_bake_waits_until_it_is_off(pair):
     assert bpy.ops.imprint.bake() == {"FINISHED"}
 
 
-def test_an_own_base_in_edit_mode_is_waited_for(pair):
+def test_live_waits_for_a_base_mesh_to_leave_edit_mode(pair):
     low, _ = pair
     bpy.context.scene.imprint.highs.clear()
     low.modifiers.new("Subdivision", "SUBSURF").levels = 2
@@ -382,7 +382,7 @@ def test_an_own_base_in_edit_mode_is_waited_for(pair):
     assert live.message == ""
 
 
-def test_an_error_of_ours_switches_it_off(pair, monkeypatch):
+def test_an_unexpected_error_turns_live_off(pair, monkeypatch):
     before = handlers()
     switch(True)
     monkeypatch.setattr(live.session, "advance", lambda *_: 1 / 0)
@@ -395,7 +395,7 @@ def test_an_error_of_ours_switches_it_off(pair, monkeypatch):
 
 
 def test_rays_show_a_coarse_map_first(pair, monkeypatch):
-    """Which the preview has, and the image never."""
+    """The preview shows the coarse map. The image never gets it."""
     _, high = pair
     bpy.context.scene.imprint.method = "CAST"
     switch(True)
@@ -413,8 +413,8 @@ def test_rays_show_a_coarse_map_first(pair, monkeypatch):
     assert np.array_equal(pixels(bpy.data.images["lo_normal"]), fresh())
 
 
-def test_what_was_not_drawn_is_still_to_be_read(pair, monkeypatch):
-    """Stopped before it was read, by another change."""
+def test_a_change_that_interrupts_reading_reads_all_objects(pair, monkeypatch):
+    """Another change stops the map before the object was read."""
     low, high = pair
     switch(True)
     move(high, 5)
@@ -455,7 +455,7 @@ def test_fifty_edits_undos_and_redos(pair, seed):
     assert np.array_equal(pixels(bpy.data.images["lo_normal"]), fresh())
 
 
-def test_nothing_remains_when_it_is_off(pair):
+def test_nothing_remains_when_live_is_off(pair):
     before = handlers()
     for _ in range(3):
         switch(True)
@@ -466,8 +466,8 @@ def test_nothing_remains_when_it_is_off(pair):
 
 
 @pytest.mark.slow
-def test_a_thousand_updates_leave_no_more_than_one(pair):
-    """Objects that Python and the GPU hold, counted; and one handler however many updates there were."""
+def test_a_thousand_updates_leave_as_many_objects_as_one(pair):
+    """Counts objects in Python and on the GPU. There is only one handler after any number of updates."""
     _, high = pair
     switch(True)
     before = handlers()
@@ -488,8 +488,8 @@ def test_a_thousand_updates_leave_no_more_than_one(pair):
 
 @pytest.mark.parametrize("name", ["hi", "lo"])
 @pytest.mark.parametrize("way", ["from the file", "from the scene"])
-def test_an_object_that_is_deleted_is_waited_for(pair, name, way):
-    """A slot of the panel keeps it in the file when it is deleted in the viewport."""
+def test_live_waits_for_a_deleted_object(pair, name, way):
+    """If it is deleted in the viewport, a slot of the panel keeps it in the file."""
     bpy.ops.ed.undo_push(message="before")
     switch(True)
     bpy.ops.ed.undo_push(message="live")
@@ -513,8 +513,8 @@ def test_an_object_that_is_deleted_is_waited_for(pair, name, way):
     assert np.array_equal(pixels(bpy.data.images["lo_normal"]), fresh())
 
 
-def test_an_object_that_is_linked_again_is_drawn_anew(pair):
-    """What happened to it meanwhile nobody tells."""
+def test_an_object_that_is_linked_again_is_read_again(pair):
+    """Blender does not report changes from the time when it was unlinked."""
     _, high = pair
     switch(True)
     objects = bpy.context.scene.collection.objects
@@ -525,7 +525,7 @@ def test_an_object_that_is_linked_again_is_drawn_anew(pair):
     bpy.context.view_layer.update()
     handlers = bpy.app.handlers.depsgraph_update_post
     kept = list(handlers)
-    handlers.clear()  # whatever Blender reports about it
+    handlers.clear()  # independent of Blender's reports about it
     objects.link(high)
     bpy.context.view_layer.update()
     handlers.extend(kept)
@@ -533,7 +533,7 @@ def test_an_object_that_is_linked_again_is_drawn_anew(pair):
     assert np.array_equal(pixels(bpy.data.images["lo_normal"]), fresh())
 
 
-def test_its_states_follow_each_other(pair, monkeypatch):
+def test_states_of_live_in_order(pair, monkeypatch):
     low, high = pair
     assert live.state is LiveState.OFF
     settings = bpy.context.scene.imprint.to_settings()
@@ -557,18 +557,18 @@ def test_its_states_follow_each_other(pair, monkeypatch):
     assert live.state is LiveState.OFF
 
 
-def test_it_says_what_it_follows(pair):
-    """By the names that they have now."""
+def test_the_description_has_the_present_names(pair):
+    """Objects may be renamed while Live is on."""
     assert live.description == ""
     switch(True)
     pair[1].name = "renamed"
     assert live.description == "Live: 'lo' follows 'renamed'."
 
 
-def test_it_follows_the_scenes_render_engine(pair):
-    """Which decides what the map is read with."""
+def test_live_follows_the_render_engine_of_the_scene(pair):
+    """The render engine decides the basis of the map."""
     low, _ = pair
-    low.data.vertices[0].co.z = 0.5  # on a plane all readers agree
+    low.data.vertices[0].co.z = 0.5  # on a plane, all bases agree
     switch(True)
     for engine, basis in (("CYCLES", "BLENDER"), ("BLENDER_EEVEE", "MIKKTSPACE")):
         bpy.context.scene.render.engine = engine
@@ -577,7 +577,7 @@ def test_it_follows_the_scenes_render_engine(pair):
         assert np.array_equal(pixels(bpy.data.images["lo_normal"]), fresh())
 
 
-def test_an_extension_that_is_disabled_ends_it(pair):
+def test_disabling_the_extension_ends_live(pair):
     switch(True)
     addon.unregister()
     try:
@@ -586,8 +586,8 @@ def test_an_extension_that_is_disabled_ends_it(pair):
         addon.register()
 
 
-def test_maps_stay_right_however_often_shaders_are_freed(pair):
-    """Blender knows the shader that is bound by its address, where one that is made later may come to lie."""
+def test_maps_are_right_after_shaders_are_freed(pair):
+    """Blender identifies the bound shader by its address, and a new shader may get the same address."""
     low, high = pair
     settings = Settings("FLATTEN", width=64, height=64, storage="MEMORY", material=False)
     maps = []
@@ -600,7 +600,7 @@ def test_maps_stay_right_however_often_shaders_are_freed(pair):
     assert all(np.array_equal(texels, maps[0]) for texels in maps)
 
 
-def test_another_file_ends_it(pair, tmp_path):
+def test_opening_another_file_ends_live(pair, tmp_path):
     before = handlers()
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
     switch(True)
@@ -609,7 +609,7 @@ def test_another_file_ends_it(pair, tmp_path):
     assert handlers() == before
 
 
-def test_what_cannot_be_baked_for_now_is_told_and_waited_for(pair):
+def test_live_reports_a_problem_and_continues_after_it(pair):
     _, high = pair
     switch(True)
     layer = high.data.uv_layers[0].name
@@ -625,7 +625,7 @@ def test_what_cannot_be_baked_for_now_is_told_and_waited_for(pair):
     assert "unwrap it first" not in live.message
 
 
-def test_what_cannot_be_baked_at_all_does_not_start_it(pair):
+def test_live_does_not_start_with_objects_that_cannot_be_baked(pair):
     bpy.context.scene.imprint.udim = True
     with pytest.raises(RuntimeError, match="Live draws only one tile"):
         bpy.ops.imprint.live()
@@ -633,12 +633,12 @@ def test_what_cannot_be_baked_at_all_does_not_start_it(pair):
 
 
 def sculpt(obj, seed=None):
-    """What a stroke does in Sculpt Mode, or one that moves nothing: vertices move, and Blender tells that something is new."""
+    """Act as a stroke in Sculpt Mode, or one that moves nothing: move vertices, and let Blender report a change."""
     if seed is not None:
         size = len(obj.data.vertices) * 3
         values = (ctypes.c_float * size).from_address(obj.data.vertices[0].as_pointer())
         points = np.ctypeslib.as_array(values).reshape(-1, 3)
-        # Upwards: quads that are folded stay cut as they were until Sculpt Mode is left.
+        # Upwards: Blender updates the triangles of folded quads only when it leaves Sculpt Mode.
         points[:, 2] += np.random.default_rng(seed).normal(0, 0.002, len(points))
     obj.color[0] = 0.5 if obj.color[0] == 1.0 else 1.0
     bpy.context.view_layer.update()
@@ -652,8 +652,8 @@ def enter_sculpt_mode(obj):
 
 @pytest.mark.parametrize("method", ["FLATTEN", "CAST"])
 @pytest.mark.parametrize("which", ["hi", "lo"])
-def test_it_follows_strokes(pair, method, which):
-    """During which Blender says of no geometry that it is new, and neither its evaluated mesh nor its normals are."""
+def test_live_follows_strokes(pair, method, which):
+    """During strokes, Blender reports no change of geometry, and the evaluated mesh and its normals are old."""
     bpy.context.scene.imprint.method = method
     obj = bpy.data.objects[which]
     switch(True)
@@ -668,7 +668,7 @@ def test_it_follows_strokes(pair, method, which):
         assert np.array_equal(now, fresh())
 
 
-def test_what_moves_nothing_in_sculpt_mode_bakes_nothing(pair):
+def test_a_stroke_that_moves_no_vertex_starts_no_bake(pair):
     _, high = pair
     switch(True)
     enter_sculpt_mode(high)
@@ -680,10 +680,10 @@ def test_what_moves_nothing_in_sculpt_mode_bakes_nothing(pair):
 
 
 def test_a_bake_from_sculpt_mode_has_the_normals_of_its_mesh(pair):
-    """Those of before a stroke are still there when the mode is left."""
+    """Blender keeps the normals from before the stroke when it leaves the mode."""
     _, high = pair
     enter_sculpt_mode(high)
-    mesh_reader.surface(high.data, "UVMap", "", np.eye(4))  # which makes them
+    mesh_reader.surface(high.data, "UVMap", "", np.eye(4))  # computes the normals
     sculpt(high, 3)
     texels = fresh()
     copy = high.data.copy()
@@ -693,8 +693,8 @@ def test_a_bake_from_sculpt_mode_has_the_normals_of_its_mesh(pair):
     assert np.array_equal(texels, fresh())
 
 
-def test_strokes_of_dyntopo_are_asked_for_once(pair, monkeypatch):
-    """Blender answers with updates of its own, which are no news."""
+def test_dyntopo_strokes_are_applied_once(pair, monkeypatch):
+    """Blender reports updates as an answer, which must not count as new strokes."""
     _, high = pair
     switch(True)
     enter_sculpt_mode(high)
@@ -714,7 +714,7 @@ def test_strokes_of_dyntopo_are_asked_for_once(pair, monkeypatch):
     assert asked == [1, 1]
 
 
-def test_nothing_is_asked_for_while_a_stroke_is_drawn(pair, monkeypatch):
+def test_strokes_are_not_applied_during_a_stroke(pair, monkeypatch):
     _, high = pair
     switch(True)
     enter_sculpt_mode(high)
@@ -731,7 +731,7 @@ def test_nothing_is_asked_for_while_a_stroke_is_drawn(pair, monkeypatch):
     assert asked == [1]
 
 
-def test_an_instance_that_is_sculpted_does_not_end_it(pair):
+def test_sculpting_an_instance_does_not_end_live(pair):
     low, inner = pair
     collection = bpy.data.collections.new("inner")
     bpy.context.scene.collection.objects.unlink(inner)
@@ -754,7 +754,7 @@ def test_an_instance_that_is_sculpted_does_not_end_it(pair):
     assert not np.array_equal(live.session.texels, before)
 
 
-def test_its_file_is_where_that_of_a_bake_would_be(pair, tmp_path):
+def test_live_writes_the_same_file_as_a_bake(pair, tmp_path):
     settings = bpy.context.scene.imprint
     settings.storage, settings.output = "FILE", str(tmp_path / "{low}.png")
     switch(True)
@@ -762,7 +762,7 @@ def test_its_file_is_where_that_of_a_bake_would_be(pair, tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["lo.png"]
 
 
-def test_it_writes_over_no_file_that_the_scene_is_made_of(pair, tmp_path):
+def test_live_overwrites_no_file_that_the_scene_uses(pair, tmp_path):
     image = bpy.data.images.new("shape", 4, 4)
     image.filepath_raw, image.file_format = str(tmp_path / "shape.png"), "PNG"
     image.save()
@@ -774,12 +774,12 @@ def test_it_writes_over_no_file_that_the_scene_is_made_of(pair, tmp_path):
     assert not live.is_on
 
 
-def test_it_looks_for_its_objects_once_and_only_when_something_is_new(pair, monkeypatch):
-    """Blender finds an object by looking through all of them: fifty times a second, that is more than large scenes bear."""
+def test_live_looks_up_its_objects_once_per_change(pair, monkeypatch):
+    """Blender searches all objects for each look-up: fifty times a second, this is too slow in large scenes."""
     switch(True)
     follow()
-    looked, look = [], following.uids_in_scenes
-    monkeypatch.setattr(following, "uids_in_scenes", lambda: (looked.append(1), look())[1])
+    looked, resolve = [], following.uids_in_scenes
+    monkeypatch.setattr(following, "uids_in_scenes", lambda: (looked.append(1), resolve())[1])
     monkeypatch.setattr(object_refs.ObjectRef, "resolve", lambda ref: pytest.fail(f"{ref.name} was looked for"))
     for _ in range(5):
         live.tick()

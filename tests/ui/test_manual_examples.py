@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The Python of the manual does what it says."""
+"""The Python examples of the manual work."""
 
 import bpy
 import pytest

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Work in slices, as the window does it: with a bar and Esc, and nothing left behind whatever ends it."""
+"""Tasks in slices, as in the window: with a progress bar and Esc, and with nothing left after any end."""
 
 from types import SimpleNamespace
 
@@ -26,7 +26,7 @@ from tests.support.snapshot import difference, snapshot
 pytestmark = pytest.mark.usefixtures("gpu_context", "registered")
 
 TICKS = 2000
-"""More than anything here takes."""
+"""More ticks than any task here needs."""
 
 
 @pytest.fixture
@@ -39,7 +39,7 @@ def pair():
 
 
 class Button(modal.SlicedOperator):
-    """An operator of ours as the window presses it: in slices that are as short as can be."""
+    """An operator of the add-on, run as a button in the window, in the shortest slices."""
 
     def __init__(self, operator, **properties):
         for name in ("task", "finish", "job", "wanted", "to_settings"):
@@ -49,11 +49,11 @@ class Button(modal.SlicedOperator):
         self.high = ()
         self.options = SimpleNamespace(is_invoke=True)
         self.properties = SimpleNamespace(is_property_set=lambda _: False)
-        self.told = []
+        self.reports = []
         self.__dict__.update(properties)
 
     def report(self, kind, text):
-        self.told.append((*kind, text))
+        self.reports.append((*kind, text))
 
     def press(self):
         manager = bpy.context.window_manager
@@ -82,12 +82,12 @@ class Button(modal.SlicedOperator):
             state = self.event()
             if state != {"RUNNING_MODAL"}:
                 return state
-        raise AssertionError("it does not come to an end")
+        raise AssertionError("the task does not end")
 
 
 @pytest.fixture
 def tiny(monkeypatch):
-    """Slices and ticks that are as short as can be."""
+    """The shortest slices and ticks."""
     monkeypatch.setattr(modal, "TICK", -1.0)
     monkeypatch.setattr(modal, "SLICE", 1e-9)
 
@@ -104,16 +104,16 @@ BUTTONS = {
 
 @pytest.mark.usefixtures("tiny")
 @pytest.mark.parametrize("name", BUTTONS)
-def test_a_first_map_comes_in_slices_with_a_bar(pair, name):
+def test_a_first_map_is_drawn_in_slices_with_a_progress_bar(pair, name):
     button = BUTTONS[name]()
     assert button.press() == {"RUNNING_MODAL"}
-    seen = []
+    progress = []
     while button.event() == {"RUNNING_MODAL"}:
-        seen.append(display.current.done)
-    assert len(seen) > 4
-    assert seen == sorted(seen)
+        progress.append(display.current.done)
+    assert len(progress) > 4
+    assert progress == sorted(progress)
     assert is_clean()
-    assert button.told == []
+    assert button.reports == []
     if name == "live":
         assert live.is_on
         now = pixels(bpy.data.images["lo_normal"])
@@ -126,8 +126,8 @@ def test_a_first_map_comes_in_slices_with_a_bar(pair, name):
 
 @pytest.mark.usefixtures("tiny")
 @pytest.mark.parametrize("name", BUTTONS)
-def test_it_can_be_stopped_from_another_window(pair, name):
-    """A modal operator hears the keys of its own window alone."""
+def test_a_task_can_be_stopped_from_another_window(pair, name):
+    """A modal operator gets only the keys of its own window."""
     before, button = snapshot(), BUTTONS[name]()
     assert not bpy.ops.imprint.stop.poll()
     button.press()
@@ -142,7 +142,7 @@ def test_it_can_be_stopped_from_another_window(pair, name):
 @pytest.mark.usefixtures("tiny")
 @pytest.mark.parametrize("name", BUTTONS)
 @pytest.mark.parametrize("step", [1, 3, 6])
-def test_esc_leaves_everything_as_it_was(pair, name, step):
+def test_esc_changes_nothing(pair, name, step):
     before, button = snapshot(), BUTTONS[name]()
     button.press()
     for _ in range(step):
@@ -155,7 +155,7 @@ def test_esc_leaves_everything_as_it_was(pair, name, step):
 
 
 @pytest.mark.usefixtures("tiny")
-def test_esc_keeps_the_view_that_was_on(pair):
+def test_esc_keeps_the_previous_view(pair):
     viewer.switch(bpy.context, Mode.MAP)
     own = viewer.own
     button = Button(view_operators.IMPRINT_OT_view_refresh)
@@ -167,7 +167,7 @@ def test_esc_keeps_the_view_that_was_on(pair):
 
 
 @pytest.mark.usefixtures("tiny")
-def test_what_changes_while_live_starts_counts(pair):
+def test_changes_while_live_starts_are_in_the_map(pair):
     button = Button(operators.IMPRINT_OT_live)
     button.press()
     for _ in range(4):
@@ -181,7 +181,7 @@ def test_what_changes_while_live_starts_counts(pair):
 
 @pytest.mark.usefixtures("tiny")
 @pytest.mark.parametrize("name", [*BUTTONS, "bake"])
-def test_an_extension_that_is_switched_off_ends_what_is_going_on(pair, name):
+def test_disabling_the_extension_ends_running_tasks(pair, name):
     button = BUTTONS[name]() if name in BUTTONS else _running_bake()
     button.press()
     button.event()
@@ -195,7 +195,7 @@ def test_an_extension_that_is_switched_off_ends_what_is_going_on(pair, name):
 
 @pytest.mark.usefixtures("tiny")
 @pytest.mark.parametrize("name", [*BUTTONS, "bake"])
-def test_another_file_ends_what_is_going_on(pair, name):
+def test_opening_another_file_ends_running_tasks(pair, name):
     button = BUTTONS[name]() if name in BUTTONS else _running_bake()
     button.press()
     button.event()
@@ -212,13 +212,13 @@ def _running_bake():
 
 
 @pytest.mark.parametrize(
-    ("error", "said"),
+    ("error", "message"),
     [
         (BakeError("It cannot be."), "It cannot be."),
         (MemoryError(), "There is not enough memory: choose a smaller map"),
     ],
 )
-def test_an_error_is_told_and_frees_the_window(pair, error, said):
+def test_an_error_is_reported_and_frees_the_window(pair, error, message):
     button = Button(operators.IMPRINT_OT_live)
 
     def fails(*_):
@@ -230,24 +230,24 @@ def test_an_error_is_told_and_frees_the_window(pair, error, said):
     assert button.run() == {"CANCELLED"}
     assert is_clean()
     assert button.execute(button.context) == {"CANCELLED"}
-    assert [(kind, text[: len(said)]) for kind, text in button.told] == [("ERROR", said)] * 2
+    assert [(kind, text[: len(message)]) for kind, text in button.reports] == [("ERROR", message)] * 2
 
 
-def test_adjust_last_operation_says_what_was_done_and_offers_nothing(pair):
+def test_adjust_last_operation_shows_the_summary_and_no_settings(pair):
     assert bpy.ops.imprint.bake() == {"FINISHED"}
-    said = []
+    texts = []
 
-    def label(*, text):
-        said.append(text)
+    def label(*, text, translate):
+        texts.append(text)
 
     layout = SimpleNamespace(column=lambda *, align: SimpleNamespace(label=label))
     operators.IMPRINT_OT_bake.draw(SimpleNamespace(layout=layout), bpy.context)
-    assert "64 x 64" in " ".join(said)
-    assert max(map(len, said)) <= operators.LAST_OPERATION
+    assert "64 x 64" in " ".join(texts)
+    assert max(map(len, texts)) <= operators.LAST_OPERATION
     assert "REGISTER" not in operators.IMPRINT_OT_live.bl_options
 
 
-def test_what_is_kept_is_let_go_when_nobody_bakes(pair, monkeypatch):
+def test_cached_memory_is_freed_when_idle(pair, monkeypatch):
     bpy.ops.imprint.bake()
     gpu_memory.free_if_idle(60.0)
     assert len(tree_cache.trees)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""While a view is drawn in place of high objects, these are out of the viewport; then all is as it was."""
+"""While a view is drawn in place of high objects, they are hidden in the viewport. Afterwards they are visible again."""
 
 import bpy
 import pytest
@@ -11,7 +11,7 @@ from addon.ui.viewport.object_hiding import hiding
 from addon.ui.viewport.view_mode import viewer
 from addon.views import view_shading
 from tests.support import zoo
-from tests.ui.test_view_mode import seen, view, viewport
+from tests.ui.test_view_mode import drawn_pixels, view, viewport
 
 pytestmark = pytest.mark.usefixtures("gpu_context", "registered")
 
@@ -31,7 +31,7 @@ def space():
 
 
 def choose(*objects):
-    bpy.context.view_layer.update()  # before that, Blender selects nothing new
+    bpy.context.view_layer.update()  # without this, Blender selects no new object
     for obj in bpy.context.view_layer.objects:
         obj.select_set(obj in objects)
     bpy.context.view_layer.update()
@@ -42,7 +42,7 @@ def chosen():
 
 
 def isolate(*objects):
-    """The artist's own local view of `objects`, or out of it."""
+    """Enter the user's own Local View of `objects`, or leave it."""
     choose(*objects)
     toggle()
 
@@ -54,8 +54,8 @@ def toggle():
 
 
 def shown():
-    """What the viewport shows, once it was drawn and what it asked for was done."""
-    seen()
+    """The objects in the viewport, after it was drawn and its request was done."""
+    drawn_pixels()
     if hiding.timer.is_running:
         hiding.timer.stop()
         hiding.catch_up()
@@ -69,7 +69,7 @@ def in_view():
 
 
 @pytest.mark.parametrize("mode", ["MAP", "SPLIT", "DEVIATION", "BARE_DEVIATION"])
-def test_the_high_object_is_out_of_a_view_and_comes_back(mode, pair):
+def test_the_high_object_is_hidden_during_a_view(mode, pair):
     view().mode = mode
     assert shown() == {"lo", "other"}
     assert (chosen(), pair[1].hide_get()) == ({"other"}, False)
@@ -79,7 +79,7 @@ def test_the_high_object_is_out_of_a_view_and_comes_back(mode, pair):
     assert (space().local_view, chosen(), hiding.is_off) == (None, {"other"}, True)
 
 
-def test_nothing_need_be_selected(pair):
+def test_hiding_works_without_a_selection(pair):
     choose()
     for obj in bpy.context.view_layer.objects:
         obj.hide_select = obj.name != "hi"
@@ -90,7 +90,7 @@ def test_nothing_need_be_selected(pair):
     assert (space().local_view, chosen()) == (None, set())
 
 
-def test_where_nothing_can_be_selected_the_viewport_stays_as_it_is(pair):
+def test_the_viewport_does_not_change_if_nothing_can_be_selected(pair):
     for obj in bpy.context.view_layer.objects:
         obj.hide_select = True
     view().mode = "MAP"
@@ -99,7 +99,7 @@ def test_where_nothing_can_be_selected_the_viewport_stays_as_it_is(pair):
     assert not hiding.timer.is_running
 
 
-def test_a_local_view_of_the_artists_own_stays(pair):
+def test_a_local_view_of_the_user_stays(pair):
     isolate(*pair)
     view().mode = "MAP"
     assert shown() == {"lo", "hi"}
@@ -111,12 +111,12 @@ def test_a_local_view_of_the_artists_own_stays(pair):
     toggle()
 
 
-def test_who_leaves_the_local_view_sees_all(pair):
+def test_leaving_local_view_shows_all_objects(pair):
     view().mode = "MAP"
     shown()
     toggle()
     assert "hi" in shown()
-    isolate(pair[1])  # and may have one of their own
+    isolate(pair[1])  # and they may then enter Local View themselves
     assert shown() == {"hi"}
     viewer.off()
     bpy.context.view_layer.update()
@@ -124,7 +124,7 @@ def test_who_leaves_the_local_view_sees_all(pair):
     toggle()
 
 
-def test_strokes_need_the_object_in_view(pair):
+def test_an_object_in_sculpt_mode_stays_visible(pair):
     view().mode = "MAP"
     assert "hi" not in shown()
     bpy.context.view_layer.objects.active = pair[1]
@@ -135,7 +135,7 @@ def test_strokes_need_the_object_in_view(pair):
     assert "hi" not in shown()
 
 
-def test_undo_to_before_it_and_back_changes_nothing(pair):
+def test_undo_and_redo_across_hiding_change_nothing(pair):
     bpy.ops.ed.undo_push(message="before")
     view().mode = "MAP"
     shown()
@@ -153,7 +153,7 @@ def test_undo_to_before_it_and_back_changes_nothing(pair):
         assert (space().local_view, in_view()) == (None, {"lo", "hi", "other"})
 
 
-def test_redo_to_before_it_changes_nothing(pair):
+def test_redo_before_hiding_changes_nothing(pair):
     for step in (1.0, 2.0):
         pair[0].location.x = step
         bpy.ops.ed.undo_push(message="moved")
@@ -164,7 +164,7 @@ def test_redo_to_before_it_changes_nothing(pair):
     assert shown() == {"lo", "other"}
 
 
-def test_another_view_layer_is_asked_for_too(pair):
+def test_hiding_works_in_another_view_layer(pair):
     view().mode = "MAP"
     shown()
     window, layers = viewport()["window"], bpy.context.scene.view_layers
@@ -178,7 +178,7 @@ def test_another_view_layer_is_asked_for_too(pair):
     assert in_view() == {"lo", "hi", "other"}
 
 
-def test_a_file_is_saved_without_it(pair, tmp_path):
+def test_a_saved_file_has_no_hidden_objects(pair, tmp_path):
     view().mode = "MAP"
     shown()
     path = str(tmp_path / "saved.blend")
@@ -188,7 +188,7 @@ def test_a_file_is_saved_without_it(pair, tmp_path):
     assert (space().local_view, in_view()) == (None, {"lo", "hi", "other"})
 
 
-def test_what_comes_later_is_seen_and_what_is_gone_does_no_harm(pair):
+def test_new_objects_are_visible_and_deleted_ones_do_no_harm(pair):
     view().mode = "MAP"
     shown()
     bpy.context.scene.collection.objects.link(bpy.data.objects.new("later", None))
@@ -199,7 +199,7 @@ def test_what_comes_later_is_seen_and_what_is_gone_does_no_harm(pair):
     assert (space().local_view, hiding.is_off) == (None, True)
 
 
-def test_where_the_low_object_is_not_seen_all_is(pair):
+def test_all_objects_are_visible_where_the_low_object_is_not(pair):
     view().mode = "MAP"
     shown()
     pair[0].hide_set(True)
@@ -209,7 +209,7 @@ def test_where_the_low_object_is_not_seen_all_is(pair):
     assert shown() == {"lo", "other"}
 
 
-def test_an_object_that_is_its_own_high_one_stays(pair):
+def test_an_object_that_is_its_own_high_object_stays(pair):
     pair[0].modifiers.new("Subdivision", "SUBSURF").levels = 2
     bpy.context.scene.imprint.highs[0].object = pair[0]
     view().mode = "MAP"
@@ -217,7 +217,7 @@ def test_an_object_that_is_its_own_high_one_stays(pair):
     assert space().local_view is None
 
 
-def test_the_panel_in_that_viewport_still_knows_the_high_object(pair):
+def test_the_panel_of_that_viewport_still_uses_the_high_object(pair):
     bpy.context.scene.imprint.highs.clear()
     bpy.context.view_layer.objects.active = pair[0]
     choose(*pair)
@@ -236,7 +236,7 @@ def test_the_panel_in_that_viewport_still_knows_the_high_object(pair):
 
 
 @pytest.mark.parametrize("leave", ["file", "extension"])
-def test_it_ends_with_the_file_and_with_the_extension(leave, pair):
+def test_hiding_ends_with_the_file_and_with_the_extension(leave, pair):
     view().mode = "MAP"
     shown()
     if leave == "file":
@@ -250,7 +250,7 @@ def test_it_ends_with_the_file_and_with_the_extension(leave, pair):
             addon.register()
 
 
-def test_another_editor_in_its_place_goes_back_too(pair):
+def test_hiding_ends_in_an_area_with_another_editor(pair):
     view().mode = "MAP"
     shown()
     place, taken = viewport(), space()
@@ -261,11 +261,11 @@ def test_another_editor_in_its_place_goes_back_too(pair):
     assert (space(), space().local_view) == (taken, None)
 
 
-def test_the_low_object_is_pulled_over_high_ones_only_where_they_are_in_view(pair, monkeypatch):
-    told = []
+def test_the_low_object_is_pulled_over_high_objects_only_where_they_are_visible(pair, monkeypatch):
+    drawn = []
     draw = view_shading.Shading.draw
     monkeypatch.setattr(
-        view_shading.Shading, "draw", lambda *args, **kw: told.append(kw["is_alone"]) or draw(*args, **kw)
+        view_shading.Shading, "draw", lambda *args, **kw: drawn.append(kw["is_alone"]) or draw(*args, **kw)
     )
     view().mode = "MAP"
     shown()
@@ -275,4 +275,4 @@ def test_the_low_object_is_pulled_over_high_ones_only_where_they_are_in_view(pai
     shown()
     shown()
     bpy.ops.object.mode_set(mode="OBJECT")
-    assert told == [False, True, True, False]
+    assert drawn == [False, True, True, False]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The buttons, as scripts press them, and the panel that they are on."""
+"""The operators, called as in scripts, and their panel."""
 
 from types import SimpleNamespace
 
@@ -23,7 +23,7 @@ def pair():
     low, high = zoo.plane("lo"), zoo.plane("hi", slope=1.0)
     settings = bpy.context.scene.imprint
     settings.width = settings.height = 16
-    settings.method = "FLATTEN"  # the high one is so steep that Auto would not trust its UVs
+    settings.method = "FLATTEN"  # the high object is so steep that Auto would not choose Flatten
     return low, high
 
 
@@ -43,14 +43,14 @@ def fill_slots(low, *highs):
 
 
 def bake(**arguments):
-    """Press the button; return the texels of the image that it says it made."""
+    """Run the operator. Returns the texels of the image in its message."""
     assert bpy.ops.imprint.bake(**arguments) == {"FINISHED"}
     summary = bpy.context.window_manager.imprint_summary
     return maps.pixels(bpy.data.images[summary.split("\n")[0].rpartition(": ")[2]])
 
 
 def refusal(**arguments):
-    """The message of a button that must refuse and change nothing."""
+    """The message of a button that must fail and change nothing."""
     before = snapshot()
     with pytest.raises(RuntimeError) as refused:
         bpy.ops.imprint.bake(**arguments)
@@ -76,14 +76,14 @@ def test_selected_to_active(pair):
     assert "lo_normal" in bpy.data.images
 
 
-def test_the_other_way_round(pair):
+def test_the_active_object_is_the_low_one(pair):
     low, high = pair
     select(high, low)
     bake(space="OBJECT")
     assert "hi_normal" in bpy.data.images
 
 
-def test_slots_before_selection(pair):
+def test_slots_override_the_selection(pair):
     low, high = pair
     other = zoo.cube("other")
     select(other, zoo.cube("another"))
@@ -98,7 +98,7 @@ def test_a_low_slot_and_selected_high_objects(pair):
     assert leans(bake())
 
 
-def test_arguments_before_slots(pair):
+def test_arguments_override_slots(pair):
     low, high = pair
     fill_slots(zoo.cube("other"), zoo.cube("another"))
     assert leans(bake(low="lo", high=[{"name": "hi"}]))
@@ -127,7 +127,7 @@ def test_one_object_with_modifiers(pair):
 def test_several_high_arguments(pair):
     assert "'hi' is twice in the high objects" in refusal(low="lo", high=[{"name": "hi"}, {"name": "hi"}])
     zoo.plane("third", slope=-1.0)
-    assert bake(low="lo", high=[{"name": "hi"}, {"name": "third"}])[8, 8, 0] > 0.8  # the last one lies on top
+    assert bake(low="lo", high=[{"name": "hi"}, {"name": "third"}])[8, 8, 0] > 0.8  # the last one is on top
 
 
 def test_nothing_to_bake(pair):
@@ -148,17 +148,17 @@ def test_typos_get_a_hint(pair, arguments):
 # Settings
 
 
-def test_arguments_before_the_scenes_settings(pair):
+def test_arguments_override_the_settings_of_the_scene(pair):
     settings = bpy.context.scene.imprint
     settings.space, settings.green, settings.image, settings.margin = "OBJECT", "-Y", "Scene", 3
     texels = bake(low="lo", high=[{"name": "hi"}], width=32, image="Mine")
-    assert texels.shape[:2] == (16, 32)  # the height is the scene's
+    assert texels.shape[:2] == (16, 32)  # the height comes from the scene
     assert "Mine" in bpy.data.images
     assert "object space" in bpy.context.window_manager.imprint_summary
     assert "Scene" not in bpy.data.images
 
 
-def test_an_argument_may_be_the_default_again(pair):
+def test_an_argument_may_be_the_default_value(pair):
     bpy.context.scene.imprint.storage = "MEMORY"
     bake(low="lo", high=[{"name": "hi"}], storage="PACK")
     assert bpy.data.images["lo_normal"].packed_file is not None
@@ -174,7 +174,7 @@ def test_a_file_is_written(pair, tmp_path):
     assert (tmp_path / "map.exr").is_file()
 
 
-def test_a_targa_has_8_bits_unless_somebody_asks_for_more(pair, tmp_path):
+def test_a_targa_has_8_bits_unless_more_are_set(pair, tmp_path):
     settings = bpy.context.scene.imprint
     settings.storage, settings.output = "FILE", str(tmp_path / "new" / "panel.tga")
     names = {"low": "lo", "high": [{"name": "hi"}]}
@@ -186,7 +186,7 @@ def test_a_targa_has_8_bits_unless_somebody_asks_for_more(pair, tmp_path):
     assert "8 bits per channel, not 16" in refusal(**names)
 
 
-def test_what_was_done_is_told(pair):
+def test_the_result_is_reported(pair):
     low, high = pair
     high.data.uv_layers[0].uv[0].vector = (-0.5, 0)
     select(low, high)
@@ -198,7 +198,7 @@ def test_what_was_done_is_told(pair):
 
 
 def test_a_file_beside_the_saved_scene(pair, tmp_path, recwarn):
-    """A path that Blender's file selector gives, and that Blender warns of where a property does not take such."""
+    """A path from Blender's file selector. Blender warns if a property does not support such paths."""
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
     settings = bpy.context.scene.imprint
     settings.storage, settings.output = "FILE", "//map.png"
@@ -211,7 +211,7 @@ def test_a_file_beside_the_saved_scene(pair, tmp_path, recwarn):
 
 
 OF_SCULPT_MODE = ("brushes", "libraries")
-"""Which Blender brings back by itself once Sculpt Mode has been entered in this process."""
+"""Data that Blender restores by itself after Sculpt Mode was used in this process."""
 
 
 def test_undo_is_one_step(pair):
@@ -226,9 +226,9 @@ def test_undo_is_one_step(pair):
     assert leans(maps.pixels(bpy.data.images["lo_normal"]))
 
 
-def test_undo_brings_the_packed_map_back(pair):
+def test_undo_restores_the_packed_map(pair):
     zoo.cube("third")
-    bpy.ops.ed.undo_push(message="before")  # without a first step the background has no undo
+    bpy.ops.ed.undo_push(message="before")  # in the background, Undo needs a first step
     bpy.ops.imprint.bake("EXEC_DEFAULT", True, low="lo", high=[{"name": "hi"}])
     first = maps.pixels(bpy.data.images["lo_normal"])
     bpy.ops.imprint.bake("EXEC_DEFAULT", True, low="lo", high=[{"name": "third"}])
@@ -243,7 +243,7 @@ def test_undo_brings_the_packed_map_back(pair):
 def test_slots_are_filled_from_the_selection(pair):
     low, high = pair
     settings = bpy.context.scene.imprint
-    settings.highs.add()  # an old one
+    settings.highs.add()  # an old slot
     sun = bpy.data.objects.new("sun", bpy.data.lights.new("sun", "SUN"))
     bpy.context.scene.collection.objects.link(sun)
     select(low, high, sun)
@@ -282,7 +282,7 @@ def test_slots_are_added_and_removed(pair):
 
 
 class Layout:
-    """Takes what a panel draws, and holds it to what there is: properties, operators, icons."""
+    """A layout that records what a panel draws, and checks that its properties, operators and icons exist."""
 
     ICONS = set(bpy.types.UILayout.bl_rna.functions["label"].parameters["icon"].enum_items.keys())
 
@@ -337,7 +337,7 @@ class Layout:
     def operator(self, name, icon="NONE", **_):
         assert icon in self.ICONS
         bpy.ops.imprint.bake.get_rna_type()
-        getattr(getattr(bpy.ops, name.split(".")[0]), name.split(".")[1]).get_rna_type()  # raises if there is none
+        getattr(getattr(bpy.ops, name.split(".")[0]), name.split(".")[1]).get_rna_type()  # raises an error without it
         self.drawn.buttons.append((name, self.enabled))
         return SimpleNamespace()
 
@@ -346,7 +346,7 @@ PANELS = [*bake_panel.CLASSES[1:], *settings_panels.CLASSES, *batch_panels.CLASS
 
 
 def draw(width=240, ui_scale=1.0):
-    """Draw all panels as the sidebar does; return what was drawn."""
+    """Draw all panels as the sidebar does. Returns what was drawn."""
     layout = Layout()
     bpy.context.view_layer.update()
     context = SimpleNamespace(
@@ -355,7 +355,7 @@ def draw(width=240, ui_scale=1.0):
         view_layer=bpy.context.view_layer,
         active_object=bpy.context.active_object,
         selected_objects=bpy.context.selected_objects,
-        preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=ui_scale)),  # which is 0 in the background
+        preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=ui_scale)),  # it is 0 in the background
         region=SimpleNamespace(width=width),
     )
     for panel in PANELS:
@@ -370,7 +370,7 @@ def can_bake(drawn):
     return dict(drawn.buttons)["imprint.bake"]
 
 
-def test_the_panel_says_what_will_happen(pair):
+def test_the_panel_shows_the_plan(pair):
     low, high = pair
     select(low, high)
     drawn = draw()
@@ -380,20 +380,20 @@ def test_the_panel_says_what_will_happen(pair):
     assert "ERROR" not in drawn.icons
 
 
-def test_a_low_object_with_more_faces_than_the_high_one_is_told(pair):
+def test_a_low_object_with_more_faces_than_the_high_one_raises_a_warning(pair):
     _, high = pair
     fine = zoo.terrain("fine")
     select(high, fine)
     assert "faces than" not in draw().text
     select(fine, high)
     drawn = draw()
-    assert can_bake(drawn)  # somebody may mean it
+    assert can_bake(drawn)  # it may be on purpose
     assert "'fine' has more faces than 'hi': the low object is the active one, selected last." in drawn.text
-    high.modifiers.new("", "SUBSURF")  # of which only Blender knows how many faces it makes
+    high.modifiers.new("", "SUBSURF")  # only an evaluation shows how many faces it makes
     assert "faces than" not in draw().text
 
 
-def test_the_panel_says_what_live_follows_whatever_is_selected_by_then(pair):
+def test_the_panel_shows_the_objects_of_live_whatever_is_selected(pair):
     low, high = pair
     select(low, high)
     assert bpy.ops.imprint.live() == {"FINISHED"}
@@ -407,13 +407,13 @@ def test_the_panel_says_what_live_follows_whatever_is_selected_by_then(pair):
         live.stop()
 
 
-def test_the_panel_says_when_an_image_is_filled_again(pair):
+def test_the_panel_shows_when_an_image_will_be_replaced(pair):
     select(*pair)
     bake()
     assert "over the image 'lo_normal'" in draw().text
 
 
-def test_the_panel_says_what_was_done(pair):
+def test_the_panel_shows_the_result(pair):
     select(*pair)
     bake()
     drawn = draw()
@@ -482,7 +482,7 @@ MISSING = {
 
 
 @pytest.mark.parametrize("state", MISSING, ids=lambda state: state.__name__)
-def test_the_panel_says_what_is_missing_before_the_button_is_pressed(pair, state):
+def test_the_panel_shows_why_the_button_is_disabled(pair, state):
     state(*pair)
     drawn = draw()
     assert MISSING[state] in drawn.text
@@ -530,14 +530,14 @@ def test_the_panel_shows_every_setting(pair):
     assert not {"width", "height"} & shown
     settings.square = False
     shown.update(draw().properties)
-    assert names - shown == {"rna_type", "name", "highs", "active_high"}  # the last two are the list
+    assert names - shown == {"rna_type", "name", "highs", "active_high"}  # the last two belong to the list
 
 
 def test_one_size_for_both_sides(pair):
     settings = bpy.context.scene.imprint
     settings.size = 512
     assert (settings.width, settings.height, settings.size) == (512, 512, 512)
-    settings.width = 64  # by a script, which means what it says
+    settings.width = 64  # scripts may set any size
     assert (settings.width, settings.height) == (64, 512)
     assert {"width", "height"} <= set(draw().properties)
     settings.square = True
@@ -562,11 +562,11 @@ def test_the_menu_of_sizes(pair, before, arguments, after):
     assert (settings.width, settings.height) == after
 
 
-# While a bake goes on
+# While a bake is running
 
 
-def test_the_bar_takes_the_buttons_place(pair, monkeypatch):
-    """So that nothing moves when a bake begins or ends."""
+def test_the_bar_replaces_the_button(pair, monkeypatch):
+    """Nothing in the panel moves when a bake begins or ends."""
     select(*pair)
     bake()
     before = draw()
@@ -588,11 +588,11 @@ def test_the_bar_takes_the_buttons_place(pair, monkeypatch):
         (1.0, 40.0, ", 0 s left"),
     ],
 )
-def test_the_bar_says_how_long_it_still_takes(done, seconds, words):
+def test_the_bar_shows_the_remaining_time(done, seconds, words):
     assert time_left(done, seconds) == words
 
 
-def test_names_are_matched_only_when_one_has_changed(pair, monkeypatch):
+def test_names_are_matched_again_only_after_a_change(pair, monkeypatch):
     asked = []
     match = name_matching.match
     monkeypatch.setattr(name_matching, "match", lambda *names: asked.append(names) or match(*names))

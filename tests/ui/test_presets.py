@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The presets: what comes along says what it should, and an artist's own are kept and removed."""
+"""The presets: those that come with Imprint are right, and the user's own can be saved and removed."""
 
 from pathlib import Path
 
@@ -8,21 +8,21 @@ import pytest
 
 import addon
 
-COMING_ALONG = sorted((Path(addon.__file__).parent / "presets" / "imprint").glob("*.py"))
+BUILT_IN = sorted((Path(addon.__file__).parent / "presets" / "imprint").glob("*.py"))
 DOWN = {"Unreal", "DirectX", "CryEngine"}
 
 pytestmark = pytest.mark.usefixtures("registered")
 
 
-def test_all_of_them_are_found_where_blender_looks():
+def test_all_presets_are_found_by_blender():
     folders = {Path(folder) for folder in bpy.utils.preset_paths("imprint")}
-    assert COMING_ALONG[0].parent in folders
-    names = {path.stem for path in COMING_ALONG}
+    assert BUILT_IN[0].parent in folders
+    names = {path.stem for path in BUILT_IN}
     assert names == {"Blender", "Unity", "Godot", "glTF", "Unreal", "DirectX", "CryEngine"}
 
 
-@pytest.mark.parametrize("path", COMING_ALONG, ids=lambda path: path.stem)
-def test_a_preset_sets_the_channels_and_the_reader(path):
+@pytest.mark.parametrize("path", BUILT_IN, ids=lambda path: path.stem)
+def test_a_preset_sets_the_channels_and_the_basis(path):
     settings = bpy.context.scene.imprint
     settings.red, settings.green, settings.blue = "-Z", "+X", "-Y"
     settings.basis = "MIKKTSPACE" if path.stem == "Blender" else "BLENDER"
@@ -31,7 +31,7 @@ def test_a_preset_sets_the_channels_and_the_reader(path):
     assert settings.basis == ("AUTO" if path.stem == "Blender" else "MIKKTSPACE")
 
 
-def test_an_own_one_is_kept_and_removed():
+def test_a_preset_of_the_user_is_saved_and_removed():
     settings = bpy.context.scene.imprint
     settings.red, settings.green, settings.blue, settings.basis = "-X", "+Z", "+Y", "MIKKTSPACE"
     assert bpy.ops.imprint.convention_add(name="Our engine") == {"FINISHED"}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Blender's properties are what the settings' declarations say, in the scene and in operators."""
+"""Blender's properties match the declarations of the settings, in the scene and in operators."""
 
 import bpy
 import pytest
@@ -10,7 +10,7 @@ from addon.core.declarations.all_settings import DECLARED
 pytestmark = pytest.mark.usefixtures("registered")
 
 OWN = {"rna_type", "name", "active_high"}
-"""Properties that are no settings."""
+"""Properties that are not settings."""
 
 
 def holders():
@@ -22,12 +22,12 @@ def test_a_scene_has_each_setting():
 
 
 @pytest.mark.parametrize("name", DECLARED)
-def test_words_limits_and_default_are_those_of_the_declaration(name):
+def test_label_limits_and_default_are_those_of_the_declaration(name):
     declared = DECLARED[name]
     for holder in holders():
         prop = holder.properties.get(name)
         if prop is None or (holder.identifier == "IMPRINT_OT_bake" and isinstance(declared, kinds.ObjectSlot)):
-            continue  # operators take objects by their names
+            continue  # operators take names of objects
         assert (prop.name, prop.description) == (declared.label, declared.panel_tooltip)
         if isinstance(declared, kinds.Choice):
             found = [(item.identifier, item.name, item.description) for item in prop.enum_items]

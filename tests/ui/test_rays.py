@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Buttons and panels for rays: measured distances, pairs by name, the shells in the viewport, what is freed."""
+"""Buttons and panels for rays: measured distances, pairs by name, the shells in the viewport, freeing trees."""
 
 import bpy
 import numpy as np
@@ -35,7 +35,7 @@ def test_measured_distances_are_shown_and_can_be_frozen(small):
     assert small.to_settings().extrusion == found.extrusion
 
 
-def test_distances_named_in_a_script_need_no_switch(small):
+def test_distances_set_by_a_script_need_no_switch(small):
     zoo.plane("lo")
     zoo.plane("hi").location.z = 0.2
     assert bpy.ops.imprint.bake(low="lo", high=[{"name": "hi"}], extrusion=0.5, max_distance=0.75) == {"FINISHED"}
@@ -49,7 +49,7 @@ def test_a_cage_by_name(small):
     assert bpy.ops.imprint.bake(low="lo", high=[{"name": "hi"}], cage="cage") == {"FINISHED"}
     with pytest.raises(RuntimeError, match="The cage 'cage' is for rays"):
         bpy.ops.imprint.bake(low="lo", high=[{"name": "hi"}], cage="cage", method="FLATTEN")
-    small.cage = bpy.data.objects["cage"]  # in the slot, which is not seen then, it does no harm
+    small.cage = bpy.data.objects["cage"]  # in the slot, which is hidden then, it does no harm
     assert bpy.ops.imprint.bake(low="lo", high=[{"name": "hi"}], method="FLATTEN") == {"FINISHED"}
 
 
@@ -70,11 +70,11 @@ def test_no_pairs(small):
     with pytest.raises(RuntimeError, match="No object has a name that ends in '_low'"):
         bpy.ops.imprint.bake_pairs()
     small.high_suffix = "_LOW"
-    with pytest.raises(RuntimeError, match="three different ones"):
+    with pytest.raises(RuntimeError, match="must all be different"):
         bpy.ops.imprint.bake_pairs()
 
 
-def test_the_shells_come_and_go_without_a_trace():
+def test_the_shells_leave_nothing_when_hidden():
     def handlers():
         found = bpy.app.handlers
         return tuple(len(each) for each in (found.depsgraph_update_post, found.frame_change_post, found.undo_post))
@@ -82,7 +82,7 @@ def test_the_shells_come_and_go_without_a_trace():
     before = handlers()
     bpy.ops.imprint.show_cage()
     assert overlay.is_on
-    overlay.show()  # twice is once
+    overlay.show()  # a second call does nothing
     assert handlers() == tuple(number + 1 for number in before)
     bpy.ops.imprint.show_cage()
     assert not overlay.is_on
@@ -100,10 +100,10 @@ def test_trees_are_freed_when_another_file_is_opened():
     assert len(tree_cache.trees)
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     assert not len(tree_cache.trees)
-    assert addon.before_loading in bpy.app.handlers.load_pre  # it outlives the file
+    assert addon.before_loading in bpy.app.handlers.load_pre  # the tree outlives the file
 
 
-def test_the_switch_may_be_named_in_a_script(small):
+def test_the_switch_may_be_set_by_a_script(small):
     zoo.plane("lo")
     zoo.plane("hi").location.z = 0.2
     names = {"low": "lo", "high": [{"name": "hi"}]}
@@ -123,7 +123,7 @@ def test_set_distances_are_not_shown_as_measured(small):
     assert not bpy.ops.imprint.freeze_distances.poll()
 
 
-def test_distances_are_those_of_the_low_object_at_hand(small):
+def test_distances_are_those_of_the_current_low_object(small):
     for name, height in (("a", 0.5), ("b", 0.01)):
         zoo.plane(f"{name}_low")
         zoo.plane(f"{name}_high").location.z = height
@@ -135,7 +135,7 @@ def test_distances_are_those_of_the_low_object_at_hand(small):
     assert 0.0 < found.extrusion < 0.5
 
 
-def test_names_are_not_remembered(small):
+def test_names_are_not_remembered_by_operators(small):
     for name in ("lo", "hi", "lo2"):
         zoo.plane(name)
     bpy.ops.imprint.bake("EXEC_DEFAULT", True, low="lo", high=[{"name": "hi"}])
@@ -144,7 +144,7 @@ def test_names_are_not_remembered(small):
     assert "lo2_normal" in bpy.data.images
 
 
-def test_a_file_that_is_named_is_written(small, tmp_path):
+def test_a_file_set_by_a_script_is_written(small, tmp_path):
     zoo.plane("lo")
     zoo.plane("hi")
     path = tmp_path / "map.png"
@@ -152,11 +152,11 @@ def test_a_file_that_is_named_is_written(small, tmp_path):
     assert path.is_file()
 
 
-def test_shells_are_read_anew_when_the_low_object_changes_and_only_then():
+def test_shells_are_read_again_only_when_the_low_object_changes():
     low, other = zoo.plane("lo"), zoo.plane("other")
     overlay.show()
 
-    def is_read_anew(change):
+    def is_read_again(change):
         overlay.mesh_of(low, "SMOOTH")
         overlay.catch_up()
         overlay.timer.stop()
@@ -172,12 +172,12 @@ def test_shells_are_read_anew_when_the_low_object_changes_and_only_then():
         low.data.update()
 
     try:
-        assert not is_read_anew(lambda: None)
-        assert not is_read_anew(lambda: setattr(other.location, "x", 1.0))
-        assert not is_read_anew(lambda: setattr(low, "name", "renamed"))
-        assert is_read_anew(lambda: setattr(low.location, "x", 1.0))
-        assert is_read_anew(lift)
-        assert is_read_anew(lambda: low.modifiers.new("Lift", "DISPLACE"))
+        assert not is_read_again(lambda: None)
+        assert not is_read_again(lambda: setattr(other.location, "x", 1.0))
+        assert not is_read_again(lambda: setattr(low, "name", "renamed"))
+        assert is_read_again(lambda: setattr(low.location, "x", 1.0))
+        assert is_read_again(lift)
+        assert is_read_again(lambda: low.modifiers.new("Lift", "DISPLACE"))
         assert overlay.mesh_of(other, "SMOOTH") is None
         assert overlay.mesh_of(low, "SPLIT") is None
     finally:

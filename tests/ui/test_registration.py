@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The add-on comes and goes without a trace, and says what it does on everything that a person can press."""
+"""Registering and unregistering leave nothing behind, and each operator and property has a tooltip."""
 
 import atexit
 
@@ -30,7 +30,7 @@ PANELS = [
 
 
 def traces():
-    """What Blender knows of the add-on."""
+    """All data of the add-on in Blender."""
     kinds = (bpy.types.Operator, bpy.types.Panel, bpy.types.UIList, bpy.types.Menu, bpy.types.PropertyGroup)
     found = {cls.__name__ for kind in kinds for cls in kind.__subclasses__() if cls.is_registered and is_ours(cls)}
     gizmos = {split_gizmo.IMPRINT_GT_split: bpy.types.Gizmo, split_gizmo.IMPRINT_GGT_split: bpy.types.GizmoGroup}
@@ -43,7 +43,7 @@ def is_ours(cls):
     return cls.__name__.lower().startswith("imprint")
 
 
-def test_it_comes_and_goes_twice():
+def test_registering_twice_leaves_nothing():
     assert traces() == set()
     for _ in range(2):
         addon.register()
@@ -61,8 +61,8 @@ def test_it_comes_and_goes_twice():
 
 
 @pytest.mark.usefixtures("gpu_context")
-def test_it_frees_the_gpu_when_it_goes():
-    """Blender crashes on exit while GPU objects live."""
+def test_unregistering_frees_gpu_objects():
+    """Blender crashes on exit if GPU objects still exist."""
     addon.register()
     maps.bake(zoo.plane("lo"), zoo.plane("hi"))
     assert len(target.common)
@@ -72,7 +72,7 @@ def test_it_frees_the_gpu_when_it_goes():
     assert not shader.load.cache_info().currsize
 
 
-def test_it_frees_the_gpu_when_blender_ends(monkeypatch):
+def test_gpu_objects_are_freed_when_blender_ends(monkeypatch):
     at_exit = []
     monkeypatch.setattr(atexit, "register", at_exit.append)
     monkeypatch.setattr(atexit, "unregister", at_exit.remove)
@@ -82,7 +82,7 @@ def test_it_frees_the_gpu_when_blender_ends(monkeypatch):
     assert at_exit == []
 
 
-def test_errors_are_let_through(monkeypatch):
+def test_errors_while_registering_are_raised(monkeypatch):
     def fail():
         raise ValueError("already registered as a subclass")
 
@@ -110,7 +110,7 @@ class TestWords:
                     assert item.description, f"{struct.identifier}.{prop.identifier} {item.identifier}"
 
     def test_the_properties_are_the_settings(self):
-        """Same names, same defaults; the basis is that of the scene's render engine."""
+        """They have the same names and defaults, and the basis is that of the scene's render engine."""
         settings = bpy.context.scene.imprint.to_settings()
         assert settings == Settings().read_by(bpy.context.scene.render.engine)
         settings.check()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the window keeps and shows of the bakes of a session: each belongs to its scene, its low object and its file."""
+"""Results of the bakes of a session in the window: each belongs to its scene, its low object and its file."""
 
 from types import SimpleNamespace
 
@@ -28,7 +28,7 @@ def baked():
 
 
 def is_known():
-    """Whether the panel has a report of the low object at hand, and distances to freeze; both or neither."""
+    """Whether the panel has a report of the current low object, and distances to freeze. It must have both or neither."""
     known = results.of(bpy.context) is not None
     assert bpy.ops.imprint.freeze_distances.poll() == known
     assert (bpy.context.window_manager.imprint_found.extrusion > 0.0) == known
@@ -36,7 +36,7 @@ def is_known():
 
 
 class Layout:
-    """A layout that keeps what is written on it and in its parts."""
+    """A layout that records the texts on it and on its parts."""
 
     def __init__(self):
         self.labels = []
@@ -59,17 +59,17 @@ class Layout:
         pass
 
 
-def told(report):
-    """What the panel says of a bake."""
+def panel_lines(report):
+    """The lines of the panel about a bake."""
     layout = Layout()
     bake_panel.draw_result(layout, report)
     return layout.labels
 
 
-# Whose it is
+# Scene, low object and file of a result
 
 
-def test_it_belongs_to_its_scene(baked):
+def test_a_result_belongs_to_its_scene(baked):
     low, _ = baked
     assert is_known()
     bpy.context.window.scene = bpy.data.scenes.new("other")
@@ -81,7 +81,7 @@ def test_it_belongs_to_its_scene(baked):
     assert is_known()
 
 
-def test_it_belongs_to_its_low_object(baked):
+def test_a_result_belongs_to_its_low_object(baked):
     low, high = baked
     settings = bpy.context.scene.imprint
     settings.low = high
@@ -97,8 +97,8 @@ def test_it_belongs_to_its_low_object(baked):
     assert not is_known()
 
 
-def test_it_belongs_to_its_file(baked, tmp_path):
-    """Also where Load UI is off, and the window manager stays."""
+def test_a_result_belongs_to_its_file(baked, tmp_path):
+    """Also if Load UI is off, and the window manager stays."""
     path = str(tmp_path / "scene.blend")
     bpy.ops.wm.save_as_mainfile(filepath=path)
     bpy.ops.wm.open_mainfile(filepath=path, load_ui=False)
@@ -108,15 +108,15 @@ def test_it_belongs_to_its_file(baked, tmp_path):
     assert (manager.imprint_summary, manager.imprint_warnings) == ("", "")
 
 
-def test_a_map_that_has_gone_is_not_praised(baked):
+def test_a_deleted_map_is_reported_as_missing(baked):
     report = results.of(bpy.context)
-    name, line = told(report)
+    name, line = panel_lines(report)
     assert (name, line.split(",")[0]) == ("lo_normal", "2 warnings")
     bpy.data.images.remove(bpy.data.images["lo_normal"])
-    assert told(report) == ["lo_normal", "The image was undone, renamed or deleted"]
+    assert panel_lines(report) == ["lo_normal", "The image was undone, renamed or deleted"]
 
 
-def test_it_outlives_undo():
+def test_a_result_outlives_undo():
     zoo.plane("lo")
     zoo.plane("hi").location.z = 0.2
     settings = bpy.context.scene.imprint
@@ -130,7 +130,7 @@ def test_it_outlives_undo():
     assert is_known()
 
 
-# What is seen after a bake
+# The viewport after a bake
 
 
 def area(kind, size=100, **space):
@@ -142,7 +142,7 @@ def view(shading, size=100):
 
 
 def window(*areas, at=None):
-    """A context of a window with these areas, `at` one of which the mouse is."""
+    """A context of a window with these areas. at: the area with the mouse."""
     opened = SimpleNamespace(screen=SimpleNamespace(areas=areas))
     return SimpleNamespace(
         window=opened,
@@ -162,7 +162,7 @@ def test_a_bake_shows_the_low_mesh_with_its_map(baked):
     views, editor = [view("SOLID"), view("SOLID", 200)], area("IMAGE_EDITOR", image=None, use_image_pin=False)
     show_result.bake(window(*views, editor), [results.of(bpy.context)])
     assert editor.spaces.active.image == bpy.data.images["lo_normal"]
-    assert [shading(each) for each in views] == ["SOLID", "MATERIAL"]  # the largest, where the mouse is in none
+    assert [shading(each) for each in views] == ["SOLID", "MATERIAL"]  # the largest, if the mouse is in none of them
     assert (low.visible_get(), high.visible_get()) == (True, False)
     show_result.bake(window(*views, at=views[0]), [results.of(bpy.context)])
     assert shading(views[0]) == "MATERIAL"
@@ -177,7 +177,7 @@ def test_a_view_that_is_not_solid_stays(baked):
         assert (shading(viewport), high.visible_get()) == (kind, sees_high)
 
 
-def test_a_map_without_a_material_leaves_the_view_alone(baked):
+def test_a_map_without_a_material_does_not_change_the_viewport(baked):
     _, high = baked
     bpy.ops.imprint.bake(low="lo", high=[{"name": "hi"}], material=False)
     viewport = view("SOLID")
@@ -202,18 +202,18 @@ def test_a_low_object_that_is_its_own_high_one_stays():
     assert not bpy.ops.imprint.show_high.poll()
 
 
-def test_scripts_change_no_view(baked, monkeypatch):
+def test_scripts_do_not_change_viewports(baked, monkeypatch):
     views = []
     monkeypatch.setattr(show_result, "bake", lambda *arguments: views.append(arguments))
     bpy.ops.imprint.bake("EXEC_DEFAULT", low="lo", high=[{"name": "hi"}])
-    bpy.ops.imprint.bake("INVOKE_DEFAULT", low="lo", high=[{"name": "hi"}])  # the background has no window
+    bpy.ops.imprint.bake("INVOKE_DEFAULT", low="lo", high=[{"name": "hi"}])  # in the background, there is no window
     assert views == []
 
 
-# What was hidden still counts
+# Hidden high objects
 
 
-def test_the_high_objects_of_the_last_bake_count_where_none_is_chosen(baked):
+def test_high_objects_of_the_last_bake_are_used_if_none_are_chosen(baked):
     low, high = baked
 
     def chosen():
@@ -227,12 +227,12 @@ def test_the_high_objects_of_the_last_bake_count_where_none_is_chosen(baked):
     low.modifiers.new("Rounded", "SUBSURF")
     assert chosen() == [low]
     show_result.hide_high(bpy.context, results.of(bpy.context), hide=True)
-    assert chosen() == [high]  # or a bake that hid it could not be repeated
+    assert chosen() == [high]  # otherwise, a bake that hid it could not be repeated
     bpy.data.objects.remove(high)
     assert chosen() == [low]
 
 
-def test_high_objects_are_hidden_and_shown_by_turns(baked):
+def test_high_objects_are_hidden_and_shown_in_turn(baked):
     _, high = baked
     for is_visible in (False, True, False):
         assert bpy.ops.imprint.show_high() == {"FINISHED"}
@@ -241,7 +241,7 @@ def test_high_objects_are_hidden_and_shown_by_turns(baked):
     assert not bpy.ops.imprint.show_high.poll()
 
 
-def test_namesakes_of_high_objects_stay(baked, tmp_path):
+def test_objects_with_the_name_of_a_high_object_stay_visible(baked, tmp_path):
     low, high = baked
     bpy.data.libraries.write(str(tmp_path / "l.blend"), {high})
     with bpy.data.libraries.load(str(tmp_path / "l.blend"), link=True) as (_, here):

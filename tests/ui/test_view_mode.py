@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The views of the map: they come when asked, show what is there, and leave nothing when they are off."""
+"""The views of the map: they can be turned on and off, show the objects as they are, and leave nothing when off."""
 
 from types import SimpleNamespace
 
@@ -24,7 +24,7 @@ pytestmark = pytest.mark.usefixtures("gpu_context", "registered")
 
 SIZE = (160, 120)
 PIXELS = Matrix.Translation((-1.0, -1.0, 0.0)) @ Matrix.Diagonal((2.0 / SIZE[0], 2.0 / SIZE[1], 1.0, 1.0))
-"""From pixels to what the GPU clips."""
+"""The matrix from pixels to clip space."""
 
 
 @pytest.fixture
@@ -37,7 +37,7 @@ def pair():
 
 
 def view():
-    """The settings of the views; an undo and a new file make others."""
+    """The settings of the views. After Undo or in a new file, Blender has a new object for them."""
     return bpy.context.scene.imprint_view
 
 
@@ -48,7 +48,7 @@ def viewport():
     return {"window": window, "area": area, "region": next(r for r in area.regions if r.type == "WINDOW")}
 
 
-def looking():
+def region_view():
     """The view of that viewport, which looks down on the origin."""
     data = viewport()["area"].spaces.active.region_3d
     data.view_matrix = Matrix(raster.look_at((1.0, -3.0, 3.0), (0.0, 0.0, 0.0)))
@@ -56,9 +56,9 @@ def looking():
     return data
 
 
-def seen():
-    """What the handlers draw into it: (H, W, 4) float32."""
-    looking()
+def drawn_pixels():
+    """The pixels that the draw callbacks draw into the viewport: (H, W, 4) float32."""
+    region_view()
     into = target.Target(*SIZE, ("RGBA32F", "DEPTH_COMPONENT32F"))
     with bpy.context.temp_override(**viewport()), target.drawing(into):
         into.framebuffer.clear(depth=1.0)
@@ -69,28 +69,28 @@ def seen():
 
 
 @pytest.mark.parametrize("mode", view_shading.MODES)
-def test_a_view_comes_and_goes_without_a_trace(mode, pair):
+def test_a_view_leaves_nothing_when_turned_off(mode, pair):
     before = snapshot()
     view().mode = mode
     assert view().mode == viewer.mode == mode
-    assert seen().any()
-    view().mode = mode  # twice is once
+    assert drawn_pixels().any()
+    view().mode = mode  # a second call does nothing
     view().mode = "OFF"
     assert viewer.is_idle
     assert not difference(before, snapshot())
 
 
-def test_the_views_differ_and_the_modes_are_one_key_apart(pair):
+def test_the_views_differ_and_a_key_shows_the_next_one(pair):
     pictures = []
     for mode in (*view_shading.MODES, "OFF"):
         assert bpy.ops.imprint.view_next() == {"FINISHED"}
         assert viewer.mode == mode
-        pictures.append(seen() if mode != "OFF" else np.zeros_like(pictures[0]))
+        pictures.append(drawn_pixels() if mode != "OFF" else np.zeros_like(pictures[0]))
     for number, picture in enumerate(pictures):
         assert not any(np.array_equal(picture, other) for other in pictures[:number])
 
 
-def test_the_deviations_are_told(pair):
+def test_the_deviations_are_shown_as_text(pair):
     view().mode = "MAP"
     assert viewer.figures is None
     assert view_drawing.description(viewer.figures) == []
@@ -104,7 +104,7 @@ def test_the_deviations_are_told(pair):
     ]
 
 
-def test_what_the_deviations_cannot_tell_is_said(pair):
+def test_unmeasured_deviations_are_shown_as_text(pair):
     _, high = pair
     uv = np.array([corner.vector for corner in high.data.uv_layers[0].uv])
     high.data.uv_layers[0].uv.foreach_set("vector", (uv + (0.3, 0.0)).astype(np.float32).ravel())
@@ -130,7 +130,7 @@ def test_a_label_stays_where_it_can_be_read(zone, share, free, x):
     assert view_drawing.label_position(zone, 100.0, share, free, 10.0) == x
 
 
-def test_what_lies_over_a_view_is_left_out():
+def test_labels_avoid_the_toolbar_and_the_sidebar():
     def region(kind, alignment, x, width):
         return SimpleNamespace(type=kind, alignment=alignment, x=x, width=width)
 
@@ -143,7 +143,7 @@ def test_what_lies_over_a_view_is_left_out():
     assert view_drawing.visible_columns(context) == (0, 900)
 
 
-def test_what_cannot_be_shown_is_told_and_leaves_it_off(pair):
+def test_a_view_that_cannot_be_shown_reports_why_and_stays_off(pair):
     bpy.context.scene.imprint.highs.clear()
     view().mode = "MAP"
     assert viewer.message.startswith("No high object for 'lo'")
@@ -158,8 +158,8 @@ def test_what_cannot_be_shown_is_told_and_leaves_it_off(pair):
     assert (viewer.mode, viewer.message) == ("MAP", "")
 
 
-def test_where_the_map_would_go_does_not_matter(pair):
-    """A view needs no file, no material and no tile."""
+def test_views_do_not_depend_on_the_output_settings(pair):
+    """A view needs no file, no material and no UDIM tile."""
     settings = bpy.context.scene.imprint
     settings.storage, settings.output, settings.udim = "FILE", "", True
     view().mode = "MAP"
@@ -168,7 +168,7 @@ def test_where_the_map_would_go_does_not_matter(pair):
     assert not pair[0].material_slots
 
 
-def test_refresh_shows_what_has_changed(pair):
+def test_refresh_shows_changes(pair):
     view().mode = "BARE_DEVIATION"
     before = viewer.figures.bare_mean
     assert not viewer.is_outdated(bpy.context)
@@ -187,7 +187,7 @@ def test_refresh_shows_what_has_changed(pair):
     assert not bpy.ops.imprint.view_refresh.poll()
 
 
-def test_live_takes_over_and_gives_back(pair):
+def test_a_view_uses_the_map_of_live_while_it_is_on(pair):
     view().mode = "BARE_DEVIATION"
     before = viewer.figures.bare_mean
     assert bpy.ops.imprint.live() == {"FINISHED"}
@@ -199,18 +199,18 @@ def test_live_takes_over_and_gives_back(pair):
     for _ in range(100):
         live.tick()
     assert viewer.figures.bare_mean > 1.5 * before
-    assert seen().any()
+    assert drawn_pixels().any()
     assert bpy.ops.imprint.live() == {"FINISHED"}
-    assert not seen().any()  # nothing is baked while a view is being drawn
+    assert not drawn_pixels().any()  # nothing is baked while a view is being drawn
     assert viewer.timer.is_running
     viewer.catch_up()
     assert viewer.own is not None
-    assert seen().any()
+    assert drawn_pixels().any()
     viewer.off()
     assert viewer.is_idle
 
 
-def test_nothing_to_go_on_with_after_live_is_told(pair):
+def test_a_view_that_cannot_continue_after_live_reports_why(pair):
     assert bpy.ops.imprint.live() == {"FINISHED"}
     view().mode = "MAP"
     assert viewer.own is None
@@ -222,67 +222,67 @@ def test_nothing_to_go_on_with_after_live_is_told(pair):
     assert viewer.is_idle
 
 
-def test_what_is_gone_or_hidden_is_not_drawn(pair):
+def test_deleted_and_hidden_objects_are_not_drawn(pair):
     view().mode = "MAP"
-    assert seen().any()
+    assert drawn_pixels().any()
     pair[0].hide_set(True)
-    assert not seen().any()
+    assert not drawn_pixels().any()
     pair[0].hide_set(False)
-    assert seen().any()
+    assert drawn_pixels().any()
     bpy.data.objects.remove(pair[0])
     for mode in view_shading.MODES:
         view().mode = mode
-        assert not seen()[40:].any()  # above the legend
+        assert not drawn_pixels()[40:].any()  # above the legend
 
 
-def test_it_outlives_undo_and_modes(pair):
+def test_a_view_outlives_undo_and_modes(pair):
     bpy.ops.ed.undo_push(message="before")
     pair[0].location.x = 0.5
     bpy.ops.ed.undo_push(message="moved")
     view().mode = "SPLIT"
-    moved = seen()
+    moved = drawn_pixels()
     bpy.ops.ed.undo()
     assert viewer.mode == "SPLIT"
-    assert seen().any()
-    assert not np.array_equal(seen(), moved)
+    assert drawn_pixels().any()
+    assert not np.array_equal(drawn_pixels(), moved)
     bpy.context.view_layer.objects.active = bpy.data.objects["lo"]
     for mode in ("EDIT", "SCULPT", "OBJECT"):
         bpy.ops.object.mode_set(mode=mode)
-        assert seen().any()
+        assert drawn_pixels().any()
         assert bpy.ops.imprint.view_refresh() == {"FINISHED"}
 
 
 @pytest.mark.parametrize("kind", ["SUN", "POINT", "SPOT", "AREA"])
-def test_a_light_of_the_scene_shines(kind, pair):
+def test_a_light_of_the_scene_lights_the_view(kind, pair):
     view().mode = "MAP"
-    by_the_view = seen()
+    by_the_view = drawn_pixels()
     light = bpy.data.objects.new("light", bpy.data.lights.new("light", kind))
     bpy.context.scene.collection.objects.link(light)
     light.matrix_world = Matrix(raster.look_at((-2.0, 0.0, 0.5), (0.0, 0.0, 0.0))).inverted()
     bpy.context.view_layer.update()
     view().light = light
     expected = light.matrix_world.col[2 if kind == "SUN" else 3]
-    assert np.array_equal(view_drawing.eye(looking(), light).light, expected)
-    assert view_drawing.eye(looking(), light).light[3] == (kind != "SUN")
-    assert not np.array_equal(seen(), by_the_view)
+    assert np.array_equal(view_drawing.eye(region_view(), light).light, expected)
+    assert view_drawing.eye(region_view(), light).light[3] == (kind != "SUN")
+    assert not np.array_equal(drawn_pixels(), by_the_view)
     bpy.data.objects.remove(light)
     assert view().light is None
-    assert np.array_equal(seen(), by_the_view)
+    assert np.array_equal(drawn_pixels(), by_the_view)
 
 
-def test_the_views_own_light_comes_from_above_and_from_the_left():
-    data = looking()
+def test_the_default_light_comes_from_above_and_from_the_left():
+    data = region_view()
     light = view_drawing.eye(data, None).light
     assert light[3] == 0.0
     x, y, z = data.view_matrix.to_3x3() @ Vector(light[:3])
     assert (x < 0.0, y > 0.0, z > max(-x, y)) == (True, True, True)
 
 
-def test_the_range_of_the_colours_can_be_set(pair):
+def test_the_range_of_the_colors_can_be_set(pair):
     view().mode = "BARE_DEVIATION"
-    before = seen()
+    before = drawn_pixels()
     view().limit = 30.0
-    assert not np.array_equal(seen(), before)
+    assert not np.array_equal(drawn_pixels(), before)
 
 
 def test_the_line_of_the_split_can_be_moved(pair):
@@ -290,19 +290,19 @@ def test_the_line_of_the_split_can_be_moved(pair):
     pictures = []
     for split in (0.0, 0.5, 1.0):
         view().split = split
-        pictures.append(seen())
+        pictures.append(drawn_pixels())
     assert not np.array_equal(pictures[0], pictures[1])
     assert not np.array_equal(pictures[1], pictures[2])
 
 
-def test_another_file_switches_it_off(pair):
+def test_opening_another_file_turns_the_view_off(pair):
     view().mode = "SPLIT"
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     assert viewer.is_idle
     assert view().mode == "OFF"
 
 
-def test_it_goes_with_the_add_on(pair):
+def test_disabling_the_add_on_turns_the_view_off(pair):
     view().mode = "DEVIATION"
     addon.unregister()
     try:
@@ -324,7 +324,7 @@ def test_a_key_shows_the_next_view():
         addon.register()
 
 
-def test_words_are_readable_over_a_white_mesh():
+def test_text_is_readable_over_a_white_mesh():
     into = target.Target(*SIZE, ("RGBA32F", "DEPTH_COMPONENT32F"))
     pixels = np.empty((SIZE[1], SIZE[0], 4), np.float32)
     with target.drawing(into):
@@ -335,13 +335,13 @@ def test_words_are_readable_over_a_white_mesh():
             viewport_text.write("Low with Map", 30.0, 50.0, 1.0)
         into.read(pixels)
     end = 30 + int(viewport_text.width("Low with Map", 1.0))
-    grey = pixels[..., :3].mean(axis=2)
-    box = grey[48:60, 28 : end + 2]
+    gray = pixels[..., :3].mean(axis=2)
+    box = gray[48:60, 28 : end + 2]
     assert box.min() < 0.4
     assert np.median(box) < 0.4
     assert box.max() > 0.9
-    assert (grey[:40] == 1.0).all()
-    assert (grey[70:] == 1.0).all()
-    assert (grey[:, : 30 - 8] == 1.0).all()
-    assert (grey[:, end + 8 :] == 1.0).all()
+    assert (gray[:40] == 1.0).all()
+    assert (gray[70:] == 1.0).all()
+    assert (gray[:, : 30 - 8] == 1.0).all()
+    assert (gray[:, end + 8 :] == 1.0).all()
     assert gpu.state.blend_get() == "NONE"

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Draws strokes with the mouse in a real Blender window, and prints whether Live follows them. Not a test that pytest finds.
+"""Draws strokes with the mouse in a real Blender window, and prints whether Live follows them. Not collected by pytest.
 
     blender --factory-startup --python tests/window/live_strokes.py
 
-Needs X11 (or Xvfb) and xdotool, and the mouse for a minute or two. Each row: what was drawn, how many vertices it moved, how
-many maps there were while the button was down, seconds from its release to the map that stays, and whether the image then
-equals a fresh bake to the bit. Blender ends with 1 if a row says no.
+Needs X11 (or Xvfb) and xdotool, and the mouse for a minute or two. Each row has the stroke, the number of vertices that it
+moved, the number of maps while the button was down, the seconds from its release to the last map, and whether the image then
+equals a new bake to the bit. Blender exits with 1 if a row is wrong.
 """
 
 import functools
@@ -26,7 +26,7 @@ from addon.ui.live.live_controller import live  # noqa: E402
 
 BRUSHES = "brushes/essentials_brushes-mesh_sculpt.blend/Brush/"
 PATIENCE = 20.0
-"""Seconds after which a map that has not come will not come."""
+"""Seconds to wait for a map."""
 CASES = [
     ("Draw", "FLATTEN", None),
     ("Smooth", "FLATTEN", None),
@@ -44,7 +44,7 @@ CASES = [
 
 
 def step():
-    """Do all cases; yields the seconds until it wants to go on."""
+    """Run all cases. Yields the seconds to wait."""
     addon.register()
     yield 0.5
     is_well = True
@@ -59,7 +59,7 @@ def step():
         before = points(high)
         maps = yield from stroke(
             2 if brush == "Grab" else 8
-        )  # folded quads stay cut as they were until the mode is left
+        )  # Blender updates folded quads only when it leaves the mode
         seconds = yield from wait()
         if what == "undo":
             with at_view():
@@ -71,25 +71,27 @@ def step():
             with at_view():
                 bpy.ops.object.voxel_remesh()
             seconds = yield from wait()
-        said, image = live.message, pixels(bpy.data.images["lo_normal"])
+        message, image = live.message, pixels(bpy.data.images["lo_normal"])
         after, mode = points(high), high.mode
         equal = np.array_equal(image, fresh(high))
         moved = len(after) if len(after) != len(before) else int((after != before).any(axis=1).sum())
-        is_expected = equal and moved > 0 and mode == "SCULPT" and not said
-        if what == "Multires":  # Blender gives its detail to nobody in Sculpt Mode, and Live says so
-            is_expected = "leaves Sculpt Mode" in said
+        is_expected = equal and moved > 0 and mode == "SCULPT" and not message
+        if what == "Multires":  # Blender does not return the detail in Sculpt Mode, and Live reports that
+            is_expected = "leaves Sculpt Mode" in message
         is_well &= is_expected
-        verdict = ("yes" if equal else "no") + (f" ({said})" if said else "") + ("" if is_expected else "  <-- WRONG")
+        verdict = (
+            ("yes" if equal else "no") + (f" ({message})" if message else "") + ("" if is_expected else "  <-- WRONG")
+        )
         print(f"{brush:16} {what or '':14} {method:8} {moved:7} {maps:5} {seconds:8.2f}  {verdict}", flush=True)
         live.stop()
-    print("all as promised" if is_well else "NOT all as promised", flush=True)
+    print("all as promised" if is_well else "NOT all as expected", flush=True)
     addon.unregister()
     if not is_well:
         raise SystemExit(1)
 
 
 def prepare(method, what):
-    """A scene with a low grid and a high one in Sculpt Mode, and Live on. Returns the high one."""
+    """Make a scene with a low grid and a high one in Sculpt Mode, and turn Live on. Returns the high grid."""
     window, area, region = view()
     with at_view():
         if bpy.context.object is not None and bpy.context.object.mode != "OBJECT":
@@ -141,18 +143,18 @@ def activate(brush):
 
 
 def stroke(pace, offset=0):
-    """Drag the mouse over the middle of the view. Returns how many maps came before the button went up."""
+    """Drag the mouse over the middle of the view. Returns the number of maps before the button was released."""
     window, _, region = view()
     x, y = region.x + region.width // 2 - 50, window.height - (region.y + region.height // 2) + offset
-    seen = []
+    maps_drawn = []
 
     def note():
         texels = live.session and live.session.texels
-        if texels is not None and not any(texels is known for known in seen):
-            seen.append(texels)
+        if texels is not None and not any(texels is known for known in maps_drawn):
+            maps_drawn.append(texels)
 
     note()
-    first = len(seen)
+    first = len(maps_drawn)
     live.on_new.append(note)
     mouse("mousemove", x, y)
     yield 0.3
@@ -164,11 +166,11 @@ def stroke(pace, offset=0):
     live.on_new.remove(note)
     mouse("mouseup", 1)
     yield 0.05
-    return len(seen) - first
+    return len(maps_drawn) - first
 
 
 def wait():
-    """Until Live has nothing more to do. Returns the seconds that it took until the last map was there."""
+    """Wait until Live has nothing to do. Returns the seconds until its last map."""
     start = time.monotonic()
     last, texels = start, live.session.texels
     yield 0.3
@@ -180,7 +182,7 @@ def wait():
 
 
 def fresh(high):
-    """The texels of a bake of what is there now."""
+    """The texels of a new bake of the present objects."""
     plain = vars(bpy.context.scene.imprint.to_settings())
     own = {"image": "fresh", "storage": "MEMORY", "material": False, "modifiers": "VIEWPORT"}
     method = {"method": live.session.plan.method}
@@ -218,7 +220,7 @@ def mouse(*words):
 
 
 def run(steps):
-    """Call the next of `steps` when it wants to go on; end Blender after the last."""
+    """Run `steps`, and wait between them as long as they say. Quits Blender after the last."""
     seconds = next(steps, None)
     if seconds is None:
         with at_view():
@@ -226,6 +228,6 @@ def run(steps):
     return seconds
 
 
-if "ui" not in globals():  # else a driver of windows calls step() itself
+if "ui" not in globals():  # otherwise, another program that drives the window calls step()
     bpy.context.preferences.view.show_splash = False
     bpy.app.timers.register(functools.partial(run, step()), first_interval=1.0)

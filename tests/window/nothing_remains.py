@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Switches the extension off, and opens another file, in a real Blender window while Live, a view, the cage or a bake is on,
-and prints what stays behind. Not a test that pytest finds.
+"""Disables the extension, and opens another file, in a real Blender window while Live, a view, the cage or a bake is on, and
+prints what remains. Not collected by pytest.
 
-    blender --factory-startup --python tests/window/nothing_stays.py
+    blender --factory-startup --python tests/window/nothing_remains.py
 
-Blender ends with 1 if anything stays.
+Blender exits with 1 if anything remains.
 """
 
 import functools
@@ -29,11 +29,11 @@ from addon.ui.viewport.view_modes import Mode  # noqa: E402
 
 HANDLERS = ("depsgraph_update_post", "frame_change_post", "undo_post", "redo_post", "save_pre", "load_pre", "load_post")
 PATIENCE = 20.0
-"""Seconds after which what has not come will not come."""
+"""Seconds to wait."""
 
 
 def step():
-    """Do all cases; yields the seconds until it wants to go on."""
+    """Run all cases. Yields the seconds to wait."""
     before = handlers()
     is_well = True
     for begin in (live_view_and_cage, own_view, view_after_live, running_bake):
@@ -70,13 +70,13 @@ def live_view_and_cage():
 
 
 def own_view():
-    """A view of a map of its own."""
+    """A view with its own map."""
     press("view_show", mode="SPLIT")
     return (yield from wait(lambda: viewer.mode is Mode.SPLIT and viewer.own is not None and not hiding.is_off))
 
 
 def view_after_live():
-    """A view that Live took over and gave back."""
+    """A view that showed Live's map, after Live was turned off."""
     began = yield from own_view()
     press("live")
     taken = yield from wait(lambda: live.state is LiveState.IDLE and viewer.own is None and runner.run is None)
@@ -104,7 +104,7 @@ def open_another_file():
 
 
 def prepare():
-    """A scene with a low grid and a high one, in the slots."""
+    """Make a scene with a low grid and a high one, in the slots."""
     with at_view():
         for obj in list(bpy.data.objects):
             bpy.data.objects.remove(obj)
@@ -120,7 +120,7 @@ def prepare():
 
 
 def left():
-    """What is still on, in words."""
+    """The names of the parts that are still on."""
     gc.collect()
     is_on = {
         "Live": live.is_on or live.timer.is_running,
@@ -141,7 +141,7 @@ def is_large(found):
 
 
 def handlers():
-    """How many handlers there are."""
+    """The number of handlers."""
     return [len(getattr(bpy.app.handlers, name)) for name in HANDLERS]
 
 
@@ -151,7 +151,7 @@ def press(operator, **arguments):
 
 
 def wait(is_there):
-    """Until it is there. Returns whether it came."""
+    """Wait for it. Returns whether it happened."""
     for _ in range(int(PATIENCE / 0.05)):
         if is_there():
             return True
@@ -167,7 +167,7 @@ def at_view():
 
 
 def run(steps):
-    """Call the next of `steps` when it wants to go on; end Blender after the last."""
+    """Run `steps`, and wait between them as long as they say. Quits Blender after the last."""
     seconds = next(steps, None)
     if seconds is None:
         with at_view():
@@ -175,6 +175,6 @@ def run(steps):
     return seconds
 
 
-if "ui" not in globals():  # else a driver of windows calls step() itself
+if "ui" not in globals():  # otherwise, another program that drives the window calls step()
     bpy.context.preferences.view.show_splash = False
     bpy.app.timers.register(functools.partial(run, step()), first_interval=1.0, persistent=True)
