@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Checks a finished map: coverage, missed rays, overlaps, and what is wrong with the low mesh."""
+"""Checks a finished map: coverage, missed rays, overlaps, and problems of the low mesh."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace

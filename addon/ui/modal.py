@@ -56,7 +56,7 @@ class Runner:
         display.show(context, progress.run_for(self.run.task, TICK))
 
     def stop(self, context: bpy.types.Context) -> str:
-        """Cancel the task, and remove its progress bar. Returns a sentence about what was kept.
+        """Cancel the task, and remove its progress bar. Returns a sentence about the maps that remain.
 
         Unfinished work changes nothing. Without a task, nothing happens.
         """

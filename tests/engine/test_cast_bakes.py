@@ -81,7 +81,7 @@ def test_rays_hit_what_cycles_hits(shared_assets, name):
     error = angles.degrees(angles.decode(texels), angles.decode(expected))[both]
     print(
         f"{name}: median {np.median(error):.4f}, 99th percentile {np.percentile(error, 99):.4f}, over 5 degrees "
-        f"{(error > 5).mean():.4%}; hit by Cycles alone {np.count_nonzero(written & ~ours)}, by us alone "
+        f"{(error > 5).mean():.4%}; hit only by Cycles {np.count_nonzero(written & ~ours)}, only by Imprint "
         f"{np.count_nonzero(ours & ~written)}"
     )
     assert both.mean() > 0.15

@@ -130,7 +130,7 @@ def test_distances_are_measured_on_all_tiles():
     for obj in (low, high):
         move_uvs(obj, scale=(2.0, 1.0))
     for vertex in high.data.vertices:
-        vertex.co.z = 0.3 * max(0.0, vertex.co.x)  # stands off on the second tile alone
+        vertex.co.z = 0.3 * max(0.0, vertex.co.x)  # above the low mesh only on the second tile
     report, _ = bake(low, high, method="CAST", udim=True, storage="PACK")
     assert report.tiles == [1001, 1002]
     assert report.distances["extrusion"] > 0.3

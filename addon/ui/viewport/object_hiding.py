@@ -35,7 +35,7 @@ class ObjectHiding:
         )
         self._requests: dict[int, _Request] = {}
         self._taken: dict[int, _Request | None] = {}
-        """Viewports in Local View by this class, with their requests; None if Undo may have changed what they show."""
+        """Viewports in Local View by this class, with their requests; None if Undo may have changed it."""
         self._left: set[int] = set()
         """Viewports whose Local View the user has left, or that can have none."""
 
