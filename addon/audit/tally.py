@@ -9,7 +9,7 @@ from ..core import texel_state
 from ..core.declarations.choices import Space
 from ..core.settings import Settings
 from ..core.texel_state import Map
-from ..engine import margin_and_channels
+from ..engine import normal_channels
 from .sparse_maps import Sparse, at_most
 
 SAMPLES_A_SIDE = 1024
@@ -44,8 +44,8 @@ class Tally:
         texels, state = stored
         self._add_state(state)
         if settings.space == Space.TANGENT:
-            self._add_upwards(state, margin_and_channels.upwards(texels[COMPARED], settings))
-            self.backwards += margin_and_channels.backwards(texels, state, settings)
+            self._add_upwards(state, normal_channels.upwards(texels[COMPARED], settings))
+            self.backwards += normal_channels.backwards(texels, state, settings)
 
     def add_raw(self, normals: np.ndarray, settings: Settings) -> None:
         """Count a tile of normals as rendering.Renderer.raw returns them."""

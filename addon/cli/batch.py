@@ -18,13 +18,13 @@ from ..core.errors import BakeError, sentence
 from ..core.progress import Progress
 from ..core.report import Report
 from ..core.settings import Settings
-from ..jobs import sequence, several
+from ..jobs import bake_jobs, sequence
 from ..jobs.job import Job, jobs_by_name
 from ..output.files.atomic_file import all_or_none, check_writable, replacing
 from ..scene import object_refs
-from . import batch_results, interruption, mesh_import, run_clashes, standard_streams
+from . import batch_results, interruption, run_clashes, scene_files, standard_streams
 from .batch_results import Result
-from .mesh_import import Stage
+from .scene_files import Stage
 from .terminal_progress import Meter
 from .usage import arguments
 
@@ -48,7 +48,7 @@ def plans(sets: Sequence[argparse.Namespace]) -> tuple[list[Plan], list[str]]:
             result.append(Plan(name, options))
             continue
         try:
-            found, left = mesh_import.pairs(options.pairs, options.suffixes)
+            found, left = scene_files.pairs(options.pairs, options.suffixes)
         except BakeError as error:
             result.append(Plan(name, options, str(error)))
             continue
@@ -136,7 +136,7 @@ def open_files(plan: Plan, stage: Stage, files: run_clashes.Run, meter: Meter) -
     if meter.is_on:
         meter.show(subject(options), Progress("Opening", 0.0))
     jobs, problems = _jobs(options, stage)
-    files.opened(plan.name, options, [several.ATLAS] if _share_image(options) else [job.low.name for job in jobs])
+    files.opened(plan.name, options, [bake_jobs.ATLAS] if _share_image(options) else [job.low.name for job in jobs])
     return Opened(name, options, settings, jobs, problems)
 
 
@@ -176,11 +176,11 @@ def _baked(
             job = jobs[0 if options.frames else step.finished]
             meter.show("the atlas" if share_image else job.low.name, step)
 
-    speed, reports = progress.Pace(several.PROGRESS_SECONDS, has_picture=False), []
+    speed, reports = progress.Pace(bake_jobs.PROGRESS_SECONDS, has_picture=False), []
     if options.frames:
         work = sequence.work(bpy.context, jobs[0], settings, run_clashes.frames(options), speed, reports=reports)
     else:
-        work = several.work(bpy.context, jobs, settings, speed, share_image=share_image, reports=reports)
+        work = bake_jobs.work(bpy.context, jobs, settings, speed, share_image=share_image, reports=reports)
     try:
         return progress.finish(work, on_step), False
     except interruption.Stopped:

@@ -14,7 +14,7 @@ from ..core.progress import Progress
 from . import batch, batch_results, interruption, run_clashes, standard_streams
 from .batch import Plan
 from .batch_results import Result
-from .mesh_import import Stage
+from .scene_files import Stage
 from .terminal_progress import Meter
 from .usage import arguments, job_file
 from .usage.arguments import WrongUsage

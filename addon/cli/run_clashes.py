@@ -13,11 +13,11 @@ from ..core import file_names
 from ..core.errors import WrongPlace
 from ..core.settings import Settings
 from ..jobs import sequence
-from ..jobs.several import ATLAS
+from ..jobs.bake_jobs import ATLAS
 from ..output import datablocks, output_clashes
 from ..output.files.path_clashes import Places
 from . import file_references
-from .mesh_import import ENDINGS
+from .scene_files import ENDINGS
 from .usage import arguments
 from .usage.options import STDOUT
 

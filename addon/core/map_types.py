@@ -37,7 +37,7 @@ class MapType:
 
     name: in settings and job files. label, tooltip: in the interface. suffix: the ending of the names of its image and files;
     empty for the map that the settings name. range: only for maps of numbers. labeled: only for maps of labels. index: in
-    shaders/bake/other_map_values_frag.glsl, for maps that this shader draws. is_deep: whether the map has the depth of the
+    shaders/bake/height_position_ids_frag.glsl, for maps that this shader draws. is_deep: whether the map has the depth of the
     settings, rather than the lowest depth of the format.
     """
 

@@ -89,8 +89,9 @@ def _measured(plan: Plan) -> Plan:
         return replace(plan, method=Method.FLATTEN, why="a surface and its own base mesh share their UVs")
     if meshes.cage is not None:
         return replace(plan, method=Method.CAST, why="there is a cage")
-    method, why, separation = uv_agreement.choose(meshes.low, meshes.highs, plan.tiles)
-    return replace(plan, method=method, why=why, separation=separation)
+    agreement = uv_agreement.measure(meshes.low, meshes.highs, plan.tiles)
+    method = Method.FLATTEN if agreement.is_shared else Method.CAST
+    return replace(plan, method=method, why=agreement.why, separation=agreement.separation)
 
 
 def _flattened(plan: Plan) -> Plan:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Draws the maps other than the normal map, in scene units."""
+"""Draws the maps beside the normal map: height, position, displacement, distance, coverage and IDs, in scene units."""
 
 import gpu
 import numpy as np
@@ -10,7 +10,7 @@ from ..core.settings import Settings
 from ..mesh.local_space import LocalSpace
 from ..mesh.triangle_mesh import Mesh
 from ..passes import mesh_upload, target
-from ..passes.bake import gbuffer, other_map_values
+from ..passes.bake import gbuffer, height_position_ids
 from .bands import Band
 
 
@@ -39,7 +39,7 @@ class OtherMaps:
         self, into: target.Target, name: str, normals: gpu.types.GPUTexture, points: target.Target
     ) -> gpu.types.GPUTexture:
         """Draw the map of this name into `into` (RGBA32F), with the alpha of `normals`. Returns its texture."""
-        other_map_values.draw(
+        height_position_ids.draw(
             into,
             BY_NAME[name],
             normals,

@@ -17,7 +17,8 @@ from ..mesh.triangle_mesh import Mesh
 from ..passes import mesh_upload, target
 from ..passes.bake import preview_picture, samples, tangent
 from .bands import Band, bands
-from .margin_and_channels import PostProcess, channels
+from .margins import PostProcess
+from .normal_channels import channels
 from .sources import Source
 
 COARSE = 8

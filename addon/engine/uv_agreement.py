@@ -3,6 +3,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -31,21 +32,29 @@ LARGEST_EXTENT = 2.0
 """In tiles. UVs of a larger extent are compared tile by tile."""
 
 
-def choose(low: Mesh, highs: Sequence[Mesh], tiles: Sequence[int]) -> tuple[str, str, np.ndarray | None]:
-    """The method for these meshes on these UDIM tiles, and why.
+@dataclass(frozen=True)
+class Agreement:
+    """Whether high and low meshes share their UV layout, and a clause that says why.
 
-    Returns FLATTEN or CAST, a clause, and, for FLATTEN, the result of separation.sample on a large map. A single high mesh
-    with another UV layout calls for CAST.
+    separation: the result of separation.sample on a large map, if they do.
     """
+
+    is_shared: bool
+    why: str
+    separation: np.ndarray | None = None
+
+
+def measure(low: Mesh, highs: Sequence[Mesh], tiles: Sequence[int]) -> Agreement:
+    """Compare the UV layouts on these UDIM tiles. They are not shared if a single high mesh has another one."""
     no_uv = next((high for high in highs if high.uv is None), None)
     if no_uv is not None:
         instances = f"is made of {no_uv.instances:,} instances, which have no UVs of their own"
         reason = instances if no_uv.instances > 1 else "has no UV layer"
-        return Method.CAST, f"{no_uv.name!r} {reason}", None
+        return Agreement(False, f"{no_uv.name!r} {reason}")
     texels = separation.sample(separation.flat_probe(low, highs), (PROBE_SIZE, PROBE_SIZE), tiles)
     on_low, both = texels[..., 3] != 0.0, texels[..., 3] > 0.0
     if not both.any():
-        return Method.CAST, "the UV layouts have no texel in common", None
+        return Agreement(False, "the UV layouts have no texel in common")
     # High and low objects are often side by side in the scene: the offset between them does not count.
     offset, surface = separation.offset(texels, Method.FLATTEN), _Surface(low)
     normals = np.stack([surface.draw(udim.uv_to_clip(tile))[1] for tile in tiles])[both][:, :3]
@@ -54,14 +63,10 @@ def choose(low: Mesh, highs: Sequence[Mesh], tiles: Sequence[int]) -> tuple[str,
     share = np.count_nonzero(np.linalg.norm(between, axis=1) < CLOSE) / np.count_nonzero(on_low)
     difference = differing(low, highs, tiles, offset) if len(highs) > 1 else ""
     if difference:
-        return Method.CAST, difference, None
+        return Agreement(False, difference)
     if share < SHARE:
-        return (
-            Method.CAST,
-            f"the UV layouts differ: the meshes' points are close on only {share:.1%} of the texels",
-            None,
-        )
-    return Method.FLATTEN, f"the UV layouts agree: the meshes' points are close on {share:.1%} of the texels", texels
+        return Agreement(False, f"the UV layouts differ: the meshes' points are close on only {share:.1%} of the texels")
+    return Agreement(True, f"the UV layouts agree: the meshes' points are close on {share:.1%} of the texels", texels)
 
 
 def differing(low: Mesh, highs: Sequence[Mesh], tiles: Sequence[int], offset: np.ndarray) -> str:

@@ -6,7 +6,7 @@ generator: Blender can continue between its steps. A Job refers to the objects o
 objects' names. All raise BakeError for objects or settings that cannot be baked.
 """
 
+from .bake_jobs import bake_all, bake_pair, work
 from .job import Job, jobs_by_name
-from .several import bake_all, bake_pair, work
 
 __all__ = ["Job", "bake_all", "bake_pair", "jobs_by_name", "work"]

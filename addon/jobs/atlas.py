@@ -12,11 +12,11 @@ from ..core.map_types import BY_NAME, NORMAL, Labeled
 from ..core.report import Report
 from ..core.settings import Settings
 from ..core.timings import Timings
-from ..engine import gpu_memory, margin_and_channels
+from ..engine import gpu_memory, margins
 from ..engine.rendering import Renderer
 from ..engine.sources import DrawnMaps
 from ..output.outputs import Outputs, hook_up
-from .report_writing import DrawnJob, report_of
+from .report_making import DrawnJob, report_of
 
 
 class Atlas:
@@ -60,7 +60,7 @@ class Atlas:
 
     def _fill(self, outputs: Outputs, timings: Timings) -> float:
         """Add all maps with their margin to `outputs`. Returns the share of the texels that is margin."""
-        post_processes = margin_and_channels.for_maps([drawn.meshes.low for drawn in self.drawn], self.settings)
+        post_processes = margins.for_maps([drawn.meshes.low for drawn in self.drawn], self.settings)
         margin = texels = 0
         with gpu_memory.trimmed():
             for tile, maps in self.tiles.items():

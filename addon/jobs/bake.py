@@ -15,7 +15,7 @@ from ..core.progress import Pace, Progress, Task, part
 from ..core.report import Report
 from ..core.settings import Settings
 from ..core.timings import Timings
-from ..engine import gpu_memory, margin_and_channels
+from ..engine import gpu_memory, margins
 from ..engine.method_choice import Plan, choose_method, nothing_drawn, tiles_to_bake
 from ..engine.rendering import Renderer
 from ..engine.sources import normal_source
@@ -23,7 +23,7 @@ from ..mesh.inputs import Meshes
 from ..output.outputs import Outputs, Stored, hook_up
 from ..scene import reading
 from .job import Job
-from .report_writing import DrawnJob, report_of
+from .report_making import DrawnJob, report_of
 
 READY = 0.2
 """The share of a bake that is done when drawing begins."""
@@ -45,7 +45,7 @@ def _bake(
     with Outputs(settings) as outputs:
         with gpu_memory.trimmed():
             ready = yield from part(_prepare(context, job, settings, pace, timings), 0.0, READY)
-            tally, post_processes = Tally(), margin_and_channels.for_maps([ready.plan.meshes.low], settings)
+            tally, post_processes = Tally(), margins.for_maps([ready.plan.meshes.low], settings)
             for tile, start, stop in _shares(ready.plan):
                 maps = yield from part(ready.renderer.texels(tile, post_processes), start, stop)
                 tally.add(maps[NORMAL.name], settings)

@@ -15,7 +15,7 @@ from ..core.map_types import NORMAL, Labeled
 from ..core.progress import Pace, Progress, Task
 from ..core.settings import Settings
 from ..core.timings import Timings
-from ..engine import margin_and_channels, rendering, sources
+from ..engine import margins, rendering, sources
 from ..engine.bands import Band
 from ..engine.method_choice import Plan, choose_method, nothing_drawn
 from ..engine.sources import Source
@@ -25,7 +25,7 @@ from ..output import datablocks, output_clashes, outputs
 from ..passes import target
 from ..passes.mesh_upload import UploadCache
 from ..scene import instances, mesh_reader, object_checks, object_modes, reading
-from . import several
+from . import bake_jobs
 from .bake import READY
 from .job import Job, check_job
 
@@ -45,7 +45,7 @@ class Session:
         settings = replace(
             settings.read_by(context.scene.render.engine), modifiers=Modifiers.VIEWPORT, maps=(), mask=False
         )
-        self.settings = several.for_low(settings, job.low.name)
+        self.settings = bake_jobs.for_low(settings, job.low.name)
         output_clashes.check(settings, [self.settings], [job.low.name])
         check_job(context, job, self.settings)
         self.pace = pace
@@ -53,7 +53,7 @@ class Session:
         self.plan: Plan | None = None
         self._meshes: Meshes | None = None
         self._method = settings.method
-        self._post_processes: dict[str, margin_and_channels.PostProcess] = {}
+        self._post_processes: dict[str, margins.PostProcess] = {}
         self._uploads = UploadCache()
         self._source: sources.Source | None = None
         self._pool = target.TargetPool()
@@ -109,7 +109,7 @@ class Session:
         meshes = reading.read_again(context, low, highs, cage, settings, before=before, changed=changed)
         self._meshes = meshes
         if not self._post_processes or before is None or meshes.low is not before.low:
-            self._post_processes = margin_and_channels.for_maps([meshes.low], settings)
+            self._post_processes = margins.for_maps([meshes.low], settings)
         return meshes
 
     def _draw_coarse(self, source: Source, settings: Settings) -> Progress:
@@ -123,7 +123,7 @@ class Session:
         # It has its own pool, so that the targets of the whole map keep their size.
         with target.using(self._coarse_pool):
             renderer = rendering.Renderer(source, self._meshes.basis, small, Timings(), Pace(), uploads=self._uploads)
-            progress.finish(renderer.texels(udim.FIRST, margin_and_channels.for_maps([self._meshes.low], small)))
+            progress.finish(renderer.texels(udim.FIRST, margins.for_maps([self._meshes.low], small)))
         self._coarse = self._coarse_pool.find("map").texture
         return Progress("Drawing", READY, self._coarse)
 

@@ -27,7 +27,7 @@ from ..passes import mesh_upload, target
 from ..passes.audit import overlap, triangle_ids
 from ..scene import evaluation, mesh_reader, reading
 from .job import Job, check_job
-from .report_writing import PastBake
+from .report_making import PastBake
 
 ON_TEXELS = ("overlap", "uncovered", "far", "gaps", "backwards")
 ON_TRIANGLES = ("mirrored", "outside", "no_area", "behind")

@@ -16,7 +16,7 @@ from ..core.report import Report
 from ..core.settings import Settings
 from ..output import datablocks, map_names, materials, output_clashes, outputs
 from ..scene import object_refs
-from . import several
+from . import bake_jobs
 from .job import Job
 
 FRAME_IMAGE = "Imprint frame"
@@ -52,7 +52,7 @@ def work(
     *,
     reports: list[Report] | None = None,
 ) -> Task[list[Report]]:
-    """Bake each of `frames`, and put the image sequence into the low object's materials. A generator, as several.work.
+    """Bake each of `frames`, and put the image sequence into the low object's materials. A generator, as bake_jobs.work.
 
     If it is closed early, finished frames stay. reports: receives the report of each finished frame. Raises BakeError.
     """
@@ -73,7 +73,7 @@ def work(
         for number, frame in enumerate(frames):
             _go_to(scene, frame)
             steps = part(
-                several.work(context, [job], frame_settings[number], pace),
+                bake_jobs.work(context, [job], frame_settings[number], pace),
                 number / len(frames),
                 (number + 1) / len(frames),
             )

@@ -8,7 +8,7 @@ from ..core.errors import BakeError
 from ..core.report import Report
 from ..mesh import face_shapes
 from ..scene import evaluation, mesh_reader
-from .report_writing import PastBake
+from .report_making import PastBake
 
 
 def add_triangulate(context: bpy.types.Context, report: Report) -> tuple[bpy.types.Modifier, int]:

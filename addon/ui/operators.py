@@ -10,7 +10,7 @@ from ..core import progress
 from ..core.errors import BakeError
 from ..core.report import Report
 from ..core.settings import Settings
-from ..jobs import sequence, several
+from ..jobs import bake_jobs, sequence
 from ..jobs.job import Job, jobs_by_name
 from ..scene import object_checks, object_refs
 from . import modal
@@ -72,7 +72,7 @@ class _OnePair(_Bake, Options):
 
     def task(self, context: bpy.types.Context, pace: progress.Pace) -> progress.Task:
         job, settings = self.job(context)
-        return (yield from several.work(context, [job], settings, pace))
+        return (yield from bake_jobs.work(context, [job], settings, pace))
 
     def job(self, context: bpy.types.Context) -> tuple[Job, Settings]:
         """The objects and settings from the arguments, or from the panel where an argument is missing."""
@@ -156,7 +156,7 @@ class IMPRINT_OT_bake_pairs(_Bake, bpy.types.Operator):
         jobs, problems = jobs_by_name(context, settings.suffixes())
         for problem in problems:
             self.report({"WARNING"}, problem)
-        steps = several.work(context, jobs, settings.to_settings(), pace, share_image=settings.share_image)
+        steps = bake_jobs.work(context, jobs, settings.to_settings(), pace, share_image=settings.share_image)
         return (yield from steps)
 
 

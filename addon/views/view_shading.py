@@ -12,7 +12,7 @@ from ..core import bases
 from ..core.declarations.choices import Method, Storage
 from ..core.errors import BakeError
 from ..core.settings import Settings
-from ..engine import margin_and_channels, uv_agreement
+from ..engine import normal_channels, uv_agreement
 from ..engine.bands import BAND_TEXELS
 from ..jobs.live_session import Session
 from ..mesh.triangle_mesh import normal_matrix
@@ -138,7 +138,7 @@ class Shading:
             normals,
             light,
             kind=kinds.get(settings.space, bases.of_name(settings.basis).index),
-            channels=margin_and_channels.channels(settings),
+            channels=normal_channels.channels(settings),
             steps=255 if settings.depth == 8 else 0,
         )
 

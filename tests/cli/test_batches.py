@@ -13,7 +13,7 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.cli import command, mesh_import
+from addon.cli import command, scene_files
 from scripts import imprint
 from tests.support import angles, maps, zoo
 
@@ -95,8 +95,8 @@ SAME_PLACE = 0.05
 def test_all_endings_are_in_the_help_and_tested(capsys):
     assert command.run(["--help"]) == command.DONE
     text = capsys.readouterr().out.replace("\n", " ")
-    assert all(ending in text for ending in mesh_import.ENDINGS)
-    assert set(EXPORTERS) == set(mesh_import.ENDINGS)
+    assert all(ending in text for ending in scene_files.ENDINGS)
+    assert set(EXPORTERS) == set(scene_files.ENDINGS)
 
 
 @pytest.fixture(scope="module")
@@ -249,7 +249,7 @@ def test_broken_files_give_one_sentence(folder, run, name, role):
 
 def test_a_missing_file_is_reported_before_others_are_read(folder, run, monkeypatch):
     export(folder / "low.obj", zoo.plane("lo"))
-    monkeypatch.setattr(mesh_import, "bring", lambda name: pytest.fail(f"{name} was read"))
+    monkeypatch.setattr(scene_files, "bring", lambda name: pytest.fail(f"{name} was read"))
     code, _, err = run("--low-file", "low.obj", "--high-file", "none.obj", *SMALL, "--output", "m.png")
     assert code == command.FAILED
     assert err == f"imprint: There is no file {str(folder / 'none.obj')!r}.\n"
@@ -516,11 +516,11 @@ def test_a_faulty_job_file_is_wrong_usage_and_nothing_is_baked(scenes, run, name
 @pytest.fixture
 def opened(monkeypatch):
     """The names of the opened scenes and imported files, in order."""
-    result, open_blend, bring = [], mesh_import._open_blend, mesh_import.bring
+    result, open_blend, bring = [], scene_files._open_blend, scene_files.bring
     monkeypatch.setattr(
-        mesh_import, "_open_blend", lambda name: (result.append(os.path.basename(name)), open_blend(name))
+        scene_files, "_open_blend", lambda name: (result.append(os.path.basename(name)), open_blend(name))
     )
-    monkeypatch.setattr(mesh_import, "bring", lambda name: (result.append(os.path.basename(name)), bring(name))[1])
+    monkeypatch.setattr(scene_files, "bring", lambda name: (result.append(os.path.basename(name)), bring(name))[1])
     return result
 
 

@@ -14,7 +14,7 @@ import pytest
 from addon.cli import command
 from addon.cli.usage import arguments
 from addon.core.errors import BakeError
-from addon.jobs import several
+from addon.jobs import bake_jobs
 from scripts.imprint import ROOT
 from tests.support import maps, zoo
 
@@ -187,7 +187,7 @@ def test_no_partial_report(scene, fails, monkeypatch):
 
     (scene / "m.png").write_bytes(b"an old picture")
     (scene / "r.json").write_text("an old report")
-    monkeypatch.setattr(several, "work", fail)
+    monkeypatch.setattr(bake_jobs, "work", fail)
     line = fails(command.FAILED, *BAKE, "--output", "m.png", "--report", "r.json", "--save-blend", "s.blend")
     assert line == "imprint: The bake went wrong."
     assert (scene / "m.png").read_bytes() == b"an old picture"
@@ -279,13 +279,13 @@ def test_the_report_of_a_failure_does_not_replace_other_files(scene):
 
 def test_a_path_that_becomes_a_folder_during_the_bake_is_a_failure(scene, capsys, monkeypatch):
     """Exit code 2 is only for wrong calls, which are found before the bake."""
-    work = several.work
+    work = bake_jobs.work
 
     def late(*arguments, **options):
         (scene / "m.png").mkdir()
         return work(*arguments, **options)
 
-    monkeypatch.setattr(several, "work", late)
+    monkeypatch.setattr(bake_jobs, "work", late)
     assert command.run([*BAKE, "--output", "m.png", "--report", "r.json"]) == command.FAILED
     (line,) = capsys.readouterr().err.splitlines()
     assert "m.png" in line

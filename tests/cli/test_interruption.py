@@ -11,8 +11,8 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.cli import command, interruption, mesh_import
-from addon.jobs import several
+from addon.cli import command, interruption, scene_files
+from addon.jobs import bake_jobs
 from scripts import imprint
 from tests.support import zoo
 
@@ -47,7 +47,7 @@ def stops_at(monkeypatch):
     """A function that raises signals at the `number`-th step of a bake with `word` in its text."""
 
     def arrange(word, number=1, signals=(signal.SIGINT,)):
-        work, count = several.work, iter(range(1000))
+        work, count = bake_jobs.work, iter(range(1000))
 
         def watched(*arguments, **options):
             result = work(*arguments, **options)
@@ -63,7 +63,7 @@ def stops_at(monkeypatch):
             finally:
                 result.close()
 
-        monkeypatch.setattr(several, "work", watched)
+        monkeypatch.setattr(bake_jobs, "work", watched)
 
     return arrange
 
@@ -96,7 +96,7 @@ def test_a_signal_in_one_of_blenders_callbacks_is_not_lost(scene):
 
 def test_a_signal_while_a_file_is_imported_is_not_lost(scene, monkeypatch):
     bpy.ops.wm.obj_export(filepath=str(scene / "a_low.obj"))
-    monkeypatch.setitem(mesh_import.IMPORTERS, ".obj", ("imprint_test", "signal", {}))
+    monkeypatch.setitem(scene_files.IMPORTERS, ".obj", ("imprint_test", "signal", {}))
 
     class Signal(bpy.types.Operator):
         bl_idname, bl_label = "imprint_test.signal", "Signal"
@@ -165,14 +165,14 @@ def test_a_stopped_batch_reports_finished_bakes(scene, stops_at, capfd):
 
 
 def test_too_little_memory_for_one_bake_does_not_stop_others(scene, monkeypatch, capfd):
-    work, numbers = several.work, iter(range(4))
+    work, numbers = bake_jobs.work, iter(range(4))
 
     def heavy(*arguments, **options):
         if next(numbers) == 1:
             np.empty(2**59, np.float64)
         return work(*arguments, **options)
 
-    monkeypatch.setattr(several, "work", heavy)
+    monkeypatch.setattr(bake_jobs, "work", heavy)
     assert command.run(batch(scene)) == command.FAILED
     reports = json.loads((scene / "r.json").read_text())
     assert [each["ok"] for each in reports] == [True, False, True, True]
@@ -181,7 +181,7 @@ def test_too_little_memory_for_one_bake_does_not_stop_others(scene, monkeypatch,
 
 
 def test_too_little_memory_gives_one_line(scene, monkeypatch, capfd):
-    monkeypatch.setattr(several, "work", lambda *_, **__: np.empty(2**59, np.float64))
+    monkeypatch.setattr(bake_jobs, "work", lambda *_, **__: np.empty(2**59, np.float64))
     assert command.run([*ONE, "--output", "m.png"]) == command.FAILED
     (line,) = capfd.readouterr().err.splitlines()
     assert line.startswith("imprint: There is not enough memory (")
@@ -190,14 +190,14 @@ def test_too_little_memory_gives_one_line(scene, monkeypatch, capfd):
 def test_the_report_of_a_batch_is_written_after_each_bake(scene, monkeypatch):
     """So that a crash loses only one entry."""
     monkeypatch.setattr(command.batch_results.ReportFile, "SHARE", 1e9)
-    seen, work = [], several.work
+    seen, work = [], bake_jobs.work
 
     def watched(*arguments, **options):
         report = scene / "r.json"
         seen.append(len(json.loads(report.read_text())) if report.exists() else 0)
         return work(*arguments, **options)
 
-    monkeypatch.setattr(several, "work", watched)
+    monkeypatch.setattr(bake_jobs, "work", watched)
     assert command.run(batch(scene)) == command.DONE
     assert seen == [0, 1, 2, 3]
 

@@ -12,7 +12,7 @@ from addon.core import progress
 from addon.core.settings import Settings
 from addon.core.timings import Timings
 from addon.engine import rendering, sources
-from addon.engine.margin_and_channels import for_maps
+from addon.engine.margins import for_maps
 from addon.mesh import triangle_mesh
 from addon.scene import mesh_reader
 from tests.support import angles, cycles, lanes, maps

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from addon.core.settings import Settings
-from addon.engine import bands, large_map_margin, margin_and_channels
+from addon.engine import bands, large_map_margin, margins
 from addon.engine.rays import tree_cache
 from addon.jobs import Job, bake_all, bake_pair
 from addon.output import map_storage, output_clashes
@@ -40,7 +40,7 @@ def in_bands(monkeypatch):
 
     def shrink():
         monkeypatch.setattr(bands, "BAND_TEXELS", 10 * SIZE)
-        for module in (bands, margin_and_channels):
+        for module in (bands, margins):
             monkeypatch.setattr(module, "REACH", 3)
         monkeypatch.setattr(large_map_margin, "ROWS", 7)
 

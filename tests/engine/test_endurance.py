@@ -19,7 +19,7 @@ import pytest
 from addon.core.progress import Pace
 from addon.core.settings import Settings
 from addon.engine.rays import tree_cache
-from addon.jobs import Job, bake_pair, several
+from addon.jobs import Job, bake_jobs, bake_pair
 from addon.passes import target
 from scripts import imprint
 from tests.support import zoo
@@ -141,7 +141,7 @@ SHARES = (0.0, *np.random.default_rng(0).random(8).round(3), 1.0)
 
 def cancel(low, high, settings, share):
     """Close a bake after `share` of it. At 1, after the last step before anything is stored."""
-    work = several.work(bpy.context, [Job(low, [high])], settings, Pace(0.01))
+    work = bake_jobs.work(bpy.context, [Job(low, [high])], settings, Pace(0.01))
     next(step for step in work if step.done >= share and (share < 1.0 or step.what == "Storing"))
     work.close()
 

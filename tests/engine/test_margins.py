@@ -11,7 +11,7 @@ import pytest
 
 from addon.core import texel_state
 from addon.core.settings import Settings
-from addon.engine import bands, large_map_margin, margin_and_channels
+from addon.engine import bands, large_map_margin, margins
 from addon.jobs import Job, bake_all
 from addon.mesh.triangle_mesh import Mesh
 from tests.support import angles, maps, zoo
@@ -27,7 +27,7 @@ def finished(values, lows, tile=1001, name="NORMAL", **settings):
     """The texels (H, W, 4) and their state (H, W) of `values` (H, W, 4), drawn in bands as a bake does."""
     height, width = values.shape[:2]
     settings = Settings(width=width, height=height, **{"maps": () if name == "NORMAL" else (name,), **settings})
-    last = margin_and_channels.for_maps(lows, settings)[name]
+    last = margins.for_maps(lows, settings)[name]
     texels, state = np.empty((height, width, 4), np.float32), np.empty((height, width), np.uint8)
     for part in bands.bands(width, height, settings.margin, tile):
         rows = np.zeros((part.height, width, 4), np.float32)
@@ -133,7 +133,7 @@ def in_bands(monkeypatch):
     def shrink(rows, reach):
         monkeypatch.setattr(bands, "BAND_TEXELS", SIZE[0] * rows)
         monkeypatch.setattr(bands, "REACH", reach)
-        monkeypatch.setattr(margin_and_channels, "REACH", reach)
+        monkeypatch.setattr(margins, "REACH", reach)
         monkeypatch.setattr(large_map_margin, "ROWS", 33)
 
     return shrink
@@ -378,7 +378,7 @@ def test_texels_between_two_seams_continue_across_the_nearer_one(backwards):
 
 @pytest.mark.parametrize("margin", [20, None])
 def test_nearest_texel_stays_far_from_a_seam(monkeypatch, margin):
-    monkeypatch.setattr(margin_and_channels, "REACH", 8)
+    monkeypatch.setattr(margins, "REACH", 8)
     islands = cut(degrees=37.0)
     values, lows = drawn(islands, "TANGENT"), [mesh_of(islands)]
     texels, state = finished(values, lows, margin=margin, margin_type="ADJACENT_FACES")

@@ -10,7 +10,7 @@ import pytest
 from addon.core.errors import BakeError
 from addon.core.progress import Pace, finish
 from addon.core.settings import Settings
-from addon.jobs import Job, bake_all, bake_pair, live_session, locate_issues, sequence, several
+from addon.jobs import Job, bake_all, bake_jobs, bake_pair, live_session, locate_issues, sequence
 from addon.output import datablocks
 from addon.ui.live.live_controller import live
 from tests.support import zoo
@@ -71,7 +71,7 @@ def endings(make, change):
 @pytest.mark.parametrize("name", ["a", "a high", "b", "b high"])
 def test_a_deleted_object_raises_an_error_at_every_step(name, share_image):
     def make():
-        return several.work(bpy.context, pairs(), settings(), Pace(SLICED), share_image=share_image)
+        return bake_jobs.work(bpy.context, pairs(), settings(), Pace(SLICED), share_image=share_image)
 
     messages = list(endings(make, lambda: remove(name)))
     assert len(messages) > 6
@@ -81,7 +81,7 @@ def test_a_deleted_object_raises_an_error_at_every_step(name, share_image):
 
 @pytest.mark.parametrize("name", ["a", "a high"])
 def test_deleting_an_object_of_the_only_job_changes_nothing(name):
-    work = several.work(bpy.context, pairs("a"), settings(), Pace(SLICED))
+    work = bake_jobs.work(bpy.context, pairs("a"), settings(), Pace(SLICED))
     next(work)
     remove(name)
     before = snapshot()
@@ -91,7 +91,7 @@ def test_deleting_an_object_of_the_only_job_changes_nothing(name):
 
 
 def test_maps_of_finished_jobs_stay():
-    work = several.work(bpy.context, pairs(), settings(), Pace(SLICED))
+    work = bake_jobs.work(bpy.context, pairs(), settings(), Pace(SLICED))
     while next(work).finished < 1:
         pass
     remove("b")
@@ -103,7 +103,7 @@ def test_maps_of_finished_jobs_stay():
 def test_an_atlas_is_not_replaced():
     gray = np.full((16, 16, 4), 0.5, np.float32)
     datablocks.fill("atlas", gray, is_float=True, pack=False)
-    work = several.work(bpy.context, pairs(), settings(image="atlas"), Pace(SLICED), share_image=True)
+    work = bake_jobs.work(bpy.context, pairs(), settings(image="atlas"), Pace(SLICED), share_image=True)
     while next(work).what != "Storing":
         pass
     remove("b")
@@ -146,7 +146,7 @@ def test_deleting_the_scene_ends_the_sequence(tmp_path):
 @pytest.mark.parametrize("share_image", [False, True], ids=["several", "atlas"])
 def test_renaming_objects_does_not_change_a_bake(share_image):
     jobs = pairs()
-    work = several.work(bpy.context, jobs, settings(image="{low}"), Pace(SLICED), share_image=share_image)
+    work = bake_jobs.work(bpy.context, jobs, settings(image="{low}"), Pace(SLICED), share_image=share_image)
     next(work)
     for obj in list(bpy.data.objects):
         obj.name = f"{obj.name} renamed"

@@ -10,7 +10,7 @@ from addon.core import timings
 from addon.core.progress import Pace
 from addon.core.settings import Settings
 from addon.engine.rays import tree_cache
-from addon.jobs import Job, several
+from addon.jobs import Job, bake_jobs
 from tests.support import zoo
 
 
@@ -28,7 +28,7 @@ def test_stages_add_up_to_the_total_without_waiting(method, share_image, monkeyp
     tree_cache.trees.free()
     jobs = [Job(zoo.plane("lo"), [zoo.terrain("hi")])]
     settings = Settings(method, width=32, height=32, image="map", storage="MEMORY", material=False)
-    work = several.work(bpy.context, jobs, settings, Pace(0.01), share_image=share_image)
+    work = bake_jobs.work(bpy.context, jobs, settings, Pace(0.01), share_image=share_image)
     try:
         while True:
             next(work)

@@ -16,7 +16,7 @@ from addon.core.errors import BakeError
 from addon.core.file_structure import completeness, tiff
 from addon.core.progress import Pace
 from addon.core.settings import Settings
-from addon.jobs import Job, bake_pair, several
+from addon.jobs import Job, bake_jobs, bake_pair
 from addon.output import map_storage, quantize
 from scripts.imprint import ROOT
 from tests.support import lanes, pictures, zoo
@@ -243,7 +243,7 @@ def test_a_stopped_bake_leaves_no_files(tmp_path):
     settings = Settings(method="FLATTEN", width=64, height=64, storage="FILE", output=str(path), mask=True)
     seen, stops = set(), 0
     while True:
-        work = several.work(bpy.context, [Job(low, [high])], settings, Pace(0.001))
+        work = bake_jobs.work(bpy.context, [Job(low, [high])], settings, Pace(0.001))
         steps = [next(work, None) for _ in range(stops + 1)]
         seen |= {name.partition(".partial")[2] for name in os.listdir(tmp_path) if "partial" in name}
         if steps[-1] is None:

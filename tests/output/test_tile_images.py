@@ -12,7 +12,7 @@ from addon.core import map_types
 from addon.core.errors import BakeError
 from addon.core.progress import Pace
 from addon.core.settings import Settings
-from addon.jobs import Job, bake_pair, several
+from addon.jobs import Job, bake_jobs, bake_pair
 from addon.output import map_names, map_storage
 from tests.support import maps, pictures, zoo
 from tests.support.snapshot import difference, snapshot
@@ -511,7 +511,7 @@ def test_a_stopped_bake_of_tiles_leaves_no_files(storage, tmp_path, monkeypatch)
         output=str(folder / "map.png"),
         image="map",
     )
-    work = several.work(bpy.context, [Job(low, [high])], settings, Pace(0.001))
+    work = bake_jobs.work(bpy.context, [Job(low, [high])], settings, Pace(0.001))
     most = 0
     for _ in work:
         found = [name for _, _, names in os.walk(tmp_path) for name in names]

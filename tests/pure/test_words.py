@@ -90,7 +90,7 @@ NAMES = {
     "Kept": "a cache",
     "Work": "Task",
     "Step": "Progress",
-    "relief": "other_map_values",
+    "relief": "height_position_ids",
     "stitch": "large_map_margin",
     "subjects": "objects",
     "told": "reported, messages, ...",

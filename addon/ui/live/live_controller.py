@@ -14,7 +14,7 @@ from ...jobs.job import Job
 from ..callbacks import Handlers, Timer
 from ..translations.lookup import message
 from ..viewport.progress_display import display
-from .following import SLICE, Following
+from .object_changes import SLICE, Following
 
 TICK = 0.02
 """Seconds between two checks for changes."""

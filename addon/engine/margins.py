@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The last passes over a band: encode values as they are stored, and draw the margin around the islands."""
+"""Draws the margin around UV islands, and encodes values as they are stored: the last passes over a band."""
 
 from collections.abc import Sequence
 
 import gpu
 import numpy as np
 
-from ..core import texel_state
 from ..core.declarations.choices import MarginType, Space
 from ..core.map_types import BY_NAME, NORMAL, Kind
 from ..core.settings import Settings
@@ -16,6 +15,7 @@ from ..passes import target
 from ..passes.margin import margin_fill, margin_search, seam_fill
 from . import large_map_margin
 from .bands import REACH, Band, bands
+from .normal_channels import channels
 
 
 class Borders:
@@ -102,25 +102,3 @@ def for_maps(lows: Sequence[Mesh], settings: Settings) -> dict[str, PostProcess]
     of_kind = {Kind.NORMAL: normal, Kind.VALUE: seam_fill.VALUE, Kind.LABEL: seam_fill.LABEL}
     kinds = {name: of_kind[BY_NAME[name].kind] for name in (NORMAL.name, *settings.maps)}
     return {name: PostProcess(settings, kind, borders) for name, kind in kinds.items()}
-
-
-def channels(settings: Settings) -> np.ndarray:
-    """The (3, 3) matrix from a normal to its red, green and blue channels."""
-    matrix = np.zeros((3, 3))
-    for row, axis in enumerate((settings.red, settings.green, settings.blue)):
-        matrix[row, "XYZ".index(axis[1])] = 1.0 if axis[0] == "+" else -1.0
-    return matrix
-
-
-def backwards(texels: np.ndarray, state: np.ndarray, settings: Settings) -> int:
-    """The number of written texels whose z is 0 or less. texels (height, width, 4): normals as they are stored."""
-    z = channels(settings)[:, 2]
-    stored = texels[..., int(np.argmax(np.abs(z)))]
-    half = np.float32(0.5)
-    return int(np.count_nonzero((stored <= half if z.sum() > 0.0 else stored >= half) & (state == texel_state.WRITTEN)))
-
-
-def upwards(texels: np.ndarray, settings: Settings) -> np.ndarray:
-    """Half the z of the normals in stored texels (height, width, 4): (height, width)."""
-    z = channels(settings)[:, 2]
-    return texels[..., int(np.argmax(np.abs(z)))] * np.float32(z.sum()) - np.float32(0.5 * z.sum())

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 PROGRAM = Program(
     vertex="lib/fullscreen_vert.glsl",
-    fragment="bake/other_map_values_frag.glsl",
+    fragment="bake/height_position_ids_frag.glsl",
     inputs=(("VEC2", "position"),),
     samplers=(
         ("FLOAT_2D", "normals"),
