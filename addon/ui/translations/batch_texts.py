@@ -34,8 +34,8 @@ TABLE = {
         "es": "Captura cada objeto low poly de la escena con los objetos high poly de nombre correspondiente",
     },
     (LABEL, "Sequence"): {"de_DE": "Sequenz", "es": "Secuencia"},
-    (LABEL, "First"): {"de_DE": "Erstes Bild", "es": "Primero"},
-    (LABEL, "Last"): {"de_DE": "Letztes Bild", "es": "Último"},
+    (LABEL, "First"): {"de_DE": "Erstes", "es": "Primero"},
+    (LABEL, "Last"): {"de_DE": "Letztes", "es": "Último"},
     (SENTENCE, "First frame; below 0 for that of the scene"): {
         "de_DE": "Erstes Einzelbild; unter 0 für das der Szene",
         "es": "Primer fotograma; menor que 0 para el de la escena",

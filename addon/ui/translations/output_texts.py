@@ -67,7 +67,7 @@ TABLE = {
         "de_DE": "Abstand von der Low-Poly- zur High-Poly-Oberfläche entlang der Normalen der Low-Poly-Oberfläche",
         "es": "Distancia de la superficie low poly a la high poly, a lo largo de la normal de la superficie low poly",
     },
-    (LABEL, "Vector Displacement"): {"de_DE": "Vektorverlagerung", "es": "Desplazamiento vectorial"},
+    (LABEL, "Vector Displacement"): {"de_DE": "Vektorverlagerung", "es": "Desplaz. vectorial"},
     (SENTENCE, "Vector from the low surface to the high one"): {
         "de_DE": "Vektor von der Low-Poly- zur High-Poly-Oberfläche",
         "es": "Vector de la superficie low poly a la high poly",

@@ -63,7 +63,7 @@ TABLE = {
         "de_DE": "Die eigenen Normalen des Meshes, mit harten Kanten und benutzerdefinierten Normalen",
         "es": "Las normales propias de la malla, con bordes duros y normales personalizadas",
     },
-    (LABEL, "Ignore Backfaces"): {"de_DE": "Rückseiten ignorieren", "es": "Ignorar caras traseras"},
+    (LABEL, "Ignore Backfaces"): {"de_DE": "Ohne Rückseiten", "es": "Sin caras traseras"},
     (SENTENCE, "Let the rays pass through faces of the high mesh that point away from them"): {
         "de_DE": "Strahlen durch Flächen des High-Poly-Meshes hindurchlassen, die von ihnen abgewandt sind",
         "es": "Deja que los rayos atraviesen las caras de la malla high poly orientadas en sentido contrario a ellos",
