@@ -8,8 +8,8 @@ TABLE = {
     (LABEL, "Check"): {"de_DE": "Prüfung", "es": "Comprobación"},
     (SENTENCE, "{} in {}"): {"de_DE": "{} in {}", "es": "{} en {}"},
     (SENTENCE, "Over {}; 99 % within {}, at most {}"): {
-        "de_DE": "> {}; 99 % < {}; max. {}",
-        "es": "> {}; 99 % < {}; máx. {}",
+        "de_DE": "> {}; 99 % < {}; ≤ {}",
+        "es": "> {}; 99 % < {}; ≤ {}",
     },
     (LABEL, "Overlapping UVs"): {"de_DE": "Überlappende UVs", "es": "UV superpuestas"},
     (
