@@ -74,3 +74,12 @@ def usual_depth(path: str) -> int:
     """The default bits per channel of the file at `path`."""
     found = BY_ENDING.get(PurePath(path).suffix.lower())
     return found.usual_depth if found else USUAL_DEPTH
+
+
+def listed(or_word: str = "or", bits: str = "bits") -> str:
+    """All formats in a sentence, with their endings and depths. or_word, bits: these two words in the sentence's language."""
+    return ", ".join(
+        f"{file_format.label} ({f' {or_word} '.join(file_format.endings)}, "
+        f"{f' {or_word} '.join(map(str, file_format.depths))} {bits})"
+        for file_format in FORMATS
+    )

@@ -7,11 +7,6 @@ from ..udim import TOKEN
 from .choices import Storage
 from .kinds import Choice, FilePath, Flags, Item, Option, Setting, Switch, Text, Tiles
 
-_FORMATS = ", ".join(
-    f"{file_format.label} ({' or '.join(file_format.endings)}, {' or '.join(map(str, file_format.depths))} bits)"
-    for file_format in file_formats.FORMATS
-)
-
 OUTPUT: dict[str, Setting] = {
     "image": Text(
         label="Image",
@@ -61,7 +56,7 @@ OUTPUT: dict[str, Setting] = {
     ),
     "output": FilePath(
         label="File",
-        tooltip=f"Image file to write: {_FORMATS}. Missing folders are created. "
+        tooltip=f"Image file to write: {file_formats.listed()}. Missing folders are created. "
         f"{{low}} in the path stands for the low object's name, {TOKEN} for the tile's number",
         option=Option(metavar="MAP", note="For mesh files, {low} is the name of the low mesh's file"),
     ),

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Texts of the panel Output."""
 
+from ...core import file_formats
+from ...core.declarations.output_settings import OUTPUT
 from .lookup import LABEL, SENTENCE
 
 TABLE = {
@@ -103,18 +105,11 @@ TABLE = {
         "de_DE": "Nur im Arbeitsspeicher. Blender fragt beim Beenden, ob das Bild gespeichert werden soll",
         "es": "Sólo en la memoria. Al cerrarse, Blender pregunta si guardar la imagen",
     },
-    (
-        SENTENCE,
-        "Image file to write: PNG (.png, 8 or 16 bits), OpenEXR (.exr, 16 or 32 bits), TIFF (.tif or .tiff, 8 or "
-        "16 bits), Targa (.tga, 8 bits). Missing folders are created. {low} in the path stands for the low "
-        "object's name, <UDIM> for the tile's number",
-    ): {
-        "de_DE": "Bilddatei, die geschrieben wird: PNG (.png, 8 oder 16 Bit), OpenEXR (.exr, 16 oder 32 Bit), TIFF "
-        "(.tif oder .tiff, 8 oder 16 Bit), Targa (.tga, 8 Bit). Fehlende Ordner werden angelegt. {low} im "
-        "Pfad steht für den Namen des Low-Poly-Objekts, <UDIM> für die Nummer der Kachel",
-        "es": "Archivo de imagen a escribir: PNG (.png, 8 o 16 bits), OpenEXR (.exr, 16 o 32 bits), TIFF (.tif o "
-        ".tiff, 8 o 16 bits), Targa (.tga, 8 bits). Las carpetas que falten se crearán. En la ruta, {low} "
-        "representa el nombre del objeto low poly, y <UDIM> el número de la celda",
+    (SENTENCE, OUTPUT["output"].tooltip): {  # it lists the formats
+        "de_DE": f"Bilddatei, die geschrieben wird: {file_formats.listed('oder', 'Bit')}. Fehlende Ordner werden angelegt. "
+        "{low} im Pfad steht für den Namen des Low-Poly-Objekts, <UDIM> für die Nummer der Kachel",
+        "es": f"Archivo de imagen a escribir: {file_formats.listed('o')}. Las carpetas que falten se crearán. "
+        "En la ruta, {low} representa el nombre del objeto low poly, y <UDIM> el número de la celda",
     },
     (SENTENCE, "Add the map to the low object's material"): {
         "de_DE": "Die Map dem Material des Low-Poly-Objekts hinzufügen",
