@@ -293,6 +293,12 @@ def test_live_follows_the_settings(pair):
     settings.udim = False
     follow()
     assert live.message == ""
+    settings.tiles = "x"
+    follow()
+    assert "is not a list of UDIM tiles" in live.message
+    settings.tiles = ""
+    follow()
+    assert live.message == ""
 
 
 def test_files_are_written_when_live_is_turned_off(pair, tmp_path):

@@ -31,7 +31,7 @@ class Following:
         self.session = session
         self._settings = settings
         """The settings of the session."""
-        self._refused: tuple[Settings, str] | None = None
+        self._refused: tuple[Settings | None, str] | None = None
         """Settings of the panel that cannot be baked, and why."""
         self._scene = scene.session_uid
         self._strokes = Strokes(session)
@@ -100,7 +100,11 @@ class Following:
     def follow_settings(self) -> bool:
         """Start a new session with the same objects if the settings of the panel have changed. Raises BakeError while they
         cannot be baked. Returns whether they are back to the session's settings after that."""
-        wanted = self.panel.to_settings()
+        try:
+            wanted = self.panel.to_settings()
+        except BakeError as error:
+            self._refused = None, str(error)
+            raise
         if wanted == self._settings:
             was_refused, self._refused = self._refused is not None, None
             return was_refused
