@@ -34,7 +34,7 @@ def free() -> None:
     """Free what is kept on the GPU between bakes. Blender crashes on exit while such objects live."""
     from . import passes
     from .engine import gpu_memory
-    from .ui.live.live_controller import live
+    from .ui.live.live_switch import live
     from .ui.viewport.view_mode import viewer
 
     live.free()
@@ -79,7 +79,7 @@ def _stop() -> None:
     import bpy
 
     from .ui.bake_results import results
-    from .ui.live.live_controller import live
+    from .ui.live.live_switch import live
     from .ui.modal import runner
     from .ui.viewport.cage_overlay import overlay
     from .ui.viewport.view_mode import viewer

@@ -12,7 +12,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any
 
-from ..output.files import partial_files
+from ..output.files import temporary_paths
 
 NAMES = ("SIGHUP", "SIGINT", "SIGTERM")
 ASK, END = "SIGUSR1", "SIGUSR2"
@@ -123,6 +123,6 @@ def _handle(number: int, _) -> None:
     _asked.code = _asked.code or 128 + meant
     if name == END or _asked.direct > 1:
         try:
-            partial_files.remove_all()
+            temporary_paths.remove_all()
         finally:  # also if the signal interrupted this very removal
             os._exit(_asked.code)

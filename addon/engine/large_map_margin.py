@@ -16,7 +16,7 @@ COARSE = 4
 
 
 def across(texels: np.ndarray, state: np.ndarray, similarities: np.ndarray, kind: int, encode: np.ndarray) -> None:
-    """Fill the texels that passes.margin.seam_fill deferred, as shaders/margin/across_frag.glsl does for a whole map.
+    """Fill the texels that passes.margin.seam_fill deferred, as shaders/margin/seam_across_frag.glsl does for a whole map.
 
     texels (height, width, 4) float32, state (height, width) uint8: changed in place. similarities, kind, encode: as
     seam_fill.upload and seam_fill.draw take them.

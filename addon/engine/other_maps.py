@@ -10,7 +10,7 @@ from ..core.settings import Settings
 from ..mesh.local_space import LocalSpace
 from ..mesh.triangle_mesh import Mesh
 from ..passes import mesh_upload, target
-from ..passes.bake import gbuffer, height_position_ids
+from ..passes.bake import gbuffer, other_map_pass
 from .bands import Band
 
 
@@ -39,7 +39,7 @@ class OtherMaps:
         self, into: target.Target, name: str, normals: gpu.types.GPUTexture, points: target.Target
     ) -> gpu.types.GPUTexture:
         """Draw the map of this name into `into` (RGBA32F), with the alpha of `normals`. Returns its texture."""
-        height_position_ids.draw(
+        other_map_pass.draw(
             into,
             BY_NAME[name],
             normals,

@@ -38,7 +38,7 @@ class Source(Protocol):
         """
 
     def surface_map(self, name: str, band: Band, into: target.Target) -> gpu.types.GPUTexture:
-        """One of map_types.OTHERS for the band of the last `normals`, as height_position_ids.draw writes it.
+        """One of map_types.OTHERS for the band of the last `normals`, as other_map_pass.draw writes it.
 
         Returns the texture of `into`, or another texture.
         """

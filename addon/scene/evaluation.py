@@ -8,7 +8,7 @@ import bpy
 
 from ..core.declarations.choices import Modifiers
 from ..core.errors import BakeError
-from . import instances, object_checks, object_modes, visibility
+from . import high_reader, instances, object_checks, object_modes, visibility
 
 SUBDIVIDING = {"SUBSURF", "MULTIRES"}
 """Modifier types that have levels and can smooth UVs."""
@@ -79,7 +79,7 @@ def _instanced(
         return []
     found = {
         obj.original.session_uid: obj.original
-        for _, obj, _ in instances.shown(context.evaluated_depsgraph_get(), owners)
+        for _, obj, _ in high_reader.instances_shown(context.evaluated_depsgraph_get(), owners)
     }
     return [obj for obj in found.values() if obj not in excluded]
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Reads high objects: joins the mesh and the instances of each into one mesh."""
+"""Reads high objects, with their modifiers: joins the mesh and the instances of each into one mesh."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import bpy
@@ -11,12 +11,16 @@ from ..core.declarations.choices import Method, Modifiers
 from ..core.errors import BakeError
 from ..core.settings import Settings
 from ..mesh import joining
-from ..mesh.joining import Part
+from ..mesh.joining import Part, usable
 from ..mesh.triangle_mesh import Mesh
 from . import instances, mesh_reader
 
 MOST = 200_000_000
 """The largest number of triangles of a high object with its instances: more do not fit into memory or on a GPU."""
+
+
+ReadMesh = Callable[[bpy.types.Object, bpy.types.Object, bpy.types.Mesh], Mesh]
+"""A function that converts a mesh to arrays. It takes the object that shows the instance, the instanced object and its mesh."""
 
 
 @dataclass
@@ -35,7 +39,7 @@ class Reader:
         """Read the meshes of `highs`, labeled with their numbers. Raises BakeError for an object without a mesh."""
         owners = {number: high for number, high in highs.items() if instances.shows_more(high)}
         numbers = {high.session_uid: number for number, high in highs.items()}
-        found = instances.read(
+        found = read_instances(
             self.depsgraph,
             list(owners.values()),
             lambda owner, obj, data: self._mesh(numbers[owner.session_uid], owner.name, obj, data, np.eye(4)),
@@ -85,6 +89,39 @@ class Reader:
         numbers = np.array([self.materials.setdefault(name or "none", len(self.materials) + 1) for name in names])
         labels = np.stack([np.full(len(indices), number), numbers[indices]], axis=1).astype(np.float32)
         return replace(mesh, labels=labels)
+
+
+def instances_shown(depsgraph: bpy.types.Depsgraph, owners: Sequence[bpy.types.Object]) -> Iterator[tuple]:
+    """Each instance that `owners` show: the owner's index, the evaluated object shown, and its matrix.
+
+    The object is valid only until the next step of the iteration.
+    """
+    numbers = {owner.session_uid: number for number, owner in enumerate(owners)}
+    for item in depsgraph.object_instances if owners else ():
+        if item.is_instance and item.object.type == "MESH":
+            number = numbers.get(item.parent.original.session_uid)
+            if number is not None:
+                yield number, item.object, item.matrix_world
+
+
+def read_instances(depsgraph: bpy.types.Depsgraph, owners: Sequence[bpy.types.Object], as_mesh: ReadMesh) -> list[list[Part]]:
+    """The instances of each of `owners`. Each mesh is read once, however many instances it has."""
+    found: list[dict[tuple, tuple[Mesh | None, list]]] = [{} for _ in owners]
+    for number, obj, matrix in instances_shown(depsgraph, owners):
+        # Objects that share a mesh can have different materials.
+        key = obj.data.as_pointer(), obj.original.session_uid
+        if key not in found[number]:
+            try:
+                data = obj.to_mesh()
+                found[number][key] = as_mesh(owners[number], obj, data) if data.polygons else None, []
+            finally:
+                obj.to_mesh_clear()
+        found[number][key][1].append(matrix.copy())
+    parts = [
+        [Part(mesh, usable(np.array(matrices, np.float64))) for mesh, matrices in meshes.values() if mesh is not None]
+        for meshes in found
+    ]
+    return [[part for part in of_owner if len(part.matrices)] for of_owner in parts]
 
 
 def uv_layer(name: str, data: bpy.types.Mesh, wanted: str) -> str:

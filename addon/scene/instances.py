@@ -1,22 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Reads what objects show besides their own mesh: instances, and the surfaces of curves, text and metaballs."""
+"""Which objects show instances, or surfaces of curves, text and metaballs, besides their own mesh. high_reader reads them."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 import bpy
-import numpy as np
-
-from ..mesh.joining import Part, usable
-from .mesh_reader import Mesh
 
 SURFACES = {"CURVE", "SURFACE", "FONT", "META"}
 """Object types, besides meshes, that Blender converts to meshes."""
 WITH_NODES = {"CURVES", "POINTCLOUD"}
 """Object types that show meshes if geometry nodes create some."""
-
-Read = Callable[[bpy.types.Object, bpy.types.Object, bpy.types.Mesh], Mesh]
-"""A function that converts a mesh to arrays. It takes the object that shows the instance, the instanced object and its mesh."""
-
 
 def may_show(obj: bpy.types.Object) -> bool:
     """Whether `obj` may show a mesh or instances."""
@@ -58,39 +50,6 @@ def shown_by(owners: Sequence[bpy.types.Object]) -> dict[int, set[int]]:
         for obj in sources(owner):
             found.setdefault(obj.session_uid, set()).add(owner.session_uid)
     return found
-
-
-def shown(depsgraph: bpy.types.Depsgraph, owners: Sequence[bpy.types.Object]) -> Iterator[tuple]:
-    """Each instance that `owners` show: the owner's index, the evaluated object shown, and its matrix.
-
-    The object is valid only until the next step of the iteration.
-    """
-    numbers = {owner.session_uid: number for number, owner in enumerate(owners)}
-    for item in depsgraph.object_instances if owners else ():
-        if item.is_instance and item.object.type == "MESH":
-            number = numbers.get(item.parent.original.session_uid)
-            if number is not None:
-                yield number, item.object, item.matrix_world
-
-
-def read(depsgraph: bpy.types.Depsgraph, owners: Sequence[bpy.types.Object], as_mesh: Read) -> list[list[Part]]:
-    """The instances of each of `owners`. Each mesh is read once, however many instances it has."""
-    found: list[dict[tuple, tuple[Mesh | None, list]]] = [{} for _ in owners]
-    for number, obj, matrix in shown(depsgraph, owners):
-        # Objects that share a mesh can have different materials.
-        key = obj.data.as_pointer(), obj.original.session_uid
-        if key not in found[number]:
-            try:
-                data = obj.to_mesh()
-                found[number][key] = as_mesh(owners[number], obj, data) if data.polygons else None, []
-            finally:
-                obj.to_mesh_clear()
-        found[number][key][1].append(matrix.copy())
-    parts = [
-        [Part(mesh, usable(np.array(matrices, np.float64))) for mesh, matrices in meshes.values() if mesh is not None]
-        for meshes in found
-    ]
-    return [[part for part in of_owner if len(part.matrices)] for of_owner in parts]
 
 
 def _has_nodes(obj: bpy.types.Object) -> bool:

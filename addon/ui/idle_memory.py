@@ -5,7 +5,7 @@ import bpy
 
 from ..engine import gpu_memory
 from .callbacks import Timer
-from .live.live_controller import live
+from .live.live_switch import live
 from .viewport.progress_display import display
 
 AFTER = 60.0

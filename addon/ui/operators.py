@@ -15,7 +15,7 @@ from ..jobs.job import Job, jobs_by_name
 from ..scene import object_checks, object_refs
 from . import modal
 from .bake_results import results
-from .live.live_controller import live
+from .live.live_switch import live
 from .properties import Options
 from .translations.lookup import LABEL, tooltip
 from .viewport import show_result

@@ -73,7 +73,7 @@ def passes(counts):
         "bake/gbuffer_frag.glsl",
         "bake/points_frag.glsl",
         "audit/triangle_ids_frag.glsl",
-        "bake/distance_frag.glsl",
+        "bake/cast_distance_frag.glsl",
     }
     return {name: count for name, count in counts.items() if name.endswith(".glsl") and name not in audit}
 
@@ -101,7 +101,7 @@ def test_cast_dispatches_once_per_sample(counts, samples):
     found = passes(counts)
     # One more for the audit, which measures the lengths of rays.
     assert samples <= found["bake/cast_comp.glsl"] <= samples + 1
-    assert found["bake/lookup_frag.glsl"] == found["bake/tangent_frag.glsl"] == samples
+    assert found["bake/cast_lookup_frag.glsl"] == found["bake/tangent_frag.glsl"] == samples
 
 
 def test_bytes_uploaded_and_read_back(counts):

@@ -13,8 +13,8 @@ from addon.core import progress
 from addon.core.settings import Settings
 from addon.jobs import Job, bake_pair, live_session
 from addon.scene import mesh_reader, object_refs
-from addon.ui.live import object_changes, sculpt_strokes
-from addon.ui.live.live_controller import LiveState, live
+from addon.ui.live import live_updates, sculpt_strokes
+from addon.ui.live.live_switch import LiveState, live
 from tests.support import zoo
 from tests.support.maps import pixels
 
@@ -784,8 +784,8 @@ def test_live_looks_up_its_objects_once_per_change(pair, monkeypatch):
     """Blender searches all objects for each look-up: fifty times a second, this is too slow in large scenes."""
     switch(True)
     follow()
-    looked, resolve = [], object_changes.uids_in_scenes
-    monkeypatch.setattr(object_changes, "uids_in_scenes", lambda: (looked.append(1), resolve())[1])
+    looked, resolve = [], live_updates.uids_in_scenes
+    monkeypatch.setattr(live_updates, "uids_in_scenes", lambda: (looked.append(1), resolve())[1])
     monkeypatch.setattr(object_refs.ObjectRef, "resolve", lambda ref: pytest.fail(f"{ref.name} was looked for"))
     for _ in range(5):
         live.tick()

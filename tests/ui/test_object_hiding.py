@@ -6,7 +6,7 @@ import pytest
 
 import addon
 from addon.scene import visibility
-from addon.ui.live.live_controller import live
+from addon.ui.live.live_switch import live
 from addon.ui.viewport.object_hiding import hiding
 from addon.ui.viewport.view_mode import viewer
 from addon.views import view_shading

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from addon.core import name_matching, progress
-from addon.ui.live.live_controller import live
+from addon.ui.live.live_switch import live
 from addon.ui.panels import bake_panel, batch_panels, settings_panels
 from addon.ui.viewport.progress_display import display, time_left
 from tests.support import maps, zoo

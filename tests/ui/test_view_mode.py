@@ -12,10 +12,10 @@ from mathutils import Matrix, Vector
 import addon
 from addon.core.errors import BakeError
 from addon.passes import target
-from addon.ui.live.live_controller import live
+from addon.ui.live.live_switch import live
 from addon.ui.viewport import view_drawing, viewport_text
+from addon.ui.viewport.mode_names import Mode
 from addon.ui.viewport.view_mode import viewer
-from addon.ui.viewport.view_modes import Mode
 from addon.views import view_shading
 from tests.support import raster, zoo
 from tests.support.snapshot import difference, snapshot

@@ -10,7 +10,7 @@ from contextvars import ContextVar
 from pathlib import Path
 
 from ...core.errors import BakeError, WrongPlace
-from .partial_files import TemporaryPath, check_folder
+from .temporary_paths import TemporaryPath, check_folder
 
 _NEW_FOLDERS: set[Path] = set()
 """Folders that were made for files that are not yet written."""

@@ -36,7 +36,7 @@ TRACE = Program(
 )
 LOOKUP = Program(
     vertex="lib/fullscreen_vert.glsl",
-    fragment="bake/lookup_frag.glsl",
+    fragment="bake/cast_lookup_frag.glsl",
     inputs=(("VEC2", "position"),),
     texels=(("RGBA32UI", "UINT_2D", "hits"), ("RGBA32F", "FLOAT_2D", "positions"), ("RGBA32F", "FLOAT_2D", "normals")),
     constants=(("MAT4", "normal_matrix"),),
@@ -44,14 +44,14 @@ LOOKUP = Program(
 )
 DISTANCE = Program(
     vertex="lib/fullscreen_vert.glsl",
-    fragment="bake/distance_frag.glsl",
+    fragment="bake/cast_distance_frag.glsl",
     inputs=(("VEC2", "position"),),
     samplers=(("UINT_2D", "hits"),),
     outputs=(("VEC4", "distance_out"),),
 )
 POINTS = Program(
     vertex="lib/fullscreen_vert.glsl",
-    fragment="bake/hit_points_frag.glsl",
+    fragment="bake/cast_points_frag.glsl",
     inputs=(("VEC2", "position"),),
     samplers=(("UINT_2D", "hits"), ("FLOAT_2D", "corners"), ("FLOAT_2D", "labels")),
     outputs=(("VEC4", "point_out"), ("VEC4", "labels_out")),

@@ -19,8 +19,8 @@ from ..program import Program
 from .margin_search import Nearest
 
 BORDERS = Program(
-    vertex="margin/borders_vert.glsl",
-    fragment="margin/borders_frag.glsl",
+    vertex="margin/seam_borders_vert.glsl",
+    fragment="margin/seam_borders_frag.glsl",
     inputs=(("VEC4", "corner"),),
     varyings=(("FLOAT", "v_number"),),
     constants=(("VEC4", "uv_to_clip"),),
@@ -28,7 +28,7 @@ BORDERS = Program(
 )
 ACROSS = Program(
     vertex="lib/fullscreen_vert.glsl",
-    fragment="margin/across_frag.glsl",
+    fragment="margin/seam_across_frag.glsl",
     inputs=(("VEC2", "position"),),
     samplers=(("FLOAT_2D", "values"), ("FLOAT_2D", "borders"), ("FLOAT_2D", "similarities")),
     texels=(("R16I", "INT_2D", "offsets"), ("R32I", "INT_2D", "source_rows")),
@@ -38,7 +38,7 @@ ACROSS = Program(
 VALUE, LABEL, NORMAL, TANGENT = range(4)
 """Kinds of values: numbers, numbers that must not be averaged, unit normals, and unit normals in tangent space."""
 FARTHEST = 256
-"""The longest way, in texels, on the other side of a seam, as in shaders/margin/across_frag.glsl."""
+"""The longest way, in texels, on the other side of a seam, as in shaders/margin/seam_across_frag.glsl."""
 
 
 @dataclass(frozen=True)

@@ -20,8 +20,8 @@ MEASURE = Program(
     outputs=(("VEC4", "deviation_out"),),
 )
 RAMP = Program(
-    vertex="view/ramp_vert.glsl",
-    fragment="view/ramp_frag.glsl",
+    vertex="view/deviation_colors_vert.glsl",
+    fragment="view/deviation_colors_frag.glsl",
     inputs=(("VEC3", "position"), ("VEC2", "uv")),
     varyings=(("VEC2", "v_uv"),),
     samplers=(("FLOAT_2D", "deviation"),),

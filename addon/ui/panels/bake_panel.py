@@ -5,7 +5,7 @@ import bpy
 
 from ...core.report import Report
 from ..bake_results import high_objects, results
-from ..live.live_controller import live
+from ..live.live_switch import live
 from ..translations.lookup import label, message
 from ..viewport import show_result
 from ..viewport.progress_display import display

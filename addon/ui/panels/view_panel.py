@@ -5,9 +5,9 @@ import bpy
 
 from ..translations.lookup import message
 from ..viewport import view_drawing
+from ..viewport.mode_names import Mode
 from ..viewport.progress_display import display
 from ..viewport.view_mode import viewer
-from ..viewport.view_modes import Mode
 from .sidebar import SidebarPanel, draw_paragraphs, split_layout
 
 

@@ -6,8 +6,8 @@ import gpu
 from gpu_extras.batch import batch_for_shader
 
 from ...views import view_shading
+from .mode_names import Mode
 from .view_mode import viewer
-from .view_modes import Mode
 
 LINE = (0.9, 0.9, 0.9, 0.6)
 """Color of the lines."""

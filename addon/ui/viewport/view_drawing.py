@@ -7,7 +7,7 @@ import numpy as np
 from ...views import view_shading
 from ..translations.lookup import label, message
 from . import viewport_text
-from .view_modes import Mode
+from .mode_names import Mode
 
 HEADLIGHT = np.array((-0.6, 0.7, 1.0, 0.0))
 """Direction to the view's own light, in view space: slightly from above and from the left."""

@@ -13,11 +13,11 @@ from ...jobs.job import Job
 from ...scene import object_checks
 from ...views import view_shading
 from ..callbacks import DrawCallbacks, Timer, redraw
-from ..live.live_controller import live
+from ..live.live_switch import live
 from . import view_drawing
+from .mode_names import Mode
 from .object_hiding import hiding
 from .progress_display import display
-from .view_modes import Mode
 
 RETRY = 0.5
 """Seconds until a view that waits for a bake checks again."""

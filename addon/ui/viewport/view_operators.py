@@ -6,12 +6,12 @@ from bpy.props import EnumProperty
 
 from ...core.progress import Pace, Task
 from ..callbacks import Key
-from ..live.live_controller import live
+from ..live.live_switch import live
 from ..modal import SlicedOperator
 from ..translations.lookup import LABEL
+from .mode_names import ITEMS, Mode
 from .progress_display import display
 from .view_mode import viewer
-from .view_modes import ITEMS, Mode
 
 
 class _Show(SlicedOperator):

@@ -5,8 +5,8 @@ import bpy
 from bpy.props import EnumProperty, FloatProperty, PointerProperty
 
 from ..translations.lookup import LABEL
+from .mode_names import ITEMS, Mode
 from .view_mode import viewer
-from .view_modes import ITEMS, Mode
 
 
 def _get_mode(_view: bpy.types.PropertyGroup) -> int:

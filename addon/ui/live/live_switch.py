@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Live: the map follows the objects. Blender reports what changes; a timer draws it, a few milliseconds at a time."""
+"""Turns Live on and off: Blender reports what changes, and a timer draws it, a few milliseconds at a time."""
 
 from collections.abc import Callable
 from enum import Enum
@@ -14,7 +14,7 @@ from ...jobs.job import Job
 from ..callbacks import Handlers, Timer
 from ..translations.lookup import message
 from ..viewport.progress_display import display
-from .object_changes import SLICE, Following
+from .live_updates import SLICE, Following
 
 TICK = 0.02
 """Seconds between two checks for changes."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The data of Live while it is on: a session, the changes since its last map, and the map that is being drawn."""
+"""Live while it is on: what happens when objects or settings change, and the map that is being drawn."""
 
 import time
 
