@@ -3,11 +3,13 @@
 
 import ast
 import re
+import shlex
 
 import pytest
 
+from addon.cli.usage import arguments
 from scripts.imprint import ROOT
-from tests.support.manual import prose, rows, section
+from tests.support.manual import names, prose, rows, section
 
 PAGES = [
     ROOT / "README.md",
@@ -18,6 +20,8 @@ OF_BLENDER = {
     "Install from Disk",
     "Mesh > Normals > Recalculate Outside",
     "Color Space",
+    "Face Orientation",
+    "Files",
     "Non-Color",
     "Tangents",
 }
@@ -52,6 +56,20 @@ def test_names_in_bold_are_in_the_interface(page):
 def test_checks_and_views_have_the_names_in_the_interface(heading):
     named = {cells[0] for cells in rows(section(ROOT / "docs" / "panels.md", heading)) if not cells[0].startswith("!")}
     assert sorted(named - shown()) == []
+
+
+def test_the_options_of_each_preset_do_the_same_as_the_preset():
+    said = {}
+    for cells in rows(section(ROOT / "docs" / "engines.md", "## Presets")):
+        if len(cells) == 2:
+            (options,) = names(cells[1])
+            parsed = arguments.parse(["x.blend", "--low", "low", "--output", "map.png", *shlex.split(options)])
+            said |= dict.fromkeys(cells[0].split(", "), (parsed.red, parsed.green, parsed.blue, parsed.basis))
+    presets = {}
+    for path in (ROOT / "addon" / "presets").rglob("*.py"):
+        values = dict(re.findall(r'^settings\.(\w+) = "([^"]+)"$', path.read_text(encoding="utf-8"), re.MULTILINE))
+        presets[path.stem] = tuple(values[name] for name in ("red", "green", "blue", "basis"))
+    assert said == presets
 
 
 def test_each_picture_is_shown_and_small():
