@@ -21,7 +21,7 @@ from ..core.settings import Settings
 from ..jobs import bake_jobs, sequence
 from ..jobs.job import Job, jobs_by_name
 from ..output.files.atomic_file import all_or_none, check_writable, replacing
-from ..scene import object_refs
+from ..scene import object_checks, object_refs
 from . import batch_results, interruption, run_clashes, scene_files, standard_streams
 from .batch_results import Result
 from .scene_files import Stage
@@ -211,18 +211,29 @@ def _start_gpu() -> None:
 def _jobs(options: argparse.Namespace, stage: Stage) -> tuple[list[Job], list[str]]:
     """The jobs, ready in the scene, and sentences about what is wrong with names."""
     if options.low_file:
-        return [stage.job(options.low_file, options.high_file, options.cage_file)], []
+        job = stage.job(options.low_file, options.high_file, options.cage_file)
+        if not options.high_file:
+            _check_own_high(job.low, "--high-file")
+        return [job], []
     if options.file:
         stage.open(options.file)
     elif not bpy.data.filepath:
-        raise BakeError("There is no scene to bake: give a FILE.")
+        raise BakeError("There is no scene to bake: give a FILE, or mesh files with --low-file and --high-file.")
     else:
         stage.take()
     if options.pairs:
         return jobs_by_name(bpy.context, options.suffixes)
     low = object_refs.by_name(options.low)
     highs = [object_refs.by_name(name) for name in options.high] or [low]
+    if not options.high:
+        _check_own_high(low, "--high")
     return [Job(low, highs, object_refs.by_name(options.cage) if options.cage else None)], []
+
+
+def _check_own_high(low: bpy.types.Object, option: str) -> None:
+    """Raise BakeError if the low object cannot be its own high one. option: what names another one."""
+    if low.type == "MESH" and not object_checks.own_highs(low):
+        raise BakeError(f"{option} is missing, and {low.name!r} has no modifiers that add detail: name a high one.")
 
 
 def _save(path: Path, maps: set[bpy.types.Image]) -> None:

@@ -117,12 +117,11 @@ def wrote(result: Result, *others: Path | None) -> str:
 
 
 def table(results: Sequence[Result], planned: int) -> Iterator[str]:
-    """A line for each bake, and one for all. planned: the number of bakes that were to be done."""
+    """A line for each bake, and one for all. Errors go to standard error. planned: how many were to be done."""
     width = max((len(result.name) for result in results), default=0)
     for result in results:
         state = "stopped" if result.is_stopped else "failed" if result.error else "done"
-        details = result.error or ", ".join(result.maps)
-        yield f"{state:7} {result.seconds:8.2f} s  {result.name:{width}}  {details}".rstrip()
+        yield f"{state:7} {result.seconds:8.2f} s  {result.name:{width}}  {', '.join(result.maps)}".rstrip()
     failed = sum(1 for result in results if result.error)
     done = sum(1 for result in results if not result.error and not result.is_stopped)
     left = f", {planned - failed - done} stopped or not begun" if planned > failed + done else ""

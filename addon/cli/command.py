@@ -37,8 +37,7 @@ def _run(words: Sequence[str], program: str) -> int:
     except SystemExit as stop:  # argparse has printed the help
         return stop.code
     except WrongUsage as error:
-        arguments.parser(program).print_usage(sys.stderr)
-        return _refuse(program, error)
+        return _refuse(program, error, hint="" if isinstance(error, job_file.WrongJobs) else _see_help(error))
     except WrongPlace as error:
         return _refuse(program, error)
     except MemoryError as error:
@@ -98,10 +97,14 @@ def _plan(
     return plans, problems, files
 
 
-def _refuse(program: str, error: Exception) -> int:
+def _refuse(program: str, error: Exception, hint: str = "") -> int:
     for line in str(error).splitlines():
-        print(f"{program}: error: {line}", file=sys.stderr)
+        print(f"{program}: {line}{hint}", file=sys.stderr)
     return WRONG_USAGE
+
+
+def _see_help(error: WrongUsage) -> str:
+    return f"{'' if str(error).endswith('?') else '.'} See --help."
 
 
 def _bake_one(plan: Plan, files: run_clashes.Run, program: str, meter: Meter) -> int:

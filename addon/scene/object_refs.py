@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import bpy
 
-from ..core.errors import BakeError
+from ..core.errors import BakeError, shorten_list
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,10 @@ def by_name(name: str) -> bpy.types.Object:
     """The object with this name. Raises BakeError, with similar names, if there is none."""
     if name not in bpy.data.objects:
         close = difflib.get_close_matches(name, bpy.data.objects.keys(), n=3, cutoff=0.4)
-        hint = f"did you mean {' or '.join(map(repr, close))}?" if close else f"it has {len(bpy.data.objects)} objects."
+        there = (
+            f"it has {shorten_list(map(repr, bpy.data.objects.keys()))}." if bpy.data.objects else "it has no objects."
+        )
+        hint = f"did you mean {' or '.join(map(repr, close))}?" if close else there
         raise BakeError(f"There is no object called {name!r} in the file: {hint}")
     return bpy.data.objects[name]
 

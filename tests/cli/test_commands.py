@@ -60,7 +60,7 @@ def fails(scene, capsys):
         lines = captured.err.splitlines()
         assert "Traceback" not in captured.err
         assert lines[-1].startswith("imprint: ")
-        assert code == command.WRONG_USAGE or len(lines) == 1, captured.err
+        assert len(lines) == 1, captured.err
         return lines[-1]
 
     return run
@@ -114,7 +114,8 @@ WRONG = {
 
 @pytest.mark.parametrize("case", WRONG)
 def test_wrong_usage(fails, case):
-    assert "error:" in fails(command.WRONG_USAGE, *WRONG[case])
+    line = fails(command.WRONG_USAGE, *WRONG[case])
+    assert "usage:" not in line
 
 
 def test_help(capsys):
@@ -131,9 +132,9 @@ CANNOT = {
     "a broken scene file": (["broken.blend", *BAKE[1:], "--output", "m.png"], "could not be opened"),
     "low object misspelled": ([*BAKE, "--low", "loo", "--output", "m.png"], "did you mean 'lo'?"),
     "high object misspelled": ([*BAKE, "--high", "hii", "--output", "m.png"], "did you mean 'hi'?"),
-    "no similar name": ([*BAKE, "--low", "Suzanne", "--output", "m.png"], "it has 2 objects"),
+    "no similar name": ([*BAKE, "--low", "Suzanne", "--output", "m.png"], "it has 'hi', 'lo'."),
     "a scene twice": (["scene/file.blend", *BAKE, "--output", "m.png"], "Cannot load from the current blend file"),
-    "no detail": ([*BAKE[:3], "--output", "m.png"], "'lo' is both high and low"),
+    "no detail": ([*BAKE[:3], "--output", "m.png"], "--high is missing, and 'lo' has no modifiers"),
     "no such UV map": ([*BAKE, "--uv", "Lightmap", "--output", "m.png"], "'lo' has no UV layer 'Lightmap'"),
     "file for a folder": ([*BAKE, "--output", "broken.blend/m.png"], "Not a directory"),
 }
@@ -152,7 +153,12 @@ INVALID = {
     ),
     "tiles of 5000 digits": ([*BAKE, "--tiles", "1" * 5000, "--output", "m.png"], "not a list of UDIM tiles"),
     "option misspelled": ([*BAKE, "--outptu", "m.png"], "--outptu m.png, did you mean '--output'?"),
-    "jobs misspelled": (["--job", "j.json"], "did you mean '--jobs'?"),
+    "jobs misspelled": (["--job", "j.json"], "did you mean '--jobs'? See --help."),
+    "an option that is only in the panel": (
+        [*BAKE, "--preset", "unreal", "--output", "m.png"],
+        "unrecognized arguments: --preset unreal. See --help.",
+    ),
+    "folder for a map": ([*BAKE, "--output", "scene/"], "'scene/' is a folder: name a file. See --help."),
     "unknown option without a similar one": ([*BAKE, "--qqq", "--output", "m.png"], "unrecognized arguments: --qqq"),
     "negative margin": ([*BAKE, "--margin", "-1", "--output", "m.png"], "-1"),
     "format": ([*BAKE, "--output", "m.jpg"], "one of .png, .exr"),
@@ -614,4 +620,7 @@ def test_the_last_line_lists_the_written_files(scene, capsys):
 
 def test_a_call_without_a_file(fails):
     words = ["--low", "lo", "--high", "hi", "--output", "m.png"]
-    assert fails(command.FAILED, *words) == "imprint: There is no scene to bake: give a FILE."
+    assert (
+        fails(command.FAILED, *words)
+        == "imprint: There is no scene to bake: give a FILE, or mesh files with --low-file and --high-file."
+    )

@@ -245,7 +245,7 @@ def test_no_input_is_changed_by_seed(place, outcomes, capsys, seed):
     if code == command.WRONG_USAGE:
         outcomes["refused"] += 1
         assert after == before, context
-        assert "error: " in captured.err
+        assert captured.err.startswith("imprint: ")
     elif code == command.DONE:
         outcomes["baked"] += 1
         assert after != before, context

@@ -149,6 +149,7 @@ WRONG = {
     "no such margin": ("--low a --output m.png --margin-type wide", "not one of extend, adjacent-faces"),
     "a margin in words": ("--low a --output m.png --margin wide", "unlimited"),
     "no tiles": ("--low a --output m.png --tiles x", "not a list of UDIM tiles"),
+    "several mistakes": ("--size 0", "one of --low, --low-file and --pairs is required; --output is required"),
     "an abbreviation": ("--low a --outp m.png", "--outp"),
 }
 
@@ -359,6 +360,30 @@ def test_mistakes_in_all_sets_are_reported_together(write):
     first, second = str(refused.value).splitlines()
     assert "set 1: unknown key 'sise', did you mean 'size'?" in first
     assert "set 3: mask" in second
+
+
+def test_all_mistakes_of_a_set_are_reported(write):
+    text = (
+        "[defaults]\nmask = 7\nspace = 'camera'\n"
+        "[[bake]]\nlow='a'\nsamplse = 4\nsize = 'big'\nsamples = 3\n"
+        "[[bake]]\nfile='a.blend'\nlow='a'\noutput='m.png'\nOUTPUT = 'm.png'\nsize = 0\n"
+        "[[bake]]\nfile='b.blend'\nlow=3\n"
+    )
+    with pytest.raises(WrongUsage) as refused:
+        job_file.read(write(text))
+    defaults, first, second, third = str(refused.value).splitlines()
+    assert "defaults: mask: true or false is expected, not 7; space: 'camera' is not one of" in defaults
+    for words in (
+        "set 1: unknown key 'samplse'",
+        "size: 'big'",
+        "samples: invalid choice: 3",
+        "file, low-file",
+        "output is r",
+    ):
+        assert words in first
+    assert "set 2: unknown key 'OUTPUT'" in second
+    assert "Width: 0 is outside" in second
+    assert third.endswith("set 3: low: text is expected, not 3; output is required")
 
 
 def test_many_sets_are_read_with_one_parser_and_progress(write, monkeypatch):

@@ -6,7 +6,7 @@ import difflib
 import functools
 import os
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import fields
 from pathlib import PurePath
 
@@ -21,21 +21,26 @@ class WrongUsage(Exception):
     """The arguments are unknown or contradict each other. The text is for the user, without a full stop."""
 
 
+SIMILAR = 0.75
+"""How similar a word must be to be suggested. With less, "preset" would suggest "pairs"."""
+
+
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """The end of a sentence about an unknown word; empty where no known word is similar."""
-    close = difflib.get_close_matches(word, list(known), n=1)
+    close = difflib.get_close_matches(word, list(known), n=1, cutoff=SIMILAR)
     return f", did you mean {close[0]!r}?" if close else ""
 
 
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str):
         unknown = re.match("unrecognized arguments: (--[^ =]+)", message)
-        raise WrongUsage(message + (did_you_mean(unknown[1], _names()) if unknown else ""))
+        raise WrongUsage(message + (_similar_option(unknown[1]) if unknown else ""))
 
 
-def _names() -> Iterator[str]:
-    """The names of all options, with their dashes."""
-    return (f"--{name}" for name in ("jobs", *(name for options in OPTIONS.values() for name in options)))
+def _similar_option(name: str) -> str:
+    """The end of a sentence about an unknown option, whose dashes do not count as similar."""
+    names = ("jobs", *(name for options in OPTIONS.values() for name in options))
+    return did_you_mean(name.lstrip("-"), names).replace("'", "'--", 1)
 
 
 @functools.cache
@@ -84,51 +89,73 @@ def split_jobs(arguments: Sequence[str]) -> tuple[argparse.Namespace, list[str]]
 
 def check(options: argparse.Namespace) -> None:
     """Raise WrongUsage for options that are missing or contradict each other."""
-    named = [name for name in ("low", "pairs", "low_file") if vars(options)[name]]
-    by_file = options.low_file or options.high_file or options.cage_file
-    if not named:
-        raise WrongUsage("one of --low, --low-file and --pairs is required")
-    if len(named) > 1:
-        raise WrongUsage("--low, --low-file and --pairs exclude each other")
-    if not options.output:
-        raise WrongUsage("--output is required")
-    if options.pairs and options.frames:
-        raise WrongUsage("--frames is for one low object, --pairs for many")
-    if options.pairs and (options.high or options.cage or by_file):
-        raise WrongUsage("--pairs finds the high objects and the cages by itself")
-    if by_file and (options.file or options.low or options.high or options.cage):
-        raise WrongUsage("--low-file, --high-file and --cage-file go together, without FILE, --low, --high and --cage")
+    found = list(mistakes(options))
+    if found:
+        raise WrongUsage("; ".join(found))
+
+
+def mistakes(options: argparse.Namespace, unread: Collection[str] = ()) -> Iterator[str]:
+    """What is missing among the options, or contradicts another one. Each text is without a full stop.
+
+    unread: names of options that are given but cannot be read, which are not missing.
+    """
+    yield from _wrong_subjects(options, unread)
+    if not options.output and "output" not in unread:
+        yield "--output is required"
     if is_folder(options):
-        if options.file:
-            raise WrongUsage("--pairs DIR takes the files of that folder: name no others")
-        if "{low}" not in options.output:
-            raise WrongUsage("--pairs DIR makes a map for each pair: put {low} into --output")
-        if options.save_blend:
-            raise WrongUsage("--pairs DIR has a scene for each pair: --save-blend saves one alone")
+        yield from _wrong_folder(options)
     if options.save_blend and PurePath(options.save_blend).suffix != ".blend":
-        raise WrongUsage(f"{options.save_blend!r} does not end in .blend")
+        yield f"{options.save_blend!r} does not end in .blend"
+    folder = next(filter(os.path.isdir, filter(None, (options.output, options.report))), None)
+    if folder:
+        yield f"{folder!r} is a folder: name a file"
     files = [options.low_file, *options.high_file, options.cage_file]
-    _check_folder([options.output, options.report, options.save_blend, options.pairs, *options.file, *files])
-    try:
-        settings(options).check()
-    except BakeError as error:
-        raise WrongUsage(str(error).rstrip(".")) from error
+    yield from _wrong_paths([options.output, options.report, options.save_blend, options.pairs, *options.file, *files])
+    if options.output and not folder:
+        try:
+            settings(options).check()
+        except BakeError as error:
+            yield str(error).rstrip(".")
 
 
-def _check_folder(paths: Sequence[str | bool | None]) -> None:
-    """Raise WrongUsage if one of `paths` is relative and Blender cannot use the current folder."""
+def _wrong_subjects(options: argparse.Namespace, unread: Collection[str]) -> Iterator[str]:
+    ways = ("low", "pairs", "low-file")
+    named = [name for name in ways if vars(options)[name.replace("-", "_")]]
+    by_file = options.low_file or options.high_file or options.cage_file
+    if not named and not set(ways).intersection(unread):
+        yield "one of --low, --low-file and --pairs is required"
+    if len(named) > 1:
+        yield "--low, --low-file and --pairs exclude each other"
+    elif options.pairs and (options.high or options.cage or by_file):
+        yield "--pairs finds the high objects and the cages by itself"
+    elif by_file and (options.file or options.low or options.high or options.cage):
+        yield "--low-file, --high-file and --cage-file go together, without FILE, --low, --high and --cage"
+    if options.pairs and options.frames:
+        yield "--frames is for one low object, --pairs for many"
+
+
+def _wrong_folder(options: argparse.Namespace) -> Iterator[str]:
+    if options.file:
+        yield "--pairs DIR takes the files of that folder: name no others"
+    if options.output and "{low}" not in options.output:
+        yield "--pairs DIR makes a map for each pair: put {low} into --output"
+    if options.save_blend:
+        yield "--pairs DIR has a scene for each pair: --save-blend saves one alone"
+
+
+def _wrong_paths(paths: Sequence[str | bool | None]) -> Iterator[str]:
+    """A mistake if one of `paths` is relative and Blender cannot use the current folder."""
     if not any(isinstance(name, str) and not os.path.isabs(name) for name in paths):
         return
     try:
         here = os.getcwd()
     except OSError as error:
-        raise WrongUsage(f"the folder that this was started in cannot be read: {error.strerror}") from error
+        yield f"the folder that this was started in cannot be read: {error.strerror}"
+        return
     try:
         here.encode()
-    except UnicodeEncodeError as error:
-        raise WrongUsage(
-            f"the folder {here!r} is not UTF-8, as all paths in Blender are: start in another one"
-        ) from error
+    except UnicodeEncodeError:
+        yield f"the folder {here!r} is not UTF-8, as all paths in Blender are: start in another one"
 
 
 def is_folder(options: argparse.Namespace) -> bool:

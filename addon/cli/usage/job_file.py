@@ -5,10 +5,9 @@ import argparse
 import json
 import re
 import tomllib
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from pathlib import Path
 
-from ...core.errors import BakeError
 from . import arguments
 from .arguments import WrongUsage
 from .options import FILE, OPTIONS, STDOUT, CommandOption
@@ -25,78 +24,93 @@ KEYS: dict[str, CommandOption] = {
 """The keys of a set."""
 
 
+class WrongJobs(WrongUsage):
+    """A job file cannot be read or has mistakes. The text has a line for each part with mistakes, without a full stop."""
+
+
 def read(
     name: str, more: Sequence[str] = (), on_progress: Callable[[float], None] = lambda _share: None
 ) -> list[argparse.Namespace]:
     """The options of each set of a job file, checked. Paths in the file start at its folder.
 
     more: arguments that override all sets. on_progress: called now and then with the share of the sets that was read.
-    Raises WrongUsage with a line for each set that has a mistake.
+    Raises WrongJobs with a line for each set that has mistakes.
     """
     path = Path(name).absolute()
     table = _load(name, path)
     defaults, sets = _parts(name, table)
-    # Checked first, so that a mistake in the defaults is not reported for each set.
-    faults = list(_faults(f"{name}, {DEFAULTS}", lambda: arguments.parse(_arguments(defaults, path.parent))))
+    words, wrong, _ = _read_keys(defaults, path.parent)
+    # Mistakes in the defaults are reported once, not for each set.
+    usual = {key: value for key, value in defaults.items() if _option_name(key) in words}
+    faults = [f"{name}, {DEFAULTS}: {'; '.join(wrong.values())}"] if wrong else []
     found = []
-
-    def take(values: dict) -> None:
-        options = arguments.parse([*_arguments({**defaults, **values}, path.parent), *more])
-        if not options.file and not options.low_file and not arguments.is_folder(options):
-            raise WrongUsage("file, low-file or a folder for pairs is missing")
-        if options.report and arguments.is_folder(options):
-            raise WrongUsage(
-                "report: the pairs of a folder have no report of their own, use --report on the command line"
-            )
-        arguments.check(options)
-        found.append(options)
-
-    for number, values in enumerate([] if faults else sets, 1):
+    for number, values in enumerate(sets, 1):
         if number % PROGRESS_EVERY == 0:
             on_progress(number / len(sets))
-        faults += _faults(f"{name}, set {number}", lambda values=values: take(values))
+        try:
+            found.append(_options({**usual, **values}, path.parent, more, wrong))
+        except WrongUsage as fault:
+            faults.append(f"{name}, set {number}: {fault}")
     if faults:
-        raise WrongUsage("\n".join(faults))
+        raise WrongJobs("\n".join(faults))
     return found
 
 
-def _faults(where: str, act) -> Iterator[str]:
-    """The mistake in a part of the file, if there is one."""
-    try:
-        act()
-    except (WrongUsage, BakeError) as error:
-        message = re.sub(r"(?<!\S)--(?=\w)", "", str(error))  # keys are written without dashes
-        yield f"{where}: {message.removeprefix('argument ').rstrip('.')}"
+def _options(values: dict, folder: Path, more: Sequence[str], unread: Collection[str]) -> argparse.Namespace:
+    """The options of a set, checked. unread: the keys of defaults that cannot be read.
+
+    Raises WrongUsage with all mistakes of the set.
+    """
+    _, wrong, options = _read_keys(values, folder, more)
+    unread = {*unread, *wrong}
+    faults = [*wrong.values(), *map(_plain, _mistakes(options, unread))]
+    if faults:
+        raise WrongUsage("; ".join(faults))
+    return options
+
+
+def _mistakes(options: argparse.Namespace, unread: Collection[str]) -> Iterator[str]:
+    has_file = options.file or options.low_file or arguments.is_folder(options)
+    if not has_file and not {"file", "low-file", "pairs"}.intersection(unread):
+        yield "file, low-file or a folder for pairs is missing"
+    if options.report and arguments.is_folder(options):
+        yield "report: the pairs of a folder have no report of their own, use --report on the command line"
+    yield from arguments.mistakes(options, unread)
+
+
+def _plain(message: str) -> str:
+    """A message about options as one about keys, which are written without dashes."""
+    return re.sub(r"(?<!\S)--(?=\w)", "", message).removeprefix("argument ").rstrip(".")
 
 
 def _load(name: str, path: Path) -> dict:
     readers = {".toml": tomllib.loads, ".json": json.loads}
     if path.suffix.lower() not in readers:
-        raise WrongUsage(f"{name!r} does not end in .toml or .json")
+        raise WrongJobs(f"{name!r} does not end in .toml or .json")
     try:
         return readers[path.suffix.lower()](path.read_text(encoding="utf-8-sig"))
     except OSError as error:
-        raise WrongUsage(f"{name!r} cannot be read: {error.strerror}") from error
+        raise WrongJobs(f"{name!r} cannot be read: {error.strerror}") from error
     except RecursionError as error:
-        raise WrongUsage(f"{name!r} is nested too deeply to be a list of sets") from error
+        raise WrongJobs(f"{name!r} is nested too deeply to be a list of sets") from error
     except ValueError as error:  # the error of all three decoders
-        raise WrongUsage(f"{name!r} is no {path.suffix[1:].upper()}: {error}") from error
+        raise WrongJobs(f"{name!r} is no {path.suffix[1:].upper()}: {error}") from error
 
 
 def _parts(name: str, table) -> tuple[dict, list[dict]]:
     """The defaults and the sets."""
     if not isinstance(table, dict):
-        raise WrongUsage(f"{name}: a table with {SETS!r}, a list of sets, is expected")
+        raise WrongJobs(f"{name}: a table with {SETS!r}, a list of sets, is expected")
     for key in table:
         try:
             _check_known(key, key, (DEFAULTS, SETS))
         except WrongUsage as fault:
-            raise WrongUsage(f"{name}: {fault}") from fault
+            raise WrongJobs(f"{name}: {fault}") from fault
     defaults, sets = table.get(DEFAULTS, {}), table.get(SETS, [])
     if not isinstance(defaults, dict):
-        raise WrongUsage(f"{name}: {DEFAULTS!r} must be a table")
+        raise WrongJobs(f"{name}: {DEFAULTS!r} must be a table")
     if not isinstance(sets, list) or not sets or not all(isinstance(values, dict) for values in sets):
-        raise WrongUsage(f"{name}: {SETS!r} must be a list of sets, and not empty")
+        raise WrongJobs(f"{name}: {SETS!r} must be a list of sets, and not empty")
     return defaults, sets
 
 
@@ -105,27 +119,47 @@ def _check_known(key: str, written: str, known: Iterable[str]) -> None:
         raise WrongUsage(f"unknown key {written!r}{arguments.did_you_mean(key, known)}")
 
 
-def _arguments(values: dict, folder: Path) -> list[str]:
-    """A set as arguments of the command line."""
-    result, files, faults = [], [], []
+def _option_name(key: str) -> str:
+    return key.replace("_", "-")
+
+
+def _read_keys(
+    values: dict, folder: Path, more: Sequence[str] = ()
+) -> tuple[dict[str, list[str]], dict[str, str], argparse.Namespace]:
+    """A set as arguments of the command line, by key; what is wrong with the other keys; and the options."""
+    words, wrong = {}, {}
     for written, value in values.items():
-        key = written.replace("_", "-")
+        key = _option_name(written)
         try:
-            words = _words_of(written, key, value)
-        except WrongUsage as fault:  # all mistakes of a set are reported at once
-            faults.append(str(fault))
-            continue
-        if KEYS[key].is_path:
-            words = [str(folder / word) if word else word for word in words]
-        if key == "file":
-            files = words
-        elif value is True:
-            result.append(f"--{key}")
-        else:
-            result += [f"--{key}={word}" for word in words]
-    if faults:
-        raise WrongUsage("; ".join(faults))
-    return [*files, *result]
+            words[key] = _key_arguments(written, key, value, folder)
+        except WrongUsage as fault:
+            wrong[key] = _plain(str(fault))
+    try:
+        return words, wrong, _parsed(words, more)
+    except WrongUsage:  # one by one, so that all mistakes are found
+        for key in list(words):
+            try:
+                arguments.parse(words[key])
+            except WrongUsage as fault:
+                wrong[key] = _plain(str(fault))
+                del words[key]
+    return words, wrong, _parsed(words, more)
+
+
+def _parsed(words: dict[str, list[str]], more: Sequence[str] = ()) -> argparse.Namespace:
+    """The options of a set. more: arguments that override it. Raises WrongUsage."""
+    files = words.get("file", [])
+    return arguments.parse([*files, *(word for key in words if key != "file" for word in words[key]), *more])
+
+
+def _key_arguments(written: str, key: str, value, folder: Path) -> list[str]:
+    """A key with its value as arguments. Raises WrongUsage."""
+    words = _words_of(written, key, value)
+    if KEYS[key].is_path:
+        words = [str(folder / word) if word else word for word in words]
+    if key == "file":
+        return words
+    return [f"--{key}"] if value is True else [f"--{key}={word}" for word in words]
 
 
 def _words_of(written: str, key: str, value) -> list[str]:
