@@ -11,6 +11,7 @@ import time
 from pathlib import Path
 
 import bpy
+import gpu
 import numpy as np
 from mathutils import Euler, Matrix, Vector
 
@@ -18,6 +19,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 import addon  # noqa: E402
+from addon.cli import standard_streams  # noqa: E402
 from addon.core.errors import BakeError  # noqa: E402
 from addon.core.settings import Settings  # noqa: E402
 from addon.jobs import bake_pair  # noqa: E402
@@ -142,7 +144,7 @@ def build_terrains() -> list[bpy.types.Object]:
 
 def bake(high: bpy.types.Object, low: bpy.types.Object, size: int, path: Path) -> bpy.types.Image:
     """Bake the detail of one terrain into a map for another, and print the summary."""
-    settings = Settings(width=size, height=size, storage="FILE", output=str(path))
+    settings = Settings(width=size, height=size, storage="FILE", output=str(path), image=path.stem)
     report = bake_pair(bpy.context, low, [high], settings)
     print(*report.summary(), *(f"warning: {text}" for text in report.warnings), sep="\n")
     return bpy.data.images[report.image]
@@ -211,7 +213,7 @@ def save(path: Path, images: list[bpy.types.Image]) -> None:
     for image in images:
         image.filepath = f"//{Path(image.filepath).name}"
     bpy.context.preferences.filepaths.file_preview_type = "NONE"  # write no thumbnail into the user's folder
-    with replacing(path) as partial:
+    with replacing(path) as partial, standard_streams.silence():
         bpy.ops.wm.save_as_mainfile(filepath=str(partial), copy=True, relative_remap=False)
 
 
@@ -219,6 +221,8 @@ def demo(folder: Path, size: int, quick: bool) -> None:
     """Build, bake, render, save."""
     folder.mkdir(parents=True, exist_ok=True)
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    with standard_streams.silence():  # EGL's messages are harmless, and imprint.py has seen the GPU start
+        gpu.init()
     bpy.context.scene.render.engine = "CYCLES"  # before the bakes, because maps are made for the scene's engine
     high, low, mapped, flat = terrains = build_terrains()
     images = [bake(high, mapped, size, folder / "low_normal.png"), bake(high, flat, size, folder / "plane_normal.png")]

@@ -70,7 +70,9 @@ def test_the_output_lists_all_files(made):
     assert sorted(path.name for path in folder.iterdir()) == names
     assert all(str(folder.with_name("made") / name) in output for name in names)
     assert output.count("275,772 triangles onto") == 2
+    assert all(f" x {SIZE}: {name}" in output for name in ("low_normal", "plane_normal"))
     assert "warning" not in output
+    assert "Info:" not in output
 
 
 def test_the_maps_have_the_relief(made):
