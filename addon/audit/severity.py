@@ -90,7 +90,8 @@ _MISSED = (
 _SENTENCES = {
     "overlap": "{share:.2%} of the texels of {low} belong to two or more of its triangles (overlapping UVs): they show the "
     "detail of only one of them.",
-    "uncovered": "{share:.2%} of the texels of {low} have no high triangle and stay empty.",
+    "uncovered": "{share:.2%} of the texels of {low} have no high triangle and stay empty. Try the method Cast, which does not "
+    "need the UVs of the high mesh.",
     "far": "On {share:.2%} of the texels of {low}, the high surface is farther away than {limit:.4g}, at most "
     "{maximum:.4g}.",
     "gaps": "{share:.2%} of the texels of {low} are within {needed} texels of another UV island, or {margin} of the border: "

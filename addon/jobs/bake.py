@@ -21,7 +21,7 @@ from ..engine.rendering import Renderer
 from ..engine.sources import normal_source
 from ..mesh.inputs import Meshes
 from ..output.outputs import Outputs, Stored, hook_up
-from ..scene import reading
+from ..scene import object_checks, reading
 from .job import Job
 from .report_making import DrawnJob, report_of
 
@@ -62,9 +62,10 @@ def _bake(
 
 @dataclass(frozen=True)
 class _Ready:
-    """A bake that is ready to be drawn. meshes: all that were read."""
+    """A bake that is ready to be drawn. meshes: all that were read. warnings: about the objects."""
 
     meshes: Meshes
+    warnings: list[str]
     plan: Plan
     renderer: Renderer
 
@@ -74,12 +75,13 @@ def _prepare(context: bpy.types.Context, job: Job, settings: Settings, pace: Pac
     yield Progress(f"Reading {name}", 0.0)
     with timings.timed("extract"):
         meshes = reading.read(context, job.low, job.highs, job.cage, settings)
+        warnings = object_checks.warnings(job.low, job.highs)
     tiles = tiles_to_bake(meshes, settings)
     yield Progress(f"Looking at {name}", 0.5)
     with timings.timed("method"):
         plan = choose_method(meshes, tiles, settings)
     source = yield from part(normal_source(plan, settings, timings, pace), 0.5, 1.0)
-    return _Ready(meshes, plan, Renderer(source, meshes.basis, settings, timings, pace))
+    return _Ready(meshes, warnings, plan, Renderer(source, meshes.basis, settings, timings, pace))
 
 
 def _audit(job: Job, settings: Settings, ready: _Ready, tally: Tally, timings: Timings) -> DrawnJob:
@@ -89,7 +91,7 @@ def _audit(job: Job, settings: Settings, ready: _Ready, tally: Tally, timings: T
     ray_cast = ready.renderer.source.ray_cast
     with timings.timed("audit"):
         findings = audit(ready.plan, tally, settings, ray_cast)
-    return DrawnJob(job, settings, ready.meshes, ready.plan, ray_cast, findings, timings)
+    return DrawnJob(job, settings, ready.meshes, ready.plan, ray_cast, findings, timings, ready.warnings)
 
 
 def _shares(plan: Plan) -> Iterator[tuple[int, float, float]]:

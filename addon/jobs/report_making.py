@@ -21,7 +21,8 @@ from .job import Job
 
 @dataclass(frozen=True)
 class DrawnJob:
-    """A bake whose maps are drawn and not yet stored. meshes: all that were read. ray_cast: None for Flatten."""
+    """A bake whose maps are drawn and not yet stored. meshes: all that were read. ray_cast: None for Flatten. warnings: about
+    the objects, in sentences."""
 
     job: Job
     settings: Settings
@@ -30,6 +31,7 @@ class DrawnJob:
     ray_cast: RayCast | None
     findings: Findings
     timings: Timings
+    warnings: Sequence[str] = ()
 
     @property
     def labels(self) -> dict[Labeled, list[str]]:
@@ -68,7 +70,7 @@ def report_of(drawn: DrawnJob, stored: Stored, warnings: Sequence[str] = (), mar
         backend=gpu.platform.backend_type_get(),
         renderer=gpu.platform.renderer_get(),
         seconds=drawn.timings.seconds,
-        warnings=[*plan.warnings, *findings.warnings, *warnings],
+        warnings=[*drawn.warnings, *plan.warnings, *findings.warnings, *warnings],
     )
 
 

@@ -7,6 +7,7 @@ import bpy
 import numpy as np
 
 from ..core.declarations.choices import Method
+from ..core.errors import shorten_list
 from . import detail_modifiers, instances
 
 MAX_CONDITION = 1e7
@@ -52,6 +53,23 @@ def problem(
     if cage is not None and method == Method.FLATTEN:
         return f"The cage {cage.name!r} is for rays: choose the method Cast or Auto, or remove the cage."
     return ""
+
+
+SWAPPED = "{low} has more faces than {highs}. Are they swapped?"
+"""A warning if `seem_swapped`. The panel translates it."""
+
+
+def seem_swapped(low: bpy.types.Object, highs: Sequence[bpy.types.Object]) -> bool:
+    """Whether high and low seem swapped. Counts no faces that modifiers and instances add: that needs an evaluation."""
+    if low in highs or any(high.type != "MESH" or high.modifiers or high.mode == "SCULPT" for high in highs):
+        return False
+    return len(low.data.polygons) > sum(len(high.data.polygons) for high in highs)
+
+
+def warnings(low: bpy.types.Object, highs: Sequence[bpy.types.Object]) -> list[str]:
+    """Why the objects may be the wrong ones, in sentences."""
+    names = {"low": repr(low.name), "highs": shorten_list(repr(high.name) for high in highs)}
+    return [SWAPPED.format(**names)] if seem_swapped(low, highs) else []
 
 
 def own_highs(low: bpy.types.Object | None) -> list[bpy.types.Object]:

@@ -207,8 +207,8 @@ def test_replacing_a_painted_image_gives_no_warning():
 
 def test_the_panel_names_the_high_object_of_the_map_to_replace(low):
     settings, other = bpy.context.scene.imprint, zoo.terrain("other")
-    assert "which holds" not in bake_plan.lines(low, [bpy.data.objects["hi"]], settings)[0]
-    (line,) = bake_plan.lines(low, [other], settings)
+    assert "which holds" not in bake_plan.plan(low, [bpy.data.objects["hi"]], settings)
+    line = bake_plan.plan(low, [other], settings)
     assert line.endswith("over the image 'lo_normal', which holds a map of 'hi'.")
     low.modifiers.new("Finer", "SUBSURF")
-    assert "holds a map of 'hi'" in bake_plan.lines(*settings.chosen_objects(bpy.context), settings)[0]
+    assert "holds a map of 'hi'" in bake_plan.plan(*settings.chosen_objects(bpy.context), settings)

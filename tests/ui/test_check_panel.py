@@ -339,9 +339,14 @@ class Layout:
         return button
 
 
-def draw(active):
+def draw(active, width=1000):
     layout = Layout()
-    context = SimpleNamespace(scene=bpy.context.scene, active_object=active)
+    context = SimpleNamespace(
+        scene=bpy.context.scene,
+        active_object=active,
+        preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=1.0)),
+        region=SimpleNamespace(width=width),
+    )
     assert check_panel.IMPRINT_PT_checks.poll(context)
     check_panel.IMPRINT_PT_checks.draw(SimpleNamespace(layout=layout), context)
     return layout.drawn
@@ -392,6 +397,19 @@ def test_distances_have_their_unit(baked):
     assert any(label.startswith("Over 3.937") for label in draw(low).labels)
     units.system = "NONE"
     assert any(label.startswith("Over 0.1; 99 %") for label in draw(low).labels)
+    narrow = next(label for label in draw(low, 200).labels if label.startswith("Over 0.1"))
+    assert "at most" not in narrow  # it wraps where it would be cut off
+
+
+def test_mirrored_islands_have_a_line(baked):
+    low, _ = baked
+    for corner in low.data.uv_layers.active.uv:
+        corner.vector.x = 1.0 - corner.vector.x
+    bake("lo", "hi")
+    labels = draw(low).labels
+    number = labels.index("Mirrored UVs") + 1
+    assert labels[number].isdecimal()
+    assert labels[number + 1] == "UV islands: 1"
 
 
 @pytest.mark.parametrize(

@@ -380,6 +380,15 @@ def test_the_panel_shows_the_plan(pair):
     assert "ERROR" not in drawn.icons
 
 
+def test_the_plan_names_the_file(pair):
+    low, high = pair
+    select(low, high)
+    assert "to the file" not in draw().text
+    settings = bpy.context.scene.imprint
+    settings.storage, settings.output = "FILE", "//maps/{low}_n.png"
+    assert "to the file 'lo_n.png'" in draw().text
+
+
 def test_a_low_object_with_more_faces_than_the_high_one_raises_a_warning(pair):
     _, high = pair
     fine = zoo.terrain("fine")
@@ -388,7 +397,8 @@ def test_a_low_object_with_more_faces_than_the_high_one_raises_a_warning(pair):
     select(fine, high)
     drawn = draw()
     assert can_bake(drawn)  # it may be on purpose
-    assert "'fine' has more faces than 'hi': the low object is the active one, selected last." in drawn.text
+    assert "'fine' has more faces than 'hi'. Are they swapped?" in drawn.text
+    assert "ERROR" in drawn.icons
     high.modifiers.new("", "SUBSURF")  # only an evaluation shows how many faces it makes
     assert "faces than" not in draw().text
 

@@ -44,8 +44,12 @@ class IMPRINT_PT_bake(SidebarPanel, bpy.types.Panel):
         following = live.description
         if following:
             problem = ""  # Live does not depend on the selection
-        lines = [following or problem] if following or problem else bake_plan.lines(low, highs, settings)
-        draw_paragraphs(layout.box(), context, lines, "ERROR" if problem else "INFO")
+        box = layout.box()
+        if following or problem:
+            draw_paragraphs(box, context, [following or problem], "ERROR" if problem else "INFO")
+        else:
+            draw_paragraphs(box, context, [bake_plan.plan(low, highs, settings)], "INFO")
+            draw_paragraphs(box, context, [bake_plan.warning(low, highs)], "ERROR")
         # The bar replaces the button: nothing moves under the mouse when a bake begins or ends.
         row = layout.row()
         row.scale_y = 1.6

@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Sentences about the Bake button: what it will do, or why it cannot."""
 
+import os
+
 import bpy
 
 from ...core.declarations.choices import Method, Space
-from ...core.errors import BakeError
+from ...core.errors import BakeError, shorten_list
+from ...jobs import bake_jobs
 from ...output import map_names, map_storage
 from ...scene import object_checks
 from ..properties import ImprintSettings
@@ -25,8 +28,8 @@ def problem(
     return object_checks.problem(context, low, highs, settings.cage_for(settings.method), settings.method)
 
 
-def lines(low: bpy.types.Object, highs: list[bpy.types.Object], settings: ImprintSettings) -> list[str]:
-    """What the button will do, in sentences."""
+def plan(low: bpy.types.Object, highs: list[bpy.types.Object], settings: ImprintSettings) -> str:
+    """What the button will do, in a sentence."""
     action = {
         Method.AUTO: message("Bakes {highs} onto {low}"),
         Method.FLATTEN: message("Flattens {highs} onto {low}"),
@@ -51,15 +54,17 @@ def lines(low: bpy.types.Object, highs: list[bpy.types.Object], settings: Imprin
     other = map_storage.replaced(name, [high.name for high in highs])
     if other:
         parts.append(message("which holds a map of {}").format(other))
-    lines = [f"{action.format(**objects)}: {', '.join(parts)}."]
-    if _is_swapped(low, highs):
-        text = message("{low} has more faces than {highs}: the low object is the active one, selected last.")
-        lines.append(text.format(**objects))
-    return lines
+    filled = bake_jobs.for_low(settings.to_settings(), low.name)
+    file = os.path.basename(bpy.path.abspath(map_names.output_for(filled)))
+    if file:
+        parts.append(message("to the file {}").format(repr(file)))
+    return f"{action.format(**objects)}: {', '.join(parts)}."
 
 
-def _is_swapped(low: bpy.types.Object, highs: list[bpy.types.Object]) -> bool:
-    """Whether high and low seem swapped. Counts no faces that modifiers and instances add: that needs an evaluation."""
-    if low in highs or any(high.type != "MESH" or high.modifiers or high.mode == "SCULPT" for high in highs):
-        return False
-    return len(low.data.polygons) > sum(len(high.data.polygons) for high in highs)
+def warning(low: bpy.types.Object, highs: list[bpy.types.Object]) -> str:
+    """Why the objects may be the wrong ones, in a sentence; empty if they seem right."""
+    if not object_checks.seem_swapped(low, highs):
+        return ""
+    return message(object_checks.SWAPPED).format(
+        low=repr(low.name), highs=shorten_list(repr(high.name) for high in highs)
+    )

@@ -7,7 +7,7 @@ from ...jobs import locate_issues
 from ..bake_results import results
 from ..check_operators import CHECKS
 from ..translations.lookup import label, message
-from .sidebar import SidebarPanel
+from .sidebar import SidebarPanel, draw_paragraphs
 
 ICONS = {"GOOD": ("CHECKMARK", 0), "LOOK": ("INFO", 1), "WRONG": ("ERROR", 2)}
 """Icon of each severity, and its rank."""
@@ -62,6 +62,9 @@ def _draw_row(column: bpy.types.UILayout, kind: str, check: dict, low: str, cont
     if "maximum" in check and check["count"]:
         far = (_length(context, check[name]) for name in ("limit", "percentile_99", "maximum"))
         text = message("Over {}; 99 % within {}, at most {}").format(*far)
+        draw_paragraphs(column, context, [text], "BLANK1")
+    if check.get("islands"):
+        text = message("UV islands: {}").format(f"{check['islands']:,}")
         column.label(text=text, icon="BLANK1", translate=False)
 
 
@@ -74,8 +77,6 @@ def _number(check: dict) -> str:
     """A check's number in a few characters."""
     if "share" in check:
         return f"{check['share']:.1%}" if check["share"] >= 0.001 or not check["count"] else "< 0.1%"
-    if check.get("islands"):
-        return message("{} in {}").format(f"{check['count']:,}", f"{check['islands']:,}")
     return f"{check['count']:,}"
 
 

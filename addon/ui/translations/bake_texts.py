@@ -111,9 +111,10 @@ TABLE = {
     (SENTENCE, "over the image {}"): {"de_DE": "über das Bild {}", "es": "sobre la imagen {}"},
     (SENTENCE, "into a new image {}"): {"de_DE": "in ein neues Bild {}", "es": "en una imagen nueva {}"},
     (SENTENCE, "which holds a map of {}"): {"de_DE": "das eine Map von {} enthält", "es": "que contiene un mapa de {}"},
-    (SENTENCE, "{low} has more faces than {highs}: the low object is the active one, selected last."): {
-        "de_DE": "{low} hat mehr Flächen als {highs}: Das Low-Poly-Objekt ist das aktive, zuletzt ausgewählte.",
-        "es": "{low} tiene más caras que {highs}: el objeto low poly es el activo, el último seleccionado.",
+    (SENTENCE, "to the file {}"): {"de_DE": "in die Datei {}", "es": "en el archivo {}"},
+    (SENTENCE, "{low} has more faces than {highs}. Are they swapped?"): {
+        "de_DE": "{low} hat mehr Flächen als {highs}. Sind sie vertauscht?",
+        "es": "{low} tiene más caras que {highs}. ¿Están intercambiados?",
     },
     (SENTENCE, "The image was undone, renamed or deleted"): {
         "de_DE": "Das Bild wurde rückgängig gemacht, umbenannt oder gelöscht",

@@ -6,7 +6,7 @@ from .lookup import LABEL, OPERATOR, SENTENCE
 TABLE = {
     (LABEL, "Checks"): {"de_DE": "Prüfungen", "es": "Comprobaciones"},
     (LABEL, "Check"): {"de_DE": "Prüfung", "es": "Comprobación"},
-    (SENTENCE, "{} in {}"): {"de_DE": "{} in {}", "es": "{} en {}"},
+    (SENTENCE, "UV islands: {}"): {"de_DE": "UV-Inseln: {}", "es": "Islas UV: {}"},
     (SENTENCE, "Over {}; 99 % within {}, at most {}"): {
         "de_DE": "> {}; 99 % < {}; ≤ {}",
         "es": "> {}; 99 % < {}; ≤ {}",
