@@ -316,6 +316,9 @@ def test_auto_measures_whether_uvs_are_shared():
     shared.location = (3.0, 1.0, 0.0)  # moved aside
     _, report = cast(low, shared, method="AUTO")
     assert report.method == "FLATTEN"
+    shared.location = (0.0, 0.0, 0.0)
+    _, report = cast(low, shared, method="AUTO", cage=zoo.plane("cage"))
+    assert (report.method, "cage" in report.why) == ("CAST", True)
     _, report = cast(low, other, method="AUTO")
     assert (report.method, "differ" in report.why) == ("CAST", True)
     other.data.uv_layers.remove(other.data.uv_layers[0])

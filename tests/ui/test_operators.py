@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from addon.core import name_matching, progress
+from addon.ui.bake_results import results
 from addon.ui.live.live_switch import live
 from addon.ui.panels import bake_panel, batch_panels, settings_panels
 from addon.ui.viewport.progress_display import display, time_left
@@ -156,6 +157,14 @@ def test_arguments_override_the_settings_of_the_scene(pair):
     assert "Mine" in bpy.data.images
     assert "object space" in bpy.context.window_manager.imprint_summary
     assert "Scene" not in bpy.data.images
+
+
+def test_a_margin_that_a_script_sets_is_used_though_the_scene_has_no_limit(pair):
+    bpy.context.scene.imprint.unlimited = True
+    bake(low="lo", high=[{"name": "hi"}])
+    assert results.named(bpy.context, "lo").settings["margin"] is None
+    bake(low="lo", high=[{"name": "hi"}], margin=2)
+    assert results.named(bpy.context, "lo").settings["margin"] == 2
 
 
 def test_an_argument_may_be_the_default_value(pair):

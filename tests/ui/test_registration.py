@@ -2,6 +2,7 @@
 """Registering and unregistering leave nothing behind, and each operator and property has a tooltip."""
 
 import atexit
+from types import SimpleNamespace
 
 import bpy
 import pytest
@@ -119,3 +120,17 @@ class TestWords:
         for cls in PANELS:
             assert issubclass(cls, sidebar.SidebarPanel)
             assert (cls.bl_space_type, cls.bl_region_type, cls.bl_category) == ("VIEW_3D", "UI", "Imprint")
+
+
+def test_what_is_registered_first_is_unregistered_last(monkeypatch):
+    seen = []
+    modules = tuple(
+        SimpleNamespace(
+            register=lambda name=name: seen.append(f"+{name}"), unregister=lambda name=name: seen.append(f"-{name}")
+        )
+        for name in "abc"
+    )
+    monkeypatch.setattr(addon, "_modules", lambda: modules)
+    addon.register()
+    addon.unregister()
+    assert seen == ["+a", "+b", "+c", "-c", "-b", "-a"]

@@ -8,11 +8,12 @@ import ast
 import re
 import string
 from collections.abc import Iterator
+from types import SimpleNamespace
 
 import bpy
 import pytest
 
-from addon.ui.translations import catalog
+from addon.ui.translations import catalog, lookup
 from addon.ui.translations.lookup import LABEL, OPERATOR, SENTENCE
 from scripts.imprint import ROOT
 
@@ -168,3 +169,15 @@ def test_fixed_texts_of_a_layout_are_looked_up(call):
     text = next(arg.value for arg in call.keywords if arg.arg == "text")
     assert not isinstance(text, ast.JoinedStr)
     assert not is_text(text) or text.value == ""
+
+
+def test_texts_are_looked_up_in_their_contexts(monkeypatch):
+    """The wheel of Blender has no translations: a stand-in returns what it is asked for."""
+    asked = SimpleNamespace(
+        pgettext_iface=lambda text, context: ("interface", text, context),
+        pgettext_tip=lambda text, context: ("tooltip", text, context),
+    )
+    monkeypatch.setattr(lookup, "bpy", SimpleNamespace(app=SimpleNamespace(translations=asked)))
+    assert lookup.label("a") == ("interface", "a", LABEL)
+    assert lookup.message("a") == ("interface", "a", SENTENCE)
+    assert lookup.tooltip("a") == ("tooltip", "a", SENTENCE)

@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tests the names, paths and depths of the maps beside the normal map."""
+
+import pytest
+
+from addon.core.map_types import BY_NAME
+from addon.core.settings import Settings
+from addon.output import map_names
+
+
+def beside(name, **settings):
+    settings = {"image": "rock_normal", "storage": "FILE", "output": "maps/rock.png", "depth": 16, **settings}
+    return map_names.beside(Settings(**settings), BY_NAME[name])
+
+
+def test_a_map_is_named_by_its_suffix():
+    found = beside("HEIGHT")
+    assert (found.image, found.output.replace("\\", "/")) == ("rock_normal_height", "maps/rock_height.png")
+
+
+@pytest.mark.parametrize(
+    ("output", "expected"), [("a.<UDIM>.exr", "a_height.<UDIM>.exr"), ("a_<UDIM>.png", "a_height_<UDIM>.png")]
+)
+def test_the_number_of_the_tile_stays_at_the_end(output, expected):
+    assert beside("HEIGHT", output=output, udim=True).output == expected
+
+
+def test_without_a_file_there_is_no_path():
+    assert beside("HEIGHT", storage="PACK", output="").output == ""
+
+
+@pytest.mark.parametrize(
+    ("name", "depth", "dither"), [("HEIGHT", 16, True), ("OBJECT_ID", 8, False), ("MASK", 8, False)]
+)
+def test_only_deep_maps_have_the_depth_of_the_settings_and_are_dithered(name, depth, dither):
+    found = beside(name, dither=True)
+    assert (found.depth, found.dither) == (depth, dither)
+
+
+def test_labels_take_the_lowest_depth_of_their_format():
+    assert beside("OBJECT_ID", output="a.exr", depth=32).depth == 16
