@@ -21,7 +21,7 @@ OF_BLENDER = {
     "Mesh > Normals > Recalculate Outside",
     "Color Space",
     "Face Orientation",
-    "Files",
+    "Repositories",
     "Non-Color",
     "Tangents",
 }

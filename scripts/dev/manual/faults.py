@@ -117,7 +117,7 @@ def layer() -> Iterator[Picture]:
         yield name, _show(floor_low, ((0, -1.6, 3.4), (0, -0.05, 0), 58.0))
 
 
-def _box(seams: bool) -> tuple[bpy.types.Object, bpy.types.Object]:
+def _box(seams: bool, gap: float = 0.06) -> tuple[bpy.types.Object, bpy.types.Object]:
     """(high, low): a rounded box, and a cube with hard edges whose six faces are UV islands of their own, or one."""
     bpy.ops.mesh.primitive_cube_add(size=1.0)
     low = bpy.context.object
@@ -130,7 +130,7 @@ def _box(seams: bool) -> tuple[bpy.types.Object, bpy.types.Object]:
     low.modifiers.clear()
     low.data.shade_flat()
     if seams:
-        models.unwrap(low, 30.0, 0.06)
+        models.unwrap(low, 30.0, gap)
     return high, low
 
 
@@ -139,7 +139,7 @@ def hard_edges() -> Iterator[Picture]:
     for name, seams in (("hard-edges-wrong", False), ("hard-edges-right", True)):
         models.clear()
         high, low = _box(seams)
-        models.bake(low, high, method="CAST", measure=True, width=128, height=128, samples="16")
+        models.bake(low, high, method="CAST", measure=True, width=64, height=64, samples="16")
         yield name, _show(low, CORNER_CAMERA)
 
 
@@ -172,9 +172,9 @@ def overlaps() -> Iterator[Picture]:
 
 def margin() -> Iterator[Picture]:
     """A small map without a margin and with one, on the mesh and around its islands."""
-    high, low = _box(seams=True)
+    high, low = _box(seams=True, gap=0.15)
     for name, width in (("margin-wrong", 0), ("margin-right", 16)):
-        image = models.bake(low, high, method="CAST", measure=True, width=96, height=96, samples="16", margin=width)
+        image = models.bake(low, high, method="CAST", measure=True, width=64, height=64, samples="16", margin=width)
         yield name, _show(low, CLOSE_CAMERA)
         yield f"{name}-map", _enlarged(pixels_of(image))
 

@@ -33,6 +33,9 @@ def _prepare() -> Iterator[Action]:
     overlay.show_floor = overlay.show_axis_x = overlay.show_axis_y = overlay.show_cursor = overlay.show_text = False
     space.show_gizmo_navigate = False
     for obj in (high, low):
+        for collection in obj.users_collection:
+            collection.objects.unlink(obj)
+        bpy.context.scene.collection.objects.link(obj)  # one below the other in the Outliner
         obj.select_set(True)
     bpy.context.view_layer.objects.active = low
     space.region_3d.view_perspective = "PERSP"
@@ -59,19 +62,19 @@ def steps() -> Iterator[Action]:
     settings.samples = "4"
     space.show_region_ui = False
     yield 0.5
-    yield "step-1-select", _viewport_alone()
+    yield "step-1-select", _viewport_and_outliner()
     space.show_region_ui = True
     yield 0.5
     yield "step-2-panel", _top_of_sidebar()
     _make_room()
-    settings.size, settings.samples = 4096, "1"
+    settings.samples = "16"  # slow enough for a picture of its middle
     with window.override():
         bpy.ops.imprint.bake("INVOKE_DEFAULT")
     while not _is_half_done():
         yield 0.1
     yield "step-3-bake", window.crop(window.box_of(area))
     yield from window.wait()
-    settings.size, settings.samples = 2048, "4"
+    settings.samples = "4"
     space.shading.type = "MATERIAL"
     space.shading.studio_light = "city.exr"  # shows detail better than the usual one
     space.shading.type = "SOLID"
@@ -82,7 +85,8 @@ def steps() -> Iterator[Action]:
         obj.select_set(False)
     yield 8.0  # for the material's shaders and the small picture
     yield "step-4-result", window.crop(window.box_of(area))
-    bpy.context.scene.imprint_view.split = 0.33
+    area.spaces.active.region_3d.view_distance /= 1.35  # each part gets a third of the head
+    bpy.context.scene.imprint_view.split = 0.365
     bpy.context.scene.imprint_view.mode = "SPLIT"
     yield from window.wait()
     yield 1.0
@@ -103,6 +107,14 @@ def _top_of_sidebar() -> np.ndarray:
     _, area, _ = window.viewport()
     left, bottom, width, height = window.box_of(window.region(area, "UI"))
     return window.crop((left + EDGE, bottom + height - TOP, width - EDGE, TOP))
+
+
+def _viewport_and_outliner() -> np.ndarray:
+    """The viewport, and the Outliner and the properties on its right."""
+    _, area, _ = window.viewport()
+    left, bottom, width, height = window.box_of(area)
+    outliner = window.largest("OUTLINER")
+    return window.crop((left, bottom, outliner.x + outliner.width - left, height))
 
 
 def views() -> Iterator[Action]:

@@ -18,9 +18,14 @@ Box = tuple[int, int, int, int]
 
 def viewport() -> tuple[bpy.types.Window, bpy.types.Area, bpy.types.Region]:
     """The largest 3D viewport."""
-    window = bpy.context.window_manager.windows[0]
-    area = max((a for a in window.screen.areas if a.type == "VIEW_3D"), key=lambda a: a.width * a.height)
-    return window, area, region(area, "WINDOW")
+    area = largest("VIEW_3D")
+    return bpy.context.window_manager.windows[0], area, region(area, "WINDOW")
+
+
+def largest(kind: str) -> bpy.types.Area:
+    """The largest area of a kind, as "OUTLINER"."""
+    areas = bpy.context.window_manager.windows[0].screen.areas
+    return max((area for area in areas if area.type == kind), key=lambda area: area.width * area.height)
 
 
 def region(area: bpy.types.Area, kind: str) -> bpy.types.Region:
