@@ -22,7 +22,7 @@ FROM_TOP = (-0.35, 0.8, 0.55)
 
 BOX_CAMERA = ((-1.5, -2.3, 1.7), (0, 0, -0.04), 60.0)
 CORNER_CAMERA = ((-2.0, -2.4, 1.5), (-0.4, -0.4, 0.22), 90.0)
-CLOSE_CAMERA = ((-2.0, -2.4, 1.5), (-0.5, -0.5, 0.42), 180.0)
+CLOSE_CAMERA = ((-2.0, -2.4, 1.5), (-0.5, -0.5, 0.44), 300.0)
 BALL_CAMERA = ((-1.5, -5, 2.2), (0, 0, 0), 75.0)
 
 
@@ -117,7 +117,7 @@ def layer() -> Iterator[Picture]:
         yield name, _show(floor_low, ((0, -1.6, 3.4), (0, -0.05, 0), 58.0))
 
 
-def _box(seams: bool, gap: float = 0.06) -> tuple[bpy.types.Object, bpy.types.Object]:
+def _box(seams: bool) -> tuple[bpy.types.Object, bpy.types.Object]:
     """(high, low): a rounded box, and a cube with hard edges whose six faces are UV islands of their own, or one."""
     bpy.ops.mesh.primitive_cube_add(size=1.0)
     low = bpy.context.object
@@ -130,7 +130,7 @@ def _box(seams: bool, gap: float = 0.06) -> tuple[bpy.types.Object, bpy.types.Ob
     low.modifiers.clear()
     low.data.shade_flat()
     if seams:
-        models.unwrap(low, 30.0, gap)
+        models.unwrap(low, 30.0, 0.06)
     return high, low
 
 
@@ -172,18 +172,16 @@ def overlaps() -> Iterator[Picture]:
 
 def margin() -> Iterator[Picture]:
     """A small map without a margin and with one, on the mesh and around its islands."""
-    high, low = _box(seams=True, gap=0.15)
+    high, low = _box(seams=True)
     for name, width in (("margin-wrong", 0), ("margin-right", 16)):
-        image = models.bake(low, high, method="CAST", measure=True, width=64, height=64, samples="16", margin=width)
+        image = models.bake(low, high, method="CAST", measure=True, width=96, height=96, samples="16", margin=width)
         yield name, _show(low, CLOSE_CAMERA)
         yield f"{name}-map", _enlarged(pixels_of(image))
 
 
 def depth() -> Iterator[Picture]:
     """A smooth shining surface with a map of 8 bits, and of 16."""
-    high = models.grid(
-        "swell_high", 300, lambda u, v: (u - 0.5, v - 0.5, 0.03 * np.sin(3 * u + 1) * np.sin(3 * v + 1))
-    )
+    high = models.grid("swell_high", 300, lambda u, v: (u - 0.5, v - 0.5, 0.03 * np.sin(3 * u + 1) * np.sin(3 * v + 1)))
     low = models.grid("swell_low", 1, lambda u, v: (u - 0.5, v - 0.5, 0 * u))
     low.data.materials[0] = models.material("mirror", models.STEEL, 0.03, 1.0)
     for name, bits in (("depth-wrong", "8"), ("depth-right", "16")):

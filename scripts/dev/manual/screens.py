@@ -197,6 +197,7 @@ def panels() -> Iterator[Action]:
             bpy.utils.unregister_class(copy)
         shown.mode = "OFF"
     preferences.view.ui_scale, preferences.system.use_region_overlap = 1.0, True
+    settings.storage, settings.output = "PACK", ""  # as the bakes of the other parts expect
 
 
 def _copies(idname: str) -> list[type]:
