@@ -134,7 +134,7 @@ def views() -> Iterator[Action]:
         ("DEVIATION", "view-deviation"),
         ("BARE_DEVIATION", "view-without-map"),
     ):
-        shown.mode, shown.limit = mode, 20.0
+        shown.mode, shown.limit, shown.split = mode, 20.0, 0.455
         yield from window.wait()
         yield 1.5
         yield name, _viewport_alone()
