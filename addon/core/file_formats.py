@@ -56,8 +56,6 @@ FORMATS = (
     FileFormat("Targa", "TARGA_RAW", (".tga",), (8,), completeness.targa),
 )
 BY_ENDING = MappingProxyType({ending: file_format for file_format in FORMATS for ending in file_format.endings})
-DEPTHS = tuple(sorted({depth for file_format in FORMATS for depth in file_format.depths}))
-"""The bits per channel of all formats."""
 PACKED = MappingProxyType({False: PNG, True: OPEN_EXR})
 """The formats in which Blender packs images, by whether their pixels are floats."""
 

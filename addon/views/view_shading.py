@@ -19,9 +19,9 @@ from ..mesh.triangle_mesh import normal_matrix
 from ..output import quantize
 from ..passes import mesh_upload, target
 from ..passes.view import deviation, lit
+from .mode_names import Mode
 from .view_objects import PULL, Eye, ViewObjects, ViewScene, view_projection
 
-MODES = ("MAP", "SPLIT", "DEVIATION", "BARE_DEVIATION")
 MIDDLE = 0.25
 """Share of the view's width for the low mesh without its map, between the other two."""
 
@@ -87,14 +87,14 @@ class Shading:
         if is_measured and self._measured is None:
             self._measure()
 
-    def draw(self, mode: str, eye: Eye, *, split: float = 0.5, limit: float = 5.0, is_alone: bool = False) -> None:
-        """Draw one of MODES into the bound framebuffer, which has depth.
+    def draw(self, mode: Mode, eye: Eye, *, split: float = 0.5, limit: float = 5.0, is_alone: bool = False) -> None:
+        """Draw a mode other than OFF into the bound framebuffer, which has depth.
 
         split: the position of the dividing line, from 0 to 1. limit: degrees at which the colors of deviations end. is_alone:
         no high object is visible that could show through. Draws nothing if an object was deleted or has zero scale, or if
         the deviations of the map are not measured yet.
         """
-        scene = self.objects.place(with_highs=mode == "SPLIT")
+        scene = self.objects.place(with_highs=mode == Mode.SPLIT)
         drawn = self.session.map
         if scene is None or drawn is None:
             return
@@ -103,9 +103,9 @@ class Shading:
             (eye.light[:3] - eye.light[3] * scene.local_space.origin) / scene.local_space.size, eye.light[3]
         )
         with _tested_for_depth():
-            if mode == "MAP":
+            if mode == Mode.MAP:
                 self._draw_map(scene, matrix, light)
-            elif mode == "SPLIT":
+            elif mode == Mode.SPLIT:
                 x, y, width, height = gpu.state.viewport_get()
                 high, low, mapped = zones(width, split)
                 with _only(x + high.start, y, len(high), height):
@@ -115,7 +115,7 @@ class Shading:
                 with _only(x + mapped.start, y, len(mapped), height):
                     self._draw_map(scene, matrix, light)
             elif self._measured is not None:
-                without_map = mode == "BARE_DEVIATION"
+                without_map = mode == Mode.BARE_DEVIATION
                 deviation.draw(scene.low[0], self._measured.texture, matrix, limit=limit, without_map=without_map)
 
     def draw_legend(self, place: tuple[float, float], size: tuple[float, float]) -> None:

@@ -387,7 +387,7 @@ def make_settings(rng, folder, low):
         depth=any_of(
             file_formats.BY_ENDING[ending.lower()].depths
             if storage == "FILE" and rng.random() < 0.95
-            else file_formats.DEPTHS
+            else sorted({depth for found in file_formats.FORMATS for depth in found.depths})
         ),
         dither=rng.random() < 0.2,
         modifiers=any_of(DECLARED["modifiers"].values),

@@ -18,6 +18,7 @@ from addon.output import quantize
 from addon.passes import mesh_upload, target
 from addon.passes.view import lit
 from addon.views import view_objects, view_shading
+from addon.views.mode_names import SHOWN
 from tests.support import oracle, raster, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -328,7 +329,7 @@ def test_deleted_and_flattened_objects_are_not_drawn():
     assert not picture(lambda: drawn.draw("SPLIT", eye)).any()
     assert picture(lambda: drawn.draw("MAP", eye)).any()
     bpy.data.objects.remove(low)
-    for mode in view_shading.MODES:
+    for mode in SHOWN:
         assert not picture(lambda mode=mode: drawn.draw(mode, eye)).any()
     session.free()
     assert not picture(lambda: drawn.draw("MAP", eye)).any()

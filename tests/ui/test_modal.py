@@ -16,9 +16,9 @@ from addon.ui import modal, operators
 from addon.ui.idle_memory import EVERY, idle_memory
 from addon.ui.live.live_switch import live
 from addon.ui.viewport import view_operators
-from addon.ui.viewport.mode_names import Mode
 from addon.ui.viewport.progress_display import display
 from addon.ui.viewport.view_mode import viewer
+from addon.views.mode_names import Mode
 from tests.support import zoo
 from tests.support.maps import pixels
 from tests.support.snapshot import difference, snapshot

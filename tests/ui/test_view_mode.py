@@ -14,9 +14,8 @@ from addon.core.errors import BakeError
 from addon.passes import target
 from addon.ui.live.live_switch import live
 from addon.ui.viewport import view_drawing, viewport_text
-from addon.ui.viewport.mode_names import Mode
 from addon.ui.viewport.view_mode import viewer
-from addon.views import view_shading
+from addon.views.mode_names import SHOWN, Mode
 from tests.support import raster, zoo
 from tests.support.snapshot import difference, snapshot
 
@@ -68,7 +67,7 @@ def drawn_pixels():
     return pixels
 
 
-@pytest.mark.parametrize("mode", view_shading.MODES)
+@pytest.mark.parametrize("mode", SHOWN)
 def test_a_view_leaves_nothing_when_turned_off(mode, pair):
     before = snapshot()
     view().mode = mode
@@ -82,7 +81,7 @@ def test_a_view_leaves_nothing_when_turned_off(mode, pair):
 
 def test_the_views_differ_and_a_key_shows_the_next_one(pair):
     pictures = []
-    for mode in (*view_shading.MODES, "OFF"):
+    for mode in (*SHOWN, "OFF"):
         assert bpy.ops.imprint.view_next() == {"FINISHED"}
         assert viewer.mode == mode
         pictures.append(drawn_pixels() if mode != "OFF" else np.zeros_like(pictures[0]))
@@ -230,7 +229,7 @@ def test_deleted_and_hidden_objects_are_not_drawn(pair):
     pair[0].hide_set(False)
     assert drawn_pixels().any()
     bpy.data.objects.remove(pair[0])
-    for mode in view_shading.MODES:
+    for mode in SHOWN:
         view().mode = mode
         assert not drawn_pixels()[40:].any()  # above the legend
 

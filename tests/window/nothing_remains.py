@@ -22,10 +22,10 @@ from addon.passes import target  # noqa: E402
 from addon.ui.live.live_switch import LiveState, live  # noqa: E402
 from addon.ui.modal import runner  # noqa: E402
 from addon.ui.viewport.cage_overlay import overlay  # noqa: E402
-from addon.ui.viewport.mode_names import Mode  # noqa: E402
 from addon.ui.viewport.object_hiding import hiding  # noqa: E402
 from addon.ui.viewport.progress_display import display  # noqa: E402
 from addon.ui.viewport.view_mode import viewer  # noqa: E402
+from addon.views.mode_names import Mode  # noqa: E402
 
 HANDLERS = ("depsgraph_update_post", "frame_change_post", "undo_post", "redo_post", "save_pre", "load_pre", "load_post")
 PATIENCE = 20.0

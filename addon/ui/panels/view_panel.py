@@ -3,9 +3,9 @@
 
 import bpy
 
+from ...views.mode_names import Mode
 from ..translations.lookup import message
 from ..viewport import view_drawing
-from ..viewport.mode_names import Mode
 from ..viewport.progress_display import display
 from ..viewport.view_mode import viewer
 from .sidebar import SidebarPanel, draw_paragraphs, split_layout

@@ -6,7 +6,7 @@ import gpu
 from gpu_extras.batch import batch_for_shader
 
 from ...views import view_shading
-from .mode_names import Mode
+from ...views.mode_names import Mode
 from .view_mode import viewer
 
 LINE = (0.9, 0.9, 0.9, 0.6)

@@ -5,9 +5,9 @@ import bpy
 import numpy as np
 
 from ...views import view_shading
+from ...views.mode_names import Mode
 from ..translations.lookup import label, message
 from . import viewport_text
-from .mode_names import Mode
 
 HEADLIGHT = np.array((-0.6, 0.7, 1.0, 0.0))
 """Direction to the view's own light, in view space: slightly from above and from the left."""

@@ -12,10 +12,10 @@ from ...jobs import live_session
 from ...jobs.job import Job
 from ...scene import object_checks
 from ...views import view_shading
+from ...views.mode_names import Mode
 from ..callbacks import DrawCallbacks, Timer, redraw
 from ..live.live_switch import live
 from . import view_drawing
-from .mode_names import Mode
 from .object_hiding import hiding
 from .progress_display import display
 

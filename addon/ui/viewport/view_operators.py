@@ -5,11 +5,11 @@ import bpy
 from bpy.props import EnumProperty
 
 from ...core.progress import Pace, Task
+from ...views.mode_names import ITEMS, Mode
 from ..callbacks import Key
 from ..live.live_switch import live
 from ..modal import SlicedOperator
 from ..translations.lookup import LABEL
-from .mode_names import ITEMS, Mode
 from .progress_display import display
 from .view_mode import viewer
 

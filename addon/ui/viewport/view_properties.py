@@ -4,8 +4,8 @@
 import bpy
 from bpy.props import EnumProperty, FloatProperty, PointerProperty
 
+from ...views.mode_names import ITEMS, Mode
 from ..translations.lookup import LABEL
-from .mode_names import ITEMS, Mode
 from .view_mode import viewer
 
 

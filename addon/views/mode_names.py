@@ -36,3 +36,5 @@ ITEMS = [
     (Mode.BARE_DEVIATION.value, "Without Map", "Degrees between the low mesh without the map and the high surface"),
 ]
 """The modes as items of an EnumProperty, in their order."""
+SHOWN = tuple(mode for mode in Mode if mode is not Mode.OFF)
+"""The modes that draw something."""
