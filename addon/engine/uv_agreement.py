@@ -65,7 +65,9 @@ def measure(low: Mesh, highs: Sequence[Mesh], tiles: Sequence[int]) -> Agreement
     if difference:
         return Agreement(False, difference)
     if share < SHARE:
-        return Agreement(False, f"the UV layouts differ: the meshes' points are close on only {share:.1%} of the texels")
+        return Agreement(
+            False, f"the UV layouts differ: the meshes' points are close on only {share:.1%} of the texels"
+        )
     return Agreement(True, f"the UV layouts agree: the meshes' points are close on {share:.1%} of the texels", texels)
 
 

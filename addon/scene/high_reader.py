@@ -104,7 +104,9 @@ def instances_shown(depsgraph: bpy.types.Depsgraph, owners: Sequence[bpy.types.O
                 yield number, item.object, item.matrix_world
 
 
-def read_instances(depsgraph: bpy.types.Depsgraph, owners: Sequence[bpy.types.Object], as_mesh: ReadMesh) -> list[list[Part]]:
+def read_instances(
+    depsgraph: bpy.types.Depsgraph, owners: Sequence[bpy.types.Object], as_mesh: ReadMesh
+) -> list[list[Part]]:
     """The instances of each of `owners`. Each mesh is read once, however many instances it has."""
     found: list[dict[tuple, tuple[Mesh | None, list]]] = [{} for _ in owners]
     for number, obj, matrix in instances_shown(depsgraph, owners):

@@ -10,6 +10,7 @@ SURFACES = {"CURVE", "SURFACE", "FONT", "META"}
 WITH_NODES = {"CURVES", "POINTCLOUD"}
 """Object types that show meshes if geometry nodes create some."""
 
+
 def may_show(obj: bpy.types.Object) -> bool:
     """Whether `obj` may show a mesh or instances."""
     if obj.type == "EMPTY":
