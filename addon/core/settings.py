@@ -38,6 +38,10 @@ class Settings:
     max_distance: float | None = _field("max_distance")
     """None to measure it."""
     directions: str = _field("directions")
+    offset_group: str = _field("offset_group")
+    """Name of a vertex group of the low mesh, or empty. Not used with a cage, or by Flatten."""
+    straight_group: str = _field("straight_group")
+    """As offset_group."""
     facing_only: bool = _field("facing_only")
     missed: tuple[float, float, float] = _field("missed")
     mask: bool = _field("mask")

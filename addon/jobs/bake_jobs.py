@@ -12,6 +12,7 @@ from ..core.report import Report
 from ..core.settings import Settings
 from ..core.timings import Timings
 from ..output import map_names, output_clashes
+from . import painted_groups
 from .atlas import Atlas
 from .bake import bake_job, draw_raw
 from .job import Job, check_job
@@ -69,7 +70,10 @@ def work(
     """
     settings.check()  # before object names are filled in, which may contain anything
     settings = settings.read_by(context.scene.render.engine)
-    filled = [for_low(settings, ATLAS if share_image else job.low.name) for job in jobs]
+    filled = [
+        for_low(own, ATLAS if share_image else job.low.name)
+        for job, own in zip(jobs, painted_groups.settings_by_job(jobs, settings), strict=True)
+    ]
     if share_image:
         output_clashes.check(settings, filled[:1], [ATLAS])
     else:
@@ -77,7 +81,7 @@ def work(
     for job, job_settings in zip(jobs, filled, strict=True):
         check_job(context, job, job_settings)
     if share_image:
-        return (yield from _into_one(context, jobs, filled[0], pace))
+        return (yield from _into_one(context, jobs, filled, pace))
     reports = [] if reports is None else reports
     for number, (job, job_settings) in enumerate(zip(jobs, filled, strict=True)):
         steps = part(bake_job(context, job, job_settings, pace), number / len(jobs), (number + 1) / len(jobs))
@@ -85,10 +89,12 @@ def work(
     return reports
 
 
-def _into_one(context: bpy.types.Context, jobs: Sequence[Job], settings: Settings, pace: Pace) -> Task[list[Report]]:
-    """Bake all jobs into the images of `settings`."""
-    atlas = Atlas(settings)
-    for number, job in enumerate(jobs):
+def _into_one(
+    context: bpy.types.Context, jobs: Sequence[Job], filled: Sequence[Settings], pace: Pace
+) -> Task[list[Report]]:
+    """Bake all jobs into the same images. filled: the settings of each job, with the same names."""
+    atlas = Atlas(filled[0])
+    for number, (job, settings) in enumerate(zip(jobs, filled, strict=True)):
         timings = Timings()
         steps = timings.counted(draw_raw(context, job, settings, pace, timings))
         atlas.add(*(yield from part(steps, number / len(jobs), (number + 1) / len(jobs))))

@@ -17,6 +17,9 @@ class Meshes:
     `low`, or None. is_own_base: whether the high mesh is the low object's own surface with modifiers. materials: the names
     behind the material labels of the high meshes, which count from 1. shown: with is_own_base, the high mesh with the UVs
     that modifiers moved, as the viewport shows it; None if no modifier moves UVs.
+
+    Painted by corner of `low`, (C,) float32, or None without a painted group. offset: factors from 0 to 2 on the extrusion.
+    straight: from -1 to 1, added to the share of the mesh's own normals in the directions.
     """
 
     low: Mesh
@@ -28,3 +31,5 @@ class Meshes:
     is_own_base: bool
     materials: list[str]
     shown: Mesh | None = None
+    offset: np.ndarray | None = None
+    straight: np.ndarray | None = None

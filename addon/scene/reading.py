@@ -7,13 +7,13 @@ from dataclasses import replace
 import bpy
 import numpy as np
 
-from ..core.declarations.choices import Space
+from ..core.declarations.choices import Method, Space
 from ..core.errors import BakeError
 from ..core.settings import Settings
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import local_space_of
 from ..mesh.triangle_mesh import Mesh
-from . import evaluation, mesh_reader, visibility
+from . import evaluation, mesh_reader, vertex_weights, visibility
 from .high_reader import Reader
 from .high_reader import uv_layer as uv_layer_of
 
@@ -102,10 +102,35 @@ def _read(
             mesh_reader.with_tangents(data, uv_layer, low.name, to_world) if settings.space == Space.TANGENT else None
         )
         cage_mesh = cage and _cage(cage, depsgraph, low_mesh, len(data.polygons))
+        offset, straight = _painted(low if is_own_base else low.evaluated_get(depsgraph), data, low_mesh, settings)
     reader = Reader(depsgraph, uv_layer, settings)
     high_meshes = reader.read(dict(enumerate(highs, start=1)))
     _check_triangles([low_mesh, *high_meshes, *([cage_mesh] if cage_mesh else [])])
-    return Meshes(low_mesh, high_meshes, basis, directions, cage_mesh, uv_layer, is_own_base, [*reader.materials])
+    return Meshes(
+        low_mesh,
+        high_meshes,
+        basis,
+        directions,
+        cage_mesh,
+        uv_layer,
+        is_own_base,
+        [*reader.materials],
+        offset=offset,
+        straight=straight,
+    )
+
+
+def _painted(
+    owner: bpy.types.Object, data: bpy.types.Mesh, low: Mesh, settings: Settings
+) -> tuple[np.ndarray | None, np.ndarray | None]:
+    """`offset` and `straight`, as Meshes has them. owner: of `data`, which `low` was read from."""
+    if settings.method == Method.FLATTEN:
+        return None, None
+    offset, straight = vertex_weights.weights(owner, data, (settings.offset_group, settings.straight_group))
+    return (
+        None if offset is None else 2.0 * offset[low.vertices],
+        None if straight is None else 2.0 * straight[low.vertices] - 1.0,
+    )
 
 
 def _check_triangles(meshes: Sequence[Mesh]) -> None:

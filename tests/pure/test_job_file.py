@@ -42,6 +42,8 @@ SAID = {
     "extrusion": ("--extrusion 0.5", 0.5),
     "max_distance": ("--max-distance 1.5", 1.5),
     "directions": ("--directions split", "SPLIT"),
+    "offset_group": ("--offset-group far", "far"),
+    "straight_group": ("--straight-group=turned", "turned"),
     "facing_only": ("--facing-only", True),
     "missed": ("--missed 1,0,1", (1.0, 0.0, 1.0)),
     "mask": ("--mask", True),

@@ -2,7 +2,7 @@
 """The settings of the panel Rays, in its order."""
 
 from .choices import Directions
-from .kinds import Choice, Color, Distance, Item, ObjectSlot, Setting, Switch
+from .kinds import Choice, Color, Distance, Item, ObjectSlot, Setting, Switch, Text
 
 RAYS: dict[str, Setting] = {
     "cage": ObjectSlot(label="Cage", tooltip="Mesh on which the rays start. It must have the topology of the low mesh"),
@@ -38,6 +38,18 @@ RAYS: dict[str, Setting] = {
             Item(Directions.SMOOTH, "Smooth", "Smooth vertex normals. Hard edges leave no gaps"),
             Item(Directions.SPLIT, "Split", "The mesh's own normals, with hard edges and custom normals"),
         ),
+    ),
+    "offset_group": Text(
+        label="Offset Group",
+        tooltip="Vertex group of the low mesh that scales the extrusion: with a weight of 0 rays start on the surface, "
+        "0.5 changes nothing, and with 1 they start twice as far out",
+        empty="the same extrusion everywhere",
+    ),
+    "straight_group": Text(
+        label="Straight Group",
+        tooltip="Vertex group of the low mesh that turns the rays: with a weight of 0 they follow smooth normals, "
+        "0.5 changes nothing, and with 1 they follow the mesh's own normals",
+        empty="the chosen directions everywhere",
     ),
     "facing_only": Switch(
         label="Ignore Backfaces", tooltip="Let the rays pass through faces of the high mesh that point away from them"

@@ -117,6 +117,10 @@ class IMPRINT_PT_rays(SettingsPanel, bpy.types.Panel):
             column.prop(settings, "max_distance")
         layout.operator("imprint.show_cage", icon="MESH_UVSPHERE", depress=overlay.is_on)
         layout.prop(settings, "directions")
+        low, _ = settings.chosen_objects(context)
+        if low is not None and low.type == "MESH":
+            for name in ("offset_group", "straight_group"):
+                layout.prop_search(settings, name, low, "vertex_groups", icon="GROUP_VERTEX")
         layout.prop(settings, "facing_only")
         layout.prop(settings, "missed")
         layout.prop(settings, "mask")

@@ -63,6 +63,32 @@ TABLE = {
         "de_DE": "Die eigenen Normalen des Meshes, mit harten Kanten und benutzerdefinierten Normalen",
         "es": "Las normales propias de la malla, con bordes duros y normales personalizadas",
     },
+    (LABEL, "Offset Group"): {"de_DE": "Versatzgruppe", "es": "Grupo de desplazamiento"},
+    (
+        SENTENCE,
+        "Vertex group of the low mesh that scales the extrusion: with a weight of 0 rays start on the surface, 0.5 changes "
+        "nothing, and with 1 they start twice as far out. Leave empty to use the same extrusion everywhere",
+    ): {
+        "de_DE": "Eckpunktgruppe des Low-Poly-Meshes, die die Extrusion skaliert: mit dem Gewicht 0 beginnen Strahlen auf "
+        "der Oberfläche, 0,5 ändert nichts, und mit 1 beginnen sie doppelt so weit außen. Leer lassen für überall dieselbe "
+        "Extrusion",
+        "es": "Grupo de vértices de la malla low poly que escala la extrusión: con influencia 0 los rayos parten de la "
+        "superficie, 0,5 no cambia nada y con 1 parten al doble de distancia. Dejar vacío para usar la misma extrusión "
+        "en todas partes",
+    },
+    (LABEL, "Straight Group"): {"de_DE": "Geradegruppe", "es": "Grupo de rayos rectos"},
+    (
+        SENTENCE,
+        "Vertex group of the low mesh that turns the rays: with a weight of 0 they follow smooth normals, 0.5 changes "
+        "nothing, and with 1 they follow the mesh's own normals. Leave empty to use the chosen directions everywhere",
+    ): {
+        "de_DE": "Eckpunktgruppe des Low-Poly-Meshes, die die Strahlen dreht: mit dem Gewicht 0 folgen sie weichen Normalen, "
+        "0,5 ändert nichts, und mit 1 folgen sie den eigenen Normalen des Meshes. Leer lassen für überall die gewählten "
+        "Richtungen",
+        "es": "Grupo de vértices de la malla low poly que gira los rayos: con influencia 0 siguen normales suaves, 0,5 no "
+        "cambia nada y con 1 siguen las normales propias de la malla. Dejar vacío para usar las direcciones elegidas en "
+        "todas partes",
+    },
     (LABEL, "Ignore Backfaces"): {"de_DE": "Ohne Rückseiten", "es": "Sin caras traseras"},
     (SENTENCE, "Let the rays pass through faces of the high mesh that point away from them"): {
         "de_DE": "Strahlen durch Flächen des High-Poly-Meshes hindurchlassen, die von ihnen abgewandt sind",

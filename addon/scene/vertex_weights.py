@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Reads the weights of vertex groups."""
+
+from collections.abc import Sequence
+from operator import itemgetter, methodcaller
+
+import bmesh
+import bpy
+import numpy as np
+
+from ..core.errors import BakeError
+
+UNPAINTED = 0.5
+"""The weight of vertices outside the group. It changes nothing."""
+
+
+def weights(obj: bpy.types.Object, data: bpy.types.Mesh, names: Sequence[str]) -> list[np.ndarray | None]:
+    """The weights (V,) float32 in the groups `names` of the vertices of `data`, 0 to 1. None for an empty name.
+
+    obj: the owner of `data`: an evaluated object, or the object itself for its own mesh. Raises BakeError for a group that it
+    does not have.
+    """
+    numbers = [_number(obj, name) if name else None for name in names]
+    if all(number is None for number in numbers):
+        return [None] * len(numbers)
+    # Weights cannot be read as whole arrays. Of all ways that leave the scene as it is, this is the fastest one.
+    copy = bmesh.new(use_operators=False)
+    try:
+        copy.from_mesh(data, face_normals=False, vertex_normals=False)
+        layer = copy.verts.layers.deform.active
+        # A mesh on which no vertex was ever painted has no layer.
+        by_vertex = [{}] * len(copy.verts) if layer is None else list(map(itemgetter(layer), copy.verts))
+        return [
+            None
+            if number is None
+            else np.fromiter(map(methodcaller("get", number, UNPAINTED), by_vertex), np.float32, len(by_vertex))
+            for number in numbers
+        ]
+    finally:
+        copy.free()
+
+
+def _number(obj: bpy.types.Object, name: str) -> int:
+    """The number of the vertex group `name`. Modifiers may have removed it, or given it another number."""
+    group = obj.vertex_groups.get(name)
+    if group is not None:
+        return group.index
+    if name in obj.original.vertex_groups:
+        raise BakeError(
+            f"The modifiers of {obj.name!r} remove its vertex group {name!r}: change them, or choose no group."
+        )
+    raise BakeError(f"{obj.name!r} has no vertex group {name!r}: choose another one in the panel Rays, or none.")
