@@ -37,6 +37,7 @@ class Settings:
     """None to measure it. Not used with a cage."""
     max_distance: float | None = _field("max_distance")
     """None to measure it."""
+    hit: str = _field("hit")
     directions: str = _field("directions")
     offset_group: str = _field("offset_group")
     """Name of a vertex group of the low mesh, or empty. Not used with a cage, or by Flatten."""

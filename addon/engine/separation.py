@@ -15,7 +15,7 @@ from ..mesh.inputs import Meshes
 from ..mesh.local_space import LocalSpace, local_space_of
 from ..mesh.triangle_mesh import Mesh
 from ..passes import mesh_upload, target
-from ..passes.bake import cast, gbuffer, points
+from ..passes.bake import cast, points
 from .rays import ray_casting
 
 PROBE_SIZE = 128
@@ -33,7 +33,7 @@ and world space."""
 
 def full_probe(meshes: Meshes, ray_cast: ray_casting.RayCast | None) -> Probe:
     """Measures along the rays of a bake. Without rays, measures between meshes that are drawn in UV space."""
-    return _ray_probe(meshes, ray_cast) if ray_cast else flat_probe(meshes.low, meshes.highs)
+    return _ray_probe(ray_cast) if ray_cast else flat_probe(meshes.low, meshes.highs)
 
 
 def quick_probe(meshes: Meshes, ray_cast: ray_casting.RayCast | None) -> Probe:
@@ -97,29 +97,22 @@ def thinned(mesh: Mesh) -> Mesh:
     return replace(mesh, positions=positions, vertices=numbers, uv=uv, triangles=numbers.reshape(-1, 3))
 
 
-def _ray_probe(meshes: Meshes, ray_cast: ray_casting.RayCast) -> Probe:
+def _ray_probe(ray_cast: ray_casting.RayCast) -> Probe:
     """Measures along rays."""
-    local_space = ray_cast.ray_scene.local_space
-    on_low = [upload(meshes.low, local_space)] if meshes.cage is not None else None
+    unit = np.float32(ray_cast.ray_scene.local_space.size)
 
     def probe(size: tuple[int, int], uv_to_clip: UvToClip) -> np.ndarray:
         rays = target.get("audit rays", *size, "RGBA32F", "RGBA32F")
         hits = target.get("audit hits", *size, "RGBA32UI")
         found = target.get("audit far", *size, "RGBA32F")
-        gbuffer.draw(rays, ray_cast.ray_mesh, uv_to_clip)
+        ray_cast.draw(rays, uv_to_clip)
         ray_cast.trace(hits, rays)
-        cast.distances(found, hits)
-        far, away = (np.empty((size[1], size[0], 4), np.float32) for _ in range(2))
-        found.read(far)
+        cast.heights(found, hits, rays)
+        heights, away = (np.empty((size[1], size[0], 4), np.float32) for _ in range(2))
+        found.read(heights)
         rays.read(away, slot=1)
-        has_missed = far[..., 0] < 0.0
-        is_low = away[..., 3]
-        away[..., :3] *= np.float32(ray_cast.start_offset) - far[..., :1]
-        if on_low is not None:  # rays start on the cage
-            rays.read(far)
-            away += far - draw_points(on_low, size, uv_to_clip)
-        away *= np.float32(local_space.size)
-        away[..., 3] = np.where(has_missed, -is_low, is_low)
+        away[..., :3] *= heights[..., :1] * unit
+        away[..., 3] = heights[..., 3]
         return away
 
     return probe

@@ -7,7 +7,7 @@ from typing import Protocol
 import gpu
 import numpy as np
 
-from ..core.declarations.choices import Method, Space
+from ..core.declarations.choices import Hit, Method, Space
 from ..core.map_types import NORMAL
 from ..core.progress import Pace, Progress, Task
 from ..core.settings import Settings
@@ -15,11 +15,11 @@ from ..core.timings import Timings
 from ..mesh.local_space import local_space_of
 from ..mesh.triangle_mesh import Mesh, normal_matrix
 from ..passes import data_texture, mesh_upload, target
-from ..passes.bake import cast, flatten, gbuffer, points
+from ..passes.bake import cast, flatten, points
 from .bands import Band
 from .method_choice import Plan
 from .other_maps import OtherMaps
-from .rays import ray_casting, ray_distances, tree_cache
+from .rays import ray_casting, ray_directions, ray_distances, tree_cache
 
 
 class Source(Protocol):
@@ -60,9 +60,12 @@ def _ray_cast(plan: Plan, settings: Settings, timings: Timings) -> Task[ray_cast
     meshes, has_cage = plan.meshes, plan.meshes.cage is not None
     yield Progress("Building the tree", 0.0)
     ray_scene = tree_cache.trees.ray_scene_of(meshes.highs, timings)
+    low_surface = tree_cache.trees.low_surface_of(meshes.low, ray_scene.local_space, timings)
     yield Progress("Measuring distances", 0.5)
     with timings.timed("upload"):
-        ray_mesh = ray_casting.upload_ray_mesh(meshes.low, meshes.directions, meshes.cage, ray_scene.local_space)
+        ray_mesh = ray_casting.upload_ray_mesh(meshes, low_surface, ray_scene.local_space)
+    with timings.timed("distances"):
+        directions = ray_directions.choose(settings.directions, meshes, low_surface, ray_scene.tables)
     # With a cage, rays start exactly on it.
     extrusion, max_distance = 0.0 if has_cage else settings.extrusion, settings.max_distance
     is_measured = extrusion is None or max_distance is None
@@ -71,16 +74,31 @@ def _ray_cast(plan: Plan, settings: Settings, timings: Timings) -> Task[ray_cast
             outside, inside = ray_distances.measure(
                 ray_scene.tables,
                 ray_mesh,
+                directions,
                 (settings.width, settings.height),
                 plan.tiles,
                 has_cage=has_cage,
                 facing_only=settings.facing_only,
             )
         unit = ray_scene.local_space.size
+        if settings.hit == Hit.OWN and not has_cage:
+            room = ray_distances.ROOM * 2.0 * local_space_of([meshes.low]).size
+            outside, inside = max(outside, room / unit), max(inside, room / unit)
         extrusion = outside * unit if extrusion is None else extrusion
         # Measured from the low surface; rays start `extrusion` outside it.
         max_distance = extrusion + inside * unit if max_distance is None else max_distance
-    return ray_casting.RayCast(ray_scene, ray_mesh, extrusion, max_distance, settings.facing_only, is_measured)
+    return ray_casting.RayCast(
+        ray_scene,
+        low_surface,
+        ray_mesh,
+        directions,
+        Hit(settings.hit),
+        extrusion,
+        max_distance,
+        settings.facing_only,
+        has_cage,
+        is_measured,
+    )
 
 
 class Flat:
@@ -155,7 +173,7 @@ class Rays:
         """As Source has it."""
         size = band.width, band.height
         rays = target.get("rays", *size, "RGBA32F", "RGBA32F")
-        gbuffer.draw(rays, self.ray_cast.ray_mesh, band.uv_to_clip)
+        self.ray_cast.draw(rays, band.uv_to_clip)
         self._hits = target.get("hits", *size, "RGBA32UI")
         self._normals, self._points = target.get("high", *size, "RGBA32F"), None
         if not self.pace.has_listener:

@@ -13,7 +13,7 @@ class Meshes:
     """All meshes that a bake reads: of the low-poly object ("low"), of the high-poly objects ("high") and of the cage.
 
     low: the low mesh with its faces, for rays and checks. basis: the low mesh with tangents for tangent space, else None.
-    directions (C, 3) float32: ray directions by corner of `low`, away from its surface. cage: a mesh with the corners of
+    smooth_normals (C, 3) float32: vertex normals by corner of `low`, without hard edges. cage: a mesh with the corners of
     `low`, or None. is_own_base: whether the high mesh is the low object's own surface with modifiers. materials: the names
     behind the material labels of the high meshes, which count from 1. shown: with is_own_base, the high mesh with the UVs
     that modifiers moved, as the viewport shows it; None if no modifier moves UVs.
@@ -25,7 +25,7 @@ class Meshes:
     low: Mesh
     highs: list[Mesh]
     basis: Mesh | None
-    directions: np.ndarray
+    smooth_normals: np.ndarray
     cage: Mesh | None
     uv_layer: str
     is_own_base: bool

@@ -7,8 +7,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from ..core import udim
+from .edges import differ, is_split, partners
 from .triangle_mesh import Mesh
-from .uv_islands import hashes
 
 CONNECTED = 1e-5
 """Two triangles are on the same island if the UVs at their common edge differ by at most this."""
@@ -18,8 +18,6 @@ most 1.5 diagonals from the border: one to its neighbor, and half of one to a sa
 SMALLEST_TURN = 1e-6
 """The smallest ratio of lengths between an edge and the edge across: below it, one of the two is a point without
 direction."""
-HARD = 1.0
-"""An edge is hard from this many degrees between the normals of its sides: files round normals by less."""
 _STRIP = np.array([(0, 2, 1), (1, 2, 3), (2, 4, 5), (2, 5, 3), (4, 6, 7), (4, 7, 5)])
 """The triangles of a strip. Its corners are four pairs, inside and outside, from before the edge to past it. Beyond the ends
 of the edge the distance is not linear: the triangles there divide along from across, so that the error is at most 8 %."""
@@ -97,7 +95,7 @@ def _find(mesh: Mesh) -> Seams:
     here = np.stack([uv[start], uv[stop]], axis=1)
     side = np.sign(((here[:, 1] - here[:, 0]).conj() * (uv[across] - here[:, 0])).imag)
     first, second = mesh.vertices[start], mesh.vertices[stop]
-    partner = _partners(mesh.positions, np.stack([first, second], axis=1))
+    partner = partners(mesh.positions, np.stack([first, second], axis=1))
     # The other triangle may have the opposite winding.
     is_same_way = (mesh.positions[first[partner]] == mesh.positions[first]).all(axis=1)
     there = np.where(is_same_way[:, None], here[partner], here[partner][:, ::-1])
@@ -118,67 +116,22 @@ def hard_edges(mesh: Mesh) -> np.ndarray:
     """
     start, stop, across = (np.roll(mesh.triangles, -i, axis=1).reshape(-1) for i in range(3))
     # An edge can be hard only where one place has several normals: in most meshes that leaves few edges to test.
-    is_split = _is_split(mesh)
-    candidates = np.flatnonzero(is_split[mesh.vertices[start]] | is_split[mesh.vertices[stop]])
+    split = is_split(mesh)
+    candidates = np.flatnonzero(split[mesh.vertices[start]] | split[mesh.vertices[stop]])
     start, stop, across = start[candidates], stop[candidates], across[candidates]
     first, second = mesh.vertices[start], mesh.vertices[stop]
-    partner = _partners(mesh.positions, np.stack([first, second], axis=1))
+    partner = partners(mesh.positions, np.stack([first, second], axis=1))
     is_same_way = (mesh.positions[first[partner]] == mesh.positions[first]).all(axis=1)
     others = np.where(is_same_way, start[partner], stop[partner]), np.where(is_same_way, stop[partner], start[partner])
     uv = mesh.uv.view(np.complex64)[:, 0]
     goes_on, is_hard = partner >= 0, np.zeros(len(partner), bool)
     for corner, other in zip((start, stop), others, strict=True):
         goes_on &= np.abs(uv[corner] - uv[other]) <= CONNECTED
-        is_hard |= _differ(mesh.normals[corner], mesh.normals[other])
+        is_hard |= differ(mesh.normals[corner], mesh.normals[other])
     side = ((uv[stop] - uv[start]).conj() * (uv[across] - uv[start])).imag
     # An island ends where it is folded over, as in the middle of a part that is mirrored onto itself.
     goes_on &= (side > 0.0) != ((side[partner] > 0.0) ^ ~is_same_way)
     return np.unique(np.sort(np.stack([first, second], axis=1)[goes_on & is_hard], axis=1), axis=0)
-
-
-def _is_split(mesh: Mesh) -> np.ndarray:
-    """Which vertices (V,) bool have several normals, together with other vertices in the same place."""
-    places = np.unique(hashes(mesh.positions + np.float32(0.0)), return_inverse=True)[1]
-    corners = mesh.triangles.reshape(-1)
-    place = places[mesh.vertices[corners]]
-    any_corner = np.zeros(len(mesh.positions), corners.dtype)
-    any_corner[place] = corners
-    result = np.zeros(len(mesh.positions), bool)
-    result[place[_differ(mesh.normals[corners], mesh.normals[any_corner[place]])]] = True
-    return result[places]
-
-
-def _differ(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Which rows (N,) bool of two arrays of unit normals (N, 3) differ by more than HARD."""
-    between = a - b
-    return (between * between).sum(axis=1) > (2.0 * np.sin(np.radians(HARD) / 2.0)) ** 2
-
-
-def _partners(positions: np.ndarray, ends: np.ndarray) -> np.ndarray:
-    """The other edge (E,) int with the same two vertices as each edge in ends (E, 2), -1 if there is none or several."""
-    partner, is_alone = _paired(ends)
-    alone = np.flatnonzero(is_alone)
-    # Exporters split vertices at seams: an edge without a partner may have one in the same place.
-    used, ends = np.unique(ends[alone], return_inverse=True)
-    places = np.unique(positions[used], axis=0, return_inverse=True)[1]
-    met, _ = _paired(places.reshape(-1)[ends.reshape(-1, 2)])
-    partner[alone] = np.where(met >= 0, alone[met], -1) if len(alone) else -1
-    return partner
-
-
-def _paired(ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The only other edge with the same ends, (E,) int64 or -1, and which edges have none, (E,) bool."""
-    low, high = ends.min(axis=1), ends.max(axis=1)
-    keys = low.astype(np.int64) * (high.max(initial=0) + 1) + high
-    order = np.argsort(keys, kind="stable")
-    first = np.flatnonzero(np.diff(keys[order], prepend=-1))
-    count = np.diff(first, append=len(keys))
-    pairs = first[(count == 2) & (low != high)[order[first]]]
-    left, right = order[pairs], order[pairs + 1]
-    partner, is_alone = np.full(len(keys), -1), np.zeros(len(keys), bool)
-    partner[left], partner[right] = right, left
-    is_alone[order[first[count == 1]]] = True
-    return partner, is_alone
 
 
 def _texels(uv: np.ndarray, size: tuple[int, int], tile: int) -> np.ndarray:

@@ -9,7 +9,6 @@ from dataclasses import replace
 import bpy
 import numpy as np
 
-from ..core.declarations.choices import Directions
 from ..mesh.triangle_mesh import Mesh, finite_rows, keep_corners
 
 _NUMBER = ".imprint_face"
@@ -91,13 +90,8 @@ def surface(
     return keep_corners(mesh, finite)
 
 
-def directions(data: bpy.types.Mesh, mesh: Mesh, which: str) -> np.ndarray:
-    """The ray directions of `mesh`, which was read from `data`: (C, 3) float32, by corner.
-
-    which: "SMOOTH" for vertex normals, which ignore sharp edges, or "SPLIT" for corner normals.
-    """
-    if which == Directions.SPLIT:
-        return mesh.normals
+def smooth_normals(data: bpy.types.Mesh, mesh: Mesh) -> np.ndarray:
+    """The vertex normals of `mesh`, which was read from `data`: (C, 3) float32, by corner. They ignore hard edges."""
     return _read(data.vertex_normals, "vector", len(data.vertices), 3)[mesh.vertices]
 
 

@@ -97,7 +97,7 @@ def _read(
         uv_layer = uv_layer_of(low.name, data, settings.uv_layer)
         to_world = mesh_reader.matrix(low)
         low_mesh = mesh_reader.surface(data, uv_layer, low.name, to_world, with_faces=True)
-        directions = mesh_reader.directions(data, low_mesh, settings.directions)
+        smooth_normals = mesh_reader.smooth_normals(data, low_mesh)
         basis = (
             mesh_reader.with_tangents(data, uv_layer, low.name, to_world) if settings.space == Space.TANGENT else None
         )
@@ -110,7 +110,7 @@ def _read(
         low_mesh,
         high_meshes,
         basis,
-        directions,
+        smooth_normals,
         cage_mesh,
         uv_layer,
         is_own_base,

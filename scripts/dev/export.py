@@ -18,7 +18,8 @@ from addon.core.settings import Settings  # noqa: E402
 from addon.core.timings import Timings  # noqa: E402
 from addon.engine.method_choice import choose_method  # noqa: E402
 from addon.engine.sources import normal_source  # noqa: E402
-from addon.mesh import bvh, triangle_mesh  # noqa: E402
+from addon.mesh import triangle_mesh  # noqa: E402
+from addon.mesh.spatial import bvh  # noqa: E402
 from addon.scene import reading  # noqa: E402
 
 

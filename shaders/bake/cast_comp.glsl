@@ -1,45 +1,24 @@
-// Traces one ray per texel, from the cage of the low mesh to the first triangle of the high meshes. mesh/bvh.py builds the
-// tree.
+// Traces one ray per texel from outside the low mesh inwards, and chooses a hit on the high meshes. mesh/spatial/bvh.py
+// builds the trees.
 #include "lib/texture_lib.glsl"
+#include "lib/tree_lib.glsl"
+#include "lib/closest_lib.glsl"
+#include "lib/owner_lib.glsl"
+#include "lib/hit_lib.glsl"
+
+// As in core.declarations.choices.Hit, in its order.
+const int CAST_OWN = 0;
+const int CAST_NEAREST = 2;
 
 // Neighboring triangles overlap by this much, in barycentric coordinates, so that no ray passes between them: a constant,
 // plus the error of single precision, which grows where the triangle is small and far from the start of the ray.
 const float CAST_EDGE = 1e-5;
 const float CAST_ROUNDING = 4e-7;
 const float CAST_MOST = 1e-3;
-
-// Unpack the two numbers of 15 bits from the bits of a float (bvh.pack).
-vec4 cast_low(uvec4 bits)
-{
-  return vec4(bits & 0x7fffu);
-}
-
-vec4 cast_high(uvec4 bits)
-{
-  return vec4(bits >> 15);
-}
-
-// The node to visit after the subtree of `node`: a sibling of the node or of an ancestor. `trail` holds four bits per level,
-// deepest first: the siblings still to be visited. Returns -1 at the end.
-int cast_next(int node, inout uvec2 trail)
-{
-  if (trail.x == 0u) {
-    if (trail.y == 0u) {
-      return -1;
-    }
-    trail = uvec2(trail.y, 0u);
-    node = (node - 21845) >> 16;  // eight levels up: 21845 = (4^8 - 1) / 3
-  }
-  int levels = findLSB(trail.x) >> 2;
-  int bits = levels * 4;
-  if (levels > 0) {
-    trail = uvec2((trail.x >> bits) | (trail.y << (32 - bits)), trail.y >> bits);
-    node = (node - ((1 << (levels * 2)) - 1) / 3) >> (levels * 2);
-  }
-  int slot = findLSB(trail.x & 15u);
-  trail.x &= trail.x - 1u;
-  return ((node - 1) & ~3) + 1 + slot;
-}
+// The most hits of a ray that are asked for their owner, so that no ray takes long.
+const int CAST_CANDIDATES = 16;
+// The least distance, in local space, between a hit and the next one.
+const float CAST_BEYOND = 1e-8;
 
 void main()
 {
@@ -50,12 +29,14 @@ void main()
   if (any(greaterThanEqual(texel, texel_size(positions)))) {
     return;
   }
-  vec4 start = texel_at(positions, texel);
-  uvec4 hit = uvec4(0u);
-  if (start.a > 0.0) {
-    vec3 direction = texel_at(directions, texel).xyz * direction_sign;
-    vec3 origin = start.xyz - direction * start_offset;
-    float best = max_t;
+  vec4 below = texel_at(positions, texel);
+  uvec4 chosen = uvec4(0u);
+  if (below.a > 0.0) {
+    vec4 away = texel_at(directions, texel);
+    float start = away.w;  // how far outside the low surface
+    vec3 direction = -away.xyz;
+    vec3 origin = below.xyz + away.xyz * start;
+    float end = min(max_t, start + inside);
 
     // In grid steps, boxes have integer coordinates. A zero component would give 0 * infinity for a ray inside a slab.
     vec3 grid_start = (origin - grid_origin.xyz) * grid_scale.xyz;
@@ -63,64 +44,112 @@ void main()
     grid_direction = mix(grid_direction, vec3(1e-12), lessThan(abs(grid_direction), vec3(1e-12)));
     vec3 inverse = 1.0 / grid_direction;
     bvec3 forward = greaterThan(inverse, vec3(0.0));
-    uvec2 trail = uvec2(0u);
-    int node = 0;
-    while (node >= 0) {
-      uint triangles = 0u;
-      int first = 0;
-      // Walk the tree until the ray hits a node of triangles. Triangles are tested outside this loop: inside it, lanes that
-      // have found triangles would wait for the others at every step.
-      while (node >= 0 && triangles == 0u) {
-        uvec4 x = floatBitsToUint(texel_at(nodes, texture_place(node * 3)));
-        uvec4 y = floatBitsToUint(texel_at(nodes, texture_place(node * 3 + 1)));
-        uvec4 z = floatBitsToUint(texel_at(nodes, texture_place(node * 3 + 2)));
-        vec4 x_low = (cast_low(x) - grid_start.x) * inverse.x;
-        vec4 y_low = (cast_low(y) - grid_start.y) * inverse.y;
-        vec4 z_low = (cast_low(z) - grid_start.z) * inverse.z;
-        vec4 x_high = (cast_high(x) - grid_start.x) * inverse.x;
-        vec4 y_high = (cast_high(y) - grid_start.y) * inverse.y;
-        vec4 z_high = (cast_high(z) - grid_start.z) * inverse.z;
-        // Select by the ray's direction instead of min and max: then the ray leaves a missing box before it enters it.
-        vec4 enter = max(max(forward.x ? x_low : x_high, forward.y ? y_low : y_high),
-                         max(forward.z ? z_low : z_high, vec4(0.0)));
-        vec4 leave = min(min(forward.x ? x_high : x_low, forward.y ? y_high : y_low),
-                         min(forward.z ? z_high : z_low, vec4(best)));
-        bvec4 boxes = lessThanEqual(enter, leave);
-        uint mask = (boxes.x ? 1u : 0u) | (boxes.y ? 2u : 0u) | (boxes.z ? 4u : 0u) | (boxes.w ? 8u : 0u);
-        int child = node * 4 + 1;
-        if (mask != 0u && child < first_leaf) {
-          int slot = findLSB(mask);
-          trail = uvec2((trail.x << 4) | (mask & (mask - 1u)), (trail.y << 4) | (trail.x >> 28));
-          node = child + slot;
+
+    bool facing = facing_only != 0 || rule == CAST_OWN;
+    bool is_last = rule != CAST_OWN;
+    float first = 0.0;
+    float wanted = rule == CAST_NEAREST ? start : 0.0;  // the hit nearest to this place on the ray is searched for
+    uvec4 fallback = uvec4(0u);
+    float fallback_distance = 1e30;
+    for (int search = 0; search <= CAST_CANDIDATES; search++) {
+      uvec4 hit = uvec4(0u);
+      float best = 1e30;
+      float from = first;
+      float to = end;
+      uvec2 trail = uvec2(0u);
+      int node = 0;
+      while (node >= 0) {
+        uint triangles = 0u;
+        int leaf = 0;
+        // Walk the tree until the ray hits a node of triangles. Triangles are tested outside this loop: inside it, lanes
+        // that have found triangles would wait for the others at every step.
+        while (node >= 0 && triangles == 0u) {
+          uvec4 x = floatBitsToUint(texel_at(nodes, texture_place(node * 3)));
+          uvec4 y = floatBitsToUint(texel_at(nodes, texture_place(node * 3 + 1)));
+          uvec4 z = floatBitsToUint(texel_at(nodes, texture_place(node * 3 + 2)));
+          vec4 x_low = (tree_low(x) - grid_start.x) * inverse.x;
+          vec4 y_low = (tree_low(y) - grid_start.y) * inverse.y;
+          vec4 z_low = (tree_low(z) - grid_start.z) * inverse.z;
+          vec4 x_high = (tree_high(x) - grid_start.x) * inverse.x;
+          vec4 y_high = (tree_high(y) - grid_start.y) * inverse.y;
+          vec4 z_high = (tree_high(z) - grid_start.z) * inverse.z;
+          // Select by the ray's direction instead of min and max: then the ray leaves a missing box before it enters it.
+          vec4 enter = max(max(forward.x ? x_low : x_high, forward.y ? y_low : y_high),
+                           max(forward.z ? z_low : z_high, vec4(from)));
+          vec4 leave = min(min(forward.x ? x_high : x_low, forward.y ? y_high : y_low),
+                           min(forward.z ? z_high : z_low, vec4(to)));
+          uint mask = tree_mask(lessThanEqual(enter, leave));
+          int child = node * 4 + 1;
+          if (mask != 0u && child < first_leaf) {
+            node = tree_down(node, mask, trail);
+          }
+          else {
+            triangles = mask;
+            leaf = child - first_leaf;
+            node = tree_next(node, trail);
+          }
         }
-        else {
-          triangles = mask;
-          first = child - first_leaf;
-          node = cast_next(node, trail);
+        while (triangles != 0u) {
+          int triangle = leaf + findLSB(triangles);
+          triangles &= triangles - 1u;
+          vec3 corner = texel_at(corners, texture_place(triangle * 3)).xyz;
+          vec3 edge1 = texel_at(corners, texture_place(triangle * 3 + 1)).xyz - corner;
+          vec3 edge2 = texel_at(corners, texture_place(triangle * 3 + 2)).xyz - corner;
+          // T. Möller and B. Trumbore, "Fast, minimum storage ray/triangle intersection" (1997).
+          vec3 p = cross(direction, edge2);
+          float determinant = dot(edge1, p);
+          vec3 to_origin = origin - corner;
+          vec3 q = cross(to_origin, edge1);
+          vec3 solved = vec3(dot(to_origin, p), dot(direction, q), dot(edge2, q)) / determinant;
+          float lever = sqrt(dot(to_origin, to_origin) * max(dot(edge1, edge1), dot(edge2, edge2)));
+          float slack = CAST_EDGE + min(CAST_ROUNDING * lever / abs(determinant), CAST_MOST);
+          bool inside_triangle = solved.x >= -slack && solved.y >= -slack && solved.x + solved.y <= 1.0 + slack;
+          bool faces = determinant > 0.0 || !facing;
+          float between = abs(solved.z - wanted);
+          if (inside_triangle && faces && solved.z >= first && solved.z <= end && between < best) {
+            best = between;
+            from = max(first, wanted - best);
+            to = min(end, wanted + best);
+            hit = uvec4(uint(triangle) + 1u, floatBitsToUint(solved.x), floatBitsToUint(solved.y), floatBitsToUint(solved.z));
+          }
         }
       }
-      while (triangles != 0u) {
-        int triangle = first + findLSB(triangles);
-        triangles &= triangles - 1u;
-        vec3 corner = texel_at(corners, texture_place(triangle * 3)).xyz;
-        vec3 edge1 = texel_at(corners, texture_place(triangle * 3 + 1)).xyz - corner;
-        vec3 edge2 = texel_at(corners, texture_place(triangle * 3 + 2)).xyz - corner;
-        // T. Möller and B. Trumbore, "Fast, minimum storage ray/triangle intersection" (1997).
-        vec3 p = cross(direction, edge2);
-        float determinant = dot(edge1, p);
-        vec3 to_origin = origin - corner;
-        vec3 q = cross(to_origin, edge1);
-        vec3 solved = vec3(dot(to_origin, p), dot(direction, q), dot(edge2, q)) / determinant;
-        float lever = sqrt(dot(to_origin, to_origin) * max(dot(edge1, edge1), dot(edge2, edge2)));
-        float slack = CAST_EDGE + min(CAST_ROUNDING * lever / abs(determinant), CAST_MOST);
-        bool inside = solved.x >= -slack && solved.y >= -slack && solved.x + solved.y <= 1.0 + slack;
-        bool faces = determinant > 0.0 || facing_only == 0;
-        if (inside && faces && solved.z >= 0.0 && solved.z < best) {
-          best = solved.z;
-          hit = uvec4(uint(triangle) + 1u, floatBitsToUint(solved.x), floatBitsToUint(solved.y), floatBitsToUint(best));
+      if (is_last) {
+        chosen = hit;
+        if (rule == CAST_OWN && hit.x != 0u) {
+          chosen.x |= HIT_FROM_BEHIND;
         }
+        break;
       }
+      if (hit.x == 0u) {  // no more hits that face the ray
+        if (fallback.x != 0u || facing_only != 0) {
+          chosen = fallback;
+          break;
+        }
+        is_last = true;
+        facing = false;
+        first = 0.0;
+        wanted = start;
+        continue;
+      }
+      float t = uintBitsToFloat(hit.w);
+      int corner = int(hit.x - 1u) * 3;
+      vec2 weights = vec2(uintBitsToFloat(hit.y), uintBitsToFloat(hit.z));
+      vec3 normal = texel_at(normals, texture_place(corner)).xyz * (1.0 - weights.x - weights.y) +
+                    texel_at(normals, texture_place(corner + 1)).xyz * weights.x +
+                    texel_at(normals, texture_place(corner + 2)).xyz * weights.y;
+      if (owner_has_hit(origin + direction * t, normal, below.xyz, int(below.a) - 1)) {
+        chosen = hit;
+        break;
+      }
+      if (abs(t - start) < fallback_distance) {
+        fallback_distance = abs(t - start);
+        fallback = uvec4(hit.x | HIT_NOT_OWNED, hit.yzw);
+      }
+      chosen = fallback;
+      first = t * (1.0 + CAST_ROUNDING) + CAST_BEYOND;
     }
+    chosen.w = chosen.x == 0u ? 0u : floatBitsToUint(start - uintBitsToFloat(chosen.w));
   }
-  imageStore(hits, texel, hit);
+  imageStore(hits, texel, chosen);
 }

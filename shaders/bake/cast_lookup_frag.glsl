@@ -1,16 +1,17 @@
 // Writes the interpolated normal of the high mesh at each hit. Alpha: 1 hit, -1 missed, 0 no low mesh.
 #include "lib/texture_lib.glsl"
+#include "lib/hit_lib.glsl"
 
 void main()
 {
   ivec2 texel = ivec2(gl_FragCoord.xy);
   uvec4 hit = texel_at(hits, texel);
-  if (hit.x == 0u) {
+  if (hit_missed(hit)) {
     normal_out = vec4(0.0, 0.0, 0.0, texel_at(positions, texel).a > 0.0 ? -1.0 : 0.0);
   }
   else {
-    int first = int(hit.x - 1u) * 3;
-    vec2 weights = vec2(uintBitsToFloat(hit.y), uintBitsToFloat(hit.z));
+    int first = hit_triangle(hit) * 3;
+    vec2 weights = hit_weights(hit);
     vec3 normal = texel_at(normals, texture_place(first)).xyz * (1.0 - weights.x - weights.y) +
                   texel_at(normals, texture_place(first + 1)).xyz * weights.x +
                   texel_at(normals, texture_place(first + 2)).xyz * weights.y;

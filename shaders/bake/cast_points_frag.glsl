@@ -1,14 +1,15 @@
 // Writes the point on the high surface that each ray hit, and the numbers of its object and its material.
 #include "lib/texture_lib.glsl"
+#include "lib/hit_lib.glsl"
 
 void main()
 {
   uvec4 hit = texelFetch(hits, ivec2(gl_FragCoord.xy), 0);
   point_out = vec4(0.0);
   labels_out = vec4(0.0);
-  if (hit.x != 0u) {
-    int triangle = int(hit.x - 1u);
-    vec2 weights = vec2(uintBitsToFloat(hit.y), uintBitsToFloat(hit.z));
+  if (!hit_missed(hit)) {
+    int triangle = hit_triangle(hit);
+    vec2 weights = hit_weights(hit);
     vec3 corner = texelFetch(corners, texture_place(triangle * 3), 0).xyz;
     vec3 edge1 = texelFetch(corners, texture_place(triangle * 3 + 1), 0).xyz - corner;
     vec3 edge2 = texelFetch(corners, texture_place(triangle * 3 + 2), 0).xyz - corner;

@@ -11,7 +11,7 @@ from addon.core import progress
 from addon.core.settings import Settings
 from addon.engine.rays import tree_cache
 from addon.jobs import Job, bake_all, bake_pair, live_session
-from addon.mesh import bvh
+from addon.mesh.spatial import bvh
 from addon.passes import data_texture, mesh_upload, target
 from tests.support import zoo
 
@@ -120,9 +120,14 @@ def test_a_tree_is_uploaded_once(counts):
     low, high = pair()
     for _ in range(3):
         bake_pair(bpy.context, low, [high], settings("CAST"))
-    triangles = 2 * 64 * 64
-    nodes = sum(4**level for level in range(6)) + triangles // 4  # six levels above the one of the triangles
-    assert counts["bytes of tables"] == 16 * (3 * nodes + 2 * 3 * triangles)
+    high, low = 2 * 64 * 64, 2 * 8 * 8
+    # Six levels above the one of the high triangles, and three above that of the low ones.
+    high_nodes, low_nodes = (
+        sum(4**level for level in range(6)) + high // 4,
+        sum(4**level for level in range(3)) + low // 4,
+    )
+    edges = 1  # an empty texture: the low mesh has no hard ones
+    assert counts["bytes of tables"] == 16 * (3 * (high_nodes + low_nodes) + 3 * (2 * high + low) + edges)
 
 
 @pytest.mark.parametrize("share_image", [False, True])

@@ -5,7 +5,8 @@ import gpu
 import numpy as np
 import pytest
 
-from addon.mesh import bvh
+from addon.core.declarations.choices import Hit
+from addon.mesh.spatial import bvh
 from addon.passes import target
 from addon.passes.bake import cast
 from tests.support import angles, oracle
@@ -39,36 +40,47 @@ def tables(corners, normals=None):
     return uploaded, tree.order
 
 
-def ray_target(origins, directions, mask=None):
-    """SIZE x SIZE rays in the layout that gbuffer.draw writes."""
-    rays = target.Target(SIZE, SIZE, ("RGBA32F", "RGBA32F"))
-    for slot, values in enumerate((origins, directions)):
+def ray_target(origins, directions, start=0.0, mask=None):
+    """SIZE x SIZE rays along `directions`, in the layout that rays.draw writes. start: they begin that much earlier."""
+    drawn = target.Target(SIZE, SIZE, ("RGBA32F", "RGBA32F"))
+    for slot, (values, alpha) in enumerate(((origins, 1.0 if mask is None else mask), (-directions, start))):
         texels = np.ones((SIZE, SIZE, 4), np.float32)
         texels[..., :3] = values.reshape(SIZE, SIZE, 3)
-        if mask is not None:
-            texels[..., 3] = mask
-        rays.textures[slot] = gpu.types.GPUTexture(
+        texels[..., 3] = alpha
+        drawn.textures[slot] = gpu.types.GPUTexture(
             (SIZE, SIZE), format="RGBA32F", data=gpu.types.Buffer("FLOAT", texels.shape, texels)
         )
-    return rays
+    return drawn
 
 
-def trace(origins, directions, corners, *, normals=None, max_t=100.0, start_offset=0.0, facing_only=False, mask=None):
+def trace(
+    origins,
+    directions,
+    corners,
+    *,
+    normals=None,
+    max_t=100.0,
+    inside=1e8,
+    start=0.0,
+    facing_only=False,
+    mask=None,
+    rule=Hit.OUTERMOST,
+):
     """Trace rays. Returns distances (N,), -1 for a miss, normals (N, 3) and the alpha (N,) that look_up wrote."""
     uploaded, _ = tables(corners, normals)
-    rays = ray_target(origins, directions, mask)
+    drawn = ray_target(origins, directions, start, mask)
     hits = target.Target(SIZE, SIZE, ("RGBA32UI",))
-    cast.trace(
-        hits, rays, uploaded, direction_sign=1.0, start_offset=start_offset, max_t=max_t, facing_only=facing_only
-    )
+    cast.trace(hits, drawn, uploaded, None, rule=rule, inside=inside, max_t=max_t, facing_only=facing_only)
     found = target.Target(SIZE, SIZE, ("RGBA32F",))
-    far, looked_up = (np.empty((SIZE, SIZE, 4), np.float32) for _ in range(2))
-    cast.distances(found, hits)
-    found.read(far)
-    cast.look_up(found, hits, rays, uploaded, np.eye(3))
+    heights, looked_up = (np.empty((SIZE, SIZE, 4), np.float32) for _ in range(2))
+    cast.heights(found, hits, drawn)
+    found.read(heights)
+    cast.look_up(found, hits, drawn, uploaded, np.eye(3))
     found.read(looked_up)
-    looked_up = looked_up.reshape(-1, 4)
-    return far[..., 0].ravel(), looked_up[:, :3].astype(np.float64), looked_up[:, 3]
+    looked_up, heights = looked_up.reshape(-1, 4), heights.reshape(-1, 4)
+    assert np.array_equal(heights[:, 3], looked_up[:, 3])
+    far = np.where(heights[:, 3] > 0.0, np.float32(start) - heights[:, 0], np.float32(-1.0))
+    return far, looked_up[:, :3].astype(np.float64), looked_up[:, 3]
 
 
 def soup(rng, count, size):
@@ -176,4 +188,23 @@ def test_start_offset_moves_the_start_of_the_ray_back():
     directions = np.broadcast_to(np.float32((0, 0, -1)), origins.shape)
     triangle = [[(0, 0, 0), (1, 0, 0), (0, 1, 0)]]
     assert (trace(origins, directions, triangle)[0] == -1.0).all()
-    assert np.allclose(trace(origins, directions, triangle, start_offset=0.75)[0], 0.25)
+    assert np.allclose(trace(origins, directions, triangle, start=0.75)[0], 0.25)
+
+
+def test_rays_end_below_the_low_surface():
+    origins = np.broadcast_to(np.float32((0.2, 0.2, 2.0)), (SIZE * SIZE, 3))
+    directions = np.broadcast_to(np.float32((0, 0, -1)), origins.shape)
+    triangle = [[(0, 0, 0), (1, 0, 0), (0, 1, 0)]]
+    assert np.allclose(trace(origins, directions, triangle, start=1.0, inside=2.01)[0], 3.0)
+    assert (trace(origins, directions, triangle, start=1.0, inside=1.99)[0] == -1.0).all()
+    assert (trace(origins, directions, triangle, start=1.0, inside=2.01, max_t=2.99)[0] == -1.0).all()
+
+
+def test_the_nearest_hit_may_be_on_either_side():
+    outer, inner = ([(0, 0, z), (1, 0, z), (0, 1, z)] for z in (1.0, -0.5))
+    origins = np.broadcast_to(np.float32((0.2, 0.2, 0.0)), (SIZE * SIZE, 3))
+    directions = np.broadcast_to(np.float32((0, 0, -1)), origins.shape)
+    for triangles, expected in (([outer, inner], 0.5), ([outer], -1.0)):
+        far = trace(origins, directions, triangles, start=2.0, rule=Hit.NEAREST)[0]
+        assert np.allclose(far - 2.0, expected)
+    assert np.allclose(trace(origins, directions, [outer, inner], start=2.0)[0] - 2.0, -1.0)

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from addon.mesh import bvh
+from addon.mesh.spatial import bvh
 
 
 def unpack(packed):

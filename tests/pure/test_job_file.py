@@ -44,6 +44,7 @@ SAID = {
     "directions": ("--directions split", "SPLIT"),
     "offset_group": ("--offset-group far", "far"),
     "straight_group": ("--straight-group=turned", "turned"),
+    "hit": ("--hit nearest", "NEAREST"),
     "facing_only": ("--facing-only", True),
     "missed": ("--missed 1,0,1", (1.0, 0.0, 1.0)),
     "mask": ("--mask", True),

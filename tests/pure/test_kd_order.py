@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from addon.mesh import kd_order
+from addon.mesh.spatial import kd_order
 
 
 def are_separated(first, second):

@@ -4,7 +4,8 @@
 import numpy as np
 import pytest
 
-from addon.mesh import bvh, threads, uv_layout
+from addon.mesh import threads, uv_layout
+from addon.mesh.spatial import bvh
 from addon.mesh.triangle_mesh import Mesh
 
 BLOCK = threads.BLOCK

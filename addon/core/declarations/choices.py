@@ -20,9 +20,18 @@ class Space(StrEnum):
     WORLD = "WORLD"
 
 
+class Hit(StrEnum):
+    """Which hit of a ray counts."""
+
+    OWN = "OWN"
+    OUTERMOST = "OUTERMOST"
+    NEAREST = "NEAREST"
+
+
 class Directions(StrEnum):
     """The normals of the low mesh that rays follow."""
 
+    BLENDED = "BLENDED"
     SMOOTH = "SMOOTH"
     SPLIT = "SPLIT"
 

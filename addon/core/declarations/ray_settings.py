@@ -1,10 +1,25 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The settings of the panel Rays, in its order."""
 
-from .choices import Directions
+from .choices import Directions, Hit
 from .kinds import Choice, Color, Distance, Item, ObjectSlot, Setting, Switch, Text
 
 RAYS: dict[str, Setting] = {
+    "hit": Choice(
+        label="Hit",
+        tooltip="Which of the high surfaces along a ray the map shows",
+        default=Hit.OWN,
+        items=(
+            Item(
+                Hit.OWN,
+                "Own",
+                "The outermost surface that belongs to the texel: the texel is at the closest point of the low mesh, or next "
+                "to it. Rays pass through other layers",
+            ),
+            Item(Hit.OUTERMOST, "Outermost", "The first surface from outside"),
+            Item(Hit.NEAREST, "Nearest", "The surface nearest to the low mesh, inside or outside"),
+        ),
+    ),
     "cage": ObjectSlot(label="Cage", tooltip="Mesh on which the rays start. It must have the topology of the low mesh"),
     "measure": Switch(
         label="Measure Distances",
@@ -33,8 +48,13 @@ RAYS: dict[str, Setting] = {
     "directions": Choice(
         label="Directions",
         tooltip="Normals of the low mesh that the rays follow",
-        default=Directions.SMOOTH,
+        default=Directions.BLENDED,
         items=(
+            Item(
+                Directions.BLENDED,
+                "Blended",
+                "Smooth at hard edges, which leaves no gaps, and straight away from them, which skews nothing",
+            ),
             Item(Directions.SMOOTH, "Smooth", "Smooth vertex normals. Hard edges leave no gaps"),
             Item(Directions.SPLIT, "Split", "The mesh's own normals, with hard edges and custom normals"),
         ),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The rays of a bake: from the low mesh, or from its cage, to the high meshes. passes/bake/cast.py casts them."""
+"""The rays of a bake: from the low mesh, or from its cage, to the high meshes. passes/bake draws and casts them."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -7,54 +7,69 @@ from dataclasses import dataclass
 import gpu
 import numpy as np
 
+from ...core.declarations.choices import Hit
 from ...core.progress import Pace
-from ...mesh.local_space import LocalSpace
-from ...mesh.triangle_mesh import Mesh
-from ...passes import mesh_upload, target
-from ...passes.bake import cast
+from ...core.udim import UvToClip
+from ...mesh.inputs import Meshes
+from ...mesh.local_space import FARTHEST, LocalSpace
+from ...passes import target
+from ...passes.bake import cast, rays
+from .low_surface import LowSurface
 from .tree_cache import RayScene
+
+TOUCHING = 1e-6
+"""In local space. Where a cage is closer than this to the low mesh, rays follow the low mesh's normals."""
 
 
 @dataclass(frozen=True)
 class RayCast:
     """Rays from a low mesh to the high ones.
 
-    ray_mesh: from `upload_ray_mesh`. extrusion, max_distance: in scene units. is_measured: whether at least one of the two
-    distances was measured, not set.
+    ray_mesh: from `upload_ray_mesh`. extrusion, max_distance: in scene units; with a cage, rays start on it and extrusion is 0.
+    hit: which hit counts. is_measured: whether at least one of the two distances was measured, not set.
     """
 
     ray_scene: RayScene
+    low: LowSurface
     ray_mesh: gpu.types.GPUBatch
+    directions: rays.Directions
+    hit: Hit
     extrusion: float
     max_distance: float
     facing_only: bool
+    has_cage: bool
     is_measured: bool = False
 
-    @property
-    def start_offset(self) -> float:
-        """As cast.trace takes it, in units of the scene's local space."""
-        return self.extrusion / self.ray_scene.local_space.size
+    def draw(self, into: target.Target, uv_to_clip: UvToClip) -> None:
+        """Draw the rays as `trace` takes them."""
+        unit = self.ray_scene.local_space.size
+        rays.draw(
+            into,
+            self.ray_mesh,
+            uv_to_clip,
+            self.directions,
+            start_offset=self.extrusion / unit,
+            start_on_cage=self.has_cage,
+        )
 
-    @property
-    def max_t(self) -> float:
-        """As cast.trace takes it, in units of the scene's local space."""
-        return self.max_distance / self.ray_scene.local_space.size
-
-    def trace(self, hits: target.Target, rays: target.Target, pace: Pace | None = None) -> None:
-        """Cast the `rays` that gbuffer.draw has written, as cast.trace does."""
-        for _ in self.traced(hits, rays, pace or Pace()):
+    def trace(self, hits: target.Target, drawn: target.Target, pace: Pace | None = None) -> None:
+        """Cast the rays that `draw` has written, as cast.trace does."""
+        for _ in self.traced(hits, drawn, pace or Pace()):
             pass
 
-    def traced(self, hits: target.Target, rays: target.Target, pace: Pace) -> Iterator[range]:
+    def traced(self, hits: target.Target, drawn: target.Target, pace: Pace) -> Iterator[range]:
         """As `trace`, in slices. Yields the rows that are done."""
-        for rows in pace.slices(rays.height):
+        unit = self.ray_scene.local_space.size
+        for rows in pace.slices(drawn.height):
             cast.trace(
                 hits,
-                rays,
+                drawn,
                 self.ray_scene.tables,
-                direction_sign=-1.0,
-                start_offset=self.start_offset,
-                max_t=self.max_t,
+                self.low.owners,
+                rule=self.hit,
+                inside=FARTHEST if self.has_cage else (self.max_distance - self.extrusion) / unit,
+                # Painting moves where rays start, not where they end.
+                max_t=self.max_distance / unit if self.has_cage else FARTHEST,
                 facing_only=self.facing_only,
                 rows=rows,
             )
@@ -62,25 +77,34 @@ class RayCast:
             yield rows
 
 
-def upload_ray_mesh(
-    low: Mesh, directions: np.ndarray, cage: Mesh | None, local_space: LocalSpace
-) -> gpu.types.GPUBatch:
-    """The low mesh with the positions and directions of its rays, as gbuffer.draw takes it.
-
-    directions (C, 3) float32: normals by corner, in the low mesh's space. With a cage, which has the same corners, rays
-    start on it and point at the low mesh. Where the two touch, they follow the low mesh's normals.
-    """
+def upload_ray_mesh(meshes: Meshes, low_surface: LowSurface, local_space: LocalSpace) -> gpu.types.GPUBatch:
+    """The low mesh as rays.draw takes it. With a cage, which has the same corners, its smooth normals lead to the cage."""
+    low = meshes.low
     positions = local_space.points(low)[low.vertices]
-    away = low.to_world_normals(directions)
-    if cage is not None:
-        starts = local_space.points(cage)[cage.vertices]
-        to_cage = starts - positions
-        touching = np.linalg.norm(to_cage, axis=1) < 1e-6
-        away = np.where(touching[:, None], away * np.float32(1e-6), to_cage)
-        positions = starts
-    return mesh_upload.upload(
-        low.triangles,
-        uv=low.uv,
-        position=np.ascontiguousarray(positions),
-        direction=np.ascontiguousarray(away, dtype=np.float32),
+    smooth, straight = (
+        low.to_world_normals(normals).astype(np.float32) for normals in (meshes.smooth_normals, low.normals)
     )
+    if meshes.cage is not None:
+        to_cage = local_space.points(meshes.cage)[meshes.cage.vertices] - positions
+        is_touching = np.linalg.norm(to_cage, axis=1) < TOUCHING
+        smooth = straight = np.where(is_touching[:, None], smooth * np.float32(TOUCHING), to_cage)
+    return rays.upload(
+        low.triangles,
+        low_surface.numbers,
+        uv=low.uv,
+        position=positions,
+        smooth_normal=smooth,
+        straight_normal=straight,
+        paint=_paint(meshes),
+    )
+
+
+def _paint(meshes: Meshes) -> np.ndarray | None:
+    """What the artist painted, as rays.upload takes it."""
+    if meshes.offset is None and meshes.straight is None:
+        return None
+    paint = np.tile(np.array([1.0, 0.0], np.float32), (len(meshes.low.vertices), 1))
+    for column, values in enumerate((meshes.offset, meshes.straight)):
+        if values is not None:
+            paint[:, column] = values
+    return paint

@@ -7,23 +7,28 @@ import gpu
 import numpy as np
 
 from ...core import udim
+from ...core.declarations.choices import Hit
 from ...core.progress import Pace
 from ...passes import target
-from ...passes.bake import cast, gbuffer
+from ...passes.bake import cast, rays
 
 PROBE_SIZE = 256
-"""The most rays a side that are cast inwards and outwards."""
+"""The most rays a side that are cast."""
 QUANTILE = 0.999
 """Distances beyond this quantile are outliers: rays that pass an edge and hit a surface behind it."""
 RESERVE = 1.5
 """Factor on the measured distances: the surface between two measured texels may lie farther away."""
 WHOLE_WORLD = 8.0
 """Longer than any distance in the local space of the high meshes, if the low mesh touches them."""
+ROOM = 0.03
+"""Share of the low mesh's diagonal that rays search on both sides at least, if hits have owners: parts that stand off the
+surface are few, so that the quantile does not see them."""
 
 
 def measure(
     tables: cast.Tables,
     ray_mesh: gpu.types.GPUBatch,
+    directions: rays.Directions,
     size: tuple[int, int],
     tiles: Sequence[int],
     *,
@@ -36,48 +41,41 @@ def measure(
     measured.
     """
     width, height = (min(side, PROBE_SIZE) for side in size)
-    rays = target.get("rays", width, height, "RGBA32F", "RGBA32F")
-    inwards, outwards = [], []
+    drawn = target.get("rays", width, height, "RGBA32F", "RGBA32F")
+    found = []
     for tile in tiles:
-        gbuffer.draw(rays, ray_mesh, udim.uv_to_clip(tile))
-        inwards.append(_probe(tables, rays, -1.0, facing_only))
-        if not has_cage:
-            # These rays reach high triangles outside the low surface from behind.
-            outwards.append(_probe(tables, rays, 1.0, facing_only=False))
-    inwards = np.concatenate(inwards)
+        rays.draw(drawn, ray_mesh, udim.uv_to_clip(tile), directions, start_offset=WHOLE_WORLD, start_on_cage=has_cage)
+        found.append(_probe(tables, drawn, Hit.OUTERMOST if has_cage else Hit.NEAREST, facing_only))
+    heights = np.concatenate(found)
     if has_cage:
-        found = inwards[inwards >= 0.0]
-        return 0.0, _with_reserve(found) if found.size else WHOLE_WORLD
-    outwards = np.concatenate(outwards)
-    inwards = np.where(inwards < 0.0, np.inf, inwards)
-    outwards = np.where(outwards < 0.0, np.inf, outwards)
-    is_outside = outwards < inwards
-    outside, inside = outwards[is_outside], inwards[~is_outside & np.isfinite(inwards)]
-    return _with_reserve(outside), _with_reserve(inside)
+        return 0.0, _with_reserve(-heights) if heights.size else WHOLE_WORLD
+    return _with_reserve(heights[heights > 0.0]), _with_reserve(-heights[heights <= 0.0])
 
 
-def _probe(tables: cast.Tables, rays: target.Target, direction_sign: float, facing_only: bool) -> np.ndarray:
-    """The length of each ray, (N,) float32 for the texels that the low mesh covers; -1 for a miss."""
-    hits = target.get("hits", rays.width, rays.height, "RGBA32UI")
-    found = target.get("high", rays.width, rays.height, "RGBA32F")
-    for rows in Pace().slices(rays.height):
+def _probe(tables: cast.Tables, drawn: target.Target, rule: Hit, facing_only: bool) -> np.ndarray:
+    """The heights (N,) float32 of the hits above the low surface, or above the cage for OUTERMOST."""
+    hits = target.get("hits", drawn.width, drawn.height, "RGBA32UI")
+    found = target.get("high", drawn.width, drawn.height, "RGBA32F")
+    for rows in Pace().slices(drawn.height):
         cast.trace(
             hits,
-            rays,
+            drawn,
             tables,
-            direction_sign=direction_sign,
-            start_offset=1e-5,
-            max_t=WHOLE_WORLD,
+            None,
+            rule=rule,
+            inside=WHOLE_WORLD,
+            max_t=2.0 * WHOLE_WORLD,
             facing_only=facing_only,
             rows=rows,
         )
         hits.finish()
-    cast.distances(found, hits)
-    far = np.empty((rays.height, rays.width, 4), np.float32)
-    covered = np.empty_like(far)
-    found.read(far)
-    rays.read(covered)
-    return far[..., 0][covered[..., 3] > 0.0]
+    cast.heights(found, hits, drawn)
+    heights, away = (np.empty((drawn.height, drawn.width, 4), np.float32) for _ in range(2))
+    found.read(heights)
+    if rule == Hit.OUTERMOST:
+        drawn.read(away, slot=1)
+        heights[..., 0] -= away[..., 3]
+    return heights[..., 0][heights[..., 3] > 0.0]
 
 
 def _with_reserve(distances: np.ndarray) -> float:

@@ -10,11 +10,13 @@ import numpy as np
 
 from ...core.errors import BakeError
 from ...core.timings import Timings
-from ...mesh import bvh
 from ...mesh.local_space import LocalSpace, local_space_of
+from ...mesh.spatial import bvh
 from ...mesh.triangle_mesh import Mesh
 from ...passes import data_texture
 from ...passes.bake import cast
+from . import low_surface
+from .low_surface import LowSurface
 
 CACHE_BYTES = 1024 * 2**20
 """The most GPU memory for cached trees."""
@@ -46,6 +48,7 @@ class TreeCache:
         self.built = 0
         """How many trees were built since the start."""
         self._scenes: OrderedDict[tuple, RayScene] = OrderedDict()
+        self._lows: OrderedDict[tuple, LowSurface] = OrderedDict()
 
     def __len__(self) -> int:
         return len(self._scenes)
@@ -80,6 +83,19 @@ class TreeCache:
                 self._scenes.popitem(last=False)
         return found
 
+    def low_surface_of(self, low: Mesh, local_space: LocalSpace, timings: Timings) -> LowSurface:
+        """What rays need of `low`, built and uploaded unless it is cached. Raises BakeError for too many triangles."""
+        with timings.timed("tree"):
+            arrays = low.positions, low.vertices, low.normals, low.triangles, low.to_world, local_space.origin
+            key = *((zlib.crc32(np.ascontiguousarray(array)), array.shape) for array in arrays), local_space.size
+            found = self._lows.pop(key, None)
+            if found is None:
+                found = low_surface.build(low, local_space)
+            self._lows[key] = found
+            while len(self._lows) > self.most_trees:
+                self._lows.popitem(last=False)
+        return found
+
     def trim(self) -> None:
         """Free all trees if together they hold more than `most_bytes`."""
         if self.bytes > self.most_bytes:
@@ -88,6 +104,7 @@ class TreeCache:
     def free(self) -> None:
         """Free all trees."""
         self._scenes.clear()
+        self._lows.clear()
 
 
 trees = TreeCache()

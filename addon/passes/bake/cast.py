@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...core.declarations.choices import Hit
 from .. import data_texture, shader, target
 from ..program import Program
 
@@ -21,16 +22,22 @@ TRACE = Program(
         ("RGBA32F", "FLOAT_2D", "directions"),
         ("RGBA32F", "FLOAT_2D", "nodes"),
         ("RGBA32F", "FLOAT_2D", "corners"),
+        ("RGBA32F", "FLOAT_2D", "normals"),
+        ("RGBA32F", "FLOAT_2D", "low_nodes"),
+        ("RGBA32F", "FLOAT_2D", "low_corners"),
     ),
     images=(("RGBA32UI", "UINT_2D", "hits", "WRITE"),),
     constants=(
         ("VEC4", "grid_origin"),
         ("VEC4", "grid_scale"),
+        ("VEC4", "low_origin"),
+        ("VEC4", "low_scale"),
         ("INT", "first_row"),
-        ("FLOAT", "direction_sign"),
-        ("FLOAT", "start_offset"),
         ("FLOAT", "max_t"),
+        ("FLOAT", "inside"),
         ("INT", "first_leaf"),
+        ("INT", "low_first_leaf"),
+        ("INT", "rule"),
         ("INT", "facing_only"),
     ),
 )
@@ -42,12 +49,12 @@ LOOKUP = Program(
     constants=(("MAT4", "normal_matrix"),),
     outputs=(("VEC4", "normal_out"),),
 )
-DISTANCE = Program(
+HEIGHT = Program(
     vertex="lib/fullscreen_vert.glsl",
-    fragment="bake/cast_distance_frag.glsl",
+    fragment="bake/cast_height_frag.glsl",
     inputs=(("VEC2", "position"),),
-    samplers=(("UINT_2D", "hits"),),
-    outputs=(("VEC4", "distance_out"),),
+    texels=(("RGBA32UI", "UINT_2D", "hits"), ("RGBA32F", "FLOAT_2D", "positions")),
+    outputs=(("VEC4", "height_out"),),
 )
 POINTS = Program(
     vertex="lib/fullscreen_vert.glsl",
@@ -56,6 +63,8 @@ POINTS = Program(
     samplers=(("UINT_2D", "hits"), ("FLOAT_2D", "corners"), ("FLOAT_2D", "labels")),
     outputs=(("VEC4", "point_out"), ("VEC4", "labels_out")),
 )
+RULES = (Hit.OWN, Hit.OUTERMOST, Hit.NEAREST)
+"""The numbers of the rules in shaders/bake/cast_comp.glsl."""
 
 
 @dataclass(frozen=True)
@@ -99,24 +108,58 @@ def upload(
     return Tables(*textures, first_leaf, origin, scale, size)
 
 
+@dataclass(frozen=True)
+class Owners:
+    """The triangles of the low mesh and their tree on the GPU: they decide which texel a hit belongs to.
+
+    Triangle i has three texels in `corners`. Their alpha is the number of
+    the triangle across the edge to the next corner, or -1.
+    """
+
+    nodes: gpu.types.GPUTexture
+    corners: gpu.types.GPUTexture
+    first_leaf: int
+    origin: np.ndarray
+    scale: np.ndarray
+
+
+def upload_owners(
+    nodes: np.ndarray,
+    corners: np.ndarray,
+    neighbors: np.ndarray,
+    *,
+    first_leaf: int,
+    origin: np.ndarray,
+    scale: np.ndarray,
+) -> Owners:
+    """Upload a tree (bvh.Tree) over the low mesh, with corners (T, 3, 3) float32 and neighbors (T, 3) int in its order."""
+    texels = np.empty((len(corners), 3, 4), np.float32)
+    texels[..., :3], texels[..., 3] = corners, neighbors
+    return Owners(
+        data_texture.upload(nodes.reshape(-1, 4)), data_texture.upload(texels.reshape(-1, 4)), first_leaf, origin, scale
+    )
+
+
 def trace(
     into: target.Target,
     rays: target.Target,
     tables: Tables,
+    owners: Owners | None,
     *,
-    direction_sign: float,
-    start_offset: float,
+    rule: Hit,
+    inside: float,
     max_t: float,
     facing_only: bool,
     rows: range | None = None,
 ) -> None:
-    """Trace one ray per texel and write its hit into `into` (RGBA32UI).
+    """Trace one ray per texel and write its hit into `into` (RGBA32UI), as shaders/lib/hit_lib.glsl reads it.
 
-    A hit is the triangle's index + 1, or 0 for a miss, then the bits of three floats: two barycentric coordinates and the
-    distance. rays: what gbuffer.draw wrote, positions and unit directions d. A ray starts at
-    position - direction_sign * start_offset * d and runs along direction_sign * d, at most as far as `max_t`.
-    facing_only: ignore triangles whose back faces the ray. rows: the rows to trace; the first is a multiple of 8.
+    rays: what rays.draw wrote. A ray runs against its direction, from its start to `inside` below the low surface, at most
+    as far as `max_t`. rule: which hit counts. OWN needs `owners`. facing_only: ignore triangles whose back faces the ray.
+    rows: the rows to trace; the first is a multiple of 8.
     """
+    if owners is None:  # the shader does not read it
+        owners = Owners(tables.nodes, tables.corners, 0, tables.origin, tables.scale)
     target.dispatch(
         TRACE,
         rays.width,
@@ -125,13 +168,19 @@ def trace(
         directions=rays.textures[1],
         nodes=tables.nodes,
         corners=tables.corners,
+        normals=tables.normals,
+        low_nodes=owners.nodes,
+        low_corners=owners.corners,
         hits=into.texture,
         grid_origin=(*tables.origin, 0.0),
         grid_scale=(*tables.scale, 0.0),
-        direction_sign=direction_sign,
-        start_offset=start_offset,
+        low_origin=(*owners.origin, 0.0),
+        low_scale=(*owners.scale, 0.0),
         max_t=max_t,
+        inside=inside,
         first_leaf=tables.first_leaf,
+        low_first_leaf=owners.first_leaf,
+        rule=RULES.index(rule),
         facing_only=int(facing_only),
     )
 
@@ -160,9 +209,12 @@ def look_up(
     )
 
 
-def distances(into: target.Target, hits: target.Target) -> None:
-    """Write the distance that each ray traveled into `into` (RGBA32F), -1 for a miss."""
-    target.fill(into, DISTANCE, hits=hits.texture)
+def heights(into: target.Target, hits: target.Target, rays: target.Target) -> None:
+    """Write the height of each hit above the low surface into `into` (RGBA32F), negative below it.
+
+    Green is 1 where the texel does not own its hit, blue where the ray hit only backs. Alpha is as in `look_up`.
+    """
+    target.fill(into, HEIGHT, hits=hits.texture, positions=rays.textures[0])
 
 
 def points(into: target.Target, hits: target.Target, tables: Tables, labels: gpu.types.GPUTexture) -> None:

@@ -104,6 +104,7 @@ class IMPRINT_PT_rays(SettingsPanel, bpy.types.Panel):
         layout = split_layout(self.layout)
         settings = context.scene.imprint
         found = context.window_manager.imprint_found
+        layout.prop(settings, "hit")
         layout.prop(settings, "cage")
         layout.prop(settings, "measure")
         column = layout.column(align=True)

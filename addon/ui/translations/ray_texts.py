@@ -48,10 +48,41 @@ TABLE = {
         "es": "Muestra u oculta dos envolturas alrededor de la malla low poly: donde parten los rayos (azul) y "
         "donde terminan (naranja)",
     },
+    (LABEL, "Hit"): {"de_DE": "Treffer", "es": "Impacto"},
+    (SENTENCE, "Which of the high surfaces along a ray the map shows"): {
+        "de_DE": "Welche der High-Poly-Oberflächen entlang eines Strahls die Textur zeigt",
+        "es": "Cuál de las superficies high poly a lo largo de un rayo muestra el mapa",
+    },
+    (LABEL, "Own"): {"de_DE": "Eigener", "es": "Propio"},
+    (
+        SENTENCE,
+        "The outermost surface that belongs to the texel: the texel is at the closest point of the low mesh, or next to it. "
+        "Rays pass through other layers",
+    ): {
+        "de_DE": "Die äußerste Oberfläche, die zum Texel gehört: das Texel liegt am nächsten Punkt des Low-Poly-Meshes oder "
+        "daneben. Strahlen gehen durch andere Schichten hindurch",
+        "es": "La superficie más exterior que pertenece al téxel: el téxel está en el punto más cercano de la malla low poly, "
+        "o a su lado. Los rayos atraviesan otras capas",
+    },
+    (LABEL, "Outermost"): {"de_DE": "Äußerster", "es": "Más exterior"},
+    (SENTENCE, "The first surface from outside"): {
+        "de_DE": "Die erste Oberfläche von außen",
+        "es": "La primera superficie desde fuera",
+    },
+    (LABEL, "Nearest"): {"de_DE": "Nächster", "es": "Más cercano"},
+    (SENTENCE, "The surface nearest to the low mesh, inside or outside"): {
+        "de_DE": "Die Oberfläche, die dem Low-Poly-Mesh am nächsten ist, innen oder außen",
+        "es": "La superficie más cercana a la malla low poly, dentro o fuera",
+    },
     (LABEL, "Directions"): {"de_DE": "Richtungen", "es": "Direcciones"},
     (SENTENCE, "Normals of the low mesh that the rays follow"): {
         "de_DE": "Normalen des Low-Poly-Meshes, denen die Strahlen folgen",
         "es": "Normales de la malla low poly que siguen los rayos",
+    },
+    (LABEL, "Blended"): {"de_DE": "Überblendet", "es": "Fundidas"},
+    (SENTENCE, "Smooth at hard edges, which leaves no gaps, and straight away from them, which skews nothing"): {
+        "de_DE": "Weich an harten Kanten, was keine Lücken hinterlässt, und gerade abseits von ihnen, was nichts verzerrt",
+        "es": "Suaves en los bordes duros, lo que no deja huecos, y rectas lejos de ellos, lo que no sesga nada",
     },
     (LABEL, "Smooth"): {"de_DE": "Weich", "es": "Suavizar"},
     (SENTENCE, "Smooth vertex normals. Hard edges leave no gaps"): {

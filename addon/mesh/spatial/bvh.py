@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from . import kd_order, threads
+from .. import threads
+from . import kd_order
 
 GRID = 256, 32767
 """The first and the last step, along each axis, of the grid to which boxes are rounded outwards."""

@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What rays need of the low mesh on the GPU: who owns a hit, and where the hard edges are."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...core.errors import BakeError
+from ...mesh import edges
+from ...mesh.local_space import LocalSpace
+from ...mesh.spatial import bvh, neighbors
+from ...mesh.triangle_mesh import Mesh
+from ...passes.bake import cast, rays
+
+BEND = np.cos(np.radians(30.0))
+"""The cosine of the angle between two faces from which a hard edge is a feature of the shape. With flat shading, all edges are
+hard."""
+
+PLACES = 0.2, 0.4, 0.6, 0.8
+"""Where on a hard edge the points lie, as shares of its length."""
+
+
+@dataclass(frozen=True)
+class LowSurface:
+    """The low mesh as rays see it.
+
+    owners: its tree. numbers (T,) int: of its triangles in the tree, from 1. edges: its hard edges; none if none of them is a
+    feature of the shape. sharp: points on those that are, or None.
+    """
+
+    owners: cast.Owners
+    numbers: np.ndarray
+    edges: rays.Edges
+    sharp: "SharpPoints | None"
+
+
+@dataclass(frozen=True)
+class SharpPoints:
+    """Points on hard edges.
+
+    places (N, 3) float32 in local space. vertices (N, 2) int: the ends of each point's edge. cosines (N,): of half the angle
+    between the faces' normals.
+    """
+
+    places: np.ndarray
+    vertices: np.ndarray
+    cosines: np.ndarray
+
+
+def build(low: Mesh, local_space: LocalSpace) -> LowSurface:
+    """Build and upload the tree over `low` and the one over its hard edges. Raises BakeError for too many triangles."""
+    if len(low.triangles) > rays.MOST_TRIANGLES:
+        raise BakeError(
+            f"{low.name!r} has {len(low.triangles):,} triangles; rays take at most {rays.MOST_TRIANGLES:,} of the low mesh."
+        )
+    points = local_space.points(low)
+    # A mirrored matrix reverses the winding, and with it the face normals.
+    triangles = low.triangles[:, ::-1] if np.linalg.det(low.to_world[:3, :3]) < 0.0 else low.triangles
+    vertices = np.take(low.vertices, triangles, mode="clip")
+    tree = bvh.build(points, vertices)
+    ordered = vertices[tree.order]
+    owners = cast.upload_owners(
+        tree.nodes,
+        points[ordered],
+        neighbors.neighbors(points, ordered),
+        first_leaf=tree.first_leaf,
+        origin=tree.origin,
+        scale=tree.scale,
+    )
+    numbers = np.empty(len(triangles), np.int64)
+    numbers[tree.order] = np.arange(1, len(triangles) + 1)
+    ends, cosines = edges.hard_edges(low)
+    return LowSurface(owners, numbers, *_hard_edges(points, ends, cosines))
+
+
+def _hard_edges(points: np.ndarray, ends: np.ndarray, cosines: np.ndarray) -> tuple[rays.Edges, SharpPoints | None]:
+    is_sharp = cosines < BEND
+    if not is_sharp.any():
+        return rays.no_edges(), None
+    tree = bvh.build(points, ends[:, [0, 1, 1]])
+    uploaded = rays.upload_edges(
+        tree.nodes, points[ends[tree.order]], first_leaf=tree.first_leaf, origin=tree.origin, scale=tree.scale
+    )
+    # Each place is on the edge itself, where another part may hide it: several on each edge see more.
+    sharp = np.repeat(ends[is_sharp], len(PLACES), axis=0)
+    half = np.repeat(np.sqrt(0.5 * (1.0 + np.clip(cosines[is_sharp], -1.0, 1.0))), len(PLACES))
+    along = np.tile(np.float32(PLACES), np.count_nonzero(is_sharp))[:, None]
+    return uploaded, SharpPoints(points[sharp[:, 0]] * (1.0 - along) + points[sharp[:, 1]] * along, sharp, half)

@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Decides how ray directions blend between the low mesh's smooth normals and its own, and measures how wide the blend is."""
+
+import numpy as np
+
+from ...core.declarations.choices import Directions, Hit
+from ...mesh.inputs import Meshes
+from ...passes import target
+from ...passes.bake import cast, rays
+from .low_surface import LowSurface, SharpPoints
+from .ray_distances import WHOLE_WORLD
+
+BEVELS = 2.0
+"""The width of the blend, in widths of the high mesh's bevels."""
+CROSSING = 1.5
+"""The least width of the blend, in distances between the two surfaces at hard edges: rays on a narrower one would cross."""
+CROSSING_QUANTILE = 0.9
+"""Distances beyond this quantile are outliers, as where another part hides an edge."""
+MOST_POINTS = 2**14
+"""The most points on hard edges that are measured."""
+
+
+def choose(which: str, meshes: Meshes, low_surface: LowSurface, tables: cast.Tables) -> rays.Directions:
+    """The directions for the setting `which`. BLENDED is SMOOTH for a low mesh without hard edges, and with a cage."""
+    if which == Directions.SPLIT:
+        return rays.Directions(low_surface.edges, straight_share=1.0)
+    if which == Directions.SMOOTH or low_surface.sharp is None or meshes.cage is not None:
+        return rays.Directions(low_surface.edges)
+    return rays.Directions(low_surface.edges, blend_width=_blend_width(meshes, low_surface.sharp, tables))
+
+
+def _blend_width(meshes: Meshes, sharp: SharpPoints, tables: cast.Tables) -> float:
+    """How wide the blend along hard edges is, in local space.
+
+    The high mesh's bevels show in how far its surface is from the low mesh's sharp edges, along their smooth normals.
+    """
+    low = meshes.low
+    by_vertex = np.zeros((len(low.positions), 3), np.float32)
+    by_vertex[low.vertices] = low.to_world_normals(meshes.smooth_normals)
+    chosen = slice(None, None, -(-len(sharp.places) // MOST_POINTS))
+    ends = by_vertex[sharp.vertices[chosen]]
+    ends /= np.maximum(np.linalg.norm(ends, axis=2, keepdims=True), np.finfo(np.float32).tiny)
+    heights, has_hit = _heights(sharp.places[chosen], ends.sum(axis=1), tables)
+    if not has_hit.any():
+        return 0.0
+    distances = np.abs(heights[has_hit])
+    bevels = distances / np.maximum(sharp.cosines[chosen][has_hit], 0.1)
+    return max(
+        BEVELS * float(np.median(bevels)),
+        CROSSING * float(np.quantile(distances, CROSSING_QUANTILE)),
+    )
+
+
+def _heights(places: np.ndarray, normals: np.ndarray, tables: cast.Tables) -> tuple[np.ndarray, np.ndarray]:
+    """How far the nearest high surface lies along normals (N, 3) from places (N, 3).
+
+    Returns heights (N,), and which rays hit, (N,) bool.
+    """
+    drawn = rays.upload_points(places, normals, WHOLE_WORLD)
+    hits, found = (
+        target.get(role, drawn.width, drawn.height, texel)
+        for role, texel in (("hits", "RGBA32UI"), ("high", "RGBA32F"))
+    )
+    cast.trace(
+        hits, drawn, tables, None, rule=Hit.NEAREST, inside=WHOLE_WORLD, max_t=2.0 * WHOLE_WORLD, facing_only=False
+    )
+    cast.heights(found, hits, drawn)
+    texels = np.empty((drawn.height, drawn.width, 4), np.float32)
+    found.read(texels)
+    texels = texels.reshape(-1, 4)[: len(places)]
+    return texels[:, 0], texels[:, 3] > 0.0

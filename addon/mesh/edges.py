@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Finds the edges that triangles share, and those whose two sides have different normals."""
+
+import numpy as np
+
+from .triangle_mesh import Mesh
+from .uv_islands import hashes
+
+HARD = 1.0
+"""An edge is hard from this many degrees between the normals of its sides: files round normals by less."""
+
+
+def hard_edges(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
+    """The edges whose two sides have different normals.
+
+    Returns the vertices of their ends (H, 2) int32, and the cosine (H,) of the angle
+    between their two faces. Each edge is listed once per side.
+    """
+    start, stop, across = (np.roll(mesh.triangles, -i, axis=1).reshape(-1) for i in range(3))
+    # An edge can be hard only where one place has several normals: in most meshes that leaves few edges to test.
+    split = is_split(mesh)
+    candidates = np.flatnonzero(split[mesh.vertices[start]] | split[mesh.vertices[stop]])
+    start, stop, across = start[candidates], stop[candidates], across[candidates]
+    first, second = mesh.vertices[start], mesh.vertices[stop]
+    partner = partners(mesh.positions, np.stack([first, second], axis=1))
+    is_same_way = (mesh.positions[first[partner]] == mesh.positions[first]).all(axis=1)
+    others = np.where(is_same_way, start[partner], stop[partner]), np.where(is_same_way, stop[partner], start[partner])
+    is_hard = np.zeros(len(partner), bool)
+    for corner, other in zip((start, stop), others, strict=True):
+        is_hard |= differ(mesh.normals[corner], mesh.normals[other])
+    is_hard &= partner >= 0
+    a, b, c = (mesh.positions[mesh.vertices[corner]] for corner in (start, stop, across))
+    faces = np.cross(b - a, c - a)
+    faces /= np.maximum(np.linalg.norm(faces, axis=1, keepdims=True), np.finfo(np.float32).tiny)
+    cosines = np.where(is_same_way, -1.0, 1.0) * (faces * faces[partner]).sum(axis=1)
+    return np.stack([first, second], axis=1)[is_hard], cosines[is_hard]
+
+
+def is_split(mesh: Mesh) -> np.ndarray:
+    """Which vertices (V,) bool have several normals, together with other vertices in the same place."""
+    places = np.unique(hashes(mesh.positions + np.float32(0.0)), return_inverse=True)[1]
+    corners = mesh.triangles.reshape(-1)
+    place = places[mesh.vertices[corners]]
+    any_corner = np.zeros(len(mesh.positions), corners.dtype)
+    any_corner[place] = corners
+    result = np.zeros(len(mesh.positions), bool)
+    result[place[differ(mesh.normals[corners], mesh.normals[any_corner[place]])]] = True
+    return result[places]
+
+
+def differ(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Which rows (N,) bool of two arrays of unit normals (N, 3) differ by more than HARD."""
+    between = a - b
+    return (between * between).sum(axis=1) > (2.0 * np.sin(np.radians(HARD) / 2.0)) ** 2
+
+
+def partners(positions: np.ndarray, ends: np.ndarray) -> np.ndarray:
+    """The other edge (E,) int with the same two vertices as each edge in ends (E, 2), -1 if there is none or several."""
+    partner, is_alone = _paired(ends)
+    alone = np.flatnonzero(is_alone)
+    # Exporters split vertices at seams: an edge without a partner may have one in the same place.
+    used, ends = np.unique(ends[alone], return_inverse=True)
+    places = np.unique(positions[used], axis=0, return_inverse=True)[1]
+    met, _ = _paired(places.reshape(-1)[ends.reshape(-1, 2)])
+    partner[alone] = np.where(met >= 0, alone[met], -1) if len(alone) else -1
+    return partner
+
+
+def _paired(ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The only other edge with the same ends, (E,) int64 or -1, and which edges have none, (E,) bool."""
+    low, high = ends.min(axis=1), ends.max(axis=1)
+    keys = low.astype(np.int64) * (high.max(initial=0) + 1) + high
+    order = np.argsort(keys, kind="stable")
+    first = np.flatnonzero(np.diff(keys[order], prepend=-1))
+    count = np.diff(first, append=len(keys))
+    pairs = first[(count == 2) & (low != high)[order[first]]]
+    left, right = order[pairs], order[pairs + 1]
+    partner, is_alone = np.full(len(keys), -1), np.zeros(len(keys), bool)
+    partner[left], partner[right] = right, left
+    is_alone[order[first[count == 1]]] = True
+    return partner, is_alone

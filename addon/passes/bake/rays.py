@@ -1,0 +1,169 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Draws the rays of a bake: where each texel lies on the low mesh, which way its ray goes, and where it starts."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...core.udim import UvToClip
+from .. import blender_gpu as gpu
+from .. import data_texture, mesh_upload, shader, target
+from ..program import Program
+
+PROGRAM = Program(
+    vertex="bake/rays_vert.glsl",
+    fragment="bake/rays_frag.glsl",
+    inputs=(
+        ("VEC2", "uv"),
+        ("VEC3", "position"),
+        ("VEC3", "smooth_normal"),
+        ("VEC3", "straight_normal"),
+        ("VEC2", "number"),
+        ("VEC2", "paint"),
+    ),
+    varyings=(
+        ("VEC3", "v_position"),
+        ("VEC3", "v_smooth_normal"),
+        ("VEC3", "v_straight_normal"),
+        ("VEC2", "v_number"),
+        ("VEC2", "v_paint"),
+    ),
+    texels=(("RGBA32F", "FLOAT_2D", "edge_nodes"), ("RGBA32F", "FLOAT_2D", "edge_ends")),
+    constants=(
+        ("VEC4", "uv_to_clip"),
+        ("VEC4", "edge_origin"),
+        ("VEC4", "edge_scale"),
+        ("INT", "edge_first_leaf"),
+        ("FLOAT", "blend_width"),
+        ("FLOAT", "straight_share"),
+        ("FLOAT", "start_offset"),
+        ("INT", "start_on_cage"),
+    ),
+    outputs=(("VEC4", "position_out"), ("VEC4", "direction_out")),
+)
+PART = 4096
+"""As in shaders/bake/rays_frag.glsl: the numbers of triangles are up to the square of it, 2^24."""
+MOST_TRIANGLES = PART * PART - 1
+"""The most triangles of a low mesh whose numbers rays can carry."""
+
+
+@dataclass(frozen=True)
+class Edges:
+    """The hard edges of a low mesh and a tree over them (bvh.Tree) on the GPU. Edge i has two texels in `ends`."""
+
+    nodes: gpu.types.GPUTexture
+    ends: gpu.types.GPUTexture
+    first_leaf: int
+    origin: np.ndarray
+    scale: np.ndarray
+
+
+@dataclass(frozen=True)
+class Directions:
+    """How the directions of rays blend between smooth and straight normals of the low mesh.
+
+    edges: of the low mesh. straight_share: the share of the straight normals, from 0 to 1, where blend_width is 0.
+    blend_width: in the units of the positions. The share of the straight normals rises from 0 on a hard edge to 1 at this
+    distance from it.
+    """
+
+    edges: Edges
+    straight_share: float = 0.0
+    blend_width: float = 0.0
+
+
+def upload_edges(
+    nodes: np.ndarray, ends: np.ndarray, *, first_leaf: int, origin: np.ndarray, scale: np.ndarray
+) -> Edges:
+    """Upload a tree over edges (bvh.Tree) and their ends (E, 2, 3) float32, in the tree's order."""
+    return Edges(
+        data_texture.upload(nodes.reshape(-1, 4)), data_texture.upload(ends.reshape(-1, 3)), first_leaf, origin, scale
+    )
+
+
+def no_edges() -> Edges:
+    """The edges of a low mesh that has no hard ones; a shader needs textures."""
+    nothing = data_texture.upload(np.zeros((1, 4), np.float32))
+    return Edges(nothing, nothing, 0, np.zeros(3), np.ones(3))
+
+
+def upload(
+    triangles: np.ndarray,
+    numbers: np.ndarray,
+    *,
+    uv: np.ndarray,
+    position: np.ndarray,
+    smooth_normal: np.ndarray,
+    straight_normal: np.ndarray,
+    paint: np.ndarray | None,
+) -> gpu.types.GPUBatch:
+    """A low mesh for `draw`: triangles (T, 3) int32, indices into the other arrays, which have a row per corner.
+
+    numbers (T,): of the triangles, from 1 to MOST_TRIANGLES. Normals have any length. paint (C, 2) float32: a factor on the
+    distance at which rays start, and what is added to the share of the straight normals; None for 1 and 0.
+    """
+    corners = triangles.reshape(-1)
+    painted = np.tile(np.array([1.0, 0.0], np.float32), (len(corners), 1)) if paint is None else paint[corners]
+    return mesh_upload.upload(
+        np.arange(len(corners), dtype=np.int32).reshape(-1, 3),
+        uv=uv[corners],
+        position=position[corners],
+        smooth_normal=smooth_normal[corners],
+        straight_normal=straight_normal[corners],
+        number=np.repeat(np.stack(np.divmod(numbers, PART), axis=1).astype(np.float32), 3, axis=0),
+        paint=painted,
+    )
+
+
+def draw(
+    into: target.Target,
+    low: gpu.types.GPUBatch,
+    uv_to_clip: UvToClip,
+    directions: Directions,
+    *,
+    start_offset: float,
+    start_on_cage: bool = False,
+) -> None:
+    """Clear `into` (two RGBA32F) and write the rays of the texels that `low` covers.
+
+    The first texture gets the point on the low mesh and the number of its triangle, the second the unit direction away from
+    the surface and how far outside it the ray starts. start_offset: that distance where nothing is painted; with
+    start_on_cage it is the length of the smooth normals instead, which then point at the cage.
+    """
+    compiled = shader.load(PROGRAM)
+    edges = directions.edges
+    with target.drawing(into):
+        compiled.bind()
+        target.bind(
+            compiled,
+            PROGRAM,
+            uv_to_clip=uv_to_clip,
+            edge_nodes=edges.nodes,
+            edge_ends=edges.ends,
+            edge_origin=(*edges.origin, 0.0),
+            edge_scale=(*edges.scale, 0.0),
+            edge_first_leaf=edges.first_leaf,
+            blend_width=directions.blend_width,
+            straight_share=directions.straight_share,
+            start_offset=start_offset,
+            start_on_cage=int(start_on_cage),
+        )
+        low.draw(compiled)
+
+
+def upload_points(places: np.ndarray, directions: np.ndarray, start: float) -> target.Target:
+    """Rays as `draw` writes them, at places (N, 3) with any directions (N, 3): the first texels, row by row, of a square."""
+    side = -(-max(1, math.isqrt(max(0, len(places) - 1)) + 1) // 8) * 8
+    texels = np.zeros((2, side * side, 4), np.float32)
+    lengths = np.linalg.norm(directions, axis=1, keepdims=True)
+    texels[0, : len(places), :3], texels[1, : len(places), :3] = places, directions / np.maximum(lengths, 1e-30)
+    texels[0, : len(places), 3], texels[1, : len(places), 3] = lengths[:, 0] > 0.0, start
+    points = target.Target(side, side, ("RGBA32F", "RGBA32F"))
+    points.textures = [
+        gpu.types.GPUTexture((side, side), format="RGBA32F", data=gpu.types.Buffer("FLOAT", (side * side, 4), values))
+        for values in texels
+    ]
+    return points

@@ -1,0 +1,66 @@
+// Writes the ray of each texel: its point on the low mesh with the number of the triangle, from 1, and the unit direction away
+// from the surface with the distance outside the surface at which the ray starts.
+#include "lib/texture_lib.glsl"
+#include "lib/tree_lib.glsl"
+#include "lib/closest_lib.glsl"
+
+// Normals that differ by less, squared, are the same.
+const float RAYS_SAME = 1e-10;
+
+// The distance to the nearest hard edge, at most `most`.
+float rays_edge_distance(vec3 point, float most)
+{
+  vec3 grid_point = (point - edge_origin.xyz) * edge_scale.xyz;
+  vec3 unit = 1.0 / edge_scale.xyz;
+  float best = most * most;
+  uvec2 trail = uvec2(0u);
+  int node = 0;
+  while (node >= 0) {
+    uvec4 x = floatBitsToUint(texel_at(edge_nodes, texture_place(node * 3)));
+    uvec4 y = floatBitsToUint(texel_at(edge_nodes, texture_place(node * 3 + 1)));
+    uvec4 z = floatBitsToUint(texel_at(edge_nodes, texture_place(node * 3 + 2)));
+    uint mask = tree_mask(lessThan(tree_distances(x, y, z, grid_point, unit), vec4(best)));
+    int child = node * 4 + 1;
+    if (mask != 0u && child < edge_first_leaf) {
+      node = tree_down(node, mask, trail);
+    }
+    else {
+      node = tree_next(node, trail);
+      while (mask != 0u) {
+        int edge = child - edge_first_leaf + findLSB(mask);
+        mask &= mask - 1u;
+        vec3 start = texel_at(edge_ends, texture_place(edge * 2)).xyz;
+        vec3 end = texel_at(edge_ends, texture_place(edge * 2 + 1)).xyz;
+        vec3 to_edge = closest_on_segment(point, start, end) - point;
+        best = min(best, dot(to_edge, to_edge));
+      }
+    }
+  }
+  return sqrt(best);
+}
+
+void main()
+{
+  float smooth_length = length(v_smooth_normal);
+  if (!(smooth_length > 0.0)) {
+    discard;
+  }
+  vec3 direction = v_smooth_normal / smooth_length;
+  float straight_length = length(v_straight_normal);
+  vec3 straight = straight_length > 0.0 ? v_straight_normal / straight_length : direction;
+  vec3 turn = straight - direction;
+  if (dot(turn, turn) > RAYS_SAME) {
+    float share = straight_share;
+    if (blend_width > 0.0) {
+      share = smoothstep(0.0, blend_width, rays_edge_distance(v_position, blend_width));
+    }
+    vec3 blended = mix(direction, straight, clamp(share + v_paint.y, 0.0, 1.0));
+    float blended_length = length(blended);
+    direction = blended_length > 0.0 ? blended / blended_length : straight;
+  }
+  // The number is in two parts, small enough that interpolating three equal values and rounding gives the value back.
+  vec2 parts = round(v_number);
+  float start = start_on_cage != 0 ? smooth_length : start_offset;
+  position_out = vec4(v_position, parts.x * 4096.0 + parts.y);
+  direction_out = vec4(direction, start * v_paint.x);
+}
