@@ -42,10 +42,12 @@ def weights(obj: bpy.types.Object, data: bpy.types.Mesh, names: Sequence[str]) -
 
 def _number(obj: bpy.types.Object, name: str) -> int:
     """The number of the vertex group `name`. Modifiers may have removed it, or given it another number."""
-    group = obj.vertex_groups.get(name)
+    own = obj.original
+    # Blender evaluates nothing for a new group, so without modifiers the object's own list is the current one.
+    group = (obj if own.modifiers else own).vertex_groups.get(name)
     if group is not None:
         return group.index
-    if name in obj.original.vertex_groups:
+    if name in own.vertex_groups:
         raise BakeError(
             f"The modifiers of {obj.name!r} remove its vertex group {name!r}: change them, or choose no group."
         )
