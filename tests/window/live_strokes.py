@@ -228,6 +228,6 @@ def run(steps):
     return seconds
 
 
-if "ui" not in globals():  # otherwise, another program that drives the window calls step()
+if __name__ == "__main__":  # otherwise, another script calls step() or single functions
     bpy.context.preferences.view.show_splash = False
     bpy.app.timers.register(functools.partial(run, step()), first_interval=1.0)
