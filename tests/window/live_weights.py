@@ -21,8 +21,14 @@ import addon  # noqa: E402
 from addon.ui.live.live_switch import live  # noqa: E402
 from tests.window import live_strokes as strokes  # noqa: E402
 
-CASES = [("offset_group", 0.0), ("offset_group", 1.0), ("straight_group", 0.0), ("straight_group", 1.0)]
-"""The setting of the group that is painted, and the brush's weight."""
+CASES = [
+    ("offset_group", 0.0, "BLENDED", 8),
+    ("offset_group", 1.0, "BLENDED", 8),
+    ("straight_group", 0.0, "SPLIT", 1),
+    ("straight_group", 1.0, "SMOOTH", 1),
+]
+"""The setting of the group that is painted, the brush's weight, the directions of rays, and how often the low cube's edges are
+cut. With few cuts, smooth normals differ from the faces' normals in the middle as well."""
 
 
 def rename(name):
@@ -72,8 +78,8 @@ def step():
         )
         return is_expected
 
-    for setting, weight in CASES:
-        yield from prepare(setting, weight)
+    for setting, weight, directions, cuts in CASES:
+        yield from prepare(setting, weight, directions, cuts)
         before = weights(), strokes.pixels(bpy.data.images["lo_normal"])
         maps = yield from strokes.stroke(8)
         seconds = yield from strokes.wait()
@@ -91,7 +97,7 @@ def step():
         raise SystemExit(1)
 
 
-def prepare(setting, weight):
+def prepare(setting, weight, directions, cuts):
     """Make a low cube and a larger uneven one, the low in Weight Paint Mode, and turn Live on."""
     _, area, _ = strokes.view()
     with strokes.at_view():
@@ -101,11 +107,11 @@ def prepare(setting, weight):
             bpy.data.objects.remove(obj)
         for image in list(bpy.data.images):
             bpy.data.images.remove(image)
-        for name, cuts in (("hi", 20), ("lo", 8)):
+        for name, number in (("hi", 20), ("lo", cuts)):
             bpy.ops.mesh.primitive_cube_add(size=2)
             bpy.context.object.name = name
             bpy.ops.object.mode_set(mode="EDIT")
-            bpy.ops.mesh.subdivide(number_cuts=cuts)
+            bpy.ops.mesh.subdivide(number_cuts=number)
             bpy.ops.object.mode_set(mode="OBJECT")
         low, high = bpy.data.objects["lo"], bpy.data.objects["hi"]
         rng = np.random.default_rng(7)
@@ -124,7 +130,8 @@ def prepare(setting, weight):
         settings.highs.clear()
         settings.highs.add().object = high
         settings.method, settings.width, settings.height = "CAST", 256, 256
-        settings.offset_group = settings.straight_group = ""
+        settings.measure, settings.extrusion, settings.max_distance = False, 0.06, 0.2  # too short for some peaks
+        settings.directions, settings.offset_group, settings.straight_group = directions, "", ""
         setattr(settings, setting, "painted")
         bpy.ops.object.mode_set(mode="WEIGHT_PAINT")
         paint = bpy.context.tool_settings.weight_paint
