@@ -40,9 +40,9 @@ class Settings:
     hit: str = _field("hit")
     directions: str = _field("directions")
     offset_group: str = _field("offset_group")
-    """Name of a vertex group of the low mesh, or empty. Not used with a cage, or by Flatten."""
+    """Name of a vertex group of the low mesh, or empty. With a cage, it scales the distance of the cage."""
     straight_group: str = _field("straight_group")
-    """As offset_group."""
+    """As offset_group. A cage decides the directions alone."""
     facing_only: bool = _field("facing_only")
     missed: tuple[float, float, float] = _field("missed")
     mask: bool = _field("mask")

@@ -2,6 +2,7 @@
 """Sources of normals and other values: high meshes drawn in UV space, rays, or maps that were drawn before."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Protocol
 
 import gpu
@@ -71,9 +72,13 @@ def _ray_cast(plan: Plan, settings: Settings, timings: Timings) -> Task[ray_cast
     is_measured = extrusion is None or max_distance is None
     if is_measured:
         with timings.timed("distances"):
+            # What is painted scales the measured distance, and does not change it.
+            unpainted = replace(meshes, offset=None)
             outside, inside = ray_distances.measure(
                 ray_scene.tables,
-                ray_mesh,
+                ray_mesh
+                if meshes.offset is None
+                else ray_casting.upload_ray_mesh(unpainted, low_surface, ray_scene.local_space),
                 directions,
                 (settings.width, settings.height),
                 plan.tiles,
