@@ -1,0 +1,275 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tests the rules that choose a hit against a float64 oracle that tests every triangle."""
+
+import re
+from dataclasses import replace
+
+import gpu
+import numpy as np
+import pytest
+
+from addon.core.declarations.choices import Hit
+from addon.mesh.spatial import bvh, neighbors
+from addon.passes import program, target
+from addon.passes.bake import cast
+from tests.support import angles, oracle, owner_oracle
+
+pytestmark = pytest.mark.usefixtures("gpu_context")
+
+SIZE = 32
+START, INSIDE = 0.5, 0.4
+NUDGE = 3e-6
+"""In the units of the positions, some ten times the rounding of single precision. A texel counts if moving its ray by so much
+changes nothing: rays along edges and ties between two low triangles may be decided either way."""
+NUDGES = 2
+STEADY = 0.9
+"""Share of the texels that count, so that the comparison is about most of them."""
+HEIGHT = 2e-5
+"""In the units of the positions: heights of the same hit in single and in double precision."""
+NORMAL_P99 = 0.02
+"""Degrees."""
+CANDIDATES = int(re.search(r"CAST_CANDIDATES = (\d+)", program.source("bake/cast_comp.glsl"))[1])
+
+
+def trace(rays, high, normals, low, across, *, rule=Hit.OWN, facing_only=False):
+    """Heights (N,), whether there is a hit, is not owned, is from behind (N,) bool, and the unit normals (N, 3)."""
+    high_tree, low_tree = (bvh.build(c.reshape(-1, 3), np.arange(c.size // 3).reshape(-1, 3)) for c in (high, low))
+    numbers = np.arange(high.size // 3).reshape(-1, 3)[high_tree.order]
+    tables = cast.upload(
+        high_tree.nodes,
+        high.reshape(-1, 3),
+        numbers,
+        normals.reshape(-1, 3),
+        numbers,
+        first_leaf=high_tree.first_leaf,
+        origin=high_tree.origin,
+        scale=high_tree.scale,
+    )
+    place = np.empty(len(low), int)
+    place[low_tree.order] = np.arange(len(low))
+    moved = np.where(across >= 0, place[across], -1)[low_tree.order]
+    owners = cast.upload_owners(
+        low_tree.nodes,
+        low[low_tree.order],
+        moved,
+        first_leaf=low_tree.first_leaf,
+        origin=low_tree.origin,
+        scale=low_tree.scale,
+    )
+    drawn = target.Target(SIZE, SIZE, ("RGBA32F", "RGBA32F"))
+    for slot, (values, alpha) in enumerate(((rays.places, place[rays.own] + 1), (rays.away, rays.start))):
+        texels = np.empty((SIZE * SIZE, 4), np.float32)
+        texels[:, :3], texels[:, 3] = values, alpha
+        drawn.textures[slot] = gpu.types.GPUTexture(
+            (SIZE, SIZE), format="RGBA32F", data=gpu.types.Buffer("FLOAT", texels.shape, texels)
+        )
+    hits, found = target.Target(SIZE, SIZE, ("RGBA32UI",)), target.Target(SIZE, SIZE, ("RGBA32F",))
+    cast.trace(
+        hits, drawn, tables, owners, rule=rule, inside=rays.inside, max_t=1e8, facing_only=facing_only, rows=range(SIZE)
+    )
+    heights, looked_up = (np.empty((SIZE, SIZE, 4), np.float32) for _ in range(2))
+    cast.heights(found, hits, drawn)
+    found.read(heights)
+    cast.look_up(found, hits, drawn, tables, np.eye(3))
+    found.read(looked_up)
+    height, is_not_owned, is_from_behind, alpha = heights.reshape(-1, 4).T
+    return height, alpha > 0.0, is_not_owned > 0.0, is_from_behind > 0.0, looked_up.reshape(-1, 4)[:, :3]
+
+
+def rays_from(rng, low, turn):
+    """Rays from random places on random triangles, along the face's normal, turned at random by about `turn` radians."""
+    own = rng.integers(0, len(low), SIZE * SIZE)
+    weights = rng.dirichlet((1.0, 1.0, 1.0), SIZE * SIZE)
+    places = np.einsum("nk,nkc->nc", weights, low[own].astype(np.float64)).astype(np.float32)
+    face = np.cross(low[own, 1] - low[own, 0], low[own, 2] - low[own, 0])
+    away = face / np.linalg.norm(face, axis=1, keepdims=True) + turn * rng.normal(size=face.shape)
+    away = (away / np.linalg.norm(away, axis=1, keepdims=True)).astype(np.float32)
+    return owner_oracle.Rays(places, away, own, START, INSIDE)
+
+
+def in_double(rays):
+    return replace(rays, places=rays.places.astype(np.float64), away=rays.away.astype(np.float64))
+
+
+def same(a, b, tolerance):
+    """Which texels (N,) bool have the same outcome: a hit or a miss, its height and its flags."""
+    return (
+        ((a.triangle < 0) == (b.triangle < 0))
+        & (a.is_not_owned == b.is_not_owned)
+        & (a.is_from_behind == b.is_from_behind)
+        & (np.abs(a.height - b.height) < tolerance)
+    )
+
+
+def check(rng, rays, high, normals, low, *, expect, rule=Hit.OWN, facing_only=False):
+    """Compare with the oracle where it is steady. expect: the least share of rays by outcome."""
+    high, normals, low = (np.ascontiguousarray(values, np.float32) for values in (high, normals, low))
+    across = neighbors.neighbors(low.reshape(-1, 3), np.arange(low.size // 3).reshape(-1, 3))
+
+    def truth_of(rays):
+        if rule == Hit.NEAREST:
+            return owner_oracle.nearest_hits(rays, high, facing_only=facing_only)
+        return owner_oracle.own_hits(
+            rays, high, normals.astype(np.float64), low, across, most=CANDIDATES + 1, facing_only=facing_only
+        )
+
+    double = in_double(rays)
+    truth, is_steady = truth_of(double), np.ones(SIZE * SIZE, bool)
+    for _ in range(NUDGES):
+        places, away = (v + NUDGE * rng.normal(size=v.shape) for v in (double.places, double.away))
+        is_steady &= same(truth, truth_of(replace(double, places=places, away=away)), 1e-3)
+    height, is_hit, is_not_owned, is_from_behind, found = trace(
+        rays, high, normals, low, across, rule=rule, facing_only=facing_only
+    )
+    ours = owner_oracle.Chosen(np.where(is_hit, 0, -1), height, truth.weights, is_not_owned, is_from_behind)
+    is_same = same(truth, ours, HEIGHT)
+    outcomes = {
+        "own": (truth.triangle >= 0) & ~truth.is_not_owned & ~truth.is_from_behind,
+        "not owned": truth.is_not_owned,
+        "from behind": truth.is_from_behind,
+        "missed": truth.triangle < 0,
+    }
+    shares = {name: float(each[is_steady].mean()) for name, each in outcomes.items()}
+    wrong = np.flatnonzero(is_steady & ~is_same)
+    print(f"{shares}, steady {is_steady.mean():.2%}, {len(wrong)} differ: {wrong[:8]}")
+    assert is_steady.mean() >= STEADY
+    for name, share in expect.items():
+        assert shares[name] >= share, (name, shares)
+    assert len(wrong) == 0, [(truth.height[i], height[i], truth.is_not_owned[i], is_not_owned[i]) for i in wrong[:8]]
+    compared = is_steady & (truth.triangle >= 0)
+    expected = np.einsum("nk,nkc->nc", truth.weights, normals[truth.triangle].astype(np.float64))[compared]
+    expected /= np.linalg.norm(expected, axis=1, keepdims=True)
+    assert np.percentile(angles.degrees(found[compared], expected), 99) < NORMAL_P99
+
+
+def shell(level, radius, noise=0.0, seed=0):
+    """A sphere whose points lie up to `noise` off its radius: welded, because the noise depends on the place alone."""
+    corners = oracle.icosphere(level)
+    places, which = np.unique(corners.reshape(-1, 3).round(9), axis=0, return_inverse=True)
+    scale = radius + noise * (2.0 * np.random.default_rng(seed).random(len(places)) - 1.0)
+    return (places * scale[:, None])[which.reshape(-1)].reshape(-1, 3, 3)
+
+
+def smooth(corners):
+    return corners / np.linalg.norm(corners, axis=2, keepdims=True)
+
+
+def test_own_hits_in_spheres_in_spheres_seed_1():
+    """Each layer of the high mesh belongs to the layer of the low one that it is closest to."""
+    rng = np.random.default_rng(1)
+    low = np.concatenate([shell(1, radius) for radius in (0.6, 0.75, 0.9)])
+    high = np.concatenate([shell(2, radius) for radius in (0.6, 0.76, 0.88)])
+    check(rng, rays_from(rng, low, 0.05), high, smooth(high), low, expect={"own": 0.95})
+
+
+@pytest.mark.parametrize("seed", [2, 3, 4])
+def test_own_hits_in_rough_shells_seeds_2_to_4(seed):
+    rng = np.random.default_rng(seed)
+    low = np.concatenate([shell(1, radius, 0.12, seed) for radius in (0.6, 0.7, 0.8)])
+    high = np.concatenate([shell(2, radius, 0.08, seed + 9) for radius in (0.5, 0.62, 0.75, 0.83)])
+    check(rng, rays_from(rng, low, 0.6), high, smooth(high), low, expect={"own": 0.5, "not owned": 0.02})
+
+
+@pytest.mark.parametrize("facing_only", [False, True])
+@pytest.mark.parametrize("seed", [5, 6])
+def test_own_hits_in_soups_seeds_5_and_6(seed, facing_only):
+    """Triangles without neighbors: most hits belong to none, or are of the wrong side."""
+    rng = np.random.default_rng(seed)
+    low = rng.random((40, 1, 3)) + (rng.random((40, 3, 3)) - 0.5) * 0.6
+    high = rng.random((60, 1, 3)) + (rng.random((60, 3, 3)) - 0.5) * 0.7
+    normals = np.cross(high[:, 1] - high[:, 0], high[:, 2] - high[:, 0])[:, None] + 0.05 * rng.normal(size=high.shape)
+    behind = "missed" if facing_only else "from behind"
+    check(
+        rng,
+        rays_from(rng, low, 0.3),
+        high,
+        normals,
+        low,
+        facing_only=facing_only,
+        expect={"own": 0.05, "not owned": 0.1, behind: 0.1},
+    )
+
+
+def test_own_hits_of_a_low_mesh_with_edges_of_three_triangles_seed_7():
+    rng = np.random.default_rng(7)
+    fins = shell(0, 0.8).copy()
+    fins[:, 2] *= rng.uniform(0.6, 1.6, (len(fins), 1))  # each shares one edge with the sphere
+    low = np.concatenate([shell(0, 0.8), fins])
+    high = np.concatenate([shell(2, radius, 0.02, 7) for radius in (0.78, 0.85)])
+    check(rng, rays_from(rng, low, 0.2), high, smooth(high), low, expect={"own": 0.3})
+
+
+@pytest.mark.parametrize("facing_only", [False, True])
+def test_the_nearest_hit_seed_8(facing_only):
+    rng = np.random.default_rng(8)
+    low = shell(1, 0.7)
+    high = rng.random((200, 1, 3)) * 1.6 - 0.8 + (rng.random((200, 3, 3)) - 0.5) * 0.5
+    check(
+        rng,
+        rays_from(rng, low, 0.3),
+        high,
+        high,
+        low,
+        rule=Hit.NEAREST,
+        facing_only=facing_only,
+        expect={"own": 0.2, "missed": 0.2},
+    )
+
+
+# Known answers
+
+
+def sheet(height, *, up=True):
+    """Two triangles of the square -2..2 at z = height."""
+    corners = np.array([(-2, -2, height), (2, -2, height), (2, 2, height), (-2, 2, height)], np.float32)
+    return corners[[(0, 1, 2), (0, 2, 3)] if up else [(0, 2, 1), (0, 3, 2)]]
+
+
+def sheets(*heights, up=True):
+    return np.concatenate([sheet(height, up=up) for height in heights])
+
+
+def height_over(low, high, own=0, *, start=0.5, facing_only=False, rule=Hit.OWN):
+    """What a ray upwards from (0.3, 0.2) on the triangle `own` of `low` finds: its height or None, and its flags."""
+    normals = np.repeat(np.cross(high[:, 1] - high[:, 0], high[:, 2] - high[:, 0])[:, None], 3, axis=1)
+    across = neighbors.neighbors(low.reshape(-1, 3), np.arange(low.size // 3).reshape(-1, 3))
+    places = np.tile(np.float32((0.3, 0.2, low[own, 0, 2])), (SIZE * SIZE, 1))
+    away = np.tile(np.float32((0, 0, 1)), (SIZE * SIZE, 1))
+    rays = owner_oracle.Rays(places, away, np.full(SIZE * SIZE, own), start, INSIDE)
+    height, is_hit, is_not_owned, is_from_behind, _ = (
+        values[0] for values in trace(rays, high, normals, low, across, facing_only=facing_only, rule=rule)
+    )
+    return (round(float(height), 5) if is_hit else None), bool(is_not_owned), bool(is_from_behind)
+
+
+def test_each_low_layer_takes_its_high_layer():
+    low, high = sheets(0.0, 0.3), sheets(0.05, 0.32)
+    assert height_over(low, high) == (0.05, False, False)
+    assert height_over(low, high, own=2) == (0.02, False, False)
+    assert height_over(low, high, rule=Hit.OUTERMOST) == (0.32, False, False)
+
+
+def test_what_stands_off_wins_over_what_lies_below_it():
+    assert height_over(sheets(0.0), sheets(-0.01, 0.2)) == (0.2, False, False)
+
+
+def test_without_an_owned_hit_the_nearest_that_faces_the_ray_counts_and_is_flagged():
+    low = sheets(0.0, 0.3)
+    assert height_over(low, sheets(0.2, 0.4)) == (0.2, True, False)
+    assert height_over(low, np.concatenate([sheets(0.25), sheets(0.01, up=False)])) == (0.25, True, False)
+
+
+def test_without_a_front_the_nearest_back_counts_and_is_flagged_unless_only_fronts_may_be_hit():
+    low, high = sheets(0.0), sheets(0.2, -0.1, up=False)
+    assert height_over(low, high) == (-0.1, False, True)
+    assert height_over(low, high, facing_only=True) == (None, False, False)
+
+
+def test_hits_are_asked_for_their_owner_up_to_a_bound():
+    """Layers that belong to another low layer lie above the own one. A ray through very many of them still ends."""
+    low = sheets(0.0, 0.3)
+    for count, expected in ((CANDIDATES, (0.05, False, False)), (CANDIDATES + 20, (None, True, False))):
+        above = np.linspace(0.45, 0.25, count)
+        height, *flags = height_over(low, np.concatenate([sheets(*above), sheets(0.05)]))
+        assert flags == list(expected[1:]), count
+        assert height == expected[0] or expected[0] is None
