@@ -34,6 +34,8 @@ class Report:
     """For Cast: extrusion and max_distance in scene units, as set or measured."""
     measured: bool = False
     """Whether at least one of `distances` was measured."""
+    blend_width: float = 0.0
+    """The distance from hard edges, in scene units, within which the directions of rays blend; 0 if they do not."""
     missed: float = 0.0
     """Share of the low mesh's texels whose rays missed."""
     coverage: float = 0.0

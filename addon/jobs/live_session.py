@@ -18,6 +18,7 @@ from ..core.timings import Timings
 from ..engine import margins, rendering, sources
 from ..engine.bands import Band
 from ..engine.method_choice import Plan, choose_method, nothing_drawn
+from ..engine.rays.ray_casting import RayCast
 from ..engine.sources import Source
 from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
@@ -169,6 +170,11 @@ class Session:
         """As progress.run_for, but with the session's own textures, so that other bakes can run in between."""
         with target.using(self._pool):
             return progress.run_for(work, seconds)
+
+    @property
+    def ray_cast(self) -> RayCast | None:
+        """The rays of the last map; None for Flatten and before the first map."""
+        return self._source.ray_cast if self._source is not None else None
 
     @property
     def map(self) -> gpu.types.GPUTexture | None:

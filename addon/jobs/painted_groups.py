@@ -2,15 +2,12 @@
 """Which low objects of several bakes have the vertex groups that the settings name."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 from ..core.declarations.choices import Method
 from ..core.errors import BakeError
 from ..core.settings import Settings
+from ..scene import vertex_weights
 from .job import Job
-
-GROUPS = ("offset_group", "straight_group")
-"""The settings that name a vertex group."""
 
 
 def settings_by_job(jobs: Sequence[Job], settings: Settings) -> list[Settings]:
@@ -20,14 +17,10 @@ def settings_by_job(jobs: Sequence[Job], settings: Settings) -> list[Settings]:
     """
     if len(jobs) < 2 or settings.method == Method.FLATTEN:
         return [settings] * len(jobs)
-    names = {setting: getattr(settings, setting) for setting in GROUPS}
     lows = [job.low for job in jobs]
-    for name in filter(None, names.values()):
+    for name in filter(None, (getattr(settings, setting) for setting in vertex_weights.GROUPS)):
         if not any(name in low.vertex_groups for low in lows):
             raise BakeError(
                 f"No low object has a vertex group {name!r}: choose another one in the panel Rays, or none."
             )
-    return [
-        replace(settings, **{setting: name if name in low.vertex_groups else "" for setting, name in names.items()})
-        for low in lows
-    ]
+    return [vertex_weights.without_missing(low, settings) for low in lows]

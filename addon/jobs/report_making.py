@@ -56,6 +56,7 @@ def report_of(drawn: DrawnJob, stored: Stored, warnings: Sequence[str] = (), mar
         triangles=findings.triangles,
         distances={"extrusion": ray_cast.extrusion, "max_distance": ray_cast.max_distance} if ray_cast else {},
         measured=ray_cast is not None and ray_cast.is_measured,
+        blend_width=ray_cast.blend_width if ray_cast else 0.0,
         missed=findings.missed,
         coverage=findings.coverage,
         margin=findings.margin if margin is None else margin,

@@ -92,29 +92,41 @@ def _read(
     cage: bpy.types.Object | None,
     settings: Settings,
 ) -> Meshes:
-    is_own_base = low in highs
+    meshes = read_low(depsgraph, low, cage, settings, is_own_base=low in highs)
+    reader = Reader(depsgraph, meshes.uv_layer, settings)
+    meshes = replace(meshes, highs=reader.read(dict(enumerate(highs, start=1))), materials=[*reader.materials])
+    _check_triangles([meshes.low, *meshes.highs, *([meshes.cage] if meshes.cage else [])])
+    return meshes
+
+
+def read_low(
+    depsgraph: bpy.types.Depsgraph,
+    low: bpy.types.Object,
+    cage: bpy.types.Object | None,
+    settings: Settings,
+    *,
+    is_own_base: bool,
+    with_uv: bool = True,
+) -> Meshes:
+    """Read only the low mesh and its cage. Without UVs, there are no tangents either. Errors: as `read`."""
     with mesh_reader.base(low) if is_own_base else mesh_reader.evaluated(low, depsgraph) as data:
-        uv_layer = uv_layer_of(low.name, data, settings.uv_layer)
+        uv_layer = uv_layer_of(low.name, data, settings.uv_layer) if with_uv else ""
         to_world = mesh_reader.matrix(low)
         low_mesh = mesh_reader.surface(data, uv_layer, low.name, to_world, with_faces=True)
         smooth_normals = mesh_reader.smooth_normals(data, low_mesh)
-        basis = (
-            mesh_reader.with_tangents(data, uv_layer, low.name, to_world) if settings.space == Space.TANGENT else None
-        )
+        has_basis = settings.space == Space.TANGENT and with_uv
+        basis = mesh_reader.with_tangents(data, uv_layer, low.name, to_world) if has_basis else None
         cage_mesh = cage and _cage(cage, depsgraph, low_mesh, len(data.polygons))
         offset, straight = _painted(low if is_own_base else low.evaluated_get(depsgraph), data, low_mesh, settings)
-    reader = Reader(depsgraph, uv_layer, settings)
-    high_meshes = reader.read(dict(enumerate(highs, start=1)))
-    _check_triangles([low_mesh, *high_meshes, *([cage_mesh] if cage_mesh else [])])
     return Meshes(
         low_mesh,
-        high_meshes,
+        [],
         basis,
         smooth_normals,
         cage_mesh,
         uv_layer,
         is_own_base,
-        [*reader.materials],
+        [],
         offset=offset,
         straight=straight,
     )

@@ -2,6 +2,7 @@
 """Reads the weights of vertex groups."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from operator import itemgetter, methodcaller
 
 import bmesh
@@ -9,7 +10,10 @@ import bpy
 import numpy as np
 
 from ..core.errors import BakeError
+from ..core.settings import Settings
 
+GROUPS = ("offset_group", "straight_group")
+"""The settings that name a vertex group."""
 UNPAINTED = 0.5
 """The weight of vertices outside the group. It changes nothing."""
 
@@ -38,6 +42,11 @@ def weights(obj: bpy.types.Object, data: bpy.types.Mesh, names: Sequence[str]) -
         ]
     finally:
         copy.free()
+
+
+def without_missing(obj: bpy.types.Object, settings: Settings) -> Settings:
+    """`settings` without the groups that `obj` does not have."""
+    return replace(settings, **{name: "" for name in GROUPS if getattr(settings, name) not in obj.vertex_groups})
 
 
 def _number(obj: bpy.types.Object, name: str) -> int:

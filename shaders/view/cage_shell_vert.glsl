@@ -2,5 +2,5 @@
 
 void main()
 {
-  gl_Position = view_projection * vec4(position + direction * offset, 1.0);
+  gl_Position = view_projection * vec4(position + direction * (start * scale + offset), 1.0);
 }

@@ -7,7 +7,7 @@ import pytest
 
 import addon
 from addon.engine.rays import tree_cache
-from addon.ui.viewport.cage_overlay import CageState, overlay
+from addon.ui.viewport.cage_overlay import CageState, Subject, overlay
 from tests.support import maps, zoo
 
 pytestmark = pytest.mark.usefixtures("registered", "gpu_context")
@@ -152,34 +152,47 @@ def test_a_file_set_by_a_script_is_written(small, tmp_path):
     assert path.is_file()
 
 
-def test_shells_are_read_again_only_when_the_low_object_changes():
-    low, other = zoo.plane("lo"), zoo.plane("other")
+def subject(low, **values):
+    for name, value in values.items():
+        setattr(bpy.context.scene.imprint, name, value)
+    return Subject.of_panel(bpy.context, low, 0.0)
+
+
+def test_shells_are_read_again_only_when_the_low_object_the_cage_or_a_setting_of_theirs_changes(small):
+    low, cage, other = zoo.plane("lo"), zoo.plane("cage"), zoo.plane("other")
+    low.vertex_groups.new(name="far").add([0], 1.0, "REPLACE")
+    small.cage = cage
     overlay.show()
 
     def is_read_again(change):
-        overlay.mesh_of(low, "SMOOTH")
+        overlay.mesh_of(subject(low))
         overlay.catch_up()
         overlay.timer.stop()
-        assert overlay.mesh_of(low, "SMOOTH") is not None
+        assert overlay.mesh_of(subject(low)) is not None
         assert overlay.state is CageState.SHOWN
         change()
         bpy.context.view_layer.update()
-        overlay.mesh_of(low, "SMOOTH")
+        overlay.mesh_of(subject(low))
         return overlay.state is CageState.READING
 
-    def lift():
-        low.data.vertices[0].co.z = 1.0
-        low.data.update()
+    def lift(obj):
+        obj.data.vertices[0].co.z = 1.0
+        obj.data.update()
 
     try:
         assert not is_read_again(lambda: None)
         assert not is_read_again(lambda: setattr(other.location, "x", 1.0))
         assert not is_read_again(lambda: setattr(low, "name", "renamed"))
+        assert not is_read_again(lambda: setattr(small, "extrusion", 0.5))
         assert is_read_again(lambda: setattr(low.location, "x", 1.0))
-        assert is_read_again(lift)
+        assert is_read_again(lambda: lift(low))
+        assert is_read_again(lambda: lift(cage))
         assert is_read_again(lambda: low.modifiers.new("Lift", "DISPLACE"))
-        assert overlay.mesh_of(other, "SMOOTH") is None
-        assert overlay.mesh_of(low, "SPLIT") is None
+        assert is_read_again(lambda: setattr(small, "directions", "SPLIT"))
+        assert is_read_again(lambda: setattr(small, "offset_group", "far"))
+        assert is_read_again(lambda: low.vertex_groups["far"].add([1], 0.5, "REPLACE"))
+        assert is_read_again(lambda: setattr(small, "cage", None))
+        assert overlay.mesh_of(subject(other)) is None
     finally:
         overlay.hide()
     assert not overlay.timer.is_running

@@ -40,6 +40,11 @@ class RayCast:
     has_cage: bool
     is_measured: bool = False
 
+    @property
+    def blend_width(self) -> float:
+        """The distance from hard edges, in scene units, within which directions blend; 0 if they do not."""
+        return self.directions.blend_width * self.ray_scene.local_space.size
+
     def draw(self, into: target.Target, uv_to_clip: UvToClip) -> None:
         """Draw the rays as `trace` takes them."""
         unit = self.ray_scene.local_space.size
@@ -78,7 +83,16 @@ class RayCast:
 
 
 def upload_ray_mesh(meshes: Meshes, low_surface: LowSurface, local_space: LocalSpace) -> gpu.types.GPUBatch:
-    """The low mesh as rays.draw takes it. With a cage, which has the same corners, its smooth normals lead to the cage."""
+    """The low mesh as rays.draw takes it."""
+    arrays = ray_arrays(meshes, local_space)
+    return rays.upload(meshes.low.triangles, low_surface.numbers, uv=meshes.low.uv, **arrays)
+
+
+def ray_arrays(meshes: Meshes, local_space: LocalSpace) -> dict[str, np.ndarray | None]:
+    """What rays.upload takes by corner of the low mesh, without UVs.
+
+    With a cage, which has the same corners, smooth normals lead to the cage.
+    """
     low = meshes.low
     positions = local_space.points(low)[low.vertices]
     smooth, straight = (
@@ -88,15 +102,7 @@ def upload_ray_mesh(meshes: Meshes, low_surface: LowSurface, local_space: LocalS
         to_cage = local_space.points(meshes.cage)[meshes.cage.vertices] - positions
         is_touching = np.linalg.norm(to_cage, axis=1) < TOUCHING
         smooth = straight = np.where(is_touching[:, None], smooth * np.float32(TOUCHING), to_cage)
-    return rays.upload(
-        low.triangles,
-        low_surface.numbers,
-        uv=low.uv,
-        position=positions,
-        smooth_normal=smooth,
-        straight_normal=straight,
-        paint=_paint(meshes),
-    )
+    return {"position": positions, "smooth_normal": smooth, "straight_normal": straight, "paint": _paint(meshes)}
 
 
 def _paint(meshes: Meshes) -> np.ndarray | None:

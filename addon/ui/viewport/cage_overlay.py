@@ -7,13 +7,21 @@ from enum import Enum
 import bpy
 import gpu
 
+from ...core.declarations.choices import Directions
 from ...core.errors import BakeError
+from ...core.settings import Settings
 from ...scene import object_refs
 from ...views import cage_shells
+from ..bake_results import results
 from ..callbacks import DrawCallbacks, Handlers, Timer, redraw
+from ..live.live_switch import live
 
 OUTER, INNER = (0.1, 0.45, 1.0, 0.25), (1.0, 0.45, 0.1, 0.25)
 """Colors of where rays start and where they end."""
+
+
+MODES = {"OBJECT", "WEIGHT_PAINT"}
+"""The modes of the low object in which the shells are drawn: in others, its mesh may change with each stroke."""
 
 
 class CageState(Enum):
@@ -27,14 +35,55 @@ class CageState(Enum):
 
 
 @dataclass(frozen=True)
-class _Subject:
-    """The shells of one low object, for one choice of ray directions."""
+class Subject:
+    """What the shells are of. settings: only those of rays that give the shells their shape. blend_width: in scene units."""
 
     low: object_refs.ObjectRef
-    directions: str
+    cage: object_refs.ObjectRef | None
+    settings: Settings
+    blend_width: float
+    is_own_base: bool
 
-    def is_of(self, low: bpy.types.Object, directions: str) -> bool:
-        return (self.low.uid, self.directions) == (low.session_uid, directions)
+    @classmethod
+    def of_panel(cls, context: bpy.types.Context, low: bpy.types.Object, blend_width: float) -> "Subject":
+        """The subject for the settings of the panel."""
+        panel = context.scene.imprint
+        cage = panel.cage_for(panel.method)
+        is_blended = panel.directions == Directions.BLENDED and cage is None
+        return cls(
+            object_refs.ObjectRef.of(low),
+            object_refs.ObjectRef.of(cage) if cage else None,
+            Settings(directions=panel.directions, offset_group=panel.offset_group, straight_group=panel.straight_group),
+            blend_width if is_blended else 0.0,
+            panel.chosen_objects(context, low)[1] == [low],
+        )
+
+    @property
+    def uids(self) -> list[int]:
+        """The session_uid of the objects that are read."""
+        return [ref.uid for ref in (self.low, self.cage) if ref is not None]
+
+    def is_same(self, other: "Subject") -> bool:
+        """Whether it is the same as `other`, whatever the objects are called."""
+        mine, others = ((one.uids, one.settings, one.blend_width, one.is_own_base) for one in (self, other))
+        return mine == others
+
+    def upload(self, context: bpy.types.Context) -> gpu.types.GPUBatch | None:
+        """The mesh of the shells; None if it cannot be read."""
+        low, cage = self.low.find(), self.cage and self.cage.find()
+        if low is None:
+            return None
+        try:
+            return cage_shells.upload(
+                low,
+                cage,
+                context.evaluated_depsgraph_get(),
+                self.settings,
+                blend_width=self.blend_width,
+                is_own_base=self.is_own_base,
+            )
+        except BakeError:
+            return None
 
 
 class CageOverlay:
@@ -49,9 +98,9 @@ class CageOverlay:
             ("redo_post", self._on_undo),
         )
         self.timer = Timer(self.catch_up)
-        self._wanted: _Subject | None = None
+        self._wanted: Subject | None = None
         """The shells that a view needed when it was last drawn."""
-        self._read: _Subject | None = None
+        self._read: Subject | None = None
         self._mesh: gpu.types.GPUBatch | None = None
         """The low mesh of `_read`; None where it cannot be read."""
         self._is_outdated = False
@@ -80,33 +129,28 @@ class CageOverlay:
         self.timer.stop()
         self._wanted = self._read = self._mesh = None
 
-    def mesh_of(self, low: bpy.types.Object, directions: str) -> gpu.types.GPUBatch | None:
-        """The low mesh as last read, or None. If it is missing or outdated, the timer reads it."""
-        self._wanted = _Subject(object_refs.ObjectRef.of(low), directions)
-        is_read = self._read is not None and self._read.is_of(low, directions)
-        if not is_read or self._is_outdated:
+    def mesh_of(self, subject: Subject) -> gpu.types.GPUBatch | None:
+        """The mesh of the shells as last read, or None. If it is missing or outdated, the timer reads it."""
+        self._wanted = subject
+        if self._read is None or not self._read.is_same(subject) or self._is_outdated:
             self.timer.start()
-        return self._mesh if is_read else None
+        # The last shells of the same objects stay until the new ones are there.
+        return self._mesh if self._read is not None and self._read.uids == subject.uids else None
 
     def catch_up(self) -> None:
-        """Read the low mesh. Do not call this while a view is being drawn: reading evaluates the scene."""
-        low = self._wanted.low.find() if self._wanted is not None else None
-        if low is None:
+        """Read the meshes. Do not call this while a view is being drawn: reading evaluates the scene."""
+        if self._wanted is None:
             return
-        try:
-            mesh = cage_shells.upload(low, bpy.context.evaluated_depsgraph_get(), self._wanted.directions)
-        except BakeError:
-            mesh = None
-        self._read, self._mesh, self._is_outdated = self._wanted, mesh, False
+        self._read, self._mesh, self._is_outdated = self._wanted, self._wanted.upload(bpy.context), False
         redraw()
 
     def _on_update(self, _scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
-        """Only changes of the low object count: the user may move or sculpt another object for minutes."""
+        """Only changes of the low object and the cage count: the user may move or sculpt another object for minutes."""
         if self._read is None:
             return
         self._is_outdated |= any(
             (update.is_updated_geometry or update.is_updated_transform)
-            and update.id.original.session_uid == self._read.low.uid
+            and update.id.original.session_uid in self._read.uids
             for update in depsgraph.updates
             if isinstance(update.id, bpy.types.Object)
         )
@@ -118,19 +162,34 @@ class CageOverlay:
         context = bpy.context
         settings = context.scene.imprint
         low, _ = settings.chosen_objects(context)
-        if low is None or low.type != "MESH" or low.mode != "OBJECT" or not low.data.polygons:
+        if low is None or low.type != "MESH" or low.mode not in MODES or not low.data.polygons:
             return
-        mesh = self.mesh_of(low, settings.directions)
+        extrusion, reach, blend_width = _distances(context, low)
+        subject = Subject.of_panel(context, low, blend_width)
+        mesh = self.mesh_of(subject)
         if mesh is None:
             return
-        extrusion, reach = settings.distances(context)
         gpu.state.blend_set("ALPHA")
         gpu.state.depth_test_set("LESS_EQUAL")
         view = context.region_data.perspective_matrix
-        for away, color in ((extrusion, OUTER), (extrusion - reach, INNER)):
-            cage_shells.draw(mesh, view, away, color)
+        if subject.cage is not None:
+            shells = {OUTER: (1.0, 0.0), INNER: (1.0, -reach)}
+        else:  # painting moves where rays start, not where they end
+            shells = {OUTER: (extrusion, 0.0), INNER: (0.0, extrusion - reach)}
+        for color, (scale, offset) in shells.items():
+            cage_shells.draw(mesh, view, color, scale=scale, offset=offset)
         gpu.state.depth_test_set("NONE")
         gpu.state.blend_set("NONE")
+
+
+def _distances(context: bpy.types.Context, low: bpy.types.Object) -> tuple[float, float, float]:
+    """Extrusion, maximum distance and the width of the blend, in scene units: as Live or the last bake has measured them."""
+    settings, session = context.scene.imprint, live.session
+    ray_cast = session.ray_cast if session is not None and session.job.low_ref.uid == low.session_uid else None
+    if ray_cast is not None:
+        return ray_cast.extrusion, ray_cast.max_distance, ray_cast.blend_width
+    report = results.of(context, low)
+    return *settings.distances(context), report.blend_width if report is not None else 0.0
 
 
 overlay = CageOverlay()
