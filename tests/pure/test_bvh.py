@@ -55,6 +55,17 @@ def test_missing_children_have_empty_boxes():
     assert tree.first_leaf == 5
 
 
+@pytest.mark.parametrize("place", [0.0, 0.7, -3e4])
+def test_a_single_point_lies_inside_its_box(place):
+    corners = np.full((3, 3, 3), place, np.float32)
+    tree = tree_of(corners)
+    low, high = unpack(tree.nodes[0, :, 0])
+    steps = (corners[0, 0].astype(np.float64) - tree.origin) * tree.scale
+    assert (low <= steps).all()
+    assert (steps <= high).all()
+    assert (tree.scale < np.finfo(np.float32).max).all()
+
+
 def test_flat_mesh_gets_a_finite_tree():
     corners = np.random.default_rng(1).random((64, 3, 3)).astype(np.float32)
     corners[..., 2] = 3.0

@@ -16,6 +16,13 @@ from . import kd_order
 GRID = 256, 32767
 """The first and the last step, along each axis, of the grid to which boxes are rounded outwards."""
 
+FLAT = 1e-5
+"""The least extent of the grid along an axis, as a share of the largest one."""
+ROUNDING = 1e-7
+"""The least extent of the grid, as a share of the coordinates: about what single precision rounds."""
+SMALLEST = 1e-20
+"""The least extent of the grid, so that its scale fits single precision."""
+
 
 @dataclass(frozen=True)
 class Tree:
@@ -37,9 +44,9 @@ def build(points: np.ndarray, triangles: np.ndarray) -> Tree:
     boxes = _boxes(points, triangles)
     origin = boxes[0].min(axis=1).astype(np.float64)
     extent = boxes[1].max(axis=1) - origin
-    # A flat mesh has no extent along one axis: use a small one. Two free steps on either side leave room to round
-    # outwards by more than single precision loses.
-    extent = np.maximum(extent, max(float(extent.max()) * 1e-5, np.finfo(np.float32).tiny))
+    # A flat mesh has no extent along one axis, and a single point none at all: use a small one. Two free steps on either
+    # side leave room to round outwards by more than single precision loses.
+    extent = np.maximum(extent, max(extent.max() * FLAT, np.abs(origin).max() * ROUNDING, SMALLEST))
     scale = (GRID[1] - GRID[0] - 4) / extent
     origin -= (GRID[0] + 2.0) / scale
     grid, centers = np.empty(boxes.shape, np.uint16), np.empty((3, len(triangles)), np.uint16)
