@@ -7,29 +7,78 @@ const int OWNER_STEPS = 12;
 const float OWNER_CLOSER = 1.0 - 1e-5;
 // Points this close, in local space, are the same.
 const float OWNER_SAME = 1e-6;
+// A triangle is folded back on another if their normals are more than 120 degrees apart.
+const float OWNER_FOLDED = -0.5;
+// A normal alike another is within 45 degrees of it. It does not agree with faces that are turned by 135 degrees or more.
+const float OWNER_ALIKE = 0.70711;
 
-// Corners of a triangle of the low mesh; w has the number of the triangle across the edge to the next corner, or -1.
-void owner_triangle(int triangle, out vec4 a, out vec4 b, out vec4 c)
+struct OwnerTriangle {
+  vec3 a, b, c;
+  // The triangles across the edges from a, b and c to the next corner, or -1.
+  ivec3 across;
+  // A normal of any length.
+  vec3 face;
+};
+
+OwnerTriangle owner_triangle(int triangle)
 {
-  a = texel_at(low_corners, texture_place(triangle * 3));
-  b = texel_at(low_corners, texture_place(triangle * 3 + 1));
-  c = texel_at(low_corners, texture_place(triangle * 3 + 2));
+  vec4 a = texel_at(low_corners, texture_place(triangle * 4));
+  vec4 b = texel_at(low_corners, texture_place(triangle * 4 + 1));
+  vec4 c = texel_at(low_corners, texture_place(triangle * 4 + 2));
+  return OwnerTriangle(a.xyz, b.xyz, c.xyz, ivec3(a.w, b.w, c.w), cross(b.xyz - a.xyz, c.xyz - a.xyz));
 }
 
-// The closest point to `point` on a triangle of the low mesh whose face normal agrees with `normal`; `best`, a squared distance,
-// is made smaller, and the result is true, if it is closer than that.
-bool owner_closer(int triangle, vec3 point, vec3 normal, inout float best, inout vec3 closest)
+// xyz: the face normal, of any length. w: no triangle is closer to this one than that, unless a short walk leads to it, or no
+// normal alike this one agrees with it.
+vec4 owner_clearance(int triangle)
 {
-  vec4 a, b, c;
-  owner_triangle(triangle, a, b, c);
-  vec3 face = cross(b.xyz - a.xyz, c.xyz - a.xyz);
-  if (!(dot(face, normal) > 0.0)) {
-    return false;
+  return texel_at(low_corners, texture_place(triangle * 4 + 3));
+}
+
+bool owner_touches(OwnerTriangle one, OwnerTriangle other)
+{
+  return one.a == other.a || one.a == other.b || one.a == other.c || one.b == other.a || one.b == other.b ||
+         one.b == other.c || one.c == other.a || one.c == other.b || one.c == other.c;
+}
+
+// Whether a walk over the low mesh from triangle `current`, always across the edge beyond which `goal` lies farthest, ends on
+// the triangle `last`, which holds `goal`, or on one that touches it and is not folded back on it.
+bool owner_walk_reaches(int current, int last, vec3 goal)
+{
+  int before = -1;
+  OwnerTriangle here;
+  for (int steps = 0; steps < OWNER_STEPS; steps++) {
+    here = owner_triangle(current);
+    vec3 ab = cross(here.b - here.a, here.face);
+    vec3 bc = cross(here.c - here.b, here.face);
+    vec3 ca = cross(here.a - here.c, here.face);
+    // How far `goal` lies beyond each edge.
+    vec3 beyond = vec3(dot(ab, goal - here.a) / max(length(ab), 1e-30), dot(bc, goal - here.b) / max(length(bc), 1e-30),
+                       dot(ca, goal - here.c) / max(length(ca), 1e-30));
+    float most = max(beyond.x, max(beyond.y, beyond.z));
+    int next = beyond.x == most ? here.across.x : beyond.y == most ? here.across.y : here.across.z;
+    if (!(most > OWNER_SAME) || next < 0 || next == before) {
+      break;
+    }
+    if (next == last) {
+      return true;
+    }
+    before = current;
+    current = next;
   }
-  vec3 found = closest_on_triangle(point, a.xyz, b.xyz, c.xyz, face);
+  OwnerTriangle there = owner_triangle(last);
+  return owner_touches(here, there) && dot(here.face, there.face) > OWNER_FOLDED * length(here.face) * length(there.face);
+}
+
+// Whether `triangle` faces the same way as `normal` and has a point closer to `point` than the square root of `best`. If so,
+// `closest` is that point, and `best` gets smaller.
+bool owner_is_closer(int triangle, vec3 point, vec3 normal, inout float best, inout vec3 closest)
+{
+  OwnerTriangle here = owner_triangle(triangle);
+  vec3 found = closest_on_triangle(point, here.a, here.b, here.c, here.face);
   vec3 to_found = found - point;
   float squared = dot(to_found, to_found);
-  if (!(squared < best)) {
+  if (!(dot(here.face, normal) > 0.0) || !(squared < best)) {
     return false;
   }
   best = squared * OWNER_CLOSER;
@@ -37,67 +86,46 @@ bool owner_closer(int triangle, vec3 point, vec3 normal, inout float best, inout
   return true;
 }
 
-// Whether a walk over the low mesh from triangle `current`, always across the edge beyond which `goal` lies farthest, ends on
-// the triangle `last`, which holds `goal`.
-bool owner_walk_reaches(int current, int last, vec3 goal)
-{
-  int before = -1;
-  for (int steps = 0; steps < OWNER_STEPS; steps++) {
-    vec4 a, b, c;
-    owner_triangle(current, a, b, c);
-    vec3 face = cross(b.xyz - a.xyz, c.xyz - a.xyz);
-    vec3 ab = cross(b.xyz - a.xyz, face), bc = cross(c.xyz - b.xyz, face), ca = cross(a.xyz - c.xyz, face);
-    // How far `goal` lies beyond each edge.
-    vec3 beyond = vec3(dot(ab, goal - a.xyz) / max(length(ab), 1e-30), dot(bc, goal - b.xyz) / max(length(bc), 1e-30),
-                       dot(ca, goal - c.xyz) / max(length(ca), 1e-30));
-    float most = max(beyond.x, max(beyond.y, beyond.z));
-    int next = int(beyond.x == most ? a.w : beyond.y == most ? b.w : c.w);
-    if (!(most > 0.0)) {  // the goal may lie on an edge that two triangles share
-      return abs(dot(face, goal - a.xyz)) <= OWNER_SAME * length(face);
-    }
-    if (next < 0 || next == before) {
-      return false;
-    }
-    before = current;
-    current = next;
-    if (current == last) {
-      return true;
-    }
-  }
-  return false;
-}
-
 // point, normal: of the hit. below: the texel's point on the low mesh, on the triangle `own`.
 bool owner_has_hit(vec3 point, vec3 normal, vec3 below, int own)
 {
   vec3 to_below = below - point;
   float best = dot(to_below, to_below) * (2.0 - OWNER_CLOSER);
-  vec3 closest = below;
-  int found = -1;
-  if (owner_closer(own, point, normal, best, closest)) {
-    found = own;
+  // The closest point is at most as far from the hit as the texel is, and so at most twice as far from the texel.
+  vec4 clearance = owner_clearance(own);
+  bool is_alike = dot(clearance.xyz, normal) > OWNER_ALIKE * length(clearance.xyz) * length(normal);
+  if (is_alike && 4.0 * best < clearance.w * clearance.w) {
+    return true;
   }
+  vec3 closest = below;
+  int found = owner_is_closer(own, point, normal, best, closest) ? own : -1;
   vec3 grid_point = (point - low_origin.xyz) * low_scale.xyz;
   vec3 unit = 1.0 / low_scale.xyz;
   uvec2 trail = uvec2(0u);
   int node = 0;
   while (node >= 0) {
-    uvec4 x = floatBitsToUint(texel_at(low_nodes, texture_place(node * 3)));
-    uvec4 y = floatBitsToUint(texel_at(low_nodes, texture_place(node * 3 + 1)));
-    uvec4 z = floatBitsToUint(texel_at(low_nodes, texture_place(node * 3 + 2)));
-    uint mask = tree_mask(lessThan(tree_distances(x, y, z, grid_point, unit), vec4(best)));
-    int child = node * 4 + 1;
-    if (mask != 0u && child < low_first_leaf) {
-      node = tree_down(node, mask, trail);
+    uint triangles = 0u;
+    int leaf = 0;
+    while (node >= 0 && triangles == 0u) {
+      uvec4 x = floatBitsToUint(texel_at(low_nodes, texture_place(node * 3)));
+      uvec4 y = floatBitsToUint(texel_at(low_nodes, texture_place(node * 3 + 1)));
+      uvec4 z = floatBitsToUint(texel_at(low_nodes, texture_place(node * 3 + 2)));
+      uint mask = tree_mask(lessThan(tree_distances(x, y, z, grid_point, unit), vec4(best)));
+      int child = node * 4 + 1;
+      if (mask != 0u && child < low_first_leaf) {
+        node = tree_down(node, mask, trail);
+      }
+      else {
+        triangles = mask;
+        leaf = child - low_first_leaf;
+        node = tree_next(node, trail);
+      }
     }
-    else {
-      node = tree_next(node, trail);
-      while (mask != 0u) {
-        int triangle = child - low_first_leaf + findLSB(mask);
-        mask &= mask - 1u;
-        if (owner_closer(triangle, point, normal, best, closest)) {
-          found = triangle;
-        }
+    while (triangles != 0u) {
+      int triangle = leaf + findLSB(triangles);
+      triangles &= triangles - 1u;
+      if (owner_is_closer(triangle, point, normal, best, closest)) {
+        found = triangle;
       }
     }
   }

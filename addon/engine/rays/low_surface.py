@@ -10,7 +10,7 @@ from ...mesh import edges
 from ...mesh.local_space import LocalSpace
 from ...mesh.spatial import bvh, neighbors
 from ...mesh.triangle_mesh import Mesh
-from ...passes.bake import cast, rays
+from ...passes.bake import owners, rays
 
 BEND = np.cos(np.radians(30.0))
 """The cosine of the angle between two faces from which a hard edge is a feature of the shape. With flat shading, all edges are
@@ -28,7 +28,7 @@ class LowSurface:
     feature of the shape. sharp: points on those that are, or None.
     """
 
-    owners: cast.Owners
+    owners: owners.Owners
     numbers: np.ndarray
     edges: rays.Edges
     sharp: "SharpPoints | None"
@@ -59,7 +59,7 @@ def build(low: Mesh, local_space: LocalSpace) -> LowSurface:
     vertices = np.take(low.vertices, triangles, mode="clip")
     tree = bvh.build(points, vertices)
     ordered = vertices[tree.order]
-    owners = cast.upload_owners(
+    uploaded = owners.upload(
         tree.nodes,
         points[ordered],
         neighbors.neighbors(points, ordered),
@@ -70,7 +70,7 @@ def build(low: Mesh, local_space: LocalSpace) -> LowSurface:
     numbers = np.empty(len(triangles), np.int64)
     numbers[tree.order] = np.arange(1, len(triangles) + 1)
     ends, cosines = edges.hard_edges(low)
-    return LowSurface(owners, numbers, *_hard_edges(points, ends, cosines))
+    return LowSurface(uploaded, numbers, *_hard_edges(points, ends, cosines))
 
 
 def _hard_edges(points: np.ndarray, ends: np.ndarray, cosines: np.ndarray) -> tuple[rays.Edges, SharpPoints | None]:

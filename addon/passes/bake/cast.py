@@ -11,6 +11,7 @@ import numpy as np
 from ...core.declarations.choices import Hit
 from .. import data_texture, shader, target
 from ..program import Program
+from .owners import Owners
 
 if TYPE_CHECKING:
     import gpu
@@ -106,38 +107,6 @@ def upload(
     ]
     size = sum(texture.width * texture.height * 16 for texture in textures)
     return Tables(*textures, first_leaf, origin, scale, size)
-
-
-@dataclass(frozen=True)
-class Owners:
-    """The triangles of the low mesh and their tree on the GPU: they decide which texel a hit belongs to.
-
-    Triangle i has three texels in `corners`. Their alpha is the number of
-    the triangle across the edge to the next corner, or -1.
-    """
-
-    nodes: gpu.types.GPUTexture
-    corners: gpu.types.GPUTexture
-    first_leaf: int
-    origin: np.ndarray
-    scale: np.ndarray
-
-
-def upload_owners(
-    nodes: np.ndarray,
-    corners: np.ndarray,
-    neighbors: np.ndarray,
-    *,
-    first_leaf: int,
-    origin: np.ndarray,
-    scale: np.ndarray,
-) -> Owners:
-    """Upload a tree (bvh.Tree) over the low mesh, with corners (T, 3, 3) float32 and neighbors (T, 3) int in its order."""
-    texels = np.empty((len(corners), 3, 4), np.float32)
-    texels[..., :3], texels[..., 3] = corners, neighbors
-    return Owners(
-        data_texture.upload(nodes.reshape(-1, 4)), data_texture.upload(texels.reshape(-1, 4)), first_leaf, origin, scale
-    )
 
 
 def trace(

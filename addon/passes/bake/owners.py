@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The triangles of the low mesh on the GPU, which decide what texel a hit of a ray belongs to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .. import blender_gpu as gpu
+from .. import data_texture, target
+from ..program import Program
+
+CLEARANCE = Program(
+    compute="bake/clearance_comp.glsl",
+    texels=(("RGBA32F", "FLOAT_2D", "low_nodes"), ("RGBA32F", "FLOAT_2D", "low_corners")),
+    images=(("R32F", "FLOAT_2D", "clearances", "WRITE"),),
+    constants=(
+        ("VEC4", "low_origin"),
+        ("VEC4", "low_scale"),
+        ("INT", "first_row"),
+        ("INT", "low_first_leaf"),
+        ("INT", "count"),
+    ),
+)
+MOST_CLEARED = 2**18
+"""The most triangles whose clearance is measured: with more, it takes longer than it saves."""
+
+
+@dataclass(frozen=True)
+class Owners:
+    """The triangles of a low mesh and a tree over them (bvh.Tree).
+
+    Triangle i has four texels in `corners`. The first three have its corners, and the number of the triangle across the edge to
+    the next corner, or -1. The fourth has its face normal, of any length, and its clearance: no triangle is closer to it than
+    that, unless a short walk over the mesh leads to it.
+    """
+
+    nodes: gpu.types.GPUTexture
+    corners: gpu.types.GPUTexture
+    first_leaf: int
+    origin: np.ndarray
+    scale: np.ndarray
+
+
+def upload(
+    nodes: np.ndarray,
+    corners: np.ndarray,
+    neighbors: np.ndarray,
+    *,
+    first_leaf: int,
+    origin: np.ndarray,
+    scale: np.ndarray,
+) -> Owners:
+    """Upload the nodes of a tree (bvh.Tree), with corners (T, 3, 3) float32 and neighbors (T, 3) int in its order."""
+    texels = np.zeros((len(corners), 4, 4), np.float32)
+    texels[:, :3, :3], texels[:, :3, 3] = corners, neighbors
+    texels[:, 3, :3] = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    uploaded = Owners(
+        data_texture.upload(nodes.reshape(-1, 4)), data_texture.upload(texels.reshape(-1, 4)), first_leaf, origin, scale
+    )
+    if len(corners) > MOST_CLEARED:
+        return uploaded
+    texels[:, 3, 3] = _clearances(uploaded, len(corners))
+    return replace(uploaded, corners=data_texture.upload(texels.reshape(-1, 4)))
+
+
+def _clearances(owners: Owners, count: int) -> np.ndarray:
+    """The clearances (T,) float32 of the triangles."""
+    rows = -(-count // data_texture.WIDTH)
+    into = target.Target(data_texture.WIDTH, rows, ("R32F",))
+    target.dispatch(
+        CLEARANCE,
+        data_texture.WIDTH,
+        range(rows),
+        low_nodes=owners.nodes,
+        low_corners=owners.corners,
+        clearances=into.texture,
+        low_origin=(*owners.origin, 0.0),
+        low_scale=(*owners.scale, 0.0),
+        low_first_leaf=owners.first_leaf,
+        count=count,
+    )
+    found = np.empty((rows, data_texture.WIDTH), np.float32)
+    into.read(found)
+    return found.ravel()[:count]

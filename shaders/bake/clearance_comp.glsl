@@ -1,0 +1,51 @@
+// Writes the clearance of each triangle of the low mesh, as owner_lib.glsl reads it: a hit that is closer to its texel than half
+// of it belongs to the texel, without a search.
+#include "lib/texture_lib.glsl"
+#include "lib/tree_lib.glsl"
+#include "lib/closest_lib.glsl"
+#include "lib/owner_lib.glsl"
+
+// How far the search goes, in radii of the triangle: it takes longer for larger ones.
+const float CLEARANCE_RADII = 4.0;
+
+void main()
+{
+  ivec2 place = ivec2(gl_GlobalInvocationID.xy) + ivec2(0, first_row);
+  int own = (place.y << TEXTURE_ROW_BITS) + place.x;
+  if (own >= count) {
+    return;
+  }
+  OwnerTriangle here = owner_triangle(own);
+  vec3 center = (here.a + here.b + here.c) / 3.0;
+  float radius = max(length(here.a - center), max(length(here.b - center), length(here.c - center)));
+  float best = CLEARANCE_RADII * CLEARANCE_RADII * radius * radius;
+  vec3 grid_point = (center - low_origin.xyz) * low_scale.xyz;
+  vec3 unit = 1.0 / low_scale.xyz;
+  uvec2 trail = uvec2(0u);
+  int node = 0;
+  while (node >= 0) {
+    uvec4 x = floatBitsToUint(texel_at(low_nodes, texture_place(node * 3)));
+    uvec4 y = floatBitsToUint(texel_at(low_nodes, texture_place(node * 3 + 1)));
+    uvec4 z = floatBitsToUint(texel_at(low_nodes, texture_place(node * 3 + 2)));
+    uint mask = tree_mask(lessThan(tree_distances(x, y, z, grid_point, unit), vec4(best)));
+    int child = node * 4 + 1;
+    if (mask != 0u && child < low_first_leaf) {
+      node = tree_down(node, mask, trail);
+      continue;
+    }
+    node = tree_next(node, trail);
+    while (mask != 0u) {
+      int triangle = child - low_first_leaf + findLSB(mask);
+      mask &= mask - 1u;
+      OwnerTriangle other = owner_triangle(triangle);
+      vec3 closest = closest_on_triangle(center, other.a, other.b, other.c, other.face);
+      vec3 to_closest = closest - center;
+      float squared = dot(to_closest, to_closest);
+      bool may_agree = dot(other.face, here.face) > -OWNER_ALIKE * length(other.face) * length(here.face);
+      if (triangle != own && may_agree && squared < best && !owner_walk_reaches(own, triangle, closest)) {
+        best = squared;
+      }
+    }
+  }
+  imageStore(clearances, place, vec4(max(0.0, sqrt(best) - radius), 0.0, 0.0, 0.0));
+}
