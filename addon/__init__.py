@@ -46,7 +46,17 @@ def free() -> None:
 def _modules() -> tuple[ModuleType, ...]:
     """What has something to register, in this order: a panel after its parent. Imported only when Blender asks for it."""
     from .cli import command
-    from .ui import check_operators, idle_memory, map_size, modal, operators, panel_operators, presets, properties
+    from .ui import (
+        check_operators,
+        idle_memory,
+        map_size,
+        modal,
+        operators,
+        panel_operators,
+        presets,
+        properties,
+        weight_operators,
+    )
     from .ui.panels import bake_panel, batch_panels, check_panel, settings_panels, view_panel
     from .ui.translations import catalog
     from .ui.viewport import split_gizmo, view_mode, view_operators, view_properties
@@ -57,6 +67,7 @@ def _modules() -> tuple[ModuleType, ...]:
         operators,
         panel_operators,
         check_operators,
+        weight_operators,
         map_size,
         presets,
         bake_panel,

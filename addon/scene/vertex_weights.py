@@ -18,11 +18,13 @@ UNPAINTED = 0.5
 """The weight of vertices outside the group. It changes nothing."""
 
 
-def weights(obj: bpy.types.Object, data: bpy.types.Mesh, names: Sequence[str]) -> list[np.ndarray | None]:
+def weights(
+    obj: bpy.types.Object, data: bpy.types.Mesh, names: Sequence[str], *, outside: float = UNPAINTED
+) -> list[np.ndarray | None]:
     """The weights (V,) float32 in the groups `names` of the vertices of `data`, 0 to 1. None for an empty name.
 
-    obj: the owner of `data`: an evaluated object, or the object itself for its own mesh. Raises BakeError for a group that it
-    does not have.
+    obj: the owner of `data`: an evaluated object, or the object itself for its own mesh. outside: the value for vertices that
+    are not in the group. Raises BakeError for a group that `obj` does not have.
     """
     numbers = [_number(obj, name) if name else None for name in names]
     if all(number is None for number in numbers):
@@ -37,11 +39,25 @@ def weights(obj: bpy.types.Object, data: bpy.types.Mesh, names: Sequence[str]) -
         return [
             None
             if number is None
-            else np.fromiter(map(methodcaller("get", number, UNPAINTED), by_vertex), np.float32, len(by_vertex))
+            else np.fromiter(map(methodcaller("get", number, outside), by_vertex), np.float32, len(by_vertex))
             for number in numbers
         ]
     finally:
         copy.free()
+
+
+def write(obj: bpy.types.Object, name: str, values: np.ndarray) -> str:
+    """Give the vertices of the mesh of `obj` the weights `values` (V,) float32 in the group `name`. Creates a missing group.
+
+    Returns the group's name, in which Blender may have cut or numbered `name`. `obj` must not be in Edit Mode.
+    """
+    group = obj.vertex_groups.get(name) or obj.vertex_groups.new(name=name)
+    # All vertices join the group: a brush raises the weights of others from 0, which is not neutral.
+    (present,) = weights(obj, obj.data, [group.name], outside=-1.0)
+    is_changed = present != values
+    for value in np.unique(values[is_changed]):
+        group.add(np.flatnonzero(is_changed & (values == value)).tolist(), float(value), "REPLACE")
+    return group.name
 
 
 def without_missing(obj: bpy.types.Object, settings: Settings) -> Settings:

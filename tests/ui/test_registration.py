@@ -11,14 +11,23 @@ import addon
 from addon.cli import command
 from addon.core.settings import Settings
 from addon.passes import shader, target
-from addon.ui import check_operators, map_size, modal, operators, panel_operators, presets, properties
+from addon.ui import check_operators, map_size, modal, operators, panel_operators, presets, properties, weight_operators
 from addon.ui.panels import bake_panel, batch_panels, check_panel, settings_panels, sidebar, view_panel
 from addon.ui.viewport import split_gizmo, view_operators, view_properties
 from tests.support import maps, zoo
 
 OPERATORS = [
     cls.__name__
-    for module in (modal, operators, panel_operators, check_operators, map_size, presets, view_operators)
+    for module in (
+        modal,
+        operators,
+        panel_operators,
+        check_operators,
+        weight_operators,
+        map_size,
+        presets,
+        view_operators,
+    )
     for cls in module.CLASSES
     if issubclass(cls, bpy.types.Operator)
 ]

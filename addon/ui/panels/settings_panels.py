@@ -122,6 +122,7 @@ class IMPRINT_PT_rays(SettingsPanel, bpy.types.Panel):
         if low is not None and low.type == "MESH":
             for name in ("offset_group", "straight_group"):
                 layout.prop_search(settings, name, low, "vertex_groups", icon="GROUP_VERTEX")
+            layout.operator("imprint.propose_weights", icon="MOD_VERTEX_WEIGHT")
         layout.prop(settings, "facing_only")
         layout.prop(settings, "missed")
         layout.prop(settings, "mask")

@@ -120,6 +120,32 @@ TABLE = {
         "cambia nada y con 1 siguen las normales propias de la malla. Dejar vacío para usar las direcciones elegidas en "
         "todas partes",
     },
+    (OPERATOR, "Propose Weights"): {"de_DE": "Gewichte vorschlagen", "es": "Proponer influencias"},
+    (
+        SENTENCE,
+        "Fill both groups with weights that leave fewer doubtful texels than the last bake had, and with 0.5 elsewhere",
+    ): {
+        "de_DE": "Beide Gruppen mit Gewichten füllen, mit denen weniger Texel zweifelhaft sind als beim letzten "
+        "Backvorgang, und sonst mit 0,5",
+        "es": "Llena ambos grupos con influencias que dejan menos texels dudosos que la última captura, y con 0,5 en el "
+        "resto",
+    },
+    (SENTENCE, "Bake this low object first"): {
+        "de_DE": "Zuerst dieses Low-Poly-Objekt backen",
+        "es": "Capturar antes este objeto low poly",
+    },
+    (SENTENCE, "The last bake cast no rays"): {
+        "de_DE": "Der letzte Backvorgang hat keine Strahlen verwendet",
+        "es": "La última captura no usó rayos",
+    },
+    (SENTENCE, "Leave Edit Mode first"): {
+        "de_DE": "Zuerst den Bearbeitungsmodus verlassen",
+        "es": "Salir antes del modo Edición",
+    },
+    (SENTENCE, "The low object is linked from another file"): {
+        "de_DE": "Das Low-Poly-Objekt ist aus einer anderen Datei verknüpft",
+        "es": "El objeto low poly está vinculado desde otro archivo",
+    },
     (LABEL, "Ignore Backfaces"): {"de_DE": "Ohne Rückseiten", "es": "Sin caras traseras"},
     (SENTENCE, "Let the rays pass through faces of the high mesh that point away from them"): {
         "de_DE": "Strahlen durch Flächen des High-Poly-Meshes hindurchlassen, die von ihnen abgewandt sind",

@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tests that weights are proposed where they help, and nowhere else."""
+
+import bpy
+import numpy as np
+import pytest
+
+from addon.core.errors import BakeError
+from addon.core.settings import Settings
+from addon.jobs import bake_pair, weight_proposal
+from addon.scene import vertex_weights
+from tests.support import zoo
+
+pytestmark = pytest.mark.usefixtures("gpu_context")
+
+NONE = {"offset_group": "", "straight_group": ""}
+STEP = {"extrusion": 0.3, "max_distance": 0.6}
+"""Rays that reach the lower half of `step_up`, and with twice the extrusion the upper one as well."""
+
+
+def bake(low, *highs, **settings):
+    values = {"method": "CAST", "width": 64, "height": 64, "storage": "MEMORY", "material": False}
+    return bake_pair(bpy.context, low, highs, Settings(**values | settings))
+
+
+def step_up():
+    """Two halves of a high plane: x < 0 is 0.1 above the low one, the other half 0.5."""
+    left, right = zoo.plane("left"), zoo.plane("right")
+    for high, side, height in ((left, -1.0, 0.1), (right, 1.0, 0.5)):
+        high.scale.x, high.location.x, high.location.z = 0.5, 0.5 * side, height
+    return left, right
+
+
+def x_of(low):
+    return np.array([vertex.co.x for vertex in low.data.vertices])
+
+
+@pytest.mark.parametrize("udim", [False, True])
+def test_more_offset_where_rays_missed(udim):
+    low, highs = zoo.plane("lo", n=8), step_up()
+    report = bake(low, *highs, **STEP, udim=udim, storage="PACK")
+    assert 0.45 < report.missed < 0.55
+    proposal = weight_proposal.propose(bpy.context, report, NONE)
+    offset, straight = (proposal.weights[setting] for setting in NONE)
+    assert (offset[x_of(low) > 0.1] == 1.0).all()
+    assert (offset[x_of(low) < -0.1] == 0.5).all()
+    assert (straight == 0.5).all()
+    assert np.isclose(proposal.before, report.missed, atol=0.01)
+    assert proposal.after == 0.0
+    groups = weight_proposal.apply(low, proposal, NONE)
+    assert groups == weight_proposal.GROUP_NAMES
+    assert bake(low, *highs, **STEP, **groups).missed == 0.0
+
+
+def test_smooth_directions_where_straight_rays_pass_the_high_mesh():
+    low = zoo.cube("lo")
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=64, ring_count=32, radius=1.2)
+    high = bpy.context.object
+    rays = {"directions": "SPLIT", "extrusion": 0.3, "max_distance": 1.0}
+    report = bake(low, high, **rays)
+    assert report.missed > 0.05
+    proposal = weight_proposal.propose(bpy.context, report, NONE)
+    assert (proposal.weights["straight_group"] == 0.0).all()
+    assert (proposal.weights["offset_group"] == 0.5).all()
+    assert proposal.after < proposal.before
+    assert bake(low, high, **rays, **weight_proposal.apply(low, proposal, NONE)).missed < 0.1 * report.missed
+
+
+def test_parts_that_stand_off_stay():
+    low, base, plate = zoo.plane("lo", n=4), zoo.plane("base"), zoo.plane("plate")
+    plate.scale, plate.location.z = (0.3, 0.3, 1.0), 0.05
+    report = bake(low, base, plate)
+    proposal = weight_proposal.propose(bpy.context, report, NONE)
+    assert all((weights == 0.5).all() for weights in proposal.weights.values())
+    assert proposal.before == proposal.after == 0.0
+
+
+def test_painted_weights_stay_where_no_others_are_better():
+    low, highs = zoo.plane("lo", n=8), step_up()
+    painted = np.where(x_of(low) < 0.0, np.float32(0.375), np.float32(0.5))
+    names = NONE | {"offset_group": vertex_weights.write(low, "far", painted)}
+    report = bake(low, *highs, **STEP, **names)
+    proposal = weight_proposal.propose(bpy.context, report, names)
+    assert (proposal.weights["offset_group"][x_of(low) < -0.1] == 0.375).all()
+    assert (proposal.weights["offset_group"][x_of(low) > 0.1] == 1.0).all()
+    assert weight_proposal.apply(low, proposal, names)["offset_group"] == "far"
+
+
+def test_writing_keeps_other_groups_and_adds_all_vertices():
+    low = zoo.plane("lo", n=2)
+    low.vertex_groups.new(name="other").add([0, 1], 0.25, "REPLACE")
+    low.vertex_groups.new(name="far").add([3], 1.0, "REPLACE")
+    values = np.float32([0.5, 0.5, 0.125, 1.0, 0.5, 0.5, 0.5, 0.5, 0.0])
+    assert vertex_weights.write(low, "far", values) == "far"
+    far, other = vertex_weights.weights(low, low.data, ["far", "other"], outside=-1.0)
+    assert np.array_equal(far, values)
+    assert np.array_equal(other, [0.25, 0.25] + [-1.0] * 7)
+
+
+def test_modifiers_may_not_change_the_vertices():
+    low, highs = zoo.plane("lo", n=8), step_up()
+    low.modifiers.new("Triangulate", "TRIANGULATE")
+    report = bake(low, *highs, **STEP)
+    assert (weight_proposal.propose(bpy.context, report, NONE).weights["offset_group"] == 1.0).any()
+    low.modifiers.new("Mirror", "MIRROR").use_axis = (False, True, False)
+    with pytest.raises(BakeError, match="The modifiers of 'lo' add or remove vertices"):
+        weight_proposal.propose(bpy.context, report, NONE)
+
+
+def test_nothing_is_stored():
+    low, highs = zoo.plane("lo", n=2), step_up()
+    report = bake(low, *highs, **STEP)
+    texels = list(bpy.data.images["lo_normal"].pixels)
+    weight_proposal.propose(bpy.context, report, NONE)
+    assert [image.name for image in bpy.data.images] == ["lo_normal"]
+    assert list(bpy.data.images["lo_normal"].pixels) == texels
+    assert not low.vertex_groups
