@@ -6,8 +6,8 @@ import re
 LOW = "{low}"
 """The placeholder for the low object's name in a path."""
 
-_REFUSED = re.compile(r'[<>:"/\\|?*\x00-\x1f\x7f\ud800-\udfff]|[. ](?=[. ]*$)')
-"""Characters that some file systems refuse in a name, or remove from its end."""
+_REFUSED = re.compile(r'[<>:"/\\|?*%\x00-\x1f\x7f\ud800-\udfff]|[. ](?=[. ]*$)')
+"""Characters that some file systems refuse in a name, or remove from its end, and %, which Blender refuses in paths of UDIM."""
 _DEVICE = re.compile(r"^(con|prn|aux|nul|com\d|lpt\d)(?=\.|$)", re.IGNORECASE)
 """Names of devices on Windows, whatever their ending."""
 

@@ -111,6 +111,8 @@ class Settings:
         depths = file_formats.of(self.output).depths
         if TOKEN in self.output and not self.udim:
             raise BakeError(f"{self.output!r} contains {TOKEN} but UDIM Tiles is off: enable it.")
+        if self.udim and "%" in self.output:  # Blender takes it for a placeholder, and may crash
+            raise BakeError(f"{self.output!r} contains %, which Blender does not take in the path of UDIM tiles.")
         if TOKEN in str(PurePath(self.output).parent):
             raise BakeError(
                 f"{self.output!r} has {TOKEN} in a folder's name: Blender takes it only in the file's name."

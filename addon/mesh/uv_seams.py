@@ -109,6 +109,7 @@ def _find(mesh: Mesh) -> Seams:
     return Seams(here[is_border], side[is_border], there[is_border], is_mirrored[is_border])
 
 
+@np.errstate(over="ignore", invalid="ignore")  # of UVs that lie far outside
 def hard_edges(mesh: Mesh) -> np.ndarray:
     """The edges inside UV islands whose two sides have different normals, (H, 2) int32 pairs of vertices.
 

@@ -116,8 +116,9 @@ def read_low(
         smooth_normals = mesh_reader.smooth_normals(data, low_mesh)
         has_basis = settings.space == Space.TANGENT and with_uv
         basis = mesh_reader.with_tangents(data, uv_layer, low.name, to_world) if has_basis else None
-        cage_mesh = cage and _cage(cage, depsgraph, low_mesh, len(data.polygons))
         offset, straight = _painted(low if is_own_base else low.evaluated_get(depsgraph), data, low_mesh, settings)
+        # The cage comes last: if it is the low object itself, reading it frees the mesh.
+        cage_mesh = cage and _cage(cage, depsgraph, low_mesh, len(data.polygons))
     return Meshes(
         low_mesh,
         [],

@@ -45,3 +45,10 @@ def test_a_single_low_object_needs_the_group(jobs):
 
 def test_flatten_ignores_the_groups(jobs):
     bake_all(bpy.context, jobs, Settings(**SMALL | {"method": "FLATTEN", "offset_group": "near"}))
+
+
+def test_the_low_object_may_be_its_own_cage(jobs):
+    """Reading the cage frees the evaluated mesh that the weights are of."""
+    job = Job(jobs[0].low, jobs[0].highs, jobs[0].low)
+    (report,) = bake_all(bpy.context, [job], Settings(offset_group="far", **SMALL))
+    assert report.missed == 0.0

@@ -21,6 +21,7 @@ pytestmark = pytest.mark.usefixtures("gpu_context")
 FIRST, LAST = map(int, os.environ.get("IMPRINT_RANDOM", "0:360").split(":"))
 FEW = 60
 """Cases of the fast lane."""
+GROUP = "painted"
 MAPS_AT_LEAST = 0.3
 """Share of the cases that must end in a map: otherwise, refusing everything would pass."""
 NAMES = (
@@ -303,11 +304,18 @@ def make_object(rng):
     others = [obj for obj in bpy.data.objects if obj.type == "MESH"]
     data = others[0].data if others and rng.random() < 0.05 else mesh(rng, name)
     obj = link(bpy.data.objects.new(name, data))
-    for chance, change in ((0.2, add_modifiers), (0.1, add_shape_keys), (0.3, add_materials)):
+    for chance, change in ((0.2, add_modifiers), (0.1, add_shape_keys), (0.3, add_materials), (0.9, paint)):
         if rng.random() < chance and is_local(data):
             change(rng, obj)
     MATRICES[pick(rng, MATRICES)][0](rng, obj)
     return obj
+
+
+def paint(rng, obj):
+    """A vertex group with weights from 0 to 1 on some of the vertices."""
+    group = obj.vertex_groups.new(name=GROUP)
+    for vertex in np.flatnonzero(rng.random(len(obj.data.vertices)) < 0.3).tolist():
+        group.add([vertex], rng.random(), "REPLACE")
 
 
 def is_local(datablock):
@@ -396,6 +404,9 @@ def make_settings(rng, folder, low):
         output=str(folder / "out" / name) + ending if storage == "FILE" else "",
         material=rng.random() < 0.7,
         single_user=rng.random() < 0.3,
+        hit=any_of(DECLARED["hit"].values),
+        offset_group=any_of(("", "", "", "", "", GROUP)),
+        straight_group=any_of(("", "", "", "", "", GROUP)),
     )
 
 

@@ -164,6 +164,13 @@ def test_normals_that_differ_at_one_end_make_an_edge_hard():
     assert listed(corners_mesh(points, triangles, normals)) == [(RIDGE, 90.0)] * 2
 
 
+def test_minus_zero_is_the_same_place_as_zero():
+    points, triangles = roof(90.0)
+    mesh = corners_mesh(points, triangles, split=True)
+    mesh.positions[6:][mesh.positions[6:] == 0.0] = -0.0
+    assert listed(mesh) == [(RIDGE, 90.0)] * 2
+
+
 def test_the_angle_does_not_depend_on_the_winding():
     points, triangles = roof(40.0)
     turned = [triangle[::-1] for triangle in triangles[2:]]

@@ -25,6 +25,7 @@ GOOD = [
     {"storage": "FILE", "output": "//MAP.PNG"},
     {"storage": "PACK", "output": "notes.txt"},  # ignored
     {"udim": True, "tiles": (1001, 2000)},
+    {"storage": "FILE", "output": "//100%/map.png"},
 ]
 BAD = [
     *({side: size} for side in ("width", "height") for size in (-1, 0, MIN_SIZE - 1, MAX_SIZE + 1)),
@@ -45,6 +46,7 @@ BAD = [
     {"storage": "FILE", "output": "map.tga"},
     {"storage": "FILE", "output": "map.png", "depth": 32},
     {"storage": "FILE", "output": "map.exr", "depth": 8},
+    {"storage": "FILE", "output": "//100%/map.png", "udim": True},
 ]
 
 
