@@ -73,7 +73,7 @@ def propose(context: bpy.types.Context, report: Report, groups: dict[str, str]) 
         ray_cast = progress.finish(normal_source(plan, settings, Timings(), progress.Pace())).ray_cast
         size = min(settings.width, TEXELS), min(settings.height, TEXELS)
         views = [udim.uv_to_clip(tile) for tile in past.tiles]
-        return _best(
+        return best(
             meshes,
             lambda painted: ray_doubts.count(replace(ray_cast, ray_mesh=_ray_mesh(ray_cast, painted)), size, views),
         )
@@ -87,8 +87,8 @@ def apply(low: bpy.types.Object, proposal: Proposal, groups: dict[str, str]) -> 
     return names
 
 
-def _best(meshes: Meshes, doubts: Callable[[Meshes], tuple[np.ndarray, int]]) -> Proposal:
-    """doubts: counts the doubtful texels of painted meshes, as ray_doubts.count does."""
+def best(meshes: Meshes, doubts: Callable[[Meshes], tuple[np.ndarray, int]]) -> Proposal:
+    """The best weights for `meshes`. doubts: counts the doubtful texels of painted meshes, as ray_doubts.count does."""
     present = {
         "offset_group": _by_vertex(meshes, None if meshes.offset is None else meshes.offset / 2.0),
         "straight_group": _by_vertex(meshes, None if meshes.straight is None else (meshes.straight + 1.0) / 2.0),

@@ -8,6 +8,8 @@ import pytest
 from addon.core.errors import BakeError
 from addon.core.settings import Settings
 from addon.jobs import bake_pair, weight_proposal
+from addon.mesh.inputs import Meshes
+from addon.mesh.triangle_mesh import Mesh
 from addon.scene import vertex_weights
 from tests.support import zoo
 
@@ -84,6 +86,47 @@ def test_painted_weights_stay_where_no_others_are_better():
     assert (proposal.weights["offset_group"][x_of(low) < -0.1] == 0.375).all()
     assert (proposal.weights["offset_group"][x_of(low) > 0.1] == 1.0).all()
     assert weight_proposal.apply(low, proposal, names)["offset_group"] == "far"
+
+
+@pytest.mark.parametrize(
+    ("left", "offset", "straight"),
+    [
+        ({}, 0.5, 0.5),
+        ({("offset", 0.25): 8}, 0.5, 0.5),  # too few less
+        ({("offset", 0.25): 7}, 0.25, 0.5),
+        ({("offset", 0.25): 2, ("offset", 0.125): 3, ("straight", 1.0): 4}, 0.25, 0.5),
+        ({("offset", 0.25): 3, ("offset", 0.125): 2, ("straight", 1.0): 4}, 0.125, 0.5),
+        ({("offset", 0.25): 3, ("straight", 1.0): 1}, 0.5, 1.0),
+        ({("offset", 1.0): 0, ("straight", 0.0): 0}, 1.0, 0.5),  # the first of two
+    ],
+)
+def test_the_trial_that_leaves_the_fewest_doubtful_texels_wins(left, offset, straight):
+    """Of ten doubtful texels on a triangle, trials leave as many as `left` says."""
+    proposal = weight_proposal.best(one_triangle(), lambda painted: (np.array([left.get(trial_of(painted), 10)]), 100))
+    assert (proposal.weights["offset_group"] == offset).all()
+    assert (proposal.weights["straight_group"] == straight).all()
+    assert (proposal.before, proposal.after) == (0.1, min([10, *(n for n in left.values() if n < 8)]) / 100)
+
+
+def test_weights_that_do_not_fit_together_are_not_proposed():
+    """The trial leaves fewer doubtful texels, but what is made of all trials leaves more."""
+    counts = iter([10, *[0] * len(weight_proposal.TRIALS), 11])
+    proposal = weight_proposal.best(one_triangle(), lambda _painted: (np.array([next(counts)]), 100))
+    assert all((weights == 0.5).all() for weights in proposal.weights.values())
+    assert (proposal.before, proposal.after) == (0.1, 0.1)
+
+
+def one_triangle():
+    mesh = Mesh(
+        "lo", np.eye(3, dtype=np.float32), np.arange(3), np.eye(3, dtype=np.float32), np.array([[0, 1, 2]]), np.eye(4)
+    )
+    return Meshes(mesh, [], None, mesh.normals, None, "", False, [])
+
+
+def trial_of(painted):
+    """What is painted on the first corner, if anything is."""
+    offset, straight = painted.offset[0] / 2.0, (painted.straight[0] + 1.0) / 2.0
+    return ("offset", offset) if offset != 0.5 else ("straight", straight) if straight != 0.5 else None
 
 
 def test_writing_keeps_other_groups_and_adds_all_vertices():
