@@ -84,6 +84,7 @@ def apply(low: bpy.types.Object, proposal: Proposal, groups: dict[str, str]) -> 
     names = {}
     for setting, weights in proposal.weights.items():
         names[setting] = vertex_weights.write(low, groups[setting] or GROUP_NAMES[setting], weights)
+    low.vertex_groups.active = low.vertex_groups[names["offset_group"]]  # which is painted more often
     return names
 
 

@@ -24,6 +24,8 @@ OF_BLENDER = {
     "Repositories",
     "Non-Color",
     "Tangents",
+    "Weight Paint",
+    "Weights > Set Weight",
 }
 """Names in Blender's own interface."""
 LARGEST = 200 * 1024

@@ -39,6 +39,7 @@ def test_the_groups_are_created_named_and_used_by_the_next_bake(settings):
     assert results.of(bpy.context).missed > 0.4
     assert bpy.ops.imprint.propose_weights() == {"FINISHED"}
     assert (settings.offset_group, settings.straight_group) == ("Imprint Offset", "Imprint Straight")
+    assert settings.low.vertex_groups.active.name == "Imprint Offset"
     assert set(weights("Imprint Offset")) == {0.5, 1.0}
     assert (weights("Imprint Straight") == 0.5).all()
     bpy.ops.imprint.bake()
