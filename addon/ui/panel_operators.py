@@ -4,6 +4,7 @@
 import bpy
 from bpy.props import IntProperty
 
+from ..core.errors import BakeError
 from ..scene import instances
 from .bake_results import distances, high_objects, results
 from .callbacks import redraw
@@ -62,6 +63,10 @@ class IMPRINT_OT_show_cage(bpy.types.Operator):
             overlay.hide()
         else:
             overlay.show()
+            try:
+                overlay.measure(context)
+            except BakeError as error:  # the shells are drawn as far as they are known
+                self.report({"WARNING"}, str(error))
         redraw()
         return {"FINISHED"}
 

@@ -90,11 +90,6 @@ class ImprintSettings(bpy.types.PropertyGroup, Options):
         """The endings of the names of pairs."""
         return Suffixes(self.low_suffix, self.high_suffix, self.cage_suffix)
 
-    def distances(self, context: bpy.types.Context) -> tuple[float, float]:
-        """Extrusion and maximum distance: as set, or as the last bake measured them if Measure Distances is on."""
-        owner = context.window_manager.imprint_found if self.measure else self
-        return owner.extrusion, owner.max_distance
-
 
 def _found(name: str):
     """A getter of a distance that the last bake of the current low object measured in this session; 0 if it measured none."""

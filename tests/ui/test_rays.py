@@ -7,7 +7,8 @@ import pytest
 
 import addon
 from addon.engine.rays import tree_cache
-from addon.ui.viewport.cage_overlay import CageState, Subject, overlay
+from addon.ui.live.live_switch import live
+from addon.ui.viewport.cage_overlay import CageState, RayFigures, Subject, overlay
 from tests.support import maps, zoo
 
 pytestmark = pytest.mark.usefixtures("registered", "gpu_context")
@@ -150,6 +151,46 @@ def test_a_file_set_by_a_script_is_written(small, tmp_path):
     path = tmp_path / "map.png"
     assert bpy.ops.imprint.bake(low="lo", high=[{"name": "hi"}], output=str(path)) == {"FINISHED"}
     assert path.is_file()
+
+
+def test_shells_of_rays_that_were_never_cast_are_measured(small):
+    small.low, high = zoo.cube("lo"), zoo.cube("hi")
+    high.scale = (1.1, 1.1, 1.1)
+    small.highs.add().object = high
+    small.storage = "FILE"  # no file is set, and none is needed
+    bpy.ops.imprint.show_cage()
+    small.storage = "MEMORY"
+    try:
+        figures = overlay.figures(bpy.context, small.low)
+        assert figures.extrusion > 0.1
+        assert figures.blend_width > 0.0
+        assert not bpy.data.images
+        bpy.ops.imprint.bake()
+        assert overlay.figures(bpy.context, small.low) == figures
+        small.measure, small.extrusion, small.max_distance = False, 0.5, 0.75
+        assert overlay.figures(bpy.context, small.low) == RayFigures(0.5, 0.75, figures.blend_width)
+        high.scale = (1.3, 1.3, 1.3)
+        small.measure = True
+        bpy.ops.imprint.live("EXEC_DEFAULT")
+        assert overlay.figures(bpy.context, small.low).extrusion > 2.0 * figures.extrusion
+    finally:
+        live.stop()
+        overlay.hide()
+
+
+def test_shells_without_high_objects_are_not_measured(small):
+    small.low = zoo.cube("lo")
+    bpy.ops.imprint.show_cage()
+    try:
+        assert overlay.figures(bpy.context, small.low) == RayFigures()
+        overlay.hide()
+        high = zoo.cube("hi")
+        small.highs.add().object = high
+        high.location.x = 1000.0
+        bpy.ops.imprint.show_cage()
+        assert overlay.is_on
+    finally:
+        overlay.hide()
 
 
 def subject(low, **values):

@@ -10,6 +10,8 @@ import gpu
 from ...core.declarations.choices import Directions
 from ...core.errors import BakeError
 from ...core.settings import Settings
+from ...engine.rays.ray_casting import RayCast
+from ...jobs import ray_measuring
 from ...scene import object_refs
 from ...views import cage_shells
 from ..bake_results import results
@@ -32,6 +34,19 @@ class CageState(Enum):
     """It waits for the timer to read the low mesh."""
     SHOWN = "shown"
     """It draws the low mesh as it is, or cannot read it."""
+
+
+@dataclass(frozen=True)
+class RayFigures:
+    """Distances of rays in scene units, as RayCast has them."""
+
+    extrusion: float = 0.0
+    max_distance: float = 0.0
+    blend_width: float = 0.0
+
+    @classmethod
+    def of(cls, ray_cast: RayCast) -> "RayFigures":
+        return cls(ray_cast.extrusion, ray_cast.max_distance, ray_cast.blend_width)
 
 
 @dataclass(frozen=True)
@@ -105,6 +120,8 @@ class CageOverlay:
         """The low mesh of `_read`; None where it cannot be read."""
         self._is_outdated = False
         """Whether that mesh has changed since."""
+        self._measured: dict[int, RayFigures] = {}
+        """By the session_uid of low objects that were not baked before."""
 
     @property
     def state(self) -> CageState:
@@ -128,6 +145,18 @@ class CageOverlay:
         self._handlers.remove()
         self.timer.stop()
         self._wanted = self._read = self._mesh = None
+        self._measured.clear()
+
+    def measure(self, context: bpy.types.Context) -> None:
+        """Measure what the settings do not set, if neither Live nor a bake has measured it. Raises BakeError."""
+        panel = context.scene.imprint
+        low, highs = panel.chosen_objects(context)
+        is_set = not panel.measure and panel.directions != Directions.BLENDED
+        if low is None or not highs or is_set or _figures(context, low) is not None:
+            return
+        ray_cast = ray_measuring.measure(context, low, highs, panel.to_settings(), panel.cage_for(panel.method))
+        if ray_cast is not None:
+            self._measured[low.session_uid] = RayFigures.of(ray_cast)
 
     def mesh_of(self, subject: Subject) -> gpu.types.GPUBatch | None:
         """The mesh of the shells as last read, or None. If it is missing or outdated, the timer reads it."""
@@ -143,6 +172,12 @@ class CageOverlay:
             return
         self._read, self._mesh, self._is_outdated = self._wanted, self._wanted.upload(bpy.context), False
         redraw()
+
+    def figures(self, context: bpy.types.Context, low: bpy.types.Object) -> RayFigures:
+        """The figures of rays from `low`: as the panel sets them, else as Live, a bake or `measure` found them, else 0."""
+        panel = context.scene.imprint
+        found = _figures(context, low) or self._measured.get(low.session_uid, RayFigures())
+        return found if panel.measure else RayFigures(panel.extrusion, panel.max_distance, found.blend_width)
 
     def _on_update(self, _scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
         """Only changes of the low object and the cage count: the user may move or sculpt another object for minutes."""
@@ -164,8 +199,8 @@ class CageOverlay:
         low, _ = settings.chosen_objects(context)
         if low is None or low.type != "MESH" or low.mode not in MODES or not low.data.polygons:
             return
-        extrusion, reach, blend_width = _distances(context, low)
-        subject = Subject.of_panel(context, low, blend_width)
+        figures = self.figures(context, low)
+        subject = Subject.of_panel(context, low, figures.blend_width)
         mesh = self.mesh_of(subject)
         if mesh is None:
             return
@@ -173,23 +208,24 @@ class CageOverlay:
         gpu.state.depth_test_set("LESS_EQUAL")
         view = context.region_data.perspective_matrix
         if subject.cage is not None:
-            shells = {OUTER: (1.0, 0.0), INNER: (1.0, -reach)}
+            shells = {OUTER: (1.0, 0.0), INNER: (1.0, -figures.max_distance)}
         else:  # painting moves where rays start, not where they end
-            shells = {OUTER: (extrusion, 0.0), INNER: (0.0, extrusion - reach)}
+            shells = {OUTER: (figures.extrusion, 0.0), INNER: (0.0, figures.extrusion - figures.max_distance)}
         for color, (scale, offset) in shells.items():
             cage_shells.draw(mesh, view, color, scale=scale, offset=offset)
         gpu.state.depth_test_set("NONE")
         gpu.state.blend_set("NONE")
 
 
-def _distances(context: bpy.types.Context, low: bpy.types.Object) -> tuple[float, float, float]:
-    """Extrusion, maximum distance and the width of the blend, in scene units: as Live or the last bake has measured them."""
-    settings, session = context.scene.imprint, live.session
-    ray_cast = session.ray_cast if session is not None and session.job.low_ref.uid == low.session_uid else None
-    if ray_cast is not None:
-        return ray_cast.extrusion, ray_cast.max_distance, ray_cast.blend_width
-    report = results.of(context, low)
-    return *settings.distances(context), report.blend_width if report is not None else 0.0
+def _figures(context: bpy.types.Context, low: bpy.types.Object) -> RayFigures | None:
+    """What Live or the last bake of `low` used; None without them."""
+    session, report = live.session, results.of(context, low)
+    is_followed = session is not None and session.job.low_ref.uid == low.session_uid
+    if is_followed and session.ray_cast is not None:
+        return RayFigures.of(session.ray_cast)
+    if report is None or not report.distances:
+        return None
+    return RayFigures(**report.distances, blend_width=report.blend_width)
 
 
 overlay = CageOverlay()

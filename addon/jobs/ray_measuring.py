@@ -1,0 +1,38 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Measures what a bake would measure of its rays, without a bake."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import bpy
+
+from ..core import progress
+from ..core.declarations.choices import Storage
+from ..core.settings import Settings
+from ..core.timings import Timings
+from ..engine import gpu_memory
+from ..engine.method_choice import choose_method, tiles_to_bake
+from ..engine.rays.ray_casting import RayCast
+from ..engine.sources import normal_source
+from ..scene import reading
+from .job import Job, check_job
+
+
+def measure(
+    context: bpy.types.Context,
+    low: bpy.types.Object,
+    highs: Sequence[bpy.types.Object],
+    settings: Settings,
+    cage: bpy.types.Object | None = None,
+) -> RayCast | None:
+    """The rays of a bake of these objects; None if it would cast none. Raises BakeError as the bake does."""
+    # Nothing is stored, so it does not matter where.
+    storage = Storage.PACK if settings.udim else Storage.MEMORY
+    settings = replace(settings, storage=storage, output="", material=False)
+    settings.check()
+    job = Job(low, highs, cage)
+    check_job(context, job, settings)
+    meshes = reading.read(context, low, highs, cage, settings)
+    with gpu_memory.trimmed():
+        plan = choose_method(meshes, tiles_to_bake(meshes, settings), settings)
+        return progress.finish(normal_source(plan, settings, Timings(), progress.Pace())).ray_cast
