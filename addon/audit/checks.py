@@ -18,7 +18,7 @@ from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
 from ..passes import mesh_upload, target
 from ..passes.audit import overlap
-from . import mip_gaps, severity
+from . import mip_gaps, severity, unsure_hits
 from .severity import Check
 from .tally import Tally, sampled
 
@@ -52,6 +52,7 @@ def audit(plan: Plan, tally: Tally, settings: Settings, ray_cast: ray_casting.Ra
     texel_checks = _texels(plan, tally, settings)
     distance_checks, distance_warnings = _distances(plan, settings, ray_cast)
     checks = uv_checks | texel_checks | distance_checks | _faces(meshes) | _normals(meshes, tally)
+    checks["unsure"] = unsure_hits.check(plan, settings, ray_cast)
     with_method = replace(settings, method=plan.method)
     for kind, check in checks.items():
         check["severity"] = severity.rate(kind, check, with_method)

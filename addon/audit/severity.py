@@ -3,7 +3,7 @@
 
 from collections.abc import Callable
 
-from ..core.declarations.choices import Method, Space
+from ..core.declarations.choices import Hit, Method, Space
 from ..core.settings import Settings
 
 GOOD, LOOK, WRONG = "GOOD", "LOOK", "WRONG"
@@ -18,6 +18,8 @@ MANY_FAR = 0.25
 """Share of texels that may lie beyond the default limit without harm."""
 MANY_BEYOND = 1e-3
 """Share of texels that may lie beyond a limit from the settings without harm."""
+MANY_UNSURE = 1e-2
+"""Share of texels that may show the wrong layer without a warning: where parts of the high mesh cross, some always do."""
 MANY_UNEVEN = 0.1
 """Share of faces that may be non-planar without harm."""
 MANY_CLOSE = 0.02
@@ -44,7 +46,11 @@ def warning(kind: str, check: Check, low: str, settings: Settings) -> str:
     """The warning about the map of the object `low`, as a sentence. check: one that `rate` finds WRONG."""
     values = {"of": 1, "share": check["count"] / max(1, check.get("of", 1))} | check
     values |= {"where": TILES if settings.udim else TILE, "margin": check.get("needed", 0) / 2, "level": settings.mips}
-    sentence = _MISSED if kind == "uncovered" and settings.method == Method.CAST else _SENTENCES[kind]
+    sentence = _SENTENCES[kind]
+    if kind == "uncovered" and settings.method == Method.CAST:
+        sentence = _MISSED
+    elif kind == "unsure" and settings.hit != Hit.OWN:
+        sentence = _OTHER_LAYER
     return sentence.format(low=repr(low), **values)
 
 
@@ -72,6 +78,7 @@ _HARMS: dict[str, Callable[[Check, Settings], bool]] = {
     "overlap": _overlap,
     "uncovered": _uncovered,
     "far": _far,
+    "unsure": _beyond(MANY_UNSURE),
     "gaps": _beyond(MANY_CLOSE),
     "backwards": _beyond(MANY_BACKWARDS),
     "outside": lambda check, _settings: check["count"] > check["moved"],
@@ -87,6 +94,10 @@ _MISSED = (
     "{share:.2%} of the rays from {low} hit nothing: those texels have alpha 0. Check the extrusion and the maximum "
     "distance."
 )
+_OTHER_LAYER = (
+    "{share:.2%} of the texels of {low} show a layer of the high mesh that belongs to another part of {low}, or to none. The "
+    "hit Own chooses the layer that belongs to each texel."
+)
 _SENTENCES = {
     "overlap": "{share:.2%} of the texels of {low} belong to two or more of its triangles (overlapping UVs): they show the "
     "detail of only one of them.",
@@ -94,6 +105,8 @@ _SENTENCES = {
     "need the UVs of the high mesh.",
     "far": "On {share:.2%} of the texels of {low}, the high surface is farther away than {limit:.4g}, at most "
     "{maximum:.4g}.",
+    "unsure": "{share:.2%} of the texels of {low} may show the wrong layer of the high mesh: their rays hit several. Move "
+    "{low} closer to the right layer there, or paint an offset group.",
     "gaps": "{share:.2%} of the texels of {low} are within {needed} texels of another UV island, or {margin} of the border: "
     "mip level {level} mixes them. Pack the islands with a larger margin.",
     "backwards": "{share:.2%} of the texels of {low} have a normal whose z is 0 or less: readers that rebuild z from x and y "

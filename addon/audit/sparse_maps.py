@@ -19,10 +19,10 @@ class Sparse:
         """How many texels along u and v are checked."""
         return tuple(-(-side // step) for side, step in zip(self.size, self.steps, strict=True))
 
-    def uv_to_clip(self, tile: int) -> UvToClip:
-        """As udim.uv_to_clip. Texel i of the small map lies on texel i * step of the map."""
+    def uv_to_clip(self, tile: int, shift: int = 0) -> UvToClip:
+        """As udim.uv_to_clip. Texel i of the small map lies on texel i * step + shift of the map."""
         (step_u, step_v), (count_u, count_v) = self.steps, self.small
-        start = (1 - step_u) / 2, (1 - step_v) / 2
+        start = (1 - step_u) / 2 + shift, (1 - step_v) / 2 + shift
         return udim.uv_to_clip(tile, self.size, start, (step_u * count_u, step_v * count_v))
 
 

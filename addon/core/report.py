@@ -49,14 +49,16 @@ class Report:
     checks: dict[str, dict[str, float | str]] = field(default_factory=dict)
     """The results of the checks of the low mesh and its map, by kind.
 
-    count: texels (overlap, uncovered, far, gaps, backwards), triangles (mirrored, outside, no_area, behind), edges
+    count: texels (overlap, uncovered, far, unsure, gaps, backwards), triangles (mirrored, outside, no_area, behind), edges
     (hard_edges) or faces (polygons, uneven). of: the number of those that were checked. share: count / of. severity: "GOOD",
     "LOOK" or "WRONG".
 
     Some kinds have more. overlap: the texels of parts that are stacked on purpose. outside: the triangles that are moved by
     whole tiles on purpose. mirrored: islands. gaps: the texels near the border, and the number of texels needed between
-    islands. far: maximum, percentile_99, limit, and the offset that was not counted, in scene units. uneven: whether the low
-    mesh is the base of its own high one."""
+    islands. far: maximum, percentile_99, limit, and the offset that was not counted, in scene units. unsure: the texels that
+    own no hit that faces their ray (not_owned) and show the nearest one, and those with each reason (undecided, backs,
+    contested, jumps, other_layer) of engine.rays.unsure_texels.Doubts; a texel can have several. uneven: whether the low mesh
+    is the base of its own high one."""
     tiles: list[int] = field(default_factory=lambda: [udim.FIRST])
     """The UDIM tiles that were baked."""
     maps: dict[str, dict] = field(default_factory=dict)

@@ -2,7 +2,7 @@
 """Locates the issues that the audit counted: on all texels of a map, and on which faces of the low mesh."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import bpy
 import numpy as np
@@ -19,6 +19,7 @@ from ..core.timings import Timings
 from ..engine import gpu_memory, rendering, separation
 from ..engine.bands import Band
 from ..engine.method_choice import Plan, choose_method
+from ..engine.rays.unsure_texels import Doubts, Explorer
 from ..engine.sources import Source, normal_source
 from ..mesh import face_shapes, uv_islands, uv_layout, uv_seams
 from ..mesh.inputs import Meshes
@@ -29,7 +30,7 @@ from ..scene import evaluation, mesh_reader, reading
 from .job import Job, check_job
 from .report_making import PastBake
 
-ON_TEXELS = ("overlap", "uncovered", "far", "gaps", "backwards")
+ON_TEXELS = ("overlap", "uncovered", "far", "unsure", "gaps", "backwards")
 ON_TRIANGLES = ("mirrored", "outside", "no_area", "behind")
 ON_EDGES = ("hard_edges",)
 ON_FACES = ("polygons", "uneven")
@@ -135,20 +136,30 @@ def _triangles(view: _View, kind: str) -> np.ndarray:
 
 def _masks(view: _View, kind: str) -> Iterator[tuple[Band, np.ndarray, int]]:
     """Yields each band, which of its texels (height, width) bool have issues, and the most triangles on one of them."""
-    (width, height), tiles = view.size, view.plan.tiles
-    rows = max(1, TEXELS // width)
-    bands = [
-        Band(start, min(start + rows, height), view.size, 0, tile) for tile in tiles for start in range(0, height, rows)
-    ]
+    tiles, bands = view.plan.tiles, _bands(view)
     with gpu_memory.trimmed():
         if kind == "overlap":
             yield from _shared(view, bands)
+        elif kind == "unsure":
+            for band, doubts in _doubts(view, bands):
+                yield band, doubts.unsure, 1
         elif kind in {"gaps", "backwards"}:
             whole = dict(zip(tiles, (_close if kind == "gaps" else _backwards)(view), strict=False))
             for band in bands:
                 yield band, whole[band.tile][band.start : band.stop], 1
         else:
             yield from _separated(view, kind, bands)
+
+
+def _bands(view: _View) -> list[Band]:
+    """The parts of all tiles that are checked together."""
+    width, height = view.size
+    rows = max(1, TEXELS // width)
+    return [
+        Band(start, min(start + rows, height), view.size, 0, tile)
+        for tile in view.plan.tiles
+        for start in range(0, height, rows)
+    ]
 
 
 def _shared(view: _View, bands: list[Band]) -> Iterator[tuple[Band, np.ndarray, int]]:
@@ -171,6 +182,19 @@ def _separated(view: _View, kind: str, bands: list[Band]) -> Iterator[tuple[Band
         texels = probe((band.width, band.height), band.uv_to_clip)
         mask = texels[..., 3] < 0.0 if kind == "uncovered" else separation.distances(texels, offset) > limit
         yield band, mask, 1
+
+
+def _doubts(view: _View, bands: list[Band]) -> Iterator[tuple[Band, Doubts]]:
+    """The doubts about the hits of each band, with jumps between its texels; nothing without rays."""
+    ray_cast = view.source().ray_cast
+    if ray_cast is None:
+        nothing = {field.name: np.zeros(view.size[::-1], bool) for field in fields(Doubts)}
+        for band in bands:
+            yield band, Doubts(**{name: texels[: band.height] for name, texels in nothing.items()})
+        return
+    explorer = Explorer(ray_cast, view.meshes.low)
+    for band in bands:
+        yield band, explorer.doubts((band.width, band.height), band.uv_to_clip)
 
 
 def _close(view: _View) -> Iterator[np.ndarray]:

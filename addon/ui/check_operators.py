@@ -21,6 +21,11 @@ CHECKS = {
     ),
     "uncovered": ("Uncovered", "Texels of the low mesh that no high triangle covers, or whose ray hit nothing"),
     "far": ("Far", "Texels whose points on the low and the high mesh are farther apart than the limit"),
+    "unsure": (
+        "Unsure layers",
+        "Texels that may show the wrong layer of the high mesh: their rays hit several layers, and the low mesh does not tell "
+        "which of them belongs to the texel",
+    ),
     "gaps": (
         "Close islands",
         "Texels so close to another UV island, or to the border of the map, that the smaller mip levels mix them. Clean "

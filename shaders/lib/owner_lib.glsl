@@ -89,8 +89,9 @@ bool owner_is_closer(int triangle, vec3 point, vec3 normal, inout float best, in
 // point, normal: of the hit. below: the texel's point on the low mesh, on the triangle `own`.
 bool owner_has_hit(vec3 point, vec3 normal, vec3 below, int own)
 {
-  vec3 to_below = below - point;
-  float best = dot(to_below, to_below) * (2.0 - OWNER_CLOSER);
+  // Over a plane the texel's point is the closest one: rounding must not put the plane farther away than its point.
+  float reach = length(below - point) + OWNER_SAME;
+  float best = reach * reach;
   // The closest point is at most as far from the hit as the texel is, and so at most twice as far from the texel.
   vec4 clearance = owner_clearance(own);
   bool is_alike = dot(clearance.xyz, normal) > OWNER_ALIKE * length(clearance.xyz) * length(normal);

@@ -292,6 +292,8 @@ MEANINGS = [
     ("far", {"count": 1, "of": 100, "share": 0.01}, {}, "LOOK"),
     ("far", {"count": 1, "of": 100, "share": 0.01}, {"limit": 1.0}, "WRONG"),
     ("far", {"count": 30, "of": 100, "share": 0.3}, {}, "WRONG"),
+    ("unsure", {"count": 1, "of": 200}, {"method": "CAST"}, "LOOK"),
+    ("unsure", {"count": 3, "of": 200}, {"method": "CAST"}, "WRONG"),
     ("gaps", {"count": 1, "of": 100}, {}, "LOOK"),
     ("gaps", {"count": 3, "of": 100}, {}, "WRONG"),
     ("backwards", {"count": 1, "of": 2000}, {}, "LOOK"),

@@ -364,6 +364,7 @@ def test_the_panel_shows_an_icon_and_a_number_for_each_check(baked):
         "Overlapping UVs": ("CHECKMARK", "0.0%"),
         "Uncovered": ("ERROR", "50.0%"),
         "Far": ("CHECKMARK", "0.0%"),
+        "Unsure layers": ("CHECKMARK", "0.0%"),
         "Close islands": ("CHECKMARK", "0.0%"),
         "Z below 0": ("CHECKMARK", "0.0%"),
         "Mirrored UVs": ("CHECKMARK", "0"),

@@ -34,6 +34,17 @@ TABLE = {
         "de_DE": "Texel, deren Punkte auf Low-Poly- und High-Poly-Mesh weiter voneinander entfernt sind als die Grenze",
         "es": "Texels cuyos puntos en las mallas low poly y high poly están más separados que el límite",
     },
+    (LABEL, "Unsure layers"): {"de_DE": "Unsichere Ebenen", "es": "Capas dudosas"},
+    (
+        SENTENCE,
+        "Texels that may show the wrong layer of the high mesh: their rays hit several layers, and the low mesh does not "
+        "tell which of them belongs to the texel",
+    ): {
+        "de_DE": "Texel, die möglicherweise die falsche Ebene des High-Poly-Meshes zeigen: Ihre Strahlen treffen mehrere "
+        "Ebenen, und das Low-Poly-Mesh entscheidet nicht, welche davon zum Texel gehört",
+        "es": "Texels que quizás muestran la capa equivocada de la malla high poly: sus rayos alcanzan varias capas, y la "
+        "malla low poly no decide cuál de ellas pertenece al texel",
+    },
     (LABEL, "Close islands"): {"de_DE": "Nahe Inseln", "es": "Islas cercanas"},
     (
         SENTENCE,

@@ -1,0 +1,29 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Counts the texels of a map whose hit may be on the wrong layer of the high mesh."""
+
+import numpy as np
+
+from ..core.settings import Settings
+from ..engine.method_choice import Plan
+from ..engine.rays.ray_casting import RayCast
+from ..engine.rays.unsure_texels import REASONS, Explorer
+from .severity import Check
+from .sparse_maps import at_most
+
+SAMPLES_A_SIDE = 128
+"""Texels a side, at most, whose rays are followed farther."""
+
+
+def check(plan: Plan, settings: Settings, ray_cast: RayCast | None) -> Check:
+    """The check "unsure" of Report.checks, without its severity. ray_cast: the rays of the bake, or None."""
+    names = "count", "of", "not_owned", *REASONS
+    counts = dict.fromkeys(names, 0)
+    if ray_cast is not None:
+        explorer = Explorer(ray_cast, plan.meshes.low)
+        sparse = at_most((settings.width, settings.height), SAMPLES_A_SIDE)
+        for tile in plan.tiles:
+            doubts = explorer.sampled_doubts(sparse.small, sparse.uv_to_clip(tile), sparse.uv_to_clip(tile, shift=1))
+            found = doubts.unsure, doubts.on_low, doubts.not_owned, *(getattr(doubts, reason) for reason in REASONS)
+            for name, texels in zip(names, found, strict=True):
+                counts[name] += int(np.count_nonzero(texels))
+    return counts | {"share": counts["count"] / max(1, counts["of"])}

@@ -1,0 +1,188 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The check for texels that may show the wrong layer, on layers where each texel's answer is known."""
+
+import bpy  # noqa: F401 - Blender's gpu module comes with it
+import numpy as np
+import pytest
+
+from addon.engine.rays.unsure_texels import REASONS
+from tests.audit.test_checks import RAYS, bake, faces, mask, part
+from tests.support import zoo
+
+pytestmark = pytest.mark.usefixtures("gpu_context")
+
+SIZE = 64
+HALF = SIZE * SIZE // 2
+LEFT = np.arange(SIZE)[None, :] < SIZE // 2
+
+
+def plates(name, *heights, up=True, end=1.0):
+    """Squares -1..1 at these heights, side by side in UV space, each one face. end: where they end along x."""
+    square = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)], float)
+    points = np.concatenate([np.column_stack([square, np.full(4, z)]) for z in heights])
+    points[:, 0] = np.minimum(points[:, 0], end)
+    cells = np.array([(square + 1) / 2 * (1 / len(heights), 1) + (i / len(heights), 0) for i in range(len(heights))])
+    order = np.arange(4) if up else np.arange(4)[::-1]
+    return zoo.build(name, points, np.arange(len(points)).reshape(-1, 4)[:, order], cells[:, order])
+
+
+def shells(name, *radii, n=24):
+    """Parts of spheres around the origin, facing outwards, side by side in UV space."""
+    uv, quads = zoo.grid_uv(n, n), zoo.grid_faces(n, n)
+    longitude, latitude = (uv[:, 0] - 0.5) * 2.0, (uv[:, 1] - 0.5) * 2.0
+    unit = np.stack(
+        [np.cos(longitude) * np.cos(latitude), np.sin(longitude) * np.cos(latitude), np.sin(latitude)], axis=1
+    )
+    points = np.concatenate([radius * unit for radius in radii])
+    quads_uv = np.concatenate([(uv * (1 / len(radii), 1) + (i / len(radii), 0))[quads] for i in range(len(radii))])
+    return zoo.build(name, points, np.concatenate([quads + i * len(uv) for i in range(len(radii))]), quads_uv)
+
+
+def reasons(report):
+    """The reasons that texels have, with the numbers of texels."""
+    check = report.checks["unsure"]
+    return {name: check[name] for name in REASONS if check[name]}
+
+
+def test_each_low_layer_near_its_high_layer_is_sure():
+    report = bake(plates("lo", 0.0, 0.3), plates("hi", 0.02, 0.28), **RAYS)
+    assert part(report.checks["unsure"], "count", "of", "share", "not_owned", "severity") == {
+        "count": 0,
+        "of": SIZE * SIZE,
+        "share": 0.0,
+        "not_owned": 0,
+        "severity": "GOOD",
+    }
+    assert reasons(report) == {}
+    assert not any("layer" in warning for warning in report.warnings)
+    assert not mask(report, "unsure").any()
+    assert faces(report, "unsure") == []
+
+
+def test_a_low_mesh_far_outside_its_layers_is_unsure():
+    """Both high layers are closest to the lower low layer, and none to the upper one, which has two to choose from."""
+    report = bake(plates("lo", 0.0, 0.3), plates("hi", -0.25, 0.05), **RAYS)
+    assert reasons(report) == {"contested": HALF, "undecided": HALF}
+    assert part(report.checks["unsure"], "count", "not_owned", "severity") == {
+        "count": 2 * HALF,
+        "not_owned": HALF,
+        "severity": "WRONG",
+    }
+    assert any("may show the wrong layer" in warning for warning in report.warnings)
+    assert mask(report, "unsure").all()
+    assert faces(report, "unsure") == [0, 1]
+
+
+def test_only_the_texels_below_the_second_layer_are_unsure():
+    """The lower low layer owns two hits where x < 0, with a jump at 0. The upper one owns the upper high layer."""
+    low = plates("lo", 0.0, 0.3)
+    high, other = plates("hi", -0.25, 0.31), plates("other", 0.05, end=0.0)
+    report = bake(low, high, other, **RAYS)
+    expected = np.broadcast_to(np.arange(SIZE) < SIZE // 4 + 1, (SIZE, SIZE))
+    np.testing.assert_array_equal(mask(report, "unsure"), expected)
+    assert faces(report, "unsure") == [0]
+    assert reasons(report)["contested"] == HALF // 2
+
+
+def test_what_stands_off_a_single_low_layer_is_sure():
+    report = bake(plates("lo", 0.0), plates("hi", 0.0, 0.2), **RAYS)
+    assert report.checks["unsure"]["count"] == 0
+
+
+def test_a_layer_beyond_the_rays_does_not_count():
+    low, high = plates("lo", 0.0, 0.3), plates("hi", -0.05, 0.05)
+    near = {"method": "CAST", "extrusion": 0.25, "max_distance": 0.5}
+    assert reasons(bake(low, high, **near)).get("contested", 0) == 0
+    assert reasons(bake(low, high, **RAYS))["contested"] == HALF
+
+
+def test_one_hit_that_is_not_owned_leaves_no_choice():
+    report = bake(plates("lo", 0.0, 0.3), plates("hi", 0.05), **RAYS)
+    assert part(report.checks["unsure"], "count", "not_owned") == {"count": 0, "not_owned": HALF}
+
+
+@pytest.mark.parametrize("facing_only", [False, True])
+def test_a_flipped_high_mesh_is_unsure_as_far_as_its_backs_are_hit(facing_only):
+    low, high = plates("lo", 0.0), plates("hi", 0.05, up=False)
+    if facing_only:
+        high, only_here = plates("front", 0.02, end=0.5), high
+        report = bake(low, high, only_here, facing_only=True, **RAYS)
+        assert reasons(report) == {}
+    else:
+        report = bake(low, high, **RAYS)
+        assert reasons(report) == {"backs": SIZE * SIZE}
+        assert mask(report, "unsure").all()
+
+
+def test_jumps_between_layers_are_on_the_side_with_a_choice():
+    """Texels of both low layers that show the small plate, next to texels that show the large one."""
+    low, high, other = plates("lo", 0.0, 0.3), plates("hi", -0.1), plates("other", 0.12, end=0.0)
+    report = bake(low, high, other, **RAYS)
+    # In the sample, a texel is compared with its neighbor one texel to the right and one texel up: not in the last row.
+    assert reasons(report)["jumps"] == 2 * (SIZE - 1)
+
+
+def test_a_steep_surface_with_a_single_layer_has_no_jumps():
+    report = bake(zoo.plane("lo", 2), zoo.terrain("hi", 64, height=0.4, waves=4), **RAYS)
+    assert report.checks["unsure"]["count"] == 0
+
+
+@pytest.mark.parametrize(("radii", "expected"), [((1.02, 1.18), set()), ((0.8, 1.05), {"contested", "undecided"})])
+def test_a_shell_around_a_sphere(radii, expected):
+    report = bake(shells("lo", 1.0, 1.3), shells("hi", *radii), method="CAST", extrusion=0.6, max_distance=1.2)
+    inner = report.checks["unsure"]
+    assert set(reasons(report)) == expected
+    if expected:
+        assert inner["contested"] == HALF
+        assert inner["undecided"] >= 0.95 * HALF  # at the rim, rays of the outer shell pass the inner ones
+
+
+@pytest.mark.parametrize("hit", ["OUTERMOST", "NEAREST"])
+def test_with_another_rule_texels_are_unsure_where_their_own_hit_is_another(hit):
+    """Outermost takes the upper high layer everywhere, nearest takes the right ones here."""
+    report = bake(plates("lo", 0.0, 0.3), plates("hi", 0.02, 0.28), hit=hit, **RAYS)
+    if hit == "NEAREST":
+        assert report.checks["unsure"]["count"] == 0
+        return
+    assert reasons(report) == {"other_layer": HALF}
+    np.testing.assert_array_equal(mask(report, "unsure"), np.broadcast_to(LEFT, (SIZE, SIZE)))
+    assert any("belongs to another part of 'lo'" in warning for warning in report.warnings)
+
+
+def test_flatten_is_sure():
+    report = bake(plates("lo", 0.0, 0.3), plates("hi", -0.25, 0.05))
+    assert part(report.checks["unsure"], "count", "of", "share") == {"count": 0, "of": 0, "share": 0.0}
+    assert not mask(report, "unsure").any()
+    assert faces(report, "unsure") == []
+
+
+def test_the_sample_of_a_large_map_has_the_same_shares():
+    report = bake(plates("lo", 0.0, 0.3), plates("hi", -0.25, 0.05), size=(512, 256), **RAYS)
+    assert part(report.checks["unsure"], "of", "contested", "undecided") == {
+        "of": 128 * 128,
+        "contested": 128 * 64,
+        "undecided": 128 * 64,
+    }
+
+
+def test_a_mirrored_low_object_is_as_sure():
+    low, high = plates("lo", 0.0, 0.3, up=False), plates("hi", -0.25, 0.05)
+    low.scale = (1.0, 1.0, 1.0)
+    low.data.transform(np.diag((-1.0, 1.0, 1.0, 1.0)))
+    low.scale[0] = -1.0
+    low.data.update()
+    sure = bake(low, high, **RAYS)
+    assert reasons(sure)["contested"] == HALF
+
+
+def test_udim_tiles_are_counted_together():
+    low, high = plates("lo", 0.0, 0.3), plates("hi", -0.25, 0.05)
+    corners = np.array([corner.vector for corner in low.data.uv_layers[0].uv], np.float32)
+    corners[:, 0] *= 2.0
+    low.data.uv_layers[0].uv.foreach_set("vector", corners.ravel())
+    report = bake(low, high, udim=True, storage="PACK", **RAYS)
+    assert part(report.checks["unsure"], "of", "contested", "undecided") == {
+        "of": 2 * SIZE * SIZE,
+        "contested": SIZE * SIZE,
+        "undecided": SIZE * SIZE,
+    }
