@@ -108,7 +108,8 @@ def _within_reach(plan: Plan, settings: Settings) -> Plan:
     if distance > FAR_APART * radius and settings.max_distance is None and meshes.cage is None:
         raise BakeError(_far_apart(meshes, distance))
     # Distant meshes would make the tree less precise: the steps of its quantized boxes grow with the extent of all meshes.
-    reach = max(settings.extrusion or 0.0, settings.max_distance or 0.0, 2.0 * radius)
+    painted = 1.0 if meshes.offset is None else float(meshes.offset.max())
+    reach = max((settings.extrusion or 0.0) * painted, settings.max_distance or 0.0, 2.0 * radius)
     is_near = [gap(meshes.low, [high]) <= reach for high in meshes.highs]
     if not any(is_near):
         return plan

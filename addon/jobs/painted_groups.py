@@ -20,7 +20,5 @@ def settings_by_job(jobs: Sequence[Job], settings: Settings) -> list[Settings]:
     lows = [job.low for job in jobs]
     for name in filter(None, (getattr(settings, setting) for setting in vertex_weights.GROUPS)):
         if not any(name in low.vertex_groups for low in lows):
-            raise BakeError(
-                f"No low object has a vertex group {name!r}: choose another one in the panel Rays, or none."
-            )
+            raise BakeError(f"No low object has a vertex group {name!r}: name one that they have, or none.")
     return [vertex_weights.without_missing(low, settings) for low in lows]

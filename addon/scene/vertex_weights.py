@@ -74,6 +74,6 @@ def _number(obj: bpy.types.Object, name: str) -> int:
         return group.index
     if name in own.vertex_groups:
         raise BakeError(
-            f"The modifiers of {obj.name!r} remove its vertex group {name!r}: change them, or choose no group."
+            f"The modifiers of {obj.name!r} remove its vertex group {name!r}: change them, or name no group."
         )
-    raise BakeError(f"{obj.name!r} has no vertex group {name!r}: choose another one in the panel Rays, or none.")
+    raise BakeError(f"{obj.name!r} has no vertex group {name!r}: name one that it has, or none.")

@@ -75,6 +75,20 @@ def test_the_offset_group_scales_where_rays_start(hit, with_cage):
     assert np.allclose(texels[..., :3], expected([0.2]), atol=1e-6)
 
 
+def test_high_meshes_that_only_painted_rays_reach_count():
+    """Rays start 4 above the plane without paint, and 8 with it. Meshes beyond two radii and the rays are left out."""
+    low, near, far = zoo.plane("lo"), tilted("near", SHELLS[0.1]), tilted("far", SHELLS[0.3])
+    near.location.z, far.location.z = 1.0, 7.0
+    rays = {"hit": "OUTERMOST", "extrusion": 4.0, "max_distance": 4.0}
+    texels, report = bake(low, near, far, **rays)
+    assert np.allclose(texels[..., :3], np.float32(SHELLS[0.1]) * 0.5 + 0.5, atol=1e-6)
+    assert any("out of reach" in warning for warning in report.warnings)
+    paint(low, "far", 1.0)
+    texels, report = bake(low, near, far, offset_group="far", **rays)
+    assert np.allclose(texels[..., :3], np.float32(SHELLS[0.3]) * 0.5 + 0.5, atol=1e-6)
+    assert not any("out of reach" in warning for warning in report.warnings)
+
+
 @pytest.mark.parametrize("weight", [0.0, 0.125, 1.0])
 def test_what_is_painted_does_not_change_the_measured_distances(weight):
     low, high = zoo.plane("lo", n=2), zoo.plane("hi", n=16, slope=0.3)

@@ -70,7 +70,7 @@ def test_a_new_group_changes_nothing():
 def test_flatten_needs_no_group():
     low, high = zoo.plane("lo"), zoo.plane("hi")
     assert read(low, high, method="FLATTEN", **NAMES).offset is None
-    with pytest.raises(BakeError, match="'lo' has no vertex group 'far': choose another one"):
+    with pytest.raises(BakeError, match="'lo' has no vertex group 'far': name one that it has"):
         read(low, high, method="AUTO", **NAMES)
 
 
