@@ -6,7 +6,7 @@
 #include "lib/owner_lib.glsl"
 
 // How far the search goes, in radii of the triangle: it takes longer for larger ones.
-const float CLEARANCE_RADII = 4.0;
+const float CLEARANCE_RADII = 2.5;
 
 void main()
 {

@@ -25,7 +25,13 @@ OwnerTriangle owner_triangle(int triangle)
   vec4 a = texel_at(low_corners, texture_place(triangle * 4));
   vec4 b = texel_at(low_corners, texture_place(triangle * 4 + 1));
   vec4 c = texel_at(low_corners, texture_place(triangle * 4 + 2));
-  return OwnerTriangle(a.xyz, b.xyz, c.xyz, ivec3(a.w, b.w, c.w), cross(b.xyz - a.xyz, c.xyz - a.xyz));
+  OwnerTriangle result;  // no constructor: Metal has none
+  result.a = a.xyz;
+  result.b = b.xyz;
+  result.c = c.xyz;
+  result.across = ivec3(a.w, b.w, c.w);
+  result.face = cross(b.xyz - a.xyz, c.xyz - a.xyz);
+  return result;
 }
 
 // xyz: the face normal, of any length. w: no triangle is closer to this one than that, unless a short walk leads to it, or no
@@ -35,10 +41,14 @@ vec4 owner_clearance(int triangle)
   return texel_at(low_corners, texture_place(triangle * 4 + 3));
 }
 
+bool owner_has_corner(OwnerTriangle triangle, vec3 place)
+{
+  return all(equal(triangle.a, place)) || all(equal(triangle.b, place)) || all(equal(triangle.c, place));
+}
+
 bool owner_touches(OwnerTriangle one, OwnerTriangle other)
 {
-  return one.a == other.a || one.a == other.b || one.a == other.c || one.b == other.a || one.b == other.b ||
-         one.b == other.c || one.c == other.a || one.c == other.b || one.c == other.c;
+  return owner_has_corner(one, other.a) || owner_has_corner(one, other.b) || owner_has_corner(one, other.c);
 }
 
 // Whether a walk over the low mesh from triangle `current`, always across the edge beyond which `goal` lies farthest, ends on
@@ -46,9 +56,8 @@ bool owner_touches(OwnerTriangle one, OwnerTriangle other)
 bool owner_walk_reaches(int current, int last, vec3 goal)
 {
   int before = -1;
-  OwnerTriangle here;
+  OwnerTriangle here = owner_triangle(current);
   for (int steps = 0; steps < OWNER_STEPS; steps++) {
-    here = owner_triangle(current);
     vec3 ab = cross(here.b - here.a, here.face);
     vec3 bc = cross(here.c - here.b, here.face);
     vec3 ca = cross(here.a - here.c, here.face);
@@ -65,6 +74,7 @@ bool owner_walk_reaches(int current, int last, vec3 goal)
     }
     before = current;
     current = next;
+    here = owner_triangle(current);
   }
   OwnerTriangle there = owner_triangle(last);
   return owner_touches(here, there) && dot(here.face, there.face) > OWNER_FOLDED * length(here.face) * length(there.face);

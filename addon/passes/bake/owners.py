@@ -23,7 +23,7 @@ CLEARANCE = Program(
         ("INT", "count"),
     ),
 )
-MOST_CLEARED = 2**18
+MOST_CLEARED = 2**16
 """The most triangles whose clearance is measured: with more, it takes longer than it saves."""
 
 
