@@ -6,6 +6,10 @@ import numpy as np
 
 STEPS = 12
 """The most triangles that the walk crosses, as in shaders/lib/owner_lib.glsl."""
+FOLDED = np.cos(np.radians(120.0))
+"""The cosine of the angle between two faces from which one is folded back on the other."""
+CLOSER = 2e-5
+"""Share of a squared distance: other triangles count as closer only if they are closer by about this."""
 TIE = 1e-6
 """In the units of the positions. Two closest points whose distances differ by less are both closest, and a point this little
 beyond an edge is on it: closest points lie on edges that two triangles share."""
@@ -48,11 +52,11 @@ class Chosen:
     is_from_behind: np.ndarray
 
 
-def own_hits(rays, high, normals, low, neighbors, *, most, facing_only=False):
+def own_hits(rays, high, normals, low, neighbors, *, most, facing_only=False, tie=None):
     """The outermost owned hit, else the nearest one that faces the ray, else the nearest back unless facing_only.
 
     high, low: corners (T, 3, 3). normals (T, 3, 3): of the high corners. neighbors (T, 3) int: across the edges of `low` from
-    corner k to the next one, or -1. most: how many hits that face the ray are asked for their owner.
+    corner k to the next one, or -1. most: how many hits that face the ray are asked for their owner. tie: as in `owned`.
     """
     hits = all_hits(rays, high)
     hits = hits[np.lexsort((-hits.height, hits.ray))]  # the outermost of each ray first
@@ -60,7 +64,7 @@ def own_hits(rays, high, normals, low, neighbors, *, most, facing_only=False):
     fronts = fronts[_rank(fronts.ray) < most]
     points = rays.places[fronts.ray] + rays.away[fronts.ray] * fronts.height[:, None]
     smooth = np.einsum("nk,nkc->nc", fronts.weights, normals[fronts.triangle])
-    is_own = owned(points, smooth, rays.own[fronts.ray], low, neighbors)
+    is_own = owned(points, smooth, rays.own[fronts.ray], low, neighbors, tie=tie)
     own = _first(fronts[is_own])
     others = _nearest(fronts)
     others = others[~np.isin(others.ray, own.ray)]
@@ -142,36 +146,53 @@ def closest_points(points, a, b, c):
     return result
 
 
-def owned(points, normals, own, low, neighbors):
-    """Whether hits (M, 3) with normals (M, 3) belong to the low triangles `own` (M,): (M,) bool."""
+def owned(points, normals, own, low, neighbors, *, tie=None):
+    """Whether hits (M, 3) with normals (M, 3) belong to the low triangles `own` (M,): (M,) bool.
+
+    tie: which of several triangles that are equally close, but for CLOSER, the walk must reach: 0 for the first, -1 for the
+    last. None for any that holds the closest point.
+    """
     low = np.asarray(low, np.float64)
-    count = len(points)
+    count, every = len(points), np.arange(len(points))
+    faces = np.cross(low[:, 1] - low[:, 0], low[:, 2] - low[:, 0])
     distances, goals = np.full((len(low), count), np.inf), np.zeros((len(low), count, 3))
     for number, (a, b, c) in enumerate(low):
-        agrees = normals @ np.cross(b - a, c - a) > 0.0
+        agrees = normals @ faces[number] > 0.0
         goals[number] = closest_points(points, a, b, c)
         distances[number, agrees] = np.linalg.norm(goals[number] - points, axis=1)[agrees]
     nearest = distances.argmin(axis=0)
-    best = distances[nearest, np.arange(count)]
-    goal = goals[nearest, np.arange(count)]
-    # All triangles that hold the closest point: the walk may end on any of them.
-    ends = (distances <= best + TIE) & (np.linalg.norm(goals - goal, axis=2) <= TIE) & np.isfinite(best)
+    best, goal = distances[nearest, every], goals[nearest, every]
+    if tie is None:
+        ends = (distances <= best + TIE) & (np.linalg.norm(goals - goal, axis=2) <= TIE) & np.isfinite(best)
+    else:
+        ends = distances**2 <= best**2 * (1.0 + CLOSER)
+        chosen = ends.argmax(axis=0) if tie == 0 else len(low) - 1 - ends[::-1].argmax(axis=0)
+        goal, ends = goals[chosen, every], (np.arange(len(low))[:, None] == chosen) & np.isfinite(best)
     current, before = own.copy(), np.full(count, -1)
-    result = ends[current, np.arange(count)]
+    result = ends[current, every]
     walking = ~result & np.isfinite(best)
     for _ in range(STEPS):
-        corners = low[current]
-        face = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        corners, face = low[current], faces[current]
         beyond = np.empty((count, 3))
         for k in range(3):
             outwards = np.cross(corners[:, (k + 1) % 3] - corners[:, k], face)
             lengths = np.maximum(np.linalg.norm(outwards, axis=1), 1e-300)
             beyond[:, k] = ((goal - corners[:, k]) * outwards).sum(axis=1) / lengths
         across = neighbors[current, beyond.argmax(axis=1)]
-        walking &= (beyond.max(axis=1) > 0.0) & (across >= 0) & (across != before)
-        before = np.where(walking, current, before)
-        current = np.where(walking, across, current)
-        arrived = walking & ends[current, np.arange(count)]
+        walking &= (beyond.max(axis=1) > TIE) & (across >= 0) & (across != before)
+        arrived = walking & ends[across, every]
         result |= arrived
         walking &= ~arrived
-    return result
+        before = np.where(walking, current, before)
+        current = np.where(walking, across, current)
+    # `before` is where a walk ended that was too long.
+    stopped = np.where(walking, before, current)
+    return result | (np.isfinite(best) & (ends & _continues(low, faces)[stopped].T).any(axis=0))
+
+
+def _continues(low, faces):
+    """Which triangles share a corner and are not folded back on each other, (T, T) bool."""
+    places = np.unique(low.reshape(-1, 3) + 0.0, axis=0, return_inverse=True)[1].reshape(-1, 3)
+    touches = (places[:, None, :, None] == places[None, :, None, :]).any(axis=(2, 3))
+    unit = faces / np.maximum(np.linalg.norm(faces, axis=1, keepdims=True), 1e-300)
+    return touches & (unit @ unit.T > FOLDED)
