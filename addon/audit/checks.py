@@ -50,9 +50,9 @@ def audit(plan: Plan, tally: Tally, settings: Settings, ray_cast: ray_casting.Ra
     meshes, low = plan.meshes, plan.meshes.low
     uv_checks, uv_warnings = _uv_layout(plan, settings)
     texel_checks = _texels(plan, tally, settings)
-    distance_checks, distance_warnings = _distances(plan, settings, ray_cast)
-    checks = uv_checks | texel_checks | distance_checks | _faces(meshes) | _normals(meshes, tally)
-    checks["unsure"] = unsure_hits.check(plan, settings, ray_cast)
+    unsure, distances = unsure_hits.check(plan, settings, ray_cast)
+    distance_checks, distance_warnings = _distances(plan, settings, distances if ray_cast else None)
+    checks = uv_checks | texel_checks | distance_checks | {"unsure": unsure} | _faces(meshes) | _normals(meshes, tally)
     with_method = replace(settings, method=plan.method)
     for kind, check in checks.items():
         check["severity"] = severity.rate(kind, check, with_method)
@@ -144,14 +144,16 @@ def _gaps(low: Mesh, tiles: Sequence[int], settings: Settings, *, overlaps: bool
     return _share(close, covered) | {"border": border, "needed": mip_gaps.needed(settings)}
 
 
-def _distances(plan: Plan, settings: Settings, ray_cast: ray_casting.RayCast | None) -> tuple[Checks, list[str]]:
-    meshes, texels = plan.meshes, plan.separation
-    if texels is None:
-        probe = separation.quick_probe(meshes, ray_cast)
-        texels = separation.sample(probe, (settings.width, settings.height), plan.tiles)
-    offset = separation.offset(texels, plan.method)
-    found = separation.distances(texels, offset)
-    found = found[found >= 0.0]
+def _distances(plan: Plan, settings: Settings, found: np.ndarray | None) -> tuple[Checks, list[str]]:
+    """found: the distances (N,) of the hits of rays, in scene units, or None without rays."""
+    meshes, offset = plan.meshes, np.zeros(3, np.float32)
+    if found is None:
+        texels = plan.separation
+        if texels is None:
+            texels = separation.sample(separation.quick_probe(meshes), (settings.width, settings.height), plan.tiles)
+        offset = separation.offset(texels, plan.method)
+        found = separation.distances(texels, offset)
+        found = found[found >= 0.0]
     limit = separation.limit(meshes.low, settings)
     maximum, percentile_99 = (float(found.max()), float(np.quantile(found, 0.99))) if found.size else (0.0, 0.0)
     check = _share(int(np.count_nonzero(found > limit)), found.size) | {

@@ -36,9 +36,9 @@ def full_probe(meshes: Meshes, ray_cast: ray_casting.RayCast | None) -> Probe:
     return _ray_probe(ray_cast) if ray_cast else flat_probe(meshes.low, meshes.highs)
 
 
-def quick_probe(meshes: Meshes, ray_cast: ray_casting.RayCast | None) -> Probe:
-    """As `full_probe`, but without rays it draws at most TRIANGLES of each high mesh."""
-    return full_probe(meshes if ray_cast else replace(meshes, highs=[thinned(high) for high in meshes.highs]), ray_cast)
+def quick_probe(meshes: Meshes) -> Probe:
+    """As `full_probe` without rays, but it draws at most TRIANGLES of each high mesh."""
+    return flat_probe(meshes.low, [thinned(high) for high in meshes.highs])
 
 
 def limit(low: Mesh, settings: Settings) -> float:

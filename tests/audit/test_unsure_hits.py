@@ -16,11 +16,11 @@ HALF = SIZE * SIZE // 2
 LEFT = np.arange(SIZE)[None, :] < SIZE // 2
 
 
-def plates(name, *heights, up=True, end=1.0):
-    """Squares -1..1 at these heights, side by side in UV space, each one face. end: where they end along x."""
+def plates(name, *heights, up=True, begin=-1.0, end=1.0):
+    """Squares -1..1 at these heights, side by side in UV space, each one face. begin, end: along x."""
     square = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)], float)
     points = np.concatenate([np.column_stack([square, np.full(4, z)]) for z in heights])
-    points[:, 0] = np.minimum(points[:, 0], end)
+    points[:, 0] = np.clip(points[:, 0], begin, end)
     cells = np.array([(square + 1) / 2 * (1 / len(heights), 1) + (i / len(heights), 0) for i in range(len(heights))])
     order = np.arange(4) if up else np.arange(4)[::-1]
     return zoo.build(name, points, np.arange(len(points)).reshape(-1, 4)[:, order], cells[:, order])
@@ -73,13 +73,15 @@ def test_a_low_mesh_far_outside_its_layers_is_unsure():
     assert faces(report, "unsure") == [0, 1]
 
 
-def test_only_the_texels_below_the_second_layer_are_unsure():
-    """The lower low layer owns two hits where x < 0, with a jump at 0. The upper one owns the upper high layer."""
-    low = plates("lo", 0.0, 0.3)
-    high, other = plates("hi", -0.25, 0.31), plates("other", 0.05, end=0.0)
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_only_the_texels_below_the_second_layer_are_unsure(side):
+    """The lower low layer owns two hits on one side, with a jump at the middle. The upper one owns the upper high layer."""
+    low, high = plates("lo", 0.0, 0.3), plates("hi", -0.25, 0.31)
+    other = plates("other", 0.05, **({"end": 0.0} if side == "left" else {"begin": 0.0}))
     report = bake(low, high, other, **RAYS)
-    expected = np.broadcast_to(np.arange(SIZE) < SIZE // 4 + 1, (SIZE, SIZE))
-    np.testing.assert_array_equal(mask(report, "unsure"), expected)
+    column, middle = np.arange(SIZE), SIZE // 4
+    expected = column < middle + 1 if side == "left" else (column >= middle - 1) & (column < SIZE // 2)
+    np.testing.assert_array_equal(mask(report, "unsure"), np.broadcast_to(expected, (SIZE, SIZE)))
     assert faces(report, "unsure") == [0]
     assert reasons(report)["contested"] == HALF // 2
 
@@ -101,17 +103,97 @@ def test_one_hit_that_is_not_owned_leaves_no_choice():
     assert part(report.checks["unsure"], "count", "not_owned") == {"count": 0, "not_owned": HALF}
 
 
-@pytest.mark.parametrize("facing_only", [False, True])
-def test_a_flipped_high_mesh_is_unsure_as_far_as_its_backs_are_hit(facing_only):
-    low, high = plates("lo", 0.0), plates("hi", 0.05, up=False)
-    if facing_only:
-        high, only_here = plates("front", 0.02, end=0.5), high
-        report = bake(low, high, only_here, facing_only=True, **RAYS)
-        assert reasons(report) == {}
-    else:
-        report = bake(low, high, **RAYS)
-        assert reasons(report) == {"backs": SIZE * SIZE}
-        assert mask(report, "unsure").all()
+def test_hits_of_backs_alone_are_unsure():
+    """Below another low layer too, where a front follows that belongs to it: a texel has one reason."""
+    report = bake(plates("lo", 0.0), plates("hi", 0.05, up=False), **RAYS)
+    assert reasons(report) == {"backs": SIZE * SIZE}
+    assert mask(report, "unsure").all()
+    assert faces(report, "unsure") == [0]
+
+
+def test_backs_that_rays_pass_are_sure():
+    low, high, front = plates("lo", 0.0), plates("hi", 0.05, up=False), plates("front", 0.02, end=0.5)
+    report = bake(low, high, front, facing_only=True, **RAYS)
+    assert reasons(report) == {}
+    assert report.checks["unsure"]["of"] == SIZE * SIZE  # also where rays miss
+
+
+def test_backs_are_no_second_hits():
+    low, high, backs = plates("lo", 0.0, 0.3), plates("hi", 0.05), plates("backs", -0.05, 0.1, up=False)
+    assert bake(low, high, backs, **RAYS).checks["unsure"]["count"] == 0
+
+
+def test_hits_next_to_another_part_are_undecided_without_a_layer_on_the_ray():
+    """Hits that lean toward a wall are closest to it, and the wall is no neighbor of the floor."""
+    floor, wall = [(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], [(1, -1, 0.1), (1, -1, 1), (1, 1, 1), (1, 1, 0.1)]
+    cells = [[(0, 0), (0.5, 0), (0.5, 1), (0, 1)], [(0.5, 0), (1, 0), (1, 1), (0.5, 1)]]
+    low = zoo.build("lo", floor + wall, [(0, 1, 2, 3), (4, 5, 6, 7)], cells, smooth=False)
+    toward_wall = np.tile((-0.7, 0.0, 0.7), (2, 4, 1))
+    points = [(x, y, z) for z in (0.4, 0.5) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+    high = zoo.build("hi", points, [(0, 1, 2, 3), (4, 5, 6, 7)], cells, normals=toward_wall)
+    report = bake(low, high, **RAYS)
+    found = mask(report, "unsure")[:, : SIZE // 2]
+    assert not found[:, : SIZE // 4].any()  # closer to the floor
+    assert found[:, SIZE // 2 - 6 :].all()
+    assert reasons(report)["undecided"] == found.sum()
+
+
+def test_a_hit_that_is_not_owned_is_not_contested():
+    """The upper low layer owns no hit: both are closer to the lower one, and the lower one owns one of them."""
+    low, high = plates("lo", 0.0, 0.3), plates("hi", 0.02, 0.1)
+    check = bake(low, high, **RAYS).checks["unsure"]
+    assert part(check, "contested", "undecided") == {"contested": HALF, "undecided": HALF}
+
+
+@pytest.mark.parametrize("end", [0.0, 2.0])
+def test_jumps_count_only_where_another_low_layer_is_on_the_ray(end):
+    low = zoo.build(
+        "lo",
+        [
+            (-1, -1, 0),
+            (1, -1, 0),
+            (1, 1, 0),
+            (-1, 1, 0),
+            (end, -1, 0.3),
+            (end + 1, -1, 0.3),
+            (end + 1, 1, 0.3),
+            (end, 1, 0.3),
+        ],
+        [(0, 1, 2, 3), (4, 5, 6, 7)],
+        [[(0, 0), (0.5, 0), (0.5, 1), (0, 1)], [(0.5, 0), (1, 0), (1, 1), (0.5, 1)]],
+    )
+    high, bump = plates("hi", -0.1), plates("bump", 0.12, end=0.5)
+    report = bake(low, high, bump, **RAYS)
+    assert (report.checks["unsure"]["jumps"] > 0) == (end == 0.0)
+
+
+def test_a_jump_between_single_hits_does_not_count():
+    """Two plates side by side at two heights, below another low layer with a high layer of its own over one of them."""
+    low, left = plates("lo", 0.0, 0.3), plates("left", 0.12, end=0.0)
+    square = np.array([(0, -1, -0.1), (1, -1, -0.1), (1, 1, -0.1), (0, 1, -0.1)])
+    right = zoo.build("right", square, [(0, 1, 2, 3)], [[(0.5, 0), (1, 0), (1, 1), (0.5, 1)]])
+    check = bake(low, left, right, **RAYS).checks["unsure"]
+    assert part(check, "contested", "undecided", "jumps") == {"contested": 0, "undecided": 0, "jumps": 0}
+
+
+def test_what_stands_off_a_single_low_layer_is_sure_with_a_cage_too():
+    low, cage = plates("lo", 0.0), plates("cage", 0.5)
+    report = bake(low, plates("hi", 0.0, 0.2), cage=cage, method="CAST", max_distance=0.8)
+    assert report.checks["unsure"]["count"] == 0
+
+
+def test_neighbors_in_the_map_that_lie_far_away_are_no_jumps():
+    """Two islands that touch in the map: the texels on both sides of the border are a whole plate away from each other."""
+    low, high, other = plates("lo", 0.0, 0.3), plates("hi", -0.1), plates("other", 0.12)
+    assert bake(low, high, other, **RAYS).checks["unsure"]["jumps"] == 0
+
+
+@pytest.mark.parametrize(("reach", "expected"), [(0.6, 0), (0.8, HALF)])
+def test_rays_from_a_cage_end_where_they_do_in_a_bake(reach, expected):
+    """Rays start 0.5 outside. The second low layer is 0.2 below the first one, which owns both hits."""
+    low, cage = plates("lo", 0.0, -0.2), plates("cage", 0.5, 0.3)
+    report = bake(low, plates("hi", 0.01, -0.05), cage=cage, method="CAST", max_distance=reach)
+    assert report.checks["unsure"]["contested"] == expected
 
 
 def test_jumps_between_layers_are_on_the_side_with_a_choice():

@@ -8,19 +8,16 @@ import numpy as np
 
 from ...core.declarations.choices import Hit
 from ...core.udim import UvToClip
-from ...mesh.local_space import FARTHEST, local_space_of
+from ...mesh.local_space import local_space_of
 from ...mesh.triangle_mesh import Mesh
 from ...passes import data_texture, target
-from ...passes.audit import later_rays
-from ...passes.bake import cast
+from ...passes.bake import cast, rays
 from .ray_casting import RayCast
 
 GAP = 2e-4
 """Share of the low mesh's radius. Closer hits of a ray are the same, as on an edge that two triangles share."""
 STEEP = 2.0
 """The least slope of a jump: the difference of two heights, in distances between the texels."""
-TOUCHING = 4.0
-"""Neighbors in the map touch on the low surface if they are at most this far apart, in usual distances between neighbors."""
 
 
 @dataclass(frozen=True)
@@ -55,16 +52,14 @@ REASONS = tuple(field.name for field in fields(Doubts))[2:]
 
 @dataclass(frozen=True)
 class _Hits:
-    """The hits of rays. points (height, width, 3): of the low surface; heights (height, width): above it, along the rays; both
-    float32 and in local space. The others are (height, width) bool."""
+    """What rays hit. heights (...) float32: above the low surface along the rays, in local space. The others: (...) bool."""
 
-    points: np.ndarray
     heights: np.ndarray
     is_hit: np.ndarray
     is_not_owned: np.ndarray
     is_back: np.ndarray
 
-    def at(self, place: tuple[slice, ...]) -> "_Hits":
+    def at(self, place: tuple[slice, ...] | np.ndarray) -> "_Hits":
         return _Hits(**{field.name: getattr(self, field.name)[place] for field in fields(self)})
 
 
@@ -76,120 +71,130 @@ class Explorer:
         self._unit = ray_cast.ray_scene.local_space.size
         self._gap = GAP * local_space_of([low]).size / self._unit
         owners, corners = ray_cast.low.owners, _corners(ray_cast, low)
-        self._low_tables = cast.Tables(
-            owners.nodes, corners, corners, owners.first_leaf, owners.origin, owners.scale, bytes=0
+        tables = cast.Tables(owners.nodes, corners, corners, owners.first_leaf, owners.origin, owners.scale, bytes=0)
+        self._at_low = replace(
+            ray_cast,
+            ray_scene=replace(ray_cast.ray_scene, tables=tables),
+            hit=Hit.OUTERMOST,
+            facing_only=True,
+            has_cage=False,
         )
 
     def doubts(self, size: tuple[int, int], uv_to_clip: UvToClip) -> Doubts:
         """The doubts about a map, with jumps between all neighbors. size: width and height."""
-        first, doubts, may_jump = self._look(size, uv_to_clip)
+        drawn, first = self._bake(size, uv_to_clip)
+        doubts, may_jump = self._look_farther(drawn, first)
         if may_jump.any():
+            points = _read(drawn, 0)[..., :3]
             for before, after in ((np.s_[:-1], np.s_[1:]), (np.s_[:, :-1], np.s_[:, 1:])):
-                jumps = _jumps(first.at(before), first.at(after), self._gap)
+                steps = np.linalg.norm(points[before] - points[after], axis=-1)
+                jumps = _jumps(first.at(before), first.at(after), steps, self._gap)
                 doubts.jumps[before] |= jumps & may_jump[before]
                 doubts.jumps[after] |= jumps & may_jump[after]
         return doubts
 
-    def sampled_doubts(self, size: tuple[int, int], uv_to_clip: UvToClip, to_neighbors: UvToClip) -> Doubts:
-        """The doubts about separate texels, with jumps to one neighbor each: the one that `to_neighbors` draws in its place."""
-        first, doubts, may_jump = self._look(size, uv_to_clip)
+    def sample(self, size: tuple[int, int], uv_to_clip: UvToClip, to_neighbors: UvToClip) -> tuple[Doubts, np.ndarray]:
+        """The doubts about separate texels, and the distances (N,) float32 of the hits from the low surface, in scene units.
+
+        Each texel has jumps to one neighbor, which `to_neighbors` draws in its place.
+        """
+        drawn, first = self._bake(size, uv_to_clip)
+        doubts, may_jump = self._look_farther(drawn, first)
         if may_jump.any():
-            rays, hits = self._rays(size, uv_to_clip=to_neighbors), self._targets(size)[0]
-            self._ray_cast.trace(hits, rays)
-            doubts.jumps[:] = _jumps(first, _hits(hits, rays), self._gap) & may_jump
-        return doubts
+            points = _read(drawn, 0)[may_jump]
+            neighbors = [_read(self._draw(size, to_neighbors), slot)[may_jump] for slot in range(2)]
+            steps = np.linalg.norm(points[:, :3] - neighbors[0][:, :3], axis=-1)
+            found = _cast(self._ray_cast, *neighbors)
+            doubts.jumps[may_jump] = _jumps(first.at(may_jump), found, steps, self._gap)
+        return doubts, np.abs(first.heights[first.is_hit]) * np.float32(self._unit)
 
-    def _look(self, size: tuple[int, int], uv_to_clip: UvToClip) -> tuple[_Hits, Doubts, np.ndarray]:
-        """The hits of a bake, the doubts about them without jumps, and where (height, width) bool jumps would count."""
-        ray_cast, rays, (hits, other_hits) = self._ray_cast, self._rays(size, uv_to_clip), self._targets(size)
-        ray_cast.trace(hits, rays)
-        first, nothing = _hits(hits, rays), np.zeros(size[::-1], bool)
-        on_low = _read(rays, 0)[..., 3] > 0.0
-        if ray_cast.hit != Hit.OWN:
-            replace(ray_cast, hit=Hit.OWN).trace(other_hits, rays)
-            is_other = self._differ(first, _hits(other_hits, rays))
-            return first, Doubts(on_low, nothing, nothing, nothing, nothing, nothing, is_other), nothing
-        replace(ray_cast, hit=Hit.OUTERMOST, facing_only=True).trace(other_hits, rays)
-        outermost = _hits(other_hits, rays)
-        later = target.get("audit later rays", *size, "RGBA32F", "RGBA32F")
-        later_rays.draw(later, rays, hits, self._gap, from_hits=True)
-        replace(ray_cast, facing_only=True).trace(other_hits, later)
-        following = self._in_reach(_hits(other_hits, later), rays)
-        is_layered = self._is_layered(rays, later, other_hits)
-        is_several = following.is_hit | (outermost.is_hit & self._differ(first, outermost))
-        is_owned = first.is_hit & ~first.is_not_owned & ~first.is_back
-        doubts = Doubts(
-            on_low,
-            not_owned=first.is_not_owned,
-            undecided=first.is_not_owned & is_several,
-            backs=first.is_back,
-            contested=is_owned & following.is_hit & ~following.is_not_owned & is_layered,
-            jumps=nothing,
-            other_layer=np.zeros_like(nothing),
-        )
-        return first, doubts, is_several & is_layered
+    def _bake(self, size: tuple[int, int], uv_to_clip: UvToClip) -> tuple[target.Target, _Hits]:
+        """The rays of a bake, and what they hit."""
+        drawn, hits = self._draw(size, uv_to_clip), target.get("audit hits", *size, "RGBA32UI")
+        self._ray_cast.trace(hits, drawn)
+        return drawn, _hits(hits, drawn)
 
-    def _is_layered(self, rays: target.Target, later: target.Target, hits: target.Target) -> np.ndarray:
-        """Where another layer of the low mesh, which faces the ray too, is on the ray. Writes into `later` and `hits`."""
-        above = self._trace_low(hits, rays, inside=-self._gap)
-        later_rays.draw(later, rays, hits, self._gap, from_hits=False)
-        inside = (self._ray_cast.max_distance - self._ray_cast.extrusion) / self._unit
-        below = self._in_reach(self._trace_low(hits, later, inside=inside), rays)
-        return above.is_hit | below.is_hit
+    def _look_farther(self, drawn: target.Target, first: _Hits) -> tuple[Doubts, np.ndarray]:
+        """The doubts about hits, without jumps, and the texels (height, width) bool where jumps would count."""
+        places, away = _read(drawn, 0), _read(drawn, 1)
+        doubts = Doubts(places[..., 3] > 0.0, *np.zeros((len(REASONS) + 1, *first.is_hit.shape), bool))
+        if self._ray_cast.hit != Hit.OWN:
+            on_low = doubts.on_low
+            own = _cast(replace(self._ray_cast, hit=Hit.OWN), places[on_low], away[on_low])
+            doubts.other_layer[on_low] = self._differ(first.at(on_low), own)
+            return doubts, np.zeros_like(on_low)
+        is_layered = self._is_layered(places, away)
+        # Elsewhere, more hits are no reason for doubt: parts stand off the surface on purpose.
+        matter = first.is_hit & (is_layered | first.is_not_owned)
+        doubts.not_owned[:], doubts.backs[:] = first.is_not_owned, first.is_back
+        if not matter.any():
+            return doubts, matter
+        places, away, here = places[matter], away[matter], first.at(matter)
+        outermost = _cast(replace(self._ray_cast, hit=Hit.OUTERMOST, facing_only=True), places, away)
+        following = self._cast_later(replace(self._ray_cast, facing_only=True), places, away, here.heights - self._gap)
+        is_several = following.is_hit | (outermost.is_hit & self._differ(here, outermost))
+        doubts.undecided[matter] = here.is_not_owned & is_several
+        doubts.contested[matter] = following.is_hit & ~following.is_not_owned & is_layered[matter]
+        may_jump = np.zeros_like(matter)
+        may_jump[matter] = is_several
+        return doubts, may_jump
 
-    def _trace_low(self, hits: target.Target, rays: target.Target, inside: float) -> _Hits:
-        """The first hits of the low mesh itself."""
-        cast.trace(
-            hits,
-            rays,
-            self._low_tables,
-            None,
-            rule=Hit.OUTERMOST,
-            inside=inside,
-            max_t=FARTHEST,
-            facing_only=True,
-        )
-        return _hits(hits, rays)
+    def _is_layered(self, places: np.ndarray, away: np.ndarray) -> np.ndarray:
+        """Where (height, width) bool another layer of the low mesh, which faces the ray too, is on the ray."""
+        is_layered, on_low = np.zeros(places.shape[:2], bool), places[..., 3] > 0.0
+        places, away = places[on_low], away[on_low]
+        until_low = replace(self._at_low, extrusion=self._gap * self._unit, max_distance=0.0)
+        above = _cast(until_low, places, away)
+        below = self._cast_later(self._at_low, places, away, np.float32(-self._gap))
+        is_layered[on_low] = above.is_hit | below.is_hit
+        return is_layered
 
-    def _in_reach(self, hits: _Hits, rays: target.Target) -> _Hits:
-        """`hits` of rays that start later, without those beyond the ends of `rays`: with a cage, rays have a length."""
+    def _cast_later(
+        self, ray_cast: RayCast, places: np.ndarray, away: np.ndarray, starts: np.ndarray | np.float32
+    ) -> _Hits:
+        """As `_cast`, with rays that have these starts (N,) and end where they did before."""
+        later = away.copy()
+        later[:, 3] = starts
+        found = _cast(ray_cast, places, later)
         if not self._ray_cast.has_cage:
-            return hits
-        ends = _read(rays, 1)[..., 3] - self._ray_cast.max_distance / self._unit
-        return replace(hits, is_hit=hits.is_hit & (hits.heights >= ends))
+            return found
+        # From a cage, rays have a length.
+        ends = away[:, 3] - self._ray_cast.max_distance / self._unit
+        return replace(found, is_hit=found.is_hit & (found.heights >= ends))
 
     def _differ(self, one: _Hits, other: _Hits) -> np.ndarray:
         """Where two rules choose different hits, or only one of them finds a hit."""
         return (one.is_hit != other.is_hit) | (one.is_hit & (np.abs(one.heights - other.heights) > self._gap))
 
-    def _rays(self, size: tuple[int, int], uv_to_clip: UvToClip) -> target.Target:
-        rays = target.get("audit rays", *size, "RGBA32F", "RGBA32F")
-        self._ray_cast.draw(rays, uv_to_clip)
-        return rays
-
-    def _targets(self, size: tuple[int, int]) -> list[target.Target]:
-        return [target.get(role, *size, "RGBA32UI") for role in ("audit hits", "audit other hits")]
+    def _draw(self, size: tuple[int, int], uv_to_clip: UvToClip) -> target.Target:
+        """The rays of a bake. The next call overwrites them."""
+        drawn = target.get("audit rays", *size, "RGBA32F", "RGBA32F")
+        self._ray_cast.draw(drawn, uv_to_clip)
+        return drawn
 
 
-def _jumps(one: _Hits, other: _Hits, gap: float) -> np.ndarray:
-    """Where the heights of two texels that touch on the surface are far apart."""
-    is_pair = one.is_hit & other.is_hit
-    if not is_pair.any():
-        return is_pair
-    steps = np.linalg.norm(one.points - other.points, axis=-1)
-    usual = np.median(steps[is_pair])
+def _cast(ray_cast: RayCast, places: np.ndarray, away: np.ndarray) -> _Hits:
+    """What rays (N, 4) hit, as rays.upload_texels takes them."""
+    drawn = rays.upload_texels(places, away)
+    hits = target.Target(drawn.width, drawn.height, ("RGBA32UI",))
+    ray_cast.trace(hits, drawn)
+    return _hits(hits, drawn, len(places))
+
+
+def _jumps(one: _Hits, other: _Hits, steps: np.ndarray, gap: float) -> np.ndarray:
+    """Where the heights of texels that are `steps` apart on the surface differ by more than a surface does."""
     difference = np.abs(one.heights - other.heights)
-    return is_pair & (steps < TOUCHING * usual) & (difference > STEEP * np.maximum(steps, usual)) & (difference > gap)
+    return one.is_hit & other.is_hit & (difference > STEEP * steps) & (difference > gap)
 
 
-def _hits(hits: target.Target, rays: target.Target) -> _Hits:
-    """What cast.trace wrote into `hits`."""
+def _hits(hits: target.Target, drawn: target.Target, count: int | None = None) -> _Hits:
+    """What cast.trace wrote into `hits`, (height, width), or of the first `count` texels, (count,)."""
     found = target.get("audit far", hits.width, hits.height, "RGBA32F")
-    cast.heights(found, hits, rays)
-    heights = _read(found, 0)
-    return _Hits(
-        _read(rays, 0)[..., :3], heights[..., 0], heights[..., 3] > 0.0, heights[..., 1] > 0.0, heights[..., 2] > 0.0
-    )
+    cast.heights(found, hits, drawn)
+    texels = _read(found, 0)
+    if count is not None:
+        texels = texels.reshape(-1, 4)[:count]
+    return _Hits(texels[..., 0], texels[..., 3] > 0.0, texels[..., 1] > 0.0, texels[..., 2] > 0.0)
 
 
 def _read(drawn: target.Target, slot: int) -> np.ndarray:

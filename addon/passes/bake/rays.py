@@ -155,15 +155,24 @@ def draw(
 
 
 def upload_points(places: np.ndarray, directions: np.ndarray, start: float) -> target.Target:
-    """Rays as `draw` writes them, at places (N, 3) with any directions (N, 3): the first texels, row by row, of a square."""
-    side = -(-max(1, math.isqrt(max(0, len(places) - 1)) + 1) // 8) * 8
-    texels = np.zeros((2, side * side, 4), np.float32)
+    """Rays as `draw` writes them, at places (N, 3) with any directions (N, 3): as `upload_texels` arranges them."""
+    texels = np.empty((2, len(places), 4), np.float32)
     lengths = np.linalg.norm(directions, axis=1, keepdims=True)
-    texels[0, : len(places), :3], texels[1, : len(places), :3] = places, directions / np.maximum(lengths, 1e-30)
-    texels[0, : len(places), 3], texels[1, : len(places), 3] = lengths[:, 0] > 0.0, start
-    points = target.Target(side, side, ("RGBA32F", "RGBA32F"))
-    points.textures = [
-        gpu.types.GPUTexture((side, side), format="RGBA32F", data=gpu.types.Buffer("FLOAT", (side * side, 4), values))
-        for values in texels
-    ]
-    return points
+    texels[0, :, :3], texels[1, :, :3] = places, directions / np.maximum(lengths, 1e-30)
+    texels[0, :, 3], texels[1, :, 3] = lengths[:, 0] > 0.0, start
+    return upload_texels(*texels)
+
+
+def upload_texels(places: np.ndarray, away: np.ndarray) -> target.Target:
+    """Rays from the values (N, 4) float32 of both textures of `draw`: the first texels, row by row, of a square.
+
+    Its side is a power of two: software drivers compile a shader again for textures of other sizes.
+    """
+    side = max(8, 1 << math.isqrt(max(0, len(places) - 1)).bit_length())
+    drawn = target.Target(side, side, ("RGBA32F", "RGBA32F"))
+    for slot, values in enumerate((places, away)):
+        texels = np.zeros((side * side, 4), np.float32)
+        texels[: len(values)] = values
+        data = gpu.types.Buffer("FLOAT", texels.shape, texels)
+        drawn.textures[slot] = gpu.types.GPUTexture((side, side), format="RGBA32F", data=data)
+    return drawn
