@@ -188,6 +188,14 @@ def test_neighbors_in_the_map_that_lie_far_away_are_no_jumps():
     assert bake(low, high, other, **RAYS).checks["unsure"]["jumps"] == 0
 
 
+@pytest.mark.parametrize(("height", "expected"), [(0.3, HALF), (0.6, 0)])
+def test_low_layers_within_a_cage_count(height, expected):
+    """Rays start 0.5 outside the lower low layer, which owns both hits."""
+    low, cage = plates("lo", 0.0, height), plates("cage", 0.5, height + 0.5)
+    report = bake(low, plates("hi", 0.01, -0.05), cage=cage, method="CAST", max_distance=0.7)
+    assert report.checks["unsure"]["contested"] == expected
+
+
 @pytest.mark.parametrize(("reach", "expected"), [(0.6, 0), (0.8, HALF)])
 def test_rays_from_a_cage_end_where_they_do_in_a_bake(reach, expected):
     """Rays start 0.5 outside. The second low layer is 0.2 below the first one, which owns both hits."""
