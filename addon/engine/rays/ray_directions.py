@@ -16,6 +16,8 @@ CROSSING = 1.5
 """The least width of the blend, in distances between the two surfaces at hard edges: rays on a narrower one would cross."""
 CROSSING_QUANTILE = 0.9
 """Distances beyond this quantile are outliers, as where another part hides an edge."""
+LEAST_WIDTH = 1e-4
+"""In local space. A blend of no width would be smooth directions everywhere, as if there were no hard edges."""
 MOST_POINTS = 2**14
 """The most points on hard edges that are measured."""
 
@@ -46,6 +48,7 @@ def _blend_width(meshes: Meshes, sharp: SharpPoints, tables: cast.Tables) -> flo
     distances = np.abs(heights[has_hit])
     bevels = distances / np.maximum(sharp.cosines[chosen][has_hit], 0.1)
     return max(
+        LEAST_WIDTH,
         BEVELS * float(np.median(bevels)),
         CROSSING * float(np.quantile(distances, CROSSING_QUANTILE)),
     )
