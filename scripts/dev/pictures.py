@@ -19,11 +19,17 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 import addon  # noqa: E402
-from scripts.dev.manual import faults, pages, screens, window  # noqa: E402
+from scripts.dev.manual import faults, near_layers, pages, screens, window  # noqa: E402
 
 IMAGES = ROOT / "docs" / "images"
 WINDOW = {"steps": screens.steps, "views": screens.views, "panels": screens.panels}
-RENDERED = {"faults": faults.pictures, "maps": pages.maps, "terrain": pages.terrain, "extension": pages.extension}
+RENDERED = {
+    "faults": faults.pictures,
+    "layers": near_layers.pictures,
+    "maps": pages.maps,
+    "terrain": pages.terrain,
+    "extension": pages.extension,
+}
 
 
 def make(parts: list[str]) -> Iterator[float]:

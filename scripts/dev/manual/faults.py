@@ -93,7 +93,7 @@ def missed() -> Iterator[Picture]:
 
 
 def layer() -> Iterator[Picture]:
-    """Rays that start beyond a plate that stands off, and rays that start below it."""
+    """Rays that start beyond a plate that the low mesh lacks, and rays whose distances are measured."""
 
     def ground(u, v):
         return 2 * u - 1, 2 * v - 1, 0.12 * models.rivets(u, v, 9, 0.3, 1.0)
@@ -101,19 +101,13 @@ def layer() -> Iterator[Picture]:
     floor_high = models.grid("floor_high", 540, ground)
     floor_low = models.grid("floor_low", 1, lambda u, v: (2 * u - 1, 2 * v - 1, 0 * u))
     plate = models.grid("plate", 200, lambda u, v: (u - 0.5, v - 0.5, 0.45 + 0.25 * models.rivets(u, v, 3)))
-    for name, extrusion in (("layer-wrong", 0.6), ("layer-right", 0.1)):
-        image = f"floor_{extrusion}"
-        bpy.ops.imprint.bake(
-            low=floor_low.name,
-            high=[{"name": floor_high.name}, {"name": plate.name}],
-            method="CAST",
-            samples="4",
-            width=1024,
-            height=1024,
-            extrusion=extrusion,
-            max_distance=extrusion + 0.1,
-            image=image,
-        )
+    high = [{"name": floor_high.name}, {"name": plate.name}]
+    for name, distances in (
+        ("layer-wrong", {"extrusion": 0.6, "max_distance": 0.7}),
+        ("layer-right", {"measure": True}),
+    ):
+        size = {"width": 1024, "height": 1024, "samples": "4", "method": "CAST"}
+        bpy.ops.imprint.bake(low=floor_low.name, high=high, image=name, **size, **distances)
         yield name, _show(floor_low, ((0, -1.6, 3.4), (0, -0.05, 0), 58.0))
 
 
@@ -219,13 +213,13 @@ def color_space() -> Iterator[Picture]:
 
 
 def skewed() -> Iterator[Picture]:
-    """Detail near a hard edge, baked along smooth normals and along the faces' own."""
-    for name, directions in (("skewed-wrong", "SMOOTH"), ("skewed-right", "SPLIT")):
+    """Detail near a hard edge, baked along smooth normals and with blended directions, the default."""
+    for name, directions in (("skewed-wrong", "SMOOTH"), ("skewed-right", "BLENDED")):
         models.clear()
         _, low = _box(seams=True)
         bpy.data.objects.remove(bpy.data.objects["box_high"])
         high = _studded_box()
-        models.bake(low, high, method="CAST", extrusion=0.15, max_distance=0.3, directions=directions, samples="16")
+        models.bake(low, high, method="CAST", measure=True, directions=directions, samples="16")
         yield name, _show(low, BOX_CAMERA)
 
 
@@ -239,7 +233,7 @@ def _studded_box() -> bpy.types.Object:
         for x in (-0.36, 0.36):
             for y in (-0.36, 0.36):
                 bpy.ops.mesh.primitive_cylinder_add(
-                    vertices=48, radius=0.08, depth=0.12, location=turn @ Vector((x, y, 0.5))
+                    vertices=48, radius=0.08, depth=0.09, location=turn @ Vector((x, y, 0.5))
                 )
                 stud = bpy.context.object
                 stud.rotation_euler = turn.to_euler()
