@@ -67,6 +67,7 @@ class Parts:
             # Samples mix the colors of two parts along the borders between them.
             is_known = np.isin(ids[strip], values[counts > 0.002 * counts.sum()])
             is_other[strip] = is_known & (ids[strip] != values[np.argmax(counts)])
+        print(f"{is_other.mean():.2%} of the texels show another part")
         pixels = np.ones((MAP, MAP, 4), np.float32)
         pixels[..., :3] = is_other[..., None] * np.float32(RED)
         image = bpy.data.images.new("color", MAP, MAP, float_buffer=True, is_data=True)
@@ -184,10 +185,10 @@ def fingers() -> Iterator[Picture]:
         return smooth, wrinkled
 
     def turned(parts):
-        angle, apart = math.radians(65), 1.4
+        angle, separation = math.radians(65), 1.4
         turn = np.array([(math.cos(angle), math.sin(angle), 0), (-math.sin(angle), math.cos(angle), 0), (0, 0, 1)])
         shift = np.stack([places, 0 * places, 0 * places], axis=1)[:, None]
-        return (parts - shift) @ turn + apart * shift
+        return (parts - shift) @ turn + separation * shift
 
     for name, settings in (
         ("fingers-first-hit", {"hit": "OUTERMOST", "extrusion": 0.05, "max_distance": 0.1}),
