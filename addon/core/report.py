@@ -85,6 +85,12 @@ class Report:
         """The same report with more warnings."""
         return replace(self, warnings=[*self.warnings, *warnings])
 
+    def _without_own_hit(self) -> str:
+        """How many rays have no own hit, for the summary; empty if all have one."""
+        unsure = self.checks.get("unsure", {})
+        counts = (unsure.get("not_owned", 0), "had no own hit"), (unsure.get("backs", 0), "hit only backs")
+        return "".join(f", {count / unsure['of']:.2%} {what}" for count, what in counts if count)
+
     def summary(self) -> list[str]:
         """Lines for the user: what was baked, and how long it took."""
         width, height = self.size
@@ -97,7 +103,7 @@ class Report:
             details.append(f"{self.method.capitalize()} was chosen: {self.why}")
         if self.distances:
             distances = " and ".join(f"{name.replace('_', ' ')} {value:.4g}" for name, value in self.distances.items())
-            details.append(f"Rays: {distances}; {self.missed:.2%} missed")
+            details.append(f"Rays: {distances}; {self.missed:.2%} missed{self._without_own_hit()}")
         far = self.checks.get("far")
         if far and far["offset"] > far["limit"]:
             details.append(

@@ -62,6 +62,15 @@ CHECKS = {
 }
 """Label and tooltip of each check."""
 
+REASONS = {
+    "undecided": "No own hit: {}",
+    "backs": "Only backs: {}",
+    "contested": "Two own hits: {}",
+    "jumps": "Jumps: {}",
+    "other_layer": "Not the own hit: {}",
+}
+"""Messages with the share of texels that are unsure for each reason, by the keys of the report."""
+
 
 def _items(kinds: tuple[str, ...]) -> list[tuple[str, str, str]]:
     return [(kind.upper(), *CHECKS[kind]) for kind in kinds]

@@ -41,6 +41,20 @@ def test_the_keys_of_a_report_start_with_their_version(done):
     assert Report(**data).to_dict() == done.to_dict() | {"size": [16, 16]}
 
 
+def test_the_summary_has_the_rays_without_an_own_hit(done):
+    rays = dataclasses.replace(
+        done, triangles={"high": 1, "low": 1}, distances={"extrusion": 0.5, "max_distance": 1.0}, missed=0.01
+    )
+    for counts, expected in (
+        ({}, ""),
+        ({"not_owned": 0, "backs": 0}, ""),
+        ({"not_owned": 4, "backs": 0}, ", 4.00% had no own hit"),
+        ({"not_owned": 4, "backs": 1}, ", 4.00% had no own hit, 1.00% hit only backs"),
+    ):
+        report_of_counts = dataclasses.replace(rays, checks={"unsure": {"of": 100} | counts} if counts else {})
+        assert f"Rays: extrusion 0.5 and max distance 1; 1.00% missed{expected}" in report_of_counts.summary()
+
+
 def modules():
     """The path and the syntax tree of each module below ui/ and cli/."""
     for package in BELOW:

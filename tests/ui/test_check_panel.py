@@ -402,6 +402,18 @@ def test_distances_have_their_unit(baked):
     assert "at most" not in narrow  # it wraps where it would be cut off
 
 
+def test_reasons_to_be_unsure_have_a_line(baked):
+    low, high = baked
+    before = draw(low).labels
+    assert not any(label.startswith("Only backs") for label in before)
+    high.data.flip_normals()
+    bake("lo", "hi", method="CAST")
+    labels = draw(low).labels
+    number = labels.index("Unsure layers") + 1
+    assert labels[number : number + 2] == [labels[number], f"Only backs: {labels[number]}"]
+    assert float(labels[number].removesuffix("%")) > 40.0
+
+
 def test_mirrored_islands_have_a_line(baked):
     low, _ = baked
     for corner in low.data.uv_layers.active.uv:

@@ -5,7 +5,7 @@ import bpy
 
 from ...jobs import locate_issues
 from ..bake_results import results
-from ..check_operators import CHECKS
+from ..check_operators import CHECKS, REASONS
 from ..translations.lookup import label, message
 from .sidebar import SidebarPanel, draw_paragraphs
 
@@ -63,6 +63,9 @@ def _draw_row(column: bpy.types.UILayout, kind: str, check: dict, low: str, cont
         far = (_length(context, check[name]) for name in ("limit", "percentile_99", "maximum"))
         text = message("Over {}; 99 % within {}, at most {}").format(*far)
         draw_paragraphs(column, context, [text], "BLANK1")
+    if kind == "unsure" and check["count"]:
+        found = [message(text).format(_share(check, key)) for key, text in REASONS.items() if check[key]]
+        draw_paragraphs(column, context, ["; ".join(found)], "BLANK1")
     if check.get("islands"):
         text = message("UV islands: {}").format(f"{check['islands']:,}")
         column.label(text=text, icon="BLANK1", translate=False)
@@ -75,9 +78,13 @@ def _severity(check: dict) -> str:
 
 def _number(check: dict) -> str:
     """A check's number in a few characters."""
-    if "share" in check:
-        return f"{check['share']:.1%}" if check["share"] >= 0.001 or not check["count"] else "< 0.1%"
-    return f"{check['count']:,}"
+    return _share(check, "count") if "share" in check else f"{check['count']:,}"
+
+
+def _share(check: dict, key: str) -> str:
+    """The share of the texels that a check's number `key` counts."""
+    share = check[key] / max(1, check["of"])
+    return f"{share:.1%}" if share >= 0.001 or not check[key] else "< 0.1%"
 
 
 def _length(context: bpy.types.Context, distance: float) -> str:

@@ -45,6 +45,11 @@ TABLE = {
         "es": "Texels que quizás muestran la capa equivocada de la malla high poly: sus rayos alcanzan varias capas, y la "
         "malla low poly no decide cuál de ellas pertenece al texel",
     },
+    (SENTENCE, "No own hit: {}"): {"de_DE": "Kein eigener Treffer: {}", "es": "Sin impacto propio: {}"},
+    (SENTENCE, "Only backs: {}"): {"de_DE": "Nur Rückseiten: {}", "es": "Sólo dorsos: {}"},
+    (SENTENCE, "Two own hits: {}"): {"de_DE": "Zwei eigene Treffer: {}", "es": "Dos impactos propios: {}"},
+    (SENTENCE, "Jumps: {}"): {"de_DE": "Sprünge: {}", "es": "Saltos: {}"},
+    (SENTENCE, "Not the own hit: {}"): {"de_DE": "Nicht der eigene Treffer: {}", "es": "No es el impacto propio: {}"},
     (LABEL, "Close islands"): {"de_DE": "Nahe Inseln", "es": "Islas cercanas"},
     (
         SENTENCE,
