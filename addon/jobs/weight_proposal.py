@@ -35,7 +35,7 @@ TRIALS = (
 """What is tried: a weight in the group that a setting names. Of equally good ones the first is taken."""
 BETTER = 0.75
 """Other weights are proposed only where at most this share of the doubtful texels remains."""
-TEXELS = 512
+TEXELS = 256
 """The most texels a side that are tried."""
 
 
@@ -75,7 +75,9 @@ def propose(context: bpy.types.Context, report: Report, groups: dict[str, str]) 
         views = [udim.uv_to_clip(tile) for tile in past.tiles]
         return best(
             meshes,
-            lambda painted: ray_doubts.count(replace(ray_cast, ray_mesh=_ray_mesh(ray_cast, painted)), size, views),
+            lambda painted: ray_doubts.count(
+                replace(ray_cast, ray_mesh=_ray_mesh(ray_cast, painted)), meshes.low, size, views
+            ),
         )
 
 
