@@ -16,9 +16,8 @@ from .unsure_texels import Explorer
 def count(ray_cast: RayCast, low: Mesh, size: tuple[int, int], views: Sequence[UvToClip]) -> tuple[np.ndarray, int]:
     """How many doubtful texels each triangle of `low` has, (T,) int, and how many texels there are in all.
 
-    The rays are cast for `views`, each of width and height `size`. Doubtful are misses, hits that the texel does not own, that
-    are contested or backs, and those that another rule takes from another layer. Jumps are not: parts that stand off have them
-    as well, and with less offset those would be lost.
+    The rays are cast for `views`, each of width and height `size`. Doubtful are misses, hits that their texel does not own, and
+    what Explorer is unsure about.
     """
     numbers = ray_cast.low.numbers
     found, of = np.zeros(len(numbers) + 1, np.int64), 0
@@ -26,7 +25,7 @@ def count(ray_cast: RayCast, low: Mesh, size: tuple[int, int], views: Sequence[U
     for view in views:
         places, is_missed = _misses(ray_cast, size, view)
         doubts = explorer.doubts(size, view)
-        is_doubtful = is_missed | doubts.not_owned | doubts.backs | doubts.contested | doubts.other_layer
+        is_doubtful = is_missed | doubts.not_owned | doubts.unsure
         found += np.bincount(places[is_doubtful], minlength=len(found))
         of += int(np.count_nonzero(places))
     return found[numbers], of
