@@ -122,7 +122,7 @@ def check(rng, rays, high, normals, low, *, expect, rule=Hit.OWN, facing_only=Fa
 
     double = in_double(rays)
     truth, is_steady = truth_of(double), np.ones(SIZE * SIZE, bool)
-    for tie in (0, -1):
+    for tie in (0, 1, -1):
         places, away = (v + NUDGE * rng.normal(size=v.shape) for v in (double.places, double.away))
         is_steady &= same(truth, truth_of(replace(double, places=places, away=away), tie), 1e-3)
     height, is_hit, is_not_owned, is_from_behind, found = trace(

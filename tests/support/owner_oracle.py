@@ -149,8 +149,8 @@ def closest_points(points, a, b, c):
 def owned(points, normals, own, low, neighbors, *, tie=None):
     """Whether hits (M, 3) with normals (M, 3) belong to the low triangles `own` (M,): (M,) bool.
 
-    tie: which of several triangles that are equally close, but for CLOSER, the walk must reach: 0 for the first, -1 for the
-    last. None for any that holds the closest point.
+    tie: which of several triangles that are equally close, but for CLOSER, the walk must reach, by its place among them,
+    from 0 or from the last one, -1. None for any that holds the closest point.
     """
     low = np.asarray(low, np.float64)
     count, every = len(points), np.arange(len(points))
@@ -166,7 +166,8 @@ def owned(points, normals, own, low, neighbors, *, tie=None):
         ends = (distances <= best + TIE) & (np.linalg.norm(goals - goal, axis=2) <= TIE) & np.isfinite(best)
     else:
         ends = distances**2 <= best**2 * (1.0 + CLOSER)
-        chosen = ends.argmax(axis=0) if tie == 0 else len(low) - 1 - ends[::-1].argmax(axis=0)
+        rank = np.cumsum(ends, axis=0)
+        chosen = (rank == 1 + tie % np.maximum(rank[-1], 1)).argmax(axis=0)
         goal, ends = goals[chosen, every], (np.arange(len(low))[:, None] == chosen) & np.isfinite(best)
     current, before = own.copy(), np.full(count, -1)
     result = ends[current, every]
@@ -185,9 +186,7 @@ def owned(points, normals, own, low, neighbors, *, tie=None):
         walking &= ~arrived
         before = np.where(walking, current, before)
         current = np.where(walking, across, current)
-    # `before` is where a walk ended that was too long.
-    stopped = np.where(walking, before, current)
-    return result | (np.isfinite(best) & (ends & _continues(low, faces)[stopped].T).any(axis=0))
+    return result | (np.isfinite(best) & (ends & _continues(low, faces)[current].T).any(axis=0))
 
 
 def _continues(low, faces):
