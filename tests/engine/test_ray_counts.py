@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What rays cost on real meshes, counted by the shader itself: nodes of the trees, hits, and searches for owners."""
+
+from dataclasses import replace
+
+import bpy
+import numpy as np
+import pytest
+
+from addon.core import progress, udim
+from addon.core.declarations.choices import Hit
+from addon.core.settings import Settings
+from addon.core.timings import Timings
+from addon.engine.method_choice import choose_method
+from addon.engine.sources import normal_source
+from addon.passes import target
+from addon.scene import reading
+from tests.support import counting, lanes
+
+pytestmark = [pytest.mark.usefixtures("gpu_context"), pytest.mark.shared]
+
+SIZE = 512
+MOST = {
+    "king_40480_4000": (17.4, 1.1, 0.4, 7.0),
+    "helmet_23358_6117": (19.1, 1.1, 0.7, 10.0),
+    "kepler_199712_9079": (12.1, 1.01, 0.01, 0.1),
+    "sthelens_290088_9079": (12.4, 1.01, 0.01, 0.1),
+}
+"""The most of each of counting.COUNTS, on average over the texels: about 5 % above what was counted. Where no
+other layer is near, hits need no search."""
+FAST = ["king_40480_4000"]
+AGAINST_OUTERMOST = 1.2
+"""Factor on the nodes of the high tree that the rule of the outermost hit visits along the same rays."""
+
+
+def counts(folder, name, monkeypatch):
+    """The counts of OWN and of OUTERMOST along the same rays, (N, 4) each, on texels with a ray."""
+    bpy.ops.wm.open_mainfile(filepath=str(folder / "pairs" / f"{name}.blend"))
+    low, high = (bpy.data.objects[part] for part in ("lo", "hi"))
+    settings = Settings("CAST", "WORLD", width=SIZE, height=SIZE)
+    plan = choose_method(reading.read(bpy.context, low, [high], None, settings), [udim.FIRST], settings)
+    ray_cast = progress.finish(normal_source(plan, settings, Timings(), progress.Pace())).ray_cast
+    drawn = target.Target(SIZE, SIZE, ("RGBA32F", "RGBA32F"))
+    ray_cast.draw(drawn, udim.uv_to_clip(udim.FIRST))
+    places = np.empty((SIZE, SIZE, 4), np.float32)
+    drawn.read(places)
+    has_ray = places[..., 3] > 0.0
+    rules = ray_cast, replace(ray_cast, hit=Hit.OUTERMOST)
+    return [counting.of_rays(rule, drawn, monkeypatch)[has_ray] for rule in rules]
+
+
+@pytest.mark.parametrize("name", lanes.slow_but(FAST, MOST))
+def test_owned_hits_cost_few_nodes_and_searches(shared_assets, name, monkeypatch):
+    own, outermost = counts(shared_assets, name, monkeypatch)
+    average, most = own.mean(axis=0), own.max(axis=0)
+    for what, *figures in zip(counting.COUNTS, average, MOST[name], most, outermost.mean(axis=0), strict=True):
+        print("{}: {:.3f}, allowed {}; most {:.0f}; outermost {:.3f}".format(what, *figures))
+    assert average[0] > 5.0  # otherwise nothing was counted
+    assert (average <= MOST[name]).all()
+    assert average[0] <= AGAINST_OUTERMOST * outermost[:, 0].mean()
+    assert not outermost[:, 1:].any()
