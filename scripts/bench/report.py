@@ -255,6 +255,8 @@ def hardware(found: dict) -> list[str]:
         "with read-back",
         "rays by images",
         "by samplers",
+        "outermost",
+        "nearest",
         "Cast with read-back",
         "M rays/s",
     ]
@@ -273,6 +275,8 @@ def hardware(found: dict) -> list[str]:
                     f"{row['flatten_with_read_back_ms']:.2f}",
                     f"{row['cast_from_images_ms']:.1f}",
                     f"{row['cast_from_samplers_ms']:.1f}",
+                    f"{row['cast_outermost_ms']:.1f}",
+                    f"{row['cast_nearest_ms']:.1f}",
                     f"{row['cast_with_read_back_ms']:.1f}",
                     f"{row['rays_per_second'] / 1e6:.2f}",
                 ]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Writes pairs as .npz, with the tree over the high mesh, for scripts/dev/hardware.py on a machine without Blender."""
+"""Writes pairs as .npz, with the trees that rays need, for scripts/dev/hardware.py on a machine without Blender."""
 
 import argparse
 import sys
@@ -17,13 +17,15 @@ from addon.core import progress, udim  # noqa: E402
 from addon.core.settings import Settings  # noqa: E402
 from addon.core.timings import Timings  # noqa: E402
 from addon.engine.method_choice import choose_method  # noqa: E402
+from addon.engine.rays import ray_casting  # noqa: E402
 from addon.engine.sources import normal_source  # noqa: E402
 from addon.mesh import triangle_mesh  # noqa: E402
-from addon.mesh.spatial import bvh  # noqa: E402
+from addon.passes import target  # noqa: E402
+from addon.passes.bake import rays  # noqa: E402
 from addon.scene import reading  # noqa: E402
 
 
-def export(source: Path, target: Path) -> None:
+def export(source: Path, into: Path) -> None:
     """Write the objects 'hi' and 'lo' of a .blend as the arrays that the Flatten and Cast passes take."""
     bpy.ops.wm.open_mainfile(filepath=str(source))
     low, high = bpy.data.objects["lo"], bpy.data.objects["hi"]
@@ -32,29 +34,48 @@ def export(source: Path, target: Path) -> None:
     plan = choose_method(meshes, [udim.FIRST], settings)
     meshes, ray_cast = plan.meshes, progress.finish(normal_source(plan, settings, Timings(), progress.Pace())).ray_cast
     ray_scene = ray_cast.ray_scene
-    (mesh,) = meshes.highs
+    low_surface, edges = ray_cast.low, ray_cast.directions.edges
+    trees = {"": ray_scene.tables, "low_": low_surface.owners, "edge_": edges}
     laid_flat = reading.read(bpy.context, low, [high], None, Settings(method="FLATTEN", space="WORLD")).highs[0]
-    points = ray_scene.local_space.points(mesh)
-    tree = bvh.build(points, mesh.vertices[mesh.triangles])
-    triangles = mesh.triangles[tree.order]
+    low_vertices = rays.vertices(
+        meshes.low.triangles,
+        low_surface.numbers,
+        uv=meshes.low.uv,
+        **ray_casting.ray_arrays(meshes, ray_scene.local_space),
+    )
+    unit = ray_scene.local_space.size
     np.savez_compressed(
-        target,
+        into,
         high_triangles=laid_flat.triangles,
         high_uv=laid_flat.uv,
         high_normal=laid_flat.normals @ triangle_mesh.normal_matrix(laid_flat.to_world).T,
-        low_triangles=meshes.low.triangles,
-        low_uv=meshes.low.uv,
-        low_position=ray_scene.local_space.points(meshes.low)[meshes.low.vertices],
-        low_direction=meshes.low.to_world_normals(meshes.directions),
-        nodes=tree.nodes.reshape(-1, 4),
-        corners=points[mesh.vertices[triangles]].reshape(-1, 3),
-        normals=mesh.to_world_normals(mesh.normals)[triangles].reshape(-1, 3),
-        first_leaf=tree.first_leaf,
-        origin=tree.origin,
-        scale=tree.scale,
-        extrusion=ray_cast.start_offset,
-        reach=ray_cast.max_t,
+        **{f"low_{name}": values for name, values in low_vertices.items()},
+        corners=table(ray_scene.tables.corners),
+        normals=table(ray_scene.tables.normals),
+        low_corners=table(low_surface.owners.corners),
+        edge_ends=table(edges.ends),
+        **{
+            f"{prefix}{name}": value
+            for prefix, tree in trees.items()
+            for name, value in (
+                ("nodes", table(tree.nodes)),
+                ("first_leaf", tree.first_leaf),
+                ("origin", tree.origin),
+                ("scale", tree.scale),
+            )
+        },
+        straight_share=ray_cast.directions.straight_share,
+        blend_width=ray_cast.directions.blend_width,
+        start_offset=ray_cast.extrusion / unit,
+        inside=(ray_cast.max_distance - ray_cast.extrusion) / unit,
     )
+
+
+def table(texture: gpu.types.GPUTexture) -> np.ndarray:
+    """The texels (N, 4) float32 of a data texture, with the zeros at its end."""
+    texels = np.empty((texture.height, texture.width, 4), np.float32)
+    target.read(texture, texels)
+    return texels.reshape(-1, 4)
 
 
 def main() -> None:

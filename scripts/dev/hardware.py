@@ -12,6 +12,7 @@ import json
 import statistics
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
 import moderngl
@@ -20,11 +21,15 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
+from addon.core.declarations.choices import Hit  # noqa: E402
+from addon.mesh.local_space import FARTHEST  # noqa: E402
 from addon.passes import data_texture  # noqa: E402
-from addon.passes.bake import cast, flatten, gbuffer  # noqa: E402
+from addon.passes.bake import cast, flatten, rays  # noqa: E402
 from addon.passes.program import Program, in_software, prelude, source  # noqa: E402
 
 REPEATS = 9
+TABLES = "nodes", "corners", "normals", "low_nodes", "low_corners", "edge_nodes", "edge_ends"
+"""The arrays of a file that shaders read as data textures."""
 TYPES = {"VEC2": "vec2", "VEC3": "vec3", "VEC4": "vec4", "MAT4": "mat4", "FLOAT": "float", "INT": "int"}
 SAMPLERS = {"FLOAT_2D": "sampler2D", "UINT_2D": "usampler2D", "INT_2D": "isampler2D"}
 IMAGES = {"FLOAT_2D": "image2D", "UINT_2D": "uimage2D", "INT_2D": "iimage2D"}
@@ -72,20 +77,17 @@ class Scene:
 
     def __init__(self, ctx: moderngl.Context, data, size: int, *, as_images: bool):
         self.ctx, self.size, self.data, self.as_images = ctx, size, data, as_images
-        self.flatten, self.gbuffer, self.trace, self.lookup = (
-            load(ctx, program, as_images) for program in (flatten.PROGRAM, gbuffer.PROGRAM, cast.TRACE, cast.LOOKUP)
+        self.flatten, self.rays, self.trace, self.lookup = (
+            load(ctx, program, as_images) for program in (flatten.PROGRAM, rays.PROGRAM, cast.TRACE, cast.LOOKUP)
         )
         self.uv_to_clip = (2.0, 2.0, -1.0, -1.0)
         self.identity = tuple(np.eye(4).ravel().tolist())
-        self.high = self._mesh(self.flatten, flatten.PROGRAM, "high_triangles", uv="high_uv", normal="high_normal")
-        self.low = self._mesh(
-            self.gbuffer, gbuffer.PROGRAM, "low_triangles", uv="low_uv", position="low_position",
-            direction="low_direction",
-        )  # fmt: skip
+        self.high = self._mesh(self.flatten, flatten.PROGRAM, "high", data["high_triangles"])
+        self.low = self._mesh(self.rays, rays.PROGRAM, "low", np.arange(len(data["low_uv"])))
         self.triangle = ctx.vertex_array(
             self.lookup, [(ctx.buffer(np.array([-1, -1, 3, -1, -1, 3], "f4").tobytes()), "2f", "position")]
         )
-        self.nodes, self.corners, self.normals = (self._table(name) for name in ("nodes", "corners", "normals"))
+        self.tables = {name: self._table(data[name]) for name in TABLES}
         self.positions, self.directions, self.map = (self._texture("f4") for _ in range(3))
         self.hits = self._texture("u4")
         self.places = ctx.framebuffer([self.positions, self.directions])
@@ -109,19 +111,19 @@ class Scene:
         texture.filter = moderngl.NEAREST, moderngl.NEAREST
         return texture
 
-    def _mesh(self, compiled, program, triangles: str, **attributes: str) -> moderngl.VertexArray:
+    def _mesh(self, compiled, program, which: str, triangles: np.ndarray) -> moderngl.VertexArray:
+        """The arrays of the file that begin with `which`, "low" or "high"."""
         parts = []
         for kind, name in program.inputs:
-            values = np.ascontiguousarray(self.data[attributes[name]], np.float32)
-            parts.append((self.ctx.buffer(values.tobytes()), f"{TYPES[kind][-1]}f", name))
-        index = self.ctx.buffer(np.ascontiguousarray(self.data[triangles], np.int32).tobytes())
+            if name in compiled:
+                values = np.ascontiguousarray(self.data[f"{which}_{name}"], np.float32)
+                parts.append((self.ctx.buffer(values.tobytes()), f"{TYPES[kind][-1]}f", name))
+        index = self.ctx.buffer(np.ascontiguousarray(triangles, np.int32).tobytes())
         return self.ctx.vertex_array(compiled, parts, index_buffer=index)
 
-    def _table(self, name: str) -> moderngl.Texture:
-        values = self.data[name].reshape(-1, self.data[name].shape[-1])
-        padded, width = data_texture.empty(len(values)), data_texture.WIDTH
-        padded[: len(values), : values.shape[1]] = values
-        texture = self.ctx.texture((width, len(padded) // width), 4, padded.tobytes(), dtype="f4")
+    def _table(self, texels: np.ndarray) -> moderngl.Texture:
+        size = data_texture.WIDTH, len(texels) // data_texture.WIDTH
+        texture = self.ctx.texture(size, 4, np.ascontiguousarray(texels, np.float32).tobytes(), dtype="f4")
         texture.filter = moderngl.NEAREST, moderngl.NEAREST
         return texture
 
@@ -136,27 +138,43 @@ class Scene:
         """Draw the starts and directions of the rays."""
         self.places.use()
         self.places.clear()
-        self._bind(self.gbuffer, gbuffer.PROGRAM, uv_to_clip=self.uv_to_clip)
+        self._bind(
+            self.rays,
+            rays.PROGRAM,
+            uv_to_clip=self.uv_to_clip,
+            **{name: self.tables[name] for name in ("edge_nodes", "edge_ends")},
+            edge_origin=self._place("edge_origin"),
+            edge_scale=self._place("edge_scale"),
+            edge_first_leaf=int(self.data["edge_first_leaf"]),
+            **{name: float(self.data[name]) for name in ("blend_width", "straight_share", "start_offset")},
+            start_on_cage=0,
+        )
         self.low.render(moderngl.TRIANGLES)
 
-    def cast_rays(self) -> None:
-        """Trace all rays to the triangles that they hit."""
+    def _place(self, name: str) -> tuple[float, ...]:
+        """A vector of the file as a VEC4."""
+        return (*self.data[name].tolist(), 0.0)
+
+    def cast_rays(self, rule: Hit = Hit.OWN) -> None:
+        """Trace all rays to the triangles that they hit. rule: which hit counts."""
         data = self.data
         self._bind(
             self.trace,
             cast.TRACE,
             positions=self.positions,
             directions=self.directions,
-            nodes=self.nodes,
-            corners=self.corners,
+            **{name: self.tables[name] for name in ("nodes", "corners", "normals", "low_nodes", "low_corners")},
             hits=self.hits,
-            grid_origin=(*data["origin"].tolist(), 0.0),
-            grid_scale=(*data["scale"].tolist(), 0.0),
+            grid_origin=self._place("origin"),
+            grid_scale=self._place("scale"),
+            low_origin=self._place("low_origin"),
+            low_scale=self._place("low_scale"),
             first_row=0,
-            direction_sign=-1.0,
-            start_offset=float(data["extrusion"]),
-            max_t=float(data["reach"]),
+            max_t=FARTHEST,
+            inside=float(data["inside"]),
             first_leaf=int(data["first_leaf"]),
+            low_first_leaf=int(data["low_first_leaf"]),
+            rule=cast.RULES.index(rule),
             facing_only=0,
         )
         self.trace.run(-(-self.size // 8), -(-self.size // 8), 1)
@@ -170,7 +188,7 @@ class Scene:
             cast.LOOKUP,
             hits=self.hits,
             positions=self.positions,
-            normals=self.normals,
+            normals=self.tables["normals"],
             normal_matrix=self.identity,
         )
         self.triangle.render(moderngl.TRIANGLES)
@@ -202,31 +220,32 @@ def measure(ctx: moderngl.Context, path: Path, size: int, is_software: bool) -> 
     flat_with_reading = timed(ctx, scene.bake_flat, scene.read)
     covered = float((scene.read()[..., 3] > 0.0).mean())
     starts = timed(ctx, scene.start_rays)
-    rays = int((np.frombuffer(scene.positions.read(), np.float32).reshape(-1, 4)[:, 3] > 0.0).sum())
-    cast = timed(ctx, scene.cast_rays)
+    ray_count = int((np.frombuffer(scene.positions.read(), np.float32).reshape(-1, 4)[:, 3] > 0.0).sum())
+    by_rule = {rule: timed(ctx, partial(scene.cast_rays, rule)) for rule in cast.RULES}
+    own = by_rule[Hit.OWN]
     whole = timed(ctx, scene.start_rays, scene.cast_rays, scene.look_up, scene.read)
     hit = int((np.frombuffer(scene.hits.read(), np.uint32).reshape(-1, 4)[:, 0] > 0).sum())
     triangles = len(data["high_triangles"])
     other = Scene(ctx, data, size, as_images=not is_software)
     other.start_rays()
-    cast_otherwise = timed(ctx, other.cast_rays)
+    own_otherwise = timed(ctx, other.cast_rays)
     return {
         "pair": path.stem,
         "size": size,
         "high": triangles,
-        "low": len(data["low_triangles"]),
+        "low": len(data["low_uv"]) // 3,
         "flatten_ms": flat * 1e3,
         "flatten_with_read_back_ms": flat_with_reading * 1e3,
         "triangles_per_second": triangles / flat,
         "coverage": covered,
         "starts_ms": starts * 1e3,
-        "cast_ms": cast * 1e3,
+        **{f"cast_{rule.lower()}_ms": seconds * 1e3 for rule, seconds in by_rule.items()},
         "cast_with_read_back_ms": whole * 1e3,
-        "cast_from_images_ms": (cast if is_software else cast_otherwise) * 1e3,
-        "cast_from_samplers_ms": (cast_otherwise if is_software else cast) * 1e3,
-        "rays": rays,
+        "cast_from_images_ms": (own if is_software else own_otherwise) * 1e3,
+        "cast_from_samplers_ms": (own_otherwise if is_software else own) * 1e3,
+        "rays": ray_count,
         "hits": hit,
-        "rays_per_second": rays / cast,
+        "rays_per_second": ray_count / own,
     }
 
 
@@ -245,7 +264,8 @@ def main() -> None:
         print(
             f"{row['pair']:32} {row['size']:5}",
             f"flatten {row['flatten_ms']:8.3f} ms ({row['triangles_per_second'] / 1e6:8.1f} M triangles/s)",
-            f"cast {row['cast_ms']:8.2f} ms ({row['rays_per_second'] / 1e6:8.1f} M rays/s)",
+            f"cast {row['cast_own_ms']:8.2f} ms ({row['rays_per_second'] / 1e6:8.1f} M rays/s)",
+            f"outermost {row['cast_outermost_ms']:8.2f} ms, nearest {row['cast_nearest_ms']:8.2f} ms",
             f"{row['hits'] / max(1, row['rays']):.2%} hit",
             sep="  ",
         )

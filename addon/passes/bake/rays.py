@@ -100,22 +100,46 @@ def upload(
     straight_normal: np.ndarray,
     paint: np.ndarray | None,
 ) -> gpu.types.GPUBatch:
-    """A low mesh for `draw`: triangles (T, 3) int32, indices into the other arrays, which have a row per corner.
+    """A low mesh for `draw`, from the same as `vertices`."""
+    arrays = vertices(
+        triangles,
+        numbers,
+        uv=uv,
+        position=position,
+        smooth_normal=smooth_normal,
+        straight_normal=straight_normal,
+        paint=paint,
+    )
+    return mesh_upload.upload(np.arange(triangles.size, dtype=np.int32).reshape(-1, 3), **arrays)
+
+
+def vertices(
+    triangles: np.ndarray,
+    numbers: np.ndarray,
+    *,
+    uv: np.ndarray,
+    position: np.ndarray,
+    smooth_normal: np.ndarray,
+    straight_normal: np.ndarray,
+    paint: np.ndarray | None,
+) -> dict[str, np.ndarray]:
+    """The inputs of PROGRAM (3 T, 2 or 3) float32 from triangles (T, 3) int32, indices into the other arrays, which have a row
+    per corner.
 
     numbers (T,): of the triangles, from 1 to MOST_TRIANGLES. Normals have any length. paint (C, 2) float32: a factor on the
     distance at which rays start, and what is added to the share of the straight normals; None for 1 and 0.
     """
     corners = triangles.reshape(-1)
     painted = np.tile(np.array([1.0, 0.0], np.float32), (len(corners), 1)) if paint is None else paint[corners]
-    return mesh_upload.upload(
-        np.arange(len(corners), dtype=np.int32).reshape(-1, 3),
-        uv=uv[corners],
-        position=position[corners],
-        smooth_normal=smooth_normal[corners],
-        straight_normal=straight_normal[corners],
-        number=np.repeat(np.stack(np.divmod(numbers, PART), axis=1).astype(np.float32), 3, axis=0),
-        paint=painted,
-    )
+    return {
+        "uv": uv[corners],
+        "position": position[corners],
+        "smooth_normal": smooth_normal[corners],
+        "straight_normal": straight_normal[corners],
+        # In two parts, which floats hold exactly where rasterizers interpolate them.
+        "number": np.repeat(np.stack(np.divmod(numbers, PART), axis=1).astype(np.float32), 3, axis=0),
+        "paint": painted,
+    }
 
 
 def draw(
