@@ -56,8 +56,9 @@ bool owner_touches(OwnerTriangle one, OwnerTriangle other)
 bool owner_walk_reaches(int current, int last, vec3 goal)
 {
   int before = -1;
-  OwnerTriangle here = owner_triangle(current);
+  OwnerTriangle here;
   for (int steps = 0; steps < OWNER_STEPS; steps++) {
+    here = owner_triangle(current);
     vec3 ab = cross(here.b - here.a, here.face);
     vec3 bc = cross(here.c - here.b, here.face);
     vec3 ca = cross(here.a - here.c, here.face);
@@ -74,7 +75,6 @@ bool owner_walk_reaches(int current, int last, vec3 goal)
     }
     before = current;
     current = next;
-    here = owner_triangle(current);
   }
   OwnerTriangle there = owner_triangle(last);
   return owner_touches(here, there) && dot(here.face, there.face) > OWNER_FOLDED * length(here.face) * length(there.face);

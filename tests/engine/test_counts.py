@@ -99,8 +99,8 @@ def test_cast_dispatches_once_per_sample(counts, samples):
     distances = {"extrusion": 0.3, "max_distance": 0.6}
     bake_pair(bpy.context, low, [high], settings("CAST", samples=samples, **distances))
     found = passes(counts)
-    # One more for the audit, which measures the lengths of rays.
-    assert samples <= found["bake/cast_comp.glsl"] <= samples + 1
+    # Up to five more for the audit, on few texels: the lengths of the rays, and what lies behind their hits.
+    assert samples <= found["bake/cast_comp.glsl"] <= samples + 5
     assert found["bake/cast_lookup_frag.glsl"] == found["bake/tangent_frag.glsl"] == samples
 
 
@@ -127,7 +127,8 @@ def test_a_tree_is_uploaded_once(counts):
         sum(4**level for level in range(3)) + low // 4,
     )
     edges = 1  # an empty texture: the low mesh has no hard ones
-    triangles = 3 * 2 * high + 4 * 2 * low  # the low ones once more with their clearances
+    # The low triangles once more with their clearances, and once in each audit, whose rays hit them.
+    triangles = 3 * 2 * high + 4 * 2 * low + 3 * 3 * low
     assert counts["bytes of tables"] == 16 * (3 * (high_nodes + low_nodes) + triangles + edges)
 
 
