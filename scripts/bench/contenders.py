@@ -17,9 +17,10 @@ from scripts.bench.peers import NAMES, PeerError, Peers
 from scripts.bench.scenes import Pair
 from tests.support import angles
 
-FLATTEN, CAST, KEPT, CYCLES, MULTIRES = (
+FLATTEN, CAST, OUTERMOST, KEPT, CYCLES, MULTIRES = (
     "Imprint, Flatten",
     "Imprint, Cast",
+    "Imprint, Cast, outermost hit",
     "Imprint, Cast, tree kept",
     "Cycles, selected to active",
     "Blender, multires",

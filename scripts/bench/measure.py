@@ -16,7 +16,7 @@ import numpy as np
 
 from addon.passes.program import in_software
 from scripts.bench import contenders, peers, scenes
-from scripts.bench.contenders import CAST, FLATTEN, KEPT, Imprint, Timed
+from scripts.bench.contenders import CAST, FLATTEN, KEPT, OUTERMOST, Imprint, Timed
 from scripts.bench.peers import Peers
 from scripts.dev import export
 
@@ -95,6 +95,7 @@ def time_pair(pair: scenes.Pair, sizes: tuple[int, ...], repeats: int, others: P
         ours = [
             Imprint(FLATTEN, pair, size, method="FLATTEN"),
             Imprint(CAST, pair, size, method="CAST"),
+            Imprint(OUTERMOST, pair, size, method="CAST", hit="OUTERMOST"),
         ]
         if not quick:
             ours.append(Imprint(KEPT, pair, size, method="CAST", keep=True))

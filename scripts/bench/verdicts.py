@@ -3,7 +3,7 @@
 
 from dataclasses import dataclass
 
-from scripts.bench.contenders import CAST, CYCLES, FLATTEN, MULTIRES
+from scripts.bench.contenders import CAST, CYCLES, FLATTEN, MULTIRES, OUTERMOST
 from scripts.bench.measure import exponents, ratios
 from scripts.bench.peers import NAMES
 
@@ -61,6 +61,10 @@ def judge(result: dict) -> list[Verdict]:
         at_least("Flatten no slower than Blender's multires bake", 1.0, against(MULTIRES, FLATTEN, sculpts)),
         at_least("Cast no slower than Cycles, with a new tree for each bake", 1.0, against(CYCLES, CAST, rows)),
         at_least("Cast no slower than Cycles with several samples per texel", 1.0, against(CYCLES, CAST, several)),
+        at_least("Cast twice as fast as Cycles, terrains at 2048", 2.0, against(CYCLES, CAST, terrains)),
+        at_least(
+            "Cast's own hits take at most 1.6 times as long as outermost ones", 1 / 1.6, against(OUTERMOST, CAST, rows)
+        ),
         at_least("Cast faster than Open3D", 1.0, against(NAMES["open3d"], CAST, rows)),
         *(accuracy(row) for row in result.get("closed_forms", [])),
         *(
