@@ -61,7 +61,7 @@ def test_each_low_layer_near_its_high_layer_is_sure():
 
 def test_a_low_mesh_far_outside_its_layers_is_unsure():
     """Both high layers are closest to the lower low layer, and none to the upper one, which has two to choose from."""
-    report = bake(plates("lo", 0.0, 0.3), plates("hi", -0.25, 0.05), **RAYS)
+    report = bake(plates("lo", 0.0, 0.3), plates("hi", -0.15, 0.05), **RAYS)
     assert reasons(report) == {"contested": HALF, "undecided": HALF}
     assert part(report.checks["unsure"], "count", "not_owned", "severity") == {
         "count": 2 * HALF,
@@ -84,6 +84,19 @@ def test_only_the_texels_below_the_second_layer_are_unsure(side):
     np.testing.assert_array_equal(mask(report, "unsure"), np.broadcast_to(expected, (SIZE, SIZE)))
     assert faces(report, "unsure") == [0]
     assert reasons(report)["contested"] == HALF // 2
+
+
+def test_a_second_hit_that_is_much_farther_is_no_choice():
+    """The upper low layer shows the nearest hit, 0.25 below it; the other is 0.47 or 0.53 below it."""
+    for lower, expected in ((-0.17, HALF), (-0.23, 0)):
+        report = bake(plates("lo", 0.0, 0.3), plates("hi", lower, 0.05), **RAYS)
+        assert part(report.checks["unsure"], "not_owned", "undecided") == {"not_owned": HALF, "undecided": expected}
+
+
+def test_hits_above_are_a_choice_as_well():
+    """Both hits are closest to the third low layer, at -0.4; the texels of the one at -0.6 show the lower hit."""
+    report = bake(plates("lo", -0.6, -0.4), plates("hi", -0.47, -0.4), **RAYS)
+    assert part(report.checks["unsure"], "not_owned", "undecided") == {"not_owned": HALF, "undecided": HALF}
 
 
 def test_what_stands_off_a_single_low_layer_is_sure():
@@ -217,7 +230,7 @@ def test_a_steep_surface_with_a_single_layer_has_no_jumps():
     assert report.checks["unsure"]["count"] == 0
 
 
-@pytest.mark.parametrize(("radii", "expected"), [((1.02, 1.18), set()), ((0.8, 1.05), {"contested", "undecided"})])
+@pytest.mark.parametrize(("radii", "expected"), [((1.02, 1.18), set()), ((0.9, 1.05), {"contested", "undecided"})])
 def test_a_shell_around_a_sphere(radii, expected):
     report = bake(shells("lo", 1.0, 1.3), shells("hi", *radii), method="CAST", extrusion=0.6, max_distance=1.2)
     inner = report.checks["unsure"]
@@ -240,14 +253,14 @@ def test_with_another_rule_texels_are_unsure_where_their_own_hit_is_another(hit)
 
 
 def test_flatten_is_sure():
-    report = bake(plates("lo", 0.0, 0.3), plates("hi", -0.25, 0.05))
+    report = bake(plates("lo", 0.0, 0.3), plates("hi", -0.15, 0.05))
     assert part(report.checks["unsure"], "count", "of", "share") == {"count": 0, "of": 0, "share": 0.0}
     assert not mask(report, "unsure").any()
     assert faces(report, "unsure") == []
 
 
 def test_the_sample_of_a_large_map_has_the_same_shares():
-    report = bake(plates("lo", 0.0, 0.3), plates("hi", -0.25, 0.05), size=(512, 256), **RAYS)
+    report = bake(plates("lo", 0.0, 0.3), plates("hi", -0.15, 0.05), size=(512, 256), **RAYS)
     assert part(report.checks["unsure"], "of", "contested", "undecided") == {
         "of": 128 * 128,
         "contested": 128 * 64,
@@ -256,7 +269,7 @@ def test_the_sample_of_a_large_map_has_the_same_shares():
 
 
 def test_a_mirrored_low_object_is_as_sure():
-    low, high = plates("lo", 0.0, 0.3, up=False), plates("hi", -0.25, 0.05)
+    low, high = plates("lo", 0.0, 0.3, up=False), plates("hi", -0.15, 0.05)
     low.scale = (1.0, 1.0, 1.0)
     low.data.transform(np.diag((-1.0, 1.0, 1.0, 1.0)))
     low.scale[0] = -1.0
@@ -266,7 +279,7 @@ def test_a_mirrored_low_object_is_as_sure():
 
 
 def test_udim_tiles_are_counted_together():
-    low, high = plates("lo", 0.0, 0.3), plates("hi", -0.25, 0.05)
+    low, high = plates("lo", 0.0, 0.3), plates("hi", -0.15, 0.05)
     corners = np.array([corner.vector for corner in low.data.uv_layers[0].uv], np.float32)
     corners[:, 0] *= 2.0
     low.data.uv_layers[0].uv.foreach_set("vector", corners.ravel())

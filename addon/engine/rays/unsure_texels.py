@@ -16,6 +16,8 @@ from .ray_casting import RayCast
 
 GAP = 2e-4
 """Share of the low mesh's radius. Closer hits of a ray are the same, as on an edge that two triangles share."""
+AS_NEAR = 2.0
+"""A hit that is farther from the low surface than the nearest one, by this factor, is no choice in its place."""
 STEEP = 2.0
 """The least slope of a jump: the difference of two heights, in distances between the texels."""
 
@@ -26,7 +28,7 @@ class Doubts:
 
     on_low: the texels of the low mesh. not_owned: those that own none of the hits that face their rays, and show the nearest.
 
-    The others are reasons to be unsure. undecided: not_owned, and there are several hits to choose from. backs: the ray hits
+    The others are reasons to be unsure. undecided: not_owned, and another hit is about as near. backs: the ray hits
     only backs of triangles. contested: the texel owns several hits, and one of them may belong to another layer of the low
     mesh, which is on the ray as well. jumps: a texel next to it on the surface has a hit at another height, and there are
     several hits and layers. other_layer: the settings choose hits by another rule than OWN, and the texel's own hit is another.
@@ -132,8 +134,12 @@ class Explorer:
         places, away, here = places[matter], away[matter], first.at(matter)
         outermost = _cast(replace(self._ray_cast, hit=Hit.OUTERMOST, facing_only=True), places, away)
         following = self._cast_later(replace(self._ray_cast, facing_only=True), places, away, here.heights - self._gap)
-        is_several = following.is_hit | (outermost.is_hit & self._differ(here, outermost))
-        doubts.undecided[matter] = here.is_not_owned & is_several
+        is_outermost_other = outermost.is_hit & self._differ(here, outermost)
+        is_several = following.is_hit | is_outermost_other
+        is_near = (following.is_hit & _is_as_near(following, here)) | (
+            is_outermost_other & _is_as_near(outermost, here)
+        )
+        doubts.undecided[matter] = here.is_not_owned & is_near
         doubts.contested[matter] = following.is_hit & ~following.is_not_owned & is_layered[matter]
         may_jump = np.zeros_like(matter)
         may_jump[matter] = is_several
@@ -179,6 +185,11 @@ def _cast(ray_cast: RayCast, places: np.ndarray, away: np.ndarray) -> _Hits:
     hits = target.Target(drawn.width, drawn.height, ("RGBA32UI",))
     ray_cast.trace(hits, drawn)
     return _hits(hits, drawn, len(places))
+
+
+def _is_as_near(one: _Hits, other: _Hits) -> np.ndarray:
+    """Where the first hit is hardly farther from the low surface than the other one."""
+    return np.abs(one.heights) < AS_NEAR * np.abs(other.heights)
 
 
 def _jumps(one: _Hits, other: _Hits, steps: np.ndarray, gap: float) -> np.ndarray:
