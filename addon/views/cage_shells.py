@@ -20,10 +20,14 @@ __all__ = ["draw", "upload"]
 
 PARTS_OF_BLEND = 4
 """How many parts of a divided triangle lie across the width in which directions blend."""
+PARTS = 8
+"""Into how many parts the edges of triangles are divided where directions bend without a blend."""
 MOST_PARTS = 32
 """The most parts along an edge of a triangle."""
 MOST_PIECES = 2**18
 """The most triangles of a shell, beyond those of the low mesh."""
+BULGE = 0.98
+"""A triangle is divided if the mean of its corners' directions is shorter."""
 SAME = 1e-6
 """Normals whose difference is less, squared, are the same."""
 
@@ -49,7 +53,7 @@ def upload(
     edges = low_surface.build(meshes.low, local_space).edges if blend_width > 0.0 else rays.no_edges()
     is_split = settings.directions == Directions.SPLIT
     directions = rays.Directions(edges, float(is_split), blend_width / local_space.size)
-    pieces = subdividing.divide(_parts(meshes, local_space, directions.blend_width))
+    pieces = subdividing.divide(parts(meshes, local_space, directions.blend_width))
     found = ray_points.evaluate(meshes, pieces, local_space, directions, extrusion=1.0)
     starts = found.starts if meshes.cage is None else found.starts * np.float32(local_space.size)
     return mesh_upload.upload(
@@ -60,15 +64,20 @@ def upload(
     )
 
 
-def _parts(meshes: Meshes, local_space: LocalSpace, blend_width: float) -> np.ndarray:
+def parts(meshes: Meshes, local_space: LocalSpace, blend_width: float) -> np.ndarray:
     """Into how many parts (T,) int the edges of each low triangle are divided: more where directions bend within it."""
-    low = meshes.low
-    is_bent = _differ(meshes.smooth_normals, low.normals)[low.triangles].any(axis=1)
-    if meshes.cage is not None or (blend_width <= 0.0 and meshes.straight is None):
+    low, corners = meshes.low, meshes.low.triangles
+    smooth, straight = _unit(meshes.smooth_normals), _unit(low.normals)
+    is_turned = (((smooth - straight) ** 2).sum(axis=1) > SAME)[corners].any(axis=1)
+    # Directions have length one between corners as well, so the shell bulges where they differ much.
+    is_bent = is_turned if blend_width > 0.0 or meshes.straight is not None else np.zeros(len(corners), bool)
+    for normals in (smooth, straight):
+        is_bent |= np.linalg.norm(normals[corners].mean(axis=1), axis=1) < BULGE
+    if meshes.cage is not None:
         is_bent[:] = False
-    places = local_space.points(low)[low.vertices[low.triangles]]
+    places = local_space.points(low)[low.vertices[corners]]
     longest = np.linalg.norm(places - np.roll(places, 1, axis=1), axis=2).max(axis=1)
-    parts = np.full(len(longest), PARTS_OF_BLEND)
+    parts = np.full(len(longest), PARTS)
     if blend_width > 0.0:
         parts = np.clip(np.ceil(longest * (PARTS_OF_BLEND / blend_width)), 1, MOST_PARTS).astype(np.int64)
     parts = np.where(is_bent, parts, 1)
@@ -76,7 +85,5 @@ def _parts(meshes: Meshes, local_space: LocalSpace, blend_width: float) -> np.nd
     return np.maximum(1, parts * MOST_PIECES**0.5 / pieces**0.5).astype(np.int64) if pieces > MOST_PIECES else parts
 
 
-def _differ(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Which rows (N,) bool of two arrays (N, 3) point into different directions."""
-    a, b = (normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30) for normals in (a, b))
-    return ((a - b) ** 2).sum(axis=1) > SAME
+def _unit(normals: np.ndarray) -> np.ndarray:
+    return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
