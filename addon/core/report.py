@@ -104,6 +104,8 @@ class Report:
         if self.distances:
             distances = " and ".join(f"{name.replace('_', ' ')} {value:.4g}" for name, value in self.distances.items())
             details.append(f"Rays: {distances}; {self.missed:.2%} missed{self._without_own_hit()}")
+        if self.blend_width:
+            details.append(f"Directions blend within {self.blend_width:.4g} of hard edges")
         far = self.checks.get("far")
         if far and far["offset"] > far["limit"]:
             details.append(

@@ -70,7 +70,7 @@ def parts(meshes: Meshes, local_space: LocalSpace, blend_width: float) -> np.nda
     smooth, straight = _unit(meshes.smooth_normals), _unit(low.normals)
     is_turned = (((smooth - straight) ** 2).sum(axis=1) > SAME)[corners].any(axis=1)
     # Directions have length one between corners as well, so the shell bulges where they differ much.
-    is_bent = is_turned if blend_width > 0.0 or meshes.straight is not None else np.zeros(len(corners), bool)
+    is_bent = is_turned & (blend_width > 0.0)
     for normals in (smooth, straight):
         is_bent |= np.linalg.norm(normals[corners].mean(axis=1), axis=1) < BULGE
     if meshes.cage is not None:

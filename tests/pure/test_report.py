@@ -41,6 +41,13 @@ def test_the_keys_of_a_report_start_with_their_version(done):
     assert Report(**data).to_dict() == done.to_dict() | {"size": [16, 16]}
 
 
+def test_the_summary_has_the_width_of_a_blend(done):
+    plain = dataclasses.replace(done, triangles={"high": 1, "low": 1})
+    assert not any("hard edges" in line for line in plain.summary())
+    blended = dataclasses.replace(plain, blend_width=0.125)
+    assert "Directions blend within 0.125 of hard edges" in blended.summary()
+
+
 def test_the_summary_has_the_rays_without_an_own_hit(done):
     rays = dataclasses.replace(
         done, triangles={"high": 1, "low": 1}, distances={"extrusion": 0.5, "max_distance": 1.0}, missed=0.01
