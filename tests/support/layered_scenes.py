@@ -112,7 +112,7 @@ def _object(rng, name, surfaces, *, coarse):
         uv = np.concatenate([uv, place + grid[halves] * 0.95 / CELLS])
         triangles = np.concatenate([triangles, halves + len(points)])
         points = np.concatenate([points, surface(*grid.T)])
-    points = points + rng.normal(0, rng.choice([1e-4, 1e-3, 0.003, 0.03]), points.shape)
+    points = points + rng.normal(0, rng.choice([1e-5, 1e-4, 0.003, 0.03]), points.shape)
     for chance, defect in DEFECTS:
         if rng.random() < chance:
             points, triangles, uv = defect(rng, points, triangles, uv)

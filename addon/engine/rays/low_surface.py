@@ -19,17 +19,22 @@ hard."""
 PLACES = 0.2, 0.4, 0.6, 0.8
 """Where on a hard edge the points lie, as shares of its length."""
 
+NO_AREA = 1e-5
+"""Triangles with less area than this share of a square on their longest edge have none: rounding decides their normals."""
+
 
 @dataclass(frozen=True)
 class LowSurface:
     """The low mesh as rays see it.
 
-    owners: its tree. numbers (T,) int: of its triangles in the tree, from 1. edges: its hard edges; none if none of them is a
-    feature of the shape. sharp: points on those that are, or None.
+    owners: its tree. numbers (T,) int: of its triangles in the tree, from 1. starts (T,) int: of the triangles where walks for
+    their hits start. edges: its hard edges; none if none of them is a feature of the shape. sharp: points on those that are, or
+    None.
     """
 
     owners: owners.Owners
     numbers: np.ndarray
+    starts: np.ndarray
     edges: rays.Edges
     sharp: "SharpPoints | None"
 
@@ -59,10 +64,11 @@ def build(low: Mesh, local_space: LocalSpace) -> LowSurface:
     vertices = np.take(low.vertices, triangles, mode="clip")
     tree = bvh.build(points, vertices)
     ordered = vertices[tree.order]
+    across = neighbors.neighbors(points, ordered)
     uploaded = owners.upload(
         tree.nodes,
         points[ordered],
-        neighbors.neighbors(points, ordered),
+        across,
         first_leaf=tree.first_leaf,
         origin=tree.origin,
         scale=tree.scale,
@@ -70,7 +76,25 @@ def build(low: Mesh, local_space: LocalSpace) -> LowSurface:
     numbers = np.empty(len(triangles), np.int64)
     numbers[tree.order] = np.arange(1, len(triangles) + 1)
     ends, cosines = edges.hard_edges(low)
-    return LowSurface(uploaded, numbers, *_hard_edges(points, ends, cosines))
+    starts = (1 + _with_area(points[ordered], across))[numbers - 1]
+    return LowSurface(uploaded, numbers, starts, *_hard_edges(points, ends, cosines))
+
+
+def _with_area(corners: np.ndarray, across: np.ndarray) -> np.ndarray:
+    """The number (T,) of each triangle with `corners` (T, 3, 3), from 0. Without area, that of a neighbor that has some.
+
+    All of a triangle without area lies on its edges, and it has no sides for a walk to choose from. across (T, 3): as
+    neighbors.neighbors returns it.
+    """
+    edges = np.roll(corners, -1, axis=1) - corners
+    areas = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
+    has_area = areas > NO_AREA * (edges * edges).sum(axis=2).max(axis=1)
+    result = np.arange(len(corners))
+    empty = np.flatnonzero(~has_area)
+    beside = across[empty]
+    fits = (beside >= 0) & has_area[beside]
+    result[empty] = np.where(fits.any(axis=1), beside[np.arange(len(empty)), fits.argmax(axis=1)], empty)
+    return result
 
 
 def _hard_edges(points: np.ndarray, ends: np.ndarray, cosines: np.ndarray) -> tuple[rays.Edges, SharpPoints | None]:

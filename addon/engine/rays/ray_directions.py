@@ -18,6 +18,8 @@ CROSSING_QUANTILE = 0.9
 """Distances beyond this quantile are outliers, as where another part hides an edge."""
 LEAST_WIDTH = 1e-4
 """In local space. A blend of no width would be smooth directions everywhere, as if there were no hard edges."""
+DIGITS = 3
+"""The significant digits of the width. GPUs round measurements differently, and all directions depend on it."""
 MOST_POINTS = 2**14
 """The most points on hard edges that are measured."""
 
@@ -47,11 +49,8 @@ def _blend_width(meshes: Meshes, sharp: SharpPoints, tables: cast.Tables) -> flo
         return 0.0
     distances = np.abs(heights[has_hit])
     bevels = distances / np.maximum(sharp.cosines[chosen][has_hit], 0.1)
-    return max(
-        LEAST_WIDTH,
-        BEVELS * float(np.median(bevels)),
-        CROSSING * float(np.quantile(distances, CROSSING_QUANTILE)),
-    )
+    width = max(LEAST_WIDTH, BEVELS * np.median(bevels), CROSSING * np.quantile(distances, CROSSING_QUANTILE))
+    return float(f"{width:.{DIGITS}g}")
 
 
 def _heights(places: np.ndarray, normals: np.ndarray, tables: cast.Tables) -> tuple[np.ndarray, np.ndarray]:
