@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Checks a finished map: coverage, missed rays, overlaps, and problems of the low mesh."""
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
@@ -160,7 +161,7 @@ def _distances(plan: Plan, settings: Settings, found: np.ndarray | None) -> tupl
         "maximum": maximum,
         "percentile_99": percentile_99,
         "limit": limit,
-        "offset": float(np.linalg.norm(offset)),
+        "offset": math.hypot(*offset.tolist()),
     }
     # A single high mesh with another UV layout is far on most texels. One of several may cover only a few.
     differing = ""

@@ -57,7 +57,8 @@ def offset(texels: np.ndarray, method: str) -> np.ndarray:
 
     For Flatten, the meshes may be side by side in the scene, and the offset does not count as a distance. For rays it is 0.
     """
-    together = texels[texels[..., 3] > 0.0]
+    # Points very far from the low mesh overflow single precision.
+    together = texels[(texels[..., 3] > 0.0) & np.isfinite(texels).all(axis=-1)]
     if method != Method.FLATTEN or not len(together):
         return np.zeros(3, np.float32)
     return np.median(together[:, :3], axis=0)

@@ -472,3 +472,12 @@ def test_no_mask_remains_when_the_image_cannot_store_it():
     with pytest.raises(BakeError, match="'lo_normal_far' is not a still image"):
         mask(report, "far")
     assert difference(before, snapshot()) == {}
+
+
+def test_points_that_overflow_do_not_count_for_the_offset():
+    texels = np.zeros((1, 2, 3, 4), np.float32)
+    texels[..., 3] = 1.0
+    texels[0, 0, :, 0] = np.inf, -np.inf, np.nan
+    texels[0, 1, :, 0] = 2.0, 3.0, 4.0
+    assert separation.offset(texels, "FLATTEN").tolist() == [3.0, 0.0, 0.0]
+    assert separation.offset(texels[:, :1], "FLATTEN").tolist() == [0.0, 0.0, 0.0]
