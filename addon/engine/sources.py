@@ -87,8 +87,10 @@ def _ray_cast(plan: Plan, settings: Settings, timings: Timings) -> Task[ray_cast
             )
         unit = ray_scene.local_space.size
         if settings.hit == Hit.OWN and not has_cage:
-            room = ray_distances.ROOM * 2.0 * local_space_of([meshes.low]).size
-            outside, inside = max(outside, room / unit), max(inside, room / unit)
+            room = ray_distances.ROOM * 2.0 * local_space_of([meshes.low]).size / unit
+            # Rays of a length that is set must still reach as far inside as was measured.
+            left = room if max_distance is None else max_distance / unit - inside
+            outside, inside = max(outside, min(room, left)), max(inside, room)
         extrusion = outside * unit if extrusion is None else extrusion
         # Measured from the low surface; rays start `extrusion` outside it.
         max_distance = extrusion + inside * unit if max_distance is None else max_distance

@@ -236,6 +236,19 @@ def test_invalid_distances_are_refused(name, value):
         cast(zoo.plane("low"), zoo.plane("high"), **{name: value})
 
 
+@pytest.mark.parametrize("hit", ["OWN", "OUTERMOST"])
+def test_rays_of_a_set_length_alone_reach_the_surface(hit):
+    """Where hits have owners, rays search farther than was measured, but not by so much that short ones end outside."""
+    low, high = zoo.plane("low"), zoo.terrain("high")
+    high.scale.z = 0.02
+    bpy.context.view_layer.update()
+    _, report = cast(low, high, max_distance=0.03, hit=hit)
+    assert report.missed == 0.0
+    assert report.distances["max_distance"] == 0.03
+    _, report = cast(low, high, max_distance=1.0, hit=hit)
+    assert (report.distances["extrusion"] > 0.05) == (hit == "OWN")
+
+
 def test_the_tree_is_cached_until_the_high_mesh_changes():
     trees = tree_cache.trees
     trees.free()
