@@ -39,7 +39,7 @@ def export(source: Path, into: Path) -> None:
     laid_flat = reading.read(bpy.context, low, [high], None, Settings(method="FLATTEN", space="WORLD")).highs[0]
     low_vertices = rays.vertices(
         meshes.low.triangles,
-        low_surface.numbers,
+        low_surface.starts,
         uv=meshes.low.uv,
         **ray_casting.ray_arrays(meshes, ray_scene.local_space),
     )
