@@ -13,8 +13,8 @@ HARD = 1.0
 def hard_edges(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
     """The edges whose two sides have different normals.
 
-    Returns the vertices of their ends (H, 2) int32, and the cosine (H,) of the angle
-    between their two faces. Each edge is listed once per side.
+    Returns the vertices of their ends (H, 2) int32, and the cosine (H,) of the angle between their two faces in world space.
+    Each edge is listed once per side.
     """
     start, stop, across = (np.roll(mesh.triangles, -i, axis=1).reshape(-1) for i in range(3))
     # An edge can be hard only where one place has several normals: in most meshes that leaves few edges to test.
@@ -30,7 +30,7 @@ def hard_edges(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
         is_hard |= differ(mesh.normals[corner], mesh.normals[other])
     is_hard &= partner >= 0
     a, b, c = (mesh.positions[mesh.vertices[corner]] for corner in (start, stop, across))
-    faces = np.cross(b - a, c - a)
+    faces = mesh.to_world_normals(np.cross(b - a, c - a))
     faces /= np.maximum(np.linalg.norm(faces, axis=1, keepdims=True), np.finfo(np.float32).tiny)
     cosines = np.where(is_same_way, -1.0, 1.0) * (faces * faces[partner]).sum(axis=1)
     return np.stack([first, second], axis=1)[is_hard], cosines[is_hard]

@@ -2,6 +2,7 @@
 """Tests neighbors and hard edges of triangles against plain loops over edges, and known answers."""
 
 from collections import defaultdict
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -146,6 +147,14 @@ RIDGE = ((0.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 @pytest.mark.parametrize("degrees", [5.0, 30.0, 90.0, 135.0])
 def test_a_hard_edge_is_listed_from_both_sides_with_its_angle(degrees, split):
     assert listed(corners_mesh(*roof(degrees), split=split)) == [(RIDGE, degrees)] * 2
+
+
+@pytest.mark.parametrize("mirrored", [1.0, -1.0])
+def test_angles_between_faces_are_those_in_the_scene(mirrored):
+    points, triangles = roof(90.0)
+    turned = np.array(points) @ [(1, 0, 1), (0, 1, 0), (-1, 0, 1)]  # both sides slope by 45 degrees
+    mesh = replace(corners_mesh(turned, triangles), to_world=np.diag([1.0, 1.0, mirrored * np.sqrt(3.0), 1.0]))
+    assert [angle for _, angle in listed(mesh)] == [120.0] * 2
 
 
 def test_small_differences_and_smooth_edges_are_not_hard():
