@@ -16,6 +16,11 @@ def limit() -> int:
     return WIDTH * gpu.capabilities.max_texture_size_get()
 
 
+def size_of(*textures: gpu.types.GPUTexture) -> int:
+    """The GPU memory of data textures, in bytes."""
+    return sum(texture.width * texture.height * 16 for texture in textures)
+
+
 def upload(values: np.ndarray) -> gpu.types.GPUTexture:
     """Upload `values` (N, 3 or 4) float32 to a texture; element i is in row i / WIDTH."""
     padded = empty(len(values))

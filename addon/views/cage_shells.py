@@ -50,7 +50,7 @@ def upload(
     settings = vertex_weights.without_missing(low, settings)
     meshes = reading.read_low(depsgraph, low, cage, settings, is_own_base=is_own_base, with_uv=False)
     local_space = local_space_of([meshes.low])
-    edges = low_surface.build(meshes.low, local_space).edges if blend_width > 0.0 else rays.no_edges()
+    edges = low_surface.upload_hard_edges(meshes.low, local_space)[0] if blend_width > 0.0 else rays.no_edges()
     is_split = settings.directions == Directions.SPLIT
     directions = rays.Directions(edges, float(is_split), blend_width / local_space.size)
     pieces = subdividing.divide(parts(meshes, local_space, directions.blend_width))

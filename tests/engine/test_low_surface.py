@@ -2,10 +2,12 @@
 """What rays need of the low mesh: triangles without area, and the width of the blend of directions."""
 
 import bpy
+import gpu
 import numpy as np
 import pytest
 
 from addon.core import progress, udim
+from addon.core.errors import BakeError
 from addon.core.settings import Settings
 from addon.core.timings import Timings
 from addon.engine.method_choice import choose_method
@@ -59,3 +61,10 @@ def test_the_width_of_the_blend_is_rounded():
     width = ray_cast(low, high).directions.blend_width
     assert width > 0.01
     assert width == float(f"{width:.3g}")
+
+
+def test_a_low_mesh_too_large_for_the_gpu_is_refused_with_the_limit(monkeypatch):
+    low, high = zoo.plane("low", n=100), zoo.plane("high")
+    monkeypatch.setattr(gpu.capabilities, "max_texture_size_get", lambda: 16)
+    with pytest.raises(BakeError, match="'low' has 20,000 triangles; rays take at most 16,384 of the low mesh"):
+        ray_cast(low, high)

@@ -10,6 +10,7 @@ from ...mesh import edges
 from ...mesh.local_space import LocalSpace
 from ...mesh.spatial import bvh, neighbors
 from ...mesh.triangle_mesh import Mesh
+from ...passes import data_texture
 from ...passes.bake import owners, rays
 
 BEND = np.cos(np.radians(30.0))
@@ -38,6 +39,11 @@ class LowSurface:
     edges: rays.Edges
     sharp: "SharpPoints | None"
 
+    @property
+    def bytes(self) -> int:
+        """The GPU memory of both trees."""
+        return data_texture.size_of(self.owners.nodes, self.owners.corners, self.edges.nodes, self.edges.ends)
+
 
 @dataclass(frozen=True)
 class SharpPoints:
@@ -54,9 +60,10 @@ class SharpPoints:
 
 def build(low: Mesh, local_space: LocalSpace) -> LowSurface:
     """Build and upload the tree over `low` and the one over its hard edges. Raises BakeError for too many triangles."""
-    if len(low.triangles) > rays.MOST_TRIANGLES:
+    most = min(rays.MOST_TRIANGLES, data_texture.limit() // owners.TEXELS)
+    if len(low.triangles) > most:
         raise BakeError(
-            f"{low.name!r} has {len(low.triangles):,} triangles; rays take at most {rays.MOST_TRIANGLES:,} of the low mesh."
+            f"{low.name!r} has {len(low.triangles):,} triangles; rays take at most {most:,} of the low mesh on this GPU."
         )
     points = local_space.points(low)
     # A mirrored matrix reverses the winding, and with it the face normals.
@@ -75,9 +82,8 @@ def build(low: Mesh, local_space: LocalSpace) -> LowSurface:
     )
     numbers = np.empty(len(triangles), np.int64)
     numbers[tree.order] = np.arange(1, len(triangles) + 1)
-    ends, cosines = edges.hard_edges(low)
     starts = (1 + _with_area(points[ordered], across))[numbers - 1]
-    return LowSurface(uploaded, numbers, starts, *_hard_edges(points, ends, cosines))
+    return LowSurface(uploaded, numbers, starts, *upload_hard_edges(low, local_space))
 
 
 def _with_area(corners: np.ndarray, across: np.ndarray) -> np.ndarray:
@@ -97,7 +103,9 @@ def _with_area(corners: np.ndarray, across: np.ndarray) -> np.ndarray:
     return result
 
 
-def _hard_edges(points: np.ndarray, ends: np.ndarray, cosines: np.ndarray) -> tuple[rays.Edges, SharpPoints | None]:
+def upload_hard_edges(low: Mesh, local_space: LocalSpace) -> tuple[rays.Edges, SharpPoints | None]:
+    """Upload the hard edges of `low`, as LowSurface has them, and the points on those that are features of the shape."""
+    points, (ends, cosines) = local_space.points(low), edges.hard_edges(low)
     is_sharp = cosines < BEND
     if not is_sharp.any():
         return rays.no_edges(), None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Trees over the high meshes, for rays: built, uploaded, and cached while the meshes stay the same."""
+"""What rays need of the meshes on the GPU: built, uploaded, and cached while the meshes stay the same."""
 
 import zlib
 from collections import OrderedDict
@@ -38,9 +38,10 @@ class RayScene:
 
 
 class TreeCache:
-    """Trees over high meshes, cached on the GPU while the meshes stay the same.
+    """Trees over high meshes and over low ones, cached on the GPU while the meshes stay the same.
 
-    most_bytes, most_trees: limits. Beyond them, the tree that was used longest ago is freed first.
+    most_bytes: the limit for all together. most_trees: for those of high meshes, and for those of low ones. Beyond them, the
+    tree that was used longest ago is freed first, except the last one of each.
     """
 
     def __init__(self, most_bytes: int = CACHE_BYTES, most_trees: int = CACHED_TREES):
@@ -61,7 +62,8 @@ class TreeCache:
     @property
     def bytes(self) -> int:
         """The GPU memory of the cached trees."""
-        return sum(scene.tables.bytes for scene in self._scenes.values())
+        scenes, lows = self._scenes.values(), self._lows.values()
+        return sum(scene.tables.bytes for scene in scenes) + sum(low.bytes for low in lows)
 
     def ray_scene_of(self, highs: Sequence[Mesh], timings: Timings) -> RayScene:
         """The tree over `highs`, built and uploaded unless it is cached.
@@ -92,7 +94,7 @@ class TreeCache:
             if found is None:
                 found = low_surface.build(low, local_space)
             self._lows[key] = found
-            while len(self._lows) > self.most_trees:
+            while len(self._lows) > 1 and (len(self._lows) > self.most_trees or self.bytes > self.most_bytes):
                 self._lows.popitem(last=False)
         return found
 

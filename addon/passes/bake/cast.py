@@ -105,8 +105,7 @@ def upload(
         data_texture.upload_gathered(points, vertices.reshape(-1), gathered),
         data_texture.upload_gathered(normals, corners.reshape(-1), gathered),
     ]
-    size = sum(texture.width * texture.height * 16 for texture in textures)
-    return Tables(*textures, first_leaf, origin, scale, size)
+    return Tables(*textures, first_leaf, origin, scale, data_texture.size_of(*textures))
 
 
 def trace(

@@ -23,6 +23,8 @@ CLEARANCE = Program(
         ("INT", "count"),
     ),
 )
+TEXELS = 4
+"""Texels of a triangle in Owners.corners."""
 MOST_CLEARED = 2**16
 """The most triangles whose clearance is measured: with more, it takes longer than it saves."""
 
@@ -53,7 +55,7 @@ def upload(
     scale: np.ndarray,
 ) -> Owners:
     """Upload the nodes of a tree (bvh.Tree), with corners (T, 3, 3) float32 and neighbors (T, 3) int in its order."""
-    texels = np.zeros((len(corners), 4, 4), np.float32)
+    texels = np.zeros((len(corners), TEXELS, 4), np.float32)
     texels[:, :3, :3], texels[:, :3, 3] = corners, neighbors
     texels[:, 3, :3] = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     uploaded = Owners(
