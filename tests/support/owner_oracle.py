@@ -186,7 +186,9 @@ def owned(points, normals, own, low, neighbors, *, tie=None):
         walking &= ~arrived
         before = np.where(walking, current, before)
         current = np.where(walking, across, current)
-    return result | (np.isfinite(best) & (ends & _continues(low, faces)[current].T).any(axis=0))
+    # `before` is where a walk ended that was too long.
+    stopped = np.where(walking, before, current)
+    return result | (np.isfinite(best) & (ends & _continues(low, faces)[stopped].T).any(axis=0))
 
 
 def _continues(low, faces):
