@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Finds the edges that triangles share, and those whose two sides have different normals."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from .triangle_mesh import Mesh
@@ -10,12 +12,27 @@ HARD = 1.0
 """An edge is hard from this many degrees between the normals of its sides: files round normals by less."""
 
 
-def hard_edges(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
-    """The edges whose two sides have different normals.
+@dataclass(frozen=True)
+class Sides:
+    """The sides of edges: the triangle on either side has one each. S are those of places with several normals.
 
-    Returns the vertices of their ends (H, 2) int32, and the cosine (H,) of the angle between their two faces in world space.
-    Each edge is listed once per side.
+    start, stop, across (S,) int: the corners at the two ends, and the triangle's third one. partner (S,) int: the other side of
+    the edge, -1 if there is none or several. is_same_way (S,) bool: whether the other side runs from the same end to the same
+    end. others: two (S,) int, the corners of the other side at `start` and at `stop`. is_hard (S,) bool: whether the normals of
+    the two sides differ. Without a partner, the last three mean nothing.
     """
+
+    start: np.ndarray
+    stop: np.ndarray
+    across: np.ndarray
+    partner: np.ndarray
+    is_same_way: np.ndarray
+    others: tuple[np.ndarray, np.ndarray]
+    is_hard: np.ndarray
+
+
+def sides(mesh: Mesh) -> Sides:
+    """The sides of all edges that may be hard."""
     start, stop, across = (np.roll(mesh.triangles, -i, axis=1).reshape(-1) for i in range(3))
     # An edge can be hard only where one place has several normals: in most meshes that leaves few edges to test.
     split = is_split(mesh)
@@ -28,11 +45,22 @@ def hard_edges(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
     is_hard = np.zeros(len(partner), bool)
     for corner, other in zip((start, stop), others, strict=True):
         is_hard |= differ(mesh.normals[corner], mesh.normals[other])
-    is_hard &= partner >= 0
-    a, b, c = (mesh.positions[mesh.vertices[corner]] for corner in (start, stop, across))
+    return Sides(start, stop, across, partner, is_same_way, others, is_hard)
+
+
+def hard_edges(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
+    """The edges whose two sides have different normals.
+
+    Returns the vertices of their ends (H, 2) int32, and the cosine (H,) of the angle between their two faces in world space.
+    Each edge is listed once per side.
+    """
+    found = sides(mesh)
+    is_hard = found.is_hard & (found.partner >= 0)
+    first, second, third = (mesh.vertices[corner] for corner in (found.start, found.stop, found.across))
+    a, b, c = (mesh.positions[vertex] for vertex in (first, second, third))
     faces = mesh.to_world_normals(np.cross(b - a, c - a))
     faces /= np.maximum(np.linalg.norm(faces, axis=1, keepdims=True), np.finfo(np.float32).tiny)
-    cosines = np.where(is_same_way, -1.0, 1.0) * (faces * faces[partner]).sum(axis=1)
+    cosines = np.where(found.is_same_way, -1.0, 1.0) * (faces * faces[found.partner]).sum(axis=1)
     return np.stack([first, second], axis=1)[is_hard], cosines[is_hard]
 
 

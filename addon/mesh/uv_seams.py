@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from ..core import udim
-from .edges import differ, is_split, partners
+from . import edges
 from .triangle_mesh import Mesh
 
 CONNECTED = 1e-5
@@ -95,7 +95,7 @@ def _find(mesh: Mesh) -> Seams:
     here = np.stack([uv[start], uv[stop]], axis=1)
     side = np.sign(((here[:, 1] - here[:, 0]).conj() * (uv[across] - here[:, 0])).imag)
     first, second = mesh.vertices[start], mesh.vertices[stop]
-    partner = partners(mesh.positions, np.stack([first, second], axis=1))
+    partner = edges.partners(mesh.positions, np.stack([first, second], axis=1))
     # The other triangle may have the opposite winding.
     is_same_way = (mesh.positions[first[partner]] == mesh.positions[first]).all(axis=1)
     there = np.where(is_same_way[:, None], here[partner], here[partner][:, ::-1])
@@ -115,24 +115,17 @@ def hard_edges(mesh: Mesh) -> np.ndarray:
 
     Each edge is listed once, or once per side where the two sides use different vertices in the same place.
     """
-    start, stop, across = (np.roll(mesh.triangles, -i, axis=1).reshape(-1) for i in range(3))
-    # An edge can be hard only where one place has several normals: in most meshes that leaves few edges to test.
-    split = is_split(mesh)
-    candidates = np.flatnonzero(split[mesh.vertices[start]] | split[mesh.vertices[stop]])
-    start, stop, across = start[candidates], stop[candidates], across[candidates]
-    first, second = mesh.vertices[start], mesh.vertices[stop]
-    partner = partners(mesh.positions, np.stack([first, second], axis=1))
-    is_same_way = (mesh.positions[first[partner]] == mesh.positions[first]).all(axis=1)
-    others = np.where(is_same_way, start[partner], stop[partner]), np.where(is_same_way, stop[partner], start[partner])
+    found = edges.sides(mesh)
+    start, stop, across, partner = found.start, found.stop, found.across, found.partner
     uv = mesh.uv.view(np.complex64)[:, 0]
-    goes_on, is_hard = partner >= 0, np.zeros(len(partner), bool)
-    for corner, other in zip((start, stop), others, strict=True):
+    goes_on = partner >= 0
+    for corner, other in zip((start, stop), found.others, strict=True):
         goes_on &= np.abs(uv[corner] - uv[other]) <= CONNECTED
-        is_hard |= differ(mesh.normals[corner], mesh.normals[other])
     side = ((uv[stop] - uv[start]).conj() * (uv[across] - uv[start])).imag
     # An island ends where it is folded over, as in the middle of a part that is mirrored onto itself.
-    goes_on &= (side > 0.0) != ((side[partner] > 0.0) ^ ~is_same_way)
-    return np.unique(np.sort(np.stack([first, second], axis=1)[goes_on & is_hard], axis=1), axis=0)
+    goes_on &= (side > 0.0) != ((side[partner] > 0.0) ^ ~found.is_same_way)
+    ends = np.stack([mesh.vertices[start], mesh.vertices[stop]], axis=1)
+    return np.unique(np.sort(ends[goes_on & found.is_hard], axis=1), axis=0)
 
 
 def _texels(uv: np.ndarray, size: tuple[int, int], tile: int) -> np.ndarray:
