@@ -46,6 +46,17 @@ def test_walks_from_triangles_without_area_start_from_a_neighbor(name):
     assert np.isin(surface.starts[flat], others).all()
 
 
+@pytest.mark.parametrize("turn", range(3))
+def test_walks_from_a_line_start_across_its_longest_edge(turn):
+    """All of the line lies on that edge, and only half of it on each of the others."""
+    points, triangles, (flat,) = FLAT["a line between two triangles"]
+    triangles = [*triangles]
+    triangles[flat] = (*triangles[flat][turn:], *triangles[flat][:turn])
+    low = zoo.build("low", points, triangles, np.random.default_rng(1).random((len(triangles), 3, 2)))
+    surface = ray_cast(low, zoo.build("high", SQUARE, ACROSS)).low
+    assert surface.starts[flat] == surface.numbers[0]
+
+
 def test_a_triangle_without_area_and_neighbors_stays_its_own():
     line = [(0.1, 0.3, 0), (0.9, 0.3, 0), (0.5, 0.3, 0)]
     low = zoo.build("low", [*SQUARE, *line], [*ACROSS, (4, 5, 6)], np.random.default_rng(1).random((3, 3, 2)))

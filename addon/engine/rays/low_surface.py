@@ -89,17 +89,18 @@ def build(low: Mesh, local_space: LocalSpace) -> LowSurface:
 def _with_area(corners: np.ndarray, across: np.ndarray) -> np.ndarray:
     """The number (T,) of each triangle with `corners` (T, 3, 3), from 0. Without area, that of a neighbor that has some.
 
-    All of a triangle without area lies on its edges, and it has no sides for a walk to choose from. across (T, 3): as
-    neighbors.neighbors returns it.
+    All of a triangle without area lies on its longest edge, and it has no sides for a walk to choose from. The neighbor across
+    that edge comes first. across (T, 3): as neighbors.neighbors returns it.
     """
-    edges = np.roll(corners, -1, axis=1) - corners
-    areas = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
-    has_area = areas > NO_AREA * (edges * edges).sum(axis=2).max(axis=1)
+    along = np.roll(corners, -1, axis=1) - corners
+    areas, lengths = np.linalg.norm(np.cross(along[:, 0], along[:, 1]), axis=1), (along * along).sum(axis=2)
+    has_area = areas > NO_AREA * lengths.max(axis=1)
     result = np.arange(len(corners))
     empty = np.flatnonzero(~has_area)
     beside = across[empty]
     fits = (beside >= 0) & has_area[beside]
-    result[empty] = np.where(fits.any(axis=1), beside[np.arange(len(empty)), fits.argmax(axis=1)], empty)
+    longest = np.where(fits, lengths[empty], -1.0).argmax(axis=1)
+    result[empty] = np.where(fits.any(axis=1), beside[np.arange(len(empty)), longest], empty)
     return result
 
 
