@@ -2,7 +2,7 @@
 """Locates the issues that the audit counted: on all texels of a map, and on which faces of the low mesh."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import bpy
 import numpy as np
@@ -19,7 +19,7 @@ from ..core.timings import Timings
 from ..engine import gpu_memory, rendering, separation
 from ..engine.bands import Band
 from ..engine.method_choice import Plan, choose_method
-from ..engine.rays.unsure_texels import Doubts, Explorer
+from ..engine.rays.unsure_texels import Explorer
 from ..engine.sources import Source, normal_source
 from ..mesh import face_shapes, uv_islands, uv_layout, uv_seams
 from ..mesh.inputs import Meshes
@@ -141,8 +141,7 @@ def _masks(view: _View, kind: str) -> Iterator[tuple[Band, np.ndarray, int]]:
         if kind == "overlap":
             yield from _shared(view, bands)
         elif kind == "unsure":
-            for band, doubts in _doubts(view, bands):
-                yield band, doubts.unsure, 1
+            yield from _unsure(view, bands)
         elif kind in {"gaps", "backwards"}:
             whole = dict(zip(tiles, (_close if kind == "gaps" else _backwards)(view), strict=False))
             for band in bands:
@@ -184,17 +183,13 @@ def _separated(view: _View, kind: str, bands: list[Band]) -> Iterator[tuple[Band
         yield band, mask, 1
 
 
-def _doubts(view: _View, bands: list[Band]) -> Iterator[tuple[Band, Doubts]]:
-    """The doubts about the hits of each band, with jumps between its texels; nothing without rays."""
+def _unsure(view: _View, bands: list[Band]) -> Iterator[tuple[Band, np.ndarray, int]]:
+    """The texels that may show the wrong layer, as `_masks` has them; none without rays."""
     ray_cast = view.source().ray_cast
-    if ray_cast is None:
-        nothing = {field.name: np.zeros(view.size[::-1], bool) for field in fields(Doubts)}
-        for band in bands:
-            yield band, Doubts(**{name: texels[: band.height] for name, texels in nothing.items()})
-        return
-    explorer = Explorer(ray_cast, view.meshes.low)
+    explorer = Explorer(ray_cast, view.meshes.low) if ray_cast else None
     for band in bands:
-        yield band, explorer.doubts((band.width, band.height), band.uv_to_clip)
+        size = band.width, band.height
+        yield band, explorer.doubts(size, band.uv_to_clip).unsure if explorer else np.zeros(size[::-1], bool), 1
 
 
 def _close(view: _View) -> Iterator[np.ndarray]:

@@ -12,7 +12,7 @@ from addon.core.settings import Settings
 from addon.core.timings import Timings
 from addon.engine.method_choice import choose_method
 from addon.engine.rays import ray_doubts
-from addon.engine.rays.unsure_texels import Doubts
+from addon.engine.rays.unsure_texels import Doubts, Explorer
 from addon.engine.sources import normal_source
 from addon.scene import reading
 from tests.support import zoo
@@ -36,17 +36,13 @@ def rays():
 
 
 def count(rays, monkeypatch, **doubts):
-    """The counts if Explorer finds these doubts."""
+    """The counts if Explorer finds these doubts as well."""
 
-    class Explorer:
-        def __init__(self, *_):
-            pass
+    class Doubting(Explorer):
+        def doubts(self, size, view):
+            return replace(super().doubts(size, view), **doubts)
 
-        def doubts(self, size, _view):
-            nothing = np.zeros(size[::-1], bool)
-            return Doubts(**{field.name: doubts.get(field.name, nothing) for field in fields(Doubts)})
-
-    monkeypatch.setattr(ray_doubts, "Explorer", Explorer)
+    monkeypatch.setattr(ray_doubts, "Explorer", Doubting)
     by_triangle, texels = ray_doubts.count(*rays, (SIZE, SIZE), [udim.uv_to_clip(), udim.uv_to_clip(1002)])
     assert texels == SIZE * SIZE  # nothing lies on the second tile
     return by_triangle.tolist()

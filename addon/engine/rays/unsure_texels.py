@@ -26,7 +26,8 @@ STEEP = 2.0
 class Doubts:
     """What speaks against the hits of texels, (height, width) bool each.
 
-    on_low: the texels of the low mesh. not_owned: those that own none of the hits that face their rays, and show the nearest.
+    triangles (height, width) int64: the number of the low triangle that each texel lies on, as LowSurface has it; 0 for none.
+    missed: those whose rays hit nothing. not_owned: those that own none of the hits that face their rays, and show the nearest.
 
     The others are reasons to be unsure. undecided: not_owned, and another hit is about as near. backs: the ray hits
     only backs of triangles. contested: the texel owns several hits, and one of them may belong to another layer of the low
@@ -34,7 +35,8 @@ class Doubts:
     several hits and layers. other_layer: the settings choose hits by another rule than OWN, and the texel's own hit is another.
     """
 
-    on_low: np.ndarray
+    triangles: np.ndarray
+    missed: np.ndarray
     not_owned: np.ndarray
     undecided: np.ndarray
     backs: np.ndarray
@@ -43,12 +45,17 @@ class Doubts:
     other_layer: np.ndarray
 
     @property
+    def on_low(self) -> np.ndarray:
+        """The texels of the low mesh."""
+        return self.triangles > 0
+
+    @property
     def unsure(self) -> np.ndarray:
         """The texels with at least one reason."""
         return np.logical_or.reduce([getattr(self, reason) for reason in REASONS])
 
 
-REASONS = tuple(field.name for field in fields(Doubts))[2:]
+REASONS = tuple(field.name for field in fields(Doubts))[3:]
 """The names of the reasons to be unsure."""
 
 
@@ -119,9 +126,10 @@ class Explorer:
     def _look_farther(self, drawn: target.Target, first: _Hits) -> tuple[Doubts, np.ndarray]:
         """The doubts about hits, without jumps, and the texels (height, width) bool where jumps would count."""
         places, away = _read(drawn, 0), _read(drawn, 1)
-        doubts = Doubts(places[..., 3] > 0.0, *np.zeros((len(REASONS) + 1, *first.is_hit.shape), bool))
+        doubts = Doubts(places[..., 3].astype(np.int64), *np.zeros((len(REASONS) + 2, *first.is_hit.shape), bool))
+        on_low = doubts.on_low
+        doubts.missed[:] = on_low & ~first.is_hit
         if self._ray_cast.hit != Hit.OWN:
-            on_low = doubts.on_low
             own = _cast(replace(self._ray_cast, hit=Hit.OWN), places[on_low], away[on_low])
             doubts.other_layer[on_low] = self._differ(first.at(on_low), own)
             return doubts, np.zeros_like(on_low)
