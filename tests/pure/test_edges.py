@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from addon.mesh import edges
-from addon.mesh.spatial.neighbors import neighbors
+from addon.mesh.spatial.neighbors import has_area, neighbors, past_flat
 from addon.mesh.triangle_mesh import Mesh
 
 
@@ -93,6 +93,49 @@ def test_neighbors_in_a_tangle(seed):
 def test_neighbors_of_a_single_triangle_and_of_none():
     assert neighbors(np.float32(SQUARE), np.array([(0, 1, 2)])).tolist() == [[-1, -1, -1]]
     assert neighbors(np.float32(SQUARE), np.zeros((0, 3), int)).shape == (0, 3)
+
+
+def past(points, triangles):
+    points, triangles = np.float32(points), np.array(triangles)
+    return [found.tolist() for found in past_flat(points, triangles, has_area(points, triangles))]
+
+
+def test_triangles_without_area_are_skipped():
+    """Between the two halves of a square lies one whose third corner is in the place of its second."""
+    across, nearest = past([*SQUARE, (1, 1, 0)], [(0, 1, 2), (0, 2, 4), (0, 4, 3)])
+    assert across == [[-1, -1, 2], [-1, -1, -1], [0, -1, -1]]
+    assert nearest[1] in (0, 2)
+    assert nearest[::2] == [0, 2]
+
+
+def test_a_needle_is_skipped_and_leads_to_its_neighbor():
+    across, nearest = past([*SQUARE, (1, 0.5, 1e-7)], [(0, 1, 2), (0, 2, 3), (1, 2, 4)])
+    assert across == [[-1, -1, 1], [0, -1, -1], [-1, -1, -1]]
+    assert nearest == [0, 1, 0]
+
+
+def test_a_needle_leads_across_its_longest_edge():
+    """It has a neighbor at each edge."""
+    points = [(0, 0, 0), (3, 0, 0), (1, 0, 0), (0, 1, 0), (3, 1, 0), (1, -1, 0)]
+    _, nearest = past(points, [(0, 2, 3), (0, 1, 2), (2, 1, 4), (1, 0, 5)])
+    assert nearest == [0, 3, 2, 3]
+
+
+def test_a_triangle_without_area_and_neighbors_stays_itself():
+    assert past([*SQUARE, (2, 0, 0), (3, 0, 0)], [(0, 1, 2), (4, 5, 5)]) == [[[-1, -1, -1], [-1, -1, -1]], [0, 1]]
+    assert past([(0, 0, 0)], [(0, 0, 0)]) == [[[-1, -1, -1]], [0]]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_without_flat_triangles_the_neighbors_are_all(seed):
+    rng = np.random.default_rng(seed)
+    points, triangles = (
+        rng.random((12, 3)).astype(np.float32),
+        rng.permuted(np.tile(np.arange(12), (40, 1)), axis=1)[:, :3],
+    )
+    across, nearest = past(points, triangles)
+    assert across == neighbors(points, triangles).tolist()
+    assert nearest == list(range(40))
 
 
 # Hard edges

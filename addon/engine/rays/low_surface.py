@@ -20,9 +20,6 @@ hard."""
 PLACES = 0.2, 0.4, 0.6, 0.8
 """Where on a hard edge the points lie, as shares of its length."""
 
-NO_AREA = 1e-5
-"""Triangles with less area than this share of a square on their longest edge have none: rounding decides their normals."""
-
 
 @dataclass(frozen=True)
 class LowSurface:
@@ -71,10 +68,13 @@ def build(low: Mesh, local_space: LocalSpace) -> LowSurface:
     vertices = np.take(low.vertices, triangles, mode="clip")
     tree = bvh.build(points, vertices)
     ordered = vertices[tree.order]
-    across = neighbors.neighbors(points, ordered)
+    corners, has_area = points[ordered], neighbors.has_area(points, ordered)
+    # In one point, a triangle has a normal of exactly 0 on any GPU, which agrees with no hit.
+    corners[~has_area] = corners[~has_area][:, :1]
+    across, nearest = neighbors.past_flat(points, ordered, has_area)
     uploaded = owners.upload(
         tree.nodes,
-        points[ordered],
+        corners,
         across,
         first_leaf=tree.first_leaf,
         origin=tree.origin,
@@ -82,26 +82,8 @@ def build(low: Mesh, local_space: LocalSpace) -> LowSurface:
     )
     numbers = np.empty(len(triangles), np.int64)
     numbers[tree.order] = np.arange(1, len(triangles) + 1)
-    starts = (1 + _with_area(points[ordered], across))[numbers - 1]
+    starts = 1 + nearest[numbers - 1]
     return LowSurface(uploaded, numbers, starts, *upload_hard_edges(low, local_space))
-
-
-def _with_area(corners: np.ndarray, across: np.ndarray) -> np.ndarray:
-    """The number (T,) of each triangle with `corners` (T, 3, 3), from 0. Without area, that of a neighbor that has some.
-
-    All of a triangle without area lies on its longest edge, and it has no sides for a walk to choose from. The neighbor across
-    that edge comes first. across (T, 3): as neighbors.neighbors returns it.
-    """
-    along = np.roll(corners, -1, axis=1) - corners
-    areas, lengths = np.linalg.norm(np.cross(along[:, 0], along[:, 1]), axis=1), (along * along).sum(axis=2)
-    has_area = areas > NO_AREA * lengths.max(axis=1)
-    result = np.arange(len(corners))
-    empty = np.flatnonzero(~has_area)
-    beside = across[empty]
-    fits = (beside >= 0) & has_area[beside]
-    longest = np.where(fits, lengths[empty], -1.0).argmax(axis=1)
-    result[empty] = np.where(fits.any(axis=1), beside[np.arange(len(empty)), longest], empty)
-    return result
 
 
 def upload_hard_edges(low: Mesh, local_space: LocalSpace) -> tuple[rays.Edges, SharpPoints | None]:
