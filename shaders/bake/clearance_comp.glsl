@@ -7,6 +7,8 @@
 
 // How far the search goes, in radii of the triangle: it takes longer for larger ones.
 const float CLEARANCE_RADII = 2.5;
+// The most triangles that it tests, as around the center of a fan: beyond, the clearance is 0, and hits are searched for.
+const int CLEARANCE_MOST = 256;
 
 void main()
 {
@@ -23,7 +25,8 @@ void main()
   vec3 unit = 1.0 / low_scale.xyz;
   uvec2 trail = uvec2(0u);
   int node = 0;
-  while (node >= 0) {
+  int tested = 0;
+  while (node >= 0 && tested < CLEARANCE_MOST) {
     uvec4 x = floatBitsToUint(texel_at(low_nodes, texture_place(node * 3)));
     uvec4 y = floatBitsToUint(texel_at(low_nodes, texture_place(node * 3 + 1)));
     uvec4 z = floatBitsToUint(texel_at(low_nodes, texture_place(node * 3 + 2)));
@@ -37,6 +40,7 @@ void main()
     while (mask != 0u) {
       int triangle = child - low_first_leaf + findLSB(mask);
       mask &= mask - 1u;
+      tested++;
       OwnerTriangle other = owner_triangle(triangle);
       vec3 closest = closest_on_triangle(center, other.a, other.b, other.c, other.face);
       vec3 to_closest = closest - center;
@@ -47,5 +51,6 @@ void main()
       }
     }
   }
-  imageStore(clearances, place, vec4(max(0.0, sqrt(best) - radius), 0.0, 0.0, 0.0));
+  float clearance = node < 0 ? max(0.0, sqrt(best) - radius) : 0.0;
+  imageStore(clearances, place, vec4(clearance, 0.0, 0.0, 0.0));
 }

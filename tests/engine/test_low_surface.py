@@ -12,6 +12,7 @@ from addon.core.settings import Settings
 from addon.core.timings import Timings
 from addon.engine.method_choice import choose_method
 from addon.engine.sources import normal_source
+from addon.passes import target
 from addon.scene import reading
 from tests.support import zoo
 
@@ -62,6 +63,40 @@ def test_a_triangle_without_area_and_neighbors_stays_its_own():
     low = zoo.build("low", [*SQUARE, *line], [*ACROSS, (4, 5, 6)], np.random.default_rng(1).random((3, 3, 2)))
     surface = ray_cast(low, zoo.build("high", SQUARE, ACROSS)).low
     assert np.array_equal(surface.starts, surface.numbers)
+
+
+def clearances(surface):
+    """The clearance of each triangle, in the tree's order."""
+    texture = surface.owners.corners
+    texels = np.empty((texture.height, texture.width, 4), np.float32)
+    target.read(texture, texels)
+    return texels.reshape(-1, 4)[3 : 4 * len(surface.numbers) : 4, 3]
+
+
+def test_clearances_reach_to_the_next_layer():
+    """Squares of 1 / 16; the farthest corner of half a square is `radius` from its center."""
+    cell, gap = 1.0 / 16.0, 0.1
+    radius = cell * np.sqrt(5.0) / 3.0
+    uv, quads = zoo.grid_uv(32, 32), zoo.grid_faces(32, 32)
+    sheet = np.column_stack([2.0 * uv - 1.0, np.zeros(len(uv))])
+    one = zoo.build("one", sheet, quads, uv[quads])
+    both = [*sheet, *(sheet + (0.0, 0.0, gap))]
+    two = zoo.build("two", both, [*quads, *(quads + len(sheet))], [*uv[quads], *uv[quads]])
+    for low, expected in ((one, 1.5 * radius), (two, gap - radius)):
+        cast = ray_cast(low, zoo.plane("high"))
+        found = clearances(cast.low) * cast.ray_scene.local_space.size
+        assert np.abs(found - expected).max() < 1e-5
+
+
+def test_clearances_are_not_measured_where_very_many_triangles_are_near():
+    """Around the center of a fan, each triangle has all others near it."""
+    for sides, has_clearance in ((100, True), (1000, False)):
+        angles = np.arange(sides) / sides * 2.0 * np.pi
+        rim = np.stack([np.cos(angles), np.sin(angles), 0.0 * angles], axis=1)
+        triangles = np.stack([np.zeros(sides), 1 + np.arange(sides), 1 + (np.arange(sides) + 1) % sides], axis=1)
+        uv = np.random.default_rng(1).random((sides, 3, 2))
+        surface = ray_cast(zoo.build("fan", [(0, 0, 0), *rim], triangles, uv), zoo.plane("high")).low
+        assert (clearances(surface) > 0.0).any() == has_clearance
 
 
 def test_the_width_of_the_blend_is_rounded():
