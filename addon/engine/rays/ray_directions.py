@@ -26,11 +26,18 @@ MOST_POINTS = 2**14
 
 def choose(which: str, meshes: Meshes, low_surface: LowSurface, tables: cast.Tables) -> rays.Directions:
     """The directions for the setting `which`. BLENDED is SMOOTH for a low mesh without hard edges, and with a cage."""
-    if which == Directions.SPLIT:
-        return rays.Directions(low_surface.edges, straight_share=1.0)
-    if which == Directions.SMOOTH or low_surface.sharp is None or meshes.cage is not None:
-        return rays.Directions(low_surface.edges)
-    return rays.Directions(low_surface.edges, blend_width=_blend_width(meshes, low_surface.sharp, tables))
+    blends = may_blend(which, has_cage=meshes.cage is not None) and low_surface.sharp is not None
+    return of_width(which, low_surface.edges, _blend_width(meshes, low_surface.sharp, tables) if blends else 0.0)
+
+
+def may_blend(which: str, *, has_cage: bool) -> bool:
+    """Whether directions blend at hard edges. A cage decides the directions alone."""
+    return which == Directions.BLENDED and not has_cage
+
+
+def of_width(which: str, edges: rays.Edges, blend_width: float) -> rays.Directions:
+    """The directions for the setting `which`. blend_width: in local space; 0 if they do not blend."""
+    return rays.Directions(edges, straight_share=float(which == Directions.SPLIT), blend_width=blend_width)
 
 
 def _blend_width(meshes: Meshes, sharp: SharpPoints, tables: cast.Tables) -> float:

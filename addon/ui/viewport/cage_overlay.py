@@ -10,6 +10,7 @@ import gpu
 from ...core.declarations.choices import Directions
 from ...core.errors import BakeError
 from ...core.settings import Settings
+from ...engine.rays import ray_directions
 from ...engine.rays.ray_casting import RayCast
 from ...jobs import ray_measuring
 from ...scene import object_refs
@@ -64,7 +65,7 @@ class Subject:
         """The subject for the settings of the panel."""
         panel = context.scene.imprint
         cage = panel.cage_for(panel.method)
-        is_blended = panel.directions == Directions.BLENDED and cage is None
+        is_blended = ray_directions.may_blend(panel.directions, has_cage=cage is not None)
         return cls(
             object_refs.ObjectRef.of(low),
             object_refs.ObjectRef.of(cage) if cage else None,
