@@ -77,6 +77,10 @@ class Settings:
             return self
         return replace(self, basis=bases.of_engine(engine).name)
 
+    def without_file(self) -> "Settings":
+        """These settings for a map that goes into no file."""
+        return replace(self, storage=Storage.PACK if self.udim else Storage.MEMORY, output="")
+
     @property
     def is_float(self) -> bool:
         """Whether images store floats, rather than steps from 0 to 1."""

@@ -10,7 +10,7 @@ import numpy as np
 from ..audit import mip_gaps
 from ..audit.checks import uv_space
 from ..core import progress
-from ..core.declarations.choices import Space, Storage
+from ..core.declarations.choices import Space
 from ..core.errors import BakeError
 from ..core.map_types import NORMAL
 from ..core.report import Report
@@ -106,8 +106,7 @@ def _view(context: bpy.types.Context, report: Report, kind: str) -> _View:
     # Settings of the map's appearance do not matter, because only the mask is written.
     space = Space.TANGENT if kind == "backwards" else Space.OBJECT
     settings = replace(past.settings, method=past.method, space=space, maps=(), mask=False, material=False)
-    settings = replace(settings, output="", storage=Storage.PACK if settings.udim else Storage.MEMORY)
-    settings = replace(settings, image=f"{settings.image}_{kind}", depth=8, dither=False)
+    settings = replace(settings.without_file(), image=f"{settings.image}_{kind}", depth=8, dither=False)
     check_job(context, past.job, settings)
     meshes = reading.read(context, past.job.low, past.job.highs, past.job.cage, settings)
     return _View(past.job, choose_method(meshes, past.tiles, settings), settings, past.distances)

@@ -7,7 +7,6 @@ from dataclasses import replace
 import bpy
 
 from ..core import progress
-from ..core.declarations.choices import Storage
 from ..core.settings import Settings
 from ..core.timings import Timings
 from ..engine import gpu_memory
@@ -27,8 +26,7 @@ def measure(
 ) -> RayCast | None:
     """The rays of a bake of these objects; None if it would cast none. Raises BakeError as the bake does."""
     # Nothing is stored, so it does not matter where.
-    storage = Storage.PACK if settings.udim else Storage.MEMORY
-    settings = replace(settings, storage=storage, output="", material=False)
+    settings = replace(settings.without_file(), material=False)
     settings.check()
     job = Job(low, highs, cage)
     check_job(context, job, settings)

@@ -10,7 +10,6 @@ import gpu
 import numpy as np
 
 from ..core import progress, udim
-from ..core.declarations.choices import Storage
 from ..core.errors import BakeError
 from ..core.report import Report
 from ..core.timings import Timings
@@ -60,8 +59,7 @@ def propose(context: bpy.types.Context, report: Report, groups: dict[str, str]) 
     past = PastBake.of(report)
     low = past.job.low
     settings = vertex_weights.without_missing(low, replace(past.settings, method=past.method, maps=(), **groups))
-    storage = Storage.PACK if settings.udim else Storage.MEMORY
-    settings = replace(settings, material=False, mask=False, output="", storage=storage, **past.distances)
+    settings = replace(settings.without_file(), material=False, mask=False, **past.distances)
     check_job(context, past.job, settings)
     meshes = reading.read(context, low, past.job.highs, past.job.cage, settings)
     if len(meshes.low.positions) != len(low.data.vertices):
