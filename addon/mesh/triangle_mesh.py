@@ -35,6 +35,11 @@ class Mesh:
         """Transform `normals` (N, 3) from this mesh's space to world space; float32, not of length one."""
         return normals @ normal_matrix(self.to_world).T.astype(np.float32)
 
+    @property
+    def front_triangles(self) -> np.ndarray:
+        """`triangles`, counter-clockwise in the scene where seen from the front: a mirrored matrix reverses the winding."""
+        return self.triangles[:, ::-1] if np.linalg.det(self.to_world[:3, :3]) < 0.0 else self.triangles
+
     @cached_property
     def box(self) -> np.ndarray:
         """The minimum and maximum coordinates (2, 3) float64, in the mesh's space, of the vertices that triangles use."""

@@ -63,9 +63,7 @@ def build(low: Mesh, local_space: LocalSpace) -> LowSurface:
             f"{low.name!r} has {len(low.triangles):,} triangles; rays take at most {most:,} of the low mesh on this GPU."
         )
     points = local_space.points(low)
-    # A mirrored matrix reverses the winding, and with it the face normals.
-    triangles = low.triangles[:, ::-1] if np.linalg.det(low.to_world[:3, :3]) < 0.0 else low.triangles
-    vertices = np.take(low.vertices, triangles, mode="clip")
+    vertices = np.take(low.vertices, low.front_triangles, mode="clip")  # the winding decides where faces point
     tree = bvh.build(points, vertices)
     ordered = vertices[tree.order]
     corners, has_area = points[ordered], neighbors.has_area(points, ordered)
@@ -80,8 +78,8 @@ def build(low: Mesh, local_space: LocalSpace) -> LowSurface:
         origin=tree.origin,
         scale=tree.scale,
     )
-    numbers = np.empty(len(triangles), np.int64)
-    numbers[tree.order] = np.arange(1, len(triangles) + 1)
+    numbers = np.empty(len(vertices), np.int64)
+    numbers[tree.order] = np.arange(1, len(vertices) + 1)
     starts = 1 + nearest[numbers - 1]
     return LowSurface(uploaded, numbers, starts, *upload_hard_edges(low, local_space))
 

@@ -73,7 +73,7 @@ class RayCast:
                 self.low.owners,
                 rule=self.hit,
                 inside=FARTHEST if self.has_cage else (self.max_distance - self.extrusion) / unit,
-                # Painting moves where rays start, not where they end.
+                # Painting moves where rays start, not where they end. From a cage, they have a length instead.
                 max_t=self.max_distance / unit if self.has_cage else FARTHEST,
                 facing_only=self.facing_only,
                 rows=rows,

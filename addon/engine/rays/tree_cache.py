@@ -121,8 +121,7 @@ def _build(highs: Sequence[Mesh], timings: Timings) -> RayScene:
     points, normals, vertices, corners = [], [], [], []
     points_before = corners_before = 0
     for high in highs:
-        # A mirrored matrix reverses the winding, which decides whether a ray hits the front or the back.
-        triangles = high.triangles[:, ::-1] if np.linalg.det(high.to_world[:3, :3]) < 0.0 else high.triangles
+        triangles = high.front_triangles  # the winding decides whether a ray hits the front or the back
         points.append(local_space.points(high))
         normals.append(high.to_world_normals(high.normals))
         vertices.append(_shifted(points_before, np.take(high.vertices, triangles, mode="clip")))

@@ -26,7 +26,7 @@ STEEP = 2.0
 class Doubts:
     """What speaks against the hits of texels, (height, width) bool each.
 
-    triangles (height, width) int64: the number of the low triangle that each texel lies on, as LowSurface has it; 0 for none.
+    triangles (height, width) int64: the number of the low triangle on each texel, as in LowSurface.starts; 0 for none.
     missed: those whose rays hit nothing. not_owned: those that own none of the hits that face their rays, and show the nearest.
 
     The others are reasons to be unsure. undecided: not_owned, and another hit is about as near. backs: the ray hits
@@ -224,10 +224,9 @@ def _read(drawn: target.Target, slot: int) -> np.ndarray:
 
 def _corners(ray_cast: RayCast, low: Mesh) -> gpu.types.GPUTexture:
     """The corners of the low mesh's triangles, three texels each, in the order of its tree."""
-    # A mirrored matrix reverses the winding, which decides whether a ray hits the front or the back.
-    triangles = low.triangles[:, ::-1] if np.linalg.det(low.to_world[:3, :3]) < 0.0 else low.triangles
-    ordered = np.empty_like(triangles)
-    ordered[ray_cast.low.numbers - 1] = triangles
+    ordered = np.empty_like(low.triangles)
+    # The winding decides whether a ray hits the front or the back.
+    ordered[ray_cast.low.numbers - 1] = low.front_triangles
     corners = low.vertices[ordered.reshape(-1)]
     return data_texture.upload_gathered(
         ray_cast.ray_scene.local_space.points(low), corners, data_texture.empty(len(corners))
