@@ -27,6 +27,8 @@ GROUP_NAMES = {"offset_group": "Imprint Offset", "straight_group": "Imprint Stra
 TRIALS = (
     ("offset_group", 0.25),
     ("offset_group", 0.125),
+    ("offset_group", 0.0625),
+    ("offset_group", 0.0),
     ("offset_group", 1.0),
     ("straight_group", 0.0),
     ("straight_group", 1.0),
@@ -36,13 +38,17 @@ BETTER = 0.75
 """Other weights are proposed only where at most this share of the doubtful texels remains."""
 TEXELS = 256
 """The most texels a side that are tried."""
+CHECKED_TEXELS = 1024
+"""The most texels a side on which the result is checked. Several tiles share them."""
+ROUNDS = 4
+"""How often weights are taken back where they change sure texels, before all are."""
 
 
 @dataclass(frozen=True)
 class Proposal:
     """Weights (V,) float32 by vertex of the low object, by the settings that name their groups.
 
-    They are the present ones where no others are better. before, after: the shares of the tried texels that are doubtful,
+    They are the present ones where no others are better. before, after: the shares of the checked texels that are doubtful,
     without and with them.
     """
 
@@ -69,14 +75,14 @@ def propose(context: bpy.types.Context, report: Report, groups: dict[str, str]) 
     plan = choose_method(meshes, past.tiles, settings)
     with gpu_memory.trimmed():
         ray_cast = progress.finish(normal_source(plan, settings, Timings(), progress.Pace())).ray_cast
-        size = min(settings.width, TEXELS), min(settings.height, TEXELS)
         views = [udim.uv_to_clip(tile) for tile in past.tiles]
-        return best(
-            meshes,
-            lambda painted: ray_doubts.count(
-                replace(ray_cast, ray_mesh=_ray_mesh(ray_cast, painted)), meshes.low, size, views
-            ),
-        )
+
+        def trace(painted: Meshes, most: int) -> ray_doubts.Traced:
+            most = max(TEXELS, int(most / len(views) ** 0.5))  # as much memory for many tiles as for one
+            size = min(settings.width, most), min(settings.height, most)
+            return ray_doubts.trace(replace(ray_cast, ray_mesh=_ray_mesh(ray_cast, painted)), meshes.low, size, views)
+
+        return best(meshes, trace)
 
 
 def apply(low: bpy.types.Object, proposal: Proposal, groups: dict[str, str]) -> dict[str, str]:
@@ -88,24 +94,47 @@ def apply(low: bpy.types.Object, proposal: Proposal, groups: dict[str, str]) -> 
     return names
 
 
-def best(meshes: Meshes, doubts: Callable[[Meshes], tuple[np.ndarray, int]]) -> Proposal:
-    """The best weights for `meshes`. doubts: counts the doubtful texels of painted meshes, as ray_doubts.count does."""
+def best(meshes: Meshes, trace: Callable[[Meshes, int], ray_doubts.Traced]) -> Proposal:
+    """The best weights for `meshes`. trace: casts the rays of painted meshes, for at most so many texels a side.
+
+    No weights are proposed that change what a sure texel shows.
+    """
     present = {
         "offset_group": _by_vertex(meshes, None if meshes.offset is None else meshes.offset / 2.0),
         "straight_group": _by_vertex(meshes, None if meshes.straight is None else (meshes.straight + 1.0) / 2.0),
     }
-    before, texels = doubts(_painted(meshes, present))
-    fewest, found = _around_vertices(meshes, before) * BETTER, dict(present)
+    now = trace(_painted(meshes, present), TEXELS)
+    fewest, found = _around_vertices(meshes, now.doubtful()) * BETTER, dict(present)
     for setting, weight in TRIALS:
         trial = present | {setting: np.full_like(present[setting], weight)}
-        around = _around_vertices(meshes, doubts(_painted(meshes, trial))[0])
-        is_better = around < fewest
+        tried = trace(_painted(meshes, trial), TEXELS)
+        around = _around_vertices(meshes, tried.doubtful())
+        is_better = (around < fewest) & (_around_vertices(meshes, now.lost(tried)) == 0)
         fewest = np.where(is_better, around, fewest)
         found = {name: np.where(is_better, trial[name], weights) for name, weights in found.items()}
-    after, _ = doubts(_painted(meshes, found))
-    if not after.sum() < before.sum():
-        found, after = present, before
-    return Proposal(found, *(float(count.sum()) / max(1, texels) for count in (before, after)))
+    return _checked(meshes, trace, present, found)
+
+
+def _checked(
+    meshes: Meshes,
+    trace: Callable[[Meshes, int], ray_doubts.Traced],
+    present: dict[str, np.ndarray],
+    found: dict[str, np.ndarray],
+) -> Proposal:
+    """`found` as far as it changes no sure texel, or `present` if that is no better. They are as Proposal.weights."""
+    now = trace(_painted(meshes, present), CHECKED_TEXELS)
+    before, texels = now.doubtful().sum(), max(1, len(now.triangles))
+    # Between vertices with different weights, rays are between those of two trials.
+    for _ in range(ROUNDS):
+        then = trace(_painted(meshes, found), CHECKED_TEXELS)
+        is_harmful = _around_vertices(meshes, now.lost(then)) > 0
+        if not is_harmful.any():
+            after = then.doubtful().sum()
+            if after < before:
+                return Proposal(found, float(before / texels), float(after / texels))
+            break
+        found = {name: np.where(is_harmful, present[name], weights) for name, weights in found.items()}
+    return Proposal(present, float(before / texels), float(before / texels))
 
 
 def _painted(meshes: Meshes, weights: dict[str, np.ndarray]) -> Meshes:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Tests which texels count as doubtful, and on which triangles they are."""
+"""Tests which texels count as doubtful or as lost, and on which triangles they are."""
 
 from dataclasses import fields, replace
 
@@ -35,7 +35,11 @@ def rays():
     return progress.finish(normal_source(plan, settings, Timings(), progress.Pace())).ray_cast, meshes.low
 
 
-def count(rays, monkeypatch, **doubts):
+def trace(rays):
+    return ray_doubts.trace(*rays, (SIZE, SIZE), [udim.uv_to_clip(), udim.uv_to_clip(1002)])
+
+
+def doubtful(rays, monkeypatch, **doubts):
     """The counts if Explorer finds these doubts as well."""
 
     class Doubting(Explorer):
@@ -43,20 +47,74 @@ def count(rays, monkeypatch, **doubts):
             return replace(super().doubts(size, view), **doubts)
 
     monkeypatch.setattr(ray_doubts, "Explorer", Doubting)
-    by_triangle, texels = ray_doubts.count(*rays, (SIZE, SIZE), [udim.uv_to_clip(), udim.uv_to_clip(1002)])
-    assert texels == SIZE * SIZE  # nothing lies on the second tile
-    return by_triangle.tolist()
+    found = trace(rays)
+    assert len(found.triangles) == SIZE * SIZE  # nothing lies on the second tile
+    return found.doubtful().tolist()
 
 
-@pytest.mark.parametrize("reason", [field.name for field in fields(Doubts)][1:])
+@pytest.mark.parametrize("reason", [field.name for field in fields(Doubts)][2:])
 def test_each_reason_counts(rays, monkeypatch, reason):
     mask = np.zeros((SIZE, SIZE), bool)
     mask[CORNER] = True
-    assert sorted(count(rays, monkeypatch, **{reason: mask})) == [0, 6]
+    assert sorted(doubtful(rays, monkeypatch, **{reason: mask})) == [0, 6]
 
 
 def test_without_reasons_only_misses_count(rays, monkeypatch):
-    assert count(rays, monkeypatch) == [0, 0]
+    assert doubtful(rays, monkeypatch) == [0, 0]
     ray_cast, low = rays
     rays = replace(ray_cast, extrusion=0.05), low  # they start below the high plane
-    assert sum(count(rays, monkeypatch)) == SIZE * SIZE
+    assert sum(doubtful(rays, monkeypatch)) == SIZE * SIZE
+
+
+def test_texels_have_their_triangle_and_their_hit(rays):
+    found, (ray_cast, low) = trace(rays), rays
+    unit = ray_cast.ray_scene.local_space.size
+    assert np.allclose(found.heights * unit, 0.1, atol=1e-5)
+    assert np.allclose(np.ptp(found.hits, axis=0) * unit, [2 - 2 / SIZE, 2 - 2 / SIZE, 0.0], atol=1e-5)
+    assert np.allclose(found.directions, [0.0, 0.0, 1.0], atol=1e-6)
+    corners = ray_cast.ray_scene.local_space.points(low)[low.vertices[low.triangles]]
+    for number, corner in enumerate(corners):
+        hits = found.hits[found.triangles == number]
+        assert len(hits) > SIZE * SIZE / 3
+        assert np.allclose(hits[:, :2].mean(axis=0), corner[:, :2].mean(axis=0), atol=2.0 / SIZE / unit)
+
+
+def texel(**values):
+    """The rays of two triangles, with one texel that is on the second one. Its ray hits at a height of 0.1."""
+    neutral = {"direction": (0, 0, 1), "hit": (0, 0, 0.1), "is_missed": False, "is_doubtful": False} | values
+    return ray_doubts.Traced(
+        np.array([1]),
+        np.array([neutral["direction"]], np.float32),
+        np.array([neutral["hit"]], np.float32),
+        np.float32([0.1]),
+        np.array([neutral["is_missed"]]),
+        np.array([neutral["is_doubtful"]]),
+        gap=1e-3,
+        count=2,
+    )
+
+
+HIGHER = {"hit": (0, 0, 0.102)}
+MISSED = {"is_missed": True, "is_doubtful": True}
+DOUBTFUL = {"is_doubtful": True}
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "lost"),
+    [
+        ({}, {}, 0),
+        ({}, {"hit": (0, 0, 0.1005)}, 0),
+        ({}, HIGHER, 1),
+        ({}, HIGHER | DOUBTFUL, 1),
+        ({}, DOUBTFUL, 0),
+        (DOUBTFUL, HIGHER, 0),
+        ({}, MISSED, 1),
+        (DOUBTFUL, MISSED, 1),
+        (MISSED, MISSED | HIGHER, 0),
+        (MISSED, {}, 0),
+        ({}, {"direction": (0.1, 0, 0.995), "hit": (0.01, 0, 0.12)}, 0),  # as far as a slope moves a ray that turns
+        ({}, {"direction": (0.1, 0, 0.995), "hit": (0.01, 0, 0.14)}, 1),
+    ],
+)
+def test_which_texels_are_lost(before, after, lost):
+    assert texel(**before).lost(texel(**after)).tolist() == [0, lost]

@@ -7,7 +7,8 @@ import pytest
 
 from addon.core.errors import BakeError
 from addon.core.settings import Settings
-from addon.jobs import bake_pair, weight_proposal
+from addon.engine.rays import ray_doubts
+from addon.jobs import bake_pair, locate_issues, weight_proposal
 from addon.mesh.inputs import Meshes
 from addon.mesh.triangle_mesh import Mesh
 from addon.scene import vertex_weights
@@ -112,13 +113,14 @@ def test_painted_weights_stay_where_no_others_are_better():
         ({("offset", 0.25): 7}, 0.25, 0.5),
         ({("offset", 0.25): 2, ("offset", 0.125): 3, ("straight", 1.0): 4}, 0.25, 0.5),
         ({("offset", 0.25): 3, ("offset", 0.125): 2, ("straight", 1.0): 4}, 0.125, 0.5),
+        ({("offset", 0.0625): 6, ("offset", 0.0): 5}, 0.0, 0.5),
         ({("offset", 0.25): 3, ("straight", 1.0): 1}, 0.5, 1.0),
         ({("offset", 1.0): 0, ("straight", 0.0): 0}, 1.0, 0.5),  # the first of two
     ],
 )
 def test_the_trial_that_leaves_the_fewest_doubtful_texels_wins(left, offset, straight):
     """Of ten doubtful texels on a triangle, trials leave as many as `left` says."""
-    proposal = weight_proposal.best(one_triangle(), lambda painted: (np.array([left.get(trial_of(painted), 10)]), 100))
+    proposal = weight_proposal.best(one_triangle(), lambda painted, _: traced(left.get(trial_of(painted), 10)))
     assert (proposal.weights["offset_group"] == offset).all()
     assert (proposal.weights["straight_group"] == straight).all()
     assert (proposal.before, proposal.after) == (0.1, min([10, *(n for n in left.values() if n < 8)]) / 100)
@@ -126,10 +128,82 @@ def test_the_trial_that_leaves_the_fewest_doubtful_texels_wins(left, offset, str
 
 def test_weights_that_do_not_fit_together_are_not_proposed():
     """The trial leaves fewer doubtful texels, but what is made of all trials leaves more."""
-    counts = iter([10, *[0] * len(weight_proposal.TRIALS), 11])
-    proposal = weight_proposal.best(one_triangle(), lambda _painted: (np.array([next(counts)]), 100))
+    counts = iter([10, *[0] * len(weight_proposal.TRIALS), 10, 11])
+    proposal = weight_proposal.best(one_triangle(), lambda *_: traced(next(counts)))
     assert all((weights == 0.5).all() for weights in proposal.weights.values())
     assert (proposal.before, proposal.after) == (0.1, 0.1)
+
+
+def test_a_trial_that_changes_a_sure_texel_is_not_proposed():
+    left = {("offset", 0.25): 2, ("offset", 0.125): 5}
+    proposal = weight_proposal.best(
+        one_triangle(),
+        lambda painted, _: traced(left.get(trial_of(painted), 10), moved=trial_of(painted) == ("offset", 0.25)),
+    )
+    assert (proposal.weights["offset_group"] == 0.125).all()
+    assert proposal.after == 0.05
+
+
+def test_the_result_is_checked_on_more_texels():
+    """What changes a sure texel there is taken back."""
+    sizes = []
+
+    def trace(painted, size):
+        sizes.append(size)
+        is_tried = trial_of(painted) == ("offset", 0.25)
+        return traced(2 if is_tried else 10, moved=is_tried and size == weight_proposal.CHECKED_TEXELS)
+
+    proposal = weight_proposal.best(one_triangle(), trace)
+    assert all((weights == 0.5).all() for weights in proposal.weights.values())
+    assert (proposal.before, proposal.after) == (0.1, 0.1)
+    trials, checks = 1 + len(weight_proposal.TRIALS), 3
+    assert sizes == [weight_proposal.TEXELS] * trials + [weight_proposal.CHECKED_TEXELS] * checks
+
+
+def traced(doubtful, *, moved=False):
+    """The rays of a hundred texels of one triangle, with as many doubtful ones. moved: whether the last one hits elsewhere."""
+    hits = np.zeros((100, 3), np.float32)
+    hits[-1] = moved
+    number = np.arange(100)
+    return ray_doubts.Traced(number * 0, hits * 0, hits, number * 0.0, number < 0, number < doubtful, gap=1e-3, count=1)
+
+
+def test_sure_texels_keep_their_surface():
+    """A wavy shirt over a body, and a low shirt that lies between the two: less offset fixes some texels and harms others."""
+    low = shells("lo", 0.311, waves=0.0, n=16)
+    high = shells("hi", 0.325, waves=0.006, n=64)
+    rays = {"maps": ("HEIGHT",), "depth": 32, "margin": 0, "width": 128, "height": 128}
+    report = bake(low, high, **rays)
+    heights = pixels("lo_normal_height")
+    is_sure = pixels(locate_issues.draw_mask(bpy.context, report, "unsure").name) == 0.0
+    proposal = weight_proposal.propose(bpy.context, report, NONE)
+
+    groups = weight_proposal.apply(low, proposal, NONE)
+    bake(low, high, **rays, **groups)
+    changed = np.abs(pixels("lo_normal_height") - heights) > 1e-3
+
+    assert proposal.after < proposal.before
+    assert changed.any()
+    assert not (changed & is_sure).any()
+
+
+def shells(name, radius, waves, n):
+    """A body of radius 0.3 and a shirt around it, side by side in UV space."""
+    uv, quads = zoo.grid_uv(n, n), zoo.grid_faces(n, n)
+    u, v = uv.T
+    points = []
+    for around, begin, length in ((0.3, 0.0, 1.2), (radius, 0.15, 0.8)):
+        across = around + 0.05 * np.sin(np.pi * v) + waves * np.sin(2 * np.pi * (7 * u + 3 * v))
+        points.append(
+            np.stack([across * np.cos(2 * np.pi * u), across * np.sin(2 * np.pi * u), begin + length * v], axis=1)
+        )
+    cells = np.concatenate([(uv * (0.5, 1.0) + (0.5 * i, 0.0))[quads] for i in range(2)])
+    return zoo.build(name, np.concatenate(points), np.concatenate([quads, quads + len(uv)]), cells)
+
+
+def pixels(name):
+    """The first channel of an image."""
+    return np.array(bpy.data.images[name].pixels)[::4]
 
 
 def one_triangle():

@@ -27,7 +27,8 @@ class Doubts:
     """What speaks against the hits of texels, (height, width) bool each.
 
     triangles (height, width) int64: the number of the low triangle on each texel, as in LowSurface.starts; 0 for none.
-    missed: those whose rays hit nothing. not_owned: those that own none of the hits that face their rays, and show the nearest.
+    heights (height, width) float32: of the hits above the low surface along the rays, in local space. missed: those whose rays
+    hit nothing. not_owned: those that own none of the hits that face their rays, and show the nearest.
 
     The others are reasons to be unsure. undecided: not_owned, and another hit is about as near. backs: the ray hits
     only backs of triangles. contested: the texel owns several hits, and one of them may belong to another layer of the low
@@ -36,6 +37,7 @@ class Doubts:
     """
 
     triangles: np.ndarray
+    heights: np.ndarray
     missed: np.ndarray
     not_owned: np.ndarray
     undecided: np.ndarray
@@ -55,7 +57,7 @@ class Doubts:
         return np.logical_or.reduce([getattr(self, reason) for reason in REASONS])
 
 
-REASONS = tuple(field.name for field in fields(Doubts))[3:]
+REASONS = tuple(field.name for field in fields(Doubts))[4:]
 """The names of the reasons to be unsure."""
 
 
@@ -126,7 +128,8 @@ class Explorer:
     def _look_farther(self, drawn: target.Target, first: _Hits) -> tuple[Doubts, np.ndarray]:
         """The doubts about hits, without jumps, and the texels (height, width) bool where jumps would count."""
         places, away = _read(drawn, 0), _read(drawn, 1)
-        doubts = Doubts(places[..., 3].astype(np.int64), *np.zeros((len(REASONS) + 2, *first.is_hit.shape), bool))
+        nothing = np.zeros((len(REASONS) + 2, *first.is_hit.shape), bool)
+        doubts = Doubts(places[..., 3].astype(np.int64), first.heights, *nothing)
         on_low = doubts.on_low
         doubts.missed[:] = on_low & ~first.is_hit
         if self._ray_cast.hit != Hit.OWN:
