@@ -75,6 +75,22 @@ def test_the_offset_group_scales_where_rays_start(hit, with_cage):
     assert np.allclose(texels[..., :3], expected([0.2]), atol=1e-6)
 
 
+@pytest.mark.parametrize("with_cage", [False, True])
+def test_painting_moves_where_rays_end_only_from_a_cage(with_cage):
+    """Rays start at 0.2 and end at -0.2, and where the weight is 1 start at 0.4. The high plane is at -0.1."""
+    low, high = zoo.plane("lo", n=4), zoo.plane("hi")
+    high.location.z = -0.1
+    paint(low, "far", lambda x, _y: 1.0 if x < -0.4 else 0.5)
+    cage = zoo.plane("cage", n=4) if with_cage else None
+    if cage is not None:
+        cage.location.z = 0.2
+    distances = {"max_distance": 0.4} | ({} if with_cage else {"extrusion": 0.2})
+    texels, _ = bake(low, high, cage=cage, offset_group="far", **distances)
+    is_hit = texels[..., 3] == 1.0
+    assert is_hit[:, centers() > 0.0].all()
+    assert (is_hit[:, centers() < -0.5] != with_cage).all()
+
+
 def test_high_meshes_that_only_painted_rays_reach_count():
     """Rays start 4 above the plane without paint, and 8 with it. Meshes beyond two radii and the rays are left out."""
     low, near, far = zoo.plane("lo"), tilted("near", SHELLS[0.1]), tilted("far", SHELLS[0.3])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What rays need of the low mesh on the GPU: who owns a hit, and where the hard edges are."""
+"""What rays need of the low mesh on the GPU: its triangles, which own hits, and its hard edges."""
 
 from dataclasses import dataclass
 
