@@ -74,6 +74,13 @@ def test_flatten_needs_no_group():
         read(low, high, method="AUTO", **NAMES)
 
 
+def test_a_group_with_a_similar_name_is_suggested():
+    low = zoo.plane("lo")
+    paint(low, "farther", [0.0] * 4)
+    with pytest.raises(BakeError, match=r"'lo' has no vertex group 'fahrter': did you mean 'farther'\?$"):
+        read(low, offset_group="fahrter")
+
+
 @pytest.mark.parametrize("kind", ["SUBSURF", "MIRROR", "TRIANGULATE", "ARRAY"])
 def test_modifiers_carry_the_weights_to_their_vertices(kind):
     """The weight is 0.5 + x / 2, which all of these modifiers keep up to their own moves of the vertices."""

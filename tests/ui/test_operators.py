@@ -389,6 +389,27 @@ def test_the_panel_shows_the_plan(pair):
     assert "ERROR" not in drawn.icons
 
 
+@pytest.mark.parametrize("setting", ["offset_group", "straight_group"])
+def test_the_panel_names_a_group_that_the_low_object_lacks(pair, setting):
+    low, high = pair
+    select(low, high)
+    settings = bpy.context.scene.imprint
+    setattr(settings, setting, "far")
+    settings.method = "CAST"
+    drawn = draw()
+    assert not can_bake(drawn)
+    assert "'lo' has no vertex group 'far'" in drawn.text
+    settings.method = "FLATTEN"
+    assert can_bake(draw())
+    settings.method = "AUTO"
+    assert not can_bake(draw())
+    modifier = low.modifiers.new("Nodes", "NODES")  # which may add the group
+    assert can_bake(draw())
+    low.modifiers.remove(modifier)
+    low.vertex_groups.new(name="far")
+    assert can_bake(draw())
+
+
 def test_the_plan_names_the_file(pair):
     low, high = pair
     select(low, high)

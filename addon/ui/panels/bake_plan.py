@@ -9,7 +9,7 @@ from ...core.declarations.choices import Method, Space
 from ...core.errors import BakeError, shorten_list
 from ...jobs import bake_jobs
 from ...output import map_names, map_storage
-from ...scene import object_checks
+from ...scene import object_checks, vertex_weights
 from ..properties import ImprintSettings
 from ..translations.lookup import message
 
@@ -21,11 +21,13 @@ def problem(
     settings: ImprintSettings,
 ) -> str:
     """Why the button cannot bake, in a sentence; empty if no problem is visible."""
+    values = settings.to_settings()
     try:
-        settings.to_settings().check()
+        values.check()
     except BakeError as error:
         return str(error)
-    return object_checks.problem(context, low, highs, settings.cage_for(settings.method), settings.method)
+    reason = object_checks.problem(context, low, highs, settings.cage_for(settings.method), settings.method)
+    return reason or vertex_weights.problem(low, values)
 
 
 def plan(low: bpy.types.Object, highs: list[bpy.types.Object], settings: ImprintSettings) -> str:
