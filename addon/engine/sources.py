@@ -72,9 +72,10 @@ def _ray_cast(plan: Plan, settings: Settings, timings: Timings) -> Task[ray_cast
     is_measured = extrusion is None or max_distance is None
     if is_measured:
         with timings.timed("distances"):
+            unit = ray_scene.local_space.size
             # What is painted scales the measured distance, and does not change it.
             unpainted = replace(meshes, offset=None)
-            outside, inside = ray_distances.measure(
+            probe = ray_distances.Probe(
                 ray_scene.tables,
                 ray_mesh
                 if meshes.offset is None
@@ -82,15 +83,11 @@ def _ray_cast(plan: Plan, settings: Settings, timings: Timings) -> Task[ray_cast
                 directions,
                 (settings.width, settings.height),
                 plan.tiles,
-                has_cage=has_cage,
-                facing_only=settings.facing_only,
             )
-        unit = ray_scene.local_space.size
-        if settings.hit == Hit.OWN and not has_cage:
-            room = ray_distances.ROOM * 2.0 * local_space_of([meshes.low]).size / unit
-            # Rays of a length that is set must still reach as far inside as was measured.
-            left = room if max_distance is None else max_distance / unit - inside
-            outside, inside = max(outside, min(room, left)), max(inside, room)
+            outside, inside = ray_distances.measure(probe, has_cage=has_cage, facing_only=settings.facing_only)
+            if settings.hit == Hit.OWN and not has_cage:
+                length = None if max_distance is None else max_distance / unit
+                outside, inside = ray_distances.with_room((outside, inside), length, probe, low_surface.owners)
         extrusion = outside * unit if extrusion is None else extrusion
         # Measured from the low surface; rays start `extrusion` outside it.
         max_distance = extrusion + inside * unit if max_distance is None else max_distance

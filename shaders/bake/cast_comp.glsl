@@ -138,7 +138,7 @@ void main()
       vec3 normal = texel_at(normals, texture_place(corner)).xyz * (1.0 - weights.x - weights.y) +
                     texel_at(normals, texture_place(corner + 1)).xyz * weights.x +
                     texel_at(normals, texture_place(corner + 2)).xyz * weights.y;
-      if (owner_has_hit(origin + direction * t, normal, below.xyz, int(below.a) - 1)) {
+      if (owner_has_hit(origin + direction * t, normal, below.xyz, int(below.a) - 1, start - t > near)) {
         chosen = hit;
         break;
       }

@@ -7,6 +7,8 @@ const int OWNER_STEPS = 12;
 const float OWNER_CLOSER = 1.0 - 1e-5;
 // Points this close, in local space, are the same.
 const float OWNER_SAME = 1e-6;
+// The least distance of the closest point from the hit where the rule is strict, in distances of the texel.
+const float OWNER_STRICT = 0.9;
 // A triangle is folded back on another if their normals are more than 120 degrees apart.
 const float OWNER_FOLDED = -0.5;
 // A normal alike another is within 45 degrees of it. It does not agree with faces that are turned by 135 degrees or more.
@@ -96,8 +98,9 @@ bool owner_is_closer(int triangle, vec3 point, vec3 normal, inout float best, in
   return true;
 }
 
-// point, normal: of the hit. below: the texel's point on the low mesh, on the triangle `own`.
-bool owner_has_hit(vec3 point, vec3 normal, vec3 below, int own)
+// point, normal: of the hit. below: the texel's point on the low mesh, on the triangle `own`. is_strict: the texel must be about
+// the closest point itself.
+bool owner_has_hit(vec3 point, vec3 normal, vec3 below, int own, bool is_strict)
 {
   // Over a plane the texel's point is the closest one: rounding must not put the plane farther away than its point.
   float reach = length(below - point) + OWNER_SAME;
@@ -139,6 +142,10 @@ bool owner_has_hit(vec3 point, vec3 normal, vec3 below, int own)
         found = triangle;
       }
     }
+  }
+  vec3 to_closest = closest - point;
+  if (is_strict && dot(to_closest, to_closest) < OWNER_STRICT * OWNER_STRICT * reach * reach) {
+    return false;
   }
   return found >= 0 && (found == own || owner_walk_reaches(own, found, closest));
 }

@@ -54,6 +54,7 @@ def trace(rays, high, normals, low, across, *, rule=Hit.OWN, facing_only=False):
         first_leaf=low_tree.first_leaf,
         origin=low_tree.origin,
         scale=low_tree.scale,
+        room=1e8,
     )
     drawn = target.Target(SIZE, SIZE, ("RGBA32F", "RGBA32F"))
     for slot, (values, alpha) in enumerate(((rays.places, place[rays.own] + 1), (rays.away, rays.start))):

@@ -7,7 +7,7 @@ import numpy as np
 
 from ...core.errors import BakeError
 from ...mesh import edges
-from ...mesh.local_space import LocalSpace
+from ...mesh.local_space import LocalSpace, local_space_of
 from ...mesh.spatial import bvh, neighbors
 from ...mesh.triangle_mesh import Mesh
 from ...passes import data_texture
@@ -17,6 +17,9 @@ BEND = np.cos(np.radians(30.0))
 """The cosine of the angle between two faces from which a hard edge is a feature of the shape. With flat shading, all edges are
 hard."""
 
+ROOM = 0.03
+"""Share of the low mesh's diagonal that rays search on both sides at least, if hits have owners: parts that stand off the
+surface are few, so that measuring does not see them all."""
 PLACES = 0.2, 0.4, 0.6, 0.8
 """Where on a hard edge the points lie, as shares of its length."""
 
@@ -77,6 +80,7 @@ def build(low: Mesh, local_space: LocalSpace) -> LowSurface:
         first_leaf=tree.first_leaf,
         origin=tree.origin,
         scale=tree.scale,
+        room=ROOM * 2.0 * local_space_of([low]).size / local_space.size,
     )
     numbers = np.empty(len(vertices), np.int64)
     numbers[tree.order] = np.arange(1, len(vertices) + 1)

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Measures how far the high surface lies from the low one, for ray distances that the settings do not set."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import gpu
 import numpy as np
@@ -9,8 +10,10 @@ import numpy as np
 from ...core import udim
 from ...core.declarations.choices import Hit
 from ...core.progress import Pace
+from ...mesh.local_space import FARTHEST
 from ...passes import target
 from ...passes.bake import cast, rays
+from ...passes.bake.owners import Owners
 
 PROBE_SIZE = 256
 """The most rays a side that are cast."""
@@ -20,62 +23,108 @@ RESERVE = 1.5
 """Factor on the measured distances: the surface between two measured texels may lie farther away."""
 WHOLE_WORLD = 8.0
 """Longer than any distance in the local space of the high meshes, if the low mesh touches them."""
-ROOM = 0.03
-"""Share of the low mesh's diagonal that rays search on both sides at least, if hits have owners: parts that stand off the
-surface are few, so that the quantile does not see them."""
+FARTHEST_PART = 4.0
+"""In low_surface.ROOM. Parts that stand off farther need an extrusion that is set."""
+PART_RESERVE = 1.1
+"""Factor on the measured height of parts that stand off."""
 
 
-def measure(
-    tables: cast.Tables,
-    ray_mesh: gpu.types.GPUBatch,
-    directions: rays.Directions,
-    size: tuple[int, int],
-    tiles: Sequence[int],
-    *,
-    has_cage: bool,
-    facing_only: bool,
-) -> tuple[float, float]:
+@dataclass(frozen=True)
+class Probe:
+    """Some of the rays of a bake, at most PROBE_SIZE along u and v.
+
+    size: width and height of the map. tiles: its UDIM tiles. The others are as rays.draw and cast.trace take them.
+    """
+
+    tables: cast.Tables
+    ray_mesh: gpu.types.GPUBatch
+    directions: rays.Directions
+    size: tuple[int, int]
+    tiles: Sequence[int]
+
+    def drawn(self, *, start_offset: float, start_on_cage: bool = False) -> Iterator[target.Target]:
+        """The rays of each tile. The next tile overwrites them."""
+        width, height = (min(side, PROBE_SIZE) for side in self.size)
+        into = target.get("rays", width, height, "RGBA32F", "RGBA32F")
+        for tile in self.tiles:
+            rays.draw(
+                into,
+                self.ray_mesh,
+                udim.uv_to_clip(tile),
+                self.directions,
+                start_offset=start_offset,
+                start_on_cage=start_on_cage,
+            )
+            yield into
+
+
+def measure(probe: Probe, *, has_cage: bool, facing_only: bool) -> tuple[float, float]:
     """How far the high surface lies outside and inside the low one, with some reserve, in units of the rays' local space.
 
-    size: width and height of the map. tiles: its UDIM tiles. With a cage, rays start on it, and only the distance inside is
-    measured.
+    With a cage, rays start on it, and only the distance inside is measured.
     """
-    width, height = (min(side, PROBE_SIZE) for side in size)
-    drawn = target.get("rays", width, height, "RGBA32F", "RGBA32F")
-    found = []
-    for tile in tiles:
-        rays.draw(drawn, ray_mesh, udim.uv_to_clip(tile), directions, start_offset=WHOLE_WORLD, start_on_cage=has_cage)
-        found.append(_probe(tables, drawn, Hit.OUTERMOST if has_cage else Hit.NEAREST, facing_only))
-    heights = np.concatenate(found)
+    rule = Hit.OUTERMOST if has_cage else Hit.NEAREST
+    heights = np.concatenate(
+        [
+            _heights(probe.tables, drawn, rule, facing_only)
+            for drawn in probe.drawn(start_offset=WHOLE_WORLD, start_on_cage=has_cage)
+        ]
+    )
     if has_cage:
         return 0.0, _with_reserve(-heights) if heights.size else WHOLE_WORLD
     return _with_reserve(heights[heights > 0.0]), _with_reserve(-heights[heights <= 0.0])
 
 
-def _probe(tables: cast.Tables, drawn: target.Target, rule: Hit, facing_only: bool) -> np.ndarray:
+def with_room(
+    measured: tuple[float, float], max_distance: float | None, probe: Probe, owners: Owners
+) -> tuple[float, float]:
+    """The two distances that `measure` found, with room for all parts of the high meshes that belong to the low mesh.
+
+    max_distance: the length of the rays in units of their local space, if the settings have one.
+    """
+    outside, inside = measured
+    farthest = max(outside, FARTHEST_PART * owners.room)
+    height = _standing_off(probe, owners, farthest=farthest, inside=max(inside, owners.room))
+    wanted = max(owners.room, min(PART_RESERVE * height, farthest))
+    if max_distance is not None:  # the rays must still reach as far inside as was measured
+        wanted = min(wanted, max_distance - inside)
+    return max(outside, wanted), max(inside, owners.room)
+
+
+def _standing_off(probe: Probe, owners: Owners, *, farthest: float, inside: float) -> float:
+    """How high above the low surface parts stand off that belong to it. Rays run from `farthest` outside it to `inside` it."""
+    highest = 0.0
+    for drawn in probe.drawn(start_offset=farthest):
+        texels = _traced(probe.tables, owners, drawn, rule=Hit.OWN, inside=inside, max_t=FARTHEST, facing_only=True)
+        is_own = (texels[..., 3] > 0.0) & (texels[..., 1] == 0.0)
+        highest = max(highest, float(texels[..., 0][is_own].max(initial=0.0)))
+    return highest
+
+
+def _heights(tables: cast.Tables, drawn: target.Target, rule: Hit, facing_only: bool) -> np.ndarray:
     """The heights (N,) float32 of the hits above the low surface, or above the cage for OUTERMOST."""
+    texels = _traced(
+        tables, None, drawn, rule=rule, inside=WHOLE_WORLD, max_t=2.0 * WHOLE_WORLD, facing_only=facing_only
+    )
+    heights = texels[..., 0]
+    if rule == Hit.OUTERMOST:
+        away = np.empty_like(texels)
+        drawn.read(away, slot=1)
+        heights -= away[..., 3]
+    return heights[texels[..., 3] > 0.0]
+
+
+def _traced(tables: cast.Tables, owners: Owners | None, drawn: target.Target, **options) -> np.ndarray:
+    """What cast.heights writes, (height, width, 4) float32. options: of cast.trace."""
     hits = target.get("hits", drawn.width, drawn.height, "RGBA32UI")
     found = target.get("high", drawn.width, drawn.height, "RGBA32F")
     for rows in Pace().slices(drawn.height):
-        cast.trace(
-            hits,
-            drawn,
-            tables,
-            None,
-            rule=rule,
-            inside=WHOLE_WORLD,
-            max_t=2.0 * WHOLE_WORLD,
-            facing_only=facing_only,
-            rows=rows,
-        )
+        cast.trace(hits, drawn, tables, owners, rows=rows, **options)
         hits.finish()
     cast.heights(found, hits, drawn)
-    heights, away = (np.empty((drawn.height, drawn.width, 4), np.float32) for _ in range(2))
-    found.read(heights)
-    if rule == Hit.OUTERMOST:
-        drawn.read(away, slot=1)
-        heights[..., 0] -= away[..., 3]
-    return heights[..., 0][heights[..., 3] > 0.0]
+    texels = np.empty((drawn.height, drawn.width, 4), np.float32)
+    found.read(texels)
+    return texels
 
 
 def _with_reserve(distances: np.ndarray) -> float:

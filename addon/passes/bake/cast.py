@@ -36,6 +36,7 @@ TRACE = Program(
         ("INT", "first_row"),
         ("FLOAT", "max_t"),
         ("FLOAT", "inside"),
+        ("FLOAT", "near"),
         ("INT", "first_leaf"),
         ("INT", "low_first_leaf"),
         ("INT", "rule"),
@@ -127,7 +128,7 @@ def trace(
     rows: the rows to trace; the first is a multiple of 8.
     """
     if owners is None:  # the shader does not read it
-        owners = Owners(tables.nodes, tables.corners, 0, tables.origin, tables.scale)
+        owners = Owners(tables.nodes, tables.corners, 0, tables.origin, tables.scale, 0.0)
     target.dispatch(
         TRACE,
         rays.width,
@@ -146,6 +147,7 @@ def trace(
         low_scale=(*owners.scale, 0.0),
         max_t=max_t,
         inside=inside,
+        near=owners.room,
         first_leaf=tables.first_leaf,
         low_first_leaf=owners.first_leaf,
         rule=RULES.index(rule),

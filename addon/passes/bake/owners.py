@@ -35,7 +35,8 @@ class Owners:
 
     Triangle i has four texels in `corners`. The first three have its corners, and the number of the triangle across the edge to
     the next corner, or -1. The fourth has its face normal, of any length, and its clearance: no triangle is closer to it than
-    that, unless a short walk over the mesh leads to it.
+    that, unless a short walk over the mesh leads to it. room: hits farther outside than this belong only to texels that are
+    about at their closest point.
     """
 
     nodes: gpu.types.GPUTexture
@@ -43,6 +44,7 @@ class Owners:
     first_leaf: int
     origin: np.ndarray
     scale: np.ndarray
+    room: float
 
 
 def upload(
@@ -53,13 +55,19 @@ def upload(
     first_leaf: int,
     origin: np.ndarray,
     scale: np.ndarray,
+    room: float,
 ) -> Owners:
     """Upload the nodes of a tree (bvh.Tree), with corners (T, 3, 3) float32 and neighbors (T, 3) int in its order."""
     texels = np.zeros((len(corners), TEXELS, 4), np.float32)
     texels[:, :3, :3], texels[:, :3, 3] = corners, neighbors
     texels[:, 3, :3] = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     uploaded = Owners(
-        data_texture.upload(nodes.reshape(-1, 4)), data_texture.upload(texels.reshape(-1, 4)), first_leaf, origin, scale
+        data_texture.upload(nodes.reshape(-1, 4)),
+        data_texture.upload(texels.reshape(-1, 4)),
+        first_leaf,
+        origin,
+        scale,
+        room,
     )
     if len(corners) > MOST_CLEARED:
         return uploaded
