@@ -51,6 +51,8 @@ def warning(kind: str, check: Check, low: str, settings: Settings) -> str:
         sentence = _MISSED
     elif kind == "unsure" and settings.hit != Hit.OWN:
         sentence = _OTHER_LAYER
+    elif kind == "unsure" and check["backs"] > 0.5 * check["count"]:
+        sentence = _BACKS
     return sentence.format(low=repr(low), **values)
 
 
@@ -97,6 +99,10 @@ _MISSED = (
 _OTHER_LAYER = (
     "{share:.2%} of the texels of {low} show a layer of the high mesh that belongs to another part of {low}, or to none. The "
     "hit Own chooses the layer that belongs to each texel."
+)
+_BACKS = (
+    "{share:.2%} of the texels of {low} may be wrong: most of their rays hit only backs of high faces. Recalculate the normals "
+    "of the high mesh."
 )
 _SENTENCES = {
     "overlap": "{share:.2%} of the texels of {low} belong to two or more of its triangles (overlapping UVs): they show the "

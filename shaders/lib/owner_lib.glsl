@@ -108,7 +108,7 @@ bool owner_has_hit(vec3 point, vec3 normal, vec3 below, int own, bool is_strict)
   // The closest point is at most as far from the hit as the texel is, and so at most twice as far from the texel.
   vec4 clearance = owner_clearance(own);
   bool is_alike = dot(clearance.xyz, normal) > OWNER_ALIKE * length(clearance.xyz) * length(normal);
-  if (is_alike && 4.0 * best < clearance.w * clearance.w) {
+  if (!is_strict && is_alike && 4.0 * best < clearance.w * clearance.w) {
     return true;
   }
   vec3 closest = below;

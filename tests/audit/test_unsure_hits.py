@@ -289,3 +289,10 @@ def test_udim_tiles_are_counted_together():
         "contested": SIZE * SIZE,
         "undecided": SIZE * SIZE,
     }
+
+
+def test_where_rays_hit_only_backs_the_normals_are_to_blame():
+    report = bake(plates("lo", 0.0), plates("hi", 0.02, up=False), **RAYS)
+    (warning,) = [warning for warning in report.warnings if "may be wrong" in warning]
+    assert "only backs" in warning
+    assert "Recalculate the normals" in warning

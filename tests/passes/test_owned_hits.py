@@ -30,7 +30,7 @@ NORMAL_P99 = 0.02
 CANDIDATES = int(re.search(r"CAST_CANDIDATES = (\d+)", program.source("bake/cast_comp.glsl"))[1])
 
 
-def trace(rays, high, normals, low, across, *, rule=Hit.OWN, facing_only=False):
+def trace(rays, high, normals, low, across, *, rule=Hit.OWN, facing_only=False, room=1e8):
     """Heights (N,), whether there is a hit, is not owned, is from behind (N,) bool, and the unit normals (N, 3)."""
     high_tree, low_tree = (bvh.build(c.reshape(-1, 3), np.arange(c.size // 3).reshape(-1, 3)) for c in (high, low))
     numbers = np.arange(high.size // 3).reshape(-1, 3)[high_tree.order]
@@ -54,7 +54,7 @@ def trace(rays, high, normals, low, across, *, rule=Hit.OWN, facing_only=False):
         first_leaf=low_tree.first_leaf,
         origin=low_tree.origin,
         scale=low_tree.scale,
-        room=1e8,
+        room=room,
     )
     drawn = target.Target(SIZE, SIZE, ("RGBA32F", "RGBA32F"))
     for slot, (values, alpha) in enumerate(((rays.places, place[rays.own] + 1), (rays.away, rays.start))):
@@ -321,3 +321,23 @@ def test_hits_are_asked_for_their_owner_up_to_a_bound():
         height, *flags = height_over(low, np.concatenate([sheets(*above), sheets(0.05)]))
         assert flags == list(expected[1:]), count
         assert height == expected[0] or expected[0] is None
+
+
+@pytest.mark.parametrize(("cosine", "is_strictly_owned"), [(0.95, True), (0.85, False)])
+@pytest.mark.parametrize(("room", "is_near"), [(0.3, True), (0.1, False)])
+def test_beyond_the_room_a_hit_belongs_only_to_texels_about_at_its_closest_point(
+    cosine, is_strictly_owned, room, is_near
+):
+    """Slanted rays over a plane: the closest point of a hit is `cosine` of the ray's length away."""
+    low, high = sheet(0.0), sheet(0.2 * cosine)
+    low, high = (np.ascontiguousarray(corners, np.float32) for corners in (low, high))
+    across = neighbors.neighbors(low.reshape(-1, 3), np.arange(low.size // 3).reshape(-1, 3))
+    away = np.broadcast_to(np.float32((np.sqrt(1.0 - cosine**2), 0.0, cosine)), (SIZE * SIZE, 3))
+    places = np.broadcast_to(np.float32((-0.5, -0.6, 0.0)), away.shape)
+    own = np.full(SIZE * SIZE, np.argmin(np.abs(low[:, :, :2].mean(axis=1) - places[0, :2]).sum(axis=1)))
+    rays = owner_oracle.Rays(places, away, own, START, INSIDE)
+    normals = np.tile(np.float32((0.0, 0.0, 1.0)), (len(high), 3, 1))
+    height, is_hit, is_not_owned, _, _ = trace(rays, high, normals, low, across, room=room)
+    assert is_hit.all()
+    np.testing.assert_allclose(height, 0.2, atol=1e-5)
+    assert (is_not_owned == (not (is_near or is_strictly_owned))).all()
