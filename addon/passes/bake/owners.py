@@ -12,17 +12,19 @@ from .. import data_texture, target
 from ..program import Program
 
 CLEARANCE = Program(
-    compute="bake/clearance_comp.glsl",
+    vertex="lib/fullscreen_vert.glsl",
+    fragment="bake/clearance_frag.glsl",
+    inputs=(("VEC2", "position"),),
     texels=(("RGBA32F", "FLOAT_2D", "low_nodes"), ("RGBA32F", "FLOAT_2D", "low_corners")),
-    images=(("R32F", "FLOAT_2D", "clearances", "WRITE"),),
     constants=(
         ("VEC4", "low_origin"),
         ("VEC4", "low_scale"),
-        ("INT", "first_row"),
         ("INT", "low_first_leaf"),
         ("INT", "count"),
     ),
+    outputs=(("VEC4", "clearance_out"),),
 )
+"""A fragment shader: of what a compute shader writes, Blender makes only textures and images wait, and this is read back."""
 TEXELS = 4
 """Texels of a triangle in Owners.corners."""
 MOST_CLEARED = 2**16
@@ -79,13 +81,11 @@ def _clearances(owners: Owners, count: int) -> np.ndarray:
     """The clearances (T,) float32 of the triangles."""
     rows = -(-count // data_texture.WIDTH)
     into = target.Target(data_texture.WIDTH, rows, ("R32F",))
-    target.dispatch(
+    target.fill(
+        into,
         CLEARANCE,
-        data_texture.WIDTH,
-        range(rows),
         low_nodes=owners.nodes,
         low_corners=owners.corners,
-        clearances=into.texture,
         low_origin=(*owners.origin, 0.0),
         low_scale=(*owners.scale, 0.0),
         low_first_leaf=owners.first_leaf,

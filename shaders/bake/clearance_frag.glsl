@@ -12,10 +12,10 @@ const int CLEARANCE_MOST = 256;
 
 void main()
 {
-  ivec2 place = ivec2(gl_GlobalInvocationID.xy) + ivec2(0, first_row);
+  ivec2 place = ivec2(gl_FragCoord.xy);
   int own = (place.y << TEXTURE_ROW_BITS) + place.x;
   if (own >= count) {
-    return;
+    discard;
   }
   OwnerTriangle here = owner_triangle(own);
   vec3 center = (here.a + here.b + here.c) / 3.0;
@@ -52,5 +52,5 @@ void main()
     }
   }
   float clearance = node < 0 ? max(0.0, sqrt(best) - radius) : 0.0;
-  imageStore(clearances, place, vec4(clearance, 0.0, 0.0, 0.0));
+  clearance_out = vec4(clearance, 0.0, 0.0, 0.0);
 }
