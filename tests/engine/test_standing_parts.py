@@ -17,7 +17,7 @@ from addon.core.settings import Settings
 from addon.jobs import bake_pair
 from tests.support import angles, judge, maps
 
-pytestmark = [pytest.mark.usefixtures("gpu_context"), pytest.mark.shared, pytest.mark.slow]
+pytestmark = [pytest.mark.usefixtures("gpu_context"), pytest.mark.shared]
 
 SIZE = 512
 ABOVE = 0.15
@@ -104,6 +104,7 @@ def lost(baked, stands):
     return (stands & ~shows).sum() / stands.sum()
 
 
+@pytest.mark.slow
 def test_plates_and_bolts_under_a_roof_are_not_lost(shared_assets):
     roof = 0.15
     baked = bake(shared_assets, "floaters", below=roof)

@@ -100,7 +100,7 @@ def past(points, triangles):
     return [found.tolist() for found in past_flat(points, triangles, has_area(points, triangles))]
 
 
-def test_triangles_without_area_are_skipped():
+def test_triangles_without_area_are_passed_over():
     """Between the two halves of a square lies one whose third corner is in the place of its second."""
     across, nearest = past([*SQUARE, (1, 1, 0)], [(0, 1, 2), (0, 2, 4), (0, 4, 3)])
     assert across == [[-1, -1, 2], [-1, -1, -1], [0, -1, -1]]
@@ -108,7 +108,7 @@ def test_triangles_without_area_are_skipped():
     assert nearest[::2] == [0, 2]
 
 
-def test_a_needle_is_skipped_and_leads_to_its_neighbor():
+def test_a_needle_is_passed_over_and_leads_to_its_neighbor():
     across, nearest = past([*SQUARE, (1, 0.5, 1e-7)], [(0, 1, 2), (0, 2, 3), (1, 2, 4)])
     assert across == [[-1, -1, 1], [0, -1, -1], [-1, -1, -1]]
     assert nearest == [0, 1, 0]
