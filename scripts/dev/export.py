@@ -67,6 +67,7 @@ def export(source: Path, into: Path) -> None:
         straight_share=ray_cast.directions.straight_share,
         blend_width=ray_cast.directions.blend_width,
         start_offset=ray_cast.extrusion / unit,
+        near=low_surface.owners.room,
         inside=(ray_cast.max_distance - ray_cast.extrusion) / unit,
     )
 

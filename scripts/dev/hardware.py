@@ -171,7 +171,7 @@ class Scene:
             low_scale=self._place("low_scale"),
             first_row=0,
             max_t=FARTHEST,
-            inside=float(data["inside"]),
+            **{name: float(data[name]) for name in ("inside", "near")},
             first_leaf=int(data["first_leaf"]),
             low_first_leaf=int(data["low_first_leaf"]),
             rule=cast.RULES.index(rule),
