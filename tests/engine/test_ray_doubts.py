@@ -81,13 +81,15 @@ def test_texels_have_their_triangle_and_their_hit(rays):
 
 def texel(**values):
     """The rays of two triangles, with one texel that is on the second one. Its ray hits at a height of 0.1."""
-    neutral = {"direction": (0, 0, 1), "hit": (0, 0, 0.1), "is_missed": False, "is_doubtful": False} | values
+    neutral = {"direction": (0, 0, 1), "hit": (0, 0, 0.1), "is_missed": False, "is_unsure": False, "is_doubtful": False}
+    neutral |= values
     return ray_doubts.Traced(
         np.array([1]),
         np.array([neutral["direction"]], np.float32),
         np.array([neutral["hit"]], np.float32),
         np.float32([0.1]),
         np.array([neutral["is_missed"]]),
+        np.array([neutral["is_unsure"]]),
         np.array([neutral["is_doubtful"]]),
         gap=1e-3,
         count=2,
@@ -97,6 +99,7 @@ def texel(**values):
 HIGHER = {"hit": (0, 0, 0.102)}
 MISSED = {"is_missed": True, "is_doubtful": True}
 DOUBTFUL = {"is_doubtful": True}
+UNSURE = {"is_unsure": True, "is_doubtful": True}
 
 
 @pytest.mark.parametrize(
@@ -108,8 +111,10 @@ DOUBTFUL = {"is_doubtful": True}
         ({}, HIGHER | DOUBTFUL, 1),
         ({}, DOUBTFUL, 0),
         (DOUBTFUL, HIGHER, 0),
+        (DOUBTFUL, HIGHER | DOUBTFUL, 1),
+        (UNSURE, HIGHER | DOUBTFUL, 0),
         ({}, MISSED, 1),
-        (DOUBTFUL, MISSED, 1),
+        (UNSURE, MISSED, 1),
         (MISSED, MISSED | HIGHER, 0),
         (MISSED, {}, 0),
         ({}, {"direction": (0.1, 0, 0.995), "hit": (0.01, 0, 0.12)}, 0),  # as far as a slope moves a ray that turns

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Tests that weights are proposed where they help, and nowhere else."""
 
+from dataclasses import replace
+
 import bpy
 import numpy as np
 import pytest
@@ -12,7 +14,7 @@ from addon.jobs import bake_pair, locate_issues, weight_proposal
 from addon.mesh.inputs import Meshes
 from addon.mesh.triangle_mesh import Mesh
 from addon.scene import vertex_weights
-from tests.support import zoo
+from tests.support import layered_scenes, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -165,7 +167,9 @@ def traced(doubtful, *, moved=False):
     hits = np.zeros((100, 3), np.float32)
     hits[-1] = moved
     number = np.arange(100)
-    return ray_doubts.Traced(number * 0, hits * 0, hits, number * 0.0, number < 0, number < doubtful, gap=1e-3, count=1)
+    return ray_doubts.Traced(
+        number * 0, hits * 0, hits, number * 0.0, number < 0, number < doubtful, number < doubtful, gap=1e-3, count=1
+    )
 
 
 def test_sure_texels_keep_their_surface():
@@ -187,6 +191,20 @@ def test_sure_texels_keep_their_surface():
     assert not (changed & is_sure).any()
 
 
+@pytest.mark.parametrize("seed", [0, 19, 85, 111])
+def test_random_scenes_lose_no_texel_with_seed(seed):
+    low, highs, settings = layered_scenes.make(seed)
+    same = {"method": "CAST", "maps": ("HEIGHT",), "samples": 1, "margin": 0, "space": "OBJECT"} | NONE
+    settings = replace(settings, **same)
+    report = bake_pair(bpy.context, low, highs, settings)
+    heights, is_hit = pixels("map_height"), pixels("map", 3) > 0.0
+    is_unsure = pixels(locate_issues.draw_mask(bpy.context, report, "unsure").name) > 0.0
+    groups = weight_proposal.apply(low, weight_proposal.propose(bpy.context, report, NONE), NONE)
+    bake_pair(bpy.context, low, highs, replace(settings, **groups, **report.distances))
+    assert (pixels("map", 3) > 0.0)[is_hit].all()
+    assert np.allclose(pixels("map_height")[is_hit & ~is_unsure], heights[is_hit & ~is_unsure], atol=2e-3)
+
+
 def shells(name, radius, waves, n):
     """A body of radius 0.3 and a shirt around it, side by side in UV space."""
     uv, quads = zoo.grid_uv(n, n), zoo.grid_faces(n, n)
@@ -201,9 +219,9 @@ def shells(name, radius, waves, n):
     return zoo.build(name, np.concatenate(points), np.concatenate([quads, quads + len(uv)]), cells)
 
 
-def pixels(name):
-    """The first channel of an image."""
-    return np.array(bpy.data.images[name].pixels)[::4]
+def pixels(name, channel=0):
+    """A channel of an image."""
+    return np.array(bpy.data.images[name].pixels)[channel::4]
 
 
 def one_triangle():

@@ -22,8 +22,9 @@ class Traced:
     """The texels of a map that lie on the low mesh, and their rays, in local space.
 
     triangles (N,) int: of the low mesh. directions, hits (N, 3) float32: of the rays, and the points that they hit. heights
-    (N,) float32: of these points above the low surface. is_missed, is_doubtful (N,) bool: misses are doubtful as well. gap:
-    closer hits are the same. count: of the low mesh's triangles.
+    (N,) float32: of these points above the low surface. is_missed, is_unsure, is_doubtful (N,) bool: doubtful are misses, hits
+    that their texel does not own, and what Explorer is unsure about. gap: closer hits are the same. count: of the low mesh's
+    triangles.
     """
 
     triangles: np.ndarray
@@ -31,6 +32,7 @@ class Traced:
     hits: np.ndarray
     heights: np.ndarray
     is_missed: np.ndarray
+    is_unsure: np.ndarray
     is_doubtful: np.ndarray
     gap: float
     count: int
@@ -40,23 +42,23 @@ class Traced:
         return self._by_triangle(self.is_doubtful)
 
     def lost(self, other: "Traced") -> np.ndarray:
-        """How many texels get worse in `other`, by triangles (T,) int: rays miss that hit here, or hit another surface though
-        they are not doubtful here."""
+        """How many texels get worse in `other`, by triangles (T,) int: rays miss that hit here, or hit another surface.
+
+        The surface may change where texels are unsure here, or doubtful here and not in `other`.
+        """
         arc = np.linalg.norm(self.directions - other.directions, axis=1) * np.maximum(
             np.abs(self.heights), np.abs(other.heights)
         )
         has_moved = np.linalg.norm(self.hits - other.hits, axis=1) > STEEP * arc + self.gap
-        return self._by_triangle((~self.is_missed & other.is_missed) | (~self.is_doubtful & has_moved))
+        is_better = self.is_unsure | (self.is_doubtful & ~other.is_doubtful)
+        return self._by_triangle(~self.is_missed & (other.is_missed | (has_moved & ~is_better)))
 
     def _by_triangle(self, is_counted: np.ndarray) -> np.ndarray:
         return np.bincount(self.triangles[is_counted], minlength=self.count)
 
 
 def trace(ray_cast: RayCast, low: Mesh, size: tuple[int, int], views: Sequence[UvToClip]) -> Traced:
-    """Cast the rays of `views`, each of width and height `size`.
-
-    Doubtful are misses, hits that their texel does not own, and what Explorer is unsure about.
-    """
+    """Cast the rays of `views`, each of width and height `size`."""
     explorer, numbers = Explorer(ray_cast, low), np.argsort(ray_cast.low.numbers)
     parts = []
     for view in views:
@@ -71,6 +73,7 @@ def trace(ray_cast: RayCast, low: Mesh, size: tuple[int, int], views: Sequence[U
                 places[on_low][:, :3] + directions * heights[:, None],
                 heights,
                 doubts.missed[on_low],
+                doubts.unsure[on_low],
                 (doubts.missed | doubts.not_owned | doubts.unsure)[on_low],
             )
         )
