@@ -37,6 +37,14 @@ def test_a_plate_within_12_percent_of_the_diagonal_is_found(share):
     assert report.distances["extrusion"] <= FARTHEST * 1.001
 
 
+def test_the_extrusion_for_far_parts_is_rounded():
+    """In the high meshes' local space: GPUs round measurements differently, and all rays start there."""
+    height = 0.6 * FARTHEST
+    _, report = bake(height)
+    extrusion = report.distances["extrusion"] / (np.hypot(DIAGONAL, height) / 2.0)
+    assert extrusion == pytest.approx(float(f"{extrusion:.3g}"), rel=1e-6)
+
+
 def test_a_plate_beyond_them_needs_an_extrusion():
     height = 1.1 * FARTHEST
     assert (np.abs(bake(height)[0]) < 1e-4).all()

@@ -8,7 +8,7 @@ from ...mesh.inputs import Meshes
 from ...passes import target
 from ...passes.bake import cast, rays
 from .low_surface import LowSurface, SharpPoints
-from .ray_distances import WHOLE_WORLD
+from .ray_distances import WHOLE_WORLD, rounded
 
 BEVELS = 2.0
 """The width of the blend, in widths of the high mesh's bevels."""
@@ -18,8 +18,6 @@ CROSSING_QUANTILE = 0.9
 """Distances beyond this quantile are outliers, as where another part hides an edge."""
 LEAST_WIDTH = 1e-4
 """In local space. A blend of no width would be smooth directions everywhere, as if there were no hard edges."""
-DIGITS = 3
-"""The significant digits of the width. GPUs round measurements differently, and all directions depend on it."""
 MOST_POINTS = 2**14
 """The most points on hard edges that are measured."""
 
@@ -57,7 +55,7 @@ def _blend_width(meshes: Meshes, sharp: SharpPoints, tables: cast.Tables) -> flo
     distances = np.abs(heights[has_hit])
     bevels = distances / np.maximum(sharp.cosines[chosen][has_hit], 0.1)
     width = max(LEAST_WIDTH, BEVELS * np.median(bevels), CROSSING * np.quantile(distances, CROSSING_QUANTILE))
-    return float(f"{width:.{DIGITS}g}")
+    return rounded(float(width))
 
 
 def _heights(places: np.ndarray, normals: np.ndarray, tables: cast.Tables) -> tuple[np.ndarray, np.ndarray]:

@@ -27,6 +27,8 @@ FARTHEST_PART = 4.0
 """In low_surface.ROOM. Parts that stand off farther need an extrusion that is set."""
 PART_RESERVE = 1.1
 """Factor on the measured height of parts that stand off."""
+DIGITS = 3
+"""The significant digits of measured figures on which all rays depend. GPUs round measurements differently."""
 
 
 @dataclass(frozen=True)
@@ -85,10 +87,15 @@ def with_room(
     outside, inside = measured
     farthest = max(outside, FARTHEST_PART * owners.room)
     height = _standing_off(probe, owners, farthest=farthest, inside=max(inside, owners.room))
-    wanted = max(owners.room, min(PART_RESERVE * height, farthest))
+    wanted = max(owners.room, min(rounded(PART_RESERVE * height), farthest))
     if max_distance is not None:  # the rays must still reach as far inside as was measured
         wanted = min(wanted, max_distance - inside)
     return max(outside, wanted), max(inside, owners.room)
+
+
+def rounded(figure: float) -> float:
+    """`figure` with DIGITS significant digits."""
+    return float(f"{figure:.{DIGITS}g}")
 
 
 def _standing_off(probe: Probe, owners: Owners, *, farthest: float, inside: float) -> float:
