@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from addon.core.settings import Settings
-from addon.engine.rays import low_surface, ray_distances
 from addon.jobs import bake_pair
 from tests.support import maps, zoo
 
@@ -15,13 +14,13 @@ pytestmark = pytest.mark.usefixtures("gpu_context")
 SIZE = 64
 DIAGONAL = 8.0**0.5
 """Of the low plane."""
-FARTHEST = low_surface.ROOM * ray_distances.FARTHEST_PART * DIAGONAL
+ROOM, FARTHEST = 0.03 * DIAGONAL, 0.12 * DIAGONAL
 
 
-def bake(height, **settings):
-    """A plane, and above a sixteenth of it a small plate. Returns the heights (SIZE, SIZE) and the report."""
-    low, base, plate = zoo.plane("lo", 4), zoo.plane("hi", 4), zoo.plane("plate")
-    plate.scale, plate.location = (0.25, 0.25, 1.0), (0.0, 0.0, height)
+def bake(height, *, size=0.25, low=None, **settings):
+    """A plane, and a plate of `size` times its size above it. Returns the heights (SIZE, SIZE) and the report."""
+    low, base, plate = low or zoo.plane("lo", 4), zoo.plane("hi", 4), zoo.plane("plate")
+    plate.scale, plate.location = (size, size, 1.0), (0.0, 0.0, height)
     bpy.context.view_layer.update()
     values = {"method": "CAST", "maps": ("HEIGHT",), "margin": 0, "depth": 32, "storage": "MEMORY", "material": False}
     report = bake_pair(bpy.context, low, [base, plate], Settings(width=SIZE, height=SIZE, **values | settings))
@@ -54,7 +53,7 @@ def test_a_plate_beyond_them_needs_an_extrusion():
 
 def test_without_far_parts_rays_search_the_usual_room():
     _, report = bake(0.0)
-    assert report.distances["extrusion"] == pytest.approx(low_surface.ROOM * DIAGONAL, rel=1e-4)
+    assert report.distances["extrusion"] == pytest.approx(ROOM, rel=1e-4)
 
 
 def test_with_a_length_that_is_set_rays_still_reach_what_was_measured_inside():
@@ -62,3 +61,23 @@ def test_with_a_length_that_is_set_rays_still_reach_what_was_measured_inside():
     assert report.distances["max_distance"] == pytest.approx(0.02)
     assert (np.abs(heights) < 1e-4).all()
     assert report.missed == 0.0
+
+
+@pytest.mark.parametrize(("size", "is_part"), [(0.45, True), (0.55, False), (1.0, False)])
+def test_what_covers_more_than_a_quarter_is_another_layer(size, is_part):
+    height = 0.07 * DIAGONAL
+    heights, _ = bake(height, size=size)
+    assert (np.abs(heights - height) < 1e-4).any() == is_part
+
+
+def test_what_belongs_to_another_part_of_the_low_mesh_is_no_part_that_stands_off():
+    """The low mesh has the plate as well: rays of the base do not search as far as that."""
+    height = 0.07 * DIAGONAL
+    square, upper = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]), 0.4
+    points = np.concatenate(
+        [np.column_stack([scale * square, np.full(4, z)]) for scale, z in ((1, 0), (upper, height))]
+    )
+    halves = np.stack([(square + 1) / (4, 2), (square + 1) / (4, 2) + (0.5, 0)])
+    low = zoo.build("lo", points, np.arange(8).reshape(2, 4), halves)
+    _, report = bake(height, size=upper, low=low)
+    assert report.distances["extrusion"] < 0.05 * DIAGONAL

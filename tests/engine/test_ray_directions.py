@@ -36,3 +36,19 @@ def test_the_blend_is_as_wide_as_bevels():
     bevel = high.modifiers.new("Bevel", "BEVEL")
     bevel.width, bevel.segments = 0.1, 8
     assert 0.05 < width(zoo.cube("lo"), high) < 0.3
+
+
+def test_rays_do_not_cross_where_the_high_mesh_is_far_from_a_few_hard_edges():
+    """Most edges are bevelled little, and some recede by 0.3: there, rays on a narrower blend would cross."""
+    assert width(zoo.cube("lo"), zoo.cube("hi")) < 1e-3
+    high = zoo.cube("far")
+    high.scale = (0.7, 1.0, 1.0)
+    assert width(zoo.cube("lo"), high) > 0.3
+
+
+@pytest.mark.parametrize(("n", "bends"), [(24, False), (8, True)])
+def test_flat_shading_alone_makes_no_hard_edges(n, bends):
+    """Where all faces are flat, only edges that bend by more than 30 degrees are features of the shape."""
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=n, ring_count=n)
+    low = bpy.context.object
+    assert (width(low, zoo.sphere("hi", 48)) > 0.0) == bends

@@ -341,3 +341,43 @@ def test_beyond_the_room_a_hit_belongs_only_to_texels_about_at_its_closest_point
     assert is_hit.all()
     np.testing.assert_allclose(height, 0.2, atol=1e-5)
     assert (is_not_owned == (not (is_near or is_strictly_owned))).all()
+
+
+def flat_grid(n, height):
+    """The triangles of a grid of n x n squares over -1..1."""
+    x = np.linspace(-1.0, 1.0, n + 1)
+    points = np.stack([np.tile(x, n + 1), np.repeat(x, n + 1), np.full((n + 1) ** 2, height)], axis=1)
+    first = (np.arange(n)[None, :] + (n + 1) * np.arange(n)[:, None]).reshape(-1, 1)
+    return points[np.concatenate([first + (0, 1, n + 2), first + (0, n + 2, n + 1)])]
+
+
+def upright_hits(low, *heights):
+    """The height (N,) and whether it is not owned, of upright rays from the lowest part of `low` to sheets at these heights."""
+    low, high = (
+        np.ascontiguousarray(corners, np.float32) for corners in (low, np.concatenate([sheet(z) for z in heights]))
+    )
+    across = neighbors.neighbors(low.reshape(-1, 3), np.arange(low.size // 3).reshape(-1, 3))
+    bottom = np.flatnonzero(low[:, :, 2].max(axis=1) == low[..., 2].min())
+    own = np.resize(bottom, SIZE * SIZE)
+    away = np.broadcast_to(np.float32((0.0, 0.0, 1.0)), (SIZE * SIZE, 3))
+    rays = owner_oracle.Rays(low[own].mean(axis=1), away, own, START, INSIDE)
+    height, is_hit, is_not_owned, _, _ = trace(
+        rays, high, np.tile(np.float32((0, 0, 1)), (len(high), 3, 1)), low, across
+    )
+    assert is_hit.all()
+    return height, is_not_owned
+
+
+@pytest.mark.parametrize(("share", "is_own"), [(0.45, True), (0.55, False)])
+def test_a_hit_belongs_to_the_closer_of_two_fine_layers(share, is_own):
+    """The layers are 2.4 radii of a triangle apart: beyond half of that, the clearance of the lower one must not count."""
+    gap = 2.4 * 0.1 * np.sqrt(5.0) / 3.0
+    _, is_not_owned = upright_hits(np.concatenate([flat_grid(20, 0.0), flat_grid(20, gap)]), share * gap)
+    assert (is_not_owned != is_own).all()
+
+
+def test_a_texel_below_many_layers_finds_its_own():
+    layers = [0.3 + 0.01 * i for i in range(10)]
+    height, is_not_owned = upright_hits(np.concatenate([sheet(0.0), sheet(0.35)]), 0.01, *layers)
+    np.testing.assert_allclose(height, 0.01, atol=1e-6)
+    assert not is_not_owned.any()

@@ -25,6 +25,8 @@ WHOLE_WORLD = 8.0
 """Longer than any distance in the local space of the high meshes, if the low mesh touches them."""
 FARTHEST_PART = 4.0
 """In low_surface.ROOM. Parts that stand off farther need an extrusion that is set."""
+MOST_PARTS = 0.25
+"""The largest share of the low surface that parts may cover. What covers more is another layer, which the low mesh lacks."""
 PART_RESERVE = 1.1
 """Factor on the measured height of parts that stand off."""
 DIGITS = 3
@@ -99,13 +101,18 @@ def rounded(figure: float) -> float:
 
 
 def _standing_off(probe: Probe, owners: Owners, *, farthest: float, inside: float) -> float:
-    """How high above the low surface parts stand off that belong to it. Rays run from `farthest` outside it to `inside` it."""
-    highest = 0.0
+    """How high above the low surface parts stand off that belong to it, if that is farther than its room; else 0.
+
+    Rays run from `farthest` outside it to `inside` it.
+    """
+    highest, covered, texels_of_low = 0.0, 0, 0
     for drawn in probe.drawn(start_offset=farthest):
         texels = _traced(probe.tables, owners, drawn, rule=Hit.OWN, inside=inside, max_t=FARTHEST, facing_only=True)
-        is_own = (texels[..., 3] > 0.0) & (texels[..., 1] == 0.0)
-        highest = max(highest, float(texels[..., 0][is_own].max(initial=0.0)))
-    return highest
+        heights, is_not_owned, _, alpha = np.moveaxis(texels, -1, 0)
+        is_part = (alpha > 0.0) & (is_not_owned == 0.0) & (heights > owners.room)
+        highest = max(highest, float(heights[is_part].max(initial=0.0)))
+        covered, texels_of_low = covered + np.count_nonzero(is_part), texels_of_low + np.count_nonzero(alpha)
+    return highest if covered <= MOST_PARTS * texels_of_low else 0.0
 
 
 def _heights(tables: cast.Tables, drawn: target.Target, rule: Hit, facing_only: bool) -> np.ndarray:
