@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What rays need of the low mesh: triangles without area, and the width of the blend of directions."""
 
+from dataclasses import replace
+
 import bpy
 import gpu
 import numpy as np
@@ -11,7 +13,9 @@ from addon.core.errors import BakeError
 from addon.core.settings import Settings
 from addon.core.timings import Timings
 from addon.engine.method_choice import choose_method
+from addon.engine.rays.tree_cache import TreeCache
 from addon.engine.sources import normal_source
+from addon.mesh.local_space import LocalSpace
 from addon.passes import target
 from addon.scene import reading
 from tests.support import zoo
@@ -114,3 +118,12 @@ def test_a_low_mesh_too_large_for_the_gpu_is_refused_with_the_limit(monkeypatch)
     monkeypatch.setattr(gpu.capabilities, "max_texture_size_get", lambda: 16)
     with pytest.raises(BakeError, match="'low' has 20,000 triangles; rays take at most 16,384 of the low mesh"):
         ray_cast(low, high)
+
+
+@pytest.mark.parametrize("change", [{}, {"origin": np.ones(3)}, {"size": 2.0}])
+def test_the_low_surface_is_built_once_for_each_local_space(change):
+    low, trees = zoo.plane("low"), TreeCache()
+    meshes = reading.read(bpy.context, low, [low], None, Settings("CAST"))
+    space = LocalSpace(np.zeros(3), 1.0)
+    first = trees.low_surface_of(meshes.low, space, Timings())
+    assert (trees.low_surface_of(meshes.low, replace(space, **change), Timings()) is first) == (not change)
