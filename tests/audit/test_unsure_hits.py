@@ -116,6 +116,14 @@ def test_one_hit_that_is_not_owned_leaves_no_choice():
     assert part(report.checks["unsure"], "count", "not_owned") == {"count": 0, "not_owned": HALF}
 
 
+@pytest.mark.parametrize(("height", "is_unsure"), [(0.02, True), (0.05, False), (0.28, True), (0.25, False)])
+def test_one_hit_that_is_not_owned_is_unsure_where_another_part_of_the_low_mesh_is(height, is_unsure):
+    """One of the two plates owns the only high layer. The other one shows it as well."""
+    report = bake(plates("lo", 0.0, 0.3), plates("hi", height), **RAYS)
+    expected = HALF if is_unsure else 0
+    assert part(report.checks["unsure"], "count", "not_owned") == {"count": expected, "not_owned": HALF}
+
+
 def test_hits_of_backs_alone_are_unsure():
     """Below another low layer too, where a front follows that belongs to it: a texel has one reason."""
     report = bake(plates("lo", 0.0), plates("hi", 0.05, up=False), **RAYS)

@@ -18,6 +18,8 @@ GAP = 2e-4
 """Share of the low mesh's radius. Closer hits of a ray are the same, as on an edge that two triangles share."""
 AS_NEAR = 2.0
 """A hit that is farther from the low surface than the nearest one, by this factor, is no choice in its place."""
+ON_LAYER = 0.125
+"""A hit is on another layer of the low mesh if that is closer to it than this share of its distance from the texel."""
 STEEP = 2.0
 """The least slope of a jump: the difference of two heights, in distances between the texels."""
 
@@ -30,10 +32,11 @@ class Doubts:
     heights (height, width) float32: of the hits above the low surface along the rays, in local space. missed: those whose rays
     hit nothing. not_owned: those that own none of the hits that face their rays, and show the nearest.
 
-    The others are reasons to be unsure. undecided: not_owned, and another hit is about as near. backs: the ray hits
-    only backs of triangles. contested: the texel owns several hits, and one of them may belong to another layer of the low
-    mesh, which is on the ray as well. jumps: a texel next to it on the surface has a hit at another height, and there are
-    several hits and layers. other_layer: the settings choose hits by another rule than OWN, and the texel's own hit is another.
+    The others are reasons to be unsure. undecided: not_owned, and another hit is about as near, or the hit is on another layer
+    of the low mesh. backs: the ray hits only backs of triangles. contested: the texel owns several hits, and one of them may
+    belong to another layer of the low mesh, which is on the ray as well. jumps: a texel next to it on the surface has a hit
+    at another height, and there are several hits and layers. other_layer: the settings choose hits by another rule than OWN,
+    and the texel's own hit is another.
     """
 
     triangles: np.ndarray
@@ -136,7 +139,7 @@ class Explorer:
             own = _cast(replace(self._ray_cast, hit=Hit.OWN), places[on_low], away[on_low])
             doubts.other_layer[on_low] = self._differ(first.at(on_low), own)
             return doubts, np.zeros_like(on_low)
-        is_layered = self._is_layered(places, away)
+        is_layered, is_on_layer = self._other_layers(places, away, first)
         # Elsewhere, more hits are no reason for doubt: parts stand off the surface on purpose.
         matter = first.is_hit & (is_layered | first.is_not_owned)
         doubts.not_owned[:], doubts.backs[:] = first.is_not_owned, first.is_back
@@ -150,21 +153,27 @@ class Explorer:
         is_near = (following.is_hit & _is_as_near(following, here)) | (
             is_outermost_other & _is_as_near(outermost, here)
         )
-        doubts.undecided[matter] = here.is_not_owned & is_near
+        doubts.undecided[matter] = here.is_not_owned & (is_near | is_on_layer[matter])
         doubts.contested[matter] = following.is_hit & ~following.is_not_owned & is_layered[matter]
         may_jump = np.zeros_like(matter)
         may_jump[matter] = is_several
         return doubts, may_jump
 
-    def _is_layered(self, places: np.ndarray, away: np.ndarray) -> np.ndarray:
-        """Where (height, width) bool another layer of the low mesh, which faces the ray too, is on the ray."""
-        is_layered, on_low = np.zeros(places.shape[:2], bool), places[..., 3] > 0.0
-        places, away = places[on_low], away[on_low]
+    def _other_layers(self, places: np.ndarray, away: np.ndarray, first: _Hits) -> tuple[np.ndarray, np.ndarray]:
+        """Where another layer of the low mesh, which faces the ray too, is on the ray, and where the hit lies on it.
+
+        Both (height, width) bool.
+        """
+        is_layered, is_on_layer = (np.zeros(places.shape[:2], bool) for _ in range(2))
+        on_low = places[..., 3] > 0.0
+        places, away, heights = places[on_low], away[on_low], first.heights[on_low]
         until_low = replace(self._at_low, extrusion=self._gap * self._unit, max_distance=0.0)
         above = _cast(until_low, places, away)
         below = self._cast_later(self._at_low, places, away, np.float32(-self._gap))
-        is_layered[on_low] = above.is_hit | below.is_hit
-        return is_layered
+        for layer in (above, below):
+            is_layered[on_low] |= layer.is_hit
+            is_on_layer[on_low] |= layer.is_hit & (np.abs(layer.heights - heights) <= ON_LAYER * np.abs(heights))
+        return is_layered, is_on_layer
 
     def _cast_later(
         self, ray_cast: RayCast, places: np.ndarray, away: np.ndarray, starts: np.ndarray | np.float32
