@@ -23,10 +23,12 @@ UNPAINTED = 0.5
 def weights(
     obj: bpy.types.Object, data: bpy.types.Mesh, names: Sequence[str], *, outside: float = UNPAINTED
 ) -> list[np.ndarray | None]:
-    """The weights (V,) float32 in the groups `names` of the vertices of `data`, 0 to 1. None for an empty name.
+    """The weights (V,) float32 in the groups `names` of the vertices of `data`, 0 to 1.
+
+    None for an empty name, and for a group that only other objects have: the settings name groups for all low objects.
 
     obj: the owner of `data`: an evaluated object, or the object itself for its own mesh. outside: the value for vertices that
-    are not in the group. Raises BakeError for a group that `obj` does not have.
+    are not in the group. Raises BakeError for a group that no object has.
     """
     numbers = [_number(obj, name) if name else None for name in names]
     if all(number is None for number in numbers):
@@ -75,11 +77,19 @@ def problem(obj: bpy.types.Object, settings: Settings) -> str:
     if settings.method == Method.FLATTEN or obj.modifiers:
         return ""
     names = filter(None, (getattr(settings, name) for name in GROUPS))
-    return next((_missing(obj, name) for name in names if name not in obj.vertex_groups), "")
+    return next((_missing(obj, name) for name in names if not _is_known(obj, name)), "")
 
 
-def _number(obj: bpy.types.Object, name: str) -> int:
-    """The number of the vertex group `name`. Modifiers may have removed it, or given it another number."""
+def _is_known(obj: bpy.types.Object, name: str) -> bool:
+    """Whether `obj` or another object has a vertex group of this name."""
+    return name in obj.vertex_groups or any(name in other.vertex_groups for other in bpy.data.objects)
+
+
+def _number(obj: bpy.types.Object, name: str) -> int | None:
+    """The number of the vertex group `name`. Modifiers may have removed it, or given it another number.
+
+    None for a group that only other objects have.
+    """
     own = obj.original
     # Blender evaluates nothing for a new group, so without modifiers the object's own list is the current one.
     group = (obj if own.modifiers else own).vertex_groups.get(name)
@@ -89,7 +99,9 @@ def _number(obj: bpy.types.Object, name: str) -> int:
         raise BakeError(
             f"The modifiers of {obj.name!r} remove its vertex group {name!r}: change them, or name no group."
         )
-    raise BakeError(_missing(obj, name))
+    if not _is_known(own, name):
+        raise BakeError(_missing(obj, name))
+    return None
 
 
 def _missing(obj: bpy.types.Object, name: str) -> str:
