@@ -17,6 +17,8 @@ from ...passes.bake.owners import Owners
 
 PROBE_SIZE = 256
 """The most rays a side that are cast."""
+PART_PROBE_SIZE = 128
+"""The most rays a side that look for parts that stand off: they go farther, and ask for owners."""
 QUANTILE = 0.999
 """Distances beyond this quantile are outliers: rays that pass an edge and hit a surface behind it."""
 RESERVE = 1.5
@@ -35,7 +37,7 @@ DIGITS = 3
 
 @dataclass(frozen=True)
 class Probe:
-    """Some of the rays of a bake, at most PROBE_SIZE along u and v.
+    """Some of the rays of a bake.
 
     size: width and height of the map. tiles: its UDIM tiles. The others are as rays.draw and cast.trace take them.
     """
@@ -46,9 +48,11 @@ class Probe:
     size: tuple[int, int]
     tiles: Sequence[int]
 
-    def drawn(self, *, start_offset: float, start_on_cage: bool = False) -> Iterator[target.Target]:
-        """The rays of each tile. The next tile overwrites them."""
-        width, height = (min(side, PROBE_SIZE) for side in self.size)
+    def drawn(
+        self, *, start_offset: float, start_on_cage: bool = False, most: int = PROBE_SIZE
+    ) -> Iterator[target.Target]:
+        """The rays of each tile, at most `most` along u and v. The next tile overwrites them."""
+        width, height = (min(side, most) for side in self.size)
         into = target.get("rays", width, height, "RGBA32F", "RGBA32F")
         for tile in self.tiles:
             rays.draw(
@@ -106,7 +110,7 @@ def _standing_off(probe: Probe, owners: Owners, *, farthest: float, inside: floa
     Rays run from `farthest` outside it to `inside` it.
     """
     highest, covered, texels_of_low = 0.0, 0, 0
-    for drawn in probe.drawn(start_offset=farthest):
+    for drawn in probe.drawn(start_offset=farthest, most=PART_PROBE_SIZE):
         texels = _traced(probe.tables, owners, drawn, rule=Hit.OWN, inside=inside, max_t=FARTHEST, facing_only=True)
         heights, is_not_owned, _, alpha = np.moveaxis(texels, -1, 0)
         is_part = (alpha > 0.0) & (is_not_owned == 0.0) & (heights > owners.room)
