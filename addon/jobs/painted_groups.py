@@ -13,7 +13,8 @@ from .job import Job
 def settings_by_job(jobs: Sequence[Job], settings: Settings) -> list[Settings]:
     """The settings for each job. Where several are baked, a low object without a group is baked as unpainted.
 
-    Raises BakeError if none of several low objects has the group. For one job, its reading raises it.
+    Raises BakeError if none of several low objects has the group. One low object may lack a group that another object has,
+    as vertex_weights.weights reads it.
     """
     if len(jobs) < 2 or settings.method == Method.FLATTEN:
         return [settings] * len(jobs)

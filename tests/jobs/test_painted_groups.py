@@ -37,6 +37,14 @@ def test_a_group_that_no_low_object_has_is_a_mistake(jobs, setting):
     assert not bpy.data.images
 
 
+def test_one_of_several_low_objects_must_have_the_group(jobs):
+    """Another object that has it is not enough."""
+    jobs[0].low.vertex_groups.clear()
+    jobs[0].highs[0].vertex_groups.new(name="far")
+    with pytest.raises(BakeError, match="No low object has a vertex group 'far'"):
+        bake_all(bpy.context, jobs, Settings(offset_group="far", **SMALL))
+
+
 def test_a_single_low_object_may_lack_a_group_that_another_object_has(jobs):
     bake_all(bpy.context, jobs[1:], Settings(offset_group="far", **SMALL))
     with pytest.raises(BakeError, match="'b_low' has no vertex group 'near'"):

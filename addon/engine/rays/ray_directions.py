@@ -5,10 +5,9 @@ import numpy as np
 
 from ...core.declarations.choices import Directions, Hit
 from ...mesh.inputs import Meshes
-from ...passes import target
 from ...passes.bake import cast, rays
 from .low_surface import LowSurface, SharpPoints
-from .ray_distances import WHOLE_WORLD, rounded
+from .ray_distances import WHOLE_WORLD, rounded, traced
 
 BEVELS = 2.0
 """The width of the blend, in widths of the high mesh's bevels."""
@@ -64,15 +63,8 @@ def _heights(places: np.ndarray, normals: np.ndarray, tables: cast.Tables) -> tu
     Returns heights (N,), and which rays hit, (N,) bool.
     """
     drawn = rays.upload_points(places, normals, WHOLE_WORLD)
-    hits, found = (
-        target.get(role, drawn.width, drawn.height, texel)
-        for role, texel in (("hits", "RGBA32UI"), ("high", "RGBA32F"))
+    texels = traced(
+        tables, None, drawn, rule=Hit.NEAREST, inside=WHOLE_WORLD, max_t=2.0 * WHOLE_WORLD, facing_only=False
     )
-    cast.trace(
-        hits, drawn, tables, None, rule=Hit.NEAREST, inside=WHOLE_WORLD, max_t=2.0 * WHOLE_WORLD, facing_only=False
-    )
-    cast.heights(found, hits, drawn)
-    texels = np.empty((drawn.height, drawn.width, 4), np.float32)
-    found.read(texels)
     texels = texels.reshape(-1, 4)[: len(places)]
     return texels[:, 0], texels[:, 3] > 0.0

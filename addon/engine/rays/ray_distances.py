@@ -111,7 +111,7 @@ def _standing_off(probe: Probe, owners: Owners, *, farthest: float, inside: floa
     """
     highest, covered, texels_of_low = 0.0, 0, 0
     for drawn in probe.drawn(start_offset=farthest, most=PART_PROBE_SIZE):
-        texels = _traced(probe.tables, owners, drawn, rule=Hit.OWN, inside=inside, max_t=FARTHEST, facing_only=True)
+        texels = traced(probe.tables, owners, drawn, rule=Hit.OWN, inside=inside, max_t=FARTHEST, facing_only=True)
         heights, is_not_owned, _, alpha = np.moveaxis(texels, -1, 0)
         is_part = (alpha > 0.0) & (is_not_owned == 0.0) & (heights > owners.room)
         highest = max(highest, float(heights[is_part].max(initial=0.0)))
@@ -121,7 +121,7 @@ def _standing_off(probe: Probe, owners: Owners, *, farthest: float, inside: floa
 
 def _heights(tables: cast.Tables, drawn: target.Target, rule: Hit, facing_only: bool) -> np.ndarray:
     """The heights (N,) float32 of the hits above the low surface, or above the cage for OUTERMOST."""
-    texels = _traced(
+    texels = traced(
         tables, None, drawn, rule=rule, inside=WHOLE_WORLD, max_t=2.0 * WHOLE_WORLD, facing_only=facing_only
     )
     heights = texels[..., 0]
@@ -132,7 +132,7 @@ def _heights(tables: cast.Tables, drawn: target.Target, rule: Hit, facing_only: 
     return heights[texels[..., 3] > 0.0]
 
 
-def _traced(tables: cast.Tables, owners: Owners | None, drawn: target.Target, **options) -> np.ndarray:
+def traced(tables: cast.Tables, owners: Owners | None, drawn: target.Target, **options) -> np.ndarray:
     """What cast.heights writes, (height, width, 4) float32. options: of cast.trace."""
     hits = target.get("hits", drawn.width, drawn.height, "RGBA32UI")
     found = target.get("high", drawn.width, drawn.height, "RGBA32F")

@@ -90,27 +90,10 @@ def no_edges() -> Edges:
     return Edges(nothing, nothing, 0, np.zeros(3), np.ones(3))
 
 
-def upload(
-    triangles: np.ndarray,
-    numbers: np.ndarray,
-    *,
-    uv: np.ndarray,
-    position: np.ndarray,
-    smooth_normal: np.ndarray,
-    straight_normal: np.ndarray,
-    paint: np.ndarray | None,
-) -> gpu.types.GPUBatch:
+def upload(triangles: np.ndarray, numbers: np.ndarray, **arrays: np.ndarray | None) -> gpu.types.GPUBatch:
     """A low mesh for `draw`, from the same as `vertices`."""
-    arrays = vertices(
-        triangles,
-        numbers,
-        uv=uv,
-        position=position,
-        smooth_normal=smooth_normal,
-        straight_normal=straight_normal,
-        paint=paint,
-    )
-    return mesh_upload.upload(np.arange(triangles.size, dtype=np.int32).reshape(-1, 3), **arrays)
+    corners = np.arange(triangles.size, dtype=np.int32).reshape(-1, 3)
+    return mesh_upload.upload(corners, **vertices(triangles, numbers, **arrays))
 
 
 def vertices(
