@@ -14,10 +14,10 @@ from tests.support import zoo
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
 
-def width(low, high) -> float:
+def width(low, *highs) -> float:
     """The width of the blend, in scene units."""
     bpy.context.view_layer.update()
-    meshes = reading.read(bpy.context, low, [high], None, Settings(method="CAST"))
+    meshes = reading.read(bpy.context, low, highs, None, Settings(method="CAST"))
     trees = TreeCache()
     scene = trees.ray_scene_of(meshes.highs, Timings())
     low_surface = trees.low_surface_of(meshes.low, scene.local_space, Timings())
@@ -36,6 +36,13 @@ def test_the_blend_is_as_wide_as_bevels():
     bevel = high.modifiers.new("Bevel", "BEVEL")
     bevel.width, bevel.segments = 0.1, 8
     assert 0.05 < width(zoo.cube("lo"), high) < 0.3
+
+
+def test_what_lies_farther_out_along_hard_edges_does_not_count():
+    """A larger cube around both: the nearest surface is the one that has the bevels."""
+    shell = zoo.cube("shell")
+    shell.scale = (1.5, 1.5, 1.5)
+    assert 0.0 < width(zoo.cube("lo"), zoo.cube("hi"), shell) < 1e-3
 
 
 def test_rays_do_not_cross_where_the_high_mesh_is_far_from_a_few_hard_edges():
