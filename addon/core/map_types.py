@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The maps that can be baked. To add one, add it to OTHERS: no other module names a map."""
+"""The maps that can be baked. To add one, add it to OTHERS: no other module spells the name of a map."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -31,14 +31,26 @@ class Labeled(StrEnum):
     MATERIALS = "the materials of the high objects"
 
 
+class Family(StrEnum):
+    """How a map is drawn. Maps of one family come from the same passes."""
+
+    NORMAL = "the normals at the hits"
+    POINTS = "the points and labels at the hits, and the points of the low surface"
+    OPENNESS = "rays away from the high surface, which others block"
+    THICKNESS = "rays into the high surface"
+    CURVATURE = "rays to both sides of the high surface"
+    MATERIAL = "the materials and attributes of the high meshes"
+
+
 @dataclass(frozen=True)
 class MapType:
     """One map.
 
     name: in settings and job files. label, tooltip: in the interface. suffix: the ending of the names of its image and files;
-    empty for the map that the settings name. range: only for maps of numbers. labeled: only for maps of labels. index: in
-    shaders/bake/height_position_ids_frag.glsl, for maps that this shader draws. is_deep: whether the map has the depth of the
-    settings, rather than the lowest depth of the format.
+    empty for the map that the settings name. range: only for maps of numbers. labeled: only for maps of labels. index: in the
+    shader that draws the family. is_deep: whether the map has the depth of the settings, rather than the lowest depth of the
+    format. socket: of the Principled BSDF, for maps of materials. is_color: whether the values are scene-linear colors, which
+    formats without floats store as sRGB. is_vector: whether the channels are the coordinates of points or vectors.
     """
 
     name: str
@@ -48,8 +60,17 @@ class MapType:
     suffix: str
     range: Range = Range.UNIT
     labeled: Labeled | None = None
+    family: Family = Family.POINTS
     index: int = -1
     is_deep: bool = True
+    socket: str = ""
+    is_color: bool = False
+    is_vector: bool = False
+
+    @property
+    def is_scalar(self) -> bool:
+        """Whether all channels have the same value."""
+        return self.kind is Kind.VALUE and not self.is_color and not self.is_vector
 
     @property
     def title(self) -> str:
@@ -57,8 +78,34 @@ class MapType:
         return self.label.lower() if self.kind is Kind.STATE else f"{self.label.lower()} map"
 
 
-NORMAL = MapType("NORMAL", "Normal", "The normals of the high surface", Kind.NORMAL, "")
+NORMAL = MapType("NORMAL", "Normal", "The normals of the high surface", Kind.NORMAL, "", family=Family.NORMAL)
 MASK = MapType("MASK", "Miss Mask", "White where rays hit nothing", Kind.STATE, "missed", is_deep=False)
+
+
+def _of_socket(name: str, label: str, socket: str, *, is_color: bool = False) -> MapType:
+    """The map of a socket of the high materials' Principled BSDF."""
+    return MapType(
+        name,
+        label,
+        f"{label} of the high meshes' materials",
+        Kind.VALUE,
+        name.lower(),
+        family=Family.MATERIAL,
+        socket=socket,
+        is_color=is_color,
+    )
+
+
+AO = MapType(
+    "AO",
+    "Ambient Occlusion",
+    "The share of the sky that each point of the high surface sees: 1 sees all of it",
+    Kind.VALUE,
+    "ao",
+    family=Family.OPENNESS,
+)
+ROUGHNESS = _of_socket("ROUGHNESS", "Roughness", "Roughness")
+METALLIC = _of_socket("METALLIC", "Metallic", "Metallic")
 OTHERS = (
     MapType(
         "POSITION",
@@ -68,6 +115,7 @@ OTHERS = (
         "position",
         range=Range.BOX,
         index=0,
+        is_vector=True,
     ),
     MapType(
         "HEIGHT",
@@ -86,6 +134,7 @@ OTHERS = (
         "displacement",
         range=Range.SIGNED,
         index=2,
+        is_vector=True,
     ),
     MapType(
         "DISTANCE",
@@ -124,6 +173,71 @@ OTHERS = (
         labeled=Labeled.MATERIALS,
         index=6,
         is_deep=False,
+    ),
+    AO,
+    MapType(
+        "BENT_NORMAL",
+        "Bent Normal",
+        "The mean direction from which each point of the high surface sees the sky, in the space and the channels of the "
+        "normal map",
+        Kind.NORMAL,
+        "bent_normal",
+        family=Family.OPENNESS,
+    ),
+    MapType(
+        "THICKNESS",
+        "Thickness",
+        "The mean length of rays into the high surface, up to the thickness distance: black is thin, white is thick",
+        Kind.VALUE,
+        "thickness",
+        family=Family.THICKNESS,
+    ),
+    MapType(
+        "CURVATURE",
+        "Curvature",
+        "The share of a ball around each point that is outside the high surface: gray is flat, white an edge of 90 degrees, "
+        "black a groove of 90 degrees",
+        Kind.VALUE,
+        "curvature",
+        family=Family.CURVATURE,
+        index=0,
+    ),
+    MapType(
+        "CONVEXITY",
+        "Convexity",
+        "The edges of the curvature map: black is flat, white an edge of 90 degrees",
+        Kind.VALUE,
+        "convexity",
+        family=Family.CURVATURE,
+        index=1,
+    ),
+    MapType(
+        "CAVITY",
+        "Cavity",
+        "The grooves of the curvature map: black is flat, white a groove of 90 degrees",
+        Kind.VALUE,
+        "cavity",
+        family=Family.CURVATURE,
+        index=2,
+    ),
+    _of_socket("BASE_COLOR", "Base Color", "Base Color", is_color=True),
+    ROUGHNESS,
+    METALLIC,
+    _of_socket("EMISSION", "Emission", "Emission Color", is_color=True),
+    _of_socket("ALPHA", "Alpha", "Alpha"),
+    _of_socket("SPECULAR", "Specular", "Specular IOR Level"),
+    _of_socket("TRANSMISSION", "Transmission", "Transmission Weight"),
+    _of_socket("COAT", "Coat", "Coat Weight"),
+    _of_socket("SHEEN", "Sheen", "Sheen Weight"),
+    _of_socket("SUBSURFACE", "Subsurface", "Subsurface Weight"),
+    MapType(
+        "ATTRIBUTE",
+        "Attribute",
+        "An attribute of the high meshes, such as vertex colors",
+        Kind.VALUE,
+        "attribute",
+        family=Family.MATERIAL,
+        is_color=True,
     ),
 )
 """The maps that can be baked beside the normal map, in the order of baking."""

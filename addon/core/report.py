@@ -4,7 +4,8 @@
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field, replace
 
-from . import bases, udim
+from . import udim
+from .declarations import bases
 from .declarations.choices import Space
 from .timings import STAGES, Timings
 

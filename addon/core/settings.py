@@ -6,7 +6,8 @@ from dataclasses import dataclass, field, fields, replace
 from pathlib import PurePath
 from typing import Any
 
-from . import bases, file_formats, udim
+from . import file_formats, udim
+from .declarations import bases
 from .declarations.all_settings import DECLARED
 from .declarations.choices import Storage
 from .errors import BakeError
@@ -46,8 +47,35 @@ class Settings:
     facing_only: bool = _field("facing_only")
     missed: tuple[float, float, float] = _field("missed")
     mask: bool = _field("mask")
+    normal: bool = _field("normal")
+    """Whether the normal map is stored."""
     maps: tuple[str, ...] = _field("maps")
     """Names among map_types.NAMES, in their order."""
+    rays: int = _field("rays")
+    distance_unit: str = _field("distance_unit")
+    ao_distance: float | None = _field("ao_distance")
+    """In distance_unit. None for no limit."""
+    ao_fade: str = _field("ao_fade")
+    occluders: str = _field("occluders")
+    floor: bool = _field("floor")
+    two_sided: bool = _field("two_sided")
+    bias_angle: int = _field("bias_angle")
+    """In degrees."""
+    thickness_distance: float | None = _field("thickness_distance")
+    """In distance_unit. None for THICKNESS_SHARE."""
+    curvature_radius: float | None = _field("curvature_radius")
+    """In distance_unit. None for CURVATURE_SHARE."""
+    attribute: str = _field("attribute")
+    """Empty for the active color attribute."""
+    detail_maps: bool = _field("detail_maps")
+    pack: str = _field("pack")
+    pack_red: str = _field("pack_red")
+    pack_green: str = _field("pack_green")
+    pack_blue: str = _field("pack_blue")
+    pack_alpha: str = _field("pack_alpha")
+    texture_sets: bool = _field("texture_sets")
+    vertex_domain: str = _field("vertex_domain")
+    connect_maps: bool = _field("connect_maps")
     red: str = _field("red")
     green: str = _field("green")
     blue: str = _field("blue")

@@ -7,7 +7,8 @@ from dataclasses import replace
 import gpu
 import numpy as np
 
-from ..core import bases, map_types
+from ..core import map_types
+from ..core.declarations import bases
 from ..core.map_types import NORMAL, Kind
 from ..core.progress import Pace, Progress, Task, part
 from ..core.settings import Settings

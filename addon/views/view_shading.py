@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import gpu
 import numpy as np
 
-from ..core import bases
+from ..core.declarations import bases
 from ..core.declarations.choices import Method, Storage
 from ..core.errors import BakeError
 from ..core.settings import Settings

@@ -20,6 +20,7 @@ from addon.cli.usage.options import FILE, JOBS, OPTIONS, CommandOption  # noqa: 
 from addon.core import file_formats, map_types, udim  # noqa: E402
 from addon.core.declarations import kinds  # noqa: E402
 from addon.core.declarations.all_settings import PANELS, PanelSettings  # noqa: E402
+from addon.core.map_types import Kind  # noqa: E402
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 PLACE = re.compile(r"^(<!-- (?:table: ([\w-]+)|(options)) -->\n).*?^(<!-- end -->)$", re.MULTILINE | re.DOTALL)
@@ -127,6 +128,9 @@ def formats() -> str:
     return table(("ending", "format", "bits per channel", "default", "values"), rows)
 
 
+OUTSIDE_FLOATS = {Kind.LABEL: "a color for each", Kind.NORMAL: code("normal = stored * 2 - 1")}
+
+
 def maps() -> str:
     """The maps beside the normal map."""
     rows = (
@@ -134,7 +138,7 @@ def maps() -> str:
             one.label,
             code(word_for(one.name)),
             sentence(one.tooltip),
-            code(one.range.value) if one.kind is map_types.Kind.VALUE else "a color for each",
+            OUTSIDE_FLOATS.get(one.kind) or ("sRGB" if one.is_color else code(one.range.value)),
         )
         for one in map_types.OTHERS
     )

@@ -3,7 +3,7 @@
 
 import re
 
-from addon.core import bases
+from addon.core.declarations import bases
 from addon.passes.view import lit
 from scripts.imprint import ROOT
 

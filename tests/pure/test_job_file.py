@@ -48,6 +48,27 @@ SAID = {
     "facing_only": ("--facing-only", True),
     "missed": ("--missed 1,0,1", (1.0, 0.0, 1.0)),
     "mask": ("--mask", True),
+    "normal": ("--no-normal", False),
+    "rays": ("--rays 64", 64),
+    "distance_unit": ("--distance-unit scene", "SCENE"),
+    "ao_distance": ("--ao-distance 0.3", 0.3),
+    "ao_fade": ("--ao-fade smooth", "SMOOTH"),
+    "occluders": ("--occluders all", "ALL"),
+    "floor": ("--floor", True),
+    "two_sided": ("--two-sided", True),
+    "bias_angle": ("--bias-angle 8", 8),
+    "thickness_distance": ("--thickness-distance 0.2", 0.2),
+    "curvature_radius": ("--curvature-radius 0.05", 0.05),
+    "attribute": ("--attribute Col", "Col"),
+    "detail_maps": ("--no-detail-maps", False),
+    "pack": ("--pack hdrp", "HDRP"),
+    "pack_red": ("--pack-red cavity", "CAVITY"),
+    "pack_green": ("--pack-green zero", "ZERO"),
+    "pack_blue": ("--pack-blue smoothness", "SMOOTHNESS"),
+    "pack_alpha": ("--pack-alpha alpha", "ALPHA"),
+    "texture_sets": ("--texture-sets", True),
+    "vertex_domain": ("--vertex-domain point", "POINT"),
+    "connect_maps": ("--connect-maps", True),
     "maps": ("--maps object_id,height", ("HEIGHT", "OBJECT_ID")),
     "red": ("--red -y", "-Y"),
     "green": ("--green -Z", "-Z"),
@@ -77,6 +98,10 @@ def test_each_option_sets_its_setting(name):
     words, value = SAID[name]
     assert getattr(settings(), name) != value
     assert getattr(settings(*words.split()), name) == value
+
+
+def test_maps_may_be_written_without_dashes_and_with_the_normal_map():
+    assert settings("--maps", "normal,basecolor,ao").maps == ("AO", "BASE_COLOR")
 
 
 @pytest.mark.parametrize("channel", ["red", "green", "blue"])

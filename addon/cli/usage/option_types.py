@@ -4,7 +4,7 @@
 import argparse
 import os
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from ...core import udim
@@ -103,19 +103,27 @@ def word_for(value: Any) -> str:
 
 def one_of(choice: kinds.Choice) -> Callable[[str], str]:
     """Reads a word as one of the values of a choice."""
-    words = {word_for(value): value for value in choice.values}
+    return _among(choice.values)
+
+
+def _among(values: Sequence[str]) -> Callable[[str], str]:
+    """Reads a word as one of `values`. The dashes between its parts may be left out."""
+    words = {word_for(value): value for value in values}
+    joined = {word[0] + word[1:].replace("-", ""): value for word, value in words.items()}
 
     def name(value: str) -> str:
-        if word_for(value) not in words:
+        word = word_for(value)
+        found = joined.get(word[:1] + word[1:].replace("-", ""))
+        if found is None:
             raise argparse.ArgumentTypeError(f"{value!r} is not one of {', '.join(words)}")
-        return words[word_for(value)]
+        return found
 
     return name
 
 
 def some_of(choice: kinds.Flags) -> Callable[[str], tuple[str, ...]]:
     """Reads words between commas as some of the values of a choice, in its order."""
-    name = one_of(choice)
+    name = _among((*choice.values, *choice.also))
 
     def names(value: str) -> tuple[str, ...]:
         wanted = {name(part.strip()) for part in value.split(",")}

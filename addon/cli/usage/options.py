@@ -227,7 +227,7 @@ FILES = {
 def _options() -> Iterator[tuple[str, dict[str, CommandOption]]]:
     """The options by the titles of their groups."""
     yield "what to bake", OBJECTS
-    for key in ("map", "channels", "output", "rays"):
+    for key in ("map", "channels", "maps", "output", "rays"):
         panel = PANELS[key]
         names = [name for name, setting in panel.settings.items() if setting.option and name not in _OBJECTS]
         options = {_word(name): _option(name, **_BESIDE.get(name, {})) for name in names}

@@ -8,6 +8,7 @@ from .map_settings import CHANNELS, MAP
 from .object_settings import BAKE, PAIRS
 from .output_settings import OUTPUT
 from .ray_settings import RAYS
+from .surface_map_settings import MAPS
 
 
 @dataclass(frozen=True)
@@ -22,6 +23,7 @@ PANELS = {
     "bake": PanelSettings("Imprint", BAKE),
     "map": PanelSettings("Map", MAP),
     "channels": PanelSettings("Channels", CHANNELS),
+    "maps": PanelSettings("Maps", MAPS),
     "output": PanelSettings("Output", OUTPUT),
     "rays": PanelSettings("Rays", RAYS),
     "pairs": PanelSettings("Pairs by Name", PAIRS),

@@ -56,3 +56,45 @@ class Storage(StrEnum):
     PACK = "PACK"
     FILE = "FILE"
     MEMORY = "MEMORY"
+
+
+class DistanceUnit(StrEnum):
+    """The unit of the distances of maps that cast rays from the high surface."""
+
+    DIAGONAL = "DIAGONAL"
+    SCENE = "SCENE"
+
+
+class Fade(StrEnum):
+    """How the shade of an occluder fades towards the occlusion distance."""
+
+    NONE = "NONE"
+    LINEAR = "LINEAR"
+    SMOOTH = "SMOOTH"
+
+
+class Occluders(StrEnum):
+    """The high objects that shade each other."""
+
+    OWN = "OWN"
+    ALL = "ALL"
+
+
+class Pack(StrEnum):
+    """Whose layout the packed image has."""
+
+    NONE = "NONE"
+    GLTF = "GLTF"
+    UNREAL = "UNREAL"
+    GODOT = "GODOT"
+    URP = "URP"
+    HDRP = "HDRP"
+    CUSTOM = "CUSTOM"
+
+
+class VertexDomain(StrEnum):
+    """Where attributes of the low mesh receive the maps."""
+
+    NONE = "NONE"
+    CORNER = "CORNER"
+    POINT = "POINT"

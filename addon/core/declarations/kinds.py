@@ -90,6 +90,8 @@ class Flags(Choice):
     """Any number of several values."""
 
     default: tuple = ()
+    also: tuple[str, ...] = ()
+    """More values that the command line takes, and that change nothing."""
     metavar: ClassVar[str] = "NAME,NAME..."
 
     def check(self, value: tuple) -> None:
@@ -138,6 +140,11 @@ class Distance(Setting):
             return
         least = "0 or more" if self.may_be_zero else "more than 0"
         raise BakeError(f"{self.label}: {value} is not a distance. It must be {least}, up to {self.LARGEST:g}.")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reach(Distance):
+    """A distance in the unit that the setting distance_unit names."""
 
 
 @dataclass(frozen=True, kw_only=True)

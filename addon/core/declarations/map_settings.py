@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The settings of the panels Map and Channels, in their order."""
 
-from .. import bases
+from . import bases
 from .choices import MarginType, Method, Modifiers, Space
 from .kinds import Choice, Distance, Item, Option, Setting, Switch, Text, WholeNumber
 

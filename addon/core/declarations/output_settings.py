@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The settings of the panel Output, in its order."""
 
-from .. import file_formats, map_types, udim
+from .. import file_formats, udim
 from ..file_formats import USUAL_DEPTH
 from ..udim import TOKEN
 from .choices import Storage
-from .kinds import Choice, FilePath, Flags, Item, Option, Setting, Switch, Text, Tiles
+from .kinds import Choice, FilePath, Item, Option, Setting, Switch, Text, Tiles
 
 OUTPUT: dict[str, Setting] = {
     "image": Text(
@@ -36,12 +36,6 @@ OUTPUT: dict[str, Setting] = {
         label="Tiles",
         tooltip="UDIM tiles to bake, such as 1001, 1003",
         empty=f"all tiles that the low mesh covers, {udim.MOST_BAKED} at most",
-    ),
-    "maps": Flags(
-        label="Other Maps",
-        tooltip="Maps to bake beside the normal map, each into an image of its own",
-        items=tuple(Item(map_type.name, map_type.label, map_type.tooltip) for map_type in map_types.OTHERS),
-        option=Option(metavar="MAP,MAP..."),
     ),
     "storage": Choice(
         label="Store",

@@ -4,6 +4,7 @@
 import bpy
 
 from ...core.declarations.choices import Method, Space, Storage
+from ...core.declarations.surface_map_settings import MAPS
 from .. import map_size
 from ..presets import IMPRINT_PT_conventions
 from ..viewport.cage_overlay import overlay
@@ -61,6 +62,23 @@ class IMPRINT_PT_channels(SettingsPanel, bpy.types.Panel):
             column.prop(context.scene.imprint, name)
 
 
+class IMPRINT_PT_maps(SettingsPanel, bpy.types.Panel):
+    """Which maps to bake, and what they need."""
+
+    bl_idname = "IMPRINT_PT_maps"
+    bl_parent_id = "IMPRINT_PT_bake"
+    bl_label = "Maps"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = split_layout(self.layout)
+        settings = context.scene.imprint
+        layout.prop(settings, "normal")
+        layout.column().prop(settings, "maps")
+        for name in MAPS:
+            if name not in ("normal", "maps"):
+                layout.prop(settings, name)
+
+
 class IMPRINT_PT_output(SettingsPanel, bpy.types.Panel):
     """Where the map is stored."""
 
@@ -78,7 +96,6 @@ class IMPRINT_PT_output(SettingsPanel, bpy.types.Panel):
         layout.prop(settings, "udim")
         if settings.udim:
             layout.prop(settings, "tiles")
-        layout.column().prop(settings, "maps")
         layout.prop(settings, "storage")
         if settings.storage == Storage.FILE:
             layout.prop(settings, "output")
@@ -128,5 +145,5 @@ class IMPRINT_PT_rays(SettingsPanel, bpy.types.Panel):
         layout.prop(settings, "mask")
 
 
-CLASSES = (IMPRINT_PT_map, IMPRINT_PT_channels, IMPRINT_PT_output, IMPRINT_PT_rays)
+CLASSES = (IMPRINT_PT_map, IMPRINT_PT_channels, IMPRINT_PT_maps, IMPRINT_PT_output, IMPRINT_PT_rays)
 register, unregister = bpy.utils.register_classes_factory(CLASSES)

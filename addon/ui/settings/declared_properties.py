@@ -75,6 +75,13 @@ def _(setting: kinds.Distance, more):
 
 
 @_property.register
+def _(setting: kinds.Reach, more):
+    return FloatProperty(
+        **_words(setting), default=setting.shown, min=1e-6, soft_max=setting.usual_most, precision=4, **more
+    )
+
+
+@_property.register
 def _(setting: kinds.Color, more):
     return FloatVectorProperty(
         **_words(setting), default=setting.default, size=3, min=0.0, max=1.0, subtype="COLOR_GAMMA", **more

@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What feeds the sockets of the high meshes' materials, as plain data: constants, image textures and attributes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import TypeAlias
+
+
+class Extension(StrEnum):
+    """What an image shows outside 0 to 1, as in Blender's Image Texture node."""
+
+    REPEAT = "REPEAT"
+    EXTEND = "EXTEND"
+    CLIP = "CLIP"
+    MIRROR = "MIRROR"
+
+
+@dataclass(frozen=True)
+class Constant:
+    """The same value everywhere. color: red, green, blue and alpha, scene-linear; numbers have three equal channels."""
+
+    color: tuple[float, float, float, float]
+
+
+@dataclass(frozen=True)
+class ImageFeed:
+    """A value from an image.
+
+    image: the key that `load_page` takes. tiles: UDIM numbers of a tiled image; empty for a single image, which extends by
+    `extension`. uv_layer: empty for each mesh's active render layer. mapping: the first two rows of the affine matrix (2, 3)
+    that takes (u, v, 1) to the image's coordinates. channel: 0 to 3 for one channel, None for the color; a color that feeds a
+    number is its luminance (LUMINANCE). is_smooth: linear interpolation, rather than the closest pixel. scale, offset: of
+    the value, after all else: value * scale + offset.
+    """
+
+    image: str
+    tiles: tuple[int, ...] = ()
+    uv_layer: str = ""
+    mapping: tuple[tuple[float, float, float], tuple[float, float, float]] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+    extension: Extension = Extension.REPEAT
+    channel: int | None = None
+    is_smooth: bool = True
+    scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class AttributeFeed:
+    """A value from an attribute of the mesh, of any domain.
+
+    name: empty for the active color attribute. Others as in ImageFeed.
+    """
+
+    name: str
+    channel: int | None = None
+    scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+Feed: TypeAlias = Constant | ImageFeed | AttributeFeed
+LUMINANCE = -1
+"""The `channel` of a color that feeds a number."""
+
+
+@dataclass(frozen=True)
+class NormalMapFeed:
+    """A tangent-space normal map of a high mesh. uv_layer: of its tangents; empty for the active render layer."""
+
+    image: ImageFeed
+    uv_layer: str = ""
+    strength: float = 1.0
+    is_green_down: bool = False
+
+
+@dataclass(frozen=True)
+class BumpFeed:
+    """A bump map of a high mesh: heights of `distance` scene units for the value 1. It may lie on a normal map."""
+
+    image: ImageFeed
+    strength: float = 1.0
+    distance: float = 1.0
+    below: NormalMapFeed | None = None
+
+
+DetailFeed: TypeAlias = NormalMapFeed | BumpFeed
+
+
+@dataclass(frozen=True)
+class HighMaterial:
+    """A material of the high meshes.
+
+    feeds: by the name of the Principled BSDF's socket, as Blender's interface spells it. The map of a missing socket is not
+    known on this material. detail: what moves the normals. notes: sentences about what could not be followed.
+    """
+
+    name: str
+    feeds: dict[str, Feed] = field(default_factory=dict)
+    detail: DetailFeed | None = None
+    notes: tuple[str, ...] = ()
