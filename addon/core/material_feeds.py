@@ -19,7 +19,7 @@ class Extension(StrEnum):
 
 @dataclass(frozen=True)
 class Constant:
-    """The same value everywhere. color: red, green, blue and alpha, scene-linear; numbers have three equal channels."""
+    """The same value everywhere. color: red, green, blue and alpha, linear Rec.709; numbers have three equal channels."""
 
     color: tuple[float, float, float, float]
 
@@ -30,9 +30,9 @@ class ImageFeed:
 
     image: the key that `load_page` takes. tiles: UDIM numbers of a tiled image; empty for a single image, which extends by
     `extension`. uv_layer: empty for each mesh's active render layer. mapping: the first two rows of the affine matrix (2, 3)
-    that takes (u, v, 1) to the image's coordinates. channel: 0 to 3 for one channel, None for the color; a color that feeds a
-    number is its luminance (LUMINANCE). is_smooth: linear interpolation, rather than the closest pixel. scale, offset: of
-    the value, after all else: value * scale + offset.
+    that takes (u, v, 1) to the image's coordinates. channel: 0 to 3 for one channel, in which case all
+    three of the value are equal; None for the color; LUMINANCE or AVERAGE where a color or a vector feeds a number. is_smooth:
+    linear interpolation, rather than the closest pixel. scale, offset: of the value, after all else: value * scale + offset.
     """
 
     image: str
@@ -60,8 +60,10 @@ class AttributeFeed:
 
 
 Feed: TypeAlias = Constant | ImageFeed | AttributeFeed
-LUMINANCE = -1
-"""The `channel` of a color that feeds a number."""
+LUMINANCE, AVERAGE = -1, -2
+"""The `channel` of a color that feeds a number, and that of a vector: the mean of red, green and blue."""
+LUMINANCE_WEIGHTS = (0.2126390, 0.7151687, 0.0721923)
+"""Red, green and blue of the luminance: Y of linear Rec.709, as Blender's RGB to BW node has it."""
 
 
 @dataclass(frozen=True)
@@ -92,10 +94,11 @@ class HighMaterial:
     """A material of the high meshes.
 
     feeds: by the name of the Principled BSDF's socket, as Blender's interface spells it. The map of a missing socket is not
-    known on this material. detail: what moves the normals. notes: sentences about what could not be followed.
+    known on this material. "Emission Color" includes the strength. detail: what moves the normals. notes: sentences about what
+    could not be followed, by socket: "Normal" for `detail`, "" for the whole material.
     """
 
     name: str
     feeds: dict[str, Feed] = field(default_factory=dict)
     detail: DetailFeed | None = None
-    notes: tuple[str, ...] = ()
+    notes: dict[str, tuple[str, ...]] = field(default_factory=dict)
