@@ -96,6 +96,25 @@ def _of_socket(name: str, label: str, socket: str, *, is_color: bool = False) ->
     )
 
 
+HEIGHT = MapType(
+    "HEIGHT",
+    "Height",
+    "Distance from the low surface to the high one along the low surface's normal",
+    Kind.VALUE,
+    "height",
+    range=Range.SIGNED,
+    index=1,
+)
+VECTOR_DISPLACEMENT = MapType(
+    "DISPLACEMENT",
+    "Vector Displacement",
+    "Vector from the low surface to the high one",
+    Kind.VALUE,
+    "displacement",
+    range=Range.SIGNED,
+    index=2,
+    is_vector=True,
+)
 AO = MapType(
     "AO",
     "Ambient Occlusion",
@@ -117,25 +136,8 @@ OTHERS = (
         index=0,
         is_vector=True,
     ),
-    MapType(
-        "HEIGHT",
-        "Height",
-        "Distance from the low surface to the high one along the low surface's normal",
-        Kind.VALUE,
-        "height",
-        range=Range.SIGNED,
-        index=1,
-    ),
-    MapType(
-        "DISPLACEMENT",
-        "Vector Displacement",
-        "Vector from the low surface to the high one",
-        Kind.VALUE,
-        "displacement",
-        range=Range.SIGNED,
-        index=2,
-        is_vector=True,
-    ),
+    HEIGHT,
+    VECTOR_DISPLACEMENT,
     MapType(
         "DISTANCE",
         "Distance",

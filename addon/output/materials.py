@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Adds a baked normal map to the materials of the low object. material_nodes changes the nodes of each material."""
+"""Adds baked maps to the materials of the low object. The modules in nodes/ change the nodes of each material."""
 
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 
 import bpy
@@ -11,7 +11,9 @@ from bpy.types import Image, Material, MaterialSlot, Mesh, Object
 
 from ..core.declarations.choices import Space
 from ..core.errors import BakeError
-from . import material_nodes
+from .nodes import normal_nodes, surface_nodes
+from .nodes.surface_nodes import MapImage
+from .nodes.tree_editing import MARK, Coordinates
 
 CONVENTIONS: Mapping[tuple[str, str, str], str] = MappingProxyType(
     {("+X", "+Y", "+Z"): "OPENGL", ("+X", "-Y", "+Z"): "DIRECTX"}
@@ -41,15 +43,35 @@ def hook_up(
     space, channels: of the map, as in Settings; the axes in red, green and blue. single_user: first copy materials that are
     linked from a library or used by other objects.
     """
-    image[material_nodes.MARK] = True
+    image[MARK] = True
     if channels not in CONVENTIONS:
         return [f"No Normal Map node reads channels of {', '.join(channels)}: the material was left as it is."]
     normal_map = {"space": space, "convention": CONVENTIONS[channels]}
     if space == Space.TANGENT:
         normal_map["uv_map"] = uv_layer
-    is_default = any(layer.name == uv_layer and layer.active_render for layer in low.data.uv_layers)
-    settings = material_nodes.NodeSettings(image, normal_map, uv_layer, (uv_layer, "") if is_default else (uv_layer,))
+    settings = normal_nodes.NormalMapSettings(image, normal_map)
+    coordinates = _coordinates(low, uv_layer)
+    return _edit(low, lambda material: normal_nodes.connect(material, settings, coordinates), single_user=single_user)
 
+
+def connect_maps(low: Object, images: Mapping[str, MapImage], *, uv_layer: str, single_user: bool = False) -> list[str]:
+    """Connect other maps, by their names, to the inputs of every material on the faces of low. Returns notes for the report.
+
+    single_user: as in `hook_up`.
+    """
+    for image in images.values():
+        image.image[MARK] = True
+    coordinates = _coordinates(low, uv_layer)
+    return _edit(low, lambda material: surface_nodes.connect(material, images, coordinates), single_user=single_user)
+
+
+def _coordinates(low: Object, uv_layer: str) -> Coordinates:
+    is_default = any(layer.name == uv_layer and layer.active_render for layer in low.data.uv_layers)
+    return Coordinates(uv_layer, (uv_layer, "") if is_default else (uv_layer,))
+
+
+def _edit(low: Object, connect: Callable[[Material], list[str]], *, single_user: bool) -> list[str]:
+    """Call `connect` with every material on the faces of low that can be changed. Returns notes, with those of `connect`."""
     _fill_slots(low, single_user)
     sharers = _sharers(low)
     notes = []
@@ -65,7 +87,7 @@ def hook_up(
             continue
         elif others:
             notes.append(f"{state}; the map shows there too.")
-        notes.extend(material_nodes.connect(target, settings))
+        notes.extend(connect(target))
     return notes
 
 

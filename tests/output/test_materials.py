@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from addon.core.errors import BakeError
-from addon.output import material_nodes, materials
+from addon.output import materials
+from addon.output.nodes import tree_editing
 from tests.support.snapshot import difference, snapshot
 
 # Scenes
@@ -92,7 +93,7 @@ def test_a_mesh_without_material_gets_one_named_after_it():
     assert texture.image == image
     assert (normal_map.space, normal_map.uv_map, normal_map.convention) == ("TANGENT", "Layout", "OPENGL")
     assert kinds(tree) == ["BsdfPrincipled", "NormalMap", "OutputMaterial", "TexImage"]
-    assert image[material_nodes.MARK]
+    assert image[tree_editing.MARK]
 
 
 def test_empty_slots_are_filled_where_faces_use_them():
@@ -129,11 +130,11 @@ def test_new_nodes_are_placed_beside_others_and_nothing_else_changes():
     assert {node.name for node in tree.nodes if node.select} == selected
     assert normal_map.parent == texture.parent == frame
     for node, taker in ((normal_map, principled), (texture, normal_map)):
-        assert node[material_nodes.MARK]
+        assert node[tree_editing.MARK]
         assert node.label.startswith("Imprint")
         assert node.location_absolute.x + node.width < taker.location_absolute.x
         assert node.location_absolute.x > taker.location_absolute.x - 400
-    assert normal_map.location_absolute.y == crowd.location_absolute.y - material_nodes.NODE_HEIGHT
+    assert normal_map.location_absolute.y == crowd.location_absolute.y - tree_editing.NODE_HEIGHT
     assert abs(texture.location_absolute.y - normal_map.location_absolute.y) < 1
 
 
@@ -270,7 +271,7 @@ def test_an_existing_normal_map_without_another_image_is_used(color):
             texture.image = image
         elif color == "an older map":
             texture.image = make_image("Older")
-            texture.image[material_nodes.MARK] = True
+            texture.image[tree_editing.MARK] = True
     before = nodes_and_links(tree)
     assert hook_up(make_low(material), image) == []
     assert shown(principled.inputs["Normal"])[0] == normal_map

@@ -1,0 +1,355 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tests how maps other than the normal map are connected in materials, and what glTF's exporter makes of it."""
+
+import json
+
+import bpy
+import numpy as np
+import pytest
+
+from addon.core.map_types import AO, BY_NAME, HEIGHT, METALLIC, ROUGHNESS, VECTOR_DISPLACEMENT
+from addon.output import materials
+from addon.output.nodes import gltf_group
+from addon.output.nodes.surface_nodes import MapImage
+from addon.output.nodes.tree_editing import MARK
+
+BASE_COLOR, EMISSION, ALPHA = (BY_NAME[name] for name in ("BASE_COLOR", "EMISSION", "ALPHA"))
+SIZE = 8
+
+
+def make_low(*mats):
+    mesh = bpy.data.meshes.new("Low")
+    mesh.from_pydata([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], [], [(0, 1, 2, 3)])
+    for name in ("Layout", "Other"):
+        mesh.uv_layers.new(name=name).uv.foreach_set("vector", [0, 0, 1, 0, 1, 1, 0, 1])
+    for material in mats:
+        mesh.materials.append(material)
+    low = bpy.data.objects.new("Low", mesh)
+    bpy.context.collection.objects.link(low)
+    return low
+
+
+def make_material():
+    material = bpy.data.materials.new("Skin")
+    return material, material.node_tree, material.node_tree.nodes["Principled BSDF"]
+
+
+def make_image(name, color=(0.5, 0.5, 0.5, 1.0), colorspace="Non-Color"):
+    image = bpy.data.images.new(name, SIZE, SIZE, alpha=True)
+    image.colorspace_settings.name = colorspace
+    image.pixels.foreach_set(np.tile(np.float32(color), SIZE * SIZE))
+    image.pack()
+    return image
+
+
+def of(map_type, **more):
+    """The map in an image of its own."""
+    return MapImage(make_image(map_type.suffix), map_type.suffix, map_type.label, **more)
+
+
+def packed(image, channel, **more):
+    return MapImage(image, "packed", "Packed", channel, **more)
+
+
+def orm(color=(0.9, 0.6, 0.2, 1.0)):
+    image = make_image("orm", color)
+    channels = {AO.name: "Red", ROUGHNESS.name: "Green", METALLIC.name: "Blue"}
+    return {name: packed(image, channel) for name, channel in channels.items()}
+
+
+def connect(low, images, **values):
+    return materials.connect_maps(low, images, **{"uv_layer": "Layout"} | values)
+
+
+def add(tree, kind, **values):
+    node = tree.nodes.new(kind)
+    for name, value in values.items():
+        setattr(node, name, value)
+    return node
+
+
+def source(socket, kind):
+    """The node connected to the input `socket`, which must be of this kind."""
+    assert len(socket.links) == 1, f"{socket.node.name}.{socket.name} has {len(socket.links)} links"
+    node = socket.links[0].from_node
+    assert node.bl_idname == f"ShaderNode{kind}"
+    return node
+
+
+def output_of(socket):
+    return socket.links[0].from_socket.identifier
+
+
+def nodes_and_links(tree):
+    return {node.as_pointer() for node in tree.nodes}, {
+        (link.as_pointer(), link.from_socket.as_pointer(), link.to_socket.as_pointer()) for link in tree.links
+    }
+
+
+# Inputs of the Principled BSDF
+
+
+@pytest.mark.parametrize("map_type", [kind for kind in BY_NAME.values() if kind.socket], ids=lambda kind: kind.name)
+def test_a_map_of_a_socket_is_connected_to_it(map_type):
+    material, _, principled = make_material()
+    images = {map_type.name: of(map_type)}
+    assert connect(make_low(material), images) == []
+    texture = source(principled.inputs[map_type.socket], "TexImage")
+    assert output_of(principled.inputs[map_type.socket]) == "Color"
+    assert texture.image == images[map_type.name].image
+    assert texture.image[MARK]
+    assert texture.label == f"Imprint {map_type.label}"
+    assert [socket.name for socket in principled.inputs if socket.is_linked] == [map_type.socket]
+
+
+def test_maps_without_an_input_add_nothing():
+    material, tree, _ = make_material()
+    before = nodes_and_links(tree)
+    assert connect(make_low(material), {"CURVATURE": of(BY_NAME["CURVATURE"])}) == []
+    assert nodes_and_links(tree) == before
+
+
+def test_emission_without_strength_gets_one_and_another_strength_stays():
+    for given, expected in ((0.0, 1.0), (3.0, 3.0)):
+        material, _, principled = make_material()
+        principled.inputs["Emission Strength"].default_value = given
+        connect(make_low(material), {EMISSION.name: of(EMISSION)})
+        assert principled.inputs["Emission Strength"].default_value == expected
+    material, _, principled = make_material()
+    connect(make_low(material), {ROUGHNESS.name: of(ROUGHNESS)})
+    assert principled.inputs["Emission Strength"].default_value == 0.0
+
+
+def test_a_packed_image_is_split_once():
+    material, tree, principled = make_material()
+    images = orm()
+    assert connect(make_low(material), images) == []
+    rough, metal = principled.inputs["Roughness"], principled.inputs["Metallic"]
+    separate = source(rough, "SeparateColor")
+    assert source(metal, "SeparateColor") == separate
+    assert (output_of(rough), output_of(metal)) == ("Green", "Blue")
+    assert source(separate.inputs["Color"], "TexImage").image == images[AO.name].image
+    assert [node.bl_idname for node in tree.nodes].count("ShaderNodeTexImage") == 1
+
+
+def test_smoothness_in_alpha_is_inverted():
+    material, _, principled = make_material()
+    image = make_image("mask")
+    images = {METALLIC.name: packed(image, "Red"), ROUGHNESS.name: packed(image, "Alpha", is_inverted=True)}
+    assert connect(make_low(material), images) == []
+    invert = source(principled.inputs["Roughness"], "Math")
+    assert (invert.operation, invert.inputs[0].default_value) == ("SUBTRACT", 1.0)
+    texture = source(invert.inputs[1], "TexImage")
+    assert output_of(invert.inputs[1]) == "Alpha"
+    separate = source(principled.inputs["Metallic"], "SeparateColor")
+    assert source(separate.inputs["Color"], "TexImage") == texture
+
+
+def every_map():
+    image = make_image("mask")
+    return orm() | {
+        BASE_COLOR.name: of(BASE_COLOR),
+        EMISSION.name: of(EMISSION),
+        HEIGHT.name: of(HEIGHT, midlevel=0.5, scale=0.2),
+        ROUGHNESS.name: packed(image, "Alpha", is_inverted=True),
+    }
+
+
+def test_connecting_twice_changes_nothing():
+    material, tree, _ = make_material()
+    low, images = make_low(material), every_map()
+    first = connect(low, images)
+    before = nodes_and_links(tree)
+    assert connect(low, images) == first
+    assert nodes_and_links(tree) == before
+
+
+def test_maps_packed_later_take_the_place_of_separate_ones():
+    material, tree, principled = make_material()
+    low = make_low(material)
+    connect(low, {ROUGHNESS.name: of(ROUGHNESS)})
+    images = orm()
+    assert connect(low, images) == []
+    separate = source(principled.inputs["Roughness"], "SeparateColor")
+    assert source(separate.inputs["Color"], "TexImage").image == images[AO.name].image
+    again = {ROUGHNESS.name: MapImage(bpy.data.images["roughness"], "roughness", "Roughness")}
+    assert connect(low, again) == []
+    assert source(principled.inputs["Roughness"], "TexImage").image.name == "roughness"
+
+
+def test_an_image_of_the_user_stays_in_its_node():
+    material, tree, principled = make_material()
+    texture = add(tree, "ShaderNodeTexImage", image=make_image("Paint"), label="Mine")
+    tree.links.new(texture.outputs["Color"], principled.inputs["Base Color"])
+    (note,) = connect(make_low(material), {BASE_COLOR.name: of(BASE_COLOR)})
+    assert all(name in note for name in ('"Skin"', '"Paint"', '"Mine"', "Base Color"))
+    assert source(principled.inputs["Base Color"], "TexImage").image.name == "base_color"
+    assert texture.image.name == "Paint"
+
+
+def test_other_nodes_at_an_input_do_not_change():
+    material, tree, principled = make_material()
+    ramp = add(tree, "ShaderNodeValToRGB")
+    texture = add(tree, "ShaderNodeTexImage", mute=True)
+    invert = add(tree, "ShaderNodeMath")  # without a mark, it is not known to be 1 - value
+    tree.links.new(ramp.outputs["Color"], principled.inputs["Base Color"])
+    tree.links.new(texture.outputs["Color"], principled.inputs["Metallic"])
+    tree.links.new(invert.outputs["Value"], principled.inputs["Roughness"])
+    before = nodes_and_links(tree)
+    images = {kind.name: of(kind) for kind in (BASE_COLOR, METALLIC, ROUGHNESS)}
+    notes = connect(make_low(material), images)
+    assert len(notes) == 3
+    assert all(any(f'"{node.name}"' in note for note in notes) for node in (ramp, texture, invert))
+    assert nodes_and_links(tree) == before
+
+
+def test_a_surface_without_a_principled_bsdf_gets_a_note():
+    material, tree, principled = make_material()
+    tree.links.new(add(tree, "ShaderNodeBsdfDiffuse").outputs[0], tree.nodes["Material Output"].inputs["Surface"])
+    before = nodes_and_links(tree)
+    (note,) = connect(make_low(material), {ROUGHNESS.name: of(ROUGHNESS)})
+    assert "Principled BSDF" in note
+    assert nodes_and_links(tree) == before
+
+
+def test_another_uv_layer_gets_one_uv_map_node():
+    material, tree, principled = make_material()
+    low = make_low(material)
+    connect(low, {kind.name: of(kind) for kind in (BASE_COLOR, ROUGHNESS)}, uv_layer="Other")
+    nodes = {
+        source(source(principled.inputs[name], "TexImage").inputs["Vector"], "UVMap")
+        for name in ("Base Color", "Roughness")
+    }
+    assert [node.uv_map for node in nodes] == ["Other"]
+
+
+def test_several_materials_and_single_users():
+    shared, tree, principled = make_material()
+    other = make_low(shared)
+    low = make_low(shared, bpy.data.materials.new("Second"))
+    notes = connect(low, {ROUGHNESS.name: of(ROUGHNESS)}, single_user=True)
+    assert len(notes) == 1
+    assert '"Skin.001"' in notes[0]
+    assert not principled.inputs["Roughness"].is_linked
+    assert other.material_slots[0].material == shared
+    for slot in low.material_slots:
+        source(slot.material.node_tree.nodes["Principled BSDF"].inputs["Roughness"], "TexImage")
+
+
+# Displacement
+
+
+@pytest.mark.parametrize(
+    ("map_type", "kind", "entry"),
+    [(HEIGHT, "Displacement", "Height"), (VECTOR_DISPLACEMENT, "VectorDisplacement", "Vector")],
+)
+@pytest.mark.parametrize("space", ["TANGENT", "WORLD"])
+def test_heights_and_vectors_displace_as_reported(map_type, kind, entry, space):
+    material, tree, _ = make_material()
+    image = of(map_type, midlevel=0.5, scale=0.25, space=space)
+    (note,) = connect(make_low(material), {map_type.name: image})
+    assert all(word in note for word in ('"Bump Only"', '"Displacement Only"'))
+    node = source(tree.nodes["Material Output"].inputs["Displacement"], kind)
+    assert source(node.inputs[entry], "TexImage").image == image.image
+    assert (node.inputs["Midlevel"].default_value, node.inputs["Scale"].default_value) == (0.5, 0.25)
+    assert node.space == ("WORLD" if map_type is HEIGHT or space == "WORLD" else "OBJECT")
+
+
+def test_no_note_where_the_surface_moves():
+    material, *_ = make_material()
+    material.displacement_method = "DISPLACEMENT"
+    assert connect(make_low(material), {HEIGHT.name: of(HEIGHT)}) == []
+
+
+def test_vectors_after_heights_take_their_place():
+    material, tree, _ = make_material()
+    low = make_low(material)
+    connect(low, {HEIGHT.name: of(HEIGHT)})
+    connect(low, {VECTOR_DISPLACEMENT.name: of(VECTOR_DISPLACEMENT)})
+    source(tree.nodes["Material Output"].inputs["Displacement"], "VectorDisplacement")
+
+
+def test_other_nodes_at_the_displacement_do_not_change():
+    material, tree, _ = make_material()
+    tree.links.new(add(tree, "ShaderNodeVectorMath").outputs[0], tree.nodes["Material Output"].inputs["Displacement"])
+    before = nodes_and_links(tree)
+    (note,) = connect(make_low(material), {HEIGHT.name: of(HEIGHT)})
+    assert "Displacement" in note
+    assert nodes_and_links(tree) == before
+
+
+# glTF
+
+
+def export(folder):
+    bpy.context.view_layer.update()
+    bpy.ops.export_scene.gltf(filepath=str(folder / "low.gltf"), export_format="GLTF_SEPARATE")
+    return json.loads((folder / "low.gltf").read_text(encoding="utf-8"))
+
+
+def stored(gltf, texture, folder):
+    """The red, green and blue of a texture's first pixel."""
+    from PIL import Image
+
+    uri = gltf["images"][gltf["textures"][texture["index"]]["source"]]["uri"]
+    with Image.open(folder / uri) as image:
+        return np.array(image.convert("RGB"))[0, 0] / 255
+
+
+def test_gltf_has_every_texture_and_one_image_for_orm(tmp_path):
+    material, *_ = make_material()
+    low = make_low(material)
+    images = orm() | {BASE_COLOR.name: of(BASE_COLOR), EMISSION.name: of(EMISSION)}
+    materials.hook_up(
+        low, make_image("normal"), space="TANGENT", uv_layer="Layout", channels=("+X", "+Y", "+Z"), single_user=False
+    )
+    assert connect(low, images) == []
+    gltf = export(tmp_path)
+    (made,) = gltf["materials"]
+    surface = made["pbrMetallicRoughness"]
+    assert {"occlusionTexture", "normalTexture", "emissiveTexture"} <= made.keys()
+    assert {"metallicRoughnessTexture", "baseColorTexture"} <= surface.keys()
+    assert made["occlusionTexture"]["index"] == surface["metallicRoughnessTexture"]["index"]
+    assert len(gltf["images"]) == 4
+    np.testing.assert_allclose(stored(gltf, made["occlusionTexture"], tmp_path), (0.9, 0.6, 0.2), atol=0.5 / 255)
+
+
+def test_gltf_joins_separate_maps(tmp_path):
+    material, *_ = make_material()
+    low = make_low(material)
+    values = {AO: 0.9, ROUGHNESS: 0.6, METALLIC: 0.2}
+    images = {
+        kind.name: MapImage(make_image(kind.suffix, (value, value, value, 1.0)), kind.suffix, kind.label)
+        for kind, value in values.items()
+    }
+    assert connect(low, images) == []
+    gltf = export(tmp_path)
+    np.testing.assert_allclose(
+        stored(gltf, gltf["materials"][0]["occlusionTexture"], tmp_path), (0.9, 0.6, 0.2), atol=0.5 / 255
+    )
+
+
+def test_the_exporters_own_group_is_used_where_there_is_one():
+    material, tree, _ = make_material()
+    group = bpy.data.node_groups.new("glTF Settings", "ShaderNodeTree")
+    group.interface.new_socket("Occlusion", in_out="INPUT", socket_type="NodeSocketFloat")
+    node = add(tree, "ShaderNodeGroup", node_tree=group)
+    connect(make_low(material), {AO.name: of(AO)})
+    source(node.inputs["Occlusion"], "TexImage")
+    assert list(bpy.data.node_groups) == [group]
+
+
+def test_the_group_has_the_inputs_that_the_exporters_own_has():
+    from io_scene_gltf2.blender.com import material_helpers
+
+    material, *_ = make_material()
+    connect(make_low(material), {AO.name: of(AO)})
+    own = bpy.data.node_groups[gltf_group.NAME]
+    assert material_helpers.get_gltf_node_name() == gltf_group.NAME
+    assert material_helpers.get_gltf_node_old_name() == gltf_group.OLDER_NAME
+    theirs = material_helpers.create_settings_group("theirs")
+    inputs = [
+        [(item.name, item.default_value) for item in group.interface.items_tree if item.in_out == "INPUT"]
+        for group in (own, theirs)
+    ]
+    assert inputs[0] == inputs[1]
