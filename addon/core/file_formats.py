@@ -20,7 +20,8 @@ class FileFormat:
     label: its name in Blender's interface. blender: its identifier in Blender's image settings. endings: its file endings in
     lower case, the usual one first. depths: the bits per channel that it supports, in ascending order. is_float: whether it
     stores floats, rather than steps from 0 to 1. is_complete: see file_structure.completeness. options: further image settings
-    of Blender. correct: fixes a file that Blender has written.
+    of Blender. correct: fixes a file that Blender has written. divided: the depths at which Blender's writer divides colors by
+    an alpha between 0 and 1.
     """
 
     label: str
@@ -31,6 +32,7 @@ class FileFormat:
     is_float: bool = False
     options: Mapping[str, str | int] = field(default_factory=lambda: MappingProxyType({}))
     correct: Callable[[Path], None] | None = None
+    divided: tuple[int, ...] = ()
 
     @property
     def usual_depth(self) -> int:
@@ -38,7 +40,7 @@ class FileFormat:
         return max((depth for depth in self.depths if depth <= USUAL_DEPTH), default=self.depths[0])
 
 
-PNG = FileFormat("PNG", "PNG", (".png",), (8, 16), completeness.ends_in(b"IEND\xae\x42\x60\x82"))
+PNG = FileFormat("PNG", "PNG", (".png",), (8, 16), completeness.ends_in(b"IEND\xae\x42\x60\x82"), divided=(16,))
 OPEN_EXR = FileFormat("OpenEXR", "OPEN_EXR", (".exr",), (16, 32), completeness.open_exr, is_float=True)
 FORMATS = (
     PNG,

@@ -82,7 +82,9 @@ NORMAL = MapType("NORMAL", "Normal", "The normals of the high surface", Kind.NOR
 MASK = MapType("MASK", "Miss Mask", "White where rays hit nothing", Kind.STATE, "missed", is_deep=False)
 
 
-def _of_socket(name: str, label: str, socket: str, *, is_color: bool = False) -> MapType:
+def _of_socket(
+    name: str, label: str, socket: str, *, is_color: bool = False, value_range: Range = Range.UNIT
+) -> MapType:
     """The map of a socket of the high materials' Principled BSDF."""
     return MapType(
         name,
@@ -90,6 +92,7 @@ def _of_socket(name: str, label: str, socket: str, *, is_color: bool = False) ->
         f"{label} of the high meshes' materials",
         Kind.VALUE,
         name.lower(),
+        range=value_range,
         family=Family.MATERIAL,
         socket=socket,
         is_color=is_color,
@@ -125,6 +128,7 @@ AO = MapType(
 )
 ROUGHNESS = _of_socket("ROUGHNESS", "Roughness", "Roughness")
 METALLIC = _of_socket("METALLIC", "Metallic", "Metallic")
+EMISSION = _of_socket("EMISSION", "Emission", "Emission Color", is_color=True, value_range=Range.POSITIVE)
 OTHERS = (
     MapType(
         "POSITION",
@@ -225,7 +229,7 @@ OTHERS = (
     _of_socket("BASE_COLOR", "Base Color", "Base Color", is_color=True),
     ROUGHNESS,
     METALLIC,
-    _of_socket("EMISSION", "Emission", "Emission Color", is_color=True),
+    EMISSION,
     _of_socket("ALPHA", "Alpha", "Alpha"),
     _of_socket("SPECULAR", "Specular", "Specular IOR Level"),
     _of_socket("TRANSMISSION", "Transmission", "Transmission Weight"),

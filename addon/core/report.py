@@ -64,7 +64,9 @@ class Report:
     """The UDIM tiles that were baked."""
     maps: dict[str, dict] = field(default_factory=dict)
     """The maps besides the normal map, by name: the image, and how to decode it: value = (stored - midlevel) * scale + offset
-    in scene units, or the colors of its labels."""
+    in scene units, or the colors of its labels. With a color_space, `stored` is linear after decoding the space. The packed
+    image has channels: red, green, blue and alpha, each with its map, whether it is inverted (1 - stored) and how to decode
+    it, or a constant."""
     loss: dict[str, float] = field(default_factory=dict)
     """Median and maximum of the degrees between the normals and their values in 8 or 16 bits; empty if stored as floats."""
     image: str = ""
@@ -116,9 +118,16 @@ class Report:
             details.append(
                 f"Stored: normals off by {self.loss['median']:.2g} degrees (median), at most {self.loss['maximum']:.2g}"
             )
+        details += [f"Packed in {how['image']}: {_channels(how)}" for how in self.maps.values() if "channels" in how]
         return [
             f"{self.method.capitalize()}, {self.space.lower()} space, {width} x {height}: {self.image}",
             f"{self.triangles['high']:,} triangles onto {self.triangles['low']:,}, {self.coverage:.1%} of the map covered",
             *details,
             f"{self.seconds['total']:.2f} s ({stages})",
         ]
+
+
+def _channels(packed: dict) -> str:
+    """The maps in the channels of a packed image, for the summary."""
+    parts = {name: how for name, how in packed["channels"].items() if "map" in how}
+    return ", ".join(f"{name} {'1 - ' if how.get('inverted') else ''}{how['map']}" for name, how in parts.items())

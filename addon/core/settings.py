@@ -9,9 +9,11 @@ from typing import Any
 from . import file_formats, udim
 from .declarations import bases
 from .declarations.all_settings import DECLARED
-from .declarations.choices import Storage
+from .declarations.choices import Pack, Storage
+from .declarations.packing import CUSTOM_SUFFIX, PRESETS, Packing
 from .errors import BakeError
 from .file_names import LOW
+from .map_types import NAMES
 from .udim import TOKEN
 
 
@@ -114,6 +116,23 @@ class Settings:
         """Whether images store floats, rather than steps from 0 to 1."""
         return file_formats.of(self.output).is_float if self.storage == Storage.FILE else self.depth > 8
 
+    @property
+    def packing(self) -> Packing | None:
+        """The layout of the packed image, or None without one."""
+        if self.pack == Pack.CUSTOM:
+            return Packing.of(CUSTOM_SUFFIX, self.pack_red, self.pack_green, self.pack_blue, self.pack_alpha)
+        return PRESETS.get(self.pack)
+
+    @property
+    def drawn_maps(self) -> tuple[str, ...]:
+        """The maps to draw beside the normal map: those in `maps`, and those that only the packed image stores."""
+        wanted = {*self.maps, *(self.packing.maps if self.packing else ())}
+        return tuple(name for name in NAMES if name in wanted)
+
+    def for_drawing(self) -> "Settings":
+        """These settings with `drawn_maps` as the maps."""
+        return replace(self, maps=self.drawn_maps)
+
     def check(self) -> None:
         """Raise BakeError for settings that are not valid for any objects."""
         for name in (setting.name for setting in fields(self)):
@@ -122,6 +141,10 @@ class Settings:
             raise BakeError(
                 f"Red, green and blue store {self.red}, {self.green} and {self.blue}: give each channel another axis."
             )
+        if not (self.normal or self.drawn_maps):
+            raise BakeError("No map is chosen: choose the normal map, another map, or maps to pack.")
+        if self.packing and not self.packing.maps:
+            raise BakeError("The packed image would hold no map: choose a map for one of its channels.")
         self._check_tiles()
         for text in (self.image, self.output):
             for placeholder in re.findall(r"\{\w*\}", text):

@@ -15,7 +15,7 @@ from ..core.timings import Timings
 from ..engine import gpu_memory, margins
 from ..engine.rendering import Renderer
 from ..engine.sources import DrawnMaps
-from ..output.outputs import Outputs, hook_up
+from ..output.outputs import Outputs, into_materials
 from .report_making import DrawnJob, report_of
 
 
@@ -50,9 +50,8 @@ class Atlas:
             with last.timed("image"):
                 stored = outputs.commit(self.labels)
                 self._warnings[0] += stored.warnings
-                if self.settings.material:
-                    for low, drawn, warnings in zip(lows, self.drawn, self._warnings, strict=True):
-                        warnings.extend(hook_up(low, stored.image, drawn.meshes.uv_layer, self.settings))
+                for low, drawn, warnings in zip(lows, self.drawn, self._warnings, strict=True):
+                    warnings.extend(into_materials(low, stored, drawn.meshes.uv_layer, self.settings))
         return [
             report_of(drawn, stored, warnings, margin)
             for drawn, warnings in zip(self.drawn, self._warnings, strict=True)
@@ -60,11 +59,12 @@ class Atlas:
 
     def _fill(self, outputs: Outputs, timings: Timings) -> float:
         """Add all maps with their margin to `outputs`. Returns the share of the texels that is margin."""
-        post_processes = margins.for_maps([drawn.meshes.low for drawn in self.drawn], self.settings)
+        drawing = self.settings.for_drawing()
+        post_processes = margins.for_maps([drawn.meshes.low for drawn in self.drawn], drawing)
         margin = texels = 0
         with gpu_memory.trimmed():
             for tile, maps in self.tiles.items():
-                renderer = Renderer(DrawnMaps(maps), None, self.settings, timings, progress.Pace())
+                renderer = Renderer(DrawnMaps(maps), None, drawing, timings, progress.Pace())
                 finished = progress.finish(renderer.texels(tile, post_processes))
                 state = finished[NORMAL.name][1]
                 margin += int(np.count_nonzero(state == texel_state.MARGIN))

@@ -20,7 +20,7 @@ from ..engine.method_choice import Plan, choose_method, nothing_drawn, tiles_to_
 from ..engine.rendering import Renderer
 from ..engine.sources import normal_source
 from ..mesh.inputs import Meshes
-from ..output.outputs import Outputs, Stored, hook_up
+from ..output.outputs import Outputs, Stored, into_materials
 from ..scene import object_checks, reading
 from .job import Job
 from .report_making import DrawnJob, report_of
@@ -44,8 +44,9 @@ def _bake(
 ) -> Task[tuple[DrawnJob, Stored, list[str]]]:
     with Outputs(settings) as outputs:
         with gpu_memory.trimmed():
-            ready = yield from part(_prepare(context, job, settings, pace, timings), 0.0, READY)
-            tally, post_processes = Tally(), margins.for_maps([ready.plan.meshes.low], settings)
+            drawing = settings.for_drawing()
+            ready = yield from part(_prepare(context, job, drawing, pace, timings), 0.0, READY)
+            tally, post_processes = Tally(), margins.for_maps([ready.plan.meshes.low], drawing)
             for tile, start, stop in _shares(ready.plan):
                 maps = yield from part(ready.renderer.texels(tile, post_processes), start, stop)
                 tally.add(maps[NORMAL.name], settings)
@@ -56,7 +57,7 @@ def _bake(
         low = job.low  # before anything changes: it raises if the object was deleted
         with timings.timed("image"):
             stored = outputs.commit(drawn.labels)
-            notes = hook_up(low, stored.image, drawn.meshes.uv_layer, settings) if settings.material else []
+            notes = into_materials(low, stored, drawn.meshes.uv_layer, settings)
     return drawn, stored, [*stored.warnings, *notes]
 
 
@@ -106,7 +107,7 @@ def draw_raw(
 ) -> Task[tuple[DrawnJob, dict[int, dict[str, np.ndarray]]]]:
     """Draw one job and store nothing. Also returns the maps without a margin, by tile and name, as Renderer.raw has them."""
     with gpu_memory.trimmed():
-        ready = yield from part(_prepare(context, job, settings, pace, timings), 0.0, READY)
+        ready = yield from part(_prepare(context, job, settings.for_drawing(), pace, timings), 0.0, READY)
         tally, maps = Tally(), {}
         for tile, start, stop in _shares(ready.plan):
             maps[tile] = yield from part(ready.renderer.raw(tile), start, stop)

@@ -85,7 +85,7 @@ def check_job(context: bpy.types.Context, job: Job, settings: Settings) -> None:
         raise BakeError(reason)
     for image_settings in settings_by_map(settings).values():
         map_storage.check(job.low.name, image_settings)
-    if settings.material:
+    if settings.material or settings.connect_maps:
         materials.check(job.low)
     try:
         gpu.init()

@@ -9,7 +9,7 @@ import gpu
 import numpy as np
 
 from ..core import progress, texel_state, udim
-from ..core.declarations.choices import Modifiers
+from ..core.declarations.choices import Modifiers, Pack, VertexDomain
 from ..core.errors import BakeError
 from ..core.map_types import NORMAL, Labeled
 from ..core.progress import Pace, Progress, Task
@@ -44,7 +44,13 @@ class Session:
         self.job = job
         settings.check()
         settings = replace(
-            settings.read_by(context.scene.render.engine), modifiers=Modifiers.VIEWPORT, maps=(), mask=False
+            settings.read_by(context.scene.render.engine),
+            modifiers=Modifiers.VIEWPORT,
+            normal=True,
+            maps=(),
+            mask=False,
+            pack=Pack.NONE,
+            vertex_domain=VertexDomain.NONE,
         )
         self.settings = bake_jobs.for_low(settings, job.low.name)
         output_clashes.check(settings, [self.settings], [job.low.name])

@@ -9,7 +9,7 @@ from pathlib import PurePath
 import bpy
 
 from ..core import file_names
-from ..core.declarations.choices import Storage
+from ..core.declarations.choices import Storage, VertexDomain
 from ..core.errors import BakeError
 from ..core.progress import Pace, Progress, Task, part
 from ..core.report import Report
@@ -60,7 +60,9 @@ def work(
     scene, before = context.scene.session_uid, context.scene.frame_current_final
     low = job.low.name
     settings = replace(filled(settings, low), image=map_names.name_for(low, settings))
-    frame_base = replace(settings, image=FRAME_IMAGE, material=False)
+    frame_base = replace(
+        settings, image=FRAME_IMAGE, material=False, connect_maps=False, vertex_domain=VertexDomain.NONE
+    )
     image = datablocks.get(settings.image)
     if image is not None and image.source not in {"GENERATED", "FILE", "SEQUENCE"}:
         raise BakeError(f"The image {image.name!r} is not a picture or sequence: choose another name for the map.")
@@ -107,6 +109,8 @@ def _check(settings: Settings, frames: Sequence[int]) -> None:
     """Raise BakeError for what cannot be a sequence."""
     if settings.storage != Storage.FILE:
         raise BakeError("A sequence needs files: set Store to File.")
+    if not settings.normal:
+        raise BakeError("A sequence shows the normal map: switch Normal Map on.")
     if settings.udim:
         raise BakeError("A sequence has only one tile: turn UDIM Tiles off.")
     if any(frame < 0 for frame in frames):

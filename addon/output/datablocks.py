@@ -10,6 +10,7 @@ import numpy as np
 from ..core import udim
 from ..core.file_names import file_name
 from ..core.udim import TOKEN
+from . import color_spaces
 
 ORIGIN = "imprint_high"
 """A custom property of baked images: the names of the high objects, one per line."""
@@ -34,8 +35,11 @@ def sign(image: bpy.types.Image, highs: Iterable[str]) -> None:
     image[ORIGIN] = "\n".join(highs)
 
 
-def fill(name: str, texels: np.ndarray, *, is_float: bool, pack: bool) -> bpy.types.Image:
-    """The image `name`, made if missing, with `texels`, (height, width, 4) float32, in memory or packed."""
+def fill(name: str, texels: np.ndarray, *, is_float: bool, pack: bool, color_space: str = "") -> bpy.types.Image:
+    """The image `name`, made if missing, with `texels`, (height, width, 4) float32, in memory or packed.
+
+    color_space: of the texels, as in color_spaces.assign.
+    """
     height, width = texels.shape[:2]
     image = get(name)
     if image is None:
@@ -44,7 +48,7 @@ def fill(name: str, texels: np.ndarray, *, is_float: bool, pack: bool) -> bpy.ty
         _regenerate(image, width, height, is_float)
         if pack and image.depth in OPAQUE_BITS:
             _give_alpha(image)
-    mark_as_data(image)
+    keep_values(image, color_space)
     image.pixels.foreach_set(texels.reshape(-1))
     image.update()
     if pack:
@@ -52,10 +56,11 @@ def fill(name: str, texels: np.ndarray, *, is_float: bool, pack: bool) -> bpy.ty
     return image
 
 
-def show(name: str, path: str, *, pack: bool = False) -> bpy.types.Image:
+def show(name: str, path: str, *, pack: bool = False, color_space: str = "") -> bpy.types.Image:
     """The image `name`, made if missing, with the file at `path`, or with a tile for each file of a path with TOKEN.
 
     Tiles of the image that have no file stay, empty. pack: pack the tiles, and clear the path of the files.
+    color_space: as in color_spaces.assign.
     """
     image = get(name) or bpy.data.images.new(name, 1, 1, is_data=True)
     is_tiled = TOKEN in path
@@ -65,7 +70,7 @@ def show(name: str, path: str, *, pack: bool = False) -> bpy.types.Image:
     image.filepath = path
     if is_tiled:
         image.source = "TILED"  # looks for the files
-    mark_as_data(image)
+    keep_values(image, color_space)
     image.reload()
     if pack:
         _pack_tiles(image)
@@ -106,14 +111,13 @@ def sources() -> Iterator[tuple[str, str]]:
             yield bpy.path.abspath(owner.filepath, library=owner.library), title
 
 
-def mark_as_data(image: bpy.types.Image) -> None:
-    """Mark the image as data, which is not color-managed or multiplied with alpha.
+def keep_values(image: bpy.types.Image, color_space: str = "") -> None:
+    """Make Blender use the values of the image as they are: in their color space, and not multiplied with alpha.
 
     Call this before setting pixels: Blender drops unsaved pixels when one of these properties changes, so only those that
-    differ are set. Color configurations can have another name for "Non-Color", but not for its role.
+    differ are set.
     """
-    if not image.colorspace_settings.is_data:
-        image.colorspace_settings.is_data = True
+    color_spaces.assign(image, color_space)
     if image.alpha_mode != "CHANNEL_PACKED":
         image.alpha_mode = "CHANNEL_PACKED"
     if image.use_half_precision:  # the viewport would round the normals
@@ -148,5 +152,5 @@ def _give_alpha(image: bpy.types.Image) -> None:
         image.pack(data=seed.packed_file.data, data_len=seed.packed_file.size)
     finally:
         bpy.data.images.remove(seed)
-    mark_as_data(image)  # before scaling, which sets pixels
+    keep_values(image)  # before scaling, which sets pixels
     image.scale(width, height)

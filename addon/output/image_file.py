@@ -13,12 +13,13 @@ from ..core.file_structure import completeness
 def write(texels: np.ndarray, path: Path, depth: int) -> None:
     """Write `texels`, (height, width, 4) float32 with row 0 at v = 0, to `path`, in the format that its ending names.
 
-    Alpha must be 0 or 1, because Blender's 16-bit PNG writer divides by values in between. depth: bits per channel. Values
-    are stored unchanged, even where alpha is 0. Raises OSError or RuntimeError if writing fails, which can leave a partial
-    file.
+    depth: bits per channel. Values are stored unchanged, whatever alpha is. Raises OSError or RuntimeError if writing fails,
+    which can leave a partial file.
     """
     height, width = texels.shape[:2]
     file_format = file_formats.of(path)
+    if depth in file_format.divided:
+        texels = _multiplied(texels)
     # Blender's image writer reads its settings from a scene. A new scene leaves the user's settings unchanged.
     scene = bpy.data.scenes.new("Imprint output")
     image = bpy.data.images.new("Imprint output", width, height, alpha=True, float_buffer=depth > 8, is_data=True)
@@ -37,3 +38,13 @@ def write(texels: np.ndarray, path: Path, depth: int) -> None:
         raise RuntimeError("only a part of the file was written, perhaps because the disk is full")
     if file_format.correct:
         file_format.correct(path)
+
+
+def _multiplied(texels: np.ndarray) -> np.ndarray:
+    """`texels` with colors multiplied by an alpha between 0 and 1, for writers that divide by it."""
+    alpha = texels[..., 3:]
+    if not ((alpha > 0.0) & (alpha < 1.0)).any():
+        return texels
+    result = texels.copy()
+    result[..., :3] *= np.where(alpha > 0.0, alpha, np.float32(1.0))
+    return result

@@ -51,11 +51,21 @@ class Writer:
     Tiles for files, and packed UDIM tiles, are encoded when they are added, so that memory does not grow with their number.
     Use it in a `with` block, or call `discard` at the end.
 
-    is_normal: whether to measure the error of normals that are stored as integers.
+    is_normal: whether to measure the error of normals that are stored as integers. color_space: of the texels, as in
+    color_spaces.assign. is_packed: whether alpha holds a map.
     """
 
-    def __init__(self, low_name: str, settings: Settings, *, is_normal: bool = False):
+    def __init__(
+        self,
+        low_name: str,
+        settings: Settings,
+        *,
+        is_normal: bool = False,
+        color_space: str = "",
+        is_packed: bool = False,
+    ):
         self.name, self.settings, self.is_normal = settings.image or name_for(low_name, settings), settings, is_normal
+        self.color_space, self.is_packed = color_space, is_packed
         self._texels: np.ndarray | None = None
         self._partials: dict[int, Partial] = {}
         self._folder: tempfile.TemporaryDirectory | None = None
@@ -81,7 +91,9 @@ class Writer:
         """
         settings = self.settings
         self.tiles.append(tile)
-        stored = quantize.dithered(texels) if settings.dither and settings.depth == 8 else texels  # else Blender rounds
+        stored = texels  # Blender rounds
+        if settings.dither and settings.depth == 8:
+            stored = quantize.dithered(texels, with_alpha=self.is_packed)
         if self.is_normal and not settings.is_float:
             rounded = quantize.rounded(quantize.sample(stored), settings.depth)
             self._angles.append(quantize.angles(quantize.sample(texels), rounded))
@@ -129,9 +141,11 @@ class Writer:
         """Put the added texels into the image, and return it."""
         settings = self.settings
         if self._path:
-            return datablocks.show(self.name, self._path, pack=self._folder is not None)
+            return datablocks.show(self.name, self._path, pack=self._folder is not None, color_space=self.color_space)
         pack = settings.storage == Storage.PACK
-        return datablocks.fill(self.name, self._texels, is_float=settings.is_float, pack=pack)
+        return datablocks.fill(
+            self.name, self._texels, is_float=settings.is_float, pack=pack, color_space=self.color_space
+        )
 
     def discard(self) -> None:
         """Remove temporary files. Can be called at any time, and more than once."""
@@ -164,7 +178,7 @@ class Writer:
 
 
 def commit_all(writers: Sequence[Writer]) -> list[bpy.types.Image]:
-    """Store the maps of all writers. Images are Non-Color and channel-packed.
+    """Store the maps of all writers. Images are channel-packed, and Non-Color but for those of colors.
 
     Raises BakeError if one of them fails; then no image or file has changed.
     """

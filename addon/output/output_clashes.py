@@ -10,17 +10,26 @@ import bpy
 
 from ..core import file_names, udim
 from ..core.errors import BakeError
-from ..core.map_types import BY_NAME, MASK, NORMAL
+from ..core.map_types import BY_NAME, MASK, NORMAL, MapType
 from ..core.settings import Settings
 from ..core.udim import TOKEN
 from . import datablocks, map_names
 from .files.path_clashes import Places
 
 
+def stored_maps(settings: Settings) -> dict[str, MapType]:
+    """The maps that a bake stores in images of their own, by name. A packed image counts as one map."""
+    names = [NORMAL.name] * settings.normal + [MASK.name] * settings.mask + list(settings.maps)
+    packed = settings.packing.map_type if settings.packing else None
+    return {name: BY_NAME[name] for name in names} | ({packed.name: packed} if packed else {})
+
+
 def settings_by_map(settings: Settings) -> dict[str, Settings]:
     """The settings of each image that a bake writes, by the map's name."""
-    names = [MASK.name] * settings.mask + list(settings.maps)
-    return {NORMAL.name: settings} | {name: map_names.beside(settings, BY_NAME[name]) for name in names}
+    return {
+        name: settings if map_type is NORMAL else map_names.beside(settings, map_type)
+        for name, map_type in stored_maps(settings).items()
+    }
 
 
 def files(settings: Settings) -> Iterator[tuple[str, str]]:
@@ -28,12 +37,12 @@ def files(settings: Settings) -> Iterator[tuple[str, str]]:
     for name, of_map in settings_by_map(settings).items():
         path = map_names.output_for(of_map)
         for tile in of_map.tiles or [TOKEN] if path else ():
-            yield udim.fill(path, tile), title(name)
+            yield udim.fill(path, tile), title(settings, name)
 
 
-def title(name: str) -> str:
-    """The name of a map in a sentence."""
-    return f"the {BY_NAME[name].title}"
+def title(settings: Settings, name: str) -> str:
+    """The name of a stored map in a sentence."""
+    return f"the {stored_maps(settings)[name].title}"
 
 
 def check(settings: Settings, bakes: Sequence[Settings], objects: Sequence[str]) -> None:
@@ -64,7 +73,7 @@ def _check_images(bakes: Sequence[Settings], objects: Sequence[str], advice: str
     owners: dict[str, str] = {}
     for settings, low in zip(bakes, objects, strict=True):
         for name, of_map in settings_by_map(settings).items():
-            owner = f"{title(name)} of {low!r}"
+            owner = f"{title(settings, name)} of {low!r}"
             other = owners.setdefault(of_map.image.casefold(), owner)
             if other != owner:
                 raise BakeError(f"T{owner[1:]} and {other} would both fill the image {of_map.image!r}: {advice}.")

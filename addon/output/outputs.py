@@ -13,16 +13,16 @@ from ..core.errors import shorten_list
 from ..core.map_types import BY_NAME, MASK, NORMAL, Kind, Labeled
 from ..core.settings import Settings
 from ..core.texel_state import Map
-from . import datablocks, map_storage, materials, value_encoding
-from .output_clashes import settings_by_map
+from . import color_spaces, datablocks, map_images, map_storage, materials, value_encoding
+from .output_clashes import settings_by_map, stored_maps
 
 
 @dataclass(frozen=True)
 class Stored:
     """The result of `Outputs.commit`.
 
-    image: the normal map. paths: the files of the normal map by tile, then those of each other map. tiles: UDIM numbers.
-    maps, loss: as in Report. warnings: sentences.
+    image: the normal map, or the first other map without one. paths: the files of the normal map by tile, then those of each
+    other map. tiles: UDIM numbers. maps, loss: as in Report. warnings: sentences.
     """
 
     image: bpy.types.Image
@@ -38,11 +38,20 @@ class Outputs:
 
     def __init__(self, settings: Settings):
         self.settings = settings
+        types = stored_maps(settings)
+        self._packed = settings.packing.map_type.name if settings.packing else ""
         self._writers = {
-            name: map_storage.Writer("", of_map, is_normal=BY_NAME[name].kind is Kind.NORMAL)
+            name: map_storage.Writer(
+                "",
+                of_map,
+                is_normal=types[name] is NORMAL,
+                color_space=value_encoding.color_space(types[name], of_map),
+                is_packed=name == self._packed,
+            )
             for name, of_map in settings_by_map(settings).items()
         }
-        self._tiles: dict[str, dict[int, np.ndarray]] = {name: {} for name in settings.maps}
+        self._first = next((name for name in self._writers if name != MASK.name), MASK.name)
+        self._tiles: dict[str, dict[int, np.ndarray]] = {name: {} for name in settings.drawn_maps}
 
     def __enter__(self) -> "Outputs":
         return self
@@ -57,7 +66,8 @@ class Outputs:
         texels, state = maps[NORMAL.name]
         if not state.any():
             return
-        self._writers[NORMAL.name].add(tile, texels)
+        if NORMAL.name in self._writers:
+            self._writers[NORMAL.name].add(tile, texels)
         if MASK.name in self._writers:
             self._writers[MASK.name].add(tile, map_storage.black_and_white(state == texel_state.MISSED))
         for name, tiles in self._tiles.items():
@@ -68,26 +78,45 @@ class Outputs:
 
         labels: the names of objects and of materials, whose numbers in the maps start at 1.
         """
-        maps = {name: self._encode(name, tiles, labels) for name, tiles in self._tiles.items()}
+        encodings = {name: self._encode(name, tiles, labels) for name, tiles in self._tiles.items()}
+        maps = {name: encodings[name] for name in self.settings.maps}
+        if self._packed:
+            maps[self._packed] = self._pack(encodings)
         stored = dict(zip(self._writers, map_storage.commit_all(list(self._writers.values())), strict=True))
-        writer = self._writers[NORMAL.name]
+        first = self._writers[self._first]
         return Stored(
-            image=stored[NORMAL.name],
+            image=stored[self._first],
             paths=[path for writer in self._writers.values() for path in writer.paths],
-            tiles=list(writer.tiles),
+            tiles=list(first.tiles),
             maps={name.lower(): {"image": stored[name].name} | how for name, how in maps.items()},
-            loss=writer.loss,
-            warnings=sign(stored[NORMAL.name], labels[Labeled.OBJECTS]),
+            loss=first.loss,
+            warnings=sign(stored[self._first], labels[Labeled.OBJECTS]),
         )
 
     def _encode(self, name: str, tiles: dict[int, np.ndarray], labels: dict[Labeled, Sequence[str]]) -> dict:
+        """Encode a map in place, and add it to its writer if it has an image of its own. Returns how to decode it."""
         map_type = BY_NAME[name]
         names = labels[map_type.labeled] if map_type.labeled else []
-        how = value_encoding.encoding(map_type, list(tiles.values()), names, self.settings)
+        writer = self._writers.get(name)
+        settings = (writer or self._writers[self._packed]).settings
+        if map_type.is_color:
+            for texels in tiles.values():
+                color_spaces.to_rec709(texels)
+        how = value_encoding.encoding(map_type, list(tiles.values()), names, settings)
         for tile, texels in tiles.items():
-            value_encoding.encode(texels, how)
-            self._writers[name].add(tile, texels)
+            if map_type.kind is not Kind.NORMAL:
+                value_encoding.encode(texels, how)
+            if writer:
+                writer.add(tile, texels)
         return how
+
+    def _pack(self, encodings: dict[str, dict]) -> dict:
+        """Add the packed image of the encoded maps to its writer. Returns how to decode it."""
+        packing = self.settings.packing
+        for tile in self._tiles[packing.maps[0]]:
+            maps = {name: self._tiles[name][tile] for name in packing.maps}
+            self._writers[self._packed].add(tile, value_encoding.packed(packing, maps))
+        return {"channels": value_encoding.channels(packing, encodings)}
 
 
 def sign(image: bpy.types.Image, highs: Sequence[str]) -> list[str]:
@@ -100,8 +129,16 @@ def sign(image: bpy.types.Image, highs: Sequence[str]) -> list[str]:
     return [f"The map of {shorten_list(map(repr, highs))} replaced a map of {before} in the image {image.name!r}."]
 
 
+def into_materials(low: bpy.types.Object, stored: Stored, uv_layer: str, settings: Settings) -> list[str]:
+    """Show the stored maps in the materials of `low`, as far as the settings say. Returns warnings."""
+    warnings = hook_up(low, stored.image, uv_layer, settings) if settings.material and settings.normal else []
+    if settings.connect_maps:
+        warnings += connect_maps(low, stored.maps, uv_layer, settings)
+    return list(dict.fromkeys(warnings))
+
+
 def hook_up(low: bpy.types.Object, image: bpy.types.Image, uv_layer: str, settings: Settings) -> list[str]:
-    """Show `image` in the materials of `low`. Returns warnings."""
+    """Show `image` as the normal map in the materials of `low`. Returns warnings."""
     return materials.hook_up(
         low,
         image,
@@ -110,3 +147,14 @@ def hook_up(low: bpy.types.Object, image: bpy.types.Image, uv_layer: str, settin
         channels=(settings.red, settings.green, settings.blue),
         single_user=settings.single_user,
     )
+
+
+def connect_maps(low: bpy.types.Object, maps: dict[str, dict], uv_layer: str, settings: Settings) -> list[str]:
+    """Connect maps other than the normal map, as in Report.maps, in the materials of `low`. Returns warnings.
+
+    Maps whose images are no longer there are left out, with a warning.
+    """
+    images, warnings = map_images.of_report(maps, settings.space)
+    if not images:
+        return warnings
+    return warnings + materials.connect_maps(low, images, uv_layer=uv_layer, single_user=settings.single_user)

@@ -17,25 +17,27 @@ def rounded(values: np.ndarray, depth: int) -> np.ndarray:
     return np.floor(values * steps + np.float32(0.5)) / steps
 
 
-def dithered(texels: np.ndarray) -> np.ndarray:
+def dithered(texels: np.ndarray, *, with_alpha: bool = False) -> np.ndarray:
     """`texels` (height, width, 4) float32 as multiples of 1/255. Their mean over a neighborhood stays the same.
 
     Each color is rounded up or down by a threshold that depends only on its position, so that each bake gives the same
     result. Alpha, and colors where alpha is 0, are rounded to the nearest multiple: the background keeps one color.
+    with_alpha: dither alpha as well, and all colors, because alpha holds a map.
     """
     height, width = texels.shape[:2]
     rows, columns = (np.arange(side, dtype=np.uint32) for side in (height, width))
     lattice = rows[:, None] * np.uint32(_ROW) + columns * np.uint32(_COLUMN)
-    is_background = texels[..., 3] == 0.0
+    is_background = (texels[..., 3] == 0.0) & (not with_alpha)
     result = texels * np.float32(255.0)
-    for channel in range(3):
+    for channel in range(4 if with_alpha else 3):
         # 15 bits, neither 0 nor 1: added to 255, they are exact in single precision.
         threshold = ((lattice + np.uint32(channel * _CHANNEL % 2**32)) >> 17).astype(np.float32)
         threshold += np.float32(0.5)
         threshold *= np.float32(2**-15)
         threshold[is_background] = 0.5
         result[..., channel] += threshold
-    result[..., 3] += np.float32(0.5)
+    if not with_alpha:
+        result[..., 3] += np.float32(0.5)
     np.floor(result, out=result)
     result /= np.float32(255.0)
     return result

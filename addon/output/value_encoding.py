@@ -2,33 +2,49 @@
 """Encodes the values of maps other than the normal map, and returns how to decode them."""
 
 import colorsys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from ..core.declarations.packing import Packing
 from ..core.map_types import Kind, MapType, Range
 from ..core.settings import Settings
 
 GOLDEN = 0.6180339887498949
 """A step around the circle of hues that keeps any number of hues distinct."""
+SRGB, LINEAR = "sRGB", "Linear Rec.709"
+"""Blender's names of the color spaces of colors in integers and in floats."""
 
 
 def encoding(map_type: MapType, maps: Sequence[np.ndarray], labels: Sequence[str], settings: Settings) -> dict:
     """How to decode a map: value = (stored - midlevel) * scale + offset, or the colors of its labels.
 
-    maps: its tiles, (height, width, 4) float32 with alpha 0 where there is no value. labels: the names of the numbers from 1.
+    With a color_space, `stored` is linear after decoding the space. maps: its tiles, (height, width, 4) float32 with alpha 0
+    where there is no value. labels: the names of the numbers from 1.
     """
     if map_type.kind is Kind.LABEL:
         return {"colours": {label: list(color(number)) for number, label in enumerate(labels)}}
+    if map_type.kind is Kind.NORMAL:  # encoded when it was drawn
+        return {"midlevel": 0.5, "scale": 2.0}
+    space = {"color_space": color_space(map_type, settings)} if map_type.is_color else {}
     if map_type.range is Range.UNIT or settings.is_float:
-        return {"midlevel": 0.0, "scale": 1.0}
+        return {"midlevel": 0.0, "scale": 1.0} | space
     lows, highs = zip(*(_range(texels) for texels in maps), strict=True)
     low, high = np.min(lows, axis=0), np.max(highs, axis=0)
     if map_type.range is Range.BOX:
         return {"midlevel": 0.0, "scale": float((high - low).max()) or 1.0, "offset": low.tolist()}
+    if map_type.is_color:  # only lights that are too bright for the format are scaled
+        return {"midlevel": 0.0, "scale": max(1.0, float(high.max()))} | space
     if map_type.range is Range.POSITIVE:
         return {"midlevel": 0.0, "scale": float(high.max()) or 1.0}
     return {"midlevel": 0.5, "scale": 2.0 * float(max(-low.min(), high.max(), 0.0)) or 1.0}
+
+
+def color_space(map_type: MapType, settings: Settings) -> str:
+    """The color space of the image of a map; empty for data."""
+    if not map_type.is_color:
+        return ""
+    return LINEAR if settings.is_float else SRGB
 
 
 def encode(texels: np.ndarray, how: dict) -> None:
@@ -36,16 +52,60 @@ def encode(texels: np.ndarray, how: dict) -> None:
     known = texels[..., 3:] > 0.0
     if "colours" in how:
         np.copyto(texels[..., :3], np.float32(0.0), where=~known)
-        # There can be more numbers than names: a linked object may have the name of a local one.
-        count = int(texels[..., 0].max())
-        palette = np.array([(0.0, 0.0, 0.0), *map(color, range(count))], np.float32)
-        texels[..., :3] = palette[texels[..., 0].astype(np.int32)]
+        texels[..., :3] = palette(int(texels[..., 0].max()))[texels[..., 0].astype(np.int32)]
     else:
         if (how["midlevel"], how["scale"]) != (0.0, 1.0):
             texels[..., :3] -= np.float32(how.get("offset", 0.0))
             texels[..., :3] /= np.float32(how["scale"])
             texels[..., :3] += np.float32(how["midlevel"])
+        if how.get("color_space") == SRGB:
+            texels[..., :3] = to_srgb(texels[..., :3])
         np.copyto(texels[..., :3], np.float32(how["midlevel"]), where=~known)
+
+
+def packed(packing: Packing, maps: Mapping[str, np.ndarray]) -> np.ndarray:
+    """A packed image (height, width, 4) float32 of encoded maps (height, width, 4) by name. Alpha is a channel as others.
+
+    Backgrounds stay as they are, also in an inverted channel.
+    """
+    result = np.empty(next(iter(maps.values())).shape, np.float32)
+    for number, channel in enumerate(packing.channels):
+        if channel.map:
+            texels = maps[channel.map]
+            values = texels[..., 0]
+            result[..., number] = (
+                np.where(texels[..., 3] > 0.0, 1.0 - values, values) if channel.is_inverted else values
+            )
+        else:
+            result[..., number] = channel.constant
+    return result
+
+
+def channels(packing: Packing, encodings: Mapping[str, dict]) -> dict[str, dict]:
+    """How to decode each channel of a packed image: the map, whether it is inverted, and its encoding; or the constant."""
+    found = {}
+    for name, channel in packing.by_name().items():
+        if not channel.map:
+            found[name] = {"constant": channel.constant}
+            continue
+        inverted = {"inverted": True} if channel.is_inverted else {}
+        found[name] = {"map": channel.map.lower()} | inverted | encodings[channel.map]
+    return found
+
+
+def to_srgb(values: np.ndarray) -> np.ndarray:
+    """Linear values as sRGB stores them, from 0 to 1 (IEC 61966-2-1)."""
+    clipped = np.clip(values, 0.0, 1.0)
+    curved = np.float32(1.055) * clipped ** np.float32(1.0 / 2.4) - np.float32(0.055)
+    return np.where(clipped <= 0.0031308, np.float32(12.92) * clipped, curved).astype(np.float32)
+
+
+def palette(count: int) -> np.ndarray:
+    """The colors (count + 1, 3) float32 of the numbers from 0 to `count`. 0 is the background, which is black.
+
+    There can be more numbers than names: a linked object may have the name of a local one.
+    """
+    return np.array([(0.0, 0.0, 0.0), *map(color, range(count))], np.float32)
 
 
 def color(number: int) -> tuple[float, float, float]:

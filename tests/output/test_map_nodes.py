@@ -109,12 +109,23 @@ def test_maps_without_an_input_add_nothing():
     assert nodes_and_links(tree) == before
 
 
-def test_emission_without_strength_gets_one_and_another_strength_stays():
-    for given, expected in ((0.0, 1.0), (3.0, 3.0)):
-        material, _, principled = make_material()
-        principled.inputs["Emission Strength"].default_value = given
-        connect(make_low(material), {EMISSION.name: of(EMISSION)})
-        assert principled.inputs["Emission Strength"].default_value == expected
+@pytest.mark.parametrize("scale", [1.0, 4.0])
+def test_emission_has_the_strength_of_the_map(scale):
+    material, _, principled = make_material()
+    assert connect(make_low(material), {EMISSION.name: of(EMISSION, scale=scale)}) == []
+    assert principled.inputs["Emission Strength"].default_value == scale
+
+
+def test_a_linked_emission_strength_stays_and_gets_a_note():
+    material, tree, principled = make_material()
+    value = add(tree, "ShaderNodeValue")
+    tree.links.new(value.outputs[0], principled.inputs["Emission Strength"])
+    (note,) = connect(make_low(material), {EMISSION.name: of(EMISSION)})
+    assert "Emission Strength" in note
+    assert source(principled.inputs["Emission Strength"], "Value") == value
+
+
+def test_other_maps_leave_the_emission_strength():
     material, _, principled = make_material()
     connect(make_low(material), {ROUGHNESS.name: of(ROUGHNESS)})
     assert principled.inputs["Emission Strength"].default_value == 0.0

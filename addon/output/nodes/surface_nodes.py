@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from bpy.types import Image, Material, Node, NodeSocket
 
 from ...core.declarations.choices import Space
-from ...core.map_types import AO, BY_NAME, HEIGHT, VECTOR_DISPLACEMENT
+from ...core.map_types import AO, BY_NAME, EMISSION, HEIGHT, VECTOR_DISPLACEMENT, MapType
 from . import gltf_group, tree_editing
 from .tree_editing import MARK, Coordinates, TreeEditor, title
 
@@ -41,6 +41,11 @@ class MapImage:
     space: str = Space.TANGENT
 
 
+def takes(map_type: MapType | None) -> bool:
+    """Whether an input of a material takes this map."""
+    return map_type is not None and (bool(map_type.socket) or map_type in (AO, HEIGHT, VECTOR_DISPLACEMENT))
+
+
 def connect(material: Material, images: Mapping[str, MapImage], coordinates: Coordinates) -> list[str]:
     """Connect the maps, by their names, to the inputs that they belong to. Returns notes for the report.
 
@@ -54,8 +59,8 @@ def connect(material: Material, images: Mapping[str, MapImage], coordinates: Coo
             editor.note("no Principled BSDF reaches the output, so its maps are not shown.")
         for shader in shaders:
             for name, image in of_sockets.items():
-                _feed(editor, shader, shader.inputs[name], image)
-            _light_up(editor, shader)
+                if _feed(editor, shader, shader.inputs[name], image) and name == EMISSION.socket:
+                    _light_up(editor, shader, image.scale)
     if AO.name in images:
         group = gltf_group.node_of(editor)
         _feed(editor, group, group.inputs[gltf_group.OCCLUSION], images[AO.name])
@@ -120,11 +125,14 @@ def _connect_own(editor: TreeEditor, socket: NodeSocket, image: MapImage) -> Non
     editor.feed_coordinates(texture)
 
 
-def _light_up(editor: TreeEditor, shader: Node) -> None:
-    """Set the strength of an emission that has a map and no strength: Blender's default is 0."""
-    color, strength = shader.inputs["Emission Color"], shader.inputs["Emission Strength"]
-    if editor.trace(color)[1] is not None and editor.trace(strength)[1] is None and strength.default_value == 0.0:
-        strength.default_value = 1.0
+def _light_up(editor: TreeEditor, shader: Node, scale: float) -> None:
+    """Set the strength that the baked emission needs: the map holds color times strength, divided by `scale`."""
+    strength = shader.inputs["Emission Strength"]
+    _, node, kind = editor.trace(strength)
+    if node is None:
+        tree_editing.change(strength, default_value=scale)
+    else:
+        editor.note_unchanged(shader, strength.name, node, kind)
 
 
 def _displace(editor: TreeEditor, image: MapImage, *, is_vector: bool) -> None:

@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Finds the images of the maps of a bake, also the channels of a packed one, for the nodes of materials."""
+
+from collections.abc import Mapping
+
+from ..core.errors import shorten_list
+from ..core.map_types import BY_NAME
+from . import datablocks
+from .nodes import surface_nodes
+from .nodes.surface_nodes import MapImage
+
+
+def of_report(maps: Mapping[str, dict], space: str) -> tuple[dict[str, MapImage], list[str]]:
+    """The images of maps as in Report.maps, by the names in map_types, and warnings about images that are gone.
+
+    A map that is packed as well comes from the packed image: the material then needs one image less. Maps that no input of a
+    material takes are left out. space: as in Settings.
+    """
+    found: dict[str, MapImage] = {}
+    gone = []
+    for name, how in sorted(maps.items(), key=lambda item: "channels" in item[1]):
+        parts = how["channels"] if "channels" in how else {"": how | {"map": name}}
+        parts = {
+            channel: part
+            for channel, part in parts.items()
+            if surface_nodes.takes(BY_NAME.get(part.get("map", "").upper()))
+        }
+        image = datablocks.get(how["image"])
+        if parts and image is None:
+            gone.append(how["image"])
+            continue
+        for channel, part in parts.items():
+            map_type = BY_NAME[part["map"].upper()]
+            found[map_type.name] = MapImage(
+                image,
+                role=name,
+                label=map_type.label if not channel else "Packed",
+                channel=channel.capitalize(),
+                is_inverted=part.get("inverted", False),
+                midlevel=part["midlevel"],
+                scale=part["scale"],
+                space=space,
+            )
+    if not gone:
+        return found, []
+    return found, [f"Images that were undone, renamed or deleted are not connected: {shorten_list(map(repr, gone))}."]
