@@ -14,7 +14,8 @@ import bpy
 import gpu
 
 from ..core import file_names, progress
-from ..core.errors import BakeError, sentence
+from ..core.declarations.choices import Method
+from ..core.errors import BakeError, WrongPlace, sentence
 from ..core.progress import Progress
 from ..core.report import Report
 from ..core.settings import Settings
@@ -22,7 +23,7 @@ from ..jobs import bake_jobs, sequence
 from ..jobs.job import Job, jobs_by_name
 from ..output.files.atomic_file import all_or_none, check_writable, replacing
 from ..scene import object_checks, object_refs
-from . import batch_results, interruption, run_clashes, scene_files, standard_streams
+from . import batch_results, input_checks, interruption, run_clashes, scene_files, standard_streams
 from .batch_results import Result
 from .scene_files import Stage
 from .terminal_progress import Meter
@@ -107,6 +108,10 @@ class Opened:
     jobs: Sequence[Job]
     problems: list[str]
     """What is wrong with names."""
+    notes: list[str]
+    """Sentences about files that are missing."""
+    hints: list[str]
+    """Why low and high meshes may not fit, in sentences. Meshes that share their UV layout need not."""
 
     @property
     def report(self) -> Path | None:
@@ -137,7 +142,8 @@ def open_files(plan: Plan, stage: Stage, files: run_clashes.Run, meter: Meter) -
         meter.show(subject(options), Progress("Opening", 0.0))
     jobs, problems = _jobs(options, stage)
     files.opened(plan.name, options, [bake_jobs.ATLAS] if _share_image(options) else [job.low.name for job in jobs])
-    return Opened(name, options, settings, jobs, problems)
+    notes = input_checks.check_pages(options, settings, jobs)
+    return Opened(name, options, settings, jobs, problems, notes, input_checks.fit_hints(options, jobs))
 
 
 def run(opened: Opened, stage: Stage, meter: Meter) -> Result:
@@ -145,8 +151,12 @@ def run(opened: Opened, stage: Stage, meter: Meter) -> Result:
     options = opened.options
     _start_gpu()
     with all_or_none():  # if a pair, a frame, the scene or the report fails, no file of the bake is written
-        reports, is_stopped = _baked(options, opened.jobs, opened.settings, meter)
-        reports = [report.with_warnings([*stage.notes, *_refused_scripts()]) for report in reports]
+        reports, is_stopped = _explained(opened, meter)
+        notes = [*stage.notes, *opened.notes, *_refused_scripts()]
+        reports = [
+            report.with_warnings([*notes, *(opened.hints if report.method == Method.CAST else [])])
+            for report in reports
+        ]
         result = Result(opened.name, reports, opened.problems, are=_kind(options), is_stopped=is_stopped)
         if opened.scene is not None and not is_stopped:
             with stage.let_go():
@@ -159,6 +169,18 @@ def run(opened: Opened, stage: Stage, meter: Meter) -> Result:
 def _kind(options: argparse.Namespace) -> str:
     """What several reports of one bake are of."""
     return "pairs" if options.pairs else "frames" if options.frames else ""
+
+
+def _explained(opened: Opened, meter: Meter) -> tuple[list[Report], bool]:
+    """As `_baked`. An error that meshes which do not fit may have caused also says that."""
+    try:
+        return _baked(opened.options, opened.jobs, opened.settings, meter)
+    except WrongPlace:
+        raise
+    except BakeError as error:
+        if not opened.hints:
+            raise
+        raise BakeError(" ".join([str(error), *opened.hints])) from error
 
 
 def _baked(
@@ -211,12 +233,12 @@ def _start_gpu() -> None:
 def _jobs(options: argparse.Namespace, stage: Stage) -> tuple[list[Job], list[str]]:
     """The jobs, ready in the scene, and sentences about what is wrong with names."""
     if options.low_file:
-        job = stage.job(options.low_file, options.high_file, options.cage_file)
+        job = stage.job(options.low_file, options.high_file, options.cage_file, options.origin)
         if not options.high_file:
             _check_own_high(job.low, "--high-file")
         return [job], []
     if options.file:
-        stage.open(options.file)
+        stage.open(options.file, options.origin)
     elif not bpy.data.filepath:
         raise BakeError("There is no scene to bake: give a FILE, or mesh files with --low-file and --high-file.")
     else:

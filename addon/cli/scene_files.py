@@ -14,50 +14,36 @@ from ..jobs.job import Job
 from ..output.files.atomic_file import reason
 from ..scene.visibility import put
 from . import interruption, standard_streams
-
-IMPORTERS = {
-    ".obj": ("wm", "obj_import", {}),
-    ".ply": ("wm", "ply_import", {}),
-    ".stl": ("wm", "stl_import", {}),
-    ".gltf": ("import_scene", "gltf", {"disable_bone_shape": True}),  # it would be one more mesh
-    ".glb": ("import_scene", "gltf", {"disable_bone_shape": True}),
-    ".fbx": ("wm", "fbx_import", {}),
-    ".usd": ("wm", "usd_import", {}),
-    ".usda": ("wm", "usd_import", {}),
-    ".usdc": ("wm", "usd_import", {}),
-}
-"""Blender's import operators by the ending of files, with further arguments. All of them turn Z up."""
-
-ENDINGS = (".blend", *IMPORTERS)
+from .mesh_files.importers import ENDINGS, IMPORTERS, import_file
 
 
 class Stage:
     """The scene to bake in, which is changed only when other files are wanted."""
 
     def __init__(self):
-        self._open: list[Path] = []
+        self._open: tuple[list[Path], Sequence[float] | None] = [], None
         self.notes: list[str] = []
         """Sentences about what is left out of the open files."""
         self._held = ExitStack()
         """Restores the simulation caches."""
 
-    def open(self, names: Sequence[str]) -> None:
+    def open(self, names: Sequence[str], origin: Sequence[float] | None = None) -> None:
         """Open a .blend, or import files into an empty scene; nothing where these are open already.
 
-        A .blend after the first file is appended. Raises BakeError.
+        A .blend after the first file is appended. origin: as `bring` takes it. Raises BakeError.
         """
         first, *others = (str(_existing(name)) for name in names)
-        wanted = [Path(name).resolve() for name in names]
+        wanted = [Path(name).resolve() for name in names], origin
         if wanted == self._open:
             return
         self._leave()
         if _ending(first) in IMPORTERS:
             _empty()
-            bring(first)
+            bring(first, origin)
         else:  # a .blend1 as well
             _open_blend(first)
         for name in others:
-            bring(name)
+            bring(name, origin)
         self.take()
         self._open = wanted
 
@@ -74,21 +60,23 @@ class Stage:
 
     def _leave(self) -> None:
         """Forget the open files: other files or an empty scene replace them."""
-        self._open, self.notes, self._held = [], [], ExitStack()
+        self._open, self.notes, self._held = ([], None), [], ExitStack()
 
-    def job(self, low: str, highs: Sequence[str], cage: str | None = None) -> Job:
+    def job(
+        self, low: str, highs: Sequence[str], cage: str | None = None, origin: Sequence[float] | None = None
+    ) -> Job:
         """An empty scene with these files. The low file and the cage's must contain one mesh each.
 
-        The low object is named after its file, without the ending. Raises BakeError.
+        The low object is named after its file, without the ending. origin: as `bring` takes it. Raises BakeError.
         """
         for name in (low, *highs, *([cage] if cage else [])):
             _existing(name)
         self._leave()
         _empty()
-        low_object = _only(low, bring(low))
+        low_object = _only(low, bring(low, origin))
         low_object.rename(Path(low).stem, mode="ALWAYS")
-        high_objects = [obj for name in highs for obj in bring(name)] or [low_object]
-        cage_object = _only(cage, bring(cage)) if cage else None
+        high_objects = [obj for name in highs for obj in bring(name, origin)] or [low_object]
+        cage_object = _only(cage, bring(cage, origin)) if cage else None
         self.take()
         return Job(low_object, high_objects, cage_object)
 
@@ -126,27 +114,16 @@ def _split(files: Sequence[Path]) -> tuple[list[Path], list[Path]]:
     return [path for path in files if path not in strange], strange
 
 
-def bring(name: str) -> list[bpy.types.Object]:
-    """Import a file, or append the objects of a .blend; returns the meshes that have faces. Raises BakeError."""
+def bring(name: str, origin: Sequence[float] | None = None) -> list[bpy.types.Object]:
+    """Import a file, or append the objects of a .blend; returns the meshes that have faces. Raises BakeError.
+
+    origin: as import_file takes it.
+    """
     interruption.check()
     path = _existing(name)
-    ending = _ending(path)
-    if ending not in ENDINGS:
+    if _ending(path) not in ENDINGS:
         raise BakeError(f"{str(path)!r} is no mesh file that can be imported: {', '.join(ENDINGS)} can.")
-    before = set(bpy.data.objects)
-    try:
-        with standard_streams.silence():
-            if ending == ".blend":
-                _append(path)
-            else:
-                module, operator, more = IMPORTERS[ending]
-                getattr(getattr(bpy.ops, module), operator)(filepath=str(path), **more)
-    except AttributeError as error:
-        raise BakeError(f"{str(path)!r} cannot be read: this Blender imports no {ending} files.") from error
-    except (RuntimeError, OSError, ValueError) as error:  # ValueError: for a .blend that is open already
-        raise BakeError(f"{str(path)!r} could not be imported: {_cause(error)}.") from error
-    new = [obj for obj in bpy.data.objects if obj.type == "MESH" and obj not in before]
-    meshes = [obj for obj in new if obj.data.polygons or obj.modifiers]
+    meshes = [obj for obj in import_file(path, origin) if obj.data.polygons or obj.modifiers]
     if not meshes:
         raise BakeError(f"{str(path)!r} holds no mesh with faces.")
     return meshes
@@ -201,13 +178,6 @@ def _empty() -> None:
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True, load_ui=False)
 
 
-def _append(path: Path) -> None:
-    with bpy.data.libraries.load(str(path)) as (there, here):
-        here.objects = there.objects
-    for obj in filter(None, here.objects):
-        bpy.context.scene.collection.objects.link(obj)
-
-
 def _only(name: str, meshes: Iterable[bpy.types.Object]) -> bpy.types.Object:
     first, *others = meshes
     if others:
@@ -216,11 +186,3 @@ def _only(name: str, meshes: Iterable[bpy.types.Object]) -> bpy.types.Object:
             "file as FILE and name one of them."
         )
     return first
-
-
-def _cause(error: RuntimeError | OSError) -> str:
-    """The importer's own message. Importers written in Python end with the cause, after a traceback."""
-    if "Traceback" not in str(error):
-        return reason(error)
-    last = [line for line in str(error).splitlines() if line.strip() and not line.startswith((" ", "Location"))][-1]
-    return last.rstrip(".")

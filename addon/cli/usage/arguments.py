@@ -176,9 +176,9 @@ def settings(options: argparse.Namespace) -> Settings:
 
 
 def _joined(arguments: Sequence[str]) -> list[str]:
-    """The arguments with `--green -y` as `--green=-y`: argparse takes the single -y for an option."""
+    """The arguments with `--green -y` as `--green=-y`: argparse takes -y, and -1,2,3, for an option."""
     result, words = [], iter(arguments)
     for word in words:
-        value = next(words, None) if word in {"--red", "--green", "--blue"} else None
+        value = next(words, None) if word in {"--red", "--green", "--blue", "--origin"} else None
         result.append(word if value is None else f"{word}={value}")
     return result

@@ -2,6 +2,7 @@
 """Reads the words of the command line as values. What cannot be read raises argparse.ArgumentTypeError, without a full stop."""
 
 import argparse
+import math
 import os
 import re
 from collections.abc import Callable, Sequence
@@ -73,6 +74,16 @@ def color(value: str) -> tuple[float, float, float]:
     except ValueError as error:
         raise argparse.ArgumentTypeError(f"{value!r} is not three numbers as 1,0,1") from error
     return red, green, blue
+
+
+def point(value: str) -> tuple[float, float, float]:
+    try:
+        x, y, z = (float(part) for part in value.split(","))
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"{value!r} is not three numbers as 512300,5412300,0") from error
+    if not math.isfinite(x + y + z):
+        raise argparse.ArgumentTypeError(f"{value!r} has an infinite coordinate")
+    return x, y, z
 
 
 def tiles(value: str) -> tuple[int, ...]:

@@ -196,6 +196,16 @@ OBJECTS = {
         "Mesh file of the cage, instead of --cage. It must contain one mesh",
         {"type": option_types.path, "metavar": "FILE"},
     ),
+    "origin": CommandOption(
+        "Point that becomes the scene's origin in .obj and .ply files far from it, in their own coordinates, for a low mesh "
+        "that was moved by the same distance",
+        {"type": option_types.point, "metavar": "X,Y,Z"},
+        "files stay where they are",
+    ),
+    "allow-missing-pages": CommandOption(
+        "Bake the maps of materials although image files of the high meshes are missing",
+        {"action": "store_true"},
+    ),
     "pairs": CommandOption(
         "Bake all pairs: x_low with x_high, x_high_2, ... and x_cage. Pairs are objects of FILE or, with DIR, the mesh files "
         "in that folder. {low} in --output makes a map for each pair; without it, they share one",

@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Checks of the open files before a bake: images that are missing, and meshes that do not fit each other."""
+
+import argparse
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from ..core import map_types
+from ..core.declarations.choices import Pack
+from ..core.errors import BakeError, shorten_list
+from ..core.map_types import Family
+from ..core.preflight import placement
+from ..core.settings import Settings
+from ..jobs.job import Job
+from .mesh_files import obj_materials, page_files
+from .usage.option_types import word_for
+
+MOST_NAMED = 8
+"""Missing files that a message names."""
+
+
+def check_pages(options: argparse.Namespace, settings: Settings, jobs: Sequence[Job]) -> list[str]:
+    """Sentences about files of the high meshes' materials that are missing, if a map shows materials.
+
+    Raises BakeError for them unless the options allow it.
+    """
+    maps = _of_materials(settings)
+    if not maps:
+        return []
+    highs = [high for job in jobs for high in job.highs if high.type == "MESH"]
+    missing = [*_libraries(options), *map(repr, page_files.missing(highs))]
+    if not missing:
+        return []
+    files = "1 file" if len(missing) == 1 else f"{len(missing)} files"
+    text = f"{files} of the high meshes' materials cannot be found: {shorten_list(missing, MOST_NAMED)}."
+    if options.allow_missing_pages:
+        return [text]
+    raise BakeError(
+        f"{text} Put them beside the mesh file, leave {shorten_list(map(word_for, maps))} out of the maps, or add "
+        "--allow-missing-pages."
+    )
+
+
+def fit_hints(options: argparse.Namespace, jobs: Sequence[Job]) -> list[str]:
+    """Sentences about low and high meshes from files whose units, axes or places differ."""
+    if not (options.low_file or options.file):
+        return []
+    bpy.context.view_layer.update()
+    found = []
+    for job in jobs:
+        highs = [_box(high) for high in job.highs if high != job.low and high.type == "MESH"]
+        if highs:
+            corners = np.concatenate(highs)
+            hint = placement.hint(_box(job.low), np.array([corners.min(axis=0), corners.max(axis=0)]))
+            if hint and "offsets" in hint and options.origin is None:
+                hint += " --origin X,Y,Z moves files that are far away to where the low mesh is."
+            found.append(hint)
+    return list(dict.fromkeys(filter(None, found)))
+
+
+def _of_materials(settings: Settings) -> list[str]:
+    """The maps of these settings that show materials, also those that are only packed."""
+    names = list(settings.maps)
+    if settings.pack != Pack.NONE:
+        names += [settings.pack_red, settings.pack_green, settings.pack_blue, settings.pack_alpha]
+    known = [map_types.BY_NAME[name] for name in dict.fromkeys(names) if name in map_types.BY_NAME]
+    return [each.name for each in known if each.family is Family.MATERIAL and each.socket]
+
+
+def _libraries(options: argparse.Namespace) -> Iterator[str]:
+    """The material libraries that .obj files name and that are missing."""
+    for name in [*options.file, *options.high_file]:
+        path = Path(name).absolute()
+        if path.suffix.lower() == ".obj":
+            yield from (repr(str(path.parent / library)) for library in obj_materials.missing_libraries(path))
+
+
+def _box(obj: bpy.types.Object) -> np.ndarray:
+    """The box (2, 3) float64 around an object, in world space."""
+    matrix = np.array(obj.matrix_world, np.float64)
+    corners = np.array(obj.bound_box, np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
+    return np.array([corners.min(axis=0), corners.max(axis=0)])

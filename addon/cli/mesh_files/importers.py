@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Imports mesh files with Blender's importers, and completes what these leave out."""
+
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from ...core.errors import BakeError
+from ...output.files.atomic_file import reason
+from .. import standard_streams
+from . import far_coordinates, obj_materials, page_files, vertex_colors
+from .obj_materials import Materials
+
+IMPORTERS = {
+    ".obj": ("wm", "obj_import", {}),
+    ".ply": ("wm", "ply_import", {}),
+    ".stl": ("wm", "stl_import", {}),
+    ".gltf": ("import_scene", "gltf", {"disable_bone_shape": True}),  # it would be one more mesh
+    ".glb": ("import_scene", "gltf", {"disable_bone_shape": True}),
+    ".fbx": ("wm", "fbx_import", {}),
+    ".usd": ("wm", "usd_import", {}),
+    ".usda": ("wm", "usd_import", {}),
+    ".usdc": ("wm", "usd_import", {}),
+}
+"""Blender's import operators by the ending of files, with further arguments. All of them turn Z up."""
+
+ENDINGS = (".blend", *IMPORTERS)
+
+
+def import_file(path: Path, origin: Sequence[float] | None = None) -> list[bpy.types.Object]:
+    """Import a mesh file, or append the objects of a .blend. Returns the new meshes.
+
+    Points far from the world's origin are not rounded: the object's location holds most of the distance. origin: (x, y, z) in
+    the file's axes; a file far from the world's origin is moved so that this point gets there. Raises BakeError.
+    """
+    before = set(bpy.data.objects)
+    try:
+        with standard_streams.silence():
+            if path.suffix.lower() == ".blend":
+                _append(path)
+            else:
+                _import(path, origin)
+    except AttributeError as error:
+        raise BakeError(
+            f"{str(path)!r} cannot be read: this Blender imports no {path.suffix.lower()} files."
+        ) from error
+    except (RuntimeError, OSError, ValueError) as error:  # ValueError: for a .blend that is open already
+        raise BakeError(f"{str(path)!r} could not be imported: {_cause(error)}.") from error
+    return [obj for obj in bpy.data.objects if obj.type == "MESH" and obj not in before]
+
+
+def _import(path: Path, origin: Sequence[float] | None) -> None:
+    far = far_coordinates.far_origin(path)
+    subtracted = far if origin is None or far is None else np.array(origin, np.float64)
+    objects, images = set(bpy.data.objects), set(bpy.data.images)
+    with _staged(path, subtracted) as (staged, materials):
+        module, operator, more = IMPORTERS[path.suffix.lower()]
+        getattr(getattr(bpy.ops, module), operator)(filepath=str(staged), **more)
+    new = [obj for obj in bpy.data.objects if obj not in objects]
+    pages = [image for image in bpy.data.images if image not in images]
+    if subtracted is not None and origin is None:
+        _move_back(new, subtracted)
+    page_files.replace_placeholders(pages, materials.placeholders, path.parent)
+    page_files.find_missing(pages, path.parent)
+    meshes = [obj for obj in new if obj.type == "MESH"]
+    page_files.as_udims(meshes)
+    vertex_colors.show(meshes)
+
+
+@contextmanager
+def _staged(path: Path, subtracted: np.ndarray | None) -> Iterator[tuple[Path, Materials]]:
+    """The file to import instead of `path`, and the materials whose images it stands in for.
+
+    An .obj is imported from a folder with one library of all materials, whose images do not exist: the importer would load
+    all of them at once, and find none whose names are from another machine.
+    """
+    materials = obj_materials.read(path) if path.suffix.lower() == ".obj" else Materials()
+    if subtracted is None and not materials.content:
+        yield path, materials
+        return
+    with tempfile.TemporaryDirectory(prefix="imprint-") as folder:
+        staged = Path(folder) / path.name
+        if subtracted is not None:
+            far_coordinates.write_near(path, staged, subtracted)
+        else:
+            _link(path, staged)
+        if materials.content:
+            staged.with_suffix(".mtl").write_bytes(materials.content)
+        yield staged, materials
+
+
+def _link(source: Path, target: Path) -> None:
+    """Make `source` available at `target`, by a copy where links are not allowed."""
+    try:
+        os.symlink(source, target)
+    except (OSError, NotImplementedError):
+        shutil.copyfile(source, target)
+
+
+def _move_back(objects: Sequence[bpy.types.Object], subtracted: np.ndarray) -> None:
+    """Move new objects by `subtracted` (3,), which is in their own axes."""
+    for obj in objects:
+        if obj.parent is None:
+            # Importers turn axes by 90 degrees, whose cosine is not exactly 0 in single precision.
+            turn = np.round(np.array(obj.matrix_world, np.float64)[:3, :3])
+            obj.location = np.array(obj.location) + turn @ subtracted
+    bpy.context.view_layer.update()
+
+
+def _append(path: Path) -> None:
+    with bpy.data.libraries.load(str(path)) as (there, here):
+        here.objects = there.objects
+    for obj in filter(None, here.objects):
+        bpy.context.scene.collection.objects.link(obj)
+
+
+def _cause(error: RuntimeError | OSError) -> str:
+    """The importer's own message. Importers written in Python end with the cause, after a traceback."""
+    if "Traceback" not in str(error):
+        return reason(error)
+    last = [line for line in str(error).splitlines() if line.strip() and not line.startswith((" ", "Location"))][-1]
+    return last.rstrip(".")

@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The images (pages) of imported materials: gives them their files, and finds those whose files are missing."""
+
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from ...core.file_formats import OPEN_EXR
+from ...core.udim import TOKEN
+from . import page_search
+from .obj_materials import Page
+
+_LINEAR = {*OPEN_EXR.endings, ".hdr"}
+"""Endings of images that store linear colors."""
+
+
+def replace_placeholders(images: Iterable[bpy.types.Image], pages: Mapping[str, Page], folder: Path) -> None:
+    """Give the images of an .obj their files. pages: by the name of the file that each image has now. folder: of the .obj.
+
+    No image is loaded. An image whose file is missing gets the path that its name says.
+    """
+    for image in images:
+        page = pages.get(os.path.basename(image.filepath))
+        if page is None:
+            continue
+        path = page.path or folder / page_search.cleaned(page.name)
+        image.filepath = str(path)
+        image.name = path.name
+        if not page.is_color:
+            image.colorspace_settings.is_data = True
+        elif path.suffix.lower() in _LINEAR:
+            image.colorspace_settings.name = "Linear Rec.709"
+        if TOKEN in path.name:
+            _make_tiled(image, path)
+
+
+def find_missing(images: Iterable[bpy.types.Image], folder: Path) -> None:
+    """Look in `folder`, of the mesh file, for the files of new images that are not where their paths say.
+
+    The importers of some formats load images; their memory is freed.
+    """
+    for image in images:
+        if image.source == "FILE" and not image.packed_file and image.filepath and _lacks_file(image):
+            found = page_search.find(image.filepath, [folder])
+            if found is not None:
+                image.filepath = str(found)
+        if image.has_data and not image.is_dirty and image.source in {"FILE", "TILED"}:
+            image.buffers_free()
+
+
+def as_udims(objects: Iterable[bpy.types.Object]) -> None:
+    """Tile the images of materials whose UVs lie on several UDIM tiles, and whose files are numbered, as scan_1001.png."""
+    for obj in objects:
+        for number, slot in enumerate(obj.material_slots):
+            for image in _images(slot.material):
+                path = Path(bpy.path.abspath(image.filepath)) if image.source == "FILE" and image.filepath else None
+                tiled = path and page_search.as_tiled(path)
+                if tiled and len(page_search.tiles(tiled)) > 1 and _is_on_several_tiles(obj.data, number):
+                    image.filepath = str(tiled)
+                    _make_tiled(image, tiled)
+
+
+def missing(objects: Iterable[bpy.types.Object]) -> list[str]:
+    """The paths of images that materials of `objects` use and whose files do not exist, each once."""
+    materials = dict.fromkeys(slot.material for obj in objects for slot in obj.material_slots)
+    images = dict.fromkeys(image for material in materials for image in _images(material))
+    return list(dict.fromkeys(path for image in images for path in _missing_files(image)))
+
+
+def _missing_files(image: bpy.types.Image) -> Iterator[str]:
+    if image.packed_file or not image.filepath or image.source not in {"FILE", "TILED"}:
+        return
+    path = Path(bpy.path.abspath(image.filepath, library=image.library))
+    if image.source == "FILE":
+        if _is_missing(path):
+            yield str(path)
+        return
+    for tile in image.tiles:
+        numbered = path.with_name(path.name.replace(TOKEN, str(tile.number)))
+        if _is_missing(numbered):
+            yield str(numbered)
+
+
+def _lacks_file(image: bpy.types.Image) -> bool:
+    return any(True for _ in _missing_files(image))
+
+
+def _is_missing(path: Path) -> bool:
+    try:
+        return not path.is_file() or path.stat().st_size == 0
+    except OSError:
+        return True
+
+
+def _make_tiled(image: bpy.types.Image, path: Path) -> None:
+    """Make `image` a tiled one, with all tiles that exist for `path`, which contains <UDIM>."""
+    image.source = "TILED"
+    numbers = page_search.tiles(path)
+    for number in numbers:
+        if number not in {tile.number for tile in image.tiles}:
+            image.tiles.new(tile_number=number)
+    for tile in [tile for tile in image.tiles if numbers and tile.number not in numbers]:
+        image.tiles.remove(tile)
+
+
+def _images(material: bpy.types.Material | None) -> Iterator[bpy.types.Image]:
+    """The images of the nodes of a material and its groups."""
+    left, seen = [material.node_tree] if material and material.node_tree else [], set()
+    while left:
+        tree = left.pop()
+        if tree in seen:
+            continue
+        seen.add(tree)
+        for node in tree.nodes:
+            if node.type == "GROUP" and node.node_tree:
+                left.append(node.node_tree)
+            elif node.type == "TEX_IMAGE" and node.image:
+                yield node.image
+
+
+def _is_on_several_tiles(data: bpy.types.Mesh, material: int) -> bool:
+    """Whether the faces of a material have UVs on more than one UDIM tile."""
+    layer = data.uv_layers.active
+    if layer is None:
+        return False
+    uv = np.empty((len(data.loops), 2), np.float32)
+    layer.uv.foreach_get("vector", uv.reshape(-1))
+    sizes, materials = np.empty(len(data.polygons), np.int32), np.empty(len(data.polygons), np.int32)
+    data.polygons.foreach_get("loop_total", sizes)
+    data.polygons.foreach_get("material_index", materials)
+    own = uv[np.repeat(materials == material, sizes)]
+    # Exactly on the border, a corner belongs to both tiles.
+    tiles = np.unique(np.floor(own[(own % 1.0 != 0.0).all(axis=1)]), axis=0)
+    return len(tiles) > 1

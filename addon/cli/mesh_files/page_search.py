@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Finds the images that mesh files name, also if the name was written on another machine."""
+
+import os
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+from ...core.udim import TOKEN
+
+_TILE = r"(1\d{3})"
+"""The number of a UDIM tile in the name of a file."""
+_DRIVE = re.compile("[A-Za-z]:/")
+
+
+def find(name: str, folders: Sequence[Path]) -> Path | None:
+    """The file for the image `name`, as it stands in a mesh file; None if there is none.
+
+    It may have quotation marks, backslashes, another letter case, or a path of another machine: then the file is looked for
+    in `folders`, with fewer and fewer of the name's own folders. A name with <UDIM> stands for any of its tiles, and stays in
+    the result. Empty files count as missing.
+    """
+    parts = _parts(name)
+    if not parts:
+        return None
+    for first in range(len(parts)):
+        # A path of this machine, and then each shorter end of it beside the mesh file.
+        starts = [Path(parts[0])] if first == 0 and os.path.isabs(parts[0]) else folders
+        rest = parts[1:] if starts is not folders else parts[first:]
+        for start in starts if rest else ():
+            found = _below(start, rest)
+            if found is not None:
+                return found
+    return None
+
+
+def cleaned(name: str) -> str:
+    """`name` with slashes, without quotation marks."""
+    return name.strip().strip("\"'").strip().replace("\\", "/")
+
+
+def tiles(path: Path) -> list[int]:
+    """The numbers of the UDIM tiles that exist for a path with <UDIM>, in order."""
+    pattern = _pattern(path.name)
+    found = (pattern.fullmatch(entry) for entry in _entries(path.parent))
+    return sorted({int(match[1]) for match in found if match and _is_file(path.parent / match[0])})
+
+
+def as_tiled(path: Path) -> Path | None:
+    """`path` with <UDIM> for the number at the end of its name, as in scan_1001.png; None if it has no such number."""
+    stem, count = re.subn(rf"(?<!\d){_TILE}$", TOKEN, path.stem)
+    return path.with_name(stem + path.suffix) if count else None
+
+
+def _parts(name: str) -> list[str]:
+    """The folders and the file in `name`; an absolute path starts with its root."""
+    clean = cleaned(name)
+    if "\0" in clean:
+        return []
+    parts = [part for part in clean.split("/") if part not in ("", ".")]
+    if parts and clean.startswith("/"):
+        return ["/", *parts]
+    if len(parts) > 1 and _DRIVE.match(clean):
+        return [f"{parts[0]}/", *parts[1:]]
+    return parts
+
+
+def _below(folder: Path, parts: Sequence[str]) -> Path | None:
+    """The file at `parts` below `folder`, in any letter case."""
+    *between, last = parts
+    for part in between:
+        found = folder.parent if part == ".." else _entry(folder, part)
+        if found is None:
+            return None
+        folder = found
+    if TOKEN in last:
+        numbered = next((entry for entry in _entries(folder) if _pattern(last).fullmatch(entry)), None)
+        return folder / _as_token(last, numbered) if numbered and _is_file(folder / numbered) else None
+    found = _entry(folder, last)
+    return found if found is not None and _is_file(found) else None
+
+
+def _pattern(name: str) -> re.Pattern:
+    """Matches the names of the tiles of a name with <UDIM>, in any letter case."""
+    return re.compile(re.escape(name).replace(re.escape(TOKEN), _TILE), re.IGNORECASE)
+
+
+def _as_token(name: str, entry: str) -> str:
+    """The name `entry` of a tile with <UDIM> for its number, which stands where it does in `name`."""
+    start, end = _pattern(name).fullmatch(entry).span(1)
+    return entry[:start] + TOKEN + entry[end:]
+
+
+def _entry(folder: Path, name: str) -> Path | None:
+    """What `name` is in `folder`: exactly, or else in another letter case."""
+    exact = folder / name
+    if os.path.exists(exact):
+        return exact
+    return next((folder / entry for entry in _entries(folder) if entry.casefold() == name.casefold()), None)
+
+
+def _entries(folder: Path) -> list[str]:
+    try:
+        return sorted(os.listdir(folder))
+    except OSError:
+        return []
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file() and path.stat().st_size > 0
+    except OSError:
+        return False

@@ -1,0 +1,304 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tests files of scans: pages by any name, missing ones, coordinates far from the origin, vertex colors, and hints."""
+
+import json
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+from addon.cli import command
+from addon.cli.mesh_files import page_files
+from addon.cli.mesh_files.importers import import_file
+from tests.support import angles, maps, scans
+
+pytestmark = pytest.mark.usefixtures("gpu_context")
+
+FAR = (512_345.0, 5_412_345.0, 312.0)
+"""A place in meters as in maps of a country."""
+SAME = 0.02
+"""Degrees between normals of the same surface near the origin and far from it: the steps of six decimal digits."""
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """The working folder, empty."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def run(capsys):
+    """A function that runs a command. It returns the exit code and the text on standard error."""
+
+    def run(*words):
+        capsys.readouterr()
+        code = command.run([str(word) for word in words])
+        return code, capsys.readouterr().err
+
+    return run
+
+
+def pages_of(obj):
+    """The image of each material slot: its file, and its color in the middle."""
+    result = []
+    for slot in obj.material_slots:
+        (image,) = {node.image for node in slot.material.node_tree.nodes if node.type == "TEX_IMAGE"}
+        result.append((Path(image.filepath).name, np.round(maps.pixels(image)[4, 4, :3], 2).tolist()))
+    return result
+
+
+# Pages
+
+PROGRAMS = {
+    "RealityCapture": ("scan.mtl", [f"scan_u{n}_v1_diffuse.png" for n in (1, 2, 3, 4)]),
+    "Metashape": ("scan.mtl", [f"model{n}.png" for n in range(4)]),
+    "Meshroom": ("texturedMesh.mtl", [f"texture_{1001 + n}.png" for n in range(4)]),
+    "spaces": ("my scan.mtl", [f"my page {n}.png" for n in range(4)]),
+}
+SPELLINGS = {
+    "as they are": lambda name: name,
+    "another letter case": lambda name: name.upper(),
+    "Windows": lambda name: f"C:\\Users\\me\\scans\\{name}",
+    "another machine": lambda name: f"/home/me/scans/{name}",
+    "a folder": lambda name: f".\\textures\\{name}",
+    "quoted": lambda name: f'"{name}"',
+}
+
+
+@pytest.mark.parametrize("program", PROGRAMS)
+@pytest.mark.parametrize("spelling", SPELLINGS)
+def test_pages_of_an_obj_are_found_by_any_spelling(folder, program, spelling):
+    library, names = PROGRAMS[program]
+    inner = folder / "textures" if spelling == "a folder" else folder
+    inner.mkdir(exist_ok=True)
+    for name, color in zip(names, scans.COLORS, strict=True):
+        scans.page(inner / name, color)
+    materials = [f"material_{number}" for number in range(4)]
+    said = {key: SPELLINGS[spelling](name) for key, name in zip(materials, names, strict=True)}
+    scans.write_library(folder / library, said)
+    spelled = library if spelling == "a folder" else SPELLINGS[spelling](library)
+    scans.write_obj(folder / "scan.obj", scans.strips(4), materials=materials, library=spelled)
+    (obj,) = import_file(folder / "scan.obj")
+    assert page_files.missing([obj]) == []
+    found = dict(zip([slot.material.name for slot in obj.material_slots], pages_of(obj), strict=True))
+    assert [found[key][0] for key in materials] == names
+    for key, color in zip(materials, scans.COLORS, strict=True):
+        assert np.abs(np.array(found[key][1]) - color).max() < 0.01
+
+
+def test_no_page_is_in_memory_after_the_import(folder):
+    scans.page(folder / "a.png", scans.COLORS[0])
+    scans.write_library(folder / "scan.mtl", {"m": "a.png"})
+    scans.write_obj(folder / "scan.obj", scans.strips(1), materials=["m"], library="scan.mtl")
+    (obj,) = import_file(folder / "scan.obj")
+    bpy.ops.export_scene.gltf(filepath=str(folder / "scan.glb"))
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    import_file(folder / "scan.obj")
+    (obj,) = import_file(folder / "scan.glb")
+    assert len(bpy.data.images) == 2
+    assert not any(image.has_data for image in bpy.data.images)
+    assert np.abs(np.array(pages_of(obj)[0][1]) - scans.COLORS[0]).max() < 0.01
+
+
+def test_pages_of_numbers_are_not_decoded_as_colors(folder):
+    scans.page(folder / "a.png", scans.COLORS[0])
+    (folder / "scan.mtl").write_text("newmtl m\nmap_Kd a.png\nmap_Pr a.png\nmap_Bump a.png\n")
+    scans.write_obj(folder / "scan.obj", scans.strips(1), materials=["m"], library="scan.mtl")
+    (obj,) = import_file(folder / "scan.obj")
+    nodes = obj.material_slots[0].material.node_tree.nodes
+    links = {node.outputs[0].links[0].to_socket.name: node.image for node in nodes if node.type == "TEX_IMAGE"}
+    is_data = {name: image.colorspace_settings.is_data for name, image in links.items()}
+    assert is_data == {"Base Color": False, "Roughness": True, "Color": True}
+
+
+@pytest.mark.parametrize("name", ["page_<UDIM>.png", "page_1001.png"])
+def test_a_material_on_several_tiles_has_a_tiled_page(folder, name):
+    for tile, color in zip((1001, 1002, 1011), scans.COLORS, strict=False):
+        scans.page(folder / f"page_{tile}.png", color)
+    scans.write_library(folder / "scan.mtl", {"m": name})
+    scans.write_obj(
+        folder / "scan.obj",
+        scans.strips(3),
+        materials=["m"] * 3,
+        library="scan.mtl",
+        uv_offsets=[(0, 0), (1, 0), (0, 1)],
+    )
+    (obj,) = import_file(folder / "scan.obj")
+    (image,) = bpy.data.images
+    assert image.source == "TILED"
+    assert [tile.number for tile in image.tiles] == [1001, 1002, 1011]
+    assert page_files.missing([obj]) == []
+    (folder / "page_1002.png").unlink()
+    assert [Path(path).name for path in page_files.missing([obj])] == ["page_1002.png"]
+
+
+def test_a_material_for_each_tile_keeps_single_pages(folder):
+    """As Meshroom writes them."""
+    for number, tile in enumerate((1001, 1002)):
+        scans.page(folder / f"texture_{tile}.png", scans.COLORS[number])
+    scans.write_library(folder / "scan.mtl", {f"m{tile}": f"texture_{tile}.png" for tile in (1001, 1002)})
+    materials = ["m1001", "m1002"]
+    scans.write_obj(
+        folder / "scan.obj", scans.strips(2), materials=materials, library="scan.mtl", uv_offsets=[(0, 0), (1, 0)]
+    )
+    (obj,) = import_file(folder / "scan.obj")
+    assert sorted(name for name, _ in pages_of(obj)) == ["texture_1001.png", "texture_1002.png"]
+
+
+@pytest.mark.parametrize("ending", [".gltf", ".fbx"])
+def test_pages_of_other_formats_are_found_beside_the_file(folder, ending):
+    (folder / "old").mkdir()
+    scans.page(folder / "old" / "A.png", scans.COLORS[0])
+    scans.write_library(folder / "scan.mtl", {"m": "old/A.png"})
+    scans.write_obj(folder / "scan.obj", scans.strips(1), materials=["m"], library="scan.mtl")
+    import_file(folder / "scan.obj")
+    if ending == ".fbx":
+        bpy.ops.export_scene.fbx(filepath=str(folder / "scan.fbx"))
+    else:
+        bpy.ops.export_scene.gltf(filepath=str(folder / "scan.gltf"), export_format="GLTF_SEPARATE")
+        (folder / "A.png").unlink()
+    (folder / "old" / "A.png").rename(folder / "a.PNG")
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    (obj,) = import_file(folder / f"scan{ending}")
+    assert page_files.missing([obj]) == []
+    assert np.abs(np.array(pages_of(obj)[0][1]) - scans.COLORS[0]).max() < 0.01
+
+
+# Missing pages
+
+PAIR = ["--low-file", "low.obj", "--high-file", "scan.obj", "--size", "16", "--limit", "9", "--output", "m.png"]
+
+
+@pytest.fixture
+def incomplete(folder):
+    """A low mesh, and a scan with four pages, of which two are missing."""
+    scans.write_obj(folder / "low.obj", scans.strips(4))
+    names = [f"page{number}.png" for number in range(4)]
+    for name in names[:2]:
+        scans.page(folder / name, scans.COLORS[0])
+    scans.write_library(folder / "scan.mtl", {f"m{number}": name for number, name in enumerate(names)})
+    materials = [f"m{number}" for number in range(4)]
+    scans.write_obj(folder / "scan.obj", scans.strips(4, height=0.1), materials=materials, library="scan.mtl")
+    return folder
+
+
+def test_missing_pages_are_an_error_if_a_map_shows_materials(incomplete, run, monkeypatch):
+    monkeypatch.setattr("addon.cli.batch._baked", lambda *_: pytest.fail("it was baked"))
+    code, err = run(*PAIR, "--maps", "ao,base-color")
+    assert code == command.FAILED
+    paths = ", ".join(repr(str(incomplete / f"page{number}.png")) for number in (2, 3))
+    assert err == (
+        f"imprint: 2 files of the high meshes' materials cannot be found: {paths}. Put them beside the mesh file, leave "
+        "base-color out of the maps, or add --allow-missing-pages.\n"
+    )
+    assert not (incomplete / "m.png").exists()
+
+
+def test_a_packed_map_of_materials_needs_pages_too(incomplete, run):
+    code, err = run(*PAIR, "--pack", "gltf")
+    assert code == command.FAILED
+    assert "leave roughness, metallic out of the maps" in err
+
+
+def test_a_missing_library_is_named(incomplete, run):
+    (incomplete / "scan.mtl").unlink()
+    code, err = run(*PAIR, "--maps", "base-color")
+    assert code == command.FAILED
+    assert f"1 file of the high meshes' materials cannot be found: {str(incomplete / 'scan.mtl')!r}." in err
+
+
+def test_missing_pages_do_not_matter_to_a_normal_map(incomplete, run):
+    assert run(*PAIR) == (command.DONE, "")
+
+
+# Far from the origin
+
+
+def normals(folder, run, low, high, name):
+    words = ["--size", "32", "--margin", "0", "--depth", "32", "--method", "cast", "--extrusion", "0.3"]
+    words += ["--max-distance", "0.6", "--output", f"{name}.exr", "--report", f"{name}.json"]
+    code, err = run("--low-file", low, "--high-file", high, *words)
+    assert (code, err) == (command.DONE, "")
+    image = bpy.data.images.load(str(folder / f"{name}.exr"))
+    image.colorspace_settings.is_data = True
+    return maps.pixels(image)
+
+
+@pytest.mark.parametrize("ending", [".obj", ".ply"])
+def test_a_scan_far_away_is_baked_as_one_at_the_origin(folder, run, ending):
+    found = {}
+    for name, place in (("near", (0.0, 0.0, 0.0)), ("far", FAR)):
+        scans.write_obj(folder / f"{name}_low.obj", scans.strips(1, place), digits=7)
+        points, uv, parts = scans.strips(1, place, height=0.1, n=60)
+        scans.write_obj(folder / f"{name}_high.obj", (points, uv, parts), digits=7)
+        scans.write_ply(folder / f"{name}_high.ply", points, np.concatenate(parts))
+        found[name] = normals(folder, run, f"{name}_low.obj", f"{name}_high{ending}", name)
+    assert (found["near"][..., 3] > 0).mean() > 0.98
+    assert np.array_equal(found["near"][..., 3] > 0, found["far"][..., 3] > 0)
+    both = found["near"][..., 3] > 0
+    assert angles.degrees(angles.decode(found["near"]), angles.decode(found["far"]))[both].max() < SAME
+
+
+def test_an_object_far_away_keeps_its_place(folder):
+    points, uv, parts = scans.strips(1, FAR)
+    scans.write_obj(folder / "scan.obj", (points, uv, parts))
+    scans.write_ply(folder / "scan.ply", points, parts[0])
+    for name in ("scan.obj", "scan.ply"):
+        (obj,) = import_file(folder / name)
+        coordinates = np.array([point.co for point in obj.data.vertices], np.float64)
+        assert np.abs(coordinates).max() < 3.0
+        turn = np.round(np.array(obj.matrix_world)[:3, :3])
+        assert np.abs(coordinates @ turn.T + np.array(obj.location, np.float64) - points).max() < 1e-6
+
+
+def test_a_scan_can_be_moved_to_where_its_low_mesh_is(folder, run):
+    scans.write_obj(folder / "low.obj", scans.strips(1))
+    scans.write_obj(folder / "scan.obj", scans.strips(1, FAR, height=0.1, n=60))
+    words = [*PAIR, "--method", "cast", "--report", "r.json"]
+    code, err = run(*words)
+    assert code == command.FAILED
+    assert "do not overlap" in err
+    assert "around (512345, 5.41234e+06, 312): they seem to be exported with different offsets. --origin" in err
+    code, err = run(*words, "--origin", f"{FAR[0]},{FAR[2]},{-FAR[1]}")  # in the axes of the file
+    assert (code, err) == (command.DONE, "")
+    assert json.loads((folder / "r.json").read_text())["missed"] == 0.0
+
+
+@pytest.mark.parametrize("value", ["1,2", "a,b,c", "1,2,inf", "-1,2,nan"])
+def test_an_origin_is_three_numbers(run, value):
+    code, err = run(*PAIR, "--origin", value)
+    assert code == command.WRONG_USAGE
+    assert "--origin" in err
+
+
+# Units and axes
+
+
+def test_other_units_explain_a_failed_bake(folder, run):
+    scans.write_obj(folder / "low.obj", scans.strips(1))
+    points, uv, parts = scans.strips(1, height=0.01, n=20)
+    scans.write_obj(folder / "scan.obj", (points * 100.0 + [0.0, 0.0, 500.0], uv, parts))
+    code, err = run(*PAIR, "--method", "cast")
+    assert code == command.FAILED
+    assert err.endswith("they seem to have different units. Export both with the same unit.\n")
+    code, err = run(*PAIR, "--method", "flatten")
+    assert code == command.DONE
+    assert "units" not in err
+
+
+# Vertex colors
+
+
+def test_vertex_colors_without_a_material_are_the_base_color(folder):
+    points, _, parts = scans.strips(1)
+    colors = np.random.default_rng(5).integers(0, 256, (len(points), 3), dtype=np.uint8)
+    scans.write_ply(folder / "scan.ply", points, parts[0], colors=colors)
+    (obj,) = import_file(folder / "scan.ply")
+    (slot,) = obj.material_slots
+    (link,) = [link for link in slot.material.node_tree.links if link.to_socket.name == "Base Color"]
+    assert (link.from_node.type, link.from_node.layer_name) == (
+        "VERTEX_COLOR",
+        obj.data.color_attributes.active_color.name,
+    )

@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tests that images of mesh files are found by names from other machines, and that missing ones are not."""
+
+import pytest
+
+from addon.cli.mesh_files import page_search
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A folder with pages, as programs for scans name them."""
+    (tmp_path / "Textures").mkdir()
+    pages = ["Scan_u1_v1_diffuse.png", "my scan 2.jpg", "Textures/model0.jpg", "tile_1001.png", "tile_1003.png"]
+    for name in pages:
+        (tmp_path / name).write_bytes(b"page")
+    (tmp_path / "empty.png").touch()
+    (tmp_path / "folder.png").mkdir()
+    return tmp_path
+
+
+FOUND = {
+    "Scan_u1_v1_diffuse.png": "Scan_u1_v1_diffuse.png",
+    "scan_U1_v1_diffuse.PNG": "Scan_u1_v1_diffuse.png",
+    "my scan 2.jpg": "my scan 2.jpg",
+    '"my scan 2.jpg"': "my scan 2.jpg",
+    "  my scan 2.jpg ": "my scan 2.jpg",
+    "Textures/model0.jpg": "Textures/model0.jpg",
+    "textures\\Model0.jpg": "Textures/model0.jpg",
+    ".\\textures\\model0.jpg": "Textures/model0.jpg",
+    "C:\\Users\\me\\my scan 2.jpg": "my scan 2.jpg",
+    "D:\\scans\\Textures\\model0.jpg": "Textures/model0.jpg",
+    "/home/me/scans/Textures/model0.jpg": "Textures/model0.jpg",
+    "../elsewhere/tile_1001.png": "tile_1001.png",
+    "tile_<UDIM>.png": "tile_<UDIM>.png",
+    "TILE_<UDIM>.PNG": "tile_<UDIM>.png",
+    "E:\\x\\tile_<UDIM>.png": "tile_<UDIM>.png",
+}
+
+
+@pytest.mark.parametrize("name", FOUND)
+def test_a_page_is_found(folder, name):
+    assert page_search.find(name, [folder]) == folder / FOUND[name]
+
+
+@pytest.mark.parametrize(
+    "name", ["none.png", "empty.png", "folder.png", "", "/", "C:\\", "a\0b.png", "none_<UDIM>.png", "x" * 5000, ".."]
+)
+def test_a_missing_page_is_not_found(folder, name):
+    assert page_search.find(name, [folder]) is None
+
+
+def test_a_path_of_this_machine_comes_before_a_file_with_its_name(folder, tmp_path_factory):
+    other = tmp_path_factory.mktemp("other") / "my scan 2.jpg"
+    other.write_bytes(b"other")
+    assert page_search.find(str(other), [folder]) == other
+
+
+def test_the_exact_letter_case_comes_first(folder):
+    (folder / "MY SCAN 2.JPG").write_bytes(b"another")
+    if len(list(folder.glob("*[nN] 2.*"))) < 2:
+        pytest.skip("this file system ignores the letter case")
+    assert page_search.find("my scan 2.jpg", [folder]).name == "my scan 2.jpg"
+
+
+def test_the_tiles_of_a_page_are_listed(folder):
+    (folder / "tile_1002.png").touch()  # empty
+    (folder / "tile_10010.png").write_bytes(b"page")
+    assert page_search.tiles(folder / "tile_<UDIM>.png") == [1001, 1003]
+
+
+@pytest.mark.parametrize(
+    ("name", "tiled"),
+    [("scan_1001.png", "scan_<UDIM>.png"), ("a.1012.jpg", "a.<UDIM>.jpg"), ("x21001.png", None), ("u1_v1.png", None)],
+)
+def test_numbered_pages_are_tiles(folder, name, tiled):
+    assert page_search.as_tiled(folder / name) == (tiled and folder / tiled)

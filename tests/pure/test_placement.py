@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tests the hints about low and high meshes whose units, axes or places differ."""
+
+import numpy as np
+import pytest
+
+from addon.core.preflight.placement import hint
+
+SIDES = np.array([4.0, 3.0, 1.0])
+
+
+def box(sides=SIDES, center=(0.0, 0.0, 0.0)):
+    return np.array([np.array(center) - sides / 2.0, np.array(center) + sides / 2.0])
+
+
+@pytest.mark.parametrize(("factor", "words"), [(100.0, "100 times as large"), (0.001, "1000 times as small")])
+def test_other_units_are_named(factor, words):
+    assert words in hint(box(), box(SIDES * factor * 1.02))
+
+
+def test_feet_are_named():
+    assert "3.281 times as large" in hint(box(), box(SIDES / 0.3048))
+
+
+def test_other_axes_are_named():
+    assert "turned by 90 degrees about X" in hint(box(), box(SIDES[[0, 2, 1]]))
+
+
+def test_other_offsets_are_named():
+    text = hint(box(), box(center=(512_345.0, 5_412_345.0, 300.0)))
+    assert "(0, 0, 0)" in text
+    assert "(512345, 5.41234e+06, 300)" in text
+
+
+def test_meshes_that_fit_give_no_hint():
+    assert hint(box(), box(SIDES * 1.04)) == ""
+    assert hint(box(), box(SIDES * np.array([100.0, 100.0, 2.0]))) == ""  # a large scan, and a part of it
+    assert hint(box(), box(center=(20.0, 0.0, 0.0))) == ""  # moved aside
+    flat = np.array([4.0, 3.0, 0.0])
+    assert hint(box(flat), box(flat + [0.0, 0.0, 0.02])) == ""
+    assert "100 times" in hint(box(flat), box(flat * 100.0))
+
+
+def test_boxes_without_a_size_give_no_hint():
+    assert hint(box(SIDES * 0.0), box()) == ""
+    assert hint(box(), box(SIDES * np.nan)) == ""
+    assert hint(box(SIDES * np.inf), box()) == ""
