@@ -239,7 +239,7 @@ def bind(compiled: gpu.types.GPUShader, program: Program, **bindings) -> None:
         compiled.image(name, bindings.pop(name))
     for kind, name in program.constants:
         value = bindings.pop(name)
-        (compiled.uniform_int if kind == "INT" else compiled.uniform_float)(name, value)
+        (compiled.uniform_int if kind in {"INT", "IVEC4"} else compiled.uniform_float)(name, value)
     if bindings:
         raise TypeError(f"{program.fragment or program.compute} declares no {', '.join(bindings)}")
 

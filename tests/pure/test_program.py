@@ -55,7 +55,7 @@ def test_shaders_use_all_declared_names(declared):
     assert [name for name in names if name not in words] == []
 
 
-BYTES = {"INT": 4, "FLOAT": 4, "VEC2": 8, "VEC3": 16, "VEC4": 16, "MAT4": 64}
+BYTES = {"INT": 4, "FLOAT": 4, "VEC2": 8, "VEC3": 16, "VEC4": 16, "IVEC4": 16, "MAT4": 64}
 MOST_CONSTANTS = 128
 """The bytes of push constants that every Vulkan driver supports."""
 

@@ -1,0 +1,34 @@
+// Adds rays from the point that each texel hit, in pairs: one into the solid, and one in the opposite direction. They measure
+// how much of a ball around the point is inside. x has the sum of what the inner half lacks, y of what the outer half holds.
+#include "lib/block_lib.glsl"
+#include "lib/lattice_lib.glsl"
+#include "lib/surface_lib.glsl"
+#include "lib/reach_lib.glsl"
+
+void main()
+{
+  float farthest = grid_scale.w;
+  ivec2 texel = block_texel(first_row);
+  if (any(greaterThanEqual(texel, texel_size(hits)))) {
+    return;
+  }
+  vec4 sum = numbers.w != 0 ? vec4(0.0) : imageLoad(sums, texel);
+  uvec4 hit = texel_at(hits, texel);
+  if (!hit_missed(hit)) {
+    vec3 face = surface_face_normal(hit, vec3(0.0, 0.0, 1.0));
+    vec3 origin = surface_point(hit);
+    int own = hit_triangle(hit);
+    vec2 shift = lattice_shift(texel, cell);
+    for (int i = 0; i < numbers.y; i++) {
+      vec2 point = lattice_point(numbers.x + i * numbers.z, steps.xyz, shift);
+      // Many rays near the tangent plane, where a smooth surface leaves it. The weight makes up for it: the derivative.
+      float cosine = point.x * point.x;
+      float weight = 2.0 * point.x;
+      vec3 direction = lattice_direction(cosine, point.y, face);
+      float inner = reach_distance(origin, -direction, farthest, own, REACH_BACKS, false) / farthest;
+      float outer = reach_distance(origin, direction, farthest, own, REACH_FRONTS, false) / farthest;
+      sum.xy += weight * (1.0 - vec2(inner * inner * inner, outer * outer * outer));
+    }
+  }
+  imageStore(sums, texel, sum);
+}
