@@ -30,7 +30,15 @@ from addon.passes.program import Program, in_software, prelude, source  # noqa: 
 REPEATS = 9
 TABLES = "nodes", "corners", "normals", "low_nodes", "low_corners", "edge_nodes", "edge_ends"
 """The arrays of a file that shaders read as data textures."""
-TYPES = {"VEC2": "vec2", "VEC3": "vec3", "VEC4": "vec4", "MAT4": "mat4", "FLOAT": "float", "INT": "int", "IVEC4": "ivec4"}
+TYPES = {
+    "VEC2": "vec2",
+    "VEC3": "vec3",
+    "VEC4": "vec4",
+    "MAT4": "mat4",
+    "FLOAT": "float",
+    "INT": "int",
+    "IVEC4": "ivec4",
+}
 SAMPLERS = {"FLOAT_2D": "sampler2D", "UINT_2D": "usampler2D", "INT_2D": "isampler2D"}
 IMAGES = {"FLOAT_2D": "image2D", "UINT_2D": "uimage2D", "INT_2D": "iimage2D"}
 QUALIFIERS = {"WRITE": "writeonly", "READ": "readonly", "READ WRITE": ""}
