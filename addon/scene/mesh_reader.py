@@ -76,7 +76,7 @@ def surface(
         positions=_read(data.attributes["position"].data, "vector", len(data.vertices), 3),
         vertices=_corner_vertices(data),
         normals=_read(data.corner_normals, "vector", corners, 3),
-        triangles=_triangles(data),
+        triangles=triangles(data),
         to_world=to_world,
         uv=_read(data.uv_layers[uv_layer].uv, "vector", corners, 2) if uv_layer else None,
         faces=_faces(data) if with_faces else None,
@@ -101,7 +101,7 @@ def with_tangents(data: bpy.types.Mesh, uv_layer: str, name: str, to_world: np.n
     Mesh.calc_tangents takes only triangles and quads, so a mesh with n-gons is first triangulated as Blender draws it;
     then the corners are those of the triangles.
     """
-    if _max_face_size(data) > 4:
+    if max_face_size(data) > 4:
         with _triangulated(data, uv_layer) as triangles_only:
             return with_tangents(triangles_only, uv_layer, name, to_world)
     mesh = surface(data, uv_layer, name, to_world)
@@ -123,16 +123,17 @@ def _read(collection, attribute: str, count: int, width: int) -> np.ndarray:
     return values
 
 
-def _triangles(data: bpy.types.Mesh) -> np.ndarray:
+def triangles(data: bpy.types.Mesh) -> np.ndarray:
+    """The corners of the triangles of `data`, (T, 3) int32, as Blender draws its faces."""
     corners = len(data.loops)
     data.calc_loop_triangles()
     count = len(data.loop_triangles)
     if count * 3 == corners:  # all faces are triangles
         return np.arange(corners, dtype=np.int32).reshape(-1, 3)
-    triangles = np.empty((count, 3), np.int32)
-    if not _copy_triangles(data.loop_triangles, triangles):
-        data.loop_triangles.foreach_get("loops", triangles.reshape(-1))
-    return triangles
+    found = np.empty((count, 3), np.int32)
+    if not _copy_triangles(data.loop_triangles, found):
+        data.loop_triangles.foreach_get("loops", found.reshape(-1))
+    return found
 
 
 def _faces(data: bpy.types.Mesh) -> np.ndarray:
@@ -234,7 +235,8 @@ def _corner_vertices(data: bpy.types.Mesh) -> np.ndarray:
     return indices
 
 
-def _max_face_size(data: bpy.types.Mesh) -> int:
+def max_face_size(data: bpy.types.Mesh) -> int:
+    """The largest number of corners of a face; 3 for less."""
     if len(data.loops) <= 3 * len(data.polygons):
         return 3
     sizes = np.empty(len(data.polygons), np.int32)
@@ -245,7 +247,7 @@ def _max_face_size(data: bpy.types.Mesh) -> int:
 @contextmanager
 def _triangulated(data: bpy.types.Mesh, uv_layer: str) -> Iterator[bpy.types.Mesh]:
     """A temporary triangulated copy of `data` with the same corner normals, and only this UV layer."""
-    corners = _triangles(data).reshape(-1)
+    corners = triangles(data).reshape(-1)
     positions = _read(data.attributes["position"].data, "vector", len(data.vertices), 3)
     normals = _read(data.corner_normals, "vector", len(data.loops), 3)[corners]
     uv = _read(data.uv_layers[uv_layer].uv, "vector", len(data.loops), 2)[corners]

@@ -1,0 +1,42 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Reads the size of an image from the header of its file, without its pixels."""
+
+import struct
+from typing import BinaryIO
+
+from . import tiff
+
+_FRAMES = set(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
+"""Markers of JPEG that start a frame (ITU-T T.81, table B.1)."""
+_WIDTH, _HEIGHT = 256, 257
+"""Tags of TIFF 6.0."""
+
+
+def image_size(file: BinaryIO) -> tuple[int, int] | None:
+    """Width and height of a PNG, JPEG or TIFF file; None for other formats, and for files that end too early."""
+    start = file.read(8)
+    try:
+        if start == b"\x89PNG\r\n\x1a\n":
+            return struct.unpack(">8xII", file.read(16))
+        if start[:3] == b"\xff\xd8\xff":
+            return _jpeg(file)
+        if start[:4] in {b"II*\0", b"MM\0*"}:
+            found = tiff.directory(file)
+            return found[_WIDTH].values[0], found[_HEIGHT].values[0]
+    except (struct.error, KeyError):
+        return None
+    return None
+
+
+def _jpeg(file: BinaryIO) -> tuple[int, int] | None:
+    """Go from segment to segment to the first frame header. Raises struct.error at the end of the file."""
+    at = 2
+    while True:
+        file.seek(at)
+        mark, marker, length = struct.unpack(">BBH", file.read(4))
+        if mark != 0xFF:
+            return None
+        if marker in _FRAMES:
+            height, width = struct.unpack(">xHH", file.read(5))
+            return (width, height) if height else None
+        at += 1 if marker == 0xFF else 2 + length  # any number of 0xFF may come before a marker

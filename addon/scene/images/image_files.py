@@ -1,0 +1,38 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The files of images, also packed ones: where they are, and the size that their headers state."""
+
+import io
+
+import bpy
+from bpy.types import Image
+
+from ...core import udim
+from ...core.file_structure.image_headers import image_size
+
+UV_TILE = "<UVTILE>"
+"""Blender's other placeholder for a tile in a path: its column and row, from 1."""
+
+
+def location(image: Image, tile: int) -> str:
+    """The path of the file of an image, or of a UDIM tile if `tile` is not 0; empty for an image without one."""
+    if not image.filepath:
+        return ""
+    path = image.filepath
+    if tile:
+        column, row = udim.place(tile)
+        path = udim.fill(path, tile).replace(UV_TILE, f"u{column + 1}_v{row + 1}")
+    return bpy.path.abspath(path, library=image.library)
+
+
+def header_size(image: Image, tile: int) -> tuple[int, int] | None:
+    """Width and height by the header of the file: (0, 0) without a file, None for a header that is not known."""
+    packed = next((file for file in image.packed_files if not tile or file.tile_number == tile), None)
+    if packed is not None and packed.packed_file:
+        return image_size(io.BytesIO(packed.packed_file.data))
+    if image.packed_files:
+        return 0, 0
+    try:
+        with open(location(image, tile), "rb") as file:
+            return image_size(file)
+    except OSError:
+        return 0, 0

@@ -1,0 +1,185 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Loads the pixels of images, one page at a time, and leaves Blender's images as they were."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import bpy
+import numpy as np
+from bpy.types import Image
+
+from ...core.errors import BakeError
+from . import image_colors
+from .image_files import header_size, location
+from .pixel_alpha import set_alpha
+
+PREMULTIPLIED = ":premultiplied"
+"""The end of keys of pages whose colors are multiplied with alpha."""
+_UNREADABLE = {
+    "MOVIE": "a movie",
+    "SEQUENCE": "an image sequence",
+    "VIEWER": "an image of a viewer",
+    "COMPOSITING": "an image of a viewer",
+    "RENDER_RESULT": "a render",
+    "MULTILAYER": "an image of several layers",
+}
+"""Sources and types of Blender's images that are not read."""
+SINGLE = 0
+"""The tile of an image without tiles."""
+
+
+class UnreadableError(Exception):
+    """An image without pixels for a map. The message is a clause that gives the reason."""
+
+
+class Page(NamedTuple):
+    """What feeds need from an image. notes: clauses about what is not read as Blender shows it."""
+
+    key: str
+    tiles: tuple[int, ...]
+    notes: tuple[str, ...]
+
+
+@dataclass
+class ImagePages:
+    """The images of one bake's materials, by key. It keeps sizes, but no pixels."""
+
+    _sizes: dict[tuple[int, int], tuple[int, int]] = field(default_factory=dict)
+
+    def page(self, image: Image, *, is_premultiplied: bool) -> Page:
+        """The key and the tiles of an image.
+
+        Raises UnreadableError for an image without pixels: a missing file, a movie, a render.
+        """
+        kind = _UNREADABLE.get(image.source) or _UNREADABLE.get(image.type)
+        if kind is not None:
+            raise UnreadableError(f'the image "{image.name}" is {kind}')
+        tiles = tuple(tile.number for tile in image.tiles) if image.source == "TILED" else ()
+        existing = tuple(tile for tile in tiles or (SINGLE,) if min(self._size(image, tile)) > 0)
+        if not existing:
+            raise UnreadableError(_missing(image, (tiles or (SINGLE,))[0]))
+        notes = [_missing(image, tile) for tile in tiles if tile not in existing]
+        if image.source == "TILED" and image.is_dirty:
+            notes.append(f'the image "{image.name}" has changes that are not saved, which the map does not have')
+        key = f"{image.session_uid}{PREMULTIPLIED if is_premultiplied else ''}"
+        return Page(key, existing if tiles else (), tuple(notes))
+
+    def name(self, key: str) -> str:
+        """The name of the image behind a key, for messages. Raises BakeError if the image is gone."""
+        return _image(key).name
+
+    def size(self, key: str, tile: int = SINGLE) -> tuple[int, int]:
+        """Width and height in pixels. Raises BakeError if the image is gone."""
+        return self._size(_image(key), tile)
+
+    def load(self, key: str, tile: int = SINGLE) -> np.ndarray:
+        """The pixels of a page: (H, W, 4) float32, row 0 at v = 0. A new array for each call.
+
+        Images of colors are linear Rec.709. Their colors are multiplied with alpha if the key says so, and otherwise not.
+        Images of data (Non-Color) have their stored values. Raises BakeError if the image has no pixels any more.
+        """
+        image = _image(key)
+        with _loaded(image, tile) as single:
+            width, height = single.size
+            if min(width, height) == 0:
+                raise BakeError(f"A page is missing: {_missing(image, tile)}.")
+            pixels = _pixels(single)
+            is_premultiplied = key.endswith(PREMULTIPLIED)
+            if _is_srgb(single):
+                # Blender's engines multiply stored sRGB values with alpha, before they are linear.
+                set_alpha(pixels, single, is_premultiplied=is_premultiplied)
+                image_colors.linearize_bytes(pixels)
+            else:
+                _linearize(pixels, width, single)
+                set_alpha(pixels, single, is_premultiplied=is_premultiplied)
+        return pixels.reshape(height, width, 4)
+
+    def _size(self, image: Image, tile: int) -> tuple[int, int]:
+        known = image.session_uid, tile
+        if known not in self._sizes:
+            self._sizes[known] = _size_of(image, tile)
+        return self._sizes[known]
+
+
+def _size_of(image: Image, tile: int) -> tuple[int, int]:
+    """Width and height; (0, 0) for a file that is missing or cannot be read. Loads only files whose header is not known."""
+    if not (image.has_data and tile == SINGLE):
+        if image.source == "GENERATED":
+            return image.generated_width, image.generated_height
+        found = header_size(image, tile)
+        if found is not None:
+            return found
+    with _loaded(image, tile) as single:
+        return tuple(single.size)
+
+
+@contextmanager
+def _loaded(image: Image, tile: int) -> Iterator[Image]:
+    """An image with the pixels of one tile. What this loads is freed at the end."""
+    if tile != SINGLE:
+        with _only_tile(image, tile) as copy:
+            yield copy
+        return
+    was_loaded = image.has_data
+    try:
+        yield image
+    finally:
+        if not was_loaded:
+            image.buffers_free()
+
+
+@contextmanager
+def _only_tile(image: Image, tile: int) -> Iterator[Image]:
+    """A temporary copy of an image with tiles that has one of them: Blender gives the pixels of the first only."""
+    copy = image.copy()
+    try:
+        for other in [other for other in copy.tiles if other.number != tile]:
+            copy.tiles.remove(other)
+        yield copy
+    finally:
+        bpy.data.images.remove(copy)
+
+
+def _pixels(image: Image) -> np.ndarray:
+    """Blender's pixels, (H * W, 4) float32: bytes as they are stored, floats in the working space."""
+    count, channels = image.size[0] * image.size[1], image.channels
+    stored = np.empty((count, channels), np.float32)
+    image.pixels.foreach_get(stored.reshape(-1))
+    if channels == 4:
+        return stored
+    pixels = np.ones((count, 4), np.float32)
+    pixels[:, :3] = stored[:, :3] if channels == 3 else stored[:, :1]
+    if channels == 2:
+        pixels[:, 3] = stored[:, 1]
+    return pixels
+
+
+def _is_srgb(image: Image) -> bool:
+    """Whether an image stores sRGB values of 8 bits."""
+    return image.colorspace_settings.name == "sRGB" and not image.is_float
+
+
+def _linearize(pixels: np.ndarray, width: int, image: Image) -> None:
+    """Convert the colors of Blender's pixels to linear Rec.709 in place, unless they are sRGB of 8 bits."""
+    settings = image.colorspace_settings
+    if settings.is_data:
+        return
+    if image.is_float:  # Blender has converted them to its working space
+        image_colors.to_rec709(pixels)
+    elif settings.name != "Linear Rec.709":
+        image_colors.from_space(pixels, width, settings.name)
+
+
+def _image(key: str) -> Image:
+    uid = int(key.removesuffix(PREMULTIPLIED))
+    image = next((image for image in bpy.data.images if image.session_uid == uid), None)
+    if image is None:
+        raise BakeError("An image of the high meshes was removed during the bake: bake again.")
+    return image
+
+
+def _missing(image: Image, tile: int) -> str:
+    path = location(image, tile)
+    return f'the image "{image.name}" has no pixels' + (f": {path} cannot be read" if path else "")

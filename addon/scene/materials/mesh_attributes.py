@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Reads attributes, UV layers and tangents of meshes by face corner."""
+
+import bpy
+import numpy as np
+
+from .. import mesh_reader
+
+_COMPONENTS = {
+    "FLOAT": ("value", 1),
+    "INT": ("value", 1),
+    "INT8": ("value", 1),
+    "BOOLEAN": ("value", 1),
+    "FLOAT2": ("vector", 2),
+    "INT16_2D": ("value", 2),
+    "INT32_2D": ("value", 2),
+    "FLOAT_VECTOR": ("vector", 3),
+    "FLOAT_COLOR": ("color", 4),
+    "BYTE_COLOR": ("color", 4),
+    "QUATERNION": ("value", 4),
+}
+"""By Blender's type of attributes: the property of its elements, and the number of its components."""
+_DTYPES = {"INT": np.int32, "INT8": np.int32, "INT16_2D": np.int32, "INT32_2D": np.int32, "BOOLEAN": bool}
+
+
+def attribute_by_corner(data: bpy.types.Mesh, name: str) -> np.ndarray | None:
+    """The values of an attribute of any domain, (C, 4) float32, by corner of `data`; None if it has none of numbers.
+
+    name: of an attribute or a UV layer; empty for the color attribute that Blender renders. A number fills three components,
+    vectors leave the rest 0, and the last is 1 unless the attribute has it. Colors are linear, bytes too. A corner takes the
+    mean of the two edges at it.
+    """
+    attribute = data.attributes.get(name or data.attributes.default_color_name or "")
+    if attribute is None or attribute.data_type not in _COMPONENTS:
+        return None
+    values = _values(attribute)
+    if len(values) != data.attributes.domain_size(attribute.domain):  # a mesh in Edit Mode
+        return None
+    width = values.shape[1]
+    full = np.zeros((len(values), 4), np.float32)
+    full[:, : width if width > 1 else 3] = values
+    if width < 4:
+        full[:, 3] = 1.0
+    return _by_corner(data, attribute.domain, full)
+
+
+def uv_by_corner(data: bpy.types.Mesh, layer: str) -> np.ndarray | None:
+    """The coordinates of a UV layer, (C, 2) float32, by corner; None if `data` lacks it.
+
+    layer: empty for the one that Blender renders. An attribute of another kind counts too, as in the Attribute node.
+    """
+    name = layer or render_layer(data)
+    if name in data.uv_layers and len(data.uv_layers[name].uv) == len(data.loops):
+        return _values(data.attributes[name])
+    found = attribute_by_corner(data, name) if name else None
+    return None if found is None else np.ascontiguousarray(found[:, :2])
+
+
+def render_layer(data: bpy.types.Mesh) -> str:
+    """The name of the UV layer that Blender renders, or "" if there is none."""
+    return next((layer.name for layer in data.uv_layers if layer.active_render), "")
+
+
+def tangents_by_corner(data: bpy.types.Mesh, layer: str) -> np.ndarray | None:
+    """MikkTSpace tangents of a UV layer by corner, (C, 4) float32, w the sign of the bitangent; None if `data` lacks it.
+
+    layer: empty for the one rendered. Raises nothing for n-gons: their tangents come from their triangles, which share them.
+    """
+    name = layer or render_layer(data)
+    if name not in data.uv_layers or not data.polygons:
+        return None
+    mesh = mesh_reader.with_tangents(data, name, "", np.eye(4))
+    if len(mesh.tangents) == len(data.loops) and mesh_reader.max_face_size(data) <= 4:
+        return mesh.tangents
+    tangents = np.zeros((len(data.loops), 4), np.float32)
+    tangents[mesh_reader.triangles(data).reshape(-1)] = mesh.tangents
+    return tangents
+
+
+def _values(attribute: bpy.types.Attribute) -> np.ndarray:
+    """The values of the elements, (N, components)."""
+    name, width = _COMPONENTS[attribute.data_type]
+    values = np.empty((len(attribute.data), width), _DTYPES.get(attribute.data_type, np.float32))
+    attribute.data.foreach_get(name, values.reshape(-1))
+    return values
+
+
+def _by_corner(data: bpy.types.Mesh, domain: str, values: np.ndarray) -> np.ndarray:
+    """Values of the elements of a domain, by corner."""
+    corners = len(data.loops)
+    match domain:
+        case "CORNER":
+            return values
+        case "POINT":
+            return values[_indices(data.attributes[".corner_vert"], corners)]
+        case "FACE":
+            return np.repeat(values, np.diff(_offsets(data)), axis=0)
+        case "EDGE":
+            edges = values[_indices(data.attributes[".corner_edge"], corners)]
+            before = np.arange(corners) - 1
+            offsets = _offsets(data)
+            before[offsets[:-1]] = offsets[1:] - 1
+            return 0.5 * (edges + edges[before])
+    raise ValueError(domain)
+
+
+def _indices(attribute: bpy.types.Attribute, count: int) -> np.ndarray:
+    values = np.empty(count, np.int32)
+    attribute.data.foreach_get("value", values)
+    return values
+
+
+def _offsets(data: bpy.types.Mesh) -> np.ndarray:
+    """Where the corners of each face begin, and where the last ends: (F + 1,)."""
+    totals = np.empty(len(data.polygons), np.int32)
+    data.polygons.foreach_get("loop_total", totals)
+    return np.concatenate(([0], np.cumsum(totals)))

@@ -1,0 +1,169 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Values of node sockets as feeds, and the arithmetic that feeds can express: scale and offset of one image or attribute."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import TypeAlias
+
+import numpy as np
+
+from ...core.material_feeds import AVERAGE, LUMINANCE, LUMINANCE_WEIGHTS, AttributeFeed, Constant, Feed, ImageFeed
+
+Function: TypeAlias = Callable[..., np.ndarray]
+"""A function of (3,) float64 arrays, which works on each channel by itself."""
+Texture: TypeAlias = ImageFeed | AttributeFeed
+
+
+class NotFollowedError(Exception):
+    """A value that no feed can express. The message is a clause that gives the reason."""
+
+
+class NotAffineError(Exception):
+    """A node's value that no feed can express. The message lacks the subject, which is the node."""
+
+
+@dataclass(frozen=True)
+class Signal:
+    """The value of a socket. notes: what `feed` leaves out, as clauses of a sentence."""
+
+    feed: Feed
+    notes: tuple[str, ...] = ()
+
+    @property
+    def constant(self) -> np.ndarray | None:
+        """The color (3,) float64, or None if the value varies over the surface."""
+        return np.array(self.feed.color[:3]) if isinstance(self.feed, Constant) else None
+
+    @property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """The smallest and the largest value, (3,) each, if images and attributes have values from 0 to 1."""
+        if isinstance(self.feed, Constant):
+            return self.constant, self.constant
+        ends = np.array(self.feed.offset), np.array(self.feed.offset) + self.feed.scale
+        return np.minimum(*ends), np.maximum(*ends)
+
+    def noted(self, *notes: str) -> "Signal":
+        return replace(self, notes=_merged(self.notes, notes))
+
+
+def color(values: Sequence[float]) -> Signal:
+    """A constant color, of three or four channels. Raises NotAffineError for NaN and infinite values."""
+    if not np.isfinite(values).all():
+        raise NotAffineError("has a value that is not finite")
+    red, green, blue = (float(value) for value in values[:3])
+    return Signal(Constant((red, green, blue, float(values[3]) if len(values) > 3 else 1.0)))
+
+
+def number(value: float) -> Signal:
+    return color((value, value, value))
+
+
+def combine(function: Function, affine: set[int], signals: Sequence[Signal]) -> Signal:
+    """`function` of the signals. affine: the arguments in which it is affine, the others being constant.
+
+    Raises NotAffineError unless all signals are constant, or all but one, in which the function is affine.
+    """
+    varying = [i for i, signal in enumerate(signals) if signal.constant is None]
+    notes = _merged(*(signal.notes for signal in signals))
+    values = [signal.constant for signal in signals]
+    with np.errstate(all="ignore"):
+        if not varying:
+            return color(function(*values)).noted(*notes)
+        if len(varying) > 1:
+            raise NotAffineError("combines two textures")
+        (place,) = varying
+        if place not in affine:
+            raise NotAffineError("is not a multiple of a texture")
+        at_0, at_1 = (function(*values[:place], np.full(3, end), *values[place + 1 :]) for end in (0.0, 1.0))
+    return scaled(signals[place], at_1 - at_0, at_0).noted(*notes)
+
+
+def scaled(signal: Signal, scale: np.ndarray, offset: np.ndarray) -> Signal:
+    """`signal` * scale + offset. Raises NotAffineError for values that are not finite."""
+    if isinstance(signal.feed, Constant):
+        return color(signal.constant * scale + offset).noted(*signal.notes)
+    if not np.any(scale):
+        return color(offset).noted(*signal.notes)
+    scales, offsets = np.array(signal.feed.scale) * scale, np.array(signal.feed.offset) * scale + offset
+    return _with_factors(signal, scales, offsets)
+
+
+def component(signal: Signal, index: int) -> Signal:
+    """One channel of a color or a vector, as a number."""
+    if signal.constant is not None:
+        return number(signal.constant[index]).noted(*signal.notes)
+    feed = signal.feed
+    chosen = replace(signal, feed=replace(feed, channel=index if feed.channel is None else feed.channel))
+    return _with_factors(chosen, np.full(3, feed.scale[index]), np.full(3, feed.offset[index]))
+
+
+def to_number(signal: Signal, channel: int) -> Signal:
+    """A color or a vector as a number. channel: LUMINANCE for colors and AVERAGE for vectors.
+
+    Raises NotAffineError for an image whose channels have several scales.
+    """
+    weights = np.array(LUMINANCE_WEIGHTS if channel == LUMINANCE else (1 / 3, 1 / 3, 1 / 3))
+    if signal.constant is not None:
+        return number(weights @ signal.constant).noted(*signal.notes)
+    feed = signal.feed
+    scale, offset = np.array(feed.scale), np.full(3, weights @ feed.offset)
+    if feed.channel is not None:  # three equal channels
+        return _with_factors(signal, np.full(3, weights @ scale), offset)
+    used = np.flatnonzero(scale)
+    if len(used) == 1:
+        chosen = replace(signal, feed=replace(feed, channel=int(used[0])))
+        return _with_factors(chosen, np.full(3, weights[used[0]] * scale[used[0]]), offset)
+    if np.ptp(scale) > 1e-6 * np.abs(scale).max():
+        raise NotAffineError("weighs the channels of a texture")
+    return _with_factors(replace(signal, feed=replace(feed, channel=channel)), scale, offset)
+
+
+def joined(parts: Sequence[Signal]) -> Signal:
+    """A color of three numbers. Raises NotAffineError unless they are constant, or channels of one texture in its order."""
+    notes = _merged(*(part.notes for part in parts))
+    textures = [part.feed for part in parts if part.constant is None]
+    if not textures:
+        return color([part.constant[0] for part in parts]).noted(*notes)
+    places = [i for i, part in enumerate(parts) if part.constant is None]
+    channels = {feed.channel for feed in textures}
+    if len({_without_factors(feed) for feed in textures}) > 1:
+        raise NotAffineError("combines two textures")
+    if len(channels) > 1 and any(feed.channel != place for feed, place in zip(textures, places, strict=True)):
+        raise NotAffineError("exchanges the channels of a texture")
+    channel = None if len(channels) > 1 or (len(places) == 1 and channels == set(places)) else channels.pop()
+    scale = np.array([0.0 if part.constant is not None else part.feed.scale[0] for part in parts])
+    offset = np.array([part.constant[0] if part.constant is not None else part.feed.offset[0] for part in parts])
+    return _with_factors(Signal(replace(textures[0], channel=channel), notes), scale, offset)
+
+
+def converted(signal: Signal, source: str, target: str) -> Signal:
+    """`signal` of a socket of the type `source`, as Blender converts it for a socket of the type `target`.
+
+    Raises NotAffineError for types without a conversion here.
+    """
+    scalars, vectors = {"VALUE", "INT", "BOOLEAN"}, {"RGBA", "VECTOR"}
+    if not {source, target} <= scalars | vectors:
+        raise NotAffineError(f"passes a value of the type {source.title()} to one of the type {target.title()}")
+    if source in vectors and target in scalars:
+        return to_number(signal, LUMINANCE if source == "RGBA" else AVERAGE)
+    return signal
+
+
+def is_image(signal: Signal) -> bool:
+    return isinstance(signal.feed, ImageFeed)
+
+
+def _with_factors(signal: Signal, scale: np.ndarray, offset: np.ndarray) -> Signal:
+    if not (np.isfinite(scale).all() and np.isfinite(offset).all()):
+        raise NotAffineError("has a value that is not finite")
+    factors = {"scale": tuple(map(float, scale)), "offset": tuple(map(float, offset))}
+    return replace(signal, feed=replace(signal.feed, **factors))
+
+
+def _without_factors(feed: Texture) -> Texture:
+    """The texture itself, for comparison."""
+    return replace(feed, channel=None, scale=(1.0, 1.0, 1.0), offset=(0.0, 0.0, 0.0))
+
+
+def _merged(*notes: Sequence[str]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(note for several in notes for note in several))

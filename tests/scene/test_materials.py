@@ -1,0 +1,529 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tests that materials become the feeds that Cycles' emission bake of the same nodes shows."""
+
+import bpy
+import numpy as np
+import pytest
+
+from addon.core.material_feeds import LUMINANCE, AttributeFeed, Constant, Extension, HighMaterial, ImageFeed
+from addon.scene.images.image_pages import ImagePages
+from addon.scene.materials.material_reading import read_materials
+from tests.support import feeds
+
+SIZE = 64
+TOLERANCE = 2 / 255
+"""The issue's limit for colors."""
+BORDERS = 0.03
+"""The largest share of texels on borders of pixels, where rounding decides."""
+UV = ((0.03, 0.02), (1.9, -0.3), (2.4, 1.7), (0.53, 2.02))
+
+
+@pytest.fixture
+def material():
+    return bpy.data.materials.new("Rust")
+
+
+def principled(material):
+    return material.node_tree.nodes["Principled BSDF"]
+
+
+def add(material, kind, inputs=None, **properties):
+    """A new node. inputs: values or output sockets by identifier or index."""
+    tree = material.node_tree if hasattr(material, "node_tree") else material
+    node = tree.nodes.new(f"ShaderNode{kind}")
+    for name, value in properties.items():
+        setattr(node, name, value)
+    for name, value in (inputs or {}).items():
+        socket = node.inputs[name] if isinstance(name, int) else next(s for s in node.inputs if s.identifier == name)
+        if isinstance(value, bpy.types.NodeSocket):
+            tree.links.new(value, socket)
+        else:
+            socket.default_value = value
+    return node
+
+
+def image(name="dots", size=(7, 5), *, seed=0, space="sRGB", alpha=False):
+    width, height = size
+    found = bpy.data.images.new(name, width, height, alpha=alpha)
+    found.colorspace_settings.name = space
+    pixels = np.random.default_rng(seed).uniform(0.0, 1.0, (width * height, 4)).astype(np.float32)
+    if not alpha:
+        pixels[:, 3] = 1.0
+    found.pixels.foreach_set(pixels.ravel())
+    found.pack()
+    return found
+
+
+def texture(material, found=None, **properties):
+    return add(material, "TexImage", image=found or image(), interpolation="Closest", **properties)
+
+
+def feed_color(material, output, socket="Base Color") -> HighMaterial:
+    """Connect an output to a socket, and read the material."""
+    material.node_tree.links.new(output, principled(material).inputs[socket])
+    return read(material)
+
+
+def read(material) -> HighMaterial:
+    return read_materials([material], ImagePages())[0]
+
+
+def assert_like_cycles(material, output, socket="Base Color", prepare=None, uv=UV):
+    """The feed of a socket is what Cycles bakes, and nothing is noted. Returns the feed."""
+    found = feed_color(material, output, socket)
+    assert found.notes == {}
+    obj = feeds.square(material, uv)
+    if prepare:
+        prepare(obj.data)
+    mine = feeds.evaluate(found.feeds[socket], ImagePages(), obj.data, SIZE)
+    links = material.node_tree.links
+    if principled(material).inputs[socket].type == "VALUE":  # Blender's conversion to a number belongs to the socket
+        number = add(material, "Math", {"Value": output, "Value_001": 0.0}, operation="ADD")
+        output = number.outputs[0]
+    theirs = feeds.cycles(obj, output, SIZE)
+    for link in list(links):
+        if link.to_socket == principled(material).inputs[socket]:
+            links.remove(link)
+    wrong = np.abs(mine - theirs).max(axis=-1) > TOLERANCE
+    assert wrong.mean() < BORDERS
+    assert theirs.max() > 0.0
+    return found.feeds[socket]
+
+
+@pytest.mark.parametrize("extension", list(Extension))
+@pytest.mark.parametrize("interpolation", ["Closest", "Linear"])
+def test_an_image_extends_as_in_cycles(material, extension, interpolation):
+    node = texture(material, image(space="Non-Color"), extension=extension)
+    node.interpolation = interpolation
+    assert_like_cycles(material, node.outputs["Color"])
+
+
+MAPPING = {"Location": (0.3, -0.2, 0.5), "Rotation": (0.2, 0.4, 0.7), "Scale": (1.7, -0.6, 2.0)}
+
+
+@pytest.mark.parametrize("kind", ["POINT", "TEXTURE", "VECTOR"])
+def test_a_mapping_moves_as_in_cycles(material, kind):
+    uv = add(material, "UVMap", uv_map="UVMap")
+    mapping = add(material, "Mapping", {"Vector": uv.outputs[0]}, vector_type=kind)
+    for name, value in MAPPING.items():
+        if name in mapping.inputs:
+            mapping.inputs[name].default_value = value
+    node = texture(material)
+    material.node_tree.links.new(mapping.outputs[0], node.inputs[0])
+    assert_like_cycles(material, node.outputs["Color"])
+
+
+def test_mapping_divides_by_zero_as_cycles_does(material):
+    uv = add(material, "UVMap", uv_map="UVMap")
+    mapping = add(material, "Mapping", {"Vector": uv.outputs[0], "Scale": (0.0, 2.0, 1.0)}, vector_type="TEXTURE")
+    node = texture(material)
+    material.node_tree.links.new(mapping.outputs[0], node.inputs[0])
+    assert_like_cycles(material, node.outputs["Color"])
+
+
+def test_mappings_follow_each_other(material):
+    coordinates = add(material, "TexCoord")
+    first = add(material, "Mapping", {"Vector": coordinates.outputs["UV"], **MAPPING})
+    second = add(material, "Mapping", {"Vector": first.outputs[0], "Rotation": (0, 0, 1.0)}, vector_type="TEXTURE")
+    node = texture(material)
+    material.node_tree.links.new(second.outputs[0], node.inputs[0])
+    assert_like_cycles(material, node.outputs["Color"])
+
+
+def test_coordinates_through_vector_arithmetic(material):
+    """V is turned over, as in materials from other programs, and U gains half of V."""
+    uv = add(material, "UVMap", uv_map="UVMap")
+    parts = add(material, "SeparateXYZ", {"Vector": uv.outputs[0]})
+    over = add(material, "Math", {"Value": 1.0, "Value_001": parts.outputs["Y"]}, operation="SUBTRACT")
+    half = add(material, "Math", {"Value": parts.outputs["Y"], "Value_001": 0.5}, operation="MULTIPLY")
+    moved = add(material, "Math", {"Value": parts.outputs["X"], "Value_001": half.outputs[0]}, operation="ADD")
+    vector = add(material, "CombineXYZ", {"X": moved.outputs[0], "Y": over.outputs[0]})
+    scaled = add(material, "VectorMath", {"Vector": vector.outputs[0], "Scale": 1.5}, operation="SCALE")
+    node = texture(material)
+    material.node_tree.links.new(scaled.outputs[0], node.inputs[0])
+    assert_like_cycles(material, node.outputs["Color"])
+
+
+def test_an_unconnected_mapping_has_one_point(material):
+    mapping = add(material, "Mapping", {"Location": (0.25, 0.35, 0.0)})
+    node = texture(material)
+    material.node_tree.links.new(mapping.outputs[0], node.inputs[0])
+    assert_like_cycles(material, node.outputs["Color"])
+
+
+@pytest.mark.parametrize("kind", ["UVMap", "Attribute"])
+def test_another_uv_layer(material, kind):
+    names = {"UVMap": {"uv_map": feeds.BAKED}, "Attribute": {"attribute_name": feeds.BAKED}}[kind]
+    uv = add(material, kind, **names)
+    node = texture(material)
+    material.node_tree.links.new(uv.outputs["UV" if kind == "UVMap" else "Vector"], node.inputs[0])
+    found = assert_like_cycles(material, node.outputs["Color"])
+    assert found.uv_layer == feeds.BAKED
+
+
+def test_constants(material):
+    principled(material).inputs["Base Color"].default_value = (0.1, 0.2, 0.3, 1.0)
+    principled(material).inputs["Roughness"].default_value = 0.25
+    found = read(material)
+    assert found.feeds["Base Color"].color == pytest.approx((0.1, 0.2, 0.3, 1.0))
+    assert found.feeds["Roughness"].color == pytest.approx((0.25, 0.25, 0.25, 1.0))
+    assert found.feeds["Emission Color"].color == pytest.approx((0.0, 0.0, 0.0, 1.0))
+    assert (found.name, found.notes, found.detail) == ("Rust", {}, None)
+
+
+def test_a_color_that_feeds_a_number_is_its_luminance(material):
+    node = texture(material)
+    assert assert_like_cycles(material, node.outputs["Color"], "Roughness").channel == LUMINANCE
+
+
+@pytest.mark.parametrize("channel", ["Red", "Green", "Blue"])
+def test_separated_channels(material, channel):
+    node = texture(material, image(space="Non-Color"))
+    parts = add(material, "SeparateColor", {"Color": node.outputs[0]})
+    found = assert_like_cycles(material, parts.outputs[channel], "Roughness")
+    assert found.channel == ["Red", "Green", "Blue"].index(channel)
+
+
+def test_a_vector_that_feeds_a_number_is_its_mean(material):
+    node = texture(material)
+    vector = add(material, "VectorMath", {"Vector": node.outputs[0], "Vector_001": (0.1, 0.2, 0.3)}, operation="ADD")
+    assert_like_cycles(material, vector.outputs[0], "Roughness")
+
+
+BLENDS = [
+    ("MIX", 0.3), ("ADD", 0.6), ("SUBTRACT", 0.2), ("MULTIPLY", 0.7), ("SCREEN", 0.4), ("DIVIDE", 0.5),
+    ("LINEAR_LIGHT", 0.5), ("SOFT_LIGHT", 0.6), ("OVERLAY", 0.8),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("blend", "factor"), BLENDS)
+@pytest.mark.parametrize("image_first", [True, False])
+def test_an_image_mixed_with_a_color(material, blend, factor, image_first):
+    node = texture(material)
+    color = (0.9, 0.5, 0.7, 1.0)
+    first, second = ("A_Color", "B_Color") if image_first else ("B_Color", "A_Color")
+    inputs = {"Factor_Float": factor, first: node.outputs[0], second: color}
+    mix = add(material, "Mix", data_type="RGBA", blend_type=blend)
+    for name, value in inputs.items():
+        socket = next(s for s in mix.inputs if s.identifier == name)
+        if isinstance(value, bpy.types.NodeSocket):
+            material.node_tree.links.new(value, socket)
+        else:
+            socket.default_value = value
+    if (blend in {"SOFT_LIGHT", "OVERLAY"} and image_first) or (blend == "DIVIDE" and not image_first):
+        assert "Base Color" not in feed_color(material, mix.outputs[2]).feeds
+    else:
+        assert_like_cycles(material, mix.outputs[2])
+
+
+def test_a_mask_between_two_colors(material):
+    mask = texture(material, image(space="Non-Color"))
+    colors = {"A_Color": (0.8, 0.1, 0.2, 1.0), "B_Color": (0.1, 0.6, 0.9, 1.0)}
+    mix = add(material, "Mix", data_type="RGBA")
+    for name, value in colors.items():
+        next(s for s in mix.inputs if s.identifier == name).default_value = value
+    material.node_tree.links.new(mask.outputs[0], next(s for s in mix.inputs if s.identifier == "Factor_Float"))
+    assert_like_cycles(material, mix.outputs[2])
+
+
+@pytest.mark.parametrize(
+    ("kind", "inputs", "properties"),
+    [
+        ("Invert", {"Fac": 0.7}, {}),
+        ("BrightContrast", {"Bright": 0.3, "Contrast": 0.2}, {}),
+        ("HueSaturation", {"Value": 0.6, "Fac": 0.5}, {}),
+        ("Gamma", {"Gamma": 1.0}, {}),
+        ("MixRGB", {"Fac": 0.4, "Color2": (0.2, 0.9, 0.4, 1.0)}, {"blend_type": "MULTIPLY"}),
+    ],
+)
+def test_nodes_that_change_colors_evenly(material, kind, inputs, properties):
+    node = texture(material)
+    name = "Color1" if kind == "MixRGB" else "Color"
+    changed = add(material, kind, {name: node.outputs[0], **inputs}, **properties)
+    assert_like_cycles(material, changed.outputs[0])
+
+
+MATHS = [("ADD", 0.2), ("SUBTRACT", 0.1), ("MULTIPLY", 0.6), ("DIVIDE", 1.7), ("MULTIPLY_ADD", 0.5), ("MAXIMUM", -1.0)]
+
+
+@pytest.mark.parametrize(("operation", "value"), MATHS)
+def test_arithmetic_with_a_constant(material, operation, value):
+    node = texture(material, image(space="Non-Color"))
+    parts = add(material, "SeparateColor", {"Color": node.outputs[0]})
+    inputs = {"Value": parts.outputs["Green"], "Value_001": value, "Value_002": 0.25}
+    changed = add(material, "Math", inputs, operation=operation)
+    assert_like_cycles(material, changed.outputs[0], "Roughness")
+
+
+@pytest.mark.parametrize("operation", ["POWER", "SQRT", "LESS_THAN", "ROUND", "FRACT", "SINE", "ABSOLUTE", "SIGN"])
+def test_arithmetic_with_constants_alone(material, operation):
+    changed = add(material, "Math", {"Value": 0.3, "Value_001": 0.4}, operation=operation)
+    found = feed_color(material, changed.outputs[0], "Roughness").feeds["Roughness"]
+    expected = {
+        "POWER": 0.3**0.4, "SQRT": 0.3**0.5, "LESS_THAN": 1.0, "ROUND": 0.0, "FRACT": 0.3, "SINE": np.sin(0.3),
+        "ABSOLUTE": 0.3, "SIGN": 1.0,
+    }[operation]  # fmt: skip
+    assert found.color[0] == pytest.approx(expected, rel=1e-6)
+
+
+def test_map_range(material):
+    node = texture(material, image(space="Non-Color"))
+    parts = add(material, "SeparateColor", {"Color": node.outputs[0]})
+    inputs = {"Value": parts.outputs["Red"], "To Min": 0.8, "To Max": 0.3}
+    assert_like_cycles(material, add(material, "MapRange", inputs).outputs["Result"], "Roughness")
+
+
+def test_a_straight_ramp(material):
+    node = texture(material, image(space="Non-Color"))
+    parts = add(material, "SeparateColor", {"Color": node.outputs[0]})
+    ramp = add(material, "ValToRGB", {"Fac": parts.outputs["Blue"]})
+    ramp.color_ramp.elements[0].color = (0.9, 0.2, 0.1, 1.0)
+    ramp.color_ramp.elements[1].color = (0.1, 0.4, 0.8, 1.0)
+    assert_like_cycles(material, ramp.outputs["Color"])
+
+
+def test_a_bent_ramp_is_named(material):
+    node = texture(material)
+    ramp = add(material, "ValToRGB", {"Fac": node.outputs[0]})
+    ramp.color_ramp.elements.new(0.2).color = (1, 0, 0, 1)
+    found = feed_color(material, ramp.outputs["Color"])
+    assert "Base Color" not in found.feeds
+    (note,) = found.notes["Base Color"]
+    assert note == (
+        'Material "Rust": Base Color is left out, because the node "Color Ramp" changes a texture along a curve.'
+    )
+
+
+@pytest.mark.parametrize("is_byte", [True, False])
+def test_color_attributes(material, is_byte):
+    node = add(material, "VertexColor", layer_name="paint")
+
+    def prepare(data):
+        data.color_attributes.new("paint", "BYTE_COLOR" if is_byte else "FLOAT_COLOR", "CORNER")
+        colors = np.random.default_rng(3).uniform(0, 1, (4, 4)).astype(np.float32)
+        data.color_attributes["paint"].data.foreach_set("color", colors.ravel())
+
+    assert assert_like_cycles(material, node.outputs["Color"], prepare=prepare) == AttributeFeed("paint")
+
+
+@pytest.mark.parametrize("output", ["Color", "Vector", "Fac", "Alpha"])
+@pytest.mark.parametrize("kind", ["FLOAT", "INT", "BOOLEAN", "FLOAT_VECTOR", "FLOAT_COLOR", "FLOAT2"])
+@pytest.mark.parametrize("domain", ["POINT", "CORNER", "FACE"])
+def test_attributes(material, output, kind, domain):
+    if (kind, output) == ("FLOAT2", "Fac"):
+        return  # Cycles takes the mean of two components, EEVEE that of three
+    node = add(material, "Attribute", attribute_name="own")
+
+    def prepare(data):
+        attribute = data.attributes.new("own", kind, domain)
+        random = np.random.default_rng(4).uniform(0.2, 1.0, (len(attribute.data), 4))
+        width, name = {"FLOAT_VECTOR": (3, "vector"), "FLOAT2": (2, "vector"), "FLOAT_COLOR": (4, "color")}.get(
+            kind, (1, "value")
+        )
+        values = random[:, :width].ravel()
+        values = {"INT": np.rint(values * 3).astype(np.int32), "BOOLEAN": values > 0.5}.get(kind, values.astype("f4"))
+        attribute.data.foreach_set(name, values)
+
+    assert_like_cycles(material, next(s for s in node.outputs if s.identifier == output), prepare=prepare)
+
+
+def test_groups_reroutes_and_muted_nodes(material):
+    """An image passes a reroute, two levels of a group and a muted node, and is multiplied in the group."""
+    inner = bpy.data.node_groups.new("inner", "ShaderNodeTree")
+    inner.interface.new_socket("In", in_out="INPUT", socket_type="NodeSocketColor")
+    inner.interface.new_socket("Out", in_out="OUTPUT", socket_type="NodeSocketColor")
+    start, end = inner.nodes.new("NodeGroupInput"), inner.nodes.new("NodeGroupOutput")
+    invert = add(inner, "Invert", {"Color": start.outputs[0]})
+    muted = add(inner, "Gamma", {"Color": invert.outputs[0], "Gamma": 3.0})
+    muted.mute = True
+    inner.links.new(muted.outputs[0], end.inputs[0])
+    outer = bpy.data.node_groups.new("outer", "ShaderNodeTree")
+    outer.interface.new_socket("In", in_out="INPUT", socket_type="NodeSocketColor")
+    outer.interface.new_socket("Out", in_out="OUTPUT", socket_type="NodeSocketColor")
+    start, end = outer.nodes.new("NodeGroupInput"), outer.nodes.new("NodeGroupOutput")
+    group = add(outer, "Group", node_tree=inner)
+    outer.links.new(start.outputs[0], group.inputs[0])
+    outer.links.new(group.outputs[0], end.inputs[0])
+    node = texture(material)
+    reroute = material.node_tree.nodes.new("NodeReroute")
+    material.node_tree.links.new(node.outputs[0], reroute.inputs[0])
+    once, twice = (add(material, "Group", node_tree=outer) for _ in range(2))
+    material.node_tree.links.new(reroute.outputs[0], once.inputs[0])
+    material.node_tree.links.new(once.outputs[0], twice.inputs[0])
+    assert_like_cycles(material, once.outputs[0])
+    assert assert_like_cycles(material, twice.outputs[0]).scale == (1.0, 1.0, 1.0)
+
+
+def test_the_sockets_of_a_group_do_not_convert(material):
+    group = bpy.data.node_groups.new("gray", "ShaderNodeTree")
+    group.interface.new_socket("In", in_out="INPUT", socket_type="NodeSocketFloat")
+    group.interface.new_socket("Out", in_out="OUTPUT", socket_type="NodeSocketColor")
+    start, end = group.nodes.new("NodeGroupInput"), group.nodes.new("NodeGroupOutput")
+    group.links.new(start.outputs[0], end.inputs[0])
+    node = texture(material)
+    used = add(material, "Group", node_tree=group)
+    material.node_tree.links.new(node.outputs[0], used.inputs[0])
+    assert assert_like_cycles(material, used.outputs[0]).channel is None
+
+
+def test_a_muted_link_does_not_count(material):
+    node = texture(material)
+    material.node_tree.links.new(node.outputs[0], principled(material).inputs["Base Color"]).is_muted = True
+    assert isinstance(read(material).feeds["Base Color"], Constant)
+
+
+def test_a_product_of_two_textures_is_named(material):
+    node = texture(material)
+    paint = add(material, "VertexColor", layer_name="paint")
+    mix = add(
+        material, "MixRGB", {"Fac": 1.0, "Color1": paint.outputs[0], "Color2": node.outputs[0]}, blend_type="MULTIPLY"
+    )
+    found = feed_color(material, mix.outputs[0])
+    assert isinstance(found.feeds["Base Color"], ImageFeed)
+    (note,) = found.notes["Base Color"]
+    assert note == (
+        'Material "Rust": Base Color: the node "Mix (Legacy)" multiplies two textures, of which the map has the image.'
+    )
+
+
+def test_a_mix_of_two_images_is_left_out(material):
+    mix = add(material, "MixRGB", {"Fac": 0.5, "Color1": texture(material).outputs[0]})
+    material.node_tree.links.new(texture(material, image("other", seed=2)).outputs[0], mix.inputs[2])
+    found = feed_color(material, mix.outputs[0])
+    assert "Base Color" not in found.feeds
+    assert found.notes["Base Color"] == (
+        'Material "Rust": Base Color is left out, because the node "Mix (Legacy)" combines two textures.',
+    )
+
+
+def test_an_input_without_influence_may_be_anything(material):
+    noise = add(material, "TexNoise")
+    node = texture(material)
+    mix = add(material, "MixRGB", {"Fac": 0.0, "Color1": node.outputs[0], "Color2": noise.outputs["Color"]})
+    assert_like_cycles(material, mix.outputs[0])
+
+
+def test_emission_is_color_times_strength(material):
+    node = texture(material)
+    principled(material).inputs["Emission Strength"].default_value = 2.5
+    found = feed_color(material, node.outputs[0], "Emission Color")
+    assert found.feeds["Emission Color"].scale == (2.5, 2.5, 2.5)
+    assert found.notes == {}
+
+
+def test_emission_without_strength_is_black_whatever_feeds_it(material):
+    found = feed_color(material, add(material, "TexNoise").outputs["Color"], "Emission Color")
+    assert found.feeds["Emission Color"].color[:3] == (0.0, 0.0, 0.0)
+    assert found.notes == {}
+
+
+def test_what_cannot_be_followed_is_named_for_its_socket_alone(material):
+    noise = add(material, "TexNoise")
+    feed_color(material, noise.outputs[0], "Roughness")
+    found = feed_color(material, texture(material).outputs[0])
+    assert set(found.notes) == {"Roughness"}
+    assert found.notes["Roughness"] == (
+        'Material "Rust": Roughness is left out, because Imprint cannot follow the node "Noise Texture".',
+    )
+    assert "Roughness" not in found.feeds
+    assert isinstance(found.feeds["Base Color"], ImageFeed)
+
+
+def test_other_coordinates_are_named(material):
+    node = texture(material)
+    material.node_tree.links.new(add(material, "TexCoord").outputs["Object"], node.inputs[0])
+    (note,) = feed_color(material, node.outputs[0]).notes["Base Color"]
+    assert note.endswith('because the node "Texture Coordinate" gives Object coordinates.')
+
+
+def test_no_material_is_blenders_gray():
+    (found,) = read_materials([None], ImagePages())
+    assert found.name == "none"
+    assert found.feeds["Base Color"].color == (0.8, 0.8, 0.8, 1.0)
+    assert found.feeds["Roughness"].color[0] == 0.5
+    assert found.feeds["Metallic"].color[0] == 0.0
+
+
+def test_a_material_without_a_shader_is_named(material):
+    material.node_tree.nodes.clear()
+    assert read(material).notes == {
+        "": ('Material "Rust": its shader is left out, because it has no Material Output.',)
+    }
+    add(material, "OutputMaterial")
+    assert read(material).notes == {"": ('Material "Rust": its shader is left out, because it has no shader.',)}
+
+
+def surface(material, output):
+    material.node_tree.links.new(output, material.node_tree.get_output_node("CYCLES").inputs["Surface"])
+
+
+def test_diffuse_and_emission_shaders_count_as_base_color(material):
+    node = texture(material)
+    surface(material, add(material, "BsdfDiffuse", {"Color": node.outputs[0]}).outputs[0])
+    found = read(material)
+    assert isinstance(found.feeds["Base Color"], ImageFeed)
+    assert found.feeds["Roughness"].color[0] == 1.0
+    assert found.notes[""] == (
+        'Material "Rust": the shader "Diffuse BSDF" is no Principled BSDF; its color counts as base color.',
+    )
+    surface(material, add(material, "Emission", {"Color": node.outputs[0], "Strength": 3.0}).outputs[0])
+    found = read(material)
+    assert found.feeds["Emission Color"].scale == (3.0, 3.0, 3.0)
+    assert found.feeds["Base Color"].scale == (1.0, 1.0, 1.0)
+
+
+@pytest.mark.parametrize("transparent_first", [True, False])
+def test_a_mix_with_transparency_is_alpha(material, transparent_first):
+    node = texture(material, image(alpha=True))
+    clear = add(material, "BsdfTransparent")
+    mix = add(material, "MixShader", {0: node.outputs["Alpha"]})
+    shaders = (clear.outputs[0], principled(material).outputs[0])
+    for place, output in enumerate(shaders if transparent_first else shaders[::-1]):
+        material.node_tree.links.new(output, mix.inputs[1 + place])
+    surface(material, mix.outputs[0])
+    found = feed_color(material, node.outputs[0])
+    alpha = found.feeds["Alpha"]
+    assert (alpha.channel, alpha.scale[0], alpha.offset[0]) == ((3, 1.0, 0.0) if transparent_first else (3, -1.0, 1.0))
+    assert isinstance(found.feeds["Base Color"], ImageFeed)
+    assert found.notes == {}
+
+
+def test_a_mix_of_two_shaders_is_named(material):
+    mix = add(material, "MixShader", {0: 0.5, 1: add(material, "BsdfDiffuse").outputs[0]})
+    material.node_tree.links.new(principled(material).outputs[0], mix.inputs[2])
+    surface(material, mix.outputs[0])
+    found = read(material)
+    assert found.notes[""] == (
+        'Material "Rust": the node "Mix Shader" mixes shaders, of which the maps have "Principled BSDF".',
+    )
+
+
+def test_circles_end(material):
+    first, second = (add(material, "Invert") for _ in range(2))
+    material.node_tree.links.new(first.outputs[0], second.inputs["Color"])
+    material.node_tree.links.new(second.outputs[0], first.inputs["Color"])
+    own = add(material, "Invert")
+    material.node_tree.links.new(own.outputs[0], own.inputs["Color"])
+    assert "Base Color" in feed_color(material, own.outputs[0]).feeds
+    feed_color(material, first.outputs[0])
+
+
+def test_nodes_that_share_inputs_are_read_once(material):
+    """Without memory, 50 nodes that use the one before twice would take 2^50 steps."""
+    output = add(material, "Value").outputs[0]
+    vector = add(material, "UVMap").outputs[0]
+    for _ in range(50):
+        output = add(material, "Math", {"Value": output, "Value_001": output}, operation="MAXIMUM").outputs[0]
+        vector = add(material, "VectorMath", {"Vector": vector, "Vector_001": vector}, operation="SUBTRACT").outputs[0]
+    node = texture(material)
+    material.node_tree.links.new(vector, node.inputs[0])
+    feed_color(material, output, "Roughness")
+    assert "Base Color" in feed_color(material, node.outputs[0]).feeds
+
+
+def test_long_chains_are_named(material):
+    output = texture(material).outputs[0]
+    for _ in range(200):
+        output = add(material, "Invert", {"Color": output}).outputs[0]
+    (note,) = feed_color(material, output).notes["Base Color"]
+    assert note.endswith("because more than 60 nodes follow each other.")
