@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TypeAlias
 
+import numpy as np
+
 
 class Extension(StrEnum):
     """What an image shows outside 0 to 1, as in Blender's Image Texture node."""
@@ -44,6 +46,21 @@ class ImageFeed:
     is_smooth: bool = True
     scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class ImagePixels:
+    """A page: the pixels of an image, or of one tile of it.
+
+    values (h, w, 4) float32, row 0 at v = 0: linear Rec.709 or data, or with is_srgb as sRGB stores colors. is_byte: whether
+    they are whole steps of 1/255, so that 8 bits hold them. weighs_alpha: whether colors, which are not multiplied with their
+    alpha, count by it where pixels are averaged: what is transparent does not color what is beside it.
+    """
+
+    values: np.ndarray
+    is_srgb: bool = False
+    is_byte: bool = False
+    weighs_alpha: bool = False
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ def upload(values: np.ndarray) -> gpu.types.GPUTexture:
     """Upload `values` (N, 3 or 4) float32 to a texture; element i is in row i / WIDTH."""
     padded = empty(len(values))
     padded[: len(values), : values.shape[1]] = values
-    return _texture(padded)
+    return upload_padded(padded)
 
 
 def upload_gathered(values: np.ndarray, indices: np.ndarray, into: np.ndarray) -> gpu.types.GPUTexture:
@@ -33,7 +33,7 @@ def upload_gathered(values: np.ndarray, indices: np.ndarray, into: np.ndarray) -
     wide = np.zeros((len(values), 4), np.float32)
     wide[:, :3] = values
     np.take(wide, indices, axis=0, out=into[: len(indices)], mode="clip")
-    return _texture(into)
+    return upload_padded(into)
 
 
 def empty(count: int) -> np.ndarray:
@@ -41,6 +41,7 @@ def empty(count: int) -> np.ndarray:
     return np.zeros((max(1, -(-count // WIDTH)) * WIDTH, 4), np.float32)
 
 
-def _texture(padded: np.ndarray) -> gpu.types.GPUTexture:
+def upload_padded(padded: np.ndarray) -> gpu.types.GPUTexture:
+    """Upload an array that `empty` made."""
     data = gpu.types.Buffer("FLOAT", padded.shape, padded)
     return gpu.types.GPUTexture((WIDTH, len(padded) // WIDTH), format="RGBA32F", data=data)

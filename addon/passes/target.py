@@ -19,8 +19,9 @@ KEPT_BYTES = 512 * 2**20
 """The memory that targets may keep between bakes, in bytes; above it they are freed at the end of a bake."""
 
 
-_TEXEL_BYTES = {"RGBA32F": 16, "RGBA32UI": 16, "RGBA16F": 8, "R16F": 2, "R16I": 2, "R8": 1}
-_TEXEL_BYTES |= {"R32F": 4, "R32I": 4, "DEPTH_COMPONENT32F": 4}
+TEXEL_BYTES = {"RGBA32F": 16, "RGBA32UI": 16, "RGBA16F": 8, "RGBA8": 4, "R16F": 2, "R16I": 2, "R8": 1}
+TEXEL_BYTES |= {"R32F": 4, "R32I": 4, "DEPTH_COMPONENT32F": 4}
+"""The memory of a texel, by format."""
 _READ_FORMAT = {"RGBA32F": ("FLOAT", 4, np.float32), "R16F": ("FLOAT", 1, np.float32), "R8": ("UBYTE", 1, np.uint8)}
 _READ_FORMAT |= {"R32F": ("FLOAT", 1, np.float32)}
 
@@ -35,7 +36,7 @@ class Target:
         self.width, self.height, self.formats = width, height, formats
         self.textures = [gpu.types.GPUTexture((width, height), format=name) for name in formats]
         self.framebuffer = None
-        self.bytes = width * height * sum(_TEXEL_BYTES[name] for name in formats)
+        self.bytes = width * height * sum(TEXEL_BYTES[name] for name in formats)
 
     @property
     def texture(self) -> gpu.types.GPUTexture:
@@ -85,7 +86,7 @@ class Offscreen(Target):
         self.width, self.height, self.formats = width, height, formats
         self.offscreen = gpu.types.GPUOffScreen(width, height, format=formats[0])
         self.textures = [self.offscreen.texture_color]
-        self.bytes = width * height * (_TEXEL_BYTES[formats[0]] + self.DEPTH_BYTES)
+        self.bytes = width * height * (TEXEL_BYTES[formats[0]] + self.DEPTH_BYTES)
 
     @contextmanager
     def bound(self) -> Iterator[gpu.types.GPUFrameBuffer]:

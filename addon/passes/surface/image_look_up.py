@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Adds what images show at the hits to the sums of a map."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from ...core.material_feeds import Extension, ImageFeed
+from .. import target
+from ..program import Program
+from .image_page import Page
+
+if TYPE_CHECKING:
+    import gpu
+
+ADD_IMAGE = Program(
+    compute="surface/add_image_comp.glsl",
+    texels=(
+        ("RGBA32UI", "UINT_2D", "hits"),
+        ("RGBA32F", "FLOAT_2D", "uvs"),
+        ("RGBA32F", "FLOAT_2D", "corners"),
+        ("RGBA32F", "FLOAT_2D", "materials"),
+    ),
+    samplers=(("FLOAT_2D", "page"), ("FLOAT_2D", "levels")),
+    images=(("RGBA32F", "FLOAT_2D", "sums", "READ WRITE"),),
+    constants=(
+        ("VEC4", "row_u"),
+        ("VEC4", "row_v"),
+        ("VEC4", "scale"),
+        ("VEC4", "offset"),
+        ("INT", "first_row"),
+        ("INT", "feed"),
+        ("INT", "tile"),
+        ("INT", "channel"),
+        ("INT", "page_flags"),
+        ("INT", "top_level"),
+    ),
+)
+COLOR = 4
+"""The channel of a whole color in shaders/lib/channel_lib.glsl."""
+CLOSEST, EXTENSION_SHIFT = 4, 4
+"""As in shaders/lib/page_lib.glsl."""
+_EXTENSIONS = (Extension.REPEAT, Extension.EXTEND, Extension.CLIP, Extension.MIRROR)
+
+
+def add_image(
+    sums: target.Target,
+    hits: target.Target,
+    page: Page,
+    feed: ImageFeed,
+    number: int,
+    *,
+    corners: gpu.types.GPUTexture,
+    uvs: gpu.types.GPUTexture,
+    materials: gpu.types.GPUTexture,
+    tile: int | None = None,
+    samples: int = 1,
+    rows: range | None = None,
+) -> None:
+    """Add what `page` shows to `sums` (RGBA32F), and 1 to its alpha, where the hit's material has this feed's `number`.
+
+    hits: RGBA32UI, as shaders/lib/hit_lib.glsl reads it. corners: of cast.Tables. uvs: from corner_tables.upload_uvs, of the
+    feed's layer. materials: from material_table.upload. tile: the UDIM tile that the page is; only hits in it count. Pixels
+    are averaged over the footprint of a texel, from the hits beside it, divided by the square root of `samples`.
+    rows: the rows to write; all without.
+    """
+    target.dispatch(
+        ADD_IMAGE,
+        sums.width,
+        rows or range(sums.height),
+        sums=sums.texture,
+        hits=hits.texture,
+        corners=corners,
+        uvs=uvs,
+        materials=materials,
+        scale=(*feed.scale, 0.0),
+        offset=(*feed.offset, 0.0),
+        feed=number,
+        channel=channel_number(feed.channel),
+        **bindings(page, feed, tile, 1.0 / math.sqrt(samples)),
+    )
+
+
+def bindings(page: Page, feed: ImageFeed, tile: int | None, width: float, other: float = 0.0) -> dict:
+    """What all programs that look up pages take. width: of a sample, in texels. other: a number that a program wants."""
+    # The tiles of an image have nothing outside.
+    extension = feed.extension if tile is None else Extension.EXTEND
+    flags = page.flags | (not feed.is_smooth) * CLOSEST | _EXTENSIONS.index(extension) << EXTENSION_SHIFT
+    return {
+        "page": page.pixels,
+        "levels": page.levels,
+        "row_u": (*feed.mapping[0], width),
+        "row_v": (*feed.mapping[1], other),
+        "tile": tile or 0,
+        "page_flags": flags,
+        "top_level": page.top,
+    }
+
+
+def channel_number(channel: int | None) -> int:
+    """The number of a feed's channel in shaders/lib/channel_lib.glsl."""
+    return COLOR if channel is None else channel

@@ -1,0 +1,27 @@
+// Adds an attribute of the high meshes, interpolated at each hit on a material that it feeds, to the sums of a map.
+#include "lib/texture_lib.glsl"
+#include "lib/hit_lib.glsl"
+#include "lib/channel_lib.glsl"
+
+void main()
+{
+  ivec2 texel = ivec2(gl_GlobalInvocationID.xy) + ivec2(0, first_row);
+  if (any(greaterThanEqual(texel, texel_size(hits)))) {
+    return;
+  }
+  uvec4 hit = texel_at(hits, texel);
+  if (hit_missed(hit)) {
+    return;
+  }
+  int triangle = hit_triangle(hit);
+  int material = int(texel_at(labels, texture_place(triangle)).y);
+  if (int(texel_at(materials, texture_place(material)).a) != feed) {
+    return;
+  }
+  vec2 weights = hit_weights(hit);
+  vec4 value = texel_at(values, texture_place(triangle * 3)) * (1.0 - weights.x - weights.y) +
+               texel_at(values, texture_place(triangle * 3 + 1)) * weights.x +
+               texel_at(values, texture_place(triangle * 3 + 2)) * weights.y;
+  vec3 shown = channel_of(value, channel) * scale.rgb + offset.rgb;
+  imageStore(sums, texel, imageLoad(sums, texel) + vec4(shown, 1.0));
+}

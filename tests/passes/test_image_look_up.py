@@ -1,0 +1,290 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tests what images show at hits: against closed forms and float64 numpy, with pages larger and smaller than the map."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from addon.core.material_feeds import AVERAGE, LUMINANCE, LUMINANCE_WEIGHTS, Extension, ImageFeed
+from addon.passes.surface import material_table
+from tests.support.seen_surface import SeenSurface, grid, page
+
+pytestmark = pytest.mark.usefixtures("gpu_context")
+
+EXACT = 2e-6
+"""Single precision, of values up to 1; UVs of a few units lose some bits."""
+EIGHT_BITS = 1e-6
+"""Whole steps of 1/255 are stored exactly."""
+
+
+def linear(stored):
+    """sRGB to scene-linear, IEC 61966-2-1."""
+    return np.where(stored <= 0.04045, stored / 12.92, ((stored + 0.055) / 1.055) ** 2.4)
+
+
+def bilinear(image, u, v, extension, *, closest=False):
+    """The image (h, w, 4) at u and v, as Blender interpolates: pixel centers lie at (i + 0.5) / w."""
+    height, width = image.shape[:2]
+
+    def at(j, i):
+        if extension == Extension.REPEAT:
+            return image[j % height, i % width]
+        if extension == Extension.MIRROR:
+            i, j = (
+                np.where(k % (2 * n) < n, k % (2 * n), 2 * n - 1 - k % (2 * n)) for k, n in ((i, width), (j, height))
+            )
+            return image[j, i]
+        inside = (i >= 0) & (i < width) & (j >= 0) & (j < height)
+        texels = image[np.clip(j, 0, height - 1), np.clip(i, 0, width - 1)]
+        return texels * inside[..., None] if extension == Extension.CLIP else texels
+
+    if closest:
+        return at(np.floor(v * height).astype(int), np.floor(u * width).astype(int))
+    x, y = u * width - 0.5, v * height - 0.5
+    i, j = np.floor(x).astype(int), np.floor(y).astype(int)
+    a, b = (x - i)[..., None], (y - j)[..., None]
+    lower, upper = (at(k, i) * (1 - a) + at(k, i + 1) * a for k in (j, j + 1))
+    return lower * (1 - b) + upper * b
+
+
+@pytest.mark.parametrize("extension", Extension)
+@pytest.mark.parametrize("is_smooth", [True, False])
+@pytest.mark.parametrize("size", [(5, 7), (1, 1), (1, 4), (8, 8)])
+def test_each_extension_is_as_in_numpy_seed_1(extension, is_smooth, size):
+    image = np.random.default_rng(1).random((*size, 4))
+    seen = SeenSurface(grid(2, 3), (96, 96))
+    mapping = (2.9, 0.4, -1.23), (-0.3, 3.1, -1.07)
+    feed = ImageFeed("a", mapping=mapping, extension=extension, is_smooth=is_smooth)
+    shown = seen.shown(page(image), feed)
+    u, v = (row[0] * seen.x.astype(float) + row[1] * seen.y + row[2] for row in mapping)
+    assert u.min() < -1.0
+    assert u.max() > 1.9
+    error = np.abs(shown[..., :3] - bilinear(image, u, v, extension, closest=not is_smooth)[..., :3]).max(axis=-1)
+    # Single precision puts a few texels on the other side of an edge between pixels.
+    assert np.sort(error.ravel())[-3 if not is_smooth else -1] < EXACT * 8
+    assert (shown[..., 3] == 1.0).all()
+
+
+def test_a_linear_ramp_is_exact():
+    seen = SeenSurface(grid(4, 4), (64, 64))
+    ramp = np.tile((np.arange(32) + 0.5) / 32, (4, 1))
+    shown = seen.shown(page(ramp), ImageFeed("a"))
+    assert np.abs(shown[..., 0] - seen.x)[:, 1:-1].max() < EXACT
+
+
+def test_a_page_as_large_as_the_map_comes_back_as_it_is_seed_2():
+    """A footprint of one pixel does not blur."""
+    image = np.random.default_rng(2).integers(0, 256, (64, 64, 4)) / 255
+    image[..., 3] = 1.0
+    seen = SeenSurface(grid(5, 3), (64, 64))
+    shown = seen.shown(page(image, is_byte=True), ImageFeed("a"))
+    assert np.abs(shown - image).max() < EXACT * 10
+    shown = seen.shown(page(image, is_byte=True, is_srgb=True), ImageFeed("a"))
+    assert np.abs(shown[..., :3] - linear(image[..., :3])).max() < EXACT * 10
+
+
+def test_all_stored_bytes_are_kept():
+    levels = (np.arange(256) / 255).reshape(16, 16)
+    seen = SeenSurface(grid(1, 1), (16, 16))
+    for is_srgb in (False, True):
+        shown = seen.shown(page(levels, is_byte=True, is_srgb=is_srgb), ImageFeed("a", is_smooth=False))[..., 0]
+        expected = linear(levels) if is_srgb else levels
+        assert np.abs(shown - expected).max() < EIGHT_BITS
+
+
+def test_srgb_is_interpolated_as_it_is_stored():
+    """As in Cycles: halfway between black and white lies the stored value 0.5."""
+    seen = SeenSurface(grid(1, 1), (64, 64))
+    image = np.tile(np.float32((0.0, 1.0)), (2, 1))
+    shown = seen.shown(page(image, is_srgb=True), ImageFeed("a", extension=Extension.EXTEND))[..., 0]
+    assert np.abs(shown - linear(np.clip(seen.x.astype(float) * 2.0 - 0.5, 0.0, 1.0))).max() < EXACT
+
+
+@pytest.mark.parametrize("pixels_a_texel", [37.0, 16.0, 3.3])
+def test_a_small_checker_shows_its_mean(pixels_a_texel):
+    """The mean of scene-linear colors, without a pattern of its own."""
+    image = np.indices((512, 512)).sum(axis=0) % 2
+    repeats = 64 * pixels_a_texel / 512
+    seen = SeenSurface(grid(7, 5), (64, 64))
+    feed = ImageFeed("a", mapping=((repeats, 0.0, 0.21), (0.0, repeats, 0.13)))
+    for is_srgb in (False, True):
+        shown = seen.shown(page(image, is_srgb=is_srgb, is_byte=True), feed)[..., 0]
+        assert np.abs(shown - 0.5).max() < 1e-3
+
+
+def test_a_checker_comes_back_to_half_a_texel_turned_seed_3():
+    """A checker turned on the surface, of fields of 8 texels: each texel within a field, by half a texel, has its color."""
+    turn = np.deg2rad(np.random.default_rng(3).uniform(20, 70))
+    size, fields = 128, 16
+    seen = SeenSurface(grid(9, 11), (size, size))
+    row_u = (np.cos(turn), -np.sin(turn), 0.37)
+    row_v = (np.sin(turn), np.cos(turn), 0.11)
+    image = np.kron(np.indices((fields, fields)).sum(axis=0) % 2, np.ones((8, 8)))
+    shown = seen.shown(page(image), ImageFeed("a", mapping=(row_u, row_v)))[..., 0]
+    u, v = (row[0] * seen.x.astype(float) + row[1] * seen.y + row[2] for row in (row_u, row_v))
+    field = np.floor(u * fields) + np.floor(v * fields)
+    to_edge = np.minimum(*(np.abs(w * fields - np.round(w * fields)) for w in (u, v))) * size / fields
+    assert np.abs(shown - field % 2)[to_edge > 0.5].max() < 1e-4
+    assert (to_edge > 0.5).mean() > 0.7
+
+
+def brute_means(image, u_of, v_of, size, taps=24):
+    """The mean of the repeated image over each texel, from taps x taps places."""
+    steps = (np.arange(taps) + 0.5) / taps
+    total = np.zeros((size, size))
+    for a, b in itertools.product(steps, steps):
+        x, y = np.meshgrid((np.arange(size) + a) / size, (np.arange(size) + b) / size)
+        i, j = (
+            np.floor(w * n).astype(int) % n for w, n in ((u_of(x, y), image.shape[1]), (v_of(x, y), image.shape[0]))
+        )
+        total += image[j, i]
+    return total / taps**2
+
+
+@pytest.mark.parametrize("seed", range(4, 10))
+def test_random_footprints_are_averaged_seeds_4_to_9(seed):
+    """Against the mean over each texel's own parallelogram. White noise is the hardest image."""
+    rng = np.random.default_rng(seed)
+    image = rng.random((200, 150))
+    matrix = rng.normal(size=(2, 2)) * rng.uniform(0.5, 3.0)
+    mapping = tuple((*row, shift) for row, shift in zip(matrix.tolist(), rng.random(2).tolist(), strict=True))
+    seen = SeenSurface(grid(3, 4), (48, 48))
+    shown = seen.shown(page(image), ImageFeed("a", mapping=mapping))[..., 0]
+    truth = brute_means(image, *(lambda x, y, r=row: r[0] * x + r[1] * y + r[2] for row in mapping), 48)
+    noise = np.sqrt(np.mean((truth - 0.5) ** 2))
+    error = np.sqrt(np.mean((shown - truth) ** 2))
+    point = seen.shown(page(image), ImageFeed("a", mapping=mapping), samples=10**8)[..., 0]
+    unfiltered = np.sqrt(np.mean((point - truth) ** 2))
+    print(f"seed {seed}: {error:.4f}, noise {noise:.4f}, without a footprint {unfiltered:.4f}")
+    assert error < noise
+    assert error < 0.5 * unfiltered or unfiltered < 0.1
+
+
+def test_uneven_footprints_keep_the_detail_across():
+    """The image is squeezed along v only: stripes along v stay sharp."""
+    image = np.tile(np.indices((64,))[0] % 2, (1024, 1)) * np.random.default_rng(10).uniform(0.5, 1.5, (1024, 1))
+    seen = SeenSurface(grid(2, 2), (64, 64))
+    shown = seen.shown(page(image), ImageFeed("a"))[..., 0]
+    assert shown[:, ::2].max() < 1e-3
+    assert np.abs(shown[:, 1::2] - image.reshape(64, 16, 64).mean(axis=1)[:, 1::2]).max() < 0.02
+
+
+@pytest.mark.parametrize("samples", [1, 16])
+def test_seams_do_not_blur_seed_11(samples):
+    """UVs of each triangle jump by whole pages: the same picture. Footprints are 3 pixels, so a jump would be seen."""
+    rng = np.random.default_rng(11)
+    triangles = grid(23, 19)
+    image = np.kron(rng.random((32, 32)), np.ones((6, 6)))
+    jumps = rng.integers(-3, 4, (len(triangles), 1, 2))
+    shown = [
+        SeenSurface(triangles, (64, 64), uv=triangles[..., :2] + shift).shown(
+            page(image), ImageFeed("a"), samples=samples
+        )
+        for shift in (np.zeros((1, 1, 2)), jumps)
+    ]
+    assert np.abs(shown[0] - shown[1]).max() < 1e-4
+
+
+def test_only_hits_in_the_tile_count():
+    triangles = grid(2, 2)
+    seen = SeenSurface(triangles, (64, 64), uv=triangles[..., :2] * 2.0 + (1.0, 0.0))
+    materials = material_table.upload(np.ones(2))
+    seen.begin(materials)
+    tiles = {1002: 0.2, 1003: 0.4, 1012: 0.6}
+    feed = ImageFeed("a", tiles=tuple(tiles))
+    for tile, value in tiles.items():
+        seen.add(page(np.full((4, 4), value)), feed, materials, tile=tile)
+    sums = seen.read()
+    expected = np.zeros((64, 64))
+    expected[:32, :32], expected[:32, 32:], expected[32:, :32] = tiles.values()
+    assert np.abs(sums[..., 0] - expected).max() < EXACT
+    assert np.array_equal(sums[..., 3], expected > 0)
+
+
+def test_the_pixels_at_a_tiles_border_do_not_wrap():
+    seen = SeenSurface(grid(1, 1), (64, 64))
+    image = np.tile(np.float32((0.0, 0.0, 0.0, 1.0)), (4, 1))
+    assert seen.shown(page(image), ImageFeed("a", tiles=(1001,)), tile=1001)[:, :8, 0].max() == 0.0
+    assert seen.shown(page(image), ImageFeed("a"))[:, :8, 0].max() > 0.1
+
+
+def test_each_hit_counts_once_over_all_feeds():
+    """Four materials: an image, another image, a constant, and one that the map cannot show. A hole is a miss."""
+    triangles = grid(4, 4)
+    centers = triangles.mean(axis=1)
+    numbers = 1 + (centers[:, 0] > 0.5) + 2 * (centers[:, 1] > 0.5)
+    keep = ~((centers[:, 0] < 0.25) & (centers[:, 1] < 0.25))
+    seen = SeenSurface(triangles[keep], (64, 64), materials=numbers[keep])
+    materials = material_table.upload(np.array([0, 1, 2, 0, -1]), np.outer((0, 0, 0, 7, 0), (1, 2, 3)))
+    for number, offset in enumerate(((-0.25, -0.25), (0.25, 0.25))):
+        seen.probe(offset)
+        seen.begin(materials, is_first=number == 0)
+        for feed, value in ((1, 0.3), (2, 0.6)):
+            seen.add(page(np.full((8, 8), value)), ImageFeed("a"), materials, feed)
+    means = seen.means()
+    sums = seen.read()
+    assert np.allclose(sums[:16, :16, 3], 2 / 256)
+    assert (means[:16, :16, 3] == -1.0).all()
+    assert np.allclose(means[:32, 33:], (0.6, 0.6, 0.6, 1.0))
+    assert np.allclose(means[:31, 17:32], (0.3, 0.3, 0.3, 1.0))
+    assert np.allclose(means[33:, :31], (7, 14, 21, 1))
+    assert (sums[33:, 33:] == 0.0).all()
+
+
+@pytest.mark.parametrize(
+    ("channel", "weights"),
+    [
+        (0, (1, 0, 0, 0)),
+        (2, (0, 0, 1, 0)),
+        (3, (0, 0, 0, 1)),
+        (1, (0, 1, 0, 0)),
+        (LUMINANCE, (*LUMINANCE_WEIGHTS, 0)),
+        (AVERAGE, (1 / 3, 1 / 3, 1 / 3, 0)),
+    ],
+)
+def test_channels_scale_and_offset(channel, weights):
+    color = np.array((0.2, 0.5, 0.9, 0.4))
+    seen = SeenSurface(grid(1, 1), (8, 8))
+    feed = ImageFeed("a", channel=channel, scale=(2.0, -1.0, 0.5), offset=(0.1, 0.2, 0.3))
+    shown = seen.shown(page(np.broadcast_to(color, (4, 4, 4))), feed)[..., :3]
+    assert np.allclose(shown, color @ np.array(weights) * np.array(feed.scale) + feed.offset, atol=EXACT)
+
+
+@pytest.mark.parametrize("pixels", [4, 512])
+def test_transparent_pixels_do_not_color_their_neighbors(pixels):
+    """Red, and green that is fully transparent, in stripes: all is red where anything shows."""
+    image = np.zeros((pixels, pixels, 4))
+    image[:, ::2] = 1, 0, 0, 1
+    image[:, 1::2] = 0, 1, 0, 0
+    seen = SeenSurface(grid(1, 1), (64, 64))
+    shown = seen.shown(page(image, weighs_alpha=True), ImageFeed("a"))
+    # In the very middle of a green pixel nothing else shows.
+    assert np.median(shown[..., 0]) == pytest.approx(1.0, abs=1e-5)
+    assert shown[..., 1].max() < 1e-5
+    assert seen.shown(page(image), ImageFeed("a"))[..., 1].max() > 0.45
+    alpha = seen.shown(page(image, weighs_alpha=True), ImageFeed("a", channel=3))[..., 0]
+    assert alpha.mean() == pytest.approx(0.5, abs=0.01)
+
+
+def test_several_samples_average_what_one_would_seed_12():
+    """Each sample covers its share of the texel: the mean of 16 is as sharp as one with the whole footprint, or sharper."""
+    image = np.random.default_rng(12).random((256, 256))
+    seen = SeenSurface(grid(2, 2), (32, 32))
+    materials = material_table.upload(np.ones(2))
+    offsets = [((i + 0.5) / 4 - 0.5, (j + 0.5) / 4 - 0.5) for i in range(4) for j in range(4)]
+    for number, offset in enumerate(offsets):
+        seen.probe(offset)
+        seen.begin(materials, is_first=number == 0)
+        seen.add(page(image), ImageFeed("a"), materials, samples=16)
+    truth = image.reshape(32, 8, 32, 8).mean(axis=(1, 3))
+    assert np.abs(seen.means()[..., 0] - truth).max() < 1e-4
+
+
+def test_a_texel_without_neighbors_shows_the_page():
+    """One triangle that only one ray hits."""
+    triangle = [[(0.5, 0.5, 0), (0.52, 0.5, 0), (0.5, 0.52, 0)]]
+    seen = SeenSurface(triangle, (64, 64))
+    shown = seen.shown(page(np.full((512, 512), 0.25)), ImageFeed("a"))
+    assert np.count_nonzero(shown[..., 3] == 1.0) == 1
+    assert shown[..., 0].max() == np.float32(0.25)
