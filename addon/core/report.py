@@ -67,6 +67,8 @@ class Report:
     in scene units, or the colors of its labels. With a color_space, `stored` is linear after decoding the space. The packed
     image has channels: red, green, blue and alpha, each with its map, whether it is inverted (1 - stored) and how to decode
     it, or a constant."""
+    attributes: dict[str, str] = field(default_factory=dict)
+    """The attributes of the low mesh in which maps were stored, by the map's name. Values are decoded, colors linear."""
     loss: dict[str, float] = field(default_factory=dict)
     """Median and maximum of the degrees between the normals and their values in 8 or 16 bits; empty if stored as floats."""
     image: str = ""

@@ -45,10 +45,12 @@ class Atlas:
         """Add the margin and store the maps. Returns a report of each bake. Raises BakeError."""
         last = self.drawn[-1].timings
         with last.in_total(), Outputs(self.settings) as outputs:
-            margin = self._fill(outputs, last)
             lows = [drawn.job.low for drawn in self.drawn]  # before anything changes: it raises if one was deleted
+            for low, drawn in zip(lows, self.drawn, strict=True):
+                outputs.sample_onto(low, drawn.meshes.uv_layer, is_own_base=drawn.meshes.is_own_base)
+            margin = self._fill(outputs, last)
             with last.timed("image"):
-                stored = outputs.commit(self.labels)
+                stored = outputs.commit(self.labels, lows)
                 self._warnings[0] += stored.warnings
                 for low, drawn, warnings in zip(lows, self.drawn, self._warnings, strict=True):
                     warnings.extend(into_materials(low, stored, drawn.meshes.uv_layer, self.settings))

@@ -47,6 +47,7 @@ def _bake(
             drawing = settings.for_drawing()
             ready = yield from part(_prepare(context, job, drawing, pace, timings), 0.0, READY)
             tally, post_processes = Tally(), margins.for_maps([ready.plan.meshes.low], drawing)
+            outputs.sample_onto(job.low, ready.meshes.uv_layer, is_own_base=ready.meshes.is_own_base)
             for tile, start, stop in _shares(ready.plan):
                 maps = yield from part(ready.renderer.texels(tile, post_processes), start, stop)
                 tally.add(maps[NORMAL.name], settings)
@@ -56,7 +57,7 @@ def _bake(
         yield Progress("Storing", 1.0)
         low = job.low  # before anything changes: it raises if the object was deleted
         with timings.timed("image"):
-            stored = outputs.commit(drawn.labels)
+            stored = outputs.commit(drawn.labels, [low])
             notes = into_materials(low, stored, drawn.meshes.uv_layer, settings)
     return drawn, stored, [*stored.warnings, *notes]
 

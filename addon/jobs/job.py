@@ -6,11 +6,12 @@ from collections.abc import Sequence
 import bpy
 import gpu
 
+from ..core.declarations.choices import VertexDomain
 from ..core.errors import BakeError
 from ..core.name_matching import Suffixes, match
 from ..core.settings import Settings
 from ..engine.bands import bands
-from ..output import map_storage, materials
+from ..output import map_storage, materials, vertex_attributes
 from ..output.output_clashes import settings_by_map
 from ..scene import object_checks
 from ..scene.object_refs import ObjectRef
@@ -87,6 +88,8 @@ def check_job(context: bpy.types.Context, job: Job, settings: Settings) -> None:
         map_storage.check(job.low.name, image_settings)
     if settings.material or settings.connect_maps:
         materials.check(job.low)
+    if settings.vertex_domain != VertexDomain.NONE:
+        vertex_attributes.check(job.low)
     try:
         gpu.init()
     except (SystemError, RuntimeError) as error:

@@ -229,7 +229,7 @@ class Session:
         if self.texels is not None and low is not None:
             with outputs.Outputs(self.settings) as writers:
                 writers.add(udim.FIRST, {NORMAL.name: (self.texels, self._state)})
-                stored = writers.commit({Labeled.OBJECTS: self._high_names})
+                stored = writers.commit({Labeled.OBJECTS: self._high_names}, [low])
                 if self.settings.material:
                     outputs.hook_up(low, stored.image, self._meshes.uv_layer, self.settings)
 

@@ -65,6 +65,7 @@ def report_of(drawn: DrawnJob, stored: Stored, warnings: Sequence[str] = (), mar
         checks=findings.checks,
         tiles=[tile for tile in plan.tiles if tile in stored.tiles],
         maps=stored.maps,
+        attributes=stored.attributes,
         loss=stored.loss,
         image=stored.image.name,
         output=stored.paths,

@@ -4,10 +4,15 @@
 from collections.abc import Mapping
 
 from ..core.errors import shorten_list
-from ..core.map_types import BY_NAME
+from ..core.map_types import BY_NAME, MapType
 from . import datablocks
 from .nodes import surface_nodes
 from .nodes.surface_nodes import MapImage
+
+
+def are_any(maps: Mapping[str, dict]) -> bool:
+    """Whether an input of a material takes one of the maps, as in Report.maps."""
+    return any(_parts(name, how) for name, how in maps.items())
 
 
 def of_report(maps: Mapping[str, dict], space: str) -> tuple[dict[str, MapImage], list[str]]:
@@ -19,18 +24,13 @@ def of_report(maps: Mapping[str, dict], space: str) -> tuple[dict[str, MapImage]
     found: dict[str, MapImage] = {}
     gone = []
     for name, how in sorted(maps.items(), key=lambda item: "channels" in item[1]):
-        parts = how["channels"] if "channels" in how else {"": how | {"map": name}}
-        parts = {
-            channel: part
-            for channel, part in parts.items()
-            if surface_nodes.takes(BY_NAME.get(part.get("map", "").upper()))
-        }
+        parts = _parts(name, how)
         image = datablocks.get(how["image"])
         if parts and image is None:
             gone.append(how["image"])
             continue
         for channel, part in parts.items():
-            map_type = BY_NAME[part["map"].upper()]
+            map_type = _map_type(part)
             found[map_type.name] = MapImage(
                 image,
                 role=name,
@@ -44,3 +44,13 @@ def of_report(maps: Mapping[str, dict], space: str) -> tuple[dict[str, MapImage]
     if not gone:
         return found, []
     return found, [f"Images that were undone, renamed or deleted are not connected: {shorten_list(map(repr, gone))}."]
+
+
+def _parts(name: str, how: dict) -> dict[str, dict]:
+    """The channels of an image of Report.maps that an input of a material takes. "" means the whole image."""
+    parts = how["channels"] if "channels" in how else {"": how | {"map": name}}
+    return {channel: part for channel, part in parts.items() if surface_nodes.takes(_map_type(part))}
+
+
+def _map_type(part: dict) -> MapType | None:
+    return BY_NAME.get(part.get("map", "").upper())

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Stores the maps of one bake in images, files and materials: all of them, or none."""
+"""Stores the maps of one bake in images, files, attributes and materials: all of them, or none."""
 
 from collections.abc import Sequence
 from contextlib import ExitStack
@@ -9,12 +9,14 @@ import bpy
 import numpy as np
 
 from ..core import texel_state
+from ..core.declarations.choices import VertexDomain
 from ..core.errors import shorten_list
 from ..core.map_types import BY_NAME, MASK, NORMAL, Kind, Labeled
 from ..core.settings import Settings
 from ..core.texel_state import Map
 from . import color_spaces, datablocks, map_images, map_storage, materials, value_encoding
 from .output_clashes import settings_by_map, stored_maps
+from .vertex_attributes import VertexMaps
 
 
 @dataclass(frozen=True)
@@ -22,13 +24,14 @@ class Stored:
     """The result of `Outputs.commit`.
 
     image: the normal map, or the first other map without one. paths: the files of the normal map by tile, then those of each
-    other map. tiles: UDIM numbers. maps, loss: as in Report. warnings: sentences.
+    other map. tiles: UDIM numbers. maps, attributes, loss: as in Report. warnings: sentences.
     """
 
     image: bpy.types.Image
     paths: list[str]
     tiles: list[int]
     maps: dict[str, dict]
+    attributes: dict[str, str]
     loss: dict[str, float]
     warnings: list[str]
 
@@ -52,6 +55,7 @@ class Outputs:
         }
         self._first = next((name for name in self._writers if name != MASK.name), MASK.name)
         self._tiles: dict[str, dict[int, np.ndarray]] = {name: {} for name in settings.drawn_maps}
+        self._vertices: list[VertexMaps] = []
 
     def __enter__(self) -> "Outputs":
         return self
@@ -61,11 +65,18 @@ class Outputs:
             for writer in self._writers.values():
                 discards.callback(writer.discard)
 
+    def sample_onto(self, low: bpy.types.Object, uv_layer: str, *, is_own_base: bool) -> None:
+        """Also store the maps that are added from now on in attributes of `low`, if the settings say so. See VertexMaps."""
+        if self.settings.vertex_domain != VertexDomain.NONE:
+            self._vertices.append(VertexMaps(low, uv_layer, self.settings, is_own_base=is_own_base))
+
     def add(self, tile: int, maps: dict[str, Map]) -> None:
         """Add one UDIM tile of all maps, by name. Empty tiles are ignored: a triangle may touch a tile and cover no texel."""
         texels, state = maps[NORMAL.name]
         if not state.any():
             return
+        for vertices in self._vertices:
+            vertices.add(tile, maps)
         if NORMAL.name in self._writers:
             self._writers[NORMAL.name].add(tile, texels)
         if MASK.name in self._writers:
@@ -73,10 +84,11 @@ class Outputs:
         for name, tiles in self._tiles.items():
             tiles[tile] = maps[name][0]  # encoded when the range of all tiles is known
 
-    def commit(self, labels: dict[Labeled, Sequence[str]]) -> Stored:
-        """Store all images or none. Raises BakeError.
+    def commit(self, labels: dict[Labeled, Sequence[str]], lows: Sequence[bpy.types.Object]) -> Stored:
+        """Store all images and attributes or none. Raises BakeError.
 
-        labels: the names of objects and of materials, whose numbers in the maps start at 1.
+        labels: the names of objects and of materials, whose numbers in the maps start at 1. lows: the low objects, as in the
+        calls of `sample_onto`.
         """
         encodings = {name: self._encode(name, tiles, labels) for name, tiles in self._tiles.items()}
         maps = {name: encodings[name] for name in self.settings.maps}
@@ -84,13 +96,20 @@ class Outputs:
             maps[self._packed] = self._pack(encodings)
         stored = dict(zip(self._writers, map_storage.commit_all(list(self._writers.values())), strict=True))
         first = self._writers[self._first]
+        warnings = sign(stored[self._first], labels[Labeled.OBJECTS])
+        attributes = {}
+        for vertices, low in zip(self._vertices, lows, strict=False):  # without attributes, there are only low objects
+            names, more = vertices.store(low)
+            attributes |= names
+            warnings += more
         return Stored(
             image=stored[self._first],
             paths=[path for writer in self._writers.values() for path in writer.paths],
             tiles=list(first.tiles),
             maps={name.lower(): {"image": stored[name].name} | how for name, how in maps.items()},
+            attributes=attributes,
             loss=first.loss,
-            warnings=sign(stored[self._first], labels[Labeled.OBJECTS]),
+            warnings=warnings,
         )
 
     def _encode(self, name: str, tiles: dict[int, np.ndarray], labels: dict[Labeled, Sequence[str]]) -> dict:
@@ -133,7 +152,7 @@ def into_materials(low: bpy.types.Object, stored: Stored, uv_layer: str, setting
     """Show the stored maps in the materials of `low`, as far as the settings say. Returns warnings."""
     warnings = hook_up(low, stored.image, uv_layer, settings) if settings.material and settings.normal else []
     if settings.connect_maps:
-        warnings += connect_maps(low, stored.maps, uv_layer, settings)
+        warnings += connect_maps(low, stored.maps, uv_layer, space=settings.space, single_user=settings.single_user)
     return list(dict.fromkeys(warnings))
 
 
@@ -149,12 +168,14 @@ def hook_up(low: bpy.types.Object, image: bpy.types.Image, uv_layer: str, settin
     )
 
 
-def connect_maps(low: bpy.types.Object, maps: dict[str, dict], uv_layer: str, settings: Settings) -> list[str]:
+def connect_maps(
+    low: bpy.types.Object, maps: dict[str, dict], uv_layer: str, *, space: str, single_user: bool
+) -> list[str]:
     """Connect maps other than the normal map, as in Report.maps, in the materials of `low`. Returns warnings.
 
-    Maps whose images are no longer there are left out, with a warning.
+    Maps whose images are no longer there are left out, with a warning. space, single_user: as in Settings.
     """
-    images, warnings = map_images.of_report(maps, settings.space)
+    images, warnings = map_images.of_report(maps, space)
     if not images:
         return warnings
-    return warnings + materials.connect_maps(low, images, uv_layer=uv_layer, single_user=settings.single_user)
+    return warnings + materials.connect_maps(low, images, uv_layer=uv_layer, single_user=single_user)

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Operators of the panels that do not bake: slots, measured distances, and visibility in the viewport."""
+"""Operators of the panels that do not bake: slots, measured distances, materials, and visibility in the viewport."""
 
 import bpy
 from bpy.props import IntProperty
 
 from ..core.errors import BakeError
+from ..output import map_images, materials, outputs
 from ..scene import instances
 from .bake_results import distances, high_objects, results
 from .callbacks import redraw
@@ -31,6 +32,41 @@ class IMPRINT_OT_freeze_distances(bpy.types.Operator):
         settings, found = context.scene.imprint, distances(results.of(context))
         settings.extrusion, settings.max_distance = found["extrusion"], found["max_distance"]
         settings.measure = False
+        return {"FINISHED"}
+
+
+class IMPRINT_OT_connect_maps(bpy.types.Operator):
+    """Put the maps of the last bake into the low object's material: colors, roughness, metallic, occlusion and height"""
+
+    bl_idname = "imprint.connect_maps"
+    bl_label = "Connect Maps"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        report = results.of(context)
+        if report is None or not map_images.are_any(report.maps):
+            cls.poll_message_set(tooltip("Bake a map first that a material takes, such as base color"))
+            return False
+        return True
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        report = results.of(context)
+        try:
+            low = report.refs[0].resolve()
+            materials.check(low)
+            warnings = outputs.connect_maps(
+                low,
+                report.maps,
+                report.uv_layer,
+                space=report.space,
+                single_user=context.scene.imprint.single_user,
+            )
+        except BakeError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        for warning in warnings:
+            self.report({"WARNING"}, warning)
         return {"FINISHED"}
 
 
@@ -133,6 +169,7 @@ class IMPRINT_OT_high_remove(bpy.types.Operator):
 
 CLASSES = (
     IMPRINT_OT_freeze_distances,
+    IMPRINT_OT_connect_maps,
     IMPRINT_OT_show_high,
     IMPRINT_OT_show_cage,
     IMPRINT_OT_use_selection,

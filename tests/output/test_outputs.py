@@ -42,7 +42,7 @@ def store(drawn, **settings):
     state = np.full((HEIGHT, WIDTH), texel_state.WRITTEN, np.uint8)
     with Outputs(settings) as outputs:
         outputs.add(1001, {name: (texels.copy(), state) for name, texels in {NORMAL.name: values(0), **drawn}.items()})
-        return outputs.commit(LABELS)
+        return outputs.commit(LABELS, [])
 
 
 def linear(stored):
@@ -275,11 +275,11 @@ def test_without_a_normal_map_the_first_other_map_is_the_result(tmp_path, settin
 # Into materials, as the report has them
 
 
-def material_of(stored, **settings):
+def material_of(stored):
     low = bpy.data.objects.new("Low", bpy.data.meshes.new("Low"))
     low.data.uv_layers.new(name="Layout")
     low.data.materials.append(bpy.data.materials.new("Skin"))
-    warnings = connect_maps(low, stored.maps, "Layout", Settings(**settings))
+    warnings = connect_maps(low, stored.maps, "Layout", space="TANGENT", single_user=False)
     return warnings, low.active_material.node_tree.nodes["Principled BSDF"]
 
 
@@ -317,5 +317,5 @@ def test_an_image_that_is_gone_is_named():
 def test_maps_that_no_input_takes_change_no_material():
     stored = store({"CURVATURE": gray(16)}, maps=("CURVATURE",))
     low = bpy.data.objects.new("Low", bpy.data.meshes.new("Low"))
-    assert connect_maps(low, stored.maps, "", Settings()) == []
+    assert connect_maps(low, stored.maps, "", space="TANGENT", single_user=False) == []
     assert len(low.material_slots) == 0

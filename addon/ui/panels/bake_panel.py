@@ -4,6 +4,7 @@
 import bpy
 
 from ...core.report import Report
+from ...output import map_images
 from ..bake_results import high_objects, results
 from ..live.live_switch import live
 from ..translations.lookup import label, message
@@ -92,6 +93,8 @@ def draw_result(layout: bpy.types.UILayout, report: Report) -> None:
         line = message("{} covered").format(f"{report.coverage:.0%}")
     line = f"{line}, {report.seconds['total']:.1f} s"
     column.label(text=line, icon="ERROR" if number else "CHECKMARK", translate=False)
+    if map_images.are_any(report.maps):
+        layout.operator("imprint.connect_maps", icon="NODE_MATERIAL")
 
 
 class IMPRINT_PT_report(SidebarPanel, bpy.types.Panel):

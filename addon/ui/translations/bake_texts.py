@@ -24,6 +24,20 @@ TABLE = {
         "de_DE": "Index des ausgewählten Eintrags",
         "es": "Índice de la entrada seleccionada",
     },
+    (OPERATOR, "Connect Maps"): {"de_DE": "Maps verbinden", "es": "Conectar mapas"},
+    (
+        SENTENCE,
+        "Put the maps of the last bake into the low object's material: colors, roughness, metallic, occlusion and height",
+    ): {
+        "de_DE": "Die Maps des letzten Backens in das Material des Low-Poly-Objekts einsetzen: Farben, Rauheit, Metallisch, "
+        "Verdeckung und Höhe",
+        "es": "Pone los mapas de la última captura en el material del objeto low poly: colores, rugosidad, metalicidad, "
+        "oclusión y altura",
+    },
+    (SENTENCE, "Bake a map first that a material takes, such as base color"): {
+        "de_DE": "Zuerst eine Map backen, die ein Material verwendet, zum Beispiel die Grundfarbe",
+        "es": "Capturar antes un mapa que use un material, como el color base",
+    },
     (OPERATOR, "Add High Object"): {"de_DE": "High-Poly-Objekt hinzufügen", "es": "Adicionar objeto high poly"},
     (SENTENCE, "Add a slot for a high object"): {
         "de_DE": "Einen Eintrag für ein High-Poly-Objekt hinzufügen",

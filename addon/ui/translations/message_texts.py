@@ -44,6 +44,18 @@ TABLE = {
         "de_DE": "Eine Sequenz braucht Dateien: Speichern auf Datei stellen.",
         "es": "Una secuencia necesita archivos: elegir Archivo en Guardar.",
     },
+    (SENTENCE, "A sequence shows the normal map: switch Normal Map on."): {
+        "de_DE": "Eine Sequenz zeigt die Normalmap: Normalmap einschalten.",
+        "es": "Una secuencia muestra el mapa de normales: activar Mapa de normales.",
+    },
+    (SENTENCE, "No map is chosen: choose the normal map, another map, or maps to pack."): {
+        "de_DE": "Es ist keine Map gewählt: die Normalmap, eine andere Map oder Maps zum Packen wählen.",
+        "es": "No hay ningún mapa elegido: elegir el mapa de normales, otro mapa o mapas para empaquetar.",
+    },
+    (SENTENCE, "The packed image would hold no map: choose a map for one of its channels."): {
+        "de_DE": "Das gepackte Bild enthielte keine Map: für einen seiner Kanäle eine Map wählen.",
+        "es": "La imagen empaquetada no contendría ningún mapa: elegir un mapa para uno de sus canales.",
+    },
     (SENTENCE, "A sequence has only one tile: turn UDIM Tiles off."): {
         "de_DE": "Eine Sequenz hat nur eine Kachel: UDIM-Kacheln ausschalten.",
         "es": "Una secuencia tiene una sola celda: desactivar Celdas UDIM.",

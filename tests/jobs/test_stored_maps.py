@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Whole bakes whose maps go into packed images, attributes and materials, and bakes without a normal map."""
+
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+from addon.core.errors import BakeError
+from addon.core.settings import Settings
+from addon.jobs import Job, bake_all, bake_pair
+from addon.output import map_storage
+from tests.support import zoo
+from tests.support.maps import pixels
+from tests.support.snapshot import difference, snapshot
+
+pytestmark = pytest.mark.usefixtures("gpu_context")
+
+RAISED = 0.25
+"""The height of the high plane above the low one."""
+HALF = {"pack": "CUSTOM", "pack_red": "HEIGHT", "pack_green": "ONE", "pack_blue": "COVERAGE", "pack_alpha": "COVERAGE"}
+
+
+def planes(name="lo", x=0.0):
+    low, high = zoo.plane(name, n=2), zoo.plane(f"{name} high", n=4)
+    low.location.x = high.location.x = x
+    high.location.z = RAISED
+    bpy.context.view_layer.update()
+    return low, high
+
+
+def settings(**values):
+    usual = {"method": "CAST", "width": 32, "height": 32, "margin": 4, "storage": "MEMORY", "depth": 32}
+    return Settings(**usual | {"extrusion": 0.5, "max_distance": 1.0, "image": "{low}_map"} | values)
+
+
+def bake(low, high, **values):
+    return bake_pair(bpy.context, low, [high], settings(**values))
+
+
+def attribute(low, name):
+    found = low.data.attributes[name]
+    values = np.empty(len(found.data), np.float32)
+    found.data.foreach_get("value", values)
+    return values
+
+
+def test_maps_reach_images_attributes_and_the_material():
+    low, high = planes()
+    report = bake(low, high, maps=("HEIGHT",), **HALF, vertex_domain="CORNER", connect_maps=True)
+    assert report.image == "lo_map"
+    assert set(report.maps) == {"height", "packed"}
+    packed = pixels(bpy.data.images["lo_map_packed"])
+    np.testing.assert_allclose(packed, np.broadcast_to((RAISED, 1, 1, 1), packed.shape), atol=1e-5)
+    assert report.attributes == {"normal": "normal", "height": "height", "coverage": "coverage"}
+    np.testing.assert_allclose(attribute(low, "height"), RAISED, atol=1e-5)
+    nodes = low.active_material.node_tree.nodes
+    assert nodes["Material Output"].inputs["Displacement"].is_linked
+    assert nodes["Principled BSDF"].inputs["Normal"].is_linked
+    assert any("lo_map_packed: red height, blue coverage, alpha coverage" in line for line in report.summary())
+
+
+def test_connecting_needs_no_normal_map_in_the_material():
+    low, high = planes()
+    bake(low, high, maps=("HEIGHT",), material=False, connect_maps=True)
+    nodes = low.active_material.node_tree.nodes
+    assert nodes["Material Output"].inputs["Displacement"].is_linked
+    assert not nodes["Principled BSDF"].inputs["Normal"].is_linked
+
+
+def test_without_a_normal_map_there_is_no_image_and_no_link_of_it(tmp_path):
+    low, high = planes()
+    path = tmp_path / "m.png"
+    report = bake(low, high, normal=False, maps=("HEIGHT",), storage="FILE", output=str(path), depth=16)
+    assert report.image == "lo_map_height"
+    assert [Path(name).name for name in report.output] == ["m_height.png"]
+    assert [each.name for each in tmp_path.iterdir()] == ["m_height.png"]
+    assert [image.name for image in bpy.data.images] == ["lo_map_height"]
+    assert report.coverage == 1.0
+    assert len(low.material_slots) == 0
+
+
+def test_an_atlas_has_them_for_each_object():
+    pairs = [planes("a"), planes("b", x=3.0)]
+    for number, (low, high) in enumerate(pairs):
+        for obj in (low, high):
+            layer = obj.data.uv_layers[0].uv
+            uv = np.empty(len(layer) * 2, np.float32)
+            layer.foreach_get("vector", uv)
+            layer.foreach_set("vector", ((uv.reshape(-1, 2) + (number, 0)) * (0.5, 1.0)).astype(np.float32).ravel())
+    pairs[1][1].location.z = 2 * RAISED
+    bpy.context.view_layer.update()
+    jobs = [Job(low, [high]) for low, high in pairs]
+    chosen = settings(normal=False, **HALF, vertex_domain="POINT", connect_maps=True, image="atlas")
+    reports = bake_all(bpy.context, jobs, chosen, share_image=True)
+    assert [report.image for report in reports] == ["atlas_packed"] * 2
+    assert [image.name for image in bpy.data.images] == ["atlas_packed"]
+    for number, (low, _) in enumerate(pairs):
+        np.testing.assert_allclose(attribute(low, "height"), RAISED * (number + 1), atol=1e-5)
+        assert low.active_material.node_tree.nodes["Material Output"].inputs["Displacement"].is_linked
+
+
+def test_a_failure_leaves_attributes_and_materials_as_they_were(monkeypatch):
+    low, high = planes()
+
+    def fail(_):
+        raise BakeError("no room")
+
+    monkeypatch.setattr(map_storage, "commit_all", fail)
+    before = snapshot()
+    with pytest.raises(BakeError, match="no room"):
+        bake(low, high, maps=("HEIGHT",), vertex_domain="CORNER", connect_maps=True)
+    assert difference(before, snapshot()) == {}
+
+
+@pytest.mark.parametrize(
+    ("chosen", "message"),
+    [
+        ({"vertex_domain": "CORNER"}, "cannot be given attributes"),
+        ({"maps": ("HEIGHT",), "connect_maps": True}, "its materials cannot be set"),
+    ],
+)
+def test_linked_objects_are_refused_before_the_bake(tmp_path, chosen, message):
+    planes()
+    path = str(tmp_path / "library.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    with bpy.data.libraries.load(path, link=True) as (_, data):
+        data.objects = ["lo", "lo high"]
+    for obj in bpy.data.objects:
+        bpy.context.collection.objects.link(obj)
+    with pytest.raises(BakeError, match=message):
+        bake(bpy.data.objects["lo"], bpy.data.objects["lo high"], material=False, **chosen)

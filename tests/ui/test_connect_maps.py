@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tests the button that puts the maps of the last bake into the low object's material."""
+
+import bpy
+import pytest
+
+from tests.support import zoo
+
+pytestmark = pytest.mark.usefixtures("registered", "gpu_context")
+
+
+@pytest.fixture
+def low():
+    """A low object in its slot, with a high one."""
+    low, high = zoo.plane("lo"), zoo.plane("hi")
+    high.location.z = 0.2
+    settings = bpy.context.scene.imprint
+    settings.width = settings.height = 16
+    settings.method, settings.low, settings.material = "CAST", low, False
+    return low
+
+
+def bake(**settings):
+    for name, value in settings.items():
+        setattr(bpy.context.scene.imprint, name, value)
+    assert bpy.ops.imprint.bake(low="lo", high=[{"name": "hi"}]) == {"FINISHED"}
+
+
+def displacement(low):
+    return low.active_material.node_tree.nodes["Material Output"].inputs["Displacement"]
+
+
+def test_the_button_needs_a_map_that_a_material_takes(low):
+    assert not bpy.ops.imprint.connect_maps.poll()
+    bake(maps={"DISTANCE"})
+    assert not bpy.ops.imprint.connect_maps.poll()
+    bake(maps={"HEIGHT"})
+    assert bpy.ops.imprint.connect_maps.poll()
+
+
+def test_a_bake_leaves_the_material_to_the_button(low):
+    bake(maps={"HEIGHT"})
+    assert len(low.material_slots) == 0
+    assert bpy.ops.imprint.connect_maps() == {"FINISHED"}
+    assert displacement(low).is_linked
+
+
+def test_a_shared_material_is_copied_as_the_setting_says(low):
+    material = bpy.data.materials.new("Skin")
+    for obj in (low, bpy.data.objects["hi"]):
+        obj.data.materials.append(material)
+    bake(maps={"HEIGHT"}, single_user=True)
+    assert bpy.ops.imprint.connect_maps() == {"FINISHED"}
+    assert low.active_material.name == "Skin.001"
+    assert displacement(low).is_linked
+    assert not displacement(bpy.data.objects["hi"]).is_linked
+
+
+def test_an_image_that_is_gone_is_a_warning(low):
+    bake(maps={"HEIGHT"})
+    bpy.data.images.remove(bpy.data.images["lo_normal_height"])
+    assert bpy.ops.imprint.connect_maps() == {"FINISHED"}
+    assert len(low.material_slots) == 0
