@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Sources of normals and other values: high meshes drawn in UV space, rays, or maps that were drawn before."""
+"""Sources of normals and hits: high meshes drawn in UV space, or rays."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -9,40 +9,44 @@ import gpu
 import numpy as np
 
 from ..core.declarations.choices import Hit, Method, Space
-from ..core.map_types import NORMAL
+from ..core.map_types import BY_NAME, Family
 from ..core.progress import Pace, Progress, Task
 from ..core.settings import Settings
 from ..core.timings import Timings
-from ..mesh.local_space import local_space_of
 from ..mesh.triangle_mesh import Mesh, normal_matrix
-from ..passes import data_texture, mesh_upload, target
-from ..passes.bake import cast, flatten, points
+from ..passes import mesh_upload, target
+from ..passes.bake import cast, flat_hits, flatten
 from .bands import Band
+from .high_surface import HighSurface
 from .method_choice import Plan
-from .other_maps import OtherMaps
 from .rays import ray_casting, ray_directions, ray_distances, tree_cache
+
+WITH_RAYS = {Family.OPENNESS, Family.THICKNESS, Family.CURVATURE}
+"""The families whose maps cast rays from the hits."""
 
 
 class Source(Protocol):
-    """Draws a band of the normal map and of the other maps.
+    """Draws samples of a band: normals of the high surface, and hits, as shaders/lib/hit_lib.glsl reads them.
 
-    takes_time: whether it draws normals in slices. ray_cast: the rays that it casts, or None.
+    takes_time: whether it draws normals in slices. ray_cast: the rays that it casts, or None. surface: what the hits are on;
+    None if no map needs them. slot: the number of a sample whose normals and hits stay beside those of others.
     """
 
     takes_time: bool
     ray_cast: ray_casting.RayCast | None
+    surface: HighSurface | None
 
-    def normals(self, band: Band) -> Iterator[tuple[gpu.types.GPUTexture, range]]:
+    def normals(self, band: Band, slot: int = 0) -> Iterator[tuple[gpu.types.GPUTexture, range]]:
         """Unit normals in world space or the low object's: RGBA32F with alpha 1 for a hit, 0 outside the mesh, -1 for a miss.
 
         In slices: yields the texture and the rows that are ready.
         """
 
-    def surface_map(self, name: str, band: Band, into: target.Target) -> gpu.types.GPUTexture:
-        """One of map_types.OTHERS for the band of the last `normals`, as other_map_pass.draw writes it.
+    def drawn(self, slot: int = 0) -> target.Target:
+        """The target of the last `normals` with this slot."""
 
-        Returns the texture of `into`, or another texture.
-        """
+    def hits(self, band: Band, slot: int = 0) -> target.Target:
+        """The hits (RGBA32UI) of the last `normals` with this slot."""
 
 
 def normal_source(
@@ -51,9 +55,20 @@ def normal_source(
     """The source of a bake. uploads: a cache of uploaded meshes. Raises BakeError for more triangles than the GPU takes."""
     meshes = plan.meshes
     if plan.method == Method.FLATTEN:
-        return Flat(meshes.low, meshes.highs, settings, timings, uploads=uploads)
+        surface = None
+        if settings.maps or meshes.has_detail:
+            yield Progress("Reading the surface", 0.0)
+            surface = _flat_surface(meshes.highs, settings, timings)
+        return Flat(meshes.low, meshes.highs, settings, timings, surface=surface, uploads=uploads)
     ray_cast = yield from _ray_cast(plan, settings, timings)
     return Rays(meshes.low, ray_cast, meshes.highs, settings, pace)
+
+
+def _flat_surface(highs: Sequence[Mesh], settings: Settings, timings: Timings) -> HighSurface:
+    """What hits of Flatten are on, with a tree only if maps cast rays."""
+    if any(BY_NAME[name].family in WITH_RAYS for name in settings.maps):
+        return HighSurface(highs, tree_cache.trees.ray_scene_of(highs, timings))
+    return HighSurface(highs, tree_cache.without_tree(highs, timings))
 
 
 def _ray_cast(plan: Plan, settings: Settings, timings: Timings) -> Task[ray_casting.RayCast]:
@@ -106,7 +121,7 @@ def _ray_cast(plan: Plan, settings: Settings, timings: Timings) -> Task[ray_cast
 
 
 class Flat:
-    """Draws `highs` in UV space. uploads: a cache of uploaded meshes."""
+    """Draws `highs` in UV space. surface: their triangles, for hits. uploads: a cache of uploaded meshes."""
 
     takes_time = False
     ray_cast = None
@@ -118,43 +133,42 @@ class Flat:
         settings: Settings,
         timings: Timings,
         *,
+        surface: HighSurface | None = None,
         uploads: mesh_upload.UploadCache | None = None,
     ):
+        self.surface, self.timings = surface, timings
         uploads = uploads or mesh_upload.UploadCache()
         to_world = None if settings.space == Space.WORLD else low.to_world
         with timings.timed("upload"):
-            self.drawn = [
+            self.uploaded = [
                 (
                     uploads.upload(high.name, high.triangles, uv=high.uv, normal=high.normals),
                     normal_matrix(high.to_world, to_world),
                 )
                 for high in highs
             ]
-            if settings.maps:
-                self.other_maps = OtherMaps(low, local_space_of([low]), settings)
-                self.surfaces = [
-                    mesh_upload.upload(
-                        high.triangles,
-                        uv=high.uv,
-                        position=self.other_maps.local_space.points(high)[high.vertices],
-                        labels=_labels_by_corner(high),
-                    )
-                    for high in highs
-                ]
+        self._in_uv: gpu.types.GPUBatch | None = None
 
-    def normals(self, band: Band) -> Iterator[tuple[gpu.types.GPUTexture, range]]:
+    def normals(self, band: Band, slot: int = 0) -> Iterator[tuple[gpu.types.GPUTexture, range]]:
         """As Source has it, all rows at once, in a GPUOffScreen."""
-        self._normals, self._points = target.offscreen("high", band.width, band.height, "RGBA32F"), None
-        flatten.draw(self._normals, self.drawn, band.uv_to_clip)
-        yield self._normals.texture, range(band.height)
+        self._size = band.width, band.height
+        into = self.drawn(slot)
+        flatten.draw(into, self.uploaded, band.uv_to_clip)
+        yield into.texture, range(band.height)
 
-    def surface_map(self, name: str, band: Band, into: target.Target) -> gpu.types.GPUTexture:
+    def drawn(self, slot: int = 0) -> target.Target:
         """As Source has it."""
-        if self._points is None:
-            self._points = target.get("points", band.width, band.height, "RGBA32F", "RGBA32F")
-            points.draw(self._points, self.surfaces, band.uv_to_clip)
-            self.other_maps.start(band)
-        return self.other_maps.draw(into, name, self._normals.texture, self._points)
+        return target.offscreen(_role("high", slot), *self._size, "RGBA32F")
+
+    def hits(self, band: Band, slot: int = 0) -> target.Target:
+        """As Source has it."""
+        into = target.get(_role("hits", slot), band.width, band.height, "RGBA32UI")
+        if self._in_uv is None:
+            with self.timings.timed("upload"):
+                self._in_uv = flat_hits.upload(self.surface.uv, self.surface.numbers)
+        with self.timings.timed("draw"):
+            flat_hits.draw(into, self._in_uv, band.uv_to_clip)
+        return into
 
 
 class Rays:
@@ -164,72 +178,38 @@ class Rays:
 
     def __init__(self, low: Mesh, ray_cast: ray_casting.RayCast, highs: Sequence[Mesh], settings: Settings, pace: Pace):
         self.ray_cast, self.settings, self.pace = ray_cast, settings, pace
-        ray_scene = ray_cast.ray_scene
+        self.surface = HighSurface(highs, ray_cast.ray_scene)
         matrix = low.to_world[:3, :3]
         self.to_space = np.eye(3) if settings.space == Space.WORLD else matrix.T / np.abs(matrix).max()
-        if settings.maps:
-            self.other_maps = OtherMaps(low, ray_scene.local_space, settings)
-            self.labels = data_texture.upload(
-                np.pad(np.concatenate([high.labels for high in highs])[ray_scene.order], ((0, 0), (0, 1)))
-            )
 
-    def normals(self, band: Band) -> Iterator[tuple[gpu.types.GPUTexture, range]]:
+    def normals(self, band: Band, slot: int = 0) -> Iterator[tuple[gpu.types.GPUTexture, range]]:
         """As Source has it."""
-        size = band.width, band.height
+        self._size = size = band.width, band.height
         rays = target.get("rays", *size, "RGBA32F", "RGBA32F")
         self.ray_cast.draw(rays, band.uv_to_clip)
-        self._hits = target.get("hits", *size, "RGBA32UI")
-        self._normals, self._points = target.get("high", *size, "RGBA32F"), None
+        hits, normals = self.hits(band, slot), self.drawn(slot)
         if not self.pace.has_listener:
-            self.ray_cast.trace(self._hits, rays, self.pace)
-            self._look_up(rays, range(band.height))
-            yield self._normals.texture, range(band.height)
+            self.ray_cast.trace(hits, rays, self.pace)
+            self._look_up(normals, hits, rays, range(band.height))
+            yield normals.texture, range(band.height)
             return
-        target.clear(self._normals)  # the picture must not show an earlier map
-        for rows in self.ray_cast.traced(self._hits, rays, self.pace):
-            self._look_up(rays, rows)
-            yield self._normals.texture, rows
+        target.clear(normals)  # the picture must not show an earlier map
+        for rows in self.ray_cast.traced(hits, rays, self.pace):
+            self._look_up(normals, hits, rays, rows)
+            yield normals.texture, rows
 
-    def _look_up(self, rays: target.Target, rows: range) -> None:
-        cast.look_up(self._normals, self._hits, rays, self.ray_cast.ray_scene.tables, self.to_space, rows=rows)
+    def _look_up(self, normals: target.Target, hits: target.Target, rays: target.Target, rows: range) -> None:
+        cast.look_up(normals, hits, rays, self.ray_cast.ray_scene.tables, self.to_space, rows=rows)
 
-    def surface_map(self, name: str, band: Band, into: target.Target) -> gpu.types.GPUTexture:
+    def drawn(self, slot: int = 0) -> target.Target:
         """As Source has it."""
-        if self._points is None:
-            self._points = target.get("points", band.width, band.height, "RGBA32F", "RGBA32F")
-            cast.points(self._points, self._hits, self.ray_cast.ray_scene.tables, self.labels)
-            self.other_maps.start(band)
-        return self.other_maps.draw(into, name, self._normals.texture, self._points)
+        return target.get(_role("high", slot), *self._size, "RGBA32F")
 
-
-class DrawnMaps:
-    """Maps that were drawn before, by name, (height, width, 4) float32 as rendering.Renderer.raw returns them."""
-
-    takes_time = False
-    ray_cast = None
-
-    def __init__(self, maps: dict[str, np.ndarray]):
-        self.maps = maps
-
-    def normals(self, band: Band) -> Iterator[tuple[gpu.types.GPUTexture, range]]:
-        """As Source has it, all rows at once."""
-        yield self._upload(NORMAL.name, band), range(band.height)
-
-    def surface_map(self, name: str, band: Band, _into: target.Target) -> gpu.types.GPUTexture:
+    def hits(self, band: Band, slot: int = 0) -> target.Target:
         """As Source has it."""
-        return self._upload(name, band)
-
-    def _upload(self, name: str, band: Band) -> gpu.types.GPUTexture:
-        values = np.zeros((band.height, band.width, 4), np.float32)
-        first, last = band.start - band.halo, band.stop + band.halo
-        uploads = slice(max(0, first), min(last, len(self.maps[name])))
-        values[uploads.start - first : uploads.stop - first] = self.maps[name][uploads]
-        data = gpu.types.Buffer("FLOAT", values.shape, values)
-        return gpu.types.GPUTexture((band.width, band.height), format="RGBA32F", data=data)
+        return target.get(_role("hits", slot), band.width, band.height, "RGBA32UI")
 
 
-def _labels_by_corner(mesh: Mesh) -> np.ndarray:
-    """The labels (C, n) float32 by corner; no two faces share a corner."""
-    values = np.zeros((len(mesh.vertices), mesh.labels.shape[1]), np.float32)
-    values[mesh.triangles] = mesh.labels[:, None]
-    return values
+def _role(name: str, slot: int) -> str:
+    """The role of a target for samples in this slot."""
+    return f"{name} {slot}" if slot else name

@@ -13,8 +13,9 @@ from ..core.report import Report
 from ..core.settings import Settings
 from ..core.timings import Timings
 from ..engine import gpu_memory, margins
+from ..engine.maps.drawn_maps import DrawnMaps
+from ..engine.maps.family import Run
 from ..engine.rendering import Renderer
-from ..engine.sources import DrawnMaps
 from ..output.outputs import Outputs, into_materials
 from .report_making import DrawnJob, report_of
 
@@ -66,7 +67,7 @@ class Atlas:
         margin = texels = 0
         with gpu_memory.trimmed():
             for tile, maps in self.tiles.items():
-                renderer = Renderer(DrawnMaps(maps), None, drawing, timings, progress.Pace())
+                renderer = Renderer(DrawnMaps(maps), Run(drawing, timings, progress.Pace()))
                 finished = progress.finish(renderer.texels(tile, post_processes))
                 state = finished[NORMAL.name][1]
                 margin += int(np.count_nonzero(state == texel_state.MARGIN))

@@ -16,9 +16,11 @@ from ..core.report import Report
 from ..core.settings import Settings
 from ..core.timings import Timings
 from ..engine import gpu_memory, margins
+from ..engine.maps.family import Run
+from ..engine.maps.maps_of_bake import maps_of_bake
 from ..engine.method_choice import Plan, choose_method, nothing_drawn, tiles_to_bake
 from ..engine.rendering import Renderer
-from ..engine.sources import normal_source
+from ..engine.sources import Source, normal_source
 from ..mesh.inputs import Meshes
 from ..output.outputs import Outputs, Stored, into_materials
 from ..scene import object_checks, reading
@@ -69,6 +71,7 @@ class _Ready:
     meshes: Meshes
     warnings: list[str]
     plan: Plan
+    source: Source
     renderer: Renderer
 
 
@@ -83,14 +86,16 @@ def _prepare(context: bpy.types.Context, job: Job, settings: Settings, pace: Pac
     with timings.timed("method"):
         plan = choose_method(meshes, tiles, settings)
     source = yield from part(normal_source(plan, settings, timings, pace), 0.5, 1.0)
-    return _Ready(meshes, warnings, plan, Renderer(source, meshes.basis, settings, timings, pace))
+    run = Run(settings, timings, pace)
+    renderer = Renderer(maps_of_bake(meshes, source, run), run)
+    return _Ready(meshes, warnings, plan, source, renderer)
 
 
 def _audit(job: Job, settings: Settings, ready: _Ready, tally: Tally, timings: Timings) -> DrawnJob:
     """Raises BakeError if no texel was written."""
     if not tally.written:
         raise BakeError(nothing_drawn(ready.plan))
-    ray_cast = ready.renderer.source.ray_cast
+    ray_cast = ready.source.ray_cast
     with timings.timed("audit"):
         findings = audit(ready.plan, tally, settings, ray_cast)
     return DrawnJob(job, settings, ready.meshes, ready.plan, ray_cast, findings, timings, ready.warnings)

@@ -17,6 +17,9 @@ from ..core.settings import Settings
 from ..core.timings import Timings
 from ..engine import margins, rendering, sources
 from ..engine.bands import Band
+from ..engine.maps import sampling
+from ..engine.maps.family import Run
+from ..engine.maps.maps_of_bake import maps_of_bake
 from ..engine.method_choice import Plan, choose_method, nothing_drawn
 from ..engine.rays.ray_casting import RayCast
 from ..engine.sources import Source
@@ -89,7 +92,9 @@ class Session:
         source = yield from progress.part(preparing, 0.0, READY)
         if source.takes_time and self.pace.has_listener:
             yield self._draw_coarse(source, settings)
-        renderer = rendering.Renderer(source, meshes.basis, settings, timings, self.pace, uploads=self._uploads)
+        run = Run(settings, timings, self.pace)
+        drawer = maps_of_bake(meshes, source, run, uploads=self._uploads)
+        renderer = rendering.Renderer(drawer, run)
         maps = yield from progress.part(renderer.texels(udim.FIRST, self._post_processes), READY, 1.0)
         texels, state = maps[NORMAL.name]
         if not (state == texel_state.WRITTEN).any():
@@ -123,13 +128,15 @@ class Session:
         """Draw a coarse map to show until the whole one is done."""
         small = replace(
             settings,
-            width=max(16, settings.width // rendering.COARSE),
-            height=max(16, settings.height // rendering.COARSE),
+            width=max(16, settings.width // sampling.COARSE),
+            height=max(16, settings.height // sampling.COARSE),
             samples=1,
         )
         # It has its own pool, so that the targets of the whole map keep their size.
         with target.using(self._coarse_pool):
-            renderer = rendering.Renderer(source, self._meshes.basis, small, Timings(), Pace(), uploads=self._uploads)
+            run = Run(small, Timings(), Pace())
+            drawer = maps_of_bake(self._meshes, source, run, uploads=self._uploads)
+            renderer = rendering.Renderer(drawer, run)
             progress.finish(renderer.texels(udim.FIRST, margins.for_maps([self._meshes.low], small)))
         self._coarse = self._coarse_pool.find("map").texture
         return Progress("Drawing", READY, self._coarse)

@@ -18,6 +18,8 @@ from ..core.settings import Settings
 from ..core.timings import Timings
 from ..engine import gpu_memory, rendering, separation
 from ..engine.bands import Band
+from ..engine.maps.family import Run
+from ..engine.maps.maps_of_bake import maps_of_bake
 from ..engine.method_choice import Plan, choose_method
 from ..engine.rays.unsure_texels import Explorer
 from ..engine.sources import Source, normal_source
@@ -202,7 +204,8 @@ def _close(view: _View) -> Iterator[np.ndarray]:
 
 def _backwards(view: _View) -> Iterator[np.ndarray]:
     """Tile by tile, the texels (height, width) bool whose normal points into the low mesh: drawn as in the bake."""
-    renderer = rendering.Renderer(view.source(), view.meshes.basis, view.settings, Timings(), progress.Pace())
+    run = Run(replace(view.settings, maps=()), Timings(), progress.Pace())
+    renderer = rendering.Renderer(maps_of_bake(view.meshes, view.source(), run), run)
     for tile in view.plan.tiles:
         normals = progress.finish(renderer.raw(tile))[NORMAL.name]
         yield (normals[..., 2] <= 0.0) & (normals[..., 3] > 0.0)

@@ -36,7 +36,10 @@ class DrawnJob:
     @property
     def labels(self) -> dict[Labeled, list[str]]:
         """As Outputs.commit takes them."""
-        return {Labeled.OBJECTS: [high.name for high in self.meshes.highs], Labeled.MATERIALS: self.meshes.materials}
+        return {
+            Labeled.OBJECTS: [high.name for high in self.meshes.highs],
+            Labeled.MATERIALS: [material.name for material in self.meshes.materials],
+        }
 
 
 def report_of(drawn: DrawnJob, stored: Stored, warnings: Sequence[str] = (), margin: float | None = None) -> Report:

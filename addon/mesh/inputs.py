@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The meshes of one bake."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 
 import numpy as np
 
+from ..core.image_pixels import ImagePixels
+from ..core.material_feeds import HighMaterial
 from .triangle_mesh import Mesh
 
 
@@ -14,8 +17,9 @@ class Meshes:
 
     low: the low mesh with its faces, for rays and checks. basis: the low mesh with tangents for tangent space, else None.
     smooth_normals (C, 3) float32: vertex normals by corner of `low`, without hard edges. cage: a mesh with the corners of
-    `low`, or None. is_own_base: whether the high mesh is the low object's own surface with modifiers. materials: the names
-    behind the material labels of the high meshes, which count from 1. shown: with is_own_base, the high mesh with the UVs
+    `low`, or None. is_own_base: whether the high mesh is the low object's own surface with modifiers. materials: those behind
+    the material labels of the high meshes, which count from 1. others: the high meshes of other low objects, if they are
+    occluders. load_page: loads the pixels of an image of the materials, by its key and its UDIM tile. shown: with is_own_base, the high mesh with the UVs
     that modifiers moved, as the viewport shows it; None if no modifier moves UVs.
 
     Painted by corner of `low`, (C,) float32, or None without a painted group. offset: factors from 0 to 2 on the extrusion.
@@ -29,7 +33,14 @@ class Meshes:
     cage: Mesh | None
     uv_layer: str
     is_own_base: bool
-    materials: list[str]
+    materials: list[HighMaterial]
     shown: Mesh | None = None
     offset: np.ndarray | None = None
     straight: np.ndarray | None = None
+    others: list[Mesh] = field(default_factory=list)
+    load_page: Callable[[str, int | None], ImagePixels] | None = None
+
+    @property
+    def has_detail(self) -> bool:
+        """Whether a material of the high meshes moves normals."""
+        return any(material.detail is not None for material in self.materials)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from . import threads
-from .triangle_mesh import Mesh
+from .triangle_mesh import TANGENTS, Mesh
 
 ROWS = 2**18
 """Rows of an array filled at a time, so that intermediate values stay small."""
@@ -49,6 +49,7 @@ def join(name: str, to_world: np.ndarray, parts: Sequence[Part]) -> Mesh:
         labels=_empty(parts, "labels", triangles),
         not_finite=sum(len(part.matrices) * part.mesh.not_finite for part in parts),
         instances=sum(len(part.matrices) for part in parts),
+        layers=_empty_layers(parts, corners),
     )
     from_world, start, runs = np.linalg.inv(to_world), np.zeros(3, np.int64), []
     for part in parts:
@@ -93,6 +94,15 @@ def _fill(into: Mesh, mesh: Mesh, matrices: np.ndarray, start: np.ndarray) -> No
         into.uv[corners] = np.tile(mesh.uv, (count, 1))
     if into.labels is not None:
         into.labels[triangles] = np.tile(mesh.labels, (count, 1))
+    for key, values in mesh.layers.items():
+        if key[0] == TANGENTS:
+            turned = values[:, :3] @ linear.transpose(0, 2, 1).astype(np.float32)
+            # A mirror turns the bitangent around.
+            signs = np.where(is_mirrored, -1.0, 1.0)[:, None] * values[:, 3]
+            values = np.concatenate([turned, signs[..., None]], axis=2).reshape(-1, 4)
+        else:
+            values = np.tile(values, (count, 1))
+        into.layers[key][corners] = values
 
 
 def _empty(parts: Sequence[Part], field: str, rows: int) -> np.ndarray | None:
@@ -101,6 +111,13 @@ def _empty(parts: Sequence[Part], field: str, rows: int) -> np.ndarray | None:
     if any(value is None for value in values):
         return None
     return np.empty((rows, values[0].shape[1]), values[0].dtype)
+
+
+def _empty_layers(parts: Sequence[Part], rows: int) -> dict[tuple[str, str], np.ndarray]:
+    """Arrays of zeros for all layers that any of `parts` has."""
+    return {
+        key: np.zeros((rows, values.shape[1]), np.float32) for part in parts for key, values in part.mesh.layers.items()
+    }
 
 
 def _cofactors(matrices: np.ndarray) -> np.ndarray:

@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A triangle mesh as numpy arrays."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
+
+UV_LAYER, ATTRIBUTE, TANGENTS = "UV map", "attribute", "tangents"
+"""The kinds of Mesh.layers: UVs (C, 2), attributes (C, 4), and tangents (C, 4) of a UV map, w the sign of the bitangent."""
 
 
 @dataclass(frozen=True)
@@ -16,6 +19,7 @@ class Mesh:
     triangles (T, 3) int32, indices into the corners; faces (T,) int32, the face of each triangle, or None if not read;
     labels (T, n), numbers that go with each triangle, or None. to_world (4, 4) float64. not_finite: the number of triangles
     left out for NaN or infinite values. instances: the number of instances joined; 0 for the object's own mesh.
+    layers: more values by corner (C, n) float32, by their kind (UV_LAYER, ATTRIBUTE or TANGENTS) and name.
     """
 
     name: str
@@ -30,6 +34,7 @@ class Mesh:
     faces: np.ndarray | None = None
     labels: np.ndarray | None = None
     instances: int = 0
+    layers: dict[tuple[str, str], np.ndarray] = field(default_factory=dict)
 
     def to_world_normals(self, normals: np.ndarray) -> np.ndarray:
         """Transform `normals` (N, 3) from this mesh's space to world space; float32, not of length one."""

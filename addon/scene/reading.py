@@ -9,6 +9,7 @@ import numpy as np
 
 from ..core.declarations.choices import Method, Space
 from ..core.errors import BakeError
+from ..core.material_feeds import HighMaterial
 from ..core.settings import Settings
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import local_space_of
@@ -94,7 +95,8 @@ def _read(
 ) -> Meshes:
     meshes = read_low(depsgraph, low, cage, settings, is_own_base=low in highs)
     reader = Reader(depsgraph, meshes.uv_layer, settings)
-    meshes = replace(meshes, highs=reader.read(dict(enumerate(highs, start=1))), materials=[*reader.materials])
+    read = reader.read(dict(enumerate(highs, start=1)))
+    meshes = replace(meshes, highs=read, materials=[HighMaterial(name) for name in reader.materials])
     _check_triangles([meshes.low, *meshes.highs, *([meshes.cage] if meshes.cage else [])])
     return meshes
 

@@ -9,6 +9,10 @@ void main()
   if (normal.a == 0.0) {
     discard;  // not rendered yet: keep the old picture
   }
+  if (scale.z > 0.0) {  // values, not normals
+    picture_out = normal.a > 0.0 ? vec4(normal.xyz, 1.0) : vec4(0.0);
+    return;
+  }
   picture_out = length_squared > 0.0 ? vec4(mat3(channels) * normal.xyz / sqrt(length_squared) * 0.5 + 0.5, 1.0)
                                      : vec4(0.0);
 }

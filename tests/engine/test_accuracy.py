@@ -12,6 +12,8 @@ from addon.core import progress
 from addon.core.settings import Settings
 from addon.core.timings import Timings
 from addon.engine import rendering, sources
+from addon.engine.maps.family import Run
+from addon.engine.maps.sampling import SampledMaps
 from addon.engine.margins import for_maps
 from addon.mesh import triangle_mesh
 from addon.scene import mesh_reader
@@ -141,6 +143,7 @@ def folds(low):
     settings = Settings(space="WORLD", width=SIZE[0], height=SIZE[1], margin=0)
     timings = Timings()
     source = sources.Flat(painted, [painted], settings, timings)
-    renderer = rendering.Renderer(source, None, settings, timings, progress.Pace())
+    run = Run(settings, timings, progress.Pace())
+    renderer = rendering.Renderer(SampledMaps(source, None, [], None, run), run)
     texels, _ = progress.finish(renderer.texels(1001, for_maps([painted], settings)))["NORMAL"]
     return texels[..., 2] < 0.5

@@ -113,7 +113,45 @@ trees = TreeCache()
 """The cache that bakes share."""
 
 
+def without_tree(highs: Sequence[Mesh], timings: Timings) -> RayScene:
+    """The triangles of `highs` in their own order, to read what is at hits. No ray can be cast at them."""
+    local_space, points, vertices, normals, corners = _arrays(highs)
+    with timings.timed("upload"):
+        tables = cast.upload(
+            np.zeros((1, 3, 4), np.float32),
+            points,
+            vertices,
+            normals,
+            corners,
+            first_leaf=0,
+            origin=np.zeros(3),
+            scale=np.ones(3),
+        )
+    return RayScene(local_space, tables, np.arange(len(vertices)))
+
+
 def _build(highs: Sequence[Mesh], timings: Timings) -> RayScene:
+    local_space, points, vertices, normals, corners = _arrays(highs)
+    tree = bvh.build(points, vertices)
+    with timings.timed("upload"):
+        tables = cast.upload(
+            tree.nodes,
+            points,
+            np.take(vertices, tree.order, axis=0),
+            normals,
+            np.take(corners, tree.order, axis=0),
+            first_leaf=tree.first_leaf,
+            origin=tree.origin,
+            scale=tree.scale,
+        )
+    return RayScene(local_space, tables, tree.order)
+
+
+def _arrays(highs: Sequence[Mesh]) -> tuple[LocalSpace, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """All meshes as one, in a local space: points (V, 3), vertices of the triangles (T, 3), normals (C, 3), corners (T, 3).
+
+    Raises BakeError for more triangles than the GPU takes.
+    """
     count, most = sum(len(high.triangles) for high in highs), data_texture.limit() // 3
     if count > most:
         raise BakeError(f"The high meshes have {count:,} triangles together; this GPU takes {most:,} to cast rays at.")
@@ -130,19 +168,7 @@ def _build(highs: Sequence[Mesh], timings: Timings) -> RayScene:
     points, normals, vertices, corners = (
         parts[0] if len(parts) == 1 else np.concatenate(parts) for parts in (points, normals, vertices, corners)
     )
-    tree = bvh.build(points, vertices)
-    with timings.timed("upload"):
-        tables = cast.upload(
-            tree.nodes,
-            points,
-            np.take(vertices, tree.order, axis=0),
-            normals,
-            np.take(corners, tree.order, axis=0),
-            first_leaf=tree.first_leaf,
-            origin=tree.origin,
-            scale=tree.scale,
-        )
-    return RayScene(local_space, tables, tree.order)
+    return local_space, points, vertices, normals, corners
 
 
 def _shifted(count: int, numbers: np.ndarray) -> np.ndarray:

@@ -26,16 +26,17 @@ SIDE = 512
 
 
 def draw(
-    normals: gpu.types.GPUTexture, size: tuple[int, int], channels: np.ndarray, *, clear: bool
+    normals: gpu.types.GPUTexture, size: tuple[int, int], channels: np.ndarray, *, clear: bool, is_value: bool = False
 ) -> gpu.types.GPUTexture:
     """Draw the picture of `normals` (RGBA32F, or sums of samples), a part of a map of `size`. channels: (3, 3), as in
     lit.shading.
 
-    Texels without normals keep the previous picture, unless `clear` is True.
+    is_value: `normals` has values instead, which are shown as they are. Texels without normals keep the previous
+    picture, unless `clear` is True.
     """
     shrink = max(1.0, max(size) / SIDE)
     into = target.get("picture", max(1, int(size[0] / shrink)), max(1, int(size[1] / shrink)), "RGBA16F")
-    scale = normals.width / into.width, normals.height / into.height, 0.0, 0.0
+    scale = normals.width / into.width, normals.height / into.height, float(is_value), 0.0
     if clear:
         target.clear(into)
     target.fill(into, PROGRAM, normals=normals, scale=scale, channels=shader.mat4(channels))

@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The triangles of the high meshes in the order in which hits number them, and what is read at the hits."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import gpu
+import numpy as np
+
+from ..mesh.local_space import LocalSpace
+from ..mesh.triangle_mesh import ATTRIBUTE, UV_LAYER, Mesh
+from ..passes import data_texture
+from ..passes.bake import cast
+from ..passes.surface import corner_tables
+from .rays.tree_cache import RayScene
+
+
+@dataclass(frozen=True)
+class HighSurface:
+    """What hits are on. ray_scene: of `highs`, maybe without a tree."""
+
+    highs: Sequence[Mesh]
+    ray_scene: RayScene
+    _textures: dict[tuple[str, str], gpu.types.GPUTexture] = field(default_factory=dict, repr=False)
+
+    @property
+    def local_space(self) -> LocalSpace:
+        return self.ray_scene.local_space
+
+    @property
+    def tables(self) -> cast.Tables:
+        return self.ray_scene.tables
+
+    @cached_property
+    def corners(self) -> np.ndarray:
+        """The corners of each triangle (T, 3) int32, in the order of the hits, counted mesh after mesh."""
+        return np.take(
+            np.concatenate(
+                [first + high.front_triangles for first, high in zip(self._firsts, self.highs, strict=True)]
+            ),
+            self.ray_scene.order,
+            axis=0,
+        )
+
+    @cached_property
+    def numbers(self) -> np.ndarray:
+        """The number, from 0, of each triangle (T,) int32 in the hits, mesh after mesh."""
+        numbers = np.empty(len(self.ray_scene.order), np.int32)
+        numbers[self.ray_scene.order] = np.arange(len(numbers), dtype=np.int32)
+        return numbers
+
+    @property
+    def uv(self) -> np.ndarray:
+        """The UVs that Flatten draws (3 T, 2) float32, of the corners of each triangle in the order of the hits."""
+        return np.concatenate([high.uv for high in self.highs])[self.corners.reshape(-1)]
+
+    @property
+    def _firsts(self) -> list[int]:
+        """The number of the first corner of each mesh."""
+        return np.cumsum([0, *(len(high.vertices) for high in self.highs[:-1])]).tolist()
+
+    @cached_property
+    def labels(self) -> gpu.types.GPUTexture:
+        """A data texture with the numbers of each triangle's object and material in x and y."""
+        labels = np.concatenate([high.labels for high in self.highs])[self.ray_scene.order]
+        return data_texture.upload(np.pad(labels, ((0, 0), (0, 1))))
+
+    def uvs(self, layer: str) -> gpu.types.GPUTexture:
+        """A UV map of the high meshes, as corner_tables.upload_uvs arranges it. Meshes without it have zeros."""
+        return self._cached(UV_LAYER, layer, 2, lambda uv: corner_tables.upload_uvs(uv, self.corners, self._materials))
+
+    def attribute(self, name: str) -> gpu.types.GPUTexture:
+        """An attribute of the high meshes, as corner_tables.upload_values arranges it. Meshes without it have zeros."""
+        return self._cached(ATTRIBUTE, name, 4, lambda values: corner_tables.upload_values(values, self.corners))
+
+    def _cached(
+        self, kind: str, name: str, channels: int, upload: Callable[[np.ndarray], gpu.types.GPUTexture]
+    ) -> gpu.types.GPUTexture:
+        """The texture of a layer of all meshes; it is uploaded once."""
+        key = kind, name
+        if key not in self._textures:
+            values = [high.layers.get(key) for high in self.highs]
+            zeros = [np.zeros((len(high.vertices), channels), np.float32) for high in self.highs]
+            self._textures[key] = upload(
+                np.concatenate(
+                    [zero if value is None else value for value, zero in zip(values, zeros, strict=True)]
+                )
+            )
+        return self._textures[key]
+
+    @property
+    def _materials(self) -> np.ndarray:
+        """The number of each triangle's material (T,), in the order of the hits."""
+        return np.concatenate([high.labels[:, 1] for high in self.highs])[self.ray_scene.order]

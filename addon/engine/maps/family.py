@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What draws the maps of one family from the samples of a band."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import gpu
+
+from ...core.progress import Pace, Task
+from ...core.settings import Settings
+from ...core.timings import Timings
+from ...passes import target
+from ..bands import Band
+
+
+@dataclass(frozen=True)
+class Run:
+    """What all maps of one bake share."""
+
+    settings: Settings
+    timings: Timings
+    pace: Pace
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One sample of each texel of a band, whose hits are known.
+
+    number: from 0, among all samples of the band. is_central: whether it is the one nearest to the texel's center. normals,
+    hits: as sources.Source has them.
+    """
+
+    band: Band
+    number: int
+    is_central: bool
+    normals: target.Target
+    hits: target.Target
+
+
+class MapFamily(Protocol):
+    """Draws some maps of a bake from the hits of its samples.
+
+    effort: the time of a sample, roughly, as a multiple of the time that its hits take. has_pages: whether it loads images,
+    so that many samples at once take less time than one after another.
+    """
+
+    effort: float
+    has_pages: bool
+
+    def add(self, drawn: Sequence[Sample]) -> Task[None]:
+        """Add samples of a band. Their hits and normals stay as they are until the task ends."""
+
+    def finished(self, band: Band, known: gpu.types.GPUTexture) -> Iterator[tuple[str, gpu.types.GPUTexture]]:
+        """The names and textures (RGBA32F; alpha 1 known, 0 empty, -1 missed) of the maps of a band whose samples were added.
+
+        known: the normals of the only sample, or the sums of those of several. Each texture is valid until the next one is
+        asked for.
+        """

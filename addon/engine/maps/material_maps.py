@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Draws what the high meshes' materials and attributes show at the hits. Images are loaded one at a time."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+import gpu
+import numpy as np
+
+from ...core.map_types import BY_NAME, MapType
+from ...core.material_feeds import AttributeFeed, Constant, Feed, HighMaterial, ImageFeed
+from ...core.progress import Progress, Task
+from ...mesh.inputs import Meshes
+from ...passes import target
+from ...passes.bake import samples
+from ...passes.surface import image_look_up, image_page, material_table, plain_values
+from ..bands import Band
+from ..high_surface import HighSurface
+from .family import Run, Sample
+
+
+@dataclass(frozen=True)
+class _Map:
+    """One map. feeds: the number of each image and attribute that feeds it, from 1. table: from material_table.upload."""
+
+    name: str
+    table: gpu.types.GPUTexture
+    feeds: dict[Feed, int] = field(default_factory=dict)
+
+    def sums(self, band: Band) -> target.Target:
+        return target.get(f"sums of {self.name}", band.width, band.height, "RGBA32F")
+
+
+class MaterialMaps:
+    """Draws the maps of Family.MATERIAL with these names, as family.MapFamily has it."""
+
+    effort = 0.5
+
+    def __init__(self, names: Sequence[str], meshes: Meshes, surface: HighSurface, run: Run):
+        self.surface, self.run, self.load_page = surface, run, meshes.load_page
+        self.maps = [_map_of(BY_NAME[name], meshes.materials, run.settings.attribute) for name in names]
+        self.has_pages = any(isinstance(feed, ImageFeed) for one in self.maps for feed in one.feeds)
+
+    def add(self, drawn: Sequence[Sample]) -> Task[None]:
+        """As MapFamily has it."""
+        surface = self.surface
+        with self.run.timings.timed("draw"):
+            for sample in drawn:
+                for one in self.maps:
+                    sums = one.sums(sample.band)
+                    plain_values.add_constants(
+                        sums,
+                        sample.hits,
+                        sample.normals.texture,
+                        surface.labels,
+                        one.table,
+                        is_first=sample.number == 0,
+                    )
+                    for feed, number in one.feeds.items():
+                        if isinstance(feed, AttributeFeed):
+                            values = surface.attribute(feed.name)
+                            plain_values.add_attribute(
+                                sums, sample.hits, surface.labels, values, one.table, feed, number
+                            )
+        uses = self._uses()
+        for done, ((image, tile), found) in enumerate(uses.items()):
+            yield Progress(f"Reading {image}", done / len(uses))
+            with self.run.timings.timed("images"):
+                shown = image_page.upload(self.load_page(image, tile))
+            with self.run.timings.timed("draw"):
+                for one, feed, number in found:
+                    for sample in drawn:
+                        image_look_up.add_image(
+                            one.sums(sample.band),
+                            sample.hits,
+                            surface.tables.corners,
+                            surface.uvs(feed.uv_layer),
+                            one.table,
+                            shown,
+                            feed,
+                            number,
+                            tile=tile,
+                            samples=self.run.settings.samples,
+                        )
+                drawn[-1].hits.finish()  # before the page is freed
+
+    def _uses(self) -> dict[tuple[str, int | None], list[tuple[_Map, ImageFeed, int]]]:
+        """What each page feeds: pages by image and UDIM tile, None for an image without tiles."""
+        uses: dict[tuple[str, int | None], list[tuple[_Map, ImageFeed, int]]] = {}
+        for one in self.maps:
+            for feed, number in one.feeds.items():
+                if isinstance(feed, ImageFeed):
+                    for tile in feed.tiles or (None,):
+                        uses.setdefault((feed.image, tile), []).append((one, feed, number))
+        return uses
+
+    def finished(self, band: Band, _known: gpu.types.GPUTexture) -> Iterator[tuple[str, gpu.types.GPUTexture]]:
+        """As MapFamily has it."""
+        into = target.get("mean", band.width, band.height, "RGBA32F")
+        for one in self.maps:
+            with self.run.timings.timed("draw"):
+                samples.average(into, one.sums(band), is_direction=False)
+            yield one.name, into.texture
+
+
+def feed_of(map_type: MapType, material: HighMaterial, attribute: str) -> Feed | None:
+    """What feeds a map on a material; None if the material does not tell. attribute: the one of the settings."""
+    return material.feeds.get(map_type.socket) if map_type.socket else AttributeFeed(attribute)
+
+
+def _map_of(map_type: MapType, materials: Sequence[HighMaterial], attribute: str) -> _Map:
+    numbers = np.full(len(materials) + 1, material_table.UNKNOWN)  # no triangle has the number 0
+    colors = np.zeros((len(numbers), 3), np.float32)
+    feeds: dict[Feed, int] = {}
+    for label, material in enumerate(materials, start=1):
+        feed = feed_of(map_type, material, attribute)
+        if isinstance(feed, Constant):
+            numbers[label], colors[label] = material_table.CONSTANT, feed.color[:3]
+        elif feed is not None:
+            numbers[label] = feeds.setdefault(feed, len(feeds) + 1)
+    return _Map(map_type.name, material_table.upload(numbers, colors), feeds)

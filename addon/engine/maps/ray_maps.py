@@ -1,0 +1,181 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Draws the maps whose rays start at the hits: ambient occlusion and bent normals, thickness, curvature."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
+from typing import ClassVar
+
+import gpu
+import numpy as np
+
+from ...core.declarations import bases
+from ...core.map_types import BY_NAME, Family, Kind
+from ...core.progress import Progress, Task
+from ...mesh.triangle_mesh import Mesh
+from ...passes import target
+from ...passes.bake import preview_picture, tangent
+from ...passes.hemisphere import curvature, lattice, openness, thickness
+from ..bands import Band
+from ..high_surface import HighSurface
+from . import ray_reach
+from .family import Run, Sample
+
+
+class RayMaps(ABC):
+    """Draws the maps of one family with these names, as family.MapFamily has it. Its rays go into one texture of sums."""
+
+    has_pages = False
+    family: ClassVar[Family]
+    title: ClassVar[str]
+
+    def __init__(self, names: Sequence[str], surface: HighSurface, run: Run):
+        self.names, self.surface, self.run = names, surface, run
+        settings = run.settings
+        # Each sample casts at least one.
+        self.rays = max(settings.rays, settings.samples)
+        self.lattice = lattice.of(self.rays)
+        self.effort = 0.7 * self.rays / settings.samples
+
+    def add(self, drawn: Sequence[Sample]) -> Task[None]:
+        """As MapFamily has it."""
+        size = self.run.settings.width, self.run.settings.height
+        for sample in drawn:
+            band = sample.band
+            sums = self._sums(band)
+            rays = lattice.rays_of_sample(self.lattice, sample.number, self.run.settings.samples)
+            done, total = 0, len(rays) * band.height
+            for rows, some, is_first in lattice.slices(self.run.pace, band.height, rays):
+                with self.run.timings.timed("draw"):
+                    self._cast(sums, sample.hits.texture, some, rows, is_first=is_first and sample.number == 0)
+                    sums.finish()
+                done += len(some) * len(rows)
+                if self.run.pace.has_listener:
+                    picture = None
+                    if self.run.pace.has_picture and band.is_whole and rows.stop == band.height and len(drawn) == 1:
+                        picture = self._picture(sums, sample, size, done // band.height)
+                    yield Progress(self.title, done / total, picture)
+
+    def finished(self, band: Band, known: gpu.types.GPUTexture) -> Iterator[tuple[str, gpu.types.GPUTexture]]:
+        """As MapFamily has it."""
+        # Where several samples are summed, each has cast its share of the rays.
+        rays = self.rays / self.run.settings.samples
+        for name in self.names:
+            with self.run.timings.timed("draw"):
+                drawn = self._draw(name, band, known, rays)
+            yield name, drawn
+
+    def _sums(self, band: Band) -> target.Target:
+        return target.get(f"sums of {self.title}", band.width, band.height, "RGBA32F")
+
+    def _picture(self, sums: target.Target, sample: Sample, size: tuple[int, int], rays: int) -> gpu.types.GPUTexture:
+        """The picture of the rays so far."""
+        into = target.get("mean", sums.width, sums.height, "RGBA32F")
+        self._values(self.names[0], into, sums, sample.normals.texture, rays)
+        return preview_picture.draw(into.texture, size, np.eye(3), clear=False, is_value=True)
+
+    def _draw(self, name: str, band: Band, known: gpu.types.GPUTexture, rays: float) -> gpu.types.GPUTexture:
+        into = target.get("mean", band.width, band.height, "RGBA32F")
+        self._values(name, into, self._sums(band), known, rays)
+        return into.texture
+
+    @abstractmethod
+    def _cast(
+        self, sums: target.Target, hits: gpu.types.GPUTexture, rays: range, rows: range, *, is_first: bool
+    ) -> None:
+        """Add rays to the sums in these rows."""
+
+    @abstractmethod
+    def _values(
+        self, name: str, into: target.Target, sums: target.Target, known: gpu.types.GPUTexture, rays: float
+    ) -> None:
+        """Write the values of a map."""
+
+
+class OpennessMaps(RayMaps):
+    """Ambient occlusion and bent normals."""
+
+    family = Family.OPENNESS
+    title = "Casting rays for occlusion"
+
+    def __init__(
+        self,
+        names: Sequence[str],
+        surface: HighSurface,
+        run: Run,
+        *,
+        others: Sequence[Mesh],
+        to_space: np.ndarray,
+        basis: gpu.types.GPUBatch | None,
+    ):
+        super().__init__(names, surface, run)
+        self.to_space, self.basis = to_space, basis
+        self.occluders = ray_reach.occluders(surface, others, run.settings, run.timings)
+
+    def _cast(self, sums, hits, rays, rows, *, is_first):
+        tables = self.surface.tables
+        openness.add(sums, hits, tables, self.occluders, lattice=self.lattice, rays=rays, rows=rows, is_first=is_first)
+
+    def _values(self, name, into, sums, known, rays):
+        if BY_NAME[name].kind is Kind.NORMAL:
+            openness.bent_normals(into, sums, known, rays, self.to_space)
+        else:
+            openness.ambient_occlusion(into, sums, known, rays)
+
+    def _draw(self, name, band, known, rays):
+        drawn = super()._draw(name, band, known, rays)
+        if self.basis is None or BY_NAME[name].kind is not Kind.NORMAL:
+            return drawn
+        into = target.get("bent", band.width, band.height, "RGBA32F")
+        is_unit = bases.of_name(self.run.settings.basis).normalizes_normal
+        tangent.draw(into, self.basis, drawn, band.uv_to_clip, normalize_normal=is_unit)
+        return into.texture
+
+
+class ThicknessMaps(RayMaps):
+    """Thickness."""
+
+    family = Family.THICKNESS
+    title = "Casting rays for thickness"
+
+    def _cast(self, sums, hits, rays, rows, *, is_first):
+        space = self.surface.local_space
+        farthest = ray_reach.thickness_distance(self.run.settings, space) / space.size
+        thickness.add(
+            sums,
+            hits,
+            self.surface.tables,
+            farthest=farthest,
+            lattice=self.lattice,
+            rays=rays,
+            rows=rows,
+            is_first=is_first,
+        )
+
+    def _values(self, _name, into, sums, known, rays):
+        thickness.values(into, sums, known, rays)
+
+
+class CurvatureMaps(RayMaps):
+    """Curvature, and its two halves."""
+
+    family = Family.CURVATURE
+    title = "Casting rays for curvature"
+    VALUES = (curvature.values, curvature.convexity, curvature.cavity)
+    """By the index of the map."""
+
+    def _cast(self, sums, hits, rays, rows, *, is_first):
+        space = self.surface.local_space
+        radius = ray_reach.curvature_radius(self.run.settings, space) / space.size
+        curvature.add(
+            sums,
+            hits,
+            self.surface.tables,
+            radius=radius,
+            lattice=self.lattice,
+            rays=rays,
+            rows=rows,
+            is_first=is_first,
+        )
+
+    def _values(self, name, into, sums, known, rays):
+        self.VALUES[BY_NAME[name].index](into, sums, known, rays)

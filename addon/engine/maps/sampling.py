@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Draws all maps of a band from samples of the high surface, whose hits are found once."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import gpu
+
+from ...core.declarations import bases
+from ...core.map_types import NORMAL
+from ...core.progress import Progress, Task, part
+from ...passes import target
+from ...passes.bake import preview_picture, samples, tangent
+from ..bands import Band
+from ..normal_channels import channels
+from ..sources import Source
+from .detail_normals import DetailNormals
+from .family import MapFamily, Run, Sample
+
+KEPT_BYTES = 512 * 2**20
+"""The most GPU memory for the hits and normals of samples that are drawn together."""
+HIT_BYTES = 32
+"""The GPU memory of the hit and the normal of one texel."""
+COARSE = 8
+"""How many times smaller than the map the first picture is, if drawing takes long."""
+
+
+class SampledMaps:
+    """The maps of a band, as rendering.BandMaps has them: the normal map and those of `families`.
+
+    basis: the low mesh with the tangent space of the normals; None for normals that keep the space of the source. detail: the
+    high meshes' own normal and bump maps, or None.
+    """
+
+    def __init__(
+        self,
+        source: Source,
+        basis: gpu.types.GPUBatch | None,
+        families: Sequence[MapFamily],
+        detail: DetailNormals | None,
+        run: Run,
+    ):
+        self.source, self.basis, self.families, self.detail = source, basis, families, detail
+        self.settings, self.timings, self.pace = run.settings, run.timings, run.pace
+        self._picture: gpu.types.GPUTexture | None = None
+
+    def of(self, band: Band) -> Task[Iterator[tuple[str, gpu.types.GPUTexture]]]:
+        """The maps by name, each valid until the next one is asked for. Normals and values are the mean of all samples."""
+        count = self.settings.samples
+        offsets = samples.offsets(count)
+        central = min(offsets, key=lambda offset: offset[0] ** 2 + offset[1] ** 2)
+        sums = target.get("sums", band.width, band.height, "RGBA32F") if count > 1 else None
+        if sums is not None and self.pace.has_listener:
+            target.clear(sums)  # the picture shows rows that are not drawn yet
+        known = None
+        size = self._group_size(band)
+        for first in range(0, count, size):
+            group = list(enumerate(offsets))[first : first + size]
+            steps = self._group(band, [(number, offset, offset == central) for number, offset in group], sums)
+            known = yield from part(steps, first / count, min(count, first + size) / count)
+        return self._finished(band, known if sums is None else sums.texture, sums)
+
+    def coarse(self, tile: int) -> Task[None]:
+        """A first, coarse picture of the whole map."""
+        settings = self.settings
+        size = max(1, settings.width // COARSE), max(1, settings.height // COARSE)
+        band = Band(0, size[1], size, 0, tile)
+        for normals, _ in self._normals(band):
+            yield self._step(normals, 0.0, band, clear=True)
+
+    @property
+    def takes_time(self) -> bool:
+        return self.source.takes_time
+
+    def _group_size(self, band: Band) -> int:
+        """How many samples are drawn together: as many as fit, if images have to be loaded for them."""
+        has_pages = self.detail is not None or any(family.has_pages for family in self.families)
+        texels = band.width * band.height
+        return max(1, min(self.settings.samples, KEPT_BYTES // (HIT_BYTES * texels))) if has_pages else 1
+
+    def _group(
+        self, band: Band, group: Sequence[tuple[int, tuple[float, float], bool]], sums: target.Target | None
+    ) -> Task[gpu.types.GPUTexture]:
+        """Draw some samples: hits, normals, then all other maps. Returns the normals of the last sample."""
+        efforts = [1.0, *(family.effort for family in self.families)]
+        whole = sum(efforts)
+        drawn, known = [], None
+        for slot, (number, offset, is_central) in enumerate(group):
+            sample_band = replace(band, offset=offset)
+            for normals, rows in self._normals(sample_band, slot):
+                known = normals
+                if sums is not None and self.detail is None:
+                    with self.timings.timed("draw"):
+                        samples.add(sums, normals, rows, is_first=number == 0)
+                if self.pace.has_listener:
+                    done = (slot + rows.stop / band.height) / len(group) / whole
+                    yield self._step(normals if sums is None else sums.texture, done, band)
+            if self.families or self.detail is not None:
+                hits = self.source.hits(sample_band, slot)
+                drawn.append(Sample(sample_band, number, is_central, self.source.drawn(slot), hits))
+        if self.detail is not None:
+            known = yield from self._with_detail(drawn, sums)
+        before = efforts[0]
+        for family in self.families:
+            yield from part(family.add(drawn), before / whole, (before + family.effort) / whole)
+            before += family.effort
+        return known
+
+    def _with_detail(self, drawn: Sequence[Sample], sums: target.Target | None) -> Task[gpu.types.GPUTexture]:
+        """Apply the high meshes' own maps to the normals of some samples, and add them to the sums."""
+        yield from part(self.detail.apply(drawn), 0.0, 0.0)
+        known = None
+        for sample in drawn:
+            with self.timings.timed("draw"):
+                known = self._in_space(sample.normals.texture, sample.band, range(sample.band.height))
+                if sums is not None:
+                    samples.add(sums, known, range(sample.band.height), is_first=sample.number == 0)
+        return known
+
+    def _finished(
+        self, band: Band, known: gpu.types.GPUTexture, sums: target.Target | None
+    ) -> Iterator[tuple[str, gpu.types.GPUTexture]]:
+        if sums is None:
+            yield NORMAL.name, known
+        else:
+            into = target.get("mean", band.width, band.height, "RGBA32F")
+            with self.timings.timed("draw"):
+                samples.average(into, sums)
+            yield NORMAL.name, into.texture
+        for family in self.families:
+            yield from family.finished(band, known)
+
+    def _normals(self, band: Band, slot: int = 0) -> Iterator[tuple[gpu.types.GPUTexture, range]]:
+        """One sample of the normals of a band, in the space of the settings, in slices."""
+        drawn = self.source.normals(band, slot)
+        while True:
+            with self.timings.timed("draw"):
+                normals, rows = next(drawn, (None, None))
+                if normals is None:
+                    return
+                if self.detail is None:
+                    normals = self._in_space(normals, band, rows)
+            yield normals, rows
+
+    def _in_space(self, normals: gpu.types.GPUTexture, band: Band, rows: range) -> gpu.types.GPUTexture:
+        """Normals of the source in the space of the settings."""
+        if self.basis is None:
+            return normals
+        into = target.get("low", band.width, band.height, "RGBA32F")
+        is_unit = bases.of_name(self.settings.basis).normalizes_normal
+        tangent.draw(into, self.basis, normals, band.uv_to_clip, normalize_normal=is_unit, rows=rows)
+        return into.texture
+
+    def _step(self, normals: gpu.types.GPUTexture, done: float, band: Band, *, clear: bool = False) -> Progress:
+        size = self.settings.width, self.settings.height
+        if band.is_whole:  # of a larger map, only the coarse picture is shown
+            self._picture = preview_picture.draw(normals, size, channels(self.settings), clear=clear)
+        return Progress("Drawing", done, self._picture)

@@ -1,0 +1,6 @@
+// Writes that nothing was hit.
+
+void main()
+{
+  hit_out = uvec4(0u);
+}
