@@ -112,10 +112,11 @@ class HighMaterial:
 
     feeds: by the name of the Principled BSDF's socket, as Blender's interface spells it. The map of a missing socket is not
     known on this material. "Emission Color" includes the strength. detail: what moves the normals. notes: sentences about what
-    could not be followed, by socket: "Normal" for `detail`, "" for the whole material.
+    could not be followed, by socket: "Normal" for `detail`, "" for the whole material. key: tells materials of one name apart.
     """
 
     name: str
     feeds: dict[str, Feed] = field(default_factory=dict)
     detail: DetailFeed | None = None
     notes: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    key: int = 0

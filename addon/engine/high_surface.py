@@ -83,9 +83,7 @@ class HighSurface:
             values = [high.layers.get(key) for high in self.highs]
             zeros = [np.zeros((len(high.vertices), channels), np.float32) for high in self.highs]
             self._textures[key] = upload(
-                np.concatenate(
-                    [zero if value is None else value for value, zero in zip(values, zeros, strict=True)]
-                )
+                np.concatenate([zero if value is None else value for value, zero in zip(values, zeros, strict=True)])
             )
         return self._textures[key]
 

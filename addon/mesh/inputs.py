@@ -6,8 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..core.image_pixels import ImagePixels
-from ..core.material_feeds import HighMaterial
+from ..core.material_feeds import HighMaterial, ImagePixels
 from .triangle_mesh import Mesh
 
 
@@ -19,8 +18,9 @@ class Meshes:
     smooth_normals (C, 3) float32: vertex normals by corner of `low`, without hard edges. cage: a mesh with the corners of
     `low`, or None. is_own_base: whether the high mesh is the low object's own surface with modifiers. materials: those behind
     the material labels of the high meshes, which count from 1. others: the high meshes of other low objects, if they are
-    occluders. load_page: loads the pixels of an image of the materials, by its key and its UDIM tile. shown: with is_own_base, the high mesh with the UVs
-    that modifiers moved, as the viewport shows it; None if no modifier moves UVs.
+    occluders. load_page: loads the pixels of an image of the materials, by its key and its UDIM tile (0 without tiles).
+    shown: with is_own_base, the high mesh with the UVs that modifiers moved, as the viewport shows it; None if no modifier
+    moves UVs.
 
     Painted by corner of `low`, (C,) float32, or None without a painted group. offset: factors from 0 to 2 on the extrusion.
     straight: from -1 to 1, added to the share of the mesh's own normals in the directions.
@@ -38,7 +38,7 @@ class Meshes:
     offset: np.ndarray | None = None
     straight: np.ndarray | None = None
     others: list[Mesh] = field(default_factory=list)
-    load_page: Callable[[str, int | None], ImagePixels] | None = None
+    load_page: Callable[[str, int], ImagePixels] | None = None
 
     @property
     def has_detail(self) -> bool:

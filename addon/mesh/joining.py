@@ -99,10 +99,9 @@ def _fill(into: Mesh, mesh: Mesh, matrices: np.ndarray, start: np.ndarray) -> No
             turned = values[:, :3] @ linear.transpose(0, 2, 1).astype(np.float32)
             # A mirror turns the bitangent around.
             signs = np.where(is_mirrored, -1.0, 1.0)[:, None] * values[:, 3]
-            values = np.concatenate([turned, signs[..., None]], axis=2).reshape(-1, 4)
+            into.layers[key][corners] = np.concatenate([turned, signs[..., None]], axis=2).reshape(-1, 4)
         else:
-            values = np.tile(values, (count, 1))
-        into.layers[key][corners] = values
+            into.layers[key][corners] = np.tile(values, (count, 1))
 
 
 def _empty(parts: Sequence[Part], field: str, rows: int) -> np.ndarray | None:

@@ -9,11 +9,15 @@ import numpy as np
 
 from ..core.declarations.choices import Method, Modifiers
 from ..core.errors import BakeError
+from ..core.material_feeds import ImagePixels
 from ..core.settings import Settings
 from ..mesh import joining
 from ..mesh.joining import Part, usable
 from ..mesh.triangle_mesh import Mesh
 from . import instances, mesh_reader
+from .high_layers.material_layers import read_layers
+from .high_layers.material_numbers import MaterialNumbers
+from .images.image_pages import ImagePages
 
 MOST = 200_000_000
 """The largest number of triangles of a high object with its instances: more do not fit into memory or on a GPU."""
@@ -27,13 +31,13 @@ ReadMesh = Callable[[bpy.types.Object, bpy.types.Object, bpy.types.Mesh], Mesh]
 class Reader:
     """Reads the high objects of one bake.
 
-    low_layer: the low mesh's UV layer. materials: the numbers of the materials read so far, by name.
+    low_layer: the low mesh's UV layer. materials: those that were read so far.
     """
 
     depsgraph: bpy.types.Depsgraph
     low_layer: str
     settings: Settings
-    materials: dict[str, int] = field(default_factory=dict)
+    materials: MaterialNumbers = field(default_factory=lambda: MaterialNumbers(ImagePages()))
 
     def read(self, highs: Mapping[int, bpy.types.Object]) -> list[Mesh]:
         """Read the meshes of `highs`, labeled with their numbers. Raises BakeError for an object without a mesh."""
@@ -45,7 +49,12 @@ class Reader:
             lambda owner, obj, data: self._mesh(numbers[owner.session_uid], owner.name, obj, data, np.eye(4)),
         )
         shown = dict(zip(owners, found, strict=True))
-        return [self._joined(number, high, shown.get(number, [])) for number, high in highs.items()]
+        meshes = [self._joined(number, high, shown.get(number, [])) for number, high in highs.items()]
+        return with_labels(meshes)
+
+    def load_page(self, key: str, tile: int) -> ImagePixels:
+        """The pixels of an image of the materials, as Meshes.load_page has it."""
+        return ImagePixels(self.materials.images.load(key, tile))
 
     def _joined(self, number: int, high: bpy.types.Object, parts: Sequence[Part]) -> Mesh:
         """The mesh of `high` joined with its instances."""
@@ -78,17 +87,36 @@ class Reader:
         if method == Method.FLATTEN or (method == Method.AUTO and data.uv_layers):
             # Use the layer with the name of the low mesh's layer, or else the active one.
             layer = uv_layer(name, data, self.low_layer if self.low_layer in data.uv_layers else "")
+        slots = self.materials.of_slots(obj)
+        has_labels = bool(self.settings.maps)
+        if has_labels or self.settings.detail_maps:
+            shown = [self.materials.read(material) for material in slots]
+            has_labels = has_labels or any(material.detail is not None for material in shown)
         mesh = mesh_reader.surface(
-            data, layer, name, to_world, is_drawn_in_uv=method == Method.FLATTEN, with_faces=bool(self.settings.maps)
+            data, layer, name, to_world, is_drawn_in_uv=method == Method.FLATTEN, with_faces=has_labels
         )
-        return self._labeled(mesh, number, obj, data) if self.settings.maps else mesh
+        if not has_labels:
+            return mesh
+        return replace(self._labeled(mesh, number, slots, data), layers=read_layers(data, shown, self.settings))
 
-    def _labeled(self, mesh: Mesh, number: int, obj: bpy.types.Object, data: bpy.types.Mesh) -> Mesh:
+    def _labeled(
+        self, mesh: Mesh, number: int, slots: Sequence[bpy.types.Material | None], data: bpy.types.Mesh
+    ) -> Mesh:
         """`mesh` labeled with the numbers of its high object and of its materials."""
-        indices, names = mesh_reader.materials(obj, data, mesh)
-        numbers = np.array([self.materials.setdefault(name or "none", len(self.materials) + 1) for name in names])
+        indices = mesh_reader.material_slots(data, mesh, len(slots))
+        numbers = np.array([self.materials.number(material) for material in slots])
         labels = np.stack([np.full(len(indices), number), numbers[indices]], axis=1).astype(np.float32)
         return replace(mesh, labels=labels)
+
+
+def with_labels(meshes: Sequence[Mesh]) -> list[Mesh]:
+    """`meshes`, all with labels if one has them. The number 0 stands for no object and no material."""
+    if all(mesh.labels is None for mesh in meshes):
+        return list(meshes)
+    return [
+        replace(mesh, labels=np.zeros((len(mesh.triangles), 2), np.float32)) if mesh.labels is None else mesh
+        for mesh in meshes
+    ]
 
 
 def instances_shown(depsgraph: bpy.types.Depsgraph, owners: Sequence[bpy.types.Object]) -> Iterator[tuple]:

@@ -142,16 +142,15 @@ def _faces(data: bpy.types.Mesh) -> np.ndarray:
     return faces
 
 
-def materials(obj: bpy.types.Object, data: bpy.types.Mesh, mesh: Mesh) -> tuple[np.ndarray, list[str]]:
-    """The material of each triangle: (T,) int32 indices into the list of names, which is returned second; "" for none.
+def material_slots(data: bpy.types.Mesh, mesh: Mesh, count: int) -> np.ndarray:
+    """The material slot of each triangle, (T,) int32, of an object with `count` slots.
 
-    mesh: the result of `surface` for `data`, the mesh of `obj`, with faces.
+    mesh: the result of `surface` for `data`, with faces.
     """
-    names = [slot.material.name if slot.material else "" for slot in obj.material_slots] or [""]
     indices = np.empty(len(data.polygons), np.int32)
     data.polygons.foreach_get("material_index", indices)
     # A face whose index is too high shows the last slot.
-    return indices.clip(0, len(names) - 1)[mesh.faces], names
+    return indices.clip(0, count - 1)[mesh.faces]
 
 
 @contextmanager

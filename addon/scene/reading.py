@@ -9,14 +9,15 @@ import numpy as np
 
 from ..core.declarations.choices import Method, Space
 from ..core.errors import BakeError
-from ..core.material_feeds import HighMaterial
 from ..core.settings import Settings
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import local_space_of
 from ..mesh.triangle_mesh import Mesh
 from . import evaluation, mesh_reader, vertex_weights, visibility
-from .high_reader import Reader
+from .high_layers.material_numbers import MaterialNumbers
+from .high_reader import Reader, with_labels
 from .high_reader import uv_layer as uv_layer_of
+from .images.image_pages import ImagePages
 
 SMALLEST, LARGEST = 5e-9, 1e9
 """The limits of a mesh's radius. The first is multiplied by the square root of the number of triangles.
@@ -59,8 +60,10 @@ def read_again(
             meshes = _read(depsgraph, low, highs, cage, settings)
         else:
             new = {number: high for number, high in enumerate(highs) if high.session_uid in changed}
-            read = dict(zip(new, Reader(depsgraph, before.uv_layer, settings).read(new), strict=True))
-            meshes = replace(before, highs=[read.get(number, mesh) for number, mesh in enumerate(before.highs)])
+            reader = Reader(depsgraph, before.uv_layer, settings, MaterialNumbers(ImagePages(), before.materials))
+            read = dict(zip(new, reader.read(new), strict=True))
+            all_highs = with_labels([read.get(number, mesh) for number, mesh in enumerate(before.highs)])
+            meshes = replace(before, highs=all_highs, materials=reader.materials.materials)
             _check_triangles(meshes.highs)
     if meshes.is_own_base and evaluation.smooths_uvs(low):
         meshes = _with_kept_uvs(context, low, settings, meshes, before)
@@ -96,7 +99,7 @@ def _read(
     meshes = read_low(depsgraph, low, cage, settings, is_own_base=low in highs)
     reader = Reader(depsgraph, meshes.uv_layer, settings)
     read = reader.read(dict(enumerate(highs, start=1)))
-    meshes = replace(meshes, highs=read, materials=[HighMaterial(name) for name in reader.materials])
+    meshes = replace(meshes, highs=read, materials=reader.materials.materials, load_page=reader.load_page)
     _check_triangles([meshes.low, *meshes.highs, *([meshes.cage] if meshes.cage else [])])
     return meshes
 

@@ -52,15 +52,21 @@ class MaterialMaps:
                         sums,
                         sample.hits,
                         sample.normals.texture,
-                        surface.labels,
-                        one.table,
+                        labels=surface.labels,
+                        materials=one.table,
                         is_first=sample.number == 0,
                     )
                     for feed, number in one.feeds.items():
                         if isinstance(feed, AttributeFeed):
                             values = surface.attribute(feed.name)
                             plain_values.add_attribute(
-                                sums, sample.hits, surface.labels, values, one.table, feed, number
+                                sums,
+                                sample.hits,
+                                values,
+                                feed,
+                                number,
+                                labels=surface.labels,
+                                materials=one.table,
                             )
         uses = self._uses()
         for done, ((image, tile), found) in enumerate(uses.items()):
@@ -73,24 +79,24 @@ class MaterialMaps:
                         image_look_up.add_image(
                             one.sums(sample.band),
                             sample.hits,
-                            surface.tables.corners,
-                            surface.uvs(feed.uv_layer),
-                            one.table,
                             shown,
                             feed,
                             number,
-                            tile=tile,
+                            corners=surface.tables.corners,
+                            uvs=surface.uvs(feed.uv_layer),
+                            materials=one.table,
+                            tile=tile or None,
                             samples=self.run.settings.samples,
                         )
                 drawn[-1].hits.finish()  # before the page is freed
 
-    def _uses(self) -> dict[tuple[str, int | None], list[tuple[_Map, ImageFeed, int]]]:
-        """What each page feeds: pages by image and UDIM tile, None for an image without tiles."""
-        uses: dict[tuple[str, int | None], list[tuple[_Map, ImageFeed, int]]] = {}
+    def _uses(self) -> dict[tuple[str, int], list[tuple[_Map, ImageFeed, int]]]:
+        """What each page feeds: pages by image and UDIM tile, 0 for an image without tiles."""
+        uses: dict[tuple[str, int], list[tuple[_Map, ImageFeed, int]]] = {}
         for one in self.maps:
             for feed, number in one.feeds.items():
                 if isinstance(feed, ImageFeed):
-                    for tile in feed.tiles or (None,):
+                    for tile in feed.tiles or (0,):
                         uses.setdefault((feed.image, tile), []).append((one, feed, number))
         return uses
 

@@ -14,8 +14,8 @@ from ...passes.bake import preview_picture, samples, tangent
 from ..bands import Band
 from ..normal_channels import channels
 from ..sources import Source
-from .detail_normals import DetailNormals
 from .family import MapFamily, Run, Sample
+from .own_normals import OwnNormals
 
 KEPT_BYTES = 512 * 2**20
 """The most GPU memory for the hits and normals of samples that are drawn together."""
@@ -37,7 +37,7 @@ class SampledMaps:
         source: Source,
         basis: gpu.types.GPUBatch | None,
         families: Sequence[MapFamily],
-        detail: DetailNormals | None,
+        detail: OwnNormals | None,
         run: Run,
     ):
         self.source, self.basis, self.families, self.detail = source, basis, families, detail

@@ -17,6 +17,14 @@ from .surface_shaders import ALPHA, BASE_COLOR, EMISSION, METALLIC, ROUGHNESS, S
 
 GRAY, HALF_ROUGH = 0.8, 0.5
 """What Blender shows on faces without a material: the defaults of the Principled BSDF."""
+UNLINKED = {
+    "Specular IOR Level": 0.5,
+    "Transmission Weight": 0.0,
+    "Coat Weight": 0.0,
+    "Sheen Weight": 0.0,
+    "Subsurface Weight": 0.0,
+}
+"""Other defaults of the Principled BSDF."""
 NORMAL = "Normal"
 """The socket of notes about `HighMaterial.detail`."""
 
@@ -105,7 +113,7 @@ def _has_displacement(values: NodeValues, material: Material) -> bool:
 
 
 def _plain(color: Sequence[float], roughness: float, metallic: float, alpha: float) -> dict[str, Feed]:
-    numbers = {ROUGHNESS: roughness, METALLIC: metallic, ALPHA: alpha, EMISSION: 0.0}
+    numbers = UNLINKED | {ROUGHNESS: roughness, METALLIC: metallic, ALPHA: alpha, EMISSION: 0.0}
     feeds: dict[str, Feed] = {name: number(value).feed for name, value in numbers.items()}
     red, green, blue = map(float, color[:3])
     feeds[BASE_COLOR] = Constant((red, green, blue, 1.0))

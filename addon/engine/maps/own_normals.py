@@ -7,7 +7,7 @@ from ...core.progress import Task
 from .family import Sample
 
 
-class DetailNormals:
+class OwnNormals:
     """The normal and bump maps of the high meshes."""
 
     def apply(self, drawn: Sequence[Sample]) -> Task[None]:

@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Numbers the materials of high objects, and reads each of them once."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import bpy
+
+from ...core.material_feeds import HighMaterial
+from ..images.image_pages import ImagePages
+from ..materials.material_reading import read_materials
+
+
+class MaterialNumbers:
+    """The materials by their numbers, which count from 1. before: those of an earlier reading, which keep their numbers."""
+
+    def __init__(self, images: ImagePages, before: Sequence[HighMaterial] = ()):
+        self.images = images
+        self._found: dict[int, HighMaterial] = {material.key: material for material in before}
+
+    @property
+    def materials(self) -> list[HighMaterial]:
+        """In the order of their numbers."""
+        return list(self._found.values())
+
+    def of_slots(self, obj: bpy.types.Object) -> list[bpy.types.Material | None]:
+        """The material of each slot of `obj`; one None without slots."""
+        return [slot.material and slot.material.original for slot in obj.material_slots] or [None]
+
+    def read(self, material: bpy.types.Material | None) -> HighMaterial:
+        """What feeds a material; None stands for faces without one."""
+        key = material.session_uid if material else 0
+        if key not in self._found:
+            self._found[key] = replace(read_materials([material], self.images)[0], key=key)
+        return self._found[key]
+
+    def number(self, material: bpy.types.Material | None) -> int:
+        """The number of a material that was read."""
+        return 1 + list(self._found).index(material.session_uid if material else 0)
