@@ -68,8 +68,13 @@ class SeenSurface:
         ]
         self.hits = target.Target(self.width, self.height, ("RGBA32UI",))
         cast.trace(self.hits, rays, self.tables, None, rule=Hit.OUTERMOST, inside=10.0, max_t=20.0, facing_only=False)
+        self.rays = rays
         self.drawn_normals = target.Target(self.width, self.height, ("RGBA32F",))
-        cast.look_up(self.drawn_normals, self.hits, rays, self.tables, np.eye(3))
+        self.draw_normals(self.drawn_normals, np.eye(3))
+
+    def draw_normals(self, into, matrix):
+        """Write the interpolated normals at the hits, transformed by `matrix` (3, 3)."""
+        cast.look_up(into, self.hits, self.rays, self.tables, matrix)
 
     def begin(self, materials, *, is_first=True):
         """Start a map: count misses and constants."""

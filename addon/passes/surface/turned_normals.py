@@ -1,0 +1,144 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Turns the normals at the hits as the normal maps and bump maps of the high meshes' own materials say."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...core.material_feeds import LUMINANCE, BumpFeed, NormalMapFeed
+from .. import shader, target
+from ..program import Program
+from .image_look_up import bindings, channel_number
+from .image_page import Page
+
+if TYPE_CHECKING:
+    import gpu
+
+NORMAL_MAP = Program(
+    compute="surface/normal_map_comp.glsl",
+    texels=(
+        ("RGBA32UI", "UINT_2D", "hits"),
+        ("RGBA32F", "FLOAT_2D", "uvs"),
+        ("RGBA32F", "FLOAT_2D", "corners"),
+        ("RGBA32F", "FLOAT_2D", "tangents"),
+        ("RGBA32F", "FLOAT_2D", "materials"),
+    ),
+    samplers=(("FLOAT_2D", "page"), ("FLOAT_2D", "levels")),
+    images=(("RGBA32F", "FLOAT_2D", "normals", "READ WRITE"),),
+    constants=(
+        ("MAT4", "to_space"),
+        ("VEC4", "row_u"),
+        ("VEC4", "row_v"),
+        ("INT", "first_row"),
+        ("INT", "feed"),
+        ("INT", "tile"),
+        ("INT", "page_flags"),
+        ("INT", "top_level"),
+    ),
+)
+BUMP = Program(
+    compute="surface/bump_comp.glsl",
+    texels=(
+        ("RGBA32UI", "UINT_2D", "hits"),
+        ("RGBA32F", "FLOAT_2D", "uvs"),
+        ("RGBA32F", "FLOAT_2D", "corners"),
+        ("RGBA32F", "FLOAT_2D", "materials"),
+    ),
+    samplers=(("FLOAT_2D", "page"), ("FLOAT_2D", "levels")),
+    images=(("RGBA32F", "FLOAT_2D", "normals", "READ WRITE"),),
+    constants=(
+        ("MAT4", "to_space"),
+        ("VEC4", "row_u"),
+        ("VEC4", "row_v"),
+        ("FLOAT", "rise"),
+        ("INT", "first_row"),
+        ("INT", "feed"),
+        ("INT", "tile"),
+        ("INT", "channel"),
+        ("INT", "page_flags"),
+        ("INT", "top_level"),
+    ),
+)
+GREEN_DOWN = 8
+"""As in shaders/surface/normal_map_comp.glsl."""
+
+
+def apply_normal_map(
+    normals: target.Target,
+    hits: target.Target,
+    page: Page,
+    feed: NormalMapFeed,
+    number: int,
+    *,
+    corners: gpu.types.GPUTexture,
+    uvs: gpu.types.GPUTexture,
+    tangents: gpu.types.GPUTexture,
+    materials: gpu.types.GPUTexture,
+    to_space: np.ndarray,
+    tile: int | None = None,
+    samples: int = 1,
+    rows: range | None = None,
+) -> None:
+    """Turn `normals` (RGBA32F), as cast.look_up wrote them, in place where the hit's material has this feed's `number`.
+
+    tangents: from corner_tables.upload_tangents, of the feed's layer. uvs: of the layer of its image. to_space: the matrix
+    (3, 3) that cast.look_up got. Other arguments as in image_look_up.add_image.
+    """
+    bound = bindings(page, feed.image, tile, 1.0 / math.sqrt(samples), feed.strength)
+    bound["page_flags"] |= feed.is_green_down * GREEN_DOWN
+    target.dispatch(
+        NORMAL_MAP,
+        normals.width,
+        rows or range(normals.height),
+        normals=normals.texture,
+        hits=hits.texture,
+        corners=corners,
+        uvs=uvs,
+        tangents=tangents,
+        materials=materials,
+        to_space=shader.mat4(to_space),
+        feed=number,
+        **bound,
+    )
+
+
+def apply_bump(
+    normals: target.Target,
+    hits: target.Target,
+    page: Page,
+    feed: BumpFeed,
+    number: int,
+    *,
+    corners: gpu.types.GPUTexture,
+    uvs: gpu.types.GPUTexture,
+    materials: gpu.types.GPUTexture,
+    to_space: np.ndarray,
+    unit: float,
+    tile: int | None = None,
+    samples: int = 1,
+    rows: range | None = None,
+) -> None:
+    """Turn `normals` in place by heights, after the normal map `below`.
+
+    unit: how many scene units one unit of `corners` is: the size of their local space. Other arguments as in
+    `apply_normal_map`.
+    """
+    channel = LUMINANCE if feed.image.channel is None else feed.image.channel
+    target.dispatch(
+        BUMP,
+        normals.width,
+        rows or range(normals.height),
+        normals=normals.texture,
+        hits=hits.texture,
+        corners=corners,
+        uvs=uvs,
+        materials=materials,
+        to_space=shader.mat4(to_space),
+        rise=feed.distance * feed.image.scale[0] / unit,
+        feed=number,
+        channel=channel_number(channel),
+        **bindings(page, feed.image, tile, 1.0 / math.sqrt(samples), max(feed.strength, 0.0)),
+    )

@@ -1,0 +1,60 @@
+// Turns the normals at hits as a bump map of the high mesh says, as Cycles' Bump node does. row_u.w: the width of a sample, in
+// texels; row_v.w: the strength. rise: how far the value 1 is out, in the units of the corners.
+#include "lib/footprint_lib.glsl"
+#include "lib/page_lib.glsl"
+#include "lib/channel_lib.glsl"
+#include "lib/normal_space_lib.glsl"
+
+void main()
+{
+  ivec2 texel = ivec2(gl_GlobalInvocationID.xy) + ivec2(0, first_row);
+  if (any(greaterThanEqual(texel, texel_size(hits)))) {
+    return;
+  }
+  uvec4 hit = texel_at(hits, texel);
+  int triangle = max(hit_triangle(hit), 0);
+  vec4 first = texel_at(uvs, texture_place(triangle * 2));
+  vec4 last = texel_at(uvs, texture_place(triangle * 2 + 1));
+  vec2 uv = footprint_uv(hit, first, last);
+  vec2 place = footprint_in_tile(footprint_mapped(uv), tile);
+  vec4 drawn = imageLoad(normals, texel);
+  bool is_fed = !hit_missed(hit) && drawn.a > 0.0 &&
+                int(texel_at(materials, texture_place(int(last.z))).a) == feed &&
+                (tile == 0 || !footprint_is_outside(place));
+  // A loop, since software drivers skip loops that no lane enters, but run both sides of conditions.
+  int count = int(is_fed);
+  for (int i = 0; i < count; i++) {
+    ivec2 size = textureSize(page, 0);
+    mat2 to_pixels = footprint_to_pixels(size);
+    vec3 axes = page_axes(footprint_of(texel, hit, uv, first, last, to_pixels) * row_u.w);
+    // The change of the height for one pixel along u and along v, from half a pixel of the averaged page on both sides.
+    float width = page_width(axes);
+    vec2 slope = vec2(0.0);
+    for (int side = 0; side < 4; side++) {
+      vec2 along = vec2(1 - side / 2, side / 2) * (side % 2 == 0 ? -1.0 : 1.0);
+      vec4 color = page_mean(place + along * 0.5 * width / vec2(size), axes);
+      slope += along * channel_of(color, channel).r / width;
+    }
+    // J. Blinn, "Simulation of wrinkled surfaces" (1978), by the gradient along two edges of the triangle.
+    vec3 origin = texel_at(corners, texture_place(triangle * 3)).xyz;
+    vec3 edge1 = texel_at(corners, texture_place(triangle * 3 + 1)).xyz - origin;
+    vec3 edge2 = texel_at(corners, texture_place(triangle * 3 + 2)).xyz - origin;
+    vec2 rises = vec2(dot(slope, to_pixels * (first.zw - first.xy)), dot(slope, to_pixels * (last.xy - first.xy)));
+    // Scaled first: the square of the area of a small triangle is 0 in single precision.
+    float largest = max(dot(edge1, edge1), dot(edge2, edge2));
+    float scale = largest > 0.0 ? inversesqrt(largest) : 0.0;
+    edge1 *= scale;
+    edge2 *= scale;
+    vec3 normal = normal_space_to_world(drawn.xyz);
+    vec3 across1 = cross(edge2, normal);
+    vec3 across2 = cross(normal, edge1);
+    float determinant = dot(edge1, across1);
+    vec3 gradient = (rises.x * across1 + rises.y * across2) * scale;
+    vec3 turned = normal_space_unit(abs(determinant) * normal - sign(determinant) * rise * gradient);
+    float strength = row_v.w;
+    vec3 found = normal_space_from_world(strength * turned + (1.0 - strength) * normal);
+    if (determinant != 0.0 && dot(found, found) > 0.0) {
+      imageStore(normals, texel, vec4(found, 1.0));
+    }
+  }
+}

@@ -1,0 +1,47 @@
+// Turns the normals at hits as a tangent-space normal map of the high mesh says, as Cycles' Normal Map node does. row_u.w: the
+// width of a sample, in texels; row_v.w: the strength.
+#include "lib/footprint_lib.glsl"
+#include "lib/page_lib.glsl"
+#include "lib/normal_space_lib.glsl"
+
+// A flag of page_flags: green points down the tangent space, as DirectX has it.
+const int GREEN_DOWN = 8;
+
+void main()
+{
+  ivec2 texel = ivec2(gl_GlobalInvocationID.xy) + ivec2(0, first_row);
+  if (any(greaterThanEqual(texel, texel_size(hits)))) {
+    return;
+  }
+  uvec4 hit = texel_at(hits, texel);
+  int triangle = max(hit_triangle(hit), 0);
+  vec4 first = texel_at(uvs, texture_place(triangle * 2));
+  vec4 last = texel_at(uvs, texture_place(triangle * 2 + 1));
+  vec2 uv = footprint_uv(hit, first, last);
+  vec2 place = footprint_in_tile(footprint_mapped(uv), tile);
+  vec4 drawn = imageLoad(normals, texel);
+  bool is_fed = !hit_missed(hit) && drawn.a > 0.0 &&
+                int(texel_at(materials, texture_place(int(last.z))).a) == feed &&
+                (tile == 0 || !footprint_is_outside(place));
+  // A loop, since software drivers skip loops that no lane enters, but run both sides of conditions.
+  int count = int(is_fed);
+  for (int i = 0; i < count; i++) {
+    vec4 tangent = texel_at(tangents, texture_place(triangle * 3));
+    vec2 weights = hit_weights(hit);
+    tangent.xyz = tangent.xyz * (1.0 - weights.x - weights.y) +
+                  texel_at(tangents, texture_place(triangle * 3 + 1)).xyz * weights.x +
+                  texel_at(tangents, texture_place(triangle * 3 + 2)).xyz * weights.y;
+    mat2 footprint = footprint_of(texel, hit, uv, first, last, footprint_to_pixels(textureSize(page, 0))) * row_u.w;
+    vec3 mapped = page_mean(place, page_axes(footprint)).rgb * 2.0 - 1.0;
+    mapped.y *= (page_flags & GREEN_DOWN) != 0 ? -1.0 : 1.0;
+    float strength = row_v.w;
+    mapped = vec3(mapped.xy * strength, mix(1.0, mapped.z, clamp(strength, 0.0, 1.0)));
+    // Cycles normalizes the interpolated normal, and not the tangent.
+    vec3 normal = normal_space_to_world(drawn.xyz);
+    vec3 turned = mapped.x * tangent.xyz + mapped.y * tangent.w * cross(normal, tangent.xyz) + mapped.z * normal;
+    vec3 found = normal_space_from_world(turned);
+    if (dot(tangent.xyz, tangent.xyz) > 0.0 && dot(found, found) > 0.0) {
+      imageStore(normals, texel, vec4(found, 1.0));
+    }
+  }
+}
