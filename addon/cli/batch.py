@@ -3,6 +3,7 @@
 
 import argparse
 import os
+import sys
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -23,7 +24,7 @@ from ..jobs import bake_jobs, sequence
 from ..jobs.job import Job, jobs_by_name
 from ..output.files.atomic_file import all_or_none, check_writable, replacing
 from ..scene import object_checks, object_refs
-from . import batch_results, input_checks, interruption, run_clashes, scene_files, standard_streams
+from . import batch_results, input_checks, interruption, memory_check, run_clashes, scene_files, standard_streams
 from .batch_results import Result
 from .scene_files import Stage
 from .terminal_progress import Meter
@@ -150,11 +151,12 @@ def run(opened: Opened, stage: Stage, meter: Meter) -> Result:
     """Bake, and save what the options name. Raises BakeError, or Stopped where nothing was finished."""
     options = opened.options
     _start_gpu()
+    memory = _say_memory(opened, meter)
     with all_or_none():  # if a pair, a frame, the scene or the report fails, no file of the bake is written
         reports, is_stopped = _explained(opened, meter)
         notes = [*stage.notes, *opened.notes, *_refused_scripts()]
         reports = [
-            report.with_warnings([*notes, *(opened.hints if report.method == Method.CAST else [])])
+            report.with_memory(memory).with_warnings([*notes, *(opened.hints if report.method == Method.CAST else [])])
             for report in reports
         ]
         result = Result(opened.name, reports, opened.problems, are=_kind(options), is_stopped=is_stopped)
@@ -164,6 +166,15 @@ def run(opened: Opened, stage: Stage, meter: Meter) -> Result:
         if opened.report is not None:
             batch_results.write_json(opened.report, result.to_json())
     return result
+
+
+def _say_memory(opened: Opened, meter: Meter) -> dict[str, int]:
+    """Print what memory the bake needs, now: a system that lacks it may end the process. Returns it for the report."""
+    text, is_much, numbers = memory_check.check(opened.jobs, opened.settings)
+    if text and (is_much or meter.is_on):
+        meter.clear()
+        print(f"imprint: {opened.name}: {text}", file=sys.stderr)
+    return numbers
 
 
 def _kind(options: argparse.Namespace) -> str:

@@ -74,6 +74,9 @@ class Report:
     image: str = ""
     output: list[str] = field(default_factory=list)
     """The absolute paths of the files that were written: the normal map's of each tile, then those of each other map."""
+    memory: dict[str, int] = field(default_factory=dict)
+    """Bytes that were estimated before the bake: needed of the machine, on_gpu, and free. Empty in a bake from the window, and
+    where modifiers decide how large the meshes are."""
     backend: str = ""
     renderer: str = ""
     seconds: dict[str, float] = field(default_factory=lambda: Timings().seconds)
@@ -89,6 +92,10 @@ class Report:
     def with_warnings(self, warnings: Iterable[str]) -> "Report":
         """The same report with more warnings."""
         return replace(self, warnings=[*self.warnings, *warnings])
+
+    def with_memory(self, memory: dict[str, int]) -> "Report":
+        """The same report with estimates of memory."""
+        return replace(self, memory=memory)
 
     def _without_own_hit(self) -> str:
         """How many rays have no own hit, for the summary; empty if all have one."""

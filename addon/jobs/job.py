@@ -13,6 +13,7 @@ from ..core.settings import Settings
 from ..engine.bands import bands
 from ..output import map_storage, materials, vertex_attributes
 from ..output.output_clashes import settings_by_map
+from ..passes.program import in_software
 from ..scene import object_checks
 from ..scene.object_refs import ObjectRef
 
@@ -95,9 +96,22 @@ def check_job(context: bpy.types.Context, job: Job, settings: Settings) -> None:
     except (SystemError, RuntimeError) as error:
         raise BakeError(f"There is no GPU to bake on: {error}.") from error
     limit = gpu.capabilities.max_texture_size_get()
-    tallest = max(band.height for band in bands(settings.width, settings.height, settings.margin))
-    if max(settings.width, tallest) > limit:
+    if max(settings.width, _tallest_band(settings)) > limit:
         raise BakeError(
             f"A map of {settings.width} x {settings.height} texels does not fit this GPU, whose textures have at most {limit} "
             "a side."
         )
+
+
+def band_texels(settings: Settings) -> int:
+    """The most texels of a map that are drawn at once."""
+    return settings.width * _tallest_band(settings)
+
+
+def draws_in_software() -> bool:
+    """Whether the GPU, which is started, is a program on the CPU."""
+    return in_software(gpu.platform.renderer_get())
+
+
+def _tallest_band(settings: Settings) -> int:
+    return max(band.height for band in bands(settings.width, settings.height, settings.margin))

@@ -2,15 +2,19 @@
 """Tests files of scans: pages by any name, missing ones, coordinates far from the origin, vertex colors, and hints."""
 
 import json
+import os
 from pathlib import Path
 
 import bpy
 import numpy as np
 import pytest
 
-from addon.cli import command
+from addon.cli import command, memory_check
 from addon.cli.mesh_files import page_files
 from addon.cli.mesh_files.importers import import_file
+from addon.cli.scene_files import Stage
+from addon.core.preflight import memory_need
+from addon.core.settings import Settings
 from tests.support import angles, maps, scans
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -302,3 +306,41 @@ def test_vertex_colors_without_a_material_are_the_base_color(folder):
         "VERTEX_COLOR",
         obj.data.color_attributes.active_color.name,
     )
+
+
+# Memory
+
+
+def test_the_report_has_the_memory_that_was_estimated(incomplete, run):
+    assert run(*PAIR, "--report", "r.json") == (command.DONE, "")
+    memory = json.loads((incomplete / "r.json").read_text())["memory"]
+    assert set(memory) == {"needed", "on_gpu", "free"}
+    assert 4e8 < memory["needed"] < 1e9
+    assert memory["free"] > memory["needed"]
+
+
+def test_a_lack_of_memory_is_said_before_the_bake(incomplete, run, monkeypatch, capsys):
+    monkeypatch.setattr(memory_check, "free_bytes", lambda: 10**8)
+    said = []
+    monkeypatch.setattr("addon.cli.batch._baked", lambda *_: said.append(capsys.readouterr().err) or ([], False))
+    run(*PAIR)
+    assert said == ["imprint: low: The bake needs about 0.5 GB of memory, and 0.1 GB are free: close other programs.\n"]
+
+
+def test_free_memory_is_part_of_the_machine():
+    assert 10**8 < memory_check.free_bytes() <= os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+
+
+def test_the_largest_page_counts_if_a_map_shows_it(incomplete):
+    for name in ("page2.png", "page3.png"):
+        scans.page(incomplete / name, scans.COLORS[0], side=64)
+    job = Stage().job("low.obj", ["scan.obj"])
+    pages = [memory_check.need_of(job, Settings(maps=maps)).page for maps in ((), ("AO",), ("BASE_COLOR",))]
+    assert pages == [0, 0, 64 * 64 * (memory_need.PAGE_PIXEL + memory_need.PAGE_PIXEL_ON_GPU)]
+    assert not any(image.has_data for image in bpy.data.images)
+
+
+def test_modifiers_leave_the_size_of_a_mesh_open(incomplete):
+    job = Stage().job("low.obj", ["scan.obj"])
+    job.highs[0].modifiers.new("Subdivision", "SUBSURF")
+    assert memory_check.need_of(job, Settings()) is None

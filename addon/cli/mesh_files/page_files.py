@@ -10,6 +10,7 @@ import numpy as np
 
 from ...core.file_formats import OPEN_EXR
 from ...core.udim import TOKEN
+from ...scene.images import image_files
 from . import page_search
 from .obj_materials import Page
 
@@ -65,23 +66,22 @@ def as_udims(objects: Iterable[bpy.types.Object]) -> None:
 
 def missing(objects: Iterable[bpy.types.Object]) -> list[str]:
     """The paths of images that materials of `objects` use and whose files do not exist, each once."""
+    return list(dict.fromkeys(path for image in used_by(objects) for path in _missing_files(image)))
+
+
+def used_by(objects: Iterable[bpy.types.Object]) -> list[bpy.types.Image]:
+    """The images that materials of `objects` use, each once."""
     materials = dict.fromkeys(slot.material for obj in objects for slot in obj.material_slots)
-    images = dict.fromkeys(image for material in materials for image in _images(material))
-    return list(dict.fromkeys(path for image in images for path in _missing_files(image)))
+    return list(dict.fromkeys(image for material in materials for image in _images(material)))
 
 
 def _missing_files(image: bpy.types.Image) -> Iterator[str]:
     if image.packed_file or not image.filepath or image.source not in {"FILE", "TILED"}:
         return
-    path = Path(bpy.path.abspath(image.filepath, library=image.library))
-    if image.source == "FILE":
-        if _is_missing(path):
-            yield str(path)
-        return
-    for tile in image.tiles:
-        numbered = path.with_name(path.name.replace(TOKEN, str(tile.number)))
-        if _is_missing(numbered):
-            yield str(numbered)
+    for tile in [tile.number for tile in image.tiles] if image.source == "TILED" else [0]:
+        path = image_files.location(image, tile)
+        if _is_missing(Path(path)):
+            yield path
 
 
 def _lacks_file(image: bpy.types.Image) -> bool:

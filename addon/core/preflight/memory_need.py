@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Estimates the memory that a bake needs, from the sizes of its meshes, maps and images.
+
+The numbers were measured as the largest resident size of processes that draw in software, where the GPU's memory is the
+machine's: scripts/bench/scan_memory.py.
+"""
+
+from dataclasses import dataclass
+
+PROGRAM = 530 * 10**6
+"""Bytes that Blender and its graphics driver take without a scene."""
+TRIANGLE, TRIANGLE_ON_GPU, TRIANGLE_IN_TREE = 250, 112, 190
+"""Bytes for each triangle: of Blender's mesh and the arrays that are read from it, of the tables on the GPU, and while the tree
+is built."""
+TEXEL, TEXEL_ON_GPU, TEXEL_OF_SUMS = 70, 124, 16
+"""Bytes for each texel of the normal map: stored, drawn on the GPU (as large as a band), and with several samples."""
+OTHER_TEXEL, OTHER_TEXEL_ON_GPU = 33, 32
+"""The same for each other map."""
+PAGE_PIXEL, PAGE_PIXEL_ON_GPU = 24, 16
+"""Bytes for each pixel of the largest image of the high meshes: one is in memory at a time."""
+GIGABYTE = 10**9
+
+
+@dataclass(frozen=True)
+class Amounts:
+    """The sizes of a bake. triangles: of all meshes. texels: of one map. band_texels: that are drawn at once. other_maps:
+    beside the normal map. page_pixels: of the largest image that the maps show."""
+
+    triangles: int
+    texels: int
+    band_texels: int
+    samples: int = 1
+    other_maps: int = 0
+    page_pixels: int = 0
+
+
+@dataclass(frozen=True)
+class Need:
+    """Bytes that a bake needs. Building the tree and drawing maps come one after the other, so `peak` is less than the sum."""
+
+    program: int
+    meshes: int
+    tree: int
+    maps: int
+    page: int
+    on_gpu: int
+    """Those of the above that are on the GPU."""
+
+    @classmethod
+    def of(cls, amounts: Amounts) -> "Need":
+        """The memory for these amounts."""
+        sums = TEXEL_OF_SUMS if amounts.samples > 1 else 0
+        drawn = TEXEL_ON_GPU + sums + amounts.other_maps * (OTHER_TEXEL_ON_GPU + sums)
+        maps_on_gpu = amounts.band_texels * drawn
+        meshes_on_gpu, page_on_gpu = amounts.triangles * TRIANGLE_ON_GPU, amounts.page_pixels * PAGE_PIXEL_ON_GPU
+        return cls(
+            program=PROGRAM,
+            meshes=amounts.triangles * TRIANGLE + meshes_on_gpu,
+            tree=amounts.triangles * TRIANGLE_IN_TREE,
+            maps=amounts.texels * (TEXEL + amounts.other_maps * OTHER_TEXEL) + maps_on_gpu,
+            page=amounts.page_pixels * PAGE_PIXEL + page_on_gpu,
+            on_gpu=meshes_on_gpu + maps_on_gpu + page_on_gpu,
+        )
+
+    @property
+    def peak(self) -> int:
+        """The most bytes at once, on the machine and on the GPU together."""
+        return self.program + self.meshes + max(self.tree, self.maps + self.page)
+
+    def of_machine(self, *, is_software: bool) -> int:
+        """The most bytes at once in the machine's memory. is_software: whether the GPU is a program on the CPU."""
+        if is_software:
+            return self.peak
+        return max(self.program + self.meshes + self.tree, self.peak - self.on_gpu)
+
+
+def sentence(need: Need, free: int | None, *, is_software: bool) -> str:
+    """What a bake needs, and what is free. free: bytes for this process, or None where the system does not say."""
+    wanted = need.of_machine(is_software=is_software)
+    gpu = "" if is_software else f", and {_size(need.on_gpu)} on the GPU"
+    if free is None:
+        return f"The bake needs about {_size(wanted)} of memory{gpu}."
+    if wanted <= free:
+        return f"The bake needs about {_size(wanted)} of memory{gpu}; {_size(free)} are free."
+    return f"The bake needs about {_size(wanted)} of memory{gpu}, and {_size(free)} are free: {_way_out(need)}."
+
+
+def _way_out(need: Need) -> str:
+    """What to change so that less memory is needed: the largest part of it."""
+    parts = (need.program, "program"), (need.meshes + need.tree, "meshes"), (need.maps, "maps"), (need.page, "page")
+    largest = max(parts)[1]
+    if largest == "program":
+        return "close other programs"
+    if largest == "maps":
+        return "choose a smaller map, or bake fewer maps at a time"
+    if largest == "page":
+        return "reduce the largest image of the high meshes to half its size"
+    return "simplify the high mesh, or split both meshes and bake the parts one after the other"
+
+
+def _size(count: int) -> str:
+    return f"{count / GIGABYTE:.1f} GB"

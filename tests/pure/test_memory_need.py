@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tests the estimate of a bake's memory against measured bakes, and its sentences."""
+
+import pytest
+
+from addon.core.preflight.memory_need import Amounts, Need, sentence
+
+CLOSE = 0.1
+"""The largest error of an estimate, as a share."""
+BAND = 4096 * 4096
+
+MEASURED = {
+    Amounts(505_000, 64 * 64, 64 * 64): 766e6,
+    Amounts(505_000, 1024 * 1024, 1024 * 1024): 900e6,
+    Amounts(2_005_000, 1024 * 1024, 1024 * 1024): 1626e6,
+    Amounts(505_000, BAND, BAND): 3948e6,
+    Amounts(505_000, BAND, BAND, samples=4): 4219e6,
+    Amounts(505_000, BAND, BAND, other_maps=2): 6137e6,
+    Amounts(505_000, 4 * BAND, BAND): 7463e6,
+}
+"""The largest resident size of processes by scripts/bench/scan_memory.py, with a GPU in software."""
+
+
+@pytest.mark.parametrize("amounts", MEASURED, ids=str)
+def test_the_estimate_is_close_to_what_was_measured(amounts):
+    peak = Need.of(amounts).of_machine(is_software=True)
+    assert abs(peak / MEASURED[amounts] - 1.0) < CLOSE
+
+
+def test_a_gpu_has_its_own_memory():
+    need = Need.of(Amounts(2_000_000, BAND, BAND))
+    assert need.of_machine(is_software=False) < need.of_machine(is_software=True) == need.peak
+    assert need.on_gpu == 2_000_000 * 112 + BAND * 124
+
+
+def test_pages_count_once():
+    without, with_page = (Need.of(Amounts(1000, BAND, BAND, page_pixels=pixels)) for pixels in (0, 8192 * 8192))
+    assert with_page.peak - without.peak == with_page.page > 8192 * 8192 * 16
+
+
+NEED = Need(program=10**8, meshes=10**9, tree=10**9, maps=3 * 10**9, page=0, on_gpu=2 * 10**9)
+
+
+def test_the_sentence_has_what_is_needed_and_what_is_free():
+    assert sentence(NEED, 9 * 10**9, is_software=True) == "The bake needs about 4.1 GB of memory; 9.0 GB are free."
+    assert sentence(NEED, None, is_software=True) == "The bake needs about 4.1 GB of memory."
+    assert sentence(NEED, 9 * 10**9, is_software=False) == (
+        "The bake needs about 2.1 GB of memory, and 2.0 GB on the GPU; 9.0 GB are free."
+    )
+
+
+LACKS = {
+    "close other programs": Need(6 * 10**9, 10**9, 0, 10**9, 10**9, 0),
+    "choose a smaller map": NEED,
+    "simplify the high mesh": Need(0, 6 * 10**9, 0, 10**9, 10**9, 0),
+    "reduce the largest image": Need(0, 10**9, 0, 10**9, 6 * 10**9, 0),
+}
+
+
+@pytest.mark.parametrize("words", LACKS)
+def test_a_lack_of_memory_names_the_largest_part(words):
+    text = sentence(LACKS[words], 10**9, is_software=True)
+    assert f"and 1.0 GB are free: {words}" in text
+    assert text.endswith(".")
