@@ -21,7 +21,7 @@ class Extension(StrEnum):
 
 @dataclass(frozen=True)
 class Constant:
-    """The same value everywhere. color: red, green, blue and alpha, linear Rec.709; numbers have three equal channels."""
+    """The same value everywhere. color: red, green, blue and alpha, scene-linear; numbers have three equal channels."""
 
     color: tuple[float, float, float, float]
 

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Converts colors to linear Rec.709, in which Imprint computes, from Blender's working space and from those of images."""
+"""Converts the colors of images to Blender's working space, which is linear Rec.709 unless the file says otherwise."""
 
 import struct
 import zlib
-from collections.abc import Sequence
 
 import bpy
 import numpy as np
@@ -11,23 +10,8 @@ from mathutils import Color
 
 from ...mesh.threads import for_blocks
 
-ROWS_AT_ONCE = 2**22
+PIXELS_AT_ONCE = 2**22
 """Pixels that `from_space` converts at once, to bound its memory."""
-
-
-def from_working(values: Sequence[float]) -> np.ndarray:
-    """A color (3,) of Blender's working space in linear Rec.709, float64. They differ only if the file says so."""
-    return np.array(values[:3], np.float64) @ working_matrix() if is_converting() else np.array(values[:3], np.float64)
-
-
-def is_converting() -> bool:
-    """Whether Blender's working space is another than linear Rec.709."""
-    return not np.allclose(working_matrix(), np.eye(3), atol=1e-5)
-
-
-def working_matrix() -> np.ndarray:
-    """The matrix (3, 3) that takes row vectors from Blender's working space to linear Rec.709."""
-    return np.array([Color(axis).from_scene_linear_to_rec709_linear() for axis in np.eye(3)], np.float64)
 
 
 def srgb_to_linear(values: np.ndarray) -> np.ndarray:
@@ -46,11 +30,12 @@ def linearize_bytes(pixels: np.ndarray) -> None:
     for_blocks(len(pixels), convert)
 
 
-def to_rec709(pixels: np.ndarray) -> None:
-    """Convert the color of pixels (N, 4) float32 from Blender's working space in place."""
-    if not is_converting():
+def from_rec709(pixels: np.ndarray) -> None:
+    """Convert the color of pixels (N, 4) float32 from linear Rec.709 to Blender's working space in place."""
+    axes = [Color(axis).from_rec709_linear_to_scene_linear() for axis in np.eye(3)]
+    matrix = np.array(axes, np.float32)
+    if np.allclose(matrix, np.eye(3), atol=1e-5):  # they differ only if the file says so
         return
-    matrix = working_matrix().astype(np.float32)
 
     def convert(part: slice) -> None:
         pixels[part, :3] = pixels[part, :3] @ matrix
@@ -63,7 +48,7 @@ def from_space(pixels: np.ndarray, width: int, space: str) -> None:
 
     Blender has no function for this. It converts images of 16 bits while it loads them, so temporary ones go through it.
     """
-    step = max(1, ROWS_AT_ONCE // width) * width
+    step = max(1, PIXELS_AT_ONCE // width) * width
     for start in range(0, len(pixels), step):
         part = pixels[start : start + step]
         data = _png(np.rint(part[:, :3] * 255.0).astype(np.uint16) * 257, width)
@@ -77,7 +62,6 @@ def from_space(pixels: np.ndarray, width: int, space: str) -> None:
         finally:
             bpy.data.images.remove(image)
         part[:, :3] = converted[:, :3]
-    to_rec709(pixels)
 
 
 def _png(values: np.ndarray, width: int) -> bytes:

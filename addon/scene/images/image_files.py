@@ -24,13 +24,17 @@ def location(image: Image, tile: int) -> str:
     return bpy.path.abspath(path, library=image.library)
 
 
+def packed_data(image: Image, tile: int) -> bytes | None:
+    """The packed file of an image, or of a tile if `tile` is not 0; None if it is not packed."""
+    files = (file for file in image.packed_files if file.packed_file and tile in (0, file.tile_number))
+    return next((file.packed_file.data for file in files), None)
+
+
 def header_size(image: Image, tile: int) -> tuple[int, int] | None:
     """Width and height by the header of the file: (0, 0) without a file, None for a header that is not known."""
-    packed = next((file for file in image.packed_files if not tile or file.tile_number == tile), None)
-    if packed is not None and packed.packed_file:
-        return image_size(io.BytesIO(packed.packed_file.data))
-    if image.packed_files:
-        return 0, 0
+    data = packed_data(image, tile)
+    if data is not None:
+        return image_size(io.BytesIO(data))
     try:
         with open(location(image, tile), "rb") as file:
             return image_size(file)

@@ -12,7 +12,7 @@ from bpy.types import Image
 
 from ...core.errors import BakeError
 from . import image_colors
-from .image_files import header_size, location
+from .image_files import header_size, location, packed_data
 from .pixel_alpha import set_alpha
 
 PREMULTIPLIED = ":premultiplied"
@@ -26,6 +26,8 @@ _UNREADABLE = {
     "MULTILAYER": "an image of several layers",
 }
 """Sources and types of Blender's images that are not read."""
+SRGB, LINEAR = "sRGB", "Linear Rec.709"
+"""Color spaces of Blender's own configuration. Blender itself converts the others."""
 SINGLE = 0
 """The tile of an image without tiles."""
 
@@ -77,8 +79,8 @@ class ImagePages:
     def load(self, key: str, tile: int = SINGLE) -> np.ndarray:
         """The pixels of a page: (H, W, 4) float32, row 0 at v = 0. A new array for each call.
 
-        Images of colors are linear Rec.709. Their colors are multiplied with alpha if the key says so, and otherwise not.
-        Images of data (Non-Color) have their stored values. Raises BakeError if the image has no pixels any more.
+        Colors are linear, in Blender's working space, and multiplied with alpha if the key says so. Images of data
+        (Non-Color) have their stored values. Raises BakeError if the image has no pixels any more.
         """
         image = _image(key)
         with _loaded(image, tile) as single:
@@ -91,6 +93,7 @@ class ImagePages:
                 # Blender's engines multiply stored sRGB values with alpha, before they are linear.
                 set_alpha(pixels, single, is_premultiplied=is_premultiplied)
                 image_colors.linearize_bytes(pixels)
+                image_colors.from_rec709(pixels)
             else:
                 _linearize(pixels, width, single)
                 set_alpha(pixels, single, is_premultiplied=is_premultiplied)
@@ -132,43 +135,43 @@ def _loaded(image: Image, tile: int) -> Iterator[Image]:
 
 @contextmanager
 def _only_tile(image: Image, tile: int) -> Iterator[Image]:
-    """A temporary copy of an image with tiles that has one of them: Blender gives the pixels of the first only."""
-    copy = image.copy()
+    """A temporary image with the pixels of one tile: Blender gives those of the first tile only."""
+    data = packed_data(image, tile)
+    single = image.copy() if data is None else bpy.data.images.new("Imprint tile", 1, 1)
     try:
-        for other in [other for other in copy.tiles if other.number != tile]:
-            copy.tiles.remove(other)
-        yield copy
+        if data is None:
+            for other in [other for other in single.tiles if other.number != tile]:
+                single.tiles.remove(other)
+        else:  # a copy with fewer tiles does not find its packed files
+            single.pack(data=data, data_len=len(data))
+            single.source = "FILE"
+            single.alpha_mode = image.alpha_mode
+            single.colorspace_settings.name = image.colorspace_settings.name
+        yield single
     finally:
-        bpy.data.images.remove(copy)
+        bpy.data.images.remove(single)
 
 
 def _pixels(image: Image) -> np.ndarray:
-    """Blender's pixels, (H * W, 4) float32: bytes as they are stored, floats in the working space."""
-    count, channels = image.size[0] * image.size[1], image.channels
-    stored = np.empty((count, channels), np.float32)
-    image.pixels.foreach_get(stored.reshape(-1))
-    if channels == 4:
-        return stored
-    pixels = np.ones((count, 4), np.float32)
-    pixels[:, :3] = stored[:, :3] if channels == 3 else stored[:, :1]
-    if channels == 2:
-        pixels[:, 3] = stored[:, 1]
+    """Blender's pixels, (H * W, 4) float32: bytes as they are stored, floats of colors in its working space."""
+    pixels = np.empty((image.size[0] * image.size[1], 4), np.float32)
+    image.pixels.foreach_get(pixels.reshape(-1))
     return pixels
 
 
 def _is_srgb(image: Image) -> bool:
     """Whether an image stores sRGB values of 8 bits."""
-    return image.colorspace_settings.name == "sRGB" and not image.is_float
+    return image.colorspace_settings.name == SRGB and not image.is_float
 
 
 def _linearize(pixels: np.ndarray, width: int, image: Image) -> None:
-    """Convert the colors of Blender's pixels to linear Rec.709 in place, unless they are sRGB of 8 bits."""
+    """Convert the colors of Blender's pixels to its working space in place, unless they are sRGB of 8 bits."""
     settings = image.colorspace_settings
-    if settings.is_data:
+    if settings.is_data or image.is_float:  # Blender has converted floats
         return
-    if image.is_float:  # Blender has converted them to its working space
-        image_colors.to_rec709(pixels)
-    elif settings.name != "Linear Rec.709":
+    if settings.name == LINEAR:
+        image_colors.from_rec709(pixels)
+    else:
         image_colors.from_space(pixels, width, settings.name)
 
 

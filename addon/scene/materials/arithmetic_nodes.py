@@ -10,7 +10,6 @@ import numpy as np
 from bpy.types import Node, NodeSocket
 
 from ...core.material_feeds import LUMINANCE
-from ..images.image_colors import from_working
 from .node_links import Place, title
 from .operations import BLENDING, MATH, VECTOR_MATH
 from .signals import (
@@ -39,7 +38,7 @@ CURVE_TOLERANCE = 1e-3
 def own_value(socket: NodeSocket) -> Signal:
     """The value of a socket without a link. Raises NotFollowedError for a socket that has none."""
     if socket.type == "RGBA":
-        return color((*from_working(socket.default_value[:3]), socket.default_value[3]))
+        return color(tuple(socket.default_value))
     if socket.type == "VECTOR":
         return color(tuple(socket.default_value)[:3])
     if socket.type in {"VALUE", "INT", "BOOLEAN"}:

@@ -7,7 +7,6 @@ import numpy as np
 from bpy.types import Material
 
 from ...core.material_feeds import Constant, DetailFeed, Feed, HighMaterial
-from ..images.image_colors import from_working
 from ..images.image_pages import ImagePages
 from .detail_normals import read_detail
 from .node_links import Place, title
@@ -42,7 +41,7 @@ def _read(material: Material | None, images: ImagePages) -> HighMaterial:
         return HighMaterial("none", _plain((GRAY, GRAY, GRAY), HALF_ROUGH, 0.0, 1.0))
     if material.node_tree is None:
         color = material.diffuse_color
-        feeds = _plain(from_working(color[:3]), material.roughness, material.metallic, color[3])
+        feeds = _plain(color, material.roughness, material.metallic, color[3])
         return HighMaterial(material.name, feeds)
     values = NodeValues(images)
     try:

@@ -1,0 +1,263 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tests of the pixels of images: as Cycles shows them, from every place that Blender takes them from, without a trace."""
+
+import bpy
+import numpy as np
+import pytest
+
+from addon.core.errors import BakeError
+from addon.scene.images.image_colors import srgb_to_linear
+from addon.scene.images.image_pages import ImagePages, UnreadableError
+from tests.support import feeds
+
+TOLERANCE = 2 / 255
+WIDTH, HEIGHT = 7, 5
+SPACES = ["sRGB", "Non-Color", "Linear Rec.709", "Display P3", "ACEScg"]
+ALPHAS = ["STRAIGHT", "PREMUL", "CHANNEL_PACKED", "NONE"]
+
+
+def stored(bits=8, seed=0, alpha="STRAIGHT", size=(WIDTH, HEIGHT), channels=4) -> np.ndarray:
+    """Random stored values; alpha is at least a half, because Cycles rounds colors that are multiplied with alpha."""
+    largest = 2**bits - 1
+    values = np.random.default_rng(seed).integers(0, largest + 1, (size[1], size[0], channels)).astype(np.float64)
+    if channels == 4:
+        values[..., 3] = largest / 2 + values[..., 3] // 2
+        if alpha == "PREMUL":
+            values[..., :3] *= values[..., 3:] / largest
+    return np.rint(values).clip(0, largest).astype(np.uint8 if bits == 8 else np.uint16)
+
+
+def load(path, values, *, space="sRGB", alpha="STRAIGHT"):
+    image = bpy.data.images.load(feeds.write_png(path, values))
+    image.colorspace_settings.name = space
+    image.alpha_mode = alpha
+    return image
+
+
+def page(image, tile=0, *, is_premultiplied=False) -> np.ndarray:
+    images = ImagePages()
+    found = images.page(image, is_premultiplied=is_premultiplied)
+    loaded = images.load(found.key, tile)
+    assert loaded.shape[1::-1] == images.size(found.key, tile)
+    assert loaded.dtype == np.float32
+    return loaded
+
+
+def in_cycles(image, *, uses_alpha) -> np.ndarray:
+    """The image as Cycles bakes it, a texel for each pixel, of (size, size, 3) where it is larger than the image."""
+    material = bpy.data.materials.new("M")
+    tree = material.node_tree
+    node = tree.nodes.new("ShaderNodeTexImage")
+    node.image, node.interpolation = image, "Closest"
+    if uses_alpha:
+        tree.links.new(node.outputs["Alpha"], tree.nodes["Principled BSDF"].inputs["Alpha"])
+    size = 35  # a multiple of both sides
+    texels = feeds.cycles(feeds.square(material), node.outputs["Color"], size)
+    return texels[size // HEIGHT // 2 :: size // HEIGHT, size // WIDTH // 2 :: size // WIDTH]
+
+
+@pytest.mark.parametrize("uses_alpha", [True, False])
+@pytest.mark.parametrize("alpha", ALPHAS)
+@pytest.mark.parametrize("space", SPACES)
+@pytest.mark.parametrize("bits", [8, 16])
+def test_pixels_are_those_of_cycles(tmp_path, bits, space, alpha, uses_alpha):
+    if (bits, space, uses_alpha) == (16, "sRGB", False) and alpha in {"STRAIGHT", "PREMUL"}:
+        return  # Cycles multiplies with alpha before it makes 16 bits linear; EEVEE does so afterwards
+    image = load(tmp_path / "image.png", stored(bits, alpha=alpha), space=space, alpha=alpha)
+    theirs = in_cycles(image, uses_alpha=uses_alpha)
+    mine = page(image, is_premultiplied=not uses_alpha)
+    # Cycles rounds 8 bits after the multiplication with alpha, and divides them by it afterwards.
+    rounds = (bits, space, alpha, uses_alpha) == (8, "sRGB", "STRAIGHT", True)
+    assert np.abs(mine[..., :3] - theirs).max() < TOLERANCE * (2 if rounds else 1)
+    assert theirs.max() > 0.5
+
+
+@pytest.mark.parametrize("space", SPACES)
+def test_pixels_in_another_working_space(tmp_path, space):
+    bpy.ops.wm.set_working_color_space(working_space="ACEScg", convert_colors=False)
+    image = load(tmp_path / "image.png", stored(channels=3), space=space)
+    assert np.abs(page(image)[..., :3] - in_cycles(image, uses_alpha=False)).max() < TOLERANCE
+
+
+def test_srgb_is_linear_by_the_exact_formula(tmp_path):
+    levels = np.arange(256, dtype=np.uint8).reshape(16, 16, 1).repeat(3, axis=2)
+    mine = page(load(tmp_path / "levels.png", levels))
+    assert np.abs(mine[..., 0] - srgb_to_linear(np.arange(256).reshape(16, 16) / 255)).max() < 1e-6
+    assert (mine[..., 3] == 1.0).all()
+
+
+def test_data_and_linear_bytes_are_raw(tmp_path):
+    values = stored()
+    for space in ("Non-Color", "Linear Rec.709"):
+        assert np.abs(page(load(tmp_path / "raw.png", values, space=space)) - values / 255).max() < 1e-6
+
+
+def test_float_files(tmp_path):
+    """OpenEXR files have values above one."""
+    image = bpy.data.images.new("own", WIDTH, HEIGHT, alpha=True, float_buffer=True, is_data=True)
+    values = np.random.default_rng(0).uniform(0, 4, (HEIGHT, WIDTH, 4)).astype(np.float32)
+    image.pixels.foreach_set(values.ravel())
+    image.filepath_raw, image.file_format = str(tmp_path / "own.exr"), "OPEN_EXR"
+    image.save()
+    loaded = bpy.data.images.load(image.filepath_raw)
+    loaded.colorspace_settings.name = "Non-Color"
+    assert np.abs(page(loaded) - values).max() < 0.002  # half floats
+
+
+def tiled(tmp_path, names="tile.<UDIM>.png", tiles=(1001, 1002, 1011)):
+    """An image of tiles of several sizes, and their stored values."""
+    values = {tile: stored(seed=tile, size=(4 + place, 3), channels=3) for place, tile in enumerate(tiles)}
+    for tile, pixels in values.items():
+        column, row = (tile - 1001) % 10 + 1, (tile - 1001) // 10 + 1
+        name = names.replace("<UDIM>", str(tile)).replace("<UVTILE>", f"u{column}_v{row}")
+        feeds.write_png(tmp_path / name, pixels)
+    image = bpy.data.images.new("tiles", 1, 1, tiled=True)
+    image.source, image.filepath = "TILED", str(tmp_path / names)
+    for tile in tiles[1:]:
+        image.tiles.new(tile)
+    image.colorspace_settings.name = "Non-Color"
+    return image, values
+
+
+@pytest.mark.parametrize("names", ["tile.<UDIM>.png", "tile_<UVTILE>.png"])
+@pytest.mark.parametrize("is_packed", [True, False])
+@pytest.mark.parametrize("is_loaded", [True, False])
+def test_each_tile_has_its_own_pixels(tmp_path, names, is_packed, is_loaded):
+    image, values = tiled(tmp_path, names)
+    if is_packed:
+        image.pack()
+        for file in tmp_path.iterdir():
+            file.unlink()
+    if is_loaded:
+        image.pixels[0]
+    assert ImagePages().page(image, is_premultiplied=True).tiles == (1001, 1002, 1011)
+    for tile, pixels in values.items():
+        assert np.abs(page(image, tile)[..., :3] - pixels / 255).max() < 1e-6
+
+
+def test_a_missing_tile_is_named(tmp_path):
+    image, _ = tiled(tmp_path)
+    (tmp_path / "tile.1002.png").unlink()
+    found = ImagePages().page(image, is_premultiplied=True)
+    assert found.tiles == (1001, 1011)
+    (note,) = found.notes
+    assert note == f'the image "tiles" has no pixels: {tmp_path / "tile.1002.png"} cannot be read'
+
+
+def test_generated_and_packed_images(tmp_path):
+    grid = bpy.data.images.new("grid", 32, 16)
+    grid.generated_type = "UV_GRID"
+    assert page(grid).shape == (16, 32, 4)
+    assert not grid.has_data
+    values = stored(channels=3)
+    image = load(tmp_path / "packed.png", values, space="Non-Color")
+    image.pack()
+    image.buffers_free()
+    (tmp_path / "packed.png").unlink()
+    assert np.abs(page(image)[..., :3] - values / 255).max() < 1e-6
+
+
+def test_unsaved_pixels_count():
+    image = bpy.data.images.new("painted", 2, 2)
+    image.colorspace_settings.name = "Non-Color"
+    image.pixels.foreach_set(np.full(16, 0.25, np.float32))
+    assert image.is_dirty
+    assert np.abs(page(image) - 0.25).max() < 0.003
+    assert image.is_dirty
+    assert image.has_data
+
+
+def images_of_all_kinds(tmp_path):
+    yield load(tmp_path / "plain.png", stored())
+    loaded = load(tmp_path / "loaded.png", stored(16))
+    loaded.pixels[0]
+    yield loaded
+    odd = load(tmp_path / "odd.png", stored(), space="Display P3")
+    yield odd
+    yield tiled(tmp_path)[0]
+    yield bpy.data.images.new("generated", 4, 4)
+
+
+def test_nothing_is_left_behind(tmp_path):
+    images = list(images_of_all_kinds(tmp_path))
+
+    def state():
+        return [
+            (i.name, i.has_data, i.is_dirty, i.source, i.filepath, i.alpha_mode, i.colorspace_settings.name, i.users)
+            + ((len(i.tiles), i.tiles.active_index) if i.source == "TILED" else ())
+            for i in bpy.data.images
+        ]
+
+    before = state()
+    for image in images:
+        found = ImagePages().page(image, is_premultiplied=True)
+        for tile in found.tiles or (0,):
+            page(image, tile)
+        assert state() == before
+
+
+@pytest.mark.parametrize("ending", ["png", "jpg", "tif"])
+def test_the_size_comes_from_the_header(tmp_path, ending, monkeypatch):
+    """No pixels are loaded for it."""
+    image = bpy.data.images.new("own", 33, 17)
+    image.filepath_raw = str(tmp_path / f"own.{ending}")
+    image.file_format = {"png": "PNG", "jpg": "JPEG", "tif": "TIFF"}[ending]
+    image.save()
+    loaded = bpy.data.images.load(image.filepath_raw)
+    monkeypatch.setattr("addon.scene.images.image_pages._loaded", None)
+    images = ImagePages()
+    assert images.size(images.page(loaded, is_premultiplied=True).key) == (33, 17)
+    assert not loaded.has_data
+
+
+def problem(image) -> str:
+    with pytest.raises(UnreadableError) as caught:
+        ImagePages().page(image, is_premultiplied=True)
+    return str(caught.value)
+
+
+def test_images_without_pixels_are_named(tmp_path):
+    image = load(tmp_path / "gone.png", stored())
+    (tmp_path / "gone.png").unlink()
+    assert problem(image) == f'the image "gone.png" has no pixels: {tmp_path / "gone.png"} cannot be read'
+    (tmp_path / "gone.png").write_bytes(b"")
+    assert problem(image) == f'the image "gone.png" has no pixels: {tmp_path / "gone.png"} cannot be read'
+    (tmp_path / "gone.png").write_bytes(b"no image at all, but longer than the headers of images")
+    assert problem(image) == f'the image "gone.png" has no pixels: {tmp_path / "gone.png"} cannot be read'
+    image.filepath = ""
+    assert problem(image) == 'the image "gone.png" has no pixels'
+
+
+@pytest.mark.parametrize(("source", "words"), [("MOVIE", "a movie"), ("SEQUENCE", "an image sequence")])
+def test_moving_images_are_named(tmp_path, source, words):
+    image = load(tmp_path / "moving.png", stored())
+    image.source = source
+    assert problem(image) == f'the image "moving.png" is {words}'
+
+
+def test_a_file_that_breaks_later_is_an_error(tmp_path):
+    image = load(tmp_path / "page.png", stored())
+    images = ImagePages()
+    key = images.page(image, is_premultiplied=True).key
+    (tmp_path / "page.png").unlink()
+    with pytest.raises(BakeError, match=r'the image "page.png" has no pixels: .*page.png cannot be read'):
+        images.load(key)
+    bpy.data.images.remove(image)
+    with pytest.raises(BakeError, match="was removed during the bake"):
+        images.load(key)
+
+
+def test_an_image_may_be_renamed_meanwhile(tmp_path):
+    image = load(tmp_path / "page.png", stored())
+    images = ImagePages()
+    key = images.page(image, is_premultiplied=True).key
+    image.name = "other"
+    assert images.name(key) == "other"
+    assert images.load(key).shape == (HEIGHT, WIDTH, 4)
+
+
+def test_pages_of_other_spaces_are_converted_in_parts(tmp_path, monkeypatch):
+    image = load(tmp_path / "odd.png", stored(), space="Display P3")
+    whole = page(image)
+    monkeypatch.setattr("addon.scene.images.image_colors.PIXELS_AT_ONCE", 2 * WIDTH + 1)
+    assert (page(image) == whole).all()
