@@ -171,7 +171,7 @@ def run(opened: Opened, stage: Stage, meter: Meter) -> Result:
 def _say_memory(opened: Opened, meter: Meter) -> dict[str, int]:
     """Print what memory the bake needs, now: a system that lacks it may end the process. Returns it for the report."""
     text, is_much, numbers = memory_check.check(opened.jobs, opened.settings)
-    if text and (is_much or meter.is_on):
+    if text and (is_much or (meter.is_on and not meter.place)):  # of many bakes, only those that need much
         meter.clear()
         print(f"imprint: {opened.name}: {text}", file=sys.stderr)
     return numbers
