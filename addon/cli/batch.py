@@ -162,7 +162,7 @@ def run(opened: Opened, stage: Stage, meter: Meter) -> Result:
         result = Result(opened.name, reports, opened.problems, are=_kind(options), is_stopped=is_stopped)
         if opened.scene is not None and not is_stopped:
             with stage.let_go():
-                _save(opened.scene, {bpy.data.images[report.image] for report in reports})
+                _save(opened.scene, set(map(bpy.data.images.get, _image_names(reports))) - {None})
         if opened.report is not None:
             batch_results.write_json(opened.report, result.to_json())
     return result
@@ -175,6 +175,11 @@ def _say_memory(opened: Opened, meter: Meter) -> dict[str, int]:
         meter.clear()
         print(f"imprint: {opened.name}: {text}", file=sys.stderr)
     return numbers
+
+
+def _image_names(reports: Sequence[Report]) -> set[str]:
+    """The names of the images that hold the maps. A sequence keeps only that of the normal map."""
+    return {name for report in reports for name in (report.image, *(how["image"] for how in report.maps.values()))}
 
 
 def _kind(options: argparse.Namespace) -> str:

@@ -32,6 +32,11 @@ def settings_by_map(settings: Settings) -> dict[str, Settings]:
     }
 
 
+def first_map(settings: Settings) -> str:
+    """The name of the map whose image stands for the bake: the normal map, or the first other map without one."""
+    return next(name for name in stored_maps(settings) if name != MASK.name)
+
+
 def files(settings: Settings) -> Iterator[tuple[str, str]]:
     """The files that a bake writes: paths, and titles for messages. Paths have TOKEN if the settings name no tiles."""
     for name, of_map in settings_by_map(settings).items():

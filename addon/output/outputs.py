@@ -14,7 +14,7 @@ from ..core.errors import shorten_list
 from ..core.map_types import BY_NAME, MASK, NORMAL, Kind, Labeled
 from ..core.settings import Settings
 from ..core.texel_state import Map
-from . import color_spaces, datablocks, map_images, map_storage, materials, value_encoding
+from . import color_spaces, datablocks, map_images, map_storage, materials, output_clashes, value_encoding
 from .output_clashes import settings_by_map, stored_maps
 from .vertex_attributes import VertexMaps
 
@@ -53,7 +53,7 @@ class Outputs:
             )
             for name, of_map in settings_by_map(settings).items()
         }
-        self._first = next((name for name in self._writers if name != MASK.name), MASK.name)
+        self._first = output_clashes.first_map(settings)
         self._tiles: dict[str, dict[int, np.ndarray]] = {name: {} for name in settings.drawn_maps}
         self._vertices: list[VertexMaps] = []
 

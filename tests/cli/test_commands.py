@@ -466,6 +466,17 @@ def test_the_saved_scene_shows_the_map(scene, output, blend, filepath):
         assert maps.pixels(shown(scene / "moved" / (scene / blend).name)).shape == (16, 16, 4)
 
 
+def test_the_saved_scene_shows_the_other_maps_too(scene):
+    more = ("--no-normal", "--maps", "height", "--connect-maps", "--no-material")
+    assert command.run([*BAKE, *more, "--output", "m.png", "--save-blend", "s.blend"]) == command.DONE
+    bpy.ops.wm.open_mainfile(filepath=str(scene / "s.blend"))
+    outputs = [material.node_tree.nodes["Material Output"] for material in bpy.data.materials]
+    (node,) = (link.from_node for output in outputs for link in output.inputs["Displacement"].links)
+    image = node.inputs["Height"].links[0].from_node.image
+    assert image.filepath == "//m_height.png"
+    assert maps.pixels(image).shape == (16, 16, 4)
+
+
 def test_the_scene_may_replace_its_own_file(scene):
     assert command.run([*BAKE, "--output", "m.png", "--save-blend", "scene/file.blend"]) == command.DONE
     assert tuple(shown(scene / "scene" / "file.blend").size) == (16, 16)

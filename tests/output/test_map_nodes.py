@@ -364,3 +364,43 @@ def test_the_group_has_the_inputs_that_the_exporters_own_has():
         for group in (own, theirs)
     ]
     assert inputs[0] == inputs[1]
+
+
+# Renders
+
+
+def rendered(low, kind, **options):
+    """The mean color of Cycles' bake of this type onto the low object."""
+    scene = bpy.context.scene
+    scene.render.engine, scene.cycles.samples, scene.cycles.use_denoising = "CYCLES", 1, False
+    image = bpy.data.images.new("rendered", SIZE, SIZE, float_buffer=True, is_data=True)
+    tree = low.active_material.node_tree
+    tree.nodes.active = add(tree, "ShaderNodeTexImage", image=image)
+    bpy.context.view_layer.objects.active = low
+    low.select_set(True)
+    bpy.ops.object.bake(type=kind, margin=0, **options)
+    texels = np.empty(SIZE * SIZE * 4, np.float32)
+    image.pixels.foreach_get(texels)
+    bpy.data.images.remove(image)
+    return texels.reshape(-1, 4)[:, :3].mean(axis=0)
+
+
+def test_cycles_shows_the_values_of_the_maps():
+    material, _, principled = make_material()
+    low = make_low(material)
+    image = make_image("mask", (0.0, 0.0, 0.0, 0.25))
+    base = MapImage(make_image("base", (0.5, 0.25, 0.75, 1.0), "sRGB"), "base_color", "Base Color")
+    glow = MapImage(make_image("glow", (0.5, 0.25, 1.0, 1.0)), "emission", "Emission", scale=3.0)
+    images = {
+        BASE_COLOR.name: base,
+        EMISSION.name: glow,
+        METALLIC.name: packed(image, "Red"),
+        ROUGHNESS.name: packed(image, "Alpha", is_inverted=True),
+    }
+    assert connect(low, images) == []
+    step = 0.5 / 255
+    linear = ((np.array((0.5, 0.25, 0.75)) + 0.055) / 1.055) ** 2.4
+    np.testing.assert_allclose(rendered(low, "ROUGHNESS"), 0.75, atol=step)
+    np.testing.assert_allclose(rendered(low, "EMIT"), np.array((0.5, 0.25, 1.0)) * 3.0, atol=3.0 * step)
+    principled.inputs["Specular IOR Level"].default_value = 0.0  # a specular layer takes light from the color
+    np.testing.assert_allclose(rendered(low, "DIFFUSE", pass_filter={"COLOR"}), linear, atol=2.3 * step)

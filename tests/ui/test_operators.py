@@ -389,6 +389,16 @@ def test_the_panel_shows_the_plan(pair):
     assert "ERROR" not in drawn.icons
 
 
+def test_the_plan_names_the_image_that_is_stored(pair):
+    select(*pair)
+    bpy.context.scene.imprint.normal = False
+    assert not can_bake(draw())  # no map is chosen
+    bpy.context.scene.imprint.maps = {"HEIGHT"}
+    drawn = draw()
+    assert can_bake(drawn)
+    assert "into a new image 'lo_normal_height'" in drawn.text
+
+
 @pytest.mark.parametrize("setting", ["offset_group", "straight_group"])
 def test_the_panel_names_a_group_that_the_low_object_lacks(pair, setting):
     low, high = pair

@@ -8,7 +8,7 @@ import bpy
 from ...core.declarations.choices import Method, Space
 from ...core.errors import BakeError, shorten_list
 from ...jobs import bake_jobs
-from ...output import map_names, map_storage
+from ...output import map_names, map_storage, output_clashes
 from ...scene import object_checks, vertex_weights
 from ..properties import ImprintSettings
 from ..translations.lookup import message
@@ -46,7 +46,9 @@ def plan(low: bpy.types.Object, highs: list[bpy.types.Object], settings: Imprint
         "low": repr(low.name),
         "highs": message("its own modifiers") if low in highs else ", ".join(repr(high.name) for high in highs),
     }
-    name = map_names.name_for(low.name, settings.to_settings())
+    filled = bake_jobs.for_low(settings.to_settings(), low.name)
+    shown = output_clashes.settings_by_map(filled)[output_clashes.first_map(filled)]
+    name = shown.image
     target = message("over the image {}") if bpy.data.images.get(name) else message("into a new image {}")
     parts = [
         space,
@@ -56,8 +58,7 @@ def plan(low: bpy.types.Object, highs: list[bpy.types.Object], settings: Imprint
     other = map_storage.replaced(name, [high.name for high in highs])
     if other:
         parts.append(message("which holds a map of {}").format(other))
-    filled = bake_jobs.for_low(settings.to_settings(), low.name)
-    file = os.path.basename(bpy.path.abspath(map_names.output_for(filled)))
+    file = os.path.basename(bpy.path.abspath(map_names.output_for(shown)))
     if file:
         parts.append(message("to the file {}").format(repr(file)))
     return f"{action.format(**objects)}: {', '.join(parts)}."

@@ -46,11 +46,17 @@ def bake(context: bpy.types.Context, reports: list[Report]) -> None:
     if area is None:
         return
     shading = area.spaces.active.shading
-    if shading.type == "SOLID" and all(report.settings.get("material") for report in reports):
+    if shading.type == "SOLID" and all(map(_is_in_material, reports)):
         shading.type = "MATERIAL"
     if shading.type in {"MATERIAL", "RENDERED"}:
         for report in reports:
             hide_high(context, report, True)
+
+
+def _is_in_material(report: Report) -> bool:
+    """Whether the bake put a map into the materials of its low object."""
+    settings = report.settings
+    return bool((settings.get("material") and settings.get("normal")) or settings.get("connect_maps"))
 
 
 def hide_high(context: bpy.types.Context, report: Report, hide: bool) -> None:
