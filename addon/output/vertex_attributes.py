@@ -175,9 +175,8 @@ def _nearest(uv: np.ndarray, is_known: np.ndarray) -> tuple[np.ndarray, np.ndarr
         return nearest_rows, nearest_columns, found
     steps = np.mgrid[-REACH : REACH + 1, -REACH : REACH + 1].reshape(2, -1).T
     around = np.stack([rows[left], columns[left]], axis=-1)[:, None] + steps
-    is_inside = ((around >= 0) & (around < (height, width))).all(axis=-1)
     around = np.clip(around, 0, (height - 1, width - 1))
-    is_there = is_known[around[..., 0], around[..., 1]] & is_inside
+    is_there = is_known[around[..., 0], around[..., 1]]
     distances = np.linalg.norm(around[..., ::-1] + 0.5 - places[left, None], axis=-1)
     best = np.where(is_there, distances, np.inf).argmin(axis=1)
     chosen = around[np.arange(len(left)), best]

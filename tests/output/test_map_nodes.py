@@ -198,11 +198,33 @@ def test_an_image_of_the_user_stays_in_its_node():
     assert texture.image.name == "Paint"
 
 
+def test_other_inputs_of_the_same_reroute_keep_the_image_of_the_user():
+    material, tree, principled = make_material()
+    texture, dot = add(tree, "ShaderNodeTexImage", image=make_image("Paint")), add(tree, "NodeReroute")
+    tree.links.new(texture.outputs["Color"], dot.inputs[0])
+    for name in ("Base Color", "Emission Color"):
+        tree.links.new(dot.outputs[0], principled.inputs[name])
+    connect(make_low(material), {BASE_COLOR.name: of(BASE_COLOR)})
+    assert source(principled.inputs["Base Color"], "TexImage").image.name == "base_color"
+    assert principled.inputs["Emission Color"].links[0].from_node == dot
+    assert dot.inputs[0].links[0].from_node == texture
+
+
+def test_reroutes_are_followed():
+    material, tree, principled = make_material()
+    dot = add(tree, "NodeReroute")
+    tree.links.new(dot.outputs[0], principled.inputs["Base Color"])
+    connect(make_low(material), {BASE_COLOR.name: of(BASE_COLOR)})
+    assert principled.inputs["Base Color"].links[0].from_node == dot
+    assert source(dot.inputs[0], "TexImage").image.name == "base_color"
+
+
 def test_other_nodes_at_an_input_do_not_change():
     material, tree, principled = make_material()
     ramp = add(tree, "ShaderNodeValToRGB")
     texture = add(tree, "ShaderNodeTexImage", mute=True)
     invert = add(tree, "ShaderNodeMath")  # without a mark, it is not known to be 1 - value
+    tree.links.new(add(tree, "ShaderNodeTexImage").outputs["Color"], invert.inputs[1])
     tree.links.new(ramp.outputs["Color"], principled.inputs["Base Color"])
     tree.links.new(texture.outputs["Color"], principled.inputs["Metallic"])
     tree.links.new(invert.outputs["Value"], principled.inputs["Roughness"])

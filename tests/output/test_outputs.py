@@ -250,6 +250,16 @@ def test_alpha_that_holds_a_map_is_dithered_as_a_color():
     assert abs(alpha.mean() - (255 - 100.25)) < 0.05
 
 
+def test_colors_are_dithered_also_where_such_an_alpha_is_0():
+    level = np.full((HEIGHT, WIDTH, 4), 100.25 / 255, np.float32)
+    level[..., 3] = 1.0
+    rough = np.ones_like(level)
+    store({"METALLIC": level, "ROUGHNESS": rough, "AO": level}, pack="URP", depth=8, dither=True)
+    found = pixels(bpy.data.images["map_metallic_smoothness"])
+    assert (found[..., 3] == 0.0).all()
+    assert abs(found[..., 0].mean() * 255 - 100.25) < 0.05
+
+
 # Without a normal map
 
 

@@ -94,6 +94,17 @@ def test_corners_get_the_texels_inside_their_own_faces():
     assert (found[:, 2:] == (0.5, 1.0)).all()
 
 
+def test_corners_of_touching_islands_do_not_get_the_texels_of_the_other():
+    left = [(0.0, 0.0), (0.25, 0.0), (0.25, 0.25), (0.0, 0.25)]
+    low = make_low([(0, 1, 2, 3), (1, 4, 5, 2)], [*left, *((u + 0.25, v) for u, v in left)])
+    texels = ramps(np.ones((SIZE, SIZE), bool))
+    texels[..., :3] = 1.0
+    texels[:, SIZE // 4 :, :3] = 2.0
+    texels[SIZE // 4 :, :, :3] = 3.0
+    sample(low, {1001: {"AO": texels}})
+    assert values(low, "ao")[2][:, 0].tolist() == [1.0] * 4 + [2.0] * 4
+
+
 def test_vertices_get_the_mean_of_their_corners():
     low = two_islands()
     sample(low, {1001: {"BASE_COLOR": ramps(islands(*BOXES))}}, "CORNER")
