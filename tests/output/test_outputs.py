@@ -329,3 +329,53 @@ def test_maps_that_no_input_takes_change_no_material():
     low = bpy.data.objects.new("Low", bpy.data.meshes.new("Low"))
     assert connect_maps(low, stored.maps, "", space="TANGENT", single_user=False) == []
     assert len(low.material_slots) == 0
+
+
+# UDIM tiles
+
+
+@pytest.mark.parametrize(
+    ("storage", "depth", "space"),
+    [("FILE", 8, "sRGB"), ("FILE", 16, "sRGB"), ("PACK", 8, "sRGB"), ("PACK", 32, "Linear Rec.709")],
+)
+def test_tiles_of_colors_and_of_packed_images_21(tmp_path, storage, depth, space):
+    output = str(tmp_path / "m.<UDIM>.png") if storage == "FILE" else ""
+    settings = Settings(
+        width=WIDTH,
+        height=HEIGHT,
+        image="map",
+        udim=True,
+        storage=storage,
+        output=output,
+        depth=depth,
+        maps=("BASE_COLOR",),
+        pack="URP",
+    )
+    settings.check()
+    state = np.full((HEIGHT, WIDTH), texel_state.WRITTEN, np.uint8)
+    tiles = {}
+    with Outputs(settings) as outputs:
+        for tile in (1001, 1002):
+            drawn = {NORMAL.name: values(0), "BASE_COLOR": values(21 + tile)}
+            drawn |= {name: gray(seed + tile) for name, seed in SOURCES.items()}
+            tiles[tile] = {name: texels.copy() for name, texels in drawn.items()}
+            outputs.add(tile, {name: (texels, state) for name, texels in drawn.items()})
+        stored = outputs.commit(LABELS, [])
+    colors = bpy.data.images[stored.maps["base_color"]["image"]]
+    mask = bpy.data.images[stored.maps["packed"]["image"]]
+    assert (colors.colorspace_settings.name, mask.colorspace_settings.name) == (space, "Non-Color")
+    for image in (colors, mask):
+        assert (image.source, image.alpha_mode) == ("TILED", "CHANNEL_PACKED")
+        assert [tile.number for tile in image.tiles] == [1001, 1002]
+    if storage == "FILE":
+        for tile, maps in tiles.items():
+            found = read(tmp_path / f"m_base_color.{tile}.png")[..., :3]
+            np.testing.assert_allclose(
+                found, value_encoding.to_srgb(maps["BASE_COLOR"][..., :3]), atol=STEP_8 if depth == 8 else STEP_16
+            )
+            alpha = read(tmp_path / f"m_metallic_smoothness.{tile}.png")[:, :-1, 3]
+            np.testing.assert_allclose(alpha, 1 - maps["ROUGHNESS"][:, :-1, 0], atol=STEP_8 if depth == 8 else STEP_16)
+    else:
+        first = tiles[1001]["BASE_COLOR"][..., :3]
+        expected = value_encoding.to_srgb(first) if depth == 8 else first
+        np.testing.assert_allclose(pixels(colors)[..., :3], expected, atol=STEP_8 if depth == 8 else CURVE)
