@@ -43,34 +43,42 @@ bool footprint_has(ivec2 place)
   return all(greaterThanEqual(place, ivec2(0))) && all(lessThan(place, texel_size(hits)));
 }
 
-// The step in UVs along the plane of the hit's triangle, for the shorter one of the steps in space to both neighbors.
-// z is 1, or -1 if there is no neighbor.
-vec3 footprint_in_plane(ivec2 texel, ivec2 axis, uvec4 hit, vec4 first, vec4 last)
+// The step in UVs from a texel to the next one along `axis`, by the plane of the hit's own triangle and the shorter one of the
+// steps in space to both neighbors. z is 1, or -1 if there is no neighbor.
+vec3 footprint_in_plane(ivec2 texel, ivec2 axis, vec4 first, vec4 last)
 {
-  int corner = hit_triangle(hit) * 3;
-  vec3 origin = texel_at(corners, texture_place(corner)).xyz;
-  vec3 edge1 = texel_at(corners, texture_place(corner + 1)).xyz - origin;
-  vec3 edge2 = texel_at(corners, texture_place(corner + 2)).xyz - origin;
-  vec2 weights = hit_weights(hit);
+  vec3 point = vec3(0.0);
+  vec3 edge1 = vec3(0.0);
+  vec3 edge2 = vec3(0.0);
   vec3 offset = vec3(0.0);
   float least = 1e30;
-  for (int side = -1; side <= 1; side += 2) {
+  // The hit itself, then its neighbors.
+  for (int side = 0; side >= -1; side = side == 0 ? 1 : side - 2) {
     ivec2 place = texel + axis * side;
-    if (footprint_has(place)) {
-      uvec4 other = texel_at(hits, place);
-      int its_corner = max(hit_triangle(other), 0) * 3;
-      vec2 its_weights = hit_weights(other);
-      vec3 its_origin = texel_at(corners, texture_place(its_corner)).xyz;
-      vec3 its_edge1 = texel_at(corners, texture_place(its_corner + 1)).xyz - its_origin;
-      vec3 its_edge2 = texel_at(corners, texture_place(its_corner + 2)).xyz - its_origin;
-      vec3 to_other = its_origin - origin + its_edge1 * its_weights.x + its_edge2 * its_weights.y - edge1 * weights.x -
-                      edge2 * weights.y;
-      if (!hit_missed(other) && dot(to_other, to_other) < least) {
-        least = dot(to_other, to_other);
-        offset = to_other * float(side);
-      }
+    uvec4 other = texel_at(hits, clamp(place, ivec2(0), texel_size(hits) - 1));
+    int corner = max(hit_triangle(other), 0) * 3;
+    vec2 weights = hit_weights(other);
+    vec3 origin = texel_at(corners, texture_place(corner)).xyz;
+    vec3 its_edge1 = texel_at(corners, texture_place(corner + 1)).xyz - origin;
+    vec3 its_edge2 = texel_at(corners, texture_place(corner + 2)).xyz - origin;
+    vec3 its_point = origin + its_edge1 * weights.x + its_edge2 * weights.y;
+    vec3 apart = its_point - point;
+    if (side == 0) {
+      point = its_point;
+      edge1 = its_edge1;
+      edge2 = its_edge2;
+    }
+    else if (footprint_has(place) && !hit_missed(other) && dot(apart, apart) < least) {
+      least = dot(apart, apart);
+      offset = apart * float(side);
     }
   }
+  // Scaled first: the square of the area of a small triangle is 0 in single precision.
+  float largest = max(dot(edge1, edge1), dot(edge2, edge2));
+  float scale = largest > 0.0 ? inversesqrt(largest) : 0.0;
+  edge1 *= scale;
+  edge2 *= scale;
+  offset *= scale;
   vec3 normal = cross(edge1, edge2);
   float square = dot(normal, normal);
   if (!(square > 0.0) || least == 1e30) {
@@ -81,53 +89,43 @@ vec3 footprint_in_plane(ivec2 texel, ivec2 axis, uvec4 hit, vec4 first, vec4 las
   return vec3(along, 1.0);
 }
 
-// The step in pixels from a texel to the next one along `axis`; z is negative if no neighbor tells it. Across a seam, UVs jump:
-// then the neighbor on the other side counts, or the plane of the triangle.
-vec3 footprint_step(ivec2 texel, ivec2 axis, uvec4 hit, vec2 uv, vec4 first, vec4 last, mat2 to_pixels)
-{
-  vec3 shorter = vec3(0.0, 0.0, -1.0);
-  float least = 1e30;
-  for (int side = -1; side <= 1; side += 2) {
-    ivec2 place = texel + axis * side;
-    if (footprint_has(place)) {
-      uvec4 other = texel_at(hits, place);
-      int triangle = max(hit_triangle(other), 0);
-      vec4 its_first = texel_at(uvs, texture_place(triangle * 2));
-      vec4 its_last = texel_at(uvs, texture_place(triangle * 2 + 1));
-      vec2 apart = to_pixels * (footprint_uv(other, its_first, its_last) - uv) * float(side);
-      if (!hit_missed(other) && int(its_last.z) == int(last.z)) {
-        // On the same triangle there is no seam.
-        float size = triangle == hit_triangle(hit) ? -1.0 : length(apart);
-        shorter = size < least ? vec3(apart, 1.0) : shorter;
-        least = min(size, least);
-      }
-    }
-  }
-  int is_unsure = int(least > FOOTPRINT_JUMP);
-  for (int i = 0; i < is_unsure; i++) {
-    vec3 in_plane = footprint_in_plane(texel, axis, hit, first, last);
-    in_plane.xy = to_pixels * in_plane.xy;
-    shorter = in_plane.z > 0.0 && least > length(in_plane.xy) * FOOTPRINT_UNEVEN ? in_plane : shorter;
-  }
-  return shorter;
-}
-
-// The steps in pixels to the next texel to the right and to the one above, in columns.
+// The steps in pixels to the next texel to the right and to the one above, in columns. Across a seam, UVs jump: then the
+// neighbor on the other side counts, or the plane of the triangle.
 mat2 footprint_of(ivec2 texel, uvec4 hit, vec2 uv, vec4 first, vec4 last, mat2 to_pixels)
 {
-  vec3 right = vec3(0.0);
-  vec3 above = vec3(0.0);
-  for (int i = 0; i < 2; i++) {
-    vec3 found = footprint_step(texel, ivec2(1 - i, i), hit, uv, first, last, to_pixels);
-    right = i == 0 ? found : right;
-    above = found;
+  // z is the length, less than 0 on the same triangle, where there is no seam; or 1e30 if no neighbor tells the step.
+  vec3 right = vec3(0.0, 0.0, 1e30);
+  vec3 above = vec3(0.0, 0.0, 1e30);
+  for (int side = 0; side < 4; side++) {
+    ivec2 axis = ivec2(1 - side / 2, side / 2);
+    int direction = 1 - 2 * (side % 2);
+    ivec2 place = texel + axis * direction;
+    uvec4 other = texel_at(hits, clamp(place, ivec2(0), texel_size(hits) - 1));
+    int triangle = max(hit_triangle(other), 0);
+    vec4 its_first = texel_at(uvs, texture_place(triangle * 2));
+    vec4 its_last = texel_at(uvs, texture_place(triangle * 2 + 1));
+    vec2 apart = to_pixels * (footprint_uv(other, its_first, its_last) - uv) * float(direction);
+    bool counts = footprint_has(place) && !hit_missed(other) && int(its_last.z) == int(last.z);
+    vec3 found = vec3(apart, triangle == hit_triangle(hit) ? -1.0 : length(apart));
+    right = counts && side < 2 && found.z < right.z ? found : right;
+    above = counts && side >= 2 && found.z < above.z ? found : above;
+  }
+  // Steps that are short do not show, even if they are wrong.
+  int start = right.z > FOOTPRINT_JUMP ? 0 : 1;
+  int end = above.z > FOOTPRINT_JUMP ? 2 : 1;
+  for (int i = start; i < end; i++) {
+    vec3 in_plane = footprint_in_plane(texel, ivec2(1 - i, i), first, last);
+    vec2 apart = to_pixels * in_plane.xy;
+    float most = in_plane.z > 0.0 ? length(apart) * FOOTPRINT_UNEVEN : 1e30;
+    right = i == 0 && right.z > most ? vec3(apart, 0.0) : right;
+    above = i == 1 && above.z > most ? vec3(apart, 0.0) : above;
   }
   // Without neighbors along one axis, the texel counts as square.
-  if (right.z < 0.0) {
-    right = vec3(above.y, -above.x, 0.0);
+  if (right.z == 1e30) {
+    right.xy = vec2(above.y, -above.x);
   }
-  if (above.z < 0.0) {
-    above = vec3(-right.y, right.x, 0.0);
+  if (above.z == 1e30) {
+    above.xy = vec2(-right.y, right.x);
   }
   return mat2(right.xy, above.xy);
 }

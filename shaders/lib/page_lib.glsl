@@ -63,12 +63,13 @@ vec4 page_full(vec2 uv)
   ivec4 pixels;
   vec4 weights;
   page_around(place, size, pixels, weights);
-  return page_color_linear((page_color_weighed(texelFetch(page, pixels.xy, 0)) * weights.x +
-                            page_color_weighed(texelFetch(page, pixels.zy, 0)) * weights.z) *
-                               weights.y +
-                           (page_color_weighed(texelFetch(page, pixels.xw, 0)) * weights.x +
-                            page_color_weighed(texelFetch(page, pixels.zw, 0)) * weights.z) *
-                               weights.w);
+  vec4 sum = vec4(0.0);
+  for (int corner = 0; corner < 4; corner++) {
+    ivec2 pixel = ivec2(corner % 2 == 0 ? pixels.x : pixels.z, corner < 2 ? pixels.y : pixels.w);
+    float weight = (corner % 2 == 0 ? weights.x : weights.z) * (corner < 2 ? weights.y : weights.w);
+    sum += page_color_weighed(texelFetch(page, pixel, 0)) * weight;
+  }
+  return page_color_linear(sum);
 }
 
 // A level from 1 on, interpolated.
@@ -83,9 +84,13 @@ vec4 page_level(vec2 uv, int level)
   ivec4 pixels;
   vec4 weights;
   page_around(page_wrapped(uv) * vec2(size) - 0.5, size, pixels, weights);
-  pixels += ivec4(origin, origin);
-  return (texelFetch(levels, pixels.xy, 0) * weights.x + texelFetch(levels, pixels.zy, 0) * weights.z) * weights.y +
-         (texelFetch(levels, pixels.xw, 0) * weights.x + texelFetch(levels, pixels.zw, 0) * weights.z) * weights.w;
+  vec4 sum = vec4(0.0);
+  for (int corner = 0; corner < 4; corner++) {
+    ivec2 pixel = ivec2(corner % 2 == 0 ? pixels.x : pixels.z, corner < 2 ? pixels.y : pixels.w);
+    float weight = (corner % 2 == 0 ? weights.x : weights.z) * (corner < 2 ? weights.y : weights.w);
+    sum += texelFetch(levels, origin + pixel, 0) * weight;
+  }
+  return sum;
 }
 
 // The axes of the ellipse that a footprint, columns in pixels, makes of a circle of one texel: xy is the longer one, in
