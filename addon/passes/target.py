@@ -225,10 +225,16 @@ def fill(target: Target, program: Program, rows: range | None = None, **bindings
 
 def dispatch(program: Program, width: int, rows: range, **bindings) -> None:
     """Run `program`'s compute shader on these rows of `width` texels; `bindings` as in `bind`, less first_row."""
+    groups = -(-width // program.group[0]), -(-len(rows) // program.group[1])
+    dispatch_groups(program, groups, first_row=rows.start, **bindings)
+
+
+def dispatch_groups(program: Program, groups: tuple[int, int], **bindings) -> None:
+    """Run so many workgroups of `program`'s compute shader, across and up; `bindings` as in `bind`."""
     compiled = shader.load(program)
     compiled.bind()
-    bind(compiled, program, first_row=rows.start, **bindings)
-    gpu.compute.dispatch(compiled, -(-width // program.group[0]), -(-len(rows) // program.group[1]), 1)
+    bind(compiled, program, **bindings)
+    gpu.compute.dispatch(compiled, *groups, 1)
 
 
 def bind(compiled: gpu.types.GPUShader, program: Program, **bindings) -> None:

@@ -1,12 +1,13 @@
 // Adds what a page shows at each hit on a material that it feeds to the sums of a map. row_u.w: the width of a sample, in
 // texels. tile: the UDIM tile that the page is, or 0 for a single image.
 #include "lib/footprint_lib.glsl"
+#include "lib/served_lib.glsl"
 #include "lib/page_lib.glsl"
 #include "lib/channel_lib.glsl"
 
 void main()
 {
-  ivec2 texel = ivec2(gl_GlobalInvocationID.xy) + ivec2(0, first_row);
+  ivec2 texel = served_texel();
   if (any(greaterThanEqual(texel, texel_size(hits)))) {
     return;
   }

@@ -1,13 +1,14 @@
 // Turns the normals at hits as a bump map of the high mesh says, as Cycles' Bump node does. row_u.w: the width of a sample, in
 // texels; row_v.w: the strength. rise: how far the value 1 is out, in the units of the corners.
 #include "lib/footprint_lib.glsl"
+#include "lib/served_lib.glsl"
 #include "lib/page_lib.glsl"
 #include "lib/channel_lib.glsl"
 #include "lib/normal_space_lib.glsl"
 
 void main()
 {
-  ivec2 texel = ivec2(gl_GlobalInvocationID.xy) + ivec2(0, first_row);
+  ivec2 texel = served_texel();
   if (any(greaterThanEqual(texel, texel_size(hits)))) {
     return;
   }

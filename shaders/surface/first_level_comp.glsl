@@ -12,9 +12,11 @@ void main()
   }
   vec3 across = page_level_weights(texel.x, size.x);
   vec3 up = page_level_weights(texel.y, size.y);
+  // Only odd sides have a part of a third pixel.
+  ivec2 start = 1 - size % 2;
   vec4 sum = vec4(0.0);
-  for (int j = 0; j < 3; j++) {
-    for (int i = 0; i < 3; i++) {
+  for (int j = start.y; j < 3; j++) {
+    for (int i = start.x; i < 3; i++) {
       float weight = across[i] * up[j];
       if (weight > 0.0) {
         sum += weight * page_color_linear(page_color_weighed(texelFetch(page, texel * 2 + ivec2(i, j) - 1, 0)));

@@ -11,9 +11,11 @@ void main()
   vec3 across = page_level_weights(texel.x, int(source.z));
   vec3 up = page_level_weights(texel.y, int(source.w));
   ivec2 corner = ivec2(source.xy) + texel * 2 - 1;
+  // Only odd sides have a part of a third pixel.
+  ivec2 start = 1 - ivec2(source.zw) % 2;
   vec4 sum = vec4(0.0);
-  for (int j = 0; j < 3; j++) {
-    for (int i = 0; i < 3; i++) {
+  for (int j = start.y; j < 3; j++) {
+    for (int i = start.x; i < 3; i++) {
       float weight = across[i] * up[j];
       if (weight > 0.0) {
         sum += weight * imageLoad(levels, corner + ivec2(i, j));

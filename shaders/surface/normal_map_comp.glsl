@@ -1,6 +1,7 @@
 // Turns the normals at hits as a tangent-space normal map of the high mesh says, as Cycles' Normal Map node does. row_u.w: the
 // width of a sample, in texels; row_v.w: the strength.
 #include "lib/footprint_lib.glsl"
+#include "lib/served_lib.glsl"
 #include "lib/page_lib.glsl"
 #include "lib/normal_space_lib.glsl"
 
@@ -9,7 +10,7 @@ const int GREEN_DOWN = 8;
 
 void main()
 {
-  ivec2 texel = ivec2(gl_GlobalInvocationID.xy) + ivec2(0, first_row);
+  ivec2 texel = served_texel();
   if (any(greaterThanEqual(texel, texel_size(hits)))) {
     return;
   }

@@ -9,7 +9,10 @@ from typing import TYPE_CHECKING
 from ...core.material_feeds import Extension, ImageFeed
 from .. import target
 from ..program import Program
+from . import served_blocks
 from .image_page import Page
+from .material_table import MaterialTable
+from .served_blocks import Blocks
 
 if TYPE_CHECKING:
     import gpu
@@ -21,6 +24,7 @@ ADD_IMAGE = Program(
         ("RGBA32F", "FLOAT_2D", "uvs"),
         ("RGBA32F", "FLOAT_2D", "corners"),
         ("RGBA32F", "FLOAT_2D", "materials"),
+        ("RGBA32F", "FLOAT_2D", "blocks"),
     ),
     samplers=(("FLOAT_2D", "page"), ("FLOAT_2D", "levels")),
     images=(("RGBA32F", "FLOAT_2D", "sums", "READ WRITE"),),
@@ -29,7 +33,6 @@ ADD_IMAGE = Program(
         ("VEC4", "row_v"),
         ("VEC4", "scale"),
         ("VEC4", "offset"),
-        ("INT", "first_row"),
         ("INT", "feed"),
         ("INT", "tile"),
         ("INT", "channel"),
@@ -53,30 +56,30 @@ def add_image(
     *,
     corners: gpu.types.GPUTexture,
     uvs: gpu.types.GPUTexture,
-    materials: gpu.types.GPUTexture,
+    materials: MaterialTable,
     tile: int | None = None,
     samples: int = 1,
-    rows: range | None = None,
+    blocks: Blocks | None = None,
 ) -> None:
     """Add what `page` shows to `sums` (RGBA32F), and 1 to its alpha, where the hit's material has this feed's `number`.
 
     hits: RGBA32UI, as shaders/lib/hit_lib.glsl reads it. corners: of cast.Tables. uvs: from corner_tables.upload_uvs, of the
     feed's layer. materials: from material_table.upload. tile: the UDIM tile that the page is; only hits in it count. Pixels
     are averaged over the footprint of a texel, from the hits beside it, divided by the square root of `samples`.
-    rows: the rows to write; all without.
+    blocks: from served_blocks.find, for the same hits: without, the pass runs on the whole map.
     """
-    target.dispatch(
+    served_blocks.dispatch(
         ADD_IMAGE,
-        sums.width,
-        rows or range(sums.height),
+        (sums.width, sums.height),
+        blocks,
+        materials,
+        number,
         sums=sums.texture,
         hits=hits.texture,
         corners=corners,
         uvs=uvs,
-        materials=materials,
         scale=(*feed.scale, 0.0),
         offset=(*feed.offset, 0.0),
-        feed=number,
         channel=channel_number(feed.channel),
         **bindings(page, feed, tile, 1.0 / math.sqrt(samples)),
     )

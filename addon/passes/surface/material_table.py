@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,7 +19,15 @@ UNKNOWN = -1
 """The number of a material that the map cannot show."""
 
 
-def upload(feeds: np.ndarray, colors: np.ndarray | None = None) -> gpu.types.GPUTexture:
+@dataclass(frozen=True)
+class MaterialTable:
+    """feeds (M,) int: the number of each material's feed. texture: the same with constants, for shaders."""
+
+    feeds: np.ndarray
+    texture: gpu.types.GPUTexture
+
+
+def upload(feeds: np.ndarray, colors: np.ndarray | None = None) -> MaterialTable:
     """Upload one texel for each material number, from 0.
 
     feeds (M,) int: CONSTANT, UNKNOWN, or the number of a feed, at most 2^24. colors (M, 3) float32: the constants.
@@ -28,4 +37,4 @@ def upload(feeds: np.ndarray, colors: np.ndarray | None = None) -> gpu.types.GPU
     texels[: len(feeds), 3] = feeds
     if colors is not None:
         texels[: len(feeds), :3] = colors
-    return data_texture.upload(texels)
+    return MaterialTable(np.asarray(feeds), data_texture.upload(texels))

@@ -9,6 +9,7 @@ from ...core.material_feeds import AttributeFeed
 from .. import target
 from ..program import Program
 from .image_look_up import channel_number
+from .material_table import MaterialTable
 
 if TYPE_CHECKING:
     import gpu
@@ -43,7 +44,7 @@ def add_constants(
     normals: gpu.types.GPUTexture,
     *,
     labels: gpu.types.GPUTexture,
-    materials: gpu.types.GPUTexture,
+    materials: MaterialTable,
     is_first: bool,
     rows: range | None = None,
 ) -> None:
@@ -60,7 +61,7 @@ def add_constants(
         hits=hits.texture,
         normals=normals,
         labels=labels,
-        materials=materials,
+        materials=materials.texture,
         is_first=int(is_first),
     )
 
@@ -73,7 +74,7 @@ def add_attribute(
     number: int,
     *,
     labels: gpu.types.GPUTexture,
-    materials: gpu.types.GPUTexture,
+    materials: MaterialTable,
     rows: range | None = None,
 ) -> None:
     """Add `values`, from corner_tables.upload_values, to `sums` where the hit's material has this feed's `number`.
@@ -88,7 +89,7 @@ def add_attribute(
         hits=hits.texture,
         labels=labels,
         values=values,
-        materials=materials,
+        materials=materials.texture,
         scale=(*feed.scale, 0.0),
         offset=(*feed.offset, 0.0),
         feed=number,

@@ -11,8 +11,11 @@ import numpy as np
 from ...core.material_feeds import LUMINANCE, BumpFeed, NormalMapFeed
 from .. import shader, target
 from ..program import Program
+from . import served_blocks
 from .image_look_up import bindings, channel_number
 from .image_page import Page
+from .material_table import MaterialTable
+from .served_blocks import Blocks
 
 if TYPE_CHECKING:
     import gpu
@@ -25,6 +28,7 @@ NORMAL_MAP = Program(
         ("RGBA32F", "FLOAT_2D", "corners"),
         ("RGBA32F", "FLOAT_2D", "tangents"),
         ("RGBA32F", "FLOAT_2D", "materials"),
+        ("RGBA32F", "FLOAT_2D", "blocks"),
     ),
     samplers=(("FLOAT_2D", "page"), ("FLOAT_2D", "levels")),
     images=(("RGBA32F", "FLOAT_2D", "normals", "READ WRITE"),),
@@ -32,7 +36,6 @@ NORMAL_MAP = Program(
         ("MAT4", "to_space"),
         ("VEC4", "row_u"),
         ("VEC4", "row_v"),
-        ("INT", "first_row"),
         ("INT", "feed"),
         ("INT", "tile"),
         ("INT", "page_flags"),
@@ -46,6 +49,7 @@ BUMP = Program(
         ("RGBA32F", "FLOAT_2D", "uvs"),
         ("RGBA32F", "FLOAT_2D", "corners"),
         ("RGBA32F", "FLOAT_2D", "materials"),
+        ("RGBA32F", "FLOAT_2D", "blocks"),
     ),
     samplers=(("FLOAT_2D", "page"), ("FLOAT_2D", "levels")),
     images=(("RGBA32F", "FLOAT_2D", "normals", "READ WRITE"),),
@@ -54,7 +58,6 @@ BUMP = Program(
         ("VEC4", "row_u"),
         ("VEC4", "row_v"),
         ("FLOAT", "rise"),
-        ("INT", "first_row"),
         ("INT", "feed"),
         ("INT", "tile"),
         ("INT", "channel"),
@@ -76,11 +79,11 @@ def apply_normal_map(
     corners: gpu.types.GPUTexture,
     uvs: gpu.types.GPUTexture,
     tangents: gpu.types.GPUTexture,
-    materials: gpu.types.GPUTexture,
+    materials: MaterialTable,
     to_space: np.ndarray,
     tile: int | None = None,
     samples: int = 1,
-    rows: range | None = None,
+    blocks: Blocks | None = None,
 ) -> None:
     """Turn `normals` (RGBA32F), as cast.look_up wrote them, in place where the hit's material has this feed's `number`.
 
@@ -89,18 +92,18 @@ def apply_normal_map(
     """
     bound = bindings(page, feed.image, tile, 1.0 / math.sqrt(samples), feed.strength)
     bound["page_flags"] |= feed.is_green_down * GREEN_DOWN
-    target.dispatch(
+    served_blocks.dispatch(
         NORMAL_MAP,
-        normals.width,
-        rows or range(normals.height),
+        (normals.width, normals.height),
+        blocks,
+        materials,
+        number,
         normals=normals.texture,
         hits=hits.texture,
         corners=corners,
         uvs=uvs,
         tangents=tangents,
-        materials=materials,
         to_space=shader.mat4(to_space),
-        feed=number,
         **bound,
     )
 
@@ -114,12 +117,12 @@ def apply_bump(
     *,
     corners: gpu.types.GPUTexture,
     uvs: gpu.types.GPUTexture,
-    materials: gpu.types.GPUTexture,
+    materials: MaterialTable,
     to_space: np.ndarray,
     unit: float,
     tile: int | None = None,
     samples: int = 1,
-    rows: range | None = None,
+    blocks: Blocks | None = None,
 ) -> None:
     """Turn `normals` in place by heights, after the normal map `below`.
 
@@ -127,18 +130,18 @@ def apply_bump(
     `apply_normal_map`.
     """
     channel = LUMINANCE if feed.image.channel is None else feed.image.channel
-    target.dispatch(
+    served_blocks.dispatch(
         BUMP,
-        normals.width,
-        rows or range(normals.height),
+        (normals.width, normals.height),
+        blocks,
+        materials,
+        number,
         normals=normals.texture,
         hits=hits.texture,
         corners=corners,
         uvs=uvs,
-        materials=materials,
         to_space=shader.mat4(to_space),
         rise=feed.distance * feed.image.scale[0] / unit,
-        feed=number,
         channel=channel_number(channel),
         **bindings(page, feed.image, tile, 1.0 / math.sqrt(samples), max(feed.strength, 0.0)),
     )

@@ -1,0 +1,11 @@
+// The texel that a lane works on, where a pass runs only on some blocks of a map. `blocks` lists them by column and row;
+// addon/passes/surface/served_blocks.py finds them. A workgroup is a square of 8 x 8 texels.
+
+const int SERVED_BLOCK = 32;
+
+ivec2 served_texel()
+{
+  ivec2 group = ivec2(gl_WorkGroupID.xy);
+  ivec2 block = ivec2(texel_at(blocks, texture_place(group.y)).xy);
+  return block * SERVED_BLOCK + ivec2(group.x % 4, group.x / 4) * 8 + ivec2(gl_LocalInvocationID.xy);
+}
