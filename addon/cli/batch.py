@@ -26,6 +26,7 @@ from ..output.files.atomic_file import all_or_none, check_writable, replacing
 from ..scene import object_checks, object_refs
 from . import batch_results, input_checks, interruption, memory_check, run_clashes, scene_files, standard_streams
 from .batch_results import Result
+from .mesh_files.importers import Space
 from .scene_files import Stage
 from .terminal_progress import Meter
 from .usage import arguments
@@ -110,7 +111,7 @@ class Opened:
     problems: list[str]
     """What is wrong with names."""
     notes: list[str]
-    """Sentences about files that are missing."""
+    """Sentences about files that are missing, and about coordinates that were rounded."""
     hints: list[str]
     """Why low and high meshes may not fit, in sentences. Meshes that share their UV layout need not."""
 
@@ -144,7 +145,9 @@ def open_files(plan: Plan, stage: Stage, files: run_clashes.Run, meter: Meter) -
     jobs, problems = _jobs(options, stage)
     files.opened(plan.name, options, [bake_jobs.ATLAS] if _share_image(options) else [job.low.name for job in jobs])
     notes = input_checks.check_pages(options, settings, jobs)
-    return Opened(name, options, settings, jobs, problems, notes, input_checks.fit_hints(options, jobs))
+    hints = input_checks.fit_hints(options, jobs)
+    notes += input_checks.rounded_coordinates(options, jobs)
+    return Opened(name, options, settings, jobs, problems, notes, hints)
 
 
 def run(opened: Opened, stage: Stage, meter: Meter) -> Result:
@@ -249,12 +252,13 @@ def _start_gpu() -> None:
 def _jobs(options: argparse.Namespace, stage: Stage) -> tuple[list[Job], list[str]]:
     """The jobs, ready in the scene, and sentences about what is wrong with names."""
     if options.low_file:
-        job = stage.job(options.low_file, options.high_file, options.cage_file, options.origin)
+        space = Space(options.origin)
+        job = stage.job(options.low_file, options.high_file, options.cage_file, space, options.high_up or "")
         if not options.high_file:
             _check_own_high(job.low, "--high-file")
         return [job], []
     if options.file:
-        stage.open(options.file, options.origin)
+        stage.open(options.file, Space(options.origin))
     elif not bpy.data.filepath:
         raise BakeError("There is no scene to bake: give a FILE, or mesh files with --low-file and --high-file.")
     else:

@@ -57,8 +57,23 @@ def fit_hints(options: argparse.Namespace, jobs: Sequence[Job]) -> list[str]:
             hint = placement.hint(_box(job.low), np.array([corners.min(axis=0), corners.max(axis=0)]))
             if hint and "offsets" in hint and options.origin is None:
                 hint += " --origin X,Y,Z moves files that are far away to where the low mesh is."
+            if hint and "turned" in hint and options.high_file and not options.high_up:
+                hint += " --high-up names the axis that points up in the high file."
             found.append(hint)
     return list(dict.fromkeys(filter(None, found)))
+
+
+def rounded_coordinates(options: argparse.Namespace, jobs: Sequence[Job]) -> list[str]:
+    """Sentences about meshes of files whose coordinates were rounded, far from the origin."""
+    if not (options.low_file or options.file):
+        return []
+    found = []
+    for obj in dict.fromkeys(obj for job in jobs for obj in (job.low, *job.highs) if obj.type == "MESH"):
+        corners = np.array(obj.bound_box, np.float64)
+        box = np.array([corners.min(axis=0), corners.max(axis=0)])
+        text = placement.rounding(box, np.array(obj.matrix_world, np.float64)[:3, 3])
+        found += [f"{obj.name!r} {text}"] if text else []
+    return found
 
 
 def _of_materials(settings: Settings) -> list[str]:

@@ -4,6 +4,7 @@
 import os
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
@@ -14,36 +15,36 @@ from ..jobs.job import Job
 from ..output.files.atomic_file import reason
 from ..scene.visibility import put
 from . import interruption, standard_streams
-from .mesh_files.importers import ENDINGS, IMPORTERS, import_file
+from .mesh_files.importers import ENDINGS, IMPORTERS, PLAIN, Space, import_file
 
 
 class Stage:
     """The scene to bake in, which is changed only when other files are wanted."""
 
     def __init__(self):
-        self._open: tuple[list[Path], Sequence[float] | None] = [], None
+        self._open: tuple[list[Path], Space] = [], PLAIN
         self.notes: list[str] = []
         """Sentences about what is left out of the open files."""
         self._held = ExitStack()
         """Restores the simulation caches."""
 
-    def open(self, names: Sequence[str], origin: Sequence[float] | None = None) -> None:
+    def open(self, names: Sequence[str], space: Space) -> None:
         """Open a .blend, or import files into an empty scene; nothing where these are open already.
 
-        A .blend after the first file is appended. origin: as `bring` takes it. Raises BakeError.
+        A .blend after the first file is appended. space: of the mesh files. Raises BakeError.
         """
         first, *others = (str(_existing(name)) for name in names)
-        wanted = [Path(name).resolve() for name in names], origin
+        wanted = [Path(name).resolve() for name in names], space
         if wanted == self._open:
             return
         self._leave()
         if _ending(first) in IMPORTERS:
             _empty()
-            bring(first, origin)
+            bring(first, space)
         else:  # a .blend1 as well
             _open_blend(first)
         for name in others:
-            bring(name, origin)
+            bring(name, space)
         self.take()
         self._open = wanted
 
@@ -60,23 +61,24 @@ class Stage:
 
     def _leave(self) -> None:
         """Forget the open files: other files or an empty scene replace them."""
-        self._open, self.notes, self._held = ([], None), [], ExitStack()
+        self._open, self.notes, self._held = ([], PLAIN), [], ExitStack()
 
     def job(
-        self, low: str, highs: Sequence[str], cage: str | None = None, origin: Sequence[float] | None = None
+        self, low: str, highs: Sequence[str], cage: str | None = None, space: Space = PLAIN, high_up: str = ""
     ) -> Job:
         """An empty scene with these files. The low file and the cage's must contain one mesh each.
 
-        The low object is named after its file, without the ending. origin: as `bring` takes it. Raises BakeError.
+        The low object is named after its file, without the ending. space: of the files. high_up: the axis that points up in the
+        high files, as in Space. Raises BakeError.
         """
         for name in (low, *highs, *([cage] if cage else [])):
             _existing(name)
         self._leave()
         _empty()
-        low_object = _only(low, bring(low, origin))
+        low_object = _only(low, bring(low, space))
         low_object.rename(Path(low).stem, mode="ALWAYS")
-        high_objects = [obj for name in highs for obj in bring(name, origin)] or [low_object]
-        cage_object = _only(cage, bring(cage, origin)) if cage else None
+        high_objects = [obj for name in highs for obj in bring(name, replace(space, up=high_up))] or [low_object]
+        cage_object = _only(cage, bring(cage, space)) if cage else None
         self.take()
         return Job(low_object, high_objects, cage_object)
 
@@ -114,16 +116,13 @@ def _split(files: Sequence[Path]) -> tuple[list[Path], list[Path]]:
     return [path for path in files if path not in strange], strange
 
 
-def bring(name: str, origin: Sequence[float] | None = None) -> list[bpy.types.Object]:
-    """Import a file, or append the objects of a .blend; returns the meshes that have faces. Raises BakeError.
-
-    origin: as import_file takes it.
-    """
+def bring(name: str, space: Space) -> list[bpy.types.Object]:
+    """Import a file, or append the objects of a .blend; returns the meshes that have faces. Raises BakeError."""
     interruption.check()
     path = _existing(name)
     if _ending(path) not in ENDINGS:
         raise BakeError(f"{str(path)!r} is no mesh file that can be imported: {', '.join(ENDINGS)} can.")
-    meshes = [obj for obj in import_file(path, origin) if obj.data.polygons or obj.modifiers]
+    meshes = [obj for obj in import_file(path, space) if obj.data.polygons or obj.modifiers]
     if not meshes:
         raise BakeError(f"{str(path)!r} holds no mesh with faces.")
     return meshes

@@ -249,7 +249,7 @@ def test_broken_files_give_one_sentence(folder, run, name, role):
 
 def test_a_missing_file_is_reported_before_others_are_read(folder, run, monkeypatch):
     export(folder / "low.obj", zoo.plane("lo"))
-    monkeypatch.setattr(scene_files, "bring", lambda name, _origin: pytest.fail(f"{name} was read"))
+    monkeypatch.setattr(scene_files, "bring", lambda name, _space: pytest.fail(f"{name} was read"))
     code, _, err = run("--low-file", "low.obj", "--high-file", "none.obj", *SMALL, "--output", "m.png")
     assert code == command.FAILED
     assert err == f"imprint: There is no file {str(folder / 'none.obj')!r}.\n"

@@ -11,7 +11,7 @@ import pytest
 
 from addon.cli import command, memory_check
 from addon.cli.mesh_files import page_files
-from addon.cli.mesh_files.importers import import_file
+from addon.cli.mesh_files.importers import PLAIN, Space, import_file
 from addon.cli.scene_files import Stage
 from addon.core.preflight import memory_need
 from addon.core.settings import Settings
@@ -84,7 +84,7 @@ def test_pages_of_an_obj_are_found_by_any_spelling(folder, program, spelling):
     scans.write_library(folder / library, said)
     spelled = library if spelling == "a folder" else SPELLINGS[spelling](library)
     scans.write_obj(folder / "scan.obj", scans.strips(4), materials=materials, library=spelled)
-    (obj,) = import_file(folder / "scan.obj")
+    (obj,) = import_file(folder / "scan.obj", PLAIN)
     assert page_files.missing([obj]) == []
     found = dict(zip([slot.material.name for slot in obj.material_slots], pages_of(obj), strict=True))
     assert [found[key][0] for key in materials] == names
@@ -96,11 +96,11 @@ def test_no_page_is_in_memory_after_the_import(folder):
     scans.page(folder / "a.png", scans.COLORS[0])
     scans.write_library(folder / "scan.mtl", {"m": "a.png"})
     scans.write_obj(folder / "scan.obj", scans.strips(1), materials=["m"], library="scan.mtl")
-    (obj,) = import_file(folder / "scan.obj")
+    (obj,) = import_file(folder / "scan.obj", PLAIN)
     bpy.ops.export_scene.gltf(filepath=str(folder / "scan.glb"))
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    import_file(folder / "scan.obj")
-    (obj,) = import_file(folder / "scan.glb")
+    import_file(folder / "scan.obj", PLAIN)
+    (obj,) = import_file(folder / "scan.glb", PLAIN)
     assert len(bpy.data.images) == 2
     assert not any(image.has_data for image in bpy.data.images)
     assert np.abs(np.array(pages_of(obj)[0][1]) - scans.COLORS[0]).max() < 0.01
@@ -110,7 +110,7 @@ def test_pages_of_numbers_are_not_decoded_as_colors(folder):
     scans.page(folder / "a.png", scans.COLORS[0])
     (folder / "scan.mtl").write_text("newmtl m\nmap_Kd a.png\nmap_Pr a.png\nmap_Bump a.png\n")
     scans.write_obj(folder / "scan.obj", scans.strips(1), materials=["m"], library="scan.mtl")
-    (obj,) = import_file(folder / "scan.obj")
+    (obj,) = import_file(folder / "scan.obj", PLAIN)
     nodes = obj.material_slots[0].material.node_tree.nodes
     links = {node.outputs[0].links[0].to_socket.name: node.image for node in nodes if node.type == "TEX_IMAGE"}
     is_data = {name: image.colorspace_settings.is_data for name, image in links.items()}
@@ -129,7 +129,7 @@ def test_a_material_on_several_tiles_has_a_tiled_page(folder, name):
         library="scan.mtl",
         uv_offsets=[(0, 0), (1, 0), (0, 1)],
     )
-    (obj,) = import_file(folder / "scan.obj")
+    (obj,) = import_file(folder / "scan.obj", PLAIN)
     (image,) = bpy.data.images
     assert image.source == "TILED"
     assert [tile.number for tile in image.tiles] == [1001, 1002, 1011]
@@ -147,7 +147,7 @@ def test_a_material_for_each_tile_keeps_single_pages(folder):
     scans.write_obj(
         folder / "scan.obj", scans.strips(2), materials=materials, library="scan.mtl", uv_offsets=[(0, 0), (1, 0)]
     )
-    (obj,) = import_file(folder / "scan.obj")
+    (obj,) = import_file(folder / "scan.obj", PLAIN)
     assert sorted(name for name, _ in pages_of(obj)) == ["texture_1001.png", "texture_1002.png"]
 
 
@@ -157,7 +157,7 @@ def test_pages_of_other_formats_are_found_beside_the_file(folder, ending):
     scans.page(folder / "old" / "A.png", scans.COLORS[0])
     scans.write_library(folder / "scan.mtl", {"m": "old/A.png"})
     scans.write_obj(folder / "scan.obj", scans.strips(1), materials=["m"], library="scan.mtl")
-    import_file(folder / "scan.obj")
+    import_file(folder / "scan.obj", PLAIN)
     if ending == ".fbx":
         bpy.ops.export_scene.fbx(filepath=str(folder / "scan.fbx"))
     else:
@@ -165,7 +165,7 @@ def test_pages_of_other_formats_are_found_beside_the_file(folder, ending):
         (folder / "A.png").unlink()
     (folder / "old" / "A.png").rename(folder / "a.PNG")
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    (obj,) = import_file(folder / f"scan{ending}")
+    (obj,) = import_file(folder / f"scan{ending}", PLAIN)
     assert page_files.missing([obj]) == []
     assert np.abs(np.array(pages_of(obj)[0][1]) - scans.COLORS[0]).max() < 0.01
 
@@ -250,11 +250,21 @@ def test_an_object_far_away_keeps_its_place(folder):
     scans.write_obj(folder / "scan.obj", (points, uv, parts))
     scans.write_ply(folder / "scan.ply", points, parts[0])
     for name in ("scan.obj", "scan.ply"):
-        (obj,) = import_file(folder / name)
+        (obj,) = import_file(folder / name, PLAIN)
         coordinates = np.array([point.co for point in obj.data.vertices], np.float64)
         assert np.abs(coordinates).max() < 3.0
         turn = np.round(np.array(obj.matrix_world)[:3, :3])
         assert np.abs(coordinates @ turn.T + np.array(obj.location, np.float64) - points).max() < 1e-6
+
+
+def test_coordinates_that_the_file_has_rounded_are_named(folder, run):
+    scans.write_obj(folder / "low.obj", scans.strips(1, FAR))
+    points, _, parts = scans.strips(1, FAR, height=0.1, n=20)
+    scans.write_ply(folder / "scan.ply", points, parts[0], kind="float")
+    code, err = run(*PAIR[:3], "scan.ply", *PAIR[4:], "--method", "cast", "--extrusion", "1", "--max-distance", "2")
+    assert code == command.DONE
+    assert "'scan' lies 5.41e+06 from its origin, where single precision rounds coordinates to 0.5." in err
+    assert "'low' lies" not in err
 
 
 def test_a_scan_can_be_moved_to_where_its_low_mesh_is(folder, run):
@@ -292,6 +302,40 @@ def test_other_units_explain_a_failed_bake(folder, run):
     assert "units" not in err
 
 
+SIDES = np.array([1.0, 0.5, 0.2])
+
+
+def test_other_axes_explain_a_failed_bake_and_can_be_set(folder, run):
+    points, uv, parts = scans.strips(1, height=1.0, n=20)
+    scans.write_obj(folder / "low.obj", (points * SIDES, uv, parts))
+    z_up = (points * SIDES)[:, [0, 2, 1]] * [1, -1, 1]
+    scans.write_obj(folder / "scan.obj", (z_up, uv, parts))
+    words = [*PAIR, "--method", "cast", "--report", "r.json", "--extrusion", "0.01", "--max-distance", "0.02"]
+    _, err = run(*words)
+    assert "turned by 90 degrees about X" in err
+    assert "--high-up names the axis" in err
+    code, err = run(*words, "--high-up", "z")
+    assert code == command.DONE
+    assert "turned" not in err
+    assert json.loads((folder / "r.json").read_text())["missed"] == 0.0
+
+
+def test_an_axis_is_for_a_high_file(folder, run):
+    code, err = run(*PAIR[:2], "--output", "m.png", "--high-up", "z")
+    assert (code, err) == (command.WRONG_USAGE, "imprint: --high-up is for --high-file. See --help.\n")
+    code, err = run(*PAIR, "--high-up", "x")
+    assert code == command.WRONG_USAGE
+    assert "'x' is not one of y, z" in err
+
+
+def test_a_far_scan_with_z_up_keeps_its_place(folder):
+    points, uv, parts = scans.strips(1, FAR)
+    scans.write_obj(folder / "scan.obj", (points[:, [0, 2, 1]] * [1, -1, 1], uv, parts))
+    (obj,) = import_file(folder / "scan.obj", Space(up="Z"))
+    coordinates = np.array([point.co for point in obj.data.vertices], np.float64)
+    assert np.abs(coordinates + np.array(obj.location, np.float64) - points).max() < 1e-6
+
+
 # Vertex colors
 
 
@@ -299,7 +343,7 @@ def test_vertex_colors_without_a_material_are_the_base_color(folder):
     points, _, parts = scans.strips(1)
     colors = np.random.default_rng(5).integers(0, 256, (len(points), 3), dtype=np.uint8)
     scans.write_ply(folder / "scan.ply", points, parts[0], colors=colors)
-    (obj,) = import_file(folder / "scan.ply")
+    (obj,) = import_file(folder / "scan.ply", PLAIN)
     (slot,) = obj.material_slots
     (link,) = [link for link in slot.material.node_tree.links if link.to_socket.name == "Base Color"]
     assert (link.from_node.type, link.from_node.layer_name) == (

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from addon.core.preflight.placement import hint
+from addon.core.preflight.placement import hint, rounding
 
 SIDES = np.array([4.0, 3.0, 1.0])
 
@@ -45,3 +45,20 @@ def test_boxes_without_a_size_give_no_hint():
     assert hint(box(SIDES * 0.0), box()) == ""
     assert hint(box(), box(SIDES * np.nan)) == ""
     assert hint(box(SIDES * np.inf), box()) == ""
+
+
+def test_rounded_coordinates_are_named():
+    far = box(center=(512_345.0, 5_412_345.0, 300.0))
+    assert rounding(far, np.zeros(3)).startswith(
+        "lies 5.41e+06 from its origin, where single precision rounds coordinates to 0.5."
+    )
+    assert "to 0.5." in rounding(box(), np.array([0.0, 5_412_345.5, 0.0]))
+
+
+def test_coordinates_that_are_not_rounded_give_no_sentence():
+    assert rounding(box(), np.zeros(3)) == ""
+    assert rounding(box(), np.array([512_345.0, -5_412_345.0, 312.0])) == ""  # whole numbers are exact
+    assert rounding(box(SIDES * 1e6), np.array([1e6 / 3.0, 0.0, 0.0])) == ""
+    assert rounding(box(center=(100.0, 0.0, 0.0)), np.zeros(3)) == ""
+    assert rounding(box(SIDES * 0.0), np.zeros(3)) == ""
+    assert rounding(box(SIDES * np.inf), np.zeros(3)) == ""

@@ -6,6 +6,7 @@ import shutil
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
@@ -31,13 +32,32 @@ IMPORTERS = {
 """Blender's import operators by the ending of files, with further arguments. All of them turn Z up."""
 
 ENDINGS = (".blend", *IMPORTERS)
+WITHOUT_AXES = (".obj", ".ply", ".stl")
+"""Endings of formats that do not say which axis is up."""
+_FORWARD = {"Y": "NEGATIVE_Z", "Z": "Y"}
+"""The axis that points forward, by the one that points up."""
 
 
-def import_file(path: Path, origin: Sequence[float] | None = None) -> list[bpy.types.Object]:
+@dataclass(frozen=True)
+class Space:
+    """What a mesh file does not say of its coordinates.
+
+    origin: a point, in the axes of the file; a file far from the world's origin is moved so that this point gets there. up: the
+    axis that points up, "Y" or "Z", in the formats of WITHOUT_AXES; empty for the one that Blender expects.
+    """
+
+    origin: tuple[float, float, float] | None = None
+    up: str = ""
+
+
+PLAIN = Space()
+"""Coordinates as Blender reads them."""
+
+
+def import_file(path: Path, space: Space) -> list[bpy.types.Object]:
     """Import a mesh file, or append the objects of a .blend. Returns the new meshes.
 
-    Points far from the world's origin are not rounded: the object's location holds most of the distance. origin: (x, y, z) in
-    the file's axes; a file far from the world's origin is moved so that this point gets there. Raises BakeError.
+    Points far from the world's origin are not rounded: the object's location holds most of the distance. Raises BakeError.
     """
     before = set(bpy.data.objects)
     try:
@@ -45,7 +65,7 @@ def import_file(path: Path, origin: Sequence[float] | None = None) -> list[bpy.t
             if path.suffix.lower() == ".blend":
                 _append(path)
             else:
-                _import(path, origin)
+                _import(path, space)
     except AttributeError as error:
         raise BakeError(
             f"{str(path)!r} cannot be read: this Blender imports no {path.suffix.lower()} files."
@@ -55,16 +75,18 @@ def import_file(path: Path, origin: Sequence[float] | None = None) -> list[bpy.t
     return [obj for obj in bpy.data.objects if obj.type == "MESH" and obj not in before]
 
 
-def _import(path: Path, origin: Sequence[float] | None) -> None:
+def _import(path: Path, space: Space) -> None:
     far = far_coordinates.far_origin(path)
-    subtracted = far if origin is None or far is None else np.array(origin, np.float64)
+    subtracted = far if space.origin is None or far is None else np.array(space.origin, np.float64)
     objects, images = set(bpy.data.objects), set(bpy.data.images)
     with _staged(path, subtracted) as (staged, materials):
         module, operator, more = IMPORTERS[path.suffix.lower()]
+        if space.up and path.suffix.lower() in WITHOUT_AXES:
+            more = {**more, "up_axis": space.up, "forward_axis": _FORWARD[space.up]}
         getattr(getattr(bpy.ops, module), operator)(filepath=str(staged), **more)
     new = [obj for obj in bpy.data.objects if obj not in objects]
     pages = [image for image in bpy.data.images if image not in images]
-    if subtracted is not None and origin is None:
+    if subtracted is not None and space.origin is None:
         _move_back(new, subtracted)
     page_files.replace_placeholders(pages, materials.placeholders, path.parent)
     page_files.find_missing(pages, path.parent)

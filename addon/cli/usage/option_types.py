@@ -76,6 +76,12 @@ def color(value: str) -> tuple[float, float, float]:
     return red, green, blue
 
 
+def axis(value: str) -> str:
+    if value.upper() not in {"Y", "Z"}:
+        raise argparse.ArgumentTypeError(f"{value!r} is not one of y, z")
+    return value.upper()
+
+
 def point(value: str) -> tuple[float, float, float]:
     try:
         x, y, z = (float(part) for part in value.split(","))

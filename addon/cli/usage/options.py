@@ -196,6 +196,11 @@ OBJECTS = {
         "Mesh file of the cage, instead of --cage. It must contain one mesh",
         {"type": option_types.path, "metavar": "FILE"},
     ),
+    "high-up": CommandOption(
+        "Axis that points up in high files that do not say it: .obj, .ply and .stl. Scans often have Z up in an .obj",
+        {"type": option_types.axis, "metavar": "y|z"},
+        "y in .obj, z in .ply and .stl",
+    ),
     "origin": CommandOption(
         "Point that becomes the scene's origin in .obj and .ply files far from it, in their own coordinates, for a low mesh "
         "that was moved by the same distance",

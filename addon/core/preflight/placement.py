@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Compares the bounding boxes of low and high meshes, to explain meshes that other programs wrote with other units or axes."""
+"""Bounding boxes of low and high meshes explain what other programs wrote: other units, other axes, rounded coordinates."""
 
 import math
 from collections.abc import Sequence
@@ -14,6 +14,8 @@ FLAT = 0.01
 """A side this much shorter than the longest one is not compared: the meshes may be flat."""
 FAR = 10.0
 """A distance in diagonals at which meshes belong to different coordinate systems."""
+COARSE = 1e-5
+"""The steps of single precision as a share of a mesh's size, above which its details suffer."""
 
 
 def hint(low: np.ndarray, high: np.ndarray) -> str:
@@ -42,6 +44,26 @@ def hint(low: np.ndarray, high: np.ndarray) -> str:
             "they seem to be exported with different offsets."
         )
     return ""
+
+
+def rounding(box: np.ndarray, location: np.ndarray) -> str:
+    """A sentence about coordinates that single precision has rounded; empty if the mesh is near the origin.
+
+    box (2, 3): of the mesh, in its object's space. location (3,): of the object.
+    """
+    size = float(np.linalg.norm(box[1] - box[0]))
+    # Whole numbers are exact: they are offsets that were chosen to be.
+    inexact = location[location != np.round(location)]
+    largest = max(np.abs(box).max(), np.abs(inexact).max(initial=0.0))
+    if not (np.isfinite(largest) and size > 0.0):
+        return ""
+    step = float(np.spacing(np.float32(largest)))
+    if step <= COARSE * size:
+        return ""
+    return (
+        f"lies {largest:.3g} from its origin, where single precision rounds coordinates to {step:.2g}. "
+        "Export it with an offset, or as .obj, or as .ply in double precision."
+    )
 
 
 def _are_alike(first: np.ndarray, second: np.ndarray) -> bool:
