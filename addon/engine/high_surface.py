@@ -9,7 +9,7 @@ import gpu
 import numpy as np
 
 from ..mesh.local_space import LocalSpace
-from ..mesh.triangle_mesh import ATTRIBUTE, UV_LAYER, Mesh
+from ..mesh.triangle_mesh import ATTRIBUTE, TANGENTS, UV_LAYER, Mesh
 from ..passes import data_texture
 from ..passes.bake import cast
 from ..passes.surface import corner_tables
@@ -74,20 +74,32 @@ class HighSurface:
         """An attribute of the high meshes, as corner_tables.upload_values arranges it. Meshes without it have zeros."""
         return self._cached(ATTRIBUTE, name, 4, lambda values: corner_tables.upload_values(values, self.corners))
 
+    def tangents(self, layer: str) -> gpu.types.GPUTexture:
+        """The tangents of a UV map in world space, as corner_tables.upload_tangents arranges them."""
+        return self._cached(TANGENTS, layer, 4, lambda values: corner_tables.upload_tangents(values, self.corners))
+
     def _cached(
         self, kind: str, name: str, channels: int, upload: Callable[[np.ndarray], gpu.types.GPUTexture]
     ) -> gpu.types.GPUTexture:
         """The texture of a layer of all meshes; it is uploaded once."""
         key = kind, name
         if key not in self._textures:
-            values = [high.layers.get(key) for high in self.highs]
-            zeros = [np.zeros((len(high.vertices), channels), np.float32) for high in self.highs]
-            self._textures[key] = upload(
-                np.concatenate([zero if value is None else value for value, zero in zip(values, zeros, strict=True)])
-            )
+            self._textures[key] = upload(np.concatenate([_layer(high, key, channels) for high in self.highs]))
         return self._textures[key]
 
     @property
     def _materials(self) -> np.ndarray:
         """The number of each triangle's material (T,), in the order of the hits."""
         return np.concatenate([high.labels[:, 1] for high in self.highs])[self.ray_scene.order]
+
+
+def _layer(high: Mesh, key: tuple[str, str], channels: int) -> np.ndarray:
+    """A layer of one mesh, tangents in world space; zeros if the mesh lacks it."""
+    values = high.layers.get(key)
+    if values is None:
+        return np.zeros((len(high.vertices), channels), np.float32)
+    if key[0] != TANGENTS:
+        return values
+    linear = high.to_world[:3, :3]
+    # A mirror turns the bitangent around.
+    return np.concatenate([values[:, :3] @ linear.T, np.sign(np.linalg.det(linear)) * values[:, 3:]], axis=1)

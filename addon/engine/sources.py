@@ -59,7 +59,9 @@ def normal_source(
         if settings.maps or meshes.has_detail:
             yield Progress("Reading the surface", 0.0)
             surface = _flat_surface(meshes.highs, settings, timings)
-        return Flat(meshes.low, meshes.highs, settings, timings, surface=surface, uploads=uploads)
+        flat = Flat(meshes.low, meshes.highs, settings, timings, surface=surface, uploads=uploads)
+        flat.is_changed_later = meshes.has_detail
+        return flat
     ray_cast = yield from _ray_cast(plan, settings, timings)
     return Rays(meshes.low, ray_cast, meshes.highs, settings, pace)
 
@@ -148,9 +150,11 @@ class Flat:
                 for high in highs
             ]
         self._in_uv: gpu.types.GPUBatch | None = None
+        self.is_changed_later = False
+        """Whether compute shaders change the normals, which those of a GPUOffScreen do not allow."""
 
     def normals(self, band: Band, slot: int = 0) -> Iterator[tuple[gpu.types.GPUTexture, range]]:
-        """As Source has it, all rows at once, in a GPUOffScreen."""
+        """As Source has it, all rows at once."""
         self._size = band.width, band.height
         into = self.drawn(slot)
         flatten.draw(into, self.uploaded, band.uv_to_clip)
@@ -158,7 +162,8 @@ class Flat:
 
     def drawn(self, slot: int = 0) -> target.Target:
         """As Source has it."""
-        return target.offscreen(_role("high", slot), *self._size, "RGBA32F")
+        make = target.get if self.is_changed_later else target.offscreen
+        return make(_role("high", slot), *self._size, "RGBA32F")
 
     def hits(self, band: Band, slot: int = 0) -> target.Target:
         """As Source has it."""
@@ -179,8 +184,7 @@ class Rays:
     def __init__(self, low: Mesh, ray_cast: ray_casting.RayCast, highs: Sequence[Mesh], settings: Settings, pace: Pace):
         self.ray_cast, self.settings, self.pace = ray_cast, settings, pace
         self.surface = HighSurface(highs, ray_cast.ray_scene)
-        matrix = low.to_world[:3, :3]
-        self.to_space = np.eye(3) if settings.space == Space.WORLD else matrix.T / np.abs(matrix).max()
+        self.to_space = world_to_space(low, settings)
 
     def normals(self, band: Band, slot: int = 0) -> Iterator[tuple[gpu.types.GPUTexture, range]]:
         """As Source has it."""
@@ -208,6 +212,12 @@ class Rays:
     def hits(self, band: Band, slot: int = 0) -> target.Target:
         """As Source has it."""
         return target.get(_role("hits", slot), band.width, band.height, "RGBA32UI")
+
+
+def world_to_space(low: Mesh, settings: Settings) -> np.ndarray:
+    """The matrix (3, 3) from world normals to the space in which sources draw normals."""
+    matrix = low.to_world[:3, :3]
+    return np.eye(3) if settings.space == Space.WORLD else matrix.T / np.abs(matrix).max()
 
 
 def _role(name: str, slot: int) -> str:

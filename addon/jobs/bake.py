@@ -79,7 +79,7 @@ def _prepare(context: bpy.types.Context, job: Job, settings: Settings, pace: Pac
     name = job.low.name
     yield Progress(f"Reading {name}", 0.0)
     with timings.timed("extract"):
-        meshes = reading.read(context, job.low, job.highs, job.cage, settings)
+        meshes = reading.read(context, job.low, job.highs, job.cage, settings, others=job.others)
         warnings = object_checks.warnings(job.low, job.highs)
     tiles = tiles_to_bake(meshes, settings)
     yield Progress(f"Looking at {name}", 0.5)

@@ -7,6 +7,7 @@ from dataclasses import replace
 import bpy
 
 from ..core import file_names, progress
+from ..core.declarations.choices import Occluders
 from ..core.progress import Pace, Progress, Task, part
 from ..core.report import Report
 from ..core.settings import Settings
@@ -74,6 +75,7 @@ def work(
         for_low(own, ATLAS if share_image else job.low.name)
         for job, own in zip(jobs, painted_groups.settings_by_job(jobs, settings), strict=True)
     ]
+    _find_occluders(jobs, settings)
     if share_image:
         output_clashes.check(settings, filled[:1], [ATLAS])
     else:
@@ -87,6 +89,15 @@ def work(
         steps = part(bake_job(context, job, job_settings, pace), number / len(jobs), (number + 1) / len(jobs))
         reports.append((yield from _counting(steps, number)))
     return reports
+
+
+def _find_occluders(jobs: Sequence[Job], settings: Settings) -> None:
+    """Make the high objects of all jobs occluders of each, if the settings say so."""
+    is_shared = settings.occluders == Occluders.ALL
+    refs = {ref.uid: ref for job in jobs for ref in job.high_refs} if is_shared else {}
+    for job in jobs:
+        own = {ref.uid for ref in job.refs}
+        job.other_refs = [ref for uid, ref in refs.items() if uid not in own]
 
 
 def _into_one(

@@ -27,6 +27,7 @@ class Job:
 
     def __init__(self, low: bpy.types.Object, highs: Sequence[bpy.types.Object], cage: bpy.types.Object | None = None):
         self._refer_to(low, highs, cage)
+        self.other_refs: list[ObjectRef] = []
 
     @property
     def refs(self) -> list[ObjectRef]:
@@ -40,6 +41,11 @@ class Job:
     @property
     def highs(self) -> list[bpy.types.Object]:
         return [ref.resolve() for ref in self.high_refs]
+
+    @property
+    def others(self) -> list[bpy.types.Object]:
+        """The high objects of other jobs, if they are occluders."""
+        return [ref.resolve() for ref in self.other_refs]
 
     @property
     def cage(self) -> bpy.types.Object | None:

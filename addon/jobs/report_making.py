@@ -7,13 +7,15 @@ from dataclasses import asdict, dataclass
 import gpu
 
 from ..audit.checks import Findings
-from ..core.map_types import Labeled
+from ..core.map_types import BY_NAME, Labeled
 from ..core.report import Report
 from ..core.settings import Settings
 from ..core.timings import Timings
+from ..engine.maps import ray_reach
 from ..engine.method_choice import Plan
 from ..engine.rays.ray_casting import RayCast
 from ..mesh.inputs import Meshes
+from ..mesh.local_space import local_space_of
 from ..output.outputs import Stored
 from ..scene.object_refs import ObjectRef
 from .job import Job
@@ -67,7 +69,7 @@ def report_of(drawn: DrawnJob, stored: Stored, warnings: Sequence[str] = (), mar
         mirrored=findings.checks["mirrored"]["count"],
         checks=findings.checks,
         tiles=[tile for tile in plan.tiles if tile in stored.tiles],
-        maps=stored.maps,
+        maps=_with_meanings(drawn, stored.maps),
         attributes=stored.attributes,
         loss=stored.loss,
         image=stored.image.name,
@@ -75,8 +77,34 @@ def report_of(drawn: DrawnJob, stored: Stored, warnings: Sequence[str] = (), mar
         backend=gpu.platform.backend_type_get(),
         renderer=gpu.platform.renderer_get(),
         seconds=drawn.timings.seconds,
-        warnings=[*drawn.warnings, *plan.warnings, *findings.warnings, *warnings],
+        warnings=[
+            *drawn.warnings,
+            *material_notes(drawn.meshes, settings),
+            *plan.warnings,
+            *findings.warnings,
+            *warnings,
+        ],
     )
+
+
+def material_notes(meshes: Meshes, settings: Settings) -> list[str]:
+    """What could not be read of the high meshes' materials, of those parts that the bake wanted."""
+    wanted = {BY_NAME[name].socket for name in settings.drawn_maps} - {""}
+    sockets = [*wanted, ""] if wanted else []
+    sockets += ["Normal"] if settings.detail_maps else []
+    notes = (note for material in meshes.materials for socket in sockets for note in material.notes.get(socket, ()))
+    return list(dict.fromkeys(notes))
+
+
+def _with_meanings(drawn: DrawnJob, maps: dict[str, dict]) -> dict[str, dict]:
+    """`maps` with what values mean that do not depend on the bake's other values, also in packed channels."""
+    space = local_space_of(drawn.plan.meshes.highs)
+    meanings = {name.lower(): how for name, how in ray_reach.meanings(drawn.settings.for_drawing(), space).items()}
+    found = {name: how | meanings.get(name, {}) for name, how in maps.items()}
+    for how in found.values():
+        for channel in how.get("channels", {}).values():
+            channel.update(meanings.get(channel.get("map", ""), {}))
+    return found
 
 
 @dataclass(frozen=True)

@@ -2,14 +2,14 @@
 """Reads high objects, with their modifiers: joins the mesh and the instances of each into one mesh."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import bpy
 import numpy as np
 
 from ..core.declarations.choices import Method, Modifiers
 from ..core.errors import BakeError
-from ..core.material_feeds import ImagePixels
+from ..core.material_feeds import HighMaterial, ImagePixels
 from ..core.settings import Settings
 from ..mesh import joining
 from ..mesh.joining import Part, usable
@@ -31,13 +31,17 @@ ReadMesh = Callable[[bpy.types.Object, bpy.types.Object, bpy.types.Mesh], Mesh]
 class Reader:
     """Reads the high objects of one bake.
 
-    low_layer: the low mesh's UV layer. materials: those that were read so far.
+    low_layer: the low mesh's UV layer. before: the materials of an earlier reading, which keep their
+    numbers. materials: those that were read so far.
     """
 
     depsgraph: bpy.types.Depsgraph
     low_layer: str
     settings: Settings
-    materials: MaterialNumbers = field(default_factory=lambda: MaterialNumbers(ImagePages()))
+    before: Sequence[HighMaterial] = ()
+
+    def __post_init__(self):
+        self.materials = MaterialNumbers(ImagePages(), has_detail=self.settings.detail_maps, before=self.before)
 
     def read(self, highs: Mapping[int, bpy.types.Object]) -> list[Mesh]:
         """Read the meshes of `highs`, labeled with their numbers. Raises BakeError for an object without a mesh."""

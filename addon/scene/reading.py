@@ -14,10 +14,8 @@ from ..mesh.inputs import Meshes
 from ..mesh.local_space import local_space_of
 from ..mesh.triangle_mesh import Mesh
 from . import evaluation, mesh_reader, vertex_weights, visibility
-from .high_layers.material_numbers import MaterialNumbers
 from .high_reader import Reader, with_labels
 from .high_reader import uv_layer as uv_layer_of
-from .images.image_pages import ImagePages
 
 SMALLEST, LARGEST = 5e-9, 1e9
 """The limits of a mesh's radius. The first is multiplied by the square root of the number of triangles.
@@ -32,10 +30,20 @@ def read(
     highs: Sequence[bpy.types.Object],
     cage: bpy.types.Object | None,
     settings: Settings,
+    *,
+    others: Sequence[bpy.types.Object] = (),
 ) -> Meshes:
-    """Evaluate and read all objects. Raises BakeError for missing faces or UV layers, and for a cage of another topology."""
-    with evaluation.prepared(context, low, highs, cage, settings.modifiers) as depsgraph:
-        return _read(depsgraph, low, highs, cage, settings)
+    """Evaluate and read all objects. others: the high objects of other low objects, if they are occluders.
+
+    Raises BakeError for missing faces or UV layers, and for a cage of another topology.
+    """
+    with evaluation.prepared(context, low, [*highs, *others], cage, settings.modifiers) as depsgraph:
+        meshes = _read(depsgraph, low, highs, cage, settings)
+        if not others:
+            return meshes
+        # Rays only meet them: they need neither UVs nor materials.
+        plain = replace(settings, method=Method.CAST, maps=(), detail_maps=False)
+        return replace(meshes, others=Reader(depsgraph, "", plain).read(dict(enumerate(others))))
 
 
 def read_again(
@@ -60,7 +68,7 @@ def read_again(
             meshes = _read(depsgraph, low, highs, cage, settings)
         else:
             new = {number: high for number, high in enumerate(highs) if high.session_uid in changed}
-            reader = Reader(depsgraph, before.uv_layer, settings, MaterialNumbers(ImagePages(), before.materials))
+            reader = Reader(depsgraph, before.uv_layer, settings, before.materials)
             read = dict(zip(new, reader.read(new), strict=True))
             all_highs = with_labels([read.get(number, mesh) for number, mesh in enumerate(before.highs)])
             meshes = replace(before, highs=all_highs, materials=reader.materials.materials)

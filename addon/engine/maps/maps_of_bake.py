@@ -4,15 +4,14 @@
 from collections.abc import Iterator
 
 import gpu
-import numpy as np
 
-from ...core.declarations.choices import Space
 from ...core.map_types import BY_NAME, Family
 from ...mesh.inputs import Meshes
 from ...passes import mesh_upload
-from ..sources import Source
+from ..sources import Source, world_to_space
 from .family import MapFamily, Run
 from .material_maps import MaterialMaps
+from .own_normals import OwnNormals
 from .point_maps import PointMaps
 from .ray_maps import CurvatureMaps, OpennessMaps, ThicknessMaps
 from .sampling import SampledMaps
@@ -32,7 +31,9 @@ def maps_of_bake(
             basis = _upload_basis(meshes, uploads or mesh_upload.UploadCache())
     with run.timings.timed("upload"):
         families = list(_families(meshes, source, basis, run))
-    return SampledMaps(source, basis, families, None, run)
+        to_space = world_to_space(meshes.low, run.settings)
+        detail = OwnNormals(meshes, source.surface, to_space, run) if meshes.has_detail else None
+    return SampledMaps(source, basis, families, detail, run)
 
 
 def _upload_basis(meshes: Meshes, uploads: mesh_upload.UploadCache) -> gpu.types.GPUBatch:
@@ -55,13 +56,12 @@ def _families(
     if names(Family.POINTS):
         yield PointMaps(names(Family.POINTS), meshes.low, surface, run)
     if names(Family.OPENNESS):
-        matrix = meshes.low.to_world[:3, :3]
         yield OpennessMaps(
             names(Family.OPENNESS),
             surface,
             run,
             others=meshes.others,
-            to_space=np.eye(3) if run.settings.space == Space.WORLD else matrix.T / np.abs(matrix).max(),
+            to_space=world_to_space(meshes.low, run.settings),
             basis=basis,
         )
     if names(Family.MATERIAL):

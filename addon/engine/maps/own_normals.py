@@ -1,15 +1,111 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Counts the normal and bump maps of the high meshes' own materials into the normals at the hits."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 
-from ...core.progress import Task
-from .family import Sample
+import gpu
+import numpy as np
+
+from ...core.material_feeds import BumpFeed, DetailFeed, HighMaterial, ImageFeed, NormalMapFeed
+from ...core.progress import Progress, Task
+from ...mesh.inputs import Meshes
+from ...passes.surface import image_page, material_table, turned_normals
+from ..high_surface import HighSurface
+from .family import Run, Sample
+
+Turn = Callable[[Sample, image_page.Page, int], None]
+"""Applies a page, for a UDIM tile or 0, to the normals of a sample."""
 
 
 class OwnNormals:
-    """The normal and bump maps of the high meshes."""
+    """The normal and bump maps of the high meshes.
+
+    to_space: the matrix (3, 3) from world normals to the space of the source's normals.
+    """
+
+    def __init__(self, meshes: Meshes, surface: HighSurface, to_space: np.ndarray, run: Run):
+        self.surface, self.to_space, self.run, self.load_page = surface, to_space, run, meshes.load_page
+        self.normal_maps, self.normal_table = _numbered([_normal_map(material) for material in meshes.materials])
+        self.bumps, self.bump_table = _numbered([_bump(material) for material in meshes.materials])
 
     def apply(self, drawn: Sequence[Sample]) -> Task[None]:
-        """Change the normals of these samples in place."""
-        raise NotImplementedError
+        """Change the normals of these samples in place. Bump maps lie on the normal maps."""
+        for turns in (self._normal_map_turns(), self._bump_turns()):
+            pages: dict[tuple[str, int], list[Turn]] = {}
+            for image, turn in turns:
+                for tile in image.tiles or (0,):
+                    pages.setdefault((image.image, tile), []).append(turn)
+            for done, ((image, tile), found) in enumerate(pages.items()):
+                yield Progress("Reading the images of the high meshes", done / len(pages))
+                with self.run.timings.timed("images"):
+                    page = image_page.upload(self.load_page(image, tile))
+                with self.run.timings.timed("draw"):
+                    for turn in found:
+                        for sample in drawn:
+                            turn(sample, page, tile)
+                    drawn[-1].hits.finish()  # before the page is freed
+
+    def _normal_map_turns(self) -> Iterator[tuple[ImageFeed, Turn]]:
+        for feed, number in self.normal_maps.items():
+
+            def turn(
+                sample: Sample, page: image_page.Page, tile: int, feed: NormalMapFeed = feed, number: int = number
+            ) -> None:
+                turned_normals.apply_normal_map(
+                    sample.normals,
+                    sample.hits,
+                    page,
+                    feed,
+                    number,
+                    corners=self.surface.tables.corners,
+                    uvs=self.surface.uvs(feed.image.uv_layer),
+                    tangents=self.surface.tangents(feed.uv_layer),
+                    materials=self.normal_table,
+                    to_space=self.to_space,
+                    tile=tile or None,
+                    samples=self.run.settings.samples,
+                )
+
+            yield feed.image, turn
+
+    def _bump_turns(self) -> Iterator[tuple[ImageFeed, Turn]]:
+        for feed, number in self.bumps.items():
+
+            def turn(
+                sample: Sample, page: image_page.Page, tile: int, feed: BumpFeed = feed, number: int = number
+            ) -> None:
+                turned_normals.apply_bump(
+                    sample.normals,
+                    sample.hits,
+                    page,
+                    feed,
+                    number,
+                    corners=self.surface.tables.corners,
+                    uvs=self.surface.uvs(feed.image.uv_layer),
+                    materials=self.bump_table,
+                    to_space=self.to_space,
+                    unit=self.surface.local_space.size,
+                    tile=tile or None,
+                    samples=self.run.settings.samples,
+                )
+
+            yield feed.image, turn
+
+
+def _normal_map(material: HighMaterial) -> NormalMapFeed | None:
+    detail = material.detail
+    return detail.below if isinstance(detail, BumpFeed) else detail
+
+
+def _bump(material: HighMaterial) -> BumpFeed | None:
+    return material.detail if isinstance(material.detail, BumpFeed) else None
+
+
+def _numbered(feeds: Sequence[DetailFeed | None]) -> tuple[dict[DetailFeed, int], gpu.types.GPUTexture]:
+    """The number of each feed, from 1, and a table of them by the numbers of materials, which count from 1."""
+    numbers = np.full(len(feeds) + 1, material_table.UNKNOWN)
+    found: dict[DetailFeed, int] = {}
+    for label, feed in enumerate(feeds, start=1):
+        if feed is not None:
+            numbers[label] = found.setdefault(feed, len(found) + 1)
+    return found, material_table.upload(numbers)

@@ -6,11 +6,12 @@ from collections.abc import Sequence
 
 from ...core.declarations.choices import DistanceUnit, Occluders
 from ...core.declarations.surface_map_settings import CURVATURE_SHARE, THICKNESS_SHARE
+from ...core.map_types import BY_NAME, Family
 from ...core.settings import Settings
 from ...core.timings import Timings
 from ...mesh.local_space import LocalSpace
 from ...mesh.triangle_mesh import Mesh
-from ...passes.hemisphere import openness
+from ...passes.hemisphere import curvature, openness
 from ..high_surface import HighSurface
 from ..rays import tree_cache
 
@@ -30,6 +31,24 @@ def curvature_radius(settings: Settings, space: LocalSpace) -> float:
     """In scene units."""
     share = settings.curvature_radius
     return CURVATURE_SHARE * 2.0 * space.size if share is None else in_scene(share, settings, space)
+
+
+def meanings(settings: Settings, space: LocalSpace) -> dict[str, dict[str, float]]:
+    """What the values of maps mean, by name: (value - midlevel) * scale is a length or a curvature in scene units.
+
+    The scales of curvature are those of curvature.mean_curvature_scale: positive is convex.
+    """
+    to_curvature = curvature.mean_curvature_scale(curvature_radius(settings, space))
+    by_family = {
+        Family.THICKNESS: [(0.0, thickness_distance(settings, space))],
+        Family.CURVATURE: [(0.5, to_curvature), (0.0, 0.5 * to_curvature), (0.0, -0.5 * to_curvature)],
+    }
+    found = {}
+    for name in settings.maps:
+        if BY_NAME[name].family in by_family:
+            midlevel, scale = by_family[BY_NAME[name].family][max(0, BY_NAME[name].index)]
+            found[name] = {"midlevel": midlevel, "scale": scale}
+    return found
 
 
 def occluders(surface: HighSurface, others: Sequence[Mesh], settings: Settings, timings: Timings) -> openness.Occluders:

@@ -123,7 +123,8 @@ class SampledMaps:
         if sums is None:
             yield NORMAL.name, known
         else:
-            into = target.get("mean", band.width, band.height, "RGBA32F")
+            is_turned = self.basis is not None
+            into = target.get("low", band.width, band.height, "RGBA32F") if is_turned else self.source.drawn()
             with self.timings.timed("draw"):
                 samples.average(into, sums)
             yield NORMAL.name, into.texture

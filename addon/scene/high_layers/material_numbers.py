@@ -12,10 +12,13 @@ from ..materials.material_reading import read_materials
 
 
 class MaterialNumbers:
-    """The materials by their numbers, which count from 1. before: those of an earlier reading, which keep their numbers."""
+    """The materials by their numbers, which count from 1.
 
-    def __init__(self, images: ImagePages, before: Sequence[HighMaterial] = ()):
-        self.images = images
+    has_detail: whether their normal and bump maps are read. before: those of an earlier reading, which keep their numbers.
+    """
+
+    def __init__(self, images: ImagePages, *, has_detail: bool, before: Sequence[HighMaterial] = ()):
+        self.images, self.has_detail = images, has_detail
         self._found: dict[int, HighMaterial] = {material.key: material for material in before}
 
     @property
@@ -31,7 +34,8 @@ class MaterialNumbers:
         """What feeds a material; None stands for faces without one."""
         key = material.session_uid if material else 0
         if key not in self._found:
-            self._found[key] = replace(read_materials([material], self.images)[0], key=key)
+            found = replace(read_materials([material], self.images)[0], key=key)
+            self._found[key] = found if self.has_detail else replace(found, detail=None)
         return self._found[key]
 
     def number(self, material: bpy.types.Material | None) -> int:
