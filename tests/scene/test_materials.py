@@ -5,10 +5,11 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.core.material_feeds import LUMINANCE, AttributeFeed, Constant, Extension, HighMaterial, ImageFeed
+from addon.core.material_feeds import LUMINANCE, AttributeFeed, Constant, Extension, ImageFeed
 from addon.scene.images.image_pages import ImagePages
 from addon.scene.materials.material_reading import read_materials
 from tests.support import feeds
+from tests.support.shader_nodes import add, feed_color, image, principled, read, texture
 
 SIZE = 64
 TOLERANCE = 2 / 255
@@ -16,56 +17,6 @@ TOLERANCE = 2 / 255
 BORDERS = 0.03
 """The largest share of texels on borders of pixels, where rounding decides."""
 UV = ((0.03, 0.02), (1.9, -0.3), (2.4, 1.7), (0.53, 2.02))
-
-
-@pytest.fixture
-def material():
-    return bpy.data.materials.new("Rust")
-
-
-def principled(material):
-    return material.node_tree.nodes["Principled BSDF"]
-
-
-def add(material, kind, inputs=None, **properties):
-    """A new node. inputs: values or output sockets by identifier or index."""
-    tree = material.node_tree if hasattr(material, "node_tree") else material
-    node = tree.nodes.new(f"ShaderNode{kind}")
-    for name, value in properties.items():
-        setattr(node, name, value)
-    for name, value in (inputs or {}).items():
-        socket = node.inputs[name] if isinstance(name, int) else next(s for s in node.inputs if s.identifier == name)
-        if isinstance(value, bpy.types.NodeSocket):
-            tree.links.new(value, socket)
-        else:
-            socket.default_value = value
-    return node
-
-
-def image(name="dots", size=(7, 5), *, seed=0, space="sRGB", alpha=False):
-    width, height = size
-    found = bpy.data.images.new(name, width, height, alpha=alpha)
-    found.colorspace_settings.name = space
-    pixels = np.random.default_rng(seed).uniform(0.0, 1.0, (width * height, 4)).astype(np.float32)
-    if not alpha:
-        pixels[:, 3] = 1.0
-    found.pixels.foreach_set(pixels.ravel())
-    found.pack()
-    return found
-
-
-def texture(material, found=None, **properties):
-    return add(material, "TexImage", image=found or image(), interpolation="Closest", **properties)
-
-
-def feed_color(material, output, socket="Base Color") -> HighMaterial:
-    """Connect an output to a socket, and read the material."""
-    material.node_tree.links.new(output, principled(material).inputs[socket])
-    return read(material)
-
-
-def read(material) -> HighMaterial:
-    return read_materials([material], ImagePages())[0]
 
 
 def assert_like_cycles(material, output, socket="Base Color", prepare=None, uv=UV):
@@ -364,6 +315,16 @@ def test_the_sockets_of_a_group_do_not_convert(material):
     used = add(material, "Group", node_tree=group)
     material.node_tree.links.new(node.outputs[0], used.inputs[0])
     assert assert_like_cycles(material, used.outputs[0]).channel is None
+
+
+def test_a_reroute_or_a_muted_node_has_no_value_of_its_own(material):
+    """A link from one without an input does not count: the value of the connected socket does."""
+    reroute = material.node_tree.nodes.new("NodeReroute")
+    muted = add(material, "Invert", {"Color": (1.0, 0.0, 0.0, 1.0)})
+    muted.mute = True
+    for output in (reroute.outputs[0], muted.outputs[0]):
+        found = assert_like_cycles(material, output)
+        assert found.color == pytest.approx((0.8, 0.8, 0.8, 1.0))
 
 
 def test_a_muted_link_does_not_count(material):

@@ -128,7 +128,15 @@ def cycles(obj, output, size) -> np.ndarray:
     # The material's own shader stays: Cycles shows images in another way if their alpha is used.
     shader = surface.links[0].from_socket
     tree.links.new(shader, both.inputs[1])
+    # A muted node without a way through leaves a socket's own value, as in the default of the base color.
+    emission.inputs["Color"].default_value = (0.8, 0.8, 0.8, 1.0)
     tree.links.new(output, emission.inputs["Color"])
+    # Cycles bakes nothing for emission that it finds to be constant.
+    white = bpy.data.images.new("white", 1, 1, float_buffer=True, is_data=True)
+    white.pixels[:] = (1.0, 1.0, 1.0, 1.0)
+    one = tree.nodes.new("ShaderNodeTexImage")
+    one.image = white
+    tree.links.new(one.outputs["Color"], emission.inputs["Strength"])
     tree.links.new(emission.outputs[0], both.inputs[0])
     tree.links.new(both.outputs[0], surface)
     image = bpy.data.images.new("oracle", size, size, alpha=True, float_buffer=True, is_data=True)
@@ -150,8 +158,9 @@ def cycles(obj, output, size) -> np.ndarray:
     bpy.ops.object.bake(type="EMIT", margin=0, use_clear=False, uv_layer=BAKED)
     pixels = np.empty(size * size * 4, np.float32)
     image.pixels.foreach_get(pixels)
-    for node in (emission, both, target):
+    for node in (emission, both, one, target):
         tree.nodes.remove(node)
     tree.links.new(shader, surface)
     bpy.data.images.remove(image)
+    bpy.data.images.remove(white)
     return pixels.reshape(size, size, 4)[..., :3]

@@ -13,7 +13,7 @@ from bpy.types import Image
 from ...core.errors import BakeError
 from . import image_colors
 from .image_files import header_size, location, packed_data
-from .pixel_alpha import set_alpha
+from .pixel_alpha import has_alpha_in_colors, set_alpha
 
 PREMULTIPLIED = ":premultiplied"
 """The end of keys of pages whose colors are multiplied with alpha."""
@@ -65,6 +65,8 @@ class ImagePages:
         notes = [_missing(image, tile) for tile in tiles if tile not in existing]
         if image.source == "TILED" and image.is_dirty:
             notes.append(f'the image "{image.name}" has changes that are not saved, which the map does not have')
+        # One key for both, where alpha has no influence on colors: then the page is loaded once.
+        is_premultiplied &= has_alpha_in_colors(image)
         key = f"{image.session_uid}{PREMULTIPLIED if is_premultiplied else ''}"
         return Page(key, existing if tiles else (), tuple(notes))
 

@@ -162,7 +162,7 @@ def _map_range(values: NodeValues, output: Place) -> Signal:
         values.constant(output, name)[0] for name in ("From Min", "From Max", "To Min", "To Max")
     )
     if from_low == from_high:
-        return number(0.0)
+        raise NotAffineError("maps an empty range")
     slope = (to_high - to_low) / (from_high - from_low)
     found = scaled(values.input(output, "Value"), np.full(3, slope), np.full(3, to_low - slope * from_low))
     return _clamped(found, min(to_low, to_high), max(to_low, to_high)) if node.clamp else found
@@ -177,9 +177,11 @@ def _curves(values: NodeValues, output: Place) -> Signal:
         evaluate = node.mapping.evaluate
         return np.array([evaluate(own, evaluate(combined, v)) for own, v in zip(channels, x, strict=True)])
 
-    factor = _clamped(values.input(output, "Fac"))
-    source = values.input(output, "Color")
-    return combine(*BLENDING["MIX"], [factor, source, _along(source, curve)])
+    factor, source = _clamped(values.input(output, "Fac")), values.input(output, "Color")
+    share = factor.constant
+    if share is None:
+        return combine(*BLENDING["MIX"], [factor, source, _along(source, curve)])
+    return _along(source, lambda x: (1.0 - share) * x + share * curve(x))
 
 
 def _ramp(values: NodeValues, output: Place) -> Signal:

@@ -38,17 +38,20 @@ class Links:
     def source(self, place: Place) -> Place:
         """Where the links of an input socket begin: an output socket, or an input without a link, whose own value counts.
 
-        The sockets of groups and reroutes on the way do not convert the value.
+        The sockets of groups and reroutes on the way do not convert the value. Those of reroutes and muted nodes have none.
         """
+        own = place
         for _ in range(MOST_STEPS):
             link = self._link(place.socket)
             before = self._before(place.beside(link.from_socket)) if link else None
-            if before is None:  # Blender uses the value of the input
+            if before is None:
                 break
+            if before.socket.is_output:
+                return before
+            if before.groups != place.groups:
+                own = before
             place = before
-            if place.socket.is_output:
-                break
-        return place
+        return own
 
     def has_use(self, output: NodeSocket) -> bool:
         """Whether a link leaves from an output socket."""

@@ -1,0 +1,157 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Random node trees: nothing is raised, each socket is a feed or a note, and feeds without a note are what Cycles shows."""
+
+import contextlib
+import random
+
+import bpy
+import numpy as np
+import pytest
+
+from addon.core.material_feeds import AVERAGE
+from addon.scene.images.image_pages import ImagePages
+from tests.support import feeds
+from tests.support.shader_nodes import image, principled, read
+
+SIZE = 48
+TOLERANCE = 2 / 255
+BORDERS = 0.05
+"""The largest share of texels on borders of pixels, where rounding decides."""
+FOLLOWED = [
+    "TexImage", "TexImage", "VertexColor", "Attribute", "RGB", "Value", "UVMap", "Mapping", "Math", "VectorMath", "Mix",
+    "MixRGB", "Invert", "Gamma", "BrightContrast", "HueSaturation", "SeparateColor", "CombineColor", "SeparateXYZ",
+    "CombineXYZ",     "Clamp", "MapRange", "RGBToBW", "ValToRGB", "RGBCurve",
+]  # fmt: skip
+OTHERS = ["TexNoise", "TexVoronoi", "Fresnel", "LayerWeight", "TexCoord", "NewGeometry", "ObjectInfo", "LightPath", "Bump",
+          "NormalMap", "Group", "AmbientOcclusion", "Wavelength", "Blackbody", "VectorRotate", "FloatCurve",
+          "Tangent"]  # fmt: skip
+SHADERS = ["BsdfPrincipled", "BsdfDiffuse", "BsdfGlossy", "Emission", "BsdfTransparent", "MixShader", "AddShader", "BsdfHair",
+           "Holdout", "BsdfGlass", "Background", "ShaderToRGB"]  # fmt: skip
+
+
+def grow(tree, source, kinds, count, images, *, is_sound=False):
+    """Add random nodes with random settings and values, linked at random to nodes before them.
+
+    is_sound: whether all links are valid: Cycles takes 0 for others.
+    """
+    groups = [group for group in bpy.data.node_groups if group != tree]
+    for _ in range(count):
+        node = tree.nodes.new(f"ShaderNode{source.choice(kinds)}")
+        for prop in node.bl_rna.properties:
+            if prop.type == "ENUM" and not prop.is_readonly and prop.identifier not in {"bl_icon", "color_tag"}:
+                with contextlib.suppress(TypeError):  # a value that shader nodes do not have
+                    setattr(node, prop.identifier, source.choice([item.identifier for item in prop.enum_items] or [""]))
+        settle(node, source)
+        if node.bl_idname == "ShaderNodeTexImage":
+            node.image = source.choice([*images, None] if source.random() < 0.1 else images)
+            node.interpolation = "Closest"
+        elif node.bl_idname == "ShaderNodeVertexColor":
+            node.layer_name = source.choice(["paint", "paint", "missing"])
+        elif node.bl_idname == "ShaderNodeAttribute":
+            node.attribute_name = source.choice(["paint", "UVMap"])
+            node.attribute_type = "GEOMETRY"
+        elif node.bl_idname == "ShaderNodeGroup" and groups:
+            node.node_tree = source.choice(groups)
+        for socket in node.inputs:
+            randomize(socket, source)
+            outputs = [output for other in tree.nodes if other != node for output in other.outputs]
+            if is_sound:
+                outputs = [output for output in outputs if output.enabled and output.type != "SHADER"]
+            if outputs and source.random() < (0.3 if node.bl_idname == "ShaderNodeTexImage" else 0.6):
+                tree.links.new(source.choice(outputs), socket).is_muted = source.random() < 0.05
+        node.mute = source.random() < 0.05
+
+
+def settle(node, source):
+    """Mostly settings that feeds can express."""
+    likely = {
+        "operation": ["ADD", "SUBTRACT", "MULTIPLY", "DIVIDE", "MULTIPLY_ADD"],
+        "blend_type": ["MIX", "ADD", "MULTIPLY", "SCREEN"],
+        "projection": ["FLAT"],
+        "mode": ["RGB"],
+    }
+    for name, choices in likely.items():
+        if hasattr(node, name) and source.random() < 0.8:
+            setattr(node, name, source.choice(choices))
+
+
+def randomize(socket, source):
+    if socket.type == "VALUE":
+        socket.default_value = source.choice([0.0, 1.0, source.random(), source.uniform(-2, 2)])
+    elif socket.type == "VECTOR" and len(socket.default_value) == 3:
+        socket.default_value = [source.uniform(-2, 2) for _ in range(3)]
+    elif socket.type == "RGBA":
+        socket.default_value = [source.random() for _ in range(4)]
+
+
+def images_for(source):
+    found = [image(f"image {place}", (4 + place, 3), seed=source.randrange(1000), space=space)
+             for place, space in enumerate(("sRGB", "Non-Color"))]  # fmt: skip
+    gone = bpy.data.images.new("gone", 1, 1)
+    gone.source, gone.filepath = "FILE", "//gone.png"
+    return [*found, gone]
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_each_socket_is_a_feed_or_a_note_seed(seed, material):
+    source = random.Random(seed)
+    images = images_for(source)
+    for name in ("inner", "outer"):
+        group = bpy.data.node_groups.new(name, "ShaderNodeTree")
+        for place in range(3):
+            kind = source.choice(["NodeSocketColor", "NodeSocketFloat", "NodeSocketVector"])
+            group.interface.new_socket(str(place), in_out=source.choice(["INPUT", "OUTPUT"]), socket_type=kind)
+        start, end = group.nodes.new("NodeGroupInput"), group.nodes.new("NodeGroupOutput")
+        grow(group, source, FOLLOWED + OTHERS, 6, images)
+        for socket in end.inputs[:-1]:
+            group.links.new(source.choice([out for node in group.nodes for out in node.outputs]), socket)
+        assert start.outputs
+    grow(material.node_tree, source, FOLLOWED * 3 + OTHERS + SHADERS, 30, images)
+    shader = principled(material)
+    outputs = [output for node in material.node_tree.nodes for output in node.outputs]
+    for socket in shader.inputs:
+        if source.random() < 0.7:
+            material.node_tree.links.new(source.choice(outputs), socket)
+    if source.random() < 0.5:
+        surface = material.node_tree.get_output_node("ALL").inputs["Surface"]
+        material.node_tree.links.new(source.choice([o for o in outputs if o.type == "SHADER"]), surface)
+    found = read(material)
+    assert all(
+        note.startswith('Material "Rust": ') and note.endswith(".") for notes in found.notes.values() for note in notes
+    )
+    if "" not in found.notes:
+        sockets = {socket.name for socket in shader.inputs if socket.enabled and socket.type in {"RGBA", "VALUE"}}
+        assert set(found.feeds) | set(found.notes) >= sockets
+        assert set(found.feeds) <= sockets
+    images = ImagePages()
+    for feed in found.feeds.values():
+        if hasattr(feed, "image"):
+            assert images.load(feed.image).size
+
+
+@pytest.mark.parametrize("seed", range(100))
+def test_feeds_without_notes_are_what_cycles_shows_seed(seed, material):
+    source = random.Random(seed)
+    images = images_for(source)[:2]
+    grow(material.node_tree, source, ["TexImage"], 2, images, is_sound=True)
+    grow(material.node_tree, source, FOLLOWED, source.randrange(1, 6), images, is_sound=True)
+    outputs = [o for node in material.node_tree.nodes for o in node.outputs if o.enabled and o.type != "SHADER"]
+    output = outputs[-1 - source.randrange(min(3, len(outputs)))]
+    material.node_tree.links.new(output, principled(material).inputs["Base Color"])
+    found = read(material)
+    if "Base Color" in found.notes:
+        return
+    obj = feeds.square(material, ((0.03, 0.02), (1.9, -0.3), (2.4, 1.7), (0.53, 2.02)))
+    colors = np.random.default_rng(seed).uniform(0.1, 1, (4, 4)).astype(np.float32)
+    obj.data.color_attributes.new("paint", "FLOAT_COLOR", "CORNER").data.foreach_set("color", colors.ravel())
+    feed = found.feeds["Base Color"]
+    if getattr(feed, "name", "paint") == "missing":
+        return
+    if (getattr(feed, "name", ""), getattr(feed, "channel", 0)) == ("UVMap", AVERAGE):
+        return  # Cycles takes the mean of two components, EEVEE that of three
+    mine = feeds.evaluate(feed, ImagePages(), obj.data, SIZE)
+    theirs = feeds.cycles(obj, output, SIZE)
+    # Emission has no negative light.
+    scale = max(1.0, np.abs(mine).max())
+    wrong = np.abs(mine.clip(0.0, None) - theirs.clip(0.0, None)).max(axis=-1) > TOLERANCE * scale
+    assert wrong.mean() < BORDERS, (output.node.name, output.name, feed, mine[10, 10], theirs[10, 10])

@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Makes materials of nodes for tests, and reads them."""
+
+import bpy
+import numpy as np
+
+from addon.core.material_feeds import HighMaterial
+from addon.scene.images.image_pages import ImagePages
+from addon.scene.materials.material_reading import read_materials
+
+
+def principled(material):
+    return material.node_tree.nodes["Principled BSDF"]
+
+
+def add(material, kind, inputs=None, **properties):
+    """A new node. inputs: values or output sockets by identifier or index."""
+    tree = material.node_tree if hasattr(material, "node_tree") else material
+    node = tree.nodes.new(f"ShaderNode{kind}")
+    for name, value in properties.items():
+        setattr(node, name, value)
+    for name, value in (inputs or {}).items():
+        socket = node.inputs[name] if isinstance(name, int) else next(s for s in node.inputs if s.identifier == name)
+        if isinstance(value, bpy.types.NodeSocket):
+            tree.links.new(value, socket)
+        else:
+            socket.default_value = value
+    return node
+
+
+def image(name="dots", size=(7, 5), *, seed=0, space="sRGB", alpha=False):
+    width, height = size
+    found = bpy.data.images.new(name, width, height, alpha=alpha)
+    found.colorspace_settings.name = space
+    pixels = np.random.default_rng(seed).uniform(0.0, 1.0, (width * height, 4)).astype(np.float32)
+    if not alpha:
+        pixels[:, 3] = 1.0
+    found.pixels.foreach_set(pixels.ravel())
+    found.pack()
+    return found
+
+
+def texture(material, found=None, **properties):
+    return add(material, "TexImage", image=found or image(), interpolation="Closest", **properties)
+
+
+def feed_color(material, output, socket="Base Color") -> HighMaterial:
+    """Connect an output to a socket, and read the material."""
+    material.node_tree.links.new(output, principled(material).inputs[socket])
+    return read(material)
+
+
+def read(material) -> HighMaterial:
+    return read_materials([material], ImagePages())[0]
