@@ -7,7 +7,7 @@ from ..core.errors import shorten_list
 from ..core.map_types import BY_NAME, MapType
 from . import datablocks
 from .nodes import surface_nodes
-from .nodes.surface_nodes import MapImage
+from .nodes.image_nodes import MapImage
 
 
 def are_any(maps: Mapping[str, dict]) -> bool:

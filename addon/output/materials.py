@@ -12,7 +12,7 @@ from bpy.types import Image, Material, MaterialSlot, Mesh, Object
 from ..core.declarations.choices import Space
 from ..core.errors import BakeError
 from .nodes import normal_nodes, surface_nodes
-from .nodes.surface_nodes import MapImage
+from .nodes.image_nodes import MapImage
 from .nodes.tree_editing import MARK, Coordinates
 
 CONVENTIONS: Mapping[tuple[str, str, str], str] = MappingProxyType(

@@ -10,7 +10,7 @@ import pytest
 from addon.core.errors import BakeError
 from addon.core.settings import Settings
 from addon.jobs import Job, bake_all, bake_pair
-from addon.output import map_storage
+from addon.output import map_storage, outputs
 from tests.support import zoo
 from tests.support.maps import pixels
 from tests.support.snapshot import difference, snapshot
@@ -132,3 +132,60 @@ def test_linked_objects_are_refused_before_the_bake(tmp_path, chosen, message):
         bpy.context.collection.objects.link(obj)
     with pytest.raises(BakeError, match=message):
         bake(bpy.data.objects["lo"], bpy.data.objects["lo high"], material=False, **chosen)
+
+
+# Renders
+
+WAVE, STEEP = 0.05, 6.0
+"""The height and the wave number of a sine on the high plane."""
+SHADE = 0.002
+"""The error of the rendered light: texels and subdivision are finite. Counted twice, the detail leaves 0.07."""
+
+
+def brightness(path):
+    """The light on the plane (64, 64) that Cycles renders from above."""
+    render = bpy.context.scene.render
+    render.filepath = str(path)
+    bpy.ops.render.render(write_still=True)
+    image = bpy.data.images.load(str(path))
+    found = pixels(image)[4:-4, 4:-4, 0].copy()
+    bpy.data.images.remove(image)
+    return found
+
+
+@pytest.mark.parametrize("method", ["BUMP", "DISPLACEMENT", "BOTH"])
+def test_detail_that_is_in_the_normal_map_and_in_the_heights_counts_once(tmp_path, method):
+    low, high = zoo.plane("lo", n=2), zoo.plane("hi", n=60)
+    points = np.empty(len(high.data.vertices) * 3, np.float32)
+    high.data.vertices.foreach_get("co", points)
+    points = points.reshape(-1, 3)
+    points[:, 2] = WAVE * np.sin(points[:, 0] * STEEP)
+    high.data.vertices.foreach_set("co", points.ravel())
+    high.data.shade_smooth()
+    low.modifiers.new("Dice", "SUBSURF").subdivision_type = "SIMPLE"
+    low.modifiers[0].render_levels = 6 if method != "BUMP" else 0
+    scene = bpy.context.scene
+    scene.render.engine, scene.cycles.samples, scene.cycles.use_denoising = "CYCLES", 4, False
+    scene.cycles.max_bounces = 0
+    scene.render.resolution_x = scene.render.resolution_y = 64
+    scene.render.image_settings.file_format = "OPEN_EXR"
+    scene.view_settings.view_transform = "Raw"
+    scene.camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    scene.camera.data.type, scene.camera.data.ortho_scale = "ORTHO", float(np.ptp(points[:, 0]))
+    scene.camera.location = (*points.mean(axis=0)[:2], 5.0)
+    sun = bpy.data.objects.new("Sun", bpy.data.lights.new("Sun", "SUN"))
+    sun.data.energy, sun.data.angle, sun.rotation_euler = 3.0, 0.0, (0.0, 0.7, 0.0)
+    for obj in (scene.camera, sun):
+        scene.collection.objects.link(obj)
+    bpy.context.view_layer.update()
+    report = bake(low, high, maps=("HEIGHT",), width=256, height=256, margin=16)
+    high.hide_render = True
+    material = low.active_material
+    principled = material.node_tree.nodes["Principled BSDF"]
+    principled.inputs["Specular IOR Level"].default_value, principled.inputs["Roughness"].default_value = 0.0, 1.0
+    before = brightness(tmp_path / "before.exr")
+    material.displacement_method = method
+    assert outputs.connect_maps(low, report.maps, report.uv_layer, space="TANGENT", single_user=False)[1:] == []
+    after = brightness(tmp_path / "after.exr")
+    assert np.ptp(before) > 0.2
+    assert np.abs(after - before).mean() < SHADE

@@ -10,7 +10,7 @@ import pytest
 from addon.core.map_types import AO, BY_NAME, HEIGHT, METALLIC, ROUGHNESS, VECTOR_DISPLACEMENT
 from addon.output import materials
 from addon.output.nodes import gltf_group
-from addon.output.nodes.surface_nodes import MapImage
+from addon.output.nodes.image_nodes import MapImage
 from addon.output.nodes.tree_editing import MARK
 
 BASE_COLOR, EMISSION, ALPHA = (BY_NAME[name] for name in ("BASE_COLOR", "EMISSION", "ALPHA"))
@@ -288,10 +288,56 @@ def test_heights_and_vectors_displace_as_reported(map_type, kind, entry, space):
     assert node.space == ("WORLD" if map_type is HEIGHT or space == "WORLD" else "OBJECT")
 
 
-def test_no_note_where_the_surface_moves():
+@pytest.mark.parametrize("method", ["DISPLACEMENT", "BOTH"])
+def test_no_note_where_the_surface_moves(method):
     material, *_ = make_material()
-    material.displacement_method = "DISPLACEMENT"
+    material.displacement_method = method
     assert connect(make_low(material), {HEIGHT.name: of(HEIGHT)}) == []
+
+
+def hook_up(low, image):
+    materials.hook_up(low, image, space="TANGENT", uv_layer="Layout", channels=("+X", "+Y", "+Z"))
+
+
+def normal_map_of(principled):
+    return source(principled.inputs["Normal"], "NormalMap")
+
+
+@pytest.mark.parametrize("is_normal_first", [True, False])
+def test_a_normal_map_counts_from_the_surface_without_its_displacement(is_normal_first):
+    material, _, principled = make_material()
+    low = make_low(material)
+    steps = [lambda: hook_up(low, make_image("normal")), lambda: connect(low, {HEIGHT.name: of(HEIGHT)})]
+    for step in steps if is_normal_first else steps[::-1]:
+        step()
+    assert normal_map_of(principled).base == "ORIGINAL"
+
+
+def test_other_maps_leave_the_base_of_the_normal_map():
+    material, _, principled = make_material()
+    low = make_low(material)
+    hook_up(low, make_image("normal"))
+    connect(low, {ROUGHNESS.name: of(ROUGHNESS)})
+    assert normal_map_of(principled).base == "DISPLACED"
+
+
+def test_the_displacement_of_the_user_leaves_the_base_of_the_normal_map():
+    material, tree, principled = make_material()
+    node = add(tree, "ShaderNodeDisplacement")
+    texture = add(tree, "ShaderNodeTexImage", image=make_image("Waves"))
+    tree.links.new(texture.outputs["Color"], node.inputs["Height"])
+    tree.links.new(node.outputs[0], tree.nodes["Material Output"].inputs["Displacement"])
+    hook_up(make_low(material), make_image("normal"))
+    assert normal_map_of(principled).base == "DISPLACED"
+
+
+def test_a_normal_map_of_the_user_keeps_its_base():
+    material, tree, principled = make_material()
+    node, texture = add(tree, "ShaderNodeNormalMap"), add(tree, "ShaderNodeTexImage", image=make_image("Pores"))
+    tree.links.new(texture.outputs["Color"], node.inputs["Color"])
+    tree.links.new(node.outputs[0], principled.inputs["Normal"])
+    connect(make_low(material), {HEIGHT.name: of(HEIGHT)})
+    assert node.base == "DISPLACED"
 
 
 def test_vectors_after_heights_take_their_place():

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from bpy.types import Image, Material, Node, NodeSocket
 
-from . import tree_editing
+from . import displacement_nodes, tree_editing
 from .tree_editing import Coordinates, TreeEditor, title
 
 
@@ -33,6 +33,7 @@ def connect(material: Material, settings: NormalMapSettings, coordinates: Coordi
             editor.note(f"the group {title(shader)} has no Normal input, so the map does not reach the shaders in it.")
     if not done:
         editor.note("no shader with a Normal input reaches the output, so the map is not shown.")
+    displacement_nodes.fit_normal_maps(editor)
     return editor.notes
 
 
