@@ -352,6 +352,40 @@ def test_vertex_colors_without_a_material_are_the_base_color(folder):
     )
 
 
+# Textured .ply
+
+
+@pytest.mark.parametrize("form", ["ascii", "binary_little_endian", "binary_big_endian"])
+def test_a_ply_with_uvs_by_face_shows_its_images(folder, form):
+    points, uv, (quads,) = scans.strips(1)
+    faces = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+    images = np.random.default_rng(6).integers(0, 2, len(faces))
+    names = ["page 0.png", "page 1.png"]
+    for name, color in zip(names, scans.COLORS, strict=False):
+        scans.page(folder / name, color)
+    spelled = [f"C:\\me\\{name.upper()}" for name in names]
+    scans.write_textured_ply(folder / "scan.ply", (points, faces, uv[faces]), images, spelled, form=form)
+    (obj,) = import_file(folder / "scan.ply", PLAIN)
+    assert [name for name, _ in pages_of(obj)] == names
+    assert np.abs(np.array(pages_of(obj)[1][1]) - scans.COLORS[1]).max() < 0.01
+    assert [polygon.material_index for polygon in obj.data.polygons] == images.tolist()
+    found = np.array([entry.vector for entry in obj.data.uv_layers.active.uv])
+    assert np.abs(found - uv[faces].reshape(-1, 2)).max() < 1e-6
+    (folder / names[1]).unlink()
+    assert page_files.missing([obj]) == [str(folder / names[1])]
+
+
+def test_a_ply_with_polygons_and_uvs_by_face_is_imported_without_them(folder):
+    points, uv, (quads,) = scans.strips(1)
+    faces = quads[:, :3]
+    scans.write_textured_ply(folder / "scan.ply", (points, faces, uv[faces]), np.zeros(len(quads), int), ["a.png"])
+    content = (folder / "scan.ply").read_bytes()
+    (folder / "scan.ply").write_bytes(content.replace(b"texcoord", b"texxxxxx"))
+    (obj,) = import_file(folder / "scan.ply", PLAIN)
+    assert not obj.data.uv_layers
+    assert not obj.material_slots
+
+
 # Memory
 
 

@@ -67,3 +67,36 @@ def write_ply(path, points, faces, *, colors=None, kind="double"):
     polygons = np.zeros(len(faces), [("count", "u1"), ("corners", "<i4", faces.shape[1])])
     polygons["count"], polygons["corners"] = faces.shape[1], faces
     path.write_bytes(head.encode() + table.tobytes() + polygons.tobytes())
+
+
+def write_textured_ply(path, surface, images, names, *, form="binary_little_endian"):
+    """Write a .ply of triangles with UVs by face, as MeshLab does.
+
+    surface: points (V, 3), faces (F, 3) and uv (F, 3, 2). images: (F,), numbers of `names`.
+    """
+    points, faces, uv = surface
+    head = f"ply\nformat {form} 1.0\n" + "".join(f"comment TextureFile {name}\n" for name in names)
+    head += f"element vertex {len(points)}\n" + "".join(f"property float {axis}\n" for axis in "xyz")
+    head += f"property uchar flags\nelement face {len(faces)}\nproperty list uchar int vertex_indices\n"
+    head += "property list uchar float texcoord\nproperty int texnumber\nend_header\n"
+    if form == "ascii":
+        rows = [f"{x:.6f} {y:.6f} {z:.6f} 7" for x, y, z in points]
+        for face, corners, number in zip(faces, uv, images, strict=True):
+            numbers = " ".join(f"{value:.6f}" for value in corners.ravel())
+            rows.append(f"3 {face[0]} {face[1]} {face[2]} 6 {numbers} {number}")
+        path.write_text(head + "\n".join(rows) + "\n")
+        return
+    order = "<" if "little" in form else ">"
+    vertices = np.zeros(len(points), [("at", order + "f4", 3), ("flags", "u1")])
+    vertices["at"], vertices["flags"] = points, 7
+    fields = [
+        ("sides", "u1"),
+        ("corners", order + "i4", 3),
+        ("count", "u1"),
+        ("uv", order + "f4", 6),
+        ("image", order + "i4"),
+    ]
+    triangles = np.zeros(len(faces), fields)
+    triangles["sides"], triangles["count"], triangles["corners"] = 3, 6, faces
+    triangles["uv"], triangles["image"] = np.reshape(uv, (-1, 6)), images
+    path.write_bytes(head.encode() + vertices.tobytes() + triangles.tobytes())

@@ -11,24 +11,14 @@ from typing import BinaryIO
 
 import numpy as np
 
+from . import ply_header
+
 CHUNK = 1 << 24
 """Bytes of text that are moved at once."""
 WINDOW, WINDOWS = 1 << 17, 24
 """Bytes of a window in a file, and the number of windows from which its box is estimated."""
 FAR, LEAST = 16.0, 1000.0
 """A mesh is far from the origin if it is this many times its own size away, and at least this far."""
-_TYPES = {
-    **dict.fromkeys(("char", "int8"), "i1"),
-    **dict.fromkeys(("uchar", "uint8"), "u1"),
-    **dict.fromkeys(("short", "int16"), "i2"),
-    **dict.fromkeys(("ushort", "uint16"), "u2"),
-    **dict.fromkeys(("int", "int32"), "i4"),
-    **dict.fromkeys(("uint", "uint32"), "u4"),
-    **dict.fromkeys(("float", "float32"), "f4"),
-    **dict.fromkeys(("double", "float64"), "f8"),
-}
-"""The types of .ply files as numpy names them."""
-_ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">"}
 _AXES = ("x", "y", "z")
 _IN_OBJ = [1, 2, 3]
 """The columns of x, y and z in a line of an .obj, after its letter."""
@@ -59,8 +49,7 @@ def write_near(source: Path, target: Path, origin: np.ndarray) -> None:
             for lines in _blocks(read):
                 write.write(_moved_obj(lines, origin))
             return
-        header = _PlyHeader.read(read)
-        read.seek(0)
+        header = _Points.of(source)
         write.write(read.read(header.start))
         if header.order:
             _move_binary(read, write, header, origin)
@@ -103,61 +92,38 @@ def _moved_obj(text: bytes, origin: np.ndarray) -> bytes:
 
 
 @dataclass(frozen=True)
-class _PlyHeader:
-    """The points of a .ply. order: of bytes, as numpy spells it; empty for text. start: of the points, in bytes from the start
-    of the file. properties: names and types of each point."""
+class _Points:
+    """The points of a .ply. order, start: as Header has them. columns: the places of x, y and z in a line of text."""
 
     order: str
     start: int
     count: int
-    properties: list[tuple[str, str]]
-
-    @property
-    def dtype(self) -> np.dtype:
-        return np.dtype([(name, self.order + kind) for name, kind in self.properties])
-
-    @property
-    def columns(self) -> list[int]:
-        """The places of x, y and z in a line of text."""
-        names = [name for name, _ in self.properties]
-        return [names.index(axis) for axis in _AXES]
+    dtype: np.dtype
+    columns: list[int]
 
     @classmethod
-    def read(cls, file: BinaryIO) -> "_PlyHeader | None":
-        """The header of `file`; None unless its points come first and have double precision."""
-        order, count, properties, elements, start = None, 0, [], 0, 0
-        for number, line in enumerate(iter(lambda: file.readline(WINDOW), b"")):
-            words = line.decode(errors="replace").split()
-            start += len(line)
-            if (number == 0 and words != ["ply"]) or number > 1000:
-                return None
-            if words[:1] == ["format"] and len(words) > 1:
-                order = _ORDERS.get(words[1], "" if words[1] == "ascii" else None)
-            elif words[:1] == ["element"] and len(words) == 3:
-                elements += 1
-                if elements == 1 and (words[1] != "vertex" or not words[2].isdecimal()):
-                    return None
-                count = int(words[2]) if elements == 1 else count
-            elif words[:1] == ["property"] and elements == 1:
-                if len(words) != 3 or words[1] not in _TYPES:  # a list, whose length differs
-                    return None
-                properties.append((words[2], _TYPES[words[1]]))
-            elif words == ["end_header"]:
-                break
-        kinds = dict(properties)
-        if order is None or len(kinds) < len(properties) or not all(axis in kinds for axis in _AXES):
+    def of(cls, path: Path) -> "_Points | None":
+        """The points of the .ply at `path`; None unless they come first and are text or have double precision."""
+        header = ply_header.read(path)
+        if header is None or not header.elements or header.elements[0].name != "vertex":
             return None
-        if order and any(kinds[axis] != "f8" for axis in _AXES):
+        points = header.elements[0]
+        dtype = points.dtype(header.order)
+        if dtype is None or not set(_AXES) <= set(points.names):
             return None
-        return cls(order, start, count, properties)
+        if header.order and any(dtype[axis] != np.dtype(f"{header.order}f8") for axis in _AXES):
+            return None
+        count = min(points.count, path.stat().st_size)  # a row has at least a byte
+        return cls(header.order, header.start, count, dtype, [points.names.index(axis) for axis in _AXES])
 
 
 def _ply_points(path: Path) -> np.ndarray:
     """Points (N, 3) float64 of a .ply in double precision, from windows that are spread over its points."""
+    header = _Points.of(path)
+    if header is None:
+        return np.empty((0, 3))
     with path.open("rb") as file:
-        header = _PlyHeader.read(file)
-        if header is None:
-            return np.empty((0, 3))
+        file.seek(header.start)
         if not header.order:
             lines = file.read(WINDOW).split(b"\n")
             return _points(lines[: min(header.count, len(lines) - 1)], header.columns)
@@ -171,7 +137,7 @@ def _ply_points(path: Path) -> np.ndarray:
     return np.concatenate(found) if found else np.empty((0, 3))
 
 
-def _move_binary(read: BinaryIO, write: BinaryIO, header: _PlyHeader, origin: np.ndarray) -> None:
+def _move_binary(read: BinaryIO, write: BinaryIO, header: _Points, origin: np.ndarray) -> None:
     left, width = header.count, header.dtype.itemsize
     while left > 0 and (content := read.read(min(left, CHUNK // width) * width)):
         points = np.frombuffer(content[: len(content) // width * width], header.dtype).copy()
@@ -181,7 +147,7 @@ def _move_binary(read: BinaryIO, write: BinaryIO, header: _PlyHeader, origin: np
         left -= len(points) or left
 
 
-def _move_text(read: BinaryIO, write: BinaryIO, header: _PlyHeader, origin: np.ndarray) -> None:
+def _move_text(read: BinaryIO, write: BinaryIO, header: _Points, origin: np.ndarray) -> None:
     left = header.count
     for text in _blocks(read):
         lines = text.split(b"\n")

@@ -15,7 +15,7 @@ import numpy as np
 from ...core.errors import BakeError
 from ...output.files.atomic_file import reason
 from .. import standard_streams
-from . import far_coordinates, obj_materials, page_files, vertex_colors
+from . import base_colors, far_coordinates, obj_materials, page_files, ply_texture
 from .obj_materials import Materials
 
 IMPORTERS = {
@@ -92,7 +92,10 @@ def _import(path: Path, space: Space) -> None:
     page_files.find_missing(pages, path.parent)
     meshes = [obj for obj in new if obj.type == "MESH"]
     page_files.as_udims(meshes)
-    vertex_colors.show(meshes)
+    texture = ply_texture.read(path) if path.suffix.lower() == ".ply" else None
+    for obj in meshes if texture else ():
+        base_colors.show_texture(obj, texture, path.parent)
+    base_colors.show_vertex_colors(meshes)
 
 
 @contextmanager
