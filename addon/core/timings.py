@@ -9,7 +9,7 @@ from typing import TypeVar
 Yielded = TypeVar("Yielded")
 Result = TypeVar("Result")
 
-STAGES = ("extract", "method", "tree", "upload", "distances", "draw", "read", "audit", "image")
+STAGES = ("extract", "method", "tree", "upload", "distances", "draw", "pages", "read", "audit", "image")
 """In the order in which a report lists them."""
 
 

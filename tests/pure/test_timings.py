@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Tests the time measured for each stage of a bake: each second counts for one stage, and pauses count for none."""
 
+import re
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -47,6 +49,14 @@ def test_a_stage_that_fails_is_counted_and_ends(clock, measured):
     with measured.timed("draw"):
         clock.now += 2.0
     assert staged(measured) == {"upload": 1.0, "draw": 2.0}
+
+
+def test_each_stage_that_the_code_times_is_declared():
+    addon = Path(timings.__file__).parents[1]
+    timed = {
+        stage for path in addon.rglob("*.py") for stage in re.findall(r"\.timed\(\"(\w+)\"\)", path.read_text("utf-8"))
+    }
+    assert timed == set(STAGES)
 
 
 def test_time_between_steps_does_not_count(clock, measured):

@@ -15,6 +15,15 @@ def bake(low, *highs, image="map", **settings):
     return pixels(bpy.data.images[image])
 
 
+def bake_all_maps(low, *highs, maps, size=64, cage=None, **settings):
+    """The report of a bake and its maps by name in lower case, texels (H, W, 4) float32 as `bake` has them."""
+    values = {"method": "FLATTEN", "margin": 0, "depth": 32, "storage": "MEMORY", "material": False, **settings}
+    width, height = size if isinstance(size, tuple) else (size, size)
+    chosen = Settings(image="map", width=width, height=height, maps=tuple(maps), **values)
+    report = bake_pair(bpy.context, low, highs, chosen, cage)
+    return report, {name: pixels(bpy.data.images[found["image"]]) for name, found in report.maps.items()}
+
+
 def pixels(image):
     """The pixels (H, W, 4) float32 of an image datablock, row 0 at v = 0."""
     texels = np.empty(image.size[0] * image.size[1] * 4, np.float32)

@@ -71,7 +71,7 @@ class MaterialMaps:
         uses = self._uses()
         for done, ((image, tile), found) in enumerate(uses.items()):
             yield Progress(f"Reading {image}", done / len(uses))
-            with self.run.timings.timed("images"):
+            with self.run.timings.timed("pages"):
                 shown = image_page.upload(self.load_page(image, tile))
             with self.run.timings.timed("draw"):
                 for one, feed, number in found:

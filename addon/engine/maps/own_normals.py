@@ -37,7 +37,7 @@ class OwnNormals:
                     pages.setdefault((image.image, tile), []).append(turn)
             for done, ((image, tile), found) in enumerate(pages.items()):
                 yield Progress("Reading the images of the high meshes", done / len(pages))
-                with self.run.timings.timed("images"):
+                with self.run.timings.timed("pages"):
                     page = image_page.upload(self.load_page(image, tile))
                 with self.run.timings.timed("draw"):
                     for turn in found:
