@@ -52,7 +52,7 @@ class ImageFeed:
 class ImagePixels:
     """A page: the pixels of an image, or of one tile of it.
 
-    values (h, w, 4) float32, row 0 at v = 0: linear Rec.709 or data, or with is_srgb as sRGB stores colors. is_byte: whether
+    values (h, w, 4) float32, row 0 at v = 0: scene-linear or data, or with is_srgb as sRGB stores colors. is_byte: whether
     they are whole steps of 1/255, so that 8 bits hold them. weighs_alpha: whether colors, which are not multiplied with their
     alpha, count by it where pixels are averaged: what is transparent does not color what is beside it.
     """

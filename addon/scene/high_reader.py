@@ -58,7 +58,7 @@ class Reader:
 
     def load_page(self, key: str, tile: int) -> ImagePixels:
         """The pixels of an image of the materials, as Meshes.load_page has it."""
-        return ImagePixels(self.materials.images.load(key, tile))
+        return self.materials.images.load(key, tile)
 
     def _joined(self, number: int, high: bpy.types.Object, parts: Sequence[Part]) -> Mesh:
         """The mesh of `high` joined with its instances."""

@@ -38,9 +38,11 @@ def page(image, tile=0, *, is_premultiplied=False) -> np.ndarray:
     images = ImagePages()
     found = images.page(image, is_premultiplied=is_premultiplied)
     loaded = images.load(found.key, tile)
-    assert loaded.shape[1::-1] == images.size(found.key, tile)
-    assert loaded.dtype == np.float32
-    return loaded
+    assert loaded.values.shape[1::-1] == images.size(found.key, tile)
+    assert loaded.values.dtype == np.float32
+    if loaded.is_byte:
+        assert np.abs(loaded.values * 255 - np.rint(loaded.values * 255)).max() < 1e-4
+    return feeds.scene_linear(loaded)
 
 
 def in_cycles(image, *, uses_alpha) -> np.ndarray:
@@ -77,6 +79,36 @@ def test_pixels_in_another_working_space(tmp_path, space):
     bpy.ops.wm.set_working_color_space(working_space="ACEScg", convert_colors=False)
     image = load(tmp_path / "image.png", stored(channels=3), space=space)
     assert np.abs(page(image)[..., :3] - in_cycles(image, uses_alpha=False)).max() < TOLERANCE
+
+
+@pytest.mark.parametrize(
+    ("settings", "flags"),
+    [
+        ((8, "sRGB", "STRAIGHT", True), "srgb byte"),
+        ((8, "sRGB", "STRAIGHT", False), "srgb byte weighs"),
+        ((8, "sRGB", "CHANNEL_PACKED", False), "srgb byte"),
+        ((8, "Non-Color", "STRAIGHT", False), "byte"),
+        ((8, "Linear Rec.709", "STRAIGHT", False), "byte weighs"),
+        ((8, "Linear Rec.709", "STRAIGHT", True), ""),
+        ((8, "Display P3", "NONE", True), ""),
+        ((16, "sRGB", "STRAIGHT", False), "weighs"),
+        ((16, "Non-Color", "STRAIGHT", False), ""),
+    ],
+)
+def test_pages_say_what_is_stored(tmp_path, settings, flags):
+    """8 bits stay 8 bits on the GPU where they suffice, and alpha weighs straight colors."""
+    bits, space, alpha, is_premultiplied = settings
+    image = load(tmp_path / "image.png", stored(bits), space=space, alpha=alpha)
+    images = ImagePages()
+    found = images.load(images.page(image, is_premultiplied=is_premultiplied).key)
+    said = {"srgb": found.is_srgb, "byte": found.is_byte, "weighs": found.weighs_alpha}
+    assert " ".join(name for name, value in said.items() if value) == flags
+
+
+def test_an_image_without_transparency_has_nothing_to_weigh(tmp_path):
+    images = ImagePages()
+    image = load(tmp_path / "image.png", stored(channels=3))
+    assert not images.load(images.page(image, is_premultiplied=False).key).weighs_alpha
 
 
 def test_srgb_is_linear_by_the_exact_formula(tmp_path):
@@ -253,7 +285,7 @@ def test_an_image_may_be_renamed_meanwhile(tmp_path):
     key = images.page(image, is_premultiplied=True).key
     image.name = "other"
     assert images.name(key) == "other"
-    assert images.load(key).shape == (HEIGHT, WIDTH, 4)
+    assert images.load(key).values.shape == (HEIGHT, WIDTH, 4)
 
 
 def test_pages_of_other_spaces_are_converted_in_parts(tmp_path, monkeypatch):

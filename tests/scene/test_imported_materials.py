@@ -23,7 +23,7 @@ def png(path, seed, channels=3):
 
 def stored(feed) -> np.ndarray:
     """The pixels of a feed's image, as 8 bits if it is data."""
-    return ImagePages().load(feed.image)[..., :3] * 255
+    return ImagePages().load(feed.image).values[..., :3] * 255
 
 
 OBJ = """mtllib scan.mtl

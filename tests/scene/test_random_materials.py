@@ -126,7 +126,7 @@ def test_each_socket_is_a_feed_or_a_note_seed(seed, material):
     images = ImagePages()
     for feed in found.feeds.values():
         if hasattr(feed, "image"):
-            assert images.load(feed.image).size
+            assert images.load(feed.image).values.size
 
 
 @pytest.mark.parametrize("seed", range(100))

@@ -8,6 +8,7 @@ import bpy
 import numpy as np
 
 from addon.core.material_feeds import AVERAGE, LUMINANCE, LUMINANCE_WEIGHTS, AttributeFeed, Constant, Extension
+from addon.scene.images.image_colors import srgb_to_linear
 from addon.scene.materials.mesh_attributes import attribute_by_corner, uv_by_corner
 
 BAKED = "baked"
@@ -70,10 +71,17 @@ def _sampled(feed, images, uv):
             corner = np.array([(tile - 1001) % 10, (tile - 1001) // 10])
             inside = (np.floor(uv) == corner).all(axis=-1)
             values[inside] = _filtered(
-                images.load(feed.image, tile), uv[inside] - corner, Extension.EXTEND, feed.is_smooth
+                scene_linear(images.load(feed.image, tile)), uv[inside] - corner, Extension.EXTEND, feed.is_smooth
             )
         return values
-    return _filtered(images.load(feed.image), uv, feed.extension, feed.is_smooth)
+    return _filtered(scene_linear(images.load(feed.image)), uv, feed.extension, feed.is_smooth)
+
+
+def scene_linear(page) -> np.ndarray:
+    """The values (H, W, 4) of ImagePixels with linear colors."""
+    if not page.is_srgb:
+        return page.values
+    return np.concatenate([srgb_to_linear(page.values[..., :3]), page.values[..., 3:]], axis=-1)
 
 
 def _filtered(page, uv, extension, is_smooth):

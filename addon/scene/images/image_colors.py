@@ -30,17 +30,26 @@ def linearize_bytes(pixels: np.ndarray) -> None:
     for_blocks(len(pixels), convert)
 
 
+def is_converting() -> bool:
+    """Whether Blender's working space is another than linear Rec.709, because the file says so."""
+    return not np.allclose(_matrix(), np.eye(3), atol=1e-5)
+
+
 def from_rec709(pixels: np.ndarray) -> None:
     """Convert the color of pixels (N, 4) float32 from linear Rec.709 to Blender's working space in place."""
-    axes = [Color(axis).from_rec709_linear_to_scene_linear() for axis in np.eye(3)]
-    matrix = np.array(axes, np.float32)
-    if np.allclose(matrix, np.eye(3), atol=1e-5):  # they differ only if the file says so
+    if not is_converting():
         return
+    matrix = _matrix()
 
     def convert(part: slice) -> None:
         pixels[part, :3] = pixels[part, :3] @ matrix
 
     for_blocks(len(pixels), convert)
+
+
+def _matrix() -> np.ndarray:
+    """Takes row vectors of linear Rec.709 to Blender's working space, (3, 3) float32."""
+    return np.array([Color(axis).from_rec709_linear_to_scene_linear() for axis in np.eye(3)], np.float32)
 
 
 def from_space(pixels: np.ndarray, width: int, space: str) -> None:

@@ -3,7 +3,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import bpy
@@ -11,9 +11,9 @@ import numpy as np
 from bpy.types import Image
 
 from ...core.errors import BakeError
-from . import image_colors
+from ...core.material_feeds import ImagePixels
 from .image_files import header_size, location, packed_data
-from .pixel_alpha import has_alpha_in_colors, set_alpha
+from .page_colors import has_alpha_in_colors, prepare_page
 
 PREMULTIPLIED = ":premultiplied"
 """The end of keys of pages whose colors are multiplied with alpha."""
@@ -26,8 +26,6 @@ _UNREADABLE = {
     "MULTILAYER": "an image of several layers",
 }
 """Sources and types of Blender's images that are not read."""
-SRGB, LINEAR = "sRGB", "Linear Rec.709"
-"""Color spaces of Blender's own configuration. Blender itself converts the others."""
 SINGLE = 0
 """The tile of an image without tiles."""
 
@@ -78,28 +76,20 @@ class ImagePages:
         """Width and height in pixels. Raises BakeError if the image is gone."""
         return self._size(_image(key), tile)
 
-    def load(self, key: str, tile: int = SINGLE) -> np.ndarray:
-        """The pixels of a page: (H, W, 4) float32, row 0 at v = 0. A new array for each call.
+    def load(self, key: str, tile: int = SINGLE) -> ImagePixels:
+        """The pixels of a page, in a new array for each call.
 
-        Colors are linear, in Blender's working space, and multiplied with alpha if the key says so. Images of data
-        (Non-Color) have their stored values. Raises BakeError if the image has no pixels any more.
+        Colors are scene-linear, except that sRGB of 8 bits stays as it is stored; they are multiplied with alpha if the key
+        says so. Images of data (Non-Color) have their stored values. Raises BakeError if the image has no pixels any more.
         """
         image = _image(key)
         with _loaded(image, tile) as single:
             width, height = single.size
             if min(width, height) == 0:
                 raise BakeError(f"A page is missing: {_missing(image, tile)}.")
-            pixels = _pixels(single)
-            is_premultiplied = key.endswith(PREMULTIPLIED)
-            if _is_srgb(single):
-                # Blender's engines multiply stored sRGB values with alpha, before they are linear.
-                set_alpha(pixels, single, is_premultiplied=is_premultiplied)
-                image_colors.linearize_bytes(pixels)
-                image_colors.from_rec709(pixels)
-            else:
-                _linearize(pixels, width, single)
-                set_alpha(pixels, single, is_premultiplied=is_premultiplied)
-        return pixels.reshape(height, width, 4)
+            stored = _stored(single)
+            found = prepare_page(stored, width, single, is_premultiplied=key.endswith(PREMULTIPLIED))
+        return replace(found, values=found.values.reshape(height, width, 4))
 
     def _size(self, image: Image, tile: int) -> tuple[int, int]:
         known = image.session_uid, tile
@@ -154,27 +144,11 @@ def _only_tile(image: Image, tile: int) -> Iterator[Image]:
         bpy.data.images.remove(single)
 
 
-def _pixels(image: Image) -> np.ndarray:
+def _stored(image: Image) -> np.ndarray:
     """Blender's pixels, (H * W, 4) float32: bytes as they are stored, floats of colors in its working space."""
     pixels = np.empty((image.size[0] * image.size[1], 4), np.float32)
     image.pixels.foreach_get(pixels.reshape(-1))
     return pixels
-
-
-def _is_srgb(image: Image) -> bool:
-    """Whether an image stores sRGB values of 8 bits."""
-    return image.colorspace_settings.name == SRGB and not image.is_float
-
-
-def _linearize(pixels: np.ndarray, width: int, image: Image) -> None:
-    """Convert the colors of Blender's pixels to its working space in place, unless they are sRGB of 8 bits."""
-    settings = image.colorspace_settings
-    if settings.is_data or image.is_float:  # Blender has converted floats
-        return
-    if settings.name == LINEAR:
-        image_colors.from_rec709(pixels)
-    else:
-        image_colors.from_space(pixels, width, settings.name)
 
 
 def _image(key: str) -> Image:
