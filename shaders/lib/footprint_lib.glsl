@@ -89,36 +89,35 @@ vec3 footprint_in_plane(ivec2 texel, ivec2 axis, vec4 first, vec4 last)
   return vec3(along, 1.0);
 }
 
-// The steps in pixels to the next texel to the right and to the one above, in columns. Across a seam, UVs jump: then the
-// neighbor on the other side counts, or the plane of the triangle.
+// The steps in pixels to the next texel to the right and to the one above, in columns. Across a seam, UVs jump, and to another
+// material, they tell nothing: then the plane of the hit's triangle does.
 mat2 footprint_of(ivec2 texel, uvec4 hit, vec2 uv, vec4 first, vec4 last, mat2 to_pixels)
 {
-  // z is the length, less than 0 on the same triangle, where there is no seam; or 1e30 if no neighbor tells the step.
+  // z is the length; 0 on the same triangle, where there is no seam, and 1e30 without a neighbor.
   vec3 right = vec3(0.0, 0.0, 1e30);
   vec3 above = vec3(0.0, 0.0, 1e30);
-  for (int side = 0; side < 4; side++) {
-    ivec2 axis = ivec2(1 - side / 2, side / 2);
-    int direction = 1 - 2 * (side % 2);
-    ivec2 place = texel + axis * direction;
-    uvec4 other = texel_at(hits, clamp(place, ivec2(0), texel_size(hits) - 1));
+  for (int axis = 0; axis < 2; axis++) {
+    ivec2 place = texel + ivec2(1 - axis, axis);
+    uvec4 other = texel_at(hits, min(place, texel_size(hits) - 1));
     int triangle = max(hit_triangle(other), 0);
     vec4 its_first = texel_at(uvs, texture_place(triangle * 2));
     vec4 its_last = texel_at(uvs, texture_place(triangle * 2 + 1));
-    vec2 apart = to_pixels * (footprint_uv(other, its_first, its_last) - uv) * float(direction);
+    vec2 apart = to_pixels * (footprint_uv(other, its_first, its_last) - uv);
     bool counts = footprint_has(place) && !hit_missed(other) && int(its_last.z) == int(last.z);
-    vec3 found = vec3(apart, triangle == hit_triangle(hit) ? -1.0 : length(apart));
-    right = counts && side < 2 && found.z < right.z ? found : right;
-    above = counts && side >= 2 && found.z < above.z ? found : above;
+    float size = triangle == hit_triangle(hit) ? 0.0 : length(apart);
+    vec3 found = counts ? vec3(apart, size) : vec3(0.0, 0.0, 1e30);
+    right = axis == 0 ? found : right;
+    above = found;
   }
   // Steps that are short do not show, even if they are wrong.
   int start = right.z > FOOTPRINT_JUMP ? 0 : 1;
   int end = above.z > FOOTPRINT_JUMP ? 2 : 1;
-  for (int i = start; i < end; i++) {
-    vec3 in_plane = footprint_in_plane(texel, ivec2(1 - i, i), first, last);
+  for (int axis = start; axis < end; axis++) {
+    vec3 in_plane = footprint_in_plane(texel, ivec2(1 - axis, axis), first, last);
     vec2 apart = to_pixels * in_plane.xy;
     float most = in_plane.z > 0.0 ? length(apart) * FOOTPRINT_UNEVEN : 1e30;
-    right = i == 0 && right.z > most ? vec3(apart, 0.0) : right;
-    above = i == 1 && above.z > most ? vec3(apart, 0.0) : above;
+    right = axis == 0 && right.z > most ? vec3(apart, 0.0) : right;
+    above = axis == 1 && above.z > most ? vec3(apart, 0.0) : above;
   }
   // Without neighbors along one axis, the texel counts as square.
   if (right.z == 1e30) {

@@ -186,6 +186,45 @@ def test_seams_do_not_blur_seed_11(samples):
     assert np.abs(shown[0] - shown[1]).max() < 1e-4
 
 
+def test_a_border_to_a_coarser_part_does_not_alias_seed_14():
+    """Left of the middle the page hardly moves. The texels right of it have 16 pixels each, and aligned ones."""
+    image = np.random.default_rng(14).random((512, 512))
+    triangles = grid(2, 1)
+    uv = triangles[..., :2].copy()
+    left = triangles.mean(axis=1)[:, 0] < 0.5
+    uv[left, :, 0] = 0.5 + (uv[left, :, 0] - 0.5) * 0.001
+    shown = SeenSurface(triangles, (32, 32), uv=uv).shown(page(image), ImageFeed("a"))[..., 0]
+    truth = image.reshape(32, 16, 32, 16).mean(axis=(1, 3))
+    assert np.abs(shown - truth)[:, 16:].max() < 1e-4
+
+
+def test_neighbors_of_another_material_tell_nothing_seed_15():
+    """Columns of two materials, one texel wide each, that show the same place at the same height."""
+    image = np.random.default_rng(15).random((512, 512))
+    triangles = grid(32, 1)
+    second = np.floor(triangles.mean(axis=1)[:, 0] * 32).astype(int) % 2 == 1
+    uv = triangles[..., :2].copy()
+    uv[second, :, 0] -= 1 / 32
+    seen = SeenSurface(triangles, (32, 32), uv=uv, materials=1 + second)
+    shown = seen.shown(page(image), ImageFeed("a"))[..., 0]
+    truth = image.reshape(32, 16, 32, 16).mean(axis=(1, 3))
+    assert np.abs(shown - truth)[:, ::2].max() < 1e-4
+
+
+def test_holes_on_one_side_keep_the_footprint_seed_16():
+    """Every other column or row is missing: each texel has no neighbor along one axis."""
+    image = np.random.default_rng(16).random((512, 512))
+    truth = image.reshape(32, 16, 32, 16).mean(axis=(1, 3))
+    triangles = grid(32, 32)
+    column, row = np.floor(triangles.mean(axis=1)[:, :2] * 32).astype(int).T
+    for keep in (column % 2 == 0, row % 2 == 0):
+        seen = SeenSurface(triangles[keep], (32, 32))
+        shown = seen.shown(page(image), ImageFeed("a"))
+        is_hit = shown[..., 3] == 1.0
+        assert is_hit.mean() == 0.5
+        assert np.abs(shown[..., 0] - truth)[is_hit].max() < 1e-4
+
+
 def test_only_hits_in_the_tile_count():
     triangles = grid(2, 2)
     seen = SeenSurface(triangles, (64, 64), uv=triangles[..., :2] * 2.0 + (1.0, 0.0))
@@ -265,6 +304,25 @@ def test_transparent_pixels_do_not_color_their_neighbors(pixels):
     assert seen.shown(page(image), ImageFeed("a"))[..., 1].max() > 0.45
     alpha = seen.shown(page(image, weighs_alpha=True), ImageFeed("a", channel=3))[..., 0]
     assert alpha.mean() == pytest.approx(0.5, abs=0.01)
+
+
+@pytest.mark.parametrize("pixels_a_texel", [0.1, 4.0])
+def test_colors_of_srgb_count_by_alpha_seed_13(pixels_a_texel):
+    """Where pixels are large, stored colors count by alpha, and become linear afterwards; where they are small, linear ones."""
+    rng = np.random.default_rng(13)
+    size, count = 32, max(3, round(32 * pixels_a_texel))
+    image = rng.random((count, count, 4))
+    seen = SeenSurface(grid(1, 1), (size, size))
+    stored = page(image, is_srgb=True, weighs_alpha=True)
+    shown = seen.shown(stored, ImageFeed("a", extension=Extension.EXTEND))[..., :3]
+    alpha = image[..., 3:]
+    if pixels_a_texel < 1.0:
+        u, v = seen.x.astype(float), seen.y.astype(float)
+        weighed = bilinear(np.concatenate([image[..., :3] * alpha, alpha], -1), u, v, Extension.EXTEND)
+        assert np.abs(shown - linear(weighed[..., :3] / weighed[..., 3:])).max() < EXACT * 10
+        return
+    weighed = np.concatenate([linear(image[..., :3]) * alpha, alpha], -1).reshape(size, 4, size, 4, 4).mean(axis=(1, 3))
+    assert np.abs(shown - weighed[..., :3] / weighed[..., 3:]).max() < EXACT * 10
 
 
 def test_several_samples_average_what_one_would_seed_12():
