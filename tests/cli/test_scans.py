@@ -3,6 +3,7 @@
 
 import json
 import os
+import re
 from pathlib import Path
 
 import bpy
@@ -10,8 +11,9 @@ import numpy as np
 import pytest
 
 from addon.cli import command, memory_check
-from addon.cli.mesh_files import page_files
+from addon.cli.mesh_files import base_colors, page_files
 from addon.cli.mesh_files.importers import PLAIN, Space, import_file
+from addon.cli.mesh_files.ply_texture import Texture
 from addon.cli.scene_files import Stage
 from addon.core.preflight import memory_need
 from addon.core.settings import Settings
@@ -92,17 +94,17 @@ def test_pages_of_an_obj_are_found_by_any_spelling(folder, program, spelling):
         assert np.abs(np.array(found[key][1]) - color).max() < 0.01
 
 
-def test_no_page_is_in_memory_after_the_import(folder):
+@pytest.mark.parametrize("ending", [".obj", ".glb", ".fbx"])
+def test_no_page_is_in_memory_after_the_import(folder, ending):
     scans.page(folder / "a.png", scans.COLORS[0])
     scans.write_library(folder / "scan.mtl", {"m": "a.png"})
     scans.write_obj(folder / "scan.obj", scans.strips(1), materials=["m"], library="scan.mtl")
-    (obj,) = import_file(folder / "scan.obj", PLAIN)
-    bpy.ops.export_scene.gltf(filepath=str(folder / "scan.glb"))
-    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     import_file(folder / "scan.obj", PLAIN)
-    (obj,) = import_file(folder / "scan.glb", PLAIN)
-    assert len(bpy.data.images) == 2
-    assert not any(image.has_data for image in bpy.data.images)
+    bpy.ops.export_scene.gltf(filepath=str(folder / "scan.glb"))
+    bpy.ops.export_scene.fbx(filepath=str(folder / "scan.fbx"))
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    (obj,) = import_file(folder / f"scan{ending}", PLAIN)
+    assert [image.has_data for image in bpy.data.images] == [False]
     assert np.abs(np.array(pages_of(obj)[0][1]) - scans.COLORS[0]).max() < 0.01
 
 
@@ -352,6 +354,17 @@ def test_vertex_colors_without_a_material_are_the_base_color(folder):
     )
 
 
+def test_vertex_colors_do_not_replace_a_material(folder):
+    points, uv, parts = scans.strips(1)
+    scans.write_library(folder / "scan.mtl", {"m": "a.png"})
+    scans.write_obj(folder / "scan.obj", (points, uv, parts), materials=["m"], library="scan.mtl")
+    text = re.sub(r"^(v .*)$", r"\1 1 0 0", (folder / "scan.obj").read_text(), flags=re.MULTILINE)
+    (folder / "scan.obj").write_text(text)
+    (obj,) = import_file(folder / "scan.obj", PLAIN)
+    assert obj.data.color_attributes.active_color is not None
+    assert [slot.material.name for slot in obj.material_slots] == ["m"]
+
+
 # Textured .ply
 
 
@@ -384,6 +397,19 @@ def test_a_ply_with_polygons_and_uvs_by_face_is_imported_without_them(folder):
     (obj,) = import_file(folder / "scan.ply", PLAIN)
     assert not obj.data.uv_layers
     assert not obj.material_slots
+
+
+def test_uvs_by_face_are_left_out_where_the_faces_are_others(folder):
+    points, uv, (quads,) = scans.strips(1)
+    faces = quads[:, :3]
+    scans.write_ply(folder / "scan.ply", points, faces)
+    (obj,) = import_file(folder / "scan.ply", PLAIN)
+    for corners in (faces[:, ::-1], faces[1:]):
+        base_colors.show_texture(obj, Texture(["a.png"], uv[corners], corners, np.zeros(len(corners), int)), folder)
+        assert not obj.data.uv_layers
+        assert not obj.material_slots
+    base_colors.show_texture(obj, Texture(["a.png"], uv[faces], faces, np.zeros(len(faces), int)), folder)
+    assert len(obj.data.uv_layers) == len(obj.material_slots) == 1
 
 
 # Memory
