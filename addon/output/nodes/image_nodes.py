@@ -52,7 +52,7 @@ def feed(editor: TreeEditor, node: Node, socket: NodeSocket, image: MapImage) ->
         elif (texture.image, channel, is_inverted) == (image.image, image.channel, image.is_inverted):
             editor.feed_coordinates(texture)
             return True
-    _connect_own(editor, end, image)
+    _connect_own(editor, socket if editor.is_shared(socket) else end, image)
     return True
 
 

@@ -87,6 +87,14 @@ class TreeEditor:
             socket = node.inputs[0]
         return socket, None, None
 
+    def is_shared(self, socket: NodeSocket) -> bool:
+        """Whether a reroute before an input leads to other inputs as well."""
+        while (link := self._links.get(socket)) and link.from_node.bl_idname == "NodeReroute":
+            if len(link.from_socket.links) > 1:
+                return True
+            socket = link.from_node.inputs[0]
+        return False
+
     def feed_coordinates(self, texture: Node) -> None:
         """Make an Image Texture read the UV layer that was baked."""
         vector = texture.inputs["Vector"]
