@@ -23,25 +23,29 @@ MOST_NAMED = 8
 
 
 def check_pages(options: argparse.Namespace, settings: Settings, jobs: Sequence[Job]) -> list[str]:
-    """Sentences about files of the high meshes' materials that are missing, if a map shows materials.
+    """Sentences about material libraries that are missing, if a map shows materials.
 
-    Raises BakeError for them unless the options allow it.
+    Raises BakeError for them and for images that are missing, unless the options allow it.
     """
     maps = _of_materials(settings)
     if not maps:
         return []
     highs = [high for job in jobs for high in job.highs if high.type == "MESH"]
-    missing = [*_libraries(options), *map(repr, page_files.missing(highs))]
+    libraries = list(_libraries(options))
+    if options.allow_missing_pages:  # the bake reports the images that each material lacks
+        return [_not_found(libraries)] if libraries else []
+    missing = [*libraries, *map(repr, page_files.missing(highs))]
     if not missing:
         return []
-    files = "1 file" if len(missing) == 1 else f"{len(missing)} files"
-    text = f"{files} of the high meshes' materials cannot be found: {shorten_list(missing, MOST_NAMED)}."
-    if options.allow_missing_pages:
-        return [text]
     raise BakeError(
-        f"{text} Put them beside the mesh file, leave {shorten_list(map(word_for, maps))} out of the maps, or add "
-        "--allow-missing-pages."
+        f"{_not_found(missing)} Put them beside the mesh file, leave {shorten_list(map(word_for, maps))} out of the maps, or "
+        "add --allow-missing-pages."
     )
+
+
+def _not_found(missing: Sequence[str]) -> str:
+    files = "1 file" if len(missing) == 1 else f"{len(missing)} files"
+    return f"{files} of the high meshes' materials cannot be found: {shorten_list(missing, MOST_NAMED)}."
 
 
 def fit_hints(options: argparse.Namespace, jobs: Sequence[Job]) -> list[str]:

@@ -74,3 +74,11 @@ def test_the_tiles_of_a_page_are_listed(folder):
 )
 def test_numbered_pages_are_tiles(folder, name, tiled):
     assert page_search.as_tiled(folder / name) == (tiled and folder / tiled)
+
+
+@pytest.mark.parametrize(
+    ("name", "place"),
+    [("a.png", "a.png"), ("x\\A b.png", "x/A b.png"), ("D:\\scans\\a.png", "a.png"), ("/home/me/a.png", "a.png")],
+)
+def test_a_missing_page_is_expected_beside_the_mesh_file(folder, name, place):
+    assert page_search.expected(name, folder) == folder / place

@@ -23,7 +23,7 @@ def show_texture(obj: bpy.types.Object, texture: Texture, folder: Path) -> None:
     if not data.uv_layers:
         return
     for name in texture.names:
-        path = page_search.find(name, [folder]) or folder / page_search.cleaned(name)
+        path = page_search.find(name, [folder]) or page_search.expected(name, folder)
         # An image that is made, not loaded, may be missing.
         image = bpy.data.images.new(path.name, 1, 1)
         image.source, image.filepath = "FILE", str(path)

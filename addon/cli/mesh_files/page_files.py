@@ -21,13 +21,13 @@ _LINEAR = {*OPEN_EXR.endings, ".hdr"}
 def replace_placeholders(images: Iterable[bpy.types.Image], pages: Mapping[str, Page], folder: Path) -> None:
     """Give the images of an .obj their files. pages: by the name of the file that each image has now. folder: of the .obj.
 
-    No image is loaded. An image whose file is missing gets the path that its name says.
+    No image is loaded. An image whose file is missing gets the path where it should be.
     """
     for image in images:
         page = pages.get(os.path.basename(image.filepath))
         if page is None:
             continue
-        path = page.path or folder / page_search.cleaned(page.name)
+        path = page.path or page_search.expected(page.name, folder)
         image.filepath = str(path)
         image.name = path.name
         if not page.is_color:

@@ -39,6 +39,13 @@ def cleaned(name: str) -> str:
     return name.strip().strip("\"'").strip().replace("\\", "/")
 
 
+def expected(name: str, folder: Path) -> Path:
+    """Where a missing image with this name should be: in `folder`, with the folders in its name unless they are absolute."""
+    parts = _parts(name)
+    is_absolute = len(parts) > 1 and parts[0].endswith("/")
+    return folder.joinpath(*(parts[-1:] if is_absolute else parts))
+
+
 def tiles(path: Path) -> list[int]:
     """The numbers of the UDIM tiles that exist for a path with <UDIM>, in order."""
     pattern = _pattern(path.name)
