@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Tests of the pixels of images: as Cycles shows them, from every place that Blender takes them from, without a trace."""
 
+import struct
+
 import bpy
 import numpy as np
 import pytest
@@ -265,6 +267,48 @@ def test_moving_images_are_named(tmp_path, source, words):
     image = load(tmp_path / "moving.png", stored())
     image.source = source
     assert problem(image) == f'the image "moving.png" is {words}'
+
+
+def test_an_image_of_a_library_is_found_beside_it(tmp_path):
+    """Its path is relative to the library, and not to the open file."""
+    for folder in ("library", "own"):
+        (tmp_path / folder).mkdir()
+    image = load(tmp_path / "library" / "page.png", stored())
+    image.use_fake_user = True
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "library" / "library.blend"))
+    image.filepath = "//page.png"
+    bpy.ops.wm.save_mainfile()
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "own" / "own.blend"))
+    with bpy.data.libraries.load(str(tmp_path / "library" / "library.blend"), link=True) as (_, linked):
+        linked.images = ["page.png"]
+    assert bpy.data.images["page.png"].filepath == "//page.png"
+    assert page(bpy.data.images["page.png"]).shape == (HEIGHT, WIDTH, 4)
+
+
+def test_an_image_of_several_layers_is_named(tmp_path):
+    names = [f"{layer}.{channel}" for layer in ("first", "second") for channel in "BGR"]
+    (tmp_path / "layers.exr").write_bytes(open_exr(names))
+    image = bpy.data.images.load(str(tmp_path / "layers.exr"))
+    assert problem(image) == 'the image "layers.exr" is an image of several layers'
+
+
+def open_exr(names) -> bytes:
+    """A file of one black pixel with these channels of floats, in alphabetical order ("The OpenEXR File Layout")."""
+
+    def attribute(name, kind, value):
+        return name.encode() + b"\0" + kind.encode() + b"\0" + struct.pack("<I", len(value)) + value
+
+    box = attribute("dataWindow", "box2i", bytes(16)) + attribute("displayWindow", "box2i", bytes(16))
+    channels = b"".join(name.encode() + b"\0" + struct.pack("<IB3xII", 2, 0, 1, 1) for name in names) + b"\0"
+    header = b"\x76\x2f\x31\x01\x02\0\0\0" + attribute("channels", "chlist", channels) + box
+    header += attribute("compression", "compression", b"\0") + attribute("lineOrder", "lineOrder", b"\0")
+    header += attribute("pixelAspectRatio", "float", struct.pack("<f", 1))
+    header += attribute("screenWindowCenter", "v2f", bytes(8)) + attribute(
+        "screenWindowWidth", "float", struct.pack("<f", 1)
+    )
+    pixels = bytes(4 * len(names))
+    return header + b"\0" + struct.pack("<Q", len(header) + 9) + struct.pack("<iI", 0, len(pixels)) + pixels
 
 
 def test_a_file_that_breaks_later_is_an_error(tmp_path):

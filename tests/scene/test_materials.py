@@ -327,6 +327,37 @@ def test_a_reroute_or_a_muted_node_has_no_value_of_its_own(material):
         assert found.color == pytest.approx((0.8, 0.8, 0.8, 1.0))
 
 
+def test_the_active_output_of_a_group_counts(material):
+    group = bpy.data.node_groups.new("two", "ShaderNodeTree")
+    group.interface.new_socket("Out", in_out="OUTPUT", socket_type="NodeSocketColor")
+    ends = [group.nodes.new("NodeGroupOutput") for _ in range(3)]
+    for place, end in enumerate(ends):
+        group.links.new(add(group, "Value").outputs[0], end.inputs[0])
+        end.inputs[0].links[0].from_node.outputs[0].default_value = place / 4
+    ends[1].is_active_output = True
+    used = add(material, "Group", node_tree=group)
+    assert assert_like_cycles(material, used.outputs[0]).color[0] == 0.25
+
+
+@pytest.mark.parametrize("place", [0, 1, 2])
+def test_a_number_of_an_image_of_which_one_channel_is_left(material, place):
+    tint = [0.0, 0.0, 0.0, 1.0]
+    tint[place] = 0.5
+    inputs = {"Fac": 1.0, "Color1": texture(material).outputs[0], "Color2": tint}
+    mix = add(material, "MixRGB", inputs, blend_type="MULTIPLY")
+    assert assert_like_cycles(material, mix.outputs[0], "Roughness").channel == place
+
+
+def test_a_number_of_an_image_with_a_tint_is_named(material):
+    inputs = {"Fac": 1.0, "Color1": texture(material).outputs[0], "Color2": (0.9, 0.5, 0.2, 1.0)}
+    mix = add(material, "MixRGB", inputs, blend_type="MULTIPLY")
+    found = feed_color(material, mix.outputs[0], "Roughness")
+    assert "Roughness" not in found.feeds
+    assert found.notes["Roughness"] == (
+        'Material "Rust": Roughness is left out, because the shader "Principled BSDF" weighs the channels of a texture.',
+    )
+
+
 def test_a_muted_link_does_not_count(material):
     node = texture(material)
     material.node_tree.links.new(node.outputs[0], principled(material).inputs["Base Color"]).is_muted = True

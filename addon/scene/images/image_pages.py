@@ -59,6 +59,8 @@ class ImagePages:
         tiles = tuple(tile.number for tile in image.tiles) if image.source == "TILED" else ()
         existing = tuple(tile for tile in tiles or (SINGLE,) if min(self._size(image, tile)) > 0)
         if not existing:
+            if image.type in _UNREADABLE:  # Blender finds layers when it loads the file
+                raise UnreadableError(f'the image "{image.name}" is {_UNREADABLE[image.type]}')
             raise UnreadableError(_missing(image, (tiles or (SINGLE,))[0]))
         notes = [_missing(image, tile) for tile in tiles if tile not in existing]
         if image.source == "TILED" and image.is_dirty:
