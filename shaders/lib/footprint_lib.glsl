@@ -35,7 +35,7 @@ bool footprint_is_outside(vec2 place)
 // From steps in UVs to pixels of the page.
 mat2 footprint_to_pixels(ivec2 size)
 {
-  return mat2(row_u.x * float(size.x), row_v.x * float(size.y), row_u.y * float(size.x), row_v.y * float(size.y));
+  return mat2(vec2(row_u.x, row_v.x) * vec2(size), vec2(row_u.y, row_v.y) * vec2(size));
 }
 
 bool footprint_has(ivec2 place)
@@ -44,7 +44,7 @@ bool footprint_has(ivec2 place)
 }
 
 // The step in UVs from a texel to the next one along `axis`, by the plane of the hit's own triangle and the shorter one of the
-// steps in space to both neighbors. z is 1, or -1 if there is no neighbor.
+// steps in space to both neighbors, forth or back. z is 1, or -1 if there is no neighbor.
 vec3 footprint_in_plane(ivec2 texel, ivec2 axis, vec4 first, vec4 last)
 {
   vec3 point = vec3(0.0);
@@ -53,7 +53,8 @@ vec3 footprint_in_plane(ivec2 texel, ivec2 axis, vec4 first, vec4 last)
   vec3 offset = vec3(0.0);
   float least = 1e30;
   // The hit itself, then its neighbors.
-  for (int side = 0; side >= -1; side = side == 0 ? 1 : side - 2) {
+  for (int i = 0; i < 3; i++) {
+    int side = i == 2 ? -1 : i;
     ivec2 place = texel + axis * side;
     uvec4 other = texel_at(hits, clamp(place, ivec2(0), texel_size(hits) - 1));
     int corner = max(hit_triangle(other), 0) * 3;
@@ -70,7 +71,7 @@ vec3 footprint_in_plane(ivec2 texel, ivec2 axis, vec4 first, vec4 last)
     }
     else if (footprint_has(place) && !hit_missed(other) && dot(apart, apart) < least) {
       least = dot(apart, apart);
-      offset = apart * float(side);
+      offset = apart;
     }
   }
   // Scaled first: the square of the area of a small triangle is 0 in single precision.

@@ -88,7 +88,7 @@ vec4 page_level(vec2 uv, int level)
   for (int corner = 0; corner < 4; corner++) {
     ivec2 pixel = ivec2(corner % 2 == 0 ? pixels.x : pixels.z, corner < 2 ? pixels.y : pixels.w);
     float weight = (corner % 2 == 0 ? weights.x : weights.z) * (corner < 2 ? weights.y : weights.w);
-    sum += texelFetch(levels, origin + pixel, 0) * weight;
+    sum += texel_at(levels, (origin + pixel)) * weight;
   }
   return sum;
 }

@@ -25,8 +25,9 @@ ADD_IMAGE = Program(
         ("RGBA32F", "FLOAT_2D", "corners"),
         ("RGBA32F", "FLOAT_2D", "materials"),
         ("RGBA32F", "FLOAT_2D", "blocks"),
+        ("RGBA32F", "FLOAT_2D", "levels"),
     ),
-    samplers=(("FLOAT_2D", "page"), ("FLOAT_2D", "levels")),
+    samplers=(("FLOAT_2D", "page"),),
     images=(("RGBA32F", "FLOAT_2D", "sums", "READ WRITE"),),
     constants=(
         ("VEC4", "row_u"),

@@ -29,8 +29,9 @@ NORMAL_MAP = Program(
         ("RGBA32F", "FLOAT_2D", "tangents"),
         ("RGBA32F", "FLOAT_2D", "materials"),
         ("RGBA32F", "FLOAT_2D", "blocks"),
+        ("RGBA32F", "FLOAT_2D", "levels"),
     ),
-    samplers=(("FLOAT_2D", "page"), ("FLOAT_2D", "levels")),
+    samplers=(("FLOAT_2D", "page"),),
     images=(("RGBA32F", "FLOAT_2D", "normals", "READ WRITE"),),
     constants=(
         ("MAT4", "to_space"),
@@ -50,8 +51,9 @@ BUMP = Program(
         ("RGBA32F", "FLOAT_2D", "corners"),
         ("RGBA32F", "FLOAT_2D", "materials"),
         ("RGBA32F", "FLOAT_2D", "blocks"),
+        ("RGBA32F", "FLOAT_2D", "levels"),
     ),
-    samplers=(("FLOAT_2D", "page"), ("FLOAT_2D", "levels")),
+    samplers=(("FLOAT_2D", "page"),),
     images=(("RGBA32F", "FLOAT_2D", "normals", "READ WRITE"),),
     constants=(
         ("MAT4", "to_space"),
