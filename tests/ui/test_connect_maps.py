@@ -5,6 +5,7 @@ import bpy
 import pytest
 
 from tests.support import zoo
+from tests.support.snapshot import difference, snapshot
 
 pytestmark = pytest.mark.usefixtures("registered", "gpu_context")
 
@@ -61,3 +62,25 @@ def test_an_image_that_is_gone_is_a_warning(low):
     bpy.data.images.remove(bpy.data.images["lo_normal_height"])
     assert bpy.ops.imprint.connect_maps() == {"FINISHED"}
     assert len(low.material_slots) == 0
+
+
+def test_undo_takes_attributes_and_links_away_in_one_step(low):
+    settings = bpy.context.scene.imprint
+    settings.maps, settings.vertex_domain, settings.connect_maps = {"HEIGHT"}, "CORNER", True
+    bpy.ops.ed.undo_push(message="before")
+    before = snapshot()
+    bpy.ops.imprint.bake("EXEC_DEFAULT", True, low="lo", high=[{"name": "hi"}])
+    assert "height" in low.data.attributes
+    assert displacement(low).is_linked
+    assert bpy.ops.ed.undo() == {"FINISHED"}
+    assert difference(before, snapshot()) == {}
+
+
+def test_undo_of_the_button_leaves_the_images(low):
+    bake(maps={"HEIGHT"})
+    bpy.ops.ed.undo_push(message="before")
+    before = snapshot()
+    assert bpy.ops.imprint.connect_maps("EXEC_DEFAULT", True) == {"FINISHED"}
+    assert bpy.ops.ed.undo() == {"FINISHED"}
+    assert difference(before, snapshot()) == {}
+    assert "lo_normal_height" in bpy.data.images

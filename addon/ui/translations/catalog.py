@@ -5,16 +5,36 @@ from types import MappingProxyType
 
 import bpy
 
-from . import bake_texts, batch_texts, check_texts, map_texts, message_texts, output_texts, ray_texts, view_texts
+from . import (
+    bake_texts,
+    batch_texts,
+    check_texts,
+    map_texts,
+    message_texts,
+    output_texts,
+    ray_texts,
+    store_texts,
+    view_texts,
+)
 
 LOCALES = ("de_DE", "es")
 """The languages of the table, by Blender's names for them."""
-PARTS = (bake_texts, map_texts, output_texts, ray_texts, batch_texts, check_texts, view_texts, message_texts)
+PARTS = (
+    bake_texts,
+    map_texts,
+    store_texts,
+    output_texts,
+    ray_texts,
+    batch_texts,
+    check_texts,
+    view_texts,
+    message_texts,
+)
 TABLE = MappingProxyType({key: texts for part in PARTS for key, texts in part.TABLE.items()})
 """{(context, English text): {locale: text}}. A text that several panels show is in the part of the first of them."""
 UNTRANSLATED = MappingProxyType(
     {
-        "names": {"Imprint", "Cycles", "MikkTSpace"},
+        "names": {"Imprint", "Cycles", "MikkTSpace", "glTF", "Godot", "Unreal", "Unity URP", "Unity HDRP"},
         "numbers": {"1", "2", "4", "8", "16", "32", "64"},
         "axes": {"+X", "-X", "+Y (OpenGL)", "-Y (DirectX)", "+Z", "-Z"},
         "the same in all languages of the table": {"Auto", "Material"},
