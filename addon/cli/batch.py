@@ -6,7 +6,7 @@ import os
 import sys
 import time
 from collections.abc import Callable, Sequence
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from copy import copy
 from dataclasses import dataclass
 from pathlib import Path
@@ -243,10 +243,13 @@ def _refused_scripts() -> list[str]:
 
 
 def _start_gpu() -> None:
-    """Start the GPU without EGL's messages, which are harmless. check_job reports a failure."""
-    if interruption.is_launched():  # else those lines may be all that explains a crash
-        with suppress(SystemError, RuntimeError), standard_streams.silence():
-            gpu.init()
+    """Start the GPU, without EGL's messages, which are harmless. check_job reports a failure."""
+    # Without the launcher, those lines may be all that explains a crash.
+    with (
+        suppress(SystemError, RuntimeError),
+        standard_streams.silence() if interruption.is_launched() else nullcontext(),
+    ):
+        gpu.init()
 
 
 def _jobs(options: argparse.Namespace, stage: Stage) -> tuple[list[Job], list[str]]:

@@ -16,7 +16,7 @@ TEXEL, TEXEL_ON_GPU, TEXEL_OF_SUMS = 70, 124, 16
 """Bytes for each texel of the normal map: stored, drawn on the GPU (as large as a band), and with several samples."""
 OTHER_TEXEL, OTHER_TEXEL_ON_GPU = 33, 32
 """The same for each other map."""
-PAGE_PIXEL, PAGE_PIXEL_ON_GPU = 24, 16
+PAGE_PIXEL, PAGE_PIXEL_ON_GPU = 20, 10
 """Bytes for each pixel of the largest image of the high meshes: one is in memory at a time."""
 GIGABYTE = 10**9
 
