@@ -167,7 +167,7 @@ def _distances(plan: Plan, settings: Settings, found: np.ndarray | None) -> tupl
     differing = ""
     was_chosen = settings.method == Method.FLATTEN and not meshes.is_own_base
     if was_chosen and (len(meshes.highs) > 1 or check["share"] > severity.MANY_FAR):
-        thinned = [separation.thinned(high) for high in meshes.highs]
+        thinned = [separation.thinned(high) for high in meshes.drawn_highs]
         differing = uv_agreement.differing(meshes.low, thinned, plan.tiles, offset)
     return {"far": check}, [f"Cast rays, or choose Auto: {differing}."] if differing else []
 

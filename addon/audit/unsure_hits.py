@@ -22,7 +22,7 @@ def check(plan: Plan, settings: Settings, ray_cast: RayCast | None) -> tuple[Che
     names = "count", "of", "not_owned", *REASONS
     counts, distances = dict.fromkeys(names, 0), [np.empty(0, np.float32)]
     if ray_cast is not None:
-        explorer = Explorer(ray_cast, plan.meshes.low)
+        explorer = Explorer(ray_cast, plan.meshes.whole_low)
         sparse = at_most((settings.width, settings.height), SAMPLES_A_SIDE)
         for tile in plan.tiles:
             doubts, far = explorer.sample(sparse.small, sparse.uv_to_clip(tile), sparse.uv_to_clip(tile, shift=1))

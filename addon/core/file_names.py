@@ -3,8 +3,8 @@
 
 import re
 
-LOW = "{low}"
-"""The placeholder for the low object's name in a path."""
+LOW, MATERIAL = "{low}", "{material}"
+"""The placeholders for the names of the low object and, in texture sets, of its material."""
 
 _REFUSED = re.compile(r'[<>:"/\\|?*%\x00-\x1f\x7f\ud800-\udfff]|[. ](?=[. ]*$)')
 """Characters that some file systems refuse in a name, or remove from its end, and %, which Blender refuses in paths of UDIM."""
@@ -17,6 +17,7 @@ def file_name(name: str) -> str:
     return _DEVICE.sub(r"\1_", _REFUSED.sub("_", name))
 
 
-def fill(path: str, low_name: str) -> str:
-    """`path` with the low object's name in place of LOW."""
-    return path.replace(LOW, file_name(low_name))
+def fill(path: str, low_name: str, material: str = "") -> str:
+    """`path` with the low object's name in place of LOW and, for a texture set, the material's in place of MATERIAL."""
+    filled = path.replace(MATERIAL, file_name(material)) if material else path
+    return filled.replace(LOW, file_name(low_name))

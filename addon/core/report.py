@@ -23,6 +23,10 @@ class Report:
     low: str
     high: list[str]
     cage: str = ""
+    material: str = ""
+    """The material of the low object whose texture set this is; empty for all faces."""
+    slots: list[int] = field(default_factory=list)
+    """The numbers of the low object's material slots in the texture set; empty for all faces."""
     refs: list = field(default_factory=list)
     """A scene.object_refs.ObjectRef for the low object, each high object and the cage. Empty in a report from a file."""
     settings: dict = field(default_factory=dict)

@@ -12,7 +12,7 @@ from .declarations.all_settings import DECLARED
 from .declarations.choices import Pack, Storage
 from .declarations.packing import CUSTOM_SUFFIX, PRESETS, Packing
 from .errors import BakeError
-from .file_names import LOW
+from .file_names import LOW, MATERIAL
 from .map_types import NAMES
 from .udim import TOKEN
 
@@ -148,7 +148,9 @@ class Settings:
         self._check_tiles()
         for text in (self.image, self.output):
             for placeholder in re.findall(r"\{\w*\}", text):
-                if placeholder != LOW:
+                if placeholder == MATERIAL and not self.texture_sets:
+                    raise BakeError(f"{text!r} contains {MATERIAL} but Texture Sets is off: enable it.")
+                if placeholder not in (LOW, MATERIAL):
                     raise BakeError(f"Unknown placeholder {placeholder} in {text!r}: use {LOW}, the low object's name.")
         if self.storage == Storage.FILE:
             self._check_output()

@@ -89,7 +89,7 @@ def _measured(plan: Plan) -> Plan:
         return replace(plan, method=Method.FLATTEN, why="a surface and its own base mesh share their UVs")
     if meshes.cage is not None:
         return replace(plan, method=Method.CAST, why="there is a cage")
-    agreement = uv_agreement.measure(meshes.low, meshes.highs, plan.tiles)
+    agreement = uv_agreement.measure(meshes.low, meshes.drawn_highs, plan.tiles)
     method = Method.FLATTEN if agreement.is_shared else Method.CAST
     return replace(plan, method=method, why=agreement.why, separation=agreement.separation)
 

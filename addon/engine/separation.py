@@ -33,12 +33,12 @@ and world space."""
 
 def full_probe(meshes: Meshes, ray_cast: ray_casting.RayCast | None) -> Probe:
     """Measures along the rays of a bake. Without rays, measures between meshes that are drawn in UV space."""
-    return _ray_probe(ray_cast) if ray_cast else flat_probe(meshes.low, meshes.highs)
+    return _ray_probe(ray_cast) if ray_cast else flat_probe(meshes.low, meshes.drawn_highs)
 
 
 def quick_probe(meshes: Meshes) -> Probe:
     """As `full_probe` without rays, but it draws at most TRIANGLES of each high mesh."""
-    return flat_probe(meshes.low, [thinned(high) for high in meshes.highs])
+    return flat_probe(meshes.low, [thinned(high) for high in meshes.drawn_highs])
 
 
 def limit(low: Mesh, settings: Settings) -> float:

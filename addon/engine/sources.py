@@ -59,7 +59,15 @@ def normal_source(
         if settings.maps or meshes.has_detail:
             yield Progress("Reading the surface", 0.0)
             surface = _flat_surface(meshes.highs, settings, timings)
-        flat = Flat(meshes.low, meshes.highs, settings, timings, surface=surface, uploads=uploads)
+        flat = Flat(
+            meshes.low,
+            meshes.drawn_highs,
+            settings,
+            timings,
+            surface=surface,
+            is_drawn=meshes.is_drawn,
+            uploads=uploads,
+        )
         flat.is_changed_later = meshes.has_detail
         return flat
     ray_cast = yield from _ray_cast(plan, settings, timings)
@@ -78,7 +86,7 @@ def _ray_cast(plan: Plan, settings: Settings, timings: Timings) -> Task[ray_cast
     meshes, has_cage = plan.meshes, plan.meshes.cage is not None
     yield Progress("Building the tree", 0.0)
     ray_scene = tree_cache.trees.ray_scene_of(meshes.highs, timings)
-    low_surface = tree_cache.trees.low_surface_of(meshes.low, ray_scene.local_space, timings)
+    low_surface = tree_cache.trees.low_surface_of(meshes.whole_low, ray_scene.local_space, timings)
     yield Progress("Measuring distances", 0.5)
     with timings.timed("upload"):
         ray_mesh = ray_casting.upload_ray_mesh(meshes, low_surface, ray_scene.local_space)
@@ -123,7 +131,11 @@ def _ray_cast(plan: Plan, settings: Settings, timings: Timings) -> Task[ray_cast
 
 
 class Flat:
-    """Draws `highs` in UV space. surface: their triangles, for hits. uploads: a cache of uploaded meshes."""
+    """Draws `highs` in UV space.
+
+    surface: the triangles, for hits. is_drawn: which of them (T,) bool, mesh after mesh, `highs` have; None for all. uploads: a
+    cache of uploaded meshes.
+    """
 
     takes_time = False
     ray_cast = None
@@ -136,9 +148,10 @@ class Flat:
         timings: Timings,
         *,
         surface: HighSurface | None = None,
+        is_drawn: np.ndarray | None = None,
         uploads: mesh_upload.UploadCache | None = None,
     ):
-        self.surface, self.timings = surface, timings
+        self.surface, self.is_drawn, self.timings = surface, is_drawn, timings
         uploads = uploads or mesh_upload.UploadCache()
         to_world = None if settings.space == Space.WORLD else low.to_world
         with timings.timed("upload"):
@@ -169,8 +182,9 @@ class Flat:
         """As Source has it."""
         into = target.get(_role("hits", slot), band.width, band.height, "RGBA32UI")
         if self._in_uv is None:
+            numbers = self.surface.numbers if self.is_drawn is None else self.surface.numbers[self.is_drawn]
             with self.timings.timed("upload"):
-                self._in_uv = flat_hits.upload(self.surface.uv, self.surface.numbers)
+                self._in_uv = flat_hits.upload(self.surface.uv, numbers)
         with self.timings.timed("draw"):
             flat_hits.draw(into, self._in_uv, band.uv_to_clip)
         return into

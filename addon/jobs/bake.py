@@ -60,7 +60,7 @@ def _bake(
         low = job.low  # before anything changes: it raises if the object was deleted
         with timings.timed("image"):
             stored = outputs.commit(drawn.labels, [low])
-            notes = into_materials(low, stored, drawn.meshes.uv_layer, settings)
+            notes = into_materials(low, stored, drawn.meshes.uv_layer, settings, slots=job.slots)
     return drawn, stored, [*stored.warnings, *notes]
 
 
@@ -79,7 +79,9 @@ def _prepare(context: bpy.types.Context, job: Job, settings: Settings, pace: Pac
     name = job.low.name
     yield Progress(f"Reading {name}", 0.0)
     with timings.timed("extract"):
-        meshes = reading.read(context, job.low, job.highs, job.cage, settings, others=job.others)
+        meshes = reading.read(
+            context, job.low, job.highs, job.cage, settings, others=job.others, texture_set=job.texture_set
+        )
         warnings = object_checks.warnings(job.low, job.highs)
     tiles = tiles_to_bake(meshes, settings)
     yield Progress(f"Looking at {name}", 0.5)

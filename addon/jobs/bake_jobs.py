@@ -8,15 +8,17 @@ import bpy
 
 from ..core import file_names, progress
 from ..core.declarations.choices import Occluders
+from ..core.errors import BakeError
 from ..core.progress import Pace, Progress, Task, part
 from ..core.report import Report
 from ..core.settings import Settings
 from ..core.timings import Timings
 from ..output import map_names, output_clashes
-from . import painted_groups
+from . import texture_sets
 from .atlas import Atlas
 from .bake import bake_job, draw_raw
 from .job import Job, check_job
+from .weights import painted_groups
 
 PROGRESS_SECONDS = 0.25
 """Seconds between two calls of a listener."""
@@ -71,15 +73,19 @@ def work(
     """
     settings.check()  # before object names are filled in, which may contain anything
     settings = settings.read_by(context.scene.render.engine)
+    if settings.texture_sets:
+        if share_image:
+            raise BakeError("Texture sets and one image for all low objects exclude each other: choose one of them.")
+        jobs = texture_sets.by_material(jobs, settings)
     filled = [
-        for_low(own, ATLAS if share_image else job.low.name)
+        for_low(own, ATLAS if share_image else job.low.name, job.material)
         for job, own in zip(jobs, painted_groups.settings_by_job(jobs, settings), strict=True)
     ]
     _find_occluders(jobs, settings)
     if share_image:
         output_clashes.check(settings, filled[:1], [ATLAS])
     else:
-        output_clashes.check(settings, filled, [job.low.name for job in jobs])
+        output_clashes.check(settings, filled, [job.title for job in jobs])
     for job, job_settings in zip(jobs, filled, strict=True):
         check_job(context, job, job_settings)
     if share_image:
@@ -124,10 +130,10 @@ def _counting(steps: Task[Report], finished: int) -> Task[Report]:
         steps.close()
 
 
-def for_low(settings: Settings, name: str) -> Settings:
-    """The settings with names filled in. Without a name, the image is named after the low object."""
+def for_low(settings: Settings, name: str, material: str = "") -> Settings:
+    """The settings with names filled in. Without a name, the image is named after the low object and the texture set."""
     return replace(
         settings,
-        image=map_names.name_for(name, settings),
-        output=file_names.fill(settings.output, name),
+        image=map_names.name_for(name, settings, material),
+        output=file_names.fill(settings.output, name, material),
     )

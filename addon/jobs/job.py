@@ -15,6 +15,7 @@ from ..output import map_storage, materials, vertex_attributes
 from ..output.output_clashes import settings_by_map
 from ..passes.program import in_software
 from ..scene import object_checks
+from ..scene.high_layers.material_sets import MaterialSet
 from ..scene.object_refs import ObjectRef
 
 
@@ -22,12 +23,20 @@ class Job:
     """The objects of one bake. They may be renamed, or be deleted and come back with Undo.
 
     `highs` may be [low]: then the low object's modifiers are baked onto its own base mesh. `cage` has the topology of `low`,
-    and rays start on it. The attributes `low`, `highs` and `cage` raise BakeError if the object was deleted.
+    and rays start on it. texture_set: the faces of the low object that are baked; None for all. The attributes
+    `low`, `highs` and `cage` raise BakeError if the object was deleted.
     """
 
     def __init__(self, low: bpy.types.Object, highs: Sequence[bpy.types.Object], cage: bpy.types.Object | None = None):
         self._refer_to(low, highs, cage)
         self.other_refs: list[ObjectRef] = []
+        self.texture_set: MaterialSet | None = None
+
+    def of_set(self, texture_set: MaterialSet) -> "Job":
+        """The same job for one texture set."""
+        job = Job(self.low, self.highs, self.cage)
+        job.texture_set = texture_set
+        return job
 
     @property
     def refs(self) -> list[ObjectRef]:
@@ -37,6 +46,21 @@ class Job:
     @property
     def low(self) -> bpy.types.Object:
         return self.low_ref.resolve()
+
+    @property
+    def title(self) -> str:
+        """The low object in a message, with the texture set."""
+        return f"{self.low.name}, {self.material}" if self.material else self.low.name
+
+    @property
+    def material(self) -> str:
+        """The name of the texture set's material; empty for all faces."""
+        return self.texture_set.name if self.texture_set else ""
+
+    @property
+    def slots(self) -> tuple[int, ...] | None:
+        """The material slots of the texture set; None for all faces."""
+        return self.texture_set.slots if self.texture_set else None
 
     @property
     def highs(self) -> list[bpy.types.Object]:

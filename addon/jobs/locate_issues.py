@@ -110,7 +110,9 @@ def _view(context: bpy.types.Context, report: Report, kind: str) -> _View:
     settings = replace(past.settings, method=past.method, space=space, maps=(), mask=False, material=False)
     settings = replace(settings.without_file(), image=f"{settings.image}_{kind}", depth=8, dither=False)
     check_job(context, past.job, settings)
-    meshes = reading.read(context, past.job.low, past.job.highs, past.job.cage, settings)
+    meshes = reading.read(
+        context, past.job.low, past.job.highs, past.job.cage, settings, texture_set=past.job.texture_set
+    )
     return _View(past.job, choose_method(meshes, past.tiles, settings), settings, past.distances)
 
 
@@ -187,7 +189,7 @@ def _separated(view: _View, kind: str, bands: list[Band]) -> Iterator[tuple[Band
 def _unsure(view: _View, bands: list[Band]) -> Iterator[tuple[Band, np.ndarray, int]]:
     """The texels that may show the wrong layer, as `_masks` has them; none without rays."""
     ray_cast = view.source().ray_cast
-    explorer = Explorer(ray_cast, view.meshes.low) if ray_cast else None
+    explorer = Explorer(ray_cast, view.meshes.whole_low) if ray_cast else None
     for band in bands:
         size = band.width, band.height
         yield band, explorer.doubts(size, band.uv_to_clip).unsure if explorer else np.zeros(size[::-1], bool), 1

@@ -17,6 +17,7 @@ from ..engine.rays.ray_casting import RayCast
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import local_space_of
 from ..output.outputs import Stored
+from ..scene.high_layers.material_sets import MaterialSet
 from ..scene.object_refs import ObjectRef
 from .job import Job
 
@@ -52,6 +53,8 @@ def report_of(drawn: DrawnJob, stored: Stored, warnings: Sequence[str] = (), mar
         space=settings.space,
         size=(settings.width, settings.height),
         low=drawn.meshes.low.name,
+        material=drawn.job.material,
+        slots=list(drawn.job.slots or ()),
         high=drawn.labels[Labeled.OBJECTS],
         cage=drawn.meshes.cage.name if drawn.meshes.cage else "",
         refs=drawn.job.refs,
@@ -126,4 +129,7 @@ class PastBake:
         highs, cages = others[: len(report.high)], others[len(report.high) :]
         # JSON has lists where settings have tuples.
         settings = Settings(**{k: tuple(v) if isinstance(v, list) else v for k, v in report.settings.items()})
-        return cls(Job(low, highs, *cages), settings, report.method, report.distances, report.tiles)
+        job = Job(low, highs, *cages)
+        if report.slots:
+            job.texture_set = MaterialSet(report.material, tuple(report.slots))
+        return cls(job, settings, report.method, report.distances, report.tiles)

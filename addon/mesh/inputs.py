@@ -19,8 +19,9 @@ class Meshes:
     `low`, or None. is_own_base: whether the high mesh is the low object's own surface with modifiers. materials: those behind
     the material labels of the high meshes, which count from 1. others: the high meshes of other low objects, if they are
     occluders. load_page: loads the pixels of an image of the materials, by its key and its UDIM tile (0 without tiles).
-    shown: with is_own_base, the high mesh with the UVs that modifiers moved, as the viewport shows it; None if no modifier
-    moves UVs.
+    whole, kept, material: for a texture set, `low` has only the triangles of one material; then the low mesh with all of them,
+    the indices of those that were kept, and the material's name. shown: with is_own_base, the high mesh with the UVs that
+    modifiers moved, as the viewport shows it; None if no modifier moves UVs.
 
     Painted by corner of `low`, (C,) float32, or None without a painted group. offset: factors from 0 to 2 on the extrusion.
     straight: from -1 to 1, added to the share of the mesh's own normals in the directions.
@@ -39,8 +40,39 @@ class Meshes:
     straight: np.ndarray | None = None
     others: list[Mesh] = field(default_factory=list)
     load_page: Callable[[str, int], ImagePixels] | None = None
+    whole: Mesh | None = None
+    kept: np.ndarray | None = None
+    material: str = ""
+
+    @property
+    def whole_low(self) -> Mesh:
+        """The low mesh with all its triangles."""
+        return self.low if self.whole is None else self.whole
+
+    @property
+    def drawn_highs(self) -> list[Mesh]:
+        """The high meshes as Flatten draws them: for a texture set, only what has its material, where they have it."""
+        if self.whole is None:
+            return self.highs
+        return [high.with_triangles(mask) for high, mask in zip(self.highs, self._drawn, strict=True)]
+
+    @property
+    def is_drawn(self) -> np.ndarray | None:
+        """Which triangles of the high meshes (T,) bool, mesh after mesh, Flatten draws; None for all."""
+        return None if self.whole is None else np.concatenate(self._drawn)
+
+    @property
+    def _drawn(self) -> list[np.ndarray]:
+        numbers = [number for number, one in enumerate(self.materials, start=1) if one.name == self.material]
+        return [_with_labels(high, numbers) for high in self.highs]
 
     @property
     def has_detail(self) -> bool:
         """Whether a material of the high meshes moves normals."""
         return any(material.detail is not None for material in self.materials)
+
+
+def _with_labels(high: Mesh, numbers: list[int]) -> np.ndarray:
+    """Which triangles of `high` (T,) bool have one of these materials; all if none has."""
+    found = np.isin(high.labels[:, 1], numbers)
+    return found if found.any() else ~found

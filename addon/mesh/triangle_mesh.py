@@ -45,6 +45,11 @@ class Mesh:
         """`triangles`, counter-clockwise in the scene where seen from the front: a mirrored matrix reverses the winding."""
         return self.triangles[:, ::-1] if np.linalg.det(self.to_world[:3, :3]) < 0.0 else self.triangles
 
+    def with_triangles(self, kept: np.ndarray) -> "Mesh":
+        """This mesh with some of its triangles. kept: their indices, or (T,) bool."""
+        faces, labels = (None if values is None else values[kept] for values in (self.faces, self.labels))
+        return replace(self, triangles=self.triangles[kept], faces=faces, labels=labels)
+
     @cached_property
     def box(self) -> np.ndarray:
         """The minimum and maximum coordinates (2, 3) float64, in the mesh's space, of the vertices that triangles use."""
@@ -62,10 +67,7 @@ def keep_corners(mesh: Mesh, finite: np.ndarray | None) -> Mesh:
         return mesh
     keep = finite[mesh.triangles].all(axis=1)
     left_out = len(keep) - int(np.count_nonzero(keep))
-    faces, labels = (None if values is None else values[keep] for values in (mesh.faces, mesh.labels))
-    return replace(
-        mesh, triangles=mesh.triangles[keep], faces=faces, labels=labels, not_finite=mesh.not_finite + left_out
-    )
+    return replace(mesh.with_triangles(keep), not_finite=mesh.not_finite + left_out)
 
 
 def finite_rows(*arrays: np.ndarray) -> np.ndarray | None:

@@ -8,6 +8,7 @@ from pathlib import PurePath
 
 from ..core import file_formats
 from ..core.declarations.choices import Storage
+from ..core.file_names import LOW, MATERIAL
 from ..core.map_types import MapType
 from ..core.settings import Settings
 from ..core.udim import TOKEN
@@ -15,14 +16,19 @@ from ..core.udim import TOKEN
 LONGEST = 240
 """The most bytes of an image's name. Blender allows 255, and the names of other maps get a suffix."""
 
+_NORMAL = r"(?:[._ -]normal)?"
+"""What the suffix of another map replaces at the end of a name, if it is there."""
 
-def name_for(low_name: str, settings: Settings) -> str:
-    """The name of the image datablock, with the low object's name in place of "{low}".
+
+def name_for(low_name: str, settings: Settings, material: str = "") -> str:
+    """The name of the image datablock, with the names of the low object and of the material in place of LOW and MATERIAL.
 
     Blender would shorten long names, and the image would not be found by its name. So they are shortened here, with a
     checksum that keeps them distinct.
     """
-    name = settings.image.replace("{low}", low_name) or f"{low_name}_normal"
+    default = f"{low_name}_{material}_normal" if material else f"{low_name}_normal"
+    filled = settings.image.replace(MATERIAL, material) if material else settings.image
+    name = filled.replace(LOW, low_name) or default
     letters = name.encode()
     if len(letters) <= LONGEST:
         return name
@@ -43,16 +49,18 @@ def output_for(settings: Settings) -> str:
 def beside(settings: Settings, map_type: MapType) -> Settings:
     """The settings of another map, from those of the normal map, whose image must have a name.
 
+    Its suffix takes the place of "normal" at the end of the name: rock_normal.png has rock_height.png beside it.
+
     Maps that are stored in the lowest depth are not dithered.
     """
     path = PurePath(settings.output)
     is_file = settings.storage == Storage.FILE
     lowest = (file_formats.of(path) if is_file else file_formats.PACKED[False]).depths[0]
     # The tile's number stays at the end, with its separator.
-    stem = re.sub(rf"[._ -]?{TOKEN}|$", rf"_{map_type.suffix}\g<0>", path.stem, count=1)
+    stem = re.sub(rf"{_NORMAL}([._ -]?{TOKEN}|$)", rf"_{map_type.suffix}\g<1>", path.stem, count=1, flags=re.IGNORECASE)
     return replace(
         settings,
-        image=f"{settings.image}_{map_type.suffix}",
+        image=re.sub(f"{_NORMAL}$", f"_{map_type.suffix}", settings.image, count=1, flags=re.IGNORECASE),
         output=str(path.with_stem(stem)) if is_file else "",
         depth=settings.depth if map_type.is_deep else lowest,
         dither=settings.dither and map_type.is_deep,

@@ -3,6 +3,7 @@
 
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from types import MappingProxyType
 
 import bpy
@@ -36,12 +37,20 @@ def check(low: Object) -> None:
 
 
 def hook_up(
-    low: Object, image: Image, *, space: str, uv_layer: str, channels: tuple[str, str, str], single_user: bool = False
+    low: Object,
+    image: Image,
+    *,
+    space: str,
+    uv_layer: str,
+    channels: tuple[str, str, str],
+    single_user: bool = False,
+    slots: Sequence[int] | None = None,
 ) -> list[str]:
     """Show the image as the normal map of every material on the faces of low. Returns notes for the report.
 
     space, channels: of the map, as in Settings; the axes in red, green and blue. single_user: first copy materials that are
-    linked from a library or used by other objects.
+    linked from a library or used by other objects. slots: the numbers of the slots whose
+    materials change; None for all.
     """
     image[MARK] = True
     if channels not in CONVENTIONS:
@@ -51,18 +60,27 @@ def hook_up(
         normal_map["uv_map"] = uv_layer
     settings = normal_nodes.NormalMapSettings(image, normal_map)
     coordinates = _coordinates(low, uv_layer)
-    return _edit(low, lambda material: normal_nodes.connect(material, settings, coordinates), single_user=single_user)
+    connect = partial(normal_nodes.connect, settings=settings, coordinates=coordinates)
+    return _edit(low, connect, single_user=single_user, slots=slots)
 
 
-def connect_maps(low: Object, images: Mapping[str, MapImage], *, uv_layer: str, single_user: bool = False) -> list[str]:
+def connect_maps(
+    low: Object,
+    images: Mapping[str, MapImage],
+    *,
+    uv_layer: str,
+    single_user: bool = False,
+    slots: Sequence[int] | None = None,
+) -> list[str]:
     """Connect other maps, by their names, to the inputs of every material on the faces of low. Returns notes for the report.
 
-    single_user: as in `hook_up`.
+    single_user, slots: as in `hook_up`.
     """
     for image in images.values():
         image.image[MARK] = True
     coordinates = _coordinates(low, uv_layer)
-    return _edit(low, lambda material: surface_nodes.connect(material, images, coordinates), single_user=single_user)
+    connect = partial(surface_nodes.connect, images=images, coordinates=coordinates)
+    return _edit(low, connect, single_user=single_user, slots=slots)
 
 
 def _coordinates(low: Object, uv_layer: str) -> Coordinates:
@@ -70,12 +88,18 @@ def _coordinates(low: Object, uv_layer: str) -> Coordinates:
     return Coordinates(uv_layer, (uv_layer, "") if is_default else (uv_layer,))
 
 
-def _edit(low: Object, connect: Callable[[Material], list[str]], *, single_user: bool) -> list[str]:
-    """Call `connect` with every material on the faces of low that can be changed. Returns notes, with those of `connect`."""
+def _edit(
+    low: Object, connect: Callable[[Material], list[str]], *, single_user: bool, slots: Sequence[int] | None
+) -> list[str]:
+    """Call `connect` with every material on the faces of low that can be changed. slots: as in `hook_up`.
+
+    Returns notes, with those of `connect`.
+    """
     _fill_slots(low, single_user)
     sharers = _sharers(low)
     notes = []
-    for material in dict.fromkeys(slot.material for slot in low.material_slots if slot.material):
+    chosen = low.material_slots if slots is None else [low.material_slots[number] for number in slots]
+    for material in dict.fromkeys(slot.material for slot in chosen if slot.material):
         is_local, others = _is_local(material), sharers[material]
         state = f'Material "{material.name}" ' + (_list(others) if is_local else "is linked from a library")
         target = material

@@ -148,16 +148,32 @@ def sign(image: bpy.types.Image, highs: Sequence[str]) -> list[str]:
     return [f"The map of {shorten_list(map(repr, highs))} replaced a map of {before} in the image {image.name!r}."]
 
 
-def into_materials(low: bpy.types.Object, stored: Stored, uv_layer: str, settings: Settings) -> list[str]:
-    """Show the stored maps in the materials of `low`, as far as the settings say. Returns warnings."""
-    warnings = hook_up(low, stored.image, uv_layer, settings) if settings.material and settings.normal else []
+def into_materials(
+    low: bpy.types.Object, stored: Stored, uv_layer: str, settings: Settings, *, slots: Sequence[int] | None = None
+) -> list[str]:
+    """Show the stored maps in the materials of `low`, as far as the settings say. Returns warnings.
+
+    slots: the numbers of the material slots that a texture set belongs to; None for all.
+    """
+    warnings = []
+    if settings.material and settings.normal:
+        warnings += hook_up(low, stored.image, uv_layer, settings, slots=slots)
     if settings.connect_maps:
-        warnings += connect_maps(low, stored.maps, uv_layer, space=settings.space, single_user=settings.single_user)
+        warnings += connect_maps(
+            low, stored.maps, uv_layer, space=settings.space, single_user=settings.single_user, slots=slots
+        )
     return list(dict.fromkeys(warnings))
 
 
-def hook_up(low: bpy.types.Object, image: bpy.types.Image, uv_layer: str, settings: Settings) -> list[str]:
-    """Show `image` as the normal map in the materials of `low`. Returns warnings."""
+def hook_up(
+    low: bpy.types.Object,
+    image: bpy.types.Image,
+    uv_layer: str,
+    settings: Settings,
+    *,
+    slots: Sequence[int] | None = None,
+) -> list[str]:
+    """Show `image` as the normal map in the materials of `low`. Returns warnings. slots: as in `into_materials`."""
     return materials.hook_up(
         low,
         image,
@@ -165,17 +181,25 @@ def hook_up(low: bpy.types.Object, image: bpy.types.Image, uv_layer: str, settin
         uv_layer=uv_layer,
         channels=(settings.red, settings.green, settings.blue),
         single_user=settings.single_user,
+        slots=slots,
     )
 
 
 def connect_maps(
-    low: bpy.types.Object, maps: dict[str, dict], uv_layer: str, *, space: str, single_user: bool
+    low: bpy.types.Object,
+    maps: dict[str, dict],
+    uv_layer: str,
+    *,
+    space: str,
+    single_user: bool,
+    slots: Sequence[int] | None = None,
 ) -> list[str]:
     """Connect maps other than the normal map, as in Report.maps, in the materials of `low`. Returns warnings.
 
-    Maps whose images are no longer there are left out, with a warning. space, single_user: as in Settings.
+    Maps whose images are no longer there are left out, with a warning. space, single_user: as in Settings. slots: as in
+    `into_materials`.
     """
     images, warnings = map_images.of_report(maps, space)
     if not images:
         return warnings
-    return warnings + materials.connect_maps(low, images, uv_layer=uv_layer, single_user=single_user)
+    return warnings + materials.connect_maps(low, images, uv_layer=uv_layer, single_user=single_user, slots=slots)

@@ -31,17 +31,20 @@ ReadMesh = Callable[[bpy.types.Object, bpy.types.Object, bpy.types.Mesh], Mesh]
 class Reader:
     """Reads the high objects of one bake.
 
-    low_layer: the low mesh's UV layer. before: the materials of an earlier reading, which keep their
+    low, low_layer: the low object, and its mesh's UV layer. before: the materials of an earlier reading, which keep their
     numbers. materials: those that were read so far.
     """
 
     depsgraph: bpy.types.Depsgraph
+    low: bpy.types.Object
     low_layer: str
     settings: Settings
     before: Sequence[HighMaterial] = ()
 
     def __post_init__(self):
-        self.materials = MaterialNumbers(ImagePages(), has_detail=self.settings.detail_maps, before=self.before)
+        self.materials = MaterialNumbers(
+            ImagePages(), self.low, has_detail=self.settings.detail_maps, before=self.before
+        )
 
     def read(self, highs: Mapping[int, bpy.types.Object]) -> list[Mesh]:
         """Read the meshes of `highs`, labeled with their numbers. Raises BakeError for an object without a mesh."""
@@ -92,7 +95,7 @@ class Reader:
             # Use the layer with the name of the low mesh's layer, or else the active one.
             layer = uv_layer(name, data, self.low_layer if self.low_layer in data.uv_layers else "")
         slots = self.materials.of_slots(obj)
-        has_labels = bool(self.settings.maps)
+        has_labels = bool(self.settings.maps) or self.settings.texture_sets
         if has_labels or self.settings.detail_maps:
             shown = [self.materials.read(material) for material in slots]
             has_labels = has_labels or any(material.detail is not None for material in shown)

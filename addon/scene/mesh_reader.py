@@ -96,7 +96,7 @@ def smooth_normals(data: bpy.types.Mesh, mesh: Mesh) -> np.ndarray:
 
 
 def with_tangents(data: bpy.types.Mesh, uv_layer: str, name: str, to_world: np.ndarray) -> Mesh:
-    """Read `data` as `surface` does, with MikkTSpace tangents for `uv_layer`.
+    """Read `data` as `surface` does, with MikkTSpace tangents for `uv_layer`, labeled with material slots (T, 1).
 
     Mesh.calc_tangents takes only triangles and quads, so a mesh with n-gons is first triangulated as Blender draws it;
     then the corners are those of the triangles.
@@ -104,7 +104,10 @@ def with_tangents(data: bpy.types.Mesh, uv_layer: str, name: str, to_world: np.n
     if max_face_size(data) > 4:
         with _triangulated(data, uv_layer) as triangles_only:
             return with_tangents(triangles_only, uv_layer, name, to_world)
-    mesh = surface(data, uv_layer, name, to_world)
+    mesh = surface(data, uv_layer, name, to_world, with_faces=True)
+    indices = np.empty(len(data.polygons), np.int32)
+    data.polygons.foreach_get("material_index", indices)
+    mesh = replace(mesh, labels=indices[mesh.faces][:, None].astype(np.float32))
     data.calc_tangents(uvmap=uv_layer)
     tangents = np.empty((len(data.loops), 4), np.float32)
     tangents[:, :3] = _read(data.loops, "tangent", len(data.loops), 3)
@@ -257,7 +260,10 @@ def _triangulated(data: bpy.types.Mesh, uv_layer: str) -> Iterator[bpy.types.Mes
         copy.loops.add(len(corners))
         copy.loops.foreach_set("vertex_index", _corner_vertices(data)[corners])
         copy.polygons.add(len(corners) // 3)
+        indices = np.empty(len(data.polygons), np.int32)
+        data.polygons.foreach_get("material_index", indices)
         copy.polygons.foreach_set("loop_start", np.arange(0, len(corners), 3, dtype=np.int32))
+        copy.polygons.foreach_set("material_index", indices[_faces(data)])
         copy.update(calc_edges=True)
         copy.uv_layers.new(name=uv_layer).uv.foreach_set("vector", uv.reshape(-1))
         # Blender uses normals in plain vectors unchanged; normals_split_custom_set would round them.

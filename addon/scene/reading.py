@@ -14,6 +14,8 @@ from ..mesh.inputs import Meshes
 from ..mesh.local_space import local_space_of
 from ..mesh.triangle_mesh import Mesh
 from . import evaluation, mesh_reader, vertex_weights, visibility
+from .high_layers import material_sets
+from .high_layers.material_sets import MaterialSet
 from .high_reader import Reader, with_labels
 from .high_reader import uv_layer as uv_layer_of
 
@@ -32,18 +34,24 @@ def read(
     settings: Settings,
     *,
     others: Sequence[bpy.types.Object] = (),
+    texture_set: MaterialSet | None = None,
 ) -> Meshes:
-    """Evaluate and read all objects. others: the high objects of other low objects, if they are occluders.
+    """Evaluate and read all objects.
+
+    others: the high objects of other low objects, if they are occluders. texture_set: the faces of the
+    low object to bake; None for all.
 
     Raises BakeError for missing faces or UV layers, and for a cage of another topology.
     """
     with evaluation.prepared(context, low, [*highs, *others], cage, settings.modifiers) as depsgraph:
         meshes = _read(depsgraph, low, highs, cage, settings)
+        if texture_set is not None:
+            meshes = material_sets.restricted(meshes, low, texture_set)
         if not others:
             return meshes
         # Rays only meet them: they need neither UVs nor materials.
         plain = replace(settings, method=Method.CAST, maps=(), detail_maps=False)
-        return replace(meshes, others=Reader(depsgraph, "", plain).read(dict(enumerate(others))))
+        return replace(meshes, others=Reader(depsgraph, low, "", plain).read(dict(enumerate(others))))
 
 
 def read_again(
@@ -68,7 +76,7 @@ def read_again(
             meshes = _read(depsgraph, low, highs, cage, settings)
         else:
             new = {number: high for number, high in enumerate(highs) if high.session_uid in changed}
-            reader = Reader(depsgraph, before.uv_layer, settings, before.materials)
+            reader = Reader(depsgraph, low, before.uv_layer, settings, before.materials)
             read = dict(zip(new, reader.read(new), strict=True))
             all_highs = with_labels([read.get(number, mesh) for number, mesh in enumerate(before.highs)])
             meshes = replace(before, highs=all_highs, materials=reader.materials.materials)
@@ -93,7 +101,7 @@ def _with_kept_uvs(
         uv = before.highs[0].uv
     else:
         with evaluation.with_fixed_uvs(context, low) as depsgraph:
-            uv = Reader(depsgraph, meshes.uv_layer, settings).read({1: low})[0].uv
+            uv = Reader(depsgraph, low, meshes.uv_layer, settings).read({1: low})[0].uv
     return replace(meshes, highs=[replace(shown, uv=uv)], shown=shown)
 
 
@@ -105,7 +113,7 @@ def _read(
     settings: Settings,
 ) -> Meshes:
     meshes = read_low(depsgraph, low, cage, settings, is_own_base=low in highs)
-    reader = Reader(depsgraph, meshes.uv_layer, settings)
+    reader = Reader(depsgraph, low, meshes.uv_layer, settings)
     read = reader.read(dict(enumerate(highs, start=1)))
     meshes = replace(meshes, highs=read, materials=reader.materials.materials, load_page=reader.load_page)
     _check_triangles([meshes.low, *meshes.highs, *([meshes.cage] if meshes.cage else [])])
@@ -129,6 +137,8 @@ def read_low(
         smooth_normals = mesh_reader.smooth_normals(data, low_mesh)
         has_basis = settings.space == Space.TANGENT and with_uv
         basis = mesh_reader.with_tangents(data, uv_layer, low.name, to_world) if has_basis else None
+        if settings.texture_sets:
+            low_mesh = material_sets.with_slots(low_mesh, data, low)
         offset, straight = _painted(low if is_own_base else low.evaluated_get(depsgraph), data, low_mesh, settings)
         # The cage comes last: if it is the low object itself, reading it frees the mesh.
         cage_mesh = cage and _cage(cage, depsgraph, low_mesh, len(data.polygons))

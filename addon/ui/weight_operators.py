@@ -6,7 +6,7 @@ import bpy
 from ..core.declarations.choices import Method
 from ..core.errors import BakeError
 from ..core.report import Report
-from ..jobs import weight_proposal
+from ..jobs.weights import weight_proposal
 from .bake_results import results
 from .translations.lookup import tooltip
 from .viewport.progress_display import display

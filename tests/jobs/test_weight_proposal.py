@@ -10,7 +10,8 @@ import pytest
 from addon.core.errors import BakeError
 from addon.core.settings import Settings
 from addon.engine.rays import ray_doubts
-from addon.jobs import bake_pair, locate_issues, weight_proposal
+from addon.jobs import bake_pair, locate_issues
+from addon.jobs.weights import weight_proposal
 from addon.mesh.inputs import Meshes
 from addon.mesh.triangle_mesh import Mesh
 from addon.scene import vertex_weights

@@ -15,7 +15,19 @@ def beside(name, **settings):
 
 def test_a_map_is_named_by_its_suffix():
     found = beside("HEIGHT")
-    assert (found.image, found.output.replace("\\", "/")) == ("rock_normal_height", "maps/rock_height.png")
+    assert (found.image, found.output.replace("\\", "/")) == ("rock_height", "maps/rock_height.png")
+
+
+@pytest.mark.parametrize(
+    ("output", "expected"),
+    [
+        ("rock_normal.png", "rock_height.png"),
+        ("Rock.Normal.png", "Rock_height.png"),
+        ("normal.png", "normal_height.png"),
+    ],
+)
+def test_the_suffix_takes_the_place_of_normal(output, expected):
+    assert beside("HEIGHT", output=output).output == expected
 
 
 @pytest.mark.parametrize(

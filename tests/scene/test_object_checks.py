@@ -192,7 +192,7 @@ def test_a_low_object_may_have_any_name(name):
     low, high = zoo.plane(name), zoo.plane("high")
     report = bake_pair(bpy.context, low, [high], Settings("FLATTEN", width=16, height=16, mask=True))
     assert report.image == f"{name}_normal"
-    assert sorted(image.name for image in bpy.data.images) == [f"{name}_normal", f"{name}_normal_missed"]
+    assert sorted(image.name for image in bpy.data.images) == [f"{name}_missed", f"{name}_normal"]
 
 
 # Swapped objects

@@ -59,7 +59,7 @@ def test_a_shared_material_is_copied_as_the_setting_says(low):
 
 def test_an_image_that_is_gone_is_a_warning(low):
     bake(maps={"HEIGHT"})
-    bpy.data.images.remove(bpy.data.images["lo_normal_height"])
+    bpy.data.images.remove(bpy.data.images["lo_height"])
     assert bpy.ops.imprint.connect_maps() == {"FINISHED"}
     assert len(low.material_slots) == 0
 

@@ -396,7 +396,7 @@ def test_the_plan_names_the_image_that_is_stored(pair):
     bpy.context.scene.imprint.maps = {"HEIGHT"}
     drawn = draw()
     assert can_bake(drawn)
-    assert "into a new image 'lo_normal_height'" in drawn.text
+    assert "into a new image 'lo_height'" in drawn.text
 
 
 @pytest.mark.parametrize("setting", ["offset_group", "straight_group"])

@@ -85,7 +85,8 @@ class RayCast:
 def upload_ray_mesh(meshes: Meshes, low_surface: LowSurface, local_space: LocalSpace) -> gpu.types.GPUBatch:
     """The low mesh as rays.draw takes it."""
     arrays = ray_arrays(meshes, local_space)
-    return rays.upload(meshes.low.triangles, low_surface.starts, uv=meshes.low.uv, **arrays)
+    starts = low_surface.starts if meshes.kept is None else low_surface.starts[meshes.kept]
+    return rays.upload(meshes.low.triangles, starts, uv=meshes.low.uv, **arrays)
 
 
 def ray_arrays(meshes: Meshes, local_space: LocalSpace) -> dict[str, np.ndarray | None]:

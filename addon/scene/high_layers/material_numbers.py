@@ -10,15 +10,27 @@ from ...core.material_feeds import HighMaterial
 from ..images.image_pages import ImagePages
 from ..materials.material_reading import read_materials
 
+MARK = "imprint"
+"""The custom property of nodes that Imprint has made."""
+
 
 class MaterialNumbers:
     """The materials by their numbers, which count from 1.
 
-    has_detail: whether their normal and bump maps are read. before: those of an earlier reading, which keep their numbers.
+    has_detail: whether their normal and bump maps are read. low: the low object; a map that Imprint baked for it is no detail
+    of a high object that shows the same material. before: those of an earlier reading, which keep their numbers.
     """
 
-    def __init__(self, images: ImagePages, *, has_detail: bool, before: Sequence[HighMaterial] = ()):
+    def __init__(
+        self,
+        images: ImagePages,
+        low: bpy.types.Object,
+        *,
+        has_detail: bool,
+        before: Sequence[HighMaterial] = (),
+    ):
         self.images, self.has_detail = images, has_detail
+        self._of_low = {slot.material for slot in low.material_slots if slot.material}
         self._found: dict[int, HighMaterial] = {material.key: material for material in before}
 
     @property
@@ -35,9 +47,16 @@ class MaterialNumbers:
         key = material.session_uid if material else 0
         if key not in self._found:
             found = replace(read_materials([material], self.images)[0], key=key)
-            self._found[key] = found if self.has_detail else replace(found, detail=None)
+            has_detail = self.has_detail and not (material in self._of_low and _is_hooked_up(material))
+            self._found[key] = found if has_detail else replace(found, detail=None)
         return self._found[key]
 
     def number(self, material: bpy.types.Material | None) -> int:
         """The number of a material that was read."""
         return 1 + list(self._found).index(material.session_uid if material else 0)
+
+
+def _is_hooked_up(material: bpy.types.Material) -> bool:
+    """Whether a Normal Map node of this material was made by Imprint."""
+    nodes = material.node_tree.nodes if material.node_tree else ()
+    return any(node.bl_idname == "ShaderNodeNormalMap" and node.get(MARK) for node in nodes)

@@ -3,11 +3,11 @@
 
 from collections.abc import Sequence
 
-from ..core.declarations.choices import Method
-from ..core.errors import BakeError
-from ..core.settings import Settings
-from ..scene import vertex_weights
-from .job import Job
+from ...core.declarations.choices import Method
+from ...core.errors import BakeError
+from ...core.settings import Settings
+from ...scene import vertex_weights
+from ..job import Job
 
 
 def settings_by_job(jobs: Sequence[Job], settings: Settings) -> list[Settings]:

@@ -9,18 +9,18 @@ import bpy
 import gpu
 import numpy as np
 
-from ..core import progress, udim
-from ..core.errors import BakeError
-from ..core.report import Report
-from ..core.timings import Timings
-from ..engine import gpu_memory
-from ..engine.method_choice import choose_method
-from ..engine.rays import ray_casting, ray_doubts
-from ..engine.sources import normal_source
-from ..mesh.inputs import Meshes
-from ..scene import reading, vertex_weights
-from .job import check_job
-from .report_making import PastBake
+from ...core import progress, udim
+from ...core.errors import BakeError
+from ...core.report import Report
+from ...core.timings import Timings
+from ...engine import gpu_memory
+from ...engine.method_choice import choose_method
+from ...engine.rays import ray_casting, ray_doubts
+from ...engine.sources import normal_source
+from ...mesh.inputs import Meshes
+from ...scene import reading, vertex_weights
+from ..job import check_job
+from ..report_making import PastBake
 
 GROUP_NAMES = {"offset_group": "Imprint Offset", "straight_group": "Imprint Straight"}
 """The names of groups that are created, by the settings."""
