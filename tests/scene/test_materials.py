@@ -19,11 +19,11 @@ BORDERS = 0.03
 UV = ((0.03, 0.02), (1.9, -0.3), (2.4, 1.7), (0.53, 2.02))
 
 
-def assert_like_cycles(material, output, socket="Base Color", prepare=None, uv=UV):
+def assert_like_cycles(material, output, socket="Base Color", *, prepare=None, tolerance=TOLERANCE):
     """The feed of a socket is what Cycles bakes, and nothing is noted. Returns the feed."""
     found = feed_color(material, output, socket)
     assert found.notes == {}
-    obj = feeds.square(material, uv)
+    obj = feeds.square(material, UV)
     if prepare:
         prepare(obj.data)
     mine = feeds.evaluate(found.feeds[socket], ImagePages(), obj.data, SIZE)
@@ -35,7 +35,7 @@ def assert_like_cycles(material, output, socket="Base Color", prepare=None, uv=U
     for link in list(links):
         if link.to_socket == principled(material).inputs[socket]:
             links.remove(link)
-    wrong = np.abs(mine - theirs).max(axis=-1) > TOLERANCE
+    wrong = np.abs(mine - theirs).max(axis=-1) > tolerance
     assert wrong.mean() < BORDERS
     assert theirs.max() > 0.0
     return found.feeds[socket]
@@ -93,6 +93,33 @@ def test_coordinates_through_vector_arithmetic(material):
     node = texture(material)
     material.node_tree.links.new(scaled.outputs[0], node.inputs[0])
     assert_like_cycles(material, node.outputs["Color"])
+
+
+def test_a_vector_that_feeds_a_coordinate_is_its_mean(material):
+    uv = add(material, "UVMap", uv_map="UVMap")
+    mean = add(material, "Math", {"Value": uv.outputs[0], "Value_001": 3.0}, operation="MULTIPLY")
+    vector = add(material, "CombineXYZ", {"X": mean.outputs[0], "Y": 0.3})
+    node = texture(material)
+    material.node_tree.links.new(vector.outputs[0], node.inputs[0])
+    assert_like_cycles(material, node.outputs["Color"])
+
+
+def test_coordinates_of_two_layers_are_named(material):
+    first, second = (add(material, "UVMap", uv_map=name) for name in ("UVMap", feeds.BAKED))
+    both = add(material, "VectorMath", {"Vector": first.outputs[0], "Vector_001": second.outputs[0]}, operation="ADD")
+    node = texture(material)
+    material.node_tree.links.new(both.outputs[0], node.inputs[0])
+    (note,) = feed_color(material, node.outputs[0]).notes["Base Color"]
+    assert note.endswith('because the node "Vector Math" combines two UV maps.')
+
+
+@pytest.mark.parametrize("is_used", [True, False])
+def test_the_use_of_alpha_decides_whether_colors_are_multiplied_with_it(material, is_used):
+    node = texture(material, image(alpha=True, seed=8))
+    if is_used:
+        material.node_tree.links.new(node.outputs["Alpha"], principled(material).inputs["Alpha"])
+    found = assert_like_cycles(material, node.outputs["Color"], tolerance=0.05)
+    assert found.image.endswith(":premultiplied") != is_used
 
 
 def test_an_unconnected_mapping_has_one_point(material):
@@ -426,6 +453,28 @@ def test_other_coordinates_are_named(material):
     material.node_tree.links.new(add(material, "TexCoord").outputs["Object"], node.inputs[0])
     (note,) = feed_color(material, node.outputs[0]).notes["Base Color"]
     assert note.endswith('because the node "Texture Coordinate" gives Object coordinates.')
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("translation", (0, 0.1, 0)), ("rotation", (0, 0, 0.1)), ("scale", (2, 1, 1)), ("use_min", True), ("use_max", True),
+     ("mapping_x", "Y"), ("mapping_y", "NONE")],
+)  # fmt: skip
+def test_a_mapping_in_the_image_node_is_named(material, name, value):
+    node = texture(material)
+    setattr(node.texture_mapping, name, value)
+    (note,) = feed_color(material, node.outputs[0]).notes["Base Color"]
+    assert note.endswith('because the node "Image Texture" has a texture mapping of its own.')
+
+
+def test_a_vector_mapping_has_no_location(material):
+    """Blender hides it, and keeps its value."""
+    mapping = add(material, "Mapping", {"Vector": add(material, "UVMap", uv_map="UVMap").outputs[0]})
+    mapping.inputs["Location"].default_value = (0.3, 0.4, 0.0)
+    mapping.vector_type = "VECTOR"
+    node = texture(material)
+    material.node_tree.links.new(mapping.outputs[0], node.inputs[0])
+    assert_like_cycles(material, node.outputs["Color"])
 
 
 def test_no_material_is_blenders_gray():

@@ -33,8 +33,7 @@ def image(name="dots", size=(7, 5), *, seed=0, space="sRGB", alpha=False):
     found = bpy.data.images.new(name, width, height, alpha=alpha)
     found.colorspace_settings.name = space
     pixels = np.random.default_rng(seed).uniform(0.0, 1.0, (width * height, 4)).astype(np.float32)
-    if not alpha:
-        pixels[:, 3] = 1.0
+    pixels[:, 3] = 0.5 + 0.5 * pixels[:, 3] if alpha else 1.0
     found.pixels.foreach_set(pixels.ravel())
     found.pack()
     return found

@@ -40,7 +40,8 @@ def coordinates(values: NodeValues, output: Place) -> tuple[str, Mapping]:
     is_linked = values.links.source(place).socket.is_output
     vector = _Reader(values).read(place) if is_linked else _Vector(np.diag((1.0, 1.0, 0.0)), "")
     own = output.node.texture_mapping
-    if any(own.translation) or any(own.rotation) or tuple(own.scale) != (1.0, 1.0, 1.0) or own.use_min or own.use_max:
+    is_moved = any(own.translation) or any(own.rotation) or tuple(own.scale) != (1.0, 1.0, 1.0)
+    if is_moved or own.use_min or own.use_max or (own.mapping_x, own.mapping_y) != ("X", "Y"):
         raise NotFollowedError(f"the node {title(output.node)} has a texture mapping of its own")
     if not np.isfinite(vector.rows).all():
         raise NotFollowedError(f"the node {title(output.node)} has coordinates that are not finite")
@@ -108,10 +109,8 @@ class _Reader:
         vector = self.read(output.input("Vector"))
         turn = np.array(Euler(rotation).to_matrix())
         match output.node.vector_type:
-            case "POINT":
+            case "POINT" | "VECTOR":  # a vector has no location
                 linear, offset = turn * scale, location
-            case "VECTOR":
-                linear, offset = turn * scale, np.zeros(3)
             case "TEXTURE":
                 inverse = np.divide(1.0, scale, out=np.zeros(3), where=scale != 0.0)
                 linear = inverse[:, None] * turn.T
