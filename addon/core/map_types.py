@@ -129,6 +129,15 @@ AO = MapType(
 ROUGHNESS = _of_socket("ROUGHNESS", "Roughness", "Roughness")
 METALLIC = _of_socket("METALLIC", "Metallic", "Metallic")
 EMISSION = _of_socket("EMISSION", "Emission", "Emission Color", is_color=True, value_range=Range.POSITIVE)
+ATTRIBUTE = MapType(
+    "ATTRIBUTE",
+    "Attribute",
+    "An attribute of the high meshes, such as vertex colors",
+    Kind.VALUE,
+    "attribute",
+    family=Family.MATERIAL,
+    is_color=True,
+)
 OTHERS = (
     MapType(
         "POSITION",
@@ -236,15 +245,7 @@ OTHERS = (
     _of_socket("COAT", "Coat", "Coat Weight"),
     _of_socket("SHEEN", "Sheen", "Sheen Weight"),
     _of_socket("SUBSURFACE", "Subsurface", "Subsurface Weight"),
-    MapType(
-        "ATTRIBUTE",
-        "Attribute",
-        "An attribute of the high meshes, such as vertex colors",
-        Kind.VALUE,
-        "attribute",
-        family=Family.MATERIAL,
-        is_color=True,
-    ),
+    ATTRIBUTE,
 )
 """The maps that can be baked beside the normal map, in the order of baking."""
 NAMES = tuple(map_type.name for map_type in OTHERS)

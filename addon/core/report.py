@@ -87,6 +87,11 @@ class Report:
     warnings: list[str] = field(default_factory=list)
     version: int = VERSION
 
+    @property
+    def images(self) -> list[str]:
+        """The names of the images that the maps were stored in, without the mask."""
+        return list(dict.fromkeys([self.image, *(how["image"] for how in self.maps.values())]))
+
     def to_dict(self) -> dict:
         """Plain data for json.dump, without references to objects of this session."""
         values = asdict(self)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Operators of the panels that do not bake: slots, measured distances, materials, and visibility in the viewport."""
+"""Operators of the panels that do not bake: slots, measured distances, materials, images, and visibility in the viewport."""
 
 import bpy
-from bpy.props import IntProperty
+from bpy.props import IntProperty, StringProperty
 
 from ..core.errors import BakeError
 from ..output import map_images, materials, outputs
@@ -67,6 +67,33 @@ class IMPRINT_OT_connect_maps(bpy.types.Operator):
             return {"CANCELLED"}
         for warning in warnings:
             self.report({"WARNING"}, warning)
+        return {"FINISHED"}
+
+
+class IMPRINT_OT_show_map(bpy.types.Operator):
+    """Show an image of the last bake in an open Image Editor, or else in a new window"""
+
+    bl_idname = "imprint.show_map"
+    bl_label = "Show Map"
+
+    image: StringProperty(
+        name="Image", description="Name of the image; empty for the first one", translation_context=LABEL
+    )
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return results.of(context) is not None
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        name = self.image or results.of(context).image
+        shown = bpy.data.images.get(name)
+        if shown is None:
+            self.report({"ERROR"}, f"The image {name!r} was undone, renamed or deleted: bake again.")
+            return {"CANCELLED"}
+        is_pressed = self.options.is_invoke and context.window is not None
+        show = show_result.image_in_window if is_pressed else show_result.image
+        show(context, shown)
+        redraw()
         return {"FINISHED"}
 
 
@@ -170,6 +197,7 @@ class IMPRINT_OT_high_remove(bpy.types.Operator):
 CLASSES = (
     IMPRINT_OT_freeze_distances,
     IMPRINT_OT_connect_maps,
+    IMPRINT_OT_show_map,
     IMPRINT_OT_show_high,
     IMPRINT_OT_show_cage,
     IMPRINT_OT_use_selection,

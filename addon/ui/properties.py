@@ -11,6 +11,7 @@ from . import bake_results
 from .bake_results import results
 from .settings.bake_options import Options
 from .settings.declared_properties import declared
+from .settings.map_list import MapList
 from .translations.lookup import LABEL
 
 
@@ -43,7 +44,7 @@ def _make_square(settings: "ImprintSettings", _context: bpy.types.Context) -> No
         settings.height = settings.width
 
 
-class ImprintSettings(bpy.types.PropertyGroup, Options):
+class ImprintSettings(bpy.types.PropertyGroup, Options, MapList):
     """Scene.imprint."""
 
     low: declared("low", poll=_is_mesh)

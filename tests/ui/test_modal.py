@@ -260,3 +260,20 @@ def test_cached_memory_is_freed_when_idle(pair, monkeypatch):
     assert idle_memory.check() == EVERY
     assert not len(tree_cache.trees)
     assert not len(target.common)
+
+
+@pytest.mark.usefixtures("tiny")
+def test_the_picture_stays_until_the_next_one(pair):
+    """Rays for other maps take many steps between two pictures."""
+    settings = bpy.context.scene.imprint
+    settings.maps, settings.rays, settings.show_result = {"AO"}, 64, False
+    button = Button(operators.IMPRINT_OT_bake)
+    assert button.press() == {"RUNNING_MODAL"}
+    assert display.picture is None
+    without, is_any = 0, False
+    while button.event() == {"RUNNING_MODAL"}:
+        is_any |= display.current.picture is not None
+        without += is_any and display.current.picture is None
+        assert (display.picture is not None) == is_any
+    assert without > 0
+    assert display.picture is None

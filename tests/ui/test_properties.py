@@ -6,11 +6,12 @@ import pytest
 
 from addon.core.declarations import kinds
 from addon.core.declarations.all_settings import DECLARED
+from addon.ui.settings import map_list
 
 pytestmark = pytest.mark.usefixtures("registered")
 
-OWN = {"rna_type", "name", "active_high"}
-"""Properties that are not settings."""
+OWN = {"rna_type", "name", "active_high", *map_list.MapList.__annotations__}
+"""Properties that are not settings, or that stand for a part of one."""
 
 
 def holders():
@@ -41,7 +42,8 @@ def test_label_limits_and_default_are_those_of_the_declaration(name):
             assert name == "size" or prop.default == declared.default
         elif isinstance(declared, kinds.Distance):
             assert prop.default == pytest.approx(declared.shown)
-            assert prop.subtype == "DISTANCE"
+            # A Reach is a length only in scene units, for which the panel has another property.
+            assert prop.subtype == ("NONE" if isinstance(declared, kinds.Reach) else "DISTANCE")
         elif isinstance(declared, kinds.Color):
             assert tuple(prop.default_array) == declared.default
         elif isinstance(declared, kinds.Switch | kinds.Text):

@@ -13,6 +13,7 @@ from types import SimpleNamespace
 import bpy
 import pytest
 
+from addon.engine.maps import ray_maps
 from addon.ui.translations import catalog, lookup
 from addon.ui.translations.lookup import LABEL, OPERATOR, SENTENCE
 from scripts.imprint import ROOT
@@ -86,6 +87,7 @@ def drawn_texts() -> Iterator[Text]:
     for call in calls("ui", "jobs", "engine", "scene", "core", "output", "audit"):
         if called(call) in RAISED_OR_SHOWN and call.args and is_text(call.args[0]):
             yield RAISED_OR_SHOWN[called(call)], call.args[0].value
+    yield from ((LABEL, kind.title) for kind in ray_maps.RayMaps.__subclasses__())
 
 
 def constants() -> set[str]:

@@ -58,7 +58,7 @@ MAPS: dict[str, Setting] = {
     ),
     "distance_unit": Choice(
         label="Distance Unit",
-        tooltip="Unit of the three distances below",
+        tooltip="Unit of the AO distance, the thickness distance and the curvature radius",
         default=DistanceUnit.DIAGONAL,
         items=(
             Item(DistanceUnit.DIAGONAL, "Diagonal", "A share of the diagonal of the high meshes' bounding box"),

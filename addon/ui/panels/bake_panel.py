@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The main panel: the objects, the Bake button, and the result of the last bake."""
 
+from collections.abc import Iterable
+
 import bpy
 
 from ...core.report import Report
-from ...output import map_images
+from ...output import datablocks, map_images
 from ..bake_results import high_objects, results
 from ..live.live_switch import live
 from ..translations.lookup import label, message
@@ -50,6 +52,7 @@ class IMPRINT_PT_bake(SidebarPanel, bpy.types.Panel):
             draw_paragraphs(box, context, [following or problem], "ERROR" if problem else "INFO")
         else:
             draw_paragraphs(box, context, [bake_plan.plan(low, highs, settings)], "INFO")
+            draw_names(box, bake_plan.images(low, settings)[1:])
             draw_paragraphs(box, context, [bake_plan.warning(low, highs)], "ERROR")
         # The bar replaces the button: nothing moves under the mouse when a bake begins or ends.
         row = layout.row()
@@ -57,7 +60,10 @@ class IMPRINT_PT_bake(SidebarPanel, bpy.types.Panel):
         step = display.current
         if step is None:
             row.enabled = not problem
-            row.operator("imprint.bake", icon="RENDER_STILL")
+            if bake_plan.is_normal_only(settings):
+                row.operator("imprint.bake", icon="RENDER_STILL")
+            else:
+                row.operator("imprint.bake", text=label("Bake Maps"), translate=False, icon="RENDER_STILL")
         else:
             row.progress(factor=step.done, text=display.short_text(), translate=False)
         row = layout.row()
@@ -71,9 +77,18 @@ class IMPRINT_PT_bake(SidebarPanel, bpy.types.Panel):
             draw_result(layout, report)
 
 
+def draw_names(layout: bpy.types.UILayout, images: Iterable[bake_plan.PlannedImage]) -> None:
+    """The names of images in lines. Those that exist already have another icon than new ones."""
+    column = layout.column(align=True)
+    for image in images:
+        icon = "FILE_REFRESH" if datablocks.get(image.name) else "IMAGE_DATA"
+        column.label(text=image.title, icon=icon, translate=False)
+
+
 def draw_result(layout: bpy.types.UILayout, report: Report) -> None:
-    """The result of the last bake in a line, beside a small picture of the map."""
-    row = layout.box().row()
+    """The result of the last bake in a line, beside a small picture of the map, and a button for each of several maps."""
+    box = layout.box()
+    row = box.row()
     image = bpy.data.images.get(report.image)
     if image is not None:
         row.template_icon(row.icon(image), scale=2.6)
@@ -93,8 +108,24 @@ def draw_result(layout: bpy.types.UILayout, report: Report) -> None:
         line = message("{} covered").format(f"{report.coverage:.0%}")
     line = f"{line}, {report.seconds['total']:.1f} s"
     column.label(text=line, icon="ERROR" if number else "CHECKMARK", translate=False)
+    if len(report.images) > 1:
+        draw_maps(box, report)
     if map_images.are_any(report.maps):
         layout.operator("imprint.connect_maps", icon="NODE_MATERIAL")
+
+
+def draw_maps(layout: bpy.types.UILayout, report: Report) -> None:
+    """A button for each image of the last bake, which shows it. Those that are open in an editor are pressed."""
+    column = layout.column(align=True)
+    for name in report.images:
+        image = bpy.data.images.get(name)
+        row = column.row(align=True)
+        row.enabled = image is not None
+        is_open = image is not None and show_result.is_open(image)
+        button = row.operator(
+            "imprint.show_map", text=name, translate=False, icon="IMAGE_DATA", depress=is_open, emboss=is_open
+        )
+        button.image = name
 
 
 class IMPRINT_PT_report(SidebarPanel, bpy.types.Panel):

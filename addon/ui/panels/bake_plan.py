@@ -2,13 +2,14 @@
 """Sentences about the Bake button: what it will do, or why it cannot."""
 
 import os
+from dataclasses import dataclass
 
 import bpy
 
 from ...core.declarations.choices import Method, Space
 from ...core.errors import BakeError, shorten_list
 from ...jobs import bake_jobs
-from ...output import map_names, map_storage, output_clashes
+from ...output import datablocks, map_names, map_storage, output_clashes
 from ...scene import object_checks, vertex_weights
 from ..properties import ImprintSettings
 from ..translations.lookup import message
@@ -30,6 +31,11 @@ def problem(
     return reason or vertex_weights.problem(low, values)
 
 
+def is_normal_only(settings: ImprintSettings) -> bool:
+    """Whether the button bakes the normal map and no other map."""
+    return settings.normal and not settings.to_settings().drawn_maps
+
+
 def plan(low: bpy.types.Object, highs: list[bpy.types.Object], settings: ImprintSettings) -> str:
     """What the button will do, in a sentence."""
     action = {
@@ -46,22 +52,45 @@ def plan(low: bpy.types.Object, highs: list[bpy.types.Object], settings: Imprint
         "low": repr(low.name),
         "highs": message("its own modifiers") if low in highs else ", ".join(repr(high.name) for high in highs),
     }
-    filled = bake_jobs.for_low(settings.to_settings(), low.name)
-    shown = output_clashes.settings_by_map(filled)[output_clashes.first_map(filled)]
-    name = shown.image
-    target = message("over the image {}") if bpy.data.images.get(name) else message("into a new image {}")
+    first, *others = images(low, settings)
+    target = message("over the image {}") if datablocks.get(first.name) else message("into a new image {}")
     parts = [
         space,
         f"{settings.width} x {settings.height}",
-        target.format(repr(name)),
+        target.format(repr(first.name)),
     ]
-    other = map_storage.replaced(name, [high.name for high in highs])
-    if other:
-        parts.append(message("which holds a map of {}").format(other))
-    file = os.path.basename(bpy.path.abspath(map_names.output_for(shown)))
-    if file:
-        parts.append(message("to the file {}").format(repr(file)))
-    return f"{action.format(**objects)}: {', '.join(parts)}."
+    replaced = map_storage.replaced(first.name, [high.name for high in highs])
+    if replaced:
+        parts.append(message("which holds a map of {}").format(replaced))
+    if first.file:
+        parts.append(message("to the file {}").format(repr(first.file)))
+    if others:
+        parts.append(message("and these images"))
+    return f"{action.format(**objects)}: {', '.join(parts)}{':' if others else '.'}"
+
+
+@dataclass(frozen=True)
+class PlannedImage:
+    """An image that a bake fills. file: the name of its file; empty without one."""
+
+    name: str
+    file: str
+
+    @property
+    def title(self) -> str:
+        """The names of the image and the file."""
+        return f"{self.name} ({self.file})" if self.file else self.name
+
+
+def images(low: bpy.types.Object, settings: ImprintSettings) -> list[PlannedImage]:
+    """The images that a bake would fill: that of the report first, then the others. settings: valid."""
+    filled = bake_jobs.for_low(settings.to_settings(), low.name)
+    by_map = output_clashes.settings_by_map(filled)
+    first = output_clashes.first_map(filled)
+    return [
+        PlannedImage(of_map.image, os.path.basename(bpy.path.abspath(map_names.output_for(of_map))))
+        for of_map in [by_map.pop(first), *by_map.values()]
+    ]
 
 
 def warning(low: bpy.types.Object, highs: list[bpy.types.Object]) -> str:

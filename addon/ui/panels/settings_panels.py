@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The panels of the settings: map, channels, output, rays."""
+"""The panels of the settings: map, channels, output, rays. The panel of the maps stands by itself."""
 
 import bpy
 
 from ...core.declarations.choices import Method, Space, Storage
-from ...core.declarations.surface_map_settings import MAPS
 from .. import map_size
 from ..presets import IMPRINT_PT_conventions
 from ..viewport.cage_overlay import overlay
+from . import maps_panel
 from .sidebar import SettingsPanel, split_layout
 
 
@@ -60,23 +60,6 @@ class IMPRINT_PT_channels(SettingsPanel, bpy.types.Panel):
         column = layout.column(align=True)
         for name in ("red", "green", "blue"):
             column.prop(context.scene.imprint, name)
-
-
-class IMPRINT_PT_maps(SettingsPanel, bpy.types.Panel):
-    """Which maps to bake, and what they need."""
-
-    bl_idname = "IMPRINT_PT_maps"
-    bl_parent_id = "IMPRINT_PT_bake"
-    bl_label = "Maps"
-
-    def draw(self, context: bpy.types.Context) -> None:
-        layout = split_layout(self.layout)
-        settings = context.scene.imprint
-        layout.prop(settings, "normal")
-        layout.column().prop(settings, "maps")
-        for name in MAPS:
-            if name not in ("normal", "maps"):
-                layout.prop(settings, name)
 
 
 class IMPRINT_PT_output(SettingsPanel, bpy.types.Panel):
@@ -145,5 +128,6 @@ class IMPRINT_PT_rays(SettingsPanel, bpy.types.Panel):
         layout.prop(settings, "mask")
 
 
-CLASSES = (IMPRINT_PT_map, IMPRINT_PT_channels, IMPRINT_PT_maps, IMPRINT_PT_output, IMPRINT_PT_rays)
+# Blender draws them in the order of registration.
+CLASSES = (IMPRINT_PT_map, IMPRINT_PT_channels, *maps_panel.CLASSES, IMPRINT_PT_output, IMPRINT_PT_rays)
 register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -76,9 +76,9 @@ def _(setting: kinds.Distance, more):
 
 @_property.register
 def _(setting: kinds.Reach, more):
-    return FloatProperty(
-        **_words(setting), default=setting.shown, min=1e-6, soft_max=setting.usual_most, precision=4, **more
-    )
+    if "get" not in more:
+        more = {**more, "default": setting.shown}
+    return FloatProperty(**_words(setting), min=1e-6, soft_max=setting.usual_most, precision=4, **more)
 
 
 @_property.register

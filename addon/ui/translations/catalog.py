@@ -13,15 +13,17 @@ from . import (
     message_texts,
     output_texts,
     ray_texts,
-    store_texts,
     view_texts,
 )
+from .maps import material_map_texts, store_texts, surface_map_texts
 
 LOCALES = ("de_DE", "es")
 """The languages of the table, by Blender's names for them."""
 PARTS = (
     bake_texts,
     map_texts,
+    surface_map_texts,
+    material_map_texts,
     store_texts,
     output_texts,
     ray_texts,

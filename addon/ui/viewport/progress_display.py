@@ -4,6 +4,7 @@
 import time
 
 import bpy
+import gpu
 from gpu_extras.presets import draw_texture_2d
 
 from ...core.progress import Progress
@@ -24,11 +25,12 @@ KNOWN = 0.05
 class ProgressDisplay:
     """The progress of the running bake.
 
-    current: its last step, or None if no bake is running.
+    current: its last step, or None if no bake is running. picture: the last one that a step had.
     """
 
     def __init__(self):
         self.current: Progress | None = None
+        self.picture: gpu.types.GPUTexture | None = None
         self._began = self._redrawn = 0.0
         self._draw_callbacks = DrawCallbacks(
             (bpy.types.SpaceView3D, self._draw, "POST_PIXEL"), (bpy.types.SpaceImageEditor, self._draw, "POST_PIXEL")
@@ -44,6 +46,7 @@ class ProgressDisplay:
         if self.current is None:
             self._began = time.monotonic()
         self.current = step
+        self.picture = step.picture or self.picture
         self._draw_callbacks.add()
         # The editors may take longer to draw than a slice of the bake.
         if time.monotonic() - self._redrawn > REDRAW:
@@ -53,7 +56,7 @@ class ProgressDisplay:
 
     def hide(self, context: bpy.types.Context) -> None:
         """Remove everything from the screen."""
-        self.current = None
+        self.current = self.picture = None
         self._draw_callbacks.remove()
         for window in context.window_manager.windows:  # a bake may be stopped from another window
             window.workspace.status_text_set(None)
@@ -68,7 +71,7 @@ class ProgressDisplay:
         return f"{self.current.done:.0%}{time_left(self.current.done, time.monotonic() - self._began)}"
 
     def _draw(self) -> None:
-        picture = self.current.picture if self.current is not None else None
+        picture = self.picture
         if picture is None:
             return
         scale = bpy.context.preferences.system.ui_scale

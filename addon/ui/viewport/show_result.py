@@ -10,14 +10,24 @@ from ..bake_results import high_objects
 
 def image(context: bpy.types.Context, shown: bpy.types.Image) -> bool:
     """Show an image in an Image Editor, if one is open that is not pinned to another. Returns whether there was one."""
-    areas = [area for window in context.window_manager.windows for area in window.screen.areas]
-    editors = [area.spaces.active for area in areas if area.type == "IMAGE_EDITOR"]
+    editors = _editors(context)
     free = [editor for editor in editors if editor.image == shown or not editor.use_image_pin]
     # One that shows it already, so that no other picture is replaced.
     editor = next((editor for editor in free if editor.image == shown), next(iter(free), None))
     if editor is not None:
         editor.image = shown
     return editor is not None
+
+
+def is_open(shown: bpy.types.Image) -> bool:
+    """Whether an Image Editor shows an image."""
+    return any(editor.image == shown for editor in _editors(bpy.context))
+
+
+def _editors(context: bpy.types.Context) -> list[bpy.types.SpaceImageEditor]:
+    """The open Image Editors."""
+    areas = [area for window in context.window_manager.windows for area in window.screen.areas]
+    return [area.spaces.active for area in areas if area.type == "IMAGE_EDITOR"]
 
 
 def image_in_window(context: bpy.types.Context, shown: bpy.types.Image) -> None:

@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A layout that records what the panels draw."""
+
+from types import SimpleNamespace
+
+import bpy
+
+from addon.ui.panels import bake_panel, batch_panels, settings_panels
+
+
+class Layout:
+    """A layout that records what a panel draws, and checks that its properties, operators and icons exist."""
+
+    ICONS = set(bpy.types.UILayout.bl_rna.functions["label"].parameters["icon"].enum_items.keys())
+
+    def __init__(self, drawn=None):
+        self.drawn = drawn if drawn is not None else SimpleNamespace(labels=[], icons=[], buttons=[], properties=[])
+        self.enabled = True
+
+    def _part(self, **_):
+        return Layout(self.drawn)
+
+    row = column = box = split = grid_flow = _part
+
+    def panel(self, _name, **_):
+        return Layout(self.drawn), Layout(self.drawn)
+
+    def icon(self, image):
+        assert image.id_type == "IMAGE"
+        return 1
+
+    def template_icon(self, icon_value, scale):
+        assert icon_value
+        self.drawn.icons.append("picture")
+
+    def progress(self, factor, text, translate=True):
+        assert 0.0 <= factor <= 1.0
+        self.drawn.labels.append(text)
+
+    def menu(self, name, icon="NONE", **_):
+        assert icon in self.ICONS
+        getattr(bpy.types, name).draw(SimpleNamespace(layout=self), None)
+
+    def separator(self, **_):
+        pass
+
+    def label(self, text="", icon="NONE", translate=True):
+        assert icon in self.ICONS
+        self.drawn.labels.append(text)
+        self.drawn.icons.append(icon)
+
+    def prop(self, data, name, **_):
+        assert name in data.bl_rna.properties
+        self.drawn.properties.append(name)
+
+    def prop_search(self, data, name, source, collection, **_):
+        self.prop(data, name)
+        assert collection in source.bl_rna.properties
+
+    def template_list(self, list_type, _, data, name, active_data, active_name, **__):
+        assert hasattr(bpy.types, list_type)
+        assert {name} <= set(data.bl_rna.properties.keys())
+        assert {active_name} <= set(active_data.bl_rna.properties.keys())
+        for item in getattr(data, name):
+            bake_panel.IMPRINT_UL_highs.draw_item(None, None, Layout(self.drawn), data, item, 0, data, name)
+
+    def operator(self, name, icon="NONE", **_):
+        assert icon in self.ICONS
+        bpy.ops.imprint.bake.get_rna_type()
+        getattr(getattr(bpy.ops, name.split(".")[0]), name.split(".")[1]).get_rna_type()  # raises an error without it
+        self.drawn.buttons.append((name, self.enabled))
+        return SimpleNamespace()
+
+
+PANELS = [*bake_panel.CLASSES[1:], *settings_panels.CLASSES, *batch_panels.CLASSES]
+
+
+def draw(width=240, ui_scale=1.0):
+    """Draw all panels as the sidebar does. Returns what was drawn."""
+    layout = Layout()
+    bpy.context.view_layer.update()
+    context = SimpleNamespace(
+        scene=bpy.context.scene,
+        window_manager=bpy.context.window_manager,
+        view_layer=bpy.context.view_layer,
+        active_object=bpy.context.active_object,
+        selected_objects=bpy.context.selected_objects,
+        preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=ui_scale)),  # it is 0 in the background
+        region=SimpleNamespace(width=width),
+    )
+    for panel in PANELS:
+        if hasattr(panel, "poll") and not panel.poll(context):
+            continue
+        panel.draw(SimpleNamespace(layout=layout), context)
+    layout.drawn.text = " ".join(layout.drawn.labels)
+    return layout.drawn

@@ -1,0 +1,219 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The panel Maps: a switch for each map, the settings of those that are chosen, and the names of the images."""
+
+import bpy
+import pytest
+
+from addon.core import map_types
+from addon.core.map_types import BY_NAME, Family
+from addon.ui.settings import map_list
+from addon.ui.viewport import show_result
+from tests.support import zoo
+from tests.support.panel_layout import draw
+
+pytestmark = pytest.mark.usefixtures("registered", "gpu_context")
+
+NEEDS = {
+    "AO": {"rays", "ao_limited", "bias_angle", "occluders", "floor", "two_sided"},
+    "BENT_NORMAL": {"rays", "ao_limited", "bias_angle", "occluders", "floor", "two_sided"},
+    "THICKNESS": {"rays", "thickness_limited"},
+    "CURVATURE": {"rays", "curvature_limited"},
+    "CONVEXITY": {"rays", "curvature_limited"},
+    "CAVITY": {"rays", "curvature_limited"},
+    "ATTRIBUTE": {"attribute"},
+}
+"""The settings of the maps that have any."""
+OF_MAPS = set().union(*NEEDS.values())
+
+
+@pytest.fixture
+def settings():
+    """The settings of the scene, with a low and a high object in the slots, and small maps."""
+    low, high = zoo.plane("lo"), zoo.plane("hi")
+    high.location.z = 0.2
+    settings = bpy.context.scene.imprint
+    settings.low, settings.method, settings.material = low, "CAST", False
+    settings.highs.add().object = high
+    settings.width = settings.height = 16
+    return settings
+
+
+@pytest.mark.parametrize("name", map_types.NAMES)
+def test_a_switch_adds_and_removes_its_map(settings, name):
+    settings.maps = {"POSITION", "AO"} - {name}
+    setattr(settings, map_list.switch(name), True)
+    assert settings.maps == {"POSITION", "AO", name}
+    assert getattr(settings, map_list.switch(name))
+    setattr(settings, map_list.switch(name), False)
+    assert settings.maps == {"POSITION", "AO"} - {name}
+    assert not getattr(settings, map_list.switch(name))
+
+
+@pytest.mark.parametrize("name", map_types.NAMES)
+def test_a_chosen_map_shows_its_settings_and_no_others(settings, name):
+    settings.maps = {name}
+    assert {*draw().properties} & OF_MAPS == NEEDS.get(name, set())
+
+
+def test_the_settings_of_a_map_are_below_it(settings):
+    settings.maps = {"AO", "BENT_NORMAL", "THICKNESS", "CONVEXITY"}
+    order = [name for name in draw().properties if name in OF_MAPS or name.startswith("bakes_")]
+    place = order.index
+    assert place("bakes_bent_normal") < place("ao_limited") < place("two_sided") < place("bakes_thickness")
+    assert place("bakes_thickness") < place("thickness_limited") < place("bakes_curvature")
+    assert place("bakes_convexity") < place("curvature_limited") < place("bakes_cavity") < place("rays")
+
+
+def test_a_map_that_is_only_packed_shows_its_settings(settings):
+    assert not {*draw().properties} & OF_MAPS
+    settings.pack = "GLTF"
+    assert {*draw().properties} & OF_MAPS == NEEDS["AO"]
+
+
+def test_only_a_custom_layout_shows_its_channels(settings):
+    channels = {"pack_red", "pack_green", "pack_blue", "pack_alpha"}
+    settings.pack = "GLTF"
+    assert not {*draw().properties} & channels
+    settings.pack = "CUSTOM"
+    assert {*draw().properties} >= channels
+
+
+@pytest.mark.parametrize(
+    ("family", "reach", "limited"),
+    [
+        ("AO", "ao_distance", "ao_limited"),
+        ("THICKNESS", "thickness_distance", "thickness_limited"),
+        ("CURVATURE", "curvature_radius", "curvature_limited"),
+    ],
+)
+def test_a_distance_in_scene_units_is_a_length(settings, family, reach, limited):
+    settings.maps = {family}
+    setattr(settings, limited, True)
+    setattr(settings, reach, 0.25)
+    length = map_list.length(reach)
+    assert reach in draw().properties
+    settings.distance_unit = "SCENE"
+    drawn = draw()
+    assert length in drawn.properties
+    assert reach not in drawn.properties
+    assert settings.bl_rna.properties[length].unit == "LENGTH"
+    assert settings.bl_rna.properties[reach].unit == "NONE"
+    assert getattr(settings, length) == 0.25
+    setattr(settings, length, 0.5)
+    assert getattr(settings.to_settings(), reach) == 0.5
+
+
+def test_the_panel_names_all_images(settings):
+    settings.maps, settings.pack, settings.mask = {"AO", "BASE_COLOR"}, "GLTF", True
+    drawn = draw()
+    assert "into a new image 'lo_normal', and these images:" in drawn.text
+    for name in ("lo_normal_missed", "lo_normal_ao", "lo_normal_base_color", "lo_normal_orm"):
+        assert name in drawn.labels
+        assert drawn.icons[drawn.labels.index(name)] == "IMAGE_DATA"
+    bpy.data.images.new("lo_normal_ao", 4, 4)
+    drawn = draw()
+    assert drawn.icons[drawn.labels.index("lo_normal_ao")] == "FILE_REFRESH"
+    settings.storage, settings.output = "FILE", "//maps/{low}.png"
+    assert "lo_normal_ao (lo_ao.png)" in draw().labels
+
+
+def test_without_the_normal_map_the_first_map_is_named(settings):
+    settings.normal, settings.maps, settings.mask = False, {"AO"}, True
+    drawn = draw()
+    assert "into a new image 'lo_normal_ao', and these images:" in drawn.text
+    assert "lo_normal_missed" in drawn.labels
+
+
+def test_without_any_map_the_panel_says_so(settings):
+    settings.normal = False
+    drawn = draw()
+    assert "No map is chosen" in drawn.text
+    assert not dict(drawn.buttons)["imprint.bake"]
+
+
+def test_a_bake_takes_the_settings_of_its_arguments():
+    low, high = zoo.plane("lo"), zoo.plane("hi")
+    high.location.z = 0.2
+    arguments = {
+        "maps": {"AO", "THICKNESS"},
+        "normal": False,
+        "rays": 16,
+        "distance_unit": "SCENE",
+        "ao_distance": 0.5,
+        "ao_fade": "SMOOTH",
+        "occluders": "ALL",
+        "floor": True,
+        "two_sided": True,
+        "bias_angle": 10,
+        "thickness_distance": 0.25,
+        "pack": "CUSTOM",
+        "pack_red": "CURVATURE",
+        "pack_green": "SMOOTHNESS",
+        "pack_blue": "AO",
+        "pack_alpha": "ZERO",
+        "curvature_radius": 0.125,
+        "detail_maps": False,
+        "vertex_domain": "CORNER",
+    }
+    low_size = {"method": "CAST", "width": 16, "height": 16, "material": False}
+    assert bpy.ops.imprint.bake(low="lo", high=[{"name": "hi"}], **low_size, **arguments) == {"FINISHED"}
+    assert {image.name for image in bpy.data.images} == {"lo_normal_ao", "lo_normal_thickness", "lo_normal_packed"}
+    assert {"ao", "thickness"} <= set(low.data.attributes.keys())
+    assert bpy.context.scene.imprint.maps == set()  # the panel keeps its own
+
+
+def test_undo_removes_the_images_of_a_bake(settings):
+    settings.maps = {"AO", "HEIGHT"}
+    settings.rays = 16
+    bpy.ops.ed.undo_push(message="before")
+    assert bpy.ops.imprint.bake() == {"FINISHED"}
+    bpy.ops.ed.undo_push(message="bake")
+    assert bpy.ops.ed.undo() == {"FINISHED"}
+    assert not [image.name for image in bpy.data.images if image.name.startswith("lo_")]
+    assert bpy.context.scene.imprint.maps == {"AO", "HEIGHT"}
+
+
+# After a bake
+
+
+def open_editor():
+    """An Image Editor in place of the first area of the screen."""
+    area = bpy.context.window.screen.areas[0]
+    area.type = "IMAGE_EDITOR"
+    return area.spaces.active
+
+
+def buttons(drawn):
+    """How many buttons show a map."""
+    return [name for name, _ in drawn.buttons].count("imprint.show_map")
+
+
+def test_each_image_of_a_bake_has_a_button(settings):
+    assert not bpy.ops.imprint.show_map.poll()
+    assert bpy.ops.imprint.bake() == {"FINISHED"}
+    assert buttons(draw()) == 0
+    settings.maps, settings.pack, settings.rays = {"AO", "HEIGHT"}, "GLTF", 16
+    assert bpy.ops.imprint.bake() == {"FINISHED"}
+    assert buttons(draw()) == 4
+    editor = open_editor()
+    assert bpy.ops.imprint.show_map(image="lo_normal_height") == {"FINISHED"}
+    assert editor.image == bpy.data.images["lo_normal_height"]
+    assert show_result.is_open(editor.image)
+    assert not show_result.is_open(bpy.data.images["lo_normal"])
+    assert bpy.ops.imprint.show_map() == {"FINISHED"}
+    assert editor.image == bpy.data.images["lo_normal"]
+
+
+def test_an_image_that_is_gone_is_not_shown(settings):
+    settings.maps = {"HEIGHT"}
+    assert bpy.ops.imprint.bake() == {"FINISHED"}
+    bpy.data.images.remove(bpy.data.images["lo_normal_height"])
+    assert dict(draw().buttons)["imprint.show_map"] is False
+    with pytest.raises(RuntimeError, match="was undone, renamed or deleted"):
+        bpy.ops.imprint.show_map(image="lo_normal_height")
+
+
+def test_families_of_rays_are_those_that_have_settings():
+    """A new family that casts rays needs its settings in the panel."""
+    families = {BY_NAME[name].family for name in NEEDS if name != "ATTRIBUTE"}
+    assert families == {Family.OPENNESS, Family.THICKNESS, Family.CURVATURE}
