@@ -66,6 +66,7 @@ class Session:
         self._post_processes: dict[str, margins.PostProcess] = {}
         self._uploads = UploadCache()
         self._source: sources.Source | None = None
+        self._drawer: sampling.SampledMaps | None = None
         self._pool = target.TargetPool()
         self._coarse_pool = target.TargetPool()
         self._coarse: gpu.types.GPUTexture | None = None
@@ -99,7 +100,7 @@ class Session:
         texels, state = maps[NORMAL.name]
         if not (state == texel_state.WRITTEN).any():
             raise BakeError(nothing_drawn(plan))
-        self.texels, self._state, self.plan, self._source = texels, state, plan, source
+        self.texels, self._state, self.plan, self._source, self._drawer = texels, state, plan, source, drawer
         self._coarse = None
 
     def _read(self, context: bpy.types.Context, changed: Collection[int] | None, settings: Settings) -> Meshes:
@@ -177,7 +178,7 @@ class Session:
         self._coarse_pool.free()
         self._coarse = None
         self._post_processes = {}
-        self._uploads, self._source = UploadCache(), None
+        self._uploads, self._source, self._drawer = UploadCache(), None, None
 
     def advance(self, work: Task[None], seconds: float) -> Progress:
         """As progress.run_for, but with the session's own textures, so that other bakes can run in between."""
@@ -216,9 +217,7 @@ class Session:
         The texture is in the current pool.
         """
         size = self.settings.width, self.settings.height
-        for normals, _ in self._source.normals(Band(0, size[1], size, 0)):
-            drawn = normals
-        return drawn
+        return self._drawer.high_normals(Band(0, size[1], size, 0))
 
     def store(self) -> None:
         """Put the last map into the image datablock, and the image into the material if it is new."""

@@ -8,6 +8,8 @@
 // As in passes/hemisphere/openness.py, FADES.
 const int OPENNESS_FADE_NONE = 0;
 const int OPENNESS_FADE_SMOOTH = 2;
+// Each ray counts the normal by this much, which gives a bent normal its direction where all rays are blocked.
+const float OPENNESS_LEAST = 1e-6;
 
 void main()
 {
@@ -45,6 +47,7 @@ void main()
       }
       sum += visible * vec4(direction, 1.0);
     }
+    sum.xyz += normal * (OPENNESS_LEAST * float(numbers.y));
   }
   imageStore(sums, texel, sum);
 }

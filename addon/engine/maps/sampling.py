@@ -8,7 +8,7 @@ import gpu
 
 from ...core.declarations import bases
 from ...core.map_types import NORMAL
-from ...core.progress import Progress, Task, part
+from ...core.progress import Progress, Task, finish, part
 from ...passes import target
 from ...passes.bake import preview_picture, samples, tangent
 from ..bands import Band
@@ -59,6 +59,14 @@ class SampledMaps:
             steps = self._group(band, [(number, offset, offset == central) for number, offset in group], sums)
             known = yield from part(steps, first / count, min(count, first + size) / count)
         return self._finished(band, known if sums is None else sums.texture, sums)
+
+    def high_normals(self, band: Band) -> gpu.types.GPUTexture:
+        """The normals of the high surface at the centers of texels, with its own maps, in the space of the source."""
+        for _ in self.source.normals(band):
+            pass
+        if self.detail is not None:
+            finish(self.detail.apply([Sample(band, 0, True, self.source.drawn(), self.source.hits(band))]))
+        return self.source.drawn().texture
 
     def coarse(self, tile: int) -> Task[None]:
         """A first, coarse picture of the whole map."""

@@ -124,7 +124,7 @@ def bent_normals(
     """Write the mean visible directions into `into` (RGBA32F), shorter than 1, so that they can be averaged over samples.
 
     normal_matrix: (3, 3), applied to the directions, as in cast.look_up. Where all is blocked, the value has the direction of
-    `normals`, which are in the space that the matrix leads to, and a length of about 0. Otherwise as reach.mean has it.
+    the high surface's normal and a length of about 0. Otherwise as reach.mean has it.
     """
     target.fill(
         into,
