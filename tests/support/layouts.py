@@ -124,5 +124,5 @@ def fields_at(uv, fields) -> tuple[np.ndarray, np.ndarray]:
 
 def linear(stored) -> np.ndarray:
     """Scene-linear values of stored sRGB ones (IEC 61966-2-1)."""
-    stored = np.asarray(stored, np.float64)
+    stored = np.maximum(stored, 0.0)
     return np.where(stored <= 0.04045, stored / 12.92, ((stored + 0.055) / 1.055) ** 2.4)

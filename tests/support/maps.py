@@ -3,8 +3,13 @@
 import bpy
 import numpy as np
 
+from addon.core import progress
+from addon.core.progress import Pace
 from addon.core.settings import Settings
-from addon.jobs import bake_pair
+from addon.core.timings import Timings
+from addon.jobs import Job, bake_pair
+from addon.jobs.bake import draw_raw
+from addon.jobs.job import check_job
 
 
 def bake(low, *highs, image="map", **settings):
@@ -22,6 +27,15 @@ def bake_all_maps(low, *highs, maps, size=64, cage=None, **settings):
     chosen = Settings(image="map", width=width, height=height, maps=tuple(maps), **values)
     report = bake_pair(bpy.context, low, highs, chosen, cage)
     return report, {name: pixels(bpy.data.images[found["image"]]) for name, found in report.maps.items()}
+
+
+def raw_maps(low, *highs, maps, size=64, **settings):
+    """The maps by UDIM tile and name, (H, W, 4) float32 as Renderer.raw has them. Nothing is stored."""
+    values = {"method": "FLATTEN", "margin": 0, "depth": 32, "storage": "MEMORY", "material": False, **settings}
+    chosen = Settings(image="map", width=size, height=size, maps=tuple(maps), **values)
+    job = Job(low, highs)
+    check_job(bpy.context, job, chosen)
+    return progress.finish(draw_raw(bpy.context, job, chosen, Pace(None), Timings()))[1]
 
 
 def pixels(image):
