@@ -5,6 +5,9 @@ from dataclasses import dataclass
 from enum import StrEnum
 from types import MappingProxyType
 
+ORIGIN = "imprint_high"
+"""A custom property of images of maps: the names of the high objects, one per line."""
+
 
 class Kind(StrEnum):
     """The kind of values in a map. Sampling and margins depend on it."""

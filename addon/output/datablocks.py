@@ -9,11 +9,9 @@ import numpy as np
 
 from ..core import udim
 from ..core.file_names import file_name
+from ..core.map_types import ORIGIN
 from ..core.udim import TOKEN
 from . import color_spaces
-
-ORIGIN = "imprint_high"
-"""A custom property of baked images: the names of the high objects, one per line."""
 
 OPAQUE_BITS = {24, 96}
 """Image.depth, in bits per texel, of images without alpha. Their pixels have alpha; a file written from them does not."""

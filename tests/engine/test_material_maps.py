@@ -86,8 +86,8 @@ def test_several_materials_each_show_their_own(method, samples):
     ).mean() > 0.6
     assert np.abs(texels[clear & ~right & up, :3] - 0.8).max() < EXACT  # as Blender shows it
     assert (texels[clear & right & up, 3] == 0.0).all()  # not known
-    told = " ".join(report.warnings)
-    assert "bare" in told, told
+    messages = " ".join(report.warnings)
+    assert "bare" in messages, messages
 
 
 @pytest.mark.parametrize("method", METHODS)

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import bpy
 
-from ...core.material_feeds import HighMaterial
+from ...core.material_feeds import BumpFeed, DetailFeed, HighMaterial
 from ..images.image_pages import ImagePages
 from ..materials.material_reading import read_materials
 
@@ -46,10 +46,20 @@ class MaterialNumbers:
         """What feeds a material; None stands for faces without one."""
         key = material.session_uid if material else 0
         if key not in self._found:
-            found = replace(read_materials([material], self.images)[0], key=key)
-            has_detail = self.has_detail and not (material in self._of_low and _is_hooked_up(material))
-            self._found[key] = found if has_detail else replace(found, detail=None)
+            found = read_materials([material], self.images)[0]
+            detail = found.detail if self.has_detail else None
+            if material in self._of_low:
+                detail = None if _is_hooked_up(material) else self._without_maps(detail)
+            self._found[key] = replace(found, key=key, detail=detail)
         return self._found[key]
+
+    def _without_maps(self, detail: DetailFeed | None) -> DetailFeed | None:
+        """`detail` without images that Imprint baked: they can be in nodes that were there before."""
+        if isinstance(detail, BumpFeed):
+            detail = replace(detail, below=self._without_maps(detail.below))
+        if detail is None or not self.images.is_map(detail.image.image):
+            return detail
+        return detail.below if isinstance(detail, BumpFeed) else None
 
     def number(self, material: bpy.types.Material | None) -> int:
         """The number of a material that was read."""
