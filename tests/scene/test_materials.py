@@ -251,6 +251,61 @@ def test_map_range(material):
     assert_like_cycles(material, add(material, "MapRange", inputs).outputs["Result"], "Roughness")
 
 
+def test_an_empty_range_is_named(material):
+    """Cycles and EEVEE divide by zero in several ways."""
+    parts = add(material, "SeparateColor", {"Color": texture(material).outputs[0]})
+    empty = add(material, "MapRange", {"Value": parts.outputs["Red"], "From Min": 0.5, "From Max": 0.5})
+    (note,) = feed_color(material, empty.outputs["Result"], "Roughness").notes["Roughness"]
+    assert note.endswith('because the node "Map Range" maps an empty range.')
+
+
+def mix_color(material, factor, first, second, **properties):
+    mix = add(material, "Mix", data_type="RGBA", **properties)
+    for name, value in (("Factor_Float", factor), ("A_Color", first), ("B_Color", second)):
+        socket = next(s for s in mix.inputs if s.identifier == name)
+        if isinstance(value, bpy.types.NodeSocket):
+            material.node_tree.links.new(value, socket)
+        else:
+            socket.default_value = value
+    return mix.outputs[2]
+
+
+@pytest.mark.parametrize("clamps", [True, False])
+def test_the_factor_of_a_mix_is_clamped_if_it_says_so(material, clamps):
+    three = add(material, "Value")
+    three.outputs[0].default_value = 1.8
+    colors = ((0.2, 0.4, 0.6, 1.0), (0.3, 0.3, 0.7, 1.0))
+    output = mix_color(material, three.outputs[0], *colors, clamp_factor=clamps)
+    expected = (0.3, 0.3, 0.7) if clamps else (0.38, 0.22, 0.78)
+    assert assert_like_cycles(material, output).color[:3] == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("clamps", [True, False])
+def test_the_result_of_a_mix_is_clamped_if_it_says_so(material, clamps):
+    colors = ((0.2, 0.4, 0.6, 1.0), (0.3, 0.9, 0.7, 1.0))
+    output = mix_color(material, 1.0, *colors, blend_type="ADD", clamp_result=clamps)
+    expected = (0.5, 1.0, 1.0) if clamps else (0.5, 1.3, 1.3)
+    assert assert_like_cycles(material, output).color[:3] == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("clamps", [True, False])
+def test_arithmetic_is_clamped_if_it_says_so(material, clamps):
+    double = add(material, "Math", {"Value": 0.8, "Value_001": 2.0}, operation="MULTIPLY", use_clamp=clamps)
+    found = assert_like_cycles(material, double.outputs[0], "Roughness")
+    assert found.color[0] == pytest.approx(1.0 if clamps else 1.6)
+
+
+def test_a_clamped_texture_is_named_if_it_leaves_the_range(material):
+    parts = add(material, "SeparateColor", {"Color": texture(material).outputs[0]})
+    inputs = {"Value": parts.outputs["Red"], "Value_001": 2.0}
+    double = add(material, "Math", inputs, operation="MULTIPLY", use_clamp=True)
+    found = feed_color(material, double.outputs[0], "Roughness")
+    assert found.feeds["Roughness"].scale[0] == 2.0
+    assert found.notes["Roughness"] == ('Material "Rust": Roughness: Blender clamps its values, the map does not.',)
+    double.inputs[1].default_value = 0.5
+    assert read(material).notes == {}
+
+
 def test_a_straight_ramp(material):
     node = texture(material, image(space="Non-Color"))
     parts = add(material, "SeparateColor", {"Color": node.outputs[0]})
