@@ -19,15 +19,21 @@ void main()
     vec3 origin = surface_point(hit);
     int own = hit_triangle(hit);
     vec2 shift = lattice_shift(texel, cell);
-    for (int i = 0; i < numbers.y; i++) {
-      vec2 point = lattice_point(numbers.x + i * numbers.z, steps.xyz, shift);
+    for (int i = 0; i < numbers.y; i += REACH_RAYS) {
+      vec4 u;
+      vec4 v;
+      vec4 x;
+      vec4 y;
+      vec4 z;
+      lattice_points(numbers.x + i * numbers.z, numbers.z, steps.xyz, shift, u, v);
+      vec4 exists = lattice_exists(numbers.y - i);
       // Many rays near the tangent plane, where a smooth surface leaves it. The weight makes up for it: the derivative.
-      float cosine = point.x * point.x;
-      float weight = 2.0 * point.x;
-      vec3 direction = lattice_direction(cosine, point.y, face);
-      float inner = reach_distance(origin, -direction, farthest, own, REACH_BACKS, false) / farthest;
-      float outer = reach_distance(origin, direction, farthest, own, REACH_FRONTS, false) / farthest;
-      sum.xy += weight * (1.0 - vec2(inner * inner * inner, outer * outer * outer));
+      lattice_directions(u * u, v, face, x, y, z);
+      vec4 weight = 2.0 * u * exists;
+      vec4 end = vec4(farthest);
+      vec4 inner = reach_distances(origin, -x, -y, -z, end, own, REACH_BACKS, false) / farthest;
+      vec4 outer = reach_distances(origin, x, y, z, end, own, REACH_FRONTS, false) / farthest;
+      sum.xy += vec2(dot(weight, 1.0 - inner * inner * inner), dot(weight, 1.0 - outer * outer * outer));
     }
   }
   imageStore(sums, texel, sum);

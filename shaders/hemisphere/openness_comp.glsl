@@ -30,22 +30,26 @@ void main()
     origin += face * (sides == REACH_BOTH ? REACH_OFFSET : 0.0);
     int own = blocking.z != 0 ? hit_triangle(hit) : -1;
     vec2 shift = lattice_shift(texel, cell);
-    for (int i = 0; i < numbers.y; i++) {
-      vec2 point = lattice_point(numbers.x + i * numbers.z, steps.xyz, shift);
-      vec3 direction = lattice_direction(sqrt(1.0 - point.x * steps.w), point.y, normal);
-      bool is_open = dot(direction, face) > 0.0;
-      // A ray that starts below the surface it belongs to is blocked. It gets no length, instead of a branch around the search.
-      float end = is_open ? farthest : -1.0;
-      if (is_open && direction.z < 0.0) {
-        end = min(end, max((floor_height - origin.z) / direction.z, 0.0));
-      }
-      float reached = reach_distance(origin, direction, end, own, sides, fade == OPENNESS_FADE_NONE);
-      float visible = reached >= farthest ? 1.0 : 0.0;
+    for (int i = 0; i < numbers.y; i += REACH_RAYS) {
+      vec4 u;
+      vec4 v;
+      vec4 x;
+      vec4 y;
+      vec4 z;
+      lattice_points(numbers.x + i * numbers.z, numbers.z, steps.xyz, shift, u, v);
+      vec4 exists = lattice_exists(numbers.y - i);
+      lattice_directions(sqrt(1.0 - u * steps.w), v, normal, x, y, z);
+      // Rays that start below the surface they belong to are blocked. They get no length, instead of a branch.
+      bvec4 is_open = lessThan(vec4(0.0), exists * (x * face.x + y * face.y + z * face.z));
+      vec4 to_floor = mix(vec4(farthest), (floor_height - origin.z) / z, lessThan(z, vec4(0.0)));
+      vec4 end = mix(vec4(-1.0), clamp(to_floor, 0.0, farthest), is_open);
+      vec4 reached = reach_distances(origin, x, y, z, end, own, sides, fade == OPENNESS_FADE_NONE);
+      vec4 visible = vec4(greaterThanEqual(reached, vec4(farthest)));
       if (fade != OPENNESS_FADE_NONE) {
-        visible = clamp(reached / farthest, 0.0, 1.0);
+        visible = reached / farthest;
         visible = fade == OPENNESS_FADE_SMOOTH ? visible * visible * (3.0 - 2.0 * visible) : visible;
       }
-      sum += visible * vec4(direction, 1.0);
+      sum += vec4(dot(visible, x), dot(visible, y), dot(visible, z), dot(visible, vec4(1.0)));
     }
     sum.xyz += normal * (OPENNESS_LEAST * float(numbers.y));
   }

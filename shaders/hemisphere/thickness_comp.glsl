@@ -20,12 +20,19 @@ void main()
     vec3 origin = surface_point(hit);
     int own = hit_triangle(hit);
     vec2 shift = lattice_shift(texel, cell);
-    for (int i = 0; i < numbers.y; i++) {
-      vec2 point = lattice_point(numbers.x + i * numbers.z, steps.xyz, shift);
-      vec3 direction = -lattice_direction(sqrt(1.0 - point.x), point.y, normal);
-      // A ray that starts outwards leaves the solid at once.
-      float end = dot(direction, face) < 0.0 ? farthest : -1.0;
-      sum.x += reach_distance(origin, direction, end, own, REACH_BACKS, false) / farthest;
+    for (int i = 0; i < numbers.y; i += REACH_RAYS) {
+      vec4 u;
+      vec4 v;
+      vec4 x;
+      vec4 y;
+      vec4 z;
+      lattice_points(numbers.x + i * numbers.z, numbers.z, steps.xyz, shift, u, v);
+      vec4 exists = lattice_exists(numbers.y - i);
+      lattice_directions(-sqrt(1.0 - u), v, normal, x, y, z);
+      // Rays that start outwards leave the solid at once.
+      bvec4 is_inside = greaterThan(vec4(0.0), exists * (x * face.x + y * face.y + z * face.z));
+      vec4 end = mix(vec4(-1.0), vec4(farthest), is_inside);
+      sum.x += dot(reach_distances(origin, x, y, z, end, own, REACH_BACKS, false), vec4(1.0)) / farthest;
     }
   }
   imageStore(sums, texel, sum);

@@ -27,14 +27,18 @@ vec2 lattice_shift(ivec2 texel, vec4 cell)
   return share.x * cell.xy + share.y * cell.zw;
 }
 
-// Point number i. `steps` has the numerators of the step from a point to the next, and their denominator: the number of points.
-vec2 lattice_point(int i, vec3 steps, vec2 shift)
+// The points first, first + stride, first + 2 * stride and first + 3 * stride. `steps` has the numerators of the step from a
+// point to the next, and their denominator: the number of points.
+void lattice_points(int first, int stride, vec3 steps, vec2 shift, out vec4 u, out vec4 v)
 {
-  return fract(mod(float(i) * steps.xy, steps.z) / steps.z + shift);
+  vec4 numbers_of_points = float(first) + float(stride) * vec4(0.0, 1.0, 2.0, 3.0);
+  u = fract(mod(numbers_of_points * steps.x, steps.z) / steps.z + shift.x);
+  v = fract(mod(numbers_of_points * steps.y, steps.z) / steps.z + shift.y);
 }
 
-// A direction around the unit vector `axis`, at the angle with this cosine.
-vec3 lattice_direction(float cosine, float turn, vec3 axis)
+// Four directions around the unit vector `axis`: the coordinates x, y and z. `cosine` is that of the angle to the axis, and
+// `turn` the share of a full turn around it.
+void lattice_directions(vec4 cosine, vec4 turn, vec3 axis, out vec4 x, out vec4 y, out vec4 z)
 {
   // T. Duff and others, "Building an orthonormal basis, revisited" (2017).
   float side = axis.z < 0.0 ? -1.0 : 1.0;
@@ -42,7 +46,16 @@ vec3 lattice_direction(float cosine, float turn, vec3 axis)
   float b = axis.x * axis.y * a;
   vec3 right = vec3(1.0 + side * axis.x * axis.x * a, side * b, -side * axis.x);
   vec3 up = vec3(b, side + axis.y * axis.y * a, -axis.y);
-  float sine = sqrt(max(1.0 - cosine * cosine, 0.0));
-  float angle = 6.283185307 * turn;
-  return right * (sine * cos(angle)) + up * (sine * sin(angle)) + axis * cosine;
+  vec4 sine = sqrt(max(1.0 - cosine * cosine, 0.0));
+  vec4 along_right = sine * cos(6.283185307 * turn);
+  vec4 along_up = sine * sin(6.283185307 * turn);
+  x = right.x * along_right + up.x * along_up + axis.x * cosine;
+  y = right.y * along_right + up.y * along_up + axis.y * cosine;
+  z = right.z * along_right + up.z * along_up + axis.z * cosine;
+}
+
+// Which of four rays exist, as 0 or 1, if `left` rays are left.
+vec4 lattice_exists(int left)
+{
+  return vec4(lessThan(vec4(0.0, 1.0, 2.0, 3.0), vec4(float(left))));
 }

@@ -1,7 +1,12 @@
-// How far a ray reaches through the tree in the textures `nodes` and `corners` before it meets a triangle.
+// How far rays reach through the tree in the textures `nodes` and `corners` before they meet a triangle.
 // mesh/spatial/bvh.py builds the tree; `grid_origin`, `grid_scale` and `first_leaf` belong to it.
+//
+// Four rays from one point go together: most nodes and triangles that they visit are the same, and are read once for all four.
+// A vector `x`, `y` or `z` has one coordinate of the four directions.
 #include "lib/texture_lib.glsl"
 #include "lib/tree_lib.glsl"
+
+const int REACH_RAYS = 4;
 
 // Which sides of triangles a ray meets, as bits.
 const int REACH_FRONTS = 1;
@@ -18,17 +23,49 @@ const float REACH_EDGE = 1e-5;
 const float REACH_SINGLE = 4e-7;
 const float REACH_MOST = 1e-3;
 
-// The distance to the nearest triangle with one of these sides, or `farthest` if none is closer. own: the triangle that the
-// ray starts from, which it does not meet, or -1. is_any: any triangle will do, not only the nearest.
-float reach_distance(vec3 origin, vec3 direction, float farthest, int own, int sides, bool is_any)
+// One over a direction in grid steps. A zero component would give 0 * infinity for a ray inside a slab.
+vec3 reach_inverse(vec3 direction)
 {
-  // In grid steps, boxes have integer coordinates. A zero component would give 0 * infinity for a ray inside a slab.
-  vec3 grid_start = (origin - grid_origin.xyz) * grid_scale.xyz;
-  vec3 grid_direction = direction * grid_scale.xyz;
-  grid_direction = mix(grid_direction, vec3(1e-12), lessThan(abs(grid_direction), vec3(1e-12)));
-  vec3 inverse = 1.0 / grid_direction;
+  return 1.0 / mix(direction, vec3(1e-12), lessThan(abs(direction), vec3(1e-12)));
+}
+
+// A bit for each of the four boxes of a node, relative to the start of a ray, that the ray crosses before `to`.
+uint reach_crossed(vec4 x_low, vec4 x_high, vec4 y_low, vec4 y_high, vec4 z_low, vec4 z_high, vec3 inverse, float to)
+{
+  // Select by the ray's direction instead of min and max: then the ray leaves a missing box before it enters it.
   bvec3 forward = greaterThan(inverse, vec3(0.0));
-  float to = farthest;
+  vec4 enter = max(max((forward.x ? x_low : x_high) * inverse.x, (forward.y ? y_low : y_high) * inverse.y),
+                   max((forward.z ? z_low : z_high) * inverse.z, vec4(-REACH_ROUNDING)));
+  vec4 leave = min(min((forward.x ? x_high : x_low) * inverse.x, (forward.y ? y_high : y_low) * inverse.y),
+                   min((forward.z ? z_high : z_low) * inverse.z, vec4(to)));
+  return tree_mask(lessThanEqual(enter, leave));
+}
+
+// The distance to a triangle that a ray meets before `to`, or `to`. The other vectors are cross products of the triangle's
+// edges and the way from its first corner to the start of the ray.
+float reach_triangle(vec3 direction, vec3 across, vec3 for_u, vec3 for_v, float height, float lever, int sides, float to)
+{
+  float determinant = dot(direction, across);
+  vec3 solved = vec3(dot(direction, for_u), dot(direction, for_v), height) / determinant;
+  float slack = REACH_EDGE + min(REACH_SINGLE * lever / abs(determinant), REACH_MOST);
+  bool is_inside = solved.x >= -slack && solved.y >= -slack && solved.x + solved.y <= 1.0 + slack;
+  bool is_close = solved.z >= -REACH_ROUNDING && solved.z < to;
+  int side = determinant > 0.0 ? REACH_FRONTS : REACH_BACKS;
+  return is_inside && is_close && (side & sides) != 0 ? solved.z : to;
+}
+
+// The distances to the nearest triangles with one of these sides, or `farthest` where none is closer; a ray with a negative
+// `farthest` meets nothing, and its distance is 0. own: the triangle that the rays start from, which they do not meet, or -1.
+// is_any: any triangle will do, not only the nearest, and the distance to it is 0.
+vec4 reach_distances(vec3 origin, vec4 x, vec4 y, vec4 z, vec4 farthest, int own, int sides, bool is_any)
+{
+  // In grid steps, boxes have integer coordinates.
+  vec3 start = (origin - grid_origin.xyz) * grid_scale.xyz;
+  vec3 inverse0 = reach_inverse(vec3(x.x, y.x, z.x) * grid_scale.xyz);
+  vec3 inverse1 = reach_inverse(vec3(x.y, y.y, z.y) * grid_scale.xyz);
+  vec3 inverse2 = reach_inverse(vec3(x.z, y.z, z.z) * grid_scale.xyz);
+  vec3 inverse3 = reach_inverse(vec3(x.w, y.w, z.w) * grid_scale.xyz);
+  vec4 to = farthest;
   uvec2 trail = uvec2(0u);
   int node = 0;
   while (node >= 0) {
@@ -36,21 +73,20 @@ float reach_distance(vec3 origin, vec3 direction, float farthest, int own, int s
     int leaf = 0;
     // Triangles are tested outside this loop: inside it, lanes that have found triangles would wait for the others.
     while (node >= 0 && triangles == 0u) {
-      uvec4 x = floatBitsToUint(texel_at(nodes, texture_place(node * 3)));
-      uvec4 y = floatBitsToUint(texel_at(nodes, texture_place(node * 3 + 1)));
-      uvec4 z = floatBitsToUint(texel_at(nodes, texture_place(node * 3 + 2)));
-      vec4 x_low = (tree_low(x) - grid_start.x) * inverse.x;
-      vec4 y_low = (tree_low(y) - grid_start.y) * inverse.y;
-      vec4 z_low = (tree_low(z) - grid_start.z) * inverse.z;
-      vec4 x_high = (tree_high(x) - grid_start.x) * inverse.x;
-      vec4 y_high = (tree_high(y) - grid_start.y) * inverse.y;
-      vec4 z_high = (tree_high(z) - grid_start.z) * inverse.z;
-      // Select by the ray's direction instead of min and max: then the ray leaves a missing box before it enters it.
-      vec4 enter = max(max(forward.x ? x_low : x_high, forward.y ? y_low : y_high),
-                       max(forward.z ? z_low : z_high, vec4(-REACH_ROUNDING)));
-      vec4 leave = min(min(forward.x ? x_high : x_low, forward.y ? y_high : y_low),
-                       min(forward.z ? z_high : z_low, vec4(to)));
-      uint mask = tree_mask(lessThanEqual(enter, leave));
+      uvec4 boxes_x = floatBitsToUint(texel_at(nodes, texture_place(node * 3)));
+      uvec4 boxes_y = floatBitsToUint(texel_at(nodes, texture_place(node * 3 + 1)));
+      uvec4 boxes_z = floatBitsToUint(texel_at(nodes, texture_place(node * 3 + 2)));
+      vec4 x_low = tree_low(boxes_x) - start.x;
+      vec4 y_low = tree_low(boxes_y) - start.y;
+      vec4 z_low = tree_low(boxes_z) - start.z;
+      vec4 x_high = tree_high(boxes_x) - start.x;
+      vec4 y_high = tree_high(boxes_y) - start.y;
+      vec4 z_high = tree_high(boxes_z) - start.z;
+      // No loop: drivers that do not unroll it select components at each turn.
+      uint mask = reach_crossed(x_low, x_high, y_low, y_high, z_low, z_high, inverse0, to.x) |
+                  reach_crossed(x_low, x_high, y_low, y_high, z_low, z_high, inverse1, to.y) |
+                  reach_crossed(x_low, x_high, y_low, y_high, z_low, z_high, inverse2, to.z) |
+                  reach_crossed(x_low, x_high, y_low, y_high, z_low, z_high, inverse3, to.w);
       int child = node * 4 + 1;
       if (mask != 0u && child < first_leaf) {
         node = tree_down(node, mask, trail);
@@ -67,24 +103,27 @@ float reach_distance(vec3 origin, vec3 direction, float farthest, int own, int s
       vec3 corner = texel_at(corners, texture_place(triangle * 3)).xyz;
       vec3 edge1 = texel_at(corners, texture_place(triangle * 3 + 1)).xyz - corner;
       vec3 edge2 = texel_at(corners, texture_place(triangle * 3 + 2)).xyz - corner;
-      // T. Möller and B. Trumbore, "Fast, minimum storage ray/triangle intersection" (1997).
-      vec3 p = cross(direction, edge2);
-      float determinant = dot(edge1, p);
+      // T. Möller and B. Trumbore, "Fast, minimum storage ray/triangle intersection" (1997), in the order that leaves most
+      // of the work to all four rays together.
       vec3 to_origin = origin - corner;
-      vec3 q = cross(to_origin, edge1);
-      vec3 solved = vec3(dot(to_origin, p), dot(direction, q), dot(edge2, q)) / determinant;
+      vec3 across = cross(edge2, edge1);
+      vec3 for_u = cross(edge2, to_origin);
+      vec3 for_v = cross(to_origin, edge1);
+      float height = dot(edge2, for_v);
       float lever = sqrt(dot(to_origin, to_origin) * max(dot(edge1, edge1), dot(edge2, edge2)));
-      float slack = REACH_EDGE + min(REACH_SINGLE * lever / abs(determinant), REACH_MOST);
-      bool is_inside = solved.x >= -slack && solved.y >= -slack && solved.x + solved.y <= 1.0 + slack;
-      int side = determinant > 0.0 ? REACH_FRONTS : REACH_BACKS;
-      if (is_inside && (side & sides) != 0 && triangle != own && solved.z >= -REACH_ROUNDING && solved.z < to) {
-        to = solved.z;
-        if (is_any) {
-          triangles = 0u;
-          node = -1;
-        }
+      int met = triangle == own ? 0 : sides;
+      vec4 before = to;
+      to.x = reach_triangle(vec3(x.x, y.x, z.x), across, for_u, for_v, height, lever, met, to.x);
+      to.y = reach_triangle(vec3(x.y, y.y, z.y), across, for_u, for_v, height, lever, met, to.y);
+      to.z = reach_triangle(vec3(x.z, y.z, z.z), across, for_u, for_v, height, lever, met, to.z);
+      to.w = reach_triangle(vec3(x.w, y.w, z.w), across, for_u, for_v, height, lever, met, to.w);
+      if (is_any) {
+        to = mix(to, vec4(-1.0), lessThan(to, before));
       }
     }
+    if (is_any && max(max(to.x, to.y), max(to.z, to.w)) < 0.0) {
+      node = -1;  // all rays are blocked
+    }
   }
-  return max(to, 0.0);
+  return max(to, vec4(0.0));
 }
