@@ -137,6 +137,8 @@ class Report:
                 f"Stored: normals off by {self.loss['median']:.2g} degrees (median), at most {self.loss['maximum']:.2g}"
             )
         details += [f"Packed in {how['image']}: {_channels(how)}" for how in self.maps.values() if "channels" in how]
+        if self.attributes:
+            details.append(f"Attributes of {self.low}: {', '.join(self.attributes.values())}")
         return [
             f"{self.method.capitalize()}, {self.space.lower()} space, {width} x {height}: {self.image}",
             f"{self.triangles['high']:,} triangles onto {self.triangles['low']:,}, {self.coverage:.1%} of the map covered",

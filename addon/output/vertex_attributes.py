@@ -19,7 +19,8 @@ INWARD = 0.75
 REACH = 2
 """How far from this texel a known one may be, in texels along each axis."""
 BUILT_IN = frozenset({"position", "material_index"})
-"""Attributes of meshes that have a meaning in Blender. A map of such a name gets PREFIX, as maps do where a UV map has it."""
+"""Attributes of meshes that have a meaning in Blender. A map of such a name, or of that of a UV map or a vertex group, gets
+PREFIX."""
 PREFIX = "baked_"
 UV_TYPE = "FLOAT2"
 FIELDS = {"FLOAT": "value", "FLOAT_VECTOR": "vector", "FLOAT_COLOR": "color"}
@@ -101,19 +102,19 @@ class VertexMaps:
             return {}, [f'The mesh "{mesh.name}" changed during the bake, so the maps are not in its attributes.']
         names = {}
         for name, samples in self._samples.items():
-            names[name.lower()] = self._store(mesh, BY_NAME[name], samples)
+            names[name.lower()] = self._store(low, BY_NAME[name], samples)
         mesh.update()
         return names, self._warnings(low)
 
-    def _store(self, mesh: bpy.types.Mesh, map_type: MapType, samples: _Samples) -> str:
+    def _store(self, low: bpy.types.Object, map_type: MapType, samples: _Samples) -> str:
         """Store one map in an attribute, and return its name."""
         values = self._decoded(map_type, samples)
         if self.settings.vertex_domain == VertexDomain.POINT:
-            values = self._by_vertex(map_type, values, samples.known, len(mesh.vertices))
+            values = self._by_vertex(map_type, values, samples.known, len(low.data.vertices))
         if map_type.kind is Kind.LABEL:  # the first value of a vertex has no fraction
             values = value_encoding.palette(int(values.max(initial=0.0)))[values[:, 0].astype(np.int32)]
         kind = _type_of(map_type)
-        attribute = _attribute(mesh, map_type, kind, self.settings.vertex_domain)
+        attribute = _attribute(low, map_type, kind, self.settings.vertex_domain)
         if kind == "FLOAT":
             values = values[:, 0]
         elif kind == "FLOAT_COLOR":
@@ -192,11 +193,12 @@ def _type_of(map_type: MapType) -> str:
     return "FLOAT" if map_type.is_scalar else "FLOAT_COLOR"
 
 
-def _attribute(mesh: bpy.types.Mesh, map_type: MapType, kind: str, domain: str) -> bpy.types.Attribute:
+def _attribute(low: bpy.types.Object, map_type: MapType, kind: str, domain: str) -> bpy.types.Attribute:
     """The attribute of a map. One of the same name that has another type or domain is replaced."""
+    mesh = low.data
     name = map_type.suffix or NORMAL.name.lower()
     found = mesh.attributes.get(name)
-    if name in BUILT_IN or (found is not None and found.data_type == UV_TYPE):
+    if name in BUILT_IN or name in low.vertex_groups or (found is not None and found.data_type == UV_TYPE):
         name = PREFIX + name
         found = mesh.attributes.get(name)
     if found is not None and (found.data_type, found.domain) != (kind, domain):

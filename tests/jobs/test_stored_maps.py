@@ -59,6 +59,7 @@ def test_maps_reach_images_attributes_and_the_material():
     assert nodes["Material Output"].inputs["Displacement"].is_linked
     assert nodes["Principled BSDF"].inputs["Normal"].is_linked
     assert any("lo_map_packed: red height, blue coverage, alpha coverage" in line for line in report.summary())
+    assert "Attributes of lo: normal, height, coverage" in report.summary()
 
 
 def test_connecting_needs_no_normal_map_in_the_material():

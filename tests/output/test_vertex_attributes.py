@@ -213,6 +213,14 @@ def test_a_uv_map_of_the_name_stays():
     assert [layer.name for layer in low.data.uv_layers] == ["UVMap", "ao"]
 
 
+def test_a_vertex_group_of_the_name_stays_and_a_second_bake_adds_nothing():
+    low = two_islands()
+    low.vertex_groups.new(name="ao")
+    for _ in range(2):
+        assert sample(low, {1001: {"AO": ramps(islands(*BOXES))}})[0] == {"ao": "baked_ao"}
+    assert [each.name for each in low.data.attributes if "ao" in each.name] == ["baked_ao"]
+
+
 def test_a_second_bake_fills_the_same_attribute():
     low = two_islands()
     maps = {1001: {"AO": ramps(islands(*BOXES))}}
