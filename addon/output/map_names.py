@@ -51,17 +51,21 @@ def beside(settings: Settings, map_type: MapType) -> Settings:
 
     Its suffix takes the place of "normal" at the end of the name: rock_normal.png has rock_height.png beside it.
 
-    Maps that are stored in the lowest depth are not dithered.
+    Maps that are stored in the lowest depth are not dithered. Inside Blender, the colors of a material have 8 bits instead of
+    16: there, 16 bits are floats, which hold linear values, and glTF's exporter writes those as if they were sRGB.
     """
     path = PurePath(settings.output)
     is_file = settings.storage == Storage.FILE
     lowest = (file_formats.of(path) if is_file else file_formats.PACKED[False]).depths[0]
+    depth = settings.depth if map_type.is_deep else lowest
+    if map_type.is_color and map_type.socket and not is_file:
+        depth = lowest if depth <= file_formats.USUAL_DEPTH else depth
     # The tile's number stays at the end, with its separator.
     stem = re.sub(rf"{_NORMAL}([._ -]?{TOKEN}|$)", rf"_{map_type.suffix}\g<1>", path.stem, count=1, flags=re.IGNORECASE)
     return replace(
         settings,
         image=re.sub(f"{_NORMAL}$", f"_{map_type.suffix}", settings.image, count=1, flags=re.IGNORECASE),
         output=str(path.with_stem(stem)) if is_file else "",
-        depth=settings.depth if map_type.is_deep else lowest,
+        depth=depth,
         dither=settings.dither and map_type.is_deep,
     )

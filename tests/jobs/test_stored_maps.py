@@ -1,16 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Whole bakes whose maps go into packed images, attributes and materials, and bakes without a normal map."""
 
+import json
 from pathlib import Path
 
 import bpy
 import numpy as np
 import pytest
+from PIL import Image
 
 from addon.core.errors import BakeError
 from addon.core.settings import Settings
 from addon.jobs import Job, bake_all, bake_pair
-from addon.output import map_storage, outputs
+from addon.output import map_storage, outputs, value_encoding
 from tests.support import zoo
 from tests.support.maps import pixels
 from tests.support.snapshot import difference, snapshot
@@ -133,6 +135,34 @@ def test_linked_objects_are_refused_before_the_bake(tmp_path, chosen, message):
         bpy.context.collection.objects.link(obj)
     with pytest.raises(BakeError, match=message):
         bake(bpy.data.objects["lo"], bpy.data.objects["lo high"], material=False, **chosen)
+
+
+# glTF
+
+
+def test_gltf_has_the_colors_of_the_high_mesh_with_the_usual_settings(tmp_path):
+    low, high = planes()
+    material = bpy.data.materials.new("Clay")
+    principled = material.node_tree.nodes["Principled BSDF"]
+    color, roughness, metallic = (0.5, 0.2, 0.05), 0.3, 0.7
+    principled.inputs["Base Color"].default_value = (*color, 1.0)
+    principled.inputs["Roughness"].default_value, principled.inputs["Metallic"].default_value = roughness, metallic
+    high.data.materials.append(material)
+    usual = {"storage": Settings.storage, "depth": Settings.depth}
+    bake(low, high, maps=("BASE_COLOR",), pack="GLTF", connect_maps=True, **usual)
+    bpy.data.objects.remove(high)
+    bpy.ops.export_scene.gltf(filepath=str(tmp_path / "low.gltf"), export_format="GLTF_SEPARATE")
+    gltf = json.loads((tmp_path / "low.gltf").read_text(encoding="utf-8"))
+    surface = gltf["materials"][0]["pbrMetallicRoughness"]
+    expected = {
+        "baseColorTexture": value_encoding.to_srgb(np.float32(color)),
+        "metallicRoughnessTexture": (1.0, roughness, metallic),
+    }
+    for name, values in expected.items():
+        uri = gltf["images"][gltf["textures"][surface[name]["index"]]["source"]]["uri"]
+        with Image.open(tmp_path / uri) as image:
+            found = np.asarray(image.convert("RGB"))[16, 16] / 255
+        np.testing.assert_allclose(found, values, atol=1.1 / 255)  # the exporter cuts off instead of rounding
 
 
 # Renders

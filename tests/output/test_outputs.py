@@ -100,14 +100,22 @@ def test_colors_in_floats_stay_linear_3(tmp_path, depth, step):
 
 
 @pytest.mark.parametrize("storage", ["PACK", "MEMORY"])
-@pytest.mark.parametrize(("depth", "space"), [(8, "sRGB"), (16, "Linear Rec.709")])
-def test_colors_in_images_inside_blender_4(storage, depth, space):
+@pytest.mark.parametrize(
+    ("name", "depth", "space"),
+    [
+        ("BASE_COLOR", 8, "sRGB"),
+        ("BASE_COLOR", 16, "sRGB"),
+        ("BASE_COLOR", 32, "Linear Rec.709"),
+        ("ATTRIBUTE", 16, "Linear Rec.709"),
+    ],
+)
+def test_colors_in_images_inside_blender_4(storage, name, depth, space):
     colors = values(4)
-    stored = store({"BASE_COLOR": colors}, maps=("BASE_COLOR",), storage=storage, depth=depth)
-    image = bpy.data.images[stored.maps["base_color"]["image"]]
-    assert image.colorspace_settings.name == space
-    expected = value_encoding.to_srgb(colors[..., :3]) if depth == 8 else colors[..., :3]
-    np.testing.assert_allclose(pixels(image)[..., :3], expected, atol=STEP_8 if depth == 8 else CURVE)
+    stored = store({name: colors}, maps=(name,), storage=storage, depth=depth)
+    image = bpy.data.images[stored.maps[name.lower()]["image"]]
+    assert image.colorspace_settings.name == stored.maps[name.lower()]["color_space"] == space
+    expected = value_encoding.to_srgb(colors[..., :3]) if space == "sRGB" else colors[..., :3]
+    np.testing.assert_allclose(pixels(image)[..., :3], expected, atol=STEP_8 if space == "sRGB" else CURVE)
 
 
 def test_an_image_of_data_becomes_one_of_colors_and_back_5():

@@ -49,5 +49,22 @@ def test_only_deep_maps_have_the_depth_of_the_settings_and_are_dithered(name, de
     assert (found.depth, found.dither) == (depth, dither)
 
 
+@pytest.mark.parametrize(
+    ("name", "storage", "depth", "expected"),
+    [
+        ("BASE_COLOR", "PACK", 16, 8),
+        ("EMISSION", "MEMORY", 16, 8),
+        ("BASE_COLOR", "PACK", 8, 8),
+        ("BASE_COLOR", "PACK", 32, 32),
+        ("BASE_COLOR", "FILE", 16, 16),
+        ("ATTRIBUTE", "PACK", 16, 16),
+        ("ROUGHNESS", "PACK", 16, 16),
+    ],
+)
+def test_colors_of_materials_have_8_bits_inside_blender_unless_they_are_exact(name, storage, depth, expected):
+    output = "a.png" if storage == "FILE" else ""
+    assert beside(name, storage=storage, output=output, depth=depth).depth == expected
+
+
 def test_labels_take_the_lowest_depth_of_their_format():
     assert beside("OBJECT_ID", output="a.exr", depth=32).depth == 16

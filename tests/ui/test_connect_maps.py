@@ -83,4 +83,4 @@ def test_undo_of_the_button_leaves_the_images(low):
     assert bpy.ops.imprint.connect_maps("EXEC_DEFAULT", True) == {"FINISHED"}
     assert bpy.ops.ed.undo() == {"FINISHED"}
     assert difference(before, snapshot()) == {}
-    assert "lo_normal_height" in bpy.data.images
+    assert "lo_height" in bpy.data.images
