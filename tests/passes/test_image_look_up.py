@@ -249,12 +249,15 @@ def test_the_pixels_at_a_tiles_border_do_not_wrap():
 
 
 def test_each_hit_counts_once_over_all_feeds():
-    """Four materials: an image, another image, a constant, and one that the map cannot show. A hole is a miss."""
+    """Four materials: an image, another image, a constant, and one that the map cannot show. A hole is a miss, and what is outside the
+    low mesh is not."""
     triangles = grid(4, 4)
     centers = triangles.mean(axis=1)
     numbers = 1 + (centers[:, 0] > 0.5) + 2 * (centers[:, 1] > 0.5)
     keep = ~((centers[:, 0] < 0.25) & (centers[:, 1] < 0.25))
-    seen = SeenSurface(triangles[keep], (64, 64), materials=numbers[keep])
+    is_low = np.ones((64, 64))
+    is_low[:, -4:] = 0.0
+    seen = SeenSurface(triangles[keep], (64, 64), materials=numbers[keep], is_low=is_low)
     materials = material_table.upload(np.array([0, 1, 2, 0, -1]), np.outer((0, 0, 0, 7, 0), (1, 2, 3)))
     for number, offset in enumerate(((-0.25, -0.25), (0.25, 0.25))):
         seen.probe(offset)
@@ -265,7 +268,8 @@ def test_each_hit_counts_once_over_all_feeds():
     sums = seen.read()
     assert np.allclose(sums[:16, :16, 3], 2 / 256)
     assert (means[:16, :16, 3] == -1.0).all()
-    assert np.allclose(means[:32, 33:], (0.6, 0.6, 0.6, 1.0))
+    assert (sums[:, -4:] == 0.0).all()
+    assert np.allclose(means[:32, 33:-4], (0.6, 0.6, 0.6, 1.0))
     assert np.allclose(means[:31, 17:32], (0.3, 0.3, 0.3, 1.0))
     assert np.allclose(means[33:, :31], (7, 14, 21, 1))
     assert (sums[33:, 33:] == 0.0).all()

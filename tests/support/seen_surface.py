@@ -25,11 +25,13 @@ def grid(nu, nv, height=None, tilt=None):
 class SeenSurface:
     """Triangles (T, 3, 3) seen along -Z from a grid of texels over the square 0..1.
 
-    uv (T, 3, 2), by default x and y; materials (T,), by default 1; normals (T, 3, 3), by default +Z.
+    uv (T, 3, 2), by default x and y; materials (T,), by default 1; normals (T, 3, 3), by default +Z. is_low (height, width):
+    the texels that the low mesh covers, by default all.
     """
 
-    def __init__(self, triangles, size, *, uv=None, materials=None, normals=None):
+    def __init__(self, triangles, size, *, uv=None, materials=None, normals=None, is_low=None):
         self.width, self.height = size
+        self.is_low = np.ones(size[::-1]) if is_low is None else is_low
         triangles = np.asarray(triangles, np.float32)
         count = len(triangles)
         self.triangles, self.uv = triangles, triangles[..., :2] if uv is None else np.asarray(uv, np.float32)
@@ -64,7 +66,8 @@ class SeenSurface:
         rays = target.Target(self.width, self.height, ("RGBA32F", "RGBA32F"))
         one, zero = np.ones_like(self.x), np.zeros_like(self.x)
         rays.textures = [
-            texture(np.stack(texels, -1)) for texels in ((self.x, self.y, zero, one), (zero, zero, one, one * 5))
+            texture(np.stack(texels, -1))
+            for texels in ((self.x, self.y, zero, self.is_low), (zero, zero, one, one * 5))
         ]
         self.hits = target.Target(self.width, self.height, ("RGBA32UI",))
         cast.trace(self.hits, rays, self.tables, None, rule=Hit.OUTERMOST, inside=10.0, max_t=20.0, facing_only=False)
