@@ -12,16 +12,20 @@ void main()
   }
   vec3 across = page_level_weights(texel.x, size.x);
   vec3 up = page_level_weights(texel.y, size.y);
-  // Only odd sides have a part of a third pixel.
-  ivec2 start = 1 - size % 2;
   vec4 sum = vec4(0.0);
-  for (int j = start.y; j < 3; j++) {
-    for (int i = start.x; i < 3; i++) {
-      float weight = across[i] * up[j];
-      if (weight > 0.0) {
-        sum += weight * page_color_linear(page_color_weighed(texelFetch(page, texel * 2 + ivec2(i, j) - 1, 0)));
-      }
-    }
+  for (int corner = 0; corner < 4; corner++) {
+    ivec2 pixel = min(texel * 2 + ivec2(corner % 2, corner / 2), size - 1);
+    float weight = (corner % 2 == 0 ? across.y : across.z) * (corner < 2 ? up.y : up.z);
+    sum += weight * page_color_linear(page_color_weighed(texelFetch(page, pixel, 0)));
+  }
+  // The pixels to the left and below, of which only odd sides have a part.
+  int more = any(greaterThan(vec2(across.x, up.x), vec2(0.0))) ? 5 : 0;
+  for (int i = 0; i < more; i++) {
+    ivec2 place = i < 3 ? ivec2(i, 0) : ivec2(0, i - 2);
+    float weight = across[place.x] * up[place.y];
+    ivec2 pixel = clamp(texel * 2 + place - 1, ivec2(0), size - 1);
+    vec4 color = page_color_linear(page_color_weighed(texelFetch(page, pixel, 0)));
+    sum += weight > 0.0 ? weight * color : vec4(0.0);
   }
   imageStore(levels, texel, sum);
 }

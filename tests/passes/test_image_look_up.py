@@ -211,6 +211,19 @@ def test_neighbors_of_another_material_tell_nothing_seed_15():
     assert np.abs(shown - truth)[:, ::2].max() < 1e-4
 
 
+def test_a_step_in_depth_tells_nothing_seed_17():
+    """A slope of two halves, one far above the other. Their UVs are whole pages apart: the same picture."""
+    image = np.random.default_rng(17).random((512, 512))
+    triangles = grid(8, 8, height=lambda x, y: 2.0 * x)
+    uv = triangles[..., :2].copy()
+    right = triangles.mean(axis=1)[:, 0] > 0.5
+    triangles[right, :, 2] += 3.0
+    uv[right, :, 0] += 3.0
+    shown = SeenSurface(triangles, (32, 32), uv=uv).shown(page(image), ImageFeed("a"))[..., 0]
+    truth = image.reshape(32, 16, 32, 16).mean(axis=(1, 3))
+    assert np.abs(shown - truth).max() < 1e-4
+
+
 def test_holes_on_one_side_keep_the_footprint_seed_16():
     """Every other column or row is missing: each texel has no neighbor along one axis."""
     image = np.random.default_rng(16).random((512, 512))
@@ -249,8 +262,10 @@ def test_the_pixels_at_a_tiles_border_do_not_wrap():
 
 
 def test_each_hit_counts_once_over_all_feeds():
-    """Four materials: an image, another image, a constant, and one that the map cannot show. A hole is a miss, and what is outside the
-    low mesh is not."""
+    """Four materials: an image, another image, a constant, and one that the map cannot show.
+
+    A hole is a miss, and what is outside the low mesh is not.
+    """
     triangles = grid(4, 4)
     centers = triangles.mean(axis=1)
     numbers = 1 + (centers[:, 0] > 0.5) + 2 * (centers[:, 1] > 0.5)

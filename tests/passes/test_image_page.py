@@ -57,6 +57,19 @@ def test_colors_are_averaged_in_linear_light():
         assert np.allclose(np.array(page.levels.read()).ravel(), expected)
 
 
+@pytest.mark.usefixtures("gpu_context")
+def test_values_that_are_not_finite_do_not_spread():
+    values = np.full((8, 8, 4), 0.5, np.float32)
+    values[0, 0], values[7, 7] = np.nan, np.inf
+    page = image_page.upload(ImagePixels(values))
+    levels = np.array(page.levels.read()).reshape(page.levels.height, page.levels.width, 4)
+    assert np.isfinite(np.array(page.pixels.read())).all()
+    assert np.isfinite(levels).all()
+    assert np.isnan(values[0, 0]).all()  # the caller's pixels stay
+    assert levels[0, 0, 0] == np.float32(0.375)
+    assert (levels[1:3, 1:3] == 0.5).all()
+
+
 def test_an_image_that_is_too_large_is_reduced():
     values = np.random.default_rng(2).random((7, 10, 4), np.float32)
     assert image_page.fitting(values, 10)[0] is values

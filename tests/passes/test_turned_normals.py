@@ -141,7 +141,8 @@ def test_random_frames_against_numpy_seeds_1_to_4(seed):
     image = rng.random((3, 4, 3)) * 0.5 + (0.25, 0.25, 0.5)
     matrix = oracle.rotation(rng) @ np.diag(rng.uniform(0.5, 2.0, 3)) * rng.choice((-1.0, 1.0))
     seen = SeenSurface(triangles, (48, 48), normals=normals)
-    drawn = mapped(seen, page(image), NormalMapFeed(IMAGE), tangents, matrix=matrix)
+    lengths = np.append(np.full(3, rng.uniform(0.1, 3.0)), 1.0) * rng.uniform(0.5, 2.0, (count, 3, 1)) ** (1, 1, 1, 0)
+    drawn = mapped(seen, page(image), NormalMapFeed(IMAGE), tangents * lengths, matrix=matrix)
 
     rays = np.stack([seen.x, seen.y, np.full_like(seen.x, 5.0)], -1).reshape(-1, 3)
     triangle, _, weights, margin = oracle.first_hits(
@@ -194,6 +195,14 @@ def test_a_mesh_without_tangents_keeps_its_normals():
     seen = SeenSurface(grid(1, 1), (8, 8))
     drawn = mapped(seen, page(np.full((4, 4, 3), 0.2)), NormalMapFeed(IMAGE), (0, 0, 0, 1))
     assert (drawn == (0, 0, 1, 1)).all()
+
+
+def test_a_surface_without_normals_keeps_none():
+    triangles = grid(1, 1)
+    seen = SeenSurface(triangles, (8, 8), normals=np.zeros((2, 3, 3)))
+    drawn = mapped(seen, page(np.full((4, 4, 3), 0.2)), NormalMapFeed(IMAGE), (1, 0, 0, 1))
+    assert (drawn == (0, 0, 0, -1)).all()
+    assert (bumped(seen, page(sine(16)), BumpFeed(ImageFeed("a"), distance=0.1)) == (0, 0, 0, -1)).all()
 
 
 def sine(pixels, periods=2, rows=None):
@@ -272,6 +281,15 @@ def test_strength_mixes_with_the_normal_below_it(strength):
     turned = unit(abs(determinant) * below - 0.5 * np.sign(determinant) * surface_gradient)
     truth = strength * turned + (1 - strength) * below
     assert degrees(shown[:, 1:-1, :3], truth).max() < CLOSED_FORM
+
+
+def test_the_winding_of_triangles_does_not_matter():
+    """The normals decide what is outside: triangles of mirrored objects may face the other way."""
+    triangles = grid(3, 3)
+    shown, feed = page(sine(64)), BumpFeed(ImageFeed("a"), distance=0.05)
+    drawn = [bumped(SeenSurface(each, (32, 32)), shown, feed)[..., :3] for each in (triangles, triangles[:, ::-1])]
+    assert degrees(*drawn).max() < CLOSED_FORM
+    assert degrees(drawn[0], (0, 0, 1)).max() > 5
 
 
 def test_heights_finer_than_a_texel_do_not_tilt_seed_6():
