@@ -44,28 +44,29 @@ class IMPRINT_OT_connect_maps(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        report = results.of(context)
-        if report is None or not map_images.are_any(report.maps):
+        if not any(map_images.are_any(report.maps) for report in results.all_of(context)):
             cls.poll_message_set(tooltip("Bake a map first that a material takes, such as base color"))
             return False
         return True
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        report = results.of(context)
+        reports, warnings = results.all_of(context), []
         try:
-            low = report.refs[0].resolve()
+            low = reports[0].refs[0].resolve()
             materials.check(low)
-            warnings = outputs.connect_maps(
-                low,
-                report.maps,
-                report.uv_layer,
-                space=report.space,
-                single_user=context.scene.imprint.single_user,
-            )
+            for report in reports:
+                warnings += outputs.connect_maps(
+                    low,
+                    report.maps,
+                    report.uv_layer,
+                    space=report.space,
+                    single_user=context.scene.imprint.single_user,
+                    slots=report.slots or None,
+                )
         except BakeError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-        for warning in warnings:
+        for warning in dict.fromkeys(warnings):
             self.report({"WARNING"}, warning)
         return {"FINISHED"}
 

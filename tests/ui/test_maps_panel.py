@@ -29,7 +29,7 @@ OF_MAPS = set().union(*NEEDS.values())
 @pytest.fixture
 def settings():
     """The settings of the scene, with a low and a high object in the slots, and small maps."""
-    low, high = zoo.plane("lo"), zoo.plane("hi")
+    low, high = zoo.plane("lo", 2), zoo.plane("hi", 2)
     high.location.z = 0.2
     settings = bpy.context.scene.imprint
     settings.low, settings.method, settings.material = low, "CAST", False
@@ -107,21 +107,21 @@ def test_the_panel_names_all_images(settings):
     settings.maps, settings.pack, settings.mask = {"AO", "BASE_COLOR"}, "GLTF", True
     drawn = draw()
     assert "into a new image 'lo_normal', and these images:" in drawn.text
-    for name in ("lo_normal_missed", "lo_normal_ao", "lo_normal_base_color", "lo_normal_orm"):
+    for name in ("lo_missed", "lo_ao", "lo_base_color", "lo_orm"):
         assert name in drawn.labels
         assert drawn.icons[drawn.labels.index(name)] == "IMAGE_DATA"
-    bpy.data.images.new("lo_normal_ao", 4, 4)
+    bpy.data.images.new("lo_ao", 4, 4)
     drawn = draw()
-    assert drawn.icons[drawn.labels.index("lo_normal_ao")] == "FILE_REFRESH"
+    assert drawn.icons[drawn.labels.index("lo_ao")] == "FILE_REFRESH"
     settings.storage, settings.output = "FILE", "//maps/{low}.png"
-    assert "lo_normal_ao (lo_ao.png)" in draw().labels
+    assert "lo_ao (lo_ao.png)" in draw().labels
 
 
 def test_without_the_normal_map_the_first_map_is_named(settings):
     settings.normal, settings.maps, settings.mask = False, {"AO"}, True
     drawn = draw()
-    assert "into a new image 'lo_normal_ao', and these images:" in drawn.text
-    assert "lo_normal_missed" in drawn.labels
+    assert "into a new image 'lo_ao', and these images:" in drawn.text
+    assert "lo_missed" in drawn.labels
 
 
 def test_without_any_map_the_panel_says_so(settings):
@@ -157,7 +157,7 @@ def test_a_bake_takes_the_settings_of_its_arguments():
     }
     low_size = {"method": "CAST", "width": 16, "height": 16, "material": False}
     assert bpy.ops.imprint.bake(low="lo", high=[{"name": "hi"}], **low_size, **arguments) == {"FINISHED"}
-    assert {image.name for image in bpy.data.images} == {"lo_normal_ao", "lo_normal_thickness", "lo_normal_packed"}
+    assert {image.name for image in bpy.data.images} == {"lo_ao", "lo_thickness", "lo_packed"}
     assert {"ao", "thickness"} <= set(low.data.attributes.keys())
     assert bpy.context.scene.imprint.maps == set()  # the panel keeps its own
 
@@ -196,8 +196,8 @@ def test_each_image_of_a_bake_has_a_button(settings):
     assert bpy.ops.imprint.bake() == {"FINISHED"}
     assert buttons(draw()) == 4
     editor = open_editor()
-    assert bpy.ops.imprint.show_map(image="lo_normal_height") == {"FINISHED"}
-    assert editor.image == bpy.data.images["lo_normal_height"]
+    assert bpy.ops.imprint.show_map(image="lo_height") == {"FINISHED"}
+    assert editor.image == bpy.data.images["lo_height"]
     assert show_result.is_open(editor.image)
     assert not show_result.is_open(bpy.data.images["lo_normal"])
     assert bpy.ops.imprint.show_map() == {"FINISHED"}
@@ -207,10 +207,36 @@ def test_each_image_of_a_bake_has_a_button(settings):
 def test_an_image_that_is_gone_is_not_shown(settings):
     settings.maps = {"HEIGHT"}
     assert bpy.ops.imprint.bake() == {"FINISHED"}
-    bpy.data.images.remove(bpy.data.images["lo_normal_height"])
+    bpy.data.images.remove(bpy.data.images["lo_height"])
     assert dict(draw().buttons)["imprint.show_map"] is False
     with pytest.raises(RuntimeError, match="was undone, renamed or deleted"):
-        bpy.ops.imprint.show_map(image="lo_normal_height")
+        bpy.ops.imprint.show_map(image="lo_height")
+
+
+def test_texture_sets_show_the_images_of_each_material(settings):
+    materials = [bpy.data.materials.new(name) for name in ("skin", "cloth")]
+    for material in materials:
+        settings.low.data.materials.append(material)
+    half = len(settings.low.data.polygons) // 2
+    settings.low.data.polygons.foreach_set(
+        "material_index", [number < half for number in range(len(settings.low.data.polygons))]
+    )
+    settings.maps, settings.texture_sets, settings.image = {"HEIGHT"}, True, "lo"
+    drawn = draw()
+    assert "Texture sets need {material} in the name of the image" in drawn.text
+    assert not dict(drawn.buttons)["imprint.bake"]
+    settings.image = "{low}_{material}"
+    names = ["lo_skin", "lo_skin_height", "lo_cloth", "lo_cloth_height"]
+    drawn = draw()
+    assert "into a new image 'lo_skin', and these images:" in drawn.text
+    assert [name for name in names if name in drawn.labels] == names[1:]
+    assert bpy.ops.imprint.bake() == {"FINISHED"}
+    assert {image.name for image in bpy.data.images} == {*names}
+    assert buttons(draw()) == 4
+    assert bpy.ops.imprint.connect_maps() == {"FINISHED"}
+    for material in materials:
+        found = [node.image.name for node in material.node_tree.nodes if node.type == "TEX_IMAGE"]
+        assert found == [f"lo_{material.name}_height"]
 
 
 def test_families_of_rays_are_those_that_have_settings():

@@ -62,7 +62,7 @@ class Layout:
 def panel_lines(report):
     """The lines of the panel about a bake."""
     layout = Layout()
-    bake_panel.draw_result(layout, report)
+    bake_panel.draw_result(layout, [report])
     return layout.labels
 
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The main panel: the objects, the Bake button, and the result of the last bake."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import bpy
 
@@ -72,9 +72,9 @@ class IMPRINT_PT_bake(SidebarPanel, bpy.types.Panel):
         row.prop(settings, "live_every_time")
         if live.is_on and live.message:
             draw_paragraphs(layout.box(), context, [live.message], "ERROR")
-        report = results.of(context)
-        if report is not None:
-            draw_result(layout, report)
+        reports = results.all_of(context)
+        if reports:
+            draw_result(layout, reports)
 
 
 def draw_names(layout: bpy.types.UILayout, images: Iterable[bake_plan.PlannedImage]) -> None:
@@ -85,8 +85,12 @@ def draw_names(layout: bpy.types.UILayout, images: Iterable[bake_plan.PlannedIma
         column.label(text=image.title, icon=icon, translate=False)
 
 
-def draw_result(layout: bpy.types.UILayout, report: Report) -> None:
-    """The result of the last bake in a line, beside a small picture of the map, and a button for each of several maps."""
+def draw_result(layout: bpy.types.UILayout, reports: Sequence[Report]) -> None:
+    """The result of the last bake in a line, beside a small picture of the map, and a button for each of several maps.
+
+    reports: of each texture set.
+    """
+    report = reports[0]
     box = layout.box()
     row = box.row()
     image = bpy.data.images.get(report.image)
@@ -100,24 +104,30 @@ def draw_result(layout: bpy.types.UILayout, report: Report) -> None:
         head.operator("imprint.show_high", text="", icon="HIDE_ON" if is_hidden else "HIDE_OFF", emboss=False)
     if image is None:
         column.label(text=message("The image was undone, renamed or deleted"), icon="INFO", translate=False)
-        return
-    number = len(report.warnings)
-    if number:
-        line = (message("1 warning") if number == 1 else message("{} warnings")).format(number)
     else:
-        line = message("{} covered").format(f"{report.coverage:.0%}")
-    line = f"{line}, {report.seconds['total']:.1f} s"
-    column.label(text=line, icon="ERROR" if number else "CHECKMARK", translate=False)
-    if len(report.images) > 1:
-        draw_maps(box, report)
-    if map_images.are_any(report.maps):
+        draw_figures(column, reports)
+    names = list(dict.fromkeys(name for report in reports for name in report.images))
+    if len(names) > 1:
+        draw_maps(box, names)
+    if any(map_images.are_any(report.maps) for report in reports):
         layout.operator("imprint.connect_maps", icon="NODE_MATERIAL")
 
 
-def draw_maps(layout: bpy.types.UILayout, report: Report) -> None:
-    """A button for each image of the last bake, which shows it. Those that are open in an editor are pressed."""
+def draw_figures(layout: bpy.types.UILayout, reports: Sequence[Report]) -> None:
+    """The number of warnings, or else the covered share, and the time."""
+    number = len(_warnings(reports))
+    if number:
+        line = (message("1 warning") if number == 1 else message("{} warnings")).format(number)
+    else:
+        line = message("{} covered").format(f"{reports[0].coverage:.0%}")
+    line = f"{line}, {sum(report.seconds['total'] for report in reports):.1f} s"
+    layout.label(text=line, icon="ERROR" if number else "CHECKMARK", translate=False)
+
+
+def draw_maps(layout: bpy.types.UILayout, names: Iterable[str]) -> None:
+    """A button for each of these images, which shows it. Those that are open in an editor are pressed."""
     column = layout.column(align=True)
-    for name in report.images:
+    for name in names:
         image = bpy.data.images.get(name)
         row = column.row(align=True)
         row.enabled = image is not None
@@ -126,6 +136,11 @@ def draw_maps(layout: bpy.types.UILayout, report: Report) -> None:
             "imprint.show_map", text=name, translate=False, icon="IMAGE_DATA", depress=is_open, emboss=is_open
         )
         button.image = name
+
+
+def _warnings(reports: Sequence[Report]) -> list[str]:
+    """The warnings of all reports, each of them once."""
+    return list(dict.fromkeys(warning for report in reports for warning in report.warnings))
 
 
 class IMPRINT_PT_report(SidebarPanel, bpy.types.Panel):
@@ -141,9 +156,10 @@ class IMPRINT_PT_report(SidebarPanel, bpy.types.Panel):
         return results.of(context) is not None
 
     def draw(self, context: bpy.types.Context) -> None:
-        report = results.of(context)
-        draw_paragraphs(self.layout, context, report.warnings, "ERROR")
-        draw_paragraphs(self.layout, context, report.summary(), "DOT")
+        reports = results.all_of(context)
+        draw_paragraphs(self.layout, context, _warnings(reports), "ERROR")
+        for report in reports:
+            draw_paragraphs(self.layout, context, report.summary(), "DOT")
 
 
 CLASSES = (IMPRINT_UL_highs, IMPRINT_PT_bake, IMPRINT_PT_report)

@@ -8,7 +8,10 @@ import bpy
 
 from ...core.declarations.choices import Method, Space
 from ...core.errors import BakeError, shorten_list
+from ...core.settings import Settings
 from ...jobs import bake_jobs
+from ...jobs.job import Job
+from ...jobs.texture_sets import by_material
 from ...output import datablocks, map_names, map_storage, output_clashes
 from ...scene import object_checks, vertex_weights
 from ..properties import ImprintSettings
@@ -28,7 +31,16 @@ def problem(
     except BakeError as error:
         return str(error)
     reason = object_checks.problem(context, low, highs, settings.cage_for(settings.method), settings.method)
-    return reason or vertex_weights.problem(low, values)
+    return reason or vertex_weights.problem(low, values) or _clash(low, settings)
+
+
+def _clash(low: bpy.types.Object, settings: ImprintSettings) -> str:
+    """Why texture sets cannot have the names of the settings; empty if they can."""
+    try:
+        _filled(low, settings)
+    except BakeError as error:
+        return str(error)
+    return ""
 
 
 def is_normal_only(settings: ImprintSettings) -> bool:
@@ -84,13 +96,25 @@ class PlannedImage:
 
 def images(low: bpy.types.Object, settings: ImprintSettings) -> list[PlannedImage]:
     """The images that a bake would fill: that of the report first, then the others. settings: valid."""
-    filled = bake_jobs.for_low(settings.to_settings(), low.name)
+    return [image for filled in _filled(low, settings) for image in _images(filled)]
+
+
+def _images(filled: Settings) -> list[PlannedImage]:
+    """The images of one texture set."""
     by_map = output_clashes.settings_by_map(filled)
     first = output_clashes.first_map(filled)
     return [
         PlannedImage(of_map.image, os.path.basename(bpy.path.abspath(map_names.output_for(of_map))))
         for of_map in [by_map.pop(first), *by_map.values()]
     ]
+
+
+def _filled(low: bpy.types.Object, settings: ImprintSettings) -> list[Settings]:
+    """The settings of each texture set, or of the whole low object, with names filled in. Raises BakeError for names that
+    texture sets would share."""
+    values = settings.to_settings()
+    names = [job.material for job in by_material([Job(low, [])], values)] if values.texture_sets else [""]
+    return [bake_jobs.for_low(values, low.name, name) for name in names]
 
 
 def warning(low: bpy.types.Object, highs: list[bpy.types.Object]) -> str:

@@ -58,6 +58,11 @@ TABLE = {
         "es": "Captura una imagen por cada material de la malla low poly. {material} en los nombres representa el "
         "nombre del material",
     },
+    (SENTENCE, "Texture sets and one image for all low objects exclude each other: choose one of them."): {
+        "de_DE": "Textursätze und ein Bild für alle Low-Poly-Objekte schließen einander aus: eines davon wählen.",
+        "es": "Los conjuntos de texturas y una imagen para todos los objetos low poly se excluyen entre sí: elegir uno de "
+        "ellos.",
+    },
     (LABEL, "To Attributes"): {"de_DE": "In Attribute", "es": "En atributos"},
     (SENTENCE, "Also store the maps in attributes of the low mesh"): {
         "de_DE": "Die Maps auch in Attributen des Low-Poly-Meshes speichern",
