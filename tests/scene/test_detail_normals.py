@@ -114,6 +114,14 @@ def test_a_bump_map_on_a_normal_map(material):
     assert read(material).detail == found.detail.below
 
 
+@pytest.mark.parametrize("name", ["Strength", "Distance"])
+def test_a_bump_map_without_height_leaves_what_is_below(material, name):
+    node, height = texture(material, image(space="Non-Color")), texture(material)
+    below = normal_map(material, node.outputs[0])
+    bump = add(material, "Bump", {"Height": height.outputs[0], "Normal": below.outputs[0], name: 0.0})
+    assert isinstance(connect(material, bump.outputs[0]).detail, NormalMapFeed)
+
+
 def test_a_bump_map_on_another_is_named(material):
     first = add(material, "Bump", {"Height": texture(material).outputs[0], "Distance": 3.0})
     second = add(material, "Bump", {"Height": texture(material).outputs[0], "Normal": first.outputs[0]})

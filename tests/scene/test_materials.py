@@ -485,6 +485,18 @@ def test_emission_is_color_times_strength(material):
     assert found.notes == {}
 
 
+@pytest.mark.parametrize("image_is_color", [True, False])
+def test_emission_of_two_textures_is_named(material, image_is_color):
+    outputs = [texture(material).outputs[0], add(material, "VertexColor", layer_name="paint").outputs[0]]
+    color, strength = outputs if image_is_color else outputs[::-1]
+    material.node_tree.links.new(strength, principled(material).inputs["Emission Strength"])
+    found = feed_color(material, color, "Emission Color")
+    assert isinstance(found.feeds["Emission Color"], ImageFeed)
+    assert found.notes["Emission Color"] == (
+        'Material "Rust": Emission Color: two textures are multiplied, of which the map has one.',
+    )
+
+
 def test_emission_without_strength_is_black_whatever_feeds_it(material):
     found = feed_color(material, add(material, "TexNoise").outputs["Color"], "Emission Color")
     assert found.feeds["Emission Color"].color[:3] == (0.0, 0.0, 0.0)
@@ -592,6 +604,32 @@ def test_a_mix_of_two_shaders_is_named(material):
     assert found.notes[""] == (
         'Material "Rust": the node "Mix Shader" mixes shaders, of which the maps have "Principled BSDF".',
     )
+
+
+def test_transparency_is_multiplied(material):
+    """A mix in a mix, and the alpha of the Principled BSDF."""
+    output = principled(material).outputs[0]
+    principled(material).inputs["Alpha"].default_value = 0.9
+    for factor in (0.5, 0.25):
+        mix = add(material, "MixShader", {0: factor, 1: output, 2: add(material, "BsdfTransparent").outputs[0]})
+        output = mix.outputs[0]
+    surface(material, output)
+    assert read(material).feeds["Alpha"].color[0] == pytest.approx(0.9 * 0.5 * 0.75)
+    assert read(material).notes == {}
+
+
+def test_mixes_that_share_shaders_are_read_once(material):
+    """Without memory, 25 mixes that use the one before twice would take 2^25 steps."""
+    output = principled(material).outputs[0]
+    for _ in range(25):
+        output = add(material, "MixShader", {0: 0.5, 1: output, 2: output}).outputs[0]
+    surface(material, output)
+    assert "Base Color" in read(material).feeds
+    for _ in range(25):
+        output = add(material, "AddShader", {0: output, 1: output}).outputs[0]
+    surface(material, output)
+    (note,) = read(material).notes[""]
+    assert note.endswith("because more than 30 shaders follow each other.")
 
 
 def test_circles_end(material):

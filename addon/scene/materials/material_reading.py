@@ -74,8 +74,9 @@ def _value(values: NodeValues, shader: Shader, socket: str, value: Value) -> Sig
         is_dark = strength.constant is not None and not strength.constant.any()
         return strength if is_dark else _product(values.read(value), strength)
     signal = number(value) if isinstance(value, float) else values.read(value)
-    if socket == ALPHA and shader.opacity is not None:
-        return _product(shader.opacity(), signal)
+    for share in shader.opacity if socket == ALPHA else ():
+        factor = values.read(share.factor)
+        signal = _product(scaled(factor, -np.ones(3), np.ones(3)) if share.is_rest else factor, signal)
     return signal
 
 

@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Finds the shader that stands for a material: its Principled BSDF, or the shader that comes closest to one."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
-from typing import TypeAlias
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple, TypeAlias
 
-import numpy as np
 from bpy.types import Material, Node
 
 from .node_links import Place, title
 from .node_values import NodeValues
-from .signals import NotAffineError, NotFollowedError, Signal, scaled
+from .signals import NotAffineError, NotFollowedError
 
+PRINCIPLED = "ShaderNodeBsdfPrincipled"
 MOST_SHADERS = 30
 """The longest chain of Mix Shader and Add Shader nodes that is followed."""
 BASE_COLOR, ROUGHNESS, METALLIC, ALPHA, EMISSION = "Base Color", "Roughness", "Metallic", "Alpha", "Emission Color"
@@ -19,19 +19,27 @@ Value: TypeAlias = Place | float
 """An input of a shader, or a constant."""
 
 
-@dataclass
+class Share(NamedTuple):
+    """A part in a mix with transparency: the factor of a Mix Shader, or what is left of it to 1."""
+
+    factor: Place
+    is_rest: bool
+
+
+@dataclass(frozen=True)
 class Shader:
     """A shader of the surface. values: by socket of the Principled BSDF. strength: of the emission, by which it is multiplied.
 
-    opacity: the share of the shader in a mix with transparency. notes: clauses of sentences. normal: what moves the normals.
+    opacity: the shares of the shader in mixes with transparency, whose product is its alpha's factor. notes: clauses of
+    sentences. normal: what moves the normals.
     """
 
     node: Node
     values: dict[str, Value]
     strength: Place | None = None
     normal: Place | None = None
-    opacity: Callable[[], Signal] | None = None
-    notes: list[str] = field(default_factory=list)
+    opacity: tuple[Share, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 def find_shader(values: NodeValues, material: Material) -> Shader:
@@ -40,34 +48,98 @@ def find_shader(values: NodeValues, material: Material) -> Shader:
     output = tree.get_output_node("CYCLES") or tree.get_output_node("EEVEE")
     if output is None:
         raise NotFollowedError("it has no Material Output")
-    return _shader(values, Place(output.inputs["Surface"]), 0)
+    return _Finder(values).find(Place(output.inputs["Surface"]))
 
 
-def _shader(values: NodeValues, surface: Place, depth: int) -> Shader:
-    source = values.links.source(surface)
-    if not source.socket.is_output:
-        raise NotFollowedError("it has no shader" if depth == 0 else "a mix of shaders lacks one")
-    output, node = source, source.node
-    if depth > MOST_SHADERS:
-        raise NotFollowedError(f"more than {MOST_SHADERS} shaders follow each other")
-    match node.bl_idname:
-        case "ShaderNodeBsdfPrincipled":
-            return _principled(output)
-        case "ShaderNodeEmission":
-            color = output.input("Color")
-            note = f"the shader {title(node)} is no Principled BSDF; its color counts as base color and as emission"
-            return Shader(node, {BASE_COLOR: color, EMISSION: color}, output.input("Strength"), notes=[note])
-        case "ShaderNodeMixShader":
-            return _mixed(values, output, depth)
-        case "ShaderNodeAddShader":
-            return _added(values, output, depth)
-    return _simple(output)
+@dataclass
+class _Finder:
+    """Follows mixes of shaders. It remembers what it has found, because mixes can share shaders."""
+
+    values: NodeValues
+    _known: dict[Place, Shader | NotFollowedError] = field(default_factory=dict)
+    _depth: int = 0
+
+    def find(self, surface: Place) -> Shader:
+        """The shader at an input. Raises NotFollowedError if there is none that can be read."""
+        output = self.values.links.source(surface)
+        if not output.socket.is_output:
+            raise NotFollowedError("a mix of shaders lacks one" if self._depth else "it has no shader")
+        if output not in self._known:
+            self._known[output] = self._shader(output)
+        found = self._known[output]
+        if isinstance(found, NotFollowedError):
+            raise found
+        return found
+
+    def _shader(self, output: Place) -> Shader | NotFollowedError:
+        if self._depth > MOST_SHADERS:
+            return NotFollowedError(f"more than {MOST_SHADERS} shaders follow each other")
+        self._depth += 1
+        try:
+            match output.node.bl_idname:
+                case "ShaderNodeBsdfPrincipled":
+                    return _principled(output)
+                case "ShaderNodeEmission":
+                    return _emission(output)
+                case "ShaderNodeMixShader":
+                    return self._mixed(output)
+                case "ShaderNodeAddShader":
+                    places = [output.beside(socket) for socket in output.node.inputs]
+                    return self._first(places, f"the node {title(output.node)} adds shaders")
+            return _simple(output)
+        except NotFollowedError as error:
+            return error
+        finally:
+            self._depth -= 1
+
+    def _mixed(self, output: Place) -> Shader:
+        """One of two mixed shaders: the one that the factor chooses, or that is beside a Transparent BSDF, or the first."""
+        node = output.node
+        factor, first, second = (output.beside(socket) for socket in node.inputs)
+        share = self._constant(factor)
+        if share is not None and share in (0.0, 1.0):
+            return self.find(second if share else first)
+        for place, other, is_rest in ((first, second, True), (second, first, False)):
+            if self._is_transparent(other):
+                found = self.find(place)
+                return replace(found, opacity=(*found.opacity, Share(factor, is_rest)))
+        return self._first([first, second], f"the node {title(node)} mixes shaders")
+
+    def _first(self, places: Sequence[Place], what: str) -> Shader:
+        """The first of several shaders that can be read, and rather a Principled BSDF than another."""
+        found, reasons = [], []
+        for place in places:
+            try:
+                found.append(self.find(place))
+            except NotFollowedError as error:
+                reasons.append(error)
+        if not found:
+            raise reasons[0]
+        chosen = next((one for one in found if one.node.bl_idname == PRINCIPLED), found[0])
+        return replace(chosen, notes=(*chosen.notes, f"{what}, of which the maps have {title(chosen.node)}"))
+
+    def _constant(self, factor: Place) -> float | None:
+        try:
+            value = self.values.read(factor).constant
+        except (NotFollowedError, NotAffineError):
+            return None
+        return None if value is None else float(value[0].clip(0.0, 1.0))
+
+    def _is_transparent(self, surface: Place) -> bool:
+        source = self.values.links.source(surface)
+        return source.socket.is_output and source.node.bl_idname == "ShaderNodeBsdfTransparent"
 
 
 def _principled(output: Place) -> Shader:
     inputs = [socket for socket in output.node.inputs if socket.enabled and socket.type in {"RGBA", "VALUE"}]
     sockets: dict[str, Value] = {socket.name: output.beside(socket) for socket in inputs}
     return Shader(output.node, sockets, output.input("Emission Strength"), output.input("Normal"))
+
+
+def _emission(output: Place) -> Shader:
+    color = output.input("Color")
+    note = f"the shader {title(output.node)} is no Principled BSDF; its color counts as base color and as emission"
+    return Shader(output.node, {BASE_COLOR: color, EMISSION: color}, output.input("Strength"), notes=(note,))
 
 
 def _simple(output: Place) -> Shader:
@@ -88,62 +160,4 @@ def _simple(output: Place) -> Shader:
     }
     note = f"the shader {title(node)} is no Principled BSDF; its color counts as base color"
     normal = output.input("Normal") if "Normal" in names else None
-    return Shader(node, sockets, None, normal, notes=[note])
-
-
-def _mixed(values: NodeValues, output: Place, depth: int) -> Shader:
-    """One of two mixed shaders: the one beside a Transparent BSDF, or the one that the factor chooses, or the first."""
-    node = output.node
-    factor, *places = (output.beside(socket) for socket in node.inputs)
-    share = _constant_share(values, factor)
-    if share is not None and share in (0.0, 1.0):
-        return _shader(values, places[int(share)], depth + 1)
-    for place, other, is_second in ((*places, False), (*places[::-1], True)):
-        if _is_transparent(values, other):
-            found = _shader(values, place, depth + 1)
-            outer = found.opacity
-
-            def opacity(outer=outer, is_second=is_second) -> Signal:
-                own = values.read(factor)
-                own = own if is_second else scaled(own, -np.ones(3), np.ones(3))
-                inner = outer().constant if outer else np.ones(3)
-                if inner is None:
-                    raise NotAffineError("mixes transparency twice")
-                return scaled(own, inner, np.zeros(3))
-
-            found.opacity = opacity
-            return found
-    return _first(values, places, f"the node {title(node)} mixes shaders", depth)
-
-
-def _added(values: NodeValues, output: Place, depth: int) -> Shader:
-    places = [output.beside(socket) for socket in output.node.inputs]
-    return _first(values, places, f"the node {title(output.node)} adds shaders", depth)
-
-
-def _first(values: NodeValues, places: list[Place], what: str, depth: int) -> Shader:
-    """The first of two shaders that can be read, and rather a Principled BSDF than another."""
-    found = []
-    for place in places:
-        try:
-            found.append(_shader(values, place, depth + 1))
-        except NotFollowedError as error:
-            reason = error
-    if not found:
-        raise reason
-    chosen = next((one for one in found if one.node.bl_idname == "ShaderNodeBsdfPrincipled"), found[0])
-    chosen.notes.append(f"{what}, of which the maps have {title(chosen.node)}")
-    return chosen
-
-
-def _constant_share(values: NodeValues, factor: Place) -> float | None:
-    try:
-        value = values.read(factor).constant
-    except (NotFollowedError, NotAffineError):
-        return None
-    return None if value is None else float(value[0].clip(0.0, 1.0))
-
-
-def _is_transparent(values: NodeValues, surface: Place) -> bool:
-    source = values.links.source(surface)
-    return source.socket.is_output and source.node.bl_idname == "ShaderNodeBsdfTransparent"
+    return Shader(node, sockets, None, normal, notes=(note,))
