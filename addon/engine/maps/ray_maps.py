@@ -35,25 +35,43 @@ class RayMaps(ABC):
         self.rays = max(settings.rays, settings.samples)
         self.lattice = lattice.of(self.rays)
         self.effort = 0.7 * self.rays / settings.samples
+        self._picture: gpu.types.GPUTexture | None = None
 
     def add(self, drawn: Sequence[Sample]) -> Task[None]:
         """As MapFamily has it."""
-        size = self.run.settings.width, self.run.settings.height
-        for sample in drawn:
-            band = sample.band
-            sums = self._sums(band)
-            rays = lattice.rays_of_sample(self.lattice, sample.number, self.run.settings.samples)
-            done, total = 0, len(rays) * band.height
-            for rows, some, is_first in lattice.slices(self.run.pace, band.height, rays):
-                with self.run.timings.timed("draw"):
-                    self._cast(sums, sample.hits.texture, some, rows, is_first=is_first and sample.number == 0)
-                    sums.finish()
-                done += len(some) * len(rows)
+        if self.run.pace.has_listener and drawn[0].number == 0:
+            target.clear(self._sums(drawn[0].band))  # the picture shows rows that are not drawn yet
+        for number, sample in enumerate(drawn):
+            for share in self._of_sample(sample):
                 if self.run.pace.has_listener:
-                    picture = None
-                    if self.run.pace.has_picture and band.is_whole and rows.stop == band.height and len(drawn) == 1:
-                        picture = self._picture(sums, sample, size, done // band.height)
-                    yield Progress(self.title, done / total, picture)
+                    yield Progress(self.title, (number + share) / len(drawn), self._picture)
+
+    def _of_sample(self, sample: Sample) -> Iterator[float]:
+        """Cast the rays of one sample, in slices. Yields the finished share."""
+        band, samples = sample.band, self.run.settings.samples
+        sums = self._sums(band)
+        rays = lattice.rays_of_sample(self.lattice, sample.number, samples)
+        done = 0
+        for rows, some, is_first in lattice.slices(self.run.pace, band.height, rays):
+            with self.run.timings.timed("draw"):
+                self._cast(sums, sample.hits.texture, some, rows, is_first=is_first and sample.number == 0)
+                sums.finish()
+            done += len(some) * len(rows)
+            # All rows of the picture have as many rays, or none yet.
+            if is_first and sample.number == 0:
+                self._show(sums, sample, len(some))
+            elif rows.stop == band.height:
+                self._show(sums, sample, self.rays * sample.number / samples + done / band.height)
+            yield done / (len(rays) * band.height)
+
+    def _show(self, sums: target.Target, sample: Sample, rays: float) -> None:
+        """Draw the picture of the rays so far."""
+        if not (self.run.pace.has_listener and self.run.pace.has_picture and sample.band.is_whole):
+            return
+        into = target.get("mean", sums.width, sums.height, "RGBA32F")
+        self._values(self.names[0], into, sums, sample.normals.texture, rays)
+        size = self.run.settings.width, self.run.settings.height
+        self._picture = preview_picture.draw(into.texture, size, np.eye(3), clear=False, is_value=True)
 
     def finished(self, band: Band, known: gpu.types.GPUTexture) -> Iterator[tuple[str, gpu.types.GPUTexture]]:
         """As MapFamily has it."""
@@ -66,12 +84,6 @@ class RayMaps(ABC):
 
     def _sums(self, band: Band) -> target.Target:
         return target.get(f"sums of {self.title}", band.width, band.height, "RGBA32F")
-
-    def _picture(self, sums: target.Target, sample: Sample, size: tuple[int, int], rays: int) -> gpu.types.GPUTexture:
-        """The picture of the rays so far."""
-        into = target.get("mean", sums.width, sums.height, "RGBA32F")
-        self._values(self.names[0], into, sums, sample.normals.texture, rays)
-        return preview_picture.draw(into.texture, size, np.eye(3), clear=False, is_value=True)
 
     def _draw(self, name: str, band: Band, known: gpu.types.GPUTexture, rays: float) -> gpu.types.GPUTexture:
         into = target.get("mean", band.width, band.height, "RGBA32F")
