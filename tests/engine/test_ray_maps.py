@@ -1,0 +1,241 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Whole bakes of ambient occlusion, bent normals, thickness and curvature, compared with closed forms."""
+
+import bmesh
+import bpy
+import mathutils
+import numpy as np
+import pytest
+
+from addon.core.settings import Settings
+from addon.jobs import Job, bake_all
+from tests.support import angles, layouts, zoo
+from tests.support.hemisphere import form_factor
+from tests.support.layouts import Layout
+from tests.support.maps import bake_all_maps, pixels, texel_uv
+
+pytestmark = pytest.mark.usefixtures("gpu_context")
+
+SIZE = 64
+METHODS = ("FLATTEN", "CAST")
+MEAN = 0.5 / 255
+"""The largest mean error at 128 rays: half of a step of 8 bits."""
+RMS = 2.5 / 255
+"""The largest root mean square error at 128 rays."""
+DIRECTION = 1.0
+"""Degrees. The largest median error of bent normals at 128 rays."""
+LOW = Layout(degrees=24.0, scale=0.34)
+OUTSIDE = Layout(scale=0.1, center=(5.5, 5.5))
+UP = np.array((0.0, 0.0, 1.0))
+WALL = np.array([(1.1, -1.0, 0.0), (1.1, 1.0, 0.0), (1.1, 1.0, 1.2), (1.1, -1.0, 1.2)])
+"""The corners of a wall beside the square; its front looks at the square."""
+
+
+def check(found, truth):
+    error = found.astype(np.float64) - truth
+    rms = np.sqrt((error**2).mean())
+    print(f"truth {np.mean(truth):.3f}, mean {error.mean() * 255:+.3f}/255, RMS {rms * 255:.3f}/255")
+    assert abs(error.mean()) < MEAN
+    assert rms < RMS
+
+
+def wall(name="wall", *, is_turned=False):
+    uv = OUTSIDE.uv(np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]))
+    face = range(4)[::-1] if not is_turned else range(4)
+    return zoo.build(name, WALL, [face], uv[None], smooth=False)
+
+
+def beside_a_wall(**options):
+    """A low square, and as high ones a square on it and the wall."""
+    return layouts.square("lo", {zoo.LAYER: LOW}), layouts.square("hi", {zoo.LAYER: LOW}), wall(**options)
+
+
+def open_sky(size=SIZE):
+    """What each texel of the square sees (size, size) beside the wall, and where the square is."""
+    points, inside = LOW.texels(size)
+    on_floor = np.concatenate([points, np.zeros((*points.shape[:2], 1))], axis=-1).reshape(-1, 3)
+    hidden = form_factor(on_floor, UP, WALL).reshape(points.shape[:2])
+    return 1.0 - hidden, inside
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("samples", [1, 4, 16])
+def test_occlusion_beside_a_wall(method, samples):
+    _, maps = bake_all_maps(*beside_a_wall(), maps=["AO"], size=SIZE, method=method, samples=samples)
+    truth, inside = open_sky()
+    check(maps["ao"][inside, 0], truth[inside])
+    assert truth[inside].min() < 0.65
+    assert (maps["ao"][inside, 3] == 1.0).all()
+
+
+@pytest.mark.parametrize("two_sided", [False, True])
+def test_backs_block_if_they_should(two_sided):
+    pair = beside_a_wall(is_turned=True)
+    _, maps = bake_all_maps(*pair, maps=["AO"], size=SIZE, two_sided=two_sided)
+    truth, inside = open_sky()
+    check(maps["ao"][inside, 0], truth[inside] if two_sided else np.ones(inside.sum()))
+
+
+@pytest.mark.parametrize("unit", ["SCENE", "DIAGONAL"])
+@pytest.mark.parametrize(("fade", "reaches"), [("NONE", 1.0), ("LINEAR", None)])
+def test_a_distance_in_both_units(unit, fade, reaches):
+    """Beyond the distance from the wall nothing is hidden; within it, a fade hides less."""
+    low, *highs = beside_a_wall()
+    distance, diagonal = 0.8, np.linalg.norm((2.1, 2.0, 1.2))
+    limit = distance if unit == "SCENE" else distance / diagonal
+    _, maps = bake_all_maps(
+        low, *highs, maps=["AO"], size=SIZE, rays=512, distance_unit=unit, ao_distance=limit, ao_fade=fade
+    )
+    points, inside = LOW.texels(SIZE)
+    found = maps["ao"][..., 0]
+    assert (found[inside & (points[..., 0] < 1.1 - distance)] == 1.0).all()
+    near = inside & (points[..., 0] > 1.1 - 0.7 * distance)
+    assert (found[near & (np.abs(points[..., 1]) < 0.8)] < 1.0).all()
+    truth = limited_sky(points[near], distance, fade)
+    check(found[near], truth)
+
+
+def limited_sky(points, distance, fade):
+    """What points (N, 2) of the square see, where the wall counts up to a distance: many cosine directions."""
+    seen = np.zeros(len(points))
+    count = 4096
+    turn, height = np.pi * (3.0 - np.sqrt(5.0)) * np.arange(count), (np.arange(count) + 0.5) / count
+    sine = np.sqrt(height)
+    for x, y, z in zip(sine * np.cos(turn), sine * np.sin(turn), np.sqrt(1.0 - height), strict=True):
+        length = (WALL[0, 0] - points[:, 0]) / max(x, 1e-9)
+        hit = (np.abs(points[:, 1] + length * y) < 1.0) & (length * z < 1.2) & (length < distance)
+        seen += np.where(hit, length / distance if fade == "LINEAR" else 0.0, 1.0)
+    return seen / count
+
+
+@pytest.mark.parametrize("occluders", ["OWN", "ALL"])
+def test_occluders_of_other_pairs(occluders):
+    """The wall belongs to another pair."""
+    low, high, other = beside_a_wall()
+    uv = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
+    second = zoo.build("low wall", WALL, [range(4)[::-1]], uv[None], smooth=False)
+    settings = Settings(
+        method="CAST", maps=("AO",), width=SIZE, height=SIZE, occluders=occluders, depth=32, storage="MEMORY", margin=0
+    )
+    reports = bake_all(bpy.context, [Job(low, [high]), Job(second, [other])], settings)
+    truth, inside = open_sky()
+    found, on_wall = (pixels(bpy.data.images[report.maps["ao"]["image"]])[..., 0] for report in reports)
+    check(found[inside], truth[inside] if occluders == "ALL" else np.ones(inside.sum()))
+    u, v = np.moveaxis(texel_uv(SIZE, SIZE).reshape(-1, 2), -1, 0)
+    places = np.stack([np.full(len(u), WALL[0, 0]), 2.0 * u - 1.0, WALL[2, 2] * (1.0 - v)], axis=1)
+    square = np.array([(-1.0, -1.0, 0.0), (1.0, -1.0, 0.0), (1.0, 1.0, 0.0), (-1.0, 1.0, 0.0)])
+    hidden = form_factor(places, np.array((-1.0, 0.0, 0.0)), square)
+    check(on_wall.ravel(), 1.0 - hidden if occluders == "ALL" else np.ones(len(u)))
+
+
+def test_a_floor_blocks_the_lower_half_of_walls():
+    """The sides of a cube see half of the sky above a floor, its top all of it."""
+    low, high = zoo.cube("lo"), zoo.cube("hi")
+    high.scale = (1.01,) * 3
+    for has_floor in (False, True):
+        _, maps = bake_all_maps(low, high, maps=["AO", "OBJECT_ID"], size=(96, 64), method="CAST", floor=has_floor)
+        found, known = maps["ao"][..., 0], angles.eroded(maps["ao"][..., 3] > 0, 1)
+        faces = [(slice(32 * j, 32 * j + 32), slice(32 * i, 32 * i + 32)) for j in range(2) for i in range(3)]
+        for number, face in enumerate(faces[1:], start=1):  # the first is the bottom, which lies on the floor
+            expected = 0.5 if has_floor and number > 1 else 1.0
+            check(found[face][known[face]], expected)
+
+
+def rays_over(points, count=4096):
+    """The mean unblocked cosine directions (N, 3) over points (N, 2) of the square, not normalized."""
+    total = np.zeros((len(points), 3))
+    turn, height = np.pi * (3.0 - np.sqrt(5.0)) * np.arange(count), (np.arange(count) + 0.5) / count
+    for x, y, z in zip(
+        np.sqrt(height) * np.cos(turn), np.sqrt(height) * np.sin(turn), np.sqrt(1.0 - height), strict=True
+    ):
+        length = (WALL[0, 0] - points[:, 0]) / max(x, 1e-9)
+        hit = (np.abs(points[:, 1] + length * y) < 1.0) & (length * z < 1.2)
+        total[~hit] += (x, y, z)
+    return total / count
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("samples", [1, 4])
+def test_bent_normals_beside_a_wall_in_each_space(method, samples):
+    """Decoded, all spaces give the same directions; the objects are turned together."""
+    low, *highs = beside_a_wall()
+    turn = mathutils.Matrix.Rotation(0.7, 4, (0.3, -0.5, 0.8))
+    for obj in (low, *highs):
+        obj.matrix_world = turn @ obj.matrix_world
+    points, inside = LOW.texels(SIZE)
+    expected = rays_over(points[inside])
+    expected /= np.linalg.norm(expected, axis=1, keepdims=True)
+    assert np.degrees(np.arccos(expected[:, 2])).max() > 15.0
+    matrix = np.array(turn)[:3, :3]
+    to_object = {"TANGENT": LOW.frame(), "OBJECT": np.eye(3), "WORLD": matrix.T}
+    for space, back in to_object.items():
+        _, maps = bake_all_maps(
+            low, *highs, maps=["BENT_NORMAL"], size=SIZE, method=method, samples=samples, space=space
+        )
+        found = angles.decode(maps["bent_normal"][inside]) @ back.T
+        error = angles.degrees(found, expected)
+        print(f"{space}: median {np.median(error):.3f}, max {error.max():.2f}")
+        assert np.median(error) < DIRECTION
+        assert np.percentile(error, 99) < 4.0 * DIRECTION
+
+
+RADIUS = 2.0
+
+
+def ball():
+    """A low belt of a sphere, and a closed fine one."""
+    data = bpy.data.meshes.new("ball")
+    mesh = bmesh.new()
+    bmesh.ops.create_icosphere(mesh, subdivisions=6, radius=1.0)
+    mesh.to_mesh(data)
+    mesh.free()
+    data.polygons.foreach_set("use_smooth", np.ones(len(data.polygons), bool))
+    high = bpy.data.objects.new("ball", data)
+    bpy.context.scene.collection.objects.link(high)
+    low = zoo.sphere("lo", 16)
+    for obj in (low, high):
+        obj.scale, obj.location = (RADIUS,) * 3, (3.0, -1.0, 7.0)
+    return low, high
+
+
+@pytest.mark.parametrize("samples", [1, 4])
+def test_the_maps_of_a_ball(samples):
+    """Mean exits 2 cos t under the cosine; f = 1/2 - 3 R / (16 rho); nothing hides the sky."""
+    length, radius = 0.5 * RADIUS, 0.4 * RADIUS
+    report, maps = bake_all_maps(
+        *ball(),
+        maps=["AO", "BENT_NORMAL", "THICKNESS", "CURVATURE", "CONVEXITY", "CAVITY"],
+        size=SIZE,
+        method="CAST",
+        samples=samples,
+        distance_unit="SCENE",
+        thickness_distance=length,
+        curvature_radius=radius,
+    )
+    inner = slice(2, -2), slice(2, -2)
+    found = {name: texels[inner] for name, texels in maps.items()}
+    curved = 0.5 + 3.0 * radius / (8.0 * RADIUS)
+    check(found["ao"][..., 0], 1.0)
+    check(found["thickness"][..., 0], 1.0 - (length / RADIUS) ** 2 / 12.0)
+    check(found["curvature"][..., 0], curved)
+    check(found["convexity"][..., 0], 2.0 * curved - 1.0)
+    check(found["cavity"][..., 0], 0.0)
+    how = report.maps["curvature"]
+    mean_curvature = (found["curvature"][..., 0].mean() - how["midlevel"]) * how["scale"]
+    assert abs(mean_curvature * RADIUS - 1.0) < 0.02
+    how = report.maps["convexity"]
+    assert abs((found["convexity"][..., 0].mean() - how["midlevel"]) * how["scale"] * RADIUS - 1.0) < 0.02
+    how = report.maps["thickness"]
+    assert abs((found["thickness"][..., 0].mean() - how["midlevel"]) * how["scale"] - 0.9792 * length) < 0.01 * length
+    tilt = angles.degrees(angles.decode(found["bent_normal"]), angles.decode(pixels(bpy.data.images["map"])[inner]))
+    assert np.median(tilt) < DIRECTION
+
+
+def test_distances_without_a_setting_are_shares_of_the_diagonal():
+    """10 % for thickness and 2 % for curvature."""
+    report, maps = bake_all_maps(*ball(), maps=["THICKNESS", "CURVATURE"], size=SIZE, method="CAST")
+    diagonal = 2.0 * np.sqrt(3.0) * RADIUS
+    assert report.maps["thickness"]["scale"] == pytest.approx(0.1 * diagonal, rel=1e-3)
+    inner = slice(2, -2), slice(2, -2)
+    check(maps["thickness"][inner][..., 0], 1.0 - (0.1 * diagonal / RADIUS) ** 2 / 12.0)
+    check(maps["curvature"][inner][..., 0], 0.5 + 3.0 * 0.02 * diagonal / (8.0 * RADIUS))
