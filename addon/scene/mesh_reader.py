@@ -101,7 +101,7 @@ def with_tangents(data: bpy.types.Mesh, uv_layer: str, name: str, to_world: np.n
     Mesh.calc_tangents takes only triangles and quads, so a mesh with n-gons is first triangulated as Blender draws it;
     then the corners are those of the triangles.
     """
-    if max_face_size(data) > 4:
+    if _max_face_size(data) > 4:
         with _triangulated(data, uv_layer) as triangles_only:
             return with_tangents(triangles_only, uv_layer, name, to_world)
     mesh = surface(data, uv_layer, name, to_world, with_faces=True)
@@ -237,8 +237,7 @@ def _corner_vertices(data: bpy.types.Mesh) -> np.ndarray:
     return indices
 
 
-def max_face_size(data: bpy.types.Mesh) -> int:
-    """The largest number of corners of a face; 3 for less."""
+def _max_face_size(data: bpy.types.Mesh) -> int:
     if len(data.loops) <= 3 * len(data.polygons):
         return 3
     sizes = np.empty(len(data.polygons), np.int32)

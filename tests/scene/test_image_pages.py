@@ -107,6 +107,32 @@ def test_pages_say_what_is_stored(tmp_path, settings, flags):
     assert " ".join(name for name, value in said.items() if value) == flags
 
 
+def test_one_key_where_alpha_has_no_influence(tmp_path):
+    """The page is loaded once for the sockets that use alpha and for those that do not."""
+    images = ImagePages()
+    for space, alpha, keys in (("sRGB", "STRAIGHT", 2), ("sRGB", "CHANNEL_PACKED", 1), ("Non-Color", "STRAIGHT", 1)):
+        image = load(tmp_path / "image.png", stored(), space=space, alpha=alpha)
+        assert len({images.page(image, is_premultiplied=value).key for value in (True, False)}) == keys
+
+
+def test_what_is_transparent_has_finite_colors(tmp_path):
+    values = stored(16)
+    values[..., 3] = 0
+    assert np.isfinite(page(load(tmp_path / "image.png", values))).all()
+
+
+@pytest.mark.parametrize("alpha", ["STRAIGHT", "CHANNEL_PACKED"])
+def test_the_alpha_mode_of_packed_tiles(tmp_path, alpha):
+    image = bpy.data.images.new("tiles", 1, 1, tiled=True)
+    values = stored(seed=4)
+    feeds.write_png(tmp_path / "tile.1001.png", values)
+    image.source, image.filepath, image.alpha_mode = "TILED", str(tmp_path / "tile.<UDIM>.png"), alpha
+    image.pixels[0]
+    image.pack()
+    single = load(tmp_path / "single.png", values, alpha=alpha)
+    assert (page(image, 1001, is_premultiplied=True) == page(single, is_premultiplied=True)).all()
+
+
 def test_an_image_without_transparency_has_nothing_to_weigh(tmp_path):
     images = ImagePages()
     image = load(tmp_path / "image.png", stored(channels=3))

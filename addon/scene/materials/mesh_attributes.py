@@ -70,7 +70,7 @@ def tangents_by_corner(data: bpy.types.Mesh, layer: str) -> np.ndarray | None:
     if name not in data.uv_layers or not data.polygons:
         return None
     mesh = mesh_reader.with_tangents(data, name, "", np.eye(4))
-    if len(mesh.tangents) == len(data.loops) and mesh_reader.max_face_size(data) <= 4:
+    if len(mesh.tangents) == len(data.loops):
         return mesh.tangents
     tangents = np.zeros((len(data.loops), 4), np.float32)
     tangents[mesh_reader.triangles(data).reshape(-1)] = mesh.tangents
