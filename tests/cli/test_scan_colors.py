@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Tests the colors of scans from their files to the map: pages, vertex colors, embedded images, UDIM tiles, missing pages."""
 
+import json
+import re
+
 import bpy
 import numpy as np
 import pytest
@@ -75,6 +78,17 @@ def test_each_page_shows_where_its_material_is(paged, colors, method):
 def test_a_far_scan_has_the_same_colors(folder, paged, colors):
     scans.write_obj(folder / "far.obj", scans.strips(1, FAR))
     check_strips(colors(paged(FAR), "--method", "cast", low="far.obj")[0], scans.COLORS)
+
+
+def test_a_far_scan_of_several_objects(folder, paged, colors):
+    """As programs write them that cut large scans into parts."""
+    scans.write_obj(folder / "far.obj", scans.strips(1, FAR))
+    scan = folder / paged(FAR)
+    scan.write_text(re.sub(r"^usemtl m(\d)", r"o part \1\nusemtl m\1", scan.read_text(), flags=re.MULTILINE))
+    found, err = colors(scan, "--method", "cast", "--report", "r.json", low="far.obj")
+    check_strips(found, scans.COLORS)
+    assert err == ""
+    assert json.loads((folder / "r.json").read_text())["high"] == [f"part {number}" for number in range(4)]
 
 
 def test_missing_pages_are_left_out_if_that_is_allowed(folder, paged, colors):
