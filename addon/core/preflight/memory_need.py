@@ -12,8 +12,9 @@ PROGRAM = 530 * 10**6
 TRIANGLE, TRIANGLE_ON_GPU, TRIANGLE_IN_TREE = 250, 112, 190
 """Bytes for each triangle: of Blender's mesh and the arrays that are read from it, of the tables on the GPU, and while the tree
 is built."""
-TEXEL, TEXEL_ON_GPU, TEXEL_OF_SUMS = 70, 124, 16
-"""Bytes for each texel of the normal map: stored, drawn on the GPU (as large as a band), and with several samples."""
+TEXEL, TEXEL_ON_GPU, TEXEL_OF_SUMS, TEXEL_STORED = 17, 124, 16, 53
+"""Bytes for each texel of the normal map: read from the GPU, drawn there (as large as a band), with several samples, and while
+one map is stored."""
 OTHER_TEXEL, OTHER_TEXEL_ON_GPU = 33, 32
 """The same for each other map."""
 PAGE_PIXEL, PAGE_PIXEL_ON_GPU = 20, 10
@@ -36,12 +37,15 @@ class Amounts:
 
 @dataclass(frozen=True)
 class Need:
-    """Bytes that a bake needs. Building the tree and drawing maps come one after the other, so `peak` is less than the sum."""
+    """Bytes that a bake needs. Building the tree, drawing maps with a page, and storing them come one after the other, so that
+    `peak` is less than the sum.
+    """
 
     program: int
     meshes: int
     tree: int
     maps: int
+    storing: int
     page: int
     on_gpu: int
     """Those of the above that are on the GPU."""
@@ -58,6 +62,7 @@ class Need:
             meshes=amounts.triangles * TRIANGLE + meshes_on_gpu,
             tree=amounts.triangles * TRIANGLE_IN_TREE,
             maps=amounts.texels * (TEXEL + amounts.other_maps * OTHER_TEXEL) + maps_on_gpu,
+            storing=amounts.texels * TEXEL_STORED,
             page=amounts.page_pixels * PAGE_PIXEL + page_on_gpu,
             on_gpu=meshes_on_gpu + maps_on_gpu + page_on_gpu,
         )
@@ -65,7 +70,7 @@ class Need:
     @property
     def peak(self) -> int:
         """The most bytes at once, on the machine and on the GPU together."""
-        return self.program + self.meshes + max(self.tree, self.maps + self.page)
+        return self.program + self.meshes + max(self.tree, self.maps + max(self.page, self.storing))
 
     def of_machine(self, *, is_software: bool) -> int:
         """The most bytes at once in the machine's memory. is_software: whether the GPU is a program on the CPU."""
@@ -87,7 +92,12 @@ def sentence(need: Need, free: int | None, *, is_software: bool) -> str:
 
 def _way_out(need: Need) -> str:
     """What to change so that less memory is needed: the largest part of it."""
-    parts = (need.program, "program"), (need.meshes + need.tree, "meshes"), (need.maps, "maps"), (need.page, "page")
+    parts = (
+        (need.program, "program"),
+        (need.meshes + need.tree, "meshes"),
+        (need.maps + need.storing, "maps"),
+        (need.page, "page"),
+    )
     largest = max(parts)[1]
     if largest == "program":
         return "close other programs"
