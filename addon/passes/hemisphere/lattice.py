@@ -33,9 +33,10 @@ def of(count: int) -> Lattice:
     generators = (a for a in range(1, max(2, count // 2 + 1)) if math.gcd(a, count) == 1)
     chosen = min(generators, key=lambda a: _error(count, a))
     short, long = _reduced((1, chosen), (0, count))
-    if math.gcd(*short, count) > 1:  # steps of this length do not lead through all points
-        short, long = long, short
-    return Lattice(count, (short[0] % count, short[1] % count), tuple(x / count for x in (*short, *long)))
+    sums = [(short[0] * i + long[0] * j, short[1] * i + long[1] * j) for i in range(4) for j in range(-3, 4)]
+    # Not every short step leads through all points.
+    step = min((way for way in [*sums, (1, chosen)] if math.gcd(*way, count) == 1), key=lambda way: math.hypot(*way))
+    return Lattice(count, (step[0] % count, step[1] % count), tuple(x / count for x in (*short, *long)))
 
 
 def rays_of_sample(lattice: Lattice, sample: int, samples: int) -> range:
