@@ -49,7 +49,7 @@ def _bake(
             drawing = settings.for_drawing()
             ready = yield from part(_prepare(context, job, drawing, pace, timings), 0.0, READY)
             tally, post_processes = Tally(), margins.for_maps([ready.plan.meshes.low], drawing)
-            outputs.sample_onto(job.low, ready.meshes.uv_layer, is_own_base=ready.meshes.is_own_base)
+            outputs.sample_onto(job.low, ready.meshes.uv_layer, is_own_base=ready.meshes.is_own_base, slots=job.slots)
             for tile, start, stop in _shares(ready.plan):
                 maps = yield from part(ready.renderer.texels(tile, post_processes), start, stop)
                 tally.add(maps[NORMAL.name], settings)

@@ -98,7 +98,8 @@ def _edit(
     _fill_slots(low, single_user)
     sharers = _sharers(low)
     notes = []
-    chosen = low.material_slots if slots is None else [low.material_slots[number] for number in slots]
+    # Slots may have been removed since the bake.
+    chosen = low.material_slots if slots is None else [slot for slot in low.material_slots if slot.slot_index in slots]
     for material in dict.fromkeys(slot.material for slot in chosen if slot.material):
         is_local, others = _is_local(material), sharers[material]
         state = f'Material "{material.name}" ' + (_list(others) if is_local else "is linked from a library")

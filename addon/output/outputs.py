@@ -65,10 +65,12 @@ class Outputs:
             for writer in self._writers.values():
                 discards.callback(writer.discard)
 
-    def sample_onto(self, low: bpy.types.Object, uv_layer: str, *, is_own_base: bool) -> None:
+    def sample_onto(
+        self, low: bpy.types.Object, uv_layer: str, *, is_own_base: bool, slots: Sequence[int] | None = None
+    ) -> None:
         """Also store the maps that are added from now on in attributes of `low`, if the settings say so. See VertexMaps."""
         if self.settings.vertex_domain != VertexDomain.NONE:
-            self._vertices.append(VertexMaps(low, uv_layer, self.settings, is_own_base=is_own_base))
+            self._vertices.append(VertexMaps(low, uv_layer, self.settings, is_own_base=is_own_base, slots=slots))
 
     def add(self, tile: int, maps: dict[str, Map]) -> None:
         """Add one UDIM tile of all maps, by name. Empty tiles are ignored: a triangle may touch a tile and cover no texel."""

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Samples maps onto attributes of the low mesh, with a value for each face corner or for each vertex."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import bpy
@@ -48,8 +49,17 @@ class _Samples:
 class VertexMaps:
     """Reads the maps of one bake at the corners of a mesh, tile by tile, and stores them in attributes at the end."""
 
-    def __init__(self, low: bpy.types.Object, uv_layer: str, settings: Settings, *, is_own_base: bool = False):
-        """uv_layer: that is baked. is_own_base: whether the modifiers of `low` make the high mesh.
+    def __init__(
+        self,
+        low: bpy.types.Object,
+        uv_layer: str,
+        settings: Settings,
+        *,
+        is_own_base: bool = False,
+        slots: Sequence[int] | None = None,
+    ):
+        """uv_layer: that is baked. is_own_base: whether the modifiers of `low` make the high mesh. slots: the numbers of the
+        material slots whose faces are baked; None for all.
 
         Raises BakeError if the mesh has no such layer of its own.
         """
@@ -59,12 +69,18 @@ class VertexMaps:
         mesh = low.data
         self._vertices = np.empty(len(mesh.loops), np.int32)
         mesh.loops.foreach_get("vertex_index", self._vertices)
-        self._tiles, self._uv = self._places(mesh, uv_layer)
+        counts = np.empty(len(mesh.polygons), np.int32)
+        mesh.polygons.foreach_get("loop_total", counts)
+        self._is_baked = np.repeat(_are_in(low, slots), counts)
+        self._tiles, self._uv = self._places(mesh, uv_layer, counts)
         evaluated = low.evaluated_get(bpy.context.evaluated_depsgraph_get())
         self._is_changed = not is_own_base and len(evaluated.data.loops) != len(mesh.loops)
 
-    def _places(self, mesh: bpy.types.Mesh, uv_layer: str) -> tuple[np.ndarray, np.ndarray]:
-        """The UDIM tiles (C,) of the corners, and their places (C, 2) float64 in them, moved a bit into their faces."""
+    def _places(self, mesh: bpy.types.Mesh, uv_layer: str, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The UDIM tiles (C,) of the corners, and their places (C, 2) float64 in them, moved a bit into their faces.
+
+        counts (F,): the corners of each face.
+        """
         layer = mesh.uv_layers.get(uv_layer)
         if layer is None:
             raise BakeError(
@@ -73,8 +89,6 @@ class VertexMaps:
         uv = np.empty(len(self._vertices) * 2, np.float32)
         layer.uv.foreach_get("vector", uv)
         uv = uv.reshape(-1, 2).astype(np.float64)
-        counts = np.empty(len(mesh.polygons), np.int32)
-        mesh.polygons.foreach_get("loop_total", counts)
         faces = np.repeat(np.arange(len(counts)), counts)
         centers = np.stack([np.bincount(faces, weights=part) / counts for part in uv.T], axis=-1)[faces]
         toward = centers - uv
@@ -86,7 +100,7 @@ class VertexMaps:
 
     def add(self, tile: int, maps: dict[str, Map]) -> None:
         """Sample one UDIM tile of all maps, by name, before they are encoded. The texels do not change."""
-        corners = np.flatnonzero(self._tiles == tile)
+        corners = np.flatnonzero((self._tiles == tile) & self._is_baked)
         for name in self._names:
             texels, _ = maps[name]
             rows, columns, found = _nearest(self._uv[corners], texels[..., 3] > 0.0)
@@ -108,9 +122,11 @@ class VertexMaps:
 
     def _store(self, low: bpy.types.Object, map_type: MapType, samples: _Samples) -> str:
         """Store one map in an attribute, and return its name."""
-        values = self._decoded(map_type, samples)
+        values, is_baked = self._decoded(map_type, samples), self._is_baked
         if self.settings.vertex_domain == VertexDomain.POINT:
-            values = self._by_vertex(map_type, values, samples.known, len(low.data.vertices))
+            count = len(low.data.vertices)
+            values = self._by_vertex(map_type, values, samples.known, count)
+            is_baked = np.bincount(self._vertices[is_baked], minlength=count) > 0
         if map_type.kind is Kind.LABEL:  # the first value of a vertex has no fraction
             values = value_encoding.palette(int(values.max(initial=0.0)))[values[:, 0].astype(np.int32)]
         kind = _type_of(map_type)
@@ -119,7 +135,10 @@ class VertexMaps:
             values = values[:, 0]
         elif kind == "FLOAT_COLOR":
             values = np.concatenate([values, np.ones((len(values), 1), np.float32)], axis=1)
-        attribute.data.foreach_set(FIELDS[kind], np.ascontiguousarray(values, np.float32).reshape(-1))
+        stored = np.empty(values.size, np.float32)
+        attribute.data.foreach_get(FIELDS[kind], stored)
+        stored.reshape(len(values), -1)[is_baked] = values.reshape(len(values), -1)[is_baked]
+        attribute.data.foreach_set(FIELDS[kind], stored)
         return attribute.name
 
     def _decoded(self, map_type: MapType, samples: _Samples) -> np.ndarray:
@@ -155,13 +174,23 @@ class VertexMaps:
             warnings.append(
                 f'The mesh "{low.data.name}" has {low.data.users} users: the attributes are on all objects that use it.'
             )
-        unknown = max((int((~samples.known).sum()) for samples in self._samples.values()), default=0)
+        unknown = max((int((self._is_baked & ~samples.known).sum()) for samples in self._samples.values()), default=0)
         if unknown:
             warnings.append(
-                f'{unknown:,} of {len(self._vertices):,} face corners of "{low.name}" have no known texel near them: their '
+                f'{unknown:,} of {self._is_baked.sum():,} face corners of "{low.name}" have no known texel near them: their '
                 "attributes are 0, or the mean of the other corners."
             )
         return warnings
+
+
+def _are_in(low: bpy.types.Object, slots: Sequence[int] | None) -> np.ndarray:
+    """Which faces (F,) bool of the mesh of `low` are in material slots; all of them for None."""
+    indices = np.empty(len(low.data.polygons), np.int32)
+    if slots is None:
+        return np.ones(len(indices), bool)
+    low.data.polygons.foreach_get("material_index", indices)
+    # A face whose index is too high shows the last slot.
+    return np.isin(indices.clip(0, max(0, len(low.material_slots) - 1)), slots)
 
 
 def _nearest(uv: np.ndarray, is_known: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -102,3 +102,30 @@ def test_a_second_bake_does_not_count_the_first_map_as_detail(pair):
     first = [np.array(bpy.data.images[report.image].pixels) for report in bake(*pair)]
     for report, before in zip(bake(*pair), first, strict=True):
         assert np.array_equal(np.array(bpy.data.images[report.image].pixels), before)
+
+
+@pytest.mark.parametrize("domain", ["CORNER", "POINT"])
+def test_each_set_stores_its_own_faces_in_the_attributes(pair, domain):
+    low, _ = pair
+    reports = bake(*pair, vertex_domain=domain)
+    assert [report.attributes["base_color"] for report in reports] == ["base_color"] * 2
+    assert not [warning for report in reports for warning in report.warnings if "known texel" in warning]
+    attribute = low.data.attributes["base_color"]
+    found = np.empty(len(attribute.data) * 4, np.float32)
+    attribute.data.foreach_get("color", found)
+    found = found.reshape(-1, 4)[:, :3]
+    green = COLORS["Green"]
+    if domain == "POINT":  # each vertex is on faces of both materials, and the last set is on top
+        np.testing.assert_allclose(found, np.broadcast_to(green, found.shape), atol=1e-5)
+        return
+    for face in low.data.polygons:
+        expected = list(COLORS.values())[face.material_index]
+        np.testing.assert_allclose(found[list(face.loop_indices)], [expected] * 4, atol=1e-5)
+
+
+def test_connected_maps_of_a_set_stay_in_its_material(pair):
+    reports = bake(*pair, connect_maps=True)
+    for report in reports:
+        principled = bpy.data.materials[report.material].node_tree.nodes["Principled BSDF"]
+        texture = principled.inputs["Base Color"].links[0].from_node
+        assert texture.image.name == report.maps["base_color"]["image"]

@@ -84,3 +84,17 @@ def test_undo_of_the_button_leaves_the_images(low):
     assert bpy.ops.ed.undo() == {"FINISHED"}
     assert difference(before, snapshot()) == {}
     assert "lo_height" in bpy.data.images
+
+
+def test_the_button_connects_each_texture_set_with_its_own_material(low):
+    low.data = zoo.plane("finer", n=2).data
+    low.data.materials.append(bpy.data.materials.new("First"))
+    low.data.materials.append(bpy.data.materials.new("Second"))
+    low.data.polygons.foreach_set("material_index", [number % 2 for number in range(len(low.data.polygons))])
+    bake(maps={"HEIGHT"}, texture_sets=True)
+    assert bpy.ops.imprint.connect_maps() == {"FINISHED"}
+    images = []
+    for name in ("First", "Second"):
+        node = bpy.data.materials[name].node_tree.nodes["Material Output"].inputs["Displacement"].links[0].from_node
+        images.append(node.inputs["Height"].links[0].from_node.image.name)
+    assert images == ["lo_First_height", "lo_Second_height"]
