@@ -110,15 +110,15 @@ mat2 footprint_of(ivec2 texel, uvec4 hit, vec2 uv, vec4 first, vec4 last, mat2 t
     right = axis == 0 ? found : right;
     above = found;
   }
-  // Steps that are short do not show, even if they are wrong.
-  int start = right.z > FOOTPRINT_JUMP ? 0 : 1;
-  int end = above.z > FOOTPRINT_JUMP ? 2 : 1;
-  for (int axis = start; axis < end; axis++) {
-    vec3 in_plane = footprint_in_plane(texel, ivec2(1 - axis, axis), first, last);
-    vec2 apart = to_pixels * in_plane.xy;
-    float most = in_plane.z > 0.0 ? length(apart) * FOOTPRINT_UNEVEN : 1e30;
-    right = axis == 0 && right.z > most ? vec3(apart, 0.0) : right;
-    above = axis == 1 && above.z > most ? vec3(apart, 0.0) : above;
+  for (int axis = 0; axis < 2; axis++) {
+    // Steps that are short do not show, even if they are wrong.
+    if ((axis == 0 ? right.z : above.z) > FOOTPRINT_JUMP) {
+      vec3 in_plane = footprint_in_plane(texel, ivec2(1 - axis, axis), first, last);
+      vec2 apart = to_pixels * in_plane.xy;
+      float most = in_plane.z > 0.0 ? length(apart) * FOOTPRINT_UNEVEN : 1e30;
+      right = axis == 0 && right.z > most ? vec3(apart, 0.0) : right;
+      above = axis == 1 && above.z > most ? vec3(apart, 0.0) : above;
+    }
   }
   // Without neighbors along one axis, the texel counts as square.
   if (right.z == 1e30) {

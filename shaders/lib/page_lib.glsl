@@ -129,14 +129,12 @@ vec4 page_mean(vec2 uv, vec3 axes)
   vec2 apart = axes.xy / vec2(textureSize(page, 0)) / float(taps);
   int lower = int(level);
   float share = level - float(lower);
-  // Conditions are loops: software drivers skip loops that no lane enters, but run both sides of a condition.
-  int is_full = int(lower == 0);
   share = share > PAGE_NO_SHARE ? share : 0.0;
   int last = share > 0.0 ? lower + 1 : lower;
   vec4 sum = vec4(0.0);
   for (int tap = 0; tap < taps; tap++) {
     vec2 place = uv + apart * (float(tap) - 0.5 * float(taps - 1));
-    for (int i = 0; i < is_full; i++) {
+    if (lower == 0) {
       sum += page_full(place) * (1.0 - share);
     }
     for (int i = max(lower, 1); i <= last; i++) {

@@ -18,9 +18,7 @@ void main()
   vec2 uv = footprint_uv(hit, first, last);
   vec2 place = footprint_in_tile(footprint_mapped(uv), tile);
   is_fed = is_fed && (tile == 0 || !footprint_is_outside(place));
-  // A loop, since software drivers skip loops that no lane enters, but run both sides of conditions.
-  int count = int(is_fed);
-  for (int i = 0; i < count; i++) {
+  if (is_fed) {
     mat2 footprint = footprint_of(texel, hit, uv, first, last, footprint_to_pixels(textureSize(page, 0))) * row_u.w;
     vec3 value = channel_of(page_mean(place, page_axes(footprint)), channel);
     imageStore(sums, texel, imageLoad(sums, texel) + vec4(value * scale.rgb + offset.rgb, 1.0));

@@ -19,12 +19,9 @@ void main()
   vec2 uv = footprint_uv(hit, first, last);
   vec2 place = footprint_in_tile(footprint_mapped(uv), tile);
   vec4 drawn = imageLoad(normals, texel);
-  bool is_fed = !hit_missed(hit) && drawn.a > 0.0 &&
-                int(texel_at(materials, texture_place(int(last.z))).a) == feed &&
+  bool is_fed = !hit_missed(hit) && int(texel_at(materials, texture_place(int(last.z))).a) == feed &&
                 (tile == 0 || !footprint_is_outside(place));
-  // A loop, since software drivers skip loops that no lane enters, but run both sides of conditions.
-  int count = int(is_fed);
-  for (int i = 0; i < count; i++) {
+  if (is_fed) {
     ivec2 size = textureSize(page, 0);
     mat2 to_pixels = footprint_to_pixels(size);
     vec3 axes = page_axes(footprint_of(texel, hit, uv, first, last, to_pixels) * row_u.w);

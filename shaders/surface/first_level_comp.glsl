@@ -24,8 +24,7 @@ void main()
     ivec2 place = i < 3 ? ivec2(i, 0) : ivec2(0, i - 2);
     float weight = across[place.x] * up[place.y];
     ivec2 pixel = clamp(texel * 2 + place - 1, ivec2(0), size - 1);
-    vec4 color = page_color_linear(page_color_weighed(texelFetch(page, pixel, 0)));
-    sum += weight > 0.0 ? weight * color : vec4(0.0);
+    sum += weight * page_color_linear(page_color_weighed(texelFetch(page, pixel, 0)));
   }
   imageStore(levels, texel, sum);
 }

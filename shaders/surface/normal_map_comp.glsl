@@ -24,9 +24,7 @@ void main()
   bool is_fed = !hit_missed(hit) && drawn.a > 0.0 &&
                 int(texel_at(materials, texture_place(int(last.z))).a) == feed &&
                 (tile == 0 || !footprint_is_outside(place));
-  // A loop, since software drivers skip loops that no lane enters, but run both sides of conditions.
-  int count = int(is_fed);
-  for (int i = 0; i < count; i++) {
+  if (is_fed) {
     vec4 tangent = texel_at(tangents, texture_place(triangle * 3));
     vec2 weights = hit_weights(hit);
     tangent.xyz = tangent.xyz * (1.0 - weights.x - weights.y) +
