@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from addon.core.material_feeds import ImageFeed
-from addon.passes import target
+from addon.passes import shader, target
 from addon.passes.surface import material_table, served_blocks
 from tests.support.seen_surface import SeenSurface, grid, page
 
@@ -77,3 +77,21 @@ def test_only_blocks_that_show_the_image_run(groups):
         seen.add(page(np.ones((4, 4))), ImageFeed("a"), materials, blocks=blocks)
         assert (seen.read()[..., 3] == 1.0).all()
     assert groups == [2 * 4 * 16, 6 * 4 * 16]
+
+
+def test_samplers_and_images_show_the_same_seed_3(monkeypatch):
+    """Software drivers read tables as images, others as samplers."""
+    image = np.random.default_rng(3).random((90, 70))
+    maps = []
+    for as_images in (True, False):
+        shader.load.cache_clear()
+        monkeypatch.setattr(shader, "reads_images", lambda as_images=as_images: as_images)
+        seen = scattered(3, count=3)
+        materials = material_table.upload(np.array((-1, 1, 0)))
+        seen.begin(materials)
+        blocks = served_blocks.find(seen.hits, seen.labels)
+        seen.add(page(image, is_srgb=True), ImageFeed("a", mapping=((3, 1, 0), (0, 2, 0))), materials, blocks=blocks)
+        maps.append(seen.read())
+    shader.load.cache_clear()
+    assert np.array_equal(*maps)
+    assert len(np.unique(maps[0])) > 1000
