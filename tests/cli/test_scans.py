@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 
 from addon.cli import command, memory_check
-from addon.cli.mesh_files import base_colors, page_files
+from addon.cli.mesh_files import base_colors, far_coordinates, page_files, ply_texture
 from addon.cli.mesh_files.importers import PLAIN, Space, import_file
 from addon.cli.mesh_files.ply_texture import Texture
 from addon.cli.scene_files import Stage
+from addon.core.errors import BakeError
 from addon.core.preflight import memory_need
 from addon.core.settings import Settings
 from tests.support import angles, maps, scans
@@ -448,3 +449,45 @@ def test_modifiers_leave_the_size_of_a_mesh_open(incomplete):
     job = Stage().job("low.obj", ["scan.obj"])
     job.highs[0].modifiers.new("Subdivision", "SUBSURF")
     assert memory_check.need_of(job, Settings()) is None
+
+
+# Damaged files
+
+
+@pytest.mark.parametrize("ending", [".obj", ".mtl"])  # Blender's importer of .ply crashes on some
+@pytest.mark.parametrize("seed", range(12))
+def test_damaged_files_give_a_mesh_or_one_sentence_by_seed(folder, ending, seed):
+    random = np.random.default_rng(seed)
+    scans.page(folder / "a.png", scans.COLORS[0])
+    scans.write_library(folder / "scan.mtl", {"m0": "a.png", "m1": "b <UDIM>.png"})
+    scans.write_obj(folder / "scan.obj", scans.strips(2, FAR), materials=["m0", "m1"], library="scan.mtl")
+    scans.damage(folder / f"scan{ending}", random)
+    try:
+        meshes = import_file(folder / "scan.obj", PLAIN)
+    except BakeError as error:
+        assert str(error).endswith(".")
+        assert "\n" not in str(error)
+        return
+    page_files.missing(meshes)
+    assert all(np.isfinite(np.array(obj.location)).all() for obj in meshes)
+
+
+@pytest.mark.parametrize("name", ["scan.ply", "textured.ply"])
+@pytest.mark.parametrize("seed", range(20))
+def test_damaged_ply_files_are_read_without_an_error_by_seed(folder, name, seed):
+    random = np.random.default_rng(seed)
+    points, uv, parts = scans.strips(1, FAR)
+    faces = parts[0][:, :3]
+    if name == "scan.ply":
+        scans.write_ply(folder / name, points, faces)
+    else:
+        form = "ascii" if seed % 3 == 0 else "binary_big_endian"
+        scans.write_textured_ply(
+            folder / name, (points, faces, uv[faces]), np.zeros(len(faces), int), ["a.png"], form=form
+        )
+    scans.damage(folder / name, random)
+    origin = far_coordinates.far_origin(folder / name)
+    if origin is not None:
+        far_coordinates.write_near(folder / name, folder / "near.ply", origin)
+    found = ply_texture.read(folder / name)
+    assert found is None or found.uv is None or found.uv.shape == (*found.corners.shape, 2)

@@ -151,6 +151,6 @@ def test_files_in_single_precision_and_other_files_are_not_moved(tmp_path):
         assert far_coordinates.far_origin(source) is None
         (tmp_path / "a.obj").write_bytes(content)
         assert far_coordinates.far_origin(tmp_path / "a.obj") is None
-    (tmp_path / "a.obj").write_text("v nan inf 1\nv 1e400 0 0\nv a b c\nv 1\n")
+    (tmp_path / "a.obj").write_text("v nan inf 1\nv 1e400 0 0\nv 1e300 0 0\nv a b c\nv 1\n")
     assert far_coordinates.far_origin(tmp_path / "a.obj") is None
     assert far_coordinates.far_origin(tmp_path / "a.stl") is None

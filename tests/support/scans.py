@@ -100,3 +100,11 @@ def write_textured_ply(path, surface, images, names, *, form="binary_little_endi
     triangles["sides"], triangles["count"], triangles["corners"] = 3, 6, faces
     triangles["uv"], triangles["image"] = np.reshape(uv, (-1, 6)), images
     path.write_bytes(head.encode() + vertices.tobytes() + triangles.tobytes())
+
+
+def damage(path, random):
+    """Change some bytes near the start of a file, and cut half of all files off. random: a numpy generator."""
+    content = bytearray(path.read_bytes())
+    for place in random.integers(0, min(len(content), 600), 6):
+        content[place] = random.choice(list(b"0 \n\0-x9\xff"))
+    path.write_bytes(content[: random.integers(len(content) // 2, len(content))] if random.integers(2) else content)

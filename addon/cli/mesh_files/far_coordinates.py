@@ -19,6 +19,8 @@ WINDOW, WINDOWS = 1 << 17, 24
 """Bytes of a window in a file, and the number of windows from which its box is estimated."""
 FAR, LEAST = 16.0, 1000.0
 """A mesh is far from the origin if it is this many times its own size away, and at least this far."""
+LARGEST = 1e18
+"""Larger coordinates are damaged: single precision has no areas of such meshes."""
 _AXES = ("x", "y", "z")
 _IN_OBJ = [1, 2, 3]
 """The columns of x, y and z in a line of an .obj, after its letter."""
@@ -32,7 +34,7 @@ def far_origin(path: Path) -> np.ndarray | None:
     """
     find = {".obj": _obj_points, ".ply": _ply_points}.get(path.suffix.lower())
     points = find(path) if find else np.empty((0, 3))
-    points = points[np.isfinite(points).all(axis=1)]
+    points = points[(np.abs(points) < LARGEST).all(axis=1)]
     if not len(points):
         return None
     low, high = points.min(axis=0), points.max(axis=0)
