@@ -58,12 +58,12 @@ def ramps(where):
     return texels
 
 
-def sample(low, tiles, domain="CORNER", layer="UVMap", is_own_base=False, **settings):
+def sample(low, tiles, domain="CORNER", *, layer="UVMap", is_own_base=False, slots=None, **settings):
     """Store maps by tile and name. Returns the names of attributes and the warnings."""
     names = {name for maps in tiles.values() for name in maps} - {NORMAL.name}
     chosen = {"normal": False, "maps": tuple(name for name in BY_NAME if name in names)}
     settings = Settings(width=SIZE, height=SIZE, vertex_domain=domain, **chosen | settings)
-    vertices = VertexMaps(low, layer, settings, is_own_base=is_own_base)
+    vertices = VertexMaps(low, layer, settings, is_own_base=is_own_base, slots=slots)
     for tile, maps in tiles.items():
         vertices.add(tile, {name: (texels, (texels[..., 3] > 0).astype(np.uint8)) for name, texels in maps.items()})
     return vertices.store(low)
@@ -243,6 +243,19 @@ def test_sampling_does_not_change_the_texels():
     before = texels.copy()
     sample(low, {1001: {"AO": texels}})
     assert (texels == before).all()
+
+
+def test_a_vertex_of_two_texture_sets_gets_the_mean_of_the_corners_of_one():
+    low = two_islands()
+    for name in ("First", "Second"):
+        low.data.materials.append(bpy.data.materials.new(name))
+    low.data.polygons[1].material_index = 1
+    texels = ramps(np.ones((SIZE, SIZE), bool))
+    _, warnings = sample(low, {1001: {"AO": texels}}, "POINT", slots=(0,))
+    assert warnings == []
+    found = values(low, "ao")[2][:, 0]
+    assert np.abs(found[:4] - (0.0, 0.25, 0.25, 0.0)).max() <= TEXEL
+    assert (found[4:] == 0.0).all()
 
 
 # Meshes that cannot have them, or have them with a warning
