@@ -19,14 +19,16 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 import addon  # noqa: E402
-from scripts.dev.manual import faults, near_layers, pages, screens, window  # noqa: E402
+from scripts.dev.manual import faults, map_pictures, near_layers, pages, screens, window  # noqa: E402
 
 IMAGES = ROOT / "docs" / "images"
 WINDOW = {"steps": screens.steps, "views": screens.views, "panels": screens.panels}
 RENDERED = {
     "faults": faults.pictures,
     "layers": near_layers.pictures,
-    "maps": pages.maps,
+    "plate": map_pictures.plate,
+    "maps": map_pictures.heads,
+    "map-settings": map_pictures.settings,
     "terrain": pages.terrain,
     "extension": pages.extension,
 }

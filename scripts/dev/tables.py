@@ -18,9 +18,10 @@ from addon.cli.usage.job_file import KEYS  # noqa: E402
 from addon.cli.usage.option_types import word_for  # noqa: E402
 from addon.cli.usage.options import FILE, JOBS, OPTIONS, CommandOption  # noqa: E402
 from addon.core import file_formats, map_types, udim  # noqa: E402
-from addon.core.declarations import kinds  # noqa: E402
-from addon.core.declarations.all_settings import PANELS, PanelSettings  # noqa: E402
-from addon.core.map_types import Kind  # noqa: E402
+from addon.core.declarations import kinds, packing  # noqa: E402
+from addon.core.declarations.all_settings import DECLARED, PANELS, PanelSettings  # noqa: E402
+from addon.core.declarations.choices import Pack  # noqa: E402
+from addon.core.map_types import Family, Kind  # noqa: E402
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 PLACE = re.compile(r"^(<!-- (?:table: ([\w-]+)|(options)) -->\n).*?^(<!-- end -->)$", re.MULTILINE | re.DOTALL)
@@ -145,6 +146,51 @@ def maps() -> str:
     return table(("map", "`--maps`", "what it holds", "outside of float formats"), rows)
 
 
+SOURCES = {
+    "Rays from the high surface": (Family.OPENNESS, Family.THICKNESS, Family.CURVATURE),
+    "Materials and attributes of the high meshes": (Family.MATERIAL,),
+    "The points of both surfaces": (Family.POINTS,),
+}
+"""Where the values of families of maps come from."""
+
+
+def map_names() -> str:
+    """The labels of all maps, by what they come from."""
+    rows = (
+        (source, ", ".join(one.label for one in map_types.OTHERS if one.family in families))
+        for source, families in SOURCES.items()
+    )
+    return table(("from", "maps"), [("The high surface", map_types.NORMAL.label), *rows])
+
+
+def map_endings() -> str:
+    """The endings of the names of all maps, by what they come from."""
+    rows = (
+        (source, ", ".join(f"{one.label} {code(one.suffix)}" for one in map_types.OTHERS if one.family in families))
+        for source, families in SOURCES.items()
+    )
+    return table(("from", "maps, and the endings of their names"), rows)
+
+
+def channel_of(channel: packing.Channel) -> str:
+    """What a channel of a packed image holds."""
+    if not channel.map:
+        return f"{channel.constant:g}"
+    name = map_types.BY_NAME[channel.map].label
+    return f"1 - {name}" if channel.is_inverted else name
+
+
+def layouts() -> str:
+    """The layouts of packed images; those that are alike in one row."""
+    labels = {item.value: item.label for item in DECLARED["pack"].items}
+    names: dict[packing.Packing, list[str]] = {}
+    for pack, layout in packing.PRESETS.items():
+        names.setdefault(layout, []).append(labels[pack])
+    rows = [(", ".join(same), code(layout.suffix), *map(channel_of, layout.channels)) for layout, same in names.items()]
+    own = (labels[Pack.CUSTOM], code(packing.CUSTOM_SUFFIX), *["as set"] * len(packing.RGBA))
+    return table(("**Pack**", "ending", *packing.RGBA), [*rows, own])
+
+
 def tiles() -> str:
     """The limits of UDIM."""
     rows = (
@@ -162,6 +208,9 @@ TABLES: dict[str, Callable[[], str]] = {
     "job-file": job_file,
     "file-formats": formats,
     "map-types": maps,
+    "map-names": map_names,
+    "map-endings": map_endings,
+    "packing": layouts,
     "udim": tiles,
 }
 

@@ -13,7 +13,10 @@ from tests.support.manual import names, prose, rows, section
 
 PAGES = [
     ROOT / "README.md",
-    *(ROOT / "docs" / f"{name}.md" for name in ("quick-start", "panels", "workflows", "engines", "troubleshooting")),
+    *(
+        ROOT / "docs" / f"{name}.md"
+        for name in ("quick-start", "panels", "maps", "workflows", "engines", "troubleshooting")
+    ),
 ]
 OF_BLENDER = {
     "Edit > Preferences > Get Extensions",

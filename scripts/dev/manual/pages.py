@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The README's terrain, the pictures of the other maps, and the extension's icon and feature picture."""
+"""The README's terrain, and the extension's icon and feature picture."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -8,13 +8,13 @@ import bpy
 import numpy as np
 
 from scripts import demo
-from scripts.dev.manual import faults, models
+from scripts.dev.manual import models
+from scripts.dev.manual.lettering import letter
 
 Picture = tuple[str, np.ndarray]
 TERRAIN_SIZE = (1500, 435)
 FEATURE_SIZE = (1920, 1080)
 ICON = 256
-MAPS = ("POSITION", "HEIGHT", "DISPLACEMENT", "DISTANCE", "COVERAGE", "OBJECT_ID", "MATERIAL_ID")
 
 
 def terrain() -> Iterator[Picture]:
@@ -27,53 +27,6 @@ def terrain() -> Iterator[Picture]:
     demo.arrange(terrains)
     yield "terrain", models.render(TERRAIN_SIZE, 32)
     models.clear()
-
-
-def maps() -> Iterator[Picture]:
-    """docs/workflows.md: the normal map of a plate with studs, and each of the other maps."""
-    models.clear()
-    models.grid("plate", 200, lambda u, v: (0.9 * (u - 0.5), 0.9 * (v - 0.5), 0.0 * u))
-    studs = models.grid("studs", 400, lambda u, v: (0.9 * (u - 0.5), 0.9 * (v - 0.5), models.rivets(u, v) - 0.005))
-    studs.data.materials.append(models.material("brass"))
-    rows, columns = np.divmod(np.arange(400 * 400), 400)
-    is_upper = (rows > 200).astype(np.int32)
-    studs.data.polygons.foreach_set("material_index", is_upper)
-    models.grid("low", 1, lambda u, v: (u - 0.5, v - 0.5, 0 * u))
-    bpy.ops.imprint.bake(
-        low="low",
-        high=[{"name": "plate"}, {"name": "studs"}],
-        method="CAST",
-        extrusion=0.2,
-        max_distance=0.4,
-        width=512,
-        height=512,
-        samples="4",
-        depth="8",
-        image="low_normal",
-        maps=set(MAPS),
-    )
-    for image in list(bpy.data.images):
-        if image.name.startswith("low_"):
-            yield (
-                f"map-{image.name.removeprefix('low_normal_').removeprefix('low_').lower()}",
-                faults.pixels_of(image)[::2, ::2],
-            )
-    models.clear()
-
-
-def _lettering(words: str, place: tuple[float, float, float], size: float) -> None:
-    """Words before the camera, lit by nothing."""
-    text = bpy.data.curves.new(words, "FONT")
-    text.body, text.align_x, text.size = words, "CENTER", size
-    glow = bpy.data.materials.new(words)
-    shader = next(node for node in glow.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
-    shader.inputs["Base Color"].default_value = (0, 0, 0, 1)
-    shader.inputs["Emission Color"].default_value = (0.85, 0.85, 0.85, 1)
-    shader.inputs["Emission Strength"].default_value = 1.0
-    text.materials.append(glow)
-    obj = models.add(words, text)
-    obj.location, obj.rotation_euler = place, (np.pi / 2, 0, 0)
-    obj.visible_shadow = False
 
 
 def extension() -> Iterator[Picture]:
@@ -91,9 +44,9 @@ def extension() -> Iterator[Picture]:
     models.bake(low, high, width=4096, height=4096)
     for obj, words, x in ((high, "High", -2.9), (bare, "Low", 0.0), (low, "Low with the map", 2.9)):
         obj.location.x, obj.rotation_euler.z = x, -0.35
-        _lettering(words, (x, -0.9, -1.5), 0.3)
-        _lettering(f"{demo.count_triangles(obj):,} triangles", (x, -0.9, -1.85), 0.2)
-    _lettering("Imprint", (0.0, -0.9, 1.62), 0.62)
+        letter(words, (x, -0.9, -1.5), 0.3)
+        letter(f"{demo.count_triangles(obj):,} triangles", (x, -0.9, -1.85), 0.2)
+    letter("Imprint", (0.0, -0.9, 1.62), 0.62)
     models.light_and_camera((0, -14, 0.0))
     camera = bpy.context.scene.camera.data
     camera.type, camera.ortho_scale = "ORTHO", 9.0
