@@ -54,7 +54,14 @@ class Outputs:
             for name, of_map in settings_by_map(settings).items()
         }
         self._first = output_clashes.first_map(settings)
-        self._tiles: dict[str, dict[int, np.ndarray]] = {name: {} for name in settings.drawn_maps}
+        self._late: dict[str, dict[int, np.ndarray]] = {
+            name: {}
+            for name in settings.drawn_maps
+            if value_encoding.needs_range(BY_NAME[name], self._settings_of(name))
+        }
+        """The tiles of maps that are encoded when the range of all tiles is known. Others do not stay in memory."""
+        self._unpacked: dict[int, dict[str, np.ndarray]] = {}
+        """The maps to pack, by tile and name, if they are encoded late."""
         self._vertices: list[VertexMaps] = []
 
     def __enter__(self) -> "Outputs":
@@ -83,8 +90,15 @@ class Outputs:
             self._writers[NORMAL.name].add(tile, texels)
         if MASK.name in self._writers:
             self._writers[MASK.name].add(tile, map_storage.black_and_white(state == texel_state.MISSED))
-        for name, tiles in self._tiles.items():
-            tiles[tile] = maps[name][0]  # encoded when the range of all tiles is known
+        for name in self.settings.drawn_maps:
+            if name in self._late:
+                self._late[name][tile] = maps[name][0]
+            else:
+                self._encode(name, tile, maps[name][0], self._encoding(name, []))
+        if self._packed:
+            self._unpacked[tile] = {name: maps[name][0] for name in self.settings.packing.maps}
+            if not self._late.keys() & self._unpacked[tile].keys():
+                self._pack()
 
     def commit(self, labels: dict[Labeled, Sequence[str]], lows: Sequence[bpy.types.Object]) -> Stored:
         """Store all images and attributes or none. Raises BakeError.
@@ -92,10 +106,16 @@ class Outputs:
         labels: the names of objects and of materials, whose numbers in the maps start at 1. lows: the low objects, as in the
         calls of `sample_onto`.
         """
-        encodings = {name: self._encode(name, tiles, labels) for name, tiles in self._tiles.items()}
+        encodings = {}
+        for name in self.settings.drawn_maps:
+            labeled = BY_NAME[name].labeled
+            encodings[name] = self._encoding(name, labels[labeled] if labeled else [])
+            for tile, texels in self._late.get(name, {}).items():
+                self._encode(name, tile, texels, encodings[name])
         maps = {name: encodings[name] for name in self.settings.maps}
         if self._packed:
-            maps[self._packed] = self._pack(encodings)
+            self._pack()
+            maps[self._packed] = {"channels": value_encoding.channels(self.settings.packing, encodings)}
         stored = dict(zip(self._writers, map_storage.commit_all(list(self._writers.values())), strict=True))
         first = self._writers[self._first]
         warnings = sign(stored[self._first], labels[Labeled.OBJECTS])
@@ -114,30 +134,29 @@ class Outputs:
             warnings=warnings,
         )
 
-    def _encode(self, name: str, tiles: dict[int, np.ndarray], labels: dict[Labeled, Sequence[str]]) -> dict:
-        """Encode a map in place, and add it to its writer if it has an image of its own. Returns how to decode it."""
-        map_type = BY_NAME[name]
-        names = labels[map_type.labeled] if map_type.labeled else []
-        writer = self._writers.get(name)
-        settings = (writer or self._writers[self._packed]).settings
-        if map_type.is_color:
-            for texels in tiles.values():
-                color_spaces.to_rec709(texels)
-        how = value_encoding.encoding(map_type, list(tiles.values()), names, settings)
-        for tile, texels in tiles.items():
-            if map_type.kind is not Kind.NORMAL:
-                value_encoding.encode(texels, how)
-            if writer:
-                writer.add(tile, texels)
-        return how
+    def _settings_of(self, name: str) -> Settings:
+        """The settings of the image that stores a map: its own, or the packed one."""
+        return (self._writers.get(name) or self._writers[self._packed]).settings
 
-    def _pack(self, encodings: dict[str, dict]) -> dict:
-        """Add the packed image of the encoded maps to its writer. Returns how to decode it."""
-        packing = self.settings.packing
-        for tile in self._tiles[packing.maps[0]]:
-            maps = {name: self._tiles[name][tile] for name in packing.maps}
-            self._writers[self._packed].add(tile, value_encoding.packed(packing, maps))
-        return {"channels": value_encoding.channels(packing, encodings)}
+    def _encoding(self, name: str, labels: Sequence[str]) -> dict:
+        """How to decode a map. labels: as in value_encoding.encoding."""
+        tiles = list(self._late.get(name, {}).values())
+        return value_encoding.encoding(BY_NAME[name], tiles, labels, self._settings_of(name))
+
+    def _encode(self, name: str, tile: int, texels: np.ndarray, how: dict) -> None:
+        """Encode a tile of a map in place, and add it to its writer if it has an image of its own."""
+        if BY_NAME[name].is_color:
+            color_spaces.to_rec709(texels)
+        if BY_NAME[name].kind is not Kind.NORMAL:
+            value_encoding.encode(texels, how)
+        if name in self._writers:
+            self._writers[name].add(tile, texels)
+
+    def _pack(self) -> None:
+        """Add the encoded maps that wait to the packed image."""
+        for tile, maps in self._unpacked.items():
+            self._writers[self._packed].add(tile, value_encoding.packed(self.settings.packing, maps))
+        self._unpacked.clear()
 
 
 def sign(image: bpy.types.Image, highs: Sequence[str]) -> list[str]:

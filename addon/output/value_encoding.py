@@ -31,7 +31,7 @@ def encoding(map_type: MapType, maps: Sequence[np.ndarray], labels: Sequence[str
     if map_type.kind is Kind.NORMAL:  # encoded when it was drawn
         return {"midlevel": 0.5, "scale": 2.0}
     space = {"color_space": color_space(map_type, settings)} if map_type.is_color else {}
-    if map_type.range is Range.UNIT or settings.is_float:
+    if not needs_range(map_type, settings):
         return {"midlevel": 0.0, "scale": 1.0} | space
     lows, highs = zip(*(_range(texels) for texels in maps), strict=True)
     low, high = np.min(lows, axis=0), np.max(highs, axis=0)
@@ -42,6 +42,11 @@ def encoding(map_type: MapType, maps: Sequence[np.ndarray], labels: Sequence[str
     if map_type.range is Range.POSITIVE:
         return {"midlevel": 0.0, "scale": float(high.max()) or 1.0}
     return {"midlevel": 0.5, "scale": 2.0 * float(max(-low.min(), high.max(), 0.0)) or 1.0}
+
+
+def needs_range(map_type: MapType, settings: Settings) -> bool:
+    """Whether the encoding depends on the range of the values in all tiles."""
+    return map_type.kind is Kind.VALUE and map_type.range is not Range.UNIT and not settings.is_float
 
 
 def color_space(map_type: MapType, settings: Settings) -> str:

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Tests the images of maps of all kinds: colors, packed channels, and bakes without a normal map."""
 
+import weakref
+
 import bpy
 import numpy as np
 import pytest
@@ -387,3 +389,28 @@ def test_tiles_of_colors_and_of_packed_images_21(tmp_path, storage, depth, space
         first = tiles[1001]["BASE_COLOR"][..., :3]
         expected = value_encoding.to_srgb(first) if depth == 8 else first
         np.testing.assert_allclose(pixels(colors)[..., :3], expected, atol=STEP_8 if depth == 8 else CURVE)
+
+
+def test_tiles_in_files_do_not_stay_in_memory_unless_their_range_counts(tmp_path):
+    settings = Settings(
+        width=WIDTH,
+        height=HEIGHT,
+        image="map",
+        udim=True,
+        storage="FILE",
+        output=str(tmp_path / "m.<UDIM>.png"),
+        maps=("HEIGHT", "AO", "BASE_COLOR", "OBJECT_ID"),
+        pack="GLTF",
+    )
+    state = np.full((HEIGHT, WIDTH), texel_state.WRITTEN, np.uint8)
+    with Outputs(settings) as outputs:
+        for tile in (1001, 1002):
+            drawn = {name: gray(tile) for name in (NORMAL.name, *settings.drawn_maps)}
+            kept = {name: weakref.ref(texels) for name, texels in drawn.items()}
+            outputs.add(tile, {name: (texels, state) for name, texels in drawn.items()})
+            del drawn
+            assert [name for name, texels in kept.items() if texels() is not None] == ["HEIGHT"]
+        stored = outputs.commit(LABELS, [])
+    assert set(stored.maps) == {"height", "ao", "base_color", "object_id", "packed"}
+    assert list(stored.maps["object_id"]["colours"]) == ["hi"]
+    assert len(stored.paths) == 12
