@@ -11,6 +11,7 @@ from ...core.progress import Pace, Task
 from ...core.settings import Settings
 from ...core.timings import Timings
 from ...passes import target
+from ...passes.surface.served_blocks import Blocks
 from ..bands import Band
 
 
@@ -28,7 +29,7 @@ class Sample:
     """One sample of each texel of a band, whose hits are known.
 
     number: from 0, among all samples of the band. is_central: whether it is the one nearest to the texel's center. normals,
-    hits: as sources.Source has them.
+    hits: as sources.Source has them. blocks: where in the band its materials are, if images are looked up.
     """
 
     band: Band
@@ -36,6 +37,7 @@ class Sample:
     is_central: bool
     normals: target.Target
     hits: target.Target
+    blocks: Blocks | None = None
 
 
 class MapFamily(Protocol):

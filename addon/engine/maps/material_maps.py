@@ -24,7 +24,7 @@ class _Map:
     """One map. feeds: the number of each image and attribute that feeds it, from 1. table: from material_table.upload."""
 
     name: str
-    table: gpu.types.GPUTexture
+    table: material_table.MaterialTable
     feeds: dict[Feed, int] = field(default_factory=dict)
 
     def sums(self, band: Band) -> target.Target:
@@ -70,7 +70,7 @@ class MaterialMaps:
                             )
         uses = self._uses()
         for done, ((image, tile), found) in enumerate(uses.items()):
-            yield Progress(f"Reading {image}", done / len(uses))
+            yield Progress("Reading the images of the high meshes", done / len(uses))
             with self.run.timings.timed("pages"):
                 shown = image_page.upload(self.load_page(image, tile))
             with self.run.timings.timed("draw"):
@@ -87,8 +87,10 @@ class MaterialMaps:
                             materials=one.table,
                             tile=tile or None,
                             samples=self.run.settings.samples,
+                            blocks=sample.blocks,
                         )
                 drawn[-1].hits.finish()  # before the page is freed
+            del shown  # before the next one is loaded
 
     def _uses(self) -> dict[tuple[str, int], list[tuple[_Map, ImageFeed, int]]]:
         """What each page feeds: pages by image and UDIM tile, 0 for an image without tiles."""

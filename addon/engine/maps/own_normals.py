@@ -3,7 +3,6 @@
 
 from collections.abc import Callable, Iterator, Sequence
 
-import gpu
 import numpy as np
 
 from ...core.material_feeds import BumpFeed, DetailFeed, HighMaterial, ImageFeed, NormalMapFeed
@@ -44,6 +43,7 @@ class OwnNormals:
                         for sample in drawn:
                             turn(sample, page, tile)
                     drawn[-1].hits.finish()  # before the page is freed
+                del page  # before the next one is loaded
 
     def _normal_map_turns(self) -> Iterator[tuple[ImageFeed, Turn]]:
         for feed, number in self.normal_maps.items():
@@ -64,6 +64,7 @@ class OwnNormals:
                     to_space=self.to_space,
                     tile=tile or None,
                     samples=self.run.settings.samples,
+                    blocks=sample.blocks,
                 )
 
             yield feed.image, turn
@@ -87,6 +88,7 @@ class OwnNormals:
                     unit=self.surface.local_space.size,
                     tile=tile or None,
                     samples=self.run.settings.samples,
+                    blocks=sample.blocks,
                 )
 
             yield feed.image, turn
@@ -101,7 +103,7 @@ def _bump(material: HighMaterial) -> BumpFeed | None:
     return material.detail if isinstance(material.detail, BumpFeed) else None
 
 
-def _numbered(feeds: Sequence[DetailFeed | None]) -> tuple[dict[DetailFeed, int], gpu.types.GPUTexture]:
+def _numbered(feeds: Sequence[DetailFeed | None]) -> tuple[dict[DetailFeed, int], material_table.MaterialTable]:
     """The number of each feed, from 1, and a table of them by the numbers of materials, which count from 1."""
     numbers = np.full(len(feeds) + 1, material_table.UNKNOWN)
     found: dict[DetailFeed, int] = {}

@@ -11,6 +11,7 @@ from ...core.map_types import NORMAL
 from ...core.progress import Progress, Task, finish, part
 from ...passes import target
 from ...passes.bake import preview_picture, samples, tangent
+from ...passes.surface import served_blocks
 from ..bands import Band
 from ..normal_channels import channels
 from ..sources import Source
@@ -80,11 +81,15 @@ class SampledMaps:
     def takes_time(self) -> bool:
         return self.source.takes_time
 
+    @property
+    def _has_pages(self) -> bool:
+        """Whether images of the high meshes are looked up."""
+        return self.detail is not None or any(family.has_pages for family in self.families)
+
     def _group_size(self, band: Band) -> int:
         """How many samples are drawn together: as many as fit, if images have to be loaded for them."""
-        has_pages = self.detail is not None or any(family.has_pages for family in self.families)
         texels = band.width * band.height
-        return max(1, min(self.settings.samples, KEPT_BYTES // (HIT_BYTES * texels))) if has_pages else 1
+        return max(1, min(self.settings.samples, KEPT_BYTES // (HIT_BYTES * texels))) if self._has_pages else 1
 
     def _group(
         self, band: Band, group: Sequence[tuple[int, tuple[float, float], bool]], sums: target.Target | None
@@ -105,7 +110,11 @@ class SampledMaps:
                     yield self._step(normals if sums is None else sums.texture, done, band)
             if self.families or self.detail is not None:
                 hits = self.source.hits(sample_band, slot)
-                drawn.append(Sample(sample_band, number, is_central, self.source.drawn(slot), hits))
+                blocks = None
+                if self._has_pages:
+                    with self.timings.timed("draw"):
+                        blocks = served_blocks.find(hits, self.source.surface.labels)
+                drawn.append(Sample(sample_band, number, is_central, self.source.drawn(slot), hits, blocks))
         if self.detail is not None:
             known = yield from self._with_detail(drawn, sums)
         before = efforts[0]
