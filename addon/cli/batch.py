@@ -174,7 +174,8 @@ def run(opened: Opened, stage: Stage, meter: Meter) -> Result:
 def _say_memory(opened: Opened, meter: Meter) -> dict[str, int]:
     """Print what memory the bake needs, now: a system that lacks it may end the process. Returns it for the report."""
     text, is_much, numbers = memory_check.check(opened.jobs, opened.settings)
-    if text and (is_much or (meter.is_on and not meter.place)):  # of many bakes, only those that need much
+    is_one_scan = bool(opened.options.low_file) and not meter.place  # of many bakes, only those that need much
+    if text and (is_much or (meter.is_on and is_one_scan)):
         meter.clear()
         print(f"imprint: {opened.name}: {text}", file=sys.stderr)
     return numbers

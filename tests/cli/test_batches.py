@@ -674,6 +674,16 @@ def test_progress_on_a_terminal_is_one_line_that_is_erased(scenes):
     assert screen(seen) == []
 
 
+@posix
+def test_a_terminal_shows_the_memory_that_a_bake_of_mesh_files_needs(folder):
+    export(folder / "low.obj", zoo.plane("lo"))
+    export(folder / "high.obj", zoo.plane("hi", slope=0.2))
+    code, _, seen = on_terminal("--low-file", "low.obj", "--high-file", "high.obj", *SMALL, "--output", "m.png")
+    assert code == command.DONE
+    (line,) = screen(seen)
+    assert re.fullmatch(r"imprint: low: The bake needs about 0\.\d GB of memory; \d+\.\d GB are free\.", line)
+
+
 @pytest.mark.slow
 @posix
 def test_progress_of_several_bakes_has_a_number_and_a_name(scenes):
