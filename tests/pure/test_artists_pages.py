@@ -29,6 +29,8 @@ OF_BLENDER = {
     "Tangents",
     "Weight Paint",
     "Weights > Set Weight",
+    "Alpha Mode",
+    "Channel Packed",
 }
 """Names in Blender's own interface."""
 LARGEST = 200 * 1024

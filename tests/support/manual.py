@@ -47,3 +47,9 @@ def rows(text):
 def names(cell):
     """The names between backticks in a cell."""
     return re.findall(r"`([^`]+)`", cell)
+
+
+def encodings():
+    """The rows of the table of encodings by the labels of maps: midlevel, scale, offset."""
+    lines = rows(section(ROOT / "docs" / "maps.md", "## How to undo the encoding"))
+    return {label: cells[1:] for cells in lines for label in re.sub(",? to .*", "", cells[0]).split(", ")}
