@@ -129,11 +129,11 @@ class IMPRINT_OT_live(modal.SlicedOperator, bpy.types.Operator):
         return display.current is None
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        return super().invoke(context, event) if not live.is_on else self.execute(context)
+        return super().invoke(context, event)
 
     def task(self, context: bpy.types.Context, pace: progress.Pace) -> progress.Task[None]:
         if live.is_on:
-            live.finish()
+            yield from live.finishing()
             return
         settings = context.scene.imprint
         low, highs = settings.chosen_objects(context)

@@ -9,12 +9,12 @@ import gpu
 import numpy as np
 
 from ..core.declarations import bases
-from ..core.declarations.choices import Method, Storage
+from ..core.declarations.choices import Method, Pack, Storage
 from ..core.errors import BakeError
 from ..core.settings import Settings
 from ..engine import normal_channels, uv_agreement
 from ..engine.bands import BAND_TEXELS
-from ..jobs.live_session import Session
+from ..jobs.live.live_session import Session
 from ..mesh.triangle_mesh import normal_matrix
 from ..output import quantize
 from ..passes import mesh_upload, target
@@ -47,7 +47,18 @@ def settings_for(settings: Settings) -> Settings:
     while width * height > BAND_TEXELS:
         width, height = width // 2, height // 2
     return replace(
-        settings, width=width, height=height, udim=False, tiles=(), material=False, storage=Storage.MEMORY, output=""
+        settings,
+        width=width,
+        height=height,
+        udim=False,
+        tiles=(),
+        normal=True,
+        maps=(),
+        pack=Pack.NONE,
+        texture_sets=False,
+        material=False,
+        storage=Storage.MEMORY,
+        output="",
     )
 
 

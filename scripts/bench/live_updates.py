@@ -9,7 +9,8 @@ import numpy as np
 
 from addon.core import progress
 from addon.core.settings import Settings
-from addon.jobs import Job, live_session
+from addon.jobs import Job
+from addon.jobs.live import live_session
 from tests.support import zoo
 
 CASES = ((224, 1024), (100, 512))

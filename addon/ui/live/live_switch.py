@@ -9,8 +9,8 @@ import bpy
 from ...core import progress
 from ...core.errors import BakeError
 from ...core.settings import Settings
-from ...jobs import live_session
 from ...jobs.job import Job
+from ...jobs.live import live_session
 from ..callbacks import Handlers, Timer
 from ..translations.lookup import message
 from ..viewport.progress_display import display
@@ -118,8 +118,14 @@ class LiveController:
         if not bpy.app.background:
             self.timer.start(TICK)
 
+    def finishing(self) -> progress.Task[None]:
+        """Draw the other maps if they do not show the last change, then finish. If the task is closed, Live stays on."""
+        if self._following is not None:
+            yield from self._following.complete()
+        self.finish()
+
     def finish(self) -> None:
-        """Store the last map as a bake does, in its file or packed, and stop. Raises BakeError if it cannot be stored."""
+        """Store the last maps as a bake does, in their files or packed, and stop. Raises BakeError if they cannot be stored."""
         try:
             if self._following is not None:
                 self._following.session.commit()

@@ -6,14 +6,16 @@ import time
 import bpy
 
 from ...core.errors import BakeError
-from ...core.progress import Pace, Task
+from ...core.progress import Pace, Task, run_for
 from ...core.settings import Settings
-from ...jobs import live_session
+from ...jobs.live import live_session
 from ...scene import object_refs
 from .sculpt_strokes import Strokes
 
 SLICE = 0.02
 """Seconds of rays between two checks of the clock."""
+PAUSES = 2.0
+"""How many times longer the other maps wait for a pause than the normal map."""
 
 
 def uids_in_scenes() -> set[int]:
@@ -36,13 +38,16 @@ class Following:
         self._scene = scene.session_uid
         self._strokes = Strokes(session)
         self._task: Task[None] | None = None
-        """The map that is being drawn."""
+        """The normal map that is being drawn."""
+        self._other_task: Task[None] | None = None
+        """The other maps that are being drawn."""
+        self._are_others_old = True
         self._changed: set[int] = set()
         """session_uid of the objects that have changed since the last map began."""
         self._unread: set[int] = set()
         """session_uid of the objects that the map in progress has to read."""
-        self._all_changed = False
-        self._is_stored, self._drawn_at = True, 0.0
+        self._all_changed = self._materials_changed = False
+        self._is_stored, self._drawn_at = True, time.monotonic()
         self._may_be_gone, self._is_one_gone = True, False
 
     @property
@@ -59,7 +64,12 @@ class Following:
     def is_resting(self) -> bool:
         """Whether there is nothing to do: the image shows all changes that Blender has reported."""
         is_changed = self._changed or self._all_changed or self._strokes.are_open
-        return self._task is None and self._is_stored and not is_changed
+        return self._task is None and self._is_stored and not is_changed and not self._needs_others
+
+    @property
+    def _needs_others(self) -> bool:
+        """Whether the other maps do not show the last change."""
+        return self._are_others_old and self.session.others.are_any
 
     def note_update(self, depsgraph: bpy.types.Depsgraph) -> None:
         """Note the objects of the session that Blender reports as changed."""
@@ -69,6 +79,8 @@ class Following:
         followed = self.session.uids
         for update in depsgraph.updates:
             obj = update.id.original
+            if self.session.shows(obj):
+                self._all_changed = self._materials_changed = True
             if not isinstance(obj, bpy.types.Object) or obj.session_uid not in followed:
                 continue
             if update.is_updated_geometry or update.is_updated_transform:
@@ -118,36 +130,69 @@ class Following:
             raise
         self.free()
         self.session, self._settings, self._refused = session, wanted, None
-        self._strokes, self._all_changed = Strokes(session), True
+        self._strokes, self._all_changed, self._are_others_old = Strokes(session), True, True
         return False
 
     def advance(self, seconds: float, rest: float) -> bool:
-        """Draw for about `seconds` if anything has changed. Store the map after `rest` seconds without a change. Returns
-        whether there is a new map. Raises BakeError."""
+        """Draw for about `seconds` if anything has changed. Store the normal map after `rest` seconds without a change, and
+        draw the other maps after a longer pause. Returns whether there is a new map. Raises BakeError."""
         self._changed |= self._strokes.moved(rest)
         if self._changed or self._all_changed:
             self._begin()
         if self._task is None:
             if not self._is_stored and (self.panel.live_every_time or time.monotonic() - self._drawn_at > rest):
                 self._store()
-            return False
+            is_pause = self._is_stored and not self._strokes.are_open
+            is_pause &= time.monotonic() - self._drawn_at > PAUSES * rest
+            return is_pause and self._needs_others and self._advance_others(seconds)
         try:
             self.session.advance(self._task, seconds)
         except StopIteration:
             self._task, self._is_stored, self._drawn_at = None, False, time.monotonic()
             self._unread.clear()
+            self._materials_changed = False
             if self.panel.live_every_time:
                 self._store()
         return True
 
+    def complete(self) -> Task[None]:
+        """Draw and store the other maps at once if they do not show the last change. Raises BakeError."""
+        if self._needs_others and self.session.texels is not None:
+            self._cancel_others()
+            yield from self.session.other_steps()
+            self.session.store_others()
+            self._are_others_old = False
+
     def interrupt(self) -> None:
-        """Cancel the map that is being drawn. The objects that it had to read count as changed for the next map."""
+        """Cancel the maps that are being drawn. The objects that they had to read count as changed for the next map."""
+        self._cancel_others()
         if self._task is not None:
             self._task.close()
         self._task = None
 
+    def _advance_others(self, seconds: float) -> bool:
+        """Draw the other maps for about `seconds`, and store them at the end. Returns whether they are done. What cannot be
+        drawn is not tried again before the next change. Raises BakeError."""
+        if self._other_task is None:
+            self._other_task = self.session.other_steps()
+        is_tried = True
+        try:
+            run_for(self._other_task, seconds)
+            is_tried = False
+        except StopIteration:
+            self.session.store_others()
+        finally:
+            if is_tried:
+                self._are_others_old, self._other_task = False, None
+        return is_tried
+
+    def _cancel_others(self) -> None:
+        if self._other_task is not None:
+            self._other_task.close()
+        self._other_task = None
+
     def free(self) -> None:
-        """Cancel the map that is being drawn, and free the session's GPU memory."""
+        """Cancel the maps that are being drawn, and free the session's GPU memory."""
         self.interrupt()
         self.session.free()
 
@@ -157,8 +202,9 @@ class Following:
         if self._all_changed:
             self._unread |= self.session.uids
         self._changed.clear()
-        self._all_changed = False
-        self._task = self.session.work(bpy.context, set(self._unread))
+        changed = None if self._materials_changed else set(self._unread)
+        self._all_changed, self._are_others_old = False, True
+        self._task = self.session.work(bpy.context, changed)
 
     def _store(self) -> None:
         self.session.store()

@@ -36,6 +36,10 @@ TABLE = {
         "es": "Los sufijos de los objetos low poly, high poly y jaulas deben ser todos distintos, y ninguno "
         "puede estar vacío.",
     },
+    (SENTENCE, "Live draws one image for all materials: turn Texture Sets off."): {
+        "de_DE": "Live zeichnet ein Bild für alle Materialien: Textursätze ausschalten.",
+        "es": "En vivo dibuja una sola imagen para todos los materiales: desactivar Conjuntos de texturas.",
+    },
     (SENTENCE, "Live draws only one tile: turn UDIM Tiles off."): {
         "de_DE": "Live zeichnet nur eine Kachel: UDIM-Kacheln ausschalten.",
         "es": "En vivo dibuja una sola celda: desactivar Celdas UDIM.",

@@ -8,8 +8,8 @@ import bpy
 from ...core import progress
 from ...core.errors import BakeError
 from ...core.settings import Settings
-from ...jobs import live_session
 from ...jobs.job import Job
+from ...jobs.live import live_session
 from ...scene import object_checks
 from ...views import view_shading
 from ...views.mode_names import Mode

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A map that is drawn again when its objects change. Only objects that changed are read and uploaded again."""
+"""Maps that are drawn again when their objects change. Only objects that changed are read and uploaded again."""
 
 from collections.abc import Collection
 from dataclasses import replace
@@ -8,36 +8,38 @@ import bpy
 import gpu
 import numpy as np
 
-from ..core import progress, texel_state, udim
-from ..core.declarations.choices import Modifiers, Pack, VertexDomain
-from ..core.errors import BakeError
-from ..core.map_types import NORMAL, Labeled
-from ..core.progress import Pace, Progress, Task
-from ..core.settings import Settings
-from ..core.timings import Timings
-from ..engine import margins, rendering, sources
-from ..engine.bands import Band
-from ..engine.maps import sampling
-from ..engine.maps.family import Run
-from ..engine.maps.maps_of_bake import maps_of_bake
-from ..engine.method_choice import Plan, choose_method, nothing_drawn
-from ..engine.rays.ray_casting import RayCast
-from ..engine.sources import Source
-from ..mesh.inputs import Meshes
-from ..mesh.triangle_mesh import Mesh
-from ..output import datablocks, output_clashes, outputs
-from ..passes import target
-from ..passes.mesh_upload import UploadCache
-from ..scene import instances, mesh_reader, object_checks, object_modes, reading
-from . import bake_jobs
-from .bake import READY
-from .job import Job, check_job
+from ...core import progress, texel_state, udim
+from ...core.declarations.choices import Modifiers, Pack, VertexDomain
+from ...core.errors import BakeError
+from ...core.map_types import NORMAL, Labeled
+from ...core.progress import Pace, Progress, Task
+from ...core.settings import Settings
+from ...core.timings import Timings
+from ...engine import margins, rendering, sources
+from ...engine.bands import Band
+from ...engine.maps import sampling
+from ...engine.maps.family import Run
+from ...engine.maps.maps_of_bake import maps_of_bake
+from ...engine.method_choice import Plan, choose_method, nothing_drawn
+from ...engine.rays.ray_casting import RayCast
+from ...engine.sources import Source
+from ...mesh.inputs import Meshes
+from ...mesh.triangle_mesh import Mesh
+from ...output import datablocks, output_clashes, outputs
+from ...passes import target
+from ...passes.mesh_upload import UploadCache
+from ...scene import instances, mesh_reader, object_checks, object_modes, reading
+from .. import bake_jobs
+from ..bake import READY
+from ..job import Job, check_job
+from .live_maps import LiveMaps
 
 
 class Session:
     """Follows the objects of a job.
 
-    texels: the last whole map, (height, width, 4) float32 as it is stored; None before the first. plan: of its bake.
+    texels: the last whole normal map, (height, width, 4) float32 as it is stored; None before the first. plan: of its bake.
+    settings: of the normal map, which is drawn for the views also if it is not stored. others: the other maps.
     """
 
     def __init__(self, context: bpy.types.Context, job: Job, settings: Settings, pace: Pace):
@@ -46,18 +48,21 @@ class Session:
             raise BakeError("Live draws only one tile: turn UDIM Tiles off.")
         self.job = job
         settings.check()
+        if settings.texture_sets:
+            raise BakeError("Live draws one image for all materials: turn Texture Sets off.")
         settings = replace(
             settings.read_by(context.scene.render.engine),
             modifiers=Modifiers.VIEWPORT,
-            normal=True,
-            maps=(),
             mask=False,
-            pack=Pack.NONE,
             vertex_domain=VertexDomain.NONE,
         )
-        self.settings = bake_jobs.for_low(settings, job.low.name)
-        output_clashes.check(settings, [self.settings], [job.low.name])
-        check_job(context, job, self.settings)
+        settings = bake_jobs.for_low(settings, job.low.name)
+        self._all_settings = settings
+        self.settings = replace(settings, normal=True, maps=(), pack=Pack.NONE)
+        self.others = LiveMaps(settings)
+        self._own_images = {of_map.image for of_map in output_clashes.settings_by_map(settings).values()}
+        output_clashes.check(settings, [settings], [job.low.name])
+        check_job(context, job, settings)
         self.pace = pace
         self.texels: np.ndarray | None = None
         self.plan: Plan | None = None
@@ -86,7 +91,7 @@ class Session:
         """
         settings, timings = replace(self.settings, method=self._method), Timings()
         yield Progress(f"Reading {self.job.low.name}", 0.0)
-        meshes = self._read(context, changed, settings)
+        meshes = self._read(context, changed, replace(self.others.drawing, method=self._method))
         plan = choose_method(meshes, [udim.FIRST], settings)
         self._method = plan.method
         preparing = sources.normal_source(plan, settings, timings, self.pace, uploads=self._uploads)
@@ -142,6 +147,22 @@ class Session:
         self._coarse = self._coarse_pool.find("map").texture
         return Progress("Drawing", READY, self._coarse)
 
+    def other_steps(self) -> Task[None]:
+        """Draw the other maps again, with their own textures, so that other bakes can run in between. Raises BakeError."""
+        return _within(self.others.pool, self._draw_others())
+
+    def _draw_others(self) -> Task[None]:
+        return self.others.work(self._source, replace(self.plan, meshes=self._meshes), self._uploads, self.pace)
+
+    def shows(self, changed: bpy.types.ID) -> bool:
+        """Whether maps of the session show this datablock: a material of the high objects, or an image that may be in one."""
+        if self._meshes is None or not (self.others.show_materials or self._meshes.has_detail):
+            return False
+        if isinstance(changed, bpy.types.Image):
+            return changed.name not in self._own_images
+        keys = {material.key for material in self._meshes.materials}
+        return isinstance(changed, bpy.types.Material) and changed.session_uid in keys
+
     def is_moved(self, uid: int) -> bool:
         """Whether vertices of the object with this session_uid have moved since they were last read."""
         meshes = self._meshes
@@ -161,21 +182,13 @@ class Session:
 
     def steps(self, context: bpy.types.Context, changed: Collection[int] | None = None) -> Task[None]:
         """As `work`, but with the session's own textures, so that other bakes can run in between."""
-        work = self.work(context, changed)
-        try:
-            while True:
-                with target.using(self._pool):
-                    step = next(work)
-                yield step
-        except StopIteration:
-            return
-        finally:
-            work.close()
+        return _within(self._pool, self.work(context, changed))
 
     def free(self) -> None:
         """Free all GPU memory of the session."""
         self._pool.free()
         self._coarse_pool.free()
+        self.others.pool.free()
         self._coarse = None
         self._post_processes = {}
         self._uploads, self._source, self._drawer = UploadCache(), None, None
@@ -220,8 +233,10 @@ class Session:
         return self._drawer.high_normals(Band(0, size[1], size, 0))
 
     def store(self) -> None:
-        """Put the last map into the image datablock, and the image into the material if it is new."""
+        """Put the last normal map into its image datablock, and the image into the material if it is new."""
         settings = self.settings
+        if not self._all_settings.normal:
+            return
         is_new = datablocks.get(settings.image) is None
         image = datablocks.fill(settings.image, self.texels, is_float=settings.depth > 8, pack=False)
         datablocks.sign(image, self._high_names)
@@ -229,16 +244,43 @@ class Session:
             outputs.hook_up(self.job.low, image, self._meshes.uv_layer, settings)
         self._is_stored = True
 
+    def store_others(self) -> None:
+        """Put the other maps into their image datablocks and, the first time, into the material if the settings say so."""
+        self.others.store((self.texels, self._state), self._labels, self.job.low, self._meshes.uv_layer)
+
     def commit(self) -> None:
-        """Store the last map as a bake does: in its file, or packed. Raises BakeError."""
+        """Store the last maps as a bake does: in their files, or packed. Raises BakeError."""
         low = self.job.low_ref.find()
-        if self.texels is not None and low is not None:
-            with outputs.Outputs(self.settings) as writers:
-                writers.add(udim.FIRST, {NORMAL.name: (self.texels, self._state)})
-                stored = writers.commit({Labeled.OBJECTS: self._high_names}, [low])
-                if self.settings.material:
-                    outputs.hook_up(low, stored.image, self._meshes.uv_layer, self.settings)
+        settings = self._all_settings
+        others = self.others.drawn
+        if not others:
+            settings = replace(settings, maps=(), pack=Pack.NONE)
+        if self.texels is None or low is None or not (settings.normal or others):
+            return
+        with outputs.Outputs(settings) as writers:
+            writers.add(udim.FIRST, {NORMAL.name: (self.texels, self._state), **self.others.copies()})
+            stored = writers.commit(self._labels, [low])
+            outputs.into_materials(low, stored, self._meshes.uv_layer, settings)
+
+    @property
+    def _labels(self) -> dict[Labeled, list[str]]:
+        """As Outputs.commit takes them."""
+        materials = [material.name for material in self._meshes.materials]
+        return {Labeled.OBJECTS: self._high_names, Labeled.MATERIALS: materials}
 
     @property
     def _high_names(self) -> list[str]:
         return [high.name for high in self._meshes.highs]
+
+
+def _within(pool: target.TargetPool, work: Task[None]) -> Task[None]:
+    """`work` with the textures of `pool`, so that other bakes can run between its steps."""
+    try:
+        while True:
+            with target.using(pool):
+                step = next(work)
+            yield step
+    except StopIteration:
+        return
+    finally:
+        work.close()

@@ -1,0 +1,205 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Live draws the other maps when editing pauses: into their images at once, and into files when it is switched off."""
+
+import bpy
+import numpy as np
+import pytest
+
+from addon.ui.live import live_updates
+from addon.ui.live.live_switch import live
+from tests.support import zoo
+from tests.support.maps import pixels
+
+pytestmark = pytest.mark.usefixtures("gpu_context", "registered")
+
+
+@pytest.fixture
+def pair(monkeypatch):
+    """A low terrain and a high one with a material, small maps, and no waiting for a pause in editing."""
+    low, high = zoo.terrain("lo", n=8), zoo.terrain("hi", n=24, height=0.15)
+    high.data.materials.append(bpy.data.materials.new("paint"))
+    settings = bpy.context.scene.imprint
+    settings.low, settings.material = low, False
+    settings.highs.add().object = high
+    settings.method, settings.width, settings.height, settings.rays = "FLATTEN", 32, 32, 16
+    monkeypatch.setattr(live, "rest", 0.0)
+    yield low, high
+    live.stop()
+
+
+def switch():
+    assert bpy.ops.imprint.live() == {"FINISHED"}
+
+
+def follow(until=lambda: live.is_resting):
+    """Run the timer until there is nothing to do. Returns the ticks that it took."""
+    bpy.context.view_layer.update()
+    for tick in range(2000):
+        live.tick()
+        if not live.is_on or until():
+            return tick
+    raise AssertionError("Live does not come to rest")
+
+
+def baked():
+    """The texels of all images after a new bake, by name."""
+    live.stop()
+    assert bpy.ops.imprint.bake() == {"FINISHED"}
+    return shown()
+
+
+def raise_middle(high):
+    """Move vertices, as a stroke does."""
+    for vertex in high.data.vertices:
+        vertex.co.z += 0.2 * max(0.0, 0.4 - vertex.co.xy.length)
+    high.data.update()
+
+
+def shown():
+    return {image.name: pixels(image) for image in bpy.data.images if image.name.startswith("lo")}
+
+
+def same(found, expected):
+    return found.keys() == expected.keys() and all(np.array_equal(found[name], expected[name]) for name in found)
+
+
+@pytest.mark.parametrize("method", ["FLATTEN", "CAST"])
+def test_other_maps_equal_those_of_a_bake_after_each_change(pair, method):
+    _, high = pair
+    settings = bpy.context.scene.imprint
+    settings.method = method
+    settings.maps, settings.pack = {"AO", "CURVATURE", "BASE_COLOR", "HEIGHT"}, "GLTF"
+    switch()
+    follow()
+    names = {"lo_normal", "lo_ao", "lo_curvature", "lo_base_color", "lo_height", "lo_orm"}
+    before = shown()
+    assert before.keys() == names
+    raise_middle(high)
+    follow()
+    after = shown()
+    assert not np.array_equal(after["lo_ao"], before["lo_ao"])
+    assert not np.array_equal(after["lo_normal"], before["lo_normal"])
+    assert same(after, baked())
+
+
+def test_the_normal_map_comes_first_and_a_change_drops_the_others(pair, monkeypatch):
+    _, high = pair
+    monkeypatch.setattr(live, "budget", -1.0)
+    bpy.context.scene.imprint.maps = {"AO"}
+    switch()
+    follow()
+    before = shown()
+    raise_middle(high)
+    follow(lambda: not np.array_equal(shown()["lo_normal"], before["lo_normal"]))
+    assert np.array_equal(shown()["lo_ao"], before["lo_ao"])
+    assert not live.is_resting
+    following = live._following
+    follow(lambda: following._other_task is not None)
+    first = following._other_task
+    raise_middle(high)
+    follow(lambda: following.is_drawing)
+    assert following._other_task is None
+    assert first.gi_frame is None  # it was closed
+    follow()
+    after = shown()
+    assert same(after, baked())
+
+
+def test_other_maps_wait_for_a_longer_pause(pair, monkeypatch):
+    bpy.context.scene.imprint.maps = {"HEIGHT"}
+    clock = [100.0]
+    monkeypatch.setattr(live_updates.time, "monotonic", lambda: clock[0])
+    monkeypatch.setattr(live, "rest", 1.0)
+    switch()
+
+    def ticks():
+        for _ in range(20):
+            live.tick()
+        return {*shown()}
+
+    clock[0] += 1.5
+    assert ticks() == {"lo_normal"}
+    clock[0] += 1.0
+    assert ticks() == {"lo_normal", "lo_height"}
+
+
+def test_colors_follow_the_material(pair):
+    _, high = pair
+    bpy.context.scene.imprint.maps = {"BASE_COLOR"}
+    switch()
+    follow()
+    principled = high.data.materials[0].node_tree.nodes["Principled BSDF"]
+    before = shown()["lo_base_color"]
+    principled.inputs["Base Color"].default_value = (1.0, 0.0, 0.0, 1.0)
+    assert follow() > 0
+    after = shown()["lo_base_color"].reshape(-1, 4)
+    assert not np.array_equal(after, before)
+    assert np.allclose(after[after[:, 3] > 0][:, :3], (1.0, 0.0, 0.0), atol=1e-3)
+
+
+def test_a_material_without_color_maps_draws_nothing(pair):
+    _, high = pair
+    bpy.context.scene.imprint.maps = {"AO"}
+    switch()
+    follow()
+    high.data.materials[0].node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (1, 0, 0, 1)
+    bpy.context.view_layer.update()
+    assert live.is_resting
+
+
+def test_painting_an_image_of_the_material_is_followed(pair):
+    _, high = pair
+    tree = high.data.materials[0].node_tree
+    node = tree.nodes.new("ShaderNodeTexImage")
+    node.image = bpy.data.images.new("paint", 8, 8)
+    tree.links.new(node.outputs["Color"], tree.nodes["Principled BSDF"].inputs["Base Color"])
+    bpy.context.scene.imprint.maps = {"BASE_COLOR"}
+    switch()
+    follow()
+    node.image.pixels.foreach_set(np.tile(np.float32([0, 1, 0, 1]), 64))
+    node.image.update_tag()
+    follow()
+    after = shown()["lo_base_color"].reshape(-1, 4)
+    assert np.allclose(after[after[:, 3] > 0][:, :3], (0.0, 1.0, 0.0), atol=1e-3)
+
+
+def test_switching_off_stores_all_maps_in_files(pair, tmp_path):
+    _, high = pair
+    settings = bpy.context.scene.imprint
+    settings.maps, settings.storage, settings.output = {"AO", "HEIGHT"}, "FILE", str(tmp_path / "{low}.png")
+    switch()
+    follow()
+    assert list(tmp_path.iterdir()) == []
+    raise_middle(high)
+    bpy.context.view_layer.update()
+    follow()
+    switch()
+    assert {path.name for path in tmp_path.iterdir()} == {"lo.png", "lo_ao.png", "lo_height.png"}
+    stored = shown()
+    assert same(stored, baked())
+
+
+def test_switching_off_before_the_pause_draws_the_other_maps(pair):
+    bpy.context.scene.imprint.maps = {"AO"}
+    switch()
+    assert {*shown()} == {"lo_normal"}
+    switch()
+    assert not live.is_on
+    assert same(shown(), baked())
+
+
+def test_without_the_normal_map_only_the_others_are_stored(pair):
+    settings = bpy.context.scene.imprint
+    settings.normal, settings.maps = False, {"AO"}
+    switch()
+    follow()
+    assert {*shown()} == {"lo_ao"}
+    switch()
+    assert same(shown(), baked())
+
+
+def test_live_does_not_draw_texture_sets(pair):
+    bpy.context.scene.imprint.texture_sets = True
+    with pytest.raises(RuntimeError, match="turn Texture Sets off"):
+        bpy.ops.imprint.live()
+    assert not live.is_on
