@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from addon.ui.live import live_updates
-from addon.ui.live.live_switch import live
+from addon.ui.live.live_switch import LiveState, live
 from tests.support import zoo
 from tests.support.maps import pixels
 
@@ -93,13 +93,10 @@ def test_the_normal_map_comes_first_and_a_change_drops_the_others(pair, monkeypa
     follow(lambda: not np.array_equal(shown()["lo_normal"], before["lo_normal"]))
     assert np.array_equal(shown()["lo_ao"], before["lo_ao"])
     assert not live.is_resting
-    following = live._following
-    follow(lambda: following._other_task is not None)
-    first = following._other_task
+    follow(lambda: live.draws_others)
     raise_middle(high)
-    follow(lambda: following.is_drawing)
-    assert following._other_task is None
-    assert first.gi_frame is None  # it was closed
+    follow(lambda: live.state is LiveState.DRAWING)
+    assert not live.draws_others
     follow()
     after = shown()
     assert same(after, baked())

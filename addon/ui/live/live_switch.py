@@ -72,6 +72,11 @@ class LiveController:
         return self._following is not None
 
     @property
+    def draws_others(self) -> bool:
+        """Whether maps other than the normal map are being drawn."""
+        return self._following is not None and self._following.draws_others
+
+    @property
     def is_resting(self) -> bool:
         """Whether Live is on and has nothing to do: the image shows all changes that Blender has reported."""
         return self._following is not None and self._following.is_resting

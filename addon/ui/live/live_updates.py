@@ -61,6 +61,10 @@ class Following:
         return self._task is not None
 
     @property
+    def draws_others(self) -> bool:
+        return self._other_task is not None
+
+    @property
     def is_resting(self) -> bool:
         """Whether there is nothing to do: the image shows all changes that Blender has reported."""
         is_changed = self._changed or self._all_changed or self._strokes.are_open
