@@ -129,6 +129,7 @@ AO = MapType(
     "ao",
     family=Family.OPENNESS,
 )
+BASE_COLOR = _of_socket("BASE_COLOR", "Base Color", "Base Color", is_color=True)
 ROUGHNESS = _of_socket("ROUGHNESS", "Roughness", "Roughness")
 METALLIC = _of_socket("METALLIC", "Metallic", "Metallic")
 EMISSION = _of_socket("EMISSION", "Emission", "Emission Color", is_color=True, value_range=Range.POSITIVE)
@@ -238,7 +239,7 @@ OTHERS = (
         family=Family.CURVATURE,
         index=2,
     ),
-    _of_socket("BASE_COLOR", "Base Color", "Base Color", is_color=True),
+    BASE_COLOR,
     ROUGHNESS,
     METALLIC,
     EMISSION,

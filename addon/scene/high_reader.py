@@ -16,7 +16,7 @@ from ..mesh.joining import Part, usable
 from ..mesh.triangle_mesh import Mesh
 from . import instances, mesh_reader
 from .high_layers.material_layers import read_layers
-from .high_layers.material_numbers import MaterialNumbers
+from .high_layers.material_numbers import MaterialNumbers, Shown
 from .images.image_pages import ImagePages
 
 MOST = 200_000_000
@@ -94,7 +94,7 @@ class Reader:
         if method == Method.FLATTEN or (method == Method.AUTO and data.uv_layers):
             # Use the layer with the name of the low mesh's layer, or else the active one.
             layer = uv_layer(name, data, self.low_layer if self.low_layer in data.uv_layers else "")
-        slots = self.materials.of_slots(obj)
+        slots = self.materials.of_slots(obj, data)
         has_labels = bool(self.settings.maps) or self.settings.texture_sets
         if has_labels or self.settings.detail_maps:
             shown = [self.materials.read(material) for material in slots]
@@ -106,9 +106,7 @@ class Reader:
             return mesh
         return replace(self._labeled(mesh, number, slots, data), layers=read_layers(data, shown, self.settings))
 
-    def _labeled(
-        self, mesh: Mesh, number: int, slots: Sequence[bpy.types.Material | None], data: bpy.types.Mesh
-    ) -> Mesh:
+    def _labeled(self, mesh: Mesh, number: int, slots: Sequence[Shown], data: bpy.types.Mesh) -> Mesh:
         """`mesh` labeled with the numbers of its high object and of its materials."""
         indices = mesh_reader.material_slots(data, mesh, len(slots))
         numbers = np.array([self.materials.number(material) for material in slots])

@@ -145,6 +145,20 @@ def test_vertex_colors_come_back(method, domain, samples):
             assert (texels[inside, 3] == 1.0).all()
 
 
+@pytest.mark.parametrize("has_slot", [False, True])
+def test_vertex_colors_without_a_material_are_the_base_color(has_slot):
+    low, high = pair(None)
+    if has_slot:
+        high.data.materials.append(None)
+    colors = high.data.color_attributes.new("Col", "FLOAT_COLOR", "CORNER")
+    colors.data.foreach_set("color", np.tile((0.1, 0.6, 0.3, 1.0), len(high.data.loops)))
+    maps = raw_maps(low, high, maps=("BASE_COLOR", "ROUGHNESS"))[1001]
+    inside = maps["BASE_COLOR"][..., 3] > 0.0
+    assert inside.any()
+    assert np.allclose(maps["BASE_COLOR"][inside][:, :3], (0.1, 0.6, 0.3), rtol=0, atol=EXACT)
+    assert np.allclose(maps["ROUGHNESS"][inside][:, 0], 0.5, rtol=0, atol=EXACT)
+
+
 @pytest.mark.parametrize("method", METHODS)
 def test_the_channels_of_a_gltf_material(method):
     """Occlusion, roughness and metallic in one image, alpha in the base color, and emission with a strength."""

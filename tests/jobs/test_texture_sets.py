@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Tests texture sets: an image for each material of the low mesh."""
 
-import bmesh
 import bpy
 import numpy as np
 import pytest
@@ -61,6 +60,8 @@ def test_normals_of_a_set_equal_those_of_a_bake_of_that_material_alone(pair):
     low, high = pair
     whole = bake(low, high, method="CAST", maps=(), texture_sets=True)[1]
     texels = np.array(bpy.data.images[whole.image].pixels)
+    import bmesh  # available only after bpy is imported
+
     for mesh in (low.data, high.data):
         edited = bmesh.new()
         edited.from_mesh(mesh)

@@ -179,13 +179,13 @@ def test_sure_texels_keep_their_surface():
     high = shells("hi", 0.325, waves=0.006, n=64)
     rays = {"maps": ("HEIGHT",), "depth": 32, "margin": 0, "width": 128, "height": 128}
     report = bake(low, high, **rays)
-    heights = pixels("lo_normal_height")
+    heights = pixels("lo_height")
     is_sure = pixels(locate_issues.draw_mask(bpy.context, report, "unsure").name) == 0.0
     proposal = weight_proposal.propose(bpy.context, report, NONE)
 
     groups = weight_proposal.apply(low, proposal, NONE)
     bake(low, high, **rays, **groups)
-    changed = np.abs(pixels("lo_normal_height") - heights) > 1e-3
+    changed = np.abs(pixels("lo_height") - heights) > 1e-3
 
     assert proposal.after < proposal.before
     assert changed.any()

@@ -3,15 +3,29 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from enum import IntEnum
 
 import bpy
 
-from ...core.material_feeds import BumpFeed, DetailFeed, HighMaterial
+from ...core.map_types import BASE_COLOR
+from ...core.material_feeds import AttributeFeed, BumpFeed, DetailFeed, HighMaterial
 from ..images.image_pages import ImagePages
 from ..materials.material_reading import read_materials
 
 MARK = "imprint"
 """The custom property of nodes that Imprint has made."""
+
+
+class Bare(IntEnum):
+    """Faces without a material. Their values are keys that no material has."""
+
+    PLAIN = 0
+    COLORED = -1
+    """With vertex colors."""
+
+
+Shown = bpy.types.Material | Bare
+"""What a slot shows."""
 
 
 class MaterialNumbers:
@@ -38,15 +52,20 @@ class MaterialNumbers:
         """In the order of their numbers."""
         return list(self._found.values())
 
-    def of_slots(self, obj: bpy.types.Object) -> list[bpy.types.Material | None]:
-        """The material of each slot of `obj`; one None without slots."""
-        return [slot.material and slot.material.original for slot in obj.material_slots] or [None]
+    def of_slots(self, obj: bpy.types.Object, data: bpy.types.Mesh) -> list[Shown]:
+        """What each slot of `obj` shows on its mesh `data`; at least one."""
+        # Scans often have vertex colors and no material.
+        bare = Bare.COLORED if data.attributes.get(data.attributes.default_color_name or "") else Bare.PLAIN
+        return [slot.material.original if slot.material else bare for slot in obj.material_slots] or [bare]
 
-    def read(self, material: bpy.types.Material | None) -> HighMaterial:
-        """What feeds a material; None stands for faces without one."""
-        key = material.session_uid if material else 0
+    def read(self, material: Shown) -> HighMaterial:
+        """What feeds a material."""
+        key = _key(material)
         if key not in self._found:
-            found = read_materials([material], self.images)[0]
+            is_bare = isinstance(material, Bare)
+            found = read_materials([None if is_bare else material], self.images)[0]
+            if material is Bare.COLORED:
+                found = replace(found, feeds=found.feeds | {BASE_COLOR.socket: AttributeFeed("")})
             detail = found.detail if self.has_detail else None
             if material in self._of_low:
                 detail = None if _is_hooked_up(material) else self._without_maps(detail)
@@ -61,9 +80,13 @@ class MaterialNumbers:
             return detail
         return detail.below if isinstance(detail, BumpFeed) else None
 
-    def number(self, material: bpy.types.Material | None) -> int:
+    def number(self, material: Shown) -> int:
         """The number of a material that was read."""
-        return 1 + list(self._found).index(material.session_uid if material else 0)
+        return 1 + list(self._found).index(_key(material))
+
+
+def _key(material: Shown) -> int:
+    return material.value if isinstance(material, Bare) else material.session_uid
 
 
 def _is_hooked_up(material: bpy.types.Material) -> bool:
