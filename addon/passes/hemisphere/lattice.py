@@ -10,7 +10,7 @@ import numpy as np
 
 from ...core.progress import Pace
 
-AT_ONCE = 32
+AT_ONCE = 64
 """The most rays of a texel in one dispatch: large maps take rows of few texels otherwise."""
 
 
@@ -47,11 +47,12 @@ def rays_of_sample(lattice: Lattice, sample: int, samples: int) -> range:
 def slices(pace: Pace, height: int, rays: range) -> Iterator[tuple[range, range, bool]]:
     """Divide rays from `height` rows into slices, as Pace does: yields rows, rays, and whether these are the rows' first rays.
 
-    The rays of a slice go similar ways. Only when all rays are added, the sums have no preferred direction.
+    The rays of a slice are spread over all directions, so that sums can be shown before they are complete.
     """
-    for start in range(0, len(rays), AT_ONCE):
+    parts = -(-len(rays) // AT_ONCE)
+    for part in range(parts):
         for rows in pace.slices(height):
-            yield rows, rays[start : start + AT_ONCE], start == 0
+            yield rows, rays[part::parts], part == 0
 
 
 def _reduced(first: tuple[int, int], second: tuple[int, int]) -> tuple[tuple[int, int], tuple[int, int]]:
