@@ -28,11 +28,13 @@ WITH_RAYS = {Family.OPENNESS, Family.THICKNESS, Family.CURVATURE}
 class Source(Protocol):
     """Draws samples of a band: normals of the high surface, and hits, as shaders/lib/hit_lib.glsl reads them.
 
-    takes_time: whether it draws normals in slices. ray_cast: the rays that it casts, or None. surface: what the hits are on;
-    None if no map needs them. slot: the number of a sample whose normals and hits stay beside those of others.
+    takes_time: whether it draws normals in slices. is_within_low: whether hits are only where the low mesh is. ray_cast: the
+    rays that it casts, or None. surface: what the hits are on; None if no map needs them. slot: the number of a sample whose
+    normals and hits stay beside those of others.
     """
 
     takes_time: bool
+    is_within_low: bool
     ray_cast: ray_casting.RayCast | None
     surface: HighSurface | None
 
@@ -138,6 +140,7 @@ class Flat:
     """
 
     takes_time = False
+    is_within_low = False
     ray_cast = None
 
     def __init__(
@@ -194,6 +197,7 @@ class Rays:
     """Casts the rays of `ray_cast` from `low` to `highs`."""
 
     takes_time = True
+    is_within_low = True
 
     def __init__(self, low: Mesh, ray_cast: ray_casting.RayCast, highs: Sequence[Mesh], settings: Settings, pace: Pace):
         self.ray_cast, self.settings, self.pace = ray_cast, settings, pace

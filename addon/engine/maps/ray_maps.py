@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Draws the maps whose rays start at the hits: ambient occlusion and bent normals, thickness, curvature."""
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from typing import ClassVar
@@ -31,8 +32,8 @@ class RayMaps(ABC):
     def __init__(self, names: Sequence[str], surface: HighSurface, run: Run):
         self.names, self.surface, self.run = names, surface, run
         settings = run.settings
-        # Each sample casts at least one.
-        self.rays = max(settings.rays, settings.samples)
+        # Each sample casts as many, so that texels of which only some samples hit keep their mean.
+        self.rays = settings.samples * math.ceil(settings.rays / settings.samples)
         self.lattice = lattice.of(self.rays)
         self.effort = 0.7 * self.rays / settings.samples
         self._picture: gpu.types.GPUTexture | None = None
@@ -129,7 +130,7 @@ class OpennessMaps(RayMaps):
 
     def _values(self, name, into, sums, known, rays):
         if BY_NAME[name].kind is Kind.NORMAL:
-            openness.bent_normals(into, sums, known, rays, self.to_space)
+            openness.bent_normals(into, sums, known, rays, self.to_space, is_unit=True)
         else:
             openness.ambient_occlusion(into, sums, known, rays)
 

@@ -10,7 +10,7 @@ from ...core.declarations import bases
 from ...core.map_types import NORMAL
 from ...core.progress import Progress, Task, finish, part
 from ...passes import target
-from ...passes.bake import preview_picture, samples, tangent
+from ...passes.bake import flat_hits, preview_picture, samples, tangent
 from ...passes.surface import served_blocks
 from ..bands import Band
 from ..normal_channels import channels
@@ -110,6 +110,8 @@ class SampledMaps:
                     yield self._step(normals if sums is None else sums.texture, done, band)
             if self.families or self.detail is not None:
                 hits = self.source.hits(sample_band, slot)
+                if self.detail is None:
+                    self._clip(hits, known)
                 blocks = None
                 if self._has_pages:
                     with self.timings.timed("draw"):
@@ -130,9 +132,15 @@ class SampledMaps:
         for sample in drawn:
             with self.timings.timed("draw"):
                 known = self._in_space(sample.normals.texture, sample.band, range(sample.band.height))
+                self._clip(sample.hits, known)
                 if sums is not None:
                     samples.add(sums, known, range(sample.band.height), is_first=sample.number == 0)
         return known
+
+    def _clip(self, hits: target.Target, normals: gpu.types.GPUTexture) -> None:
+        """Leave the hits of a sample where its normal counts, so that all maps are means of the same samples."""
+        if self.settings.samples > 1 and not self.source.is_within_low:
+            flat_hits.clip(hits, normals)
 
     def _finished(
         self, band: Band, known: gpu.types.GPUTexture, sums: target.Target | None

@@ -29,6 +29,13 @@ NO_HITS = Program(
     outputs=(("UVEC4", "hit_out"),),
 )
 
+CLIP = Program(
+    compute="bake/clip_hits_comp.glsl",
+    texels=(("RGBA32F", "FLOAT_2D", "normals"),),
+    images=(("RGBA32UI", "UINT_2D", "hits", "WRITE"),),
+    constants=(("INT", "first_row"),),
+)
+
 
 def upload(uv: np.ndarray, numbers: np.ndarray) -> gpu.types.GPUBatch:
     """Meshes for `draw`. uv (3 T, 2) float32: of the corners of the triangles in the order of their numbers. numbers (T,) int:
@@ -48,3 +55,8 @@ def draw(into: target.Target, meshes: gpu.types.GPUBatch, uv_to_clip: UvToClip) 
         compiled.bind()
         target.bind(compiled, PROGRAM, uv_to_clip=uv_to_clip)
         meshes.draw(compiled)
+
+
+def clip(hits: target.Target, normals: gpu.types.GPUTexture) -> None:
+    """Remove hits (RGBA32UI) where `normals` (RGBA32F) has an alpha of 0: where the low mesh does not cover the sample."""
+    target.dispatch(CLIP, hits.width, range(hits.height), normals=normals, hits=hits.texture)

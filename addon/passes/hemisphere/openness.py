@@ -47,7 +47,7 @@ BENT_NORMAL = Program(
     fragment="hemisphere/bent_normal_frag.glsl",
     inputs=(("VEC2", "position"),),
     texels=(("RGBA32F", "FLOAT_2D", "sums"), ("RGBA32F", "FLOAT_2D", "normals")),
-    constants=(("MAT4", "normal_matrix"), ("FLOAT", "rays")),
+    constants=(("MAT4", "normal_matrix"), ("FLOAT", "rays"), ("INT", "is_unit")),
     outputs=(("VEC4", "value_out"),),
 )
 
@@ -119,12 +119,18 @@ def ambient_occlusion(into: target.Target, sums: target.Target, normals: gpu.typ
 
 
 def bent_normals(
-    into: target.Target, sums: target.Target, normals: gpu.types.GPUTexture, rays: int, normal_matrix: np.ndarray
+    into: target.Target,
+    sums: target.Target,
+    normals: gpu.types.GPUTexture,
+    rays: int,
+    normal_matrix: np.ndarray,
+    *,
+    is_unit: bool = False,
 ) -> None:
-    """Write the mean visible directions into `into` (RGBA32F), shorter than 1, so that they can be averaged over samples.
+    """Write the mean visible directions into `into` (RGBA32F), shorter than 1, or normalized.
 
     normal_matrix: (3, 3), applied to the directions, as in cast.look_up. Where all is blocked, the value has the direction of
-    the high surface's normal and a length of about 0. Otherwise as reach.mean has it.
+    the high surface's normal and, without is_unit, a length of about 0. Otherwise as reach.mean has it.
     """
     target.fill(
         into,
@@ -133,4 +139,5 @@ def bent_normals(
         normals=normals,
         normal_matrix=shader.mat4(normal_matrix),
         rays=float(rays),
+        is_unit=int(is_unit),
     )
