@@ -107,6 +107,17 @@ def test_the_switch_leaves_detail_out(method):
 
 
 @pytest.mark.parametrize("method", METHODS)
+def test_maps_from_rays_come_from_the_geometry_alone(method):
+    names = ("AO", "THICKNESS", "CURVATURE")
+    ball = zoo.sphere("ball", 12)
+    ball.scale, ball.location.z = (0.4,) * 3, 0.5
+    found = [maps.bake_all_maps(*pair(carved()), ball, maps=names, method=method, detail_maps=on)[1] for on in (0, 1)]
+    for name in map(str.lower, names):
+        np.testing.assert_array_equal(found[0][name], found[1][name])
+    assert np.ptp(found[0]["ao"][found[0]["ao"][..., 3] == 1.0, 0]) > 0.1
+
+
+@pytest.mark.parametrize("method", METHODS)
 def test_only_faces_with_the_material_have_its_detail(method):
     low, high = pair(carved())
     parts = layouts.square("parts", {zoo.LAYER: LOW, layouts.PAINT: PAINT}, n=2, z=0.01)

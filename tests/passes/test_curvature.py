@@ -23,6 +23,8 @@ THICKNESS = 0.01
 RMS = 2.5 / 255
 """The largest root mean square error of a texel at 128 rays."""
 UP = np.array((0.0, 0.0, 1.0))
+SLAB = 0.05
+"""The thickness of a plate."""
 
 
 def sphere(level=6):
@@ -93,15 +95,27 @@ def test_an_edge_of_90_degrees_is_1_if_convex_and_0_if_concave_seed_3(is_convex)
     np.testing.assert_allclose(cavity, np.maximum(0.0, 1.0 - 2.0 * values), atol=1e-6)
 
 
+def on_slab(rng):
+    """Probes on one side of a plate that is SLAB thick, at a random angle."""
+    slab = [rectangle((0, 0, 0), (1, 0, 0), (0, 1, 0)), rectangle((0, 0, -SLAB), (0, 1, 0), (1, 0, 0))]
+    matrix = oracle.rotation(rng)
+    points = np.c_[rng.uniform(-0.3, 0.3, (COUNT, 2)), np.zeros(COUNT)]
+    return Probes(tables(np.concatenate([*map(polygon, slab)]) @ matrix.T), points @ matrix.T, matrix @ UP)
+
+
+@pytest.mark.parametrize("radius", [0.04, 0.06, 0.1, 0.4])
+def test_a_plate_that_is_thinner_than_the_radius_is_convex_seed_7(radius):
+    """With the ratio x of its thickness to the radius, the inner half of the ball holds 3/2 x - x^3 / 2 of it."""
+    found, x = on_slab(np.random.default_rng(7)).measured(curvature, radius=radius), min(1.0, SLAB / radius)
+    truth = 1.5 - 1.5 * x + 0.5 * x**3
+    assert abs(found.mean() - truth) < EDGE
+    assert np.sqrt(((found - truth) ** 2).mean()) < RMS
+
+
 @pytest.mark.parametrize("farthest", [0.06, 0.1, 0.4])
 def test_thickness_of_a_slab_seed_4(farthest):
     """With the ratio x of the slab's thickness to the limit, 2 x - x^2."""
-    rng = np.random.default_rng(4)
-    slab = [rectangle((0, 0, 0), (1, 0, 0), (0, 1, 0)), rectangle((0, 0, -0.05), (0, 1, 0), (1, 0, 0))]
-    matrix = oracle.rotation(rng)
-    points = np.c_[rng.uniform(-0.3, 0.3, (COUNT, 2)), np.zeros(COUNT)]
-    probes = Probes(tables(np.concatenate([*map(polygon, slab)]) @ matrix.T), points @ matrix.T, matrix @ UP)
-    found, x = probes.measured(thickness, farthest=farthest), 0.05 / farthest
+    found, x = on_slab(np.random.default_rng(4)).measured(thickness, farthest=farthest), SLAB / farthest
     check_thickness(found, 2.0 * x - x * x)
 
 
