@@ -67,7 +67,7 @@ class ImagePixels:
 class AttributeFeed:
     """A value from an attribute of the mesh, of any domain.
 
-    name: empty for the active color attribute. Others as in ImageFeed.
+    name: empty for the color attribute that is set to render. Others as in ImageFeed.
     """
 
     name: str

@@ -68,7 +68,7 @@ class Settings:
     curvature_radius: float | None = _field("curvature_radius")
     """In distance_unit. None for CURVATURE_SHARE."""
     attribute: str = _field("attribute")
-    """Empty for the active color attribute."""
+    """Empty for the color attribute that is set to render."""
     detail_maps: bool = _field("detail_maps")
     pack: str = _field("pack")
     pack_red: str = _field("pack_red")

@@ -130,7 +130,7 @@ MAPS: dict[str, Setting] = {
     "attribute": Text(
         label="Attribute",
         tooltip="Name of the attribute of the high meshes for the attribute map",
-        empty="the active color attribute",
+        empty="the color attribute that is set to render",
     ),
     "detail_maps": Switch(
         label="High's Normal Maps",

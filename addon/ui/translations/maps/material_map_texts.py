@@ -33,12 +33,13 @@ TABLE = {
     },
     (
         SENTENCE,
-        "Name of the attribute of the high meshes for the attribute map. Leave empty to use the active color attribute",
+        "Name of the attribute of the high meshes for the attribute map. Leave empty to use the color attribute that "
+        "is set to render",
     ): {
-        "de_DE": "Name des Attributs der High-Poly-Meshes für die Attributmap. Leer lassen, um das aktive Farbattribut "
-        "zu verwenden",
+        "de_DE": "Name des Attributs der High-Poly-Meshes für die Attributmap. Leer lassen, um das Farbattribut für das "
+        "Rendern zu verwenden",
         "es": "Nombre del atributo de las mallas high poly para el mapa de atributo. Dejar vacío para usar el atributo "
-        "de color activo",
+        "de color para procesar",
     },
     (SENTENCE, "An image of the high meshes was removed during the bake: bake again."): {
         "de_DE": "Ein Bild der High-Poly-Meshes wurde während des Backens entfernt: erneut backen.",
