@@ -5,6 +5,9 @@ import bpy
 import numpy as np
 import pytest
 
+from addon.core.errors import BakeError
+from addon.core.settings import Settings
+from addon.jobs import bake_pair
 from addon.ui.live import live_updates
 from addon.ui.live.live_switch import LiveState, live
 from tests.support import zoo
@@ -102,6 +105,23 @@ def test_the_normal_map_comes_first_and_a_change_drops_the_others(pair, monkeypa
     assert same(after, baked())
 
 
+def test_another_bake_while_other_maps_are_drawn_does_not_change_them(pair, monkeypatch):
+    low, high = pair
+    settings = bpy.context.scene.imprint
+    settings.method, settings.maps, settings.rays = "CAST", {"AO"}, 256
+    switch()
+    monkeypatch.setattr(live, "budget", -1.0)
+    follow(lambda: live.draws_others)
+    for _ in range(2):
+        live.tick()
+    assert live.draws_others
+    plain = vars(settings.to_settings())
+    own = {"image": "other", "storage": "MEMORY", "material": False, "ao_distance": 1e-4}
+    bake_pair(bpy.context, low, [high], Settings(**plain | own))
+    follow()
+    assert same(shown(), baked())
+
+
 def test_other_maps_wait_for_a_longer_pause(pair, monkeypatch):
     bpy.context.scene.imprint.maps = {"HEIGHT"}
     clock = [100.0]
@@ -164,6 +184,7 @@ def test_switching_off_stores_all_maps_in_files(pair, tmp_path):
     _, high = pair
     settings = bpy.context.scene.imprint
     settings.maps, settings.storage, settings.output = {"AO", "HEIGHT"}, "FILE", str(tmp_path / "{low}.png")
+    settings.depth = "8"  # in which heights are encoded
     switch()
     follow()
     assert list(tmp_path.iterdir()) == []
@@ -192,6 +213,38 @@ def test_without_the_normal_map_only_the_others_are_stored(pair):
     follow()
     assert {*shown()} == {"lo_ao"}
     switch()
+    assert same(shown(), baked())
+
+
+def test_what_cannot_be_drawn_is_tried_once(pair, monkeypatch):
+    _, high = pair
+    bpy.context.scene.imprint.maps = {"AO"}
+    switch()
+    tries = []
+
+    def refuse(*_):
+        tries.append(1)
+        raise BakeError("There is no room.")
+        yield
+
+    monkeypatch.setattr(live.session.others, "work", refuse)
+    follow()
+    assert live.is_on
+    assert live.message == "There is no room."
+    assert tries == [1]
+    monkeypatch.undo()
+    monkeypatch.setattr(live, "rest", 0.0)
+    raise_middle(high)
+    follow()
+    assert live.message == ""
+    assert same(shown(), baked())
+
+
+def test_other_maps_are_drawn_after_the_memory_was_freed(pair):
+    bpy.context.scene.imprint.method, bpy.context.scene.imprint.maps = "CAST", {"AO"}
+    switch()
+    live.free()
+    follow()
     assert same(shown(), baked())
 
 

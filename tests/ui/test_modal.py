@@ -167,6 +167,25 @@ def test_esc_keeps_the_previous_view(pair):
 
 
 @pytest.mark.usefixtures("tiny")
+def test_esc_while_the_last_other_maps_are_drawn_leaves_live_on(pair):
+    settings = bpy.context.scene.imprint
+    settings.maps, settings.rays = {"AO"}, 16
+    assert bpy.ops.imprint.live() == {"FINISHED"}
+    before, button = snapshot(), Button(operators.IMPRINT_OT_live)
+    button.press()
+    assert button.event() == {"RUNNING_MODAL"}
+    assert display.current.what != "Starting"
+    assert button.event("ESC") == {"CANCELLED"}
+    assert live.is_on
+    assert difference(before, snapshot()) == {}
+    button = Button(operators.IMPRINT_OT_live)
+    button.press()
+    assert button.run() == {"FINISHED"}
+    assert not live.is_on
+    assert {"lo_normal", "lo_ao"} <= {*bpy.data.images.keys()}
+
+
+@pytest.mark.usefixtures("tiny")
 def test_changes_while_live_starts_are_in_the_map(pair):
     button = Button(operators.IMPRINT_OT_live)
     button.press()

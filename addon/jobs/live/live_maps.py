@@ -45,10 +45,11 @@ class LiveMaps:
         """Whether a map changes with the materials of the high objects."""
         return any(BY_NAME[name].family is Family.MATERIAL for name in self.drawing.maps)
 
-    def work(self, source: sources.Source, plan: Plan, uploads: UploadCache, pace: Pace) -> Task[None]:
-        """Draw the maps. source, plan: of the session's last normal map. Raises BakeError."""
+    def work(self, source: sources.Source | None, plan: Plan, uploads: UploadCache, pace: Pace) -> Task[None]:
+        """Draw the maps. source, plan: of the session's last normal map; the source is None if its memory was freed. Raises
+        BakeError."""
         settings, timings = replace(self.drawing, method=plan.method), Timings()
-        if plan.method == Method.FLATTEN:  # the source of the normal map may have no surface, and no tree
+        if source is None or plan.method == Method.FLATTEN:  # that of Flatten may have no surface, and no tree
             preparing = sources.normal_source(plan, settings, timings, pace, uploads=uploads)
             source = yield from part(preparing, 0.0, READY)
         run = Run(settings, timings, pace)

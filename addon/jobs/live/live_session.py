@@ -60,7 +60,6 @@ class Session:
         self._all_settings = settings
         self.settings = replace(settings, normal=True, maps=(), pack=Pack.NONE)
         self.others = LiveMaps(settings)
-        self._own_images = {of_map.image for of_map in output_clashes.settings_by_map(settings).values()}
         output_clashes.check(settings, [settings], [job.low.name])
         check_job(context, job, settings)
         self.pace = pace
@@ -155,11 +154,10 @@ class Session:
         return self.others.work(self._source, replace(self.plan, meshes=self._meshes), self._uploads, self.pace)
 
     def shows(self, changed: bpy.types.ID) -> bool:
-        """Whether maps of the session show this datablock: a material of the high objects, or an image that may be in one."""
+        """Whether maps of the session show this datablock: a material of the high objects. Blender reports a change of an image
+        as one of the materials that show it."""
         if self._meshes is None or not (self.others.show_materials or self._meshes.has_detail):
             return False
-        if isinstance(changed, bpy.types.Image):
-            return changed.name not in self._own_images
         keys = {material.key for material in self._meshes.materials}
         return isinstance(changed, bpy.types.Material) and changed.session_uid in keys
 

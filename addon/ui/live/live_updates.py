@@ -46,7 +46,7 @@ class Following:
         """session_uid of the objects that have changed since the last map began."""
         self._unread: set[int] = set()
         """session_uid of the objects that the map in progress has to read."""
-        self._all_changed = self._materials_changed = False
+        self._all_changed = False
         self._is_stored, self._drawn_at = True, time.monotonic()
         self._may_be_gone, self._is_one_gone = True, False
 
@@ -84,7 +84,7 @@ class Following:
         for update in depsgraph.updates:
             obj = update.id.original
             if self.session.shows(obj):
-                self._all_changed = self._materials_changed = True
+                self._all_changed = True
             if not isinstance(obj, bpy.types.Object) or obj.session_uid not in followed:
                 continue
             if update.is_updated_geometry or update.is_updated_transform:
@@ -154,7 +154,6 @@ class Following:
         except StopIteration:
             self._task, self._is_stored, self._drawn_at = None, False, time.monotonic()
             self._unread.clear()
-            self._materials_changed = False
             if self.panel.live_every_time:
                 self._store()
         return True
@@ -206,9 +205,8 @@ class Following:
         if self._all_changed:
             self._unread |= self.session.uids
         self._changed.clear()
-        changed = None if self._materials_changed else set(self._unread)
         self._all_changed, self._are_others_old = False, True
-        self._task = self.session.work(bpy.context, changed)
+        self._task = self.session.work(bpy.context, set(self._unread))
 
     def _store(self) -> None:
         self.session.store()
