@@ -109,13 +109,13 @@ def held(maps, **settings):
 def test_each_map_takes_a_texture_whatever_the_number_of_samples(monkeypatch, method):
     """Maps of one family share their sums; the hits, the points on both surfaces and the scratch textures come once."""
     monkeypatch.setattr(sampling, "KEPT_BYTES", 1)  # as with maps of 4096 texels a side
-    few, many = (held(MAPS, method=method, samples=samples, detail_maps=False) for samples in (4, 64))
-    assert few == many
+    four, many = (held(MAPS, method=method, samples=samples, detail_maps=False) for samples in (4, 64))
+    assert four == many
     without = held((), method=method, samples=64, detail_maps=False)
     shared = 1 + 4 + 3  # hits; two points with labels; a sample, a mean and bent normals
     assert many - without <= len(MAPS) + shared
-    for name in ("THICKNESS", "BASE_COLOR", "POSITION"):
-        one = held((name,), method=method, samples=64, detail_maps=False)
+    for single in ("THICKNESS", "BASE_COLOR", "POSITION"):
+        one = held((single,), method=method, samples=64, detail_maps=False)
         assert many - one <= len(MAPS) - 1 + shared
 
 
