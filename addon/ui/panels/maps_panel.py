@@ -54,7 +54,7 @@ class IMPRINT_PT_packing(SettingsPanel, bpy.types.Panel):
 
     bl_idname = "IMPRINT_PT_packing"
     bl_parent_id = "IMPRINT_PT_maps"
-    bl_label = "Packing"
+    bl_label = "Packing and Attributes"
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:

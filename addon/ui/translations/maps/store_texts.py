@@ -16,7 +16,7 @@ def _of_channel(english: str, german: str, spanish: str) -> dict[tuple[str, str]
 
 TABLE = {
     # Packed images
-    (LABEL, "Packing"): {"de_DE": "Packen", "es": "Empaquetado"},
+    (LABEL, "Packing and Attributes"): {"de_DE": "Packen und Attribute", "es": "Empaquetado y atributos"},
     (LABEL, "Pack"): {"de_DE": "Packen", "es": "Empacar"},
     (SENTENCE, "Also pack up to four maps into the channels of one image"): {
         "de_DE": "Bis zu vier Maps auch in die Kanäle eines Bildes packen",
