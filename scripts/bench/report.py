@@ -4,6 +4,7 @@
 import statistics
 from pathlib import Path
 
+from scripts.bench import occlusion
 from scripts.bench.contenders import CAST, CYCLES, FLATTEN
 from scripts.bench.measure import PAPER, exponents, ratios
 from scripts.bench.verdicts import HOLDS, LARGEST, Verdict, judge, span
@@ -39,6 +40,7 @@ def markdown(result: dict) -> str:
     for part, write in (
         ("pairs", lambda rows: paper(rows) + contest(rows)),
         ("closed_forms", closed_forms),
+        ("occlusion", occlusion.section),
         ("growth", growth),
         ("live", live),
         ("limit", lambda found: limit(found, result.get("hardware"))),

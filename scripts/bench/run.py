@@ -15,9 +15,9 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 import addon  # noqa: E402
-from scripts.bench import figures, live_updates, measure, peers, report, verdicts  # noqa: E402
+from scripts.bench import figures, live_updates, measure, occlusion, peers, report, verdicts  # noqa: E402
 
-PARTS = ("pairs", "closed_forms", "growth", "live", "hardware", "figures")
+PARTS = ("pairs", "closed_forms", "occlusion", "growth", "live", "hardware", "figures")
 
 
 def parse() -> argparse.Namespace:
@@ -59,6 +59,9 @@ def bench(options: argparse.Namespace, scratch: Path) -> dict:
         if "closed_forms" in only:
             log("surfaces with known normals")
             result["closed_forms"] = measure.closed_forms(quick, repeats, others)
+    if "occlusion" in only:
+        log("ambient occlusion")
+        result["occlusion"] = list(occlusion.compare(options.pairs, quick))
     if "growth" in only:
         result["growth"] = measure.growth(quick, repeats, log)
         report.plot(result["growth"], options.output / "growth.png")
