@@ -83,7 +83,7 @@ _NAMES = {
 def settings() -> Iterator[Picture]:
     """docs/maps.md: ambient occlusion by its distance, and curvature by its radius."""
     for picture, map_name, setting, values in (
-        ("ao-distance", "AO", "ao_distance", {"No limit": None, "2 % of the diagonal": 0.02}),
+        ("ao-distance", "AO", "ao_distance", {"No limit": None, "5 % of the diagonal": 0.05}),
         ("curvature-radius", "CURVATURE", "curvature_radius", {"0.5 %": 0.005, "4 %": 0.04}),
     ):
         models.clear()

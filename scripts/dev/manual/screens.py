@@ -17,6 +17,8 @@ PANEL_SCALE = 1.3
 """Blender's interface in the pictures of panels, larger than usual."""
 EDGE, TOP = 8, 340
 """Left margin of the sidebar, and height of its part down to Live, in pixels at a scale of 1."""
+BELOW = {"IMPRINT_PT_map": "IMPRINT_PT_channels", "IMPRINT_PT_maps": "IMPRINT_PT_packing"}
+"""Panels with a panel below them that is shown as well."""
 TABS = 26
 """Width of the sidebar's column of tabs at a scale of 1, in pixels."""
 
@@ -168,20 +170,22 @@ def _viewport_alone() -> np.ndarray:
 
 
 def panels() -> Iterator[Action]:
-    """docs/panels.md: each panel by itself, drawn by a copy of it in a tab of its own."""
+    """docs/panels.md: each panel by itself, drawn by a copy of it in a tab of its own. Needs a window 1300 pixels high."""
     yield from _prepare()
     preferences = bpy.context.preferences
     preferences.view.ui_scale, preferences.system.use_region_overlap = PANEL_SCALE, False
     yield 0.5
     _, area, _ = window.viewport()
-    with window.override():
-        bpy.ops.imprint.bake(width=1024, height=1024)
     settings, shown = bpy.context.scene.imprint, bpy.context.scene.imprint_view
-    settings.storage, settings.output = "FILE", "//maps/{low}.png"
+    settings.maps, settings.pack, settings.ao_limited = {"AO", "CURVATURE", "BASE_COLOR"}, "GLTF", True
+    with window.override():
+        bpy.ops.imprint.bake(width=1024, height=1024, rays=16)  # quickly
     for name in ("crate_low", "crate_high", "crate_high_2", "barrel_low", "barrel_high"):
         models.add(name, bpy.data.meshes.new(name)).hide_set(True)
-    for name in ("bake", "report", "checks", "view", "map", "output", "rays", "pairs", "sequence"):
+    for name in ("bake", "report", "checks", "view", "map", "maps", "output", "rays", "pairs", "sequence"):
         copies = _copies(f"IMPRINT_PT_{name}")
+        if name == "output":
+            settings.storage, settings.output = "FILE", "//maps/{low}.png"
         if name == "view":
             shown.mode = "SPLIT"
             yield from window.wait()
@@ -201,6 +205,7 @@ def panels() -> Iterator[Action]:
         shown.mode = "OFF"
     preferences.view.ui_scale, preferences.system.use_region_overlap = 1.0, True
     settings.storage, settings.output = "PACK", ""  # as the bakes of the other parts expect
+    settings.maps, settings.pack, settings.ao_limited = set(), "NONE", False
 
 
 def _copies(idname: str) -> list[type]:
@@ -209,8 +214,8 @@ def _copies(idname: str) -> list[type]:
     category = f"Imprint {original.bl_label}" if original.bl_label != "Imprint" else "Imprint "
     fields = {"bl_idname": f"{idname}_picture", "bl_category": category, "bl_options": set(), "bl_parent_id": ""}
     copies = [type(f"{idname}_picture", (original,), fields)]
-    if idname == "IMPRINT_PT_map":
-        below = bpy.types.IMPRINT_PT_channels
-        fields = {"bl_idname": "IMPRINT_PT_channels_picture", "bl_category": category, "bl_options": set()}
-        copies.append(type("IMPRINT_PT_channels_picture", (below,), fields | {"bl_parent_id": copies[0].bl_idname}))
+    if idname in BELOW:
+        below = getattr(bpy.types, BELOW[idname])
+        fields = {"bl_idname": f"{BELOW[idname]}_picture", "bl_category": category, "bl_options": set()}
+        copies.append(type(fields["bl_idname"], (below,), fields | {"bl_parent_id": copies[0].bl_idname}))
     return copies
