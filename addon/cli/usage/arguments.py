@@ -52,7 +52,7 @@ def parser(program: str) -> argparse.ArgumentParser:
         "       %(prog)s [FILE ...] --pairs [DIR] --output MAP [option ...]\n"
         "       %(prog)s --low-file FILE --high-file FILE ... --output MAP [option ...]\n"
         "       %(prog)s --jobs FILE [--report REPORT.json] [option ...]",
-        description="Bake the detail of high-poly meshes into the normal map of a low-poly mesh.",
+        description="Bake the detail of high-poly meshes into maps of a low-poly mesh.",
         allow_abbrev=False,
     )
     for title, options in OPTIONS.items():
