@@ -7,6 +7,8 @@ from dataclasses import asdict, dataclass
 import gpu
 
 from ..audit.checks import Findings
+from ..core import map_types
+from ..core.errors import shorten_list
 from ..core.map_types import BY_NAME, Labeled
 from ..core.report import Report
 from ..core.settings import Settings
@@ -14,6 +16,7 @@ from ..core.timings import Timings
 from ..engine.maps import ray_reach
 from ..engine.method_choice import Plan
 from ..engine.rays.ray_casting import RayCast
+from ..mesh import triangle_mesh
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import local_space_of
 from ..output.outputs import Stored
@@ -83,6 +86,7 @@ def report_of(drawn: DrawnJob, stored: Stored, warnings: Sequence[str] = (), mar
         warnings=[
             *drawn.warnings,
             *material_notes(drawn.meshes, settings),
+            *attribute_notes(drawn.meshes, settings),
             *plan.warnings,
             *findings.warnings,
             *warnings,
@@ -97,6 +101,17 @@ def material_notes(meshes: Meshes, settings: Settings) -> list[str]:
     sockets += ["Normal"] if settings.detail_maps else []
     notes = (note for material in meshes.materials for socket in sockets for note in material.notes.get(socket, ()))
     return list(dict.fromkeys(notes))
+
+
+def attribute_notes(meshes: Meshes, settings: Settings) -> list[str]:
+    """The high meshes without the attribute that the attribute map shows."""
+    lacking = [
+        repr(high.name) for high in meshes.highs if (triangle_mesh.ATTRIBUTE, settings.attribute) not in high.layers
+    ]
+    if not lacking or map_types.ATTRIBUTE.name not in settings.drawn_maps:
+        return []
+    wanted = f"attribute {settings.attribute!r}" if settings.attribute else "color attribute"
+    return [f"The attribute map is black where the high mesh has no {wanted}: {shorten_list(lacking)}."]
 
 
 def _with_meanings(drawn: DrawnJob, maps: dict[str, dict]) -> dict[str, dict]:

@@ -225,6 +225,18 @@ def test_integers_store_colors_as_srgb_and_numbers_as_they_are(storage, tmp_path
     assert np.abs(maps["roughness"][..., 0] - 0.3)[inside].max() < 0.51 / 255
 
 
+@pytest.mark.parametrize("name", ["worn", ""])
+def test_a_missing_attribute_is_named(name):
+    low, high = pair(None)
+    other = layouts.square("plain", {zoo.LAYER: LOW}, z=-0.01)
+    high.data.attributes.new(name or "worn", "BYTE_COLOR", "POINT")
+    report, _ = bake_all_maps(low, high, other, maps=["ATTRIBUTE"], attribute=name, size=16)
+    wanted = "attribute 'worn'" if name else "color attribute"
+    assert f"The attribute map is black where the high mesh has no {wanted}: 'plain'." in report.warnings
+    report, _ = bake_all_maps(low, high, other, maps=["BASE_COLOR"], attribute=name, size=16)
+    assert not any("attribute" in warning for warning in report.warnings)
+
+
 @pytest.mark.parametrize("method", METHODS)
 def test_bands_have_no_seams(method, monkeypatch):
     low, high = pair(checkered())

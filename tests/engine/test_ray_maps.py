@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from addon.core.settings import Settings
+from addon.engine.rays import tree_cache
 from addon.jobs import Job, bake_all
 from tests.support import angles, layouts, zoo
 from tests.support.hemisphere import form_factor
@@ -117,7 +118,10 @@ def test_occluders_of_other_pairs(occluders):
     settings = Settings(
         method="CAST", maps=("AO",), width=SIZE, height=SIZE, occluders=occluders, depth=32, storage="MEMORY", margin=0
     )
+    tree_cache.trees.free()
+    built = tree_cache.trees.built
     reports = bake_all(bpy.context, [Job(low, [high]), Job(second, [other])], settings)
+    assert tree_cache.trees.built - built == (3 if occluders == "ALL" else 2)  # one each, and one of all
     truth, inside = open_sky()
     found, on_wall = (pixels(bpy.data.images[report.maps["ao"]["image"]])[..., 0] for report in reports)
     check(found[inside], truth[inside] if occluders == "ALL" else np.ones(inside.sum()))

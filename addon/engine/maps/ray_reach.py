@@ -57,7 +57,8 @@ def occluders(surface: HighSurface, others: Sequence[Mesh], settings: Settings, 
     tables, scale, offset = None, 1.0, (0.0, 0.0, 0.0)
     highs = list(surface.highs)
     if settings.occluders == Occluders.ALL and others:
-        highs += others
+        # In the same order for all low objects, which then share a tree.
+        highs = sorted([*highs, *others], key=lambda high: high.name)
         ray_scene = tree_cache.trees.ray_scene_of(highs, timings)
         tables, all_space = ray_scene.tables, ray_scene.local_space
         scale = space.size / all_space.size
