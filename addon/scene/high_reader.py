@@ -9,6 +9,7 @@ import numpy as np
 
 from ..core.declarations.choices import Method, Modifiers
 from ..core.errors import BakeError
+from ..core.map_types import BY_NAME
 from ..core.material_feeds import HighMaterial, ImagePixels
 from ..core.settings import Settings
 from ..mesh import joining
@@ -18,6 +19,7 @@ from . import instances, mesh_reader
 from .high_layers.material_layers import read_layers
 from .high_layers.material_numbers import MaterialNumbers, Shown
 from .images.image_pages import ImagePages
+from .materials.material_reading import NORMAL
 
 MOST = 200_000_000
 """The largest number of triangles of a high object with its instances: more do not fit into memory or on a GPU."""
@@ -42,9 +44,10 @@ class Reader:
     before: Sequence[HighMaterial] = ()
 
     def __post_init__(self):
-        self.materials = MaterialNumbers(
-            ImagePages(), self.low, has_detail=self.settings.detail_maps, before=self.before
-        )
+        sockets = {BY_NAME[name].socket for name in self.settings.maps} - {""}
+        if self.settings.detail_maps:
+            sockets.add(NORMAL)
+        self.materials = MaterialNumbers(ImagePages(), self.low, sockets=sockets, before=self.before)
 
     def read(self, highs: Mapping[int, bpy.types.Object]) -> list[Mesh]:
         """Read the meshes of `highs`, labeled with their numbers. Raises BakeError for an object without a mesh."""

@@ -43,6 +43,17 @@ def carved(name="carved", *, strength=1.0, layer="", pixels=512):
     return found
 
 
+def bumpy(heights, distance=0.3):
+    """A material with a bump map. heights: of coordinates (..., 2)."""
+    found = bpy.data.materials.new("bumpy")
+    shown = layouts.image("heights", heights(maps.texel_uv(512, 512)), space="Non-Color", is_float=True)
+    node = found.node_tree.nodes.new("ShaderNodeBump")
+    node.inputs["Strength"].default_value, node.inputs["Distance"].default_value = 1.0, distance
+    found.node_tree.links.new(layouts.texture(found, shown).outputs["Color"], node.inputs["Height"])
+    layouts.set_inputs(found, Normal=node.outputs["Normal"])
+    return found
+
+
 def pair(material, *, low=LOW, paint=PAINT):
     high = layouts.square("hi", {zoo.LAYER: low, layouts.PAINT: paint}, z=0.01)
     high.data.materials.append(material)
@@ -214,13 +225,7 @@ def test_a_bump_map_tilts_by_the_slopes_of_its_heights(method, scale, is_mirrore
         turn = 2.0 * np.pi * WAVES * uv
         return 0.5 + 0.2 * np.sin(turn[..., 0]) + 0.2 * np.cos(turn[..., 1])
 
-    material = bpy.data.materials.new("bumpy")
-    shown = layouts.image("heights", heights(maps.texel_uv(512, 512)), space="Non-Color", is_float=True)
-    node = material.node_tree.nodes.new("ShaderNodeBump")
-    node.inputs["Strength"].default_value, node.inputs["Distance"].default_value = 1.0, distance
-    material.node_tree.links.new(layouts.texture(material, shown).outputs["Color"], node.inputs["Height"])
-    layouts.set_inputs(material, Normal=node.outputs["Normal"])
-    low, high = pair(material, paint=paint)
+    low, high = pair(bumpy(heights, distance), paint=paint)
     for obj in (low, high):
         obj.scale = (scale,) * 3
     texels = maps.bake(low, high, method=method, space="WORLD", size=(SIZE, SIZE))
@@ -254,6 +259,15 @@ def test_a_map_in_a_material_that_both_meshes_share_is_not_counted_again(is_own_
     assert np.array_equal(first, plain) != has_normal_map
     second = maps.bake(low, high, material=True, size=(SIZE, SIZE), image=image)
     assert np.array_equal(second, plain)
+
+
+@pytest.mark.parametrize("is_shared", [False, True])
+def test_a_bump_map_in_a_shared_material_stays_above_the_baked_map(is_shared):
+    """It would count twice on the low mesh, which shows the map and the Bump node."""
+    low, high = pair(bumpy(lambda uv: 0.5 + 0.2 * np.sin(2.0 * np.pi * WAVES * uv[..., 0])))
+    low.data.materials.append(high.data.materials[0] if is_shared else bpy.data.materials.new("own"))
+    texels = maps.bake(low, high, material=True, size=(SIZE, SIZE))
+    assert (np.abs(texels[..., :2] - 0.5).max() < 1e-3) == is_shared
 
 
 def test_a_map_that_was_baked_from_another_mesh_is_detail():

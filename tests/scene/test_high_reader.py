@@ -552,3 +552,9 @@ def test_the_matrix_of_an_instance():
         points @ product[:3, :3].T + product[:3, 3],
         atol=SINGLE,
     )
+
+
+@pytest.mark.parametrize(("chosen", "read"), [((), []), (("ROUGHNESS", "AO"), ["Roughness"])])
+def test_only_the_inputs_of_materials_that_maps_show_are_read(chosen, read):
+    meshes = reading.read(bpy.context, low(), [bolt()], None, Settings("CAST", maps=chosen))
+    assert [list(material.feeds) for material in meshes.materials] == [read]

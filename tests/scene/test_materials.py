@@ -544,6 +544,22 @@ def test_a_vector_mapping_has_no_location(material):
     assert_like_cycles(material, node.outputs["Color"])
 
 
+def test_only_the_wanted_sockets_are_read(material):
+    """Images of formats whose header Imprint does not read are loaded for their size."""
+    node = texture(material)
+    bump = add(material, "Bump", {"Height": node.outputs["Color"]})
+    for name, output in (("Base Color", node.outputs["Color"]), ("Normal", bump.outputs["Normal"])):
+        material.node_tree.links.new(output, principled(material).inputs[name])
+    images = ImagePages()
+    (found,) = read_materials([material], images, {"Roughness"})
+    assert list(found.feeds) == ["Roughness"]
+    assert found.detail is None
+    assert images == ImagePages()
+    (found,) = read_materials([material], images, {"Normal"})
+    assert found.feeds == {}
+    assert found.detail is not None
+
+
 def test_no_material_is_blenders_gray():
     (found,) = read_materials([None], ImagePages())
     assert found.name == "none"

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Numbers the materials of high objects, and reads each of them once."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from enum import IntEnum
 
 import bpy
 
 from ...core.map_types import BASE_COLOR
-from ...core.material_feeds import AttributeFeed, BumpFeed, DetailFeed, HighMaterial
+from ...core.material_feeds import AttributeFeed, BumpFeed, DetailFeed, HighMaterial, NormalMapFeed
 from ..images.image_pages import ImagePages
 from ..materials.material_reading import read_materials
 
@@ -31,8 +31,8 @@ Shown = bpy.types.Material | Bare
 class MaterialNumbers:
     """The materials by their numbers, which count from 1.
 
-    has_detail: whether their normal and bump maps are read. low: the low object; a map that Imprint baked for it is no detail
-    of a high object that shows the same material. before: those of an earlier reading, which keep their numbers.
+    sockets: those to read, as read_materials takes them. low: the low object; what the bake leaves in its materials is no
+    detail of a high object that shows the same material. before: those of an earlier reading, which keep their numbers.
     """
 
     def __init__(
@@ -40,10 +40,10 @@ class MaterialNumbers:
         images: ImagePages,
         low: bpy.types.Object,
         *,
-        has_detail: bool,
+        sockets: Collection[str],
         before: Sequence[HighMaterial] = (),
     ):
-        self.images, self.has_detail = images, has_detail
+        self.images, self.sockets = images, sockets
         self._of_low = {slot.material for slot in low.material_slots if slot.material}
         self._found: dict[int, HighMaterial] = {material.key: material for material in before}
 
@@ -63,22 +63,21 @@ class MaterialNumbers:
         key = _key(material)
         if key not in self._found:
             is_bare = isinstance(material, Bare)
-            found = read_materials([None if is_bare else material], self.images)[0]
+            found = read_materials([None if is_bare else material], self.images, self.sockets)[0]
             if material is Bare.COLORED:
                 found = replace(found, feeds=found.feeds | {BASE_COLOR.socket: AttributeFeed("")})
-            detail = found.detail if self.has_detail else None
             if material in self._of_low:
-                detail = None if _is_hooked_up(material) else self._without_maps(detail)
-            self._found[key] = replace(found, key=key, detail=detail)
+                found = replace(found, detail=None if _is_hooked_up(material) else self._replaced(found.detail))
+            self._found[key] = replace(found, key=key)
         return self._found[key]
 
-    def _without_maps(self, detail: DetailFeed | None) -> DetailFeed | None:
-        """`detail` without images that Imprint baked: they can be in nodes that were there before."""
-        if isinstance(detail, BumpFeed):
-            detail = replace(detail, below=self._without_maps(detail.below))
-        if detail is None or not self.images.is_map(detail.image.image):
-            return detail
-        return detail.below if isinstance(detail, BumpFeed) else None
+    def _replaced(self, detail: DetailFeed | None) -> NormalMapFeed | None:
+        """The part of `detail` that the baked map takes the place of: a normal map that Imprint did not bake.
+
+        Bump nodes stay above the baked map, and would count twice.
+        """
+        below = detail.below if isinstance(detail, BumpFeed) else detail
+        return None if below is None or self.images.is_map(below.image.image) else below
 
     def number(self, material: Shown) -> int:
         """The number of a material that was read."""

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Reads the materials of the high meshes into plain data."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 from bpy.types import Material
@@ -25,18 +25,21 @@ UNLINKED = {
 }
 """Other defaults of the Principled BSDF."""
 NORMAL = "Normal"
-"""The socket of notes about `HighMaterial.detail`."""
+"""The socket of `HighMaterial.detail`, and of notes about it."""
 
 
-def read_materials(materials: Sequence[Material | None], images: ImagePages) -> tuple[HighMaterial, ...]:
+def read_materials(
+    materials: Sequence[Material | None], images: ImagePages, sockets: Collection[str] | None = None
+) -> tuple[HighMaterial, ...]:
     """The feeds of each material, in the given order; None stands for faces without a material.
 
+    sockets: those that are wanted, with NORMAL for `detail`; None for all. Some images are loaded only to know their size.
     Notes name what is left out, by socket. No material and no image raises an error.
     """
-    return tuple(_read(material, images) for material in materials)
+    return tuple(_read(material, images, sockets) for material in materials)
 
 
-def _read(material: Material | None, images: ImagePages) -> HighMaterial:
+def _read(material: Material | None, images: ImagePages, sockets: Collection[str] | None) -> HighMaterial:
     if material is None:
         return HighMaterial("none", _plain((GRAY, GRAY, GRAY), HALF_ROUGH, 0.0, 1.0))
     if material.node_tree is None:
@@ -55,6 +58,8 @@ def _read(material: Material | None, images: ImagePages) -> HighMaterial:
         notes[""] = tuple(_sentence(material, note) for note in shader.notes)
     feeds: dict[str, Feed] = {}
     for socket, value in shader.values.items():
+        if sockets is not None and socket not in sockets:
+            continue
         try:
             signal = _value(values, shader, socket, value)
         except (NotFollowedError, NotAffineError) as error:
@@ -63,7 +68,7 @@ def _read(material: Material | None, images: ImagePages) -> HighMaterial:
         feeds[socket] = signal.feed
         if signal.notes:
             notes[socket] = tuple(_sentence(material, f"{socket}: {note}") for note in signal.notes)
-    detail = _detail(values, material, shader, notes)
+    detail = _detail(values, material, shader, notes) if sockets is None or NORMAL in sockets else None
     return HighMaterial(material.name, feeds, detail, notes)
 
 
