@@ -9,7 +9,6 @@ import bpy
 import numpy as np
 
 from ..core import map_types
-from ..core.declarations.choices import Pack
 from ..core.errors import BakeError, shorten_list
 from ..core.map_types import Family
 from ..core.preflight import placement
@@ -82,10 +81,7 @@ def rounded_coordinates(options: argparse.Namespace, jobs: Sequence[Job]) -> lis
 
 def _of_materials(settings: Settings) -> list[str]:
     """The maps of these settings that show materials, also those that are only packed."""
-    names = list(settings.maps)
-    if settings.pack != Pack.NONE:
-        names += [settings.pack_red, settings.pack_green, settings.pack_blue, settings.pack_alpha]
-    known = [map_types.BY_NAME[name] for name in dict.fromkeys(names) if name in map_types.BY_NAME]
+    known = [map_types.BY_NAME[name] for name in settings.drawn_maps]
     return [each.name for each in known if each.family is Family.MATERIAL and each.socket]
 
 

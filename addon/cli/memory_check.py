@@ -47,14 +47,14 @@ def need_of(job: Job, settings: Settings) -> Need | None:
     objects = list(dict.fromkeys([job.low, *job.highs]))
     if any(obj.type != "MESH" or obj.modifiers or obj.is_instancer for obj in objects):
         return None
-    shows_images = any(BY_NAME[name].family is Family.MATERIAL for name in settings.maps)
+    shows_images = any(BY_NAME[name].family is Family.MATERIAL for name in settings.drawn_maps)
     return Need.of(
         Amounts(
             triangles=sum(len(obj.data.loops) - 2 * len(obj.data.polygons) for obj in objects),
             texels=settings.width * settings.height * max(1, len(settings.tiles)),
             band_texels=drawing.band_texels(settings),
             samples=settings.samples,
-            other_maps=len(settings.maps),
+            other_maps=len(settings.drawn_maps),
             page_pixels=max(map(_pixels, page_files.used_by(job.highs)), default=0) if shows_images else 0,
         )
     )

@@ -117,7 +117,7 @@ def check_job(context: bpy.types.Context, job: Job, settings: Settings) -> None:
         raise BakeError(reason)
     for image_settings in settings_by_map(settings).values():
         map_storage.check(job.low.name, image_settings)
-    if settings.material or settings.connect_maps:
+    if (settings.material and settings.normal) or settings.connect_maps:
         materials.check(job.low)
     if settings.vertex_domain != VertexDomain.NONE:
         vertex_attributes.check(job.low)

@@ -209,6 +209,13 @@ def test_a_packed_map_of_materials_needs_pages_too(incomplete, run):
     assert "leave roughness, metallic out of the maps" in err
 
 
+def test_a_channel_of_smoothness_needs_the_pages_of_roughness(incomplete, run):
+    channels = [word for color in ("red", "green", "blue") for word in (f"--pack-{color}", "one")]
+    code, err = run(*PAIR, "--pack", "custom", *channels, "--pack-alpha", "smoothness")
+    assert code == command.FAILED
+    assert "leave roughness out of the maps" in err
+
+
 def test_a_missing_library_is_named(incomplete, run):
     (incomplete / "scan.mtl").unlink()
     code, err = run(*PAIR, "--maps", "base-color")

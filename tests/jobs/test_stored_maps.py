@@ -133,8 +133,11 @@ def test_linked_objects_are_refused_before_the_bake(tmp_path, chosen, message):
         data.objects = ["lo", "lo high"]
     for obj in bpy.data.objects:
         bpy.context.collection.objects.link(obj)
+    low, high = bpy.data.objects["lo"], bpy.data.objects["lo high"]
     with pytest.raises(BakeError, match=message):
-        bake(bpy.data.objects["lo"], bpy.data.objects["lo high"], material=False, **chosen)
+        bake(low, high, material=False, **chosen)
+    # Without a normal map, nothing goes into the material.
+    bake(low, high, normal=False, maps=("HEIGHT",), material=True)
 
 
 # glTF
