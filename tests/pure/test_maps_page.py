@@ -56,7 +56,7 @@ def test_the_files_of_all_maps_from_one_press_are_those_of_its_command():
     parsed = arguments.parse(shlex.split(command.replace("\\\n", " ")))
     settings = arguments.settings(parsed)
     written = [settings, *(map_names.beside(settings, BY_NAME[name]) for name in settings.maps)]
-    (sentence,) = re.findall(r"This writes (.*?)\. \[", text, re.DOTALL)
+    (sentence,) = re.findall(r"This writes (.*?)\.\s\[", text, re.DOTALL)
     assert names(sentence) == list(map(file, written))
 
 
