@@ -68,6 +68,21 @@ def bake(low, high, maps, counts=None, **settings):
     return {"trees": tree_cache.trees.built - built, **(counts or {})}
 
 
+@pytest.mark.parametrize("method", ["FLATTEN", "CAST"])
+def test_images_that_no_hit_shows_are_not_loaded(counts, method):
+    """The first bake needs the color and the normal map, the second one only the color of another material."""
+    settings = {"method": method, "extrusion": 0.2, "max_distance": 0.5}
+    low, high = pair()
+    other = bpy.data.materials.new("other")
+    shown = layouts.texture(other, layouts.image("other", np.zeros((8, 8, 3))))
+    layouts.set_inputs(other, Base_Color=shown.outputs["Color"])
+    high.data.materials.append(other)
+    assert bake(low, high, ("BASE_COLOR",), counts, **settings)["pages"] == 2
+    for face in high.data.polygons:
+        face.material_index = 1
+    assert bake(low, high, ("BASE_COLOR",), counts, **settings)["pages"] == 1
+
+
 def test_cast_traces_once_for_all_maps(counts):
     """Once for each sample; checks trace a few more rays, whatever the maps."""
     low, high = pair()

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...core.map_types import BY_NAME, MapType
 from ...core.material_feeds import AttributeFeed, Constant, Feed, HighMaterial, ImageFeed
-from ...core.progress import Progress, Task
+from ...core.progress import Task
 from ...mesh.inputs import Meshes
 from ...passes import target
 from ...passes.bake import samples
@@ -17,6 +17,7 @@ from ...passes.surface import image_look_up, image_page, material_table, plain_v
 from ..bands import Band
 from ..high_surface import HighSurface
 from .family import Run, Sample
+from .page_uses import PageUse, draw_pages
 
 
 @dataclass(frozen=True)
@@ -68,39 +69,33 @@ class MaterialMaps:
                                 labels=surface.labels,
                                 materials=one.table,
                             )
-        uses = self._uses()
-        for done, ((image, tile), found) in enumerate(uses.items()):
-            yield Progress("Reading the images of the high meshes", done / len(uses))
-            with self.run.timings.timed("pages"):
-                shown = image_page.upload(self.load_page(image, tile))
-            with self.run.timings.timed("draw"):
-                for one, feed, number in found:
-                    for sample in drawn:
-                        image_look_up.add_image(
-                            one.sums(sample.band),
-                            sample.hits,
-                            shown,
-                            feed,
-                            number,
-                            corners=surface.tables.corners,
-                            uvs=surface.uvs(feed.uv_layer),
-                            materials=one.table,
-                            tile=tile or None,
-                            samples=self.run.settings.samples,
-                            blocks=sample.blocks,
-                        )
-                drawn[-1].hits.finish()  # before the page is freed
-            del shown  # before the next one is loaded
+        uses = (
+            self._use(one, feed, number)
+            for one in self.maps
+            for feed, number in one.feeds.items()
+            if isinstance(feed, ImageFeed)
+        )
+        yield from draw_pages(uses, drawn, self.load_page, self.run)
 
-    def _uses(self) -> dict[tuple[str, int], list[tuple[_Map, ImageFeed, int]]]:
-        """What each page feeds: pages by image and UDIM tile, 0 for an image without tiles."""
-        uses: dict[tuple[str, int], list[tuple[_Map, ImageFeed, int]]] = {}
-        for one in self.maps:
-            for feed, number in one.feeds.items():
-                if isinstance(feed, ImageFeed):
-                    for tile in feed.tiles or (0,):
-                        uses.setdefault((feed.image, tile), []).append((one, feed, number))
-        return uses
+    def _use(self, one: _Map, feed: ImageFeed, number: int) -> PageUse:
+        """How a map shows an image."""
+
+        def draw(sample: Sample, page: image_page.Page, tile: int | None) -> None:
+            image_look_up.add_image(
+                one.sums(sample.band),
+                sample.hits,
+                page,
+                feed,
+                number,
+                corners=self.surface.tables.corners,
+                uvs=self.surface.uvs(feed.uv_layer),
+                materials=one.table,
+                tile=tile,
+                samples=self.run.settings.samples,
+                blocks=sample.blocks,
+            )
+
+        return PageUse(feed, one.table, number, draw)
 
     def finished(self, band: Band, _known: gpu.types.GPUTexture) -> Iterator[tuple[str, gpu.types.GPUTexture]]:
         """As MapFamily has it."""

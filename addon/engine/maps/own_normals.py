@@ -1,19 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Counts the normal and bump maps of the high meshes' own materials into the normals at the hits."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from ...core.material_feeds import BumpFeed, DetailFeed, HighMaterial, ImageFeed, NormalMapFeed
-from ...core.progress import Progress, Task
+from ...core.material_feeds import BumpFeed, DetailFeed, HighMaterial, NormalMapFeed
+from ...core.progress import Task
 from ...mesh.inputs import Meshes
 from ...passes.surface import image_page, material_table, turned_normals
 from ..high_surface import HighSurface
 from .family import Run, Sample
-
-Turn = Callable[[Sample, image_page.Page, int], None]
-"""Applies a page, for a UDIM tile or 0, to the normals of a sample."""
+from .page_uses import PageUse, draw_pages
 
 
 class OwnNormals:
@@ -29,27 +27,18 @@ class OwnNormals:
 
     def apply(self, drawn: Sequence[Sample]) -> Task[None]:
         """Change the normals of these samples in place. Bump maps lie on the normal maps."""
-        for turns in (self._normal_map_turns(), self._bump_turns()):
-            pages: dict[tuple[str, int], list[Turn]] = {}
-            for image, turn in turns:
-                for tile in image.tiles or (0,):
-                    pages.setdefault((image.image, tile), []).append(turn)
-            for done, ((image, tile), found) in enumerate(pages.items()):
-                yield Progress("Reading the images of the high meshes", done / len(pages))
-                with self.run.timings.timed("pages"):
-                    page = image_page.upload(self.load_page(image, tile))
-                with self.run.timings.timed("draw"):
-                    for turn in found:
-                        for sample in drawn:
-                            turn(sample, page, tile)
-                    drawn[-1].hits.finish()  # before the page is freed
-                del page  # before the next one is loaded
+        for uses in (self._normal_map_uses(), self._bump_uses()):
+            yield from draw_pages(uses, drawn, self.load_page, self.run)
 
-    def _normal_map_turns(self) -> Iterator[tuple[ImageFeed, Turn]]:
+    def _normal_map_uses(self) -> Iterator[PageUse]:
         for feed, number in self.normal_maps.items():
 
             def turn(
-                sample: Sample, page: image_page.Page, tile: int, feed: NormalMapFeed = feed, number: int = number
+                sample: Sample,
+                page: image_page.Page,
+                tile: int | None,
+                feed: NormalMapFeed = feed,
+                number: int = number,
             ) -> None:
                 turned_normals.apply_normal_map(
                     sample.normals,
@@ -62,18 +51,18 @@ class OwnNormals:
                     tangents=self.surface.tangents(feed.uv_layer),
                     materials=self.normal_table,
                     to_space=self.to_space,
-                    tile=tile or None,
+                    tile=tile,
                     samples=self.run.settings.samples,
                     blocks=sample.blocks,
                 )
 
-            yield feed.image, turn
+            yield PageUse(feed.image, self.normal_table, number, turn)
 
-    def _bump_turns(self) -> Iterator[tuple[ImageFeed, Turn]]:
+    def _bump_uses(self) -> Iterator[PageUse]:
         for feed, number in self.bumps.items():
 
             def turn(
-                sample: Sample, page: image_page.Page, tile: int, feed: BumpFeed = feed, number: int = number
+                sample: Sample, page: image_page.Page, tile: int | None, feed: BumpFeed = feed, number: int = number
             ) -> None:
                 turned_normals.apply_bump(
                     sample.normals,
@@ -86,12 +75,12 @@ class OwnNormals:
                     materials=self.bump_table,
                     to_space=self.to_space,
                     unit=self.surface.local_space.size,
-                    tile=tile or None,
+                    tile=tile,
                     samples=self.run.settings.samples,
                     blocks=sample.blocks,
                 )
 
-            yield feed.image, turn
+            yield PageUse(feed.image, self.bump_table, number, turn)
 
 
 def _normal_map(material: HighMaterial) -> NormalMapFeed | None:
