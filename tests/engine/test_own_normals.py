@@ -7,6 +7,9 @@ import mathutils
 import numpy as np
 import pytest
 
+from addon.core.progress import Pace
+from addon.core.settings import Settings
+from addon.jobs import Job, bake_jobs
 from tests.support import angles, layouts, maps, zoo
 from tests.support.layouts import Layout
 
@@ -107,6 +110,24 @@ def test_a_normal_map_comes_back_turned_and_mirrored(method, space, is_mirrored,
 def test_several_samples_are_averaged(method, samples):
     texels = maps.bake(*pair(carved()), method=method, samples=samples, size=(SIZE, SIZE))
     assert worst(texels, *expected(space="TANGENT")) < DEGREES
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("samples", [1, 4])
+def test_the_pictures_of_a_bake_are_in_the_space_of_the_map(method, samples):
+    """Also before the detail is there. The squares stand upright in the space of the object."""
+    low, high = pair(carved())
+    for obj in (low, high):
+        obj.data.transform(mathutils.Matrix.Rotation(np.radians(70.0), 4, "X"))
+    settings = Settings(method=method, width=SIZE, height=SIZE, samples=samples, storage="MEMORY", material=False)
+    shown = []
+    for step in bake_jobs.work(bpy.context, [Job(low, [high])], settings, Pace(0.0)):
+        if step.picture is not None:
+            texels = np.array(step.picture.read().to_list(), np.float32).reshape(step.picture.height, -1, 4)
+            shown += [texels[texels[..., 3] > 0.0]]
+    assert any(map(len, shown))
+    # No normal of the map leans over by 45 degrees.
+    assert min(texels[:, 2].min(initial=1.0) for texels in shown) > 0.85
 
 
 @pytest.mark.parametrize("method", METHODS)

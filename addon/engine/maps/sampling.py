@@ -107,7 +107,9 @@ class SampledMaps:
                         samples.add(sums, normals, rows, is_first=number == 0)
                 if self.pace.has_listener:
                     done = (slot + rows.stop / band.height) / len(group) / whole
-                    yield self._step(normals if sums is None else sums.texture, done, band)
+                    # Normals with detail are added to the sums after a group.
+                    has_sums = sums is not None and (self.detail is None or group[0][0] > 0)
+                    yield self._step(sums.texture if has_sums else normals, done, band)
             if self.families or self.detail is not None:
                 hits = self.source.hits(sample_band, slot)
                 if self.detail is None:
@@ -164,7 +166,8 @@ class SampledMaps:
                 normals, rows = next(drawn, (None, None))
                 if normals is None:
                     return
-                if self.detail is None:
+                # Detail is added in the space of the source; then only the picture needs them.
+                if self.detail is None or (self.pace.has_listener and self.pace.has_picture):
                     normals = self._in_space(normals, band, rows)
             yield normals, rows
 
