@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from addon.engine import bands
-from tests.support import angles, lanes, zoo
+from tests.support import angles, lanes, layouts, zoo
 from tests.support.maps import bake_all_maps, raw_maps
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -70,6 +70,18 @@ def test_more_samples_only_average(method, samples):
 
 def test_more_samples_than_rays_cast_one_each():
     compare(bake(*pair(), samples=64, rays=16), bake(*pair(), samples=4), FEW)
+
+
+@pytest.mark.parametrize("space", ["TANGENT", "WORLD"])
+@pytest.mark.parametrize("samples", [1, 4, 16])
+@pytest.mark.parametrize("method", ["FLATTEN", "CAST"])
+def test_all_maps_cover_the_same_texels(method, samples, space):
+    """Also at borders, where the low mesh covers samples but not the center of the texel."""
+    layout = layouts.Layout(degrees=24.0, scale=0.34)
+    low, high = (layouts.square(name, {zoo.LAYER: layout}) for name in ("lo", "hi"))
+    maps = raw_maps(low, high, maps=MAPS, method=method, samples=samples, space=space, rays=16)[1001]
+    for name in MAPS:
+        assert np.array_equal(maps[name][..., 3], maps["NORMAL"][..., 3]), name
 
 
 @pytest.mark.parametrize("method", ["FLATTEN", "CAST"])

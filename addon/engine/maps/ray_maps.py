@@ -4,6 +4,7 @@
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import ClassVar
 
 import gpu
@@ -14,7 +15,7 @@ from ...core.map_types import BY_NAME, Family, Kind
 from ...core.progress import Progress, Task
 from ...mesh.triangle_mesh import Mesh
 from ...passes import target
-from ...passes.bake import preview_picture, tangent
+from ...passes.bake import preview_picture, samples, tangent
 from ...passes.hemisphere import curvature, lattice, openness, thickness
 from ..bands import Band
 from ..high_surface import HighSurface
@@ -49,9 +50,9 @@ class RayMaps(ABC):
 
     def _of_sample(self, sample: Sample) -> Iterator[float]:
         """Cast the rays of one sample, in slices. Yields the finished share."""
-        band, samples = sample.band, self.run.settings.samples
+        band, count = sample.band, self.run.settings.samples
         sums = self._sums(band)
-        rays = lattice.rays_of_sample(self.lattice, sample.number, samples)
+        rays = lattice.rays_of_sample(self.lattice, sample.number, count)
         done = 0
         for rows, some, is_first in lattice.slices(self.run.pace, band.height, rays):
             with self.run.timings.timed("draw"):
@@ -62,7 +63,7 @@ class RayMaps(ABC):
             if is_first and sample.number == 0:
                 self._show(sums, sample, len(some))
             elif rows.stop == band.height:
-                self._show(sums, sample, self.rays * sample.number / samples + done / band.height)
+                self._show(sums, sample, self.rays * sample.number / count + done / band.height)
             yield done / (len(rays) * band.height)
 
     def _show(self, sums: target.Target, sample: Sample, rays: float) -> None:
@@ -140,7 +141,13 @@ class OpennessMaps(RayMaps):
             return drawn
         into = target.get("bent", band.width, band.height, "RGBA32F")
         is_unit = bases.of_name(self.run.settings.basis).normalizes_normal
-        tangent.draw(into, self.basis, drawn, band.uv_to_clip, normalize_normal=is_unit)
+        # At borders, the low mesh may cover some samples and not the center: the one closest to it counts.
+        offsets = [*samples.offsets(self.run.settings.samples), (0.0, 0.0)]
+        offsets.sort(key=lambda offset: -math.hypot(*offset))
+        for offset in dict.fromkeys(offsets):
+            uv_to_clip = replace(band, offset=offset).uv_to_clip
+            is_first = offset == offsets[0]
+            tangent.draw(into, self.basis, drawn, uv_to_clip, normalize_normal=is_unit, clear=is_first)
         return into.texture
 
 

@@ -31,15 +31,16 @@ def draw(
     *,
     normalize_normal: bool,
     rows: range | None = None,
+    clear: bool = True,
 ) -> None:
     """Clear `into` (RGBA32F) and write tangent-space unit normals, alpha 1, on texels that `low` and `normals` cover.
 
     low: batch with attributes uv, normal and tangent (w = the bitangent's sign). normals: object-space unit normals of
     the same size. normalize_normal: see core.bases.
-    rows: in these rows alone; it is cleared with the first of them.
+    rows: in these rows alone; it is cleared with the first of them. clear: False to keep other texels of `into`.
     """
     compiled = shader.load(PROGRAM)
-    with target.drawing(into, rows, clear=not rows or rows.start == 0):
+    with target.drawing(into, rows, clear=clear and (not rows or rows.start == 0)):
         compiled.bind()
         target.bind(compiled, PROGRAM, normals=normals, uv_to_clip=uv_to_clip, normalize_normal=int(normalize_normal))
         low.draw(compiled)
