@@ -1,22 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Evaluates the nodes that compute with constants and at most one texture."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
-from bpy.types import Node, NodeSocket
+from bpy.types import Node
 
 from ...core.material_feeds import LUMINANCE
 from .node_links import Place, title
+from .node_values import NodeValues, own_value
 from .operations import BLENDING, MATH, VECTOR_MATH
 from .signals import (
     NotAffineError,
-    NotFollowedError,
     Signal,
-    color,
     combine,
     component,
     is_image,
@@ -26,24 +22,10 @@ from .signals import (
     to_number,
 )
 
-if TYPE_CHECKING:
-    from .node_values import NodeValues
-
 CURVE_SAMPLES = np.linspace(0.0, 1.0, 65)
 """Where a curve or a ramp is compared with a straight line."""
 CURVE_TOLERANCE = 1e-3
 """Largest distance of a curve from a straight line: a quarter of a level of 8 bits."""
-
-
-def own_value(socket: NodeSocket) -> Signal:
-    """The value of a socket without a link. Raises NotFollowedError for a socket that has none."""
-    if socket.type == "RGBA":
-        return color(tuple(socket.default_value))
-    if socket.type == "VECTOR":
-        return color(tuple(socket.default_value)[:3])
-    if socket.type in {"VALUE", "INT", "BOOLEAN"}:
-        return number(float(socket.default_value))
-    raise NotFollowedError(f"the socket {socket.name} has no value")
 
 
 def _own(values: NodeValues, output: Place) -> Signal:

@@ -1,22 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Follows the texture coordinates of an image to a UV layer and an affine matrix."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from bpy.types import Node
 from mathutils import Euler
 
 from .node_links import Place, title
+from .node_values import NodeValues
 from .operations import MATH, VECTOR_MATH, Operation
 from .signals import NotFollowedError
-
-if TYPE_CHECKING:
-    from .node_values import NodeValues
 
 Mapping: TypeAlias = tuple[tuple[float, float, float], tuple[float, float, float]]
 MOST_NODES = 60

@@ -8,6 +8,7 @@ from bpy.types import Material
 
 from ...core.material_feeds import Constant, DetailFeed, Feed, HighMaterial
 from ..images.image_pages import ImagePages
+from . import arithmetic_nodes, texture_nodes
 from .detail_normals import read_detail
 from .node_links import Place, title
 from .node_values import NodeValues
@@ -24,6 +25,8 @@ UNLINKED = {
     "Subsurface Weight": 0.0,
 }
 """Other defaults of the Principled BSDF."""
+READINGS = {**texture_nodes.READINGS, **arithmetic_nodes.READINGS}
+"""The functions that evaluate an output, by type of node."""
 NORMAL = "Normal"
 """The socket of `HighMaterial.detail`, and of notes about it."""
 
@@ -46,7 +49,7 @@ def _read(material: Material | None, images: ImagePages, sockets: Collection[str
         color = material.diffuse_color
         feeds = _plain(color, material.roughness, material.metallic, color[3])
         return HighMaterial(material.name, feeds)
-    values = NodeValues(images)
+    values = NodeValues(images, READINGS)
     try:
         shader = find_shader(values, material)
     except NotFollowedError as error:

@@ -1,17 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Evaluates the sockets of shader nodes to feeds, as far as feeds can express them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
 import numpy as np
+from bpy.types import NodeSocket
 
 from ..images.image_pages import ImagePages
-from . import arithmetic_nodes, texture_nodes
-from .arithmetic_nodes import own_value
 from .node_links import Links, Place, title
-from .signals import NotAffineError, NotFollowedError, Signal, converted
+from .signals import NotAffineError, NotFollowedError, Signal, color, converted, number
 
 MOST_NODES = 60
 """The longest chain of nodes that is followed, because each takes several calls of Python's stack."""
@@ -22,9 +21,13 @@ Reading: TypeAlias = Callable[["NodeValues", Place], Signal]
 
 @dataclass
 class NodeValues:
-    """The values of the sockets of one material's nodes. It remembers them, because nodes can share inputs."""
+    """The values of the sockets of one material's nodes. It remembers them, because nodes can share inputs.
+
+    readings: how to evaluate outputs, by type of node.
+    """
 
     images: ImagePages
+    readings: Mapping[str, Reading]
     links: Links = field(default_factory=Links)
     _known: dict[Place, Signal | NotFollowedError] = field(default_factory=dict)
     _depth: int = 0
@@ -59,7 +62,7 @@ class NodeValues:
         return found
 
     def _evaluated(self, place: Place) -> Signal | NotFollowedError:
-        read = _READINGS.get(place.node.bl_idname)
+        read = self.readings.get(place.node.bl_idname)
         if read is None:
             return NotFollowedError(f"Imprint cannot follow the node {title(place.node)}")
         if self._depth == MOST_NODES:
@@ -75,4 +78,12 @@ class NodeValues:
             self._depth -= 1
 
 
-_READINGS: dict[str, Reading] = {**texture_nodes.READINGS, **arithmetic_nodes.READINGS}
+def own_value(socket: NodeSocket) -> Signal:
+    """The value of a socket without a link. Raises NotFollowedError for a socket that has none."""
+    if socket.type == "RGBA":
+        return color(tuple(socket.default_value))
+    if socket.type == "VECTOR":
+        return color(tuple(socket.default_value)[:3])
+    if socket.type in {"VALUE", "INT", "BOOLEAN"}:
+        return number(float(socket.default_value))
+    raise NotFollowedError(f"the socket {socket.name} has no value")

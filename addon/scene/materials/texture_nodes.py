@@ -1,18 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Evaluates the nodes whose values vary over the surface: images and attributes."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 from ...core.material_feeds import AVERAGE, AttributeFeed, Extension, ImageFeed
 from ..images.image_pages import UnreadableError
 from .coordinates import coordinates
 from .node_links import Place, title
+from .node_values import NodeValues
 from .signals import NotFollowedError, Signal
-
-if TYPE_CHECKING:
-    from .node_values import NodeValues
 
 ALPHA = 3
 
