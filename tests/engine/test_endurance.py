@@ -22,7 +22,7 @@ from addon.engine.rays import tree_cache
 from addon.jobs import Job, bake_jobs, bake_pair
 from addon.passes import target
 from scripts import imprint
-from tests.support import zoo
+from tests.support import layouts, zoo
 from tests.support.snapshot import difference, snapshot
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -105,7 +105,7 @@ import bpy, gpu
 gpu.init()
 from addon.jobs import bake_pair
 from addon.core.settings import Settings
-from tests.support import zoo
+from tests.support import layouts, zoo
 
 method, samples, output = sys.argv[1:]
 bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
@@ -190,3 +190,45 @@ def test_a_canceled_bake_changes_nothing(method, storage, is_there, tmp_path):
     assert set(files(folder)) == ({"map.png", "map_missed.png"} if storage == "FILE" else set())
     bpy.ops.wm.save_as_mainfile(filepath=str(new), copy=True)
     assert contents(new) != expected or files(folder) != there
+
+
+# Many maps
+
+FEW, MORE_BAKES = 8, 24
+"""The numbers of bakes of many maps after which counts are compared; with IMPRINT_ENDURANCE=1, of 300 bakes."""
+
+
+@needs_proc
+def test_bakes_of_many_maps_leave_nothing_behind():
+    """Images of the high mesh change, and so do its shape, the size and the samples."""
+    low, high = zoo.plane("lo", 4), zoo.terrain("hi", 24)
+    material = layouts.material("painted")
+    picture = layouts.image("picture", np.full((64, 64, 3), 0.5))
+    shown = layouts.texture(material, picture).outputs["Color"]
+    bump = material.node_tree.nodes.new("ShaderNodeBump")
+    material.node_tree.links.new(shown, bump.inputs["Height"])
+    layouts.set_inputs(material, Base_Color=shown, Roughness=shown, Normal=bump.outputs["Normal"])
+    high.data.materials.append(material)
+    names = ("POSITION", "AO", "BENT_NORMAL", "THICKNESS", "CURVATURE", "BASE_COLOR", "ROUGHNESS", "ATTRIBUTE")
+    for number in range(300 if FULL else MORE_BAKES):
+        high.scale.z = 1.0 + 0.001 * number
+        picture.pixels.foreach_set(np.full(64 * 64 * 4, number / 300, np.float32))
+        width, height = SIZES[number % 3]
+        settings = Settings(
+            method=METHODS[number // 2 % 2],
+            width=width,
+            height=height,
+            samples=(1, 4)[number % 2],
+            rays=16,
+            maps=names,
+            image="map",
+            storage="PACK",
+            connect_maps=True,
+        )
+        bake_pair(bpy.context, low, [high], settings)
+        assert len(tree_cache.trees) <= tree_cache.CACHED_TREES
+        assert target.common.bytes <= target.KEPT_BYTES
+        if number + 1 == FEW:
+            before, memory = held(), resident()
+    assert held() == before
+    assert resident() - memory < GROWTH

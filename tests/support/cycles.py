@@ -1,4 +1,4 @@
-"""Cycles as an oracle: it bakes the shading normals of a material."""
+"""Cycles as an oracle: it bakes the shading normals, colors and ambient occlusion of materials."""
 
 import bpy
 import numpy as np
@@ -18,16 +18,44 @@ def world_normals(obj, size, **options) -> tuple[np.ndarray, np.ndarray]:
 
 
 def bake_normals(obj, size, *, space, highs=(), extrusion=0.0, max_distance=0.0) -> tuple[np.ndarray, np.ndarray]:
-    """Cycles' NORMAL bake of `obj` onto its own active UV layer, one sample, no margin.
+    """Cycles' NORMAL bake of `obj`, one sample, as `bake` has it."""
+    return bake(obj, size, "NORMAL", highs=highs, extrusion=extrusion, max_distance=max_distance, normal_space=space)
+
+
+def bake_colors(obj, size, sockets, *, highs, extrusion=0.0, max_distance=0.0) -> tuple[np.ndarray, np.ndarray]:
+    """What Cycles' EMIT bake shows of outputs that feed sockets of Principled BSDFs, as `bake` has it.
+
+    sockets: by material, the output that is shown as emission.
+    """
+    surfaces = {}
+    for material, output in sockets.items():
+        tree = material.node_tree
+        surface = tree.get_output_node("CYCLES").inputs["Surface"]
+        emission = tree.nodes.new("ShaderNodeEmission")
+        surfaces[material] = surface, surface.links[0].from_socket, emission
+        tree.links.new(output, emission.inputs["Color"])
+        tree.links.new(emission.outputs[0], surface)
+    found = bake(obj, size, "EMIT", highs=highs, extrusion=extrusion, max_distance=max_distance)
+    for material, (surface, shader, emission) in surfaces.items():
+        material.node_tree.links.new(shader, surface)
+        material.node_tree.nodes.remove(emission)
+    return found
+
+
+def bake(
+    obj, size, kind, *, highs=(), extrusion=0.0, max_distance=0.0, samples=1, seed=0, **options
+) -> tuple[np.ndarray, np.ndarray]:
+    """Cycles' bake of `obj` onto its own active UV layer, without a margin.
 
     Returns texels (H, W, 4) float32, row 0 at v = 0, and the mask (H, W) of those that Cycles wrote. With `highs`,
-    a selected-to-active bake. Every material of `obj` gets the target's image node for the time of the bake.
+    a selected-to-active bake. Every material of `obj` gets the target's image node for the time of the bake. options: of
+    bpy.ops.object.bake.
     """
     width, height = size
     scene = bpy.context.scene
     scene.render.engine = "CYCLES"
-    scene.cycles.samples = 1
-    scene.cycles.use_denoising = False
+    scene.cycles.samples, scene.cycles.seed = samples, seed
+    scene.cycles.use_denoising = scene.cycles.use_adaptive_sampling = False
     image = bpy.data.images.new("oracle", width, height, alpha=True, float_buffer=True, is_data=True)
     # Alpha 0 stays where the bake writes nothing.
     image.pixels.foreach_set(np.zeros(width * height * 4, np.float32))
@@ -47,13 +75,13 @@ def bake_normals(obj, size, *, space, highs=(), extrusion=0.0, max_distance=0.0)
         other.select_set(True)
     bpy.context.view_layer.objects.active = obj
     bpy.ops.object.bake(
-        type="NORMAL",
-        normal_space=space,
+        type=kind,
         margin=0,
         use_clear=False,
         use_selected_to_active=bool(highs),
         cage_extrusion=extrusion,
         max_ray_distance=max_distance,
+        **options,
     )
     texels = np.empty(width * height * 4, np.float32)
     image.pixels.foreach_get(texels)
