@@ -113,6 +113,8 @@ def _check(settings: Settings, frames: Sequence[int]) -> None:
         raise BakeError("A sequence shows the normal map: switch Normal Map on.")
     if settings.udim:
         raise BakeError("A sequence has only one tile: turn UDIM Tiles off.")
+    if settings.texture_sets:
+        raise BakeError("A sequence has one image for all materials: turn Texture Sets off.")
     if any(frame < 0 for frame in frames):
         raise BakeError("A sequence cannot have frames below 0: Blender would not find their files.")
     if re.search(r"#[^#]*\d", PurePath(settings.output).stem):

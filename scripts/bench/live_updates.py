@@ -39,7 +39,7 @@ def _measure(quads: int, size: int, updates: int) -> dict:
         high.data.update()
         bpy.context.view_layer.update()
         start = time.perf_counter()
-        session.run(bpy.context, {"high"})
+        session.run(bpy.context, {high.session_uid})
         between = time.perf_counter()
         session.store()
         drawn.append(1e3 * (between - start))

@@ -138,6 +138,13 @@ def test_settings_that_cannot_be_a_sequence(job, tmp_path, wrong, frames):
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_sequence_takes_no_texture_sets(job, tmp_path):
+    chosen = settings(tmp_path, "{material}_#.exr", texture_sets=True)
+    with pytest.raises(BakeError, match="turn Texture Sets off"):
+        finish(sequence.work(bpy.context, job, chosen, range(1, 3), Pace()))
+    assert not any(tmp_path.iterdir())
+
+
 def test_a_low_object_that_cannot_have_a_material_raises_an_error_before_any_frame(job, tmp_path):
     path = str(tmp_path / "library.blend")
     bpy.ops.wm.save_as_mainfile(filepath=path, copy=True)

@@ -64,6 +64,10 @@ TABLE = {
         "de_DE": "Eine Sequenz hat nur eine Kachel: UDIM-Kacheln ausschalten.",
         "es": "Una secuencia tiene una sola celda: desactivar Celdas UDIM.",
     },
+    (SENTENCE, "A sequence has one image for all materials: turn Texture Sets off."): {
+        "de_DE": "Eine Sequenz hat ein Bild für alle Materialien: Textursätze ausschalten.",
+        "es": "Una secuencia tiene una imagen para todos los materiales: desactivar Conjuntos de texturas.",
+    },
     (SENTENCE, "A sequence cannot have frames below 0: Blender would not find their files."): {
         "de_DE": "Eine Sequenz kann keine Einzelbilder unter 0 haben: Blender würde ihre Dateien nicht finden.",
         "es": "Una secuencia no puede tener fotogramas menores que 0: Blender no encontraría sus archivos.",
