@@ -73,7 +73,8 @@ class RayMaps(ABC):
         into = target.get("mean", sums.width, sums.height, "RGBA32F")
         self._values(self.names[0], into, sums, sample.normals.texture, rays)
         size = self.run.settings.width, self.run.settings.height
-        self._picture = preview_picture.draw(into.texture, size, np.eye(3), clear=False, is_value=True)
+        is_first = self._picture is None  # the picture may still show the normal map
+        self._picture = preview_picture.draw(into.texture, size, np.eye(3), clear=is_first, is_value=True)
 
     def finished(self, band: Band, known: gpu.types.GPUTexture) -> Iterator[tuple[str, gpu.types.GPUTexture]]:
         """As MapFamily has it."""
