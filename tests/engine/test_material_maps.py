@@ -225,6 +225,17 @@ def test_integers_store_colors_as_srgb_and_numbers_as_they_are(storage, tmp_path
     assert np.abs(maps["roughness"][..., 0] - 0.3)[inside].max() < 0.51 / 255
 
 
+@pytest.mark.parametrize("wrong", [np.nan, np.inf, -np.inf])
+def test_values_of_attributes_that_are_not_finite_do_not_spread(wrong):
+    low, high = pair(None, n=8)
+    attribute = high.data.attributes.new("worn", "FLOAT", "POINT")
+    attribute.data.foreach_set("value", np.full(len(attribute.data), 0.25, np.float32))
+    attribute.data[40].value = wrong
+    _, maps = bake_all_maps(low, high, maps=["ATTRIBUTE"], attribute="worn", size=SIZE, samples=4, margin=None)
+    assert np.isfinite(maps["attribute"]).all()
+    assert np.median(maps["attribute"][..., 0]) == 0.25
+
+
 @pytest.mark.parametrize("name", ["worn", ""])
 def test_a_missing_attribute_is_named(name):
     low, high = pair(None)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .. import data_texture
+from .finite_values import finite
 
 if TYPE_CHECKING:
     import gpu
@@ -33,11 +34,11 @@ def upload_values(values: np.ndarray, corners: np.ndarray) -> gpu.types.GPUTextu
     """Upload the values of an attribute, three texels a triangle.
 
     values (C, 1 to 4) float32; corners (T, 3) int, indices into it. A single number fills red, green and blue; alpha is 1
-    unless there are four channels.
+    unless there are four channels. Values that are not finite are replaced.
     """
     wide = np.ones((len(values), 4), np.float32)
     channels = values.shape[1]
-    wide[:, : 3 if channels == 1 else channels] = values
+    wide[:, : 3 if channels == 1 else channels] = finite(values)
     if channels == 2:
         wide[:, 2] = 0.0
     return _gathered(wide, corners)

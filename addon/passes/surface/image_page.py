@@ -12,6 +12,7 @@ from ...core.material_feeds import ImagePixels
 from .. import blender_gpu as gpu
 from .. import target
 from ..program import Program
+from .finite_values import finite
 
 if TYPE_CHECKING:
     from gpu.types import GPUTexture
@@ -27,8 +28,6 @@ NEXT_LEVEL = Program(
     images=(("RGBA32F", "FLOAT_2D", "levels", "READ WRITE"),),
     constants=(("VEC4", "source"), ("VEC4", "result"), ("INT", "first_row")),
 )
-LARGEST = 65504.0
-"""What infinite values become: the largest number of half precision, as rendered images store it."""
 SRGB, WEIGHS_ALPHA = 1, 2
 """The flags of a page in shaders/lib/page_lib.glsl."""
 
@@ -59,7 +58,7 @@ def upload(image: ImagePixels) -> Page:
         raise ValueError("an image without pixels has no page")
     values, reduced = fitting(image.values, gpu.capabilities.max_texture_size_get())
     if not image.is_byte:
-        values = _finite(values)
+        values = finite(values)
     height, width = values.shape[:2]
     texel = "RGBA8" if image.is_byte else "RGBA32F"
     data = gpu.types.Buffer("FLOAT", values.shape, np.ascontiguousarray(values, np.float32))
@@ -115,11 +114,3 @@ def fitting(values: np.ndarray, most: int) -> tuple[np.ndarray, int]:
         counts = np.diff(np.append(starts, size)).astype(np.float32)
         values = np.add.reduceat(values, starts, axis=axis) / np.expand_dims(counts, (1 - axis, 2))
     return values, parts
-
-
-def _finite(values: np.ndarray) -> np.ndarray:
-    """`values` without NaN and infinity, which would spread over all levels."""
-    # A sum is finite unless a term is not, or it overflows: the common case takes one pass and no memory.
-    with np.errstate(over="ignore", invalid="ignore"):
-        is_finite = bool(np.isfinite(values.sum()))
-    return values if is_finite else np.nan_to_num(values, nan=0.0, posinf=LARGEST, neginf=-LARGEST)
