@@ -7,6 +7,10 @@ from types import MappingProxyType
 
 ORIGIN = "imprint_high"
 """A custom property of images of maps: the names of the high objects, one per line."""
+MARK = "imprint"
+"""A custom property of the nodes and images that Imprint has made: True, or the role of a node that shows a certain map.
+Artists may rename nodes; the mark survives renaming, copying and saving, so that a later bake finds the nodes that it may
+change."""
 
 
 class Kind(StrEnum):

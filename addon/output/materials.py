@@ -12,9 +12,10 @@ from bpy.types import Image, Material, MaterialSlot, Mesh, Object
 
 from ..core.declarations.choices import Space
 from ..core.errors import BakeError
+from ..core.map_types import MARK
 from .nodes import normal_nodes, surface_nodes
 from .nodes.image_nodes import MapImage
-from .nodes.tree_editing import MARK, Coordinates
+from .nodes.tree_editing import Coordinates
 
 CONVENTIONS: Mapping[tuple[str, str, str], str] = MappingProxyType(
     {("+X", "+Y", "+Z"): "OPENGL", ("+X", "-Y", "+Z"): "DIRECTX"}

@@ -13,7 +13,7 @@ from addon.core.errors import BakeError
 from addon.core.settings import Settings
 from addon.jobs import Job, bake_all, bake_pair
 from addon.output import map_storage, outputs, value_encoding
-from tests.support import zoo
+from tests.support import layouts, zoo
 from tests.support.maps import pixels
 from tests.support.snapshot import difference, snapshot
 
@@ -138,6 +138,21 @@ def test_linked_objects_are_refused_before_the_bake(tmp_path, chosen, message):
         bake(low, high, material=False, **chosen)
     # Without a normal map, nothing goes into the material.
     bake(low, high, normal=False, maps=("HEIGHT",), material=True)
+
+
+@pytest.mark.parametrize("is_shared", [True, False])
+def test_a_map_that_was_connected_to_a_material_of_both_objects_is_named(is_shared):
+    low, high = planes()
+    material = bpy.data.materials.new("Clay")
+    layouts.set_inputs(
+        material, Base_Color=layouts.texture(material, layouts.image("clay", np.ones((4, 4, 3)))).outputs[0]
+    )
+    high.data.materials.append(material)
+    low.data.materials.append(material if is_shared else bpy.data.materials.new("own"))
+    sentence = 'Material "Clay": Base Color shows a map that Imprint has baked'
+    for number in range(2):
+        report = bake(low, high, maps=("BASE_COLOR",), connect_maps=True)
+        assert any(warning.startswith(sentence) for warning in report.warnings) == (is_shared and number == 1)
 
 
 # glTF

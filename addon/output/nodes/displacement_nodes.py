@@ -4,9 +4,10 @@
 from bpy.types import Node, NodeSocket
 
 from ...core.declarations.choices import Space
+from ...core.map_types import MARK
 from . import image_nodes, tree_editing
 from .image_nodes import MapImage
-from .tree_editing import MARK, TreeEditor
+from .tree_editing import TreeEditor
 
 BUMP_ONLY = "BUMP"
 """The displacement method of a material whose surface does not move."""

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 from bpy.types import Image, Node, NodeSocket
 
 from ...core.declarations.choices import Space
+from ...core.map_types import MARK
 from . import tree_editing
-from .tree_editing import MARK, TreeEditor, title
+from .tree_editing import TreeEditor, title
 
 SEPARATED = ("Red", "Green", "Blue")
 """The outputs of Separate Color."""

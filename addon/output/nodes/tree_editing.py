@@ -9,10 +9,8 @@ from dataclasses import dataclass
 
 from bpy.types import Image, Material, Node, NodeLink, NodeSocket
 
-MARK = "imprint"
-"""A custom property of the nodes and images that Imprint has made: True, or the role of a node that shows a certain map.
-Artists may rename nodes; the mark survives renaming, copying and saving, so that a later bake finds the nodes that it may
-change."""
+from ...core.map_types import MARK
+
 NODE_HEIGHT = 320
 """The space for one node in a column. Blender knows the real height only after drawing the node in a window."""
 NODE_GAP = 60

@@ -7,13 +7,10 @@ from enum import IntEnum
 
 import bpy
 
-from ...core.map_types import BASE_COLOR
-from ...core.material_feeds import AttributeFeed, BumpFeed, DetailFeed, HighMaterial, NormalMapFeed
+from ...core.map_types import BASE_COLOR, MARK
+from ...core.material_feeds import AttributeFeed, BumpFeed, DetailFeed, HighMaterial, ImageFeed, NormalMapFeed
 from ..images.image_pages import ImagePages
 from ..materials.material_reading import read_materials
-
-MARK = "imprint"
-"""The custom property of nodes that Imprint has made."""
 
 
 class Bare(IntEnum):
@@ -67,7 +64,8 @@ class MaterialNumbers:
             if material is Bare.COLORED:
                 found = replace(found, feeds=found.feeds | {BASE_COLOR.socket: AttributeFeed("")})
             if material in self._of_low:
-                found = replace(found, detail=None if _is_hooked_up(material) else self._replaced(found.detail))
+                detail = None if _is_hooked_up(material) else self._replaced(found.detail)
+                found = replace(found, detail=detail, notes=found.notes | self._notes_on_maps(found))
             self._found[key] = replace(found, key=key)
         return self._found[key]
 
@@ -78,6 +76,18 @@ class MaterialNumbers:
         """
         below = detail.below if isinstance(detail, BumpFeed) else detail
         return None if below is None or self.images.is_map(below.image.image) else below
+
+    def _notes_on_maps(self, material: HighMaterial) -> dict[str, tuple[str, ...]]:
+        """Sentences, by socket, about maps that an earlier bake has put into a material of the low object."""
+        return {
+            socket: (
+                *material.notes.get(socket, ()),
+                f'Material "{material.name}": {socket} shows a map that Imprint has baked, because the low object has this '
+                "material, too. Give the high objects a material of their own to bake from the original.",
+            )
+            for socket, feed in material.feeds.items()
+            if isinstance(feed, ImageFeed) and self.images.is_map(feed.image)
+        }
 
     def number(self, material: Shown) -> int:
         """The number of a material that was read."""

@@ -11,7 +11,7 @@ import numpy as np
 from bpy.types import Image
 
 from ...core.errors import BakeError
-from ...core.map_types import ORIGIN
+from ...core.map_types import MARK, ORIGIN
 from ...core.material_feeds import ImagePixels
 from .image_files import header_size, location, packed_data
 from .page_colors import has_alpha_in_colors, prepare_page
@@ -77,7 +77,8 @@ class ImagePages:
 
     def is_map(self, key: str) -> bool:
         """Whether Imprint baked an image. Raises BakeError if the image is gone."""
-        return bool(_image(key).get(ORIGIN))
+        image = _image(key)
+        return bool(image.get(ORIGIN) or image.get(MARK))
 
     def size(self, key: str, tile: int = SINGLE) -> tuple[int, int]:
         """Width and height in pixels. Raises BakeError if the image is gone."""
