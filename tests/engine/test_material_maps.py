@@ -251,9 +251,9 @@ def test_a_missing_attribute_is_named(name):
 @pytest.mark.parametrize("method", METHODS)
 def test_bands_have_no_seams(method, monkeypatch):
     low, high = pair(checkered())
-    _, whole = bake_all_maps(low, high, maps=["BASE_COLOR"], size=SIZE, method=method, samples=4)
+    _, whole = bake_all_maps(low, high, maps=["BASE_COLOR"], size=SIZE, method=method, samples=4, margin=5)
     monkeypatch.setattr(bands, "BAND_TEXELS", 20 * SIZE)
-    _, parts = bake_all_maps(low, high, maps=["BASE_COLOR"], size=SIZE, method=method, samples=4)
+    _, parts = bake_all_maps(low, high, maps=["BASE_COLOR"], size=SIZE, method=method, samples=4, margin=5)
     _, inside = LOW.texels(SIZE)
     assert np.abs(parts["base_color"] - whole["base_color"])[inside].max() < EXACT
 
