@@ -96,7 +96,7 @@ def report_of(drawn: DrawnJob, stored: Stored, warnings: Sequence[str] = (), mar
 
 def material_notes(meshes: Meshes, settings: Settings) -> list[str]:
     """What could not be read of the high meshes' materials, of those parts that the bake wanted."""
-    wanted = {BY_NAME[name].socket for name in settings.drawn_maps} - {""}
+    wanted = [BY_NAME[name].socket for name in settings.drawn_maps if BY_NAME[name].socket]
     sockets = [*wanted, ""] if wanted else []
     sockets += ["Normal"] if settings.detail_maps else []
     notes = (note for material in meshes.materials for socket in sockets for note in material.notes.get(socket, ()))

@@ -1,10 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Whole bakes of the colors of high meshes, against Cycles' emission bake of the same nodes."""
 
+from types import SimpleNamespace
+
 import bpy
 import numpy as np
 import pytest
 
+from addon.core import map_types
+from addon.core.material_feeds import HighMaterial
+from addon.core.settings import Settings
+from addon.jobs import report_making
 from tests.support import feeds
 from tests.support.maps import bake_all_maps
 from tests.support.shader_nodes import add, image, principled
@@ -59,3 +65,16 @@ def test_base_color(space, has_alpha, alpha_is_used):
     wrong = np.abs(mine[..., :3] - theirs).max(axis=-1) > TOLERANCE * (2 if has_alpha else 1)
     assert wrong.mean() < 0.06  # borders of pixels, which Imprint smooths
     assert not [note for note in report.warnings if "Rust" in note]
+
+
+def test_notes_have_the_order_of_the_maps():
+    chosen = [map_type for map_type in map_types.OTHERS if map_type.socket]
+    notes = {map_type.socket: (map_type.name,) for map_type in reversed(chosen)} | {
+        "": ("shader",),
+        "Normal": ("detail",),
+    }
+    meshes = SimpleNamespace(materials=[HighMaterial("Rust", notes=notes)])
+    names = tuple(map_type.name for map_type in chosen)
+    found = report_making.material_notes(meshes, Settings(maps=names))
+    assert found == [*names, "shader", "detail"]
+    assert report_making.material_notes(meshes, Settings(detail_maps=False)) == []
