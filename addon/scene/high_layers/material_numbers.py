@@ -10,7 +10,7 @@ import bpy
 from ...core.map_types import BASE_COLOR, MARK
 from ...core.material_feeds import AttributeFeed, BumpFeed, DetailFeed, HighMaterial, ImageFeed, NormalMapFeed
 from ..images.image_pages import ImagePages
-from ..materials.material_reading import read_materials
+from ..materials.material_reading import NORMAL, read_materials
 
 
 class Bare(IntEnum):
@@ -64,8 +64,13 @@ class MaterialNumbers:
             if material is Bare.COLORED:
                 found = replace(found, feeds=found.feeds | {BASE_COLOR.socket: AttributeFeed("")})
             if material in self._of_low:
-                detail = None if _is_hooked_up(material) else self._replaced(found.detail)
-                found = replace(found, detail=detail, notes=found.notes | self._notes_on_maps(found))
+                is_hooked_up = _is_hooked_up(material)
+                detail = None if is_hooked_up else self._replaced(found.detail)
+                # What the nodes of an earlier bake do to normals is no loss.
+                notes = {
+                    socket: text for socket, text in found.notes.items() if not (is_hooked_up and socket == NORMAL)
+                }
+                found = replace(found, detail=detail, notes=notes | self._notes_on_maps(found))
             self._found[key] = replace(found, key=key)
         return self._found[key]
 
