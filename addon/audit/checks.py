@@ -64,7 +64,7 @@ def audit(plan: Plan, tally: Tally, settings: Settings, ray_cast: ray_casting.Ra
         missed=tally.missed / max(1, tally.missed + tally.written),
         checks=checks,
         warnings=(
-            *_direction_warnings(meshes, tally),
+            *_direction_warnings(meshes, tally, settings),
             *uv_warnings,
             *distance_warnings,
             *(
@@ -76,11 +76,11 @@ def audit(plan: Plan, tally: Tally, settings: Settings, ray_cast: ray_casting.Ra
     )
 
 
-def _direction_warnings(meshes: Meshes, tally: Tally) -> Iterator[str]:
+def _direction_warnings(meshes: Meshes, tally: Tally, settings: Settings) -> Iterator[str]:
     low = meshes.low.name
     if tally.turned_away > TURNED_AWAY * max(1, tally.compared):
         yield f"Most high normals point into {low!r}: the normals of one of the two are flipped, recalculate them."
-    if tally.compared and not tally.leaning:
+    if settings.normal and tally.compared and not tally.leaning:
         compared = "its own modifiers" if meshes.is_own_base else shorten_list(repr(high.name) for high in meshes.highs)
         yield f"The map is flat: nothing of {compared} differs from {low!r}. Is that the right high object?"
 

@@ -156,6 +156,10 @@ def test_a_flat_map_gives_a_warning(method, depth):
     assert "'lo'" in warning
 
 
+def test_without_a_normal_map_none_is_called_flat():
+    assert not flat(report(zoo.plane("lo"), zoo.plane("hi", 4), normal=False, maps=("COVERAGE",)).warnings)
+
+
 def test_modifiers_without_effect_give_a_warning(low):
     low.modifiers.new("Lift", "DISPLACE").strength = 0.0
     (warning,) = flat(report(low, low).warnings)
