@@ -284,9 +284,10 @@ def _check_own_high(low: bpy.types.Object, option: str) -> None:
 
 def _save(path: Path, maps: set[bpy.types.Image]) -> None:
     """Save the scene; the paths of its maps become relative."""
+    folder = path.parent.resolve()  # it may have been named with ".."
     for image in maps:
         output = Path(bpy.path.abspath(image.filepath))
-        if output.is_relative_to(path.parent):
+        if output.parent.resolve().is_relative_to(folder):
             # So that the files can be moved together. Relative to the file that is open: saving takes all such paths
             # along to the new place.
             image.filepath = bpy.path.relpath(str(output), start=str(Path(bpy.data.filepath or path).parent))

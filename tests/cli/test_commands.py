@@ -444,13 +444,16 @@ def shown(path):
         ("out/maps/m.png", "out/s.blend", "//maps/m.png"),
         ("outer/m.png", "out/s.blend", None),  # in different folders: the path is absolute
         ("m.png", "out/s.blend", None),
+        ("out/m.png", "other/../out/s.blend", "//m.png"),  # the folder is the same
     ],
 )
 def test_the_saved_scene_shows_the_map(scene, output, blend, filepath):
+    (scene / "other").mkdir()
     for path in (scene / output, scene / blend):
         path.parent.mkdir(parents=True, exist_ok=True)
     before = files(scene)
     assert command.run([*BAKE, "--output", output, "--save-blend", blend]) == command.DONE
+    output, blend = os.path.normpath(output), os.path.normpath(blend)
     assert files(scene) == sorted({*before, output, blend})
     image = shown(scene / blend)
     assert image.filepath == (filepath or str(scene / output))
@@ -464,6 +467,15 @@ def test_the_saved_scene_shows_the_map(scene, output, blend, filepath):
             to.parent.mkdir(parents=True, exist_ok=True)
             path.rename(to)
         assert maps.pixels(shown(scene / "moved" / (scene / blend).name)).shape == (16, 16, 4)
+
+
+def test_maps_beside_the_saved_scene_may_lie_behind_a_link(scene):
+    (scene / "out").mkdir()
+    (scene / "link").symlink_to("out", target_is_directory=True)
+    assert command.run([*BAKE, "--output", "link/m.png", "--save-blend", "link/s.blend"]) == command.DONE
+    image = shown(scene / "out/s.blend")
+    assert image.filepath.startswith("//")
+    assert maps.pixels(image).shape == (16, 16, 4)
 
 
 def test_the_saved_scene_shows_the_other_maps_too(scene):
