@@ -16,13 +16,13 @@ def are_any(maps: Mapping[str, dict]) -> bool:
 
 
 def of_report(maps: Mapping[str, dict], space: str) -> tuple[dict[str, MapImage], list[str]]:
-    """The images of maps as in Report.maps, by the names in map_types, and warnings about images that are gone.
+    """The images of maps as in Report.maps, by the names in map_types, and warnings about images that are gone or empty.
 
     A map that is packed as well comes from the packed image: the material then needs one image less. Maps that no input of a
-    material takes are left out. space: as in Settings.
+    material takes, and those without a value, are left out. space: as in Settings.
     """
     found: dict[str, MapImage] = {}
-    gone = []
+    gone, empty = [], []
     for name, how in sorted(maps.items(), key=lambda item: "channels" in item[1]):
         parts = _parts(name, how)
         image = datablocks.get(how["image"])
@@ -31,6 +31,9 @@ def of_report(maps: Mapping[str, dict], space: str) -> tuple[dict[str, MapImage]
             continue
         for channel, part in parts.items():
             map_type = _map_type(part)
+            if part.get("empty"):  # an input that it fed would be black
+                empty.append(map_type.label)
+                continue
             found[map_type.name] = MapImage(
                 image,
                 role=name,
@@ -41,9 +44,14 @@ def of_report(maps: Mapping[str, dict], space: str) -> tuple[dict[str, MapImage]
                 scale=part["scale"],
                 space=space,
             )
-    if not gone:
-        return found, []
-    return found, [f"Images that were undone, renamed or deleted are not connected: {shorten_list(map(repr, gone))}."]
+    warnings = []
+    if gone:
+        warnings.append(
+            f"Images that were undone, renamed or deleted are not connected: {shorten_list(map(repr, gone))}."
+        )
+    if empty:
+        warnings.append(f"Maps without a value are not connected: {shorten_list(dict.fromkeys(empty))}.")
+    return found, warnings
 
 
 def _parts(name: str, how: dict) -> dict[str, dict]:

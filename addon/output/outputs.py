@@ -63,6 +63,8 @@ class Outputs:
         self._unpacked: dict[int, dict[str, np.ndarray]] = {}
         """The maps to pack, by tile and name, if they are encoded late."""
         self._vertices: list[VertexMaps] = []
+        self._empty = set(settings.drawn_maps)
+        """The maps of which no texel had a value so far."""
 
     def __enter__(self) -> "Outputs":
         return self
@@ -90,6 +92,7 @@ class Outputs:
             self._writers[NORMAL.name].add(tile, texels)
         if MASK.name in self._writers:
             self._writers[MASK.name].add(tile, map_storage.black_and_white(state == texel_state.MISSED))
+        self._empty -= {name for name in self._empty if (maps[name][0][..., 3] > 0.0).any()}
         for name in self.settings.drawn_maps:
             if name in self._late:
                 self._late[name][tile] = maps[name][0]
@@ -112,6 +115,8 @@ class Outputs:
             encodings[name] = self._encoding(name, labels[labeled] if labeled else [])
             for tile, texels in self._late.get(name, {}).items():
                 self._encode(name, tile, texels, encodings[name])
+            if name in self._empty:
+                encodings[name] |= {"empty": True}
         maps = {name: encodings[name] for name in self.settings.maps}
         if self._packed:
             self._pack()

@@ -4,6 +4,7 @@
 import bpy
 import pytest
 
+from addon.ui.bake_results import results
 from tests.support import zoo
 from tests.support.snapshot import difference, snapshot
 
@@ -62,6 +63,23 @@ def test_an_image_that_is_gone_is_a_warning(low):
     bpy.data.images.remove(bpy.data.images["lo_height"])
     assert bpy.ops.imprint.connect_maps() == {"FINISHED"}
     assert len(low.material_slots) == 0
+
+
+@pytest.mark.parametrize("pack", ["NONE", "CUSTOM"])
+def test_a_map_without_a_value_is_a_warning(low, pack):
+    material = bpy.data.materials.new("Noisy")
+    tree = material.node_tree
+    noise = tree.nodes.new("ShaderNodeTexNoise").outputs[0]
+    shader = tree.nodes["Principled BSDF"]
+    for name in ("Base Color", "Metallic"):
+        tree.links.new(noise, shader.inputs[name])
+    bpy.data.objects["hi"].data.materials.append(material)
+    bake(maps={"BASE_COLOR", "METALLIC", "ROUGHNESS"}, pack=pack, pack_red="METALLIC", connect_maps=True)
+    found = low.active_material.node_tree.nodes["Principled BSDF"].inputs
+    assert [name for name in ("Base Color", "Metallic", "Roughness") if found[name].is_linked] == ["Roughness"]
+    (report,) = results.all_of(bpy.context)
+    assert "Maps without a value are not connected: Base Color, Metallic." in report.warnings
+    assert [name for name, how in report.maps.items() if how.get("empty")] == ["base_color", "metallic"]
 
 
 def test_undo_takes_attributes_and_links_away_in_one_step(low):
