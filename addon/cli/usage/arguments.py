@@ -2,11 +2,10 @@
 """Parses the command line, checks its options together, and makes settings from them."""
 
 import argparse
-import difflib
 import functools
 import os
 import re
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import fields
 from pathlib import PurePath
 
@@ -15,20 +14,11 @@ from ...core.declarations.choices import Storage
 from ...core.errors import BakeError
 from ...core.settings import Settings
 from .options import FILE, JOBS, OPTIONS, SUBJECTS
+from .similar_words import did_you_mean
 
 
 class WrongUsage(Exception):
     """The arguments are unknown or contradict each other. The text is for the user, without a full stop."""
-
-
-SIMILAR = 0.75
-"""How similar a word must be to be suggested. With less, "preset" would suggest "pairs"."""
-
-
-def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """The end of a sentence about an unknown word; empty where no known word is similar."""
-    close = difflib.get_close_matches(word, list(known), n=1, cutoff=SIMILAR)
-    return f", did you mean {close[0]!r}?" if close else ""
 
 
 class _Parser(argparse.ArgumentParser):
@@ -40,7 +30,7 @@ class _Parser(argparse.ArgumentParser):
 def _similar_option(name: str) -> str:
     """The end of a sentence about an unknown option, whose dashes do not count as similar."""
     names = ("jobs", *(name for options in OPTIONS.values() for name in options))
-    return did_you_mean(name.lstrip("-"), names).replace("'", "'--", 1)
+    return did_you_mean([name.lstrip("-")], names).replace("'", "'--", 1)
 
 
 @functools.cache

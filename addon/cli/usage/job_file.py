@@ -11,6 +11,7 @@ from pathlib import Path
 from . import arguments
 from .arguments import WrongUsage
 from .options import FILE, OPTIONS, STDOUT, CommandOption
+from .similar_words import did_you_mean
 
 DEFAULTS, SETS = "defaults", "bake"
 PROGRESS_EVERY = 100
@@ -116,7 +117,7 @@ def _parts(name: str, table) -> tuple[dict, list[dict]]:
 
 def _check_known(key: str, written: str, known: Iterable[str]) -> None:
     if key not in known:
-        raise WrongUsage(f"unknown key {written!r}{arguments.did_you_mean(key, known)}")
+        raise WrongUsage(f"unknown key {written!r}{did_you_mean([key], known)}")
 
 
 def _option_name(key: str) -> str:

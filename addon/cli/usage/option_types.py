@@ -12,6 +12,7 @@ from ...core import udim
 from ...core.declarations import kinds
 from ...core.errors import BakeError
 from ...core.name_matching import Suffixes
+from .similar_words import did_you_mean
 
 LAST_FRAME = 1_048_574
 """The last frame that Blender knows."""
@@ -118,32 +119,54 @@ def word_for(value: Any) -> str:
     return str(value).lower().replace("_", "-")
 
 
+def number(value: str) -> float:
+    try:
+        return float(value)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"{value!r} is not a number") from error
+
+
+def whole_number(value: str) -> int:
+    try:
+        return int(value)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"{value!r} is not a whole number") from error
+
+
 def one_of(choice: kinds.Choice) -> Callable[[str], str]:
     """Reads a word as one of the values of a choice."""
-    return _among(choice.values)
-
-
-def _among(values: Sequence[str]) -> Callable[[str], str]:
-    """Reads a word as one of `values`. The dashes between its parts may be left out."""
-    words = {word_for(value): value for value in values}
-    joined = {word[0] + word[1:].replace("-", ""): value for word, value in words.items()}
-
-    def name(value: str) -> str:
-        word = word_for(value)
-        found = joined.get(word[:1] + word[1:].replace("-", ""))
-        if found is None:
-            raise argparse.ArgumentTypeError(f"{value!r} is not one of {', '.join(words)}")
-        return found
-
-    return name
+    find = _among(choice.values)
+    return lambda value: find([value])[0]
 
 
 def some_of(choice: kinds.Flags) -> Callable[[str], tuple[str, ...]]:
     """Reads words between commas as some of the values of a choice, in its order."""
-    name = _among((*choice.values, *choice.also))
+    find = _among((*choice.values, *choice.also))
 
     def names(value: str) -> tuple[str, ...]:
-        wanted = {name(part.strip()) for part in value.split(",")}
+        wanted = find([part.strip() for part in value.split(",")])
         return tuple(value for value in choice.values if value in wanted)
 
     return names
+
+
+def _among(values: Sequence[str]) -> Callable[[Sequence[str]], list[str]]:
+    """Reads words as those of `values` that they stand for. The dashes between their parts may be left out."""
+    words = {word_for(value): value for value in values}
+    joined = {_without_dashes(word): value for word, value in words.items()}
+
+    def find(given: Sequence[str]) -> list[str]:
+        found = [joined.get(_without_dashes(word_for(word))) for word in given]
+        unknown = [word for word, value in zip(given, found, strict=True) if value is None]
+        if unknown:
+            are = "is not one of" if len(unknown) == 1 else "are not among"
+            hint = did_you_mean(map(word_for, unknown), words)
+            raise argparse.ArgumentTypeError(f"{', '.join(map(repr, unknown))} {are} {', '.join(words)}{hint}")
+        return found
+
+    return find
+
+
+def _without_dashes(word: str) -> str:
+    """The first character may be the sign of an axis."""
+    return word[:1] + word[1:].replace("-", "")

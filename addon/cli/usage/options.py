@@ -87,7 +87,7 @@ def _(setting: kinds.Switch):
 def _(setting: kinds.Choice):
     metavar = "|".join(map(option_types.word_for, setting.values))
     if isinstance(setting.default, int):
-        return {"type": int, "choices": setting.values, "metavar": metavar}
+        return {"type": option_types.whole_number, "choices": setting.values, "metavar": metavar}
     return {"type": option_types.one_of(setting), "metavar": metavar}
 
 
@@ -98,12 +98,12 @@ def _(setting: kinds.Flags):
 
 @_parsing.register
 def _(setting: kinds.WholeNumber):
-    return {"type": option_types.number_or(setting.none_word) if setting.none_word else int}
+    return {"type": option_types.number_or(setting.none_word) if setting.none_word else option_types.whole_number}
 
 
 @_parsing.register
 def _(_setting: kinds.Distance):
-    return {"type": float}
+    return {"type": option_types.number}
 
 
 @_parsing.register
