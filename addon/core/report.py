@@ -7,10 +7,13 @@ from dataclasses import asdict, dataclass, field, replace
 from . import udim
 from .declarations import bases
 from .declarations.choices import Space
+from .map_types import BY_NAME, Kind
 from .timings import STAGES, Timings
 
 VERSION = 1
 """The version of the report's keys in JSON. It increases when a key is removed or changes its meaning, not for new keys."""
+_NORMALS = {name.lower() for name, map_type in BY_NAME.items() if map_type.kind is Kind.NORMAL}
+"""The names of maps that are read with the basis, as in Report.maps."""
 
 
 @dataclass(frozen=True)
@@ -117,7 +120,8 @@ class Report:
         width, height = self.size
         stages = ", ".join(f"{stage} {self.seconds[stage]:.2f}" for stage in STAGES if self.seconds[stage])
         details = []
-        basis = self.settings.get("basis") if self.space == Space.TANGENT else ""
+        has_normals = self.settings.get("normal", True) or not self.maps.keys().isdisjoint(_NORMALS)
+        basis = self.settings.get("basis") if self.space == Space.TANGENT and has_normals else ""
         if basis in bases.BY_NAME:
             details.append(f"Basis: {bases.BY_NAME[basis].readers}")
         if self.why:

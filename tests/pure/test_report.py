@@ -48,6 +48,19 @@ def test_the_summary_has_the_width_of_a_blend(done):
     assert "Directions blend within 0.125 of hard edges" in blended.summary()
 
 
+@pytest.mark.parametrize(
+    ("normal", "maps", "is_told"), [(True, ["ao"], True), (False, ["ao"], False), (False, ["ao", "bent_normal"], True)]
+)
+def test_the_summary_has_the_basis_of_maps_of_normals(done, normal, maps, is_told):
+    baked = dataclasses.replace(
+        done,
+        settings={"basis": "MIKKTSPACE", "normal": normal},
+        maps={name: {"image": name} for name in maps},
+        triangles={"high": 1, "low": 1},
+    )
+    assert any(line.startswith("Basis: MikkTSpace") for line in baked.summary()) == is_told
+
+
 def test_the_summary_has_the_rays_without_an_own_hit(done):
     rays = dataclasses.replace(
         done, triangles={"high": 1, "low": 1}, distances={"extrusion": 0.5, "max_distance": 1.0}, missed=0.01
