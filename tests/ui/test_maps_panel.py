@@ -106,8 +106,9 @@ def test_a_distance_in_scene_units_is_a_length(settings, family, reach, limited)
 def test_the_panel_names_all_images(settings):
     settings.maps, settings.pack, settings.mask = {"AO", "BASE_COLOR"}, "GLTF", True
     drawn = draw()
-    assert "into a new image 'lo_normal', and these images:" in drawn.text
-    for name in ("lo_missed", "lo_ao", "lo_base_color", "lo_orm"):
+    assert "into a new image 'lo_normal'." in drawn.text
+    assert "Images of this bake: 5" in drawn.labels
+    for name in ("lo_normal", "lo_missed", "lo_ao", "lo_base_color", "lo_orm"):
         assert name in drawn.labels
         assert drawn.icons[drawn.labels.index(name)] == "IMAGE_DATA"
     bpy.data.images.new("lo_ao", 4, 4)
@@ -120,7 +121,7 @@ def test_the_panel_names_all_images(settings):
 def test_without_the_normal_map_the_first_map_is_named(settings):
     settings.normal, settings.maps, settings.mask = False, {"AO"}, True
     drawn = draw()
-    assert "into a new image 'lo_ao', and these images:" in drawn.text
+    assert "into a new image 'lo_ao'." in drawn.text
     assert "lo_missed" in drawn.labels
 
 
@@ -228,8 +229,8 @@ def test_texture_sets_show_the_images_of_each_material(settings):
     settings.image = "{low}_{material}"
     names = ["lo_skin", "lo_skin_height", "lo_cloth", "lo_cloth_height"]
     drawn = draw()
-    assert "into a new image 'lo_skin', and these images:" in drawn.text
-    assert [name for name in names if name in drawn.labels] == names[1:]
+    assert "into a new image 'lo_skin'." in drawn.text
+    assert [name for name in names if name in drawn.labels] == names
     assert bpy.ops.imprint.bake() == {"FINISHED"}
     assert {image.name for image in bpy.data.images} == {*names}
     assert buttons(draw()) == 4

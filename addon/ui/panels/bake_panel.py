@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 import bpy
 
 from ...core.report import Report
-from ...output import datablocks, map_images
+from ...output import map_images
 from ..bake_results import high_objects, results
 from ..live.live_switch import live
 from ..translations.lookup import label, message
@@ -52,7 +52,7 @@ class IMPRINT_PT_bake(SidebarPanel, bpy.types.Panel):
             draw_paragraphs(box, context, [following or problem], "ERROR" if problem else "INFO")
         else:
             draw_paragraphs(box, context, [bake_plan.plan(low, highs, settings)], "INFO")
-            draw_names(box, bake_plan.images(low, settings)[1:])
+            box.label(text=bake_plan.count(low, settings), translate=False)
             draw_paragraphs(box, context, [bake_plan.warning(low, highs)], "ERROR")
         # The bar replaces the button: nothing moves under the mouse when a bake begins or ends.
         row = layout.row()
@@ -75,14 +75,6 @@ class IMPRINT_PT_bake(SidebarPanel, bpy.types.Panel):
         reports = results.all_of(context)
         if reports:
             draw_result(layout, reports)
-
-
-def draw_names(layout: bpy.types.UILayout, images: Iterable[bake_plan.PlannedImage]) -> None:
-    """The names of images in lines. Those that exist already have another icon than new ones."""
-    column = layout.column(align=True)
-    for image in images:
-        icon = "FILE_REFRESH" if datablocks.get(image.name) else "IMAGE_DATA"
-        column.label(text=image.title, icon=icon, translate=False)
 
 
 def draw_result(layout: bpy.types.UILayout, reports: Sequence[Report]) -> None:

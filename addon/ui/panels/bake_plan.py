@@ -64,7 +64,7 @@ def plan(low: bpy.types.Object, highs: list[bpy.types.Object], settings: Imprint
         "low": repr(low.name),
         "highs": message("its own modifiers") if low in highs else ", ".join(repr(high.name) for high in highs),
     }
-    first, *others = images(low, settings)
+    first = images(low, settings)[0]
     target = message("over the image {}") if datablocks.get(first.name) else message("into a new image {}")
     parts = [
         space,
@@ -76,9 +76,12 @@ def plan(low: bpy.types.Object, highs: list[bpy.types.Object], settings: Imprint
         parts.append(message("which holds a map of {}").format(replaced))
     if first.file:
         parts.append(message("to the file {}").format(repr(first.file)))
-    if others:
-        parts.append(message("and these images"))
-    return f"{action.format(**objects)}: {', '.join(parts)}{':' if others else '.'}"
+    return f"{action.format(**objects)}: {', '.join(parts)}."
+
+
+def count(low: bpy.types.Object, settings: ImprintSettings) -> str:
+    """How many images the button fills, in a line: the box keeps its height, so that lists below it do not move."""
+    return message("Images of this bake: {}").format(len(images(low, settings)))
 
 
 @dataclass(frozen=True)

@@ -1,16 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The panel Maps: a list of all maps, and below each chosen one what it needs."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 
 import bpy
 
 from ...core.declarations.all_settings import DECLARED
 from ...core.declarations.choices import Pack
 from ...core.map_types import ATTRIBUTE, BY_NAME, OTHERS, Family
+from ...output import datablocks
 from ..properties import ImprintSettings
 from ..settings import map_list
 from ..translations.lookup import label
+from . import bake_plan
 from .sidebar import SettingsPanel, split_layout
 
 RAYS = (Family.OPENNESS, Family.THICKNESS, Family.CURVATURE)
@@ -47,6 +49,9 @@ class IMPRINT_PT_maps(SettingsPanel, bpy.types.Panel):
             header.label(text=_title(titles[group], settings.maps & set(names)), translate=False)
             if body is not None:
                 _draw_group(body, context, names, drawn)
+        low, highs = settings.chosen_objects(context)
+        if drawn and not bake_plan.problem(context, low, highs, settings):
+            _draw_names(layout.box(), bake_plan.images(low, settings))
 
 
 class IMPRINT_PT_packing(SettingsPanel, bpy.types.Panel):
@@ -67,6 +72,14 @@ class IMPRINT_PT_packing(SettingsPanel, bpy.types.Panel):
         layout.prop(settings, "texture_sets")
         layout.prop(settings, "vertex_domain")
         layout.prop(settings, "connect_maps")
+
+
+def _draw_names(layout: bpy.types.UILayout, images: Iterable[bake_plan.PlannedImage]) -> None:
+    """The names of images in lines. Those that exist already have another icon than new ones."""
+    column = layout.column(align=True)
+    for image in images:
+        icon = "FILE_REFRESH" if datablocks.get(image.name) else "IMAGE_DATA"
+        column.label(text=image.title, icon=icon, translate=False)
 
 
 def _title(text: str, chosen: Collection[str]) -> str:

@@ -6,7 +6,10 @@ from ..lookup import LABEL, OPERATOR, SENTENCE
 TABLE = {
     (LABEL, "Maps"): {"de_DE": "Maps", "es": "Mapas"},
     (LABEL, "Bake Maps"): {"de_DE": "Maps backen", "es": "Capturar mapas"},
-    (SENTENCE, "and these images"): {"de_DE": "und diese Bilder", "es": "y estas imágenes"},
+    (SENTENCE, "Images of this bake: {}"): {
+        "de_DE": "Bilder bei diesem Backen: {}",
+        "es": "Imágenes de esta captura: {}",
+    },
     (OPERATOR, "Show Map"): {"de_DE": "Map anzeigen", "es": "Mostrar mapa"},
     (SENTENCE, "Show an image of the last bake in an open Image Editor, or else in a new window"): {
         "de_DE": "Ein Bild des letzten Backens in einem offenen Bildeditor anzeigen, sonst in einem neuen Fenster",
