@@ -21,8 +21,10 @@ ROOT = Path(__file__).resolve().parent.parent.parent
 BACKENDS = "opengl", "vulkan"
 TOLERANCE = 1e-5
 """The most by which a channel may differ: normals in 32-bit floats, from 0 to 1, and values of other maps."""
-MOST = 1e-4
-"""Share of the texels that may differ by more: rays along an edge, or ties between two layers."""
+MAPS = ("POSITION", "OBJECT_ID", "AO", "BENT_NORMAL", "THICKNESS", "CURVATURE", "BASE_COLOR", "ATTRIBUTE")
+"""The maps beside the normal map that are baked of each file."""
+MOST = 5e-4
+"""Share of the texels that may differ by more: rays along an edge or along the surface, or ties between two layers."""
 
 
 def bake(out: str, scenes: str, size: str, *files: str) -> None:
@@ -56,8 +58,14 @@ def bake(out: str, scenes: str, size: str, *files: str) -> None:
     for file in files:
         bpy.ops.wm.open_mainfile(filepath=file)
         low, high = (bpy.data.objects[name] for name in ("lo", "hi"))
-        settings = Settings("CAST", "WORLD", image="map", depth=32, storage="MEMORY", material=False, **side)
-        add(Path(file).stem, low, [high], settings)
+        high.data.color_attributes.new("Col", "FLOAT_COLOR", "POINT").data.foreach_set(
+            "color", np.random.default_rng(0).random(len(high.data.vertices) * 4)
+        )
+        for method in ("CAST", "FLATTEN"):
+            settings = Settings(
+                method, "WORLD", image=method, depth=32, storage="MEMORY", material=False, maps=MAPS, **side
+            )
+            add(f"{Path(file).stem} {method}", low, [high], settings)
     print(
         f"{gpu.platform.backend_type_get()}, {gpu.platform.renderer_get()}: {len(found)} maps and messages", flush=True
     )
