@@ -57,8 +57,7 @@ def test_a_path_of_this_machine_comes_before_a_file_with_its_name(folder, tmp_pa
 
 def test_the_exact_letter_case_comes_first(folder):
     (folder / "MY SCAN 2.JPG").write_bytes(b"another")
-    if len(list(folder.glob("*[nN] 2.*"))) < 2:
-        pytest.skip("this file system ignores the letter case")
+    # On file systems that ignore the letter case, this is the same file.
     assert page_search.find("my scan 2.jpg", [folder]).name == "my scan 2.jpg"
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Tests of attributes, UV layers and tangents by face corner. tests/scene/test_materials.py compares values with Cycles."""
+"""Tests of attributes, UV layers and tangents by face corner. test_high_materials.py compares values with Cycles."""
 
 import bmesh
 import bpy
