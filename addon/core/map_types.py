@@ -48,6 +48,11 @@ class Family(StrEnum):
     CURVATURE = "rays to both sides of the high surface"
     MATERIAL = "the materials and attributes of the high meshes"
 
+    @property
+    def casts_rays(self) -> bool:
+        """Whether the maps cast rays from the hits."""
+        return self in (Family.OPENNESS, Family.THICKNESS, Family.CURVATURE)
+
 
 @dataclass(frozen=True)
 class MapType:
@@ -214,6 +219,7 @@ OTHERS = (
         Kind.VALUE,
         "thickness",
         family=Family.THICKNESS,
+        index=0,
     ),
     MapType(
         "CURVATURE",

@@ -9,7 +9,7 @@ import gpu
 import numpy as np
 
 from ..core.declarations.choices import Hit, Method, Space
-from ..core.map_types import BY_NAME, Family
+from ..core.map_types import BY_NAME
 from ..core.progress import Pace, Progress, Task
 from ..core.settings import Settings
 from ..core.timings import Timings
@@ -20,9 +20,6 @@ from .bands import Band
 from .high_surface import HighSurface
 from .method_choice import Plan
 from .rays import ray_casting, ray_directions, ray_distances, tree_cache
-
-WITH_RAYS = {Family.OPENNESS, Family.THICKNESS, Family.CURVATURE}
-"""The families whose maps cast rays from the hits."""
 
 
 class Source(Protocol):
@@ -61,24 +58,23 @@ def normal_source(
         if settings.maps or meshes.has_detail:
             yield Progress("Reading the surface", 0.0)
             surface = _flat_surface(meshes.highs, settings, timings)
-        flat = Flat(
+        return Flat(
             meshes.low,
             meshes.drawn_highs,
             settings,
             timings,
             surface=surface,
             is_drawn=meshes.is_drawn,
+            is_changed_later=meshes.has_detail,
             uploads=uploads,
         )
-        flat.is_changed_later = meshes.has_detail
-        return flat
     ray_cast = yield from _ray_cast(plan, settings, timings)
     return Rays(meshes.low, ray_cast, meshes.highs, settings, pace)
 
 
 def _flat_surface(highs: Sequence[Mesh], settings: Settings, timings: Timings) -> HighSurface:
     """What hits of Flatten are on, with a tree only if maps cast rays."""
-    if any(BY_NAME[name].family in WITH_RAYS for name in settings.maps):
+    if any(BY_NAME[name].family.casts_rays for name in settings.maps):
         return HighSurface(highs, tree_cache.trees.ray_scene_of(highs, timings))
     return HighSurface(highs, tree_cache.without_tree(highs, timings))
 
@@ -152,9 +148,11 @@ class Flat:
         *,
         surface: HighSurface | None = None,
         is_drawn: np.ndarray | None = None,
+        is_changed_later: bool = False,
         uploads: mesh_upload.UploadCache | None = None,
     ):
         self.surface, self.is_drawn, self.timings = surface, is_drawn, timings
+        self.is_changed_later = is_changed_later
         uploads = uploads or mesh_upload.UploadCache()
         to_world = None if settings.space == Space.WORLD else low.to_world
         with timings.timed("upload"):
@@ -166,8 +164,6 @@ class Flat:
                 for high in highs
             ]
         self._in_uv: gpu.types.GPUBatch | None = None
-        self.is_changed_later = False
-        """Whether compute shaders change the normals, which those of a GPUOffScreen do not allow."""
 
     def normals(self, band: Band, slot: int = 0) -> Iterator[tuple[gpu.types.GPUTexture, range]]:
         """As Source has it, all rows at once."""

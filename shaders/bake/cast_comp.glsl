@@ -1,5 +1,7 @@
 // Traces one ray per texel from outside the low mesh inwards, and chooses a hit on the high meshes. mesh/spatial/bvh.py
 // builds the trees.
+#include "lib/block_lib.glsl"
+#include "lib/overlap_lib.glsl"
 #include "lib/texture_lib.glsl"
 #include "lib/tree_lib.glsl"
 #include "lib/closest_lib.glsl"
@@ -10,11 +12,6 @@
 const int CAST_OWN = 0;
 const int CAST_NEAREST = 2;
 
-// Neighboring triangles overlap by this much, in barycentric coordinates, so that no ray passes between them: a constant,
-// plus the error of single precision, which grows where the triangle is small and far from the start of the ray.
-const float CAST_EDGE = 1e-5;
-const float CAST_ROUNDING = 4e-7;
-const float CAST_MOST = 1e-3;
 // The most hits of a ray that are asked for their owner, so that no ray takes long.
 const int CAST_CANDIDATES = 16;
 // The least distance, in local space, between a hit and the next one.
@@ -22,10 +19,7 @@ const float CAST_BEYOND = 1e-8;
 
 void main()
 {
-  // A workgroup is a square, and eight consecutive lanes are a block of 4 x 2: rays of close texels take similar paths.
-  int lane = int(gl_LocalInvocationIndex);
-  ivec2 inner = ivec2((lane & 3) | ((lane >> 1) & 4), ((lane >> 2) & 1) | ((lane >> 3) & 6));
-  ivec2 texel = ivec2(gl_WorkGroupID.xy) * 8 + inner + ivec2(0, first_row);
+  ivec2 texel = block_texel(first_row);
   if (any(greaterThanEqual(texel, texel_size(positions)))) {
     return;
   }
@@ -102,7 +96,7 @@ void main()
           vec3 q = cross(to_origin, edge1);
           vec3 solved = vec3(dot(to_origin, p), dot(direction, q), dot(edge2, q)) / determinant;
           float lever = sqrt(dot(to_origin, to_origin) * max(dot(edge1, edge1), dot(edge2, edge2)));
-          float slack = CAST_EDGE + min(CAST_ROUNDING * lever / abs(determinant), CAST_MOST);
+          float slack = overlap_slack(lever, determinant);
           bool inside_triangle = solved.x >= -slack && solved.y >= -slack && solved.x + solved.y <= 1.0 + slack;
           bool faces = determinant > 0.0 || !facing;
           float between = abs(solved.z - wanted);
@@ -147,7 +141,7 @@ void main()
         fallback = uvec4(hit.x | HIT_NOT_OWNED, hit.yzw);
       }
       chosen = fallback;
-      first = t * (1.0 + CAST_ROUNDING) + CAST_BEYOND;
+      first = t * (1.0 + OVERLAP_ROUNDING) + CAST_BEYOND;
     }
     chosen.w = chosen.x == 0u ? 0u : floatBitsToUint(start - uintBitsToFloat(chosen.w));
   }

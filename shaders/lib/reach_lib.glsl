@@ -3,6 +3,7 @@
 //
 // Four rays from one point go together: most nodes and triangles that they visit are the same, and are read once for all four.
 // A vector `x`, `y` or `z` has one coordinate of the four directions.
+#include "lib/overlap_lib.glsl"
 #include "lib/texture_lib.glsl"
 #include "lib/tree_lib.glsl"
 
@@ -18,10 +19,6 @@ const int REACH_BOTH = 3;
 const float REACH_ROUNDING = 1e-6;
 // Rays that meet both sides start as far off their own triangle, and so do not meet the back of its neighbors.
 const float REACH_OFFSET = 2e-6;
-// Neighboring triangles overlap by as much as in cast_comp.glsl.
-const float REACH_EDGE = 1e-5;
-const float REACH_SINGLE = 4e-7;
-const float REACH_MOST = 1e-3;
 
 // One over a direction in grid steps. A zero component would give 0 * infinity for a ray inside a slab.
 vec3 reach_inverse(vec3 direction)
@@ -47,7 +44,7 @@ float reach_triangle(vec3 direction, vec3 across, vec3 for_u, vec3 for_v, float 
 {
   float determinant = dot(direction, across);
   vec3 solved = vec3(dot(direction, for_u), dot(direction, for_v), height) / determinant;
-  float slack = REACH_EDGE + min(REACH_SINGLE * lever / abs(determinant), REACH_MOST);
+  float slack = overlap_slack(lever, determinant);
   bool is_inside = solved.x >= -slack && solved.y >= -slack && solved.x + solved.y <= 1.0 + slack;
   bool is_close = solved.z >= -REACH_ROUNDING && solved.z < to;
   int side = determinant > 0.0 ? REACH_FRONTS : REACH_BACKS;

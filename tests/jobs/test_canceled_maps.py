@@ -9,7 +9,7 @@ import pytest
 from addon.core.errors import BakeError
 from addon.core.progress import Pace
 from addon.core.settings import Settings
-from addon.engine.maps import material_maps, own_normals, point_maps, ray_maps
+from addon.engine.maps import material_maps, own_normals, point_maps, ray_maps, sampling
 from addon.jobs import Job, bake_all, bake_jobs, bake_pair
 from tests.support import layouts, zoo
 from tests.support.feeds import write_png
@@ -147,3 +147,16 @@ def test_several_jobs_keep_those_that_are_done(tmp_path):
     assert [report.low for report in reports] == ["lo"]
     assert not [image.name for image in bpy.data.images if image.name.startswith("second")]
     assert len(bake_all(bpy.context, jobs, settings)) == 2
+
+
+@pytest.mark.parametrize("method", ["FLATTEN", "CAST"])
+@pytest.mark.parametrize("kept", [1, 2**29])
+def test_the_bar_never_goes_back(method, kept, tmp_path, monkeypatch):
+    """Also where images are loaded for one sample after another."""
+    monkeypatch.setattr(sampling, "KEPT_BYTES", kept)
+    low, high = pair(tmp_path)
+    steps = bake_jobs.work(bpy.context, [Job(low, [high])], settings_for(tmp_path, method), Pace(0.0))
+    done = [step.done for step in steps]
+    assert len(done) > 20
+    assert done == sorted(done)
+    assert done[-1] == 1.0

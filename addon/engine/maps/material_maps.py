@@ -2,7 +2,7 @@
 """Draws what the high meshes' materials and attributes show at the hits. Images are loaded one at a time."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import gpu
 import numpy as np
@@ -10,13 +10,13 @@ import numpy as np
 from ...core.map_types import BY_NAME, MapType
 from ...core.material_feeds import AttributeFeed, Constant, Feed, HighMaterial, ImageFeed
 from ...core.progress import Task
+from ...core.settings import Settings
 from ...mesh.inputs import Meshes
-from ...passes import target
-from ...passes.bake import samples
 from ...passes.surface import image_look_up, image_page, material_table, plain_values
 from ..bands import Band
 from ..high_surface import HighSurface
 from .family import Run, Sample
+from .means import Mean
 from .page_uses import PageUse, draw_pages
 
 
@@ -24,12 +24,9 @@ from .page_uses import PageUse, draw_pages
 class _Map:
     """One map. feeds: the number of each image and attribute that feeds it, from 1. table: from material_table.upload."""
 
-    name: str
+    mean: Mean
     table: material_table.MaterialTable
-    feeds: dict[Feed, int] = field(default_factory=dict)
-
-    def sums(self, band: Band) -> target.Target:
-        return target.get(f"sums of {self.name}", band.width, band.height, "RGBA32F")
+    feeds: dict[Feed, int]
 
 
 class MaterialMaps:
@@ -39,7 +36,7 @@ class MaterialMaps:
 
     def __init__(self, names: Sequence[str], meshes: Meshes, surface: HighSurface, run: Run):
         self.surface, self.run, self.load_page = surface, run, meshes.load_page
-        self.maps = [_map_of(BY_NAME[name], meshes.materials, run.settings.attribute) for name in names]
+        self.maps = [_map_of(BY_NAME[name], meshes.materials, run.settings) for name in names]
         self.has_pages = any(isinstance(feed, ImageFeed) for one in self.maps for feed in one.feeds)
 
     def add(self, drawn: Sequence[Sample]) -> Task[None]:
@@ -48,7 +45,7 @@ class MaterialMaps:
         with self.run.timings.timed("draw"):
             for sample in drawn:
                 for one in self.maps:
-                    sums = one.sums(sample.band)
+                    sums = one.mean.sums(sample.band)
                     plain_values.add_constants(
                         sums,
                         sample.hits,
@@ -82,7 +79,7 @@ class MaterialMaps:
 
         def draw(sample: Sample, page: image_page.Page, tile: int | None) -> None:
             image_look_up.add_image(
-                one.sums(sample.band),
+                one.mean.sums(sample.band),
                 sample.hits,
                 page,
                 feed,
@@ -99,26 +96,26 @@ class MaterialMaps:
 
     def finished(self, band: Band, _known: gpu.types.GPUTexture) -> Iterator[tuple[str, gpu.types.GPUTexture]]:
         """As MapFamily has it."""
-        into = target.get("mean", band.width, band.height, "RGBA32F")
         for one in self.maps:
             with self.run.timings.timed("draw"):
-                samples.average(into, one.sums(band), is_direction=False)
-            yield one.name, into.texture
+                drawn = one.mean.texture(band)
+            yield one.mean.name, drawn
 
 
-def feed_of(map_type: MapType, material: HighMaterial, attribute: str) -> Feed | None:
+def _feed_of(map_type: MapType, material: HighMaterial, attribute: str) -> Feed | None:
     """What feeds a map on a material; None if the material does not tell. attribute: the one of the settings."""
     return material.feeds.get(map_type.socket) if map_type.socket else AttributeFeed(attribute)
 
 
-def _map_of(map_type: MapType, materials: Sequence[HighMaterial], attribute: str) -> _Map:
+def _map_of(map_type: MapType, materials: Sequence[HighMaterial], settings: Settings) -> _Map:
     numbers = np.full(len(materials) + 1, material_table.UNKNOWN)  # no triangle has the number 0
     colors = np.zeros((len(numbers), 3), np.float32)
     feeds: dict[Feed, int] = {}
     for label, material in enumerate(materials, start=1):
-        feed = feed_of(map_type, material, attribute)
+        feed = _feed_of(map_type, material, settings.attribute)
         if isinstance(feed, Constant):
             numbers[label], colors[label] = material_table.CONSTANT, feed.color[:3]
         elif feed is not None:
             numbers[label] = feeds.setdefault(feed, len(feeds) + 1)
-    return _Map(map_type.name, material_table.upload(numbers, colors), feeds)
+    mean = Mean(map_type.name, settings.samples, is_summed=True)
+    return _Map(mean, material_table.upload(numbers, colors), feeds)

@@ -10,40 +10,40 @@ from ...passes.bake import samples
 from ..bands import Band
 from .family import Sample
 
-Draw = Callable[[target.Target], gpu.types.GPUTexture]
-"""Draws one sample of a map into a target (RGBA32F; alpha 1 known, 0 empty, -1 missed). Returns its texture."""
+Draw = Callable[[target.Target], None]
+"""Draws one sample of a map into a target (RGBA32F; alpha 1 known, 0 empty, -1 missed)."""
 
 
 class Mean:
     """The mean of the samples of one map.
 
-    is_direction: whether the mean is normalized. is_summed: whether passes add to `sums` themselves; otherwise a single sample
-    is drawn straight into the texture of the map.
+    is_summed: whether passes add to `sums` themselves; otherwise a single sample is drawn straight into the texture of the map.
     """
 
-    def __init__(self, name: str, count: int, *, is_direction: bool = False, is_summed: bool = False):
-        self.name, self.is_direction = name, is_direction
+    def __init__(self, name: str, count: int, *, is_summed: bool = False):
+        self.name = name
         self.is_summed = is_summed or count > 1
 
     def sums(self, band: Band) -> target.Target:
         """The sums, or the only sample."""
         return target.get(f"sums of {self.name}" if self.is_summed else self.name, band.width, band.height, "RGBA32F")
 
-    def add(self, sample: Sample, draw: Draw) -> gpu.types.GPUTexture:
-        """Add a sample. Returns its texture."""
+    def add(self, sample: Sample, draw: Draw) -> None:
+        """Add a sample."""
         band = sample.band
         if not self.is_summed:
-            return draw(self.sums(band))
-        drawn = draw(target.get("sample", band.width, band.height, "RGBA32F"))
-        samples.add(self.sums(band), drawn, range(band.height), is_first=sample.number == 0)
-        return drawn
+            draw(self.sums(band))
+            return
+        drawn = target.get("sample", band.width, band.height, "RGBA32F")
+        draw(drawn)
+        samples.add(self.sums(band), drawn.texture, range(band.height), is_first=sample.number == 0)
 
     def texture(self, band: Band) -> gpu.types.GPUTexture:
         """The mean. Valid until the next mean is asked for."""
         if not self.is_summed:
             return self.sums(band).texture
         into = target.get("mean", band.width, band.height, "RGBA32F")
-        samples.average(into, self.sums(band), is_direction=self.is_direction)
+        samples.average(into, self.sums(band), is_direction=False)
         return into.texture
 
 
@@ -53,6 +53,7 @@ class Central(Mean):
     def __init__(self, name: str):
         super().__init__(name, 1)
 
-    def add(self, sample: Sample, draw: Draw) -> gpu.types.GPUTexture:
+    def add(self, sample: Sample, draw: Draw) -> None:
         """As Mean has it; samples that are not central are drawn for other maps only."""
-        return super().add(sample, draw) if sample.is_central else self.sums(sample.band).texture
+        if sample.is_central:
+            super().add(sample, draw)

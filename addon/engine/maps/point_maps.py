@@ -56,7 +56,7 @@ class PointMaps:
         gbuffer.draw(low_points, self.low, band.uv_to_clip)
         for mean in self.means:
 
-            def draw(into: target.Target, name: str = mean.name) -> gpu.types.GPUTexture:
+            def draw(into: target.Target, name: str = mean.name) -> None:
                 other_map_pass.draw(
                     into,
                     BY_NAME[name],
@@ -67,7 +67,6 @@ class PointMaps:
                     origin=self.origin,
                     scale=self.surface.local_space.size,
                 )
-                return into.texture
 
             mean.add(sample, draw)
 

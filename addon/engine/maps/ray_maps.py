@@ -43,6 +43,7 @@ class RayMaps(ABC):
         """As MapFamily has it."""
         if self.run.pace.has_listener and drawn[0].number == 0:
             target.clear(self._sums(drawn[0].band))  # the picture shows rows that are not drawn yet
+            self._picture = None
         for number, sample in enumerate(drawn):
             for share in self._of_sample(sample):
                 if self.run.pace.has_listener:

@@ -46,7 +46,7 @@ def meanings(settings: Settings, space: LocalSpace) -> dict[str, dict[str, float
     found = {}
     for name in settings.maps:
         if BY_NAME[name].family in by_family:
-            midlevel, scale = by_family[BY_NAME[name].family][max(0, BY_NAME[name].index)]
+            midlevel, scale = by_family[BY_NAME[name].family][BY_NAME[name].index]
             found[name] = {"midlevel": midlevel, "scale": scale}
     return found
 
@@ -71,7 +71,7 @@ def occluders(surface: HighSurface, others: Sequence[Mesh], settings: Settings, 
         fade=settings.ao_fade,
         two_sided=settings.two_sided,
         bias=math.radians(settings.bias_angle),
-        floor=min(map(_lowest, highs, [space] * len(highs))) if settings.floor else None,
+        floor=min(_lowest(high, space) for high in highs) if settings.floor else None,
     )
 
 

@@ -120,7 +120,7 @@ class SampledMaps:
                         blocks = served_blocks.find(hits, self.source.surface.labels)
                 drawn.append(Sample(sample_band, number, is_central, self.source.drawn(slot), hits, blocks))
         if self.detail is not None:
-            known = yield from self._with_detail(drawn, sums)
+            known = yield from part(self._with_detail(drawn, sums), efforts[0] / whole, efforts[0] / whole)
         before = efforts[0]
         for family in self.families:
             yield from part(family.add(drawn), before / whole, (before + family.effort) / whole)
@@ -129,7 +129,7 @@ class SampledMaps:
 
     def _with_detail(self, drawn: Sequence[Sample], sums: target.Target | None) -> Task[gpu.types.GPUTexture]:
         """Apply the high meshes' own maps to the normals of some samples, and add them to the sums."""
-        yield from part(self.detail.apply(drawn), 0.0, 0.0)
+        yield from self.detail.apply(drawn)
         known = None
         for sample in drawn:
             with self.timings.timed("draw"):

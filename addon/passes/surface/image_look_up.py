@@ -17,17 +17,20 @@ from .served_blocks import Blocks
 if TYPE_CHECKING:
     import gpu
 
+TEXELS = (
+    ("RGBA32UI", "UINT_2D", "hits"),
+    ("RGBA32F", "FLOAT_2D", "uvs"),
+    ("RGBA32F", "FLOAT_2D", "corners"),
+    ("RGBA32F", "FLOAT_2D", "materials"),
+    ("RGBA32F", "FLOAT_2D", "blocks"),
+    ("RGBA32F", "FLOAT_2D", "levels"),
+)
+"""What all programs that look up images read, beside `PAGE`."""
+PAGE = (("FLOAT_2D", "page"),)
 ADD_IMAGE = Program(
     compute="surface/add_image_comp.glsl",
-    texels=(
-        ("RGBA32UI", "UINT_2D", "hits"),
-        ("RGBA32F", "FLOAT_2D", "uvs"),
-        ("RGBA32F", "FLOAT_2D", "corners"),
-        ("RGBA32F", "FLOAT_2D", "materials"),
-        ("RGBA32F", "FLOAT_2D", "blocks"),
-        ("RGBA32F", "FLOAT_2D", "levels"),
-    ),
-    samplers=(("FLOAT_2D", "page"),),
+    texels=TEXELS,
+    samplers=PAGE,
     images=(("RGBA32F", "FLOAT_2D", "sums", "READ WRITE"),),
     constants=(
         ("VEC4", "row_u"),

@@ -12,7 +12,7 @@ from ...core.material_feeds import LUMINANCE, BumpFeed, NormalMapFeed
 from .. import shader, target
 from ..program import Program
 from . import served_blocks
-from .image_look_up import bindings, channel_number
+from .image_look_up import PAGE, TEXELS, bindings, channel_number
 from .image_page import Page
 from .material_table import MaterialTable
 from .served_blocks import Blocks
@@ -22,16 +22,8 @@ if TYPE_CHECKING:
 
 NORMAL_MAP = Program(
     compute="surface/normal_map_comp.glsl",
-    texels=(
-        ("RGBA32UI", "UINT_2D", "hits"),
-        ("RGBA32F", "FLOAT_2D", "uvs"),
-        ("RGBA32F", "FLOAT_2D", "corners"),
-        ("RGBA32F", "FLOAT_2D", "tangents"),
-        ("RGBA32F", "FLOAT_2D", "materials"),
-        ("RGBA32F", "FLOAT_2D", "blocks"),
-        ("RGBA32F", "FLOAT_2D", "levels"),
-    ),
-    samplers=(("FLOAT_2D", "page"),),
+    texels=(*TEXELS, ("RGBA32F", "FLOAT_2D", "tangents")),
+    samplers=PAGE,
     images=(("RGBA32F", "FLOAT_2D", "normals", "READ WRITE"),),
     constants=(
         ("MAT4", "to_space"),
@@ -45,15 +37,8 @@ NORMAL_MAP = Program(
 )
 BUMP = Program(
     compute="surface/bump_comp.glsl",
-    texels=(
-        ("RGBA32UI", "UINT_2D", "hits"),
-        ("RGBA32F", "FLOAT_2D", "uvs"),
-        ("RGBA32F", "FLOAT_2D", "corners"),
-        ("RGBA32F", "FLOAT_2D", "materials"),
-        ("RGBA32F", "FLOAT_2D", "blocks"),
-        ("RGBA32F", "FLOAT_2D", "levels"),
-    ),
-    samplers=(("FLOAT_2D", "page"),),
+    texels=TEXELS,
+    samplers=PAGE,
     images=(("RGBA32F", "FLOAT_2D", "normals", "READ WRITE"),),
     constants=(
         ("MAT4", "to_space"),

@@ -15,9 +15,11 @@ from ..translations.lookup import label
 from . import bake_plan
 from .sidebar import SettingsPanel, split_layout
 
-RAYS = (Family.OPENNESS, Family.THICKNESS, Family.CURVATURE)
-"""The families that cast rays from the high surface."""
-GROUPS = {"rays": RAYS, "materials": (Family.MATERIAL,), "geometry": (Family.POINTS,)}
+GROUPS = {
+    "rays": [one for one in Family if one.casts_rays],
+    "materials": (Family.MATERIAL,),
+    "geometry": (Family.POINTS,),
+}
 """The groups of the list, and their families."""
 INDENT = 2.0
 """The space before the settings of a map."""
@@ -92,7 +94,7 @@ def _draw_group(
 ) -> None:
     """The switches of some maps, with their settings. drawn: all maps that the bake draws, also those that only the packed
     image stores."""
-    if BY_NAME[names[0]].family in RAYS:
+    if BY_NAME[names[0]].family.casts_rays:
         _draw_ray_maps(layout, context.scene.imprint, names, drawn)
         return
     grid = layout.grid_flow(row_major=True, columns=2, even_columns=True, align=True)
