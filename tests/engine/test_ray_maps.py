@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Whole bakes of ambient occlusion, bent normals, thickness and curvature, compared with closed forms."""
 
+from types import SimpleNamespace
+
 import bmesh
 import bpy
 import mathutils
@@ -8,8 +10,12 @@ import numpy as np
 import pytest
 
 from addon.core.settings import Settings
+from addon.core.timings import Timings
+from addon.engine.maps import ray_reach
 from addon.engine.rays import tree_cache
 from addon.jobs import Job, bake_all
+from addon.mesh.local_space import LocalSpace
+from addon.mesh.triangle_mesh import Mesh
 from tests.support import angles, layouts, zoo
 from tests.support.hemisphere import form_factor
 from tests.support.layouts import Layout
@@ -243,3 +249,19 @@ def test_distances_without_a_setting_are_shares_of_the_diagonal():
     inner = slice(2, -2), slice(2, -2)
     check(maps["thickness"][inner][..., 0], 1.0 - (0.1 * diagonal / RADIUS) ** 2 / 12.0)
     check(maps["curvature"][inner][..., 0], 0.5 + 3.0 * 0.02 * diagonal / (8.0 * RADIUS))
+
+
+def test_the_floor_is_below_the_lowest_of_all_high_meshes():
+    space = LocalSpace(np.zeros(3), 2.0)
+    highs = [triangle_at(z) for z in (0.5, -0.75, 0.25)]
+    surface = SimpleNamespace(highs=highs, local_space=space)
+    found = ray_reach.occluders(surface, [], Settings(floor=True), Timings())
+    assert found.floor == pytest.approx(-0.75 / space.size)
+    assert ray_reach.occluders(surface, [], Settings(), Timings()).floor is None
+
+
+def triangle_at(z):
+    """A triangle at this height."""
+    corners = np.array([(0, 0, z), (1, 0, z), (0, 1, z)], np.float32)
+    numbers = np.arange(3, dtype=np.int32)
+    return Mesh("high", corners, numbers, np.zeros((3, 3), np.float32), numbers[None], np.eye(4))

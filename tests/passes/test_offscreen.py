@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Tests that Flatten draws into a gpu.types.GPUOffScreen, with the same bits as in a framebuffer of textures."""
 
+import bpy
 import gpu
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ import pytest
 from addon.core import udim
 from addon.passes import mesh_upload, target
 from addon.passes.bake import flatten
-from tests.support import maps, zoo
+from tests.support import layouts, maps, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -105,3 +106,16 @@ def test_the_previous_framebuffer_is_bound_again():
         triangle(own)
         gpu.state.active_framebuffer_get().clear(color=(1.0, 2.0, 3.0, 4.0))
     assert (texels_of(outer) == (1.0, 2.0, 3.0, 4.0)).all()
+
+
+def test_normals_that_compute_shaders_change_are_not_in_a_gpuoffscreen(made):
+    """Its texture cannot be written by compute shaders on Vulkan and Metal."""
+    low, high = zoo.plane("lo"), zoo.plane("hi")
+    material = bpy.data.materials.new("bumpy")
+    node = material.node_tree.nodes.new("ShaderNodeNormalMap")
+    image = layouts.image("bumps", np.full((4, 4, 3), (0.6, 0.5, 0.9)), space="Non-Color")
+    material.node_tree.links.new(layouts.texture(material, image).outputs["Color"], node.inputs["Color"])
+    layouts.set_inputs(material, Normal=node.outputs["Normal"])
+    high.data.materials.append(material)
+    assert np.ptp(maps.bake(low, high, space="OBJECT", size=SIZE)[..., 0]) < 1e-6
+    assert made == []
