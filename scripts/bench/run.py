@@ -15,7 +15,19 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 import addon  # noqa: E402
-from scripts.bench import figures, live_updates, measure, occlusion, peers, report, verdicts  # noqa: E402
+from scripts.bench.contenders import peers  # noqa: E402
+from scripts.bench.parts import (  # noqa: E402
+    closed_forms,
+    figures,
+    growth,
+    limit,
+    live_updates,
+    machine,
+    occlusion,
+    pairs,
+    shaders_alone,
+)
+from scripts.bench.report import growth_section, report, verdicts  # noqa: E402
 
 PARTS = ("pairs", "closed_forms", "occlusion", "growth", "live", "hardware", "figures")
 
@@ -43,34 +55,34 @@ def bench(options: argparse.Namespace, scratch: Path) -> dict:
     def log(text: str) -> None:
         print(f"bench: {time.perf_counter() - start:4.0f} s  {text}", file=sys.stderr, flush=True)
 
-    result = {"quick": quick, "repeats": repeats, "machine": measure.machine()}
+    result = {"quick": quick, "repeats": repeats, "machine": machine.machine()}
     with peers.Peers(scratch) as others:
         result["peers"] = others.versions
         if "pairs" in only:
             result["pairs"] = []
-            for number, (build, sizes) in enumerate(measure.pairs(options.pairs, quick)):
+            for number, (build, sizes) in enumerate(pairs.chosen(options.pairs, quick)):
                 pair = build()
                 log(pair.name)
-                result["pairs"] += measure.time_pair(pair, sizes, repeats, others, quick)
+                result["pairs"] += pairs.time_pair(pair, sizes, repeats, others, quick)
                 if not (quick and number):
-                    result["pairs"].append(measure.time_samples(pair, 1024, repeats))
+                    result["pairs"].append(pairs.time_samples(pair, 1024, repeats))
             large = next(row for row in result["pairs"] if row["is_terrain"] and row["size"] == 2048)
-            result["limit"] = measure.limit(large, result["machine"]["copy_gigabytes_per_second"])
+            result["limit"] = limit.limit(large, result["machine"]["copy_gigabytes_per_second"])
         if "closed_forms" in only:
             log("surfaces with known normals")
-            result["closed_forms"] = measure.closed_forms(quick, repeats, others)
+            result["closed_forms"] = closed_forms.closed_forms(quick, repeats, others)
     if "occlusion" in only:
         log("ambient occlusion")
         result["occlusion"] = list(occlusion.compare(options.pairs, quick))
     if "growth" in only:
-        result["growth"] = measure.growth(quick, repeats, log)
-        report.plot(result["growth"], options.output / "growth.png")
+        result["growth"] = growth.growth(quick, repeats, log)
+        growth_section.plot(result["growth"], options.output / "growth.png")
     if "live" in only:
         log("live")
         result["live"] = live_updates.measure()
     if "hardware" in only and "moderngl" in result["peers"]:
         log("shaders alone")
-        result["hardware"] = measure.hardware(options.pairs, scratch, quick)
+        result["hardware"] = shaders_alone.hardware(options.pairs, scratch, quick)
     if "figures" in only:
         log("figures")
         result["figures"] = figures.make(options.output, scratch, quick)

@@ -8,8 +8,14 @@ import numpy as np
 import pytest
 
 import addon
-from scripts.bench import contenders, measure, report, scenes, verdicts
-from scripts.bench.contenders import CAST, CYCLES, FLATTEN, MULTIRES
+from scripts.bench.contenders import racing
+from scripts.bench.contenders.imprint_baker import Imprint
+from scripts.bench.contenders.names import CAST, CYCLES, FLATTEN, MULTIRES
+from scripts.bench.meshes import scenes
+from scripts.bench.parts import limit
+from scripts.bench.parts.closed_forms import deviation
+from scripts.bench.report import growth_section, race_sections, report, verdicts
+from scripts.bench.report.statistics_of_rounds import exponents, ratios
 from tests.support import angles
 
 EXACT = 0.6
@@ -17,7 +23,7 @@ EXACT = 0.6
 
 
 def timed(*seconds, first=1.0, gap=""):
-    stages = dict.fromkeys(report.STAGES, 0.01) | {"draw": 0.02, "image": 0.5, "total": 0.6} if seconds else {}
+    stages = dict.fromkeys(race_sections.STAGES, 0.01) | {"draw": 0.02, "image": 0.5, "total": 0.6} if seconds else {}
     return {"first": first, "seconds": list(seconds), "stages": stages, "gap": gap}
 
 
@@ -63,19 +69,19 @@ def result(**parts):
 
 @pytest.mark.parametrize("power", [0.5, 1.0, 2.0])
 def test_exponents_are_fitted(power):
-    found = measure.exponents(points(power, scatter=0.1), FLATTEN)
+    found = exponents(points(power, scatter=0.1), FLATTEN)
     assert found == pytest.approx({"median": power, "least": power - 0.1, "most": power + 0.1})
 
 
 def test_only_the_largest_points_can_be_fitted():
     bent = points(0.0, count=2) + points(2.0)[2:]
-    assert measure.exponents(bent, CAST, last=3)["median"] == pytest.approx(2.0)
-    assert measure.exponents(bent, CAST)["median"] != pytest.approx(2.0)
+    assert exponents(bent, CAST, last=3)["median"] == pytest.approx(2.0)
+    assert exponents(bent, CAST)["median"] != pytest.approx(2.0)
 
 
 def test_ratios_of_medians_and_of_rounds():
-    assert measure.ratios(row(), CYCLES, FLATTEN) == pytest.approx({"median": 20.0, "least": 10.0, "most": 40.0})
-    assert measure.ratios(row(), "Unknown", FLATTEN) is None
+    assert ratios(row(), CYCLES, FLATTEN) == pytest.approx({"median": 20.0, "least": 10.0, "most": 40.0})
+    assert ratios(row(), "Unknown", FLATTEN) is None
 
 
 @pytest.mark.parametrize(
@@ -118,7 +124,7 @@ def test_the_report_starts_with_verdicts_and_has_gaps_for_missing_measurements(t
         pairs=rows,
         closed_forms=[row(angles={})],
         growth={"triangles": points(1.0), "texels": points(1.0), "samples": points(1.0)},
-        limit=measure.limit(rows[0], 10.0),
+        limit=limit.limit(rows[0], 10.0),
         hardware={"error": "no context"},
         figures={"figure_1.png": "A sphere"},
     )
@@ -131,12 +137,12 @@ def test_the_report_starts_with_verdicts_and_has_gaps_for_missing_measurements(t
     assert "improve next is **image**" in text
     for table in re.findall(r"(?:^\|.*\n)+", text, re.MULTILINE):
         assert len({line.count("|") for line in table.splitlines()}) == 1
-    report.plot(made["growth"], tmp_path / "growth.png")
+    growth_section.plot(made["growth"], tmp_path / "growth.png")
     assert (tmp_path / "growth.png").stat().st_size > 0
 
 
 def test_the_limit_counts_the_bytes_of_each_stage():
-    stages = measure.limit(row(), 10.0)["methods"][FLATTEN]["stages"]
+    stages = limit.limit(row(), 10.0)["methods"][FLATTEN]["stages"]
     assert stages["draw"]["least_seconds"] == pytest.approx(2 * 16 * 2048**2 / 10e9)
     assert stages["extract"]["bytes"] == 2 * 3 * 32 * 209_000
     assert "total" not in stages
@@ -153,12 +159,12 @@ def test_maps_agree_with_the_closed_form(build):
     truth = pair.truth(*uv.reshape(-1, 4, 2).mean(axis=1, dtype=np.float64).T)
     assert angles.degrees(normals.reshape(-1, 3), truth).max() < EXACT
 
-    contender = contenders.Imprint(FLATTEN, pair, 64, method="FLATTEN", space="WORLD")
+    contender = Imprint(FLATTEN, pair, 64, method="FLATTEN", space="WORLD")
     contender.bake()
-    found = contenders.deviation(pair, contender.normals())
+    found = deviation(pair, contender.normals())
     assert found["maximum"] < EXACT
     assert found["written"] == 1.0
-    flipped = contenders.deviation(pair, -contender.normals())
+    flipped = deviation(pair, -contender.normals())
     assert flipped["median"] > 179.0
 
 
@@ -166,12 +172,12 @@ def test_a_race_alternates_contenders_and_reports_gaps():
     order = []
 
     def runner(name):
-        return contenders.Contender(name, lambda: order.append(name) or 0.5, lambda: None)
+        return racing.Contender(name, lambda: order.append(name) or 0.5, lambda: None)
 
     def fails():
         raise RuntimeError("Error: no image\nmore")
 
-    timed = contenders.race([runner("A"), contenders.Contender("X", fails, lambda: None), runner("B")], 2)
+    timed = racing.race([runner("A"), racing.Contender("X", fails, lambda: None), runner("B")], 2)
     assert order == ["A", "B"] * 3
     assert timed["A"].seconds == [0.5, 0.5]
     assert timed["X"].gap == "Error: no image"

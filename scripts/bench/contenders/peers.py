@@ -9,9 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from scripts.bench.scenes import Pair, arrays_of
+from scripts.bench.contenders import names
+from scripts.bench.contenders.racing import PATIENCE, Contender
+from scripts.bench.meshes.scenes import Pair, arrays_of
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 HOME = ROOT / "out" / "bench" / "peers"
 PYTHON = HOME / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
 PACKAGES = (
@@ -21,7 +23,6 @@ PACKAGES = (
     "moderngl==5.13.0",
     "pillow==13.0.0",
 )
-NAMES = {"open3d": "Open3D, RaycastingScene", "pymeshlab": "pymeshlab, transfer to texture"}
 
 
 def install() -> None:
@@ -36,7 +37,7 @@ def install() -> None:
             print(f"bench: {package} cannot be installed here", file=sys.stderr)
 
 
-class PeerError(Exception):
+class PeerError(RuntimeError):
     """The error message of a baker."""
 
 
@@ -68,7 +69,7 @@ class Peers:
     @property
     def bakers(self) -> list[str]:
         """The bakers among the installed modules."""
-        return [name for name in NAMES if name in self.versions]
+        return [name for name in names.PEERS if name in self.versions]
 
     def load(self, pair: Pair) -> None:
         """Send a pair to the process, which keeps it in memory, as Blender does."""
@@ -97,3 +98,16 @@ class Peers:
         if "error" in answer:
             raise PeerError(answer["error"])
         return answer
+
+
+def contenders(peers: Peers, size: int) -> list[Contender]:
+    """The bakers outside Blender, for the pair that they have loaded."""
+    return [
+        Contender(
+            names.PEERS[peer],
+            lambda peer=peer: peers.seconds(peer, size),
+            lambda peer=peer: peers.normals(peer, size),
+            PATIENCE,
+        )
+        for peer in peers.bakers
+    ]

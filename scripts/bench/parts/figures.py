@@ -13,7 +13,7 @@ from PIL import Image
 from addon.core.settings import Settings
 from addon.jobs import bake_pair
 from scripts import demo
-from scripts.bench import scenes
+from scripts.bench.meshes import scenes
 
 VIEW = Euler((math.radians(78), 0, math.radians(25)))
 SUN = Euler((math.radians(50), math.radians(-15), math.radians(-20)))

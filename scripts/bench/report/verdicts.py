@@ -3,9 +3,9 @@
 
 from dataclasses import dataclass
 
-from scripts.bench.contenders import CAST, CYCLES, FLATTEN, MULTIRES, OUTERMOST
-from scripts.bench.measure import exponents, ratios
-from scripts.bench.peers import NAMES
+from scripts.bench.contenders.names import CAST, CYCLES, FLATTEN, MULTIRES, OUTERMOST, PEERS
+from scripts.bench.report.statistics_of_rounds import exponents, ratios
+from scripts.bench.report.writing import span
 
 HOLDS, OPEN, MISSED, GAP = "holds", "open", "missed", "not measured"
 FINEST = 0.01
@@ -21,11 +21,6 @@ class Verdict:
     target: str
     outcome: str
     figures: str
-
-
-def span(ratio: dict[str, float], digits: int = 2) -> str:
-    """A median with the minimum and maximum of its rounds."""
-    return f"{ratio['median']:.{digits}f} ({ratio['least']:.{digits}f} to {ratio['most']:.{digits}f})"
 
 
 def at_least(target: str, wanted: float, found: list[tuple[str, dict[str, float] | None]]) -> Verdict:
@@ -65,7 +60,7 @@ def judge(result: dict) -> list[Verdict]:
         at_least(
             "Cast's own hits take at most 1.6 times as long as outermost ones", 1 / 1.6, against(OUTERMOST, CAST, rows)
         ),
-        at_least("Cast faster than Open3D", 1.0, against(NAMES["open3d"], CAST, rows)),
+        at_least("Cast faster than Open3D", 1.0, against(PEERS["open3d"], CAST, rows)),
         *(accuracy(row) for row in result.get("closed_forms", [])),
         *(
             linear(kind, points, name)

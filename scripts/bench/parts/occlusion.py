@@ -11,7 +11,9 @@ import numpy as np
 from addon.core.settings import Settings
 from addon.engine.rays import tree_cache
 from addon.jobs import bake_pair
-from scripts.bench import contenders, measure, scenes
+from scripts.bench.contenders import blender_bakers
+from scripts.bench.meshes import scenes
+from scripts.bench.parts import pairs
 
 RAYS = 128
 PAIRS = "kepler", "helmet", "king"
@@ -28,7 +30,7 @@ def compare(folder: Path | None, quick: bool) -> Iterator[dict]:
     size = 256 if quick else 1024
     found = [path for name in PAIRS for path in sorted(folder.glob(f"{name}_*.blend"))] if folder else []
     for path in found or [None]:
-        pair = scenes.opened(path) if path else scenes.made(*measure.TERRAIN)
+        pair = scenes.opened(path) if path else scenes.made(*pairs.TERRAIN)
         # Cycles moves points on smooth surfaces off their triangles; without it, both start at the same points.
         pair.high.shadow_terminator_geometry_offset = 0.0
         ours, seconds = imprint(pair, size)
@@ -79,7 +81,7 @@ def imprint(pair: scenes.Pair, size: int) -> tuple[np.ndarray, float]:
 
 def cycles(pair: scenes.Pair, size: int, seed: int = 0) -> tuple[np.ndarray, float]:
     """As `imprint`."""
-    image = contenders.target_image(pair.low, "cycles", size)
+    image = blender_bakers.target_image(pair.low, "cycles", size)
     image.pixels.foreach_set(np.zeros(size * size * 4, np.float32))  # alpha 0 stays where Cycles writes nothing
     scene = bpy.context.scene
     scene.render.engine, scene.cycles.device, scene.cycles.samples, scene.cycles.seed = "CYCLES", "CPU", RAYS, seed
@@ -106,22 +108,3 @@ def texels_of(image: bpy.types.Image, size: int) -> np.ndarray:
     texels = np.empty(size * size * 4, np.float32)
     image.pixels.foreach_get(texels)
     return texels.reshape(size, size, 4)
-
-
-def section(rows: list[dict]) -> list[str]:
-    """The lines of the report."""
-    return [
-        "## Ambient occlusion",
-        "",
-        f"{RAYS} rays a texel, no limit, both sides of triangles. Differences are root mean squares in steps of 1/255, from a",
-        "second bake of Cycles with other random numbers and as many samples: the last column is noise.",
-        "",
-        "| pair | size | Imprint, s | Cycles, s | times faster | Imprint differs | Cycles differs |",
-        "| --- | --- | --- | --- | --- | --- | --- |",
-        *(
-            f"| {row['pair']} | {row['size']} | {row['seconds']:.1f} | {row['cycles_seconds']:.1f} | "
-            f"{row['cycles_seconds'] / row['seconds']:.1f} | {row['difference']:.2f} | {row['cycles_difference']:.2f} |"
-            for row in rows
-        ),
-        "",
-    ]

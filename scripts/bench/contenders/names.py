@@ -1,0 +1,17 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The names of the bakers, as the report shows them."""
+
+FLATTEN, CAST, OUTERMOST, KEPT, CYCLES, MULTIRES = (
+    "Imprint, Flatten",
+    "Imprint, Cast",
+    "Imprint, Cast, outermost hit",
+    "Imprint, Cast, tree kept",
+    "Cycles, selected to active",
+    "Blender, multires",
+)
+PEERS = {
+    "open3d": "Open3D, RaycastingScene",
+    "embreex": "trimesh with embreex",
+    "pymeshlab": "pymeshlab, transfer to texture",
+}
+"""Of the bakers outside Blender, by the module that they are in."""

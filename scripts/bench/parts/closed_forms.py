@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Accuracy and speed on surfaces with known normals."""
+
+import numpy as np
+
+from scripts.bench.contenders import blender_bakers, peers, racing
+from scripts.bench.contenders.imprint_baker import Imprint
+from scripts.bench.contenders.names import CAST, FLATTEN
+from scripts.bench.meshes import scenes
+from scripts.bench.parts.pairs import row_of
+from tests.support import angles
+
+RIM = 2
+"""Texels at the border of the map that are not compared: bakers differ in which of them they write."""
+
+
+def closed_forms(quick: bool, repeats: int, others: peers.Peers) -> list[dict]:
+    """Measure times, and degrees from the truth, on surfaces with known normals, in world space, on the same texels."""
+    size, n = (512, 256) if quick else (1024, 512)
+    rows = []
+    for build in (scenes.sine, scenes.belt):
+        pair = build(n)
+        others.load(pair) if others.bakers else None
+        field = [
+            Imprint(FLATTEN, pair, size, method="FLATTEN", space="WORLD"),
+            Imprint(CAST, pair, size, method="CAST", space="WORLD"),
+            blender_bakers.cycles(pair, size, space="OBJECT"),
+            *peers.contenders(others, size),
+        ]
+        rows.append(_with_angles(pair, size, field, repeats))
+    pair, sculpt = scenes.multires(9)
+    field = [Imprint(FLATTEN, pair, size, method="FLATTEN", space="WORLD"), blender_bakers.multires(sculpt, size)]
+    return [*rows, _with_angles(pair, size, field, repeats)]
+
+
+def _with_angles(pair: scenes.Pair, size: int, field: list[racing.Contender], repeats: int) -> dict:
+    timed = racing.race(field, repeats)
+    degrees = {}
+    for contender in field:
+        if timed[contender.name].gap:
+            continue
+        try:
+            degrees[contender.name] = deviation(pair, contender.normals())
+        except peers.PeerError as error:
+            timed[contender.name].gap = str(error)
+    return row_of(pair, size, timed) | {"angles": degrees}
+
+
+def deviation(pair: scenes.Pair, normals: np.ndarray) -> dict[str, float]:
+    """Degrees from the known normals: median, 99th percentile and maximum; and the share of texels that were written."""
+    size = len(normals)
+    centers = (np.arange(size) + 0.5) / size
+    truth = pair.truth(*np.meshgrid(centers, centers))
+    inside = np.s_[RIM:-RIM, RIM:-RIM]
+    lengths = np.linalg.norm(normals[inside], axis=-1)
+    written = lengths > 0.5
+    found = normals[inside][written] / lengths[written][:, None]
+    degrees = angles.degrees(found, truth[inside][written])
+    median, high, most = np.percentile(degrees, (50, 99, 100)).tolist() if written.any() else (float("nan"),) * 3
+    return {"median": median, "percentile_99": high, "maximum": most, "written": float(written.mean())}

@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Times of all bakers on pairs of meshes, in tangent space."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from scripts.bench.contenders import blender_bakers, peers, racing
+from scripts.bench.contenders.imprint_baker import Imprint
+from scripts.bench.contenders.names import CAST, FLATTEN, KEPT, OUTERMOST
+from scripts.bench.meshes import scenes
+from scripts.bench.meshes.paper import PAPER
+
+TERRAIN = (275_772, 9_079)
+"""The demo's terrain, used if no folder of pairs has one."""
+
+
+def chosen(folder: Path | None, quick: bool) -> Iterator[tuple[Callable[[], scenes.Pair], tuple[int, ...]]]:
+    """A function that opens each pair, and its map sizes: first the pairs of the paper's table, then terrains and others."""
+    usual = (1024,) if quick else (512, 1024, 2048)
+    for high, low, *_ in PAPER:
+        yield scenes.sized(folder, high, low), usual
+    known = {(high, low) for high, low, *_ in PAPER}
+    found = [path for path in sorted(folder.glob("*.blend")) if scenes.sizes(path)] if folder else []
+    unknown = [path for path in found if scenes.sizes(path) not in known]
+    terrains = [path for path in unknown if path.name.startswith(scenes.TERRAINS)]
+    for path in terrains[:1] if quick else terrains:
+        yield (lambda path=path: scenes.opened(path)), (2048,) if quick else usual
+    if not terrains:
+        yield (lambda: scenes.made(*TERRAIN)), (2048,) if quick else usual
+    for path in () if quick else unknown:
+        if path not in terrains:
+            yield (lambda path=path: scenes.opened(path)), usual
+
+
+def time_pair(pair: scenes.Pair, sizes: tuple[int, ...], repeats: int, others: peers.Peers, quick: bool) -> list[dict]:
+    """Time all contenders on a pair at all sizes, in tangent space, with one sample; `quick` leaves out the cached tree."""
+    others.load(pair) if others.bakers else None
+    rows = []
+    for size in sizes:
+        ours = [
+            Imprint(FLATTEN, pair, size, method="FLATTEN"),
+            Imprint(CAST, pair, size, method="CAST"),
+            Imprint(OUTERMOST, pair, size, method="CAST", hit="OUTERMOST"),
+        ]
+        if not quick:
+            ours.append(Imprint(KEPT, pair, size, method="CAST", keep=True))
+        field = [*ours, blender_bakers.cycles(pair, size), *peers.contenders(others, size)]
+        rows.append(row_of(pair, size, racing.race(field, repeats)))
+    return rows
+
+
+def time_samples(pair: scenes.Pair, size: int, repeats: int, samples: int = 16) -> dict:
+    """Time the contenders that support several samples per texel."""
+    ours = [
+        Imprint(FLATTEN, pair, size, method="FLATTEN", samples=samples),
+        Imprint(CAST, pair, size, method="CAST", samples=samples),
+    ]
+    row = row_of(pair, size, racing.race([*ours, blender_bakers.cycles(pair, size, samples=samples)], repeats))
+    return row | {"samples": samples}
+
+
+def row_of(pair: scenes.Pair, size: int, timed: dict[str, racing.Timed]) -> dict:
+    high, low = pair.triangles
+    return {
+        "pair": pair.name,
+        "is_terrain": pair.is_terrain,
+        "high": high,
+        "low": low,
+        "size": size,
+        "samples": 1,
+        "times": {name: vars(times) for name, times in timed.items()},
+    }
+
+
+def terrain(folder: Path | None) -> scenes.Pair:
+    """The first terrain of the folder, or the demo's."""
+    found = [path for path in sorted(folder.glob("*.blend")) if path.name.startswith(scenes.TERRAINS)] if folder else []
+    return scenes.opened(found[0]) if found else scenes.made(*TERRAIN)
