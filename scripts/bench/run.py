@@ -27,7 +27,7 @@ from scripts.bench.parts import (  # noqa: E402
     pairs,
     shaders_alone,
 )
-from scripts.bench.report import growth_section, report, verdicts  # noqa: E402
+from scripts.bench.report import compare, growth_section, report, verdicts  # noqa: E402
 
 PARTS = ("pairs", "closed_forms", "occlusion", "growth", "live", "hardware", "figures")
 
@@ -41,7 +41,17 @@ def parse() -> argparse.Namespace:
     )
     parser.add_argument("--only", choices=PARTS, nargs="+", default=PARTS, metavar="PART", help=", ".join(PARTS))
     parser.add_argument("--output", type=Path, default=ROOT / "out" / "bench", metavar="DIR", help="default: out/bench")
+    parser.add_argument(
+        "--compare",
+        type=Path,
+        nargs="+",
+        metavar="OLD.json",
+        help="also show what became slower than in an older bench.json, and end with 1 if that is more than the spread; "
+        "with a second file, compare the two and measure nothing",
+    )
     options = parser.parse_args()
+    if options.compare and len(options.compare) > 2:
+        parser.error("--compare takes one or two files")
     if options.pairs and not options.pairs.is_dir():
         parser.error(f"{options.pairs} is not a folder")
     return options
@@ -90,8 +100,25 @@ def bench(options: argparse.Namespace, scratch: Path) -> dict:
     return result
 
 
-def main() -> None:
+def main() -> int:
     options = parse()
+    try:
+        compared = [compare.read(path) for path in options.compare or ()]
+    except compare.NoRun as error:
+        print(f"bench: {error}", file=sys.stderr)
+        return 2
+    if len(compared) < 2:
+        result = measure(options)
+        compared = compared and [*compared, result]
+    if not compared:
+        return 0
+    comparison = compare.compare(*compared)
+    print(*comparison.lines(), sep="\n")
+    return int(comparison.has_slower)
+
+
+def measure(options: argparse.Namespace) -> dict:
+    """Run the measurements, write the report, and print the verdicts, missed targets first."""
     options.output = options.output.absolute()
     options.output.mkdir(parents=True, exist_ok=True)
     if options.peers:
@@ -104,10 +131,12 @@ def main() -> None:
     for verdict in verdicts.judge(result):
         print(f"{verdict.outcome}: {verdict.target}. {verdict.figures}.")
     print(options.output / "bench.md")
+    return result
 
 
 if __name__ == "__main__":
     try:
-        main()
+        code = main()
     finally:
         addon.free()
+    sys.exit(code)

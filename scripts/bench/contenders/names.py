@@ -15,3 +15,7 @@ PEERS = {
     "pymeshlab": "pymeshlab, transfer to texture",
 }
 """Of the bakers outside Blender, by the module that they are in."""
+PRESENT = "Imprint"
+"""This version, where it is compared with an older one."""
+OURS = (PRESENT, FLATTEN, CAST, OUTERMOST, KEPT)
+"""The names of this version, by which two runs are compared."""

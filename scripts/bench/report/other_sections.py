@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The sections of the report about the limit, the shaders alone, ambient occlusion, Live and the pictures."""
 
+import statistics
+
 from scripts.bench.contenders.names import FLATTEN
 from scripts.bench.report.race_sections import SHORT
 from scripts.bench.report.writing import GAP, table
@@ -95,17 +97,20 @@ def live(rows: list[dict]) -> list[str]:
         "## Live",
         "",
         "Milliseconds of an update while vertices move: from the changed mesh to the map's texels in memory, and from there "
-        "to the image. In brackets, the minimum and maximum of all updates.",
+        "to the image. Each round is the median of several updates.",
         "",
         *table(
             ["triangles", "map", "update", "image"],
             [
-                [f"{row['triangles']:,}", row["size"], *(f"{a:,.1f} ({b:,.1f} to {c:,.1f})" for a, b, c in parts)]
+                [f"{row['triangles']:,}", row["size"], _rounds(row["update_ms"]), _rounds(row["image_ms"])]
                 for row in rows
-                for parts in [(row["update_ms"], row["image_ms"])]
             ],
         ),
     ]
+
+
+def _rounds(values: list[float]) -> str:
+    return f"{statistics.median(values):,.1f} ({min(values):,.1f} to {max(values):,.1f})"
 
 
 def figures(found: dict[str, str]) -> list[str]:

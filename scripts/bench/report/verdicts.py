@@ -8,6 +8,7 @@ from scripts.bench.report.statistics_of_rounds import exponents, ratios
 from scripts.bench.report.writing import span
 
 HOLDS, OPEN, MISSED, GAP = "holds", "open", "missed", "not measured"
+ORDER = (MISSED, OPEN, HOLDS, GAP)
 FINEST = 0.01
 """Two maps whose errors differ by less than these degrees are equally exact. 8 bits resolve 0.4 degrees, 16 bits 0.002."""
 LARGEST = 3
@@ -41,7 +42,11 @@ def at_least(target: str, wanted: float, found: list[tuple[str, dict[str, float]
 
 
 def judge(result: dict) -> list[Verdict]:
-    """The verdicts for all targets. result: from run.py."""
+    """The verdicts for all targets, missed ones first. result: from run.py."""
+    return sorted(_all(result), key=lambda verdict: ORDER.index(verdict.outcome))
+
+
+def _all(result: dict) -> list[Verdict]:
     rows = [*result.get("pairs", []), *result.get("closed_forms", [])]
     several = [row for row in rows if row["samples"] > 1]
     rows = [row for row in rows if row["samples"] == 1]
