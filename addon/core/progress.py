@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Runs work in short slices, and reports progress between them."""
+"""Runs work in short slices, reports progress between them, and decides how often the screen shows it."""
 
+import math
 import time
 from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass, replace
@@ -69,29 +70,75 @@ class Pace:
     has_picture: whether steps have pictures, a coarse one first.
     """
 
+    PICTURES = 0.25
+    """Seconds between two pictures: the screen shows no more."""
+
     LONGEST = 0.5
     """Seconds of a slice without a listener. Drivers reset a GPU that is busy for too long; on Windows, for 2 seconds."""
     FIRST = 64
+    """The rows of the first slice without a listener."""
     STEP = 8
     """The rows of a slice are a multiple of this, the height of the workgroups of compute shaders."""
 
     def __init__(self, seconds: float | None = None, *, has_picture: bool = True):
         self.has_listener, self.has_picture = seconds is not None, has_picture
         self.seconds = self.LONGEST if seconds is None else seconds
-        self._rows = self.FIRST
+        self._rows: dict[str, int] = {}
+        self._next_picture = -math.inf
 
-    def slices(self, height: int) -> Iterator[range]:
+    def takes_picture(self) -> bool:
+        """Whether the next step needs a new picture. At most one in PICTURES seconds does."""
+        if not (self.has_listener and self.has_picture and time.perf_counter() >= self._next_picture):
+            return False
+        self._next_picture = time.perf_counter() + self.PICTURES
+        return True
+
+    def slices(self, height: int, work: str = "") -> Iterator[range]:
         """Yield the rows of each slice. The time of a slice is that until the caller asks for the next one.
 
-        The caller must wait for the GPU, as target.Target.finish does: drivers draw later than they are called.
+        The caller must wait for the GPU, as target.Target.finish does: drivers draw later than they are called. work: its
+        name; the first slice has as many rows as suited the same work before.
         """
-        start = 0
+        start, rows = 0, self._rows.get(work, self.STEP if self.has_listener else self.FIRST)
         while start < height:
-            stop = min(height, start + self._rows)
+            stop = min(height, start + rows)
             before = time.perf_counter()
             yield range(start, stop)
             # At most twice as many: a slice of empty texels takes less time than the next one.
             rate = (stop - start) / max(time.perf_counter() - before, 1e-4)
-            rows = min(rate * self.seconds, 2 * self._rows)
-            self._rows = max(self.STEP, int(rows) // self.STEP * self.STEP)
+            rows = max(self.STEP, int(min(rate * self.seconds, 2 * rows)) // self.STEP * self.STEP)
+            self._rows[work] = rows
             start = stop
+
+
+class Redraws:
+    """The redraws of editors, which may take longer than a slice of the bake.
+
+    clock: seconds, from any time.
+    """
+
+    EVERY = 0.25
+    """Seconds between two redraws."""
+    SHARE = 0.1
+    """The largest share of the time that redraws may take."""
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic):
+        self._clock = clock
+        self._asked: float | None = None
+        """When the last redraw was asked for; None if it is done."""
+        self._next = clock()
+
+    def are_due(self) -> bool:
+        """Whether to ask for a redraw now. If so, call `note_done` when it is done."""
+        now = self._clock()
+        if now < self._next:
+            return False
+        self._asked, self._next = now, now + self.EVERY
+        return True
+
+    def note_done(self) -> None:
+        """Note that the screen shows what was asked for. Without such a request, nothing happens."""
+        if self._asked is not None:
+            now = self._clock()
+            self._next = max(self._next, now + (now - self._asked) * (1.0 / self.SHARE - 1.0))
+            self._asked = None

@@ -100,10 +100,12 @@ class Key:
             keymap.keymap_items.remove(item)
 
 
-def redraw(*kinds: str) -> None:
-    """Draw the editors of these kinds again, in all windows; without a kind, 3D viewports."""
+def redraw(*kinds: str, region: str = "") -> None:
+    """Draw the editors of these kinds again, in all windows; without a kind, 3D viewports. region: only this part of them, as
+    "UI" for the sidebar."""
     kinds = kinds or ("VIEW_3D",)
     for window in bpy.context.window_manager.windows:
         for area in window.screen.areas:
             if area.type in kinds:
-                area.tag_redraw()
+                for part in [part for part in area.regions if part.type == region] if region else [area]:
+                    part.tag_redraw()

@@ -15,4 +15,4 @@ def test_slices_adapt_to_the_intended_time(monkeypatch):
         seen.append(rows)
         clock.now += 0.01 * len(rows)
     assert [row for rows in seen for row in rows] == list(range(1000))
-    assert [len(rows) for rows in seen] == [64, *[48] * 19, 24]
+    assert [len(rows) for rows in seen] == [8, 16, 32, *[48] * 19, 32]

@@ -55,14 +55,15 @@ class RayMaps(ABC):
         sums = self._sums(band)
         rays = lattice.rays_of_sample(self.lattice, sample.number, count)
         done = 0
-        for rows, some, is_first in lattice.slices(self.run.pace, band.height, rays):
+        for rows, some, is_first in lattice.slices(self.run.pace, band.height, rays, self.title):
             with self.run.timings.timed("draw"):
                 self._cast(sums, sample.hits.texture, some, rows, is_first=is_first and sample.number == 0)
                 sums.finish()
             done += len(some) * len(rows)
             # All rows of the picture have as many rays, or none yet.
             if is_first and sample.number == 0:
-                self._show(sums, sample, len(some))
+                if self.run.pace.takes_picture():
+                    self._show(sums, sample, len(some))
             elif rows.stop == band.height:
                 self._show(sums, sample, self.rays * sample.number / count + done / band.height)
             yield done / (len(rays) * band.height)

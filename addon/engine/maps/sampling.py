@@ -182,6 +182,7 @@ class SampledMaps:
 
     def _step(self, normals: gpu.types.GPUTexture, done: float, band: Band, *, clear: bool = False) -> Progress:
         size = self.settings.width, self.settings.height
-        if band.is_whole:  # of a larger map, only the coarse picture is shown
+        # Of a map in bands, only the coarse picture is shown.
+        if band.is_whole and (clear or self.pace.takes_picture()):
             self._picture = preview_picture.draw(normals, size, channels(self.settings), clear=clear)
         return Progress("Drawing", done, self._picture)

@@ -44,14 +44,15 @@ def rays_of_sample(lattice: Lattice, sample: int, samples: int) -> range:
     return range(sample, lattice.count, samples)
 
 
-def slices(pace: Pace, height: int, rays: range) -> Iterator[tuple[range, range, bool]]:
+def slices(pace: Pace, height: int, rays: range, work: str = "") -> Iterator[tuple[range, range, bool]]:
     """Divide rays from `height` rows into slices, as Pace does: yields rows, rays, and whether these are the rows' first rays.
 
-    The rays of a slice are spread over all directions, so that sums can be shown before they are complete.
+    The rays of a slice are spread over all directions, so that sums can be shown before they are complete. work: as Pace.slices
+    takes it.
     """
     parts = -(-len(rays) // AT_ONCE)
     for part in range(parts):
-        for rows in pace.slices(height):
+        for rows in pace.slices(height, work):
             yield rows, rays[part::parts], part == 0
 
 

@@ -7,7 +7,7 @@ import bpy
 import gpu
 from gpu_extras.presets import draw_texture_2d
 
-from ...core.progress import Progress
+from ...core.progress import Progress, Redraws
 from ..callbacks import DrawCallbacks, redraw
 from ..translations.lookup import label, message
 from . import viewport_text
@@ -16,8 +16,8 @@ SIDE = 256
 """The longer side of the picture on screen, in pixels at a scale of 1."""
 EDGE = 24
 """Between the picture and the corner of the editor, in pixels at a scale of 1."""
-REDRAW = 0.25
-"""Seconds between two redraws."""
+NAMED = 0.5
+"""Seconds between two texts in the panel and the status bar."""
 KNOWN = 0.05
 """Share of a bake that must be done before the remaining time is shown."""
 
@@ -31,7 +31,8 @@ class ProgressDisplay:
     def __init__(self):
         self.current: Progress | None = None
         self.picture: gpu.types.GPUTexture | None = None
-        self._began = self._redrawn = 0.0
+        self._began = self._named = 0.0
+        self._redraws = Redraws()
         self._draw_callbacks = DrawCallbacks(
             (bpy.types.SpaceView3D, self._draw, "POST_PIXEL"), (bpy.types.SpaceImageEditor, self._draw, "POST_PIXEL")
         )
@@ -42,17 +43,24 @@ class ProgressDisplay:
         return self._draw_callbacks.are_added
 
     def show(self, context: bpy.types.Context, step: Progress) -> None:
-        """Show `step` until `hide` is called."""
+        """Show `step` until `hide` is called. The bar follows a few times a second, and the picture in the editors as often
+        as their drawing leaves time for the bake."""
+        now = time.monotonic()
         if self.current is None:
-            self._began = time.monotonic()
+            self._began, self._named, self._redraws = now, now - NAMED, Redraws()
         self.current = step
         self.picture = step.picture or self.picture
         self._draw_callbacks.add()
-        # The editors may take longer to draw than a slice of the bake.
-        if time.monotonic() - self._redrawn > REDRAW:
-            self._redrawn = time.monotonic()
+        if now - self._named >= NAMED:
+            self._named = now
             context.workspace.status_text_set(f"{self.text()}   {message('Esc: stop')}")
-            redraw("VIEW_3D", "IMAGE_EDITOR")
+            redraw("VIEW_3D", "IMAGE_EDITOR", region="UI")
+        if self.picture is not None and self._redraws.are_due():
+            redraw("VIEW_3D", "IMAGE_EDITOR", region="WINDOW")
+
+    def note_drawn(self) -> None:
+        """Call this before the work of a tick: Blender has drawn by now what `show` asked for."""
+        self._redraws.note_done()
 
     def hide(self, context: bpy.types.Context) -> None:
         """Remove everything from the screen."""
