@@ -84,7 +84,9 @@ def _ray_cast(plan: Plan, settings: Settings, timings: Timings) -> Task[ray_cast
     meshes, has_cage = plan.meshes, plan.meshes.cage is not None
     yield Progress("Building the tree", 0.0)
     ray_scene = tree_cache.trees.ray_scene_of(meshes.highs, timings)
-    low_surface = tree_cache.trees.low_surface_of(meshes.whole_low, ray_scene.local_space, timings)
+    low_surface = tree_cache.trees.low_surface_of(
+        meshes.whole_low, ray_scene.local_space, timings, has_clearances=settings.hit == Hit.OWN
+    )
     yield Progress("Measuring distances", 0.5)
     with timings.timed("upload"):
         ray_mesh = ray_casting.upload_ray_mesh(meshes, low_surface, ray_scene.local_space)

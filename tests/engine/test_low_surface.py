@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from addon.core import progress, udim
+from addon.core.declarations.choices import Hit
 from addon.core.errors import BakeError
 from addon.core.settings import Settings
 from addon.core.timings import Timings
@@ -79,17 +80,24 @@ def clearances(surface):
 
 def test_clearances_reach_to_the_next_layer():
     """Squares of 1 / 16; the farthest corner of half a square is `radius` from its center."""
-    cell, gap = 1.0 / 16.0, 0.1
+    cell = 1.0 / 16.0
     radius = cell * np.sqrt(5.0) / 3.0
+    gap = 1.2 * radius
     uv, quads = zoo.grid_uv(32, 32), zoo.grid_faces(32, 32)
     sheet = np.column_stack([2.0 * uv - 1.0, np.zeros(len(uv))])
     one = zoo.build("one", sheet, quads, uv[quads])
     both = [*sheet, *(sheet + (0.0, 0.0, gap))]
     two = zoo.build("two", both, [*quads, *(quads + len(sheet))], [*uv[quads], *uv[quads]])
-    for low, expected in ((one, 1.5 * radius), (two, gap - radius)):
+    for low, expected in ((one, 0.5 * radius), (two, gap - radius)):
         cast = ray_cast(low, zoo.plane("high"))
         found = clearances(cast.low) * cast.ray_scene.local_space.size
         assert np.abs(found - expected).max() < 1e-5
+
+
+@pytest.mark.parametrize("hit", Hit)
+def test_clearances_are_measured_only_for_the_rule_that_asks_for_owners(hit):
+    surface = ray_cast(zoo.plane("low", n=4), zoo.plane("high"), hit=hit).low
+    assert (clearances(surface) > 0.0).any() == (hit == Hit.OWN)
 
 
 def test_clearances_are_not_measured_where_very_many_triangles_are_near():

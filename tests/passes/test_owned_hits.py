@@ -370,8 +370,8 @@ def upright_hits(low, *heights):
 
 @pytest.mark.parametrize(("share", "is_own"), [(0.45, True), (0.55, False)])
 def test_a_hit_belongs_to_the_closer_of_two_fine_layers(share, is_own):
-    """The layers are 2.4 radii of a triangle apart: beyond half of that, the clearance of the lower one must not count."""
-    gap = 2.4 * 0.1 * np.sqrt(5.0) / 3.0
+    """The layers are 0.45 radii of a triangle apart: alone, the lower one would have a clearance of half a radius."""
+    gap = 0.45 * 0.1 * np.sqrt(5.0) / 3.0
     _, is_not_owned = upright_hits(np.concatenate([flat_grid(20, 0.0), flat_grid(20, gap)]), share * gap)
     assert (is_not_owned != is_own).all()
 

@@ -58,8 +58,11 @@ class SharpPoints:
     cosines: np.ndarray
 
 
-def build(low: Mesh, local_space: LocalSpace) -> LowSurface:
-    """Build and upload the tree over `low` and the one over its hard edges. Raises BakeError for too many triangles."""
+def build(low: Mesh, local_space: LocalSpace, *, has_clearances: bool = True) -> LowSurface:
+    """Build and upload the tree over `low` and the one over its hard edges. Raises BakeError for too many triangles.
+
+    has_clearances: as owners.upload has it.
+    """
     most = min(rays.MOST_TRIANGLES, data_texture.limit() // owners.TEXELS)
     if len(low.triangles) > most:
         raise BakeError(
@@ -81,6 +84,7 @@ def build(low: Mesh, local_space: LocalSpace) -> LowSurface:
         origin=tree.origin,
         scale=tree.scale,
         room=ROOM * 2.0 * local_space_of([low]).size / local_space.size,
+        has_clearances=has_clearances,
     )
     numbers = np.empty(len(vertices), np.int64)
     numbers[tree.order] = np.arange(1, len(vertices) + 1)

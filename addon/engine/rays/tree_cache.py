@@ -85,14 +85,24 @@ class TreeCache:
                 self._scenes.popitem(last=False)
         return found
 
-    def low_surface_of(self, low: Mesh, local_space: LocalSpace, timings: Timings) -> LowSurface:
-        """What rays need of `low`, built and uploaded unless it is cached. Raises BakeError for too many triangles."""
+    def low_surface_of(
+        self, low: Mesh, local_space: LocalSpace, timings: Timings, *, has_clearances: bool = True
+    ) -> LowSurface:
+        """What rays need of `low`, built and uploaded unless it is cached. Raises BakeError for too many triangles.
+
+        has_clearances: whether most texels ask for the owners of their hits. Otherwise measuring them takes longer than it
+        saves.
+        """
         with timings.timed("tree"):
             arrays = low.positions, low.vertices, low.normals, low.triangles, low.to_world, local_space.origin
-            key = *((zlib.crc32(np.ascontiguousarray(array)), array.shape) for array in arrays), local_space.size
+            key = (
+                *((zlib.crc32(np.ascontiguousarray(array)), array.shape) for array in arrays),
+                local_space.size,
+                has_clearances,
+            )
             found = self._lows.pop(key, None)
             if found is None:
-                found = low_surface.build(low, local_space)
+                found = low_surface.build(low, local_space, has_clearances=has_clearances)
             self._lows[key] = found
             while len(self._lows) > 1 and (len(self._lows) > self.most_trees or self.bytes > self.most_bytes):
                 self._lows.popitem(last=False)

@@ -21,6 +21,7 @@ CLEARANCE = Program(
         ("VEC4", "low_scale"),
         ("INT", "low_first_leaf"),
         ("INT", "count"),
+        ("INT", "per_row"),
     ),
     outputs=(("VEC4", "clearance_out"),),
 )
@@ -29,6 +30,8 @@ TEXELS = 4
 """Texels of a triangle in Owners.corners."""
 MOST_CLEARED = 2**16
 """The most triangles whose clearance is measured: with more, it takes longer than it saves."""
+CLEARED_WIDTH, CLEARED_AT_ONCE = 256, 4
+"""Texels a side of the target that they are written to, and of its blocks, as in shaders/bake/clearance_frag.glsl."""
 
 
 @dataclass(frozen=True)
@@ -58,8 +61,12 @@ def upload(
     origin: np.ndarray,
     scale: np.ndarray,
     room: float,
+    has_clearances: bool = True,
 ) -> Owners:
-    """Upload the nodes of a tree (bvh.Tree), with corners (T, 3, 3) float32 and neighbors (T, 3) int in its order."""
+    """Upload the nodes of a tree (bvh.Tree), with corners (T, 3, 3) float32 and neighbors (T, 3) int in its order.
+
+    has_clearances: whether the clearances are measured, which makes many searches for owners quicker; otherwise they are 0.
+    """
     texels = np.zeros((len(corners), TEXELS, 4), np.float32)
     texels[:, :3, :3], texels[:, :3, 3] = corners, neighbors
     texels[:, 3, :3] = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -71,7 +78,7 @@ def upload(
         scale,
         room,
     )
-    if len(corners) > MOST_CLEARED:
+    if not has_clearances or len(corners) > MOST_CLEARED:
         return uploaded
     texels[:, 3, 3] = _clearances(uploaded, len(corners))
     return replace(uploaded, corners=data_texture.upload(texels.reshape(-1, 4)))
@@ -79,8 +86,8 @@ def upload(
 
 def _clearances(owners: Owners, count: int) -> np.ndarray:
     """The clearances (T,) float32 of the triangles."""
-    rows = -(-count // data_texture.WIDTH)
-    into = target.Target(data_texture.WIDTH, rows, ("R32F",))
+    rows = -(-count // (CLEARED_AT_ONCE * CLEARED_WIDTH))
+    into = target.Target(CLEARED_WIDTH, rows * CLEARED_AT_ONCE, ("R32F",))
     target.fill(
         into,
         CLEARANCE,
@@ -90,7 +97,9 @@ def _clearances(owners: Owners, count: int) -> np.ndarray:
         low_scale=(*owners.scale, 0.0),
         low_first_leaf=owners.first_leaf,
         count=count,
+        per_row=CLEARED_WIDTH // CLEARED_AT_ONCE,
     )
-    found = np.empty((rows, data_texture.WIDTH), np.float32)
+    found = np.empty((into.height, into.width), np.float32)
     into.read(found)
-    return found.ravel()[:count]
+    blocks = found.reshape(rows, CLEARED_AT_ONCE, -1, CLEARED_AT_ONCE)
+    return blocks.transpose(0, 2, 1, 3).reshape(-1)[:count]
