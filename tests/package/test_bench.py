@@ -14,7 +14,7 @@ from scripts.bench.contenders.names import CAST, CYCLES, FLATTEN, MULTIRES
 from scripts.bench.meshes import scenes
 from scripts.bench.parts import limit
 from scripts.bench.parts.closed_forms import deviation
-from scripts.bench.report import growth_section, race_sections, report, verdicts
+from scripts.bench.report import growth_section, race_sections, report, targets, verdicts
 from scripts.bench.report.statistics_of_rounds import exponents, ratios
 from tests.support import angles
 
@@ -96,7 +96,7 @@ def test_ratios_of_medians_and_of_rounds():
 )
 def test_verdicts_of_ratios(seconds, outcome):
     times = {FLATTEN: timed(*seconds), CAST: timed(1.0, 1.0, 1.0), CYCLES: timed(2.0, 2.0, 2.0)}
-    found = verdicts.judge(result(pairs=[row(times=times)]))
+    found = targets.judge(result(pairs=[row(times=times)]))
     (verdict,) = (verdict for verdict in found if "10 times" in verdict.target)
     assert verdict.outcome == outcome
     places = [verdicts.ORDER.index(verdict.outcome) for verdict in found]

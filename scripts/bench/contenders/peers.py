@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Runs other bakers in a separate environment and process. All of them are optional."""
 
-import json
 import os
 import subprocess
 import sys
@@ -10,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from scripts.bench.contenders import names
+from scripts.bench.contenders.child import Child
 from scripts.bench.contenders.racing import PATIENCE, Contender
 from scripts.bench.meshes.scenes import Pair, arrays_of
 
@@ -37,34 +37,23 @@ def install() -> None:
             print(f"bench: {package} cannot be installed here", file=sys.stderr)
 
 
-class PeerError(RuntimeError):
-    """The error message of a baker."""
-
-
 class Peers:
     """The process with the other bakers. Use it in a `with` block. `versions` is empty without the environment."""
 
     def __init__(self, scratch: Path):
-        self.scratch, self.process, self.versions = scratch, None, {}
+        self.scratch, self.versions = scratch, {}
+        self._child = None
 
     def __enter__(self):
         if PYTHON.is_file():
-            with open(self.scratch / "peers.log", "w", encoding="utf-8") as log:
-                self.process = subprocess.Popen(
-                    [str(PYTHON), str(Path(__file__).with_name("worker.py"))],
-                    stdin=subprocess.PIPE,
-                    stdout=subprocess.PIPE,
-                    stderr=log,
-                    text=True,
-                )
-            self.versions = self._ask(do="versions")
+            worker = Path(__file__).with_name("worker.py")
+            self._child = Child([str(PYTHON), str(worker)], self.scratch / "peers.log")
+            self.versions = self._child.ask(do="versions")
         return self
 
-    def __exit__(self, *_):
-        if self.process is not None:
-            self.process.stdin.close()
-            self.process.wait()
-            self.process.stdout.close()
+    def __exit__(self, *exception):
+        if self._child:
+            self._child.__exit__(*exception)
 
     @property
     def bakers(self) -> list[str]:
@@ -75,29 +64,20 @@ class Peers:
         """Send a pair to the process, which keeps it in memory, as Blender does."""
         path = self.scratch / "pair.npz"
         np.savez(path, **arrays_of(pair))
-        self._ask(do="load", path=str(path))
+        self._child.ask(do="load", path=str(path))
         path.unlink()
 
     def seconds(self, peer: str, size: int) -> float:
         """The seconds of one bake, measured in the process, without the time to send the request."""
-        return self._ask(do="bake", peer=peer, size=size, save=None)["seconds"]
+        return self._child.ask(do="bake", peer=peer, size=size, save=None)["seconds"]
 
     def normals(self, peer: str, size: int) -> np.ndarray:
         """World-space normals (size, size, 3), row 0 at v = 0; 0 where nothing was hit."""
         path = self.scratch / "map.npy"
-        self._ask(do="bake", peer=peer, size=size, save=str(path))
+        self._child.ask(do="bake", peer=peer, size=size, save=str(path))
         texels = np.load(path)
         path.unlink()
         return texels
-
-    def _ask(self, **request) -> dict:
-        self.process.stdin.write(json.dumps(request) + "\n")
-        self.process.stdin.flush()
-        line = self.process.stdout.readline()
-        answer = json.loads(line) if line else {"error": f"the process died, see {self.scratch / 'peers.log'}"}
-        if "error" in answer:
-            raise PeerError(answer["error"])
-        return answer
 
 
 def contenders(peers: Peers, size: int) -> list[Contender]:

@@ -3,7 +3,7 @@
 
 import statistics
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -51,10 +51,13 @@ def clocked(work: Callable[[], object]) -> float:
     return time.perf_counter() - start
 
 
-def race(contenders: list[Contender], repeats: int) -> dict[str, Timed]:
-    """Bake once with each contender, then in rounds. Each bakes once per round, so that a disturbance affects all."""
+def race(contenders: Sequence[Contender], rounds: int, *, warm_up: bool = True) -> dict[str, Timed]:
+    """Bake in rounds. Each contender bakes once per round, so that a disturbance affects all.
+
+    warm_up: bake once more before the rounds; that bake does not count.
+    """
     result = {contender.name: Timed() for contender in contenders}
-    for turn in range(repeats + 1):
+    for turn in range(-warm_up, rounds):
         for contender in contenders:
             timed = result[contender.name]
             if timed.gap:
@@ -63,12 +66,12 @@ def race(contenders: list[Contender], repeats: int) -> dict[str, Timed]:
                 seconds = contender.bake()
             except (BakeError, RuntimeError) as error:  # Blender's operators raise RuntimeError
                 timed.gap = str(error).strip().splitlines()[0]
+                timed.seconds.clear()
                 continue
-            if turn:
+            if turn >= 0:
                 timed.seconds.append(seconds)
-                continue
-            timed.first = seconds
-            if seconds > contender.patience:
+            timed.first = timed.first or seconds
+            if turn < 0 and seconds > contender.patience:
                 timed.gap = f"its first bake took {seconds:.0f} s, so it did not bake again"
     for contender in contenders:
         if not result[contender.name].gap:

@@ -9,3 +9,5 @@ PAPER = (
     (61644, 20517, "31", 129969, 179569),
 )
 """Table 1 of the paper: Gumbau, González and Chover, "Hardware generation of normal maps"."""
+TERRAIN = (275_772, 9_079)
+"""The demo's terrain, used if no folder of pairs has one: about the paper's next sizes."""

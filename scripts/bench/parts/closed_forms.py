@@ -4,6 +4,7 @@
 import numpy as np
 
 from scripts.bench.contenders import blender_bakers, peers, racing
+from scripts.bench.contenders.child import ChildError
 from scripts.bench.contenders.imprint_baker import Imprint
 from scripts.bench.contenders.names import CAST, FLATTEN
 from scripts.bench.meshes import scenes
@@ -41,7 +42,7 @@ def _with_angles(pair: scenes.Pair, size: int, field: list[racing.Contender], re
             continue
         try:
             degrees[contender.name] = deviation(pair, contender.normals())
-        except peers.PeerError as error:
+        except ChildError as error:
             timed[contender.name].gap = str(error)
     return row_of(pair, size, timed) | {"angles": degrees}
 

@@ -8,10 +8,7 @@ from scripts.bench.contenders import blender_bakers, peers, racing
 from scripts.bench.contenders.imprint_baker import Imprint
 from scripts.bench.contenders.names import CAST, FLATTEN, KEPT, OUTERMOST
 from scripts.bench.meshes import scenes
-from scripts.bench.meshes.paper import PAPER
-
-TERRAIN = (275_772, 9_079)
-"""The demo's terrain, used if no folder of pairs has one."""
+from scripts.bench.meshes.paper import PAPER, TERRAIN
 
 
 def chosen(folder: Path | None, quick: bool) -> Iterator[tuple[Callable[[], scenes.Pair], tuple[int, ...]]]:
@@ -49,6 +46,11 @@ def time_pair(pair: scenes.Pair, sizes: tuple[int, ...], repeats: int, others: p
     return rows
 
 
+def sampled(pair: scenes.Pair, sizes: tuple[int, ...]) -> list[int]:
+    """The sizes at which several samples are timed: 1024, and 2048 for terrains."""
+    return [size for size in sizes if size == 1024 or (size == 2048 and pair.is_terrain)]
+
+
 def time_samples(pair: scenes.Pair, size: int, repeats: int, samples: int = 16) -> dict:
     """Time the contenders that support several samples per texel."""
     ours = [
@@ -70,9 +72,3 @@ def row_of(pair: scenes.Pair, size: int, timed: dict[str, racing.Timed]) -> dict
         "samples": 1,
         "times": {name: vars(times) for name, times in timed.items()},
     }
-
-
-def terrain(folder: Path | None) -> scenes.Pair:
-    """The first terrain of the folder, or the demo's."""
-    found = [path for path in sorted(folder.glob("*.blend")) if path.name.startswith(scenes.TERRAINS)] if folder else []
-    return scenes.opened(found[0]) if found else scenes.made(*TERRAIN)

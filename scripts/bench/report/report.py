@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Writes the report from the measurements, as Markdown."""
 
-from scripts.bench.report import growth_section, other_sections, race_sections
-from scripts.bench.report.verdicts import HOLDS, Verdict, judge
+from scripts.bench.report import growth_section, other_sections, race_sections, run_sections
+from scripts.bench.report.targets import judge
+from scripts.bench.report.verdicts import HOLDS, Verdict
 from scripts.bench.report.writing import GAP
 
 
@@ -18,6 +19,11 @@ def markdown(result: dict) -> str:
         ("occlusion", other_sections.occlusion),
         ("growth", growth_section.growth),
         ("live", other_sections.live),
+        ("storing", run_sections.storing),
+        ("start", run_sections.start),
+        ("batches", run_sections.batches),
+        ("memory", run_sections.memory),
+        ("very_large", run_sections.memory),
         ("limit", lambda found: other_sections.limit(found, result.get("hardware"))),
         ("hardware", other_sections.hardware),
         ("figures", other_sections.figures),

@@ -5,6 +5,8 @@ import statistics
 
 import numpy as np
 
+from scripts.bench.contenders.names import PRESENT
+
 
 def exponents(points: list[dict], name: str, last: int | None = None) -> dict[str, float]:
     """The b of seconds = a * amount ** b, by least squares of the logarithms: of the medians, and its range over rounds.
@@ -29,3 +31,8 @@ def ratios(row: dict, slower: str, faster: str) -> dict[str, float] | None:
         return None
     each = [a / b for a, b in zip(theirs, ours, strict=True)]
     return {"median": statistics.median(theirs) / statistics.median(ours), "least": min(each), "most": max(each)}
+
+
+def older_name(row: dict) -> str | None:
+    """The name of the older version of Imprint in a row that compares versions, if it was measured."""
+    return next((name for name in row["times"] if name.startswith(f"{PRESENT} ")), None)

@@ -19,11 +19,17 @@ def table(head: list[str], rows: list[list]) -> list[str]:
 
 
 def milliseconds(timed: dict | None) -> str:
-    """A contender's median with the minimum and maximum of its rounds, or the reason why it has none."""
+    """A contender's median with the minimum and maximum of its rounds, or a gap."""
     if not timed or not timed["seconds"]:
         return GAP
-    seconds = [1000.0 * second for second in timed["seconds"]]
-    return f"{statistics.median(seconds):,.0f} ({min(seconds):,.0f} to {max(seconds):,.0f})"
+    rounds = [1000.0 * second for second in timed["seconds"]]
+    return f"{statistics.median(rounds):,.0f} ({min(rounds):,.0f} to {max(rounds):,.0f})"
+
+
+def seconds(timed: dict) -> str:
+    """As `milliseconds`, in seconds."""
+    rounds = timed["seconds"]
+    return f"{statistics.median(rounds):.2f} ({min(rounds):.2f} to {max(rounds):.2f})" if rounds else GAP
 
 
 def ratio(row: dict, slower: str, faster: str) -> str:

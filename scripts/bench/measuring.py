@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Runs the chosen parts of the benchmark, and collects their figures as plain data."""
+
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from scripts.bench.contenders.peers import Peers
+from scripts.bench.contenders.versions import Version
+from scripts.bench.meshes import files
+from scripts.bench.parts import closed_forms as known_normals
+from scripts.bench.parts import figures as pictures
+from scripts.bench.parts import growth as growing
+from scripts.bench.parts import limit, live_updates, machine, shaders_alone
+from scripts.bench.parts import occlusion as ambient_occlusion
+from scripts.bench.parts import pairs as pairs_of_meshes
+from scripts.bench.report import growth_section
+from scripts.bench.runs import batches as many_bakes
+from scripts.bench.runs import memory as peaks
+from scripts.bench.runs import start as shell_runs
+from scripts.bench.runs import storing as file_formats
+
+
+@dataclass
+class Bench:
+    """What the parts need. folder: of pairs. output: for pictures. scratch: a temporary folder.
+
+    others: the bakers outside Blender, while parts run. result: of the parts so far, as plain data.
+    """
+
+    versions: Sequence[Version]
+    folder: Path | None
+    output: Path
+    scratch: Path
+    quick: bool
+    log: Callable[[str], None]
+    others: Peers | None = None
+    result: dict = field(default_factory=dict)
+
+    @property
+    def repeats(self) -> int:
+        """The number of rounds."""
+        return 3 if self.quick else 5
+
+
+def pairs(bench: Bench) -> list[dict]:
+    rows = []
+    for number, (build, sizes) in enumerate(pairs_of_meshes.chosen(bench.folder, bench.quick)):
+        pair = build()
+        bench.log(pair.name)
+        rows += pairs_of_meshes.time_pair(pair, sizes, bench.repeats, bench.others, bench.quick)
+        if not (bench.quick and number):
+            rows += [
+                pairs_of_meshes.time_samples(pair, size, bench.repeats) for size in pairs_of_meshes.sampled(pair, sizes)
+            ]
+    large = next(row for row in rows if row["is_terrain"] and row["size"] == 2048)
+    bench.result["limit"] = limit.limit(large, bench.result["machine"]["copy_gigabytes_per_second"])
+    return rows
+
+
+def closed_forms(bench: Bench) -> list[dict]:
+    return known_normals.closed_forms(bench.quick, bench.repeats, bench.others)
+
+
+def occlusion(bench: Bench) -> list[dict]:
+    return list(ambient_occlusion.compare(bench.folder, bench.quick))
+
+
+def growth(bench: Bench) -> dict:
+    found = growing.growth(bench.quick, bench.repeats, bench.log)
+    growth_section.plot(found, bench.output / "growth.png")
+    return found
+
+
+def live(bench: Bench) -> list[dict]:
+    return live_updates.measure()
+
+
+def storing(bench: Bench) -> list[dict]:
+    pair = files.terrain(bench.folder, bench.scratch)
+    return file_formats.measure(pair, bench.versions, bench.scratch, bench.quick, bench.repeats)
+
+
+def start(bench: Bench) -> list[dict]:
+    pair = files.terrain(bench.folder, bench.scratch)
+    return shell_runs.measure(pair, bench.versions, bench.scratch, bench.repeats)
+
+
+def batches(bench: Bench) -> list[dict]:
+    pair = files.small(bench.folder, bench.scratch)
+    return many_bakes.measure(pair, bench.versions, bench.scratch, bench.quick, bench.repeats)
+
+
+def memory(bench: Bench) -> list[dict]:
+    return list(peaks.measure(peaks.QUICK if bench.quick else peaks.USUAL, bench.versions, bench.scratch))
+
+
+def very_large(bench: Bench) -> list[dict]:
+    return list(peaks.measure(peaks.VERY_LARGE, bench.versions[:1], bench.scratch))
+
+
+def hardware(bench: Bench) -> dict | None:
+    if "moderngl" not in bench.others.versions:
+        return None
+    return shaders_alone.hardware(bench.folder, bench.scratch, bench.quick)
+
+
+def figures(bench: Bench) -> dict[str, str]:
+    return pictures.make(bench.output, bench.scratch, bench.quick)
+
+
+PARTS = {
+    part.__name__: part
+    for part in (
+        *(pairs, closed_forms, occlusion, growth, live),
+        *(storing, start, batches, memory, very_large),
+        *(hardware, figures),
+    )
+}
+OPTIONAL = ("very_large",)
+"""Parts that are measured only if they are named."""
+USUAL = tuple(name for name in PARTS if name not in OPTIONAL)
+
+
+def measure(bench: Bench, only: Collection[str]) -> dict:
+    """Run the parts that are named. Returns their figures, and those of the machine."""
+    bench.result |= {"quick": bench.quick, "repeats": bench.repeats, "machine": machine.machine()}
+    bench.result["versions"] = [version.name for version in bench.versions]
+    with Peers(bench.scratch) as bench.others:
+        bench.result["peers"] = bench.others.versions
+        for name in (name for name in PARTS if name in only):
+            bench.log(name.replace("_", " "))
+            bench.result[name] = PARTS[name](bench)
+    return bench.result
