@@ -1,13 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The file formats of maps. To add one, add it to FORMATS: no other module names a format or a file ending."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from pathlib import Path, PurePath
+from dataclasses import dataclass
+from pathlib import PurePath
 from types import MappingProxyType
 
 from .errors import BakeError
-from .file_structure import completeness, tiff
 
 USUAL_DEPTH = 16
 """The default bits per channel, for formats that have it."""
@@ -17,22 +15,14 @@ USUAL_DEPTH = 16
 class FileFormat:
     """One format.
 
-    label: its name in Blender's interface. blender: its identifier in Blender's image settings. endings: its file endings in
-    lower case, the usual one first. depths: the bits per channel that it supports, in ascending order. is_float: whether it
-    stores floats, rather than steps from 0 to 1. is_complete: see file_structure.completeness. options: further image settings
-    of Blender. correct: fixes a file that Blender has written. divided: the depths at which Blender's writer divides colors by
-    an alpha between 0 and 1.
+    label: its name in Blender's interface. endings: its file endings in lower case, the usual one first. depths: the bits per
+    channel that it supports, in ascending order. is_float: whether it stores floats, rather than steps from 0 to 1.
     """
 
     label: str
-    blender: str
     endings: tuple[str, ...]
     depths: tuple[int, ...]
-    is_complete: completeness.Check
     is_float: bool = False
-    options: Mapping[str, str | int] = field(default_factory=lambda: MappingProxyType({}))
-    correct: Callable[[Path], None] | None = None
-    divided: tuple[int, ...] = ()
 
     @property
     def usual_depth(self) -> int:
@@ -40,23 +30,11 @@ class FileFormat:
         return max((depth for depth in self.depths if depth <= USUAL_DEPTH), default=self.depths[0])
 
 
-PNG = FileFormat("PNG", "PNG", (".png",), (8, 16), completeness.ends_in(b"IEND\xae\x42\x60\x82"), divided=(16,))
-OPEN_EXR = FileFormat("OpenEXR", "OPEN_EXR", (".exr",), (16, 32), completeness.open_exr, is_float=True)
-FORMATS = (
-    PNG,
-    OPEN_EXR,
-    FileFormat(
-        "TIFF",
-        "TIFF",
-        (".tif", ".tiff"),
-        (8, 16),
-        completeness.tiff_strips,
-        options=MappingProxyType({"tiff_codec": "LZW"}),  # four times as fast as the default
-        # Blender marks 16-bit colors as multiplied with alpha. They are not, but other programs would divide them by it.
-        correct=tiff.set_unassociated,
-    ),
-    FileFormat("Targa", "TARGA_RAW", (".tga",), (8,), completeness.targa),
-)
+PNG = FileFormat("PNG", (".png",), (8, 16))
+OPEN_EXR = FileFormat("OpenEXR", (".exr",), (16, 32), is_float=True)
+TIFF = FileFormat("TIFF", (".tif", ".tiff"), (8, 16))
+TARGA = FileFormat("Targa", (".tga",), (8,))
+FORMATS = (PNG, OPEN_EXR, TIFF, TARGA)
 BY_ENDING = MappingProxyType({ending: file_format for file_format in FORMATS for ending in file_format.endings})
 PACKED = MappingProxyType({False: PNG, True: OPEN_EXR})
 """The formats in which Blender packs images, by whether their pixels are floats."""

@@ -3,6 +3,7 @@
 
 import tempfile
 from collections.abc import Iterable, Sequence
+from concurrent.futures import Future
 from pathlib import Path
 
 import bpy
@@ -16,6 +17,7 @@ from ..core.udim import TOKEN
 from . import datablocks, image_file, quantize
 from .files import atomic_file
 from .files.atomic_file import Partial, check_writable
+from .files.write_queue import WriteQueue
 from .map_names import name_for, output_for
 
 
@@ -48,11 +50,12 @@ def replaced(name: str, highs: Iterable[str]) -> str:
 class Writer:
     """Stores one map in an image datablock and in files. Before `commit`, no datablock or existing file changes.
 
-    Tiles for files, and packed UDIM tiles, are encoded when they are added, so that memory does not grow with their number.
-    Use it in a `with` block, or call `discard` at the end.
+    Tiles for files, and packed UDIM tiles, are encoded from when they are added, so that memory does not grow with their
+    number, and threads write them while the caller goes on. Use it in a `with` block, or call `discard` at the end.
 
     is_normal: whether to measure the error of normals that are stored as integers. color_space: of the texels, as in
-    color_spaces.assign. is_packed: whether alpha holds a map.
+    color_spaces.assign. is_packed: whether alpha holds a map. queue: what writes the files. Without one, it
+    has its own.
     """
 
     def __init__(
@@ -63,11 +66,14 @@ class Writer:
         is_normal: bool = False,
         color_space: str = "",
         is_packed: bool = False,
+        queue: WriteQueue | None = None,
     ):
         self.name, self.settings, self.is_normal = settings.image or name_for(low_name, settings), settings, is_normal
         self.color_space, self.is_packed = color_space, is_packed
         self._texels: np.ndarray | None = None
         self._partials: dict[int, Partial] = {}
+        self._queue, self._is_own_queue = queue or WriteQueue(), queue is None
+        self._written: list[Future] = []
         self._folder: tempfile.TemporaryDirectory | None = None
         self._path = output_for(settings)
         """The path of the files, as Blender spells it. Empty without files."""
@@ -87,7 +93,8 @@ class Writer:
     def add(self, tile: int, texels: np.ndarray) -> None:
         """Add the map of one UDIM tile, (height, width, 4) float32 with row 0 at v = 0. Without UDIM, the tile is udim.FIRST.
 
-        Raises BakeError if it cannot be written.
+        Its file is written later. Raises BakeError if that already failed. The texels must not change before `commit` unless
+        they go into a file.
         """
         settings = self.settings
         self.tiles.append(tile)
@@ -102,7 +109,8 @@ class Writer:
             # As in Blender's own packed images, floats have 32 bits.
             depth = file_formats.OPEN_EXR.depths[-1] if self._folder and settings.is_float else settings.depth
             with partial.writing():
-                image_file.write(stored, partial.temporary, depth)
+                partial.temporary.touch()
+            self._written.append(self._queue.add(image_file.content(stored, partial.temporary, depth), partial))
         else:
             self._texels = stored
 
@@ -128,6 +136,8 @@ class Writer:
 
     def prepare(self) -> None:
         """Do everything that can fail or needs disk space, without changing existing files. Raises BakeError."""
+        for file in self._written:
+            file.result()
         _check_image(self.name)  # again, because the user may have painted on it
         if self._path and self.settings.udim:
             self._keep_other_tiles()
@@ -148,7 +158,9 @@ class Writer:
         )
 
     def discard(self) -> None:
-        """Remove temporary files. Can be called at any time, and more than once."""
+        """Remove temporary files. Can be called at any time, and more than once. A queue of several writers must be closed."""
+        if self._is_own_queue:
+            self._queue.close()
         for partial in self._partials.values():
             partial.discard()
         if self._folder:

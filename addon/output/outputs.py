@@ -15,6 +15,7 @@ from ..core.map_types import BY_NAME, MASK, NORMAL, Kind, Labeled
 from ..core.settings import Settings
 from ..core.texel_state import Map
 from . import color_spaces, datablocks, map_images, map_storage, materials, output_clashes, value_encoding
+from .files.write_queue import WriteQueue
 from .output_clashes import settings_by_map, stored_maps
 from .vertex_attributes import VertexMaps
 
@@ -42,6 +43,7 @@ class Outputs:
     def __init__(self, settings: Settings):
         self.settings = settings
         types = stored_maps(settings)
+        self._queue = WriteQueue()
         self._packed = settings.packing.map_type.name if settings.packing else ""
         self._writers = {
             name: map_storage.Writer(
@@ -50,6 +52,7 @@ class Outputs:
                 is_normal=types[name] is NORMAL,
                 color_space=value_encoding.color_space(types[name], of_map),
                 is_packed=name == self._packed,
+                queue=self._queue,
             )
             for name, of_map in settings_by_map(settings).items()
         }
@@ -70,6 +73,7 @@ class Outputs:
         return self
 
     def __exit__(self, *_) -> None:
+        self._queue.close()  # first: nothing may be writing to files that are discarded
         with ExitStack() as discards:  # all of them run, even if one raises
             for writer in self._writers.values():
                 discards.callback(writer.discard)

@@ -11,6 +11,15 @@ _G = 1.2207440846057596
 _ROW, _COLUMN, _CHANNEL = (int(2**32 / _G**power) for power in (1, 2, 3))
 
 
+def steps(values: np.ndarray, depth: int) -> np.ndarray:
+    """`values` float32 as whole numbers of `depth` bits, uint8 or uint16: the nearest, from 0 for 0 to the highest for 1."""
+    most = np.float32(2**depth - 1)
+    scaled = values * most
+    scaled += np.float32(0.5)
+    np.clip(scaled, np.float32(0.0), most, out=scaled)
+    return scaled.astype(np.uint8 if depth == 8 else np.uint16)
+
+
 def rounded(values: np.ndarray, depth: int) -> np.ndarray:
     """`values` float32 from 0 to 1, rounded to multiples of 1 / (2^depth - 1) as Blender does."""
     steps = np.float32(2**depth - 1)

@@ -12,7 +12,7 @@ from scripts.imprint import ROOT
 
 ADDON = ROOT / "addon"
 FILES = sorted(path for path in ADDON.rglob("*.py") if "presets" not in path.relative_to(ADDON).parts[:-1])
-FORMATS = {name for one in file_formats.FORMATS for name in (one.blender, *one.endings)}
+FORMATS = {name for one in file_formats.FORMATS for name in one.endings}
 DECLARED = {
     "map_types.py": set(map_types.BY_NAME) - {"DISTANCE", "ALPHA"},
     "file_formats.py": FORMATS,

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Reads as much of the structure of image files as is needed to check and correct the files that Blender wrote."""
+"""Reads as much of the structure of image files as is needed to know their size."""

@@ -1,13 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Reads the directory of a TIFF file: as much of TIFF 6.0 (Adobe, 1992) as the checks of strips and alpha need."""
+"""Reads the directory of a TIFF file: as much of TIFF 6.0 (Adobe, 1992) as its size and alpha need."""
 
 import struct
-from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
 STRIP_OFFSETS, STRIP_BYTE_COUNTS, EXTRA_SAMPLES = 273, 279, 338
-ASSOCIATED, UNASSOCIATED = 1, 2
-"""Values of ExtraSamples: colors are multiplied with alpha, or not."""
+UNASSOCIATED = 2
+"""The value of ExtraSamples for colors that are not multiplied with alpha."""
 _TYPES = {1: "B", 3: "H", 4: "I"}
 """The struct formats of BYTE, SHORT and LONG."""
 
@@ -36,14 +35,6 @@ def directory(file: BinaryIO) -> dict[int, Entry]:
             at = at if size <= 4 else value
             entries[tag] = Entry(at, struct.unpack(layout, _read(file, at, size)))
     return entries
-
-
-def set_unassociated(path: Path) -> None:
-    """Mark the colors of a file as not multiplied with its alpha."""
-    with path.open("r+b") as file:
-        order = _order(file)
-        file.seek(directory(file)[EXTRA_SAMPLES].at)
-        file.write(struct.pack(order + "H", UNASSOCIATED))
 
 
 def _order(file: BinaryIO) -> str:

@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Packs and writes files in threads, while the caller draws the next map."""
+
+import os
+from collections import deque
+from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+
+from ..writers.content import Content
+from .atomic_file import Partial
+
+MOST_UNFINISHED = 2
+"""The files that may be in memory at once, packed or not."""
+
+
+class WriteQueue:
+    """Writes files one after the other, packed by all processors. Use it in a `with` block, or call `close` at the end.
+
+    A thread that packs needs Python's lock only between its parts: Blender holds it while it draws.
+    """
+
+    def __init__(self):
+        self._packing = ThreadPoolExecutor(os.cpu_count(), "imprint-pack")
+        self._writing = ThreadPoolExecutor(1, "imprint-write")
+        self._unfinished: deque[Future] = deque()
+
+    def __enter__(self) -> "WriteQueue":
+        return self
+
+    def __exit__(self, *_) -> None:
+        self.close()
+
+    def add(self, content: Content, partial: Partial) -> Future:
+        """Write `content` to the temporary file of `partial`, which must be reserved. Waits while MOST_UNFINISHED files wait.
+
+        The result of the future is None; it raises BakeError if the file could not be written. Raises the same for a file that
+        was added before.
+        """
+        while self._unfinished and (len(self._unfinished) >= MOST_UNFINISHED or self._unfinished[0].done()):
+            self._unfinished.popleft().result()
+        parts = deque(self._packing.submit(part) for part in content.parts)
+        job = self._writing.submit(_write, content, parts, partial)
+        self._unfinished.append(job)
+        return job
+
+    def close(self) -> None:
+        """Stop. Files that are not finished stay as they are. Can be called more than once."""
+        for threads in (self._packing, self._writing):
+            threads.shutdown(cancel_futures=True)
+
+
+def _write(content: Content, parts: deque[Future], partial: Partial) -> None:
+    with partial.writing(), partial.temporary.open("wb") as file:
+        content.write(file, _results(parts))
+
+
+def _results(parts: deque[Future]) -> Iterator[bytes]:
+    """The results of `parts` in their order. Each can be freed when the next one is asked for."""
+    while parts:
+        yield parts.popleft().result()

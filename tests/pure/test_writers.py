@@ -1,0 +1,381 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tests the writers of image files without Blender: readers find the same numbers, whatever the size, and files are small."""
+
+import ctypes
+import ctypes.util
+import io
+import os
+import struct
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from addon.core import file_formats
+from addon.core.errors import BakeError
+from addon.output import quantize
+from addon.output.files.atomic_file import Partial
+from addon.output.files.write_queue import MOST_UNFINISHED, WriteQueue
+from addon.output.writers import content, deflating, exr_writer, png_writer, targa_writer, tiff_writer
+from addon.output.writers.content import Content
+
+SIZES = [(1, 1), (1, 7), (300, 1), (2, 3), (17, 33), (129, 65)]
+PNG_CHANNELS = {True: (6, 4), False: (2, 3)}
+"""The color type of a PNG and its number of channels, by whether it has alpha."""
+
+
+def texels_of(width, height, seed):
+    """Slow waves with a bit of noise, some background, and the values 0 and 1; some are outside by rounding."""
+    random = np.random.default_rng(seed)
+    u, v = np.meshgrid(np.arange(width) / 40, np.arange(height) / 30)
+    result = np.stack([np.sin(u + k) * np.cos(v - k) * 0.5 + 0.5 for k in range(4)], axis=-1).astype(np.float32)
+    result += random.normal(0, 1e-4, result.shape).astype(np.float32)
+    result[random.random((height, width)) > 0.8] = (0.5, 0.5, 1.0, 0.0)
+    result[0, 0], result[-1, -1] = (0.0, 1.0, -1e-6, 1.0 + 1e-6), (1.0, 0.0, 0.5, 0.25)
+    return result
+
+
+def stored(texels, depth, has_alpha):
+    """The whole numbers (H, W, C) of `texels`, with the highest row first."""
+    most = 2**depth - 1
+    exact = texels[::-1, :, : 4 if has_alpha else 3] * np.float32(most) + np.float32(0.5)
+    return np.floor(exact).clip(0, most).astype(int)
+
+
+def file_of(made):
+    """The bytes of a content."""
+    file = io.BytesIO()
+    made.write(file, (part() for part in made.parts))
+    return file.getvalue()
+
+
+# PNG
+
+
+def png_chunks(data):
+    """The names and the data of the chunks of a PNG, after their checksums were compared."""
+    assert data[:8] == b"\x89PNG\r\n\x1a\n"
+    at, found = 8, []
+    while at < len(data):
+        length, name = struct.unpack_from(">I4s", data, at)
+        body = data[at + 8 : at + 8 + length]
+        assert struct.unpack_from(">I", data, at + 8 + length)[0] == zlib.crc32(name + body)
+        found.append((name, body))
+        at += 12 + length
+    return found
+
+
+def png_numbers(data):
+    """The numbers (H, W, C) of a PNG whose rows all have the filter Paeth, by the plain rule of the specification."""
+    chunks = png_chunks(data)
+    width, height, depth, kind, *rest = struct.unpack(">2I5B", chunks[0][1])
+    assert rest == [0, 0, 0]
+    channels = {6: 4, 2: 3}[kind]
+    texel = channels * depth // 8
+    # decompress compares the checksum of the stream
+    rows = np.frombuffer(zlib.decompress(b"".join(body for name, body in chunks if name == b"IDAT")), np.uint8)
+    rows = rows.reshape(height, 1 + width * texel)
+    assert (rows[:, 0] == 4).all()
+    found = np.zeros((height + 1, texel + width * texel), int)
+    for y in range(height):
+        for x in range(texel, texel + width * texel):
+            left, above, corner = found[y + 1, x - texel], found[y, x], found[y, x - texel]
+            guess = left + above - corner
+            near = min((left, above, corner), key=lambda value: abs(guess - value))  # the first of equal ones
+            found[y + 1, x] = (rows[y, 1 + x - texel] + near) % 256
+    values = found[1:, texel:].astype(np.uint8).view(np.uint8 if depth == 8 else ">u2")
+    return values.reshape(height, width, channels).astype(int)
+
+
+@pytest.mark.parametrize("has_alpha", [True, False], ids=["RGBA", "RGB"])
+@pytest.mark.parametrize("depth", [8, 16])
+@pytest.mark.parametrize("size", SIZES, ids=str)
+def test_a_png_has_the_numbers_seed_4(size, depth, has_alpha):
+    texels = texels_of(*size, seed=4)
+    data = file_of(png_writer.content(texels, depth, has_alpha=has_alpha))
+    np.testing.assert_array_equal(png_numbers(data), stored(texels, depth, has_alpha))
+
+
+@pytest.mark.parametrize("depth", [8, 16])
+def test_noise_needs_every_branch_of_the_filter_seed_5(depth):
+    texels = np.random.default_rng(5).random((40, 50, 4), dtype=np.float32)
+    texels[10:20] = np.round(texels[10:20] * 2) / 2  # many equal bytes
+    data = file_of(png_writer.content(texels, depth, has_alpha=True))
+    np.testing.assert_array_equal(png_numbers(data), stored(texels, depth, True))
+
+
+@pytest.mark.parametrize("has_alpha", [True, False], ids=["RGBA", "RGB"])
+def test_small_blocks_and_pieces_give_the_same_numbers_seed_6(has_alpha, monkeypatch):
+    """Rows need the row above, also in another block; pieces are joined in one stream."""
+    texels = texels_of(45, 61, seed=6)
+    whole = [file_of(module.content(texels, 16, has_alpha=has_alpha)) for module in (png_writer, tiff_writer)]
+    assert [name for name, _ in png_chunks(whole[0])].count(b"IDAT") == 3  # the header, one piece, the checksum
+    monkeypatch.setattr(content, "BLOCK", 3 * 45 * 8)
+    monkeypatch.setattr(content, "LEAST_PIECE", 1)
+    monkeypatch.setattr(content, "MOST_PIECE", 1000)
+    monkeypatch.setattr(tiff_writer, "STRIP", 900)
+    split = [file_of(module.content(texels, 16, has_alpha=has_alpha)) for module in (png_writer, tiff_writer)]
+    assert [name for name, _ in png_chunks(split[0])].count(b"IDAT") > 20
+    for data in (whole[0], split[0]):
+        np.testing.assert_array_equal(png_numbers(data), stored(texels, 16, has_alpha))
+    for data in (whole[1], split[1]):
+        np.testing.assert_array_equal(tiff_numbers(data), stored(texels, 16, has_alpha))
+
+
+def test_a_png_declares_the_color_space_before_its_data():
+    names = [name for name, _ in png_chunks(file_of(png_writer.content(texels_of(9, 9, 1), 8, has_alpha=True)))]
+    assert names == [b"IHDR", b"sRGB", b"gAMA", b"cHRM", b"IDAT", b"IDAT", b"IDAT", b"IEND"]
+
+
+class _Simple(ctypes.Structure):
+    """png_image of libpng's simplified interface."""
+
+    _fields_ = (
+        ("opaque", ctypes.c_void_p),
+        *((name, ctypes.c_uint32) for name in ("version", "width", "height", "format", "flags", "colormap")),
+        ("warning", ctypes.c_uint32),
+        ("message", ctypes.c_char * 64),
+    )
+
+
+@pytest.mark.parametrize("size", [*SIZES, (700, 500)], ids=str)
+def test_libpng_reads_the_bytes_seed_7(size):
+    name = ctypes.util.find_library("png16")
+    if name is None:
+        pytest.skip("libpng is not installed")
+    library = ctypes.CDLL(name)
+    texels = texels_of(*size, seed=7)
+    data = file_of(png_writer.content(texels, 8, has_alpha=True))
+    image = _Simple(version=1)
+    assert library.png_image_begin_read_from_memory(ctypes.byref(image), data, ctypes.c_size_t(len(data)))
+    image.format = 3  # red, green, blue and alpha of 8 bits
+    found = np.zeros((size[1], size[0], 4), np.uint8)
+    end_read = library.png_image_finish_read
+    assert end_read(ctypes.byref(image), None, found.ctypes.data_as(ctypes.c_void_p), ctypes.c_int32(0), None)
+    assert (image.width, image.height, image.message) == (*size, b"")
+    np.testing.assert_array_equal(found, stored(texels, 8, True))
+
+
+# Deflating
+
+
+@pytest.mark.parametrize("count", [1, 2, 5])
+def test_the_checksum_of_pieces_is_that_of_the_whole_seed_8(count):
+    data = np.random.default_rng(8).integers(0, 256, (count, 70001), dtype=np.uint8)
+    pieces = [deflating.deflate(row, is_last=row is data[-1]) for row in data]
+    adler = 1
+    for piece in pieces:
+        adler = deflating.joined(adler, piece)
+    assert adler == zlib.adler32(data)
+
+
+def is_small(rows):
+    """Whether `rows` are not more than a tenth larger than with zlib's usual search."""
+    usual = len(zlib.compress(rows.tobytes(), 1))
+    return len(deflating.deflate(rows, is_last=True).data) <= 1.1 * usual
+
+
+def test_repeats_are_sought_where_they_help_seed_9():
+    """Gray maps repeat each number three times; residues of normals hardly repeat."""
+    random = np.random.default_rng(9)
+    gray = np.repeat(random.normal(0, 3, (300, 400, 1)).astype(np.int8), 3, axis=2).view(np.uint8).reshape(300, -1)
+    residues = random.normal(0, 20, (300, 1200)).astype(np.int8).view(np.uint8)
+    constant = np.zeros((300, 1200), np.uint8)
+    tiled = np.tile(random.integers(0, 256, (300, 60), dtype=np.uint8), 20)
+    assert all(map(is_small, (gray, residues, constant, tiled)))
+    choices = [deflating._choice(memoryview(rows).cast("B")) for rows in (gray, residues, constant, tiled)]
+    assert choices == [deflating.REPEATS, deflating.RUNS, deflating.RUNS, deflating.REPEATS]
+
+
+@pytest.mark.parametrize("height", [1, 5, 1000, 4096])
+@pytest.mark.parametrize("row_bytes", [1, 4096, 1 << 20])
+@pytest.mark.parametrize("whole", [1, 7])
+def test_pieces_cover_all_rows_in_order(height, row_bytes, whole):
+    found = content.pieces(height, row_bytes, whole)
+    assert [row for part in found for row in range(height)[part]] == list(range(height))
+    assert all(part.start % whole == 0 and part.stop > part.start for part in found)
+    assert all(row_bytes * (part.stop - part.start) <= max(content.MOST_PIECE, row_bytes * whole) for part in found)
+
+
+# TIFF, Targa, OpenEXR
+
+
+def tiff_numbers(data):
+    """The numbers (H, W, C) of a TIFF as tiff_writer makes it."""
+    (start,) = struct.unpack_from("<I", data, 4)
+    (count,) = struct.unpack_from("<H", data, start)
+    tags = {}
+    for row in range(count):
+        tag, kind, length, value = struct.unpack_from("<HHII", data, start + 2 + 12 * row)
+        layout = f"<{length}{ {3: 'H', 4: 'I', 5: 'Q'}[kind] }"
+        at = value if struct.calcsize(layout) > 4 else start + 2 + 12 * row + 8
+        tags[tag] = struct.unpack_from(layout, data, at)
+    assert list(tags) == sorted(tags)
+    width, height, channels = (tags[tag][0] for tag in (256, 257, 277))
+    assert tags[259] == (8,)
+    assert tags[317] == (2,)
+    assert tags.get(338) == ((2,) if channels == 4 else None)
+    (depth,) = {*tags[258]}
+    strips = (zlib.decompress(data[at : at + size]) for at, size in zip(tags[273], tags[279], strict=True))
+    rows = np.frombuffer(b"".join(strips), np.uint8 if depth == 8 else "<u2").reshape(height, width, channels)
+    return np.cumsum(rows, axis=1, dtype=rows.dtype).astype(int)
+
+
+@pytest.mark.parametrize("has_alpha", [True, False], ids=["RGBA", "RGB"])
+@pytest.mark.parametrize("depth", [8, 16])
+@pytest.mark.parametrize("size", SIZES, ids=str)
+def test_a_tiff_has_the_numbers_seed_10(size, depth, has_alpha):
+    texels = texels_of(*size, seed=10)
+    data = file_of(tiff_writer.content(texels, depth, has_alpha=has_alpha))
+    np.testing.assert_array_equal(tiff_numbers(data), stored(texels, depth, has_alpha))
+
+
+def test_a_tiff_of_more_than_4_gigabytes_is_refused(monkeypatch):
+    monkeypatch.setattr(tiff_writer, "MOST", 3000)
+    with pytest.raises(RuntimeError, match="at most 4 GB"):
+        file_of(tiff_writer.content(np.random.default_rng(1).random((50, 50, 4), np.float32), 16, has_alpha=True))
+
+
+@pytest.mark.parametrize("has_alpha", [True, False], ids=["RGBA", "RGB"])
+@pytest.mark.parametrize("size", SIZES, ids=str)
+def test_a_targa_has_the_numbers_seed_11(size, has_alpha):
+    texels = texels_of(*size, seed=11)
+    data = file_of(targa_writer.content(texels, 8, has_alpha=has_alpha))
+    channels = 4 if has_alpha else 3
+    assert struct.unpack_from("<2x B9x2H2B", data) == (2, *size, 8 * channels, 0x28 if has_alpha else 0x20)
+    count = size[0] * size[1] * channels
+    found = np.frombuffer(data, np.uint8, count, 18).reshape(size[1], size[0], channels)
+    np.testing.assert_array_equal(found[..., [2, 1, 0, 3][:channels]], stored(texels, 8, has_alpha))
+    extension, _, end = struct.unpack("<2I18s", data[-26:])
+    assert (extension, end) == (18 + count, b"TRUEVISION-XFILE.\0")
+    assert (data[extension + 494], len(data)) == (3 if has_alpha else 0, extension + 495 + 26)
+
+
+@pytest.mark.parametrize("has_alpha", [True, False], ids=["RGBA", "RGB"])
+@pytest.mark.parametrize("depth", [16, 32])
+@pytest.mark.parametrize("size", SIZES, ids=str)
+def test_an_exr_has_the_numbers_seed_12(size, depth, has_alpha):
+    texels = texels_of(*size, seed=12) * np.float32(1000.0)
+    texels[0, 0, 0] = 1e6  # more than 16 bits can hold
+    data = file_of(exr_writer.content(texels, depth, has_alpha=has_alpha))
+    channels, kind = 4 if has_alpha else 3, {16: "<f2", 32: "<f4"}[depth]
+    line = 8 + size[0] * channels * np.dtype(kind).itemsize
+    first = len(data) - line * size[1]
+    np.testing.assert_array_equal(
+        np.frombuffer(data, "<u8", size[1], first - 8 * size[1]), first + line * np.arange(size[1])
+    )
+    lines = np.frombuffer(data, np.uint8, offset=first).reshape(size[1], line)
+    np.testing.assert_array_equal(lines[:, :8].copy().view("<i4"), [(y, line - 8) for y in range(size[1])])
+    planes = lines[:, 8:].copy().view(kind).reshape(size[1], channels, size[0])
+    expected = texels[::-1, :, :channels].clip(*((-65504, 65504) if depth == 16 else (None, None))).astype(kind)
+    np.testing.assert_array_equal(planes.transpose(0, 2, 1)[..., ::-1], expected)
+
+
+# The queue
+
+
+def slow_content(data, log=None):
+    """A content of one part. log: gets the data when it is packed."""
+
+    def part():
+        if log is not None:
+            log.append(data)
+        return data
+
+    return Content([part], lambda file, results: file.write(b"".join(results)))
+
+
+def reserved(path):
+    partial = Partial(path)
+    partial.temporary.touch()
+    return partial
+
+
+def test_a_queue_writes_each_file(tmp_path):
+    partials = [reserved(tmp_path / f"{number}.png") for number in range(7)]
+    with WriteQueue() as queue:
+        jobs = [queue.add(slow_content(b"%d" % number), partial) for number, partial in enumerate(partials)]
+        for job in jobs:
+            job.result()
+    assert [partial.temporary.read_bytes() for partial in partials] == [b"%d" % number for number in range(7)]
+    for partial in partials:
+        partial.discard()
+    assert os.listdir(tmp_path) == []
+
+
+def test_few_files_wait_at_once(tmp_path, monkeypatch):
+    """The next one waits for the first: the queue asks for its result before it takes more."""
+    asked = []
+    partials = [reserved(tmp_path / f"{number}.png") for number in range(5)]
+    with WriteQueue() as queue:
+        for number, partial in enumerate(partials):
+            assert len(queue._unfinished) <= MOST_UNFINISHED
+            asked.append(queue.add(slow_content(bytes(1000)), partial))
+            assert all(job.done() for job in asked[: number + 1 - MOST_UNFINISHED])
+    for partial in partials:
+        partial.discard()
+
+
+def test_an_error_is_raised_with_the_path_by_its_file_and_by_the_next_one(tmp_path):
+    def fail(_file, _results):
+        raise OSError(28, "No space left on device")
+
+    partial = reserved(tmp_path / "map.png")
+    with WriteQueue() as queue:
+        job = queue.add(Content([], fail), partial)
+        message = f"'{tmp_path / 'map.png'}' could not be written: No space left on device."
+        with pytest.raises(BakeError) as raised:
+            job.result()
+        assert str(raised.value) == message
+        with pytest.raises(BakeError) as raised:
+            queue.add(slow_content(b"x"), reserved(tmp_path / "other.png"))
+        assert str(raised.value) == message
+
+
+def test_a_closed_queue_does_not_begin_what_waits(tmp_path):
+    import threading
+
+    begun, let_go, log = threading.Event(), threading.Event(), []
+
+    def wait():
+        begun.set()
+        let_go.wait(10)
+        return b""
+
+    queue = WriteQueue()
+    many = Content([wait] * (os.cpu_count() or 1), lambda file, results: file.write(b"".join(results)))
+    queue.add(many, reserved(tmp_path / "1.png"))
+    queue.add(slow_content(b"never", log), reserved(tmp_path / "2.png"))
+    assert begun.wait(10)
+    threading.Timer(0.05, let_go.set).start()
+    queue.close()
+    queue.close()
+    assert log == []
+
+
+# All
+
+
+def test_steps_are_the_nearest_and_stay_in_range():
+    values = np.array([-1.0, -1e-9, 0.0, 0.49999 / 255, 0.50001 / 255, 1.0, 1.0 + 1e-7, 7.0], np.float32)
+    assert quantize.steps(values, 8).tolist() == [0, 0, 0, 0, 1, 255, 255, 255]
+    assert quantize.steps(values, 8).dtype == np.uint8
+    every = (np.arange(65536) / 65535).astype(np.float32)
+    np.testing.assert_array_equal(quantize.steps(every, 16), np.arange(65536))
+
+
+def test_each_format_has_a_writer():
+    from addon.output import image_file
+
+    assert set(image_file.WRITERS) == set(file_formats.FORMATS)
+    texels = texels_of(5, 4, seed=1)
+    starts = {
+        image_file_start(image_file.content(texels, Path(f"map{one.endings[0]}"), one.depths[0]))
+        for one in image_file.WRITERS
+    }
+    assert len(starts) == len(file_formats.FORMATS)
+
+
+def image_file_start(made):
+    return file_of(made)[:4]
