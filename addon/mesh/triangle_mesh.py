@@ -19,7 +19,9 @@ class Mesh:
     triangles (T, 3) int32, indices into the corners; faces (T,) int32, the face of each triangle, or None if not read;
     labels (T, n), numbers that go with each triangle, or None. to_world (4, 4) float64. not_finite: the number of triangles
     left out for NaN or infinite values. instances: the number of instances joined; 0 for the object's own mesh.
-    layers: more values by corner (C, n) float32, by their kind (UV_LAYER, ATTRIBUTE or TANGENTS) and name.
+    layers: more values by corner (C, n) float32, by their kind (UV_LAYER, ATTRIBUTE or TANGENTS) and name. normals_domain:
+    "POINT" or "FACE" if the normals are those that Blender computes of vertices or faces from the positions alone, or empty.
+    starts (F + 1,) int32: the first corner of each face, and at the end C, or None if not read.
     """
 
     name: str
@@ -35,6 +37,8 @@ class Mesh:
     labels: np.ndarray | None = None
     instances: int = 0
     layers: dict[tuple[str, str], np.ndarray] = field(default_factory=dict)
+    normals_domain: str = ""
+    starts: np.ndarray | None = None
 
     def to_world_normals(self, normals: np.ndarray) -> np.ndarray:
         """Transform `normals` (N, 3) from this mesh's space to world space; float32, not of length one."""

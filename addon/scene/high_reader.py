@@ -3,6 +3,7 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import bpy
 import numpy as np
@@ -20,6 +21,7 @@ from .high_layers.material_layers import read_layers
 from .high_layers.material_numbers import MaterialNumbers, Shown
 from .images.image_pages import ImagePages
 from .materials.material_reading import NORMAL
+from .sculpting import moved_vertices
 
 MOST = 200_000_000
 """The largest number of triangles of a high object with its instances: more do not fit into memory or on a GPU."""
@@ -34,7 +36,8 @@ class Reader:
     """Reads the high objects of one bake.
 
     low, low_layer: the low object, and its mesh's UV layer. before: the materials of an earlier reading, which keep their
-    numbers. materials: those that were read so far.
+    numbers. known: meshes of that reading, by the number of their high object; if only vertices have moved, little is read
+    again. materials: those that were read so far.
     """
 
     depsgraph: bpy.types.Depsgraph
@@ -42,6 +45,7 @@ class Reader:
     low_layer: str
     settings: Settings
     before: Sequence[HighMaterial] = ()
+    known: Mapping[int, Mesh] = MappingProxyType({})
 
     def __post_init__(self):
         sockets = {BY_NAME[name].socket for name in self.settings.maps} - {""}
@@ -102,9 +106,14 @@ class Reader:
         if has_labels or self.settings.detail_maps:
             shown = [self.materials.read(material) for material in slots]
             has_labels = has_labels or any(material.detail is not None for material in shown)
-        mesh = mesh_reader.surface(
-            data, layer, name, to_world, is_drawn_in_uv=method == Method.FLATTEN, with_faces=has_labels
-        )
+        known, mesh = self.known.get(number), None
+        if known is not None and known.name == name and not known.instances:
+            mesh = moved_vertices.read(data, layer, known, to_world, with_faces=has_labels)
+        if mesh is None:
+            is_drawn_in_uv = method == Method.FLATTEN
+            mesh = mesh_reader.surface(
+                data, layer, name, to_world, is_drawn_in_uv=is_drawn_in_uv, with_faces=has_labels
+            )
         if not has_labels:
             return mesh
         return replace(self._labeled(mesh, number, slots, data), layers=read_layers(data, shown, self.settings))

@@ -42,12 +42,32 @@ def is_sculpted_in_place(obj: bpy.types.Object) -> bool:
 
 def reset_normals(data: bpy.types.Mesh) -> None:
     """Make Blender compute the normals of `data` again. Strokes and their undo do not update them."""
-    data.vertices.foreach_set("co", points(data).ravel())
+    if data.vertices:
+        first = data.vertices[0]
+        first.co = first.co  # Blender does not compare: setting one vertex is enough
 
 
 def points(data: bpy.types.Mesh) -> np.ndarray:
     """The positions of the vertices, (V, 3) float32."""
     return _read(data.attributes["position"].data, "vector", len(data.vertices), 3)
+
+
+def uvs(data: bpy.types.Mesh, uv_layer: str) -> np.ndarray:
+    """The UVs by corner, (C, 2) float32."""
+    return _read(data.uv_layers[uv_layer].uv, "vector", len(data.loops), 2)
+
+
+def corner_vertices(data: bpy.types.Mesh) -> np.ndarray:
+    """The vertex of each corner, (C,) int32."""
+    indices = np.empty(len(data.loops), np.int32)
+    data.attributes[".corner_vert"].data.foreach_get("value", indices)
+    return indices
+
+
+def normals_domain(data: bpy.types.Mesh) -> str:
+    """As Mesh has it."""
+    is_free = "custom_normal" not in data.attributes and data.normals_domain in {"POINT", "FACE"}
+    return data.normals_domain if is_free else ""
 
 
 @contextmanager
@@ -73,13 +93,14 @@ def surface(
     corners = len(data.loops)
     mesh = Mesh(
         name=name,
-        positions=_read(data.attributes["position"].data, "vector", len(data.vertices), 3),
-        vertices=_corner_vertices(data),
+        positions=points(data),
+        vertices=corner_vertices(data),
         normals=_read(data.corner_normals, "vector", corners, 3),
         triangles=triangles(data),
         to_world=to_world,
-        uv=_read(data.uv_layers[uv_layer].uv, "vector", corners, 2) if uv_layer else None,
-        faces=_faces(data) if with_faces else None,
+        uv=uvs(data, uv_layer) if uv_layer else None,
+        faces=triangle_faces(data) if with_faces else None,
+        normals_domain=normals_domain(data),
     )
     finite = finite_rows(mesh.normals, mesh.uv) if is_drawn_in_uv and uv_layer else finite_rows(mesh.normals)
     positions = finite_rows(mesh.positions)
@@ -139,7 +160,8 @@ def triangles(data: bpy.types.Mesh) -> np.ndarray:
     return found
 
 
-def _faces(data: bpy.types.Mesh) -> np.ndarray:
+def triangle_faces(data: bpy.types.Mesh) -> np.ndarray:
+    """The face of each of the `triangles` of `data`, (T,) int32."""
     faces = np.empty(len(data.loop_triangles), np.int32)
     data.loop_triangle_polygons.foreach_get("value", faces)
     return faces
@@ -212,7 +234,7 @@ def elements(data: bpy.types.Mesh, chosen: np.ndarray, domain: str = "FACE") -> 
     corners = np.repeat(starts[chosen], totals) + within
     edges = np.empty(len(data.loops), np.int32)
     data.attributes[".corner_edge"].data.foreach_get("value", edges)
-    return {"polygons": chosen, "edges": edges[corners], "vertices": _corner_vertices(data)[corners]}
+    return {"polygons": chosen, "edges": edges[corners], "vertices": corner_vertices(data)[corners]}
 
 
 def _copy_triangles(source, triangles: np.ndarray) -> bool:
@@ -231,12 +253,6 @@ def _copy_triangles(source, triangles: np.ndarray) -> bool:
     return True
 
 
-def _corner_vertices(data: bpy.types.Mesh) -> np.ndarray:
-    indices = np.empty(len(data.loops), np.int32)
-    data.attributes[".corner_vert"].data.foreach_get("value", indices)
-    return indices
-
-
 def _max_face_size(data: bpy.types.Mesh) -> int:
     if len(data.loops) <= 3 * len(data.polygons):
         return 3
@@ -249,20 +265,20 @@ def _max_face_size(data: bpy.types.Mesh) -> int:
 def _triangulated(data: bpy.types.Mesh, uv_layer: str) -> Iterator[bpy.types.Mesh]:
     """A temporary triangulated copy of `data` with the same corner normals, and only this UV layer."""
     corners = triangles(data).reshape(-1)
-    positions = _read(data.attributes["position"].data, "vector", len(data.vertices), 3)
+    positions = points(data)
     normals = _read(data.corner_normals, "vector", len(data.loops), 3)[corners]
-    uv = _read(data.uv_layers[uv_layer].uv, "vector", len(data.loops), 2)[corners]
+    uv = uvs(data, uv_layer)[corners]
     copy = bpy.data.meshes.new("Imprint triangles")
     try:
         copy.vertices.add(len(positions))
         copy.attributes["position"].data.foreach_set("vector", positions.reshape(-1))
         copy.loops.add(len(corners))
-        copy.loops.foreach_set("vertex_index", _corner_vertices(data)[corners])
+        copy.loops.foreach_set("vertex_index", corner_vertices(data)[corners])
         copy.polygons.add(len(corners) // 3)
         indices = np.empty(len(data.polygons), np.int32)
         data.polygons.foreach_get("material_index", indices)
         copy.polygons.foreach_set("loop_start", np.arange(0, len(corners), 3, dtype=np.int32))
-        copy.polygons.foreach_set("material_index", indices[_faces(data)])
+        copy.polygons.foreach_set("material_index", indices[triangle_faces(data)])
         copy.update(calc_edges=True)
         copy.uv_layers.new(name=uv_layer).uv.foreach_set("vector", uv.reshape(-1))
         # Blender uses normals in plain vectors unchanged; normals_split_custom_set would round them.

@@ -75,10 +75,10 @@ def read_again(
         if before is None or {low.session_uid, cage and cage.session_uid}.intersection(changed):
             meshes = _read(depsgraph, low, highs, cage, settings)
         else:
-            new = {number: high for number, high in enumerate(highs) if high.session_uid in changed}
-            reader = Reader(depsgraph, low, before.uv_layer, settings, before.materials)
-            read = dict(zip(new, reader.read(new), strict=True))
-            all_highs = with_labels([read.get(number, mesh) for number, mesh in enumerate(before.highs)])
+            known = dict(enumerate(before.highs, start=1))
+            new = {number: high for number, high in enumerate(highs, start=1) if high.session_uid in changed}
+            reader = Reader(depsgraph, low, before.uv_layer, settings, before.materials, known)
+            all_highs = with_labels(list((known | dict(zip(new, reader.read(new), strict=True))).values()))
             meshes = replace(before, highs=all_highs, materials=reader.materials.materials)
             _check_triangles(meshes.highs)
     if meshes.is_own_base and evaluation.smooths_uvs(low):

@@ -253,3 +253,21 @@ def test_live_does_not_draw_texture_sets(pair):
     with pytest.raises(RuntimeError, match="turn Texture Sets off"):
         bpy.ops.imprint.live()
     assert not live.is_on
+
+
+@pytest.mark.parametrize("changed", ["hi", "other"])
+def test_object_and_material_numbers_stay_when_one_object_changes(pair, changed):
+    """An object that is read again keeps its number and those of its materials."""
+    _, high = pair
+    other = zoo.terrain("other", n=24, height=0.1)
+    other.location.x = 1.0
+    other.data.materials.append(bpy.data.materials.new("wood"))
+    settings = bpy.context.scene.imprint
+    settings.highs.add().object = other
+    settings.method, settings.maps = "CAST", {"OBJECT_ID", "MATERIAL_ID"}
+    switch()
+    follow()
+    raise_middle(bpy.data.objects[changed])
+    follow()
+    found = shown()
+    assert same(found, baked())
