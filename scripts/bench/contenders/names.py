@@ -11,7 +11,7 @@ FLATTEN, CAST, OUTERMOST, KEPT, CYCLES, MULTIRES = (
 )
 PEERS = {
     "open3d": "Open3D, RaycastingScene",
-    "embreex": "trimesh with embreex",
+    "embreex": "embreex, rays alone",
     "pymeshlab": "pymeshlab, transfer to texture",
 }
 """Of the bakers outside Blender, by the module that they are in."""

@@ -20,6 +20,7 @@ PACKAGES = (
     "open3d==0.20.0",
     "libusb-package==1.0.26.3",  # Open3D's wheel needs libusb, which some systems lack
     "pymeshlab==2025.7.post1",
+    "embreex==4.4.0.post1",
     "moderngl==5.13.0",
     "pillow==13.0.0",
 )

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-MODULES = ("open3d", "pymeshlab", "moderngl")
+MODULES = ("open3d", "embreex", "pymeshlab", "moderngl")
 
 
 def open3d(pair, size: int) -> np.ndarray:
@@ -85,7 +85,67 @@ def pymeshlab(pair, size: int) -> np.ndarray:
     return np.where(texels[..., 3:] > 0.5, texels[..., :3] * 2.0 - 1.0, 0.0)
 
 
-BAKERS = {"open3d": open3d, "pymeshlab": pymeshlab}
+def embreex(pair, size: int) -> np.ndarray:
+    """Texels (size, size, 3) of normals by Embree's rays, in one thread; 0 for misses. pair: see scenes.arrays_of.
+
+    Where the rays start is not part of its time: it is in the pair, see `prepare`.
+    """
+    from embreex import mesh_construction, rtcore_scene
+
+    texel, origins, directions = pair["rays"]
+    scene = rtcore_scene.EmbreeScene()
+    mesh_construction.TriangleMesh(scene, pair["high_points"], pair["high_triangles"].astype(np.int32))
+    lengths = np.full(len(origins), 2.0 * pair["extrusion"], np.float32)
+    answer = scene.run(origins, directions, dists=lengths, query="INTERSECT", output=1)
+    hit = np.flatnonzero(answer["primID"] >= 0)
+    first, second = (answer[name][hit, None] for name in ("u", "v"))
+    corners = pair["high_normals"][answer["primID"][hit]]
+    normals = (1.0 - first - second) * corners[:, 0] + first * corners[:, 1] + second * corners[:, 2]
+    texels = np.zeros((size * size, 3), np.float32)
+    texels[texel[hit]] = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+    return texels.reshape(size, size, 3)
+
+
+def prepare(pair, peer: str, size: int) -> None:
+    """Put the rays of all texels into the pair for bakers that have no rasterizer: texel, start (N, 3), direction (N, 3)."""
+    if peer != "embreex" or pair.get("rays_size") == size:
+        return
+    texels, weights, triangles = rasterized(pair["low_uv"].astype(np.float64) * size - 0.5, size)
+    points, outward = (
+        np.einsum("nc,ncx->nx", weights, pair[name][triangles]) for name in ("low_corners", "low_directions")
+    )
+    outward /= np.maximum(np.linalg.norm(outward, axis=1, keepdims=True), 1e-12)
+    rays = points + pair["extrusion"] * outward, -outward
+    pair["rays"] = texels, *(np.ascontiguousarray(values, np.float32) for values in rays)
+    pair["rays_size"] = size
+
+
+def rasterized(corners: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The texels whose centers are in triangles: index, the weights (N, 3) of the corners, and the triangle's number.
+
+    corners: (T, 3, 2) float64, where the center of texel (i, j) is at (i, j).
+    """
+    least = np.clip(np.ceil(corners.min(axis=1)), 0, size).astype(np.int64)
+    count = np.maximum(np.clip(np.floor(corners.max(axis=1)) + 1, 0, size).astype(np.int64) - least, 0)
+    area = count.prod(axis=1)
+    found = []
+    for part in np.array_split(np.arange(len(corners)), max(1, int(area.sum()) >> 20)):
+        triangles = np.repeat(part, area[part])
+        inside_box = np.arange(len(triangles)) - np.repeat(np.cumsum(area[part]) - area[part], area[part])
+        x = least[triangles, 0] + inside_box % count[triangles, 0]
+        y = least[triangles, 1] + inside_box // count[triangles, 0]
+        a, b, c = corners[triangles].transpose(1, 2, 0)
+        twice = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+        with np.errstate(divide="ignore", invalid="ignore"):  # triangles without an area have no texels
+            second = ((x - a[0]) * (c[1] - a[1]) - (y - a[1]) * (c[0] - a[0])) / twice
+            third = ((b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0])) / twice
+            weights = np.stack([1.0 - second - third, second, third], axis=1)
+        inside = (weights >= 0.0).all(axis=1)
+        found.append((y[inside] * size + x[inside], weights[inside], triangles[inside]))
+    return tuple(np.concatenate(values) for values in zip(*found, strict=True))
+
+
+BAKERS = {"open3d": open3d, "embreex": embreex, "pymeshlab": pymeshlab}
 
 
 def preload() -> None:
@@ -139,6 +199,7 @@ def main() -> None:
                 with np.load(request["path"]) as file:
                     pair = dict(file)
             else:
+                prepare(pair, request["peer"], request["size"])
                 start = time.perf_counter()
                 texels = BAKERS[request["peer"]](pair, request["size"])
                 answer = {"seconds": time.perf_counter() - start}

@@ -92,14 +92,13 @@ def closed_forms(rows: list[dict]) -> list[str]:
             degrees = row["angles"].get(name)
             found = [f"{degrees[key]:.4f}" for key in ("median", "percentile_99", "maximum")] if degrees else [GAP] * 3
             written = f"{degrees['written']:.1%}" if degrees else GAP
-            lines.append([row["pair"], f"{row['high']:,}", name, milliseconds(timed), *found, written])
-    head = ["surface", "triangles", "baker", "milliseconds", "median", "99th percentile", "maximum", "written"]
+            lines.append([row["pair"], f"{row['high']:,}", row["size"], name, milliseconds(timed), *found, written])
+    head = ["surface", "triangles", "map", "baker", "milliseconds", "median", "99th percentile", "maximum", "written"]
     return [
         "## Accuracy",
         "",
         "Degrees from the exact normal at the texel's center, for the same texels. Most of the error comes from the mesh, "
-        "whose triangles interpolate normals. World space, "
-        f"{rows[0]['size']} x {rows[0]['size']} texels.",
+        "whose triangles interpolate normals. World space.",
         "",
         *table(head, lines),
     ]
