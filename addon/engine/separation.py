@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Measures the vectors from the low surface to the high one, texel by texel."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import gpu
@@ -11,11 +11,13 @@ from ..core import udim
 from ..core.declarations.choices import Method
 from ..core.settings import Settings
 from ..core.udim import UvToClip
+from ..mesh import uv_layout
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import LocalSpace, local_space_of
 from ..mesh.triangle_mesh import Mesh
 from ..passes import mesh_upload, target
 from ..passes.bake import cast, points
+from .dense.high_batches import DENSE
 from .rays import ray_casting
 
 PROBE_SIZE = 128
@@ -38,7 +40,7 @@ def full_probe(meshes: Meshes, ray_cast: ray_casting.RayCast | None) -> Probe:
 
 def quick_probe(meshes: Meshes) -> Probe:
     """As `full_probe` without rays, but it draws at most TRIANGLES of each high mesh."""
-    return flat_probe(meshes.low, [thinned(high) for high in meshes.drawn_highs])
+    return flat_probe(meshes.low, [high.with_triangles(_every(high)) for high in meshes.drawn_highs])
 
 
 def limit(low: Mesh, settings: Settings) -> float:
@@ -74,10 +76,10 @@ def distances(texels: np.ndarray, offset: np.ndarray) -> np.ndarray:
 def flat_probe(low: Mesh, highs: Sequence[Mesh]) -> Probe:
     """Measures between meshes that are drawn in UV space."""
     local_space = local_space_of([low])
-    on_low, on_high = [upload(low, local_space)], [upload(high, local_space) for high in highs]
+    on_low, on_high = PointMeshes([low], local_space), PointMeshes(highs, local_space)
 
     def probe(size: tuple[int, int], uv_to_clip: UvToClip) -> np.ndarray:
-        below, above = draw_points(on_low, size, uv_to_clip), draw_points(on_high, size, uv_to_clip)
+        below, above = on_low.draw(size, uv_to_clip), on_high.draw(size, uv_to_clip)
         is_low_only = above[..., 3] == 0.0
         above -= below
         above *= np.float32(local_space.size)
@@ -89,13 +91,27 @@ def flat_probe(low: Mesh, highs: Sequence[Mesh]) -> Probe:
 
 def thinned(mesh: Mesh) -> Mesh:
     """`mesh`, or every second, third, ... of its triangles, so that at most TRIANGLES remain."""
-    step = -(-len(mesh.triangles) // TRIANGLES)
-    if step < 2:
-        return mesh
-    corners = mesh.triangles[::step].reshape(-1)
+    every = _every(mesh)
+    return mesh if every.step == 1 else _alone(mesh, every)
+
+
+def _every(mesh: Mesh) -> slice:
+    """The triangles that `thinned` keeps."""
+    return slice(None, None, max(1, -(-len(mesh.triangles) // TRIANGLES)))
+
+
+def _alone(mesh: Mesh, kept: np.ndarray | slice) -> Mesh:
+    """Some triangles of `mesh` with nothing but the points and UVs that they need."""
+    corners = mesh.triangles[kept].reshape(-1)
     numbers = np.arange(len(corners), dtype=np.int32)
-    positions, uv = mesh.positions[mesh.vertices[corners]], mesh.uv[corners]
-    return replace(mesh, positions=positions, vertices=numbers, uv=uv, triangles=numbers.reshape(-1, 3))
+    vertices = np.take(mesh.vertices, corners, mode="clip")
+    return replace(
+        mesh,
+        positions=np.take(mesh.positions, vertices, axis=0, mode="clip"),
+        vertices=numbers,
+        uv=np.take(mesh.uv, corners, axis=0, mode="clip"),
+        triangles=numbers.reshape(-1, 3),
+    )
 
 
 def _ray_probe(ray_cast: ray_casting.RayCast) -> Probe:
@@ -117,6 +133,29 @@ def _ray_probe(ray_cast: ray_casting.RayCast) -> Probe:
         return away
 
     return probe
+
+
+class PointMeshes:
+    """Meshes whose points are drawn in UV space. Of a dense mesh, only triangles over the centers of texels are uploaded."""
+
+    def __init__(self, meshes: Sequence[Mesh], local_space: LocalSpace):
+        self.meshes, self.local_space = meshes, local_space
+        self._whole: dict[int, gpu.types.GPUBatch] = {}
+
+    def draw(self, size: tuple[int, int], uv_to_clip: UvToClip) -> np.ndarray:
+        """As `draw_points`."""
+        return draw_points(list(self._uploaded(size, uv_to_clip)), size, uv_to_clip)
+
+    def _uploaded(self, size: tuple[int, int], uv_to_clip: UvToClip) -> Iterator[gpu.types.GPUBatch]:
+        for number, mesh in enumerate(self.meshes):
+            if len(mesh.triangles) > DENSE * size[0] * size[1] or 3 * len(mesh.triangles) < len(mesh.vertices):
+                kept = uv_layout.over_centers(mesh, uv_to_clip, size)
+                if len(kept):
+                    yield upload(_alone(mesh, kept), self.local_space)
+            else:
+                if number not in self._whole:
+                    self._whole[number] = upload(mesh, self.local_space)
+                yield self._whole[number]
 
 
 def upload(mesh: Mesh, local_space: LocalSpace) -> gpu.types.GPUBatch:

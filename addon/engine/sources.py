@@ -13,10 +13,11 @@ from ..core.map_types import BY_NAME
 from ..core.progress import Pace, Progress, Task
 from ..core.settings import Settings
 from ..core.timings import Timings
-from ..mesh.triangle_mesh import Mesh, normal_matrix
+from ..mesh.triangle_mesh import Mesh
 from ..passes import mesh_upload, target
-from ..passes.bake import cast, flat_hits, flatten
+from ..passes.bake import cast, flat_hits
 from .bands import Band
+from .dense.high_batches import HighBatches
 from .high_surface import HighSurface
 from .method_choice import Plan
 from .rays import ray_casting, ray_directions, ray_distances, tree_cache
@@ -38,7 +39,7 @@ class Source(Protocol):
     def normals(self, band: Band, slot: int = 0) -> Iterator[tuple[gpu.types.GPUTexture, range]]:
         """Unit normals in world space or the low object's: RGBA32F with alpha 1 for a hit, 0 outside the mesh, -1 for a miss.
 
-        In slices: yields the texture and the rows that are ready.
+        In slices: yields the texture and the rows that are ready. An empty range stops at the share of rows that is done.
         """
 
     def drawn(self, slot: int = 0) -> target.Target:
@@ -155,24 +156,17 @@ class Flat:
     ):
         self.surface, self.is_drawn, self.timings = surface, is_drawn, timings
         self.is_changed_later = is_changed_later
-        uploads = uploads or mesh_upload.UploadCache()
         to_world = None if settings.space == Space.WORLD else low.to_world
-        with timings.timed("upload"):
-            self.uploaded = [
-                (
-                    uploads.upload(high.name, high.triangles, uv=high.uv, normal=high.normals),
-                    normal_matrix(high.to_world, to_world),
-                )
-                for high in highs
-            ]
+        self.batches = HighBatches(highs, to_world, timings, uploads)
         self._in_uv: gpu.types.GPUBatch | None = None
 
     def normals(self, band: Band, slot: int = 0) -> Iterator[tuple[gpu.types.GPUTexture, range]]:
-        """As Source has it, all rows at once."""
+        """As Source has it, all rows at once; before, no rows while parts of the meshes are drawn."""
         self._size = band.width, band.height
         into = self.drawn(slot)
-        flatten.draw(into, self.uploaded, band.uv_to_clip)
-        yield into.texture, range(band.height)
+        for done in self.batches.draw(into, band):
+            row = int(done * band.height)
+            yield into.texture, range(0 if done == 1.0 else row, row)
 
     def drawn(self, slot: int = 0) -> target.Target:
         """As Source has it."""

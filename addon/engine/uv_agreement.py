@@ -95,9 +95,7 @@ def mismatched(low: Mesh, highs: Sequence[Mesh]) -> np.ndarray:
     On these texels, the high meshes' point is not CLOSE to any point of the low mesh, along its surface.
     """
     surface, uv_to_clip = _Surface(low), udim.uv_to_clip()
-    above = separation.draw_points(
-        [separation.upload(high, surface.local_space) for high in highs], (PROBE_SIZE, PROBE_SIZE), uv_to_clip
-    )
+    above = separation.PointMeshes(highs, surface.local_space).draw((PROBE_SIZE, PROBE_SIZE), uv_to_clip)
     layers = [surface.draw(uv_to_clip, is_last=is_last) for is_last in (True, False)]
     both = (above[..., 3] > 0.0) & (layers[0][0][..., 3] > 0.0)
     result = np.zeros(both.shape, bool)
@@ -132,9 +130,7 @@ def _difference(surface: "_Surface", high: Mesh, views: Sequence[UvToClip], offs
 
 def _close(surface: "_Surface", high: Mesh, uv_to_clip: UvToClip, offset: np.ndarray) -> np.ndarray:
     """Whether the points of `high` and of the low mesh belong together: (N,) bool for the texels that both cover."""
-    above = separation.draw_points(
-        [separation.upload(high, surface.local_space)], (surface.side, surface.side), uv_to_clip
-    )
+    above = separation.PointMeshes([high], surface.local_space).draw((surface.side, surface.side), uv_to_clip)
     above[..., :3] -= offset / surface.local_space.size
     layers = []
     for is_last in (True, False):

@@ -116,8 +116,11 @@ def attribute_notes(meshes: Meshes, settings: Settings) -> list[str]:
 
 def _with_meanings(drawn: DrawnJob, maps: dict[str, dict]) -> dict[str, dict]:
     """`maps` with what values mean that do not depend on the bake's other values, also in packed channels."""
+    settings = drawn.settings.for_drawing()
+    if not any(BY_NAME[name].family in ray_reach.WITH_MEANING for name in settings.maps):
+        return maps
     space = local_space_of(drawn.plan.meshes.highs)
-    meanings = {name.lower(): how for name, how in ray_reach.meanings(drawn.settings.for_drawing(), space).items()}
+    meanings = {name.lower(): how for name, how in ray_reach.meanings(settings, space).items()}
     found = {name: how | meanings.get(name, {}) for name, how in maps.items()}
     for how in found.values():
         for channel in how.get("channels", {}).values():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Measures triangles in UV space: their areas, and the tiles that they cover."""
+"""Measures triangles in UV space: their areas, the tiles that they cover, and whether they reach a texel's center."""
 
 import numpy as np
 
@@ -9,6 +9,10 @@ from .triangle_mesh import Mesh
 
 ON_THE_RIM = 1e-5
 """A UV counts as outside a tile from this distance on: subdivision rounds UVs."""
+SNAP = 1.0 / 32.0
+"""In texels. Rasterizers round corners to a grid of at least 16 steps a texel."""
+ROUNDING = 2.0**-21
+"""Share of the distance from the origin of UV space: how far single precision moves a corner, with room."""
 
 
 def areas(mesh: Mesh) -> np.ndarray:
@@ -35,6 +39,41 @@ def outside(mesh: Mesh, tiles: tuple[int, int] = (1, 1)) -> np.ndarray:
     corners = np.stack(_uv_corners(mesh), axis=1)
     u, v = corners.real, corners.imag
     return ((u < low) | (u > u_high) | (v < low) | (v > v_high)).any(axis=1)
+
+
+def over_centers(
+    mesh: Mesh, uv_to_clip: udim.UvToClip, size: tuple[int, int], part: slice = slice(None), *, snap: float = SNAP
+) -> np.ndarray:
+    """The triangles of `part` whose box in UV space has a texel's center in it: their numbers (N,) int in the mesh, in order.
+
+    The others change no texel when the mesh is drawn with `uv_to_clip` on `size` texels. snap: how far a rasterizer moves
+    corners, in texels.
+    """
+    first, last, _ = part.indices(len(mesh.triangles))
+    axes = []
+    for axis in range(2):
+        half = size[axis] / 2.0
+        scale, shift = uv_to_clip[axis] * half, (uv_to_clip[axis + 2] + 1.0) * half - 0.5
+        room = snap + ROUNDING * (abs(shift) + 2.0 * half)
+        axes.append([np.float32(value) for value in (scale, shift - room, shift + room, size[axis] - 1)])
+    is_over = np.empty(max(0, last - first), bool)
+
+    def measure(block: slice) -> None:
+        numbers = mesh.triangles[first + block.start : first + block.stop].reshape(-1)
+        corners = np.take(mesh.uv.view(np.complex64)[:, 0], numbers, mode="clip").view(np.float32)
+        inside = True
+        with np.errstate(over="ignore", invalid="ignore"):  # of UVs that lie far outside
+            # In rows of one coordinate of one corner: numpy is several times slower along short axes.
+            for (scale, low, high, most), (a, b, c) in zip(
+                axes, np.ascontiguousarray(corners.reshape(-1, 3, 2).T), strict=True
+            ):
+                lowest, highest = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
+                center = np.maximum(np.ceil(lowest * scale + low), np.float32(0.0))
+                inside = inside & (center <= np.minimum(highest * scale + high, most))
+        is_over[block] = inside
+
+    threads.for_blocks(len(is_over), measure)
+    return np.flatnonzero(is_over) + first
 
 
 def tiles(mesh: Mesh) -> list[int]:

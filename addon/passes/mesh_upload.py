@@ -45,6 +45,11 @@ def upload(triangles: np.ndarray, **attributes: np.ndarray) -> gpu.types.GPUBatc
     return _batch(elements, [_vertices(name, values) for name, values in attributes.items()])
 
 
+def upload_corners(**attributes: np.ndarray) -> gpu.types.GPUBatch:
+    """Upload triangles without indices. attributes: name = (3 T, n) float32, three rows for each triangle."""
+    return _batch(None, [_vertices(name, values) for name, values in attributes.items()])
+
+
 def _vertices(name: str, values: np.ndarray) -> gpu.types.GPUVertBuf:
     layout = gpu.types.GPUVertFormat()
     layout.attr_add(id=name, comp_type="F32", len=values.shape[1], fetch_mode="FLOAT")
@@ -53,8 +58,8 @@ def _vertices(name: str, values: np.ndarray) -> gpu.types.GPUVertBuf:
     return buffer
 
 
-def _batch(elements: gpu.types.GPUIndexBuf, buffers: list[gpu.types.GPUVertBuf]) -> gpu.types.GPUBatch:
-    result = gpu.types.GPUBatch(type="TRIS", buf=buffers[0], elem=elements)
+def _batch(elements: gpu.types.GPUIndexBuf | None, buffers: list[gpu.types.GPUVertBuf]) -> gpu.types.GPUBatch:
+    result = gpu.types.GPUBatch(type="TRIS", buf=buffers[0], **({} if elements is None else {"elem": elements}))
     for buffer in buffers[1:]:
         result.vertbuf_add(buffer)
     return result

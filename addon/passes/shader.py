@@ -9,13 +9,19 @@ from pathlib import Path
 import numpy as np
 
 from . import blender_gpu as gpu
-from .program import Program, in_software, prelude, source
+from .program import Program, prelude, source
+from .program import in_software as is_software
 
 
 @functools.cache
+def in_software() -> bool:
+    """Whether a program on the CPU draws."""
+    return is_software(gpu.platform.renderer_get())
+
+
 def reads_images() -> bool:
     """Whether a Program's `texels` are images."""
-    return in_software(gpu.platform.renderer_get())
+    return in_software()
 
 
 def mat4(matrix: np.ndarray) -> list[float]:

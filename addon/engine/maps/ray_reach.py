@@ -15,6 +15,9 @@ from ...passes.hemisphere import curvature, openness
 from ..high_surface import HighSurface
 from ..rays import tree_cache
 
+WITH_MEANING = Family.THICKNESS, Family.CURVATURE
+"""The families of maps that `meanings` explains."""
+
 
 def in_scene(distance: float, settings: Settings, space: LocalSpace) -> float:
     """A distance of the settings in scene units. space: of the high meshes; its size is half of their diagonal."""

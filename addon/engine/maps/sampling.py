@@ -102,7 +102,7 @@ class SampledMaps:
             sample_band = replace(band, offset=offset)
             for normals, rows in self._normals(sample_band, slot):
                 known = normals
-                if sums is not None and self.detail is None:
+                if sums is not None and self.detail is None and rows:
                     with self.timings.timed("draw"):
                         samples.add(sums, normals, rows, is_first=number == 0)
                 if self.pace.has_listener:
@@ -167,7 +167,7 @@ class SampledMaps:
                 if normals is None:
                     return
                 # Detail is added in the space of the source; then only the picture needs them.
-                if self.detail is None or (self.pace.has_listener and self.pace.has_picture):
+                if rows and (self.detail is None or (self.pace.has_listener and self.pace.has_picture)):
                     normals = self._in_space(normals, band, rows)
             yield normals, rows
 

@@ -29,14 +29,16 @@ def draw(
     into: target.Target,
     meshes: Iterable[tuple[gpu.types.GPUBatch, np.ndarray]],
     uv_to_clip: UvToClip,
+    *,
+    clear: bool = True,
 ) -> None:
     """Clear `into` (RGBA32F) and draw each mesh: xyz its unit normal, alpha 1 where it was written.
 
     meshes: batches with attributes uv and normal, each with the (3, 3) matrix that takes its normals to the wanted
-    space. uv_to_clip: as udim.uv_to_clip. Where meshes overlap, the later one stays.
+    space. uv_to_clip: as udim.uv_to_clip. Where meshes overlap, the later one stays. clear: False to draw over what is there.
     """
     compiled = shader.load(PROGRAM)
-    with target.drawing(into):
+    with target.drawing(into, clear=clear):
         for batch, normal_matrix in meshes:
             compiled.bind()
             target.bind(compiled, PROGRAM, normal_matrix=shader.mat4(normal_matrix), uv_to_clip=uv_to_clip)

@@ -1,0 +1,82 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""High meshes on the GPU for Flatten: whole, or in parts that are uploaded and drawn one after the other."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from ...core.timings import Timings
+from ...mesh import uv_layout
+from ...mesh.triangle_mesh import Mesh, normal_matrix
+from ...passes import mesh_upload, shader, target
+from ...passes.bake import flatten
+from ..bands import Band
+
+MOST_WHOLE = 2**24
+"""The most triangles that are on the GPU at once, and stay there for all samples and bands."""
+PART = 2**21
+"""The triangles of a part of larger meshes: small enough that the bake can be canceled in between."""
+DENSE = 4
+"""Triangles per texel. From here on, most triangles cover no texel's center, and finding the others costs less than drawing
+all in software. GPUs leave them out themselves."""
+
+
+class HighBatches:
+    """The high meshes as flatten.draw takes them. space_to_world (4, 4): of the space of normals; None for world space."""
+
+    def __init__(
+        self,
+        highs: Sequence[Mesh],
+        space_to_world: np.ndarray | None,
+        timings: Timings,
+        uploads: mesh_upload.UploadCache | None = None,
+    ):
+        self.highs, self.timings = highs, timings
+        self.matrices = [normal_matrix(high.to_world, space_to_world) for high in highs]
+        self._count = sum(len(high.triangles) for high in highs)
+        self._keeps = uploads is not None
+        self._uploads = uploads or mesh_upload.UploadCache()
+        self._uploaded: list | None = None
+
+    def is_in_parts(self, texels: int) -> bool:
+        """Whether the meshes are drawn in parts on so many texels."""
+        is_dense = shader.in_software() and self._count > DENSE * texels and not self._keeps
+        return self._count > MOST_WHOLE or is_dense
+
+    def _whole(self) -> list:
+        """The meshes, each with its matrix, uploaded when they are first drawn."""
+        if self._uploaded is None:
+            with self.timings.timed("upload"):
+                self._uploaded = [
+                    (self._uploads.upload(high.name, high.triangles, uv=high.uv, normal=high.normals), matrix)
+                    for high, matrix in zip(self.highs, self.matrices, strict=True)
+                ]
+        return self._uploaded
+
+    def draw(self, into: target.Target, band: Band) -> Iterator[float]:
+        """Draw all meshes into `into`, as flatten.draw does. Yields the finished share after each part, at last 1."""
+        if not self.is_in_parts(band.width * band.height):
+            flatten.draw(into, self._whole(), band.uv_to_clip)
+            yield 1.0
+            return
+        target.clear(into)
+        done = 0
+        for high, matrix in zip(self.highs, self.matrices, strict=True):
+            for first in range(0, len(high.triangles), PART):
+                part = slice(first, min(first + PART, len(high.triangles)))
+                self._draw_part(into, band, high, part, matrix)
+                done += part.stop - part.start
+                if done < self._count:
+                    yield done / self._count
+        yield 1.0
+
+    def _draw_part(self, into: target.Target, band: Band, high: Mesh, part: slice, matrix: np.ndarray) -> None:
+        with self.timings.timed("upload"):
+            kept = uv_layout.over_centers(high, band.uv_to_clip, (band.width, band.height), part)
+            if not len(kept):
+                return
+            corners = np.take(high.triangles, kept, axis=0, mode="clip").reshape(-1)
+            uv, normal = (np.take(values, corners, axis=0, mode="clip") for values in (high.uv, high.normals))
+            batch = mesh_upload.upload_corners(uv=uv, normal=normal)
+        flatten.draw(into, [(batch, matrix)], band.uv_to_clip, clear=False)
+        into.finish()  # so that the driver lets go of the part before the next one comes

@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tests that Flatten's map is the same to the bit when triangles are left out, or drawn in parts."""
+
+import bpy
+import numpy as np
+import pytest
+
+from addon.core.settings import Settings
+from addon.core.timings import Timings
+from addon.engine import separation
+from addon.engine.bands import Band
+from addon.engine.dense import high_batches
+from addon.engine.dense.high_batches import HighBatches
+from addon.jobs import bake_pair
+from addon.mesh.triangle_mesh import Mesh
+from addon.passes import mesh_upload, shader, target
+from tests.support import zoo
+
+pytestmark = pytest.mark.usefixtures("gpu_context")
+
+SIZE = 40, 24
+BANDS = {
+    "whole": Band(0, 24, SIZE, 0),
+    "rows": Band(8, 16, SIZE, 3),
+    "sample": Band(0, 24, SIZE, 0, offset=(0.3125, -0.4375)),
+    "tile": Band(0, 24, SIZE, 0, tile=1012),
+}
+
+
+def random_mesh(seed, count=6000):
+    """Triangles of all sizes around and below that of a texel, many on top of others, corners on texel centers among them."""
+    random = np.random.default_rng(seed)
+    middle = random.uniform(-0.2, 2.2, (count, 1, 2))
+    corners = middle + random.normal(0, 1, (count, 3, 2)) * 10.0 ** random.uniform(-4, -1.2, (count, 1, 1))
+    on_grid = random.random((count, 3)) < 0.3
+    corners[on_grid] = (np.round(corners[on_grid] * SIZE * 2) + random.uniform(-0.04, 0.04)) / (2 * np.array(SIZE))
+    numbers = random.permutation(3 * count).astype(np.int32)
+    uv = np.empty((3 * count, 2), np.float32)
+    uv[numbers] = corners.reshape(-1, 2)
+    normals = random.normal(0, 1, (3 * count, 3)).astype(np.float32)
+    return Mesh(
+        f"mesh {seed}",
+        normals.copy(),
+        np.arange(3 * count, dtype=np.int32),
+        normals,
+        numbers.reshape(-1, 3),
+        np.eye(4),
+        uv=uv,
+    )
+
+
+def counted(monkeypatch):
+    """The calls of mesh_upload.upload_corners from here on, as a list."""
+    calls, upload = [], mesh_upload.upload_corners
+    monkeypatch.setattr(mesh_upload, "upload_corners", lambda **attributes: calls.append(1) or upload(**attributes))
+    return calls
+
+
+def drawn(highs, band, uploads=None):
+    into = target.get("test", band.width, band.height, "RGBA32F")
+    shares = list(HighBatches(highs, None, Timings(), uploads).draw(into, band))
+    texels = np.empty((band.height, band.width, 4), np.float32)
+    into.read(texels)
+    return texels, shares
+
+
+def drawn_whole(monkeypatch, highs, band):
+    """As `drawn`, with all triangles."""
+    with monkeypatch.context() as patch:
+        patch.setattr(high_batches, "DENSE", 10**6)
+        return drawn(highs, band)
+
+
+@pytest.mark.parametrize("band", BANDS.values(), ids=BANDS)
+@pytest.mark.parametrize("seed", range(5))
+def test_leaving_out_random_triangles_changes_no_bit(monkeypatch, seed, band):
+    highs = [random_mesh(seed), random_mesh(seed + 100)]
+    whole, shares = drawn_whole(monkeypatch, highs, band)
+    assert shares == [1.0]
+    assert (whole[..., 3] > 0.0).mean() > 0.3
+    monkeypatch.setattr(high_batches, "MOST_WHOLE", 0)
+    monkeypatch.setattr(high_batches, "PART", 2500)
+    in_parts, shares = drawn(highs, band)
+    assert len(shares) == 6
+    assert shares[-1] == 1.0
+    assert in_parts.tobytes() == whole.tobytes()
+
+
+def test_large_meshes_are_drawn_in_parts_on_any_gpu(monkeypatch):
+    highs, band = [random_mesh(7)], BANDS["whole"]
+    whole, _ = drawn_whole(monkeypatch, highs, band)
+    monkeypatch.setattr(high_batches, "MOST_WHOLE", 5999)
+    monkeypatch.setattr(high_batches, "PART", 1024)
+    uploads = counted(monkeypatch)
+    in_parts, shares = drawn(highs, band)
+    assert len(uploads) == len(shares) == 6
+    assert in_parts.tobytes() == whole.tobytes()
+
+
+def test_live_keeps_dense_meshes_on_the_gpu(monkeypatch):
+    monkeypatch.setattr(shader, "in_software", lambda: True)
+    uploads = counted(monkeypatch)
+    assert drawn([random_mesh(1)], BANDS["whole"], mesh_upload.UploadCache())[1] == [1.0]
+    assert not uploads
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_probes_of_random_dense_meshes_are_the_same_to_the_bit(monkeypatch, seed):
+    low, high = random_mesh(seed + 50, 200), random_mesh(seed)
+    probe = separation.flat_probe(low, [high])
+    dense = probe((24, 24), (2.0, 2.0, -1.0, -1.0))
+    monkeypatch.setattr(separation, "DENSE", 10**6)
+    whole = separation.flat_probe(low, [high])((24, 24), (2.0, 2.0, -1.0, -1.0))
+    assert (whole[..., 3] > 0.0).any()
+    assert dense.tobytes() == whole.tobytes()
+
+
+@pytest.mark.parametrize("samples", [1, 4])
+def test_a_bake_in_parts_is_the_same_to_the_bit(monkeypatch, samples):
+    low, high = zoo.plane("lo"), zoo.terrain("hi", 24)
+
+    def bake():
+        settings = Settings(method="FLATTEN", width=16, height=16, samples=samples, depth=32, storage="MEMORY")
+        report = bake_pair(bpy.context, low, [high], settings)
+        return np.array(bpy.data.images[report.image].pixels[:], np.float32)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(high_batches, "DENSE", 10**6)
+        whole = bake()
+    monkeypatch.setattr(high_batches, "MOST_WHOLE", 0)
+    monkeypatch.setattr(high_batches, "PART", 300)
+    uploads = counted(monkeypatch)
+    assert bake().tobytes() == whole.tobytes()
+    assert len(uploads) == 4 * samples
