@@ -17,6 +17,7 @@ from scripts.bench.parts import pairs as pairs_of_meshes
 from scripts.bench.report import growth_section
 from scripts.bench.runs import batches as many_bakes
 from scripts.bench.runs import memory as peaks
+from scripts.bench.runs import samples as several_samples
 from scripts.bench.runs import start as shell_runs
 from scripts.bench.runs import storing as file_formats
 
@@ -95,6 +96,11 @@ def memory(bench: Bench) -> list[dict]:
     return list(peaks.measure(peaks.QUICK if bench.quick else peaks.USUAL, bench.versions, bench.scratch))
 
 
+def samples(bench: Bench) -> list[dict]:
+    chosen = several_samples.cases(files.terrain(bench.folder, bench.scratch), bench.folder, bench.quick)
+    return list(several_samples.measure(chosen, bench.versions, bench.scratch, bench.repeats))
+
+
 def very_large(bench: Bench) -> list[dict]:
     return list(peaks.measure(peaks.VERY_LARGE, bench.versions[:1], bench.scratch))
 
@@ -113,7 +119,7 @@ PARTS = {
     part.__name__: part
     for part in (
         *(pairs, closed_forms, occlusion, growth, live),
-        *(storing, start, batches, memory, very_large),
+        *(storing, start, batches, memory, samples, very_large),
         *(hardware, figures),
     )
 }

@@ -97,7 +97,7 @@ def test_ratios_of_medians_and_of_rounds():
 def test_verdicts_of_ratios(seconds, outcome):
     times = {FLATTEN: timed(*seconds), CAST: timed(1.0, 1.0, 1.0), CYCLES: timed(2.0, 2.0, 2.0)}
     found = targets.judge(result(pairs=[row(times=times)]))
-    (verdict,) = (verdict for verdict in found if "10 times" in verdict.target)
+    (verdict,) = (verdict for verdict in found if "Flatten 10 times" in verdict.target)
     assert verdict.outcome == outcome
     places = [verdicts.ORDER.index(verdict.outcome) for verdict in found]
     assert places == sorted(places)

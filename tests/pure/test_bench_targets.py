@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Tests the targets of the benchmark and the sections about older versions on invented figures."""
 
+import numpy as np
 import pytest
 
 from scripts.bench.contenders.names import CAST, CYCLES, FLATTEN, MULTIRES, OUTERMOST, PEERS, PRESENT
 from scripts.bench.report import run_sections
+from scripts.bench.report.angles_of_maps import difference_of
 from scripts.bench.report.statistics_of_rounds import older_name
 from scripts.bench.report.targets import judge
 from scripts.bench.report.verdicts import at_most
@@ -19,7 +21,8 @@ def timed(*seconds, gap=""):
 def versions(present, older, **row):
     """A row of both versions. The rounds of the older one are all the same."""
     times = {PRESENT: timed(*present), OLDER: timed(*[older] * len(present))}
-    return {"what": "PNG, 16 bits", "pair": "kepler", "size": 2048, "times": times} | row
+    sizes = dict.fromkeys(times, 1000)
+    return {"what": "PNG, 16 bits", "pair": "kepler", "size": 2048, "times": times, "bytes": sizes} | row
 
 
 def only(result, words):
@@ -116,6 +119,63 @@ def test_the_figures_of_a_missed_limit_are_those_that_miss_it():
     assert at_most("few", 2.0, [("a", [1.0])], "s").figures == "a 1 s (1 to 1)"
 
 
+@pytest.mark.parametrize(("size", "outcome"), [(1100, "holds"), (1101, "missed")])
+def test_files_may_be_a_tenth_larger(size, outcome):
+    row = versions([1.0], 1.0)
+    other = row | {"what": "TIFF", "bytes": {PRESENT: size, OLDER: 1000}}
+    found = only({"storing": [row, other]}, "10 % larger")
+    assert found.outcome == outcome
+    assert only({"storing": [row | {"times": {PRESENT: timed(1.0)}}]}, "10 % larger").outcome == "not measured"
+
+
+def sampled(samples, *seconds, **row):
+    return {
+        "what": "Flatten",
+        "pair": "kepler",
+        "size": 2048,
+        "samples": samples,
+        "times": {PRESENT: timed(*seconds)},
+    } | row
+
+
+@pytest.mark.parametrize(
+    ("one", "many", "outcome"),
+    [
+        (sampled(1, 1.0, 1.0, 9.0), sampled(64, 10.0, 9.0, 9.0), "holds"),
+        (sampled(1, 1.0, 1.0, 9.0), sampled(64, 10.1, 9.0, 9.0), "open"),
+        (sampled(1, 1.0, 1.0, 9.0), sampled(64, 11.0), "missed"),
+        (sampled(1, 1.0, 1.0, 9.0), sampled(64, 11.0, what="Cast"), "not measured"),
+        (sampled(1, 1.0, 1.0, 9.0), sampled(64, 11.0, size=1024), "not measured"),
+        (sampled(1, 1.0, 1.0, 9.0), sampled(16, 11.0), "not measured"),
+        (sampled(1), sampled(64, 1.0), "not measured"),
+    ],
+)
+def test_many_samples_against_one(one, many, outcome):
+    assert only({"samples": [one, many]}, "64 samples").outcome == outcome
+
+
+@pytest.mark.parametrize(("degrees", "outcome"), [(0.02, "holds"), (0.021, "missed")])
+def test_adaptive_samples_must_be_near_all_samples(degrees, outcome):
+    rows = [sampled(16, 1.0, angles={"percentile_99": value}) for value in (0.0, degrees)]
+    assert only({"samples": [sampled(1, 1.0), *rows]}, "Adaptive").outcome == outcome
+
+
+def test_the_angle_between_two_maps():
+    turned = np.radians(30.0)
+    wanted, found = np.zeros((2, 4, 10, 10))
+    wanted[:, :8] = np.array([0.5, 0.5, 1.0, 1.0])[:, None, None]
+    found[:, :8] = wanted[:, :8]
+    found[:3, :8, :1] = (np.array([np.sin(turned), 0.0, np.cos(turned)]) * 0.5 + 0.5)[:, None, None]
+    found[3, 9] = 1.0  # ten texels that only one covers
+    angle = difference_of(found.transpose(1, 2, 0), wanted.transpose(1, 2, 0))
+    assert angle == pytest.approx({"percentile_99": 30.0, "percentile_99_9": 30.0, "maximum": 30.0, "unlike": 0.1})
+    found[:3, :8] = wanted[:3, :8]
+    found[0, 3, 3] = 0.6
+    angle = difference_of(found.transpose(1, 2, 0), wanted.transpose(1, 2, 0))
+    assert angle["percentile_99"] < angle["percentile_99_9"] < angle["maximum"]
+    assert angle["maximum"] == pytest.approx(np.degrees(np.arctan(0.2)))
+
+
 def test_the_older_version_is_found_by_its_name():
     assert older_name(versions([1.0], 1.0)) == OLDER
     assert older_name({"times": {PRESENT: timed(), FLATTEN: timed()}}) is None
@@ -127,6 +187,9 @@ def test_sections_have_gaps_for_what_was_not_measured():
     more = {
         "whole": dict.fromkeys(names, [1.0]),
         "bytes": dict.fromkeys(names, 12_345),
+        "samples": 16,
+        "stopped_early": 0.25,
+        "angles": {"percentile_99": 0.01, "percentile_99_9": 0.02, "maximum": 3.0, "unlike": 0.0},
         "startup": {PRESENT: {"bpy": 0.5}, OLDER: {}},
         "bake": dict.fromkeys(names, {"draw": 0.25}),
         "sets": 10,
@@ -134,6 +197,7 @@ def test_sections_have_gaps_for_what_was_not_measured():
         "held_bytes": {PRESENT: 1e9, OLDER: None},
     }
     sections = run_sections.storing, run_sections.start, run_sections.batches, run_sections.memory
+    sections += run_sections.samples, run_sections.very_large
     text = "\n".join(line for section in sections for line in section([both | more, both | more | alone]))
     assert "None" not in text
     assert "| 250 (250 to 250) | 1,000 (1,000 to 1,000) | 12,345 | 4.00 (4.00 to 4.00) |" in text
@@ -141,5 +205,6 @@ def test_sections_have_gaps_for_what_was_not_measured():
     assert "| 0.25 (0.25 to 0.25) | 2,400 | 4.00 (4.00 to 4.00) |" in text
     assert "| 2.00 | 1.00 | 1.0 | 0.25 (0.25 to 0.25) |" in text
     assert "no disk" in text
+    assert "| 16 | Imprint | 250 (250 to 250) | 25.0% | 0.0100 | 0.0200 | 3.0000 | 0.0000% |" in text
     for table in text.split("\n\n"):
         assert len({line.count("|") for line in table.splitlines() if line.startswith("|")}) <= 1

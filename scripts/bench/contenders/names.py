@@ -17,5 +17,7 @@ PEERS = {
 """Of the bakers outside Blender, by the module that they are in."""
 PRESENT = "Imprint"
 """This version, where it is compared with an older one."""
-OURS = (PRESENT, FLATTEN, CAST, OUTERMOST, KEPT)
+ALL_SAMPLES = "Imprint, all samples"
+"""This version, without adaptive samples."""
+OURS = (PRESENT, ALL_SAMPLES, FLATTEN, CAST, OUTERMOST, KEPT)
 """The names of this version, by which two runs are compared."""

@@ -66,6 +66,46 @@ def batches(rows: list[dict]) -> list[str]:
 
 
 def memory(rows: list[dict]) -> list[str]:
+    return [
+        "## Memory",
+        "",
+        "A generated grid onto a plane, each bake in a process of its own, into a PNG of 16 bits. The peak is that of the "
+        "process as the system counts it (VmHWM), with Blender and the meshes; before is what it held when the bake began. "
+        "In software, textures and buffers of the GPU are part of it.",
+        "",
+        *_peaks(rows),
+    ]
+
+
+def very_large(rows: list[dict]) -> list[str]:
+    return ["## Very large meshes", "", "As under Memory, one bake each.", "", *_peaks(rows)]
+
+
+def samples(rows: list[dict]) -> list[str]:
+    lines = []
+    for row in rows:
+        label = [row["what"], row["pair"], row["size"], row["samples"]]
+        for name, timed in row["times"].items():
+            early, angles = row["stopped_early"], row.get("angles", {})
+            is_adaptive = name == PRESENT and row["samples"] > 1
+            lines.append(
+                [*label, name, milliseconds(timed), f"{early:.1%}" if is_adaptive and early is not None else GAP]
+            )
+            shown = (f"{angles[key]:.4f}" for key in ("percentile_99", "percentile_99_9", "maximum"))
+            lines[-1] += shown if is_adaptive and angles else [GAP] * 3
+            lines[-1].append(f"{angles['unlike']:.4%}" if is_adaptive and angles else GAP)
+    head = ["method", "pair", "map", "samples", "version", "ms", "stopped early"]
+    return [
+        "## Several samples",
+        "",
+        "Adaptive samples stop early where the first ones agree. Degrees are those between the normals of adaptive samples and "
+        "of all samples everywhere; the last column is the share of texels that only one of the two maps covers.",
+        "",
+        *table([*head, "99th percentile", "99.9th percentile", "maximum", "covered by one"], lines),
+    ]
+
+
+def _peaks(rows: list[dict]) -> list[str]:
     lines = []
     for row in rows:
         for name, timed in row["times"].items():
@@ -76,15 +116,7 @@ def memory(rows: list[dict]) -> list[str]:
                 + [f"{timed['first']:.1f}" if timed["first"] else GAP, seconds(timed)]
             )
     head = ["bake", "map", "version", "peak, GB", "before, GB", "first bake, s", "later bakes, s"]
-    return [
-        "## Memory",
-        "",
-        "A generated grid onto a plane, each bake in a process of its own, into a PNG of 16 bits. The peak is that of the "
-        "process as the system counts it (VmHWM), with Blender and the meshes; before is what it held when the bake began. "
-        "In software, textures and buffers of the GPU are part of it.",
-        "",
-        *table(head, lines),
-    ]
+    return table(head, lines)
 
 
 def _times(row: dict) -> str:

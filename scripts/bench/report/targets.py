@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The targets of Imprint, which the figures of a run hold or miss."""
 
+import statistics
 from collections.abc import Iterable, Iterator
 
 from scripts.bench.contenders.names import CAST, CYCLES, FLATTEN, MULTIRES, OUTERMOST, PEERS, PRESENT
@@ -13,7 +14,7 @@ Found = list[tuple[str, dict[str, float] | None]]
 
 def judge(result: dict) -> list[Verdict]:
     """The verdicts for all targets, missed ones first. result: a bench.json."""
-    found = [*_of_pairs(result), *_of_versions(result), *_of_multires(result), *_of_live(result)]
+    found = [*_of_pairs(result), *_of_versions(result), *_of_multires(result), *_of_live(result), *_of_samples(result)]
     found += [accuracy(row) for row in result.get("closed_forms", [])]
     for kind, points in result.get("growth", {}).items():
         if kind != "samples":
@@ -62,6 +63,27 @@ def _of_versions(result: dict) -> Iterator[Verdict]:
     large = [row for row in result.get("memory", []) if row["triangles"] >= 10**7 and row["size"] == 512]
     cast = [row for row in large if row["method"] == CAST]
     yield _than_older("Cast of 10 million triangles at 512 in half of the older version's time", 2.0, cast)
+
+    bytes_of = [(row["what"], row["bytes"], older_name(row)) for row in result.get("storing", [])]
+    larger = [(what, [found[PRESENT] / found[older]]) for what, found, older in bytes_of if older and found[older]]
+    yield at_most("Files at most 10 % larger than the older version's", 1.1, larger, "times")
+
+
+def _of_samples(result: dict) -> Iterator[Verdict]:
+    """64 samples with one, on the terrain by Flatten; and adaptive samples with all."""
+    rows = result.get("samples", [])
+    flatten = [row for row in rows if row["what"] == "Flatten" and row["size"] == 2048]
+    one, many = ([row["times"][PRESENT]["seconds"] for row in flatten if row["samples"] == count] for count in (1, 64))
+    times = [a / statistics.median(one[0]) for a in many[0]] if one and many and one[0] else []
+    yield at_most(
+        "64 samples by Flatten at 2048 in at most 10 times the time of one", 10.0, [("terrain", times)], "times"
+    )
+    degrees = [
+        (f"{row['what']}, {row['pair']} at {row['size']}, {row['samples']} samples", [row["angles"]["percentile_99"]])
+        for row in rows
+        if "angles" in row
+    ]
+    yield at_most("Adaptive samples within 0.02 degrees of all samples, 99th percentile", 0.02, degrees, "degrees")
 
 
 def _than_older(target: str, wanted: float, rows: Iterable[dict]) -> Verdict:
