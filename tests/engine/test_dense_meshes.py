@@ -14,6 +14,7 @@ from addon.engine.dense.high_batches import HighBatches
 from addon.jobs import bake_pair
 from addon.mesh.triangle_mesh import Mesh
 from addon.passes import mesh_upload, shader, target
+from addon.passes.bake import flatten
 from tests.support import zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -84,6 +85,15 @@ def test_leaving_out_random_triangles_changes_no_bit(monkeypatch, seed, band):
     assert len(shares) == 6
     assert shares[-1] == 1.0
     assert in_parts.tobytes() == whole.tobytes()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_random_triangles_drawn_in_steps_change_no_bit(monkeypatch, seed):
+    highs, band = [random_mesh(seed)], BANDS["rows"]
+    monkeypatch.setattr(shader, "in_software", lambda: True)
+    whole, _ = drawn_whole(monkeypatch, highs, band)
+    monkeypatch.setattr(flatten, "STEP", 777)
+    assert drawn_whole(monkeypatch, highs, band)[0].tobytes() == whole.tobytes()
 
 
 def test_large_meshes_are_drawn_in_parts_on_any_gpu(monkeypatch):

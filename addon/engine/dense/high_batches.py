@@ -3,6 +3,7 @@
 
 from collections.abc import Iterator, Sequence
 
+import gpu
 import numpy as np
 
 from ...core.timings import Timings
@@ -56,7 +57,9 @@ class HighBatches:
     def draw(self, into: target.Target, band: Band) -> Iterator[float]:
         """Draw all meshes into `into`, as flatten.draw does. Yields the finished share after each part, at last 1."""
         if not self.is_in_parts(band.width * band.height):
-            flatten.draw(into, self._whole(), band.uv_to_clip)
+            target.clear(into)
+            for (batch, matrix), high in zip(self._whole(), self.highs, strict=True):
+                _draw(into, batch, matrix, len(high.triangles), band)
             yield 1.0
             return
         target.clear(into)
@@ -78,5 +81,13 @@ class HighBatches:
             corners = np.take(high.triangles, kept, axis=0, mode="clip").reshape(-1)
             uv, normal = (np.take(values, corners, axis=0, mode="clip") for values in (high.uv, high.normals))
             batch = mesh_upload.upload_corners(uv=uv, normal=normal)
-        flatten.draw(into, [(batch, matrix)], band.uv_to_clip, clear=False)
+        _draw(into, batch, matrix, len(kept), band)
         into.finish()  # so that the driver lets go of the part before the next one comes
+
+
+def _draw(into: target.Target, batch: gpu.types.GPUBatch, matrix: np.ndarray, count: int, band: Band) -> None:
+    """Draw a mesh of `count` triangles over what is in `into`."""
+    if shader.in_software() and count > flatten.STEP:
+        flatten.draw_in_steps(into, (batch, matrix), count, band.uv_to_clip)
+    else:
+        flatten.draw(into, [(batch, matrix)], band.uv_to_clip, clear=False)

@@ -24,6 +24,9 @@ PROGRAM = Program(
     outputs=(("VEC4", "normal_out"),),
 )
 
+STEP = 2**14
+"""The triangles that draw_in_steps draws at a time."""
+
 
 def draw(
     into: target.Target,
@@ -43,3 +46,22 @@ def draw(
             compiled.bind()
             target.bind(compiled, PROGRAM, normal_matrix=shader.mat4(normal_matrix), uv_to_clip=uv_to_clip)
             batch.draw(compiled)
+
+
+def draw_in_steps(
+    into: target.Target, mesh: tuple[gpu.types.GPUBatch, np.ndarray], count: int, uv_to_clip: UvToClip
+) -> None:
+    """Draw a mesh of `count` triangles over what is in `into`, as `draw` does, for drivers that draw in software.
+
+    They sort all triangles into tiles before they fill texels. After a few triangles they still find them in the processor's
+    caches, and sort the next ones meanwhile.
+    """
+    compiled = shader.load(PROGRAM)
+    batch, normal_matrix = mesh
+    constants = {"normal_matrix": shader.mat4(normal_matrix), "uv_to_clip": uv_to_clip}
+    for first in range(0, count, STEP):
+        with target.drawing(into, clear=False):
+            compiled.bind()
+            target.bind(compiled, PROGRAM, **constants)
+            batch.draw_range(compiled, elem_start=3 * first, elem_count=3 * min(STEP, count - first))
+        target.clear(target.get("step", 1, 1, "RGBA8"))  # another target makes the driver fill texels
