@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The add-on: what Blender registers, in order, and removes in reverse order."""
 
+import sys
 from types import ModuleType
 
 
@@ -34,11 +35,10 @@ def free() -> None:
     """Free what is kept on the GPU between bakes. Blender crashes on exit while such objects live."""
     from . import passes
     from .engine import gpu_memory
-    from .ui.live.live_switch import live
-    from .ui.viewport.view_mode import viewer
 
-    live.free()
-    viewer.free()
+    for name, held in (("ui.live.live_switch", "live"), ("ui.viewport.view_mode", "viewer")):
+        if module := sys.modules.get(f"{__name__}.{name}"):  # without a window, no module of the interface is imported
+            getattr(module, held).free()
     gpu_memory.free()
     passes.free()
 

@@ -20,6 +20,7 @@ import subprocess
 import sys
 import tempfile
 import threading
+import time
 from pathlib import Path
 
 try:
@@ -29,6 +30,7 @@ except ImportError:  # Windows
     fcntl = resource = None
     import msvcrt
 
+BEGUN = time.time()
 ROOT = Path(__file__).resolve().parent.parent
 SCRIPTS = ROOT / "scripts"
 REQUIREMENTS = SCRIPTS / "requirements.txt"
@@ -39,6 +41,7 @@ VENV = ROOT / ".venv"
 PYTHON = VENV / ("Scripts/python.exe" if WINDOWS else "bin/python")
 SITE_PACKAGES = VENV / ("Lib/site-packages" if WINDOWS else f"lib/python{WANTED}/site-packages")
 STAMP = VENV / "imprint-stamp"  # written last: an environment without it is incomplete
+BYTE_CODE = VENV / "imprint-byte-code"
 GPU_STAMP = VENV / "imprint-gpu"  # has the name of a machine on which Blender's gpu module has started
 
 IS_ROOT = hasattr(os, "geteuid") and os.geteuid() == 0
@@ -301,6 +304,17 @@ def post_mortem(python, code, baking=""):
 # Stopping
 
 
+def byte_code():
+    """Return environment variables with which Python keeps its byte code in .venv, where it would keep none.
+
+    PYTHONDONTWRITEBYTECODE, which containers set, keeps Python from writing beside the code. Compiling it at each run takes
+    half a second.
+    """
+    if not os.environ.get("PYTHONDONTWRITEBYTECODE") or os.environ.get("PYTHONPYCACHEPREFIX"):
+        return {}
+    return {"PYTHONDONTWRITEBYTECODE": "", "PYTHONPYCACHEPREFIX": str(BYTE_CODE)}
+
+
 class Bake:
     """A child process that runs scripts/bake.py in Blender, and stops cleanly when this process gets a signal.
 
@@ -342,10 +356,11 @@ class Bake:
 
         Signals are blocked in the child until it handles them, and in this process until the child exists.
         """
-        environment = dict(os.environ, IMPRINT_LAUNCHER=str(os.getpid()), IMPRINT_BAKING=str(baking))
+        environment = dict(os.environ, IMPRINT_BEGUN=str(BEGUN), **byte_code())
         if WINDOWS:  # on Windows, Ctrl-C reaches all processes of a console
-            self._process = subprocess.Popen(self._command)
+            self._process = subprocess.Popen(self._command, env=environment)
             return
+        environment.update(IMPRINT_LAUNCHER=str(os.getpid()), IMPRINT_BAKING=str(baking))
         blocked = [*numbers, signal.SIGUSR1, signal.SIGUSR2]
         signal.pthread_sigmask(signal.SIG_BLOCK, blocked)
         try:

@@ -20,6 +20,7 @@ from ..core.errors import BakeError, WrongPlace, sentence
 from ..core.progress import Progress
 from ..core.report import Report
 from ..core.settings import Settings
+from ..core.timings import startup
 from ..jobs import bake_jobs, sequence
 from ..jobs.job import Job, jobs_by_name
 from ..output.files.atomic_file import all_or_none, check_writable, replacing
@@ -142,7 +143,8 @@ def open_files(plan: Plan, stage: Stage, files: run_clashes.Run, meter: Meter) -
             check_writable(Path(path).absolute())
     if meter.is_on:
         meter.show(subject(options), Progress("Opening", 0.0))
-    jobs, problems = _jobs(options, stage)
+    with startup.spent("opening"):
+        jobs, problems = _jobs(options, stage)
     files.opened(plan.name, options, [bake_jobs.ATLAS] if _share_image(options) else [job.low.name for job in jobs])
     notes = input_checks.check_pages(options, settings, jobs)
     hints = input_checks.fit_hints(options, jobs)
@@ -162,6 +164,7 @@ def run(opened: Opened, stage: Stage, meter: Meter) -> Result:
             report.with_memory(memory).with_warnings([*notes, *(opened.hints if report.method == Method.CAST else [])])
             for report in reports
         ]
+        reports[:1] = [report.with_startup(startup.take()) for report in reports[:1]]
         result = Result(opened.name, reports, opened.problems, are=_kind(options), is_stopped=is_stopped)
         if opened.scene is not None and not is_stopped:
             with stage.let_go():
@@ -247,6 +250,7 @@ def _start_gpu() -> None:
     """Start the GPU, without EGL's messages, which are harmless. check_job reports a failure."""
     # Without the launcher, those lines may be all that explains a crash.
     with (
+        startup.spent("gpu"),
         suppress(SystemError, RuntimeError),
         standard_streams.silence() if interruption.is_launched() else nullcontext(),
     ):

@@ -15,6 +15,7 @@ from . import batch, batch_results, interruption, run_clashes, standard_streams
 from .batch import Plan
 from .batch_results import Result
 from .scene_files import Stage
+from .starting import lean_blender
 from .terminal_progress import Meter
 from .usage import arguments, job_file
 from .usage.arguments import WrongUsage
@@ -94,6 +95,8 @@ def _plan(
     )
     if found:
         raise WrongPlace("\n".join(found))
+    if any(plan.options.save_blend for plan in plans):
+        lean_blender.complete()  # before a file is opened: Cycles brings its settings in old files up to date
     return plans, problems, files
 
 

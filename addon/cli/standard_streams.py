@@ -48,7 +48,7 @@ def ours() -> Iterator[None]:
         yield
         return
     out, err = (_Patient(os.dup(number), "wb") for number in (1, 2))
-    _flush()
+    flush()
     kept = os.dup(1)
     os.dup2(2, 1)
     try:
@@ -58,7 +58,7 @@ def ours() -> Iterator[None]:
             if out.error is not None and not isinstance(out.error, BrokenPipeError):  # as in "| head -1"
                 print(f"imprint: standard output could not be written: {out.error.strerror}.", file=stderr)
     finally:
-        _flush()
+        flush()
         os.dup2(kept, 1)
         os.close(kept)
 
@@ -69,7 +69,7 @@ def silence(*numbers: int) -> Iterator[None]:
 
     Exceptions say what matters.
     """
-    _flush()
+    flush()
     kept = {number: os.dup(number) for number in numbers or (1, 2)}
     try:
         with open(os.devnull, "w", encoding="utf-8") as nowhere, redirect_stdout(nowhere), ExitStack() as more:
@@ -79,7 +79,7 @@ def silence(*numbers: int) -> Iterator[None]:
                 os.dup2(nowhere.fileno(), number)
             yield
     finally:
-        _flush()
+        flush()
         for number, copy in kept.items():
             os.dup2(copy, number)
             os.close(copy)
@@ -97,7 +97,8 @@ def _text(file: _Patient) -> io.TextIOWrapper:
     return io.TextIOWrapper(io.BufferedWriter(file), errors="backslashreplace", line_buffering=True)
 
 
-def _flush() -> None:
+def flush() -> None:
+    """Write what Python and C hold back."""
     for stream in filter(None, (sys.stdout, sys.stderr)):
         stream.flush()
     ctypes.CDLL("ucrtbase" if os.name == "nt" else None).fflush(None)

@@ -87,6 +87,9 @@ class Report:
     backend: str = ""
     renderer: str = ""
     seconds: dict[str, float] = field(default_factory=lambda: Timings().seconds)
+    startup: dict[str, float] = field(default_factory=dict)
+    """Seconds of each stage of STARTUP, counted since the report before. Empty in a bake from the window, and in all but the
+    first report of pairs and frames."""
     warnings: list[str] = field(default_factory=list)
     version: int = VERSION
 
@@ -108,6 +111,10 @@ class Report:
     def with_memory(self, memory: dict[str, int]) -> "Report":
         """The same report with estimates of memory."""
         return replace(self, memory=memory)
+
+    def with_startup(self, seconds: dict[str, float]) -> "Report":
+        """The same report with the seconds by stage that went before the bake."""
+        return replace(self, startup=seconds)
 
     def _without_own_hit(self) -> str:
         """How many rays have no own hit, for the summary; empty if all have one."""

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Measures the seconds that the stages of a bake take."""
 
+import os
 import time
 from collections.abc import Generator, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import TypeVar
 
 Yielded = TypeVar("Yielded")
@@ -11,6 +12,12 @@ Result = TypeVar("Result")
 
 STAGES = ("extract", "method", "tree", "upload", "distances", "draw", "pages", "read", "audit", "image")
 """In the order in which a report lists them."""
+
+STARTUP = ("launcher", "bpy", "imprint", "gpu", "opening", "shaders")
+"""What a bake without a window needs before it draws, in order: scripts/imprint.py until Python runs in Blender's process,
+Blender's package and numpy, Imprint's modules, the GPU, the files, and the shaders."""
+BEGUN = "IMPRINT_BEGUN"
+"""The environment variable in which scripts/imprint.py leaves the time of its start, in seconds since 1970."""
 
 
 class Timings:
@@ -53,3 +60,33 @@ class Timings:
             yield
         finally:
             self.seconds["total"] += time.perf_counter() - start
+
+
+class Startup:
+    """The seconds of STARTUP that no bake has reported yet."""
+
+    def __init__(self):
+        self._seconds = dict.fromkeys(STARTUP, 0.0)
+
+    def add_launcher(self) -> None:
+        """Count from the start of scripts/imprint.py until now, if it started this process."""
+        with suppress(KeyError, ValueError):
+            self._seconds["launcher"] += max(0.0, time.time() - float(os.environ[BEGUN]))
+
+    @contextmanager
+    def spent(self, stage: str) -> Iterator[None]:
+        """Add the time of the block to `stage`."""
+        start = time.perf_counter()
+        try:
+            yield
+        finally:
+            self._seconds[stage] += time.perf_counter() - start
+
+    def take(self) -> dict[str, float]:
+        """The seconds by stage since the last call."""
+        taken, self._seconds = self._seconds, dict.fromkeys(STARTUP, 0.0)
+        return taken
+
+
+startup = Startup()
+"""Of this process."""

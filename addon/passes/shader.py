@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..core.timings import startup
 from . import blender_gpu as gpu
 from .program import Program, prelude, source
 from .program import in_software as is_software
@@ -57,7 +58,8 @@ def load(program: Program) -> gpu.types.GPUShader:
     else:
         info.vertex_source(source(program.vertex))
         info.fragment_source(prelude(as_images) + source(program.fragment))
-    compiled = gpu.shader.create_from_info(info)
+    with startup.spent("shaders"):
+        compiled = gpu.shader.create_from_info(info)
     # Blender identifies the bound shader by its address. A shader freed while it was bound may have had this address: then
     # Blender would take the new one for bound, and draw with the wrong one.
     gpu.shader.from_builtin("UNIFORM_COLOR").bind()

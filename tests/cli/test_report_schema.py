@@ -7,6 +7,7 @@ import bpy
 import pytest
 
 from addon.cli import command
+from addon.core.timings import STARTUP
 from scripts.imprint import ROOT
 from tests.support import zoo
 from tests.support.manual import names, rows, section
@@ -64,6 +65,7 @@ def test_the_report_of_one_bake_has_the_keys_in_the_manual(report, method):
     assert set(found["distances"]) == (documented["distances"] if method == "cast" else set())
     assert set(found["loss"]) == documented["loss"]
     assert set(found["seconds"]) == documented["seconds"]
+    assert set(found["startup"]) == set(STARTUP) <= documented["startup"]
     assert {key for how in found["maps"].values() for key in how} <= documented["maps"]
 
 

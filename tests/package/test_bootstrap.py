@@ -275,6 +275,24 @@ class TestCommands:
         assert imprint.main(["bake", *arguments]) == 0
         assert started.read_text().splitlines() == [str(imprint.SCRIPTS / "bake.py"), "--", *arguments]
 
+    @pytest.mark.parametrize(
+        ("variables", "after"),
+        [(("1", ""), "|byte code"), (("1", "own"), "1|own"), (("", ""), "|")],
+    )
+    def test_byte_code_is_kept_in_the_environment(self, baking, bare, monkeypatch, variables, after):
+        monkeypatch.setattr(imprint, "BYTE_CODE", "byte code")
+        for name, value in zip(("PYTHONDONTWRITEBYTECODE", "PYTHONPYCACHEPREFIX"), variables, strict=True):
+            monkeypatch.setenv(name, value)
+        baking(f'printf "%s|%s" "$PYTHONDONTWRITEBYTECODE" "$PYTHONPYCACHEPREFIX" > "{bare}/variables"')
+        assert imprint.main(["bake"]) == 0
+        assert (bare / "variables").read_text() == after
+
+    def test_blender_is_given_the_time_of_the_start(self, baking, bare):
+        baking(f'printf "$IMPRINT_BEGUN" > "{bare}/begun"')
+        assert imprint.main(["bake"]) == 0
+        assert float((bare / "begun").read_text()) == imprint.BEGUN
+        assert 0.0 < imprint.BEGUN < time.time()
+
     @pytest.mark.parametrize("code", [0, 1, 2])
     def test_the_exit_code_is_returned_without_a_message(self, baking, code, capfd):
         baking(f"exit {code}")

@@ -8,14 +8,14 @@ from types import SimpleNamespace
 import pytest
 
 from addon.core import timings
-from addon.core.timings import STAGES, Timings
+from addon.core.timings import BEGUN, STAGES, STARTUP, Startup, Timings
 
 
 @pytest.fixture
 def clock(monkeypatch):
     """A clock that the test sets: clock.now, in seconds."""
     clock = SimpleNamespace(now=0.0)
-    monkeypatch.setattr(timings, "time", SimpleNamespace(perf_counter=lambda: clock.now))
+    monkeypatch.setattr(timings, "time", SimpleNamespace(perf_counter=lambda: clock.now, time=lambda: clock.now))
     return clock
 
 
@@ -89,3 +89,25 @@ def test_work_is_closed_with_its_timer(measured):
     next(steps)
     steps.close()
     assert closed
+
+
+def test_each_stage_before_a_bake_is_reported_once(clock):
+    startup = Startup()
+    for stage in STARTUP:
+        with startup.spent(stage):
+            clock.now += 1.0
+    with startup.spent("opening"):
+        clock.now += 2.0
+    assert startup.take() == dict.fromkeys(STARTUP, 1.0) | {"opening": 3.0}
+    assert startup.take() == dict.fromkeys(STARTUP, 0.0)
+
+
+@pytest.mark.parametrize(("begun", "seconds"), [("97.5", 2.5), ("101.0", 0.0), ("soon", 0.0), (None, 0.0)])
+def test_the_launcher_counts_from_its_start(clock, monkeypatch, begun, seconds):
+    clock.now = 100.0
+    monkeypatch.delenv(BEGUN, raising=False)
+    if begun:
+        monkeypatch.setenv(BEGUN, begun)
+    startup = Startup()
+    startup.add_launcher()
+    assert startup.take()["launcher"] == seconds

@@ -15,6 +15,7 @@ import numpy as np
 from ...core.errors import BakeError
 from ...output.files.atomic_file import reason
 from .. import standard_streams
+from ..starting import lean_blender
 from . import base_colors, far_coordinates, obj_materials, page_files, ply_texture
 from .obj_materials import Materials
 
@@ -83,6 +84,8 @@ def _import(path: Path, space: Space) -> None:
         module, operator, more = IMPORTERS[path.suffix.lower()]
         if space.up and path.suffix.lower() in WITHOUT_AXES:
             more = {**more, "up_axis": space.up, "forward_axis": _FORWARD[space.up]}
+        if module == "import_scene":
+            lean_blender.complete()  # the importer is an add-on
         getattr(getattr(bpy.ops, module), operator)(filepath=str(staged), **more)
     new = [obj for obj in bpy.data.objects if obj not in objects]
     pages = [image for image in bpy.data.images if image not in images]

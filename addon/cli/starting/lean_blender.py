@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Loads Blender's Python package without its interface and its add-ons, which a bake does not need. `complete` loads later
+what some files need.
+
+This works only where Blender is a Python package. Blender itself has loaded everything before it runs a script.
+"""
+
+import gc
+import importlib
+import os
+import sys
+from collections.abc import Sequence
+from importlib.machinery import ModuleSpec
+from types import ModuleType
+from typing import Any
+
+INTERFACE = ("bl_operators", "bl_ui", "nodeitems_builtins")
+"""Blender's panels, menus and operators in Python. The add-ons below add to them."""
+ADDONS = ("cycles", "io_scene_gltf2")
+"""Cycles keeps its settings in scenes."""
+NEVER = (
+    "bl_pkg",
+    "io_anim_bvh",
+    "io_curve_svg",
+    "io_mesh_uv_layout",
+    "io_scene_fbx",
+    "keyingsets_builtins",
+    "pose_library",
+)
+"""What no bake needs: extensions from the network, formats that are no meshes or that Blender reads without Python, poses."""
+
+
+class _StandIns:
+    """Finds modules that do nothing instead of those of these names, and is their loader."""
+
+    def __init__(self, names: Sequence[str]):
+        self.names = names
+
+    def find_spec(self, name: str, path=None, target=None) -> ModuleSpec | None:
+        return ModuleSpec(name, self, origin=__file__, is_package=True) if name in self.names else None
+
+    def create_module(self, spec: ModuleSpec) -> ModuleType | None:
+        return None  # Python makes a plain one
+
+    def exec_module(self, module: ModuleType) -> None:
+        module.__file__ = __file__  # Blender refuses add-ons without a file
+        module.register = _register if module.__name__ == INTERFACE[0] else _nothing
+        module.unregister = _nothing
+
+
+class _Lean:
+    """What is left out so far."""
+
+    def __init__(self):
+        self.is_lean = False
+        self.classes: list[Any] = []
+        """Classes that stand for those of modules that are left out."""
+
+
+_lean = _Lean()
+
+
+def load() -> None:
+    """Import bpy, without what is left out. All is loaded if scripts of the user's own may need it."""
+    if "bpy" in sys.modules:
+        return
+    finder = _StandIns(() if os.environ.get("BLENDER_SYSTEM_SCRIPTS") else (*INTERFACE, *ADDONS, *NEVER))
+    sys.meta_path.insert(0, finder)
+    gc.disable()  # nothing becomes garbage, and there is much to search
+    try:
+        import bpy  # noqa: F401
+    finally:
+        gc.freeze()
+        gc.enable()
+        sys.meta_path.remove(finder)
+        for name in finder.names:
+            sys.modules.pop(name, None)
+    _lean.is_lean = bool(finder.names)
+
+
+def complete() -> None:
+    """Load INTERFACE and ADDONS, for files that need them; nothing where all is loaded."""
+    if not _lean.is_lean:
+        return
+    import addon_utils
+    from bpy.utils import unregister_class
+
+    _lean.is_lean = False
+    while _lean.classes:
+        unregister_class(_lean.classes.pop())
+    for name in INTERFACE:
+        importlib.import_module(name).register()
+    for name in ADDONS:
+        addon_utils.enable(name)
+
+
+def _register() -> None:
+    """Register what Blender misses where the interface is left out."""
+    import bpy
+
+    class Drop(bpy.types.Operator):
+        """Blender prints an error if there is no such operator."""
+
+        bl_idname, bl_label = "wm.drop_blend_file", "Drop"
+
+    class Cycles(bpy.types.RenderEngine):
+        """Blender reads the name of an engine that is not registered as that of another one."""
+
+        bl_idname, bl_label = "CYCLES", "Cycles"
+
+    _lean.classes += [Drop, Cycles]
+    for each in _lean.classes:
+        bpy.utils.register_class(each)
+
+
+def _nothing() -> None:
+    pass

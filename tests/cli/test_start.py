@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tests what scripts/bake.py loads before it bakes, what it loads only for files that need it, and how it ends."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import bpy
+import pytest
+
+from addon.cli.starting import lean_blender
+from addon.core.timings import STARTUP
+from scripts.imprint import ROOT
+from tests.support import zoo
+
+pytestmark = pytest.mark.usefixtures("gpu_context")
+
+LEFT_OUT = {*lean_blender.INTERFACE, *lean_blender.ADDONS, *lean_blender.NEVER}
+
+HARMLESS = "EGL Error (0x3009)", "Read blend"
+"""The start of lines that Blender prints to standard error, without an effect."""
+
+LOADED = """
+import json, runpy, sys
+sys.argv = sys.argv[1:]
+before = set(sys.modules)
+try:
+    runpy.run_path(sys.argv[0])
+except SystemExit as end:
+    import bpy
+    assert end.code == 0, end.code
+    print(json.dumps(sorted(set(sys.modules) - before)))
+    print(json.dumps([addon.module for addon in bpy.context.preferences.addons if addon.module in sys.modules]))
+"""
+"""Runs scripts/bake.py, and then prints which modules and add-ons were loaded."""
+
+
+@pytest.fixture
+def scene(tmp_path, monkeypatch):
+    """The working folder, with s.blend, whose scene is rendered by Cycles, a_low.obj and a_high.glb."""
+    monkeypatch.chdir(tmp_path)
+    high = zoo.plane("a_high", slope=0.2)
+    bpy.ops.export_scene.gltf(filepath=str(tmp_path / "a_high.glb"))
+    zoo.plane("a_low")
+    bpy.context.scene.render.engine = "CYCLES"
+    bpy.context.scene.cycles.samples = 77
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "s.blend"))
+    bpy.data.objects.remove(high)
+    bpy.ops.wm.obj_export(filepath=str(tmp_path / "a_low.obj"))
+    return tmp_path
+
+
+BLEND = ["s.blend", "--low", "a_low", "--high", "a_high", "--limit", "9", "--size", "16", "--output", "m.png"]
+FILES = ["--low-file", "a_low.obj", "--high-file", "a_high.glb", "--limit", "9", "--size", "16", "--output", "m.png"]
+
+
+def script(*words, program=(), **variables):
+    """Run scripts/bake.py in a process of its own."""
+    return subprocess.run(
+        [sys.executable, *program, str(ROOT / "scripts" / "bake.py"), *words],
+        capture_output=True,
+        text=True,
+        check=True,
+        env=dict(os.environ, **variables),
+    )
+
+
+def loaded(*words, **variables):
+    """The modules that a bake loaded, without the parts of packages, and the add-ons among them."""
+    done = script(*words, program=("-c", LOADED), **variables)
+    assert [line for line in done.stderr.splitlines() if not line.startswith(HARMLESS)] == []
+    modules, addons = map(json.loads, done.stdout.splitlines()[-2:])
+    return set(modules), set(addons)
+
+
+def test_a_bake_loads_neither_the_interface_nor_add_ons(scene):
+    modules, addons = loaded(*BLEND)
+    assert not modules & {*LEFT_OUT, "requests", "cattrs", "addon.ui"}
+    assert addons == set()
+
+
+def test_all_is_loaded_where_scripts_of_the_user_may_need_it(scene, tmp_path):
+    modules, addons = loaded(*BLEND, BLENDER_SYSTEM_SCRIPTS=str(tmp_path))
+    assert modules >= LEFT_OUT
+    assert addons >= {*lean_blender.ADDONS, "bl_pkg"}
+
+
+@pytest.mark.parametrize("words", [FILES, [*BLEND, "--save-blend", "saved.blend"]])
+def test_the_interface_is_loaded_for_files_that_need_it(scene, words):
+    modules, addons = loaded(*words)
+    assert modules >= {*lean_blender.INTERFACE, *lean_blender.ADDONS}
+    assert addons == set(lean_blender.ADDONS)
+    assert (scene / "m.png").is_file()
+
+
+def test_a_saved_scene_keeps_its_settings_of_cycles(scene):
+    script(*BLEND, "--save-blend", "saved.blend")
+    bpy.ops.wm.open_mainfile(filepath=str(scene / "saved.blend"))
+    assert (bpy.context.scene.render.engine, bpy.context.scene.cycles.samples) == ("CYCLES", 77)
+
+
+def test_the_engine_of_the_scene_decides_the_basis(scene):
+    """Blender reads the engine of a scene wrongly where no add-on has registered it."""
+    script(*BLEND, "--report", "r.json")
+    assert json.loads(Path("r.json").read_text())["settings"]["basis"] == "BLENDER"
+
+
+def test_the_report_has_the_seconds_before_the_bake(scene):
+    script(*BLEND, "--report", "r.json")
+    found = json.loads(Path("r.json").read_text())["startup"]
+    assert list(found) == list(STARTUP)
+    assert {stage for stage, seconds in found.items() if seconds > 0.0} == {*STARTUP} - {"launcher"}
+
+
+def test_each_bake_has_the_seconds_since_the_one_before(scene):
+    sets = [
+        {"file": name, "low": "a_low", "high": "a_high", "output": f"{name}.png"} for name in ("s.blend", "t.blend")
+    ]
+    (scene / "t.blend").write_bytes((scene / "s.blend").read_bytes())
+    (scene / "j.json").write_text(json.dumps({"defaults": {"size": 16, "limit": 9}, "bake": sets}))
+    script("--jobs", "j.json", "--report", "r.json")
+    first, second = (entry["report"]["startup"] for entry in json.loads(Path("r.json").read_text()))
+    assert {stage for stage, seconds in first.items() if seconds > 0.0} == {*STARTUP} - {"launcher"}
+    assert {stage for stage, seconds in second.items() if seconds > 0.0} == {"gpu", "opening"}
+
+
+@pytest.mark.parametrize(("words", "code"), [(BLEND, 0), (BLEND[:3], 2)])
+def test_the_process_leaves_no_temporary_folder(scene, words, code):
+    (scene / "temporary").mkdir()
+    command = [sys.executable, str(ROOT / "scripts" / "bake.py"), *words]
+    done = subprocess.run(
+        command, capture_output=True, check=False, env=dict(os.environ, TMPDIR=str(scene / "temporary"))
+    )
+    assert done.returncode == code
+    assert list((scene / "temporary").iterdir()) == []
