@@ -48,6 +48,8 @@ class Report:
     """Share of the low mesh's texels whose rays missed."""
     coverage: float = 0.0
     """Share of the texels that a mesh covers, without the margin."""
+    stopped_early: float = 0.0
+    """Share of the texels that a mesh covers that took fewer samples than the settings say, since the first ones agreed."""
     margin: float = 0.0
     """Share of the texels that were filled as margin."""
     overlap: float = 0.0
@@ -136,6 +138,8 @@ class Report:
         if self.distances:
             distances = " and ".join(f"{name.replace('_', ' ')} {value:.4g}" for name, value in self.distances.items())
             details.append(f"Rays: {distances}; {self.missed:.2%} missed{self._without_own_hit()}")
+        if self.stopped_early:
+            details.append(f"Samples: {self.stopped_early:.1%} of the covered texels needed fewer than all")
         if self.blend_width:
             details.append(f"Directions blend within {self.blend_width:.4g} of hard edges")
         far = self.checks.get("far")

@@ -36,6 +36,8 @@ class Settings:
     width: int = _field("width")
     height: int = _field("height")
     samples: int = _field("samples")
+    adaptive: bool = _field("adaptive")
+    """Whether samples are adaptive."""
     extrusion: float | None = _field("extrusion")
     """None to measure it. Not used with a cage."""
     max_distance: float | None = _field("max_distance")

@@ -17,9 +17,11 @@ from .margins import PostProcess
 
 
 class BandMaps(Protocol):
-    """Draws all maps of a band. takes_time: whether a coarse picture is worth its time."""
+    """Draws all maps of a band. takes_time: whether a coarse picture is worth its time. stopped: how many texels of all bands
+    took fewer samples than the settings say."""
 
     takes_time: bool
+    stopped: int
 
     def of(self, band: Band) -> Task[Iterator[tuple[str, gpu.types.GPUTexture]]]:
         """The names and textures (RGBA32F) of the maps. Each texture is valid until the next one is asked for."""

@@ -15,12 +15,14 @@ from ..core.settings import Settings
 from ..core.timings import Timings
 from ..mesh.triangle_mesh import Mesh
 from ..passes import mesh_upload, target
+from ..passes.adaptive.active import Active
 from ..passes.bake import cast, flat_hits
 from .bands import Band
 from .dense.high_batches import HighBatches
 from .high_surface import HighSurface
 from .method_choice import Plan
 from .rays import ray_casting, ray_directions, ray_distances, tree_cache
+from .roles import role
 
 
 class Source(Protocol):
@@ -41,6 +43,9 @@ class Source(Protocol):
 
         In slices: yields the texture and the rows that are ready. An empty range stops at the share of rows that is done.
         """
+
+    def normals_of(self, band: Band, some: Active) -> gpu.types.GPUTexture:
+        """The same in some texels alone, at once; others are left as they are, or cleared."""
 
     def drawn(self, slot: int = 0) -> target.Target:
         """The target of the last `normals` with this slot."""
@@ -168,14 +173,21 @@ class Flat:
             row = int(done * band.height)
             yield into.texture, range(0 if done == 1.0 else row, row)
 
+    def normals_of(self, band: Band, some: Active) -> gpu.types.GPUTexture:
+        """As Source has it."""
+        into = target.get("high of some texels", band.width, band.height, "RGBA32F")
+        for _ in self.batches.draw(into, band, some):
+            pass
+        return into.texture
+
     def drawn(self, slot: int = 0) -> target.Target:
         """As Source has it."""
         make = target.get if self.is_changed_later else target.offscreen
-        return make(_role("high", slot), *self._size, "RGBA32F")
+        return make(role("high", slot), *self._size, "RGBA32F")
 
     def hits(self, band: Band, slot: int = 0) -> target.Target:
         """As Source has it."""
-        into = target.get(_role("hits", slot), band.width, band.height, "RGBA32UI")
+        into = target.get(role("hits", slot), band.width, band.height, "RGBA32UI")
         if self._in_uv is None:
             numbers = self.surface.numbers if self.is_drawn is None else self.surface.numbers[self.is_drawn]
             with self.timings.timed("upload"):
@@ -212,24 +224,36 @@ class Rays:
             self._look_up(normals, hits, rays, rows)
             yield normals.texture, rows
 
-    def _look_up(self, normals: target.Target, hits: target.Target, rays: target.Target, rows: range) -> None:
-        cast.look_up(normals, hits, rays, self.ray_cast.ray_scene.tables, self.to_space, rows=rows)
+    def normals_of(self, band: Band, some: Active) -> gpu.types.GPUTexture:
+        """As Source has it."""
+        size = band.width, band.height
+        rays = target.get("rays", *size, "RGBA32F", "RGBA32F")
+        self.ray_cast.draw(rays, band.uv_to_clip, some)
+        hits, normals = self.hits(band), target.get("high of some texels", *size, "RGBA32F")
+        self.ray_cast.trace(hits, rays, self.pace, some)
+        self._look_up(normals, hits, rays, some=some)
+        return normals.texture
+
+    def _look_up(
+        self,
+        normals: target.Target,
+        hits: target.Target,
+        rays: target.Target,
+        rows: range | None = None,
+        some: Active | None = None,
+    ) -> None:
+        cast.look_up(normals, hits, rays, self.ray_cast.ray_scene.tables, self.to_space, rows=rows, some=some)
 
     def drawn(self, slot: int = 0) -> target.Target:
         """As Source has it."""
-        return target.get(_role("high", slot), *self._size, "RGBA32F")
+        return target.get(role("high", slot), *self._size, "RGBA32F")
 
     def hits(self, band: Band, slot: int = 0) -> target.Target:
         """As Source has it."""
-        return target.get(_role("hits", slot), band.width, band.height, "RGBA32UI")
+        return target.get(role("hits", slot), band.width, band.height, "RGBA32UI")
 
 
 def world_to_space(low: Mesh, settings: Settings) -> np.ndarray:
     """The matrix (3, 3) from world normals to the space in which sources draw normals."""
     matrix = low.to_world[:3, :3]
     return np.eye(3) if settings.space == Space.WORLD else matrix.T / np.abs(matrix).max()
-
-
-def _role(name: str, slot: int) -> str:
-    """The role of a target for samples in this slot."""
-    return f"{name} {slot}" if slot else name

@@ -100,7 +100,8 @@ def _audit(job: Job, settings: Settings, ready: _Ready, tally: Tally, timings: T
     ray_cast = ready.source.ray_cast
     with timings.timed("audit"):
         findings = audit(ready.plan, tally, settings, ray_cast)
-    return DrawnJob(job, settings, ready.meshes, ready.plan, ray_cast, findings, timings, ready.warnings)
+    stopped = ready.renderer.maps.stopped / tally.written
+    return DrawnJob(job, settings, ready.meshes, ready.plan, ray_cast, findings, timings, ready.warnings, stopped)
 
 
 def _shares(plan: Plan) -> Iterator[tuple[int, float, float]]:

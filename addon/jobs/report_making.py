@@ -28,7 +28,7 @@ from .job import Job
 @dataclass(frozen=True)
 class DrawnJob:
     """A bake whose maps are drawn and not yet stored. meshes: all that were read. ray_cast: None for Flatten. warnings: about
-    the objects, in sentences."""
+    the objects, in sentences. stopped_early: as in Report."""
 
     job: Job
     settings: Settings
@@ -38,6 +38,7 @@ class DrawnJob:
     findings: Findings
     timings: Timings
     warnings: Sequence[str] = ()
+    stopped_early: float = 0.0
 
     @property
     def labels(self) -> dict[Labeled, list[str]]:
@@ -70,6 +71,7 @@ def report_of(drawn: DrawnJob, stored: Stored, warnings: Sequence[str] = (), mar
         blend_width=ray_cast.blend_width if ray_cast else 0.0,
         missed=findings.missed,
         coverage=findings.coverage,
+        stopped_early=drawn.stopped_early,
         margin=findings.margin if margin is None else margin,
         overlap=findings.checks["overlap"]["share"],
         mirrored=findings.checks["mirrored"]["count"],

@@ -60,14 +60,15 @@ class Target:
             framebuffer.read_color(0, 0, 1, 1, 4, 0, kind)
 
     @contextmanager
-    def bound(self) -> Iterator[gpu.types.GPUFrameBuffer]:
-        """Bind a framebuffer of these textures for this block.
+    def bound(self, depth: gpu.types.GPUTexture | None = None) -> Iterator[gpu.types.GPUFrameBuffer]:
+        """Bind a framebuffer of these textures for this block. depth: a depth texture of the same size, if they have none.
 
         Each block creates its own: on OpenGL a framebuffer belongs to the window in which it was first bound, and the next
         block may run in another window. All windows share textures.
         """
-        depth = self.textures[-1] if self.formats[-1].startswith("DEPTH") else None
-        colors = [texture for texture in self.textures if texture is not depth]
+        own = self.textures[-1] if self.formats[-1].startswith("DEPTH") else None
+        colors = [texture for texture in self.textures if texture is not own]
+        depth = own or depth
         self.framebuffer = gpu.types.GPUFrameBuffer(depth_slot=depth, color_slots=colors)
         with self.framebuffer.bind():
             yield self.framebuffer
@@ -89,8 +90,8 @@ class Offscreen(Target):
         self.bytes = width * height * (TEXEL_BYTES[formats[0]] + self.DEPTH_BYTES)
 
     @contextmanager
-    def bound(self) -> Iterator[gpu.types.GPUFrameBuffer]:
-        """As Target.bound. Do not keep the framebuffer: it belongs to the current window."""
+    def bound(self, depth: None = None) -> Iterator[gpu.types.GPUFrameBuffer]:
+        """As Target.bound, with its own depth buffer. Do not keep the framebuffer: it belongs to the current window."""
         with self.offscreen.bind():
             yield gpu.state.active_framebuffer_get()
 
@@ -186,15 +187,27 @@ def using(pool: TargetPool) -> Iterator[None]:
 
 
 @contextmanager
-def drawing(into: Target, rows: range | None = None, *, clear: bool = True) -> Iterator[None]:
-    """Draw into `into` in this block. It is cleared first, unless `clear` is False. rows: limits drawing to these rows."""
-    blending, test = gpu.state.blend_get(), gpu.state.depth_test_get()
+def drawing(
+    into: Target,
+    rows: range | None = None,
+    *,
+    clear: bool = True,
+    stopped: gpu.types.GPUTexture | None = None,
+    writes_depth: bool = False,
+) -> Iterator[None]:
+    """Draw into `into` in this block. It is cleared first, unless `clear` is False. rows: limits drawing to these rows.
+
+    stopped: a depth texture, which limits drawing to the texels that are not drawn in it; it stays as it is. writes_depth:
+    draw into the depth of `into` too, where the first of several stays.
+    """
+    blending, test, mask = gpu.state.blend_get(), gpu.state.depth_test_get(), gpu.state.depth_mask_get()
     gpu.state.blend_set("NONE")  # a script may have left another state
-    gpu.state.depth_test_set("NONE")
+    gpu.state.depth_test_set("LESS" if stopped or writes_depth else "NONE")
+    gpu.state.depth_mask_set(writes_depth)
     gpu.state.color_mask_set(True, True, True, True)
-    with into.bound() as framebuffer:
+    with into.bound(stopped) as framebuffer:
         if clear:
-            framebuffer.clear(color=(0.0, 0.0, 0.0, 0.0))
+            framebuffer.clear(color=(0.0, 0.0, 0.0, 0.0), **({"depth": 1.0} if writes_depth else {}))
         framebuffer.viewport_set(0, 0, into.width, into.height)
         if rows is not None:
             gpu.state.scissor_test_set(True)
@@ -204,6 +217,7 @@ def drawing(into: Target, rows: range | None = None, *, clear: bool = True) -> I
         finally:
             if rows is not None:
                 gpu.state.scissor_test_set(False)
+            gpu.state.depth_mask_set(mask)
             gpu.state.depth_test_set(test)
             gpu.state.blend_set(blending)
 
@@ -214,10 +228,20 @@ def clear(target: Target) -> None:
         pass
 
 
-def fill(target: Target, program: Program, rows: range | None = None, **bindings) -> None:
-    """Run `program`'s fragment shader on every texel of `target`, or of these rows; `bindings` as in `bind`."""
+def fill(
+    target: Target,
+    program: Program,
+    rows: range | None = None,
+    *,
+    clear: bool = False,
+    stopped: gpu.types.GPUTexture | None = None,
+    writes_depth: bool = False,
+    **bindings,
+) -> None:
+    """Run `program`'s fragment shader on every texel of `target`, or of these rows; options as in `drawing`, `bindings` as in
+    `bind`."""
     compiled = shader.load(program)
-    with drawing(target, rows, clear=False):
+    with drawing(target, rows, clear=clear, stopped=stopped, writes_depth=writes_depth):
         compiled.bind()
         bind(compiled, program, **bindings)
         _triangle().draw(compiled)

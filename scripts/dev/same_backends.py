@@ -66,6 +66,11 @@ def bake(out: str, scenes: str, size: str, *files: str) -> None:
                 method, "WORLD", image=method, depth=32, storage="MEMORY", material=False, maps=MAPS, **side
             )
             add(f"{Path(file).stem} {method}", low, [high], settings)
+            # A normal map alone has adaptive samples.
+            settings = Settings(
+                method, image=f"{method} samples", samples=16, depth=32, storage="MEMORY", material=False, **side
+            )
+            add(f"{Path(file).stem} {method} with samples", low, [high], settings)
     print(
         f"{gpu.platform.backend_type_get()}, {gpu.platform.renderer_get()}: {len(found)} maps and messages", flush=True
     )

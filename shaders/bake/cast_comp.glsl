@@ -1,6 +1,6 @@
 // Traces one ray per texel from outside the low mesh inwards, and chooses a hit on the high meshes. mesh/spatial/bvh.py
 // builds the trees.
-#include "lib/block_lib.glsl"
+#include "lib/active_lib.glsl"
 #include "lib/overlap_lib.glsl"
 #include "lib/texture_lib.glsl"
 #include "lib/tree_lib.glsl"
@@ -19,7 +19,7 @@ const float CAST_BEYOND = 1e-8;
 
 void main()
 {
-  ivec2 texel = block_texel(first_row);
+  ivec2 texel = active_texel(first_row, texel_size(positions).x);
   if (any(greaterThanEqual(texel, texel_size(positions)))) {
     return;
   }

@@ -39,6 +39,7 @@ SAID = {
     "width": ("--size 64x32", 64),
     "height": ("--size 64x32", 32),
     "samples": ("--samples 16", 16),
+    "adaptive": ("--no-adaptive", False),
     "extrusion": ("--extrusion 0.5", 0.5),
     "max_distance": ("--max-distance 1.5", 1.5),
     "directions": ("--directions split", "SPLIT"),

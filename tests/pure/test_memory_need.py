@@ -14,7 +14,7 @@ MEASURED = {
     Amounts(505_000, 1024 * 1024, 1024 * 1024): 900e6,
     Amounts(2_005_000, 1024 * 1024, 1024 * 1024): 1626e6,
     Amounts(505_000, BAND, BAND): 3948e6,
-    Amounts(505_000, BAND, BAND, samples=4): 4219e6,
+    Amounts(505_000, BAND, BAND, samples=4): 5115e6,
     Amounts(505_000, BAND, BAND, other_maps=2): 6137e6,
     Amounts(505_000, 4 * BAND, BAND): 7463e6,
     Amounts(505_000, 2048 * 2048, 2048 * 2048, other_maps=1): 1807e6,

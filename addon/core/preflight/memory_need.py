@@ -15,6 +15,8 @@ is built."""
 TEXEL, TEXEL_ON_GPU, TEXEL_OF_SUMS, TEXEL_STORED = 17, 124, 16, 53
 """Bytes for each texel of the normal map: read from the GPU, drawn there (as large as a band), with several samples, and while
 one map is stored."""
+TEXEL_OF_ADAPTIVE = 70
+"""As TEXEL_OF_SUMS, with adaptive samples: the first two stay beside those that are added to the sums."""
 OTHER_TEXEL, OTHER_TEXEL_ON_GPU = 33, 32
 """The same for each other map."""
 PAGE_PIXEL, PAGE_PIXEL_ON_GPU = 20, 10
@@ -54,7 +56,12 @@ class Need:
     def of(cls, amounts: Amounts) -> "Need":
         """The memory for these amounts."""
         sums = TEXEL_OF_SUMS if amounts.samples > 1 else 0
-        drawn = TEXEL_ON_GPU + sums + amounts.other_maps * (OTHER_TEXEL_ON_GPU + sums)
+        is_adaptive = amounts.samples > 2 and not amounts.other_maps
+        drawn = (
+            TEXEL_ON_GPU
+            + (TEXEL_OF_ADAPTIVE if is_adaptive else sums)
+            + amounts.other_maps * (OTHER_TEXEL_ON_GPU + sums)
+        )
         maps_on_gpu = amounts.band_texels * drawn
         meshes_on_gpu, page_on_gpu = amounts.triangles * TRIANGLE_ON_GPU, amounts.page_pixels * PAGE_PIXEL_ON_GPU
         return cls(

@@ -10,6 +10,7 @@ from ...core.timings import Timings
 from ...mesh import uv_layout
 from ...mesh.triangle_mesh import Mesh, normal_matrix
 from ...passes import mesh_upload, shader, target
+from ...passes.adaptive.active import Active
 from ...passes.bake import flatten
 from ..bands import Band
 
@@ -54,12 +55,16 @@ class HighBatches:
                 ]
         return self._uploaded
 
-    def draw(self, into: target.Target, band: Band) -> Iterator[float]:
-        """Draw all meshes into `into`, as flatten.draw does. Yields the finished share after each part, at last 1."""
+    def draw(self, into: target.Target, band: Band, some: Active | None = None) -> Iterator[float]:
+        """Draw all meshes into `into`, as flatten.draw does. Yields the finished share after each part, at last 1.
+
+        some: the texels to draw; None for all. `into` is cleared.
+        """
+        stopped = some and some.stopped
         if not self.is_in_parts(band.width * band.height):
             target.clear(into)
             for (batch, matrix), high in zip(self._whole(), self.highs, strict=True):
-                _draw(into, batch, matrix, len(high.triangles), band)
+                _draw(into, (batch, matrix), len(high.triangles), band, stopped)
             yield 1.0
             return
         target.clear(into)
@@ -67,13 +72,22 @@ class HighBatches:
         for high, matrix in zip(self.highs, self.matrices, strict=True):
             for first in range(0, len(high.triangles), PART):
                 part = slice(first, min(first + PART, len(high.triangles)))
-                self._draw_part(into, band, high, part, matrix)
+                self._draw_part(into, band, high, part, matrix=matrix, stopped=stopped)
                 done += part.stop - part.start
                 if done < self._count:
                     yield done / self._count
         yield 1.0
 
-    def _draw_part(self, into: target.Target, band: Band, high: Mesh, part: slice, matrix: np.ndarray) -> None:
+    def _draw_part(
+        self,
+        into: target.Target,
+        band: Band,
+        high: Mesh,
+        part: slice,
+        *,
+        matrix: np.ndarray,
+        stopped: gpu.types.GPUTexture | None,
+    ) -> None:
         with self.timings.timed("upload"):
             kept = uv_layout.over_centers(high, band.uv_to_clip, (band.width, band.height), part)
             if not len(kept):
@@ -81,13 +95,19 @@ class HighBatches:
             corners = np.take(high.triangles, kept, axis=0, mode="clip").reshape(-1)
             uv, normal = (np.take(values, corners, axis=0, mode="clip") for values in (high.uv, high.normals))
             batch = mesh_upload.upload_corners(uv=uv, normal=normal)
-        _draw(into, batch, matrix, len(kept), band)
+        _draw(into, (batch, matrix), len(kept), band, stopped)
         into.finish()  # so that the driver lets go of the part before the next one comes
 
 
-def _draw(into: target.Target, batch: gpu.types.GPUBatch, matrix: np.ndarray, count: int, band: Band) -> None:
+def _draw(
+    into: target.Target,
+    mesh: tuple[gpu.types.GPUBatch, np.ndarray],
+    count: int,
+    band: Band,
+    stopped: gpu.types.GPUTexture | None,
+) -> None:
     """Draw a mesh of `count` triangles over what is in `into`."""
     if shader.in_software() and count > flatten.STEP:
-        flatten.draw_in_steps(into, (batch, matrix), count, band.uv_to_clip)
+        flatten.draw_in_steps(into, mesh, count, band.uv_to_clip, stopped=stopped)
     else:
-        flatten.draw(into, [(batch, matrix)], band.uv_to_clip, clear=False)
+        flatten.draw(into, [mesh], band.uv_to_clip, clear=False, stopped=stopped)

@@ -6,12 +6,13 @@ from dataclasses import replace
 
 import gpu
 
-from ...core.declarations import bases
 from ...core.map_types import NORMAL
 from ...core.progress import Progress, Task, finish, part
 from ...passes import target
-from ...passes.bake import flat_hits, preview_picture, samples, tangent
+from ...passes.bake import flat_hits, preview_picture, samples
 from ...passes.surface import served_blocks
+from ..adaptive.adaptive_normals import AdaptiveNormals
+from ..adaptive.normal_space import NormalSpace
 from ..bands import Band
 from ..normal_channels import channels
 from ..sources import Source
@@ -43,10 +44,16 @@ class SampledMaps:
     ):
         self.source, self.basis, self.families, self.detail = source, basis, families, detail
         self.settings, self.timings, self.pace = run.settings, run.timings, run.pace
+        self.space = NormalSpace(basis, run.settings)
+        # Maps of other families are means over the samples of each texel that they share.
+        is_adaptive = run.settings.adaptive and run.settings.samples > 2 and not families and detail is None
+        self.adaptive = AdaptiveNormals(source, self.space, run) if is_adaptive else None
         self._picture: gpu.types.GPUTexture | None = None
 
     def of(self, band: Band) -> Task[Iterator[tuple[str, gpu.types.GPUTexture]]]:
         """The maps by name, each valid until the next one is asked for. Normals and values are the mean of all samples."""
+        if self.adaptive is not None:
+            return (yield from self._adaptive(band))
         count = self.settings.samples
         offsets = samples.offsets(count)
         central = min(offsets, key=lambda offset: offset[0] ** 2 + offset[1] ** 2)
@@ -60,6 +67,18 @@ class SampledMaps:
             steps = self._group(band, [(number, offset, offset == central) for number, offset in group], sums)
             known = yield from part(steps, first / count, min(count, first + size) / count)
         return self._finished(band, known if sums is None else sums.texture, sums)
+
+    def _adaptive(self, band: Band) -> Task[Iterator[tuple[str, gpu.types.GPUTexture]]]:
+        """`of` with adaptive samples, of the normal map alone."""
+        share = 2.0 / self.settings.samples  # later samples are drawn in a part of the texels
+        share += 0.5 * (1.0 - share)
+        for normals, _, done in self.adaptive.first(band):
+            if self.pace.has_listener:
+                yield self._step(normals, done * share, band)
+        for done in self.adaptive.rest(band):
+            if self.pace.has_listener:
+                yield self._step(self.adaptive.mean, share + done * (1.0 - share), band)
+        return iter([(NORMAL.name, self.adaptive.mean)])
 
     def high_normals(self, band: Band) -> gpu.types.GPUTexture:
         """The normals of the high surface at the centers of texels, with its own maps, in the space of the source."""
@@ -80,6 +99,11 @@ class SampledMaps:
     @property
     def takes_time(self) -> bool:
         return self.source.takes_time
+
+    @property
+    def stopped(self) -> int:
+        """As BandMaps has it."""
+        return self.adaptive.stopped if self.adaptive else 0
 
     @property
     def _has_pages(self) -> bool:
@@ -133,7 +157,7 @@ class SampledMaps:
         known = None
         for sample in drawn:
             with self.timings.timed("draw"):
-                known = self._in_space(sample.normals.texture, sample.band, range(sample.band.height))
+                known = self.space.draw(sample.normals.texture, sample.band, range(sample.band.height))
                 self._clip(sample.hits, known)
                 if sums is not None:
                     samples.add(sums, known, range(sample.band.height), is_first=sample.number == 0)
@@ -168,17 +192,8 @@ class SampledMaps:
                     return
                 # Detail is added in the space of the source; then only the picture needs them.
                 if rows and (self.detail is None or (self.pace.has_listener and self.pace.has_picture)):
-                    normals = self._in_space(normals, band, rows)
+                    normals = self.space.draw(normals, band, rows)
             yield normals, rows
-
-    def _in_space(self, normals: gpu.types.GPUTexture, band: Band, rows: range) -> gpu.types.GPUTexture:
-        """Normals of the source in the space of the settings."""
-        if self.basis is None:
-            return normals
-        into = target.get("low", band.width, band.height, "RGBA32F")
-        is_unit = bases.of_name(self.settings.basis).normalizes_normal
-        tangent.draw(into, self.basis, normals, band.uv_to_clip, normalize_normal=is_unit, rows=rows)
-        return into.texture
 
     def _step(self, normals: gpu.types.GPUTexture, done: float, band: Band, *, clear: bool = False) -> Progress:
         size = self.settings.width, self.settings.height

@@ -13,6 +13,7 @@ from ...core.udim import UvToClip
 from ...mesh.inputs import Meshes
 from ...mesh.local_space import FARTHEST, LocalSpace
 from ...passes import target
+from ...passes.adaptive.active import Active
 from ...passes.bake import cast, rays
 from .low_surface import LowSurface
 from .tree_cache import RayScene
@@ -45,8 +46,8 @@ class RayCast:
         """The distance from hard edges, in scene units, within which directions blend; 0 if they do not."""
         return self.directions.blend_width * self.ray_scene.local_space.size
 
-    def draw(self, into: target.Target, uv_to_clip: UvToClip) -> None:
-        """Draw the rays as `trace` takes them."""
+    def draw(self, into: target.Target, uv_to_clip: UvToClip, some: Active | None = None) -> None:
+        """Draw the rays as `trace` takes them. some: the texels that get one; None for all."""
         unit = self.ray_scene.local_space.size
         rays.draw(
             into,
@@ -55,17 +56,22 @@ class RayCast:
             self.directions,
             start_offset=self.extrusion / unit,
             start_on_cage=self.has_cage,
+            stopped=some and some.stopped,
         )
 
-    def trace(self, hits: target.Target, drawn: target.Target, pace: Pace | None = None) -> None:
+    def trace(
+        self, hits: target.Target, drawn: target.Target, pace: Pace | None = None, some: Active | None = None
+    ) -> None:
         """Cast the rays that `draw` has written, as cast.trace does."""
-        for _ in self.traced(hits, drawn, pace or Pace()):
+        for _ in self.traced(hits, drawn, pace or Pace(), some):
             pass
 
-    def traced(self, hits: target.Target, drawn: target.Target, pace: Pace) -> Iterator[range]:
-        """As `trace`, in slices. Yields the rows that are done."""
+    def traced(
+        self, hits: target.Target, drawn: target.Target, pace: Pace, some: Active | None = None
+    ) -> Iterator[range]:
+        """As `trace`, in slices. Yields the rows that are done; with `some`, rows of its list."""
         unit = self.ray_scene.local_space.size
-        for rows in pace.slices(drawn.height):
+        for rows in pace.slices(some.rows if some else drawn.height):
             cast.trace(
                 hits,
                 drawn,
@@ -77,6 +83,7 @@ class RayCast:
                 max_t=self.max_distance / unit if self.has_cage else FARTHEST,
                 facing_only=self.facing_only,
                 rows=rows,
+                some=some,
             )
             hits.finish()
             yield rows

@@ -10,6 +10,8 @@ import numpy as np
 
 from ...core.declarations.choices import Hit
 from .. import data_texture, shader, target
+from ..adaptive import active
+from ..adaptive.active import Active
 from ..program import Program
 from .owners import Owners
 
@@ -27,6 +29,7 @@ TRACE = Program(
         ("RGBA32F", "FLOAT_2D", "low_nodes"),
         ("RGBA32F", "FLOAT_2D", "low_corners"),
     ),
+    samplers=active.SAMPLERS,
     images=(("RGBA32UI", "UINT_2D", "hits", "WRITE"),),
     constants=(
         ("VEC4", "grid_origin"),
@@ -41,6 +44,7 @@ TRACE = Program(
         ("INT", "low_first_leaf"),
         ("INT", "rule"),
         ("INT", "facing_only"),
+        *active.CONSTANTS,
     ),
 )
 LOOKUP = Program(
@@ -120,19 +124,20 @@ def trace(
     max_t: float,
     facing_only: bool,
     rows: range | None = None,
+    some: Active | None = None,
 ) -> None:
     """Trace one ray per texel and write its hit into `into` (RGBA32UI), as shaders/lib/hit_lib.glsl reads it.
 
     rays: what rays.draw wrote. A ray runs against its direction, from its start to `inside` below the low surface, at most
     as far as `max_t`. rule: which hit counts. OWN needs `owners`. facing_only: ignore triangles whose back faces the ray.
-    rows: the rows to trace; the first is a multiple of 8.
+    rows: the rows to trace; the first is a multiple of 8. some: the texels to trace; `rows` are those of their list.
     """
     if owners is None:  # the shader does not read it
         owners = Owners(tables.nodes, tables.corners, 0, tables.origin, tables.scale, 0.0)
     target.dispatch(
         TRACE,
         rays.width,
-        rows or range(rays.height),
+        rows or range(some.rows if some else rays.height),
         positions=rays.textures[0],
         directions=rays.textures[1],
         nodes=tables.nodes,
@@ -152,6 +157,7 @@ def trace(
         low_first_leaf=owners.first_leaf,
         rule=RULES.index(rule),
         facing_only=int(facing_only),
+        **active.bindings(some, tables.nodes),
     )
 
 
@@ -163,15 +169,17 @@ def look_up(
     normal_matrix: np.ndarray,
     *,
     rows: range | None = None,
+    some: Active | None = None,
 ) -> None:
     """Write the unit normals at the hits into `into` (RGBA32F). Alpha is 1 for a hit, -1 for a miss, 0 without a low mesh.
 
-    normal_matrix: (3, 3), applied to the interpolated normal. rows: the rows to write.
+    normal_matrix: (3, 3), applied to the interpolated normal. rows: the rows to write. some: the texels to write; None for all.
     """
     target.fill(
         into,
         LOOKUP,
         rows=rows,
+        stopped=some and some.stopped,
         hits=hits.texture,
         positions=rays.textures[0],
         normals=tables.normals,

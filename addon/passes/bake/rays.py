@@ -133,16 +133,17 @@ def draw(
     *,
     start_offset: float,
     start_on_cage: bool = False,
+    stopped: gpu.types.GPUTexture | None = None,
 ) -> None:
     """Clear `into` (two RGBA32F) and write the rays of the texels that `low` covers.
 
     The first texture gets the point on the low mesh and the number of its triangle, the second the unit direction away from
     the surface and how far outside it the ray starts. start_offset: that distance where nothing is painted; with
-    start_on_cage it is the length of the smooth normals instead, which then point at the cage.
+    start_on_cage it is the length of the smooth normals instead, which then point at the cage. stopped: as in target.drawing.
     """
     compiled = shader.load(PROGRAM)
     edges = directions.edges
-    with target.drawing(into):
+    with target.drawing(into, stopped=stopped):
         compiled.bind()
         target.bind(
             compiled,

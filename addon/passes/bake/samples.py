@@ -5,6 +5,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from .. import target
 from ..program import Program
 
@@ -27,6 +29,12 @@ AVERAGE = Program(
 )
 
 
+ROUNDS = (2, 4, 8, 16)
+"""How many samples a texel has after the rounds of adaptive samples; the last one takes all."""
+UNEVEN = {(4, 8)}
+"""Rounds that are left out: no four of the eight samples are spread as evenly in both directions."""
+BEND = 4.0
+"""How much bends count, compared with steps: most edges of a smooth mesh are bends."""
 _EIGHT = (3, 6, 0, 5, 2, 7, 1, 4)
 """The order of eight rows that averages waves in any direction most accurately, found among all orders."""
 
@@ -42,6 +50,38 @@ def offsets(count: int) -> list[tuple[float, float]]:
     upright = (1 << bits // 2) - 1
     rows = _EIGHT if count == 8 else [int(f"0{i:0{bits}b}"[:0:-1], 2) ^ upright if bits else 0 for i in range(count)]
     return [((i + 0.5) / count - 0.5, (row + 0.5) / count - 0.5) for i, row in enumerate(rows)]
+
+
+def rounds(count: int) -> list[list[tuple[float, float]]]:
+    """The `offsets` of 4 samples or more in the rounds in which adaptive samples take them, with ROUNDS in all.
+
+    The samples of a round come in pairs that lie opposite to each other around the center: their mean is exact for values that
+    change linearly. The first pair, and the first two together, are closest to the mean of all samples, for edges in any
+    direction, between two values and between two slopes. So is each further pair, with those before it.
+    """
+    places = offsets(count)
+    pairs = _edges(np.array(places))
+    pairs = pairs[: count // 2] + pairs[: count // 2 - 1 : -1]
+    alone = np.square(pairs).sum(axis=1) / 4.0
+    errors = np.square(pairs[:, None] + pairs).sum(axis=2) / 16.0 + alone[:, None]
+    np.fill_diagonal(errors, np.inf)
+    order = list(np.unravel_index(errors.argmin(), errors.shape))
+    while len(order) < len(pairs):
+        errors = np.square(pairs[order].sum(axis=0) + pairs).sum(axis=1)
+        errors[order] = np.inf
+        order.append(errors.argmin())
+    order = [i for pair in order for i in (pair, count - 1 - pair)]
+    stops = [stop for stop in ROUNDS if stop < count and (stop, count) not in UNEVEN] + [count]
+    return [[places[i] for i in order[start:stop]] for start, stop in zip([0, *stops], stops, strict=False)]
+
+
+def _edges(places: np.ndarray) -> np.ndarray:
+    """Steps and bends along lines in many places and directions at places (N, 2), less their means over all: (N, E)."""
+    turns = np.linspace(0.0, np.pi, 16, endpoint=False)
+    across = places @ np.stack([np.cos(turns), np.sin(turns)])
+    beyond = (across[:, :, None] - np.linspace(-0.6, 0.6, 25)).reshape(len(places), -1)
+    values = np.concatenate([beyond > 0.0, np.maximum(beyond, 0.0) * BEND], axis=1)
+    return values - values.mean(axis=0)
 
 
 def add(sums: target.Target, normals: gpu.types.GPUTexture, rows: range, *, is_first: bool) -> None:

@@ -32,15 +32,17 @@ def draw(
     normalize_normal: bool,
     rows: range | None = None,
     clear: bool = True,
+    stopped: gpu.types.GPUTexture | None = None,
 ) -> None:
     """Clear `into` (RGBA32F) and write tangent-space unit normals, alpha 1, on texels that `low` and `normals` cover.
 
     low: batch with attributes uv, normal and tangent (w = the bitangent's sign). normals: object-space unit normals of
     the same size. normalize_normal: see core.bases.
     rows: in these rows alone; it is cleared with the first of them. clear: False to keep other texels of `into`.
+    stopped: as in target.drawing.
     """
     compiled = shader.load(PROGRAM)
-    with target.drawing(into, rows, clear=clear and (not rows or rows.start == 0)):
+    with target.drawing(into, rows, clear=clear and (not rows or rows.start == 0), stopped=stopped):
         compiled.bind()
         target.bind(compiled, PROGRAM, normals=normals, uv_to_clip=uv_to_clip, normalize_normal=int(normalize_normal))
         low.draw(compiled)

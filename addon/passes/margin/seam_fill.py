@@ -94,15 +94,7 @@ def draw(
 
 def _draw_borders(into: target.Target, strips: gpu.types.GPUBatch, uv_to_clip: UvToClip) -> None:
     compiled = shader.load(BORDERS)
-    with target.drawing(into, clear=False):
-        into.framebuffer.clear(color=(0.0, 0.0, 0.0, 0.0), depth=1.0)
-        test, mask = gpu.state.depth_test_get(), gpu.state.depth_mask_get()
-        gpu.state.depth_test_set("LESS")
-        gpu.state.depth_mask_set(True)
-        try:
-            compiled.bind()
-            target.bind(compiled, BORDERS, uv_to_clip=uv_to_clip)
-            strips.draw(compiled)
-        finally:
-            gpu.state.depth_test_set(test)
-            gpu.state.depth_mask_set(mask)
+    with target.drawing(into, writes_depth=True):
+        compiled.bind()
+        target.bind(compiled, BORDERS, uv_to_clip=uv_to_clip)
+        strips.draw(compiled)

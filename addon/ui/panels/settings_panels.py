@@ -33,6 +33,9 @@ class IMPRINT_PT_map(SettingsPanel, bpy.types.Panel):
             layout.prop_search(settings, "uv_layer", low.data, "uv_layers", icon="GROUP_UVS")
         map_size.draw(layout, settings)
         layout.prop(settings, "samples")
+        row = layout.row()
+        row.active = settings.samples not in {"1", "2"}
+        row.prop(settings, "adaptive")
         column = layout.column(align=True)
         column.prop(settings, "margin_type")
         row = column.row(align=True)

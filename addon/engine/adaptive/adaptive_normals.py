@@ -1,0 +1,82 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Draws a normal map with adaptive samples: two in each texel, and more where those of its neighbors do not lie on a plane."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import gpu
+import numpy as np
+
+from ...passes import target
+from ...passes.adaptive import active, rounds
+from ...passes.bake import samples
+from ..bands import Band
+from ..maps.family import Run
+from ..sources import Source
+from .normal_space import NormalSpace
+
+LIMITS = {2: 0.17, 4: 0.3, 8: 0.5, 16: 0.7}
+"""Degrees of a second difference up to which this many samples are enough."""
+
+
+class AdaptiveNormals:
+    """The normals of a band, as a single sample has them: `first`, then `rest`, then `mean`.
+
+    stopped: how many texels took fewer samples than the settings say, in all bands so far.
+    """
+
+    def __init__(self, source: Source, space: NormalSpace, run: Run):
+        self.source, self.space = source, space
+        self.settings, self.timings, self.pace = run.settings, run.timings, run.pace
+        self.rounds = samples.rounds(self.settings.samples)
+        taken = np.cumsum([len(offsets) for offsets in self.rounds])
+        self.limits = [LIMITS[count] for count in taken[:-1].tolist()]
+        self.stopped = 0
+
+    @property
+    def mean(self) -> gpu.types.GPUTexture:
+        """The normals after `rest`."""
+        return self._mean
+
+    def first(self, band: Band) -> Iterator[tuple[gpu.types.GPUTexture, range, float]]:
+        """Draw the first two samples of each texel, in slices. Yields normals with the rows that are ready, and the share."""
+        self._pair = []
+        for slot, offset in enumerate(self.rounds[0]):
+            sample = replace(band, offset=offset)
+            # Normals that are turned leave their texture to the next sample.
+            drawn = self.source.normals(sample, 0 if self.space.basis else slot)
+            while True:
+                with self.timings.timed("draw"):
+                    normals, rows = next(drawn, (None, None))
+                    if rows is None:
+                        break
+                    known = self.space.draw(normals, sample, rows, slot=slot) if rows else normals
+                yield known, rows, (slot + rows.stop / band.height) / 2.0
+            self._pair.append(known)
+
+    def rest(self, band: Band) -> Iterator[float]:
+        """Draw the other samples, and average them into `mean`. Yields the share of them that is done."""
+        with self.timings.timed("draw"):
+            drawn = target.get("adaptive samples", band.width, band.height, *rounds.FORMATS)
+            needed = rounds.draw(drawn, *self._pair, offset=self.rounds[0][0], limits=self.limits)
+        self.stopped += int(np.count_nonzero(needed[band.halo : band.height - band.halo] < len(self.rounds)))
+        self._mean = sums = drawn.textures[1]
+        whole, done = sum(map(len, self.rounds[1:])), 0
+        several = None
+        for number, offsets in enumerate(self.rounds[1:], start=2):
+            with self.timings.timed("draw"):
+                some = active.find(drawn.texture, needed, number)
+            if some is None:
+                break
+            several = several or some
+            for offset in offsets:
+                with self.timings.timed("draw"):
+                    sample = replace(band, offset=offset)
+                    normals = self.space.draw(self.source.normals_of(sample, some), sample, some=some)
+                    rounds.add(sums, normals, some)
+                    drawn.finish()
+                done += 1
+                yield done / whole
+        if several is not None:
+            with self.timings.timed("draw"):
+                rounds.average(sums, several)

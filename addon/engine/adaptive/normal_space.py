@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Turns the normals of a source into the space of the settings."""
+
+import gpu
+
+from ...core.declarations import bases
+from ...core.settings import Settings
+from ...passes import target
+from ...passes.adaptive.active import Active
+from ...passes.bake import tangent
+from ..bands import Band
+from ..roles import role
+
+
+class NormalSpace:
+    """The space of the normals of a bake. basis: the low mesh with tangents; None for normals that keep the source's space."""
+
+    def __init__(self, basis: gpu.types.GPUBatch | None, settings: Settings):
+        self.basis = basis
+        self.is_unit = bases.of_name(settings.basis).normalizes_normal
+
+    def draw(
+        self,
+        normals: gpu.types.GPUTexture,
+        band: Band,
+        rows: range | None = None,
+        *,
+        slot: int = 0,
+        some: Active | None = None,
+    ) -> gpu.types.GPUTexture:
+        """The same normals in this space. rows: that are drawn. slot: as sources.Source has it. some: the texels that are
+        drawn, beside those of the slots; None for all."""
+        if self.basis is None:
+            return normals
+        into = target.get("low of some texels" if some else role("low", slot), band.width, band.height, "RGBA32F")
+        tangent.draw(
+            into,
+            self.basis,
+            normals,
+            band.uv_to_clip,
+            normalize_normal=self.is_unit,
+            rows=rows,
+            stopped=some and some.stopped,
+        )
+        return into.texture

@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The texels of a map that take more samples: a list for compute shaders, and a depth texture for drawing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .. import blender_gpu as gpu
+from .. import data_texture, target
+from ..program import Program
+
+STOPPED = Program(
+    vertex="lib/fullscreen_vert.glsl",
+    fragment="adaptive/stopped_frag.glsl",
+    inputs=(("VEC2", "position"),),
+    samplers=(("FLOAT_2D", "rounds"),),
+    constants=(("FLOAT", "number"),),
+    outputs=(("FLOAT", "nothing_out"),),
+)
+SAMPLERS = (("FLOAT_2D", "active_texels"),)
+CONSTANTS = (("INT", "active_count"),)
+"""What a Program declares that takes its texels with shaders/lib/active_lib.glsl."""
+BLOCK = 8
+"""The side of a workgroup, as in active_lib.glsl."""
+
+
+@dataclass(frozen=True)
+class Active:
+    """Some texels of a map. stopped: depth, in which all other texels are drawn. texels: the list. count: its length. rows: of
+    workgroups as wide as the map, times their side, that work on the list."""
+
+    stopped: gpu.types.GPUTexture
+    texels: gpu.types.GPUTexture
+    count: int
+    rows: int
+
+
+def find(rounds: gpu.types.GPUTexture, needed: np.ndarray, number: int) -> Active | None:
+    """The texels that take samples in round `number`, counted from 1; None if there are none. Valid until the next call.
+
+    rounds: what rounds.draw wrote. needed: the same (height, width) uint8.
+    """
+    height, width = needed.shape
+    listed = _in_blocks(needed >= number)
+    if not len(listed):
+        return None
+    pairs = np.zeros((-(-len(listed) // 2) * 2, 2), np.float32)
+    pairs[: len(listed)] = listed
+    groups, across = -(-len(listed) // BLOCK**2), -(-width // BLOCK)
+    depth = target.get("stopped texels", width, height, "R8", "DEPTH_COMPONENT32F")
+    target.fill(depth, STOPPED, clear=True, writes_depth=True, rounds=rounds, number=float(number))
+    return Active(
+        depth.textures[1], data_texture.upload(pairs.reshape(-1, 4)), len(listed), -(-groups // across) * BLOCK
+    )
+
+
+def bindings(some: Active | None, unused: gpu.types.GPUTexture) -> dict:
+    """What a Program with SAMPLERS and CONSTANTS is bound to. some: None for all texels; then `unused` is any texture."""
+    return {"active_texels": some.texels if some else unused, "active_count": some.count if some else -1}
+
+
+def _in_blocks(is_active: np.ndarray) -> np.ndarray:
+    """The places (N, 2) int of the texels, x and y, square by square: texels of a workgroup are close to each other."""
+    height, width = is_active.shape
+    across, up = -(-width // BLOCK), -(-height // BLOCK)
+    padded = is_active
+    if (up * BLOCK, across * BLOCK) != (height, width):
+        padded = np.zeros((up * BLOCK, across * BLOCK), bool)
+        padded[:height, :width] = is_active
+    ordered = padded.reshape(up, BLOCK, across, BLOCK).transpose(0, 2, 1, 3)
+    lanes = np.flatnonzero(ordered)
+    block, inner = np.divmod(lanes, BLOCK**2)
+    y, x = np.divmod(block, across)
+    return np.stack([x * BLOCK + inner % BLOCK, y * BLOCK + inner // BLOCK], axis=1)
