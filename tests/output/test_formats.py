@@ -29,6 +29,8 @@ HALFWAY = 1e-4
 """In steps: so close to the middle of two steps, single precision may round either way."""
 MEAN = 2e-3
 """Degrees: the error of the mean of 64 x 64 dithered normals. A single normal has an error of 0.2."""
+LARGER = 1.1
+"""The size of a file, as a multiple of what Blender's writer makes."""
 BLOCK = 0.1
 """In steps: the error of the mean over 8 x 8 dithered texels. With independent noise it reaches 0.2."""
 
@@ -50,6 +52,22 @@ def gradient(size=256):
     texels = np.ones((size, size, 4), np.float32)
     texels[..., :3] = normals * 0.5 + 0.5
     return normals, texels
+
+
+def by_blender(texels, path, depth):
+    """Write texels with Blender's own writer, as it is set by default. Returns the path."""
+    image = bpy.data.images.new(
+        "own", texels.shape[1], texels.shape[0], alpha=True, float_buffer=depth > 8, is_data=True
+    )
+    image.pixels.foreach_set(texels.ravel())
+    settings = bpy.context.scene.render.image_settings
+    settings.file_format = {"PNG": "PNG", "TIFF": "TIFF", "Targa": "TARGA_RAW", "OpenEXR": "OPEN_EXR"}[
+        file_formats.of(path).label
+    ]
+    settings.color_mode, settings.color_depth, settings.tiff_codec = "RGBA", str(depth), "LZW"
+    image.save_render(str(path), scene=bpy.context.scene)
+    bpy.data.images.remove(image)
+    return path
 
 
 def store(texels, **settings):
@@ -101,14 +119,40 @@ def test_values_are_those_that_blender_writes(name, depth, tmp_path):
     texels[..., 1] = np.nextafter(middles.astype(np.float32), np.float32(1.0)).clip(0.0, 1.0)
     texels[..., 2] = np.random.default_rng(3).random((256, 256))
     store(texels, storage="FILE", output=str(tmp_path / name), depth=depth)
-    image = bpy.data.images.new("own", 256, 256, alpha=True, float_buffer=depth > 8, is_data=True)
-    image.pixels.foreach_set(texels.ravel())
-    settings = bpy.context.scene.render.image_settings
-    formats = {"PNG": "PNG", "TIFF": "TIFF", "Targa": "TARGA_RAW", "OpenEXR": "OPEN_EXR"}
-    settings.file_format = formats[file_formats.of(name).label]
-    settings.color_mode, settings.color_depth = "RGBA", str(depth)
-    image.save_render(str(tmp_path / f"own_{name}"), scene=bpy.context.scene)
-    np.testing.assert_array_equal(pictures.read(tmp_path / name), pictures.read(tmp_path / f"own_{name}"))
+    own = by_blender(texels, tmp_path / f"own_{name}", depth)
+    np.testing.assert_array_equal(pictures.read(tmp_path / name), pictures.read(own))
+
+
+def kinds_of_maps(size=640):
+    """Maps as bakes make them: waves of normals with background, gray, dithered, a mask, flat, noise. By name."""
+    u, v = np.meshgrid(np.linspace(0, 9, size), np.linspace(0, 7, size))
+    waviness = np.sin(3 * u) * np.cos(5 * v) + 0.2 * np.sin(41 * u + 17 * v)
+    normals = np.stack([np.gradient(waviness, axis=1), np.gradient(waviness, axis=0), np.full_like(u, 0.2)], axis=-1)
+    waves = np.ones((size, size, 4), np.float32)
+    waves[..., :3] = normals / np.linalg.norm(normals, axis=-1, keepdims=True) * 0.5 + 0.5
+    waves[np.hypot(u - 4, v - 3) > 3.5] = FLAT
+    gray = np.ones((size, size, 4), np.float32)
+    gray[..., :3] = (np.round(waviness * 16) / 64 + 0.5)[..., None]  # as few rays make it
+    heights = np.ones((size, size, 4), np.float32)
+    heights[..., :3] = (waviness * 0.2 + 0.5)[..., None]
+    mask = map_storage.black_and_white(np.hypot(u - 4, v - 3) > 2)
+    flat = np.full((size, size, 4), FLAT, np.float32)
+    noise = np.random.default_rng(8).random((size, size, 4), np.float32)
+    noise[..., 3] = 1.0  # Blender divides by alpha
+    return {
+        "waves": waves, "dithered": quantize.dithered(waves), "gray": gray, "heights": heights, "mask": mask, "flat": flat,
+        "noise": noise,
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "depth"), [("map.png", 8), ("map.png", 16), ("map.tif", 8), ("map.tif", 16)])
+def test_files_are_not_much_larger_than_those_that_blender_writes(name, depth, tmp_path):
+    ratios = {}
+    for kind, texels in kinds_of_maps().items():
+        store(texels, storage="FILE", output=str(tmp_path / name), depth=depth)
+        own = by_blender(texels, tmp_path / f"own_{name}", depth)
+        ratios[kind] = (tmp_path / name).stat().st_size / own.stat().st_size
+    assert {kind: ratio for kind, ratio in ratios.items() if ratio > LARGER} == {}
 
 
 @pytest.mark.parametrize("depth", [8, 16])

@@ -163,29 +163,26 @@ def test_libpng_reads_the_bytes_seed_7(size):
 @pytest.mark.parametrize("count", [1, 2, 5])
 def test_the_checksum_of_pieces_is_that_of_the_whole_seed_8(count):
     data = np.random.default_rng(8).integers(0, 256, (count, 70001), dtype=np.uint8)
-    pieces = [deflating.deflate(row, is_last=row is data[-1]) for row in data]
+    pieces = [deflating.deflate(row, deflating.RUNS, is_last=number == count - 1) for number, row in enumerate(data)]
     adler = 1
     for piece in pieces:
         adler = deflating.joined(adler, piece)
     assert adler == zlib.adler32(data)
 
 
-def is_small(rows):
-    """Whether `rows` are not more than a tenth larger than with zlib's usual search."""
-    usual = len(zlib.compress(rows.tobytes(), 1))
-    return len(deflating.deflate(rows, is_last=True).data) <= 1.1 * usual
-
-
-def test_repeats_are_sought_where_they_help_seed_9():
+@pytest.mark.parametrize("search", [*png_writer.SEARCHES.values(), *tiff_writer.SEARCHES.values()])
+def test_repeats_are_sought_where_they_help_seed_9(search):
     """Gray maps repeat each number three times; residues of normals hardly repeat."""
     random = np.random.default_rng(9)
-    gray = np.repeat(random.normal(0, 3, (300, 400, 1)).astype(np.int8), 3, axis=2).view(np.uint8).reshape(300, -1)
+    gray = np.repeat(random.normal(0, 9, (300, 400, 1)).astype(np.int8), 3, axis=2).view(np.uint8).reshape(300, -1)
     residues = random.normal(0, 20, (300, 1200)).astype(np.int8).view(np.uint8)
     constant = np.zeros((300, 1200), np.uint8)
-    tiled = np.tile(random.integers(0, 256, (300, 60), dtype=np.uint8), 20)
-    assert all(map(is_small, (gray, residues, constant, tiled)))
-    choices = [deflating._choice(memoryview(rows).cast("B")) for rows in (gray, residues, constant, tiled)]
-    assert choices == [deflating.REPEATS, deflating.RUNS, deflating.RUNS, deflating.REPEATS]
+    tiled = np.tile(random.integers(0, 256, (300, 30), dtype=np.uint8), 40)
+    for rows, repeats in ((gray, True), (residues, False), (constant, False), (tiled, True)):
+        method = deflating.choose(rows, search)
+        assert method == (deflating.Method(search.level, zlib.Z_DEFAULT_STRATEGY) if repeats else deflating.RUNS)
+        usual = len(zlib.compress(rows.tobytes(), search.level))
+        assert len(deflating.deflate(rows, method, is_last=True).data) <= 1.1 * usual
 
 
 @pytest.mark.parametrize("height", [1, 5, 1000, 4096])

@@ -10,11 +10,13 @@ import numpy as np
 
 from ..quantize import steps
 from .content import Content, for_rows, pieces, top_first
-from .deflating import HEADER, Deflated, deflate, joined
+from .deflating import HEADER, Deflated, Search, choose, deflate, joined
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 PAETH = 4
 """The filter of all rows: the nearest of the bytes to the left, above, and above left to their plane."""
+SEARCHES = {8: Search(level=2, gain=0.96), 16: Search(level=1, gain=0.96)}
+"""By bits. They give files that are at most a tenth larger than those of Blender's writer, on maps of all kinds."""
 COLOR_SPACE = (
     # Blender writes the same for colors and for data. sRGB is declared with its gamma and its primaries, times 100,000,
     # for readers that do not know it.
@@ -40,7 +42,8 @@ def content(texels: np.ndarray, depth: int, *, has_alpha: bool) -> Content:
     head = struct.pack(">2I5B", width, height, depth, 6 if has_alpha else 2, 0, 0, 0)
 
     def part(where: slice) -> _Piece:
-        found = deflate(filtered[where], is_last=where.stop == height)
+        rows = filtered[where]
+        found = deflate(rows, choose(rows, SEARCHES[depth]), is_last=where.stop == height)
         return _Piece(found, zlib.crc32(found.data, zlib.crc32(b"IDAT")))
 
     def write(file: BinaryIO, results: Iterator[_Piece]) -> None:

@@ -11,12 +11,14 @@ import numpy as np
 from ...core.file_structure.tiff import EXTRA_SAMPLES, STRIP_BYTE_COUNTS, STRIP_OFFSETS, UNASSOCIATED
 from ..quantize import steps
 from .content import Content, for_rows, pieces, top_first
-from .deflating import HEADER, deflate
+from .deflating import HEADER, Method, Search, choose, deflate
 
 START, HEAD = b"II*\0", 8
 """The first bytes, and the size of the head. Behind them is the place of the directory."""
 STRIP = 1 << 19
 """Bytes of a strip before it is deflated. Readers keep one in memory."""
+SEARCHES = {8: Search(level=5, gain=0.92), 16: Search(level=4, gain=0.65)}
+"""By bits. They give files that are at most a tenth larger than those of Blender's writer, on maps of all kinds."""
 MOST = 1 << 32
 """Bytes that the offsets of a file can count."""
 ROWS_PER_STRIP = 278
@@ -35,7 +37,9 @@ def content(texels: np.ndarray, depth: int, *, has_alpha: bool) -> Content:
     each = max(1, STRIP // row_bytes)
 
     def part(where: slice) -> list[bytes]:
-        return [_strip(rows[start : min(start + each, where.stop)]) for start in range(where.start, where.stop, each)]
+        method = choose(rows[where], SEARCHES[depth])
+        strips = (rows[start : min(start + each, where.stop)] for start in range(where.start, where.stop, each))
+        return [_strip(strip, method) for strip in strips]
 
     def write(file: BinaryIO, results: Iterator[list[bytes]]) -> None:
         file.write(START + bytes(HEAD - len(START)))
@@ -58,8 +62,8 @@ def content(texels: np.ndarray, depth: int, *, has_alpha: bool) -> Content:
     return Content([lambda where=where: part(where) for where in slices], write)
 
 
-def _strip(rows: np.ndarray) -> bytes:
-    found = deflate(rows, is_last=True)
+def _strip(rows: np.ndarray, method: Method) -> bytes:
+    found = deflate(rows, method, is_last=True)
     return HEADER + found.data + struct.pack(">I", found.adler)
 
 
