@@ -15,6 +15,7 @@ from scripts.bench.parts import limit, live_updates, machine, shaders_alone
 from scripts.bench.parts import occlusion as ambient_occlusion
 from scripts.bench.parts import pairs as pairs_of_meshes
 from scripts.bench.report import growth_section
+from scripts.bench.runs import bakes as bakes_of_versions
 from scripts.bench.runs import batches as many_bakes
 from scripts.bench.runs import memory as peaks
 from scripts.bench.runs import samples as several_samples
@@ -77,6 +78,13 @@ def live(bench: Bench) -> list[dict]:
     return live_updates.measure()
 
 
+def bakes(bench: Bench) -> list[dict]:
+    if len(bench.versions) == 1:
+        return []
+    pairs = pairs_of_meshes.chosen(bench.folder, bench.quick)
+    return list(bakes_of_versions.measure(pairs, bench.versions, bench.scratch, bench.repeats))
+
+
 def storing(bench: Bench) -> list[dict]:
     pair = files.terrain(bench.folder, bench.scratch)
     return file_formats.measure(pair, bench.versions, bench.scratch, bench.quick, bench.repeats)
@@ -119,7 +127,7 @@ PARTS = {
     part.__name__: part
     for part in (
         *(pairs, closed_forms, occlusion, growth, live),
-        *(storing, start, batches, memory, samples, very_large),
+        *(bakes, storing, start, batches, memory, samples, very_large),
         *(hardware, figures),
     )
 }

@@ -45,6 +45,7 @@ def test_nothing_is_measured_in_an_empty_run():
         ("Storing a PNG", "storing", {}, 4.0),
         ("run from the shell", "start", {}, 2.0),
         ("200 small bakes", "batches", {"sets": 200}, 2.0),
+        ("Bakes at most a tenth", "bakes", {}, 1 / 1.1),
         ("10 million triangles", "memory", {"triangles": 10**7, "size": 512, "method": CAST}, 2.0),
     ],
 )
@@ -125,7 +126,8 @@ def test_files_may_be_a_tenth_larger(size, outcome):
     other = row | {"what": "TIFF", "bytes": {PRESENT: size, OLDER: 1000}}
     found = only({"storing": [row, other]}, "10 % larger")
     assert found.outcome == outcome
-    assert only({"storing": [row | {"times": {PRESENT: timed(1.0)}}]}, "10 % larger").outcome == "not measured"
+    for gap in ({"times": {PRESENT: timed(1.0)}}, {"bytes": {PRESENT: 1, OLDER: 0}}, {"bytes": {PRESENT: 0, OLDER: 1}}):
+        assert only({"storing": [row | gap]}, "10 % larger").outcome == "not measured"
 
 
 def sampled(samples, *seconds, **row):
@@ -197,7 +199,7 @@ def test_sections_have_gaps_for_what_was_not_measured():
         "held_bytes": {PRESENT: 1e9, OLDER: None},
     }
     sections = run_sections.storing, run_sections.start, run_sections.batches, run_sections.memory
-    sections += run_sections.samples, run_sections.very_large
+    sections += run_sections.samples, run_sections.very_large, run_sections.bakes
     text = "\n".join(line for section in sections for line in section([both | more, both | more | alone]))
     assert "None" not in text
     assert "| 250 (250 to 250) | 1,000 (1,000 to 1,000) | 12,345 | 4.00 (4.00 to 4.00) |" in text

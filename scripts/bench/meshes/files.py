@@ -12,17 +12,18 @@ from scripts.bench.meshes.paper import PAPER, TERRAIN
 def terrain(folder: Path | None, scratch: Path) -> Path:
     """The first terrain of the folder, or the demo's, saved in `scratch`."""
     found = [path for path in sorted(folder.glob("*.blend")) if path.name.startswith(scenes.TERRAINS)] if folder else []
-    return found[0] if found else _saved(scenes.made(*TERRAIN), scratch)
+    return found[0] if found else saved(scenes.made(*TERRAIN), scratch)
 
 
 def small(folder: Path | None, scratch: Path) -> Path:
     """The smallest pair of the paper's table, from the folder or generated and saved in `scratch`."""
     high, low, *_ = PAPER[0]
     found = sorted(folder.glob(f"*_{high}_{low}.blend")) if folder else []
-    return found[0] if found else _saved(scenes.made(high, low), scratch)
+    return found[0] if found else saved(scenes.made(high, low), scratch)
 
 
-def _saved(pair: scenes.Pair, scratch: Path) -> Path:
+def saved(pair: scenes.Pair, scratch: Path) -> Path:
+    """Save the open scene, which shows a pair, in `scratch`."""
     path = scratch / f"{pair.name}.blend"
     bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True)
     return path.absolute()

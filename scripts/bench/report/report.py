@@ -19,6 +19,7 @@ def markdown(result: dict) -> str:
         ("occlusion", other_sections.occlusion),
         ("growth", growth_section.growth),
         ("live", other_sections.live),
+        ("bakes", run_sections.bakes),
         ("storing", run_sections.storing),
         ("start", run_sections.start),
         ("batches", run_sections.batches),

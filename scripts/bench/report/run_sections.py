@@ -8,6 +8,21 @@ from scripts.bench.report.statistics_of_rounds import older_name, ratios
 from scripts.bench.report.writing import GAP, milliseconds, seconds, span, table
 
 
+def bakes(rows: list[dict]) -> list[str]:
+    lines = []
+    for row in rows:
+        older = row["times"].get(older_name(row))
+        label = [row["what"], row["pair"], row["size"]]
+        lines.append([*label, milliseconds(row["times"][PRESENT]), milliseconds(older), _times(row)])
+    return [
+        "## Against the older version",
+        "",
+        "Milliseconds from the objects to an image, with a new tree for each bake. Each version bakes in a process of its own.",
+        "",
+        *table(["method", "pair", "map", "now", "older", "times faster"], lines),
+    ]
+
+
 def storing(rows: list[dict]) -> list[str]:
     lines = []
     for row in rows:

@@ -50,11 +50,11 @@ def _of_pairs(result: dict) -> Iterator[Verdict]:
         "Cast's own hits take at most 1.6 times as long as outermost ones", 1 / 1.6, _against(OUTERMOST, CAST, rows)
     )
     yield at_least("Cast faster than Open3D", 1.0, _against(PEERS["open3d"], CAST, rows))
-    yield at_least("Cast faster than embreex", 1.0, _against(PEERS["embreex"], CAST, rows))
 
 
 def _of_versions(result: dict) -> Iterator[Verdict]:
     """Against the older version."""
+    yield _than_older("Bakes at most a tenth slower than with the older version", 1 / 1.1, result.get("bakes", []))
     png = [row for row in result.get("storing", []) if row["what"] == "PNG, 16 bits" and row["size"] == 2048]
     yield _than_older("Storing a PNG of 16 bits at 2048 in a quarter of the older version's time", 4.0, png)
     yield _than_older("A whole run from the shell in half of the older version's time", 2.0, result.get("start", []))
@@ -64,8 +64,8 @@ def _of_versions(result: dict) -> Iterator[Verdict]:
     cast = [row for row in large if row["method"] == CAST]
     yield _than_older("Cast of 10 million triangles at 512 in half of the older version's time", 2.0, cast)
 
-    bytes_of = [(row["what"], row["bytes"], older_name(row)) for row in result.get("storing", [])]
-    larger = [(what, [found[PRESENT] / found[older]]) for what, found, older in bytes_of if older and found[older]]
+    stored = [(row["what"], row["bytes"], older_name(row)) for row in result.get("storing", [])]
+    larger = [(what, [sizes[PRESENT] / sizes[name]]) for what, sizes, name in stored if name and all(sizes.values())]
     yield at_most("Files at most 10 % larger than the older version's", 1.1, larger, "times")
 
 
@@ -87,7 +87,11 @@ def _of_samples(result: dict) -> Iterator[Verdict]:
 
 
 def _than_older(target: str, wanted: float, rows: Iterable[dict]) -> Verdict:
-    found = [(row["what"], ratios(row, older, PRESENT)) for row in rows if (older := older_name(row))]
+    found = [
+        (f"{row['what']}, {row.get('pair', 'grid')}", ratios(row, name, PRESENT))
+        for row in rows
+        if (name := older_name(row))
+    ]
     return at_least(target, wanted, found)
 
 
