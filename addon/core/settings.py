@@ -10,10 +10,10 @@ from . import file_formats, udim
 from .declarations import bases
 from .declarations.all_settings import DECLARED
 from .declarations.choices import Pack, Storage
-from .declarations.packing import CUSTOM_SUFFIX, PRESETS, Packing
+from .declarations.packing import CUSTOM_SUFFIX, PRESETS, WHITE, Packing
 from .errors import BakeError
 from .file_names import LOW, MATERIAL
-from .map_types import NAMES
+from .map_types import BY_NAME, NAMES
 from .udim import TOKEN
 
 
@@ -100,6 +100,8 @@ class Settings:
     storage: str = _field("storage")
     output: str = _field("output")
     """The file to write, for storage FILE."""
+    alpha: bool = _field("alpha")
+    """Whether files have alpha."""
     material: bool = _field("material")
     single_user: bool = _field("single_user")
 
@@ -175,6 +177,12 @@ class Settings:
         if TOKEN in str(PurePath(self.output).parent):
             raise BakeError(
                 f"{self.output!r} has {TOKEN} in a folder's name: Blender takes it only in the file's name."
+            )
+        stored = self.packing.channels[-1] if self.packing else WHITE
+        if not self.alpha and stored != WHITE:
+            what = f"the map {BY_NAME[stored.map].label}" if stored.map else "a number"
+            raise BakeError(
+                f"The packed image has {what} in its alpha, and Alpha is off: switch it on, or choose White for it."
             )
         if self.depth not in depths:
             ending = PurePath(self.output).suffix.lower()

@@ -110,7 +110,10 @@ class Writer:
             depth = file_formats.OPEN_EXR.depths[-1] if self._folder and settings.is_float else settings.depth
             with partial.writing():
                 partial.temporary.touch()
-            self._written.append(self._queue.add(image_file.content(stored, partial.temporary, depth), partial))
+            content = image_file.content(
+                stored, partial.temporary, depth, has_alpha=settings.alpha or bool(self._folder)
+            )
+            self._written.append(self._queue.add(content, partial))
         else:
             self._texels = stored
 

@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 
 from ..core import texel_state
-from ..core.declarations.choices import VertexDomain
+from ..core.declarations.choices import Storage, VertexDomain
 from ..core.errors import shorten_list
 from ..core.map_types import BY_NAME, MASK, NORMAL, Kind, Labeled
 from ..core.settings import Settings
@@ -66,6 +66,8 @@ class Outputs:
         self._unpacked: dict[int, dict[str, np.ndarray]] = {}
         """The maps to pack, by tile and name, if they are encoded late."""
         self._vertices: list[VertexMaps] = []
+        self._hides_misses = False
+        """Whether a file has texels without a hit, and nothing that shows which."""
         self._empty = set(settings.drawn_maps)
         """The maps of which no texel had a value so far."""
 
@@ -96,6 +98,8 @@ class Outputs:
             self._writers[NORMAL.name].add(tile, texels)
         if MASK.name in self._writers:
             self._writers[MASK.name].add(tile, map_storage.black_and_white(state == texel_state.MISSED))
+        elif self.settings.storage == Storage.FILE and not self.settings.alpha:
+            self._hides_misses |= bool((state == texel_state.MISSED).any())
         self._empty -= {name for name in self._empty if (maps[name][0][..., 3] > 0.0).any()}
         for name in self.settings.drawn_maps:
             if name in self._late:
@@ -128,6 +132,10 @@ class Outputs:
         stored = dict(zip(self._writers, map_storage.commit_all(list(self._writers.values())), strict=True))
         first = self._writers[self._first]
         warnings = sign(stored[self._first], labels[Labeled.OBJECTS])
+        if self._hides_misses:
+            warnings.append(
+                "Rays of some texels hit nothing, and files without alpha do not show which: switch Miss Mask on to see them."
+            )
         attributes = {}
         for vertices, low in zip(self._vertices, lows, strict=False):  # without attributes, there are only low objects
             names, more = vertices.store(low)

@@ -85,6 +85,7 @@ SAID = {
     "modifiers": ("--modifiers viewport", "VIEWPORT"),
     "image": ("--image Map", "Map"),
     "output": ("--output /n.exr", os.path.abspath("/n.exr")),  # on Windows, with the drive
+    "alpha": ("--no-alpha", False),
     "material": ("--no-material", False),
     "single_user": ("--single-user", True),
 }

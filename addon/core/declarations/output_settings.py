@@ -54,6 +54,13 @@ OUTPUT: dict[str, Setting] = {
         f"{{low}} in the path stands for the low object's name, {TOKEN} for the tile's number",
         option=Option(metavar="MAP", note="For mesh files, {low} is the name of the low mesh's file"),
     ),
+    "alpha": Switch(
+        label="Alpha",
+        tooltip="Files have an alpha channel, which is 0 on the background and where rays hit nothing. Without it they are a "
+        "quarter smaller before compression, and engines read only colors",
+        default=True,
+        option=Option(word="no-alpha", off="Write files without an alpha channel"),
+    ),
     "material": Switch(
         label="Material",
         tooltip="Add the map to the low object's material",

@@ -29,6 +29,10 @@ class Channel:
         return cls(ROUGHNESS.name, is_inverted=True) if value == SMOOTHNESS else cls(value)
 
 
+WHITE = Channel(constant=1.0)
+"""The content of an alpha that files need not store."""
+
+
 @dataclass(frozen=True)
 class Packing:
     """A layout. suffix: the ending of the names of its image and files. channels: red, green, blue and alpha."""

@@ -85,6 +85,7 @@ class IMPRINT_PT_output(SettingsPanel, bpy.types.Panel):
         layout.prop(settings, "storage")
         if settings.storage == Storage.FILE:
             layout.prop(settings, "output")
+            layout.prop(settings, "alpha")
         layout.prop(settings, "material")
         row = layout.row()
         row.enabled = settings.material
