@@ -53,10 +53,15 @@ class PostProcess:
 
         Call `complete` after the last band of a map that has several.
         """
-        reach = self.settings.margin
-        near = REACH if reach is None else min(reach, REACH)
+        return self.fill(band, values, self.search(band, values))
+
+    def search(self, band: Band, values: gpu.types.GPUTexture) -> margin_search.Nearest:
+        """The texels that the margin of `values` repeats."""
+        return margin_search.search(values, self.settings.margin if band.is_whole else self._near)
+
+    def fill(self, band: Band, values: gpu.types.GPUTexture, nearest: margin_search.Nearest) -> target.Target:
+        """As `draw`. nearest: what `search` returned for values that are written on the same texels."""
         stored = target.get("map", band.width, band.stop - band.start, "RGBA32F", "R8")
-        nearest = margin_search.search(values, reach if band.is_whole else near)
         margin_fill.draw(
             stored,
             values,
@@ -73,12 +78,17 @@ class PostProcess:
                 self.borders.on(band.tile).uploaded,
                 band.uv_to_clip,
                 halo=band.halo,
-                reach=near,
+                reach=self._near,
                 kind=self.kind,
                 encode=self.encode,
                 is_deferred=not band.is_whole,
             )
         return stored
+
+    @property
+    def _near(self) -> int:
+        """The width of the margin that is drawn band by band, in texels."""
+        return REACH if self.settings.margin is None else min(self.settings.margin, REACH)
 
     def complete(self, tile: int, texels: np.ndarray, state: np.ndarray) -> None:
         """Fill the margin that needs several bands. texels (height, width, 4) float32, state (height, width) uint8: changed

@@ -56,6 +56,13 @@ class Renderer:
                 process.complete(tile, *maps[name])
         return maps
 
+    def values(self, tile: int) -> Task[gpu.types.GPUTexture]:
+        """The values of a bake of one map that is one band, without encoding and margin. The texture is in the current pool."""
+        found = []
+        yield from self._banded(tile, self.settings.margin, lambda _name, _band, drawn: found.append(drawn))
+        (drawn,) = found
+        return drawn
+
     def raw(self, tile: int) -> Task[dict[str, np.ndarray]]:
         """The maps of a tile by name, without encoding and margin: (height, width, 4) float32, alpha as in sources.Source."""
         settings = self.settings

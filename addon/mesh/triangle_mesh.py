@@ -84,6 +84,13 @@ def finite_rows(*arrays: np.ndarray) -> np.ndarray | None:
     return None if finite.all() else finite
 
 
+def changed_rows(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """The rows, ascending, in which two arrays (N, n) of 32 bits differ in any bit."""
+    differs = a.reshape(-1).view(np.int32) != b.reshape(-1).view(np.int32)
+    rows = np.flatnonzero(differs) // a.shape[1]
+    return rows[np.diff(rows, prepend=-1) > 0]
+
+
 def normal_matrix(mesh_to_world: np.ndarray, space_to_world: np.ndarray | None = None) -> np.ndarray:
     """The (3, 3) matrix that transforms normals from a mesh's space to world space, or to another object's space.
 

@@ -12,7 +12,7 @@ from contextvars import ContextVar
 import numpy as np
 
 from . import blender_gpu as gpu
-from . import shader
+from . import drawn_part, shader
 from .program import Program
 
 KEPT_BYTES = 512 * 2**20
@@ -42,16 +42,17 @@ class Target:
     def texture(self) -> gpu.types.GPUTexture:
         return self.textures[0]
 
-    def read(self, out: np.ndarray, slot: int = 0) -> None:
-        """Fill `out`, a C-contiguous array of rows x width (x channels), with the first rows of texture `slot`."""
+    def read(self, out: np.ndarray, slot: int = 0, start: tuple[int, int] = (0, 0)) -> None:
+        """Fill `out`, a C-contiguous array of rows x columns (x channels), from texture `slot`. start: its first column and
+        row."""
         kind, channels, dtype = _READ_FORMAT[self.formats[slot]]
         if out.dtype != dtype or not out.flags.c_contiguous:
             raise ValueError(f"reading {self.formats[slot]} takes a contiguous {dtype.__name__} array")
-        rows = out.shape[0]
+        rows, columns = out.shape[:2]
         # The buffer is a view of the array, so that the driver writes where the caller wants the texels.
-        buffer = gpu.types.Buffer(kind, (rows, self.width, channels), out.reshape(rows, self.width, channels))
+        buffer = gpu.types.Buffer(kind, (rows, columns, channels), out.reshape(rows, columns, channels))
         with self.bound() as framebuffer:
-            framebuffer.read_color(0, 0, self.width, rows, channels, slot, kind, data=buffer)
+            framebuffer.read_color(*start, columns, rows, channels, slot, kind, data=buffer)
 
     def finish(self) -> None:
         """Wait until all drawing is done: drivers run asynchronously, so that a timer would stop too early."""
@@ -206,17 +207,16 @@ def drawing(
     gpu.state.depth_mask_set(writes_depth)
     gpu.state.color_mask_set(True, True, True, True)
     with into.bound(stopped) as framebuffer:
+        framebuffer.viewport_set(0, 0, into.width, into.height)
+        is_limited = drawn_part.begin(into.width)
         if clear:
             framebuffer.clear(color=(0.0, 0.0, 0.0, 0.0), **({"depth": 1.0} if writes_depth else {}))
-        framebuffer.viewport_set(0, 0, into.width, into.height)
-        if rows is not None:
-            gpu.state.scissor_test_set(True)
-            gpu.state.scissor_set(0, rows.start, into.width, len(rows))
+        is_limited |= drawn_part.begin(into.width, rows)
         try:
             yield
         finally:
-            if rows is not None:
-                gpu.state.scissor_test_set(False)
+            if is_limited:
+                drawn_part.end()
             gpu.state.depth_mask_set(mask)
             gpu.state.depth_test_set(test)
             gpu.state.blend_set(blending)

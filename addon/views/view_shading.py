@@ -87,14 +87,14 @@ class Shading:
             )
         self.session, self.objects = session, ViewObjects(session)
         self.figures: Figures | None = None
-        self._texels: np.ndarray | None = None
+        self._number = 0
         self._measured: target.Target | None = None
         self._square: gpu.types.GPUBatch | None = None
 
     def update(self, *, is_measured: bool) -> None:
         """Use the session's last map. Do not call this while a view is being drawn."""
-        if self.session.texels is not self._texels:
-            self._texels, self.figures, self._measured = self.session.texels, None, None
+        if self.session.drawn != self._number:
+            self._number, self.figures, self._measured = self.session.drawn, None, None
         if is_measured and self._measured is None:
             self._measure()
 

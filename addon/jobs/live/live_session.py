@@ -8,7 +8,7 @@ import bpy
 import gpu
 import numpy as np
 
-from ...core import progress, texel_state, udim
+from ...core import progress, udim
 from ...core.declarations.choices import Modifiers, Pack, VertexDomain
 from ...core.errors import BakeError
 from ...core.map_types import NORMAL, Labeled
@@ -22,6 +22,7 @@ from ...engine.maps.family import Run
 from ...engine.maps.maps_of_bake import maps_of_bake
 from ...engine.method_choice import Plan, choose_method, nothing_drawn
 from ...engine.rays.ray_casting import RayCast
+from ...engine.redrawing import kept_map
 from ...engine.sources import Source
 from ...mesh.inputs import Meshes
 from ...mesh.triangle_mesh import Mesh
@@ -38,8 +39,8 @@ from .live_maps import LiveMaps
 class Session:
     """Follows the objects of a job.
 
-    texels: the last whole normal map, (height, width, 4) float32 as it is stored; None before the first. plan: of its bake.
-    settings: of the normal map, which is drawn for the views also if it is not stored. others: the other maps.
+    plan: of the last map's bake. settings: of the normal map, which is drawn for the views also if it is not stored. others:
+    the other maps. drawn: how many normal maps were drawn.
     """
 
     def __init__(self, context: bpy.types.Context, job: Job, settings: Settings, pace: Pace):
@@ -63,7 +64,7 @@ class Session:
         output_clashes.check(settings, [settings], [job.low.name])
         check_job(context, job, settings)
         self.pace = pace
-        self.texels: np.ndarray | None = None
+        self.drawn = 0
         self.plan: Plan | None = None
         self._meshes: Meshes | None = None
         self._method = settings.method
@@ -74,7 +75,7 @@ class Session:
         self._pool = target.TargetPool()
         self._coarse_pool = target.TargetPool()
         self._coarse: gpu.types.GPUTexture | None = None
-        self._state: np.ndarray | None = None
+        self._kept = kept_map.of(self.settings)
         self._is_stored = False
         self._shown_by: dict[int, set[int]] = {}
 
@@ -93,19 +94,30 @@ class Session:
         meshes = self._read(context, changed, replace(self.others.drawing, method=self._method))
         plan = choose_method(meshes, [udim.FIRST], settings)
         self._method = plan.method
+        if self._kept.redraw(plan, self._post_processes[NORMAL.name], self._uploads):
+            self._finish(plan, None, None)
+            return
         preparing = sources.normal_source(plan, settings, timings, self.pace, uploads=self._uploads)
         source = yield from progress.part(preparing, 0.0, READY)
         if source.takes_time and self.pace.has_listener:
             yield self._draw_coarse(source, settings)
         run = Run(settings, timings, self.pace)
         drawer = maps_of_bake(meshes, source, run, uploads=self._uploads)
-        renderer = rendering.Renderer(drawer, run)
-        maps = yield from progress.part(renderer.texels(udim.FIRST, self._post_processes), READY, 1.0)
-        texels, state = maps[NORMAL.name]
-        if not (state == texel_state.WRITTEN).any():
+        drawing = self._kept.draw(rendering.Renderer(drawer, run), plan, self._post_processes[NORMAL.name])
+        if not (yield from progress.part(drawing, READY, 1.0)):
             raise BakeError(nothing_drawn(plan))
-        self.texels, self._state, self.plan, self._source, self._drawer = texels, state, plan, source, drawer
+        self._finish(plan, source, drawer)
+
+    def _finish(self, plan: Plan, source: Source | None, drawer: sampling.SampledMaps | None) -> None:
+        """Note what the map that is done was drawn with; None where only a part was drawn."""
+        self.plan, self._source, self._drawer = plan, source, drawer
+        self.drawn += 1
         self._coarse = None
+
+    @property
+    def texels(self) -> np.ndarray | None:
+        """The last normal map, (height, width, 4) float32 as it is stored, or None. It is read when it is first asked for."""
+        return self._kept.texels
 
     def _read(self, context: bpy.types.Context, changed: Collection[int] | None, settings: Settings) -> Meshes:
         """Read the objects that changed; `changed` as in `work`."""
@@ -184,6 +196,7 @@ class Session:
 
     def free(self) -> None:
         """Free all GPU memory of the session."""
+        self._kept.free()
         self._pool.free()
         self._coarse_pool.free()
         self.others.pool.free()
@@ -209,9 +222,7 @@ class Session:
         """
         if self._coarse is not None:
             return self._coarse
-        drawn = self._pool.find("map")
-        is_whole = self.texels is not None and drawn is not None and drawn.height == self.settings.height
-        return drawn.texture if is_whole else None
+        return self._kept.texture
 
     @property
     def meshes(self) -> Meshes | None:
@@ -228,6 +239,11 @@ class Session:
         The texture is in the current pool.
         """
         size = self.settings.width, self.settings.height
+        if self._drawer is None:  # only a part of the last map was drawn
+            run = Run(self.settings, Timings(), Pace())
+            preparing = sources.normal_source(self.plan, run.settings, run.timings, run.pace, uploads=self._uploads)
+            self._source = progress.finish(preparing)
+            self._drawer = maps_of_bake(self.plan.meshes, self._source, run, uploads=self._uploads)
         return self._drawer.high_normals(Band(0, size[1], size, 0))
 
     def store(self) -> None:
@@ -244,7 +260,7 @@ class Session:
 
     def store_others(self) -> None:
         """Put the other maps into their image datablocks and, the first time, into the material if the settings say so."""
-        self.others.store((self.texels, self._state), self._labels, self.job.low, self._meshes.uv_layer)
+        self.others.store(self._kept.map, self._labels, self.job.low, self._meshes.uv_layer)
 
     def commit(self) -> None:
         """Store the last maps as a bake does: in their files, or packed. Raises BakeError."""
@@ -256,7 +272,7 @@ class Session:
         if self.texels is None or low is None or not (settings.normal or others):
             return
         with outputs.Outputs(settings) as writers:
-            writers.add(udim.FIRST, {NORMAL.name: (self.texels, self._state), **self.others.copies()})
+            writers.add(udim.FIRST, {NORMAL.name: self._kept.map, **self.others.copies()})
             stored = writers.commit(self._labels, [low])
             outputs.into_materials(low, stored, self._meshes.uv_layer, settings)
 

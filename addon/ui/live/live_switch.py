@@ -65,7 +65,7 @@ class LiveController:
             return LiveState.DRAWING
         if self.message:
             return LiveState.REFUSED
-        return LiveState.STARTING if self._following.session.texels is None else LiveState.IDLE
+        return LiveState.IDLE if self._following.session.drawn else LiveState.STARTING
 
     @property
     def is_on(self) -> bool:

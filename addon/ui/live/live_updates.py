@@ -160,7 +160,7 @@ class Following:
 
     def complete(self) -> Task[None]:
         """Draw and store the other maps at once if they do not show the last change. Raises BakeError."""
-        if self._needs_others and self.session.texels is not None:
+        if self._needs_others and self.session.drawn:
             self._cancel_others()
             yield from self.session.other_steps()
             self.session.store_others()

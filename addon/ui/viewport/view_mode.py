@@ -57,7 +57,7 @@ class ViewMode:
     @property
     def session(self) -> live_session.Session | None:
         """The session whose map is shown: Live's as soon as it has a map."""
-        if live.is_on and live.session.texels is not None:
+        if live.is_on and live.session.drawn:
             return live.session
         return self.own.session if self.own is not None else None
 
