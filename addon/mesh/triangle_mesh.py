@@ -9,6 +9,9 @@ import numpy as np
 UV_LAYER, ATTRIBUTE, TANGENTS = "UV map", "attribute", "tangents"
 """The kinds of Mesh.layers: UVs (C, 2), attributes (C, 4), and tangents (C, 4) of a UV map, w the sign of the bitangent."""
 
+BLOCK = 2**20
+"""Triangles that Mesh.box looks at together."""
+
 
 @dataclass(frozen=True)
 class Mesh:
@@ -59,7 +62,8 @@ class Mesh:
         """The minimum and maximum coordinates (2, 3) float64, in the mesh's space, of the vertices that triangles use."""
         # Loose vertices do not count: they can be anywhere.
         is_used = np.zeros(len(self.positions), bool)
-        is_used[np.take(self.vertices, self.triangles, mode="clip")] = True
+        for first in range(0, len(self.triangles), BLOCK):  # numbers of all triangles at once take much memory
+            is_used[np.take(self.vertices, self.triangles[first : first + BLOCK], mode="clip")] = True
         used = self.positions if is_used.all() else self.positions[is_used]
         # One axis after another: reducing along a short last axis is ten times slower.
         return np.array([[pick(axis) for axis in used.T] for pick in (np.min, np.max)], np.float64)

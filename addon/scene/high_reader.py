@@ -20,6 +20,7 @@ from . import instances, mesh_reader
 from .high_layers.material_layers import read_layers
 from .high_layers.material_numbers import MaterialNumbers, Shown
 from .images.image_pages import ImagePages
+from .large_meshes import mesh_copies
 from .materials.material_reading import NORMAL
 from .sculpting import moved_vertices
 
@@ -77,7 +78,8 @@ class Reader:
         if instances.shows_itself(high, for_render=self.settings.modifiers == Modifiers.RENDER):
             with mesh_reader.evaluated(high, self.depsgraph) as data:
                 if data.polygons or not parts:
-                    mesh = self._mesh(number, high.name, high, data, to_world)
+                    copied = mesh_copies.copied(high, self.depsgraph)
+                    mesh = self._mesh(number, high.name, high, data, to_world, copied=copied)
         if not parts:
             if mesh is None or not len(mesh.vertices):
                 raise BakeError(_no_faces(high))
@@ -93,8 +95,17 @@ class Reader:
             parts = [Part(replace(part.mesh, uv=None), part.matrices) for part in parts]
         return joining.join(high.name, to_world, parts)
 
-    def _mesh(self, number: int, name: str, obj: bpy.types.Object, data: bpy.types.Mesh, to_world: np.ndarray) -> Mesh:
-        """Read the mesh `data` of `obj`, which belongs to the high object `name`."""
+    def _mesh(
+        self,
+        number: int,
+        name: str,
+        obj: bpy.types.Object,
+        data: bpy.types.Mesh,
+        to_world: np.ndarray,
+        *,
+        copied: mesh_copies.Copied | None = None,
+    ) -> Mesh:
+        """Read the mesh `data` of `obj`, which belongs to the high object `name`. copied: as mesh_reader.surface has it."""
         layer, method = "", self.settings.method
         if not data.polygons:
             raise BakeError(_no_faces(obj))
@@ -112,7 +123,13 @@ class Reader:
         if mesh is None:
             is_drawn_in_uv = method == Method.FLATTEN
             mesh = mesh_reader.surface(
-                data, layer, name, to_world, is_drawn_in_uv=is_drawn_in_uv, with_faces=has_labels
+                data,
+                layer,
+                name,
+                to_world,
+                is_drawn_in_uv=is_drawn_in_uv,
+                with_faces=has_labels,
+                copied=copied,
             )
         if not has_labels:
             return mesh

@@ -5,11 +5,13 @@ import ctypes
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 
 import bpy
 import numpy as np
 
 from ..mesh.triangle_mesh import Mesh, finite_rows, keep_corners
+from .large_meshes import mesh_copies
 
 _NUMBER = ".imprint_face"
 """The temporary attribute that `numbered` adds; the dot hides it in Blender's lists."""
@@ -84,24 +86,27 @@ def surface(
     *,
     is_drawn_in_uv: bool = True,
     with_faces: bool = False,
+    copied: mesh_copies.Copied | None = None,
 ) -> Mesh:
     """Read positions, corner normals and triangles of `data`, UVs unless `uv_layer` is empty, and faces if `with_faces`.
 
     Triangles with NaN or infinite values are left out and counted. is_drawn_in_uv: whether this includes values of UVs, for a
-    mesh that is drawn in UV space.
+    mesh that is drawn in UV space. copied: copies `data`, as mesh_copies.copied has it.
     """
     corners = len(data.loops)
-    mesh = Mesh(
-        name=name,
-        positions=points(data),
-        vertices=corner_vertices(data),
-        normals=_read(data.corner_normals, "vector", corners, 3),
-        triangles=triangles(data),
-        to_world=to_world,
-        uv=uvs(data, uv_layer) if uv_layer else None,
-        faces=triangle_faces(data) if with_faces else None,
-        normals_domain=normals_domain(data),
-    )
+    part = partial(mesh_copies.part, data, copied)
+    with part() as one:
+        normals = _read(one.corner_normals, "vector", corners, 3)
+    with part() as one:
+        found, faces = triangles(one), triangle_faces(one) if with_faces else None
+    with part() as one:
+        uv = uvs(one, uv_layer) if uv_layer else None
+    with part() as one:
+        vertices = corner_vertices(one)
+    with part() as one:
+        positions = points(one)
+    domain = normals_domain(data)
+    mesh = Mesh(name, positions, vertices, normals, found, to_world, uv=uv, faces=faces, normals_domain=domain)
     finite = finite_rows(mesh.normals, mesh.uv) if is_drawn_in_uv and uv_layer else finite_rows(mesh.normals)
     positions = finite_rows(mesh.positions)
     if positions is not None:
