@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from textwrap import indent
 
 from ..core.errors import BakeError
 from ..core.report import Report
@@ -54,8 +55,12 @@ def report_file(report: str | None) -> Path | None:
 
 def write_json(path: Path, value) -> None:
     """Write plain data to a file. Raises BakeError."""
+    _write(path, as_text(value))
+
+
+def _write(path: Path, text: str) -> None:
     with replacing(path) as partial:
-        partial.write_text(as_text(value) + "\n", encoding="utf-8")
+        partial.write_text(text + "\n", encoding="utf-8")
 
 
 def as_text(value) -> str:
@@ -77,13 +82,17 @@ def write_failure(path: Path, result: Result) -> None:
 class ReportFile:
     """The report of many bakes. It is written again while they go on, so that a crash loses only the last moments."""
 
-    SHARE = 0.1
+    SHARE = 0.02
     """The most of the time that is spent on writing, which takes longer with each bake."""
 
     def __init__(self, path: Path):
         """Raises BakeError if the file cannot be written."""
         check_writable(path)
         self._path, self._next = path, 0.0
+        self._entries: list[str] = []
+        """The text of each result in the report. Results do not change, so each is put into words once."""
+        self._known = 0
+        """How many results were seen."""
 
     def update(self, results: Sequence[Result]) -> None:
         """Write the file if it is time to. A failure is ignored: `write` comes last."""
@@ -95,8 +104,10 @@ class ReportFile:
             self._next = stop + (stop - start) / self.SHARE
 
     def write(self, results: Sequence[Result]) -> None:
-        """Raises BakeError."""
-        write_json(self._path, to_json(results))
+        """Write the file. results: those of the call before, and more. Raises BakeError."""
+        self._entries += [indent(as_text(entry), "  ") for entry in to_json(results[self._known :])]
+        self._known = len(results)
+        _write(self._path, "[\n" + ",\n".join(self._entries) + "\n]" if self._entries else "[]")
 
 
 def summary(result: Result) -> Iterator[str]:

@@ -11,7 +11,8 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.cli import command, interruption
+from addon.cli import batch_results, command, interruption
+from addon.cli.batch_results import ReportFile, Result
 from addon.cli.mesh_files import importers
 from addon.jobs import bake_jobs
 from scripts import imprint
@@ -201,6 +202,21 @@ def test_the_report_of_a_batch_is_written_after_each_bake(scene, monkeypatch):
     monkeypatch.setattr(bake_jobs, "work", watched)
     assert command.run(batch(scene)) == command.DONE
     assert seen == [0, 1, 2, 3]
+
+
+def test_each_result_of_a_batch_is_put_into_words_once(tmp_path, monkeypatch):
+    """A report of many bakes would otherwise take longer and longer."""
+    results = [Result('a\n"b', error="It failed.", seconds=1.0), Result("c"), Result("d", is_stopped=True)]
+    worded, to_json = [], Result.to_json
+    monkeypatch.setattr(Result, "to_json", lambda self: worded.append(self.name) or to_json(self))
+    file = ReportFile(tmp_path / "r.json")
+    for count in (0, 1, 2, 3, 3):
+        file.write(results[:count])
+        text = (tmp_path / "r.json").read_text()
+        assert json.loads(text) == batch_results.to_json(results[:count])
+    assert text == batch_results.as_text(batch_results.to_json(results)) + "\n"
+    written_by_the_file = len(worded) - sum(min(count, 2) for count in (0, 1, 2, 3, 3, 3))
+    assert written_by_the_file == 2
 
 
 ENDS = """
