@@ -85,8 +85,9 @@ class Scene:
 
     def __init__(self, ctx: moderngl.Context, data, size: int, *, as_images: bool):
         self.ctx, self.size, self.data, self.as_images = ctx, size, data, as_images
-        self.flatten, self.rays, self.trace, self.lookup = (
-            load(ctx, program, as_images) for program in (flatten.PROGRAM, rays.PROGRAM, cast.TRACE, cast.LOOKUP)
+        self.flatten, self.rays, self.beam, self.trace, self.trace_first, self.lookup = (
+            load(ctx, program, as_images)
+            for program in (flatten.PROGRAM, rays.PROGRAM, cast.BEAMS, cast.TRACE, cast.TRACE_FIRST, cast.LOOKUP)
         )
         self.uv_to_clip = (2.0, 2.0, -1.0, -1.0)
         self.identity = tuple(np.eye(4).ravel().tolist())
@@ -97,7 +98,7 @@ class Scene:
         )
         self.tables = {name: self._table(data[name]) for name in TABLES}
         self.positions, self.directions, self.map = (self._texture("f4") for _ in range(3))
-        self.hits = self._texture("u4")
+        self.hits, self.beams = (self._texture("u4") for _ in range(2))
         self.places = ctx.framebuffer([self.positions, self.directions])
         self.drawn = ctx.framebuffer([self.map])
 
@@ -165,28 +166,34 @@ class Scene:
 
     def cast_rays(self, rule: Hit = Hit.OWN) -> None:
         """Trace all rays to the triangles that they hit. rule: which hit counts."""
-        data = self.data
-        self._bind(
-            self.trace,
-            cast.TRACE,
-            positions=self.positions,
-            directions=self.directions,
+        data, is_own = self.data, rule == Hit.OWN
+        values = {
+            "positions": self.positions,
+            "directions": self.directions,
             **{name: self.tables[name] for name in ("nodes", "corners", "normals", "low_nodes", "low_corners")},
-            hits=self.hits,
-            grid_origin=self._place("origin"),
-            grid_scale=self._place("scale"),
-            low_origin=self._place("low_origin"),
-            low_scale=self._place("low_scale"),
-            first_row=0,
-            max_t=FARTHEST,
+            "beams": self.beams,
+            "hits": self.hits,
+            "grid_origin": self._place("origin"),
+            "grid_scale": self._place("scale"),
+            "low_origin": self._place("low_origin"),
+            "low_scale": self._place("low_scale"),
+            "first_row": 0,
+            "max_t": FARTHEST,
             **{name: float(data[name]) for name in ("inside", "near")},
-            first_leaf=int(data["first_leaf"]),
-            low_first_leaf=int(data["low_first_leaf"]),
-            rule=cast.RULES.index(rule),
-            facing_only=0,
-        )
-        self.trace.run(-(-self.size // 8), -(-self.size // 8), 1)
-        self.ctx.memory_barrier()
+            "first_leaf": int(data["first_leaf"]),
+            "low_first_leaf": int(data["low_first_leaf"]),
+            "has_beams": 1,
+            "facing_only": 0,
+            "is_nearest": int(rule == Hit.NEAREST),
+            "active_texels": self.tables["nodes"],
+            "active_count": -1,
+        }
+        program, compiled = (cast.TRACE, self.trace) if is_own else (cast.TRACE_FIRST, self.trace_first)
+        for each, shader, side in ((cast.BEAMS, self.beam, cast.BLOCK), (program, compiled, 1)):
+            self._bind(shader, each, **values)
+            groups = -(-self.size // (8 * side))
+            shader.run(groups, groups, 1)
+            self.ctx.memory_barrier()
 
     def look_up(self) -> None:
         """Write the normals at the hits."""
@@ -229,7 +236,7 @@ def measure(ctx: moderngl.Context, path: Path, size: int, is_software: bool) -> 
     covered = float((scene.read()[..., 3] > 0.0).mean())
     starts = timed(ctx, scene.start_rays)
     ray_count = int((np.frombuffer(scene.positions.read(), np.float32).reshape(-1, 4)[:, 3] > 0.0).sum())
-    by_rule = {rule: timed(ctx, partial(scene.cast_rays, rule)) for rule in cast.RULES}
+    by_rule = {rule: timed(ctx, partial(scene.cast_rays, rule)) for rule in Hit}
     own = by_rule[Hit.OWN]
     whole = timed(ctx, scene.start_rays, scene.cast_rays, scene.look_up, scene.read)
     hit = int((np.frombuffer(scene.hits.read(), np.uint32).reshape(-1, 4)[:, 0] > 0).sum())

@@ -31,10 +31,12 @@ other layer is near, hits need no search."""
 FAST = ["king_40480_4000"]
 AGAINST_OUTERMOST = 1.2
 """Factor on the nodes of the high tree that the rule of the outermost hit visits along the same rays."""
+WALKED = 0.6
+"""The most nodes that rays visit whose blocks were searched for together, as a share of those that they visit otherwise."""
 
 
-def counts(folder, name, monkeypatch):
-    """The counts of OWN and of OUTERMOST along the same rays, (N, 4) each, on texels with a ray."""
+def counts(folder, name, monkeypatch, *, has_beams=False):
+    """The counts of OWN and of OUTERMOST along the same rays, (N, 4) each, on texels with a ray. has_beams: as in of_rays."""
     bpy.ops.wm.open_mainfile(filepath=str(folder / "pairs" / f"{name}.blend"))
     low, high = (bpy.data.objects[part] for part in ("lo", "hi"))
     settings = Settings("CAST", "WORLD", width=SIZE, height=SIZE)
@@ -46,7 +48,7 @@ def counts(folder, name, monkeypatch):
     drawn.read(places)
     has_ray = places[..., 3] > 0.0
     rules = ray_cast, replace(ray_cast, hit=Hit.OUTERMOST)
-    return [counting.of_rays(rule, drawn, monkeypatch)[has_ray] for rule in rules]
+    return [counting.of_rays(rule, drawn, monkeypatch, has_beams=has_beams)[has_ray] for rule in rules]
 
 
 @pytest.mark.parametrize("name", lanes.slow_but(FAST, MOST))
@@ -59,3 +61,14 @@ def test_owned_hits_cost_few_nodes_and_searches(shared_assets, name, monkeypatch
     assert (average <= MOST[name]).all()
     assert average[0] <= AGAINST_OUTERMOST * outermost[:, 0].mean()
     assert not outermost[:, 1:].any()
+
+
+@pytest.mark.parametrize("name", lanes.slow_but(FAST, MOST))
+def test_rays_of_a_block_share_most_of_their_way_through_the_tree(shared_assets, name, monkeypatch):
+    alone, together = (counts(shared_assets, name, monkeypatch, has_beams=has_beams) for has_beams in (False, True))
+    for rule_alone, rule_together in zip(alone, together, strict=True):
+        share = rule_together[:, 0].mean() / rule_alone[:, 0].mean()
+        print(f"{share:.3f} of the nodes")
+        assert share <= WALKED
+        # What is asked for owners stays the same, since the hits do.
+        assert (rule_together[:, 1:3] == rule_alone[:, 1:3]).all()

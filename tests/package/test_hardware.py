@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.passes.bake import cast
+from addon.core.declarations.choices import Hit
 from scripts.dev import export
 from tests.support import zoo
 
@@ -39,7 +39,7 @@ def test_shaders_get_all_that_they_take(hardware, tmp_path, as_images):
         scene = hardware.Scene(gpu, dict(data), 8, as_images=as_images)
     scene.bake_flat()
     scene.start_rays()
-    for rule in cast.RULES:
+    for rule in Hit:
         scene.cast_rays(rule)
     scene.look_up()
-    assert gpu.compute_shader.return_value.run.call_count == len(cast.RULES)
+    assert gpu.compute_shader.return_value.run.call_count == 2 * len(Hit)  # beams, then rays

@@ -8,8 +8,9 @@ import numpy as np
 
 from addon.passes import shader, target
 from addon.passes.bake import cast
+from addon.passes.program import source as shader_source
 
-FILE = "bake/cast_comp.glsl"
+FILES = "bake/cast_comp.glsl", "bake/cast_first_comp.glsl"
 COUNTS = ("nodes", "candidates", "queries", "low nodes")
 """What is counted for each texel: nodes of the high tree, hits that are asked for their owner, searches for the point on
 the low mesh closest to a hit, and nodes of the low tree that these visit."""
@@ -19,31 +20,34 @@ _COUNTED = (
     "vec3 closest = below;",
     "uvec4 x = floatBitsToUint(texel_at(low_nodes, texture_place(node * 3)));",
 )
-"""How the lines begin before which each is counted."""
-_WRITE = "imageStore(hits, texel, chosen);"
+"""How the lines begin before which each is counted. Where no owners are searched for, only the first one is there."""
+_WRITES = "imageStore(hits, texel, chosen);", "imageStore(hits, texel, hit);"
 
 
-def _counting(text):
-    for line, component in zip(_COUNTED, "xyzw", strict=True):
-        text = _replaced(text, line, f"counted.{component} += 1u; {line}")
-    return "uvec4 counted = uvec4(0u);\n" + _replaced(text, _WRITE, _WRITE.replace("chosen", "vec4(counted)"))
+def _counting(file):
+    text = shader_source(file)
+    counted, write = (_COUNTED, _WRITES[0]) if file == FILES[0] else (_COUNTED[:1], _WRITES[1])
+    for line, component in zip(counted, "xyzw", strict=False):
+        text = _replaced(file, text, line, f"counted.{component} += 1u; {line}")
+    return "uvec4 counted = uvec4(0u);\n" + _replaced(file, text, write, "imageStore(hits, texel, vec4(counted));")
 
 
-def _replaced(text, old, new):
+def _replaced(file, text, old, new):
     """`text` with `old`, with which exactly one line begins, replaced."""
     found = re.findall(rf"^ +{re.escape(old)}", text, re.MULTILINE)
-    assert len(found) == 1, f"{len(found)} lines of {FILE} begin with {old!r}: count in another place"
+    assert len(found) == 1, f"{len(found)} lines of {file} begin with {old!r}: count in another place"
     return text.replace(found[0], found[0].replace(old, new))
 
 
 @contextmanager
 def counted(monkeypatch):
     """In this block, cast.trace writes the counts of each texel in place of its hit."""
-    source = shader.source
     with monkeypatch.context() as patch:
-        # Blender reads textures of floats only.
-        patch.setattr(cast, "TRACE", replace(cast.TRACE, images=(("RGBA32F", "FLOAT_2D", "hits", "WRITE"),)))
-        patch.setattr(shader, "source", lambda name: _counting(source(name)) if name == FILE else source(name))
+        for name in ("TRACE", "TRACE_FIRST"):
+            # Blender reads textures of floats only.
+            images = (("RGBA32F", "FLOAT_2D", "hits", "WRITE"),)
+            patch.setattr(cast, name, replace(getattr(cast, name), images=images))
+        patch.setattr(shader, "source", lambda name: _counting(name) if name in FILES else shader_source(name))
         shader.load.cache_clear()
         try:
             yield
@@ -51,10 +55,13 @@ def counted(monkeypatch):
             shader.load.cache_clear()
 
 
-def of_rays(ray_cast, drawn, monkeypatch):
-    """The counts (H, W, 4) of the rays `drawn`, in the order of COUNTS."""
+def of_rays(ray_cast, drawn, monkeypatch, *, has_beams):
+    """The counts (H, W, 4) of the rays `drawn`, in the order of COUNTS. has_beams: whether blocks are searched for together
+    before; what that visits is not counted."""
     into = target.Target(drawn.width, drawn.height, ("RGBA32F",))
-    with counted(monkeypatch):
+    with counted(monkeypatch), monkeypatch.context() as patch:
+        if not has_beams:
+            patch.setattr(cast, "LEAST_BEAMS", drawn.width * drawn.height + 1)
         ray_cast.trace(into, drawn)
     counts = np.empty((into.height, into.width, 4), np.float32)
     into.read(counts)

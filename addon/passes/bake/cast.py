@@ -18,32 +18,46 @@ from .owners import Owners
 if TYPE_CHECKING:
     import gpu
 
-TRACE = Program(
-    compute="bake/cast_comp.glsl",
-    texels=(
-        ("RGBA32F", "FLOAT_2D", "positions"),
-        ("RGBA32F", "FLOAT_2D", "directions"),
-        ("RGBA32F", "FLOAT_2D", "nodes"),
-        ("RGBA32F", "FLOAT_2D", "corners"),
-        ("RGBA32F", "FLOAT_2D", "normals"),
-        ("RGBA32F", "FLOAT_2D", "low_nodes"),
-        ("RGBA32F", "FLOAT_2D", "low_corners"),
-    ),
+_RAYS = ("RGBA32F", "FLOAT_2D", "positions"), ("RGBA32F", "FLOAT_2D", "directions")
+_NODES = ("RGBA32F", "FLOAT_2D", "nodes")
+_SEARCHED = (_NODES, ("RGBA32F", "FLOAT_2D", "corners"), ("RGBA32UI", "UINT_2D", "beams"))
+_GRID = ("VEC4", "grid_origin"), ("VEC4", "grid_scale"), ("INT", "first_leaf")
+_LIMITS = ("INT", "first_row"), ("FLOAT", "max_t"), ("FLOAT", "inside")
+BEAMS = Program(
+    compute="bake/beams_comp.glsl",
+    texels=(*_RAYS, _NODES),
+    images=(("RGBA32UI", "UINT_2D", "beams", "WRITE"),),
+    constants=(*_GRID, *_LIMITS),
+)
+TRACE_FIRST = Program(
+    compute="bake/cast_first_comp.glsl",
+    texels=(*_RAYS, *_SEARCHED),
     samplers=active.SAMPLERS,
     images=(("RGBA32UI", "UINT_2D", "hits", "WRITE"),),
     constants=(
-        ("VEC4", "grid_origin"),
-        ("VEC4", "grid_scale"),
+        *_GRID,
+        *_LIMITS,
+        ("INT", "has_beams"),
+        ("INT", "facing_only"),
+        ("INT", "is_nearest"),
+        *active.CONSTANTS,
+    ),
+)
+"""For the rules that need no owners. Software drivers run all of a shader for each texel, also what the texel does not need."""
+TRACE = Program(
+    compute="bake/cast_comp.glsl",
+    texels=(*_RAYS, *_SEARCHED, ("RGBA32F", "FLOAT_2D", "low_nodes"), ("RGBA32F", "FLOAT_2D", "low_corners")),
+    samplers=(("FLOAT_2D", "normals"), *active.SAMPLERS),
+    images=(("RGBA32UI", "UINT_2D", "hits", "WRITE"),),
+    constants=(
+        *_GRID,
+        *_LIMITS,
+        ("INT", "has_beams"),
+        ("INT", "facing_only"),
         ("VEC4", "low_origin"),
         ("VEC4", "low_scale"),
-        ("INT", "first_row"),
-        ("FLOAT", "max_t"),
-        ("FLOAT", "inside"),
-        ("FLOAT", "near"),
-        ("INT", "first_leaf"),
         ("INT", "low_first_leaf"),
-        ("INT", "rule"),
-        ("INT", "facing_only"),
+        ("FLOAT", "near"),
         *active.CONSTANTS,
     ),
 )
@@ -69,8 +83,10 @@ POINTS = Program(
     samplers=(("UINT_2D", "hits"), ("FLOAT_2D", "corners"), ("FLOAT_2D", "labels")),
     outputs=(("VEC4", "point_out"), ("VEC4", "labels_out")),
 )
-RULES = (Hit.OWN, Hit.OUTERMOST, Hit.NEAREST)
-"""The numbers of the rules in shaders/bake/cast_comp.glsl."""
+BLOCK = 4
+"""Texels along each side of the blocks in shaders/lib/search_lib.glsl."""
+LEAST_BEAMS = 2**15
+"""The fewest rays that are searched for together: fewer are often rays of any places, as in an audit."""
 
 
 @dataclass(frozen=True)
@@ -132,32 +148,46 @@ def trace(
     as far as `max_t`. rule: which hit counts. OWN needs `owners`. facing_only: ignore triangles whose back faces the ray.
     rows: the rows to trace; the first is a multiple of 8. some: the texels to trace; `rows` are those of their list.
     """
-    if owners is None:  # the shader does not read it
-        owners = Owners(tables.nodes, tables.corners, 0, tables.origin, tables.scale, 0.0)
+    rows = rows or range(some.rows if some else rays.height)
+    grid = {
+        "grid_origin": (*tables.origin, 0.0),
+        "grid_scale": (*tables.scale, 0.0),
+        "first_leaf": tables.first_leaf,
+        "nodes": tables.nodes,
+    }
+    limits = {"max_t": max_t, "inside": inside, "positions": rays.textures[0], "directions": rays.textures[1]}
+    has_beams = some is None and rays.width * rays.height >= LEAST_BEAMS
+    across, up = (-(-side // BLOCK) for side in (rays.width, rays.height))
+    beams = target.get("beams", 2 * across, up, "RGBA32UI") if has_beams else target.get("no beams", 2, 1, "RGBA32UI")
+    if has_beams:
+        blocks = range(rows.start // BLOCK, -(-rows.stop // BLOCK))
+        target.dispatch(BEAMS, across, blocks, beams=beams.texture, **grid, **limits)
+    searched = {
+        "corners": tables.corners,
+        "beams": beams.texture,
+        "hits": into.texture,
+        "has_beams": int(has_beams),
+        "facing_only": int(facing_only),
+        **active.bindings(some, tables.nodes),
+    }
+    if rule != Hit.OWN:
+        is_nearest = int(rule == Hit.NEAREST)
+        target.dispatch(TRACE_FIRST, rays.width, rows, is_nearest=is_nearest, **searched, **grid, **limits)
+        return
     target.dispatch(
         TRACE,
         rays.width,
-        rows or range(some.rows if some else rays.height),
-        positions=rays.textures[0],
-        directions=rays.textures[1],
-        nodes=tables.nodes,
-        corners=tables.corners,
+        rows,
         normals=tables.normals,
         low_nodes=owners.nodes,
         low_corners=owners.corners,
-        hits=into.texture,
-        grid_origin=(*tables.origin, 0.0),
-        grid_scale=(*tables.scale, 0.0),
         low_origin=(*owners.origin, 0.0),
         low_scale=(*owners.scale, 0.0),
-        max_t=max_t,
-        inside=inside,
-        near=owners.room,
-        first_leaf=tables.first_leaf,
         low_first_leaf=owners.first_leaf,
-        rule=RULES.index(rule),
-        facing_only=int(facing_only),
-        **active.bindings(some, tables.nodes),
+        near=owners.room,
+        **searched,
+        **grid,
+        **limits,
     )
 
 
