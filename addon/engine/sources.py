@@ -19,6 +19,7 @@ from ..passes.adaptive.active import Active
 from ..passes.bake import cast, flat_hits
 from .bands import Band
 from .dense.high_batches import HighBatches
+from .dense.near_triangles import NearTriangles
 from .high_surface import HighSurface
 from .method_choice import Plan
 from .rays import ray_casting, ray_directions, ray_distances, tree_cache
@@ -176,8 +177,7 @@ class Flat:
     def normals_of(self, band: Band, some: Active) -> gpu.types.GPUTexture:
         """As Source has it."""
         into = target.get("high of some texels", band.width, band.height, "RGBA32F")
-        for _ in self.batches.draw(into, band, some):
-            pass
+        self.batches.draw_some(into, band, some)
         return into.texture
 
     def drawn(self, slot: int = 0) -> target.Target:
@@ -207,6 +207,7 @@ class Rays:
         self.ray_cast, self.settings, self.pace = ray_cast, settings, pace
         self.surface = HighSurface(highs, ray_cast.ray_scene)
         self.to_space = world_to_space(low, settings)
+        self._near = NearTriangles(low)
 
     def normals(self, band: Band, slot: int = 0) -> Iterator[tuple[gpu.types.GPUTexture, range]]:
         """As Source has it."""
@@ -228,7 +229,7 @@ class Rays:
         """As Source has it."""
         size = band.width, band.height
         rays = target.get("rays", *size, "RGBA32F", "RGBA32F")
-        self.ray_cast.draw(rays, band.uv_to_clip, some)
+        self.ray_cast.draw(rays, band.uv_to_clip, some, self._near.parts(band, some))
         hits, normals = self.hits(band), target.get("high of some texels", *size, "RGBA32F")
         self.ray_cast.trace(hits, rays, self.pace, some)
         self._look_up(normals, hits, rays, some=some)

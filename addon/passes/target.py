@@ -38,6 +38,13 @@ class Target:
         self.framebuffer = None
         self.bytes = width * height * sum(TEXEL_BYTES[name] for name in formats)
 
+    @classmethod
+    def of(cls, width: int, height: int, texel: str, texture: gpu.types.GPUTexture) -> Target:
+        """A target of a texture that exists."""
+        result = cls(width, height, ())
+        result.formats, result.textures = (texel,), [texture]
+        return result
+
     @property
     def texture(self) -> gpu.types.GPUTexture:
         return self.textures[0]

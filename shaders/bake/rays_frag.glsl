@@ -1,5 +1,6 @@
 // Writes the ray of each texel: its point on the low mesh with the number of the triangle, from 1, and the unit direction away
 // from the surface with the distance outside the surface at which the ray starts.
+#include "lib/early_lib.glsl"
 #include "lib/texture_lib.glsl"
 #include "lib/tree_lib.glsl"
 #include "lib/closest_lib.glsl"

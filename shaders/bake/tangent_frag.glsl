@@ -1,4 +1,5 @@
 // Transforms the object-space normal of each texel into the tangent space of the low mesh.
+#include "lib/early_lib.glsl"
 #include "lib/basis_lib.glsl"
 
 void main()

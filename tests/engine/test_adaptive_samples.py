@@ -179,8 +179,9 @@ def test_random_texels_are_listed_once_each(seed, size):
     needed = random.integers(1, 4, size).astype(np.uint8)
     texture = target.Target(width, height, ("R8",)).texture
     some = active.find(texture, needed, 2)
-    listed = active._in_blocks(needed >= 2)
+    listed, blocks = active._in_blocks(needed >= 2)
     assert some.count == len(listed) == np.count_nonzero(needed >= 2)
     assert some.rows // 8 * -(-width // 8) * 64 >= some.count
     assert {tuple(place) for place in listed.tolist()} == {(x, y) for y, x in np.argwhere(needed >= 2).tolist()}
+    assert {tuple(place) for place in (listed // active.BLOCK).tolist()} == {(x, y) for y, x in np.argwhere(blocks)}
     assert active.find(texture, needed, 4) is None

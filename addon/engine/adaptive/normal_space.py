@@ -5,18 +5,23 @@ import gpu
 
 from ...core.declarations import bases
 from ...core.settings import Settings
+from ...mesh.triangle_mesh import Mesh
 from ...passes import target
+from ...passes.adaptive import active
 from ...passes.adaptive.active import Active
 from ...passes.bake import tangent
 from ..bands import Band
+from ..dense.near_triangles import NearTriangles
 from ..roles import role
 
 
 class NormalSpace:
-    """The space of the normals of a bake. basis: the low mesh with tangents; None for normals that keep the source's space."""
+    """The space of the normals of a bake. basis: the low mesh with tangents; None for normals that keep the source's space.
+    mesh: what was uploaded as `basis`."""
 
-    def __init__(self, basis: gpu.types.GPUBatch | None, settings: Settings):
+    def __init__(self, basis: gpu.types.GPUBatch | None, mesh: Mesh | None, settings: Settings):
         self.basis = basis
+        self._near = NearTriangles(mesh)
         self.is_unit = bases.of_name(settings.basis).normalizes_normal
 
     def draw(
@@ -33,6 +38,8 @@ class NormalSpace:
         if self.basis is None:
             return normals
         into = target.get("low of some texels" if some else role("low", slot), band.width, band.height, "RGBA32F")
+        if some:
+            active.clear(into, some)
         tangent.draw(
             into,
             self.basis,
@@ -40,6 +47,8 @@ class NormalSpace:
             band.uv_to_clip,
             normalize_normal=self.is_unit,
             rows=rows,
+            clear=not some,
             stopped=some and some.stopped,
+            parts=self._near.parts(band, some),
         )
         return into.texture

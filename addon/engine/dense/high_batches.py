@@ -10,9 +10,11 @@ from ...core.timings import Timings
 from ...mesh import uv_layout
 from ...mesh.triangle_mesh import Mesh, normal_matrix
 from ...passes import mesh_upload, shader, target
+from ...passes.adaptive import active
 from ...passes.adaptive.active import Active
 from ...passes.bake import flatten
 from ..bands import Band
+from .near_triangles import near
 
 MOST_WHOLE = 2**24
 """The most triangles that are on the GPU at once, and stay there for all samples and bands."""
@@ -39,6 +41,8 @@ class HighBatches:
         self._keeps = uploads is not None
         self._uploads = uploads or mesh_upload.UploadCache()
         self._uploaded: list | None = None
+        self._some: Active | None = None
+        self._near: list = []
 
     def is_in_parts(self, texels: int) -> bool:
         """Whether the meshes are drawn in parts on so many texels."""
@@ -55,16 +59,12 @@ class HighBatches:
                 ]
         return self._uploaded
 
-    def draw(self, into: target.Target, band: Band, some: Active | None = None) -> Iterator[float]:
-        """Draw all meshes into `into`, as flatten.draw does. Yields the finished share after each part, at last 1.
-
-        some: the texels to draw; None for all. `into` is cleared.
-        """
-        stopped = some and some.stopped
+    def draw(self, into: target.Target, band: Band) -> Iterator[float]:
+        """Draw all meshes into `into`, as flatten.draw does. Yields the finished share after each part, at last 1."""
         if not self.is_in_parts(band.width * band.height):
             target.clear(into)
             for (batch, matrix), high in zip(self._whole(), self.highs, strict=True):
-                _draw(into, (batch, matrix), len(high.triangles), band, stopped)
+                _draw(into, (batch, matrix), len(high.triangles), band)
             yield 1.0
             return
         target.clear(into)
@@ -72,31 +72,40 @@ class HighBatches:
         for high, matrix in zip(self.highs, self.matrices, strict=True):
             for first in range(0, len(high.triangles), PART):
                 part = slice(first, min(first + PART, len(high.triangles)))
-                self._draw_part(into, band, high, part, matrix=matrix, stopped=stopped)
+                self._draw_part(into, band, high, part, matrix)
                 done += part.stop - part.start
                 if done < self._count:
                     yield done / self._count
         yield 1.0
 
-    def _draw_part(
-        self,
-        into: target.Target,
-        band: Band,
-        high: Mesh,
-        part: slice,
-        *,
-        matrix: np.ndarray,
-        stopped: gpu.types.GPUTexture | None,
-    ) -> None:
+    def draw_some(self, into: target.Target, band: Band, some: Active) -> None:
+        """The same in some texels alone: only triangles near them are uploaded and drawn, for all samples of these texels."""
+        if some is not self._some:
+            self._some, self._near = some, []  # frees those before
+            for high, matrix in zip(self.highs, self.matrices, strict=True):
+                kept = np.flatnonzero(near(high, band, some))
+                if len(kept):
+                    with self.timings.timed("upload"):
+                        self._near.append(((_unrolled(high, kept), matrix), len(kept)))
+        active.clear(into, some)
+        for mesh, count in self._near:
+            _draw(into, mesh, count, band, some.stopped)
+
+    def _draw_part(self, into: target.Target, band: Band, high: Mesh, part: slice, matrix: np.ndarray) -> None:
         with self.timings.timed("upload"):
             kept = uv_layout.over_centers(high, band.uv_to_clip, (band.width, band.height), part)
             if not len(kept):
                 return
-            corners = np.take(high.triangles, kept, axis=0, mode="clip").reshape(-1)
-            uv, normal = (np.take(values, corners, axis=0, mode="clip") for values in (high.uv, high.normals))
-            batch = mesh_upload.upload_corners(uv=uv, normal=normal)
-        _draw(into, (batch, matrix), len(kept), band, stopped)
+            batch = _unrolled(high, kept)
+        _draw(into, (batch, matrix), len(kept), band)
         into.finish()  # so that the driver lets go of the part before the next one comes
+
+
+def _unrolled(high: Mesh, kept: np.ndarray) -> gpu.types.GPUBatch:
+    """These triangles (N,) int of a mesh, as flatten.draw takes them."""
+    corners = np.take(high.triangles, kept, axis=0, mode="clip").reshape(-1)
+    uv, normal = (np.take(values, corners, axis=0, mode="clip") for values in (high.uv, high.normals))
+    return mesh_upload.upload_corners(uv=uv, normal=normal)
 
 
 def _draw(
@@ -104,7 +113,7 @@ def _draw(
     mesh: tuple[gpu.types.GPUBatch, np.ndarray],
     count: int,
     band: Band,
-    stopped: gpu.types.GPUTexture | None,
+    stopped: gpu.types.GPUTexture | None = None,
 ) -> None:
     """Draw a mesh of `count` triangles over what is in `into`."""
     if shader.in_software() and count > flatten.STEP:

@@ -33,7 +33,7 @@ def maps_of_bake(
         families = list(_families(meshes, source, basis, run))
         to_space = world_to_space(meshes.low, run.settings)
         detail = OwnNormals(meshes, source.surface, to_space, run) if meshes.has_detail else None
-    return SampledMaps(source, basis, families, detail, run)
+    return SampledMaps(source, basis, families, detail, run, basis_mesh=meshes.basis)
 
 
 def _upload_basis(meshes: Meshes, uploads: mesh_upload.UploadCache) -> gpu.types.GPUBatch:

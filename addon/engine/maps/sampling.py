@@ -8,6 +8,7 @@ import gpu
 
 from ...core.map_types import NORMAL
 from ...core.progress import Progress, Task, finish, part
+from ...mesh.triangle_mesh import Mesh
 from ...passes import target
 from ...passes.bake import flat_hits, preview_picture, samples
 from ...passes.surface import served_blocks
@@ -41,10 +42,12 @@ class SampledMaps:
         families: Sequence[MapFamily],
         detail: OwnNormals | None,
         run: Run,
+        *,
+        basis_mesh: Mesh | None = None,
     ):
         self.source, self.basis, self.families, self.detail = source, basis, families, detail
         self.settings, self.timings, self.pace = run.settings, run.timings, run.pace
-        self.space = NormalSpace(basis, run.settings)
+        self.space = NormalSpace(basis, basis_mesh, run.settings)
         # Maps of other families are means over the samples of each texel that they share.
         is_adaptive = run.settings.adaptive and run.settings.samples > 2 and not families and detail is None
         self.adaptive = AdaptiveNormals(source, self.space, run) if is_adaptive else None

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The rays of a bake: from the low mesh, or from its cage, to the high meshes. passes/bake draws and casts them."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import gpu
@@ -13,6 +13,7 @@ from ...core.udim import UvToClip
 from ...mesh.inputs import Meshes
 from ...mesh.local_space import FARTHEST, LocalSpace
 from ...passes import target
+from ...passes.adaptive import active
 from ...passes.adaptive.active import Active
 from ...passes.bake import cast, rays
 from .low_surface import LowSurface
@@ -46,8 +47,17 @@ class RayCast:
         """The distance from hard edges, in scene units, within which directions blend; 0 if they do not."""
         return self.directions.blend_width * self.ray_scene.local_space.size
 
-    def draw(self, into: target.Target, uv_to_clip: UvToClip, some: Active | None = None) -> None:
-        """Draw the rays as `trace` takes them. some: the texels that get one; None for all."""
+    def draw(
+        self,
+        into: target.Target,
+        uv_to_clip: UvToClip,
+        some: Active | None = None,
+        parts: Sequence[tuple[int, int]] | None = None,
+    ) -> None:
+        """Draw the rays as `trace` takes them. some: the texels that get one; None for all. parts: of the low mesh, as in
+        rays.draw."""
+        if some:
+            active.clear(into, some)  # the points, whose alpha says whether there is a ray
         unit = self.ray_scene.local_space.size
         rays.draw(
             into,
@@ -56,7 +66,9 @@ class RayCast:
             self.directions,
             start_offset=self.extrusion / unit,
             start_on_cage=self.has_cage,
+            clear=not some,
             stopped=some and some.stopped,
+            parts=parts,
         )
 
     def trace(

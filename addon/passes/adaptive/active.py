@@ -19,6 +19,12 @@ STOPPED = Program(
     constants=(("FLOAT", "number"),),
     outputs=(("FLOAT", "nothing_out"),),
 )
+NOTHING = Program(
+    vertex="lib/fullscreen_vert.glsl",
+    fragment="adaptive/nothing_frag.glsl",
+    inputs=(("VEC2", "position"),),
+    outputs=(("VEC4", "nothing_out"),),
+)
 SAMPLERS = (("FLOAT_2D", "active_texels"),)
 CONSTANTS = (("INT", "active_count"),)
 """What a Program declares that takes its texels with shaders/lib/active_lib.glsl."""
@@ -28,13 +34,23 @@ BLOCK = 8
 
 @dataclass(frozen=True)
 class Active:
-    """Some texels of a map. stopped: depth, in which all other texels are drawn. texels: the list. count: its length. rows: of
-    workgroups as wide as the map, times their side, that work on the list."""
+    """Some texels of a map.
+
+    stopped: depth, in which all other texels are drawn. texels: the list. count: its length. rows: of workgroups as wide as the
+    map, times their side, that work on the list. blocks (rows, columns) bool: which squares of BLOCK texels have some of them.
+    """
 
     stopped: gpu.types.GPUTexture
     texels: gpu.types.GPUTexture
     count: int
     rows: int
+    blocks: np.ndarray
+
+
+def clear(into: target.Target, some: Active, slot: int = 0) -> None:
+    """Set these texels of a texture of `into` (RGBA32F) to 0. Clearing all of it takes longer than to draw few."""
+    only = target.Target.of(into.width, into.height, into.formats[slot], into.textures[slot])
+    target.fill(only, NOTHING, stopped=some.stopped)
 
 
 def find(rounds: gpu.types.GPUTexture, needed: np.ndarray, number: int) -> Active | None:
@@ -43,7 +59,7 @@ def find(rounds: gpu.types.GPUTexture, needed: np.ndarray, number: int) -> Activ
     rounds: what rounds.draw wrote. needed: the same (height, width) uint8.
     """
     height, width = needed.shape
-    listed = _in_blocks(needed >= number)
+    listed, blocks = _in_blocks(needed >= number)
     if not len(listed):
         return None
     pairs = np.zeros((-(-len(listed) // 2) * 2, 2), np.float32)
@@ -51,9 +67,8 @@ def find(rounds: gpu.types.GPUTexture, needed: np.ndarray, number: int) -> Activ
     groups, across = -(-len(listed) // BLOCK**2), -(-width // BLOCK)
     depth = target.get("stopped texels", width, height, "R8", "DEPTH_COMPONENT32F")
     target.fill(depth, STOPPED, clear=True, writes_depth=True, rounds=rounds, number=float(number))
-    return Active(
-        depth.textures[1], data_texture.upload(pairs.reshape(-1, 4)), len(listed), -(-groups // across) * BLOCK
-    )
+    texels = data_texture.upload(pairs.reshape(-1, 4))
+    return Active(depth.textures[1], texels, len(listed), -(-groups // across) * BLOCK, blocks)
 
 
 def bindings(some: Active | None, unused: gpu.types.GPUTexture) -> dict:
@@ -61,8 +76,9 @@ def bindings(some: Active | None, unused: gpu.types.GPUTexture) -> dict:
     return {"active_texels": some.texels if some else unused, "active_count": some.count if some else -1}
 
 
-def _in_blocks(is_active: np.ndarray) -> np.ndarray:
-    """The places (N, 2) int of the texels, x and y, square by square: texels of a workgroup are close to each other."""
+def _in_blocks(is_active: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The places (N, 2) int of the texels, x and y, square by square: texels of a workgroup are close to each other. And which
+    squares have some, as Active has them."""
     height, width = is_active.shape
     across, up = -(-width // BLOCK), -(-height // BLOCK)
     padded = is_active
@@ -71,6 +87,9 @@ def _in_blocks(is_active: np.ndarray) -> np.ndarray:
         padded[:height, :width] = is_active
     ordered = padded.reshape(up, BLOCK, across, BLOCK).transpose(0, 2, 1, 3)
     lanes = np.flatnonzero(ordered)
+    blocks = np.zeros(up * across, bool)
     block, inner = np.divmod(lanes, BLOCK**2)
     y, x = np.divmod(block, across)
-    return np.stack([x * BLOCK + inner % BLOCK, y * BLOCK + inner // BLOCK], axis=1)
+    blocks[block] = True
+    places = np.stack([x * BLOCK + inner % BLOCK, y * BLOCK + inner // BLOCK], axis=1)
+    return places, blocks.reshape(up, across)

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -133,17 +134,21 @@ def draw(
     *,
     start_offset: float,
     start_on_cage: bool = False,
+    clear: bool = True,
     stopped: gpu.types.GPUTexture | None = None,
+    parts: Sequence[tuple[int, int]] | None = None,
 ) -> None:
     """Clear `into` (two RGBA32F) and write the rays of the texels that `low` covers.
 
     The first texture gets the point on the low mesh and the number of its triangle, the second the unit direction away from
     the surface and how far outside it the ray starts. start_offset: that distance where nothing is painted; with
-    start_on_cage it is the length of the smooth normals instead, which then point at the cage. stopped: as in target.drawing.
+    start_on_cage it is the length of the smooth normals instead, which then point at the cage.
+
+    clear, stopped: as in target.drawing. parts: of `low`, as in mesh_upload.draw.
     """
     compiled = shader.load(PROGRAM)
     edges = directions.edges
-    with target.drawing(into, stopped=stopped):
+    with target.drawing(into, clear=clear, stopped=stopped):
         compiled.bind()
         target.bind(
             compiled,
@@ -159,7 +164,7 @@ def draw(
             start_offset=start_offset,
             start_on_cage=int(start_on_cage),
         )
-        low.draw(compiled)
+        mesh_upload.draw(low, compiled, parts)
 
 
 def upload_points(places: np.ndarray, directions: np.ndarray, start: float) -> target.Target:

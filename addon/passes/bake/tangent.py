@@ -3,10 +3,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from ...core.udim import UvToClip
-from .. import shader, target
+from .. import mesh_upload, shader, target
 from ..program import Program
 
 if TYPE_CHECKING:
@@ -33,16 +34,17 @@ def draw(
     rows: range | None = None,
     clear: bool = True,
     stopped: gpu.types.GPUTexture | None = None,
+    parts: Sequence[tuple[int, int]] | None = None,
 ) -> None:
     """Clear `into` (RGBA32F) and write tangent-space unit normals, alpha 1, on texels that `low` and `normals` cover.
 
     low: batch with attributes uv, normal and tangent (w = the bitangent's sign). normals: object-space unit normals of
     the same size. normalize_normal: see core.bases.
     rows: in these rows alone; it is cleared with the first of them. clear: False to keep other texels of `into`.
-    stopped: as in target.drawing.
+    stopped: as in target.drawing. parts: of `low`, as in mesh_upload.draw.
     """
     compiled = shader.load(PROGRAM)
     with target.drawing(into, rows, clear=clear and (not rows or rows.start == 0), stopped=stopped):
         compiled.bind()
         target.bind(compiled, PROGRAM, normals=normals, uv_to_clip=uv_to_clip, normalize_normal=int(normalize_normal))
-        low.draw(compiled)
+        mesh_upload.draw(low, compiled, parts)
