@@ -9,6 +9,7 @@ from pathlib import Path
 
 import bpy
 
+from ..core.declarations.choices import Method
 from ..core.map_types import BY_NAME, Family
 from ..core.preflight.memory_need import Amounts, Need, sentence
 from ..core.settings import Settings
@@ -48,6 +49,7 @@ def need_of(job: Job, settings: Settings) -> Need | None:
     if any(obj.type != "MESH" or obj.modifiers or obj.is_instancer for obj in objects):
         return None
     shows_images = any(BY_NAME[name].family is Family.MATERIAL for name in settings.drawn_maps)
+    pages = page_files.used_by(job.highs)
     return Need.of(
         Amounts(
             triangles=sum(len(obj.data.loops) - 2 * len(obj.data.polygons) for obj in objects),
@@ -55,7 +57,10 @@ def need_of(job: Job, settings: Settings) -> Need | None:
             band_texels=drawing.band_texels(settings),
             samples=settings.samples,
             other_maps=len(settings.drawn_maps),
-            page_pixels=max(map(_pixels, page_files.used_by(job.highs)), default=0) if shows_images else 0,
+            is_flat=settings.method == Method.FLATTEN
+            and not settings.drawn_maps
+            and not (settings.detail_maps and pages),
+            page_pixels=max(map(_pixels, pages), default=0) if shows_images else 0,
         )
     )
 

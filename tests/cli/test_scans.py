@@ -452,6 +452,18 @@ def test_the_largest_page_counts_if_a_map_shows_it(incomplete):
     assert not any(image.has_data for image in bpy.data.images)
 
 
+def test_flatten_needs_no_tree_unless_more_than_the_normal_map_is_drawn(incomplete):
+    job = Stage().job("low.obj", ["scan.obj"])
+
+    def tree(**settings):
+        return memory_check.need_of(job, Settings(**settings)).tree
+
+    assert tree(method="FLATTEN", detail_maps=False) == 0
+    assert tree(method="FLATTEN", detail_maps=False, maps=("POSITION",)) > 0
+    assert tree(method="FLATTEN", detail_maps=True) > 0
+    assert tree(method="CAST") > 0
+
+
 def test_modifiers_leave_the_size_of_a_mesh_open(incomplete):
     job = Stage().job("low.obj", ["scan.obj"])
     job.highs[0].modifiers.new("Subdivision", "SUBSURF")

@@ -22,8 +22,10 @@ MEASURED = {
     Amounts(505_000, BAND, BAND, other_maps=1, page_pixels=BAND): 4827e6,
     Amounts(2_005_000, 2048 * 2048, 2048 * 2048, other_maps=1, page_pixels=BAND): 2553e6,
     Amounts(2_005_000, BAND, BAND, other_maps=1, page_pixels=BAND): 5524e6,
+    Amounts(30_002_048, 1024 * 1024, 1024 * 1024, is_flat=True): 4270e6,
 }
-"""The largest resident size of processes by scripts/bench/scan_memory.py, with a GPU in software."""
+"""The largest resident size of processes by scripts/bench/scan_memory.py, with a GPU in software. The last one is of a grid in
+Blender, as the bench's part very_large builds it."""
 
 
 @pytest.mark.parametrize("amounts", MEASURED, ids=str)
@@ -36,6 +38,20 @@ def test_a_gpu_has_its_own_memory():
     need = Need.of(Amounts(2_000_000, BAND, BAND))
     assert need.of_machine(is_software=False) < need.of_machine(is_software=True) == need.peak
     assert need.on_gpu == 2_000_000 * 112 + BAND * 124
+
+
+def test_flatten_of_a_normal_map_has_no_tree_and_uploads_large_meshes_in_parts():
+    small, large = (Need.of(Amounts(count, BAND, BAND, is_flat=True)) for count in (2_000_000, 100_000_000))
+    assert small.tree == large.tree == 0
+    assert small.on_gpu == 2_000_000 * 60 + BAND * 124
+    assert large.on_gpu == 250 * 10**6 + BAND * 124
+    assert Need.of(Amounts(100_000_000, BAND, BAND)).peak > 2 * large.peak
+
+
+def test_large_meshes_take_less_for_each_triangle():
+    small, large = (Need.of(Amounts(count, BAND, BAND)) for count in (2**24 - 1, 2**24))
+    assert small.meshes // (2**24 - 1) == 250 + 112
+    assert large.meshes // 2**24 == 120 + 112
 
 
 def test_a_page_counts_while_maps_are_drawn():

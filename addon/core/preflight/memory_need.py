@@ -12,6 +12,10 @@ PROGRAM = 530 * 10**6
 TRIANGLE, TRIANGLE_ON_GPU, TRIANGLE_IN_TREE = 250, 112, 190
 """Bytes for each triangle: of Blender's mesh and the arrays that are read from it, of the tables on the GPU, and while the tree
 is built."""
+LARGE, TRIANGLE_OF_LARGE = 2**24, 120
+"""From so many triangles on, meshes are read array by array, and take so many bytes for each triangle, with Blender's mesh."""
+FLAT_TRIANGLE_ON_GPU, FLAT_PART = 60, 250 * 10**6
+"""Bytes for each triangle that Flatten uploads for a normal map alone, and for a part of a mesh that is as LARGE."""
 TEXEL, TEXEL_ON_GPU, TEXEL_OF_SUMS, TEXEL_STORED = 17, 124, 16, 53
 """Bytes for each texel of the normal map: read from the GPU, drawn there (as large as a band), with several samples, and while
 one map is stored."""
@@ -27,7 +31,8 @@ GIGABYTE = 10**9
 @dataclass(frozen=True)
 class Amounts:
     """The sizes of a bake. triangles: of all meshes. texels: of one map. band_texels: that are drawn at once. other_maps:
-    beside the normal map. page_pixels: of the largest image that the maps show."""
+    beside the normal map. page_pixels: of the largest image that the maps show. is_flat: whether Flatten draws the normal
+    map alone, without a tree."""
 
     triangles: int
     texels: int
@@ -35,6 +40,7 @@ class Amounts:
     samples: int = 1
     other_maps: int = 0
     page_pixels: int = 0
+    is_flat: bool = False
 
 
 @dataclass(frozen=True)
@@ -63,11 +69,12 @@ class Need:
             + amounts.other_maps * (OTHER_TEXEL_ON_GPU + sums)
         )
         maps_on_gpu = amounts.band_texels * drawn
-        meshes_on_gpu, page_on_gpu = amounts.triangles * TRIANGLE_ON_GPU, amounts.page_pixels * PAGE_PIXEL_ON_GPU
+        meshes_on_gpu, page_on_gpu = _meshes_on_gpu(amounts), amounts.page_pixels * PAGE_PIXEL_ON_GPU
+        of_triangle = TRIANGLE if amounts.triangles < LARGE else TRIANGLE_OF_LARGE
         return cls(
             program=PROGRAM,
-            meshes=amounts.triangles * TRIANGLE + meshes_on_gpu,
-            tree=amounts.triangles * TRIANGLE_IN_TREE,
+            meshes=amounts.triangles * of_triangle + meshes_on_gpu,
+            tree=0 if amounts.is_flat else amounts.triangles * TRIANGLE_IN_TREE,
             maps=amounts.texels * (TEXEL + amounts.other_maps * OTHER_TEXEL) + maps_on_gpu,
             storing=amounts.texels * TEXEL_STORED,
             page=amounts.page_pixels * PAGE_PIXEL + page_on_gpu,
@@ -84,6 +91,12 @@ class Need:
         if is_software:
             return self.peak
         return max(self.program + self.meshes + self.tree, self.peak - self.on_gpu)
+
+
+def _meshes_on_gpu(amounts: Amounts) -> int:
+    if amounts.is_flat:
+        return amounts.triangles * FLAT_TRIANGLE_ON_GPU if amounts.triangles < LARGE else FLAT_PART
+    return amounts.triangles * TRIANGLE_ON_GPU
 
 
 def sentence(need: Need, free: int | None, *, is_software: bool) -> str:
