@@ -6,6 +6,8 @@ from functools import cached_property
 
 import numpy as np
 
+from .spatial.face_corners import FaceCorners
+
 UV_LAYER, ATTRIBUTE, TANGENTS = "UV map", "attribute", "tangents"
 """The kinds of Mesh.layers: UVs (C, 2), attributes (C, 4), and tangents (C, 4) of a UV map, w the sign of the bitangent."""
 
@@ -24,7 +26,7 @@ class Mesh:
     left out for NaN or infinite values. instances: the number of instances joined; 0 for the object's own mesh.
     layers: more values by corner (C, n) float32, by their kind (UV_LAYER, ATTRIBUTE or TANGENTS) and name. normals_domain:
     "POINT" or "FACE" if the normals are those that Blender computes of vertices or faces from the positions alone, or empty.
-    starts (F + 1,) int32: the first corner of each face, and at the end C, or None if not read.
+    face_corners: which faces the corners belong to, or None if not read.
     """
 
     name: str
@@ -41,7 +43,7 @@ class Mesh:
     instances: int = 0
     layers: dict[tuple[str, str], np.ndarray] = field(default_factory=dict)
     normals_domain: str = ""
-    starts: np.ndarray | None = None
+    face_corners: FaceCorners | None = None
 
     def to_world_normals(self, normals: np.ndarray) -> np.ndarray:
         """Transform `normals` (N, 3) from this mesh's space to world space; float32, not of length one."""
@@ -55,7 +57,7 @@ class Mesh:
     def with_triangles(self, kept: np.ndarray) -> "Mesh":
         """This mesh with some of its triangles. kept: their indices, or (T,) bool."""
         faces, labels = (None if values is None else values[kept] for values in (self.faces, self.labels))
-        return replace(self, triangles=self.triangles[kept], faces=faces, labels=labels)
+        return replace(self, triangles=self.triangles[kept], faces=faces, labels=labels, face_corners=None)
 
     @cached_property
     def box(self) -> np.ndarray:

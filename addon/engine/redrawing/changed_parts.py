@@ -63,9 +63,7 @@ class DrawnMesh:
             corners = triangle_mesh.changed_rows(mesh.normals, before.normals)
             if len(corners) > MOST_CHANGED * len(mesh.normals):
                 return None
-            is_changed = np.zeros(len(mesh.normals), bool)
-            is_changed[corners] = True
-            found.append(np.flatnonzero(is_changed.take(mesh.triangles.reshape(-1))) // 3)
+            found.append(_triangles_at(mesh, corners))
         changed = np.unique(np.concatenate([np.empty(0, np.int64), *found]))
         return changed if len(changed) <= most else None
 
@@ -172,6 +170,15 @@ def _bounds(touched: np.ndarray, x: int, y: int) -> tuple[range, range]:
     sides = (np.flatnonzero(touched.any(axis=axis)) for axis in (0, 1))
     columns, rows = (range(int(side[0]), int(side[-1]) + 1) for side in sides)
     return range(x + columns.start, x + columns.stop), range(y + rows.start, y + rows.stop)
+
+
+def _triangles_at(mesh: Mesh, corners: np.ndarray) -> np.ndarray:
+    """The triangles of some corners, and maybe others of the same faces."""
+    if mesh.face_corners is not None:
+        return mesh.face_corners.triangles_of(mesh.face_corners.faces_of(corners))
+    is_one = np.zeros(len(mesh.normals), bool)
+    is_one[corners] = True
+    return np.flatnonzero(is_one[mesh.triangles].any(axis=1))
 
 
 def _boxes(uv: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

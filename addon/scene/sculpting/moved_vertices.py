@@ -5,11 +5,14 @@ Computing the normals of a whole mesh is most of the time of reading it. Those o
 their order, so a mesh with only these faces has the same ones, to the bit.
 """
 
+import ctypes
+from collections.abc import Callable
 from dataclasses import replace
 
 import bpy
 import numpy as np
 
+from ...mesh.spatial.face_corners import FaceCorners
 from ...mesh.triangle_mesh import Mesh, changed_rows
 from .. import mesh_reader
 
@@ -28,25 +31,22 @@ def read(
         return None
     positions = mesh_reader.points(data)
     moved = changed_rows(positions, known.positions)
-    if len(moved) > MOST * len(positions):
+    if len(moved) > MOST * len(positions) or (known.uv is not None) != bool(uv_layer):
         return None
-    if (known.uv is not None) != bool(uv_layer) or (uv_layer and not _same(mesh_reader.uvs(data, uv_layer), known.uv)):
+    if uv_layer and not _holds(data.uv_layers[uv_layer].uv, known.uv, lambda: mesh_reader.uvs(data, uv_layer)):
         return None
-    triangles, starts = mesh_reader.triangles(data), known.starts
-    if len(triangles) != len(known.triangles) or not _same(mesh_reader.corner_vertices(data), known.vertices):
+    corners = data.attributes[".corner_vert"].data
+    if not _holds(corners, known.vertices, lambda: mesh_reader.corner_vertices(data)):
         return None
-    if _same(triangles, known.triangles):
-        triangles = known.triangles
-    else:
-        starts, other = _face_starts(data), changed_rows(triangles, known.triangles)
-        if not _are_in(known.triangles[other], mesh_reader.triangle_faces(data)[other], starts):
-            return None
-    starts = _face_starts(data) if starts is None else starts
-    faces = mesh_reader.triangle_faces(data) if with_faces else None
-    known = replace(known, triangles=triangles, to_world=to_world, starts=starts, faces=faces, labels=None)
+    known = _with_triangles(data, known)
+    if known is None:
+        return None
+    known = replace(
+        known, to_world=to_world, faces=mesh_reader.triangle_faces(data) if with_faces else None, labels=None
+    )
     if not len(moved):
         return known
-    corners, around = _normals_around(positions, known.vertices, starts, moved, known.normals_domain)
+    corners, around = _normals_around(positions, known.face_corners, moved, known.normals_domain)
     if not (np.isfinite(around).all() and np.isfinite(positions[moved]).all()):
         return None
     normals = known.normals.copy()
@@ -54,13 +54,26 @@ def read(
     return replace(known, positions=positions, normals=normals)
 
 
-def _face_starts(data: bpy.types.Mesh) -> np.ndarray:
-    """The first corner of each face, and at the end the number of corners, (F + 1,) int32."""
+def _with_triangles(data: bpy.types.Mesh, known: Mesh) -> Mesh | None:
+    """`known` with the triangles of `data`, which has the same corners, and with its face_corners. None for other faces."""
+    data.calc_loop_triangles()
+    if len(data.loop_triangles) != len(known.triangles):
+        return None
+    is_same = _holds(data.loop_triangles, known.triangles, lambda: mesh_reader.triangles(data))
+    if is_same and known.face_corners is not None:
+        return known
+    faces = mesh_reader.triangle_faces(data)
     # Blender takes three times as long to list the faces themselves.
-    sizes = np.bincount(mesh_reader.triangle_faces(data), minlength=len(data.polygons)) + 2
-    starts = np.zeros(len(sizes) + 1, np.int32)
-    np.cumsum(sizes, out=starts[1:])
-    return starts
+    starts = np.zeros(len(data.polygons) + 1, np.int32)
+    np.cumsum(np.bincount(faces, minlength=len(data.polygons)) + 2, out=starts[1:])
+    found = FaceCorners(starts, known.vertices)
+    if is_same:
+        return replace(known, face_corners=found)
+    triangles = mesh_reader.triangles(data)
+    other = changed_rows(triangles, known.triangles)
+    if not _are_in(known.triangles[other], faces[other], starts):
+        return None
+    return replace(known, triangles=triangles, face_corners=known.face_corners or found)
 
 
 def _are_in(triangles: np.ndarray, faces: np.ndarray, starts: np.ndarray) -> bool:
@@ -69,29 +82,32 @@ def _are_in(triangles: np.ndarray, faces: np.ndarray, starts: np.ndarray) -> boo
     return all(((corner >= first) & (corner < end)).all() for corner in triangles.T)
 
 
-def _same(a: np.ndarray, b: np.ndarray) -> bool:
-    """Whether two arrays are equal to the bit."""
-    return np.array_equal(a.view(np.int32), b.view(np.int32))
+def _holds(collection: bpy.types.bpy_prop_collection, known: np.ndarray, read: Callable[[], np.ndarray]) -> bool:
+    """Whether a collection of Blender has the values `known`, to the bit. read: reads it.
+
+    Compares Blender's memory itself if the elements lie one after the other: copying it takes longer.
+    """
+    count, size = len(collection), known.nbytes // max(1, len(collection))
+    if count and collection[-1].as_pointer() - collection[0].as_pointer() == size * (count - 1):
+        memory = (ctypes.c_int32 * (known.nbytes // 4)).from_address(collection[0].as_pointer())
+        return np.array_equal(np.frombuffer(memory, np.int32), known.reshape(-1).view(np.int32))
+    return np.array_equal(read(), known)
 
 
 def _normals_around(
-    positions: np.ndarray, vertices: np.ndarray, starts: np.ndarray, moved: np.ndarray, domain: str
+    positions: np.ndarray, faces: FaceCorners, moved: np.ndarray, domain: str
 ) -> tuple[np.ndarray, np.ndarray]:
     """The corners (N,) whose normals depend on the `moved` vertices, and their normals (N, 3) float32."""
-    is_moved = np.zeros(len(positions), bool)
-    is_moved[moved] = True
-    touched = _faces_at(starts, np.flatnonzero(is_moved.take(vertices)))
-    corners = _corners_of(starts, touched)
+    touched = faces.faces_of(faces.corners_at(moved, len(positions)))
+    corners = faces.corners_of(touched)
     if domain == "FACE":
-        normals = _normals_of(positions, vertices[corners], _sizes(starts, touched), "polygon_normals")
-        return corners, np.repeat(normals, _sizes(starts, touched), axis=0)
-    depends = np.zeros(len(positions), bool)
-    depends[vertices[corners]] = True
-    corners = np.flatnonzero(depends.take(vertices))
-    around = _faces_at(starts, corners)
-    used, numbers = np.unique(vertices[_corners_of(starts, around)], return_inverse=True)
-    normals = _normals_of(positions[used], numbers.astype(np.int32), _sizes(starts, around), "vertex_normals")
-    return corners, normals[np.searchsorted(used, vertices[corners])]
+        normals = _normals_of(positions, faces.vertices[corners], faces.sizes(touched), "polygon_normals")
+        return corners, np.repeat(normals, faces.sizes(touched), axis=0)
+    corners = faces.corners_at(np.unique(faces.vertices[corners]), len(positions))
+    around = faces.faces_of(corners)
+    used, numbers = np.unique(faces.vertices[faces.corners_of(around)], return_inverse=True)
+    normals = _normals_of(positions[used], numbers.astype(np.int32), faces.sizes(around), "vertex_normals")
+    return corners, normals[np.searchsorted(used, faces.vertices[corners])]
 
 
 def _normals_of(positions: np.ndarray, vertices: np.ndarray, sizes: np.ndarray, kind: str) -> np.ndarray:
@@ -109,20 +125,3 @@ def _normals_of(positions: np.ndarray, vertices: np.ndarray, sizes: np.ndarray, 
         normals = np.empty((len(found), 3), np.float32)
         found.foreach_get("vector", normals.reshape(-1))
     return normals
-
-
-def _faces_at(starts: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """The faces of these corners, each once, in their order."""
-    return np.unique(np.searchsorted(starts, corners, side="right") - 1)
-
-
-def _corners_of(starts: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """The corners of these faces, face after face."""
-    sizes = _sizes(starts, faces)
-    before = np.cumsum(sizes) - sizes
-    return np.arange(sizes.sum()) + np.repeat(starts[faces] - before, sizes)
-
-
-def _sizes(starts: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """The number of corners of each of these faces."""
-    return starts[faces + 1] - starts[faces]
