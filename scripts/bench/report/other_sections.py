@@ -105,7 +105,7 @@ def live(rows: list[dict]) -> list[str]:
     return [
         "## Live",
         "",
-        "Milliseconds of an update while vertices move: from the changed mesh to the map's texels in memory, and from there "
+        "Milliseconds of an update while vertices move: from the changed mesh to the map on the GPU, and from there "
         "to the image. Each round is the median of several updates.",
         "",
         *table(["triangles", "vertices that move", "map", "update", "image"], lines),
