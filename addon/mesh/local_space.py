@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from . import threads
 from .triangle_mesh import Mesh
 
 FARTHEST = 1e8
@@ -26,7 +27,13 @@ class LocalSpace:
         """The positions (V, 3) float32 of `mesh` in this space."""
         matrix = mesh.to_world[:3, :3] / self.size
         offset = (mesh.to_world[:3, 3] - self.origin) / self.size
-        return np.clip(mesh.positions @ matrix.T + offset, -FARTHEST, FARTHEST).astype(np.float32)
+        points = np.empty(mesh.positions.shape, np.float32)
+
+        def transform(part: slice) -> None:
+            points[part] = np.clip(mesh.positions[part] @ matrix.T + offset, -FARTHEST, FARTHEST)
+
+        threads.for_blocks(len(points), transform)
+        return points
 
 
 def local_space_of(meshes: Sequence[Mesh]) -> LocalSpace:

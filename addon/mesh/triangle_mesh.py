@@ -46,8 +46,14 @@ class Mesh:
     face_corners: FaceCorners | None = None
 
     def to_world_normals(self, normals: np.ndarray) -> np.ndarray:
-        """Transform `normals` (N, 3) from this mesh's space to world space; float32, not of length one."""
-        return normals @ normal_matrix(self.to_world).T.astype(np.float32)
+        """Transform `normals` (N, 3) from this mesh's space to world space; float32, not of length one.
+
+        The result may be `normals` itself.
+        """
+        matrix = normal_matrix(self.to_world)
+        if np.array_equal(matrix, np.eye(3)):  # large meshes have many normals, and often no rotation
+            return normals
+        return normals @ matrix.T.astype(np.float32)
 
     @property
     def front_triangles(self) -> np.ndarray:

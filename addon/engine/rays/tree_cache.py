@@ -10,6 +10,7 @@ import numpy as np
 
 from ...core.errors import BakeError
 from ...core.timings import Timings
+from ...mesh import threads
 from ...mesh.local_space import LocalSpace, local_space_of
 from ...mesh.spatial import bvh
 from ...mesh.triangle_mesh import Mesh
@@ -71,10 +72,13 @@ class TreeCache:
         The key is the content, not the name: Blender does not report every change of a mesh.
         """
         with timings.timed("tree"):
-            key = tuple(
-                (zlib.crc32(np.ascontiguousarray(array)), array.shape)
+            arrays = [
+                array
                 for mesh in highs
                 for array in (mesh.positions, mesh.vertices, mesh.normals, mesh.triangles, mesh.to_world)
+            ]
+            key = tuple(
+                threads.map_parallel(lambda array: (zlib.crc32(np.ascontiguousarray(array)), array.shape), arrays)
             )
             found = self._scenes.pop(key, None)
             if found is None:
@@ -147,9 +151,9 @@ def _build(highs: Sequence[Mesh], timings: Timings) -> RayScene:
         tables = cast.upload(
             tree.nodes,
             points,
-            np.take(vertices, tree.order, axis=0),
+            _taken(vertices, tree.order),
             normals,
-            np.take(corners, tree.order, axis=0),
+            _taken(corners, tree.order),
             first_leaf=tree.first_leaf,
             origin=tree.origin,
             scale=tree.scale,
@@ -172,13 +176,24 @@ def _arrays(highs: Sequence[Mesh]) -> tuple[LocalSpace, np.ndarray, np.ndarray, 
         triangles = high.front_triangles  # the winding decides whether a ray hits the front or the back
         points.append(local_space.points(high))
         normals.append(high.to_world_normals(high.normals))
-        vertices.append(_shifted(points_before, np.take(high.vertices, triangles, mode="clip")))
+        vertices.append(_shifted(points_before, _taken(high.vertices, triangles)))
         corners.append(_shifted(corners_before, triangles))
         points_before, corners_before = points_before + len(high.positions), corners_before + len(high.normals)
     points, normals, vertices, corners = (
         parts[0] if len(parts) == 1 else np.concatenate(parts) for parts in (points, normals, vertices, corners)
     )
     return local_space, points, vertices, normals, corners
+
+
+def _taken(rows: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """rows[places], by threads."""
+    found = np.empty((*places.shape, *rows.shape[1:]), rows.dtype)
+
+    def take(part: slice) -> None:
+        np.take(rows, places[part], axis=0, out=found[part], mode="clip")
+
+    threads.for_blocks(len(places), take)
+    return found
 
 
 def _shifted(count: int, numbers: np.ndarray) -> np.ndarray:

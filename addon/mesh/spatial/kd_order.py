@@ -32,14 +32,13 @@ def _halves(indices: np.ndarray, points: np.ndarray, half: int) -> list[tuple[np
     if len(indices) <= half:
         return [(indices, points)]
     longest = points[np.argmax([np.ptp(axis) for axis in points])]
-    # A key holds the coordinate in its high bits and the index in its low ones: keys are unique, and each one can be
-    # traced back to its point.
-    keys = longest.astype(np.uint64) << np.uint64(32)
-    keys |= np.arange(len(indices), dtype=np.uint64)
-    keys.partition(half)
-    keys &= np.uint64(2**32 - 1)
-    found = keys.view(np.int64)
-    return [(indices[run], np.take(points, run, axis=1)) for run in (found[:half], found[half:])]
+    # Both halves stay in the order in which they were: what lies close in memory is fast to fetch.
+    middle = np.partition(longest, half)[half]
+    is_low = longest < middle
+    missing = half - np.count_nonzero(is_low)
+    is_low[np.flatnonzero(longest == middle)[:missing]] = True
+    runs = np.flatnonzero(is_low), np.flatnonzero(~is_low)
+    return [(np.take(indices, run), np.take(points, run, axis=1)) for run in runs]
 
 
 class _Part:
