@@ -87,6 +87,25 @@ def test_all_is_loaded_where_scripts_of_the_user_may_need_it(scene, tmp_path):
     assert addons >= {*lean_blender.ADDONS, "bl_pkg"}
 
 
+@pytest.mark.skipif(not hasattr(sys, "setdlopenflags"), reason="shared libraries of POSIX")
+def test_functions_of_blenders_libraries_are_found_when_they_are_called(monkeypatch):
+    class Finder:
+        flags = []
+
+        def find_spec(self, name, *_):
+            if name == "bpy":
+                self.flags.append(sys.getdlopenflags())
+                raise ImportError
+
+    before = sys.getdlopenflags()
+    monkeypatch.setattr(sys, "meta_path", [finder := Finder()])
+    monkeypatch.delitem(sys.modules, "bpy")
+    with pytest.raises(ImportError):
+        lean_blender.load()
+    assert finder.flags == [before & ~os.RTLD_NOW | os.RTLD_LAZY]
+    assert sys.getdlopenflags() == before
+
+
 @pytest.mark.parametrize("words", [FILES, [*BLEND, "--save-blend", "saved.blend"]])
 def test_the_interface_is_loaded_for_files_that_need_it(scene, words):
     modules, addons = loaded(*words)

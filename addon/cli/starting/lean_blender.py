@@ -9,7 +9,8 @@ import gc
 import importlib
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from importlib.machinery import ModuleSpec
 from types import ModuleType
 from typing import Any
@@ -68,14 +69,33 @@ def load() -> None:
     sys.meta_path.insert(0, finder)
     gc.disable()  # nothing becomes garbage, and there is much to search
     try:
-        import bpy  # noqa: F401
+        with _functions_when_called():
+            import bpy  # noqa: F401
     finally:
         gc.freeze()
         gc.enable()
         sys.meta_path.remove(finder)
         for name in finder.names:
-            sys.modules.pop(name, None)
+            if getattr(sys.modules.get(name), "__loader__", None) is finder:
+                del sys.modules[name]
     _lean.is_lean = bool(finder.names)
+
+
+@contextmanager
+def _functions_when_called() -> Iterator[None]:
+    """Find the functions of shared libraries when they are first called, not all when the library is loaded.
+
+    Blender's has forty others, of which a bake calls little.
+    """
+    if not hasattr(sys, "setdlopenflags"):  # Windows
+        yield
+        return
+    flags = sys.getdlopenflags()
+    sys.setdlopenflags(flags & ~os.RTLD_NOW | os.RTLD_LAZY)
+    try:
+        yield
+    finally:
+        sys.setdlopenflags(flags)
 
 
 def complete() -> None:
