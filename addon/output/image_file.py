@@ -36,7 +36,7 @@ def write(texels: np.ndarray, path: Path, depth: int, *, has_alpha: bool = True)
     partial = Partial(path)
     try:
         with WriteQueue() as queue:
-            queue.add(content(texels, path, depth, has_alpha=has_alpha), partial).result()
+            queue.add(lambda: content(texels, path, depth, has_alpha=has_alpha), partial).result()
         partial.commit()
     finally:
         partial.discard()

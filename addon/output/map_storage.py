@@ -101,21 +101,23 @@ class Writer:
         stored = texels  # Blender rounds
         if settings.dither and settings.depth == 8:
             stored = quantize.dithered(texels, with_alpha=self.is_packed)
-        if self.is_normal and not settings.is_float:
-            rounded = quantize.rounded(quantize.sample(stored), settings.depth)
-            self._angles.append(quantize.angles(quantize.sample(texels), rounded))
         if self._path:
             partial = self._partials[tile] = Partial(self._of_tile(tile))
             # As in Blender's own packed images, floats have 32 bits.
             depth = file_formats.OPEN_EXR.depths[-1] if self._folder and settings.is_float else settings.depth
             with partial.writing():
                 partial.temporary.touch()
-            content = image_file.content(
-                stored, partial.temporary, depth, has_alpha=settings.alpha or bool(self._folder)
+            has_alpha = settings.alpha or bool(self._folder)
+            self._written.append(
+                self._queue.add(
+                    lambda: image_file.content(stored, partial.temporary, depth, has_alpha=has_alpha), partial
+                )
             )
-            self._written.append(self._queue.add(content, partial))
         else:
             self._texels = stored
+        if self.is_normal and not settings.is_float:
+            rounded = quantize.rounded(quantize.sample(stored), settings.depth)
+            self._angles.append(quantize.angles(quantize.sample(texels), rounded))
 
     @property
     def paths(self) -> list[str]:

@@ -60,12 +60,20 @@ def sample(texels: np.ndarray) -> np.ndarray:
 
 def angles(texels: np.ndarray, stored: np.ndarray) -> np.ndarray:
     """Degrees (M,) float32 between the normals of texels (N, 4) and the stored ones, where alpha is not 0."""
-    is_written = texels[..., 3] > 0.0
-    before, after = (_unit(values[is_written, :3].astype(np.float64) * 2.0 - 1.0) for values in (texels, stored))
+    is_written = texels[:, 3] > 0.0
+    before, after = (_unit(values[is_written, :3].T) for values in (texels, stored))
     # From the chord: the cosine of a small angle is too close to 1 for a precise result.
-    chord = np.linalg.norm(after - before, axis=-1)
+    after -= before
+    chord = _lengths(after)
     return np.degrees(2.0 * np.arcsin(np.minimum(chord / 2.0, 1.0))).astype(np.float32)
 
 
-def _unit(vectors: np.ndarray) -> np.ndarray:
-    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-30)
+def _unit(columns: np.ndarray) -> np.ndarray:
+    """The normals (3, N) float64 of stored values: columns, because numpy is slow along short rows."""
+    vectors = columns.astype(np.float64, order="C") * 2.0 - 1.0
+    vectors /= np.maximum(_lengths(vectors), 1e-30)
+    return vectors
+
+
+def _lengths(columns: np.ndarray) -> np.ndarray:
+    return np.sqrt(np.square(columns).sum(axis=0))

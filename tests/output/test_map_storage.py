@@ -2,6 +2,8 @@
 """Tests the pixels of images in memory, packed and in files of every format, and that failures keep the old ones."""
 
 import os
+import threading
+import time
 from contextlib import contextmanager
 
 import bpy
@@ -11,8 +13,9 @@ import pytest
 from addon.core.errors import BakeError
 from addon.core.settings import Settings
 from addon.jobs import bake_pair
-from addon.output import map_storage
+from addon.output import image_file, map_storage
 from addon.output.files import atomic_file
+from addon.output.writers.content import Content
 from tests.support import zoo
 from tests.support.maps import pixels
 from tests.support.snapshot import difference, snapshot
@@ -175,6 +178,51 @@ def test_the_image_shows_the_new_file(texels, tmp_path):
     path, other = str(tmp_path / "map.png"), some_texels(seed=2)
     store(texels, storage="FILE", output=path)
     assert_texels(store(other, storage="FILE", output=path), other, STEP_16)
+
+
+def test_texels_may_change_when_they_were_added(texels, tmp_path):
+    """Threads write what they were, so that the caller can draw the next map over them."""
+    settings = Settings(width=WIDTH, height=HEIGHT, storage="FILE", output=str(tmp_path / "map.png"))
+    drawn = texels.copy()
+    with map_storage.Writer("low", settings) as writer:
+        writer.add(1001, drawn)
+        drawn[:] = 0.25
+        assert_texels(writer.commit(), texels, STEP_16)
+
+
+@pytest.mark.parametrize("name", [name for name, _ in FORMATS])
+def test_a_file_is_not_read_back_until_the_image_is_looked_at(texels, name, tmp_path):
+    depth = next(depth for known, depth in FORMATS if known == name)
+    for _ in range(2):  # a new image, and one that was loaded
+        image = store(texels, storage="FILE", output=str(tmp_path / name), depth=depth)
+        assert (image.has_data, image.is_dirty) == (False, False)
+        assert_texels(image, texels, FORMATS[name, depth])
+        assert image.has_data
+
+
+def test_what_is_discarded_while_it_is_written_leaves_nothing(tmp_path, monkeypatch):
+    """Whatever was done of it."""
+    begun, texels = threading.Event(), some_texels(300, 200)
+    real = image_file.content
+
+    def slow(*args, **options):
+        made = real(*args, **options)
+
+        def part():
+            begun.set()
+            time.sleep(0.05)
+            return made.parts[0]()
+
+        return Content([part, *made.parts[1:]], made.write)
+
+    monkeypatch.setattr(image_file, "content", slow)
+    settings = Settings(width=300, height=200, storage="FILE", output=str(tmp_path / "new" / "map.png"))
+    with map_storage.Writer("low", settings) as writer:
+        writer.add(1001, texels)
+        assert begun.wait(10)
+        assert len(os.listdir(tmp_path / "new")) == 2  # with the guard
+    assert os.listdir(tmp_path) == []
+    assert not bpy.data.images
 
 
 @pytest.fixture

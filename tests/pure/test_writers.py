@@ -6,6 +6,8 @@ import ctypes.util
 import io
 import os
 import struct
+import threading
+import time
 import zlib
 from pathlib import Path
 
@@ -278,6 +280,7 @@ def slow_content(data, log=None):
     def part():
         if log is not None:
             log.append(data)
+        time.sleep(0.02)
         return data
 
     return Content([part], lambda file, results: file.write(b"".join(results)))
@@ -292,7 +295,7 @@ def reserved(path):
 def test_a_queue_writes_each_file(tmp_path):
     partials = [reserved(tmp_path / f"{number}.png") for number in range(7)]
     with WriteQueue() as queue:
-        jobs = [queue.add(slow_content(b"%d" % number), partial) for number, partial in enumerate(partials)]
+        jobs = [queue.add(lambda n=number: slow_content(b"%d" % n), partial) for number, partial in enumerate(partials)]
         for job in jobs:
             job.result()
     assert [partial.temporary.read_bytes() for partial in partials] == [b"%d" % number for number in range(7)]
@@ -301,15 +304,17 @@ def test_a_queue_writes_each_file(tmp_path):
     assert os.listdir(tmp_path) == []
 
 
-def test_few_files_wait_at_once(tmp_path, monkeypatch):
-    """The next one waits for the first: the queue asks for its result before it takes more."""
-    asked = []
-    partials = [reserved(tmp_path / f"{number}.png") for number in range(5)]
+def test_few_files_are_in_memory_at_once(tmp_path):
+    """The next one is made when the first is finished."""
+    jobs, partials = [], [reserved(tmp_path / f"{number}.png") for number in range(5)]
+
+    def make():
+        assert all(job.done() for job in jobs[: len(jobs) + 1 - MOST_UNFINISHED])
+        return slow_content(bytes(1000))
+
     with WriteQueue() as queue:
-        for number, partial in enumerate(partials):
-            assert len(queue._unfinished) <= MOST_UNFINISHED
-            asked.append(queue.add(slow_content(bytes(1000)), partial))
-            assert all(job.done() for job in asked[: number + 1 - MOST_UNFINISHED])
+        for partial in partials:
+            jobs.append(queue.add(make, partial))
     for partial in partials:
         partial.discard()
 
@@ -320,19 +325,17 @@ def test_an_error_is_raised_with_the_path_by_its_file_and_by_the_next_one(tmp_pa
 
     partial = reserved(tmp_path / "map.png")
     with WriteQueue() as queue:
-        job = queue.add(Content([], fail), partial)
+        job = queue.add(lambda: Content([], fail), partial)
         message = f"'{tmp_path / 'map.png'}' could not be written: No space left on device."
         with pytest.raises(BakeError) as raised:
             job.result()
         assert str(raised.value) == message
         with pytest.raises(BakeError) as raised:
-            queue.add(slow_content(b"x"), reserved(tmp_path / "other.png"))
+            queue.add(lambda: slow_content(b"x"), reserved(tmp_path / "other.png"))
         assert str(raised.value) == message
 
 
 def test_a_closed_queue_does_not_begin_what_waits(tmp_path):
-    import threading
-
     begun, let_go, log = threading.Event(), threading.Event(), []
 
     def wait():
@@ -342,8 +345,8 @@ def test_a_closed_queue_does_not_begin_what_waits(tmp_path):
 
     queue = WriteQueue()
     many = Content([wait] * (os.cpu_count() or 1), lambda file, results: file.write(b"".join(results)))
-    queue.add(many, reserved(tmp_path / "1.png"))
-    queue.add(slow_content(b"never", log), reserved(tmp_path / "2.png"))
+    queue.add(lambda: many, reserved(tmp_path / "1.png"))
+    queue.add(lambda: slow_content(b"never", log), reserved(tmp_path / "2.png"))
     assert begun.wait(10)
     threading.Timer(0.05, let_go.set).start()
     queue.close()

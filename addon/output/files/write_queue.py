@@ -3,7 +3,7 @@
 
 import os
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 
 from ..writers.content import Content
@@ -30,14 +30,15 @@ class WriteQueue:
     def __exit__(self, *_) -> None:
         self.close()
 
-    def add(self, content: Content, partial: Partial) -> Future:
-        """Write `content` to the temporary file of `partial`, which must be reserved. Waits while MOST_UNFINISHED files wait.
+    def add(self, make: Callable[[], Content], partial: Partial) -> Future:
+        """Write what `make` returns to the temporary file of `partial`, which must be reserved.
 
-        The result of the future is None; it raises BakeError if the file could not be written. Raises the same for a file that
-        was added before.
+        Waits while MOST_UNFINISHED files are not finished, and then calls `make`. The result of the future is None; it raises
+        BakeError if the file could not be written. This raises the same for a file that was added before.
         """
         while self._unfinished and (len(self._unfinished) >= MOST_UNFINISHED or self._unfinished[0].done()):
             self._unfinished.popleft().result()
+        content = make()
         parts = deque(self._packing.submit(part) for part in content.parts)
         job = self._writing.submit(_write, content, parts, partial)
         self._unfinished.append(job)
