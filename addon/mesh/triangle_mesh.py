@@ -103,6 +103,12 @@ def changed_rows(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return rows[np.diff(rows, prepend=-1) > 0]
 
 
+def changed_share(a: np.ndarray, b: np.ndarray) -> float:
+    """About which share of the rows of two arrays (N, n) differ, from a thousand of them."""
+    some = slice(None, None, max(1, len(a) // 1000))
+    return float((a[some] != b[some]).any(axis=1).mean()) if len(a) else 0.0
+
+
 def normal_matrix(mesh_to_world: np.ndarray, space_to_world: np.ndarray | None = None) -> np.ndarray:
     """The (3, 3) matrix that transforms normals from a mesh's space to world space, or to another object's space.
 

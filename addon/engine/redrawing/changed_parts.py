@@ -60,6 +60,8 @@ class DrawnMesh:
         if mesh.triangles is not before.triangles:
             found.append(triangle_mesh.changed_rows(mesh.triangles, before.triangles))
         if mesh.normals is not before.normals:
+            if triangle_mesh.changed_share(mesh.normals, before.normals) > 2.0 * MOST_CHANGED:
+                return None
             corners = triangle_mesh.changed_rows(mesh.normals, before.normals)
             if len(corners) > MOST_CHANGED * len(mesh.normals):
                 return None

@@ -13,7 +13,7 @@ import bpy
 import numpy as np
 
 from ...mesh.spatial.face_corners import FaceCorners
-from ...mesh.triangle_mesh import Mesh, changed_rows
+from ...mesh.triangle_mesh import Mesh, changed_rows, changed_share
 from .. import mesh_reader
 
 MOST = 0.25
@@ -30,6 +30,8 @@ def read(
     if (len(data.vertices), len(data.loops)) != (len(known.positions), len(known.vertices)):
         return None
     positions = mesh_reader.points(data)
+    if changed_share(positions, known.positions) > 2.0 * MOST:
+        return None
     moved = changed_rows(positions, known.positions)
     if len(moved) > MOST * len(positions) or (known.uv is not None) != bool(uv_layer):
         return None
