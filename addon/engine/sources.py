@@ -45,8 +45,9 @@ class Source(Protocol):
         In slices: yields the texture and the rows that are ready. An empty range stops at the share of rows that is done.
         """
 
-    def normals_of(self, band: Band, some: Active) -> gpu.types.GPUTexture:
-        """The same in some texels alone, at once; others are left as they are, or cleared."""
+    def normals_of(self, band: Band, some: Active) -> Iterator[gpu.types.GPUTexture | None]:
+        """The same in some texels alone; others are left as they are, or cleared. Yields None after each slice, and the texture
+        at the end."""
 
     def drawn(self, slot: int = 0) -> target.Target:
         """The target of the last `normals` with this slot."""
@@ -174,11 +175,11 @@ class Flat:
             row = int(done * band.height)
             yield into.texture, range(0 if done == 1.0 else row, row)
 
-    def normals_of(self, band: Band, some: Active) -> gpu.types.GPUTexture:
+    def normals_of(self, band: Band, some: Active) -> Iterator[gpu.types.GPUTexture | None]:
         """As Source has it."""
         into = target.get("high of some texels", band.width, band.height, "RGBA32F")
         self.batches.draw_some(into, band, some)
-        return into.texture
+        yield into.texture
 
     def drawn(self, slot: int = 0) -> target.Target:
         """As Source has it."""
@@ -225,15 +226,16 @@ class Rays:
             self._look_up(normals, hits, rays, rows)
             yield normals.texture, rows
 
-    def normals_of(self, band: Band, some: Active) -> gpu.types.GPUTexture:
+    def normals_of(self, band: Band, some: Active) -> Iterator[gpu.types.GPUTexture | None]:
         """As Source has it."""
         size = band.width, band.height
         rays = target.get("rays", *size, "RGBA32F", "RGBA32F")
         self.ray_cast.draw(rays, band.uv_to_clip, some, self._near.parts(band, some))
         hits, normals = self.hits(band), target.get("high of some texels", *size, "RGBA32F")
-        self.ray_cast.trace(hits, rays, self.pace, some)
+        for _ in self.ray_cast.traced(hits, rays, self.pace, some):
+            yield None
         self._look_up(normals, hits, rays, some=some)
-        return normals.texture
+        yield normals.texture
 
     def _look_up(
         self,

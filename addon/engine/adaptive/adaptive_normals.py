@@ -70,10 +70,15 @@ class AdaptiveNormals:
                 break
             several = several or some
             for offset in offsets:
+                sample, normals = replace(band, offset=offset), None
+                steps = self.source.normals_of(sample, some)
+                while normals is None:
+                    with self.timings.timed("draw"):
+                        normals = next(steps)
+                    if normals is None:
+                        yield done / whole
                 with self.timings.timed("draw"):
-                    sample = replace(band, offset=offset)
-                    normals = self.space.draw(self.source.normals_of(sample, some), sample, some=some)
-                    rounds.add(sums, normals, some)
+                    rounds.add(sums, self.space.draw(normals, sample, some=some), some)
                     drawn.finish()
                 done += 1
                 yield done / whole

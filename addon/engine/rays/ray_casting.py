@@ -83,7 +83,7 @@ class RayCast:
     ) -> Iterator[range]:
         """As `trace`, in slices. Yields the rows that are done; with `some`, rows of its list."""
         unit = self.ray_scene.local_space.size
-        for rows in pace.slices(some.rows if some else drawn.height):
+        for rows in pace.slices(some.rows if some else drawn.height, "some texels" if some else ""):
             cast.trace(
                 hits,
                 drawn,
