@@ -203,6 +203,7 @@ def test_pieces_cover_all_rows_in_order(height, row_bytes, whole):
 def tiff_numbers(data):
     """The numbers (H, W, C) of a TIFF as tiff_writer makes it."""
     (start,) = struct.unpack_from("<I", data, 4)
+    assert start % 2 == 0
     (count,) = struct.unpack_from("<H", data, start)
     tags = {}
     for row in range(count):
