@@ -12,7 +12,8 @@ MACHINE = {"processor": "abacus", "cores": 2, "renderer": "chalk", "backend": "B
 
 
 def run(**parts):
-    return {"quick": False, "machine": dict(MACHINE), "seconds": 1.0} | parts
+    about = {"versions": [PRESENT, f"{PRESENT} v0.1.0"], "peers": {"open3d": "0.20"}, "repeats": 3, "seconds": 1.0}
+    return {"quick": False, "machine": dict(MACHINE), **about} | parts
 
 
 def row(**seconds):

@@ -21,7 +21,7 @@ def figures(result: dict, *, ours: bool = True) -> dict[str, list[float]]:
 def _all(result: dict) -> Iterator[tuple[str, str, list[float]]]:
     """The name of each figure, its baker and its rounds."""
     for part, rows in result.items():
-        for row in rows if isinstance(rows, list) else ():
+        for row in rows if isinstance(rows, list) and part != "versions" else ():
             where = ", ".join([part, *_words(row)])
             for baker, timed in row.get("times", {}).items():
                 yield f"{where}: {baker}", baker, timed["seconds"]
