@@ -10,7 +10,7 @@ from pathlib import Path
 import bpy
 import pytest
 
-from addon.cli.starting import lean_blender
+from addon.cli.starting import ending, lean_blender
 from addon.core.timings import STARTUP
 from scripts.imprint import ROOT
 from tests.support import zoo
@@ -154,3 +154,16 @@ def test_the_process_leaves_no_temporary_folder(scene, words, code):
     )
     assert done.returncode == code
     assert list((scene / "temporary").iterdir()) == []
+
+
+@pytest.mark.parametrize("name", ["temporary", "blender_of_others"])
+def test_files_of_others_stay_where_blender_could_make_no_temporary_folder(tmp_path, name):
+    (tmp_path / name).mkdir()
+    (tmp_path / name / "kept").touch()
+    ending._remove_temporary(f"{tmp_path / name}{os.sep}")
+    assert (tmp_path / name / "kept").is_file()
+
+
+def test_an_empty_folder_for_all_programs_stays(tmp_path):
+    ending._remove_temporary(f"{tmp_path}{os.sep}")
+    assert tmp_path.is_dir()

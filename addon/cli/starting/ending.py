@@ -2,9 +2,12 @@
 """Ends a process whose bakes are done and whose files are written."""
 
 import os
-import shutil
+from contextlib import suppress
 
 from .. import standard_streams
+
+TEMPORARY = "blender_"
+"""The start of the name of the folder that each process of Blender makes for its temporary files."""
 
 
 def end(code: int) -> None:
@@ -17,5 +20,16 @@ def end(code: int) -> None:
     if not bpy.app.module:
         return
     standard_streams.flush()
-    shutil.rmtree(bpy.app.tempdir, ignore_errors=True)
+    _remove_temporary(bpy.app.tempdir)
     os._exit(code)
+
+
+def _remove_temporary(folder: str) -> None:
+    """Remove Blender's temporary folder if it is empty, as bakes leave it.
+
+    Never with its content: where Blender could not make a folder, this is the one that all programs share.
+    """
+    folder = os.path.normpath(folder)
+    if os.path.basename(folder).startswith(TEMPORARY):
+        with suppress(OSError):
+            os.rmdir(folder)
