@@ -142,3 +142,23 @@ def test_a_bake_in_parts_is_the_same_to_the_bit(monkeypatch, samples):
     uploads = counted(monkeypatch)
     assert bake().tobytes() == whole.tobytes()
     assert len(uploads) == 4 * samples
+
+
+@pytest.mark.parametrize("most", [0, 10**6], ids=["more than may stay", "kept"])
+def test_adaptive_samples_of_large_meshes_upload_near_triangles_in_parts(monkeypatch, most):
+    low, high = zoo.plane("lo"), zoo.terrain("hi", 24)
+
+    def bake():
+        settings = Settings(method="FLATTEN", width=16, height=16, samples=16, depth=32, storage="MEMORY")
+        report = bake_pair(bpy.context, low, [high], settings)
+        return np.array(bpy.data.images[report.image].pixels[:], np.float32)
+
+    whole = bake()
+    sizes, drawn_counts, unroll, draw = [], [], high_batches._unrolled, high_batches._draw
+    monkeypatch.setattr(high_batches, "_unrolled", lambda mesh, kept: sizes.append(len(kept)) or unroll(mesh, kept))
+    monkeypatch.setattr(high_batches, "_draw", lambda *given: drawn_counts.append(given[2]) or draw(*given))
+    monkeypatch.setattr(high_batches, "MOST_WHOLE", most)
+    monkeypatch.setattr(high_batches, "PART", 300)
+    assert bake().tobytes() == whole.tobytes()
+    assert max(sizes) <= 300
+    assert (sizes == drawn_counts) == (most == 0)

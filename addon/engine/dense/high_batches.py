@@ -42,7 +42,8 @@ class HighBatches:
         self._uploads = uploads or mesh_upload.UploadCache()
         self._uploaded: list | None = None
         self._some: Active | None = None
-        self._near: list = []
+        self._chosen: list[np.ndarray] = []
+        self._near: list | None = None
 
     def is_in_parts(self, texels: int) -> bool:
         """Whether the meshes are drawn in parts on so many texels."""
@@ -79,17 +80,29 @@ class HighBatches:
         yield 1.0
 
     def draw_some(self, into: target.Target, band: Band, some: Active) -> None:
-        """The same in some texels alone: only triangles near them are uploaded and drawn, for all samples of these texels."""
+        """The same in some texels alone: only triangles near them are uploaded and drawn. They stay on the GPU for all samples
+        of these texels, but for more than MOST_WHOLE.
+        """
         if some is not self._some:
-            self._some, self._near = some, []  # frees those before
-            for high, matrix in zip(self.highs, self.matrices, strict=True):
-                kept = np.flatnonzero(near(high, band, some))
+            self._some, self._near = some, None  # frees those before
+            self._chosen = [near(high, band, some) for high in self.highs]
+            if sum(map(np.count_nonzero, self._chosen)) <= MOST_WHOLE:
+                self._near, self._chosen = list(self._near_parts()), []
+        active.clear(into, some)
+        for mesh, count in self._near_parts() if self._near is None else self._near:
+            _draw(into, mesh, count, band, some.stopped)
+            if self._near is None:
+                into.finish()  # as in _draw_part
+
+    def _near_parts(self) -> Iterator[tuple[tuple[gpu.types.GPUBatch, np.ndarray], int]]:
+        """The chosen triangles in parts, as _draw takes them, each uploaded when it is asked for."""
+        for high, matrix, chosen in zip(self.highs, self.matrices, self._chosen, strict=True):
+            for first in range(0, len(chosen), PART):
+                kept = np.flatnonzero(chosen[first : first + PART])
                 if len(kept):
                     with self.timings.timed("upload"):
-                        self._near.append(((_unrolled(high, kept), matrix), len(kept)))
-        active.clear(into, some)
-        for mesh, count in self._near:
-            _draw(into, mesh, count, band, some.stopped)
+                        batch = _unrolled(high, kept + first)
+                    yield (batch, matrix), len(kept)
 
     def _draw_part(self, into: target.Target, band: Band, high: Mesh, part: slice, matrix: np.ndarray) -> None:
         with self.timings.timed("upload"):
