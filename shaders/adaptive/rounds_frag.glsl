@@ -33,7 +33,8 @@ void main()
     vec3 slope = 0.25 * ((right.xyz - left.xyz) * separation.x + (above.xyz - below.xyz) * separation.y);
     vec3 beyond = 4.0 * (a.xyz - b.xyz - slope);
     float squared = max(dot(beyond, beyond), max(dot(along_u, along_u), dot(along_v, along_v)));
-    needed = 1.0 + float(squared > limits.x) + float(squared > limits.y) + float(squared > limits.z);
+    needed = 1.0 + float(squared > limits.x) + float(squared > limits.y) + float(squared > limits.z) +
+             float(squared > limits.w);
     needed = min(needed, most);
   }
   rounds_out = needed / 255.0;

@@ -158,18 +158,18 @@ def leaning(degrees):
 
 
 @pytest.mark.parametrize("axis", [0, 1])
-@pytest.mark.parametrize(("bend", "expected"), [(0.5, 1), (1.5, 2), (2.5, 3), (3.5, 4)])
+@pytest.mark.parametrize(("bend", "expected"), [(0.5, 1), (1.5, 2), (2.5, 3), (3.5, 4), (4.5, 5)])
 def test_a_bend_in_a_row_or_a_column_decides_how_many_rounds_a_texel_takes(axis, bend, expected):
     slopes = 0.5 * np.arange(9.0) + bend * np.maximum(np.arange(9.0) - 4.0, 0.0)
     values = leaning(np.tile(slopes, (9, 1)) if axis else np.tile(slopes[:, None], (1, 9)))
     towards = np.roll(values, -1, axis=axis) - np.roll(values, 1, axis=axis)
     needed = drawn_rounds(
-        values + 0.1 * towards, values - 0.1 * towards, (1.0, 2.0, 3.0), (0.2, 0.0)[:: 1 if axis else -1]
+        values + 0.1 * towards, values - 0.1 * towards, (1.0, 2.0, 3.0, 4.0), (0.2, 0.0)[:: 1 if axis else -1]
     )
     inner = needed[1:-1, 1:-1] if axis else needed[1:-1, 1:-1].T
     assert (inner[:, 3] == expected).all()
     assert (np.delete(inner, 3, axis=1) == 1).all()
-    assert (needed[[0, -1]] == 4).all() and (needed[:, [0, -1]] == 4).all()  # the border of the map
+    assert (needed[[0, -1]] == 5).all() and (needed[:, [0, -1]] == 5).all()  # the border of the map
 
 
 def test_an_edge_between_the_first_samples_is_found_although_the_means_are_in_line():
