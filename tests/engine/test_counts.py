@@ -82,7 +82,7 @@ def passes(counts):
 @pytest.mark.parametrize("samples", [1, 4, 16])
 def test_flatten_draws_once_per_sample(counts, samples):
     low, high = pair()
-    bake_pair(bpy.context, low, [high], settings("FLATTEN", samples=samples))
+    bake_pair(bpy.context, low, [high], settings("FLATTEN", samples=samples, adaptive=False))
     accumulated = {"bake/accumulate_comp.glsl": samples, "bake/average_frag.glsl": 1} if samples > 1 else {}
     assert passes(counts) == {
         "bake/flatten_frag.glsl": samples,
@@ -92,6 +92,14 @@ def test_flatten_draws_once_per_sample(counts, samples):
         "margin/margin_fill_frag.glsl": 1,
         **accumulated,
     }
+
+
+def test_adaptive_samples_find_their_texels_once_and_draw_no_sample_twice(counts):
+    low, high = pair()
+    bake_pair(bpy.context, low, [high], settings("FLATTEN", samples=16))
+    found = passes(counts)
+    assert found["adaptive/rounds_frag.glsl"] == found["adaptive/average_active_comp.glsl"] == 1
+    assert 2 <= found["bake/flatten_frag.glsl"] <= 16
 
 
 @pytest.mark.parametrize("samples", [1, 4])
@@ -161,6 +169,8 @@ def test_a_live_map_uploads_only_changed_objects(counts):
     bpy.context.view_layer.update()
     following.run(bpy.context, {high.session_uid})
     assert counts["bytes of vertices"] == 4 * 64 * 64 * 3 * 4  # normals
+    assert counts["bytes read"] == TEXELS  # which texels are written; the map stays on the GPU
+    assert following.texels.shape == (SIZE, SIZE, 4)
     assert counts["bytes read"] == TEXELS * 17
     counts.clear()
     following.run(bpy.context, set())
