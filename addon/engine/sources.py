@@ -30,14 +30,15 @@ class Source(Protocol):
     """Draws samples of a band: normals of the high surface, and hits, as shaders/lib/hit_lib.glsl reads them.
 
     takes_time: whether it draws normals in slices. is_within_low: whether hits are only where the low mesh is. ray_cast: the
-    rays that it casts, or None. surface: what the hits are on; None if no map needs them. slot: the number of a sample whose
-    normals and hits stay beside those of others.
+    rays that it casts, or None. surface: what the hits are on; None if no map needs them. drawn_meshes: normals are where these
+    are in UV space. slot: the number of a sample whose normals and hits stay beside those of others.
     """
 
     takes_time: bool
     is_within_low: bool
     ray_cast: ray_casting.RayCast | None
     surface: HighSurface | None
+    drawn_meshes: Sequence[Mesh]
 
     def normals(self, band: Band, slot: int = 0) -> Iterator[tuple[gpu.types.GPUTexture, range]]:
         """Unit normals in world space or the low object's: RGBA32F with alpha 1 for a hit, 0 outside the mesh, -1 for a miss.
@@ -161,7 +162,7 @@ class Flat:
         is_changed_later: bool = False,
         uploads: mesh_upload.UploadCache | None = None,
     ):
-        self.surface, self.is_drawn, self.timings = surface, is_drawn, timings
+        self.surface, self.drawn_meshes, self.is_drawn, self.timings = surface, highs, is_drawn, timings
         self.is_changed_later = is_changed_later
         to_world = None if settings.space == Space.WORLD else low.to_world
         self.batches = HighBatches(highs, to_world, timings, uploads)
@@ -208,7 +209,7 @@ class Rays:
         self.ray_cast, self.settings, self.pace = ray_cast, settings, pace
         self.surface = HighSurface(highs, ray_cast.ray_scene)
         self.to_space = world_to_space(low, settings)
-        self._near = NearTriangles(low)
+        self._near, self.drawn_meshes = NearTriangles(low), [low]
 
     def normals(self, band: Band, slot: int = 0) -> Iterator[tuple[gpu.types.GPUTexture, range]]:
         """As Source has it."""

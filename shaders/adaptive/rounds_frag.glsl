@@ -1,5 +1,5 @@
 // Compares the first two samples of each texel with those of its neighbors, and writes in how many rounds the texel takes
-// samples. Also writes the mean of both samples where that is all, otherwise their sum as accumulate_comp.glsl has it.
+// samples, or 255 where neither found anything. Also writes the mean of both samples where that is all, otherwise their sum as accumulate_comp.glsl has it.
 #include "lib/accumulate_lib.glsl"
 
 vec4 rounds_sum(ivec2 texel)
@@ -37,6 +37,6 @@ void main()
              float(squared > limits.w);
     needed = min(needed, most);
   }
-  rounds_out = needed / 255.0;
+  rounds_out = (a.a == 0.0 && b.a == 0.0 ? 255.0 : needed) / 255.0;
   sum_out = needed > 1.0 ? sum : vec4(sum.xyz / max(length(sum.xyz), 1e-30), 1.0);
 }

@@ -92,13 +92,34 @@ def test_texels_of_a_terrain_stop_early_and_keep_their_mean(method, count):
     assert 0.5 < stopped < 1.0
 
 
+@pytest.mark.parametrize("gap", [0.97, 0.995])
 @pytest.mark.parametrize("method", METHODS)
-def test_every_texel_of_which_a_sample_is_covered_stays_covered(method):
-    """A thin strip, which a texel's first samples may miss."""
-    low, high = zoo.two_islands("low", gap=0.97), zoo.two_islands("high", gap=0.97)
+def test_every_texel_of_which_a_sample_is_covered_stays_covered(method, gap):
+    """Thin strips. The first samples of all texels miss the thinner ones."""
+    low, high = zoo.two_islands("low", gap=gap), zoo.two_islands("high", gap=gap)
     some, every, _ = both(low, high, method, width=37, height=37, samples=16)
     assert 0 < np.count_nonzero(every[..., 3]) < every[..., 3].size / 4
     assert difference(some, every).max() < 1e-3
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("space", ["TANGENT", "OBJECT"])
+def test_empty_texels_away_from_the_meshes_take_no_more_samples(method, space, monkeypatch):
+    low, high = zoo.two_islands("low", gap=0.7), zoo.two_islands("high", gap=0.7)
+    listed, find = [], active.find
+
+    def counted(*arguments):
+        listed.append(find(*arguments))
+        return listed[-1]
+
+    monkeypatch.setattr(active, "find", counted)
+    some, every, stopped = both(low, high, method, width=128, height=128, samples=16, space=space)
+    assert difference(some, every).max() < 1e-3
+    empty = np.count_nonzero(every[..., 3] == 0.0)
+    # Those along the borders of islands are in the same squares of texels.
+    assert empty > 128 * 64
+    assert 0 < listed[0].count < 0.3 * empty
+    assert 0.0 < stopped < 1.0
 
 
 def test_a_texel_of_which_any_ray_hits_is_hit():

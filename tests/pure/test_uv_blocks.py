@@ -81,3 +81,35 @@ def test_random_choices_are_held_by_ranges_with_the_smallest_gaps(seed, most):
 
 def test_nothing_chosen_has_no_ranges():
     assert uv_blocks.runs(np.zeros(5, bool), 4) == []
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize(("size", "tile"), [((64, 64), 1001), ((40, 21), 1001), ((128, 64), 1012)])
+def test_squares_of_random_triangles_hold_them_and_lie_close(seed, size, tile):
+    random = np.random.default_rng(seed)
+    uv = random.random((6, 1, 2)) * 1.4 - 0.2 + random.normal(0.0, 0.3, (6, 3, 2)) + udim.place(tile)
+    uv[0] = np.nan
+    side = 4
+    squares = uv_blocks.covered([mesh_of(uv[:3]), mesh_of(uv[3:])], udim.uv_to_clip(tile, size), size, side)
+    weights = random.dirichlet((0.5, 0.5, 0.5), 20000)
+    points = ((weights @ (uv[1:] - udim.place(tile))) * size).reshape(-1, 2)
+    hit = np.zeros_like(squares)
+    x, y = (points[((points >= 0.0) & (points < size)).all(axis=1)] // side).astype(int).T
+    hit[y, x] = True
+    assert squares[hit].all()
+    for row, column in np.argwhere(squares):
+        corner = np.array((column, row)) * side
+        near = ((points > corner - 2.1 * side) & (points < corner + 3.1 * side)).all(axis=1)
+        assert near.any()
+
+
+def test_squares_of_a_long_diagonal_sliver_are_few():
+    corners = np.array([[[0.0, 0.0], [1.0, 1.0], [0.999, 1.0]]])
+    squares = uv_blocks.covered([mesh_of(corners)], udim.uv_to_clip(1001, (256, 256)), (256, 256), 4)
+    assert 64 <= np.count_nonzero(squares) < 4 * 64
+
+
+def test_all_squares_count_where_a_triangle_is_too_large_to_split():
+    corners = np.array([[[-9.0, -9.0], [9.0, -9.0], [-9.0, 9.0]]])
+    assert uv_blocks.covered([mesh_of(corners)], udim.uv_to_clip(1001, (16, 16)), (16, 16), 4).all()
+    assert not uv_blocks.covered([mesh_of(corners + 20.0)], udim.uv_to_clip(1001, (16, 16)), (16, 16), 4).any()

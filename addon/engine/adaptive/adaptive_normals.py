@@ -7,6 +7,7 @@ from dataclasses import replace
 import gpu
 import numpy as np
 
+from ...mesh import uv_blocks
 from ...passes import target
 from ...passes.adaptive import active, rounds
 from ...passes.bake import samples
@@ -59,13 +60,15 @@ class AdaptiveNormals:
         with self.timings.timed("draw"):
             drawn = target.get("adaptive samples", band.width, band.height, *rounds.FORMATS)
             needed = rounds.draw(drawn, *self._pair, offset=self.rounds[0][0], limits=self.limits)
-        self.stopped += int(np.count_nonzero(needed[band.halo : band.height - band.halo] < len(self.rounds)))
+            covered = self._leave_out_empty(needed, band)
+        own = needed[band.halo : band.height - band.halo]
+        self.stopped += int(np.count_nonzero((own > 0) & (own < len(self.rounds))))
         self._mean = sums = drawn.textures[1]
         whole, done = sum(map(len, self.rounds[1:])), 0
         several = None
         for number, offsets in enumerate(self.rounds[1:], start=2):
             with self.timings.timed("draw"):
-                some = active.find(drawn.texture, needed, number)
+                some = active.find(drawn.texture, needed, number, covered)
             if some is None:
                 break
             several = several or some
@@ -85,3 +88,16 @@ class AdaptiveNormals:
         if several is not None:
             with self.timings.timed("draw"):
                 rounds.average(sums, several)
+
+    def _leave_out_empty(self, needed: np.ndarray, band: Band) -> gpu.types.GPUTexture | None:
+        """Set the empty texels of `needed` that no sample can reach to 0. Returns the squares of the others."""
+        is_empty = needed == rounds.EMPTY
+        if not is_empty.any():
+            return None
+        # Turned normals are only where the low mesh is.
+        meshes = self.source.drawn_meshes if self.space.basis is None else [self.space.mesh]
+        to_clip, size = replace(band, offset=(0.0, 0.0)).uv_to_clip, (band.width, band.height)
+        covered = uv_blocks.covered(meshes, to_clip, size, active.COVERED)
+        reached = covered.repeat(active.COVERED, axis=0).repeat(active.COVERED, axis=1)[: band.height, : band.width]
+        needed[is_empty & ~reached] = 0
+        return active.upload_covered(covered)

@@ -20,7 +20,7 @@ class NormalSpace:
     mesh: what was uploaded as `basis`."""
 
     def __init__(self, basis: gpu.types.GPUBatch | None, mesh: Mesh | None, settings: Settings):
-        self.basis = basis
+        self.basis, self.mesh = basis, mesh
         self._near = NearTriangles(mesh)
         self.is_unit = bases.of_name(settings.basis).normalizes_normal
 

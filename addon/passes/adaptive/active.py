@@ -15,8 +15,8 @@ STOPPED = Program(
     vertex="lib/fullscreen_vert.glsl",
     fragment="adaptive/stopped_frag.glsl",
     inputs=(("VEC2", "position"),),
-    samplers=(("FLOAT_2D", "rounds"),),
-    constants=(("FLOAT", "number"),),
+    samplers=(("FLOAT_2D", "rounds"), ("FLOAT_2D", "covered")),
+    constants=(("FLOAT", "number"), ("INT", "covered_side")),
     outputs=(("FLOAT", "nothing_out"),),
 )
 NOTHING = Program(
@@ -30,6 +30,8 @@ CONSTANTS = (("INT", "active_count"),)
 """What a Program declares that takes its texels with shaders/lib/active_lib.glsl."""
 BLOCK = 8
 """The side of a workgroup, as in active_lib.glsl."""
+COVERED = 4
+"""The side of the squares in which empty texels can be left out."""
 
 
 @dataclass(frozen=True)
@@ -53,10 +55,19 @@ def clear(into: target.Target, some: Active, slot: int = 0) -> None:
     target.fill(only, NOTHING, stopped=some.stopped)
 
 
-def find(rounds: gpu.types.GPUTexture, needed: np.ndarray, number: int) -> Active | None:
+def upload_covered(covered: np.ndarray) -> gpu.types.GPUTexture:
+    """Squares (rows, columns) bool of COVERED texels, as `find` takes them."""
+    values = np.ascontiguousarray(covered, np.float32)
+    return gpu.types.GPUTexture(values.shape[::-1], format="R8", data=gpu.types.Buffer("FLOAT", values.shape, values))
+
+
+def find(
+    rounds: gpu.types.GPUTexture, needed: np.ndarray, number: int, covered: gpu.types.GPUTexture | None = None
+) -> Active | None:
     """The texels that take samples in round `number`, counted from 1; None if there are none. Valid until the next call.
 
-    rounds: what rounds.draw wrote. needed: the same (height, width) uint8.
+    rounds: what rounds.draw wrote. needed: the same (height, width) uint8, less what `covered` leaves out. covered: from
+    `upload_covered`: empty texels outside of these squares take no more samples; None if there are none.
     """
     height, width = needed.shape
     listed, blocks = _in_blocks(needed >= number)
@@ -65,8 +76,9 @@ def find(rounds: gpu.types.GPUTexture, needed: np.ndarray, number: int) -> Activ
     pairs = np.zeros((-(-len(listed) // 2) * 2, 2), np.float32)
     pairs[: len(listed)] = listed
     groups, across = -(-len(listed) // BLOCK**2), -(-width // BLOCK)
+    bound = {"rounds": rounds, "number": float(number), "covered": covered or rounds, "covered_side": COVERED}
     depth = target.get("stopped texels", width, height, "R8", "DEPTH_COMPONENT32F")
-    target.fill(depth, STOPPED, clear=True, writes_depth=True, rounds=rounds, number=float(number))
+    target.fill(depth, STOPPED, clear=True, writes_depth=True, **bound)
     texels = data_texture.upload(pairs.reshape(-1, 4))
     return Active(depth.textures[1], texels, len(listed), -(-groups // across) * BLOCK, blocks)
 

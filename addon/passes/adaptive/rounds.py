@@ -39,6 +39,8 @@ AVERAGE = Program(
     constants=(("INT", "first_row"), *active.CONSTANTS),
 )
 UNLIMITED = 1e30
+EMPTY = 255
+"""In place of rounds, as in rounds_frag.glsl and stopped_frag.glsl."""
 FORMATS = "R8", "RGBA32F"
 """Of the target of `draw`."""
 
@@ -53,14 +55,15 @@ def draw(
 ) -> np.ndarray:
     """Write into `into` (FORMATS) how many rounds each texel takes part in, and its mean or its sum.
 
-    Returns the rounds (height, width) uint8.
+    Returns the rounds (height, width) uint8, EMPTY where both samples found nothing.
 
     one, other: normals (RGBA32F; alpha 1 hit, 0 empty, -1 missed) of the two samples of the first round. offset: of `one` from
     the center, in texels; the other one is opposite. limits: in degrees, for each round but the last one.
 
     A texel ends with the first round whose limit is not below its bend: the largest second difference, along a row or a column,
     of the means of both samples, or twice what they differ beyond the slope of these means. It takes part in all rounds where
-    not all these samples hit: at borders, and where nothing is known yet.
+    not all these samples hit: at borders, and where nothing is known yet. So do EMPTY texels, but for those that
+    active.find leaves out.
     """
     squared = [(2.0 * math.radians(limit)) ** 2 for limit in limits]  # sums of two samples are compared
     target.fill(
