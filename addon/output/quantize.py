@@ -12,12 +12,16 @@ _ROW, _COLUMN, _CHANNEL = (int(2**32 / _G**power) for power in (1, 2, 3))
 
 
 def steps(values: np.ndarray, depth: int) -> np.ndarray:
-    """`values` float32 as whole numbers of `depth` bits, uint8 or uint16: the nearest, from 0 for 0 to the highest for 1."""
+    """`values` float32 as whole numbers of `depth` bits, uint8 or uint16: the nearest, from 0 for 0 to the highest for 1.
+
+    NaN becomes 0.
+    """
     most = np.float32(2**depth - 1)
     scaled = values * most
     scaled += np.float32(0.5)
     np.clip(scaled, np.float32(0.0), most, out=scaled)
-    return scaled.astype(np.uint8 if depth == 8 else np.uint16)
+    with np.errstate(invalid="ignore"):  # NaN
+        return scaled.astype(np.uint8 if depth == 8 else np.uint16)
 
 
 def rounded(values: np.ndarray, depth: int) -> np.ndarray:

@@ -123,6 +123,18 @@ def test_values_are_those_that_blender_writes(name, depth, tmp_path):
     np.testing.assert_array_equal(pictures.read(tmp_path / name), pictures.read(own))
 
 
+@pytest.mark.parametrize("alpha", [True, False])
+@pytest.mark.parametrize(("name", "depth"), [("map.png", 8), ("map.png", 16), ("map.tif", 8), ("map.tif", 16)])
+def test_blender_reads_noise_that_cannot_be_deflated(name, depth, alpha, tmp_path):
+    texels = np.random.default_rng(11).random((256, 200, 4), np.float32)
+    store(texels, storage="FILE", output=str(tmp_path / name), depth=depth, alpha=alpha)
+    image = bpy.data.images.load(str(tmp_path / name))
+    image.colorspace_settings.name, image.alpha_mode = "Non-Color", "CHANNEL_PACKED"
+    found = np.array(image.pixels[:], np.float32).reshape(texels.shape)
+    kept = slice(4 if alpha else 3)
+    assert np.abs(found - texels)[..., kept].max() <= 0.51 / (2**depth - 1)
+
+
 def kinds_of_maps(size=640):
     """Maps as bakes make them: waves of normals with background, gray, dithered, a mask, flat, noise. By name."""
     u, v = np.meshgrid(np.linspace(0, 9, size), np.linspace(0, 7, size))

@@ -380,3 +380,11 @@ def test_each_format_has_a_writer():
 
 def image_file_start(made):
     return file_of(made)[:4]
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("depth", [8, 16])
+def test_values_that_are_no_numbers_become_steps_without_a_word(depth):
+    values = np.array([np.nan, np.inf, -np.inf, 1.0], np.float32)
+    most = 2**depth - 1
+    assert quantize.steps(values, depth).tolist() == [0, most, 0, most]

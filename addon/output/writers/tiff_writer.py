@@ -2,6 +2,7 @@
 """Writes TIFF files (TIFF 6.0, Adobe, 1992) of 8 or 16 bits, deflated, with alpha that is not multiplied into colors."""
 
 import struct
+import zlib
 from collections.abc import Iterator
 from itertools import accumulate
 from typing import BinaryIO
@@ -19,6 +20,8 @@ STRIP = 1 << 19
 """Bytes of a strip before it is deflated. Readers keep one in memory."""
 SEARCHES = {8: Search(level=5, gain=0.92), 16: Search(level=4, gain=0.65)}
 """By bits. They give files that are at most a tenth larger than those of Blender's writer, on maps of all kinds."""
+STORED = Method(0, zlib.Z_DEFAULT_STRATEGY)
+"""For a strip without any repeats, as of noise: other methods make it larger."""
 MOST = 1 << 32
 """Bytes that the offsets of a file can count."""
 ROWS_PER_STRIP = 278
@@ -64,6 +67,8 @@ def content(texels: np.ndarray, depth: int, *, has_alpha: bool) -> Content:
 
 def _strip(rows: np.ndarray, method: Method) -> bytes:
     found = deflate(rows, method, is_last=True)
+    if len(found.data) > rows.nbytes:  # Blender reads strips wrongly that have grown by much
+        found = deflate(rows, STORED, is_last=True)
     return HEADER + found.data + struct.pack(">I", found.adler)
 
 
