@@ -5,47 +5,58 @@ import pytest
 
 from addon.core.preflight.memory_need import Amounts, Need, sentence
 
-CLOSE = 0.1
-"""The largest error of an estimate, as a share."""
+MOST = 4 / 3
+"""The largest estimate, as a share of what is needed. The smallest is what is needed."""
 BAND = 4096 * 4096
+BAND_OF_8192 = 2094 * 8192
+"""With its halo."""
 
 MEASURED = {
-    Amounts(505_000, 64 * 64, 64 * 64): 766e6,
-    Amounts(505_000, 1024 * 1024, 1024 * 1024): 900e6,
-    Amounts(2_005_000, 1024 * 1024, 1024 * 1024): 1626e6,
-    Amounts(505_000, BAND, BAND): 3948e6,
-    Amounts(505_000, BAND, BAND, samples=4): 5115e6,
-    Amounts(505_000, BAND, BAND, other_maps=2): 6137e6,
-    Amounts(505_000, 4 * BAND, BAND): 7463e6,
-    Amounts(505_000, 2048 * 2048, 2048 * 2048, other_maps=1): 1807e6,
-    Amounts(505_000, 1024 * 1024, 1024 * 1024, other_maps=1, page_pixels=BAND): 1498e6,
-    Amounts(505_000, BAND, BAND, other_maps=1, page_pixels=BAND): 4827e6,
-    Amounts(2_005_000, 2048 * 2048, 2048 * 2048, other_maps=1, page_pixels=BAND): 2553e6,
-    Amounts(2_005_000, BAND, BAND, other_maps=1, page_pixels=BAND): 5524e6,
-    Amounts(30_002_048, 1024 * 1024, 1024 * 1024, is_flat=True): 4270e6,
+    Amounts(505_000, 64 * 64, 64 * 64): 695e6,
+    Amounts(505_000, 1024 * 1024, 1024 * 1024): 772e6,
+    Amounts(2_005_000, 1024 * 1024, 1024 * 1024): 1480e6,
+    Amounts(505_000, BAND, BAND): 2993e6,
+    Amounts(505_000, BAND, BAND, samples=4): 4032e6,
+    Amounts(505_000, BAND, BAND, other_maps=2): 5190e6,
+    Amounts(505_000, 4 * BAND, BAND_OF_8192): 4208e6,
+    Amounts(505_000, 2048 * 2048, 2048 * 2048, other_maps=1, page_pixels=BAND): 1746e6,
+    Amounts(505_000, 1024 * 1024, 1024 * 1024, other_maps=1, page_pixels=BAND): 1471e6,
+    Amounts(505_000, BAND, BAND, other_maps=1, page_pixels=BAND): 3751e6,
+    Amounts(505_000, BAND, BAND, is_flat=True): 2176e6,
+    Amounts(505_000, BAND, BAND, samples=16, is_flat=True): 3409e6,
+    Amounts(505_000, 4 * BAND, BAND_OF_8192, is_flat=True): 4008e6,
+    Amounts(30_002_048, 1024 * 1024, 1024 * 1024, is_flat=True): 4260e6,
+    Amounts(30_002_048, 4 * BAND, BAND_OF_8192, is_flat=True): 7070e6,
+    Amounts(100_002_048, 4 * BAND, BAND_OF_8192, is_flat=True): 15640e6,
 }
-"""The largest resident size of processes by scripts/bench/scan_memory.py, with a GPU in software. The last one is of a grid in
-Blender, as the bench's part very_large builds it."""
+"""The largest resident size of processes by scripts/bench/scan_memory.py, with a GPU in software. The last three are of grids
+in Blender, as the bench's part very_large builds them. Two are of OpenEXR files with 32 bits, which take the most: the 2993 MB
+and the 4008 MB."""
 
 
 @pytest.mark.parametrize("amounts", MEASURED, ids=str)
-def test_the_estimate_is_close_to_what_was_measured(amounts):
+def test_the_estimate_is_what_was_measured_and_little_more(amounts):
     peak = Need.of(amounts).of_machine(is_software=True)
-    assert abs(peak / MEASURED[amounts] - 1.0) < CLOSE
+    assert 1.0 <= peak / MEASURED[amounts] <= MOST
 
 
 def test_a_gpu_has_its_own_memory():
     need = Need.of(Amounts(2_000_000, BAND, BAND))
     assert need.of_machine(is_software=False) < need.of_machine(is_software=True) == need.peak
-    assert need.on_gpu == 2_000_000 * 112 + BAND * 124
+    assert need.on_gpu == 2_000_000 * 112 + BAND * 108
 
 
 def test_flatten_of_a_normal_map_has_no_tree_and_uploads_large_meshes_in_parts():
     small, large = (Need.of(Amounts(count, BAND, BAND, is_flat=True)) for count in (2_000_000, 100_000_000))
     assert small.tree == large.tree == 0
-    assert small.on_gpu == 2_000_000 * 60 + BAND * 124
-    assert large.on_gpu == 250 * 10**6 + BAND * 124
+    assert small.on_gpu == 2_000_000 * 60 + BAND * 70
+    assert large.on_gpu == 250 * 10**6 + BAND * 70
     assert Need.of(Amounts(100_000_000, BAND, BAND)).peak > 2 * large.peak
+
+
+def test_adaptive_samples_by_flatten_keep_at_most_so_many_triangles():
+    needs = [Need.of(Amounts(count, 1, 1, samples=16, is_flat=True)) for count in (2_000_000, 2**24, 100_000_000)]
+    assert [need.on_gpu - (70 + 70) for need in needs] == [2_000_000 * 60, 2**24 * 60, 2**24 * 60]
 
 
 def test_large_meshes_take_less_for_each_triangle():

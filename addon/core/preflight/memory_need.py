@@ -2,7 +2,7 @@
 """Estimates the memory that a bake needs, from the sizes of its meshes, maps and images.
 
 The numbers were measured as the largest resident size of processes that draw in software, where the GPU's memory is the
-machine's: scripts/bench/scan_memory.py.
+machine's: scripts/bench/scan_memory.py. They are rounded up, so that a bake needs at most the estimate.
 """
 
 from dataclasses import dataclass
@@ -16,14 +16,16 @@ LARGE, TRIANGLE_OF_LARGE = 2**24, 120
 """From so many triangles on, meshes are read array by array, and take so many bytes for each triangle, with Blender's mesh."""
 FLAT_TRIANGLE_ON_GPU, FLAT_PART = 60, 250 * 10**6
 """Bytes for each triangle that Flatten uploads for a normal map alone, and for a part of a mesh that is as LARGE."""
-TEXEL, TEXEL_ON_GPU, TEXEL_OF_SUMS, TEXEL_STORED = 17, 124, 16, 53
+TEXEL, TEXEL_ON_GPU, TEXEL_OF_SUMS, TEXEL_STORED = 17, 108, 16, 17
 """Bytes for each texel of the normal map: read from the GPU, drawn there (as large as a band), with several samples, and while
-one map is stored."""
+one map is stored: the file is written in parts, so that this is little more than its texels."""
+FLAT_TEXEL_ON_GPU = 70
+"""As TEXEL_ON_GPU, where Flatten draws a normal map alone."""
 TEXEL_OF_ADAPTIVE = 70
 """As TEXEL_OF_SUMS, with adaptive samples: the first two stay beside those that are added to the sums."""
-OTHER_TEXEL, OTHER_TEXEL_ON_GPU = 33, 32
+OTHER_TEXEL, OTHER_TEXEL_ON_GPU = 36, 32
 """The same for each other map."""
-PAGE_PIXEL, PAGE_PIXEL_ON_GPU = 20, 10
+PAGE_PIXEL, PAGE_PIXEL_ON_GPU = 25, 10
 """Bytes for each pixel of the largest image of the high meshes: one is in memory at a time."""
 GIGABYTE = 10**9
 
@@ -41,6 +43,11 @@ class Amounts:
     other_maps: int = 0
     page_pixels: int = 0
     is_flat: bool = False
+
+    @property
+    def is_adaptive(self) -> bool:
+        """Whether later samples are drawn only in some texels."""
+        return self.samples > 2 and not self.other_maps
 
 
 @dataclass(frozen=True)
@@ -62,10 +69,9 @@ class Need:
     def of(cls, amounts: Amounts) -> "Need":
         """The memory for these amounts."""
         sums = TEXEL_OF_SUMS if amounts.samples > 1 else 0
-        is_adaptive = amounts.samples > 2 and not amounts.other_maps
         drawn = (
-            TEXEL_ON_GPU
-            + (TEXEL_OF_ADAPTIVE if is_adaptive else sums)
+            (FLAT_TEXEL_ON_GPU if amounts.is_flat else TEXEL_ON_GPU)
+            + (TEXEL_OF_ADAPTIVE if amounts.is_adaptive else sums)
             + amounts.other_maps * (OTHER_TEXEL_ON_GPU + sums)
         )
         maps_on_gpu = amounts.band_texels * drawn
@@ -94,9 +100,12 @@ class Need:
 
 
 def _meshes_on_gpu(amounts: Amounts) -> int:
-    if amounts.is_flat:
-        return amounts.triangles * FLAT_TRIANGLE_ON_GPU if amounts.triangles < LARGE else FLAT_PART
-    return amounts.triangles * TRIANGLE_ON_GPU
+    if not amounts.is_flat:
+        return amounts.triangles * TRIANGLE_ON_GPU
+    if amounts.triangles >= LARGE and not amounts.is_adaptive:
+        return FLAT_PART
+    # Of larger meshes, later samples keep at most so many triangles that are near their texels.
+    return min(amounts.triangles, LARGE) * FLAT_TRIANGLE_ON_GPU
 
 
 def sentence(need: Need, free: int | None, *, is_software: bool) -> str:
