@@ -308,9 +308,11 @@ def byte_code():
     """Return environment variables with which Python keeps its byte code in .venv, where it would keep none.
 
     PYTHONDONTWRITEBYTECODE, which containers set, keeps Python from writing beside the code. Compiling it at each run takes
-    half a second.
+    half a second. Where .venv cannot be written to, Python reads what is beside the code.
     """
     if not os.environ.get("PYTHONDONTWRITEBYTECODE") or os.environ.get("PYTHONPYCACHEPREFIX"):
+        return {}
+    if not (os.path.isdir(BYTE_CODE) or os.access(VENV, os.W_OK)):
         return {}
     return {"PYTHONDONTWRITEBYTECODE": "", "PYTHONPYCACHEPREFIX": str(BYTE_CODE)}
 

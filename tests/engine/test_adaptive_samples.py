@@ -81,6 +81,16 @@ def test_the_mean_of_adaptive_samples_is_that_of_all(shared_assets, name, method
     assert stopped > 0.01  # at 512, texels of the dense terrains hold whole triangles
 
 
+@pytest.mark.shared
+def test_strong_bends_take_as_many_samples_as_are_asked_for(shared_assets):
+    bpy.ops.wm.open_mainfile(filepath=str(shared_assets / "pairs" / "king_40480_4000.blend"))
+    some, every, stopped = both(
+        bpy.data.objects["lo"], bpy.data.objects["hi"], "FLATTEN", width=256, height=256, samples=64
+    )
+    assert np.percentile(difference(some, every), 99) < ALLOWED_P99
+    assert stopped > 0.1
+
+
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("count", COUNTS)
 def test_texels_of_a_terrain_stop_early_and_keep_their_mean(method, count):

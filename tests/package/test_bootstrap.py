@@ -287,6 +287,15 @@ class TestCommands:
         assert imprint.main(["bake"]) == 0
         assert (bare / "variables").read_text() == after
 
+    @pytest.mark.parametrize("is_there", [False, True])
+    def test_without_write_access_only_byte_code_that_is_there_is_read(self, tmp_path, monkeypatch, is_there):
+        """With a prefix Python ignores the byte code beside the code, and would compile all at each run."""
+        monkeypatch.setattr(imprint, "BYTE_CODE", tmp_path if is_there else tmp_path / "none")
+        monkeypatch.setattr(imprint.os, "access", lambda *_: False)
+        monkeypatch.setenv("PYTHONDONTWRITEBYTECODE", "1")
+        monkeypatch.delenv("PYTHONPYCACHEPREFIX", raising=False)
+        assert bool(imprint.byte_code()) == is_there
+
     def test_blender_is_given_the_time_of_the_start(self, baking, bare):
         baking(f'printf "$IMPRINT_BEGUN" > "{bare}/begun"')
         assert imprint.main(["bake"]) == 0
