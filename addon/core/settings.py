@@ -182,7 +182,7 @@ class Settings:
         if not self.alpha and stored != WHITE:
             what = f"the map {BY_NAME[stored.map].label}" if stored.map else "a number"
             raise BakeError(
-                f"The packed image has {what} in its alpha, and Alpha is off: switch it on, or choose White for it."
+                f"The packed image has {what} in its alpha, but the files are to have no alpha: choose one of the two."
             )
         if self.depth not in depths:
             ending = PurePath(self.output).suffix.lower()

@@ -82,7 +82,7 @@ def test_an_alpha_that_holds_a_map_is_refused(packing, what):
     with pytest.raises(BakeError) as refused:
         Settings(alpha=False, **settings).check()
     assert str(refused.value) == (
-        f"The packed image has {what} in its alpha, and Alpha is off: switch it on, or choose White for it."
+        f"The packed image has {what} in its alpha, but the files are to have no alpha: choose one of the two."
     )
     Settings(**settings).check()
     Settings(**{**settings, "pack": "UNREAL"}, alpha=False).check()

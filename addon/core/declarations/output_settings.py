@@ -59,7 +59,10 @@ OUTPUT: dict[str, Setting] = {
         tooltip="Files have an alpha channel, which is 0 on the background and where rays hit nothing. Without it they are a "
         "quarter smaller before compression, and engines read only colors",
         default=True,
-        option=Option(word="no-alpha", off="Write files without an alpha channel"),
+        option=Option(
+            word="no-alpha",
+            off="Write files without an alpha channel. Then only the mask shows which texels were missed",
+        ),
     ),
     "material": Switch(
         label="Material",
