@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Tests the writers of image files without Blender: readers find the same numbers, whatever the size, and files are small."""
 
-import ctypes
-import ctypes.util
 import io
 import os
 import struct
@@ -128,35 +126,6 @@ def test_small_blocks_and_pieces_give_the_same_numbers_seed_6(has_alpha, monkeyp
 def test_a_png_declares_the_color_space_before_its_data():
     names = [name for name, _ in png_chunks(file_of(png_writer.content(texels_of(9, 9, 1), 8, has_alpha=True)))]
     assert names == [b"IHDR", b"sRGB", b"gAMA", b"cHRM", b"IDAT", b"IDAT", b"IDAT", b"IEND"]
-
-
-class _Simple(ctypes.Structure):
-    """png_image of libpng's simplified interface."""
-
-    _fields_ = (
-        ("opaque", ctypes.c_void_p),
-        *((name, ctypes.c_uint32) for name in ("version", "width", "height", "format", "flags", "colormap")),
-        ("warning", ctypes.c_uint32),
-        ("message", ctypes.c_char * 64),
-    )
-
-
-@pytest.mark.parametrize("size", [*SIZES, (700, 500)], ids=str)
-def test_libpng_reads_the_bytes_seed_7(size):
-    name = ctypes.util.find_library("png16")
-    if name is None:
-        pytest.skip("libpng is not installed")
-    library = ctypes.CDLL(name)
-    texels = texels_of(*size, seed=7)
-    data = file_of(png_writer.content(texels, 8, has_alpha=True))
-    image = _Simple(version=1)
-    assert library.png_image_begin_read_from_memory(ctypes.byref(image), data, ctypes.c_size_t(len(data)))
-    image.format = 3  # red, green, blue and alpha of 8 bits
-    found = np.zeros((size[1], size[0], 4), np.uint8)
-    end_read = library.png_image_finish_read
-    assert end_read(ctypes.byref(image), None, found.ctypes.data_as(ctypes.c_void_p), ctypes.c_int32(0), None)
-    assert (image.width, image.height, image.message) == (*size, b"")
-    np.testing.assert_array_equal(found, stored(texels, 8, True))
 
 
 # Deflating
