@@ -31,7 +31,8 @@ class Source(Protocol):
 
     takes_time: whether it draws normals in slices. is_within_low: whether hits are only where the low mesh is. ray_cast: the
     rays that it casts, or None. surface: what the hits are on; None if no map needs them. drawn_meshes: normals are where these
-    are in UV space. slot: the number of a sample whose normals and hits stay beside those of others.
+    are in UV space. least_adaptive: with fewer samples, adaptive ones take as long as all, or longer. slot: the number of a
+    sample whose normals and hits stay beside those of others.
     """
 
     takes_time: bool
@@ -39,6 +40,7 @@ class Source(Protocol):
     ray_cast: ray_casting.RayCast | None
     surface: HighSurface | None
     drawn_meshes: Sequence[Mesh]
+    least_adaptive: int
 
     def normals(self, band: Band, slot: int = 0) -> Iterator[tuple[gpu.types.GPUTexture, range]]:
         """Unit normals in world space or the low object's: RGBA32F with alpha 1 for a hit, 0 outside the mesh, -1 for a miss.
@@ -149,6 +151,7 @@ class Flat:
     takes_time = False
     is_within_low = False
     ray_cast = None
+    least_adaptive = 64
 
     def __init__(
         self,
@@ -204,6 +207,7 @@ class Rays:
 
     takes_time = True
     is_within_low = True
+    least_adaptive = 4
 
     def __init__(self, low: Mesh, ray_cast: ray_casting.RayCast, highs: Sequence[Mesh], settings: Settings, pace: Pace):
         self.ray_cast, self.settings, self.pace = ray_cast, settings, pace

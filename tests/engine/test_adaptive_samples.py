@@ -8,7 +8,7 @@ import pytest
 
 from addon.core.declarations.map_settings import MAP
 from addon.core.settings import Settings
-from addon.engine import bands
+from addon.engine import bands, sources
 from addon.jobs import bake_pair
 from addon.passes import target
 from addon.passes.adaptive import active, rounds
@@ -18,6 +18,14 @@ from tests.support import angles, maps, zoo
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
 METHODS = ["FLATTEN", "CAST"]
+
+
+@pytest.fixture(autouse=True)
+def adaptive_from_four_samples(monkeypatch):
+    """Flatten's adaptive samples are as exact as those of rays, whatever number makes them faster."""
+    monkeypatch.setattr(sources.Flat, "least_adaptive", 4)
+
+
 RAYS = {"extrusion": 0.3, "max_distance": 0.6}
 ALLOWED_P99 = 0.02
 """Degrees between the mean of adaptive samples and that of all samples."""
@@ -146,6 +154,16 @@ def test_all_samples_are_taken_with_other_maps():
     low, high = zoo.plane("low"), zoo.plane("high")
     settings = Settings("FLATTEN", width=16, height=16, samples=4, maps=("HEIGHT",), storage="MEMORY", material=False)
     assert bake_pair(bpy.context, low, [high], settings).stopped_early == 0.0
+
+
+@pytest.mark.parametrize(
+    ("method", "samples", "are_adaptive"), [("FLATTEN", 16, False), ("FLATTEN", 64, True), ("CAST", 4, True)]
+)
+def test_samples_are_adaptive_where_that_is_faster(monkeypatch, method, samples, are_adaptive):
+    monkeypatch.undo()
+    low, high = zoo.plane("low"), zoo.plane("high")
+    settings = Settings(method, width=16, height=16, samples=samples, storage="MEMORY", material=False)
+    assert (bake_pair(bpy.context, low, [high], settings).stopped_early > 0.0) is are_adaptive
 
 
 @pytest.mark.parametrize("method", METHODS)

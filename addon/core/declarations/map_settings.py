@@ -94,7 +94,8 @@ MAP: dict[str, Setting] = {
     "adaptive": Switch(
         label="Adaptive Sampling",
         tooltip="Take all samples only at borders and where the first ones differ. In 99 of 100 texels, the normal is within "
-        "0.02 degrees of the mean of all samples. Bakes of several maps take all samples everywhere",
+        "0.02 degrees of the mean of all samples. Bakes of several maps, and Flatten with fewer than 64 samples, take all "
+        "samples everywhere",
         default=True,
         option=Option(word="no-adaptive", off="Take all samples in every texel"),
     ),

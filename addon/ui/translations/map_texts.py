@@ -139,14 +139,15 @@ TABLE = {
     (
         SENTENCE,
         "Take all samples only at borders and where the first ones differ. In 99 of 100 texels, the normal is within "
-        "0.02 degrees of the mean of all samples. Bakes of several maps take all samples everywhere",
+        "0.02 degrees of the mean of all samples. Bakes of several maps, and Flatten with fewer than 64 samples, take all "
+        "samples everywhere",
     ): {
         "de_DE": "Nur an Rändern und wo sich die ersten unterscheiden alle Abtastwerte verwenden. In 99 von 100 Texeln "
-        "weicht die Normale höchstens 0,02 Grad vom Mittelwert aller Abtastwerte ab. Bei mehreren Maps werden überall alle "
-        "Abtastwerte verwendet",
+        "weicht die Normale höchstens 0,02 Grad vom Mittelwert aller Abtastwerte ab. Bei mehreren Maps und bei Flatten mit "
+        "weniger als 64 Abtastwerten werden überall alle verwendet",
         "es": "Usar todas las muestras solo en los bordes y donde las primeras difieren. En 99 de cada 100 texels, la normal "
-        "difiere como máximo 0,02 grados de la media de todas las muestras. Con varios mapas se usan todas las muestras en "
-        "todas partes",
+        "difiere como máximo 0,02 grados de la media de todas las muestras. Con varios mapas, y con Flatten y menos de 64 "
+        "muestras, se usan todas en todas partes",
     },
     (LABEL, "Margin Type"): {"de_DE": "Randtyp", "es": "Tipo de margen"},
     (SENTENCE, "How the margin is filled"): {"de_DE": "Wie der Rand gefüllt wird", "es": "Cómo se rellena el margen"},
