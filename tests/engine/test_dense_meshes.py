@@ -7,7 +7,7 @@ import pytest
 
 from addon.core.settings import Settings
 from addon.core.timings import Timings
-from addon.engine import separation
+from addon.engine import separation, sources
 from addon.engine.bands import Band
 from addon.engine.dense import high_batches
 from addon.engine.dense.high_batches import HighBatches
@@ -147,6 +147,8 @@ def test_a_bake_in_parts_is_the_same_to_the_bit(monkeypatch, samples):
 @pytest.mark.parametrize("most", [0, 10**6], ids=["more than may stay", "kept"])
 def test_adaptive_samples_of_large_meshes_upload_near_triangles_in_parts(monkeypatch, most):
     low, high = zoo.plane("lo"), zoo.terrain("hi", 24)
+
+    monkeypatch.setattr(sources.Flat, "least_adaptive", 4)
 
     def bake():
         settings = Settings(method="FLATTEN", width=16, height=16, samples=16, depth=32, storage="MEMORY")
