@@ -123,6 +123,18 @@ def test_small_blocks_and_pieces_give_the_same_numbers_seed_6(has_alpha, monkeyp
         np.testing.assert_array_equal(tiff_numbers(data), stored(texels, 16, has_alpha))
 
 
+def test_a_png_has_the_numbers_in_whatever_order_blocks_come_seed_7(monkeypatch):
+    """A thread that had another block before prepares the first one, above which there is no row."""
+
+    def in_reverse(height, row_bytes, work):
+        work(iter([slice(start, start + 10) for start in range(height - 10, -1, -10)]))
+
+    monkeypatch.setattr(png_writer, "for_rows", in_reverse)
+    texels = np.random.default_rng(7).random((30, 20, 4), dtype=np.float32)
+    data = file_of(png_writer.content(texels, 16, has_alpha=True))
+    np.testing.assert_array_equal(png_numbers(data), stored(texels, 16, True))
+
+
 def test_a_png_declares_the_color_space_before_its_data():
     names = [name for name, _ in png_chunks(file_of(png_writer.content(texels_of(9, 9, 1), 8, has_alpha=True)))]
     assert names == [b"IHDR", b"sRGB", b"gAMA", b"cHRM", b"IDAT", b"IDAT", b"IDAT", b"IEND"]

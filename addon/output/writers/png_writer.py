@@ -84,6 +84,8 @@ def _filtered(texels: np.ndarray, depth: int) -> np.ndarray:
             before = max(rows.start - 1, 0)
             plain = big_endian(steps(texels[before : rows.stop], depth))
             framed[len(framed) - len(plain) :, texel:] = plain
+            if not rows.start:
+                framed[0] = 0
             np.subtract(framed[1:, texel:], _predicted(framed, texel, buffers), out=result[rows, 1:])
 
     for_rows(height, result.shape[1], work)
