@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Meshes of which only vertices have moved are read as whole meshes are, to the bit."""
 
+from dataclasses import replace
+
 import bpy
 import numpy as np
 import pytest
 
+from addon.mesh.triangle_mesh import ATTRIBUTE
 from addon.scene import mesh_reader
 from addon.scene.sculpting import moved_vertices
 from tests.support import zoo
@@ -91,6 +94,13 @@ def test_a_moved_object_keeps_its_arrays():
     found = again(obj, known)
     assert found.normals is known.normals
     assert equal(found, whole(obj))
+
+
+def test_layers_of_the_earlier_reading_are_not_kept():
+    obj = zoo.terrain("hi", n=8)
+    known = replace(whole(obj), layers={(ATTRIBUTE, "paint"): np.zeros((len(obj.data.loops), 4), np.float32)})
+    move(obj, 5)
+    assert again(obj, known).layers == {}
 
 
 def _change_uv(obj):

@@ -24,7 +24,8 @@ def read(
     data: bpy.types.Mesh, uv_layer: str, known: Mesh, to_world: np.ndarray, *, with_faces: bool = False
 ) -> Mesh | None:
     """What mesh_reader.surface returns for `data`, if it differs from `known` at most in the positions of few vertices, and in
-    the normals and triangles that follow from them; otherwise None. Arrays that are the same are those of `known`."""
+    the normals and triangles that follow from them; otherwise None. Arrays that are the same are those of `known`, but labels
+    and layers are left out: they follow from materials, which may have changed."""
     if not known.normals_domain or known.not_finite or mesh_reader.normals_domain(data) != known.normals_domain:
         return None
     if (len(data.vertices), len(data.loops)) != (len(known.positions), len(known.vertices)):
@@ -43,9 +44,8 @@ def read(
     known = _with_triangles(data, known)
     if known is None:
         return None
-    known = replace(
-        known, to_world=to_world, faces=mesh_reader.triangle_faces(data) if with_faces else None, labels=None
-    )
+    faces = mesh_reader.triangle_faces(data) if with_faces else None
+    known = replace(known, to_world=to_world, faces=faces, labels=None, layers={})
     if not len(moved):
         return known
     corners, around = _normals_around(positions, known.face_corners, moved, known.normals_domain)
