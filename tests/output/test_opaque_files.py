@@ -50,6 +50,18 @@ def test_a_file_without_alpha_has_the_same_colors(ending, depth, tmp_path):
     assert image.depth == 3 * (8 if depth == 8 else 32)  # in memory
 
 
+@pytest.mark.parametrize(("ending", "depth"), KINDS)
+def test_a_file_without_alpha_is_smaller_seed_1(ending, depth, tmp_path):
+    """Also where few texels are background, so that alpha is mostly 1 and packs well."""
+    texels = texels_with_background(seed=1)
+    sizes = []
+    for has_alpha in (True, False):
+        path = tmp_path / f"{has_alpha}{ending}"
+        store(texels, storage="FILE", output=str(path), depth=depth, alpha=has_alpha)
+        sizes.append(path.stat().st_size)
+    assert sizes[1] < sizes[0]
+
+
 @pytest.mark.parametrize("ending", [".png", ".tif", ".tga"])
 def test_another_program_sees_three_channels(ending, tmp_path):
     texels = texels_with_background()

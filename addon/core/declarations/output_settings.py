@@ -56,8 +56,8 @@ OUTPUT: dict[str, Setting] = {
     ),
     "alpha": Switch(
         label="Alpha",
-        tooltip="Files have an alpha channel, which is 0 on the background and where rays hit nothing. Without it they are a "
-        "quarter smaller before compression, and engines read only colors",
+        tooltip="Files have an alpha channel, which is 0 on the background and where rays hit nothing. Without it they are "
+        "smaller",
         default=True,
         option=Option(
             word="no-alpha",

@@ -112,10 +112,10 @@ TABLE = {
         "En la ruta, {low} representa el nombre del objeto low poly, y <UDIM> el número de la celda",
     },
     (SENTENCE, OUTPUT["alpha"].tooltip): {
-        "de_DE": "Dateien haben einen Alphakanal, der auf dem Hintergrund und ohne Treffer 0 ist. Ohne ihn sind sie vor dem "
-        "Komprimieren um ein Viertel kleiner, und Engines lesen nur Farben",
-        "es": "Los archivos tienen un canal alfa, que es 0 en el fondo y donde los rayos no alcanzan nada. Sin él ocupan un "
-        "cuarto menos antes de comprimirse, y los motores sólo leen colores",
+        "de_DE": "Dateien haben einen Alphakanal, der auf dem Hintergrund und ohne Treffer 0 ist. Ohne ihn sind sie "
+        "kleiner",
+        "es": "Los archivos tienen un canal alfa, que es 0 en el fondo y donde los rayos no alcanzan nada. Sin él ocupan "
+        "menos",
     },
     (SENTENCE, "Add the map to the low object's material"): {
         "de_DE": "Die Map dem Material des Low-Poly-Objekts hinzufügen",
