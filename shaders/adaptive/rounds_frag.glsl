@@ -1,5 +1,6 @@
 // Compares the first two samples of each texel with those of its neighbors, and writes in how many rounds the texel takes
-// samples, or 255 where neither found anything. Also writes the mean of both samples where that is all, otherwise their sum as accumulate_comp.glsl has it.
+// samples, or 255 where neither found anything. Also writes the mean of both samples where that is all, otherwise their sum as
+// accumulate_comp.glsl has it.
 #include "lib/accumulate_lib.glsl"
 
 vec4 rounds_sum(ivec2 texel)

@@ -18,6 +18,7 @@ from addon.core.progress import Pace
 from addon.core.settings import Settings
 from addon.jobs import Job, bake_jobs, bake_pair
 from addon.output import map_storage, quantize
+from addon.output.writers.tiff_writer import EXTRA_SAMPLES, UNASSOCIATED
 from scripts.imprint import ROOT
 from tests.support import lanes, pictures, zoo
 from tests.support.maps import pixels
@@ -173,7 +174,7 @@ def test_a_tiff_is_marked_as_not_multiplied_with_alpha(depth, tmp_path):
     texels = some_texels()
     store(texels, storage="FILE", output=str(tmp_path / "map.tif"), depth=depth)
     with (tmp_path / "map.tif").open("rb") as file:
-        assert tiff.directory(file)[tiff.EXTRA_SAMPLES].values == (tiff.UNASSOCIATED,)
+        assert tiff.directory(file)[EXTRA_SAMPLES].values == (UNASSOCIATED,)
     found = pictures.pillow(tmp_path / "map.tif")
     np.testing.assert_allclose(
         found[texels[..., 3] == 0][:, :3], [(127.5, 127.5, 255)] * (texels[..., 3] == 0).sum(), atol=0.5

@@ -1,12 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Reads the directory of a TIFF file: as much of TIFF 6.0 (Adobe, 1992) as its size and alpha need."""
+"""Reads the first directory of a TIFF file (TIFF 6.0, Adobe, 1992)."""
 
 import struct
 from typing import BinaryIO, NamedTuple
 
-STRIP_OFFSETS, STRIP_BYTE_COUNTS, EXTRA_SAMPLES = 273, 279, 338
-UNASSOCIATED = 2
-"""The value of ExtraSamples for colors that are not multiplied with alpha."""
 _TYPES = {1: "B", 3: "H", 4: "I"}
 """The struct formats of BYTE, SHORT and LONG."""
 

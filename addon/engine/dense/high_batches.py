@@ -45,7 +45,7 @@ class HighBatches:
         self._chosen: list[np.ndarray] = []
         self._near: list | None = None
 
-    def is_in_parts(self, texels: int) -> bool:
+    def _is_in_parts(self, texels: int) -> bool:
         """Whether the meshes are drawn in parts on so many texels."""
         is_dense = shader.in_software() and self._count > DENSE * texels and not self._keeps
         return self._count > MOST_WHOLE or is_dense
@@ -62,13 +62,12 @@ class HighBatches:
 
     def draw(self, into: target.Target, band: Band) -> Iterator[float]:
         """Draw all meshes into `into`, as flatten.draw does. Yields the finished share after each part, at last 1."""
-        if not self.is_in_parts(band.width * band.height):
-            target.clear(into)
+        target.clear(into)
+        if not self._is_in_parts(band.width * band.height):
             for (batch, matrix), high in zip(self._whole(), self.highs, strict=True):
                 _draw(into, (batch, matrix), len(high.triangles), band)
             yield 1.0
             return
-        target.clear(into)
         done = 0
         for high, matrix in zip(self.highs, self.matrices, strict=True):
             for first in range(0, len(high.triangles), PART):

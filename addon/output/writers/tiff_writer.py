@@ -9,7 +9,6 @@ from typing import BinaryIO
 
 import numpy as np
 
-from ...core.file_structure.tiff import EXTRA_SAMPLES, STRIP_BYTE_COUNTS, STRIP_OFFSETS, UNASSOCIATED
 from ..quantize import steps
 from .content import Content, for_rows, pieces, top_first
 from .deflating import HEADER, Method, Search, choose, deflate
@@ -24,9 +23,10 @@ STORED = Method(0, zlib.Z_DEFAULT_STRATEGY)
 """For a strip without any repeats, as of noise: other methods make it larger."""
 MOST = 1 << 32
 """Bytes that the offsets of a file can count."""
-ROWS_PER_STRIP = 278
-DEFLATE, RGB, TOP_LEFT, CHUNKY, INCH, DIFFERENCES, UNSIGNED = 8, 2, 1, 1, 2, 2, 1
-"""Values of the tags below."""
+STRIP_OFFSETS, ROWS_PER_STRIP, STRIP_BYTE_COUNTS, EXTRA_SAMPLES = 273, 278, 279, 338
+"""Tags."""
+DEFLATE, RGB, TOP_LEFT, CHUNKY, INCH, DIFFERENCES, UNASSOCIATED, UNSIGNED = 8, 2, 1, 1, 2, 2, 2, 1
+"""Values of tags."""
 LAYOUTS = {3: "H", 4: "I", 5: "II"}
 """The struct formats of SHORT, LONG and RATIONAL."""
 SHORT, LONG, RATIONAL = LAYOUTS
