@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Atomic file replacement: a file has either its complete new content or its old one."""
 
+import errno
 import os
 import shutil
 import stat
@@ -12,6 +13,7 @@ from pathlib import Path
 from ...core.errors import BakeError, WrongPlace
 from .temporary_paths import TemporaryPath, check_folder
 
+_SYSTEM_MESSAGES = frozenset(map(os.strerror, errno.errorcode))
 _NEW_FOLDERS: set[Path] = set()
 """Folders that were made for files that are not yet written."""
 
@@ -78,8 +80,13 @@ class Partial:
         try:
             _make(self.path.parent)
             yield
-        except (OSError, RuntimeError) as error:  # Blender's writers raise RuntimeError
+        except OSError as error:
             raise BakeError(f"{str(self.path)!r} could not be written: {reason(error)}.") from error
+        except RuntimeError as error:  # of Blender's writers
+            found = reason(error)
+            if found in _SYSTEM_MESSAGES:  # what Blender reports if it cannot write all of a file may be of an earlier call
+                found = "Blender could not write all of it, as on a full disk"
+            raise BakeError(f"{str(self.path)!r} could not be written: {found}.") from error
 
     def commit(self) -> None:
         """Replace the file, in one step of the file system. Raises BakeError if that fails."""
