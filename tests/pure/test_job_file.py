@@ -402,6 +402,15 @@ def test_mistakes_in_all_sets_are_reported_together(write):
     assert "set 3: mask" in second
 
 
+def test_an_unknown_table_hides_no_other_mistake(write):
+    with pytest.raises(WrongUsage) as refused:
+        job_file.read(write("defaults = 3\n[default]\nsize = 4\n" + FIRST + "sise = 4\n"))
+    unknown, wrong, first = str(refused.value).splitlines()
+    assert unknown.endswith(": unknown key 'default', did you mean 'defaults'?")
+    assert wrong.endswith(": 'defaults' must be a table")
+    assert "set 1: unknown key 'sise'" in first
+
+
 def test_all_mistakes_of_a_set_are_reported(write):
     text = (
         "[defaults]\nmask = 7\nspace = 'camera'\n"

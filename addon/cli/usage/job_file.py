@@ -39,11 +39,12 @@ def read(
     """
     path = Path(name).absolute()
     table = _load(name, path)
-    defaults, sets = _parts(name, table)
+    defaults, sets, faults = _parts(name, table)
     words, wrong, _ = _read_keys(defaults, path.parent)
     # Mistakes in the defaults are reported once, not for each set.
     usual = {key: value for key, value in defaults.items() if _option_name(key) in words}
-    faults = [f"{name}, {DEFAULTS}: {'; '.join(wrong.values())}"] if wrong else []
+    if wrong:
+        faults.append(f"{name}, {DEFAULTS}: {'; '.join(wrong.values())}")
     found = []
     for number, values in enumerate(sets, 1):
         if number % PROGRESS_EVERY == 0:
@@ -98,21 +99,25 @@ def _load(name: str, path: Path) -> dict:
         raise WrongJobs(f"{name!r} is no {path.suffix[1:].upper()}: {error}") from error
 
 
-def _parts(name: str, table) -> tuple[dict, list[dict]]:
-    """The defaults and the sets."""
+def _parts(name: str, table) -> tuple[dict, list[dict], list[str]]:
+    """The defaults, the sets, and a line for each other part. Raises WrongJobs if there are no sets to check."""
     if not isinstance(table, dict):
         raise WrongJobs(f"{name}: a table with {SETS!r}, a list of sets, is expected")
+    faults = []
     for key in table:
         try:
             _check_known(key, key, (DEFAULTS, SETS))
         except WrongUsage as fault:
-            raise WrongJobs(f"{name}: {fault}") from fault
+            faults.append(f"{name}: {fault}")
     defaults, sets = table.get(DEFAULTS, {}), table.get(SETS, [])
     if not isinstance(defaults, dict):
-        raise WrongJobs(f"{name}: {DEFAULTS!r} must be a table")
+        faults.append(f"{name}: {DEFAULTS!r} must be a table")
+        defaults = {}
     if not isinstance(sets, list) or not sets or not all(isinstance(values, dict) for values in sets):
-        raise WrongJobs(f"{name}: {SETS!r} must be a list of sets, and not empty")
-    return defaults, sets
+        if SETS in table or not faults:  # otherwise an unknown key may stand for it
+            faults.append(f"{name}: {SETS!r} must be a list of sets, and not empty")
+        raise WrongJobs("\n".join(faults))
+    return defaults, sets, faults
 
 
 def _check_known(key: str, written: str, known: Iterable[str]) -> None:
