@@ -14,10 +14,10 @@ from pathlib import Path
 import bpy
 import gpu
 
-from ..core import file_names, progress
+from ..core import progress
 from ..core.declarations.choices import Method
 from ..core.errors import BakeError, WrongPlace, sentence
-from ..core.progress import Progress
+from ..core.names import file_names
 from ..core.report import Report
 from ..core.settings import Settings
 from ..core.timings import startup
@@ -142,7 +142,7 @@ def open_files(plan: Plan, stage: Stage, files: run_clashes.Run, meter: Meter) -
         if path and file_names.LOW not in str(path):
             check_writable(Path(path).absolute())
     if meter.is_on:
-        meter.show(subject(options), Progress("Opening", 0.0))
+        meter.show(subject(options), progress.Progress("Opening", 0.0))
     with startup.spent("opening"):
         jobs, problems = _jobs(options, stage)
     files.opened(plan.name, options, [bake_jobs.ATLAS] if _share_image(options) else [job.low.name for job in jobs])
@@ -215,7 +215,7 @@ def _baked(
     """
     share_image = _share_image(options)
 
-    def on_step(step: Progress) -> None:
+    def on_step(step: progress.Progress) -> None:
         interruption.check()
         if meter.is_on:
             job = jobs[0 if options.frames else step.finished]

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import bpy
 
-from ..core import file_names
 from ..core.errors import WrongPlace
+from ..core.names import file_names
 from ..core.settings import Settings
 from ..jobs import sequence
 from ..jobs.bake_jobs import ATLAS

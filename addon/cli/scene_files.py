@@ -10,7 +10,7 @@ from pathlib import Path
 import bpy
 
 from ..core.errors import BakeError
-from ..core.name_matching import Pair, Suffixes, match
+from ..core.names.name_matching import Pair, Suffixes, match
 from ..jobs.job import Job
 from ..output.files.atomic_file import reason
 from ..scene.visibility import put

@@ -12,8 +12,8 @@ from .declarations.all_settings import DECLARED
 from .declarations.choices import Pack, Storage
 from .declarations.packing import CUSTOM_SUFFIX, PRESETS, WHITE, Packing
 from .errors import BakeError
-from .file_names import LOW, MATERIAL
 from .map_types import BY_NAME, NAMES
+from .names.file_names import LOW, MATERIAL
 from .udim import TOKEN
 
 

@@ -6,9 +6,10 @@ from dataclasses import replace
 
 import bpy
 
-from ..core import file_names, progress
+from ..core import progress
 from ..core.declarations.choices import Occluders
 from ..core.errors import BakeError
+from ..core.names import file_names
 from ..core.progress import Pace, Progress, Task, part
 from ..core.report import Report
 from ..core.settings import Settings

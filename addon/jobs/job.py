@@ -8,7 +8,7 @@ import gpu
 
 from ..core.declarations.choices import VertexDomain
 from ..core.errors import BakeError
-from ..core.name_matching import Suffixes, match
+from ..core.names.name_matching import Suffixes, match
 from ..core.settings import Settings
 from ..engine.bands import bands
 from ..output import map_storage, materials, vertex_attributes

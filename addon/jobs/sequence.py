@@ -8,9 +8,9 @@ from pathlib import PurePath
 
 import bpy
 
-from ..core import file_names
 from ..core.declarations.choices import Storage, VertexDomain
 from ..core.errors import BakeError
+from ..core.names import file_names
 from ..core.progress import Pace, Progress, Task, part
 from ..core.report import Report
 from ..core.settings import Settings

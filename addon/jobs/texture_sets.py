@@ -4,7 +4,7 @@
 from collections.abc import Sequence
 
 from ..core.errors import BakeError
-from ..core.file_names import MATERIAL
+from ..core.names.file_names import MATERIAL
 from ..core.settings import Settings
 from ..scene.high_layers.material_sets import sets_of
 from .job import Job

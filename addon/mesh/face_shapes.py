@@ -3,7 +3,7 @@
 
 import numpy as np
 
-from . import threads
+from ..core import threads
 from .triangle_mesh import Mesh
 
 FLAT = 1.0

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from . import threads
+from ..core import threads
 from .triangle_mesh import Mesh
 
 FARTHEST = 1e8

@@ -6,8 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from ..core import udim
-from . import threads
+from ..core import threads, udim
 from .triangle_mesh import Mesh
 from .uv_layout import ROUNDING, SNAP
 

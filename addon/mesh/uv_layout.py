@@ -3,8 +3,7 @@
 
 import numpy as np
 
-from ..core import udim
-from . import threads
+from ..core import threads, udim
 from .triangle_mesh import Mesh
 
 ON_THE_RIM = 1e-5

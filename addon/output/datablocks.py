@@ -8,8 +8,8 @@ import bpy
 import numpy as np
 
 from ..core import udim
-from ..core.file_names import file_name
 from ..core.map_types import ORIGIN
+from ..core.names.file_names import file_name
 from ..core.udim import TOKEN
 from . import color_spaces
 

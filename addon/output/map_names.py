@@ -8,8 +8,8 @@ from pathlib import PurePath
 
 from ..core import file_formats
 from ..core.declarations.choices import Storage
-from ..core.file_names import LOW, MATERIAL
 from ..core.map_types import MapType
+from ..core.names.file_names import LOW, MATERIAL
 from ..core.settings import Settings
 from ..core.udim import TOKEN
 

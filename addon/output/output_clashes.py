@@ -8,9 +8,10 @@ from collections.abc import Iterator, Sequence
 
 import bpy
 
-from ..core import file_names, udim
+from ..core import udim
 from ..core.errors import BakeError
 from ..core.map_types import BY_NAME, MASK, NORMAL, MapType
+from ..core.names import file_names
 from ..core.settings import Settings
 from ..core.udim import TOKEN
 from . import datablocks, map_names

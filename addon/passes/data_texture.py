@@ -3,11 +3,9 @@
 
 from __future__ import annotations
 
-import os
-from concurrent.futures import ThreadPoolExecutor
-
 import numpy as np
 
+from ..core import threads
 from . import blender_gpu as gpu
 
 WIDTH = 4096
@@ -36,18 +34,12 @@ def upload(values: np.ndarray) -> gpu.types.GPUTexture:
 def upload_gathered(values: np.ndarray, indices: np.ndarray, into: np.ndarray) -> gpu.types.GPUTexture:
     """Upload values[indices], with values (N, 3) float32 and indices (M,) int. `into`, from `empty`, is overwritten."""
 
-    def gather(start: int) -> None:
-        part = slice(start, min(start + GATHERED, len(indices)))
+    def gather(part: slice) -> None:
         rows = np.take(values, indices[part], axis=0, mode="clip")
         for axis in range(3):  # faster than all at once, into rows that are longer
             into[part, axis] = rows[:, axis]
 
-    starts = range(0, len(indices), GATHERED)
-    if len(starts) < 2:
-        list(map(gather, starts))
-    else:
-        with ThreadPoolExecutor(os.cpu_count()) as threads:
-            list(threads.map(gather, starts))
+    threads.for_blocks(len(indices), gather, GATHERED)
     return upload_padded(into)
 
 

@@ -5,7 +5,7 @@ import bpy
 from bpy.props import FloatProperty, IntProperty, PointerProperty, StringProperty
 
 from ..core.declarations.choices import Method
-from ..core.name_matching import Suffixes
+from ..core.names.name_matching import Suffixes
 from ..scene import instances, object_checks, visibility
 from . import bake_results
 from .bake_results import results

@@ -4,7 +4,8 @@
 import numpy as np
 import pytest
 
-from addon.mesh import face_shapes, threads
+from addon.core import threads
+from addon.mesh import face_shapes
 from addon.mesh.triangle_mesh import Mesh
 
 CUTS = {"first and third": [(0, 1, 2), (0, 2, 3)], "second and fourth": [(0, 1, 3), (1, 2, 3)]}

@@ -3,7 +3,7 @@
 
 import pytest
 
-from addon.core import file_names
+from addon.core.names import file_names
 
 
 @pytest.mark.parametrize(

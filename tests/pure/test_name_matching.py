@@ -3,9 +3,9 @@
 
 import pytest
 
-from addon.core import name_matching as pairs_module
 from addon.core.errors import BakeError
-from addon.core.name_matching import Pair, Suffixes, match
+from addon.core.names import name_matching as pairs_module
+from addon.core.names.name_matching import Pair, Suffixes, match
 
 
 def test_the_suffixes_of_the_manual():

@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Tests threads: each element of a long array is visited once, also where the last block is shorter."""
 
+import os
+
 import numpy as np
 import pytest
 
-from addon.mesh import threads, uv_layout
+from addon.core import threads
+from addon.mesh import uv_layout
 from addon.mesh.spatial import bvh
 from addon.mesh.triangle_mesh import Mesh
 
@@ -21,6 +24,36 @@ def test_blocks_cover_each_element_once(count):
 
     threads.for_blocks(count, count_visits)
     assert (seen == 1).all()
+
+
+def test_blocks_of_another_size_cover_each_element_once():
+    seen = np.zeros(17, int)
+    sizes = []
+
+    def count_visits(part):
+        seen[part] += 1
+        sizes.append(part.stop - part.start)
+
+    threads.for_blocks(17, count_visits, 5)
+    assert (seen == 1).all()
+    assert sorted(sizes) == [2, 5, 5, 5]
+
+
+@pytest.mark.parametrize("cores", [None, 1, 3, 8])
+@pytest.mark.parametrize("count", [0, 1, 5, 17])
+def test_shares_cover_each_element_once_in_as_many_calls_as_cores(count, cores, monkeypatch):
+    monkeypatch.setattr(os, "cpu_count", lambda: cores)
+    seen, calls = np.zeros(count, int), []
+
+    def count_visits(parts):
+        calls.append(list(parts))
+        for part in calls[-1]:
+            seen[part] += 1
+            assert 0 < part.stop - part.start <= 5
+
+    threads.for_shares(count, 5, count_visits)
+    assert (seen == 1).all()
+    assert len(calls) == min(cores or 1, -(-count // 5))
 
 
 def test_map_parallel_returns_results_in_order():

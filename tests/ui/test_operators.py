@@ -5,7 +5,8 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.core import map_types, name_matching, progress
+from addon.core import map_types, progress
+from addon.core.names import name_matching
 from addon.ui.bake_results import results
 from addon.ui.live.live_switch import live
 from addon.ui.panels import batch_panels

@@ -11,7 +11,7 @@ from typing import Any
 from ...core import udim
 from ...core.declarations import kinds
 from ...core.errors import BakeError
-from ...core.name_matching import Suffixes
+from ...core.names.name_matching import Suffixes
 from .similar_words import did_you_mean
 
 LAST_FRAME = 1_048_574

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The settings of the panels Imprint and Pairs by Name: which objects to bake."""
 
-from ..name_matching import Suffixes
+from ..names.name_matching import Suffixes
 from .kinds import ObjectSlot, ObjectSlots, Option, Setting, Switch, Text
 
 _USUAL = Suffixes()

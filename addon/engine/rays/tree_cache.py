@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...core import threads
 from ...core.errors import BakeError
 from ...core.timings import Timings
-from ...mesh import threads
 from ...mesh.local_space import LocalSpace, local_space_of
 from ...mesh.spatial import bvh
 from ...mesh.triangle_mesh import Mesh

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .. import threads
+from ...core import threads
 from . import kd_order
 
 GRID = 256, 32767

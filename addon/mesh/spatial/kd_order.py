@@ -3,7 +3,7 @@
 
 import numpy as np
 
-from .. import threads
+from ...core import threads
 
 LEAF = 4
 """The length of runs that are not divided further."""

@@ -3,11 +3,12 @@
 
 import os
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, BinaryIO
 
 import numpy as np
+
+from ...core import threads
 
 BLOCK = 1 << 18
 """Bytes of the rows that are prepared at a time: few enough for the cache, and enough that threads seldom wait for
@@ -29,17 +30,8 @@ class Content:
 
 
 def for_rows(height: int, row_bytes: int, work: Callable[[Iterator[slice]], None]) -> None:
-    """Call `work` in threads with iterators of slices of rows, which together cover `height`, each once and in no order."""
-    count = max(1, BLOCK // row_bytes)
-    blocks = [slice(start, min(start + count, height)) for start in range(0, height, count)]
-    workers = min(os.cpu_count() or 1, len(blocks))
-    if workers == 1:
-        work(iter(blocks))
-        return
-    shared = iter(blocks)  # `next` of a list's iterator is one step for all threads
-    with ThreadPoolExecutor(workers) as threads:
-        for _ in threads.map(work, [shared] * workers):
-            pass
+    """Call `work` with iterators of slices of rows that cover `height`, as threads.for_shares does."""
+    threads.for_shares(height, max(1, BLOCK // row_bytes), work)
 
 
 def pieces(height: int, row_bytes: int, whole: int = 1) -> list[slice]:
@@ -50,7 +42,7 @@ def pieces(height: int, row_bytes: int, whole: int = 1) -> list[slice]:
     wanted = -(-height * row_bytes // (os.cpu_count() or 1))
     wanted = min(max(wanted, LEAST_PIECE), MOST_PIECE)
     count = whole * max(1, wanted // (row_bytes * whole))
-    return [slice(start, min(start + count, height)) for start in range(0, height, count)]
+    return threads.blocks(height, count)
 
 
 def top_first(texels: np.ndarray, has_alpha: bool) -> np.ndarray:

@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 from mathutils import Color
 
-from ...mesh.threads import for_blocks
+from ...core.threads import for_blocks
 
 PIXELS_AT_ONCE = 2**22
 """Pixels that `from_space` converts at once, to bound its memory."""

@@ -5,7 +5,7 @@ import numpy as np
 from bpy.types import Image
 
 from ...core.material_feeds import ImagePixels
-from ...mesh.threads import for_blocks
+from ...core.threads import for_blocks
 from . import image_colors
 
 SRGB, LINEAR = "sRGB", "Linear Rec.709"

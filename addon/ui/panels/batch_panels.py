@@ -5,9 +5,9 @@ from functools import lru_cache
 
 import bpy
 
-from ...core import name_matching
 from ...core.declarations.choices import Storage
 from ...core.errors import BakeError
+from ...core.names import name_matching
 from ..translations.lookup import label, message
 from .sidebar import SettingsPanel, draw_paragraphs
 

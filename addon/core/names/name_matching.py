@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from .errors import BakeError
+from ..errors import BakeError
 
 _COPY_NUMBER = re.compile(r"\.\d{3,}$")
 _WORDS = {"low": "low|lo|lp|low[_ -]?poly", "high": "high|hi|hp|high[_ -]?poly", "cage": "cage"}
