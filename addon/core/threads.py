@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
 
+import numpy as np
+
 Part = TypeVar("Part")
 Result = TypeVar("Result")
 
@@ -39,3 +41,14 @@ def for_shares(count: int, block: int, work: Callable[[Iterator[slice]], None]) 
 def blocks(count: int, block: int) -> list[slice]:
     """Slices of `block` that cover `count` elements in order; the last one may be shorter."""
     return [slice(start, min(start + block, count)) for start in range(0, count, block)]
+
+
+def take(rows: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """rows[places], for places of any shape."""
+    found = np.empty((*places.shape, *rows.shape[1:]), rows.dtype)
+
+    def take_part(part: slice) -> None:
+        np.take(rows, places[part], axis=0, out=found[part], mode="clip")
+
+    for_blocks(len(places), take_part)
+    return found

@@ -16,13 +16,13 @@ from ..core.timings import Timings
 from ..mesh.triangle_mesh import Mesh
 from ..passes import mesh_upload, target
 from ..passes.adaptive.active import Active
-from ..passes.bake import cast, flat_hits
+from ..passes.bake import flat_hits
 from .bands import Band
 from .dense.high_batches import HighBatches
 from .dense.near_triangles import NearTriangles
 from .high_surface import HighSurface
 from .method_choice import Plan
-from .rays import ray_casting, ray_directions, ray_distances, tree_cache
+from .rays import ray_casting, ray_directions, ray_distances, tracing, tree_cache
 from .roles import role
 
 
@@ -94,7 +94,8 @@ def _ray_cast(plan: Plan, settings: Settings, timings: Timings) -> Task[ray_cast
     """The rays of a bake. Distances that the settings do not set are measured."""
     meshes, has_cage = plan.meshes, plan.meshes.cage is not None
     yield Progress("Building the tree", 0.0)
-    ray_scene = tree_cache.trees.ray_scene_of(meshes.highs, timings)
+    takes_parts = not (settings.maps or meshes.has_detail)  # only the normals are found in parts
+    ray_scene = tree_cache.trees.ray_scene_of(meshes.highs, timings, takes_parts=takes_parts)
     low_surface = tree_cache.trees.low_surface_of(
         meshes.whole_low, ray_scene.local_space, timings, has_clearances=settings.hit == Hit.OWN
     )
@@ -228,7 +229,8 @@ class Rays:
             return
         target.clear(normals)  # the picture must not show an earlier map
         for rows in self.ray_cast.traced(hits, rays, self.pace):
-            self._look_up(normals, hits, rays, rows)
+            if rows:
+                self._look_up(normals, hits, rays, rows)
             yield normals.texture, rows
 
     def normals_of(self, band: Band, some: Active) -> Iterator[gpu.types.GPUTexture | None]:
@@ -250,7 +252,7 @@ class Rays:
         rows: range | None = None,
         some: Active | None = None,
     ) -> None:
-        cast.look_up(normals, hits, rays, self.ray_cast.ray_scene.tables, self.to_space, rows=rows, some=some)
+        tracing.look_up(normals, hits, rays, self.ray_cast.ray_scene.tables, self.to_space, rows=rows, some=some)
 
     def drawn(self, slot: int = 0) -> target.Target:
         """As Source has it."""

@@ -340,13 +340,6 @@ def test_auto_measures_whether_uvs_are_shared():
     assert (report.method, "no UV layer" in report.why) == ("CAST", True)
 
 
-def test_more_triangles_than_the_gpu_takes_are_refused_with_the_number(monkeypatch):
-    monkeypatch.setattr(tree_cache.data_texture, "limit", lambda: 300)
-    tree_cache.trees.free()
-    with pytest.raises(BakeError, match=r"2,048 triangles together; this GPU takes 100"):
-        cast(zoo.plane("low"), zoo.terrain("high", n=32))
-
-
 def test_trees_of_finished_jobs_are_freed(monkeypatch):
     """The jobs themselves stay until the end of their batch, for their reports."""
     tree_cache.trees.free()

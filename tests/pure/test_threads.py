@@ -60,6 +60,14 @@ def test_map_parallel_returns_results_in_order():
     assert threads.map_parallel(lambda number: number * number, range(50)) == [number * number for number in range(50)]
 
 
+@pytest.mark.parametrize("shape", [(17,), (17, 3)], ids=str)
+def test_rows_are_taken_by_places_of_any_shape_seed_2(shape, monkeypatch):
+    monkeypatch.setattr(threads, "BLOCK", 5)
+    rng = np.random.default_rng(2)
+    rows, places = rng.random((9, 2)), rng.integers(0, 9, shape)
+    assert np.array_equal(threads.take(rows, places), rows[places])
+
+
 def triangles(seed, count):
     """A mesh of triangles that share no vertices."""
     rng = np.random.default_rng(seed)

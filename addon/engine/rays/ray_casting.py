@@ -15,7 +15,8 @@ from ...mesh.local_space import FARTHEST, LocalSpace
 from ...passes import target
 from ...passes.adaptive import active
 from ...passes.adaptive.active import Active
-from ...passes.bake import cast, rays
+from ...passes.bake import rays
+from . import tracing
 from .low_surface import LowSurface
 from .tree_cache import RayScene
 
@@ -81,24 +82,21 @@ class RayCast:
     def traced(
         self, hits: target.Target, drawn: target.Target, pace: Pace, some: Active | None = None
     ) -> Iterator[range]:
-        """As `trace`, in slices. Yields the rows that are done; with `some`, rows of its list."""
+        """As `trace`, in slices, as tracing.traced has them."""
         unit = self.ray_scene.local_space.size
-        for rows in pace.slices(some.rows if some else drawn.height, "some texels" if some else ""):
-            cast.trace(
-                hits,
-                drawn,
-                self.ray_scene.tables,
-                self.low.owners,
-                rule=self.hit,
-                inside=FARTHEST if self.has_cage else (self.max_distance - self.extrusion) / unit,
-                # Painting moves where rays start, not where they end. From a cage, they have a length instead.
-                max_t=self.max_distance / unit if self.has_cage else FARTHEST,
-                facing_only=self.facing_only,
-                rows=rows,
-                some=some,
-            )
-            hits.finish()
-            yield rows
+        yield from tracing.traced(
+            hits,
+            drawn,
+            self.ray_scene.tables,
+            self.low.owners,
+            pace=pace,
+            some=some,
+            rule=self.hit,
+            inside=FARTHEST if self.has_cage else (self.max_distance - self.extrusion) / unit,
+            # Painting moves where rays start, not where they end. From a cage, they have a length instead.
+            max_t=self.max_distance / unit if self.has_cage else FARTHEST,
+            facing_only=self.facing_only,
+        )
 
 
 def upload_ray_mesh(meshes: Meshes, low_surface: LowSurface, local_space: LocalSpace) -> gpu.types.GPUBatch:

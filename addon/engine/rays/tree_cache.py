@@ -18,6 +18,8 @@ from ...passes import data_texture
 from ...passes.bake import cast
 from . import low_surface
 from .low_surface import LowSurface
+from .part_tables import MOST_TRIANGLES, PartTables
+from .tracing import AnyTables
 
 CACHE_BYTES = 1024 * 2**20
 """The most GPU memory for cached trees."""
@@ -29,12 +31,12 @@ CACHED_TREES = 4
 class RayScene:
     """What rays can hit: all high meshes.
 
-    local_space: of the tree. tables: the tree on the GPU. order (T,) int: the triangles, numbered mesh after mesh, in the
-    order of the tree.
+    local_space: of the tree. tables: the tree on the GPU, maybe in parts. order (T,) int: the triangles, numbered mesh after
+    mesh, in the order of the tree.
     """
 
     local_space: LocalSpace
-    tables: cast.Tables
+    tables: AnyTables
     order: np.ndarray
 
 
@@ -66,11 +68,13 @@ class TreeCache:
         scenes, lows = self._scenes.values(), self._lows.values()
         return sum(scene.tables.bytes for scene in scenes) + sum(low.bytes for low in lows)
 
-    def ray_scene_of(self, highs: Sequence[Mesh], timings: Timings) -> RayScene:
+    def ray_scene_of(self, highs: Sequence[Mesh], timings: Timings, *, takes_parts: bool = False) -> RayScene:
         """The tree over `highs`, built and uploaded unless it is cached.
 
-        The key is the content, not the name: Blender does not report every change of a mesh.
+        The key is the content, not the name: Blender does not report every change of a mesh. takes_parts: whether the tables
+        may be in parts. Raises BakeError for more triangles than the tables take.
         """
+        _check(highs, takes_parts=takes_parts)
         with timings.timed("tree"):
             arrays = [
                 array
@@ -82,7 +86,7 @@ class TreeCache:
             )
             found = self._scenes.pop(key, None)
             if found is None:
-                found = _build(highs, timings)
+                found = _build(highs, timings) if fits(highs) else _build_parts(highs, timings)
                 self.built += 1
             self._scenes[key] = found
             while len(self) > 1 and (len(self) > self.most_trees or self.bytes > self.most_bytes):
@@ -129,6 +133,7 @@ trees = TreeCache()
 
 def without_tree(highs: Sequence[Mesh], timings: Timings) -> RayScene:
     """The triangles of `highs` in their own order, to read what is at hits. No ray can be cast at them."""
+    _check(highs, takes_parts=False)
     local_space, points, vertices, normals, corners = _arrays(highs)
     with timings.timed("upload"):
         tables = cast.upload(
@@ -144,6 +149,38 @@ def without_tree(highs: Sequence[Mesh], timings: Timings) -> RayScene:
     return RayScene(local_space, tables, np.arange(len(vertices)))
 
 
+def fits(highs: Sequence[Mesh]) -> bool:
+    """Whether the triangles of `highs` together fit in the tables of one part."""
+    return _count(highs) <= most_in_one_part()
+
+
+def _count(highs: Sequence[Mesh]) -> int:
+    return sum(len(high.triangles) for high in highs)
+
+
+def most_in_one_part() -> int:
+    """The most triangles of one part's tables on this GPU."""
+    return data_texture.limit() // 3
+
+
+def _check(highs: Sequence[Mesh], *, takes_parts: bool) -> None:
+    """Raise BakeError for too many triangles."""
+    count = _count(highs)
+    if count > MOST_TRIANGLES:
+        raise BakeError(f"The high meshes have {count:,} triangles together; rays take {MOST_TRIANGLES:,}.")
+    if not (takes_parts or fits(highs)):
+        raise BakeError(
+            f"The high meshes have {count:,} triangles together; maps other than the normal map take"
+            f" {most_in_one_part():,} on this GPU, as do materials with normal or bump maps."
+        )
+
+
+def _build_parts(highs: Sequence[Mesh], timings: Timings) -> RayScene:
+    local_space = local_space_of(highs)
+    tables = PartTables(highs, local_space, timings, most=most_in_one_part())
+    return RayScene(local_space, tables, tables.order)
+
+
 def _build(highs: Sequence[Mesh], timings: Timings) -> RayScene:
     local_space, points, vertices, normals, corners = _arrays(highs)
     tree = bvh.build(points, vertices)
@@ -151,9 +188,9 @@ def _build(highs: Sequence[Mesh], timings: Timings) -> RayScene:
         tables = cast.upload(
             tree.nodes,
             points,
-            _taken(vertices, tree.order),
+            threads.take(vertices, tree.order),
             normals,
-            _taken(corners, tree.order),
+            threads.take(corners, tree.order),
             first_leaf=tree.first_leaf,
             origin=tree.origin,
             scale=tree.scale,
@@ -162,13 +199,7 @@ def _build(highs: Sequence[Mesh], timings: Timings) -> RayScene:
 
 
 def _arrays(highs: Sequence[Mesh]) -> tuple[LocalSpace, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """All meshes as one, in a local space: points (V, 3), vertices of the triangles (T, 3), normals (C, 3), corners (T, 3).
-
-    Raises BakeError for more triangles than the GPU takes.
-    """
-    count, most = sum(len(high.triangles) for high in highs), data_texture.limit() // 3
-    if count > most:
-        raise BakeError(f"The high meshes have {count:,} triangles together; this GPU takes {most:,} to cast rays at.")
+    """All meshes as one, in a local space: points (V, 3), vertices of the triangles (T, 3), normals (C, 3), corners (T, 3)."""
     local_space = local_space_of(highs)
     points, normals, vertices, corners = [], [], [], []
     points_before = corners_before = 0
@@ -176,24 +207,13 @@ def _arrays(highs: Sequence[Mesh]) -> tuple[LocalSpace, np.ndarray, np.ndarray, 
         triangles = high.front_triangles  # the winding decides whether a ray hits the front or the back
         points.append(local_space.points(high))
         normals.append(high.to_world_normals(high.normals))
-        vertices.append(_shifted(points_before, _taken(high.vertices, triangles)))
+        vertices.append(_shifted(points_before, threads.take(high.vertices, triangles)))
         corners.append(_shifted(corners_before, triangles))
         points_before, corners_before = points_before + len(high.positions), corners_before + len(high.normals)
     points, normals, vertices, corners = (
         parts[0] if len(parts) == 1 else np.concatenate(parts) for parts in (points, normals, vertices, corners)
     )
     return local_space, points, vertices, normals, corners
-
-
-def _taken(rows: np.ndarray, places: np.ndarray) -> np.ndarray:
-    """rows[places], by threads."""
-    found = np.empty((*places.shape, *rows.shape[1:]), rows.dtype)
-
-    def take(part: slice) -> None:
-        np.take(rows, places[part], axis=0, out=found[part], mode="clip")
-
-    threads.for_blocks(len(places), take)
-    return found
 
 
 def _shifted(count: int, numbers: np.ndarray) -> np.ndarray:

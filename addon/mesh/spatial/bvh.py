@@ -41,30 +41,54 @@ class Tree:
 
 def build(points: np.ndarray, triangles: np.ndarray) -> Tree:
     """Build the tree over `triangles` (T, 3) int, T > 0, indices into `points` (P, 3) float32."""
-    boxes = _boxes(points, triangles)
-    origin = boxes[0].min(axis=1).astype(np.float64)
-    extent = boxes[1].max(axis=1) - origin
-    # A flat mesh has no extent along one axis, and a single point none at all: use a small one. Two free steps on either
-    # side leave room to round outwards by more than single precision loses.
-    extent = np.maximum(extent, max(extent.max() * FLAT, np.abs(origin).max() * ROUNDING, SMALLEST))
-    scale = (GRID[1] - GRID[0] - 4) / extent
-    origin -= (GRID[0] + 2.0) / scale
-    grid, centers = np.empty(boxes.shape, np.uint16), np.empty((3, len(triangles)), np.uint16)
+    boxes = boxes_of(points, triangles)
+    grid = Grid.around(boxes[0].min(axis=1), boxes[1].max(axis=1))
+    rounded, centers = np.empty(boxes.shape, np.uint16), np.empty((3, len(triangles)), np.uint16)
 
     def round_outwards(part: slice) -> None:
-        low, high = ((side[:, part] - origin[:, None]) * scale[:, None] for side in boxes)
-        grid[0, :, part], grid[1, :, part] = np.floor(low) - 1.0, np.ceil(high) + 1.0
-        # Use one scale for all axes: the order depends on distances in space.
-        centers[:, part] = (grid[0, :, part] + grid[1, :, part]) * (extent / extent.max())[:, None]
+        rounded[:, :, part] = grid.rounded(boxes[:, :, part])
+        centers[:, part] = grid.centers(rounded[:, :, part])
 
     threads.for_blocks(len(triangles), round_outwards)
     order = kd_order.order(centers)
-    lows, highs = np.take(grid, order, axis=2)
-    nodes, first_leaf = _stack(lows, highs)
-    return Tree(order, nodes, first_leaf, origin, scale)
+    lows, highs = np.take(rounded, order, axis=2)
+    nodes, first_leaf = stack(lows, highs)
+    return Tree(order, nodes, first_leaf, grid.origin, grid.scale)
 
 
-def _boxes(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+@dataclass(frozen=True)
+class Grid:
+    """The grid of a tree, as Tree has it. extent (3,) float64: of all its boxes, and never 0."""
+
+    origin: np.ndarray
+    scale: np.ndarray
+    extent: np.ndarray
+
+    @classmethod
+    def around(cls, low: np.ndarray, high: np.ndarray) -> "Grid":
+        """The grid for boxes between `low` and `high`, (3,) each."""
+        origin = low.astype(np.float64)
+        extent = high - origin
+        # A flat mesh has no extent along one axis, and a single point none at all: use a small one. Two free steps on either
+        # side leave room to round outwards by more than single precision loses.
+        extent = np.maximum(extent, max(extent.max() * FLAT, np.abs(origin).max() * ROUNDING, SMALLEST))
+        scale = (GRID[1] - GRID[0] - 4) / extent
+        return cls(origin - (GRID[0] + 2.0) / scale, scale, extent)
+
+    def rounded(self, boxes: np.ndarray) -> np.ndarray:
+        """Boxes (2, 3, N) float32, rounded outwards to steps (2, 3, N) uint16."""
+        low, high = ((side - self.origin[:, None]) * self.scale[:, None] for side in boxes)
+        steps = np.empty(boxes.shape, np.uint16)
+        steps[0], steps[1] = np.floor(low) - 1.0, np.ceil(high) + 1.0
+        return steps
+
+    def centers(self, rounded: np.ndarray) -> np.ndarray:
+        """The centers (3, N) of rounded boxes, doubled, in steps of one length for all axes: the order depends on distances in
+        space."""
+        return (rounded[0] + rounded[1]) * (self.extent / self.extent.max())[:, None]
+
+
+def boxes_of(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """The minimum and maximum coordinates (2, 3, T) float32 of each triangle."""
     # One axis after another, in contiguous arrays: reducing along a short last axis is ten times slower.
     axes, boxes = np.ascontiguousarray(points.T), np.empty((2, 3, len(triangles)), np.float32)
@@ -80,7 +104,7 @@ def _boxes(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     return boxes
 
 
-def _stack(lows: np.ndarray, highs: np.ndarray) -> tuple[np.ndarray, int]:
+def stack(lows: np.ndarray, highs: np.ndarray) -> tuple[np.ndarray, int]:
     """Group the sorted boxes (3, T) by four until one node is left. Returns a Tree's nodes and first_leaf."""
     count, depth = lows.shape[1], 1
     while 4**depth < count:
