@@ -10,7 +10,6 @@ Each row has the bake, the seconds from the script and with the bar (medians), t
 events of the window, and how often the viewport was drawn. Blender exits with 1 if the bar costs more than LIMIT.
 """
 
-import functools
 import math
 import statistics
 import sys
@@ -24,6 +23,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 import addon  # noqa: E402
 from addon.ui import modal  # noqa: E402
+from tests.support import window  # noqa: E402
 
 LIMIT = 1.5
 """How many times longer a bake with the bar may take."""
@@ -78,7 +78,7 @@ def step():
 
 def prepare(folder, pair, wanted):
     """The pair in the scene, and the settings of the bake."""
-    with at_view():
+    with window.at_view():
         for obj in list(bpy.data.objects):
             bpy.data.objects.remove(obj)
         for image in list(bpy.data.images):
@@ -118,7 +118,7 @@ def terrain(name, quads):
 def scripted():
     """The seconds of a bake from a script."""
     start = time.perf_counter()
-    with at_view():
+    with window.at_view():
         bpy.ops.imprint.bake("EXEC_DEFAULT")
     return time.perf_counter() - start
 
@@ -144,7 +144,7 @@ def in_window():
     handle = bpy.types.SpaceView3D.draw_handler_add(lambda: drawn.append(1), (), "WINDOW", "POST_PIXEL")
     try:
         start = time.perf_counter()
-        with at_view():
+        with window.at_view():
             bpy.ops.imprint.bake("INVOKE_DEFAULT")
         while modal.runner.run is not None and time.perf_counter() - start < PATIENCE:
             yield 0.02
@@ -154,22 +154,5 @@ def in_window():
     return ends[-1] - start, max(gaps), len(drawn)
 
 
-def at_view():
-    window = bpy.context.window_manager.windows[0]
-    area = max((a for a in window.screen.areas if a.type == "VIEW_3D"), key=lambda a: a.width * a.height)
-    region = next(region for region in area.regions if region.type == "WINDOW")
-    return bpy.context.temp_override(window=window, area=area, region=region, screen=window.screen)
-
-
-def run(steps):
-    """Run `steps`, and wait between them as long as they say. Quits Blender after the last."""
-    seconds = next(steps, None)
-    if seconds is None:
-        with at_view():
-            bpy.ops.wm.quit_blender()
-    return seconds
-
-
-if "ui" not in globals():  # otherwise, another program that drives the window calls step()
-    bpy.context.preferences.view.show_splash = False
-    bpy.app.timers.register(functools.partial(run, step()), first_interval=1.0)
+if __name__ == "__main__":  # otherwise, another script calls step()
+    window.start(step())

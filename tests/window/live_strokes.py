@@ -8,7 +8,6 @@ moved, the number of maps while the button was down, the seconds from its releas
 equals a new bake to the bit. Blender exits with 1 if a row is wrong.
 """
 
-import functools
 import subprocess
 import sys
 import time
@@ -23,6 +22,7 @@ import addon  # noqa: E402
 from addon.core.settings import Settings  # noqa: E402
 from addon.jobs import bake_pair  # noqa: E402
 from addon.ui.live.live_switch import live  # noqa: E402
+from tests.support import window  # noqa: E402
 
 BRUSHES = "brushes/essentials_brushes-mesh_sculpt.blend/Brush/"
 PATIENCE = 20.0
@@ -62,13 +62,13 @@ def step():
         )  # Blender updates folded quads only when it leaves the mode
         seconds = yield from wait()
         if what == "undo":
-            with at_view():
+            with window.at_view():
                 bpy.ops.ed.undo()
             seconds = yield from wait()
             maps += yield from stroke(8, offset=30)
             seconds = yield from wait()
         elif what == "Voxel Remesh":
-            with at_view():
+            with window.at_view():
                 bpy.ops.object.voxel_remesh()
             seconds = yield from wait()
         message, image = live.message, pixels(bpy.data.images["lo_normal"])
@@ -92,8 +92,8 @@ def step():
 
 def prepare(method, what):
     """Make a scene with a low grid and a high one in Sculpt Mode, and turn Live on. Returns the high grid."""
-    window, area, region = view()
-    with at_view():
+    _, area, _ = window.view()
+    with window.at_view():
         if bpy.context.object is not None and bpy.context.object.mode != "OBJECT":
             bpy.ops.object.mode_set(mode="OBJECT")
         bpy.ops.object.select_all(action="SELECT")
@@ -138,14 +138,14 @@ def modify(high, what):
 
 
 def activate(brush):
-    with at_view():
+    with window.at_view():
         bpy.ops.brush.asset_activate(asset_library_type="ESSENTIALS", relative_asset_identifier=BRUSHES + brush)
 
 
 def stroke(pace, offset=0):
     """Drag the mouse over the middle of the view. Returns the number of maps before the button was released."""
-    window, _, region = view()
-    x, y = region.x + region.width // 2 - 50, window.height - (region.y + region.height // 2) + offset
+    whole, _, region = window.view()
+    x, y = region.x + region.width // 2 - 50, whole.height - (region.y + region.height // 2) + offset
     maps_drawn = []
 
     def note():
@@ -186,7 +186,7 @@ def fresh(high):
     plain = vars(bpy.context.scene.imprint.to_settings())
     own = {"image": "fresh", "storage": "MEMORY", "material": False, "modifiers": "VIEWPORT"}
     method = {"method": live.session.plan.method}
-    with at_view():
+    with window.at_view():
         bake_pair(bpy.context, bpy.data.objects["lo"], [high], Settings(**plain | own | method))
     return pixels(bpy.data.images["fresh"])
 
@@ -204,30 +204,9 @@ def points(obj):
     return values.reshape(-1, 3)
 
 
-def view():
-    window = bpy.context.window_manager.windows[0]
-    area = max((a for a in window.screen.areas if a.type == "VIEW_3D"), key=lambda a: a.width * a.height)
-    return window, area, next(region for region in area.regions if region.type == "WINDOW")
-
-
-def at_view():
-    window, area, region = view()
-    return bpy.context.temp_override(window=window, area=area, region=region, screen=window.screen)
-
-
 def mouse(*words):
     subprocess.run(["xdotool", *map(str, words)], check=True)
 
 
-def run(steps):
-    """Run `steps`, and wait between them as long as they say. Quits Blender after the last."""
-    seconds = next(steps, None)
-    if seconds is None:
-        with at_view():
-            bpy.ops.wm.quit_blender()
-    return seconds
-
-
 if __name__ == "__main__":  # otherwise, another script calls step() or single functions
-    bpy.context.preferences.view.show_splash = False
-    bpy.app.timers.register(functools.partial(run, step()), first_interval=1.0)
+    window.start(step())

@@ -8,7 +8,6 @@ it changed, the number of maps while the button was down, the seconds from its r
 that changed, and whether the image then equals a new bake to the bit. Blender exits with 1 if a row is wrong.
 """
 
-import functools
 import sys
 from pathlib import Path
 
@@ -19,6 +18,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 import addon  # noqa: E402
 from addon.ui.live.live_switch import live  # noqa: E402
+from tests.support import window  # noqa: E402
 from tests.window import live_strokes as strokes  # noqa: E402
 
 CASES = [
@@ -86,7 +86,7 @@ def step():
         is_well &= row(f"{setting} {weight}", before, maps, seconds)
         for what, do, changes, message in ACTIONS:
             before = weights(), strokes.pixels(bpy.data.images["lo_normal"])
-            with strokes.at_view():
+            with window.at_view():
                 do(bpy.data.objects["lo"])
             seconds = yield from strokes.wait()
             is_well &= row(f"  {what}", before, 0, seconds, changes=changes, message=message)
@@ -99,8 +99,8 @@ def step():
 
 def prepare(setting, weight, directions, cuts):
     """Make a low cube and a larger uneven one, the low in Weight Paint Mode, and turn Live on."""
-    _, area, _ = strokes.view()
-    with strokes.at_view():
+    _, area, _ = window.view()
+    with window.at_view():
         if bpy.context.object is not None and bpy.context.object.mode != "OBJECT":
             bpy.ops.object.mode_set(mode="OBJECT")
         for obj in list(bpy.data.objects):
@@ -151,5 +151,4 @@ def weights():
 
 
 if __name__ == "__main__":  # otherwise, another script calls step()
-    bpy.context.preferences.view.show_splash = False
-    bpy.app.timers.register(functools.partial(strokes.run, step()), first_interval=1.0)
+    window.start(step())

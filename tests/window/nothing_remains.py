@@ -7,7 +7,6 @@ prints what remains. Not collected by pytest.
 Blender exits with 1 if anything remains.
 """
 
-import functools
 import gc
 import sys
 from pathlib import Path
@@ -17,7 +16,7 @@ import bpy
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 import addon  # noqa: E402
-from addon.engine.rays import tree_cache
+from addon.engine.rays import tree_cache  # noqa: E402
 from addon.passes import target  # noqa: E402
 from addon.ui.live.live_switch import LiveState, live  # noqa: E402
 from addon.ui.modal import runner  # noqa: E402
@@ -26,6 +25,7 @@ from addon.ui.viewport.object_hiding import hiding  # noqa: E402
 from addon.ui.viewport.progress_display import display  # noqa: E402
 from addon.ui.viewport.view_mode import viewer  # noqa: E402
 from addon.views.mode_names import Mode  # noqa: E402
+from tests.support import window  # noqa: E402
 
 HANDLERS = ("depsgraph_update_post", "frame_change_post", "undo_post", "redo_post", "save_pre", "load_pre", "load_post")
 PATIENCE = 20.0
@@ -99,13 +99,13 @@ def switch_off():
 
 
 def open_another_file():
-    with at_view():
+    with window.at_view():
         bpy.ops.wm.read_homefile(use_factory_startup=True)
 
 
 def prepare():
     """Make a scene with a low grid and a high one, in the slots."""
-    with at_view():
+    with window.at_view():
         for obj in list(bpy.data.objects):
             bpy.data.objects.remove(obj)
         for name, cuts in (("lo", 10), ("hi", 60)):
@@ -146,7 +146,7 @@ def handlers():
 
 
 def press(operator, **arguments):
-    with at_view():
+    with window.at_view():
         getattr(bpy.ops.imprint, operator)("INVOKE_DEFAULT", **arguments)
 
 
@@ -159,22 +159,5 @@ def wait(is_there):
     return False
 
 
-def at_view():
-    window = bpy.context.window_manager.windows[0]
-    area = max((a for a in window.screen.areas if a.type == "VIEW_3D"), key=lambda a: a.width * a.height)
-    region = next(region for region in area.regions if region.type == "WINDOW")
-    return bpy.context.temp_override(window=window, area=area, region=region, screen=window.screen)
-
-
-def run(steps):
-    """Run `steps`, and wait between them as long as they say. Quits Blender after the last."""
-    seconds = next(steps, None)
-    if seconds is None:
-        with at_view():
-            bpy.ops.wm.quit_blender()
-    return seconds
-
-
-if "ui" not in globals():  # otherwise, another program that drives the window calls step()
-    bpy.context.preferences.view.show_splash = False
-    bpy.app.timers.register(functools.partial(run, step()), first_interval=1.0, persistent=True)
+if __name__ == "__main__":  # otherwise, another script calls step()
+    window.start(step())

@@ -7,7 +7,6 @@ Needs X11 (or Xvfb) and xdotool, and the mouse for a minute or two. It prints wh
 one is wrong.
 """
 
-import functools
 import math
 import sys
 import time
@@ -24,6 +23,7 @@ import addon  # noqa: E402
 from addon.ui import modal  # noqa: E402
 from addon.ui.live.live_switch import live  # noqa: E402
 from addon.ui.viewport.progress_display import display  # noqa: E402
+from tests.support import window  # noqa: E402
 
 PATIENCE = 120.0
 MAPS = {"AO", "HEIGHT", "BASE_COLOR"}
@@ -47,7 +47,7 @@ def step():
 
 def prepare():
     """A low and a high grid, and the settings of small maps."""
-    with live_strokes.at_view():
+    with window.at_view():
         bpy.ops.object.select_all(action="SELECT")
         bpy.ops.object.delete()
         for name, cuts in (("lo", 10), ("hi", 60)):
@@ -149,7 +149,7 @@ def texels():
 
 
 def press_bake():
-    with live_strokes.at_view():
+    with window.at_view():
         bpy.context.scene.imprint.show_result = False
         bpy.ops.imprint.bake("INVOKE_DEFAULT")
 
@@ -164,6 +164,5 @@ def until(condition):
     return "", modal.runner.run is None
 
 
-if __name__ == "__main__":
-    bpy.context.preferences.view.show_splash = False
-    bpy.app.timers.register(functools.partial(live_strokes.run, step()), first_interval=1.0)
+if __name__ == "__main__":  # otherwise, another script calls step()
+    window.start(step())
