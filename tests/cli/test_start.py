@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Tests what scripts/bake.py loads before it bakes, what it loads only for files that need it, and how it ends."""
 
+import gc
 import json
 import os
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import bpy
 import pytest
@@ -88,13 +90,13 @@ def test_all_is_loaded_where_scripts_of_the_user_may_need_it(scene, tmp_path):
 
 
 @pytest.mark.skipif(not hasattr(sys, "setdlopenflags"), reason="shared libraries of POSIX")
-def test_functions_of_blenders_libraries_are_found_when_they_are_called(monkeypatch):
+def test_blender_is_loaded_without_search_for_garbage_and_its_libraries_functions_when_called(monkeypatch):
     class Finder:
         flags = []
 
         def find_spec(self, name, *_):
             if name == "bpy":
-                self.flags.append(sys.getdlopenflags())
+                self.flags.append((sys.getdlopenflags(), gc.isenabled()))
                 raise ImportError
 
     before = sys.getdlopenflags()
@@ -102,8 +104,11 @@ def test_functions_of_blenders_libraries_are_found_when_they_are_called(monkeypa
     monkeypatch.delitem(sys.modules, "bpy")
     with pytest.raises(ImportError):
         lean_blender.load()
-    assert finder.flags == [before & ~os.RTLD_NOW | os.RTLD_LAZY]
-    assert sys.getdlopenflags() == before
+    frozen = gc.get_freeze_count()
+    gc.unfreeze()
+    assert finder.flags == [(before & ~os.RTLD_NOW | os.RTLD_LAZY, False)]
+    assert (sys.getdlopenflags(), gc.isenabled(), sys.meta_path) == (before, True, [finder])
+    assert frozen > 0  # what stays until the end is not searched again
 
 
 @pytest.mark.parametrize("words", [FILES, [*BLEND, "--save-blend", "saved.blend"]])
@@ -154,6 +159,19 @@ def test_the_process_leaves_no_temporary_folder(scene, words, code):
     )
     assert done.returncode == code
     assert list((scene / "temporary").iterdir()) == []
+
+
+def test_a_process_that_ends_at_once_loses_no_text():
+    text = "import bpy; from addon.cli.starting import ending; print('last words', end=''); ending.end(3)"
+    done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, check=False, cwd=ROOT)
+    assert done.returncode == 3
+    assert done.stdout.endswith("last words")
+
+
+def test_in_blender_nothing_ends_at_once(monkeypatch):
+    monkeypatch.setitem(sys.modules, "bpy", SimpleNamespace(app=SimpleNamespace(module=False)))
+    monkeypatch.setattr(os, "_exit", lambda _code: pytest.fail("Blender's add-ons had no end"))
+    ending.end(0)
 
 
 @pytest.mark.parametrize("name", ["temporary", "blender_of_others"])

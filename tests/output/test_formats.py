@@ -10,6 +10,7 @@ import time
 import bpy
 import numpy as np
 import pytest
+from PIL import Image
 
 from addon.core import file_formats
 from addon.core.errors import BakeError
@@ -166,6 +167,17 @@ def test_files_are_not_much_larger_than_those_that_blender_writes(name, depth, t
         own = by_blender(texels, tmp_path / f"own_{name}", depth)
         ratios[kind] = (tmp_path / name).stat().st_size / own.stat().st_size
     assert {kind: ratio for kind, ratio in ratios.items() if ratio > LARGER} == {}
+
+
+def test_a_png_declares_the_color_space_as_blender_does(tmp_path):
+    texels = some_texels()
+    store(texels, storage="FILE", output=str(tmp_path / "map.png"), depth=8)
+    own = by_blender(texels, tmp_path / "own.png", 8)
+    ours, theirs = (
+        [Image.open(path).info[key] for key in ("srgb", "gamma", "chromaticity")]
+        for path in (tmp_path / "map.png", own)
+    )
+    assert ours == theirs
 
 
 @pytest.mark.parametrize("depth", [8, 16])

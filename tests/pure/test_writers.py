@@ -168,6 +168,27 @@ def test_repeats_are_sought_where_they_help_seed_9(search):
         assert len(deflating.deflate(rows, method, is_last=True).data) <= 1.1 * usual
 
 
+def test_few_bytes_are_tried_once_seed_13():
+    """Bytes that are tried twice repeat each other."""
+    noise = np.random.default_rng(13).integers(0, 256, (3, 700), dtype=np.uint8)
+    assert deflating.choose(noise, png_writer.SEARCHES[16]) == deflating.RUNS
+
+
+def test_many_bytes_are_tried_over_several_rows_seed_14():
+    """In wide maps, the row above is farther away than the least sample is long."""
+    pairs = np.random.default_rng(14).integers(0, 256, (512, deflating.LEAST_SAMPLE), dtype=np.uint8)
+    search = png_writer.SEARCHES[16]
+    assert deflating.choose(np.repeat(pairs, 2, axis=0), search).level == search.level
+    assert deflating.choose(np.repeat(pairs[:16], 2, axis=0), search) == deflating.RUNS
+
+
+@pytest.mark.parametrize("cores", [None, 1, 2, 8])
+def test_each_processor_gets_a_piece_of_all_rows(cores, monkeypatch):
+    monkeypatch.setattr(os, "cpu_count", lambda: cores)
+    assert len(content.pieces(1000, 8192)) == (cores or 1)
+    assert len(content.pieces(1000, 4)) == 1
+
+
 @pytest.mark.parametrize("height", [1, 5, 1000, 4096])
 @pytest.mark.parametrize("row_bytes", [1, 4096, 1 << 20])
 @pytest.mark.parametrize("whole", [1, 7])
