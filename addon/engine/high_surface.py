@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The triangles of the high meshes in the order in which hits number them, and what is read at the hits."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import gpu
@@ -10,9 +10,11 @@ import numpy as np
 
 from ..mesh.local_space import LocalSpace
 from ..mesh.triangle_mesh import ATTRIBUTE, TANGENTS, UV_LAYER, Mesh
-from ..passes import data_texture
+from ..passes import data_texture, target
 from ..passes.bake import cast
+from ..passes.parts import part_hits
 from ..passes.surface import corner_tables
+from .rays.part_tables import PartTables
 from .rays.tree_cache import RayScene
 
 
@@ -30,7 +32,20 @@ class HighSurface:
 
     @property
     def tables(self) -> cast.Tables:
+        """The tables; not of a surface in parts."""
         return self.ray_scene.tables
+
+    def parts(self, hits: target.Target) -> Iterator[tuple["HighSurface", target.Target]]:
+        """Each part of the surface, with those of `hits` that are on it. The hits are valid until the next part."""
+        scene = self.ray_scene
+        if not isinstance(scene.tables, PartTables):
+            yield self, hits
+            return
+        of_part = target.get("hits of a part", hits.width, hits.height, "RGBA32UI")
+        for part in scene.tables.parts():
+            part_hits.of_part(of_part, hits, part.first, part.count)
+            order = scene.order[part.first : part.first + part.count]
+            yield HighSurface(self.highs, replace(scene, tables=part.tables, order=order)), of_part
 
     @cached_property
     def corners(self) -> np.ndarray:

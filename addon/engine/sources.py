@@ -9,7 +9,7 @@ import gpu
 import numpy as np
 
 from ..core.declarations.choices import Hit, Method, Space
-from ..core.map_types import BY_NAME
+from ..core.map_types import BY_NAME, Family
 from ..core.progress import Pace, Progress, Task
 from ..core.settings import Settings
 from ..core.timings import Timings
@@ -94,7 +94,7 @@ def _ray_cast(plan: Plan, settings: Settings, timings: Timings) -> Task[ray_cast
     """The rays of a bake. Distances that the settings do not set are measured."""
     meshes, has_cage = plan.meshes, plan.meshes.cage is not None
     yield Progress("Building the tree", 0.0)
-    takes_parts = not (settings.maps or meshes.has_detail)  # only the normals are found in parts
+    takes_parts = not meshes.has_detail and all(BY_NAME[name].family is Family.POINTS for name in settings.maps)
     ray_scene = tree_cache.trees.ray_scene_of(meshes.highs, timings, takes_parts=takes_parts)
     low_surface = tree_cache.trees.low_surface_of(
         meshes.whole_low, ray_scene.local_space, timings, has_clearances=settings.hit == Hit.OWN

@@ -5,8 +5,6 @@
 void main()
 {
   uvec4 hit = texelFetch(hits, ivec2(gl_FragCoord.xy), 0);
-  point_out = vec4(0.0);
-  labels_out = vec4(0.0);
   if (!hit_missed(hit)) {
     int triangle = hit_triangle(hit);
     vec2 weights = hit_weights(hit);
@@ -16,5 +14,8 @@ void main()
     vec3 point = corner + edge1 * weights.x + edge2 * weights.y;
     point_out = vec4(point, 1.0);
     labels_out = vec4(texelFetch(labels, texture_place(triangle), 0).xy, 0.0, 1.0);
+  }
+  else {
+    discard;  // what is there stays: nothing, or a point on another part
   }
 }

@@ -8,10 +8,13 @@ import numpy as np
 import pytest
 
 from addon.core.errors import BakeError
+from addon.core.map_types import OTHERS, Family
+from addon.core.progress import Pace
 from addon.core.settings import Settings
 from addon.engine import bands
 from addon.engine.rays import part_tables, tree_cache
 from addon.jobs import Job, bake_all, bake_pair
+from addon.jobs.live.live_session import Session
 from addon.mesh.spatial import bvh, tree_parts
 from addon.passes.bake import cast
 from tests.support import layered_scenes, maps, zoo
@@ -163,11 +166,48 @@ def test_progress_goes_on_while_parts_are_cast_at(in_parts):
     assert len(set(steps)) > 8
 
 
-def test_other_maps_of_more_triangles_than_one_part_has_are_refused(in_parts):
+POINT_MAPS = [map_type.name for map_type in OTHERS if map_type.family is Family.POINTS]
+
+
+@pytest.mark.parametrize("rule", RULES)
+@pytest.mark.parametrize("samples", [1, 4])
+def test_points_and_numbers_from_parts_are_those_from_one(in_parts, rule, samples):
+    low, *highs = layers()
+    for number, high in enumerate(highs):
+        for name in "ab":
+            high.data.materials.append(bpy.data.materials.new(f"{name} {number}"))
+        high.data.polygons.foreach_set("material_index", np.arange(len(high.data.polygons)) % 2)
+    options = {"method": "CAST", "hit": rule, "samples": samples}
+    _, wanted = maps.bake_all_maps(low, *highs, maps=POINT_MAPS, **options)
+    in_parts(300)
+    _, found = maps.bake_all_maps(low, *highs, maps=POINT_MAPS, **options)
+    assert len(wanted) == len(POINT_MAPS)
+    for name, texels in wanted.items():
+        assert np.array_equal(found[name], texels), name
+    assert len(np.unique(wanted["position"])) > 1000
+    assert len(np.unique(wanted["material_id"].reshape(-1, 4), axis=0)) > 2
+
+
+@pytest.mark.parametrize("name", ["AO", "BENT_NORMAL", "THICKNESS", "CURVATURE", "BASE_COLOR", "ATTRIBUTE"])
+def test_maps_that_need_all_triangles_at_once_are_refused_before_a_part_is_built(in_parts, built, name):
     low, *highs = layers()
     in_parts(500)
-    with pytest.raises(BakeError, match=r"2,304 triangles together; maps other than .* take 500"):
-        maps.bake_all_maps(low, *highs, maps=["POSITION"], method="CAST")
+    with pytest.raises(BakeError, match=r"2,304 triangles together; maps of materials, .* take 500 on this GPU"):
+        maps.bake_all_maps(low, *highs, maps=[name], method="CAST")
+    assert built == []
+
+
+def test_live_in_parts_shows_the_map_of_one(in_parts):
+    low, *highs = layers()
+    settings = Settings("CAST", width=64, height=64, storage="MEMORY", modifiers="VIEWPORT", material=False)
+    found = []
+    for _ in range(2):
+        session = Session(bpy.context, Job(low, highs), settings, Pace())
+        session.run(bpy.context)
+        found.append(session.texels.copy())
+        session.free()
+        in_parts(500)
+    assert np.array_equal(*found)
 
 
 def test_more_triangles_than_hits_can_number_are_refused(in_parts, monkeypatch):

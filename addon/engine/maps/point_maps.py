@@ -51,7 +51,8 @@ class PointMaps:
     def _add(self, sample: Sample) -> None:
         band = sample.band
         points = target.get("points", band.width, band.height, "RGBA32F", "RGBA32F")
-        cast.points(points, sample.hits, self.surface.tables, self.surface.labels)
+        for number, (surface, hits) in enumerate(self.surface.parts(sample.hits)):
+            cast.points(points, hits, surface.tables, surface.labels, clear=number == 0)
         low_points = target.get("low points", band.width, band.height, "RGBA32F", "RGBA32F")
         gbuffer.draw(low_points, self.low, band.uv_to_clip)
         for mean in self.means:

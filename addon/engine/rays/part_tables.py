@@ -16,7 +16,7 @@ from ...passes.bake import cast
 
 PART = 12 * 2**20
 """The most triangles of a part."""
-KEPT_BYTES = 4 * 2**30
+KEPT_BYTES = 3 * 2**30
 """The most GPU memory that parts hold at once. Beyond it, they are built again whenever rays are cast at them."""
 MOST_TRIANGLES = 2**28 - 1
 """The most triangles of all parts together, which shaders/lib/hit_lib.glsl can number."""
@@ -24,9 +24,10 @@ MOST_TRIANGLES = 2**28 - 1
 
 @dataclass(frozen=True)
 class Part:
-    """The triangles from number `first` on, of those of all parts. Their tables number them from 0."""
+    """`count` triangles from number `first` on, of those of all parts. Their tables number them from 0."""
 
     first: int
+    count: int
     tables: cast.Tables
 
 
@@ -88,7 +89,7 @@ class PartTables:
                 origin=self._grid.origin,
                 scale=self._grid.scale,
             )
-        return Part(start, tables)
+        return Part(start, len(triangles), tables)
 
     def _vertices_of(self, block: slice) -> np.ndarray:
         """The vertices (N, 3) of triangles, in the order of the meshes."""

@@ -170,8 +170,8 @@ def _check(highs: Sequence[Mesh], *, takes_parts: bool) -> None:
         raise BakeError(f"The high meshes have {count:,} triangles together; rays take {MOST_TRIANGLES:,}.")
     if not (takes_parts or fits(highs)):
         raise BakeError(
-            f"The high meshes have {count:,} triangles together; maps other than the normal map take"
-            f" {most_in_one_part():,} on this GPU, as do materials with normal or bump maps."
+            f"The high meshes have {count:,} triangles together; maps of materials, maps that cast rays from the high"
+            f" surface, and materials with normal or bump maps take {most_in_one_part():,} on this GPU."
         )
 
 

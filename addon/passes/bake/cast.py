@@ -225,9 +225,12 @@ def heights(into: target.Target, hits: target.Target, rays: target.Target) -> No
     target.fill(into, HEIGHT, hits=hits.texture, positions=rays.textures[0])
 
 
-def points(into: target.Target, hits: target.Target, tables: Tables, labels: gpu.types.GPUTexture) -> None:
+def points(
+    into: target.Target, hits: target.Target, tables: Tables, labels: gpu.types.GPUTexture, *, clear: bool = True
+) -> None:
     """Write the hit points and their labels into `into` (two RGBA32F). Alpha is 1 for a hit, 0 for a miss.
 
-    labels: a data texture with the object and material number of each triangle, in the tree's order.
+    clear: otherwise texels without a hit stay as they are. labels: a data texture with the object and material number of each
+    triangle, in the tree's order.
     """
-    target.fill(into, POINTS, hits=hits.texture, corners=tables.corners, labels=labels)
+    target.fill(into, POINTS, clear=clear, hits=hits.texture, corners=tables.corners, labels=labels)

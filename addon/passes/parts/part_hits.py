@@ -25,6 +25,12 @@ MERGE = Program(
         *active.CONSTANTS,
     ),
 )
+OF_PART = Program(
+    compute="parts/hits_of_part_comp.glsl",
+    texels=(("RGBA32UI", "UINT_2D", "hits"),),
+    images=(("RGBA32UI", "UINT_2D", "of_part", "WRITE"),),
+    constants=(("INT", "first_row"), ("INT", "first_triangle"), ("INT", "count")),
+)
 LOOKUP = Program(
     vertex="lib/fullscreen_vert.glsl",
     fragment="parts/found_normals_frag.glsl",
@@ -88,4 +94,17 @@ def look_up(
         positions=rays.textures[0],
         found=found.texture,
         normal_matrix=shader.mat4(normal_matrix),
+    )
+
+
+def of_part(into: target.Target, hits: target.Target, first_triangle: int, count: int) -> None:
+    """Write the hits on a part into `into` (RGBA32UI), with numbers from 0. The part has `count` triangles."""
+    target.dispatch(
+        OF_PART,
+        hits.width,
+        range(hits.height),
+        hits=hits.texture,
+        of_part=into.texture,
+        first_triangle=first_triangle,
+        count=count,
     )
