@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Tests that Flatten's map is the same to the bit when triangles are left out, or drawn in parts."""
 
+from dataclasses import replace
+
 import bpy
 import numpy as np
 import pytest
@@ -50,10 +52,10 @@ def random_mesh(seed, count=6000):
     )
 
 
-def counted(monkeypatch):
-    """The calls of mesh_upload.upload_corners from here on, as a list."""
-    calls, upload = [], mesh_upload.upload_corners
-    monkeypatch.setattr(mesh_upload, "upload_corners", lambda **attributes: calls.append(1) or upload(**attributes))
+def counted(monkeypatch, name="upload_corners"):
+    """The calls of a function of mesh_upload from here on, as a list."""
+    calls, upload = [], getattr(mesh_upload, name)
+    monkeypatch.setattr(mesh_upload, name, lambda *args, **attributes: calls.append(1) or upload(*args, **attributes))
     return calls
 
 
@@ -94,6 +96,43 @@ def test_random_triangles_drawn_in_steps_change_no_bit(monkeypatch, seed):
     whole, _ = drawn_whole(monkeypatch, highs, band)
     monkeypatch.setattr(flatten, "STEP", 777)
     assert drawn_whole(monkeypatch, highs, band)[0].tobytes() == whole.tobytes()
+
+
+def side_by_side(mesh):
+    """`mesh` with its corners in the order of its triangles, of which every second one shares a corner with the one before."""
+    corners = mesh.triangles.reshape(-1)
+    triangles = np.arange(len(corners), dtype=np.int32).reshape(-1, 3)
+    triangles[1::2, 0] = triangles[::2, 2]
+    return replace(
+        mesh, vertices=mesh.vertices[corners], normals=mesh.normals[corners], uv=mesh.uv[corners], triangles=triangles
+    )
+
+
+@pytest.mark.parametrize("order", [side_by_side, lambda mesh: mesh], ids=["side by side", "mixed"])
+@pytest.mark.parametrize("seed", range(3))
+def test_random_triangles_uploaded_in_pieces_change_no_bit(monkeypatch, seed, order):
+    highs, band = [order(random_mesh(seed)), order(random_mesh(seed + 100, 900))], BANDS["rows"]
+    monkeypatch.setattr(shader, "in_software", lambda: True)
+    whole, _ = drawn_whole(monkeypatch, highs, band)
+    monkeypatch.setattr(high_batches, "PIECE", 50)
+    monkeypatch.setattr(flatten, "STEP", 20)
+    with_indices, without = counted(monkeypatch, "upload"), counted(monkeypatch)
+    assert drawn_whole(monkeypatch, highs, band)[0].tobytes() == whole.tobytes()
+    assert (len(with_indices), len(without)) == ((138, 0) if order is side_by_side else (0, 138))
+
+
+def test_pieces_stay_on_the_gpu_for_later_samples(monkeypatch):
+    monkeypatch.setattr(shader, "in_software", lambda: True)
+    monkeypatch.setattr(high_batches, "DENSE", 10**6)
+    monkeypatch.setattr(high_batches, "PIECE", 1000)
+    batches, into = HighBatches([side_by_side(random_mesh(3))], None, Timings()), target.get("test", *SIZE, "RGBA32F")
+    list(batches.draw(into, BANDS["whole"]))
+    uploads = counted(monkeypatch, "upload")
+    texels = np.empty((SIZE[1], SIZE[0], 4), np.float32)
+    list(batches.draw(into, BANDS["sample"]))
+    into.read(texels)
+    assert not uploads
+    assert texels.tobytes() == drawn_whole(monkeypatch, batches.highs, BANDS["sample"])[0].tobytes()
 
 
 def test_large_meshes_are_drawn_in_parts_on_any_gpu(monkeypatch):

@@ -20,6 +20,8 @@ MOST_WHOLE = 2**24
 """The most triangles that are on the GPU at once, and stay there for all samples and bands."""
 PART = 2**21
 """The triangles of a part of larger meshes: small enough that the bake can be canceled in between."""
+PIECE = 2**17
+"""The triangles that are uploaded at a time for drivers that draw in software: these fill texels meanwhile."""
 DENSE = 4
 """Triangles per texel. From here on, most triangles cover no texel's center, and finding the others costs less than drawing
 all in software. GPUs leave them out themselves."""
@@ -50,22 +52,32 @@ class HighBatches:
         is_dense = shader.in_software() and self._count > DENSE * texels and not self._keeps
         return self._count > MOST_WHOLE or is_dense
 
-    def _whole(self) -> list:
-        """The meshes, each with its matrix, uploaded when they are first drawn."""
-        if self._uploaded is None:
-            with self.timings.timed("upload"):
-                self._uploaded = [
-                    (self._uploads.upload(high.name, high.triangles, uv=high.uv, normal=high.normals), matrix)
-                    for high, matrix in zip(self.highs, self.matrices, strict=True)
-                ]
-        return self._uploaded
+    def _whole(self) -> Iterator[tuple[tuple[gpu.types.GPUBatch, np.ndarray], int]]:
+        """The meshes as _draw takes them, each uploaded when it is first asked for, and kept from then on."""
+        if self._uploaded is not None:
+            yield from self._uploaded
+            return
+        uploaded = []
+        for high, matrix in zip(self.highs, self.matrices, strict=True):
+            count = len(high.triangles)
+            size = PIECE if shader.in_software() and not self._keeps else count
+            for first in range(0, count, size):
+                triangles = high.triangles[first : first + size]
+                with self.timings.timed("upload"):
+                    if len(triangles) == count:
+                        batch = self._uploads.upload(high.name, triangles, uv=high.uv, normal=high.normals)
+                    else:
+                        batch = _piece(high, triangles)
+                uploaded.append(((batch, matrix), len(triangles)))
+                yield uploaded[-1]
+        self._uploaded = uploaded
 
     def draw(self, into: target.Target, band: Band) -> Iterator[float]:
         """Draw all meshes into `into`, as flatten.draw does. Yields the finished share after each part, at last 1."""
         target.clear(into)
         if not self._is_in_parts(band.width * band.height):
-            for (batch, matrix), high in zip(self._whole(), self.highs, strict=True):
-                _draw(into, (batch, matrix), len(high.triangles), band)
+            for mesh, count in self._whole():
+                _draw(into, mesh, count, band)
             yield 1.0
             return
         done = 0
@@ -113,9 +125,21 @@ class HighBatches:
         into.finish()  # so that the driver lets go of the part before the next one comes
 
 
+def _piece(high: Mesh, triangles: np.ndarray) -> gpu.types.GPUBatch:
+    """Some of a mesh's triangles (N, 3), as flatten.draw takes them. Most meshes have the corners of a piece side by side."""
+    first, end = int(triangles.min()), int(triangles.max()) + 1
+    if end - first > triangles.size:
+        return _of_corners(high, triangles.reshape(-1))
+    return mesh_upload.upload(triangles - first, uv=high.uv[first:end], normal=high.normals[first:end])
+
+
 def _unrolled(high: Mesh, kept: np.ndarray) -> gpu.types.GPUBatch:
     """These triangles (N,) int of a mesh, as flatten.draw takes them."""
-    corners = np.take(high.triangles, kept, axis=0, mode="clip").reshape(-1)
+    return _of_corners(high, np.take(high.triangles, kept, axis=0, mode="clip").reshape(-1))
+
+
+def _of_corners(high: Mesh, corners: np.ndarray) -> gpu.types.GPUBatch:
+    """The triangles of these corners (3 N,) int, as flatten.draw takes them."""
     uv, normal = (np.take(values, corners, axis=0, mode="clip") for values in (high.uv, high.normals))
     return mesh_upload.upload_corners(uv=uv, normal=normal)
 
