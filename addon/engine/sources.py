@@ -30,16 +30,14 @@ class Source(Protocol):
     """Draws samples of a band: normals of the high surface, and hits, as shaders/lib/hit_lib.glsl reads them.
 
     takes_time: whether it draws normals in slices. is_within_low: whether hits are only where the low mesh is. ray_cast: the
-    rays that it casts, or None. surface: what the hits are on; None if no map needs them. drawn_meshes: normals are where these
-    are in UV space. least_adaptive: with fewer samples, adaptive ones take as long as all, or longer. slot: the number of a
-    sample whose normals and hits stay beside those of others.
+    rays that it casts, or None. surface: what the hits are on; None if no map needs them. least_adaptive: with fewer samples,
+    adaptive ones take as long as all, or longer. slot: the number of a sample whose normals and hits stay beside others.
     """
 
     takes_time: bool
     is_within_low: bool
     ray_cast: ray_casting.RayCast | None
     surface: HighSurface | None
-    drawn_meshes: Sequence[Mesh]
     least_adaptive: int
 
     def normals(self, band: Band, slot: int = 0) -> Iterator[tuple[gpu.types.GPUTexture, range]]:
@@ -47,10 +45,6 @@ class Source(Protocol):
 
         In slices: yields the texture and the rows that are ready. An empty range stops at the share of rows that is done.
         """
-
-    def normals_of(self, band: Band, some: Active) -> Iterator[gpu.types.GPUTexture | None]:
-        """The same in some texels alone; others are left as they are, or cleared. Yields None after each slice, and the texture
-        at the end."""
 
     def drawn(self, slot: int = 0) -> target.Target:
         """The target of the last `normals` with this slot."""
@@ -166,7 +160,7 @@ class Flat:
         is_changed_later: bool = False,
         uploads: mesh_upload.UploadCache | None = None,
     ):
-        self.surface, self.drawn_meshes, self.is_drawn, self.timings = surface, highs, is_drawn, timings
+        self.surface, self.is_drawn, self.timings = surface, is_drawn, timings
         self.is_changed_later = is_changed_later
         to_world = None if settings.space == Space.WORLD else low.to_world
         self.batches = HighBatches(highs, to_world, timings, uploads)
@@ -179,12 +173,6 @@ class Flat:
         for done in self.batches.draw(into, band):
             row = int(done * band.height)
             yield into.texture, range(0 if done == 1.0 else row, row)
-
-    def normals_of(self, band: Band, some: Active) -> Iterator[gpu.types.GPUTexture | None]:
-        """As Source has it."""
-        into = target.get("high of some texels", band.width, band.height, "RGBA32F")
-        self.batches.draw_some(into, band, some)
-        yield into.texture
 
     def drawn(self, slot: int = 0) -> target.Target:
         """As Source has it."""
@@ -234,7 +222,8 @@ class Rays:
             yield normals.texture, rows
 
     def normals_of(self, band: Band, some: Active) -> Iterator[gpu.types.GPUTexture | None]:
-        """As Source has it."""
+        """`normals` in some texels alone; others are left as they are, or cleared. Yields None after each slice, and at last
+        the texture."""
         size = band.width, band.height
         rays = target.get("rays", *size, "RGBA32F", "RGBA32F")
         self.ray_cast.draw(rays, band.uv_to_clip, some, self._near.parts(band, some))

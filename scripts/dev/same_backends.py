@@ -66,9 +66,9 @@ def bake(out: str, scenes: str, size: str, *files: str) -> None:
                 method, "WORLD", image=method, depth=32, storage="MEMORY", material=False, maps=MAPS, **side
             )
             add(f"{Path(file).stem} {method}", low, [high], settings)
-            # A normal map alone has adaptive samples.
+            # A normal map alone has adaptive samples, by Flatten from 64 on.
             settings = Settings(
-                method, image=f"{method} samples", samples=16, depth=32, storage="MEMORY", material=False, **side
+                method, image=f"{method} samples", samples=64, depth=32, storage="MEMORY", material=False, **side
             )
             add(f"{Path(file).stem} {method} with samples", low, [high], settings)
     print(

@@ -1,6 +1,5 @@
 // Writes the interpolated normal of the high mesh, normalized (Gumbau, González and Chover, Algorithm 2). Alpha is 1 where a
 // texel was written.
-#include "lib/early_lib.glsl"
 
 void main()
 {

@@ -11,7 +11,7 @@ from addon.core.settings import Settings
 from addon.engine import bands, sources
 from addon.jobs import bake_pair
 from addon.passes import target
-from addon.passes.adaptive import active, rounds
+from addon.passes.adaptive import active, cell_samples, rounds
 from addon.passes.bake import samples
 from tests.support import angles, maps, zoo
 
@@ -124,19 +124,25 @@ def test_every_texel_of_which_a_sample_is_covered_stays_covered(method, gap):
 @pytest.mark.parametrize("space", ["TANGENT", "OBJECT"])
 def test_empty_texels_away_from_the_meshes_take_no_more_samples(method, space, monkeypatch):
     low, high = zoo.two_islands("low", gap=0.7), zoo.two_islands("high", gap=0.7)
-    listed, find = [], active.find
+    listed, find, add = [], active.find, cell_samples.add
 
-    def counted(*arguments):
-        listed.append(find(*arguments))
-        return listed[-1]
+    def found(*arguments):
+        some = find(*arguments)
+        listed.append(some and some.count)
+        return some
 
-    monkeypatch.setattr(active, "find", counted)
+    def added(sums, records, places, *arguments, **options):
+        listed.append(len(places))
+        return add(sums, records, places, *arguments, **options)
+
+    monkeypatch.setattr(active, "find", found)
+    monkeypatch.setattr(cell_samples, "add", added)
     some, every, stopped = both(low, high, method, width=128, height=128, samples=16, space=space)
     assert difference(some, every).max() < 1e-3
     empty = np.count_nonzero(every[..., 3] == 0.0)
     # Those along the borders of islands are in the same squares of texels.
     assert empty > 128 * 64
-    assert 0 < listed[0].count < 0.3 * empty
+    assert 0 < listed[0] < 0.3 * empty
     assert 0.0 < stopped < 1.0
 
 
@@ -237,7 +243,7 @@ def test_random_texels_are_listed_once_each(seed, size):
     needed = random.integers(1, 4, size).astype(np.uint8)
     texture = target.Target(width, height, ("R8",)).texture
     some = active.find(texture, needed, 2)
-    listed, blocks = active._in_blocks(needed >= 2)
+    listed, blocks = active.in_blocks(needed >= 2)
     assert some.count == len(listed) == np.count_nonzero(needed >= 2)
     assert some.rows // 8 * -(-width // 8) * 64 >= some.count
     assert {tuple(place) for place in listed.tolist()} == {(x, y) for y, x in np.argwhere(needed >= 2).tolist()}

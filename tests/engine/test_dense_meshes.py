@@ -10,12 +10,14 @@ import pytest
 from addon.core.settings import Settings
 from addon.core.timings import Timings
 from addon.engine import separation, sources
+from addon.engine.adaptive import flat_normals
 from addon.engine.bands import Band
 from addon.engine.dense import high_batches
 from addon.engine.dense.high_batches import HighBatches
 from addon.jobs import bake_pair
 from addon.mesh.triangle_mesh import Mesh
 from addon.passes import mesh_upload, shader, target
+from addon.passes.adaptive import cell_samples
 from addon.passes.bake import flatten
 from tests.support import zoo
 
@@ -183,23 +185,19 @@ def test_a_bake_in_parts_is_the_same_to_the_bit(monkeypatch, samples):
     assert len(uploads) == 4 * samples
 
 
-@pytest.mark.parametrize("most", [0, 10**6], ids=["more than may stay", "kept"])
-def test_adaptive_samples_of_large_meshes_upload_near_triangles_in_parts(monkeypatch, most):
+def test_adaptive_samples_of_large_meshes_are_taken_in_strips_of_the_map(monkeypatch):
     low, high = zoo.plane("lo"), zoo.terrain("hi", 24)
-
     monkeypatch.setattr(sources.Flat, "least_adaptive", 4)
 
     def bake():
-        settings = Settings(method="FLATTEN", width=16, height=16, samples=16, depth=32, storage="MEMORY")
+        settings = Settings(method="FLATTEN", width=48, height=40, samples=16, depth=32, storage="MEMORY")
         report = bake_pair(bpy.context, low, [high], settings)
         return np.array(bpy.data.images[report.image].pixels[:], np.float32)
 
     whole = bake()
-    sizes, drawn_counts, unroll, draw = [], [], high_batches._unrolled, high_batches._draw
-    monkeypatch.setattr(high_batches, "_unrolled", lambda mesh, kept: sizes.append(len(kept)) or unroll(mesh, kept))
-    monkeypatch.setattr(high_batches, "_draw", lambda *given: drawn_counts.append(given[2]) or draw(*given))
-    monkeypatch.setattr(high_batches, "MOST_WHOLE", most)
-    monkeypatch.setattr(high_batches, "PART", 300)
+    sizes, upload = [], cell_samples.upload
+    monkeypatch.setattr(cell_samples, "upload", lambda high, *given: sizes.append(len(high.uv)) or upload(high, *given))
+    monkeypatch.setattr(flat_normals, "STRIP", 300)
     assert bake().tobytes() == whole.tobytes()
-    assert max(sizes) <= 300
-    assert (sizes == drawn_counts) == (most == 0)
+    assert len(sizes) > 1
+    assert max(sizes) < 0.7 * sum(sizes)

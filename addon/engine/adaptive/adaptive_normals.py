@@ -58,12 +58,9 @@ class AdaptiveNormals:
     def rest(self, band: Band) -> Iterator[float]:
         """Draw the other samples, and average them into `mean`. Yields the share of them that is done."""
         with self.timings.timed("draw"):
-            drawn = target.get("adaptive samples", band.width, band.height, *rounds.FORMATS)
-            needed = rounds.draw(drawn, *self._pair, offset=self.rounds[0][0], limits=self.limits)
+            drawn, needed = self._compare(band)
             covered = self._leave_out_empty(needed, band)
-        own = needed[band.halo : band.height - band.halo]
-        self.stopped += int(np.count_nonzero((own > 0) & (own < len(self.rounds))))
-        self._mean = sums = drawn.textures[1]
+        sums = self.mean
         whole, done = sum(map(len, self.rounds[1:])), 0
         several = None
         for number, offsets in enumerate(self.rounds[1:], start=2):
@@ -88,6 +85,15 @@ class AdaptiveNormals:
         if several is not None:
             with self.timings.timed("draw"):
                 rounds.average(sums, several)
+
+    def _compare(self, band: Band) -> tuple[target.Target, np.ndarray]:
+        """In how many rounds each texel takes part, as rounds.draw has it."""
+        drawn = target.get("adaptive samples", band.width, band.height, *rounds.FORMATS)
+        needed = rounds.draw(drawn, *self._pair, offset=self.rounds[0][0], limits=self.limits)
+        own = needed[band.halo : band.height - band.halo]
+        self.stopped += int(np.count_nonzero(own < len(self.rounds)))
+        self._mean = drawn.textures[1]
+        return drawn, needed
 
     def _leave_out_empty(self, needed: np.ndarray, band: Band) -> gpu.types.GPUTexture | None:
         """Set the empty texels of `needed` that no sample can reach to 0. Returns the squares of the others."""

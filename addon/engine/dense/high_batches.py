@@ -10,11 +10,8 @@ from ...core.timings import Timings
 from ...mesh import uv_layout
 from ...mesh.triangle_mesh import Mesh, normal_matrix
 from ...passes import mesh_upload, shader, target
-from ...passes.adaptive import active
-from ...passes.adaptive.active import Active
 from ...passes.bake import flatten
 from ..bands import Band
-from .near_triangles import near
 
 MOST_WHOLE = 2**24
 """The most triangles that are on the GPU at once, and stay there for all samples and bands."""
@@ -43,9 +40,6 @@ class HighBatches:
         self._keeps = uploads is not None
         self._uploads = uploads or mesh_upload.UploadCache()
         self._uploaded: list | None = None
-        self._some: Active | None = None
-        self._chosen: list[np.ndarray] = []
-        self._near: list | None = None
 
     def _is_in_parts(self, texels: int) -> bool:
         """Whether the meshes are drawn in parts on so many texels."""
@@ -90,31 +84,6 @@ class HighBatches:
                     yield done / self._count
         yield 1.0
 
-    def draw_some(self, into: target.Target, band: Band, some: Active) -> None:
-        """The same in some texels alone: only triangles near them are uploaded and drawn. They stay on the GPU for all samples
-        of these texels, but for more than MOST_WHOLE.
-        """
-        if some is not self._some:
-            self._some, self._near = some, None  # frees those before
-            self._chosen = [near(high, band, some) for high in self.highs]
-            if sum(map(np.count_nonzero, self._chosen)) <= MOST_WHOLE:
-                self._near, self._chosen = list(self._near_parts()), []
-        active.clear(into, some)
-        for mesh, count in self._near_parts() if self._near is None else self._near:
-            _draw(into, mesh, count, band, some.stopped)
-            if self._near is None:
-                into.finish()  # as in _draw_part
-
-    def _near_parts(self) -> Iterator[tuple[tuple[gpu.types.GPUBatch, np.ndarray], int]]:
-        """The chosen triangles in parts, as _draw takes them, each uploaded when it is asked for."""
-        for high, matrix, chosen in zip(self.highs, self.matrices, self._chosen, strict=True):
-            for first in range(0, len(chosen), PART):
-                kept = np.flatnonzero(chosen[first : first + PART])
-                if len(kept):
-                    with self.timings.timed("upload"):
-                        batch = _unrolled(high, kept + first)
-                    yield (batch, matrix), len(kept)
-
     def _draw_part(self, into: target.Target, band: Band, high: Mesh, part: slice, matrix: np.ndarray) -> None:
         with self.timings.timed("upload"):
             kept = uv_layout.over_centers(high, band.uv_to_clip, (band.width, band.height), part)
@@ -149,10 +118,9 @@ def _draw(
     mesh: tuple[gpu.types.GPUBatch, np.ndarray],
     count: int,
     band: Band,
-    stopped: gpu.types.GPUTexture | None = None,
 ) -> None:
     """Draw a mesh of `count` triangles over what is in `into`."""
     if shader.in_software() and count > flatten.STEP:
-        flatten.draw_in_steps(into, mesh, count, band.uv_to_clip, stopped=stopped)
+        flatten.draw_in_steps(into, mesh, count, band.uv_to_clip)
     else:
-        flatten.draw(into, [mesh], band.uv_to_clip, clear=False, stopped=stopped)
+        flatten.draw(into, [mesh], band.uv_to_clip, clear=False)

@@ -13,10 +13,11 @@ from ...passes import target
 from ...passes.bake import flat_hits, preview_picture, samples
 from ...passes.surface import served_blocks
 from ..adaptive.adaptive_normals import AdaptiveNormals
+from ..adaptive.flat_normals import FlatNormals
 from ..adaptive.normal_space import NormalSpace
 from ..bands import Band
 from ..normal_channels import channels
-from ..sources import Source
+from ..sources import Flat, Source
 from .family import MapFamily, Run, Sample
 from .own_normals import OwnNormals
 
@@ -52,7 +53,8 @@ class SampledMaps:
         is_adaptive = (
             run.settings.adaptive and run.settings.samples >= source.least_adaptive and not families and detail is None
         )
-        self.adaptive = AdaptiveNormals(source, self.space, run) if is_adaptive else None
+        kind = FlatNormals if isinstance(source, Flat) else AdaptiveNormals
+        self.adaptive = kind(source, self.space, run) if is_adaptive else None
         self._picture: gpu.types.GPUTexture | None = None
 
     def of(self, band: Band) -> Task[Iterator[tuple[str, gpu.types.GPUTexture]]]:

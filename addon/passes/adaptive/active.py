@@ -70,7 +70,7 @@ def find(
     `upload_covered`: empty texels outside of these squares take no more samples; None if there are none.
     """
     height, width = needed.shape
-    listed, blocks = _in_blocks(needed >= number)
+    listed, blocks = in_blocks(needed >= number)
     if not len(listed):
         return None
     pairs = np.zeros((-(-len(listed) // 2) * 2, 2), np.float32)
@@ -88,7 +88,7 @@ def bindings(some: Active | None, unused: gpu.types.GPUTexture) -> dict:
     return {"active_texels": some.texels if some else unused, "active_count": some.count if some else -1}
 
 
-def _in_blocks(is_active: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def in_blocks(is_active: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The places (N, 2) int of the texels, x and y, square by square: texels of a workgroup are close to each other. And which
     squares have some, as Active has them."""
     height, width = is_active.shape

@@ -34,16 +34,14 @@ def draw(
     uv_to_clip: UvToClip,
     *,
     clear: bool = True,
-    stopped: gpu.types.GPUTexture | None = None,
 ) -> None:
     """Clear `into` (RGBA32F) and draw each mesh: xyz its unit normal, alpha 1 where it was written.
 
     meshes: batches with attributes uv and normal, each with the (3, 3) matrix that takes its normals to the wanted
     space. uv_to_clip: as udim.uv_to_clip. Where meshes overlap, the later one stays. clear: False to draw over what is there.
-    stopped: as in target.drawing.
     """
     compiled = shader.load(PROGRAM)
-    with target.drawing(into, clear=clear, stopped=stopped):
+    with target.drawing(into, clear=clear):
         for batch, normal_matrix in meshes:
             compiled.bind()
             target.bind(compiled, PROGRAM, normal_matrix=shader.mat4(normal_matrix), uv_to_clip=uv_to_clip)
@@ -55,8 +53,6 @@ def draw_in_steps(
     mesh: tuple[gpu.types.GPUBatch, np.ndarray],
     count: int,
     uv_to_clip: UvToClip,
-    *,
-    stopped: gpu.types.GPUTexture | None = None,
 ) -> None:
     """Draw a mesh of `count` triangles over what is in `into`, as `draw` does, for drivers that draw in software.
 
@@ -67,7 +63,7 @@ def draw_in_steps(
     batch, normal_matrix = mesh
     constants = {"normal_matrix": shader.mat4(normal_matrix), "uv_to_clip": uv_to_clip}
     for first in range(0, count, STEP):
-        with target.drawing(into, clear=False, stopped=stopped):
+        with target.drawing(into, clear=False):
             compiled.bind()
             target.bind(compiled, PROGRAM, **constants)
             batch.draw_range(compiled, elem_start=3 * first, elem_count=3 * min(STEP, count - first))

@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Adaptive samples by Flatten: all samples after the first two are taken in one pass, without drawing the meshes again."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ...mesh import uv_blocks, uv_cells
+from ...mesh.triangle_mesh import Mesh
+from ...passes.adaptive import active, cell_samples, rounds
+from ...passes.adaptive.cell_samples import Sorted
+from ..bands import Band
+from .adaptive_normals import AdaptiveNormals
+
+IN_CELL = 8
+"""About how many triangles a cell has. Fewer take more memory, and more take longer to search."""
+STRIP = 2**20
+"""About how many triangles the cells have that are on the GPU at once."""
+
+
+class FlatNormals(AdaptiveNormals):
+    """AdaptiveNormals of sources.Flat."""
+
+    def rest(self, band: Band) -> Iterator[float]:
+        """As AdaptiveNormals has it."""
+        with self.timings.timed("draw"):
+            drawn, needed = self._compare(band)
+        count = sum(len(high.triangles) for high in self.source.batches.highs)
+        side = _side(count, band.width * band.height)
+        rows = -(-band.height // side)
+        strips = max(1, min(-(-count // STRIP), rows))
+        bounds = [side * (rows * i // strips) for i in range(strips)] + [band.height]
+        for strip, (start, stop) in enumerate(zip(bounds[:-1], bounds[1:], strict=True)):
+            steps = self._strip(band, needed, slice(start, stop), side)
+            while True:
+                with self.timings.timed("draw"):
+                    done = next(steps, None)
+                    drawn.finish()
+                if done is None:
+                    break
+                yield (strip + done) / strips
+
+    def _strip(self, band: Band, needed: np.ndarray, rows: slice, side: int) -> Iterator[float]:
+        """Take the samples of the texels in these rows. Yields the share that is done."""
+        inside = needed[rows]
+        cells = np.zeros((-(-band.height // side), -(-band.width // side)), bool)
+        first = rows.start // side
+        asked = uv_cells.squares(inside >= 2, side)
+        cells[first : first + len(asked)] = asked
+        places = active.in_blocks(inside >= 2)[0] + (0, rows.start)
+        if not len(places):
+            return
+        batches = self.source.batches
+        high, low = _Chosen(batches.highs, band, cells, side).high(batches.matrices), None
+        has_any = np.diff(high.starts) > 0
+        if self.space.basis is not None:
+            low = _Chosen([self.space.mesh], band, cells, side).low()
+            has_any &= np.diff(low.starts) > 0
+        found = needed[places[:, 1], places[:, 0]]
+        # Empty texels away from the meshes stay empty.
+        kept = (found != rounds.EMPTY) | has_any.reshape(cells.shape)[places[:, 1] // side, places[:, 0] // side]
+        taken = np.cumsum([0, *map(len, self.rounds)])
+        stops = taken[np.minimum(found[kept], len(self.rounds))]
+        yield from cell_samples.add(
+            self.mean,
+            cell_samples.upload(high, low, cells.shape),
+            places[kept],
+            stops,
+            [(offset, replace(band, offset=offset).uv_to_clip) for offset in sum(self.rounds, [])],
+            side=side,
+            normalize_normal=self.space.is_unit,
+        )
+
+
+class _Chosen:
+    """The triangles of some meshes that touch some cells, mesh after mesh."""
+
+    def __init__(self, meshes: Sequence[Mesh], band: Band, cells: np.ndarray, side: int):
+        uv_to_clip, size = replace(band, offset=(0.0, 0.0)).uv_to_clip, (band.width, band.height)
+        self.meshes = meshes
+        self.corners = [
+            mesh.triangles[np.flatnonzero(uv_blocks.touching(mesh, uv_to_clip, size, cells, side))] for mesh in meshes
+        ]
+        uv = np.concatenate([mesh.uv[corners] for mesh, corners in zip(meshes, self.corners, strict=True)])
+        self.sorted = uv_cells.sort(uv.transpose(2, 1, 0), uv_to_clip, size, cells, side)
+        self.uv = uv[self.sorted.triangles]
+
+    def high(self, matrices: Sequence[np.ndarray]) -> Sorted:
+        """With their normals, transformed by the (3, 3) matrix of each mesh."""
+        normals = [
+            mesh.normals[corners] @ matrix[:3, :3].T.astype(np.float32)
+            for mesh, corners, matrix in zip(self.meshes, self.corners, matrices, strict=True)
+        ]
+        found = self.sorted
+        return Sorted(found.starts, self.uv, found.planes(np.concatenate(normals)[found.triangles]))
+
+    def low(self) -> Sorted:
+        """Those of a single mesh, with tangents."""
+        (mesh,), (corners,), found = self.meshes, self.corners, self.sorted
+        corners = corners[found.triangles]
+        tangents = mesh.tangents[corners]
+        values = np.concatenate([mesh.normals[corners], tangents[..., :3]], axis=2)
+        return Sorted(found.starts, self.uv, found.planes(values), tangents[:, 0, 3])
+
+
+def _side(triangles: int, texels: int) -> int:
+    """The side of a cell in texels, a power of 2, for so many triangles on so many texels."""
+    side = active.BLOCK
+    while side > 1 and triangles * side**2 > IN_CELL * texels:
+        side //= 2
+    return side

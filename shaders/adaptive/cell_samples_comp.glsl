@@ -1,0 +1,101 @@
+// Takes all further samples of the texels of a list at once, by Flatten: for each sample finds the triangle of the high mesh
+// and that of the low mesh in their cells, turns the normal of one into the tangent space of the other, and adds it. Then
+// replaces the sums of the first samples by the mean of all.
+#include "lib/texture_lib.glsl"
+#include "lib/basis_lib.glsl"
+#include "lib/mean_lib.glsl"
+
+// Corners are rounded to so many steps in a texel.
+const float GRID = 256.0;
+
+// A corner as a rasterizer has it when the sample is drawn, in steps from the sample; in the same order of operations.
+vec2 corner(vec2 uv, vec2 shift, vec2 size, vec2 from)
+{
+  vec2 place = (uv * uv_to_clip_scale + shift) * (0.5 * size) + 0.5 * size;
+  return roundEven((place - 0.5) * GRID) - from;
+}
+
+// Whether the point is within the edge from `a` to `b`. A point on the edge belongs to the triangle above it, or on its right.
+bool is_within(vec2 a, vec2 b, float turn)
+{
+  float area = (a.x * b.y - a.y * b.x) * turn;
+  vec2 along = (b - a) * turn;
+  return area > 0.0 || (area == 0.0 && (along.y < 0.0 || (along.y == 0.0 && along.x > 0.0)));
+}
+
+bool is_inside(vec4 one, vec4 two, vec2 shift, vec2 size, vec2 from)
+{
+  vec2 a = corner(one.xy, shift, size, from);
+  vec2 b = corner(one.zw, shift, size, from);
+  vec2 c = corner(two.xy, shift, size, from);
+  float turn = sign((b.x - a.x) * (c.y - a.y) - (c.x - a.x) * (b.y - a.y));
+  return turn != 0.0 && is_within(a, b, turn) && is_within(b, c, turn) && is_within(c, a, turn);
+}
+
+void main()
+{
+  int group = int(gl_WorkGroupID.y) * listing.z + int(gl_WorkGroupID.x);
+  int number = listing.x + group * 64 + int(gl_LocalInvocationIndex);
+  if (number >= listing.y) {
+    return;
+  }
+  vec4 entry = texel_at(listed, texture_place(number));
+  ivec2 texel = ivec2(entry.xy);
+  int stop = int(entry.z);
+  ivec2 square = texel / cell_side;
+  vec4 cell = texel_at(cells, square);
+  vec2 center = vec2(texel - square * cell_side) + 0.5 - 0.5 * float(cell_side);
+  vec2 size = vec2(imageSize(sums));
+  vec2 from = vec2(texel) * GRID;
+  vec4 sum = imageLoad(sums, texel);
+  for (int i = 2; i < stop; i++) {
+    vec4 offset = texel_at(offsets, ivec2(i, 0));
+    vec2 at = center + offset.xy;
+    vec3 normal = vec3(0.0);
+    bool is_found = false;
+    // The last triangle is the one that stays when all are drawn.
+    for (int high = int(cell.y) - 1; high >= int(cell.x) && !is_found; high--) {
+      int place = high * 4;
+      vec4 one = texel_at(highs, texture_place(place));
+      vec4 two = texel_at(highs, texture_place(place + 1));
+      if (is_inside(one, two, offset.zw, size, from)) {
+        vec4 three = texel_at(highs, texture_place(place + 2));
+        vec4 four = texel_at(highs, texture_place(place + 3));
+        normal = vec3(two.zw, three.x) + three.yzw * at.x + four.xyz * at.y;
+        is_found = dot(normal, normal) > 0.0;
+      }
+    }
+    if (is_found) {
+      normal /= sqrt(dot(normal, normal));
+      if (is_turned != 0) {
+        is_found = false;
+        vec3 components = vec3(0.0);
+        for (int low = int(cell.w) - 1; low >= int(cell.z) && !is_found; low--) {
+          int place = low * 7;
+          vec4 one = texel_at(lows, texture_place(place));
+          vec4 two = texel_at(lows, texture_place(place + 1));
+          if (is_inside(one, two, offset.zw, size, from)) {
+            vec4 three = texel_at(lows, texture_place(place + 2));
+            vec4 four = texel_at(lows, texture_place(place + 3));
+            vec4 five = texel_at(lows, texture_place(place + 4));
+            vec4 six = texel_at(lows, texture_place(place + 5));
+            vec4 seven = texel_at(lows, texture_place(place + 6));
+            vec3 low_normal = vec3(two.zw, three.x) + three.yzw * at.x + four.xyz * at.y;
+            vec3 tangent = five.xyz + vec3(five.w, six.xy) * at.x + vec3(six.zw, seven.x) * at.y;
+            if (normalize_normal != 0) {
+              low_normal = normalize(low_normal);
+            }
+            components = basis_components(normal, tangent, four.w, low_normal);
+            float length_squared = dot(components, components);
+            is_found = length_squared > 0.0 && !isinf(length_squared);
+          }
+        }
+        normal = components / sqrt(dot(components, components));
+      }
+      if (is_found) {
+        sum += vec4(normal, 1.0);
+      }
+    }
+  }
+  imageStore(sums, texel, mean_direction(sum));
+}
