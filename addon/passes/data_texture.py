@@ -10,8 +10,10 @@ from . import blender_gpu as gpu
 
 WIDTH = 4096
 """As in shaders/lib/texture_lib.glsl."""
-GATHERED = 2**14
-"""Rows that a thread gathers at once, so that they fit in a processor's cache."""
+BLOCK = 2**14
+"""Rows that a thread writes at once, so that they fit in a processor's cache."""
+FIRST_NUMBER = 2**23
+"""As in shaders/lib/corner_lib.glsl."""
 
 
 def limit() -> int:
@@ -27,20 +29,32 @@ def size_of(*textures: gpu.types.GPUTexture) -> int:
 def upload(values: np.ndarray) -> gpu.types.GPUTexture:
     """Upload `values` (N, 3 or 4) float32 to a texture; element i is in row i / WIDTH."""
     padded = empty(len(values))
-    padded[: len(values), : values.shape[1]] = values
+
+    def copy(part: slice) -> None:
+        for axis in range(values.shape[1]):  # faster than all at once, into rows that are longer
+            padded[part, axis] = values[part, axis]
+
+    threads.for_blocks(len(values), copy, BLOCK)
     return upload_padded(padded)
 
 
-def upload_gathered(values: np.ndarray, indices: np.ndarray, into: np.ndarray) -> gpu.types.GPUTexture:
-    """Upload values[indices], with values (N, 3) float32 and indices (M,) int. `into`, from `empty`, is overwritten."""
+def upload_gathered(values: np.ndarray, indices: np.ndarray, numbers: np.ndarray | None = None) -> gpu.types.GPUTexture:
+    """Upload values[indices], with values (N, 3) float32 and indices (M,) int.
+
+    numbers (M,) int from 0 below 2^30: the bits of the fourth components, plus FIRST_NUMBER; None for 0.
+    """
+    texels = empty(len(indices))
+    bits = texels.view(np.int32)
 
     def gather(part: slice) -> None:
         rows = np.take(values, indices[part], axis=0, mode="clip")
         for axis in range(3):  # faster than all at once, into rows that are longer
-            into[part, axis] = rows[:, axis]
+            texels[part, axis] = rows[:, axis]
+        if numbers is not None:
+            bits[part, 3] = numbers[part] + FIRST_NUMBER
 
-    threads.for_blocks(len(indices), gather, GATHERED)
-    return upload_padded(into)
+    threads.for_blocks(len(indices), gather, BLOCK)
+    return upload_padded(texels)
 
 
 def empty(count: int) -> np.ndarray:

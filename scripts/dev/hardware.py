@@ -203,6 +203,7 @@ class Scene:
             cast.LOOKUP,
             hits=self.hits,
             positions=self.positions,
+            corners=self.tables["corners"],
             normals=self.tables["normals"],
             normal_matrix=self.identity,
         )

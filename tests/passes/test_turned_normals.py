@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from addon.core.material_feeds import BumpFeed, Extension, ImageFeed, NormalMapFeed
-from addon.passes import target
+from addon.passes import data_texture, target
 from addon.passes.surface import corner_tables, material_table, turned_normals
 from tests.support import angles, oracle
 from tests.support.seen_surface import SeenSurface, grid, page, read
@@ -306,10 +306,10 @@ def test_small_triangles_bump_as_large_ones():
     triangles = grid(2, 2)
     seen = SeenSurface(triangles, (32, 32))
     small = SeenSurface(triangles, (32, 32))
-    tiny = np.float32(1e-12)
+    tiny, numbers = np.float32(1e-12), small.corners.reshape(-1)
     small.tables = type(small.tables)(
         small.tables.nodes,
-        corner_tables.upload_values((triangles * tiny).reshape(-1, 3), small.corners),
+        data_texture.upload_gathered((triangles * tiny).reshape(-1, 3), numbers, numbers),
         *[getattr(small.tables, name) for name in ("normals", "first_leaf", "origin", "scale", "bytes")],
     )
     shown = page(sine(64))

@@ -10,7 +10,7 @@ import numpy as np
 from ...core import threads
 from ...core.timings import Timings
 from ...mesh.local_space import LocalSpace
-from ...mesh.spatial import tree_parts
+from ...mesh.spatial import shared_normals, tree_parts
 from ...mesh.triangle_mesh import Mesh
 from ...passes.bake import cast
 
@@ -83,8 +83,7 @@ class PartTables:
                 nodes,
                 self._points,
                 vertices,
-                self._normals,
-                corners,
+                *shared_normals.share_of_part(len(self._points), vertices, self._normals, corners),
                 first_leaf=first_leaf,
                 origin=self._grid.origin,
                 scale=self._grid.scale,

@@ -12,7 +12,7 @@ from ...core import threads
 from ...core.errors import BakeError
 from ...core.timings import Timings
 from ...mesh.local_space import LocalSpace, local_space_of
-from ...mesh.spatial import bvh
+from ...mesh.spatial import bvh, shared_normals
 from ...mesh.triangle_mesh import Mesh
 from ...passes import data_texture
 from ...passes.bake import cast
@@ -199,17 +199,21 @@ def _build(highs: Sequence[Mesh], timings: Timings) -> RayScene:
 
 
 def _arrays(highs: Sequence[Mesh]) -> tuple[LocalSpace, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """All meshes as one, in a local space: points (V, 3), vertices of the triangles (T, 3), normals (C, 3), corners (T, 3)."""
+    """All meshes as one, in a local space: points (V, 3), vertices of the triangles (T, 3), normals (N, 3), and which of them
+    the corners have (T, 3)."""
     local_space = local_space_of(highs)
     points, normals, vertices, corners = [], [], [], []
     points_before = corners_before = 0
     for high in highs:
         triangles = high.front_triangles  # the winding decides whether a ray hits the front or the back
         points.append(local_space.points(high))
-        normals.append(high.to_world_normals(high.normals))
+        shared, numbers = shared_normals.share(
+            len(high.positions), high.vertices, high.normals, triangles, high.normals_domain
+        )
+        normals.append(high.to_world_normals(shared))
         vertices.append(_shifted(points_before, threads.take(high.vertices, triangles)))
-        corners.append(_shifted(corners_before, triangles))
-        points_before, corners_before = points_before + len(high.positions), corners_before + len(high.normals)
+        corners.append(_shifted(corners_before, numbers))
+        points_before, corners_before = points_before + len(high.positions), corners_before + len(shared)
     points, normals, vertices, corners = (
         parts[0] if len(parts) == 1 else np.concatenate(parts) for parts in (points, normals, vertices, corners)
     )

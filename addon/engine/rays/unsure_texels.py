@@ -240,6 +240,4 @@ def _corners(ray_cast: RayCast, low: Mesh) -> gpu.types.GPUTexture:
     # The winding decides whether a ray hits the front or the back.
     ordered[ray_cast.low.numbers - 1] = low.front_triangles
     corners = low.vertices[ordered.reshape(-1)]
-    return data_texture.upload_gathered(
-        ray_cast.ray_scene.local_space.points(low), corners, data_texture.empty(len(corners))
-    )
+    return data_texture.upload_gathered(ray_cast.ray_scene.local_space.points(low), corners)

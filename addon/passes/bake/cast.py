@@ -65,7 +65,12 @@ LOOKUP = Program(
     vertex="lib/fullscreen_vert.glsl",
     fragment="bake/cast_lookup_frag.glsl",
     inputs=(("VEC2", "position"),),
-    texels=(("RGBA32UI", "UINT_2D", "hits"), ("RGBA32F", "FLOAT_2D", "positions"), ("RGBA32F", "FLOAT_2D", "normals")),
+    texels=(
+        ("RGBA32UI", "UINT_2D", "hits"),
+        ("RGBA32F", "FLOAT_2D", "positions"),
+        ("RGBA32F", "FLOAT_2D", "corners"),
+        ("RGBA32F", "FLOAT_2D", "normals"),
+    ),
     constants=(("MAT4", "normal_matrix"),),
     outputs=(("VEC4", "normal_out"),),
 )
@@ -91,7 +96,11 @@ LEAST_BEAMS = 2**15
 
 @dataclass(frozen=True)
 class Tables:
-    """The triangles of the high meshes and their tree on the GPU. Triangle i has three texels in `corners` and `normals`."""
+    """The triangles of the high meshes and their tree on the GPU.
+
+    Triangle i has three texels in `corners`: their positions, and the numbers of their texels in `normals`, as
+    shaders/lib/corner_lib.glsl reads them. Corners with the same normal can share it.
+    """
 
     nodes: gpu.types.GPUTexture
     corners: gpu.types.GPUTexture
@@ -118,13 +127,10 @@ def upload(
     vertices (T, 3), indices into points (P, 3) float32, and corners (T, 3), indices into normals (C, 3) float32, are in
     the tree's order. Normals can have any length.
     """
-    gathered = data_texture.empty(
-        vertices.size
-    )  # both uploads use it: allocating memory takes the time of large meshes
     textures = [
         data_texture.upload(nodes.reshape(-1, 4)),
-        data_texture.upload_gathered(points, vertices.reshape(-1), gathered),
-        data_texture.upload_gathered(normals, corners.reshape(-1), gathered),
+        data_texture.upload_gathered(points, vertices.reshape(-1), corners.reshape(-1)),
+        data_texture.upload(normals),
     ]
     return Tables(*textures, first_leaf, origin, scale, data_texture.size_of(*textures))
 
@@ -212,6 +218,7 @@ def look_up(
         stopped=some and some.stopped,
         hits=hits.texture,
         positions=rays.textures[0],
+        corners=tables.corners,
         normals=tables.normals,
         normal_matrix=shader.mat4(normal_matrix),
     )

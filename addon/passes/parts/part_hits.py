@@ -14,7 +14,11 @@ from ..program import Program
 
 MERGE = Program(
     compute="parts/merge_hits_comp.glsl",
-    texels=(("RGBA32UI", "UINT_2D", "part_hits"), ("RGBA32F", "FLOAT_2D", "normals")),
+    texels=(
+        ("RGBA32UI", "UINT_2D", "part_hits"),
+        ("RGBA32F", "FLOAT_2D", "corners"),
+        ("RGBA32F", "FLOAT_2D", "normals"),
+    ),
     samplers=active.SAMPLERS,
     images=(("RGBA32UI", "UINT_2D", "hits", "READ WRITE"), ("RGBA32F", "FLOAT_2D", "found", "WRITE")),
     constants=(
@@ -64,6 +68,7 @@ def merge(
         hits.width,
         rows,
         part_hits=part_hits.texture,
+        corners=tables.corners,
         normals=tables.normals,
         hits=hits.texture,
         found=found.texture,
