@@ -119,6 +119,13 @@ def test_the_interface_is_loaded_for_files_that_need_it(scene, words):
     assert (scene / "m.png").is_file()
 
 
+def test_what_was_left_out_is_loaded_once():
+    """Blender prints where a class takes the place of another one."""
+    text = "from addon.cli.starting.lean_blender import load, complete; load(); complete(); complete()"
+    done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, check=True, cwd=ROOT)
+    assert "registered before" not in done.stdout + done.stderr
+
+
 def test_a_saved_scene_keeps_its_settings_of_cycles(scene):
     script(*BLEND, "--save-blend", "saved.blend")
     bpy.ops.wm.open_mainfile(filepath=str(scene / "saved.blend"))

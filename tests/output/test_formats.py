@@ -180,6 +180,13 @@ def test_a_png_declares_the_color_space_as_blender_does(tmp_path):
     assert ours == theirs
 
 
+def test_an_exr_names_the_color_space_as_blender_does(tmp_path):
+    texels = some_texels()
+    store(texels, storage="FILE", output=str(tmp_path / "map.exr"), depth=16)
+    for path in (tmp_path / "map.exr", by_blender(texels, tmp_path / "own.exr", 16)):
+        assert b"colorInteropID\0string\0\x10\0\0\0lin_rec709_scene" in path.read_bytes()
+
+
 @pytest.mark.parametrize("depth", [8, 16])
 def test_a_tiff_is_marked_as_not_multiplied_with_alpha(depth, tmp_path):
     """Otherwise a reader would divide by alpha, and lose the colors where it is 0."""
