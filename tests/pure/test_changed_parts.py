@@ -14,9 +14,10 @@ COUNT = 3 * DrawnMesh.BLOCK + 17
 
 
 def random_mesh(seed, count=COUNT):
-    """Small triangles with corners of their own, anywhere in the UV square."""
+    """Small triangles with corners of their own, anywhere in the UV square, from left to right."""
     random = np.random.default_rng(seed)
-    uv = random.random((count, 1, 2)) + random.normal(0.0, 0.01, (count, 3, 2))
+    middles = random.random((count, 1, 2))
+    uv = middles[middles[:, 0, 0].argsort()] + random.normal(0.0, 0.01, (count, 3, 2))
     corners = np.arange(3 * count, dtype=np.int32)
     return Mesh(
         "some",

@@ -2,6 +2,7 @@
 """Meshes of which only vertices have moved are read as whole meshes are, to the bit."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import bpy
 import numpy as np
@@ -96,11 +97,14 @@ def test_a_moved_object_keeps_its_arrays():
     assert equal(found, whole(obj))
 
 
-def test_layers_of_the_earlier_reading_are_not_kept():
+def test_labels_and_layers_of_the_earlier_reading_are_not_kept():
     obj = zoo.terrain("hi", n=8)
-    known = replace(whole(obj), layers={(ATTRIBUTE, "paint"): np.zeros((len(obj.data.loops), 4), np.float32)})
+    known = whole(obj)
+    layers = {(ATTRIBUTE, "paint"): np.zeros((len(obj.data.loops), 4), np.float32)}
+    known = replace(known, layers=layers, labels=np.zeros((len(known.triangles), 2), np.float32))
     move(obj, 5)
-    assert again(obj, known).layers == {}
+    found = again(obj, known)
+    assert (found.layers, found.labels) == ({}, None)
 
 
 def _change_uv(obj):
@@ -141,8 +145,29 @@ def _move_all(obj):
     move(obj, 5, share=1.0)
 
 
+def _move_a_third(obj):
+    move(obj, 5, share=0.33)
+
+
+def _swap_vertices(obj):
+    corners = mesh_reader.corner_vertices(obj.data)
+    obj.data.loops.foreach_set("vertex_index", np.array([1, 0, *range(2, len(obj.data.vertices))], np.int32)[corners])
+
+
 @pytest.mark.parametrize(
-    "change", [_change_uv, _shade_flat, _mark_sharp, _set_normals, _turn_faces, _make_nan, _add_a_face, _move_all]
+    "change",
+    [
+        _change_uv,
+        _shade_flat,
+        _mark_sharp,
+        _set_normals,
+        _turn_faces,
+        _make_nan,
+        _add_a_face,
+        _move_all,
+        _move_a_third,
+        _swap_vertices,
+    ],
 )
 def test_other_changes_are_read_from_the_whole_mesh(change):
     obj = zoo.terrain("hi", n=12)
@@ -179,13 +204,43 @@ def test_faces_that_were_divided_are_read_from_the_whole_mesh():
         data.loops.foreach_set("vertex_index", corners)
         data.polygons.add(3)
         data.polygons.foreach_set("loop_start", starts)
-        data.uv_layers.new(name=zoo.LAYER)
+        data.uv_layers.new(name=zoo.LAYER, do_init=False)  # the same for both: initial ones follow from the faces
         data.update(calc_edges=True)
         data.shade_smooth()
         found.append(bpy.data.objects.new("hi", data))
     known = whole(found[0])
     assert again(found[0], known) is not None
+    assert np.array_equal(whole(found[1]).uv, known.uv)
     assert again(found[1], known) is None
+
+
+def test_a_mesh_with_nan_is_read_whole_when_it_is_mended():
+    obj = zoo.terrain("hi", n=12)
+    before = obj.data.vertices[7].co.copy()
+    _make_nan(obj)
+    obj.data.update()
+    known = whole(obj)
+    obj.data.vertices[7].co = before
+    obj.data.update()
+    assert again(obj, known) is None
+
+
+@pytest.mark.parametrize(("then", "now"), [(zoo.LAYER, ""), ("", zoo.LAYER)])
+def test_a_mesh_read_with_uvs_is_not_one_without_them(then, now):
+    obj = zoo.terrain("hi", n=12)
+    known = mesh_reader.surface(obj.data, then, obj.name, mesh_reader.matrix(obj))
+    assert moved_vertices.read(obj.data, then, known, mesh_reader.matrix(obj)) is not None
+    assert moved_vertices.read(obj.data, now, known, mesh_reader.matrix(obj)) is None
+
+
+@pytest.mark.parametrize(("apart", "reads"), [(1, 0), (2, 1)])
+def test_memory_is_compared_only_where_values_lie_one_after_the_other(apart, reads):
+    values = np.arange(8, dtype=np.int32)
+    pointers = [values.ctypes.data + 4 * apart * number for number in range(4)]
+    collection = [SimpleNamespace(as_pointer=lambda pointer=pointer: pointer) for pointer in pointers]
+    done = []
+    assert moved_vertices._holds(collection, values[::apart][:4].copy(), lambda: done.append(1) or values[::apart][:4])
+    assert len(done) == reads
 
 
 def test_meshes_that_had_other_normals_are_read_whole():
