@@ -233,13 +233,13 @@ def test_a_mesh_read_with_uvs_is_not_one_without_them(then, now):
     assert moved_vertices.read(obj.data, now, known, mesh_reader.matrix(obj)) is None
 
 
-@pytest.mark.parametrize(("apart", "reads"), [(1, 0), (2, 1)])
-def test_memory_is_compared_only_where_values_lie_one_after_the_other(apart, reads):
+@pytest.mark.parametrize(("step", "reads"), [(1, 0), (2, 1)])
+def test_memory_is_compared_only_where_values_lie_one_after_the_other(step, reads):
     values = np.arange(8, dtype=np.int32)
-    pointers = [values.ctypes.data + 4 * apart * number for number in range(4)]
+    pointers = [values.ctypes.data + 4 * step * number for number in range(4)]
     collection = [SimpleNamespace(as_pointer=lambda pointer=pointer: pointer) for pointer in pointers]
     done = []
-    assert moved_vertices._holds(collection, values[::apart][:4].copy(), lambda: done.append(1) or values[::apart][:4])
+    assert moved_vertices._holds(collection, values[::step][:4].copy(), lambda: done.append(1) or values[::step][:4])
     assert len(done) == reads
 
 
