@@ -62,6 +62,9 @@ def merge(
     part_hits: what cast.trace wrote for `tables`, whose first triangle has the number `first_triangle` of all parts together.
     found (RGBA32F): gets the interpolated normals of the best hits. is_first: replace what was in both. rows, some: as
     cast.trace has them. The result does not depend on the order of the parts.
+
+    It is that of one tree, but for rays that ask for owners and meet more than cast_comp.glsl's most candidates, or two hits at
+    one place in different parts of which only the inner one is owned: one tree takes these for a single hit.
     """
     target.dispatch(
         MERGE,
