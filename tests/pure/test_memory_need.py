@@ -57,12 +57,12 @@ def test_flatten_of_a_normal_map_has_no_tree_and_uploads_large_meshes_in_parts()
 
 
 def test_cast_keeps_at_most_so_many_parts_of_large_meshes_on_the_gpu():
-    one, few, many = (Need.of(Amounts(count, BAND, BAND)) for count in (22_369_621, 22_369_622, 100_000_000))
+    one, two, many = (Need.of(Amounts(count, BAND, BAND)) for count in (22_369_621, 22_369_622, 100_000_000))
     assert one.on_gpu == 22_369_621 * 112 + BAND * 108
-    assert few.on_gpu == 22_369_622 * 112 + BAND * (108 + 32)
+    assert two.on_gpu == 22_369_622 * 112 + BAND * (108 + 32)
     assert many.on_gpu == 3 * 2**30 + BAND * (108 + 32)
     assert many.meshes == 100_000_000 * 140 + 13 * 10**8 + 3 * 2**30
-    assert few.tree == many.tree == 0
+    assert two.tree == many.tree == 0
 
 
 def test_adaptive_samples_by_flatten_keep_at_most_so_many_triangles():
