@@ -57,6 +57,7 @@ def need_of(job: Job, settings: Settings) -> Need | None:
             band_texels=drawing.band_texels(settings),
             samples=settings.samples,
             other_maps=len(settings.drawn_maps),
+            is_adaptive=settings.are_adaptive(settings.method) and not settings.drawn_maps,
             is_flat=settings.method == Method.FLATTEN
             and not settings.drawn_maps
             and not (settings.detail_maps and pages),

@@ -7,7 +7,7 @@ from pathlib import PurePath
 from typing import Any
 
 from . import file_formats, udim
-from .declarations import bases
+from .declarations import adaptive_samples, bases
 from .declarations.all_settings import DECLARED
 from .declarations.choices import Pack, Storage
 from .declarations.packing import CUSTOM_SUFFIX, PRESETS, WHITE, Packing
@@ -114,6 +114,10 @@ class Settings:
     def without_file(self) -> "Settings":
         """These settings for a map that goes into no file."""
         return replace(self, storage=Storage.PACK if self.udim else Storage.MEMORY, output="")
+
+    def are_adaptive(self, method: str) -> bool:
+        """Whether samples of a normal map alone are adaptive by this method."""
+        return self.adaptive and self.samples >= adaptive_samples.least(method)
 
     @property
     def is_float(self) -> bool:

@@ -30,15 +30,15 @@ class Source(Protocol):
     """Draws samples of a band: normals of the high surface, and hits, as shaders/lib/hit_lib.glsl reads them.
 
     takes_time: whether it draws normals in slices. is_within_low: whether hits are only where the low mesh is. ray_cast: the
-    rays that it casts, or None. surface: what the hits are on; None if no map needs them. least_adaptive: with fewer samples,
-    adaptive ones take as long as all, or longer. slot: the number of a sample whose normals and hits stay beside others.
+    rays that it casts, or None. surface: what the hits are on; None if no map needs them. method: which one it is.
+    slot: the number of a sample whose normals and hits stay beside others.
     """
 
     takes_time: bool
     is_within_low: bool
     ray_cast: ray_casting.RayCast | None
     surface: HighSurface | None
-    least_adaptive: int
+    method: Method
 
     def normals(self, band: Band, slot: int = 0) -> Iterator[tuple[gpu.types.GPUTexture, range]]:
         """Unit normals in world space or the low object's: RGBA32F with alpha 1 for a hit, 0 outside the mesh, -1 for a miss.
@@ -146,7 +146,7 @@ class Flat:
     takes_time = False
     is_within_low = False
     ray_cast = None
-    least_adaptive = 64
+    method = Method.FLATTEN
 
     def __init__(
         self,
@@ -196,7 +196,7 @@ class Rays:
 
     takes_time = True
     is_within_low = True
-    least_adaptive = 4
+    method = Method.CAST
 
     def __init__(self, low: Mesh, ray_cast: ray_casting.RayCast, highs: Sequence[Mesh], settings: Settings, pace: Pace):
         self.ray_cast, self.settings, self.pace = ray_cast, settings, pace

@@ -6,9 +6,10 @@ import gpu
 import numpy as np
 import pytest
 
+from addon.core.declarations import adaptive_samples
 from addon.core.declarations.map_settings import MAP
 from addon.core.settings import Settings
-from addon.engine import bands, sources
+from addon.engine import bands
 from addon.jobs import bake_pair
 from addon.passes import target
 from addon.passes.adaptive import active, cell_samples, rounds
@@ -23,7 +24,7 @@ METHODS = ["FLATTEN", "CAST"]
 @pytest.fixture(autouse=True)
 def adaptive_from_four_samples(monkeypatch):
     """Flatten's adaptive samples are as exact as those of rays, whatever number makes them faster."""
-    monkeypatch.setattr(sources.Flat, "least_adaptive", 4)
+    monkeypatch.setitem(adaptive_samples.LEAST, "FLATTEN", 4)
 
 
 RAYS = {"extrusion": 0.3, "max_distance": 0.6}

@@ -7,9 +7,10 @@ import bpy
 import numpy as np
 import pytest
 
+from addon.core.declarations import adaptive_samples
 from addon.core.settings import Settings
 from addon.core.timings import Timings
-from addon.engine import separation, sources
+from addon.engine import separation
 from addon.engine.adaptive import flat_normals
 from addon.engine.bands import Band
 from addon.engine.dense import high_batches
@@ -187,7 +188,7 @@ def test_a_bake_in_parts_is_the_same_to_the_bit(monkeypatch, samples):
 
 def test_adaptive_samples_of_large_meshes_are_taken_in_strips_of_the_map(monkeypatch):
     low, high = zoo.plane("lo"), zoo.terrain("hi", 24)
-    monkeypatch.setattr(sources.Flat, "least_adaptive", 4)
+    monkeypatch.setitem(adaptive_samples.LEAST, "FLATTEN", 4)
 
     def bake():
         settings = Settings(method="FLATTEN", width=48, height=40, samples=16, depth=32, storage="MEMORY")

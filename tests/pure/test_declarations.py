@@ -112,3 +112,12 @@ def test_the_message_about_a_value_outside_the_limits_has_the_label(name):
 
 def test_extrusion_may_be_zero():
     Settings(extrusion=0.0).check()
+
+
+@pytest.mark.parametrize(
+    ("method", "samples", "expected"),
+    [("FLATTEN", 16, False), ("FLATTEN", 64, True), ("CAST", 2, False), ("CAST", 4, True), ("AUTO", 4, True)],
+)
+def test_samples_are_adaptive_from_a_number_on_that_depends_on_the_method(method, samples, expected):
+    assert Settings(samples=samples).are_adaptive(method) is expected
+    assert not Settings(samples=samples, adaptive=False).are_adaptive(method)

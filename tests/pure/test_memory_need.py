@@ -16,14 +16,14 @@ MEASURED = {
     Amounts(505_000, 1024 * 1024, 1024 * 1024): 772e6,
     Amounts(2_005_000, 1024 * 1024, 1024 * 1024): 1480e6,
     Amounts(505_000, BAND, BAND): 2993e6,
-    Amounts(505_000, BAND, BAND, samples=4): 4032e6,
+    Amounts(505_000, BAND, BAND, samples=4, is_adaptive=True): 4032e6,
     Amounts(505_000, BAND, BAND, other_maps=2): 5190e6,
     Amounts(505_000, 4 * BAND, BAND_OF_8192): 4208e6,
     Amounts(505_000, 2048 * 2048, 2048 * 2048, other_maps=1, page_pixels=BAND): 1746e6,
     Amounts(505_000, 1024 * 1024, 1024 * 1024, other_maps=1, page_pixels=BAND): 1471e6,
     Amounts(505_000, BAND, BAND, other_maps=1, page_pixels=BAND): 3751e6,
     Amounts(505_000, BAND, BAND, is_flat=True): 2176e6,
-    Amounts(505_000, BAND, BAND, samples=16, is_flat=True): 3409e6,
+    Amounts(505_000, BAND, BAND, samples=16, is_flat=True, is_adaptive=True): 3409e6,
     Amounts(505_000, 4 * BAND, BAND_OF_8192, is_flat=True): 4008e6,
     Amounts(30_002_048, 1024 * 1024, 1024 * 1024, is_flat=True): 4260e6,
     Amounts(30_002_048, 4 * BAND, BAND_OF_8192, is_flat=True): 7070e6,
@@ -66,7 +66,10 @@ def test_cast_keeps_at_most_so_many_parts_of_large_meshes_on_the_gpu():
 
 
 def test_adaptive_samples_by_flatten_keep_at_most_so_many_triangles():
-    needs = [Need.of(Amounts(count, 1, 1, samples=16, is_flat=True)) for count in (2_000_000, 2**24, 100_000_000)]
+    needs = [
+        Need.of(Amounts(count, 1, 1, samples=64, is_flat=True, is_adaptive=True))
+        for count in (2_000_000, 2**24, 100_000_000)
+    ]
     assert [need.on_gpu - (70 + 70) for need in needs] == [2_000_000 * 60, 2**24 * 60, 2**24 * 60]
 
 

@@ -41,7 +41,7 @@ GIGABYTE = 10**9
 class Amounts:
     """The sizes of a bake. triangles: of all meshes. texels: of one map. band_texels: that are drawn at once. other_maps:
     beside the normal map. page_pixels: of the largest image that the maps show. is_flat: whether Flatten draws the normal
-    map alone, without a tree."""
+    map alone, without a tree. is_adaptive: whether later samples are taken only in some texels."""
 
     triangles: int
     texels: int
@@ -50,16 +50,12 @@ class Amounts:
     other_maps: int = 0
     page_pixels: int = 0
     is_flat: bool = False
+    is_adaptive: bool = False
 
     @property
     def is_in_parts(self) -> bool:
         """Whether rays are cast at parts of the triangles, one after another."""
         return not self.is_flat and self.triangles > IN_PARTS
-
-    @property
-    def is_adaptive(self) -> bool:
-        """Whether later samples are drawn only in some texels."""
-        return self.samples > 2 and not self.other_maps
 
 
 @dataclass(frozen=True)

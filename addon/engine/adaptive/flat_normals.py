@@ -15,7 +15,7 @@ from .adaptive_normals import AdaptiveNormals
 
 IN_CELL = 8
 """About how many triangles a cell has. Fewer take more memory, and more take longer to search."""
-STRIP = 2**20
+STRIP = 2**18
 """About how many triangles the cells have that are on the GPU at once."""
 
 

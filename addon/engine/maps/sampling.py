@@ -50,9 +50,7 @@ class SampledMaps:
         self.settings, self.timings, self.pace = run.settings, run.timings, run.pace
         self.space = NormalSpace(basis, basis_mesh, run.settings)
         # Maps of other families are means over the samples of each texel that they share.
-        is_adaptive = (
-            run.settings.adaptive and run.settings.samples >= source.least_adaptive and not families and detail is None
-        )
+        is_adaptive = run.settings.are_adaptive(source.method) and not families and detail is None
         kind = FlatNormals if isinstance(source, Flat) else AdaptiveNormals
         self.adaptive = kind(source, self.space, run) if is_adaptive else None
         self._picture: gpu.types.GPUTexture | None = None

@@ -101,7 +101,7 @@ class KeptMap:
         values = yield from renderer.values(udim.FIRST)
         is_any = self._store(values, process)
         # Where samples are adaptive, those of a texel follow from its neighbors.
-        is_local = not (self.settings.adaptive and self.settings.samples > 2) and not plan.meshes.has_detail
+        is_local = not self.settings.are_adaptive(plan.method) and not plan.meshes.has_detail
         if is_any and is_local and plan.method == Method.FLATTEN:
             self._meshes, before = plan.meshes, dict(enumerate(self._drawn))
             self._drawn = [DrawnMesh(high, before.get(i)) for i, high in enumerate(plan.meshes.highs)]

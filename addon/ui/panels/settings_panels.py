@@ -3,6 +3,7 @@
 
 import bpy
 
+from ...core.declarations import adaptive_samples
 from ...core.declarations.choices import Method, Space, Storage
 from .. import map_size
 from ..presets import IMPRINT_PT_conventions
@@ -34,7 +35,7 @@ class IMPRINT_PT_map(SettingsPanel, bpy.types.Panel):
         map_size.draw(layout, settings)
         layout.prop(settings, "samples")
         row = layout.row()
-        row.active = settings.samples not in {"1", "2"}
+        row.active = int(settings.samples) >= adaptive_samples.least(settings.method)
         row.prop(settings, "adaptive")
         column = layout.column(align=True)
         column.prop(settings, "margin_type")
