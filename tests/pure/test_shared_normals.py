@@ -64,6 +64,15 @@ def test_a_zero_with_a_sign_is_another_normal():
     by_corner(count, vertices, normals, triangles)
 
 
+@pytest.mark.parametrize("axis", range(3))
+def test_one_number_makes_another_normal_seed_9(axis):
+    count, vertices, triangles = grid(3)
+    normals = random(count, 9)[vertices]
+    normals[0, axis] += np.float32(0.5)
+    normals[19, axis] += np.float32(0.5)
+    by_corner(count, vertices, normals, triangles)
+
+
 def test_corners_that_no_triangle_uses_change_nothing_seed_5():
     count, vertices, triangles = grid(4)
     normals = random(count, 5)[vertices]
