@@ -141,12 +141,39 @@ def test_pieces_stay_on_the_gpu_for_later_samples(monkeypatch):
 def test_large_meshes_are_drawn_in_parts_on_any_gpu(monkeypatch):
     highs, band = [random_mesh(7)], BANDS["whole"]
     whole, _ = drawn_whole(monkeypatch, highs, band)
+    monkeypatch.setattr(shader, "in_software", lambda: False)
     monkeypatch.setattr(high_batches, "MOST_WHOLE", 5999)
     monkeypatch.setattr(high_batches, "PART", 1024)
     uploads = counted(monkeypatch)
     in_parts, shares = drawn(highs, band)
     assert len(uploads) == len(shares) == 6
     assert in_parts.tobytes() == whole.tobytes()
+
+
+@pytest.mark.parametrize(("in_software", "parts"), [(True, 6), (False, 1)])
+def test_dense_meshes_are_drawn_in_parts_only_in_software(monkeypatch, in_software, parts):
+    monkeypatch.setattr(shader, "in_software", lambda: in_software)
+    monkeypatch.setattr(high_batches, "PART", 1024)
+    assert len(drawn([random_mesh(7)], BANDS["whole"])[1]) == parts
+
+
+@pytest.mark.parametrize("dense", [0, 10**6], ids=["in parts", "whole"])
+def test_what_was_drawn_before_is_cleared(monkeypatch, dense):
+    monkeypatch.setattr(high_batches, "DENSE", dense)
+    band = BANDS["whole"]
+    few = random_mesh(9, 20)
+    alone = drawn([few], band)[0]
+    drawn([random_mesh(7)], band)
+    assert drawn([few], band)[0].tobytes() == alone.tobytes()
+
+
+def test_parts_without_a_texel_are_not_uploaded(monkeypatch):
+    monkeypatch.setattr(high_batches, "MOST_WHOLE", 0)
+    outside = random_mesh(7)
+    outside.uv[:] += 9.0
+    uploads = counted(monkeypatch)
+    assert not drawn([outside], BANDS["whole"])[0].any()
+    assert not uploads
 
 
 def test_live_keeps_dense_meshes_on_the_gpu(monkeypatch):
