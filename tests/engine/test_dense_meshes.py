@@ -161,10 +161,10 @@ def test_dense_meshes_are_drawn_in_parts_only_in_software(monkeypatch, in_softwa
 def test_what_was_drawn_before_is_cleared(monkeypatch, dense):
     monkeypatch.setattr(high_batches, "DENSE", dense)
     band = BANDS["whole"]
-    few = random_mesh(9, 20)
-    alone = drawn([few], band)[0]
+    small = random_mesh(9, 20)
+    alone = drawn([small], band)[0]
     drawn([random_mesh(7)], band)
-    assert drawn([few], band)[0].tobytes() == alone.tobytes()
+    assert drawn([small], band)[0].tobytes() == alone.tobytes()
 
 
 def test_parts_without_a_texel_are_not_uploaded(monkeypatch):

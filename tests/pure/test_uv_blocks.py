@@ -113,3 +113,18 @@ def test_all_squares_count_where_a_triangle_is_too_large_to_split():
     corners = np.array([[[-9.0, -9.0], [9.0, -9.0], [-9.0, 9.0]]])
     assert uv_blocks.covered([mesh_of(corners)], udim.uv_to_clip(1001, (16, 16)), (16, 16), 4).all()
     assert not uv_blocks.covered([mesh_of(corners + 20.0)], udim.uv_to_clip(1001, (16, 16)), (16, 16), 4).any()
+
+
+def test_all_squares_count_where_triangles_have_too_many_pieces(monkeypatch):
+    corners = np.array([[[0.0, 0.0], [1.0, 1.0], [0.999, 1.0]]])
+    monkeypatch.setattr(uv_blocks, "MOST_PIECES", 16)
+    assert uv_blocks.covered([mesh_of(corners)], udim.uv_to_clip(1001, (256, 256)), (256, 256), 4).all()
+
+
+def test_uvs_that_lie_too_far_outside_for_numbers_give_no_warning():
+    corners = np.array([[[-3e38, 3e38], [0.2, 3e38], [np.nan, np.inf]]])
+    with np.errstate(over="raise", invalid="raise"):
+        found = uv_blocks.touching(
+            mesh_of(corners), udim.uv_to_clip(1001, (16, 16)), (16, 16), np.ones((4, 4), bool), 4
+        )
+    assert found.shape == (1,)

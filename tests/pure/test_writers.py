@@ -322,6 +322,21 @@ def test_few_files_are_in_memory_at_once(tmp_path):
         partial.discard()
 
 
+def test_files_are_written_one_after_the_other(tmp_path):
+    running, most = [], []
+
+    def write(file, _results):
+        running.append(file)
+        most.append(len(running))
+        time.sleep(0.05)
+        running.pop()
+
+    with WriteQueue() as queue:
+        for number in range(4):
+            queue.add(lambda: Content([], write), reserved(tmp_path / f"{number}.png"))
+    assert max(most) == 1
+
+
 def test_an_error_is_raised_with_the_path_by_its_file_and_by_the_next_one(tmp_path):
     def fail(_file, _results):
         raise OSError(28, "No space left on device")
