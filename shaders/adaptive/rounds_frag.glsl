@@ -34,9 +34,8 @@ void main()
     vec3 slope = 0.25 * ((right.xyz - left.xyz) * separation.x + (above.xyz - below.xyz) * separation.y);
     vec3 beyond = 4.0 * (a.xyz - b.xyz - slope);
     float squared = max(dot(beyond, beyond), max(dot(along_u, along_u), dot(along_v, along_v)));
-    needed = 1.0 + float(squared > limits.x) + float(squared > limits.y) + float(squared > limits.z) +
-             float(squared > limits.w);
-    needed = min(needed, most);
+    vec4 is_enough = step(vec4(squared), limits);
+    needed = min(1.0 + dot(1.0 - is_enough, vec4(1.0)), most);
   }
   rounds_out = (a.a == 0.0 && b.a == 0.0 ? 255.0 : needed) / 255.0;
   sum_out = needed > 1.0 ? sum : vec4(sum.xyz / max(length(sum.xyz), 1e-30), 1.0);

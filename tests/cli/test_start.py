@@ -170,7 +170,10 @@ def test_the_process_leaves_no_temporary_folder(scene, words, code):
 
 def test_a_process_that_ends_at_once_loses_no_text():
     text = "import bpy; from addon.cli.starting import ending; print('last words', end=''); ending.end(3)"
-    done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, check=False, cwd=ROOT)
+    held_back = os.environ | {"PYTHONUNBUFFERED": ""}
+    done = subprocess.run(
+        [sys.executable, "-c", text], capture_output=True, text=True, check=False, cwd=ROOT, env=held_back
+    )
     assert done.returncode == 3
     assert done.stdout.endswith("last words")
 

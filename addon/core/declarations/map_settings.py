@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The settings of the panels Map and Channels, in their order."""
 
-from . import bases
+from . import adaptive_samples, bases
 from .choices import MarginType, Method, Modifiers, Space
 from .kinds import Choice, Distance, Item, Option, Setting, Switch, Text, WholeNumber
 
@@ -97,7 +97,11 @@ MAP: dict[str, Setting] = {
         "0.02 degrees of the mean of all samples. Bakes of several maps, and Flatten with fewer than 64 samples, take all "
         "samples everywhere",
         default=True,
-        option=Option(word="no-adaptive", off="Take all samples in every texel"),
+        option=Option(
+            word="no-adaptive",
+            off="Take all samples in every texel. Without this, a normal map alone has adaptive samples, by Cast from "
+            f"{adaptive_samples.LEAST[Method.CAST]} on and by Flatten from {adaptive_samples.LEAST[Method.FLATTEN]} on",
+        ),
     ),
     "margin_type": Choice(
         label="Margin Type",

@@ -121,7 +121,7 @@ def _meshes_on_gpu(amounts: Amounts) -> int:
         return amounts.triangles * TRIANGLE_ON_GPU
     if amounts.triangles >= LARGE and not amounts.is_adaptive:
         return FLAT_PART
-    # Of larger meshes, later samples keep at most so many triangles that are near their texels.
+    # Later samples sort the triangles near their texels. For meshes as LARGE this was not measured.
     return min(amounts.triangles, LARGE) * FLAT_TRIANGLE_ON_GPU
 
 
