@@ -55,7 +55,8 @@ def squares(mask: np.ndarray, side: int) -> np.ndarray:
 def sort(
     uv: np.ndarray, uv_to_clip: udim.UvToClip, size: tuple[int, int], cells: np.ndarray, side: int
 ) -> CellTriangles:
-    """The triangles that may cover a point in some cells, with room for how rasterizers round corners.
+    """The triangles that may cover a point in some cells, with room for how rasterizers round corners. Those with two
+    corners at one place cover none.
 
     uv (2, 3, T) float32: of their corners. uv_to_clip: without the offset of a sample; it draws on `size` texels.
     cells (rows, columns) bool: which squares of `side` texels are asked for, from the lowest row.
@@ -65,6 +66,8 @@ def sort(
     limits = np.array(cells.shape[::-1])[:, None]
     with np.errstate(invalid="ignore"):
         is_near = (np.maximum(np.abs(lowest), np.abs(highest)) < FARTHEST).all(axis=0)  # False for NaN
+    # Meshes without a layout have thousands of these at one place.
+    is_near &= (uv != np.roll(uv, 1, axis=1)).any(axis=0).all(axis=0)
     near = np.flatnonzero(is_near)
     first = np.clip(np.floor(lowest[:, near] / side).astype(np.int64), 0, limits)
     last = np.clip(np.floor(highest[:, near] / side).astype(np.int64) + 1, 0, limits)

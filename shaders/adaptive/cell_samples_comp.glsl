@@ -1,6 +1,6 @@
-// Takes all further samples of the texels of a list at once, by Flatten: for each sample finds the triangle of the high mesh
-// and that of the low mesh in their cells, turns the normal of one into the tangent space of the other, and adds it. Then
-// replaces the sums of the first samples by the mean of all.
+// Takes further samples of the texels of a list at once, by Flatten: for each sample finds the triangle of the high mesh
+// and that of the low mesh in their cells, turns the normal of one into the tangent space of the other, and adds it. After
+// its last sample, replaces the sum of a texel by the mean.
 #include "lib/texture_lib.glsl"
 #include "lib/basis_lib.glsl"
 #include "lib/mean_lib.glsl"
@@ -42,13 +42,16 @@ void main()
   vec4 entry = texel_at(listed, texture_place(number));
   ivec2 texel = ivec2(entry.xy);
   int stop = int(entry.z);
+  if (stop <= first_sample) {  // this texel has its mean
+    return;
+  }
   ivec2 square = texel / cell_side;
   vec4 cell = texel_at(cells, square);
   vec2 center = vec2(texel - square * cell_side) + 0.5 - 0.5 * float(cell_side);
   vec2 size = vec2(imageSize(sums));
   vec2 from = vec2(texel) * GRID;
   vec4 sum = imageLoad(sums, texel);
-  for (int i = 2; i < stop; i++) {
+  for (int i = first_sample; i < min(stop, end_sample); i++) {
     vec4 offset = texel_at(offsets, ivec2(i, 0));
     vec2 at = center + offset.xy;
     vec3 normal = vec3(0.0);
@@ -97,5 +100,5 @@ void main()
       }
     }
   }
-  imageStore(sums, texel, mean_direction(sum));
+  imageStore(sums, texel, stop <= end_sample ? mean_direction(sum) : sum);
 }

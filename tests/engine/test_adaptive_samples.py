@@ -8,9 +8,11 @@ import pytest
 
 from addon.core.declarations import adaptive_samples
 from addon.core.declarations.map_settings import MAP
+from addon.core.map_types import NORMAL
 from addon.core.settings import Settings
 from addon.engine import bands
-from addon.jobs import bake_pair
+from addon.engine.adaptive import adaptive_normals
+from addon.jobs import Job, bake_all, bake_pair
 from addon.passes import target
 from addon.passes.adaptive import active, cell_samples, rounds
 from addon.passes.bake import samples
@@ -182,6 +184,47 @@ def test_bands_and_adaptive_samples_together(method, monkeypatch):
     assert np.array_equal(whole[..., 3], banded[..., 3])
     assert np.percentile(difference(banded, every), 99) < ALLOWED_P99
     assert 0.0 < of_bands <= stopped  # at the borders of bands, neighbors are not known
+
+
+def pairs(count):
+    """Jobs of planes and rough terrains, whose UVs lie side by side. A single pair's are on tiles 1001 and 1002."""
+    jobs = []
+    for number in range(count):
+        low, high = zoo.plane(f"low {number}"), zoo.terrain(f"high {number}", n=23, waves=5, height=0.05)
+        for obj in (low, high):
+            layer = obj.data.uv_layers[0].uv
+            uv = np.empty((len(layer), 2), np.float32)
+            layer.foreach_get("vector", uv.ravel())
+            uv = uv * (0.4, 0.8) + (0.5 * number + 0.05, 0.1) if count > 1 else uv * (1.7, 0.9) + (0.15, 0.05)
+            layer.foreach_set("vector", uv.astype(np.float32).ravel())
+        jobs.append(Job(low, [high]))
+    return jobs
+
+
+@pytest.mark.parametrize("space", ["TANGENT", "OBJECT"])
+@pytest.mark.parametrize("layout", ["tiles", "atlas"])
+@pytest.mark.parametrize("has_bands", [False, True], ids=["whole", "bands"])
+def test_64_samples_by_flatten_are_those_that_are_drawn(layout, has_bands, space, monkeypatch):
+    """Where all texels take all samples."""
+    monkeypatch.setattr(adaptive_normals, "LIMITS", dict.fromkeys(adaptive_normals.LIMITS, 0.0))
+    if has_bands:
+        monkeypatch.setattr(bands, "BAND_TEXELS", 64 * 16)
+    found = []
+    for adaptive in (True, False):
+        values = {"space": space, "samples": 64, "adaptive": adaptive, "depth": 32, "material": False}
+        if layout == "atlas":
+            settings = Settings("FLATTEN", width=64, height=64, image="map", storage="MEMORY", margin=0, **values)
+            bake_all(bpy.context, pairs(2), settings, share_image=True)
+            found.append([maps.pixels(bpy.data.images["map"])])
+        else:
+            (job,) = pairs(1)
+            tiles = maps.raw_maps(job.low, *job.highs, maps=(), udim=True, **values)
+            found.append([tiles[tile][NORMAL.name] for tile in (1001, 1002)])
+    for some, every in zip(*found, strict=True):
+        assert np.array_equal(some[..., 3], every[..., 3])
+        assert np.abs(some - every).max() < 1e-3
+        assert 0.3 < (every[..., 3] > 0.0).mean() < 1.0
+        assert len(np.unique(every)) > 1000
 
 
 @pytest.mark.parametrize("count", COUNTS)

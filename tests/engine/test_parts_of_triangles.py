@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Cast at high meshes whose triangles are in parts, compared to the bit with the same bake in one part."""
 
+import itertools
 from dataclasses import replace
 
 import bpy
@@ -13,11 +14,12 @@ from addon.core.progress import Pace
 from addon.core.settings import Settings
 from addon.engine import bands
 from addon.engine.rays import part_tables, tree_cache
-from addon.jobs import Job, bake_all, bake_pair
+from addon.jobs import Job, bake_all, bake_jobs, bake_pair
 from addon.jobs.live.live_session import Session
 from addon.mesh.spatial import bvh, tree_parts
 from addon.passes.bake import cast
 from tests.support import layered_scenes, maps, zoo
+from tests.support.snapshot import difference, snapshot
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -195,6 +197,49 @@ def test_maps_that_need_all_triangles_at_once_are_refused_before_a_part_is_built
     with pytest.raises(BakeError, match=r"2,304 triangles together; maps of materials, .* take 500 on this GPU"):
         maps.bake_all_maps(low, *highs, maps=[name], method="CAST")
     assert built == []
+
+
+def test_texture_sets_in_parts(in_parts):
+    _, *highs = layers()
+    low = zoo.plane("low of sets", 2)
+    for name in "ab":
+        low.data.materials.append(bpy.data.materials.new(name))
+    low.data.polygons.foreach_set("material_index", np.arange(len(low.data.polygons)) % 2)
+    settings = Settings("CAST", width=32, height=32, storage="MEMORY", texture_sets=True, maps=("HEIGHT",))
+    found = []
+    for _ in range(2):
+        reports = bake_all(bpy.context, [Job(low, highs)], settings)
+        images = [[report.image, report.maps["height"]["image"]] for report in reports]
+        found.append([maps.pixels(bpy.data.images[name]).copy() for names in images for name in names])
+        in_parts(500)
+    assert len(found[0]) == 4
+    assert all(map(np.array_equal, *found))
+    assert not np.array_equal(found[0][0], found[0][2])
+
+
+def test_a_bake_in_parts_may_end_at_each_step(in_parts, tmp_path):
+    """It leaves nothing, and the parts that it has built are whole: later bakes take them."""
+    low, *highs = layers()
+    options = {"width": 32, "height": 32, "samples": 4, "maps": ("HEIGHT",), "material": False}
+    bake_pair(bpy.context, low, highs, Settings("CAST", image="map", storage="MEMORY", **options))
+    wanted = maps.pixels(bpy.data.images["map"])
+    bpy.data.images.remove(bpy.data.images["map"])
+    settings = Settings("CAST", storage="FILE", output=str(tmp_path / "map.png"), **options)
+    before, number, ended = snapshot(), 0, 0
+    in_parts(500)
+    while True:
+        if not ended % 3:
+            in_parts(500)  # the parts are built again, some of them before the end
+        work = bake_jobs.work(bpy.context, [Job(low, highs)], settings, Pace(0.0))
+        if len(list(itertools.islice(work, number + 1))) <= number:
+            break  # it was finished
+        work.close()
+        assert difference(before, snapshot()) == {}
+        assert not list(tmp_path.iterdir())
+        ended, number = ended + 1, number + 1 + number // 4
+    assert ended > 8
+    bake_pair(bpy.context, low, highs, Settings("CAST", image="map", storage="MEMORY", **options))
+    assert np.array_equal(maps.pixels(bpy.data.images["map"]), wanted)
 
 
 def test_live_in_parts_shows_the_map_of_one(in_parts):

@@ -47,7 +47,7 @@ def taken(high, low, side, stop=64):
     sums = target.Target(WIDTH, HEIGHT, ("RGBA32F",))
     target.clear(sums)
     places = np.stack(np.meshgrid(np.arange(WIDTH), np.arange(HEIGHT)), axis=-1).reshape(-1, 2)
-    stops = np.full(len(places), stop)
+    stops = np.broadcast_to(stop, (HEIGHT, WIDTH)).reshape(-1)
     records = cell_samples.upload(high, low, shape)
     steps = list(cell_samples.add(sums.texture, records, places, stops, TAKEN, side=side, normalize_normal=True))
     assert steps == sorted(steps) and steps[-1] == 1.0
@@ -135,3 +135,27 @@ def test_texels_take_as_many_samples_as_they_are_listed_with():
     found = taken(sorted_into(uv, 8, normals), None, 8, stop=5)
     assert np.array_equal(found[..., 3], drawn(uv, normals, stop=5)[..., 3])
     assert (taken(sorted_into(uv, 8, normals), None, 8, stop=2) == 0.0).all()
+
+
+@pytest.mark.parametrize("extent", [8, 24])
+def test_all_samples_of_crowded_cells_are_taken_seed_9(extent):
+    """Where most samples meet nothing, they look at all triangles of their cell."""
+    random, count = np.random.default_rng(9), 6000
+    middle = random.integers(24 * 256, 32 * 256, (2, 1, count))
+    corners = middle + random.integers(-extent, extent + 1, (2, 3, count))
+    uv = (corners / (256.0 * np.array(SIZE)[:, None, None])).astype(np.float32)
+    normals = flat(random.normal(size=(count, 3)))
+    stops = np.where(np.indices((HEIGHT, WIDTH)).sum(axis=0) % 2, 40, 64)
+    found = taken(sorted_into(uv, 8, normals), None, 8, stops)
+    expected = np.where(stops[..., None] == 40, drawn(uv, normals, stop=40), drawn(uv, normals))
+    assert np.array_equal(found[..., 3], expected[..., 3])
+    assert np.abs(found - expected).max() < 1e-5
+    assert expected[..., 3].sum() > 30
+
+
+def test_triangles_without_area_are_in_no_cell():
+    corners = np.array([[[0.3, 0.3, 0.3]] * 2, [[0.1, 0.1, 0.5]] * 2, [[0.1, 0.5, 0.1]] * 2, [[0.5, 0.1, 0.1]] * 2])
+    whole = np.array([[[0.1, 0.5, 0.1], [0.1, 0.1, 0.5]]])
+    uv = np.concatenate([corners, whole]).transpose(1, 2, 0).astype(np.float32)
+    found = uv_cells.sort(uv, udim.uv_to_clip(), SIZE, np.ones((6, 8), bool), 8)
+    assert set(found.triangles.tolist()) == {4}

@@ -20,12 +20,16 @@ PROGRAM = Program(
     images=(("RGBA32F", "FLOAT_2D", "sums", "READ WRITE"),),
     constants=(
         ("IVEC4", "listing"),
-        *(("INT", name) for name in ("cell_side", "is_turned", "normalize_normal")),
+        *(("INT", name) for name in ("first_sample", "end_sample", "cell_side", "is_turned", "normalize_normal")),
         ("VEC2", "uv_to_clip_scale"),
     ),
 )
-STEP = 2**20
-"""The samples after which a step ends."""
+STEP = 2**24
+"""The triangles after which a step ends: about as many as a sample may compare its place with, for all samples together."""
+TURNS = 8
+"""What a sample takes beside, in such triangles."""
+LONGEST = 2**15
+"""The most triangles that an invocation looks at: Mesa's llvmpipe leaves all loops of one after 65,535 turns."""
 HIGH_TEXELS, LOW_TEXELS = 4, 7
 """Of the records of triangles in cell_samples_comp.glsl."""
 
@@ -48,8 +52,9 @@ class Sorted:
 @dataclass(frozen=True)
 class Records:
     """The triangles of all cells on the GPU. cells: where those of each cell begin and end. lows: None if normals keep the
-    space of the high mesh."""
+    space of the high mesh. counts (rows, columns) int64: how many triangles of both meshes each cell has."""
 
+    counts: np.ndarray
     cells: gpu.types.GPUTexture
     highs: gpu.types.GPUTexture
     lows: gpu.types.GPUTexture | None
@@ -57,13 +62,14 @@ class Records:
 
 def upload(high: Sorted, low: Sorted | None, shape: tuple[int, int]) -> Records:
     """Upload triangles by cell. shape: rows and columns of cells. low: to turn normals into its tangent space, or None."""
-    values = np.zeros((*shape, 4), np.float32)
+    values, counts = np.zeros((*shape, 4), np.float32), np.zeros(shape, np.int64)
     for slot, triangles in enumerate([high] if low is None else [high, low]):
+        counts += np.diff(triangles.starts).reshape(shape)
         values[..., 2 * slot] = triangles.starts[:-1].reshape(shape)
         values[..., 2 * slot + 1] = triangles.starts[1:].reshape(shape)
     buffer = gpu.types.Buffer("FLOAT", values.shape, values)
     cells = gpu.types.GPUTexture(shape[::-1], format="RGBA32F", data=buffer)
-    return Records(cells, _records(high, HIGH_TEXELS), low and _records(low, LOW_TEXELS))
+    return Records(counts, cells, _records(high, HIGH_TEXELS), low and _records(low, LOW_TEXELS))
 
 
 def _records(triangles: Sorted, texels: int) -> gpu.types.GPUTexture:
@@ -97,10 +103,12 @@ def add(
     """
     if not len(places):
         return
-    order = np.argsort(stops, kind="stable")  # lanes that run together take as many samples
-    listed = np.zeros((len(places), 3), np.float32)
-    listed[:, :2], listed[:, 2] = places[order], stops[order]
-    table, ends = data_texture.upload(listed), np.cumsum(listed[:, 2] - 2.0, dtype=np.float64)
+    turns = records.counts[places[:, 1] // side, places[:, 0] // side] + 1  # of a sample, at most
+    # Lanes that run together take as many samples, and those of crowded cells look at as many triangles.
+    order = np.lexsort((stops, np.where(turns * len(taken) > LONGEST, turns, 0)))
+    places, stops, turns = places[order], stops[order], turns[order]
+    listed = np.column_stack([places, stops]).astype(np.float32)
+    table, ends = data_texture.upload(listed), np.cumsum((stops - 2) * (turns + TURNS))
     steps = np.searchsorted(ends, np.arange(STEP, ends[-1], STEP))
     bounds = np.unique(np.r_[0, steps, len(places)])
     values = np.array([(*offset, *to_clip[2:]) for offset, to_clip in taken], np.float32)
@@ -119,5 +127,14 @@ def add(
     for first, stop in zip(bounds[:-1].tolist(), bounds[1:].tolist(), strict=True):
         groups = -(-(stop - first) // BLOCK**2)
         across = min(groups, 1024)
-        target.dispatch_groups(PROGRAM, (across, -(-groups // across)), listing=(first, stop, across, 0), **bound)
+        count, end = max(1, LONGEST // int(turns[first:stop].max())), int(stops[first:stop].max())
+        for start in range(2, end, count):
+            target.dispatch_groups(
+                PROGRAM,
+                (across, -(-groups // across)),
+                listing=(first, stop, across, 0),
+                first_sample=start,
+                end_sample=min(start + count, end),
+                **bound,
+            )
         yield stop / len(places)
