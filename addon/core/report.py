@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field, replace
 
 from . import udim
-from .declarations import bases
+from .declarations import bases, readers
 from .declarations.choices import Space
 from .map_types import BY_NAME, Kind
 from .timings import STAGES, Timings
@@ -132,7 +132,7 @@ class Report:
         has_normals = self.settings.get("normal", True) or not self.maps.keys().isdisjoint(_NORMALS)
         basis = self.settings.get("basis") if self.space == Space.TANGENT and has_normals else ""
         if basis in bases.BY_NAME:
-            details.append(f"Basis: {bases.BY_NAME[basis].readers}")
+            details.append(f"Basis: {bases.BY_NAME[basis].label}, for {readers.names(bases.BY_NAME[basis])}")
         if self.why:
             details.append(f"{self.method.capitalize()} was chosen: {self.why}")
         if self.distances:

@@ -148,7 +148,7 @@ class Shading:
         return lit.shading(
             normals,
             light,
-            kind=kinds.get(settings.space, bases.of_name(settings.basis).index),
+            kind=kinds.get(settings.space, lit.TANGENT + bases.of_name(settings.basis).flags),
             channels=normal_channels.channels(settings),
             steps=255 if settings.depth == 8 else 0,
         )

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Writes the manual's tables of settings, options, formats and maps from their declarations. Needs no Blender.
+"""Writes the manual's tables of settings, options, formats, maps and programs from their declarations, and the presets for
+programs. Needs no Blender.
 
 In the pages, a table stands between the lines `<!-- table: NAME -->` and `<!-- end -->`; `<!-- options -->` starts that of the
 command line's options.
@@ -18,7 +19,7 @@ from addon.cli.usage.job_file import KEYS  # noqa: E402
 from addon.cli.usage.option_types import word_for  # noqa: E402
 from addon.cli.usage.options import FILE, JOBS, OPTIONS, CommandOption  # noqa: E402
 from addon.core import file_formats, map_types, udim  # noqa: E402
-from addon.core.declarations import kinds, packing  # noqa: E402
+from addon.core.declarations import kinds, packing, readers  # noqa: E402
 from addon.core.declarations.all_settings import DECLARED, PANELS, PanelSettings  # noqa: E402
 from addon.core.declarations.choices import Pack  # noqa: E402
 from addon.core.map_types import Family, Kind  # noqa: E402
@@ -202,6 +203,64 @@ def tiles() -> str:
     return table(("UDIM", "limit"), rows)
 
 
+# Programs that read maps
+
+
+def programs() -> str:
+    """The programs and what each needs."""
+    rows = (
+        (
+            one.label,
+            one.preset,
+            code(one.name),
+            one.green,
+            one.basis.label,
+            "rebuilt" if one.rebuilds_z else "read",
+            str(one.depth),
+            one.settings,
+        )
+        for one in readers.READERS
+    )
+    scene = (
+        "The scene's render engine",
+        readers.OF_SCENE,
+        "",
+        readers.UP,
+        DECLARED["basis"].items[0].label,
+        "read",
+        "16",
+    )
+    head = ("Engine", "Preset", "Name", "Green", "Basis", "Z", "Depth", "Import settings")
+    return table(head, [(*scene, "Imprint sets up the material"), *rows])
+
+
+def preset_options() -> str:
+    """The options that do the same as each preset."""
+    by_options: dict[str, list[str]] = {}
+    for name, values in readers.presets().items():
+        said = f"--green {values['green'].lower()} --basis {word_for(values['basis'])} --depth {values['depth']}"
+        by_options.setdefault(said + ("" if values["alpha"] else " --no-alpha"), []).append(name)
+    return table(("Preset", "Options"), ((", ".join(names), code(said)) for said, names in by_options.items()))
+
+
+PRESETS = ROOT / "addon" / "presets" / "imprint"
+
+
+def preset(values: dict[str, str | bool]) -> str:
+    """The text of a preset's file."""
+    lines = [
+        f"settings.{name} = {str(value) if isinstance(value, bool) else f'{chr(34)}{value}{chr(34)}'}"
+        for name, value in {"red": "+X", "green": values["green"], "blue": "+Z", **values}.items()
+    ]
+    head = ["# SPDX-License-Identifier: GPL-3.0-or-later", "import bpy", "", "settings = bpy.context.scene.imprint", ""]
+    return "\n".join([*head, *lines, ""])
+
+
+def preset_files() -> dict[Path, str]:
+    """The texts of all presets by their paths."""
+    return {PRESETS / f"{name}.py": preset(values) for name, values in readers.presets().items()}
+
+
 TABLES: dict[str, Callable[[], str]] = {
     **{name: lambda shown=shown: panel(shown) for name, shown in PANELS.items()},
     "options": options,
@@ -212,6 +271,8 @@ TABLES: dict[str, Callable[[], str]] = {
     "map-endings": map_endings,
     "packing": layouts,
     "udim": tiles,
+    "programs": programs,
+    "presets": preset_options,
 }
 
 
@@ -221,8 +282,21 @@ def filled(text: str) -> str:
 
 
 def outdated() -> list[Path]:
-    """The pages whose tables differ from the declarations."""
-    return [page for page in PAGES if filled(text := page.read_text(encoding="utf-8")) != text]
+    """The pages whose tables differ from the declarations, and the presets that do, or that no program has."""
+    pages = [page for page in PAGES if filled(text := page.read_text(encoding="utf-8")) != text]
+    texts = preset_files()
+    known = {path: path.read_text(encoding="utf-8") for path in PRESETS.glob("*.py")}
+    return pages + sorted(path for path in known.keys() | texts if known.get(path) != texts.get(path))
+
+
+def write(path: Path) -> None:
+    """Write a page or a preset as it is to be. A preset that no program has is removed."""
+    if path.parent != PRESETS:
+        path.write_text(filled(path.read_text(encoding="utf-8")), encoding="utf-8", newline="\n")
+    elif path in preset_files():
+        path.write_text(preset_files()[path], encoding="utf-8", newline="\n")
+    else:
+        path.unlink()
 
 
 def main() -> int:
@@ -233,7 +307,7 @@ def main() -> int:
     for page in pages:
         print(page.relative_to(ROOT))
         if not options.check:
-            page.write_text(filled(page.read_text(encoding="utf-8")), encoding="utf-8", newline="\n")
+            write(page)
     return 1 if pages and options.check else 0
 
 

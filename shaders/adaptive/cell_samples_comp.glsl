@@ -74,7 +74,7 @@ void main()
         is_found = false;
         vec3 components = vec3(0.0);
         for (int low = int(cell.w) - 1; low >= int(cell.z) && !is_found; low--) {
-          int place = low * 7;
+          int place = low * 9;
           vec4 one = texel_at(lows, texture_place(place));
           vec4 two = texel_at(lows, texture_place(place + 1));
           if (is_inside(one, two, offset.zw, size, from)) {
@@ -85,10 +85,10 @@ void main()
             vec4 seven = texel_at(lows, texture_place(place + 6));
             vec3 low_normal = vec3(two.zw, three.x) + three.yzw * at.x + four.xyz * at.y;
             vec3 tangent = five.xyz + vec3(five.w, six.xy) * at.x + vec3(six.zw, seven.x) * at.y;
-            if (normalize_normal != 0) {
-              low_normal = normalize(low_normal);
-            }
-            components = basis_components(normal, tangent, four.w, low_normal);
+            vec4 eight = texel_at(lows, texture_place(place + 7));
+            vec4 nine = texel_at(lows, texture_place(place + 8));
+            vec3 bitangent = seven.yzw + eight.xyz * at.x + vec3(eight.w, nine.xy) * at.y;
+            components = basis_components(normal, basis_of(basis_flags, low_normal, vec4(tangent, four.w), bitangent));
             float length_squared = dot(components, components);
             is_found = length_squared > 0.0 && !isinf(length_squared);
           }

@@ -9,10 +9,8 @@ void main()
     normal_out = object_normal;  // empty or missed
     return;
   }
-  // The map must be the exact inverse of how it is read. Cycles' Normal Map node normalizes the interpolated normal and not
-  // the interpolated tangent; the MikkTSpace reference, which engines follow, normalizes neither.
-  vec3 low_normal = normalize_normal != 0 ? normalize(v_normal) : v_normal;
-  vec3 components = basis_components(object_normal.xyz, v_tangent.xyz, v_tangent.w, low_normal);
+  // The map must be the exact inverse of how it is read.
+  vec3 components = basis_components(object_normal.xyz, basis_of(basis_flags, v_normal, v_tangent, v_bitangent));
   float length_squared = dot(components, components);
   if (!(length_squared > 0.0) || isinf(length_squared)) {
     discard;

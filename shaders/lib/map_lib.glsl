@@ -5,8 +5,7 @@
 
 const int MAP_WORLD = 0;
 const int MAP_OBJECT = 1;
-const int MAP_MIKKTSPACE = 2;
-const int MAP_BLENDER = 3;
+const int MAP_TANGENT = 2;  // plus the flags of its basis
 
 vec3 map_stored(ivec2 texel)
 {
@@ -26,19 +25,14 @@ vec3 map_between(vec2 uv)
              weight.y);
 }
 
-vec3 map_unit(vec3 vector)
-{
-  return vector / max(length(vector), 1e-20);
-}
-
 // Transforms a normal from object space, or for a world-space map from world space, to world space, and normalizes it.
 vec3 map_to_world(vec3 normal)
 {
-  return map_unit(int(shading[1].w) == MAP_WORLD ? normal : mat3(shading) * normal);
+  return basis_unit(int(shading[1].w) == MAP_WORLD ? normal : mat3(shading) * normal);
 }
 
-// The world-space normal that a stored color means, with the normal and the tangent of the low mesh.
-vec3 map_normal(vec3 stored, vec3 normal, vec4 tangent)
+// The world-space normal that a stored color means, with the normal, tangent and bitangent of the low mesh.
+vec3 map_normal(vec3 stored, vec3 normal, vec4 tangent, vec3 bitangent)
 {
   vec3 shown = vec3(0.0);
   int axes = int(shading[2].w);
@@ -48,8 +42,8 @@ vec3 map_normal(vec3 stored, vec3 normal, vec4 tangent)
     axes /= 6;
   }
   int kind = int(shading[1].w);
-  if (kind == MAP_MIKKTSPACE || kind == MAP_BLENDER) {
-    shown = basis_vector(shown, tangent.xyz, tangent.w, kind == MAP_BLENDER ? map_unit(normal) : normal);
+  if (kind >= MAP_TANGENT) {
+    shown = basis_of(kind - MAP_TANGENT, normal, tangent, bitangent) * shown;
   }
-  return map_to_world(map_unit(shown));
+  return map_to_world(basis_unit(shown));
 }

@@ -24,7 +24,7 @@ void main()
     return;
   }
   vec3 high = map_to_world(wanted.xyz);
-  vec3 shown = map_normal(map_stored(texel), v_normal, v_tangent);
-  vec3 bare = map_unit(mat3(shading) * v_normal);
+  vec3 shown = map_normal(map_stored(texel), v_normal, v_tangent, v_bitangent);
+  vec3 bare = basis_unit(mat3(shading) * v_normal);
   deviation_out = vec4(degrees_between(shown, high), degrees_between(bare, high), 0.0, 1.0);
 }

@@ -4,5 +4,5 @@
 
 void main()
 {
-  color_out = lit_color(map_normal(map_between(v_uv), v_normal, v_tangent), v_position, shading[3]);
+  color_out = lit_color(map_normal(map_between(v_uv), v_normal, v_tangent, v_bitangent), v_position, shading[3]);
 }

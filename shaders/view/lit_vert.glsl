@@ -1,4 +1,5 @@
 // Draws the low mesh in the viewport, with its UVs and tangents to read the map (Gumbau, González and Chover, Algorithm 3).
+#include "lib/basis_lib.glsl"
 
 void main()
 {
@@ -7,4 +8,5 @@ void main()
   v_normal = normal;
   v_uv = uv;
   v_tangent = tangent;
+  v_bitangent = basis_bitangent(normal, tangent);
 }

@@ -135,7 +135,7 @@ def test_a_saved_scene_keeps_its_settings_of_cycles(scene):
 def test_the_engine_of_the_scene_decides_the_basis(scene):
     """Blender reads the engine of a scene wrongly where no add-on has registered it."""
     script(*BLEND, "--report", "r.json")
-    assert json.loads(Path("r.json").read_text())["settings"]["basis"] == "BLENDER"
+    assert json.loads(Path("r.json").read_text())["settings"]["basis"] == "CYCLES"
 
 
 def test_the_report_has_the_seconds_before_the_bake(scene):

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from addon.core import udim
+from addon.core.declarations import bases
 from addon.mesh import uv_cells
 from addon.passes import mesh_upload, target
 from addon.passes.adaptive import cell_samples
@@ -41,7 +42,7 @@ def flat(values):
     return np.repeat(values[:, None].astype(np.float32), 3, axis=1)
 
 
-def taken(high, low, side, stop=64):
+def taken(high, low, side, stop=64, flags=0):
     """The means (height, width, 4) of the samples from the third on."""
     shape = -(-HEIGHT // side), -(-WIDTH // side)
     sums = target.Target(WIDTH, HEIGHT, ("RGBA32F",))
@@ -49,7 +50,7 @@ def taken(high, low, side, stop=64):
     places = np.stack(np.meshgrid(np.arange(WIDTH), np.arange(HEIGHT)), axis=-1).reshape(-1, 2)
     stops = np.broadcast_to(stop, (HEIGHT, WIDTH)).reshape(-1)
     records = cell_samples.upload(high, low, shape)
-    steps = list(cell_samples.add(sums.texture, records, places, stops, TAKEN, side=side, normalize_normal=True))
+    steps = list(cell_samples.add(sums.texture, records, places, stops, TAKEN, side=side, basis_flags=flags))
     assert steps == sorted(steps) and steps[-1] == 1.0
     return read(sums)
 
@@ -60,7 +61,7 @@ def read(into):
     return result
 
 
-def drawn(uv, normals, low=None, stop=64):
+def drawn(uv, normals, low=None, stop=64, flags=0):
     """The same means of samples that are drawn. low: UVs, normals and tangents."""
     corners = uv.transpose(2, 1, 0).reshape(-1, 2).copy()
     batch = mesh_upload.upload_corners(uv=corners, normal=normals.reshape(-1, 3).copy())
@@ -76,7 +77,7 @@ def drawn(uv, normals, low=None, stop=64):
     for number, (_, to_clip) in enumerate(TAKEN[2:stop]):
         flatten.draw(one, [(batch, np.eye(3))], to_clip)
         if basis is not None:
-            tangent.draw(turned, basis, one.texture, to_clip, normalize_normal=True)
+            tangent.draw(turned, basis, one.texture, to_clip, basis_flags=flags)
         samples.add(sums, (one if basis is None else turned).texture, range(HEIGHT), is_first=number == 0)
     samples.average(one, sums)
     return read(one)
@@ -105,18 +106,20 @@ def test_triangles_across_the_border_of_the_map_cover_the_same_but_for_the_round
     assert unlike < 0.01
 
 
+@pytest.mark.parametrize("flags", [one.flags for one in bases.BASES])
 @pytest.mark.parametrize("seed", [5, 6])
-def test_normals_between_corners_are_turned_as_when_they_are_drawn(seed):
+def test_normals_between_corners_are_turned_as_when_they_are_drawn(seed, flags):
     random, side = np.random.default_rng(seed), 8
     uv, below = soup(seed, 50, 2000), soup(seed + 10, 20, 3000)
     normals = (random.normal(size=(50, 3, 3)) * 0.3 + (0, 0, 1)).astype(np.float32)
     low_normals = (random.normal(size=(20, 3, 3)) * 0.2 + (0, 0, 1)).astype(np.float32)
     tangents = (random.normal(size=(20, 3, 3)) * 0.2 + (1, 0, 0)).astype(np.float32)
     signs = random.choice([-1.0, 1.0], 20).astype(np.float32)
-    low = sorted_into(below, side, np.concatenate([low_normals, tangents], axis=2), signs)
-    found = taken(sorted_into(uv, side, normals), low, side)
+    bitangents = flat(signs[:, None]) * np.cross(low_normals, tangents)
+    low = sorted_into(below, side, np.concatenate([low_normals, tangents, bitangents], axis=2), signs)
+    found = taken(sorted_into(uv, side, normals), low, side, flags=flags)
     with_signs = np.concatenate([tangents, flat(signs[:, None])], axis=2)
-    expected = drawn(uv, normals, (below, low_normals, with_signs))
+    expected = drawn(uv, normals, (below, low_normals, with_signs), flags=flags)
     assert np.array_equal(found[..., 3], expected[..., 3])
     assert 0.05 < expected[..., 3].mean() < 0.95
     # Slivers change quickly, and drivers interpolate them in their own precision.

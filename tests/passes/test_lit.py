@@ -20,7 +20,7 @@ from addon.passes import mesh_upload, target
 from addon.passes.view import lit
 from addon.views import view_objects, view_shading
 from addon.views.mode_names import SHOWN
-from tests.support import oracle, raster, zoo
+from tests.support import decoders, oracle, raster, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -86,8 +86,9 @@ def shown(low, texels, settings):
         colors = raster.bilinear(texels[..., :3], raster.interpolate(mesh.uv, owner, weights))
         normals = raster.decode(colors, (settings.red, settings.green, settings.blue))
         if settings.space == "TANGENT":
-            own = (raster.interpolate(values, owner, weights) for values in (mesh.normal, mesh.tangent))
-            normals = raster.from_tangent_space(normals, *own, settings.basis)
+            vectors = mesh.normal, mesh.tangent, decoders.bitangents(mesh.normal, mesh.tangent)
+            own = (raster.interpolate(values, owner, weights) for values in vectors)
+            normals = decoders.decoded(normals, settings.basis, *own)
         if settings.space != "WORLD":
             normals = normals @ mesh.to_world_normals.T
         return owner >= 0, brightness(raster.unit(normals), raster.interpolate(points, owner, weights), eye.light)
@@ -138,7 +139,7 @@ def test_the_lit_map_equals_the_float64_picture(space, matrix):
         {"green": "-Y"},
         {"red": "+Z", "green": "-X", "blue": "+Y"},
         {"red": "-Y", "green": "+Z", "blue": "-X", "space": "OBJECT"},
-        {"basis": "BLENDER"},
+        *({"basis": basis} for basis in decoders.DECODERS),
         {"depth": 8, "width": 64, "height": 32},
     ],
     ids=lambda settings: " ".join(map(str, settings.values())),
@@ -349,7 +350,12 @@ class TestDeviation:
     @pytest.mark.parametrize("matrix", [ASLANT, UNEVEN, MIRRORED], ids=["aslant", "uneven", "mirrored"])
     @pytest.mark.parametrize(
         "settings",
-        [{}, {"basis": "BLENDER"}, {"space": "OBJECT"}, {"space": "WORLD"}, {"red": "-Z", "blue": "+X"}],
+        [
+            *({"basis": basis} for basis in decoders.DECODERS),
+            {"space": "OBJECT"},
+            {"space": "WORLD"},
+            {"red": "-Z", "blue": "+X"},
+        ],
         ids=str,
     )
     def test_a_float_map_has_no_deviation(self, settings, matrix):

@@ -71,11 +71,15 @@ def test_the_options_of_each_preset_do_the_same_as_the_preset():
         if len(cells) == 2:
             (options,) = names(cells[1])
             parsed = arguments.parse(["x.blend", "--low", "low", "--output", "map.png", *shlex.split(options)])
-            said |= dict.fromkeys(cells[0].split(", "), (parsed.red, parsed.green, parsed.blue, parsed.basis))
+            said |= dict.fromkeys(
+                cells[0].split(", "),
+                (parsed.red, parsed.green, parsed.blue, parsed.basis, str(parsed.depth), parsed.alpha),
+            )
     presets = {}
     for path in (ROOT / "addon" / "presets").rglob("*.py"):
-        values = dict(re.findall(r'^settings\.(\w+) = "([^"]+)"$', path.read_text(encoding="utf-8"), re.MULTILINE))
-        presets[path.stem] = tuple(values[name] for name in ("red", "green", "blue", "basis"))
+        lines = re.findall(r"^settings\.(\w+) = (.+)$", path.read_text(encoding="utf-8"), re.MULTILINE)
+        values = {name: ast.literal_eval(value) for name, value in lines}
+        presets[path.stem] = tuple(values[name] for name in ("red", "green", "blue", "basis", "depth", "alpha"))
     assert said == presets
 
 

@@ -16,11 +16,11 @@ FORMATS = {name for one in file_formats.FORMATS for name in one.endings}
 DECLARED = {
     "map_types.py": set(map_types.BY_NAME) - {"DISTANCE", "ALPHA"},
     "file_formats.py": FORMATS,
-    "bases.py": set(bases.BY_NAME),
+    "bases.py": set(bases.BY_NAME) - {"CYCLES"},
     "udim.py": {udim.TOKEN, udim.FIRST},
 }
-"""The constants that each declaring file in core/ may name. DISTANCE is also a kind of number in Blender, and ALPHA a
-way of blending."""
+"""The constants that each declaring file in core/ may name. DISTANCE is also a kind of number in Blender, ALPHA a
+way of blending, and CYCLES a render engine."""
 
 
 @functools.cache

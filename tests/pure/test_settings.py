@@ -78,11 +78,11 @@ def test_settings_cannot_be_changed():
 @pytest.mark.parametrize(
     ("basis", "engine", "read"),
     [
-        ("AUTO", "CYCLES", "BLENDER"),
+        ("AUTO", "CYCLES", "CYCLES"),
         ("AUTO", "BLENDER_EEVEE", "MIKKTSPACE"),
         ("AUTO", "BLENDER_WORKBENCH", "MIKKTSPACE"),
         ("AUTO", "SOMEBODYS_OWN", "MIKKTSPACE"),
-        ("BLENDER", "BLENDER_EEVEE", "BLENDER"),
+        ("CYCLES", "BLENDER_EEVEE", "CYCLES"),
         ("MIKKTSPACE", "CYCLES", "MIKKTSPACE"),
     ],
 )

@@ -106,13 +106,6 @@ def decode(colors, channels=("+X", "+Y", "+Z")):
     return normals
 
 
-def from_tangent_space(normals, normal, tangent, basis):
-    """Object-space normals (N, 3) from tangent-space ones and the interpolated normal (N, 3) and tangent (N, 4)."""
-    normal = unit(normal) if basis == "BLENDER" else normal
-    bitangent = tangent[:, 3:] * np.cross(normal, tangent[:, :3])
-    return normals[:, :1] * tangent[:, :3] + normals[:, 1:2] * bitangent + normals[:, 2:] * normal
-
-
 def look_at(eye, at, up=(0.0, 0.0, 1.0)):
     """The view matrix (4, 4) of a camera at `eye` that looks at the point `at`."""
     back = unit(np.subtract(eye, at, dtype=np.float64))

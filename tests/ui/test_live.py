@@ -577,7 +577,7 @@ def test_live_follows_the_render_engine_of_the_scene(pair):
     low, _ = pair
     low.data.vertices[0].co.z = 0.5  # on a plane, all bases agree
     switch(True)
-    for engine, basis in (("CYCLES", "BLENDER"), ("BLENDER_EEVEE", "MIKKTSPACE")):
+    for engine, basis in (("CYCLES", "CYCLES"), ("BLENDER_EEVEE", "MIKKTSPACE")):
         bpy.context.scene.render.engine = engine
         follow()
         assert live.session.settings.basis == basis

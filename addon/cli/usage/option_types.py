@@ -5,7 +5,8 @@ import argparse
 import math
 import os
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 from ...core import udim
@@ -135,7 +136,7 @@ def whole_number(value: str) -> int:
 
 def one_of(choice: kinds.Choice) -> Callable[[str], str]:
     """Reads a word as one of the values of a choice."""
-    find = _among(choice.values)
+    find = _among(choice.values, {former: item.value for item in choice.items for former in item.former})
     return lambda value: find([value])[0]
 
 
@@ -150,10 +151,14 @@ def some_of(choice: kinds.Flags) -> Callable[[str], tuple[str, ...]]:
     return names
 
 
-def _among(values: Sequence[str]) -> Callable[[Sequence[str]], list[str]]:
-    """Reads words as those of `values` that they stand for. The dashes between their parts may be left out."""
+def _among(
+    values: Sequence[str], former: Mapping[str, str] = MappingProxyType({})
+) -> Callable[[Sequence[str]], list[str]]:
+    """Reads words as those of `values` that they stand for. The dashes between their parts may be left out. former: earlier
+    values, and what they are now."""
     words = {word_for(value): value for value in values}
-    joined = {_without_dashes(word): value for word, value in words.items()}
+    known = {word_for(value): now for value, now in former.items()} | words
+    joined = {_without_dashes(word): value for word, value in known.items()}
 
     def find(given: Sequence[str]) -> list[str]:
         found = [joined.get(_without_dashes(word_for(word))) for word in given]

@@ -10,42 +10,70 @@ AUTO = "AUTO"
 
 @dataclass(frozen=True)
 class Basis:
-    """One basis: the interpolated tangent, bitangent = sign * cross(normal, tangent), and the interpolated normal.
+    """How a program makes the tangent, bitangent and normal of a pixel from those of a mesh's corners.
 
-    name: in settings and job files. label, tooltip: in the interface. readers: which programs read its maps exactly, and
-    which do not. normalizes_normal: whether the interpolated normal is normalized. index: in shaders/lib/map_lib.glsl.
-    engines: Blender's identifiers of the render engines that use it.
+    It interpolates all of them over the triangle. The bitangent is sign * cross(normal, tangent).
+
+    name: in settings and job files. label, tooltip: in the interface. bitangent_of_vertices: whether the bitangent is made at
+    the vertices and interpolated, instead of made for each pixel from the other two. normalizes_tangent, normalizes_bitangent,
+    normalizes_normal: whether the vector is normalized per pixel; tangent and normal are before a bitangent is made of them.
+    engines: Blender's identifiers of the render engines that use it. former: earlier names, which job files may still have.
     """
 
     name: str
     label: str
     tooltip: str
-    readers: str
-    normalizes_normal: bool
-    index: int
+    bitangent_of_vertices: bool = False
+    normalizes_tangent: bool = False
+    normalizes_bitangent: bool = False
+    normalizes_normal: bool = False
     engines: tuple[str, ...] = ()
+    former: tuple[str, ...] = ()
+
+    @property
+    def flags(self) -> int:
+        """The rules as bits, for shaders/lib/basis_lib.glsl."""
+        rules = (
+            self.bitangent_of_vertices,
+            self.normalizes_tangent,
+            self.normalizes_bitangent,
+            self.normalizes_normal,
+        )
+        return sum(rule << bit for bit, rule in enumerate(rules))
 
 
+CYCLES = Basis(
+    "CYCLES",
+    "Cycles",
+    "Cycles' Normal Map node, which normalizes only the interpolated normal",
+    normalizes_normal=True,
+    engines=("CYCLES",),
+    former=("BLENDER",),
+)
 MIKKTSPACE = Basis(
     "MIKKTSPACE",
     "MikkTSpace",
-    "EEVEE, Material Preview, and game engines that follow MikkTSpace",
-    "MikkTSpace, as EEVEE and game engines read it; Cycles reads its own",
-    normalizes_normal=False,
-    index=2,
+    "The bitangent is made for each pixel: EEVEE, Material Preview, Unreal Engine, Unity URP and HDRP",
 )
-BASES = (
-    Basis(
-        "BLENDER",
-        "Cycles",
-        "Cycles' Normal Map node, which normalizes only the interpolated normal",
-        "Cycles; EEVEE, Material Preview and game engines read MikkTSpace",
-        normalizes_normal=True,
-        index=3,
-        engines=("CYCLES",),
-    ),
-    MIKKTSPACE,
+MIKKTSPACE_VERTEX = Basis(
+    "MIKKTSPACE_VERTEX",
+    "MikkTSpace, Vertex Bitangent",
+    "The bitangent is made at the vertices and interpolated: Unity Built-in, Godot 4.4 and later, Babylon.js, CryEngine, "
+    "xNormal",
+    bitangent_of_vertices=True,
 )
+NORMALIZED = Basis(
+    "NORMALIZED",
+    "All Normalized",
+    "The bitangent is made at the vertices, and tangent, bitangent and normal are normalized for each pixel: three.js, "
+    "Khronos glTF viewer",
+    bitangent_of_vertices=True,
+    normalizes_tangent=True,
+    normalizes_bitangent=True,
+    normalizes_normal=True,
+)
+# Files of Blender hold the place of a basis in this order, after AUTO.
+BASES = (CYCLES, MIKKTSPACE, MIKKTSPACE_VERTEX, NORMALIZED)
 BY_NAME = MappingProxyType({basis.name: basis for basis in BASES})
 
 

@@ -62,11 +62,12 @@ class Switch(Setting):
 
 @dataclass(frozen=True)
 class Item:
-    """One of the values of a choice."""
+    """One of the values of a choice. former: earlier values, which the command line and job files still take."""
 
     value: Any
     label: str
     tooltip: str
+    former: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -48,7 +48,7 @@ MAP: dict[str, Setting] = {
                 "Scene's Engine",
                 "The basis that the scene's render engine uses: Cycles its own, all others MikkTSpace",
             ),
-            *(Item(basis.name, basis.label, basis.tooltip) for basis in bases.BASES),
+            *(Item(basis.name, basis.label, basis.tooltip, basis.former) for basis in bases.BASES),
         ),
         option=Option(note="Mesh files have no scene: for them, auto means mikktspace"),
     ),

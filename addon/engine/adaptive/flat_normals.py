@@ -69,7 +69,7 @@ class FlatNormals(AdaptiveNormals):
             stops,
             [(offset, replace(band, offset=offset).uv_to_clip) for offset in sum(self.rounds, [])],
             side=side,
-            normalize_normal=self.space.is_unit,
+            basis_flags=self.space.flags,
         )
 
 
@@ -96,11 +96,13 @@ class _Chosen:
         return Sorted(found.starts, self.uv, found.planes(np.concatenate(normals)[found.triangles]))
 
     def low(self) -> Sorted:
-        """Those of a single mesh, with tangents."""
+        """Those of a single mesh, with tangents and bitangents."""
         (mesh,), (corners,), found = self.meshes, self.corners, self.sorted
         corners = corners[found.triangles]
         tangents = mesh.tangents[corners]
-        values = np.concatenate([mesh.normals[corners], tangents[..., :3]], axis=2)
+        normals = mesh.normals[corners]
+        bitangents = tangents[..., 3:] * np.cross(normals, tangents[..., :3])
+        values = np.concatenate([normals, tangents[..., :3], bitangents], axis=2)
         return Sorted(found.starts, self.uv, found.planes(values), tangents[:, 0, 3])
 
 

@@ -22,7 +22,7 @@ class NormalSpace:
     def __init__(self, basis: gpu.types.GPUBatch | None, mesh: Mesh | None, settings: Settings):
         self.basis, self.mesh = basis, mesh
         self._near = NearTriangles(mesh)
-        self.is_unit = bases.of_name(settings.basis).normalizes_normal
+        self.flags = bases.of_name(settings.basis).flags
 
     def draw(
         self,
@@ -45,7 +45,7 @@ class NormalSpace:
             self.basis,
             normals,
             band.uv_to_clip,
-            normalize_normal=self.is_unit,
+            basis_flags=self.flags,
             rows=rows,
             clear=not some,
             stopped=some and some.stopped,

@@ -143,14 +143,14 @@ class OpennessMaps(RayMaps):
         if self.basis is None or BY_NAME[name].kind is not Kind.NORMAL:
             return drawn
         into = target.get("bent", band.width, band.height, "RGBA32F")
-        is_unit = bases.of_name(self.run.settings.basis).normalizes_normal
+        flags = bases.of_name(self.run.settings.basis).flags
         # At borders, the low mesh may cover some samples and not the center: the one closest to it counts.
         offsets = [*samples.offsets(self.run.settings.samples), (0.0, 0.0)]
         offsets.sort(key=lambda offset: -math.hypot(*offset))
         for offset in dict.fromkeys(offsets):
             uv_to_clip = replace(band, offset=offset).uv_to_clip
             is_first = offset == offsets[0]
-            tangent.draw(into, self.basis, drawn, uv_to_clip, normalize_normal=is_unit, clear=is_first)
+            tangent.draw(into, self.basis, drawn, uv_to_clip, basis_flags=flags, clear=is_first)
         return into.texture
 
 

@@ -20,7 +20,7 @@ PROGRAM = Program(
     images=(("RGBA32F", "FLOAT_2D", "sums", "READ WRITE"),),
     constants=(
         ("IVEC4", "listing"),
-        *(("INT", name) for name in ("first_sample", "end_sample", "cell_side", "is_turned", "normalize_normal")),
+        *(("INT", name) for name in ("first_sample", "end_sample", "cell_side", "is_turned", "basis_flags")),
         ("VEC2", "uv_to_clip_scale"),
     ),
 )
@@ -30,7 +30,7 @@ TURNS = 8
 """What a sample takes beside, in such triangles."""
 LONGEST = 2**15
 """The most triangles that an invocation looks at: Mesa's llvmpipe leaves all loops of one after 65,535 turns."""
-HIGH_TEXELS, LOW_TEXELS = 4, 7
+HIGH_TEXELS, LOW_TEXELS = 4, 9
 """Of the records of triangles in cell_samples_comp.glsl."""
 
 
@@ -39,8 +39,8 @@ class Sorted:
     """The triangles of one mesh, or of several, cell by cell, as mesh.uv_cells.CellTriangles has them.
 
     starts (cells + 1,): where those of each cell begin. uv (N, 3, 2) float32. planes (N, 3, 3) float32: of the normals, at the
-    center of the cell, and their slopes along x and y in texels; of the low mesh (N, 3, 6), with the tangents. signs (N,): of
-    the bitangents of the low mesh.
+    center of the cell, and their slopes along x and y in texels; of the low mesh (N, 3, 9), with the tangents and the
+    bitangents of its vertices. signs (N,): of the bitangents of the low mesh.
     """
 
     starts: np.ndarray
@@ -73,7 +73,7 @@ def upload(high: Sorted, low: Sorted | None, shape: tuple[int, int]) -> Records:
 
 
 def _records(triangles: Sorted, texels: int) -> gpu.types.GPUTexture:
-    """The corners of each triangle, then the planes of its normal, then those of its tangent."""
+    """The corners of each triangle, then the planes of its normal, then those of its tangent and its bitangent."""
     count = len(triangles.uv)
     padded = data_texture.empty(count * texels)
     records = padded[: count * texels].reshape(count, texels * 4)
@@ -81,7 +81,8 @@ def _records(triangles: Sorted, texels: int) -> gpu.types.GPUTexture:
     records[:, 6:15] = triangles.planes[..., :3].reshape(count, 9)
     if triangles.signs is not None:
         records[:, 15] = triangles.signs
-        records[:, 16:25] = triangles.planes[..., 3:].reshape(count, 9)
+        records[:, 16:25] = triangles.planes[..., 3:6].reshape(count, 9)
+        records[:, 25:34] = triangles.planes[..., 6:].reshape(count, 9)
     return data_texture.upload_padded(padded)
 
 
@@ -93,13 +94,13 @@ def add(
     taken: Sequence[tuple[tuple[float, float], UvToClip]],
     *,
     side: int,
-    normalize_normal: bool,
+    basis_flags: int,
 ) -> Iterator[float]:
     """Add samples 2 to `stops` (N,) of the texels `places` (N, 2) int to their sums, as rounds.draw wrote them, and replace
     the sums by their means. Yields the share that is done.
 
     taken: the offsets of all samples, in texels, each with the transform with which it would be drawn. side: of a cell, in
-    texels. normalize_normal: as in tangent.draw.
+    texels. basis_flags: as in tangent.draw.
     """
     if not len(places):
         return
@@ -122,7 +123,7 @@ def add(
         "uv_to_clip_scale": taken[0][1][:2],
         "cell_side": side,
         "is_turned": int(records.lows is not None),
-        "normalize_normal": int(normalize_normal),
+        "basis_flags": basis_flags,
     }
     for first, stop in zip(bounds[:-1].tolist(), bounds[1:].tolist(), strict=True):
         groups = -(-(stop - first) // BLOCK**2)

@@ -8,13 +8,14 @@ import numpy as np
 from ...core import udim
 from .. import blender_gpu as gpu
 from .. import shader, target
+from ..bake import tangent
 from ..program import Program
 
 MEASURE = Program(
     vertex="bake/tangent_vert.glsl",
     fragment="view/deviation_frag.glsl",
     inputs=(("VEC2", "uv"), ("VEC3", "normal"), ("VEC4", "tangent")),
-    varyings=(("VEC3", "v_normal"), ("VEC4", "v_tangent")),
+    varyings=tangent.VARYINGS,
     samplers=(("FLOAT_2D", "normal_map"), ("FLOAT_2D", "truth"), ("FLOAT_2D", "elsewhere")),
     constants=(("MAT4", "shading"), ("VEC4", "uv_to_clip")),
     outputs=(("VEC4", "deviation_out"),),

@@ -13,10 +13,16 @@ from ..program import Program
 if TYPE_CHECKING:
     import gpu
 
-WORLD, OBJECT = range(2)
-"""The spaces of a map's normals, as in map_lib.glsl. For tangent space core.bases has the indices."""
+WORLD, OBJECT, TANGENT = range(3)
+"""The spaces of a map's normals, as in map_lib.glsl. TANGENT is the first of a number of kinds, one for each basis."""
 
-_VARYINGS = (("VEC3", "v_position"), ("VEC3", "v_normal"), ("VEC2", "v_uv"), ("VEC4", "v_tangent"))
+_VARYINGS = (
+    ("VEC3", "v_position"),
+    ("VEC3", "v_normal"),
+    ("VEC2", "v_uv"),
+    ("VEC4", "v_tangent"),
+    ("VEC3", "v_bitangent"),
+)
 # Vulkan grants 128 bytes of constants, which these are.
 _CONSTANTS = (("MAT4", "view_projection"), ("MAT4", "shading"))
 
@@ -49,9 +55,9 @@ def shading(
 ) -> np.ndarray:
     """Pack the parameters that shade a mesh with its map into (4, 4) float64, as map_lib.glsl reads them.
 
-    normal_matrix (3, 3): from the mesh's normals to world space. light (4,): see `draw`. kind: WORLD, OBJECT or the index of
-    a basis. channels (3, 3): from a normal to red, green and blue, one axis each. steps: 2^bits - 1 if the map is rounded to
-    integers before it is read, else 0.
+    normal_matrix (3, 3): from the mesh's normals to world space. light (4,): see `draw`. kind: WORLD, OBJECT, or TANGENT
+    plus the flags of a basis. channels (3, 3): from a normal to red, green and blue, one axis each. steps: 2^bits - 1 if
+    the map is rounded to integers before it is read, else 0.
     """
     channels = np.eye(3) if channels is None else channels
     digits = 2 * np.abs(channels).argmax(axis=1) + (channels.sum(axis=1) < 0.0)

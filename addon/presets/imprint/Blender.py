@@ -7,3 +7,5 @@ settings.red = "+X"
 settings.green = "+Y"
 settings.blue = "+Z"
 settings.basis = "AUTO"
+settings.depth = "16"
+settings.alpha = True

@@ -6,4 +6,6 @@ settings = bpy.context.scene.imprint
 settings.red = "+X"
 settings.green = "-Y"
 settings.blue = "+Z"
-settings.basis = "MIKKTSPACE"
+settings.basis = "MIKKTSPACE_VERTEX"
+settings.depth = "16"
+settings.alpha = False

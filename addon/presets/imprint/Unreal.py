@@ -7,3 +7,5 @@ settings.red = "+X"
 settings.green = "-Y"
 settings.blue = "+Z"
 settings.basis = "MIKKTSPACE"
+settings.depth = "16"
+settings.alpha = False

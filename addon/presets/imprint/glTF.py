@@ -6,4 +6,6 @@ settings = bpy.context.scene.imprint
 settings.red = "+X"
 settings.green = "+Y"
 settings.blue = "+Z"
-settings.basis = "MIKKTSPACE"
+settings.basis = "NORMALIZED"
+settings.depth = "8"
+settings.alpha = False

@@ -63,9 +63,34 @@ TABLE = {
         "de_DE": "Der Normalmap-Node von Cycles, der nur die interpolierte Normale normalisiert",
         "es": "El nodo Mapa de normales de Cycles, que sólo normaliza la normal interpolada",
     },
-    (SENTENCE, "EEVEE, Material Preview, and game engines that follow MikkTSpace"): {
-        "de_DE": "EEVEE, Materialbeispiel und Game-Engines, die MikkTSpace folgen",
-        "es": "EEVEE, Previsualización de materiales y motores de juego que siguen MikkTSpace",
+    (SENTENCE, "The bitangent is made for each pixel: EEVEE, Material Preview, Unreal Engine, Unity URP and HDRP"): {
+        "de_DE": "Die Bitangente entsteht in jedem Pixel: EEVEE, Materialbeispiel, Unreal Engine, Unity URP und HDRP",
+        "es": "La bitangente se calcula en cada píxel: EEVEE, Previsualización de materiales, Unreal Engine, Unity URP y HDRP",
+    },
+    (LABEL, "MikkTSpace, Vertex Bitangent"): {
+        "de_DE": "MikkTSpace, Bitangente der Vertices",
+        "es": "MikkTSpace, bitangente de vértices",
+    },
+    (
+        SENTENCE,
+        "The bitangent is made at the vertices and interpolated: Unity Built-in, Godot 4.4 and later, Babylon.js, CryEngine, "
+        "xNormal",
+    ): {
+        "de_DE": "Die Bitangente entsteht an den Vertices und wird interpoliert: Unity Built-in, Godot ab 4.4, Babylon.js, "
+        "CryEngine, xNormal",
+        "es": "La bitangente se calcula en los vértices y se interpola: Unity Built-in, Godot 4.4 y posteriores, Babylon.js, "
+        "CryEngine, xNormal",
+    },
+    (LABEL, "All Normalized"): {"de_DE": "Alle normalisiert", "es": "Todo normalizado"},
+    (
+        SENTENCE,
+        "The bitangent is made at the vertices, and tangent, bitangent and normal are normalized for each pixel: three.js, "
+        "Khronos glTF viewer",
+    ): {
+        "de_DE": "Die Bitangente entsteht an den Vertices, und Tangente, Bitangente und Normale werden in jedem Pixel "
+        "normalisiert: three.js, Khronos glTF Viewer",
+        "es": "La bitangente se calcula en los vértices, y tangente, bitangente y normal se normalizan en cada píxel: "
+        "three.js, visor glTF de Khronos",
     },
     (LABEL, "UV Map"): {"de_DE": "UV-Map", "es": "Mapa UV"},
     (SENTENCE, "UV map of the low mesh. Leave empty to use the active one"): {
@@ -237,8 +262,8 @@ TABLE = {
     (SENTENCE, "The normal's Z, inverted"): {"de_DE": "Z der Normalen, invertiert", "es": "Z de la normal, invertida"},
     (LABEL, "Presets"): {"de_DE": "Voreinstellungen", "es": "Preajustes"},
     (OPERATOR, "Add Preset"): {"de_DE": "Voreinstellung hinzufügen", "es": "Adicionar preajuste"},
-    (SENTENCE, "Save the channels and the basis as a preset, or remove a preset"): {
-        "de_DE": "Kanäle und Basis als Voreinstellung speichern oder eine Voreinstellung entfernen",
-        "es": "Guarda los canales y la base como preajuste, o elimina un preajuste",
+    (SENTENCE, "Save the channels, the basis, depth and alpha as a preset, or remove a preset"): {
+        "de_DE": "Kanäle, Basis, Tiefe und Alpha als Voreinstellung speichern oder eine Voreinstellung entfernen",
+        "es": "Guarda los canales, la base, la profundidad y alfa como preajuste, o elimina un preajuste",
     },
 }

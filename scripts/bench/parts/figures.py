@@ -80,9 +80,7 @@ def terrain(folder: Path, scratch: Path, quick: bool) -> dict[str, str]:
 
 def bake(low: bpy.types.Object, high: bpy.types.Object, path: Path, **settings) -> None:
     """Bake a map for Cycles into a file of 8 bits."""
-    bake_pair(
-        bpy.context, low, [high], Settings(basis="BLENDER", storage="FILE", output=str(path), depth=8, **settings)
-    )
+    bake_pair(bpy.context, low, [high], Settings(basis="CYCLES", storage="FILE", output=str(path), depth=8, **settings))
 
 
 def beside(paths: Sequence[Path], path: Path) -> None:

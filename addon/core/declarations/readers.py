@@ -1,0 +1,169 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The programs that read normal maps, and what each needs. To add one, add it to READERS: no other module names a program."""
+
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from . import bases
+from .bases import Basis
+
+UP, DOWN = "+Y", "-Y"
+"""What the green channel stores: as OpenGL has it, and as DirectX has it."""
+OF_SCENE = "Blender"
+"""The preset for the render engine of the scene."""
+
+
+@dataclass(frozen=True)
+class Reader:
+    """A program that decodes tangent-space normal maps.
+
+    name: on the command line and in job files. label: in the interface and the manual. basis: that it decodes with. green: UP
+    or DOWN. rebuilds_z: whether it reads red and green alone and makes z of them, so that no normal has a z below 0. depth:
+    bits per channel that it makes use of. alpha: whether its images have alpha, in which packed ones store a map. file_name:
+    the name of a normal map as its users spell it, with {low} for the low object. preset: the file below presets/imprint
+    that is made for it. settings: what to set in it, in words.
+    """
+
+    name: str
+    label: str
+    basis: Basis
+    preset: str
+    settings: str
+    green: str = UP
+    rebuilds_z: bool = False
+    depth: int = 8
+    alpha: bool = False
+    file_name: str = "{low}_normal.png"
+
+
+_LINEAR = "As a normal map, linear"
+_WITH_TANGENTS = "Export with *Tangents*; viewers read 8 bits"
+_OF_UNITY = "Texture type *Normal map*; model: tangents *Calculate Mikktspace* or *Import*"
+_OF_GODOT = "Normal map *Enabled* in the texture's import settings; the mesh exported with tangents"
+
+READERS = (
+    Reader(
+        "cycles", "Blender Cycles", bases.CYCLES, "Blender Cycles", "Imprint sets up the material", depth=16, alpha=True
+    ),
+    Reader(
+        "eevee",
+        "Blender EEVEE",
+        bases.MIKKTSPACE,
+        "Blender EEVEE",
+        "Imprint sets up the material",
+        depth=16,
+        alpha=True,
+    ),
+    Reader(
+        "unreal",
+        "Unreal Engine",
+        bases.MIKKTSPACE,
+        "Unreal",
+        "Compression *Normalmap*; sRGB off; mesh import: tangents *Import Normals and Tangents* or *MikkTSpace*",
+        green=DOWN,
+        rebuilds_z=True,
+        depth=16,
+        file_name="T_{low}_Normal.png",
+    ),
+    Reader(
+        "unity",
+        "Unity URP and HDRP",
+        bases.MIKKTSPACE,
+        "Unity",
+        _OF_UNITY,
+        rebuilds_z=True,
+        depth=16,
+        alpha=True,
+        file_name="{low}_Normal.png",
+    ),
+    Reader(
+        "unity-built-in",
+        "Unity Built-in",
+        bases.MIKKTSPACE_VERTEX,
+        "Unity Built-in",
+        _OF_UNITY,
+        rebuilds_z=True,
+        depth=16,
+        alpha=True,
+        file_name="{low}_Normal.png",
+    ),
+    Reader(
+        "godot",
+        "Godot 4.4 and later",
+        bases.MIKKTSPACE_VERTEX,
+        "Godot",
+        _OF_GODOT,
+        rebuilds_z=True,
+        depth=16,
+    ),
+    Reader(
+        "godot-old",
+        "Godot 3 to 4.3",
+        bases.NORMALIZED,
+        "Godot 4.3",
+        _OF_GODOT,
+        rebuilds_z=True,
+        depth=16,
+    ),
+    Reader("three", "three.js", bases.NORMALIZED, "glTF", _WITH_TANGENTS),
+    Reader("khronos", "Khronos glTF viewer", bases.NORMALIZED, "glTF", _WITH_TANGENTS),
+    Reader("babylon", "Babylon.js", bases.MIKKTSPACE_VERTEX, "Babylon.js", _WITH_TANGENTS),
+    Reader("bevy", "Bevy", bases.MIKKTSPACE, "Bevy and Filament", _WITH_TANGENTS),
+    Reader("filament", "Filament", bases.MIKKTSPACE, "Bevy and Filament", _WITH_TANGENTS),
+    Reader(
+        "cryengine",
+        "CryEngine",
+        bases.MIKKTSPACE_VERTEX,
+        "CryEngine",
+        "Texture preset for normal maps",
+        green=DOWN,
+        rebuilds_z=True,
+        depth=16,
+        file_name="{low}_ddna.tif",
+    ),
+    Reader("xnormal", "xNormal", bases.MIKKTSPACE_VERTEX, "Substance and xNormal", _LINEAR, depth=16),
+    Reader(
+        "substance",
+        "Substance 3D",
+        bases.MIKKTSPACE_VERTEX,
+        "Substance and xNormal",
+        "*Compute tangent space per fragment* off",
+        depth=16,
+    ),
+    Reader(
+        "substance-per-fragment",
+        "Substance 3D, per fragment",
+        bases.MIKKTSPACE,
+        "Substance per fragment",
+        "*Compute tangent space per fragment* on",
+        depth=16,
+    ),
+    Reader("directx", "Other DirectX programs", bases.MIKKTSPACE, "DirectX", _LINEAR, green=DOWN, depth=16),
+)
+BY_NAME = MappingProxyType({reader.name: reader for reader in READERS})
+
+
+def of_basis(basis: Basis) -> tuple[Reader, ...]:
+    """The programs that decode with a basis."""
+    return tuple(reader for reader in READERS if reader.basis == basis)
+
+
+def names(basis: Basis) -> str:
+    """The programs that decode with a basis, as words."""
+    *first, last = (reader.label for reader in of_basis(basis))
+    return f"{', '.join(first)} and {last}" if first else last
+
+
+def presets() -> dict[str, dict[str, str | bool]]:
+    """The settings of each preset, by its name and theirs. Programs that share a preset need the same."""
+    of_scene = {"basis": bases.AUTO, "green": UP, "depth": "16", "alpha": True}
+    of_readers = {
+        reader.preset: {
+            "basis": reader.basis.name,
+            "green": reader.green,
+            "depth": str(reader.depth),
+            "alpha": reader.alpha,
+        }
+        for reader in READERS
+    }
+    return {OF_SCENE: of_scene, **of_readers}
