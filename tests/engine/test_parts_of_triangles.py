@@ -149,6 +149,21 @@ def test_parts_that_do_not_fit_are_built_again_and_those_in_memory_come_first(in
     assert len(built) == 5 + 4 * (len(asked) - 1)
 
 
+def test_parts_that_are_built_again_count_for_the_bake_that_does_it(in_parts):
+    low, *highs = layers()
+    in_parts(500, kept=1)
+    settings = Settings("CAST", width=32, height=32, storage="MEMORY", material=False)
+    first = bake_pair(bpy.context, low, highs, settings)
+    before = dict(first.seconds)
+    tables = tree_cache.trees.scenes[-1].tables
+    timings = tables.timings
+    second = bake_pair(bpy.context, low, highs, settings)
+    assert tree_cache.trees.scenes[-1].tables is tables
+    assert tables.timings is not timings
+    assert second.seconds["upload"] > 0.0
+    assert first.seconds == before
+
+
 def test_the_order_of_parts_does_not_matter(in_parts, monkeypatch):
     low, *highs = layers()
     wanted = maps.bake(low, *highs, samples=4, **RAYS)
@@ -240,6 +255,17 @@ def test_a_bake_in_parts_may_end_at_each_step(in_parts, tmp_path):
     assert ended > 8
     bake_pair(bpy.context, low, highs, Settings("CAST", image="map", storage="MEMORY", **options))
     assert np.array_equal(maps.pixels(bpy.data.images["map"]), wanted)
+
+
+@pytest.mark.parametrize("name", ["HEIGHT", "BASE_COLOR"])
+def test_flatten_says_that_other_maps_need_all_triangles_at_once(in_parts, name):
+    low, *highs = layers()
+    in_parts(500)
+    with pytest.raises(
+        BakeError, match="2,304 triangles together; by Flatten, other maps than the normal map, .* take 500"
+    ):
+        maps.bake_all_maps(low, *highs, maps=[name], method="FLATTEN")
+    assert maps.bake(low, *highs, method="FLATTEN").any()
 
 
 def test_live_in_parts_shows_the_map_of_one(in_parts):

@@ -34,11 +34,12 @@ class Part:
 class PartTables:
     """What cast.Tables holds, of any number of triangles of `highs`, in parts.
 
-    most: the most triangles of a part that the GPU takes. order (T,) int32: as in tree_cache.RayScene.
+    timings: of the bake that asks for parts. most: the most triangles of a part that the GPU takes. order (T,) int32: as in
+    tree_cache.RayScene.
     """
 
     def __init__(self, highs: Sequence[Mesh], local_space: LocalSpace, timings: Timings, *, most: int):
-        self._timings, self._size = timings, min(PART, most)
+        self.timings, self._size = timings, min(PART, most)
         self._points = _joined([local_space.points(high) for high in highs])
         self._normals = _joined([high.to_world_normals(high.normals) for high in highs])
         # The winding decides whether a ray hits the front or the back.
@@ -51,7 +52,9 @@ class PartTables:
     def bytes(self) -> int:
         """The GPU memory of the parts that are there, and the memory of what others are built from."""
         held = sum(part.tables.bytes for part in self._kept.values())
-        return held + sum(array.nbytes for array in (self._points, self._normals, self._corners, self.order))
+        return held + sum(
+            array.nbytes for array in (self._points, self._normals, self._corners, self._vertices, self.order)
+        )
 
     @property
     def count(self) -> int:
@@ -72,13 +75,13 @@ class PartTables:
         """Build a part, in the place of parts that were used longest ago."""
         triangles = self.order[start : start + self._size]
         corners = threads.take(self._corners, triangles)
-        with self._timings.timed("tree"):
+        with self.timings.timed("tree"):
             vertices = threads.take(self._vertices, corners)
             nodes, first_leaf = tree_parts.nodes(self._points, vertices, self._grid)
         largest = max((part.tables.bytes for part in self._kept.values()), default=0)
         while self._kept and largest * (len(self._kept) + 1) > KEPT_BYTES:
             self._kept.popitem(last=False)
-        with self._timings.timed("upload"):
+        with self.timings.timed("upload"):
             tables = cast.upload(
                 nodes,
                 self._points,

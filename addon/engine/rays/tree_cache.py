@@ -88,6 +88,8 @@ class TreeCache:
             if found is None:
                 found = _build(highs, timings) if fits(highs) else _build_parts(highs, timings)
                 self.built += 1
+            elif isinstance(found.tables, PartTables):
+                found.tables.timings = timings  # parts may be built again
             self._scenes[key] = found
             while len(self) > 1 and (len(self) > self.most_trees or self.bytes > self.most_bytes):
                 self._scenes.popitem(last=False)
@@ -133,7 +135,11 @@ trees = TreeCache()
 
 def without_tree(highs: Sequence[Mesh], timings: Timings) -> RayScene:
     """The triangles of `highs` in their own order, to read what is at hits. No ray can be cast at them."""
-    _check(highs, takes_parts=False)
+    if not fits(highs):
+        raise BakeError(
+            f"The high meshes have {_count(highs):,} triangles together; by Flatten, other maps than the normal map, and"
+            f" materials with normal or bump maps take {most_in_one_part():,} on this GPU."
+        )
     local_space, points, vertices, normals, corners = _arrays(highs)
     with timings.timed("upload"):
         tables = cast.upload(

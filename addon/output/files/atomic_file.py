@@ -84,9 +84,8 @@ class Partial:
             raise BakeError(f"{str(self.path)!r} could not be written: {reason(error)}.") from error
         except RuntimeError as error:  # of Blender's writers
             found = reason(error)
-            if (
-                found in _SYSTEM_MESSAGES
-            ):  # what Blender reports if it cannot write all of a file may be of an earlier call
+            # If it cannot write all of a file, Blender reports the last error of the system, which may be of an earlier call.
+            if found in _SYSTEM_MESSAGES:
                 found = "Blender could not write all of it, as on a full disk"
             raise BakeError(f"{str(self.path)!r} could not be written: {found}.") from error
 
