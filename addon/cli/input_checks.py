@@ -10,7 +10,6 @@ import numpy as np
 
 from ..core import map_types
 from ..core.errors import BakeError, shorten_list
-from ..core.map_types import Family
 from ..core.preflight import placement
 from ..core.settings import Settings
 from ..jobs.job import Job
@@ -82,7 +81,7 @@ def rounded_coordinates(options: argparse.Namespace, jobs: Sequence[Job]) -> lis
 def _of_materials(settings: Settings) -> list[str]:
     """The maps of these settings that show materials, also those that are only packed."""
     known = [map_types.BY_NAME[name] for name in settings.drawn_maps]
-    return [each.name for each in known if each.family is Family.MATERIAL and each.socket]
+    return [each.name for each in known if each.socket]
 
 
 def _libraries(options: argparse.Namespace) -> Iterator[str]:

@@ -10,7 +10,7 @@ from pathlib import Path
 import bpy
 
 from ..core.declarations.choices import Method
-from ..core.map_types import BY_NAME, Family
+from ..core.map_types import BY_NAME
 from ..core.preflight.memory_need import Amounts, Need, sentence
 from ..core.settings import Settings
 from ..jobs import job as drawing
@@ -48,7 +48,7 @@ def need_of(job: Job, settings: Settings) -> Need | None:
     objects = list(dict.fromkeys([job.low, *job.highs]))
     if any(obj.type != "MESH" or obj.modifiers or obj.is_instancer for obj in objects):
         return None
-    shows_images = any(BY_NAME[name].family is Family.MATERIAL for name in settings.drawn_maps)
+    shows_images = any(BY_NAME[name].family.shows_materials for name in settings.drawn_maps)
     pages = page_files.used_by(job.highs)
     return Need.of(
         Amounts(

@@ -47,11 +47,17 @@ class Family(StrEnum):
     THICKNESS = "rays into the high surface"
     CURVATURE = "rays to both sides of the high surface"
     MATERIAL = "the materials and attributes of the high meshes"
+    SLOPES = "the slopes of the normals, and the roughness of the high meshes' materials"
 
     @property
     def casts_rays(self) -> bool:
         """Whether the maps cast rays from the hits."""
         return self in (Family.OPENNESS, Family.THICKNESS, Family.CURVATURE)
+
+    @property
+    def shows_materials(self) -> bool:
+        """Whether the maps change with the materials of the high meshes."""
+        return self in (Family.MATERIAL, Family.SLOPES)
 
 
 @dataclass(frozen=True)
@@ -140,6 +146,15 @@ AO = MapType(
 )
 BASE_COLOR = _of_socket("BASE_COLOR", "Base Color", "Base Color", is_color=True)
 ROUGHNESS = _of_socket("ROUGHNESS", "Roughness", "Roughness")
+WIDENED_ROUGHNESS = MapType(
+    "WIDENED_ROUGHNESS",
+    "Widened Roughness",
+    "Roughness of the high meshes' materials, widened by the detail that is finer than a texel",
+    Kind.VALUE,
+    "widened_roughness",
+    family=Family.SLOPES,
+    socket="Roughness",
+)
 METALLIC = _of_socket("METALLIC", "Metallic", "Metallic")
 EMISSION = _of_socket("EMISSION", "Emission", "Emission Color", is_color=True, value_range=Range.POSITIVE)
 ATTRIBUTE = MapType(
@@ -251,6 +266,7 @@ OTHERS = (
     ),
     BASE_COLOR,
     ROUGHNESS,
+    WIDENED_ROUGHNESS,
     METALLIC,
     EMISSION,
     _of_socket("ALPHA", "Alpha", "Alpha"),

@@ -12,7 +12,7 @@ from .declarations.all_settings import DECLARED
 from .declarations.choices import Pack, Storage
 from .declarations.packing import CUSTOM_SUFFIX, PRESETS, WHITE, Packing
 from .errors import BakeError
-from .map_types import BY_NAME, NAMES
+from .map_types import BY_NAME, NAMES, WIDENED_ROUGHNESS
 from .names.file_names import LOW, MATERIAL
 from .udim import TOKEN
 
@@ -129,7 +129,8 @@ class Settings:
         """The layout of the packed image, or None without one."""
         if self.pack == Pack.CUSTOM:
             return Packing.of(CUSTOM_SUFFIX, self.pack_red, self.pack_green, self.pack_blue, self.pack_alpha)
-        return PRESETS.get(self.pack)
+        layout = PRESETS.get(self.pack)
+        return layout.of_widened_roughness() if layout and WIDENED_ROUGHNESS.name in self.maps else layout
 
     @property
     def drawn_maps(self) -> tuple[str, ...]:

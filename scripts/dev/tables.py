@@ -149,7 +149,7 @@ def maps() -> str:
 
 SOURCES = {
     "Rays from the high surface": (Family.OPENNESS, Family.THICKNESS, Family.CURVATURE),
-    "Materials and attributes of the high meshes": (Family.MATERIAL,),
+    "Materials and attributes of the high meshes": (Family.MATERIAL, Family.SLOPES),
     "The points of both surfaces": (Family.POINTS,),
 }
 """Where the values of families of maps come from."""

@@ -64,3 +64,17 @@ def test_a_packed_image_must_hold_a_map():
     settings = Settings(pack=Pack.CUSTOM, pack_red="ONE", pack_green="ZERO", pack_blue="ZERO", pack_alpha="ONE")
     with pytest.raises(BakeError, match="The packed image would hold no map"):
         settings.check()
+
+
+@pytest.mark.parametrize("pack", [pack for pack in Pack if pack not in (Pack.NONE, Pack.CUSTOM)])
+def test_presets_take_the_widened_roughness_if_it_is_chosen(pack):
+    plain, widened = (Settings(pack=pack, maps=maps).packing for maps in ((), ("WIDENED_ROUGHNESS",)))
+    assert "ROUGHNESS" in plain.maps
+    assert widened.maps == tuple(name.replace("ROUGHNESS", "WIDENED_ROUGHNESS") for name in plain.maps)
+    for before, after in zip(plain.channels, widened.channels, strict=True):
+        assert (before.is_inverted, before.constant) == (after.is_inverted, after.constant)
+
+
+def test_a_layout_of_one_s_own_holds_what_it_names():
+    settings = Settings(pack=Pack.CUSTOM, pack_green="ROUGHNESS", maps=("WIDENED_ROUGHNESS",))
+    assert settings.packing.channels[1].map == "ROUGHNESS"

@@ -2,10 +2,10 @@
 """What the channels of a packed image hold, for each layout."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
-from ..map_types import AO, METALLIC, ROUGHNESS, Kind, MapType
+from ..map_types import AO, METALLIC, ROUGHNESS, WIDENED_ROUGHNESS, Kind, MapType
 from .choices import Pack
 from .surface_map_settings import ONE, SMOOTHNESS, ZERO
 
@@ -54,6 +54,16 @@ class Packing:
     def map_type(self) -> MapType:
         """A map type for the names of the image."""
         return MapType("PACKED", "Packed", "", Kind.VALUE, self.suffix)
+
+    def of_widened_roughness(self) -> "Packing":
+        """The same layout with the widened roughness in place of the material's."""
+        return replace(
+            self,
+            channels=tuple(
+                replace(channel, map=WIDENED_ROUGHNESS.name) if channel.map == ROUGHNESS.name else channel
+                for channel in self.channels
+            ),
+        )
 
     def by_name(self) -> dict[str, Channel]:
         """The channels by their names."""

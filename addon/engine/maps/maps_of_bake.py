@@ -8,6 +8,8 @@ import gpu
 from ...core.map_types import BY_NAME, Family
 from ...mesh.inputs import Meshes
 from ...passes import mesh_upload
+from ..adaptive.normal_space import NormalSpace
+from ..mips.slope_maps import SlopeMaps
 from ..sources import Source, world_to_space
 from .family import MapFamily, Run
 from .material_maps import MaterialMaps
@@ -66,6 +68,8 @@ def _families(
         )
     if names(Family.MATERIAL):
         yield MaterialMaps(names(Family.MATERIAL), meshes, surface, run)
+    if names(Family.SLOPES):
+        yield SlopeMaps(meshes, surface, run, space=NormalSpace(basis, meshes.basis, run.settings))
     for kind in (ThicknessMaps, CurvatureMaps):
         if names(kind.family):
             yield kind(names(kind.family), surface, run)

@@ -8,7 +8,7 @@ import bpy
 
 from ...core import udim
 from ...core.declarations.choices import Method
-from ...core.map_types import BY_NAME, NORMAL, Family, Labeled
+from ...core.map_types import BY_NAME, NORMAL, Labeled
 from ...core.progress import Pace, Task, part
 from ...core.settings import Settings
 from ...core.texel_state import Map
@@ -43,7 +43,7 @@ class LiveMaps:
     @property
     def show_materials(self) -> bool:
         """Whether a map changes with the materials of the high objects."""
-        return any(BY_NAME[name].family is Family.MATERIAL for name in self.drawing.maps)
+        return any(BY_NAME[name].family.shows_materials for name in self.drawing.maps)
 
     def work(self, source: sources.Source | None, plan: Plan, uploads: UploadCache, pace: Pace) -> Task[None]:
         """Draw the maps. source, plan: of the session's last normal map; the source is None if its memory was freed. Raises

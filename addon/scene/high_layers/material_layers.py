@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 import bpy
 import numpy as np
 
-from ...core.map_types import BY_NAME, Family
+from ...core.map_types import BY_NAME
 from ...core.material_feeds import AttributeFeed, BumpFeed, DetailFeed, Feed, HighMaterial, ImageFeed
 from ...core.settings import Settings
 from ...mesh.triangle_mesh import ATTRIBUTE, TANGENTS, UV_LAYER
@@ -30,7 +30,7 @@ def read_layers(
 
 def _needed(materials: Iterable[HighMaterial], settings: Settings) -> dict[tuple[str, str], None]:
     """The keys of the layers, each once, in order."""
-    wanted = [BY_NAME[name] for name in settings.maps if BY_NAME[name].family is Family.MATERIAL]
+    wanted = [BY_NAME[name] for name in settings.maps if BY_NAME[name].family.shows_materials]
     needed: dict[tuple[str, str], None] = {}
     if any(not map_type.socket for map_type in wanted):
         needed[ATTRIBUTE, settings.attribute] = None

@@ -17,7 +17,7 @@ from .sidebar import SettingsPanel, split_layout
 
 GROUPS = {
     "rays": [one for one in Family if one.casts_rays],
-    "materials": (Family.MATERIAL,),
+    "materials": [one for one in Family if one.shows_materials],
     "geometry": (Family.POINTS,),
 }
 """The groups of the list, and their families."""

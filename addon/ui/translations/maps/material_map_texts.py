@@ -18,6 +18,14 @@ def _of_materials(english: str, german: str, spanish: str) -> dict[tuple[str, st
 TABLE = {
     **_of_materials("Base Color", "Grundfarbe", "Color base"),
     **_of_materials("Roughness", "Rauheit", "Rugosidad"),
+    (LABEL, "Widened Roughness"): {"de_DE": "Verbreiterte Rauheit", "es": "Rugosidad ensanchada"},
+    (
+        SENTENCE,
+        "Roughness of the high meshes' materials, widened by the detail that is finer than a texel",
+    ): {
+        "de_DE": "Rauheit der Materialien der High-Poly-Meshes, verbreitert um die Details, die feiner als ein Texel sind",
+        "es": "Rugosidad de los materiales de las mallas high poly, ensanchada por el detalle más fino que un téxel",
+    },
     **_of_materials("Metallic", "Metallisch", "Metalicidad"),
     **_of_materials("Emission", "Emission", "Emisión"),
     **_of_materials("Alpha", "Alpha", "Alfa"),
