@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
-import gpu
 
+from .. import older_blender
 from ..core import progress
 from ..core.declarations.choices import Method
 from ..core.errors import BakeError, WrongPlace, sentence
@@ -158,7 +158,7 @@ def run(opened: Opened, stage: Stage, meter: Meter) -> Result:
     _start_gpu()
     memory = _say_memory(opened, meter)
     with all_or_none():  # if a pair, a frame, the scene or the report fails, no file of the bake is written
-        reports, is_stopped = _explained(opened, meter)
+        reports, is_stopped = older_blender.with_gpu(lambda: _explained(opened, meter))
         notes = [*stage.notes, *opened.notes, *_refused_scripts()]
         reports = [
             report.with_memory(memory).with_warnings([*notes, *(opened.hints if report.method == Method.CAST else [])])
@@ -254,7 +254,7 @@ def _start_gpu() -> None:
         suppress(SystemError, RuntimeError),
         standard_streams.silence() if interruption.is_launched() else nullcontext(),
     ):
-        gpu.init()
+        older_blender.start_gpu()
 
 
 def _jobs(options: argparse.Namespace, stage: Stage) -> tuple[list[Job], list[str]]:

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import bpy
 
+from .. import older_blender
 from ..core import progress
 from ..core.declarations.choices import Occluders
 from ..core.errors import BakeError
@@ -50,10 +51,9 @@ def bake_all(
     on_progress: Callable[[Progress], None] | None = None,
 ) -> list[Report]:
     """Do all of `work` at once. on_progress: called with each step."""
-    return progress.finish(
-        work(context, jobs, settings, Pace(PROGRESS_SECONDS if on_progress else None), share_image=share_image),
-        on_progress,
-    )
+    pace = Pace(PROGRESS_SECONDS if on_progress else None)
+    steps = work(context, jobs, settings, pace, share_image=share_image)
+    return older_blender.with_gpu(lambda: progress.finish(steps, on_progress))
 
 
 def work(

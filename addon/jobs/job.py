@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import bpy
 import gpu
 
+from .. import older_blender
 from ..core.declarations.choices import VertexDomain
 from ..core.errors import BakeError
 from ..core.names.name_matching import Suffixes, match
@@ -122,7 +123,7 @@ def check_job(context: bpy.types.Context, job: Job, settings: Settings) -> None:
     if settings.vertex_domain != VertexDomain.NONE:
         vertex_attributes.check(job.low)
     try:
-        gpu.init()
+        older_blender.start_gpu()
     except (SystemError, RuntimeError) as error:
         raise BakeError(f"There is no GPU to bake on: {error}.") from error
     limit = gpu.capabilities.max_texture_size_get()

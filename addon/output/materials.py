@@ -10,6 +10,7 @@ import bpy
 import numpy as np
 from bpy.types import Image, Material, MaterialSlot, Mesh, Object
 
+from .. import older_blender
 from ..core.declarations.choices import Space
 from ..core.errors import BakeError
 from ..core.map_types import MARK
@@ -113,6 +114,7 @@ def _edit(
             continue
         elif others:
             notes.append(f"{state}; the map shows there too.")
+        notes.extend(older_blender.switch_on_nodes(target))
         notes.extend(connect(target))
     return notes
 
@@ -135,6 +137,7 @@ def _fill_slots(low: Object, single_user: bool) -> None:
     empty = [slots[i] for i in used.tolist() if not slots[i].material]
     if empty:
         material = bpy.data.materials.new(low.name)
+        older_blender.switch_on_nodes(material)
         for slot in empty:
             _assign(low, slot, material, single_user)
 

@@ -214,7 +214,7 @@ def drawing(
     gpu.state.depth_mask_set(writes_depth)
     gpu.state.color_mask_set(True, True, True, True)
     with into.bound(stopped) as framebuffer:
-        framebuffer.viewport_set(0, 0, into.width, into.height)
+        gpu.state.viewport_set(0, 0, into.width, into.height)
         is_limited = drawn_part.begin(into.width)
         if clear:
             framebuffer.clear(color=(0.0, 0.0, 0.0, 0.0), **({"depth": 1.0} if writes_depth else {}))

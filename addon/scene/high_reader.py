@@ -2,8 +2,7 @@
 """Reads high objects, with their modifiers: joins the mesh and the instances of each into one mesh."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from types import MappingProxyType
+from dataclasses import dataclass, field, replace
 
 import bpy
 import numpy as np
@@ -46,7 +45,7 @@ class Reader:
     low_layer: str
     settings: Settings
     before: Sequence[HighMaterial] = ()
-    known: Mapping[int, Mesh] = MappingProxyType({})
+    known: Mapping[int, Mesh] = field(default_factory=dict)
 
     def __post_init__(self):
         sockets = {BY_NAME[name].socket for name in self.settings.maps} - {""}

@@ -2,10 +2,12 @@
 """Operators that bake: they collect arguments, run the jobs, and report."""
 
 import textwrap
+from functools import partial
 
 import bpy
 from bpy.props import CollectionProperty, IntProperty, StringProperty
 
+from .. import older_blender
 from ..core import progress
 from ..core.errors import BakeError
 from ..core.report import Report
@@ -34,6 +36,9 @@ class _Bake(modal.SlicedOperator):
             cls.poll_message_set(tooltip("Stop Live first: it writes to the same image"))
             return False
         return display.current is None
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        return older_blender.with_gpu(partial(super().execute, context))
 
     def finish(self, context: bpy.types.Context, result: list[Report]) -> None:
         _report(self, context, result)

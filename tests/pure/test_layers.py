@@ -21,14 +21,15 @@ MAY_IMPORT = {
     "core": set(),
     "mesh": {"core"},
     "passes": {"core"},
-    "scene": {"core", "mesh"},
-    "output": {"core"},
+    "older_blender": {"core", "passes", "engine"},
+    "scene": {"core", "mesh", "older_blender"},
+    "output": {"core", "older_blender"},
     "engine": {"core", "mesh", "passes"},
     "audit": {"core", "mesh", "passes", "engine"},
-    "jobs": {"core", "mesh", "passes", "scene", "output", "engine", "audit"},
+    "jobs": {"core", "mesh", "passes", "scene", "output", "engine", "audit", "older_blender"},
     "views": {"core", "mesh", "passes", "scene", "output", "engine", "jobs"},
-    "ui": {"core", "scene", "output", "engine", "jobs", "views"},
-    "cli": {"core", "scene", "output", "jobs"},
+    "ui": {"core", "scene", "output", "engine", "jobs", "views", "older_blender"},
+    "cli": {"core", "scene", "output", "jobs", "older_blender"},
     "": {"passes", "engine", "ui", "cli"},  # addon/__init__.py, which registers and frees
 }
 """The packages that each package may import."""

@@ -7,6 +7,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
+from ... import older_blender
 from . import page_search
 from .ply_texture import Texture
 
@@ -53,6 +54,7 @@ def _has_corners(data: bpy.types.Mesh, corners: np.ndarray) -> bool:
 def _material(name: str, node_type: str, **values) -> bpy.types.Material:
     """A material whose base color is the output of a node with these values."""
     material = bpy.data.materials.new(name)
+    older_blender.switch_on_nodes(material)
     tree = material.node_tree
     node = tree.nodes.new(node_type)
     for key, value in values.items():

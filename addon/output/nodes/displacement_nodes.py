@@ -3,6 +3,7 @@
 
 from bpy.types import Node, NodeSocket
 
+from ... import older_blender
 from ...core.declarations.choices import Space
 from ...core.map_types import MARK
 from . import image_nodes, tree_editing
@@ -53,7 +54,7 @@ def fit_normal_maps(editor: TreeEditor) -> None:
         return
     for node in editor.nodes_of("ShaderNodeNormalMap"):
         if _is_own(editor, *editor.trace(node.inputs["Color"])[1:]):
-            tree_editing.change(node, base="ORIGINAL")
+            tree_editing.change(node, **older_blender.normal_map_values(node, {"base": "ORIGINAL"}))
 
 
 def _entry(node: Node) -> NodeSocket:

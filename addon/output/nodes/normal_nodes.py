@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 from bpy.types import Image, Material, Node, NodeSocket
 
+from ... import older_blender
 from . import displacement_nodes, tree_editing
 from .tree_editing import Coordinates, TreeEditor, title
 
@@ -54,7 +55,7 @@ def _feed_normal(
 
 def _feed_normal_map(editor: TreeEditor, settings: NormalMapSettings, normal_map: Node) -> None:
     """Make a Normal Map node show the image, if its Color input is connected to an Image Texture or to nothing."""
-    color = normal_map.inputs["Color"]
+    color = older_blender.normal_map_color(editor, normal_map, settings.normal_map)
     end, texture, kind = editor.trace(color)
     if kind not in (None, "ShaderNodeTexImage.Color"):
         editor.note_unchanged(normal_map, "Color", texture, kind)
@@ -65,6 +66,6 @@ def _feed_normal_map(editor: TreeEditor, settings: NormalMapSettings, normal_map
         )
         texture, end = None, color
     texture = texture or editor.own_node("ShaderNodeTexImage", "Color", end)
-    tree_editing.change(normal_map, **settings.normal_map)
+    tree_editing.change(normal_map, **older_blender.normal_map_values(normal_map, settings.normal_map))
     tree_editing.change(texture, image=settings.image)
     editor.feed_coordinates(texture)

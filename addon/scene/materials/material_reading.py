@@ -6,6 +6,7 @@ from collections.abc import Collection, Sequence
 import numpy as np
 from bpy.types import Material
 
+from ... import older_blender
 from ...core.material_feeds import Constant, DetailFeed, Feed, HighMaterial
 from ..images.image_pages import ImagePages
 from . import arithmetic_nodes, texture_nodes
@@ -45,7 +46,7 @@ def read_materials(
 def _read(material: Material | None, images: ImagePages, sockets: Collection[str] | None) -> HighMaterial:
     if material is None:
         return HighMaterial("none", _plain((GRAY, GRAY, GRAY), HALF_ROUGH, 0.0, 1.0))
-    if material.node_tree is None:
+    if not older_blender.shows_nodes(material):
         color = material.diffuse_color
         feeds = _plain(color, material.roughness, material.metallic, color[3])
         return HighMaterial(material.name, feeds)

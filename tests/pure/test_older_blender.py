@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tests that code for older versions of Blender is in one file, and that few lines call it."""
+
+import ast
+import tomllib
+from collections import Counter
+
+from scripts.imprint import ROOT
+
+ADDON = ROOT / "addon"
+CALLS = {
+    ("jobs/job.py", "start_gpu"): 1,
+    ("cli/batch.py", "start_gpu"): 1,
+    ("cli/batch.py", "with_gpu"): 1,
+    ("jobs/bake_jobs.py", "with_gpu"): 1,
+    ("ui/operators.py", "with_gpu"): 1,
+    ("output/nodes/normal_nodes.py", "normal_map_values"): 1,
+    ("output/nodes/displacement_nodes.py", "normal_map_values"): 1,
+    ("output/nodes/normal_nodes.py", "normal_map_color"): 1,
+    ("scene/materials/material_reading.py", "shows_nodes"): 1,
+    ("output/materials.py", "switch_on_nodes"): 2,
+    ("cli/mesh_files/base_colors.py", "switch_on_nodes"): 1,
+}
+"""What to change when older versions are dropped: the docstrings of older_blender.py say into what."""
+
+
+def trees():
+    """Each module of the add-on but the one for older versions, by its path in addon/, parsed as Python 3.11 does."""
+    for path in sorted(ADDON.rglob("*.py")):
+        if path.name != "older_blender.py":
+            text = path.read_text(encoding="utf-8")
+            yield path.relative_to(ADDON).as_posix(), ast.parse(text, feature_version=(3, 11))
+
+
+def test_the_calls_are_known():
+    found = Counter(
+        (path, node.attr)
+        for path, tree in trees()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "older_blender"
+    )
+    assert found == CALLS
+
+
+def test_each_function_says_what_5_2_does():
+    tree = ast.parse((ADDON / "older_blender.py").read_text(encoding="utf-8"))
+    functions = {
+        node.name: ast.get_docstring(node)
+        for node in tree.body
+        if isinstance(node, ast.FunctionDef) and not node.name.startswith("_")
+    }
+    assert set(functions) == {name for _, name in CALLS}
+    assert [name for name, text in functions.items() if not text.startswith("In 5.2: ")] == []
+
+
+def test_no_other_module_asks_for_the_version_of_blender():
+    found = [
+        (path, node.attr)
+        for path, tree in trees()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Attribute) and node.attr in {"version", "version_string"} and "app" in ast.unparse(node)
+    ]
+    assert found == []
+
+
+def test_no_other_module_starts_the_gpu():
+    found = [path for path, tree in trees() for node in ast.walk(tree) if ast.unparse(node) == "gpu.init"]
+    assert found == []
+
+
+def test_the_manifest_names_the_oldest_version():
+    manifest = tomllib.loads((ROOT / "blender_manifest.toml").read_text(encoding="utf-8"))
+    assert manifest["blender_version_min"] == "4.5.0"
