@@ -8,6 +8,7 @@ import numpy as np
 
 from ...mesh import uv_blocks, uv_cells
 from ...mesh.triangle_mesh import Mesh
+from ...mesh.uv_cells import CellTriangles
 from ...passes.adaptive import active, cell_samples, rounds
 from ...passes.adaptive.cell_samples import Sorted
 from ..bands import Band
@@ -31,8 +32,10 @@ class FlatNormals(AdaptiveNormals):
         rows = -(-band.height // side)
         strips = max(1, min(-(-count // STRIP), rows))
         bounds = [side * (rows * i // strips) for i in range(strips)] + [band.height]
+        lows = [self.space.mesh] if self.space.basis is not None else []
+        find = _Finder([*self.source.batches.highs, *lows], band, side, is_striped=strips > 1)
         for strip, (start, stop) in enumerate(zip(bounds[:-1], bounds[1:], strict=True)):
-            steps = self._strip(band, needed, slice(start, stop), side)
+            steps = self._strip(band, needed, slice(start, stop), find)
             while True:
                 with self.timings.timed("draw"):
                     done = next(steps, None)
@@ -41,10 +44,10 @@ class FlatNormals(AdaptiveNormals):
                     break
                 yield (strip + done) / strips
 
-    def _strip(self, band: Band, needed: np.ndarray, rows: slice, side: int) -> Iterator[float]:
+    def _strip(self, band: Band, needed: np.ndarray, rows: slice, find: "_Finder") -> Iterator[float]:
         """Take the samples of the texels in these rows. Yields the share that is done."""
-        inside = needed[rows]
-        cells = np.zeros((-(-band.height // side), -(-band.width // side)), bool)
+        inside, side = needed[rows], find.side
+        cells = np.zeros(find.shape, bool)
         first = rows.start // side
         asked = uv_cells.squares(inside >= 2, side)
         cells[first : first + len(asked)] = asked
@@ -52,10 +55,10 @@ class FlatNormals(AdaptiveNormals):
         if not len(places):
             return
         batches = self.source.batches
-        high, low = _Chosen(batches.highs, band, cells, side).high(batches.matrices), None
+        high, low = find.in_cells(batches.highs, cells).high(batches.matrices), None
         has_any = np.diff(high.starts) > 0
         if self.space.basis is not None:
-            low = _Chosen([self.space.mesh], band, cells, side).low()
+            low = find.in_cells([self.space.mesh], cells).low()
             has_any &= np.diff(low.starts) > 0
         found = needed[places[:, 1], places[:, 0]]
         # Empty texels away from the meshes stay empty.
@@ -73,18 +76,47 @@ class FlatNormals(AdaptiveNormals):
         )
 
 
-class _Chosen:
-    """The triangles of some meshes that touch some cells, mesh after mesh."""
+class _Finder:
+    """Finds the triangles of meshes that touch some cells of a band. is_striped: whether that is asked for strip after strip.
 
-    def __init__(self, meshes: Sequence[Mesh], band: Band, cells: np.ndarray, side: int):
-        uv_to_clip, size = replace(band, offset=(0.0, 0.0)).uv_to_clip, (band.width, band.height)
-        self.meshes = meshes
-        self.corners = [
-            mesh.triangles[np.flatnonzero(uv_blocks.touching(mesh, uv_to_clip, size, cells, side))] for mesh in meshes
-        ]
-        uv = np.concatenate([mesh.uv[corners] for mesh, corners in zip(meshes, self.corners, strict=True)])
-        self.sorted = uv_cells.sort(uv.transpose(2, 1, 0), uv_to_clip, size, cells, side)
-        self.uv = uv[self.sorted.triangles]
+    The rows of all triangles are found once, so that strips do not look at all triangles' corners.
+    """
+
+    def __init__(self, meshes: Sequence[Mesh], band: Band, side: int, *, is_striped: bool):
+        self.side, self.shape = side, (-(-band.height // side), -(-band.width // side))
+        self._size, self._uv_to_clip = (band.width, band.height), replace(band, offset=(0.0, 0.0)).uv_to_clip
+        self._rows: dict[int, np.ndarray] = {}
+        """By the mesh's id."""
+        if is_striped:
+            for mesh in meshes:
+                self._rows[id(mesh)] = uv_blocks.rows(mesh, self._uv_to_clip, self._size, self.shape, side)
+
+    def in_cells(self, meshes: Sequence[Mesh], cells: np.ndarray) -> "_Chosen":
+        """Those of `meshes` in the cells (rows, columns) bool, of which there is one at least."""
+        numbers = [self._touching(mesh, cells) for mesh in meshes]
+        corners = [mesh.triangles[which] for mesh, which in zip(meshes, numbers, strict=True)]
+        uv = np.concatenate([mesh.uv[own] for mesh, own in zip(meshes, corners, strict=True)])
+        found = uv_cells.sort(uv.transpose(2, 1, 0), self._uv_to_clip, self._size, cells, self.side)
+        return _Chosen(meshes, corners, found, uv[found.triangles])
+
+    def _touching(self, mesh: Mesh, cells: np.ndarray) -> np.ndarray:
+        """The numbers of the triangles of a mesh that may touch the cells."""
+        where = self._uv_to_clip, self._size, cells, self.side
+        if id(mesh) not in self._rows:
+            return np.flatnonzero(uv_blocks.touching(mesh, *where))
+        rows, (first, stop) = np.flatnonzero(cells.any(axis=1)), self._rows[id(mesh)]
+        near = np.flatnonzero((first <= rows[-1]) & (stop > rows[0]))
+        return near[uv_blocks.touching(mesh, *where, among=near)]
+
+
+class _Chosen:
+    """The triangles of some meshes that touch some cells, mesh after mesh.
+
+    corners: of each mesh, (T, 3) int. found: in cells. uv (N, 3, 2): of those.
+    """
+
+    def __init__(self, meshes: Sequence[Mesh], corners: list[np.ndarray], found: CellTriangles, uv: np.ndarray):
+        self.meshes, self.corners, self.sorted, self.uv = meshes, corners, found, uv
 
     def high(self, matrices: Sequence[np.ndarray]) -> Sorted:
         """With their normals, transformed by the (3, 3) matrix of each mesh."""
