@@ -83,6 +83,8 @@ class Report:
     image: str = ""
     output: list[str] = field(default_factory=list)
     """The absolute paths of the files that were written: the normal map's of each tile, then those of each other map."""
+    mip_files: dict[str, list[str]] = field(default_factory=dict)
+    """The absolute paths of the files of mip levels that were written, from level 1 on, by the map's name."""
     memory: dict[str, int] = field(default_factory=dict)
     """Bytes that were estimated before the bake: needed of the machine, on_gpu, and free. Empty in a bake from the window, and
     where modifiers decide how large the meshes are."""

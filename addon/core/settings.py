@@ -102,6 +102,8 @@ class Settings:
     """The file to write, for storage FILE."""
     alpha: bool = _field("alpha")
     """Whether files have alpha."""
+    mip_files: bool = _field("mip_files")
+    """Whether files of mip levels are written, for storage FILE."""
     material: bool = _field("material")
     single_user: bool = _field("single_user")
 
@@ -123,6 +125,14 @@ class Settings:
     def is_float(self) -> bool:
         """Whether images store floats, rather than steps from 0 to 1."""
         return file_formats.of(self.output).is_float if self.storage == Storage.FILE else self.depth > 8
+
+    @property
+    def mip_sizes(self) -> list[tuple[int, int]]:
+        """The widths and heights of the mip levels that are written, from level 1 on, down to one texel."""
+        if not (self.mip_files and self.storage == Storage.FILE):
+            return []
+        count = max(self.width, self.height).bit_length()
+        return [(max(1, self.width >> level), max(1, self.height >> level)) for level in range(1, count)]
 
     @property
     def packing(self) -> Packing | None:

@@ -15,6 +15,7 @@ from ..core.timings import Timings
 from ..engine import gpu_memory, margins
 from ..engine.maps.drawn_maps import DrawnMaps
 from ..engine.maps.family import Run
+from ..engine.mips import mip_levels
 from ..engine.rendering import Renderer
 from ..output.outputs import Outputs, into_materials
 from .report_making import DrawnJob, report_of
@@ -67,12 +68,13 @@ class Atlas:
         margin = texels = 0
         with gpu_memory.trimmed():
             for tile, maps in self.tiles.items():
-                renderer = Renderer(DrawnMaps(maps), Run(drawing, timings, progress.Pace()))
+                run = Run(drawing, timings, progress.Pace())
+                renderer = Renderer(DrawnMaps(maps), run)
                 finished = progress.finish(renderer.texels(tile, post_processes))
                 state = finished[NORMAL.name][1]
                 margin += int(np.count_nonzero(state == texel_state.MARGIN))
                 texels += state.size
-                outputs.add(tile, finished)
+                outputs.add(tile, finished, progress.finish(mip_levels.of(finished, tile, run)))
         return margin / texels
 
     def _lay_over(self, below: dict[str, np.ndarray], above: dict[str, np.ndarray]) -> None:

@@ -19,6 +19,7 @@ from ..engine import gpu_memory, margins
 from ..engine.maps.family import Run
 from ..engine.maps.maps_of_bake import maps_of_bake
 from ..engine.method_choice import Plan, choose_method, nothing_drawn, tiles_to_bake
+from ..engine.mips import mip_levels
 from ..engine.rendering import Renderer
 from ..engine.sources import Source, normal_source
 from ..mesh.inputs import Meshes
@@ -53,8 +54,9 @@ def _bake(
             for tile, start, stop in _shares(ready.plan):
                 maps = yield from part(ready.renderer.texels(tile, post_processes), start, stop)
                 tally.add(maps[NORMAL.name], settings)
+                levels = yield from part(mip_levels.of(maps, tile, Run(drawing, timings, pace)), stop, stop)
                 with timings.timed("image"):
-                    outputs.add(tile, maps)
+                    outputs.add(tile, maps, levels)
             drawn = _audit(job, settings, ready, tally, timings)
         yield Progress("Storing", 1.0)
         low = job.low  # before anything changes: it raises if the object was deleted

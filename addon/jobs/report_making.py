@@ -82,6 +82,7 @@ def report_of(drawn: DrawnJob, stored: Stored, warnings: Sequence[str] = (), mar
         loss=stored.loss,
         image=stored.image.name,
         output=stored.paths,
+        mip_files=stored.mip_files,
         backend=gpu.platform.backend_type_get(),
         renderer=gpu.platform.renderer_get(),
         seconds=drawn.timings.seconds,

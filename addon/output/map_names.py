@@ -46,6 +46,13 @@ def output_for(settings: Settings) -> str:
     return path
 
 
+def of_level(settings: Settings, level: int) -> Settings:
+    """The settings of a mip level of a map, from the map's own: rock_normal.png has rock_normal_mip1.png beside it."""
+    path = PurePath(settings.output)
+    stem = re.sub(rf"([._ -]?{TOKEN}|$)", rf"_mip{level}\g<1>", path.stem, count=1)
+    return replace(settings, output=str(path.with_stem(stem)))
+
+
 def beside(settings: Settings, map_type: MapType) -> Settings:
     """The settings of another map, from those of the normal map, whose image must have a name.
 

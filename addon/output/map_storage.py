@@ -55,7 +55,7 @@ class Writer:
 
     is_normal: whether to measure the error of normals that are stored as integers. color_space: of the texels, as in
     color_spaces.assign. is_packed: whether alpha holds a map. queue: what writes the files. Without one, it
-    has its own.
+    has its own. has_image: whether an image datablock shows the files.
     """
 
     def __init__(
@@ -67,9 +67,10 @@ class Writer:
         color_space: str = "",
         is_packed: bool = False,
         queue: WriteQueue | None = None,
+        has_image: bool = True,
     ):
         self.name, self.settings, self.is_normal = settings.image or name_for(low_name, settings), settings, is_normal
-        self.color_space, self.is_packed = color_space, is_packed
+        self.color_space, self.is_packed, self.has_image = color_space, is_packed, has_image
         self._texels: np.ndarray | None = None
         self._partials: dict[int, Partial] = {}
         self._queue, self._is_own_queue = queue or WriteQueue(), queue is None
@@ -143,6 +144,8 @@ class Writer:
         """Do everything that can fail or needs disk space, without changing existing files. Raises BakeError."""
         for file in self._written:
             file.result()
+        if not self.has_image:
+            return
         _check_image(self.name)  # again, because the user may have painted on it
         if self._path and self.settings.udim:
             self._keep_other_tiles()
@@ -195,7 +198,8 @@ class Writer:
 
 
 def commit_all(writers: Sequence[Writer]) -> list[bpy.types.Image]:
-    """Store the maps of all writers. Images are channel-packed, and Non-Color but for those of colors.
+    """Store the maps of all writers. Returns their images, of those that have one. They are channel-packed, and Non-Color but
+    for those of colors.
 
     Raises BakeError if one of them fails; then no image or file has changed.
     """
@@ -204,7 +208,7 @@ def commit_all(writers: Sequence[Writer]) -> list[bpy.types.Image]:
     with atomic_file.all_or_none():
         for writer in writers:
             writer.put_files()
-        return [writer.show() for writer in writers]
+        return [writer.show() for writer in writers if writer.has_image]
 
 
 def _check_image(name: str) -> None:

@@ -10,7 +10,7 @@ import bpy
 
 from ..core import udim
 from ..core.errors import BakeError
-from ..core.map_types import BY_NAME, MASK, NORMAL, MapType
+from ..core.map_types import BY_NAME, MASK, NORMAL, Kind, MapType
 from ..core.names import file_names
 from ..core.settings import Settings
 from ..core.udim import TOKEN
@@ -41,9 +41,16 @@ def first_map(settings: Settings) -> str:
 def files(settings: Settings) -> Iterator[tuple[str, str]]:
     """The files that a bake writes: paths, and titles for messages. Paths have TOKEN if the settings name no tiles."""
     for name, of_map in settings_by_map(settings).items():
-        path = map_names.output_for(of_map)
-        for tile in of_map.tiles or [TOKEN] if path else ():
-            yield udim.fill(path, tile), title(settings, name)
+        levels = [map_names.of_level(of_map, level) for level in levels_of(settings, name)]
+        for path in filter(None, map(map_names.output_for, [of_map, *levels])):
+            for tile in of_map.tiles or [TOKEN]:
+                yield udim.fill(path, tile), title(settings, name)
+
+
+def levels_of(settings: Settings, name: str) -> range:
+    """The numbers of the mip levels that are written of a stored map. Maps without a mean have none."""
+    has_mean = stored_maps(settings)[name].kind in (Kind.NORMAL, Kind.VALUE)
+    return range(1, len(settings.mip_sizes) + 1) if has_mean else range(1, 1)
 
 
 def title(settings: Settings, name: str) -> str:

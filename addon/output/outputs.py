@@ -14,7 +14,7 @@ from ..core.errors import shorten_list
 from ..core.map_types import BY_NAME, MASK, NORMAL, Kind, Labeled
 from ..core.settings import Settings
 from ..core.texel_state import Map
-from . import color_spaces, datablocks, map_images, map_storage, materials, output_clashes, value_encoding
+from . import color_spaces, datablocks, map_images, map_names, map_storage, materials, output_clashes, value_encoding
 from .files.write_queue import WriteQueue
 from .output_clashes import settings_by_map, stored_maps
 from .vertex_attributes import VertexMaps
@@ -25,11 +25,12 @@ class Stored:
     """The result of `Outputs.commit`.
 
     image: the normal map, or the first other map without one. paths: the files of the normal map by tile, then those of each
-    other map. tiles: UDIM numbers. maps, attributes, loss: as in Report. warnings: sentences.
+    other map. tiles: UDIM numbers. mip_files, maps, attributes, loss: as in Report. warnings: sentences.
     """
 
     image: bpy.types.Image
     paths: list[str]
+    mip_files: dict[str, list[str]]
     tiles: list[int]
     maps: dict[str, dict]
     attributes: dict[str, str]
@@ -56,15 +57,27 @@ class Outputs:
             )
             for name, of_map in settings_by_map(settings).items()
         }
+        self._levels = {
+            (name, level): map_storage.Writer(
+                "",
+                map_names.of_level(writer.settings, level),
+                is_packed=name == self._packed,
+                queue=self._queue,
+                has_image=False,
+            )
+            for name, writer in self._writers.items()
+            for level in output_clashes.levels_of(settings, name)
+        }
+        """The writers of mip levels, by the name of the map and the number of the level."""
         self._first = output_clashes.first_map(settings)
-        self._late: dict[str, dict[int, np.ndarray]] = {
+        self._late: dict[str, dict[tuple[int, int], np.ndarray]] = {
             name: {}
             for name in settings.drawn_maps
             if value_encoding.needs_range(BY_NAME[name], self._settings_of(name))
         }
-        """The tiles of maps that are encoded when the range of all tiles is known. Others do not stay in memory."""
-        self._unpacked: dict[int, dict[str, np.ndarray]] = {}
-        """The maps to pack, by tile and name, if they are encoded late."""
+        """The maps that are encoded when the range of all tiles is known, by tile and level. Others do not stay in memory."""
+        self._unpacked: dict[tuple[int, int], dict[str, np.ndarray]] = {}
+        """The maps to pack, by tile and level, and by name, if they are encoded late."""
         self._vertices: list[VertexMaps] = []
         self._hides_misses = False
         """Whether a file has texels without a hit, and nothing that shows which."""
@@ -77,7 +90,7 @@ class Outputs:
     def __exit__(self, *_) -> None:
         self._queue.close()  # first: nothing may be writing to files that are discarded
         with ExitStack() as discards:  # all of them run, even if one raises
-            for writer in self._writers.values():
+            for writer in (*self._writers.values(), *self._levels.values()):
                 discards.callback(writer.discard)
 
     def sample_onto(
@@ -87,8 +100,11 @@ class Outputs:
         if self.settings.vertex_domain != VertexDomain.NONE:
             self._vertices.append(VertexMaps(low, uv_layer, self.settings, is_own_base=is_own_base, slots=slots))
 
-    def add(self, tile: int, maps: dict[str, Map]) -> None:
-        """Add one UDIM tile of all maps, by name. Empty tiles are ignored: a triangle may touch a tile and cover no texel."""
+    def add(self, tile: int, maps: dict[str, Map], levels: Sequence[dict[str, Map]] = ()) -> None:
+        """Add one UDIM tile of all maps, by name. Empty tiles are ignored: a triangle may touch a tile and cover no texel.
+
+        levels: those of the maps that have mip levels, from level 1 on, if the settings write them.
+        """
         texels, state = maps[NORMAL.name]
         if not state.any():
             return
@@ -101,14 +117,22 @@ class Outputs:
         elif self.settings.storage == Storage.FILE and not self.settings.alpha:
             self._hides_misses |= bool((state == texel_state.MISSED).any())
         self._empty -= {name for name in self._empty if (maps[name][0][..., 3] > 0.0).any()}
-        for name in self.settings.drawn_maps:
+        self._add_others(tile, 0, maps)
+        for level, level_maps in enumerate(levels, start=1):
+            if NORMAL.name in self._writers:
+                self._levels[NORMAL.name, level].add(tile, level_maps[NORMAL.name][0])
+            self._add_others(tile, level, level_maps)
+
+    def _add_others(self, tile: int, level: int, maps: dict[str, Map]) -> None:
+        """Add one level of the maps beside the normal map."""
+        for name in (name for name in self.settings.drawn_maps if name in maps):
             if name in self._late:
-                self._late[name][tile] = maps[name][0]
+                self._late[name][tile, level] = maps[name][0]
             else:
-                self._encode(name, tile, maps[name][0], self._encoding(name, []))
+                self._encode(name, tile, level, maps[name][0], self._encoding(name, []))
         if self._packed:
-            self._unpacked[tile] = {name: maps[name][0] for name in self.settings.packing.maps}
-            if not self._late.keys() & self._unpacked[tile].keys():
+            self._unpacked[tile, level] = {name: maps[name][0] for name in self.settings.packing.maps}
+            if not self._late.keys() & self._unpacked[tile, level].keys():
                 self._pack()
 
     def commit(self, labels: dict[Labeled, Sequence[str]], lows: Sequence[bpy.types.Object]) -> Stored:
@@ -121,15 +145,16 @@ class Outputs:
         for name in self.settings.drawn_maps:
             labeled = BY_NAME[name].labeled
             encodings[name] = self._encoding(name, labels[labeled] if labeled else [])
-            for tile, texels in self._late.get(name, {}).items():
-                self._encode(name, tile, texels, encodings[name])
+            for (tile, level), texels in self._late.get(name, {}).items():
+                self._encode(name, tile, level, texels, encodings[name])
             if name in self._empty:
                 encodings[name] |= {"empty": True}
         maps = {name: encodings[name] for name in self.settings.maps}
         if self._packed:
             self._pack()
             maps[self._packed] = {"channels": value_encoding.channels(self.settings.packing, encodings)}
-        stored = dict(zip(self._writers, map_storage.commit_all(list(self._writers.values())), strict=True))
+        writers = [*self._writers.values(), *self._levels.values()]
+        stored = dict(zip(self._writers, map_storage.commit_all(writers), strict=True))
         first = self._writers[self._first]
         warnings = sign(stored[self._first], labels[Labeled.OBJECTS])
         if self._hides_misses:
@@ -145,6 +170,11 @@ class Outputs:
             image=stored[self._first],
             paths=[path for writer in self._writers.values() for path in writer.paths],
             tiles=list(first.tiles),
+            mip_files={
+                name.lower(): [path for level in levels for path in self._levels[name, level].paths]
+                for name in self._writers
+                if (levels := output_clashes.levels_of(self.settings, name))
+            },
             maps={name.lower(): {"image": stored[name].name} | how for name, how in maps.items()},
             attributes=attributes,
             loss=first.loss,
@@ -157,22 +187,25 @@ class Outputs:
 
     def _encoding(self, name: str, labels: Sequence[str]) -> dict:
         """How to decode a map. labels: as in value_encoding.encoding."""
-        tiles = list(self._late.get(name, {}).values())
+        tiles = [texels for (_, level), texels in self._late.get(name, {}).items() if level == 0]
         return value_encoding.encoding(BY_NAME[name], tiles, labels, self._settings_of(name))
 
-    def _encode(self, name: str, tile: int, texels: np.ndarray, how: dict) -> None:
-        """Encode a tile of a map in place, and add it to its writer if it has an image of its own."""
+    def _encode(self, name: str, tile: int, level: int, texels: np.ndarray, how: dict) -> None:
+        """Encode a level of a tile of a map in place, and add it to its writer if it has one of its own."""
         if BY_NAME[name].is_color:
             color_spaces.to_rec709(texels)
         if BY_NAME[name].kind is not Kind.NORMAL:
             value_encoding.encode(texels, how)
         if name in self._writers:
-            self._writers[name].add(tile, texels)
+            self._writer(name, level).add(tile, texels)
+
+    def _writer(self, name: str, level: int) -> map_storage.Writer:
+        return self._levels[name, level] if level else self._writers[name]
 
     def _pack(self) -> None:
         """Add the encoded maps that wait to the packed image."""
-        for tile, maps in self._unpacked.items():
-            self._writers[self._packed].add(tile, value_encoding.packed(self.settings.packing, maps))
+        for (tile, level), maps in self._unpacked.items():
+            self._writer(self._packed, level).add(tile, value_encoding.packed(self.settings.packing, maps))
         self._unpacked.clear()
 
 

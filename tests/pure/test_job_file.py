@@ -86,6 +86,7 @@ SAID = {
     "image": ("--image Map", "Map"),
     "output": ("--output /n.exr", os.path.abspath("/n.exr")),  # on Windows, with the drive
     "alpha": ("--no-alpha", False),
+    "mip_files": ("--mip-files", True),
     "material": ("--no-material", False),
     "single_user": ("--single-user", True),
 }

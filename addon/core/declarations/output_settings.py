@@ -64,6 +64,11 @@ OUTPUT: dict[str, Setting] = {
             off="Write files without an alpha channel. Then only the mask shows which texels were missed",
         ),
     ),
+    "mip_files": Switch(
+        label="Mip Levels",
+        tooltip="Also write the smaller mip levels to files, such as rock_normal_mip1.png. They average what the map covers, "
+        "and widened roughness keeps what the mean of the normals loses",
+    ),
     "material": Switch(
         label="Material",
         tooltip="Add the map to the low object's material",

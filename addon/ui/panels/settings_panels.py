@@ -87,6 +87,7 @@ class IMPRINT_PT_output(SettingsPanel, bpy.types.Panel):
         if settings.storage == Storage.FILE:
             layout.prop(settings, "output")
             layout.prop(settings, "alpha")
+            layout.prop(settings, "mip_files")
         layout.prop(settings, "material")
         row = layout.row()
         row.enabled = settings.material

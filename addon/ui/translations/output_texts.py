@@ -6,6 +6,18 @@ from ...core.declarations.output_settings import OUTPUT
 from .lookup import LABEL, SENTENCE
 
 TABLE = {
+    (LABEL, "Mip Levels"): {"de_DE": "Mip-Stufen", "es": "Niveles mip"},
+    (LABEL, "Averaging"): {"de_DE": "Mitteln", "es": "Promediando"},
+    (
+        SENTENCE,
+        "Also write the smaller mip levels to files, such as rock_normal_mip1.png. They average what the map covers, "
+        "and widened roughness keeps what the mean of the normals loses",
+    ): {
+        "de_DE": "Auch die kleineren Mip-Stufen in Dateien schreiben, etwa rock_normal_mip1.png. Sie mitteln, was die Map "
+        "bedeckt, und verbreiterte Rauheit behält, was das Mittel der Normalen verliert",
+        "es": "Escribe también los niveles mip más pequeños en archivos, como rock_normal_mip1.png. Promedian lo que el "
+        "mapa cubre, y la rugosidad ensanchada conserva lo que pierde la media de las normales",
+    },
     (LABEL, "Output"): {"de_DE": "Ausgabe", "es": "Salida"},
     (LABEL, "Image"): {"de_DE": "Bild", "es": "Imagen"},
     (

@@ -1,0 +1,82 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Averages finished maps over what they cover, down to one texel: their mip levels, each with a margin of its own."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from ...core import texel_state
+from ...core.declarations.choices import MarginType
+from ...core.map_types import BY_NAME, NORMAL, WIDENED_ROUGHNESS, Kind
+from ...core.progress import Progress, Task, finish
+from ...core.settings import Settings
+from ...core.texel_state import Map
+from .. import margins
+from ..maps.drawn_maps import DrawnMaps
+from ..maps.family import Run
+from ..normal_channels import channels
+from ..rendering import Renderer
+from .block_sums import halved
+from .rough_levels import RoughLevels
+
+
+def of(maps: Mapping[str, Map], tile: int, run: Run) -> Task[list[dict[str, Map]]]:
+    """The levels from 1 on of the maps of a tile, by name. maps: as Renderer.texels returns them; they do not change.
+
+    Each texel is the mean of what is written below it, never of the background or the margin; normals have length 1 again.
+    Roughness that is widened keeps what the mean of the normals loses. Maps of labels have no mean, and no levels.
+    """
+    settings, levels = run.settings, []
+    sizes = settings.mip_sizes
+    if not sizes:
+        return levels
+    with run.timings.timed("draw"):
+        means = {name: Mean(name, maps[name], settings) for name in _names(settings)}
+        widened = means.pop(WIDENED_ROUGHNESS.name, None)
+        rough = widened and RoughLevels(means[NORMAL.name].raw(), widened.raw())
+    for number, (width, height) in enumerate(sizes, start=1):
+        yield Progress("Averaging", number / len(sizes))
+        with run.timings.timed("draw"):
+            for mean in means.values():
+                mean.halve()
+            raw = {name: mean.raw() for name, mean in means.items()}
+            if rough:
+                raw[WIDENED_ROUGHNESS.name] = rough.next(raw[NORMAL.name])
+        # Seams between islands are finer than a texel: the nearest texels are enough.
+        own = replace(settings, width=width, height=height, maps=tuple(raw)[1:], margin_type=MarginType.EXTEND)
+        renderer = Renderer(DrawnMaps(raw), Run(own, run.timings, run.pace))
+        levels.append(finish(renderer.texels(tile, margins.for_maps([], own))))
+    return levels
+
+
+def _names(settings: Settings) -> list[str]:
+    """The normal map, and the other maps that have a mean."""
+    return [NORMAL.name, *(name for name in settings.maps if BY_NAME[name].kind in (Kind.NORMAL, Kind.VALUE))]
+
+
+class Mean:
+    """The mean of what is written of a map, level by level."""
+
+    def __init__(self, name: str, finished: Map, settings: Settings):
+        texels, state = finished
+        self.is_normal = BY_NAME[name].kind is Kind.NORMAL
+        self.hits = (state == texel_state.WRITTEN).astype(np.float32)
+        self.misses = (state == texel_state.MISSED).astype(np.float32)
+        self.sums = texels[..., :3] * self.hits[..., None]
+        if self.is_normal:
+            self.sums -= 0.5 * self.hits[..., None]
+            self.sums = self.sums @ (2.0 * np.linalg.inv(channels(settings))).T.astype(np.float32)
+
+    def halve(self) -> None:
+        """Go to the next level."""
+        self.sums, self.hits, self.misses = (halved(values) for values in (self.sums, self.hits, self.misses))
+
+    def raw(self) -> np.ndarray:
+        """The level (height, width, 4) float32, as Renderer.raw has maps: alpha 1 known, 0 empty, -1 missed."""
+        weights = np.linalg.norm(self.sums, axis=-1) if self.is_normal else self.hits
+        is_known = (self.hits > 0.0) & (weights > 0.0)
+        result = np.empty((*self.hits.shape, 4), np.float32)
+        result[..., :3] = np.where(is_known[..., None], self.sums / np.where(is_known, weights, 1.0)[..., None], 0.0)
+        result[..., 3] = np.where(is_known, 1.0, np.where((self.misses > 0.0) & (self.hits == 0.0), -1.0, 0.0))
+        return result
