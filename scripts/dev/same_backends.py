@@ -66,6 +66,19 @@ def bake(out: str, scenes: str, size: str, *files: str) -> None:
                 method, "WORLD", image=method, depth=32, storage="MEMORY", material=False, maps=MAPS, **side
             )
             add(f"{Path(file).stem} {method}", low, [high], settings)
+            for space in ("TANGENT", "OBJECT"):
+                settings = Settings(
+                    method,
+                    space,
+                    image=f"{method} {space} roughness",
+                    samples=4,
+                    depth=32,
+                    storage="MEMORY",
+                    material=False,
+                    maps=("WIDENED_ROUGHNESS",),
+                    **side,
+                )
+                add(f"{Path(file).stem} {method} {space} roughness", low, [high], settings)
             # A normal map alone has adaptive samples, by Flatten from 64 on.
             settings = Settings(
                 method, image=f"{method} samples", samples=64, depth=32, storage="MEMORY", material=False, **side
