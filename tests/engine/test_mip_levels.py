@@ -175,3 +175,23 @@ def test_roughness_keeps_what_the_mean_of_normals_loses(tmp_path, samples, space
     first, second, *levels = chain(tmp_path, "rock_widened_roughness")
     assert np.abs(first[..., 0] - (0.4 if samples == 1 else widened(0.4))).max() < 1e-3
     assert all(np.abs(found[..., 0] - widened(0.4, SLOPE)).max() < 1e-3 for found in (second, *levels))
+
+
+@pytest.mark.parametrize("alpha", [True, False])
+def test_misses_stay_misses(tmp_path, alpha):
+    """Rays hit in one half of the map: a texel of a level is a miss only if all below it are."""
+    high = zoo.plane("high", slope=0.2)
+    high.scale[0], high.location = 0.55, (-0.45, 0.0, 0.1)
+    bake(
+        zoo.plane("low"), high, tmp_path, method="CAST", missed=(1.0, 0.0, 1.0), alpha=alpha, maps=["WIDENED_ROUGHNESS"]
+    )
+    for name in ("rock_normal", "rock_widened_roughness"):
+        first, *levels = chain(tmp_path, name)
+        missed = (read(tmp_path / "rock_normal.exr")[..., :3] == (1.0, 0.0, 1.0)).all(axis=-1)
+        assert 0.3 < missed.mean() < 0.7
+        for number, found in enumerate(levels, start=1):
+            is_missed = blocks(missed, number) == 4**number
+            if alpha:
+                assert np.array_equal(found[..., 3] == 0.0, is_missed)
+            if name == "rock_normal":
+                assert np.array_equal((found[..., :3] == (1.0, 0.0, 1.0)).all(axis=-1), is_missed)

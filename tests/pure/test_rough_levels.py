@@ -4,12 +4,16 @@
 import numpy as np
 import pytest
 
-from addon.engine.mips.block_sums import halved, spread
+from addon.engine.mips.block_sums import LEVELS, halved, slabs, spread
 from addon.engine.mips.rough_levels import RoughLevels
 
 SIZE = 256
 WITHIN = 0.02
 """The share by which alpha may be off."""
+
+
+def levels_of(normals, roughness):
+    return RoughLevels(normals.__getitem__, roughness.__getitem__, len(normals))
 
 
 def levels(normals, roughness):
@@ -20,7 +24,7 @@ def levels(normals, roughness):
         result[..., :3] = values
         return result
 
-    rough, sums, found = RoughLevels(texels(normals), texels(roughness[..., None])), normals, []
+    rough, sums, found = levels_of(texels(normals), texels(roughness[..., None])), normals, []
     while len(sums) > 1:
         sums = halved(sums)
         mean = sums / np.linalg.norm(sums, axis=-1, keepdims=True)
@@ -65,7 +69,7 @@ def test_only_known_texels_count():
     roughness[::2, ::2] = 0.25, 0.25, 0.25, 1.0
     roughness[3, 3, 3] = -1.0
     roughness[2, 2, 3] = 0.0
-    found = RoughLevels(normals, roughness).next(normals[::2, ::2])
+    found = levels_of(normals, roughness).next(normals[::2, ::2])
     assert found[..., 3].tolist() == [[1.0, 1.0], [1.0, -1.0]]
     assert np.abs(found[found[..., 3] > 0.0][:, :3] - 0.25).max() < 1e-5
 
@@ -76,5 +80,36 @@ def test_blocks_share_a_texel(size, smaller):
     sums = halved(values)
     assert sums.shape == smaller
     assert sums.sum() == values.sum()
-    numbers = spread(np.arange(sums.size).reshape(smaller), size, 1)
+    numbers = spread(np.arange(sums.size).reshape(smaller), size, 1, slice(None))
     assert np.array_equal(np.bincount(numbers.ravel(), values.ravel()).reshape(smaller), sums)
+
+
+def test_levels_of_levels_count_texels_of_the_whole_map_seed_4():
+    """Normals are equal, so that each level is the mean of alpha ^ 2 of what is known, however uneven that is."""
+    rng = np.random.default_rng(4)
+    normals, roughness = np.zeros((SIZE, SIZE, 4), np.float32), np.ones((SIZE, SIZE, 4), np.float32)
+    normals[..., 2:] = 1.0
+    roughness[..., :3] = rng.random((SIZE, SIZE, 1))
+    roughness[..., 3] = rng.random((SIZE, SIZE)) < np.linspace(0.01, 1.0, SIZE)
+    rough, known, squares = levels_of(normals, roughness), roughness[..., 3], roughness[..., 0] ** 4
+    sums = known * squares
+    while len(sums) > 1:
+        sums, known = halved(sums), halved(known)
+        up = np.zeros((*sums.shape, 4), np.float32)
+        up[..., 2:] = 1.0
+        found = rough.next(up)
+        is_known = known > 0
+        assert np.array_equal(found[..., 3] > 0, is_known)
+        assert np.abs(found[..., 0] ** 4 - sums / np.maximum(known, 1))[is_known].max() < 1e-5
+
+
+@pytest.mark.parametrize("height", [1, 40, 128, 300, 383, 384, 385, 700])
+def test_parts_of_a_map_become_parts_of_its_levels_seed_5(height):
+    values = np.random.default_rng(5).random((height, 3)).astype(np.float32)
+    parts = list(slabs(height))
+    assert [i for part in parts for i in range(height)[part]] == list(range(height))
+    assert max(part.stop - part.start for part in parts) < 2 << LEVELS
+    whole, pieces = values, [values[part] for part in parts]
+    for _ in range(LEVELS):
+        whole, pieces = halved(whole), [halved(piece) for piece in pieces]
+        assert np.array_equal(np.concatenate(pieces), whole)

@@ -1,7 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Sums of the texels that share a texel of the next mip level."""
 
+from collections.abc import Iterator
+
 import numpy as np
+
+LEVELS = 7
+"""A part of a map has 2 ^ LEVELS rows."""
 
 
 def halved(values: np.ndarray) -> np.ndarray:
@@ -24,9 +29,17 @@ def _halved_rows(values: np.ndarray) -> np.ndarray:
     return sums
 
 
-def spread(values: np.ndarray, size: tuple[int, int], levels: int) -> np.ndarray:
-    """The texels of `values`, a map that was `halved` so many times, on each texel of the map of `size` (height, width)."""
-    rows, columns = (
+def slabs(height: int) -> Iterator[slice]:
+    """The rows of a map in parts, so that memory does not grow with it. Up to LEVELS times, halving a part gives what halving
+    the map gives."""
+    count = max(1, height >> LEVELS)
+    for number in range(count):
+        yield slice(number << LEVELS, height if number + 1 == count else number + 1 << LEVELS)
+
+
+def spread(values: np.ndarray, size: tuple[int, int], levels: int, rows: slice) -> np.ndarray:
+    """The texels of `values`, a map that was `halved` so many times, on some rows of the map of `size` (height, width)."""
+    across, along = (
         np.minimum(np.arange(full) >> levels, small - 1) for full, small in zip(size, values.shape[:2], strict=True)
     )
-    return values[rows[:, None], columns]
+    return values[across[rows, None], along]

@@ -3,6 +3,7 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from ..maps.drawn_maps import DrawnMaps
 from ..maps.family import Run
 from ..normal_channels import channels
 from ..rendering import Renderer
-from .block_sums import halved
+from .block_sums import halved, slabs
 from .rough_levels import RoughLevels
 
 
@@ -34,7 +35,7 @@ def of(maps: Mapping[str, Map], tile: int, run: Run) -> Task[list[dict[str, Map]
     with run.timings.timed("draw"):
         means = {name: Mean(name, maps[name], settings) for name in _names(settings)}
         widened = means.pop(WIDENED_ROUGHNESS.name, None)
-        rough = widened and RoughLevels(means[NORMAL.name].raw(), widened.raw())
+        rough = widened and RoughLevels(means[NORMAL.name].first, widened.first, settings.height)
     for number, (width, height) in enumerate(sizes, start=1):
         yield Progress("Averaging", number / len(sizes))
         with run.timings.timed("draw"):
@@ -56,27 +57,48 @@ def _names(settings: Settings) -> list[str]:
 
 
 class Mean:
-    """The mean of what is written of a map, level by level."""
+    """The mean of what is written of a map, level by level. Level 0 is read where it is, a few rows at a time."""
 
     def __init__(self, name: str, finished: Map, settings: Settings):
-        texels, state = finished
+        self.texels, self.state = finished
         self.is_normal = BY_NAME[name].kind is Kind.NORMAL
-        self.hits = (state == texel_state.WRITTEN).astype(np.float32)
-        self.misses = (state == texel_state.MISSED).astype(np.float32)
-        self.sums = texels[..., :3] * self.hits[..., None]
-        if self.is_normal:
-            self.sums -= 0.5 * self.hits[..., None]
-            self.sums = self.sums @ (2.0 * np.linalg.inv(channels(settings))).T.astype(np.float32)
+        self.decode = (2.0 * np.linalg.inv(channels(settings))).T.astype(np.float32)
+        self._sums: Sums | None = None
 
     def halve(self) -> None:
         """Go to the next level."""
-        self.sums, self.hits, self.misses = (halved(values) for values in (self.sums, self.hits, self.misses))
+        if self._sums is None:
+            parts = [[halved(values) for values in self._written(rows)] for rows in slabs(len(self.state))]
+            self._sums = Sums(*map(np.concatenate, zip(*parts, strict=True)))
+        else:
+            self._sums = Sums(*map(halved, self._sums))
 
     def raw(self) -> np.ndarray:
         """The level (height, width, 4) float32, as Renderer.raw has maps: alpha 1 known, 0 empty, -1 missed."""
-        weights = np.linalg.norm(self.sums, axis=-1) if self.is_normal else self.hits
-        is_known = (self.hits > 0.0) & (weights > 0.0)
-        result = np.empty((*self.hits.shape, 4), np.float32)
-        result[..., :3] = np.where(is_known[..., None], self.sums / np.where(is_known, weights, 1.0)[..., None], 0.0)
-        result[..., 3] = np.where(is_known, 1.0, np.where((self.misses > 0.0) & (self.hits == 0.0), -1.0, 0.0))
+        return self._mean(self._sums)
+
+    def first(self, rows: slice) -> np.ndarray:
+        """These rows of level 0, as `raw` has them."""
+        return self._mean(self._written(rows))
+
+    def _written(self, rows: slice) -> "Sums":
+        hits = (self.state[rows] == texel_state.WRITTEN).astype(np.float32)
+        misses = (self.state[rows] == texel_state.MISSED).astype(np.float32)
+        values = self.texels[rows, :, :3]
+        return Sums(((values - 0.5) @ self.decode if self.is_normal else values) * hits[..., None], hits, misses)
+
+    def _mean(self, sums: "Sums") -> np.ndarray:
+        weights = np.linalg.norm(sums.values, axis=-1) if self.is_normal else sums.hits
+        is_known = (sums.hits > 0.0) & (weights > 0.0)
+        result = np.zeros((*is_known.shape, 4), np.float32)
+        np.divide(sums.values, weights[..., None], out=result[..., :3], where=is_known[..., None])
+        result[..., 3] = np.where(is_known, 1.0, -np.sign(sums.misses) * (sums.hits == 0.0))
         return result
+
+
+class Sums(NamedTuple):
+    """Of each texel of a level: the sum (height, width, 3) of the written values, and how many texels hit and missed."""
+
+    values: np.ndarray
+    hits: np.ndarray
+    misses: np.ndarray
