@@ -23,9 +23,18 @@ from ..core.settings import Settings
 from ..core.timings import startup
 from ..jobs import bake_jobs, sequence
 from ..jobs.job import Job, jobs_by_name
-from ..output.files.atomic_file import all_or_none, check_writable, replacing
+from ..output.files.atomic_file import all_or_none, check_writable
 from ..scene import object_checks, object_refs
-from . import batch_results, input_checks, interruption, memory_check, run_clashes, scene_files, standard_streams
+from . import (
+    batch_results,
+    input_checks,
+    interruption,
+    memory_check,
+    run_clashes,
+    scene_files,
+    side_files,
+    standard_streams,
+)
 from .batch_results import Result
 from .mesh_files.importers import Space
 from .scene_files import Stage
@@ -138,7 +147,7 @@ def open_files(plan: Plan, stage: Stage, files: run_clashes.Run, meter: Meter) -
     interruption.note(name)
     settings = arguments.settings(options)
     # Opening a file can take long, so check first that the results can be written.
-    for path in (settings.output, options.save_blend, batch_results.report_file(options.report)):
+    for path in (settings.output, options.export, options.save_blend, batch_results.report_file(options.report)):
         if path and file_names.LOW not in str(path):
             check_writable(Path(path).absolute())
     if meter.is_on:
@@ -164,11 +173,13 @@ def run(opened: Opened, stage: Stage, meter: Meter) -> Result:
             report.with_memory(memory).with_warnings([*notes, *(opened.hints if report.method == Method.CAST else [])])
             for report in reports
         ]
+        if options.export and not is_stopped:
+            reports = side_files.export(reports, options.export)
         reports[:1] = [report.with_startup(startup.take()) for report in reports[:1]]
         result = Result(opened.name, reports, opened.problems, are=_kind(options), is_stopped=is_stopped)
         if opened.scene is not None and not is_stopped:
             with stage.let_go():
-                _save(opened.scene, set(map(bpy.data.images.get, _image_names(reports))) - {None})
+                side_files.save_scene(opened.scene, reports)
         if opened.report is not None:
             batch_results.write_json(opened.report, result.to_json())
     return result
@@ -182,11 +193,6 @@ def _say_memory(opened: Opened, meter: Meter) -> dict[str, int]:
         meter.clear()
         print(f"imprint: {opened.name}: {text}", file=sys.stderr)
     return numbers
-
-
-def _image_names(reports: Sequence[Report]) -> set[str]:
-    """The names of the images that hold the maps. A sequence keeps only that of the normal map."""
-    return {name for report in reports for name in (report.image, *(how["image"] for how in report.maps.values()))}
 
 
 def _kind(options: argparse.Namespace) -> str:
@@ -284,17 +290,3 @@ def _check_own_high(low: bpy.types.Object, option: str) -> None:
     """Raise BakeError if the low object cannot be its own high one. option: what names another one."""
     if low.type == "MESH" and not object_checks.own_highs(low):
         raise BakeError(f"{option} is missing, and {low.name!r} has no modifiers that add detail: name a high one.")
-
-
-def _save(path: Path, maps: set[bpy.types.Image]) -> None:
-    """Save the scene; the paths of its maps become relative."""
-    folder = path.parent.resolve()  # it may have been named with ".."
-    for image in maps:
-        output = Path(bpy.path.abspath(image.filepath))
-        if output.parent.resolve().is_relative_to(folder):
-            # So that the files can be moved together. Relative to the file that is open: saving takes all such paths
-            # along to the new place.
-            image.filepath = bpy.path.relpath(str(output), start=str(Path(bpy.data.filepath or path).parent))
-    with replacing(path) as partial, standard_streams.silence():
-        # As a copy: relative paths are those of the final place, which is in the same folder.
-        bpy.ops.wm.save_as_mainfile(filepath=str(partial), copy=True, compress=False, relative_remap=True)

@@ -36,6 +36,11 @@ class Result:
         return list(dict.fromkeys(path for report in self.reports for path in report.output))
 
     @property
+    def exports(self) -> list[str]:
+        """The files for engines that were written, each once, as absolute paths."""
+        return list(dict.fromkeys(path for report in self.reports for path in report.export.get("files", ())))
+
+    @property
     def warnings(self) -> list[str]:
         """Sentences."""
         return [*self.problems, *(warning for report in self.reports for warning in report.warnings)]
@@ -124,7 +129,7 @@ def wrote(result: Result, *others: Path | None) -> str:
     maps = result.maps
     if result.are == "frames" and len(maps) > 2:
         maps = [f"{len(maps)} maps from {maps[0]} to {maps[-1]}"]
-    return f"Wrote {', '.join([*maps, *(str(path) for path in others if path)])}"
+    return f"Wrote {', '.join([*maps, *result.exports, *(str(path) for path in others if path)])}"
 
 
 def table(results: Sequence[Result], planned: int) -> Iterator[str]:
@@ -132,7 +137,7 @@ def table(results: Sequence[Result], planned: int) -> Iterator[str]:
     width = max((len(result.name) for result in results), default=0)
     for result in results:
         state = "stopped" if result.is_stopped else "failed" if result.error else "done"
-        yield f"{state:7} {result.seconds:8.2f} s  {result.name:{width}}  {', '.join(result.maps)}".rstrip()
+        yield f"{state:7} {result.seconds:8.2f} s  {result.name:{width}}  {', '.join([*result.maps, *result.exports])}".rstrip()
     failed = sum(1 for result in results if result.error)
     done = sum(1 for result in results if not result.error and not result.is_stopped)
     left = f", {planned - failed - done} stopped or not begun" if planned > failed + done else ""

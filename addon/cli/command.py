@@ -95,7 +95,7 @@ def _plan(
     )
     if found:
         raise WrongPlace("\n".join(found))
-    if any(plan.options.save_blend for plan in plans):
+    if any(plan.options.save_blend or plan.options.export for plan in plans):
         lean_blender.complete()  # before a file is opened: Cycles brings its settings in old files up to date
     return plans, problems, files
 

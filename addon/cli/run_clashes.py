@@ -96,6 +96,8 @@ class Run:
         for low in lows:
             for path, what in maps(arguments.settings(options), low, frames(options)):
                 self.places.write(path, _of(f"{what} of {low!r}" if several else what, name), name)
+        for path in dict.fromkeys(file_names.fill(options.export, low) for low in lows) if options.export else ():
+            self.places.write(path, _of("the file for an engine", name), name)
 
 
 def frames(options: argparse.Namespace) -> range:

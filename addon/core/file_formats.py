@@ -36,6 +36,8 @@ TIFF = FileFormat("TIFF", (".tif", ".tiff"), (8, 16))
 TARGA = FileFormat("Targa", (".tga",), (8,))
 FORMATS = (PNG, OPEN_EXR, TIFF, TARGA)
 BY_ENDING = MappingProxyType({ending: file_format for file_format in FORMATS for ending in file_format.endings})
+MESHES = (".glb", ".usd", ".usda", ".usdc", ".fbx")
+"""The endings of files of meshes with maps, for engines."""
 PACKED = MappingProxyType({False: PNG, True: OPEN_EXR})
 """The formats in which Blender packs images, by whether their pixels are floats."""
 
@@ -52,6 +54,12 @@ def usual_depth(path: str) -> int:
     """The default bits per channel of the file at `path`."""
     found = BY_ENDING.get(PurePath(path).suffix.lower())
     return found.usual_depth if found else USUAL_DEPTH
+
+
+def listed_meshes(or_word: str = "or") -> str:
+    """MESHES in a sentence. or_word: that word in the sentence's language."""
+    *first, last = MESHES
+    return f"{', '.join(first)} {or_word} {last}" if first else last
 
 
 def listed(or_word: str = "or", bits: str = "bits") -> str:

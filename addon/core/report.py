@@ -3,6 +3,8 @@
 
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any
 
 from . import udim
 from .declarations import bases, readers
@@ -85,6 +87,10 @@ class Report:
     """The absolute paths of the files that were written: the normal map's of each tile, then those of each other map."""
     mip_files: dict[str, list[str]] = field(default_factory=dict)
     """The absolute paths of the files of mip levels that were written, from level 1 on, by the map's name."""
+    export: dict[str, Any] = field(default_factory=dict)
+    """The file for an engine, as it was read back: files, triangles and basis. With a normal map also has_tangents, points (how
+    many texels were compared) and degrees: by basis, the median, percentile_95, percentile_99 and maximum of the angles between
+    the normals that a reader with this basis shows of the file and those that were baked. Empty without such a file."""
     memory: dict[str, int] = field(default_factory=dict)
     """Bytes that were estimated before the bake: needed of the machine, on_gpu, and free. Empty in a bake from the window, and
     where modifiers decide how large the meshes are."""
@@ -116,6 +122,10 @@ class Report:
         """The same report with estimates of memory."""
         return replace(self, memory=memory)
 
+    def with_export(self, export: dict[str, Any]) -> "Report":
+        """The same report with a file for an engine."""
+        return replace(self, export=export)
+
     def with_startup(self, seconds: dict[str, float]) -> "Report":
         """The same report with the seconds by stage that went before the bake."""
         return replace(self, startup=seconds)
@@ -125,6 +135,21 @@ class Report:
         unsure = self.checks.get("unsure", {})
         counts = (unsure.get("not_owned", 0), "had no own hit"), (unsure.get("backs", 0), "hit only backs")
         return "".join(f", {count / unsure['of']:.2%} {what}" for count, what in counts if count)
+
+    @property
+    def exported(self) -> str:
+        """The file for an engine, for the summary; empty without one."""
+        how = self.export
+        if not how:
+            return ""
+        start = f"{Path(how['files'][0]).name}: {how['triangles']:,} triangles, read back"
+        if "degrees" not in how:
+            return start
+        figures, label = how["degrees"][how["basis"]], bases.BY_NAME[how["basis"]].label
+        return (
+            f"{start}; normals, read as {label}, differ by {figures['median']:.2g} degrees (median), "
+            f"{figures['percentile_99']:.2g} (99th percentile), at most {figures['maximum']:.2g}"
+        )
 
     def summary(self) -> list[str]:
         """Lines for the user: what was baked, and how long it took."""
@@ -156,6 +181,8 @@ class Report:
         details += [f"Packed in {how['image']}: {_channels(how)}" for how in self.maps.values() if "channels" in how]
         if self.attributes:
             details.append(f"Attributes of {self.low}: {', '.join(self.attributes.values())}")
+        if self.export:
+            details.append(self.exported)
         return [
             f"{self.method.capitalize()}, {self.space.lower()} space, {width} x {height}: {self.image}",
             f"{self.triangles['high']:,} triangles onto {self.triangles['low']:,}, {self.coverage:.1%} of the map covered",

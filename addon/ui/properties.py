@@ -58,6 +58,7 @@ class ImprintSettings(bpy.types.PropertyGroup, Options, MapList):
     size: declared("size", get=lambda self: self.width, set=_set_size)
     square: declared("square", update=_make_square)
     show_result: declared("show_result")
+    export: declared("export")
     active_high: IntProperty(name="Active High", description="Index of the selected slot", translation_context=LABEL)
 
     def chosen_objects(

@@ -14,6 +14,7 @@ import pytest
 from addon.cli import command
 from addon.cli.usage import arguments
 from addon.core.errors import BakeError
+from addon.export import engine_files
 from addon.jobs import bake_jobs
 from scripts.imprint import ROOT
 from tests.support import maps, zoo
@@ -647,3 +648,39 @@ def test_a_call_without_a_file(fails):
         fails(command.FAILED, *words)
         == "imprint: There is no scene to bake: give a FILE, or mesh files with --low-file and --high-file."
     )
+
+
+# Files for engines
+
+
+def test_a_file_for_an_engine_is_written_read_back_and_reported(scene, capsys):
+    assert command.run([*BAKE, "--output", "{low}.png", "--export", "out/{low}.glb", "--report", "report.json"]) == 0
+    assert (scene / "out" / "lo.glb").read_bytes()[:4] == b"glTF"
+    found = json.loads((scene / "report.json").read_text(encoding="utf-8"))["export"]
+    assert found["files"] == [str(scene / "out" / "lo.glb")]
+    assert found["degrees"][found["basis"]]["percentile_99"] < 0.35
+    assert found["has_tangents"]
+    out = capsys.readouterr().out
+    assert "lo.glb: 2 triangles, read back; normals, read as" in out
+    assert f"Wrote {scene / 'lo.png'}, {scene / 'out' / 'lo.glb'}, {scene / 'report.json'}" in out
+
+
+@pytest.mark.parametrize(
+    ("more", "reason"),
+    [
+        (["--export", "lo.obj"], "'lo.obj' does not end in .glb"),
+        (["--export", "lo.glb", "--space", "object"], "--export needs a normal map in tangent space"),
+        (["--export", "lo.glb", "--frames", "1-2"], "--export is for one map, --frames for many"),
+    ],
+)
+def test_exports_that_cannot_be_are_refused_before_the_bake(fails, more, reason):
+    assert reason in fails(2, *BAKE, "--output", "map.png", *more)
+
+
+def test_an_export_that_fails_takes_the_maps_along(fails, monkeypatch):
+    monkeypatch.setattr(engine_files.FORMATS[".glb"], "read", _unreadable)
+    assert "is broken" in fails(1, *BAKE, "--output", "map.png", "--export", "lo.glb")
+
+
+def _unreadable(_path, _one):
+    raise BakeError("The file is broken.")

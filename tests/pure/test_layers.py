@@ -26,10 +26,11 @@ MAY_IMPORT = {
     "output": {"core", "older_blender"},
     "engine": {"core", "mesh", "passes"},
     "audit": {"core", "mesh", "passes", "engine"},
-    "jobs": {"core", "mesh", "passes", "scene", "output", "engine", "audit", "older_blender"},
+    "export": {"core", "mesh", "scene", "output", "older_blender"},
+    "jobs": {"core", "mesh", "passes", "scene", "output", "engine", "audit", "export", "older_blender"},
     "views": {"core", "mesh", "passes", "scene", "output", "engine", "jobs"},
-    "ui": {"core", "scene", "output", "engine", "jobs", "views", "older_blender"},
-    "cli": {"core", "scene", "output", "jobs", "older_blender"},
+    "ui": {"core", "scene", "output", "engine", "jobs", "views", "export", "older_blender"},
+    "cli": {"core", "scene", "output", "jobs", "export", "older_blender"},
     "": {"passes", "engine", "ui", "cli"},  # addon/__init__.py, which registers and frees
 }
 """The packages that each package may import."""

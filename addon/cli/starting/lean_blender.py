@@ -53,7 +53,7 @@ class _Lean:
     """What is left out so far."""
 
     def __init__(self):
-        self.is_lean = False
+        self.is_lean = self.was_lean = False
         self.classes: list[Any] = []
         """Classes that stand for those of modules that are left out."""
 
@@ -78,7 +78,7 @@ def load() -> None:
         for name in finder.names:
             if getattr(sys.modules.get(name), "__loader__", None) is finder:
                 del sys.modules[name]
-    _lean.is_lean = bool(finder.names)
+    _lean.is_lean = _lean.was_lean = bool(finder.names)
 
 
 @contextmanager
@@ -98,13 +98,17 @@ def _functions_when_called() -> Iterator[None]:
         sys.setdlopenflags(flags)
 
 
-def complete() -> None:
-    """Load INTERFACE and ADDONS, for files that need them; nothing where all is loaded."""
-    if not _lean.is_lean:
+def complete(*more: str) -> None:
+    """Load INTERFACE and ADDONS, for files that need them, and more add-ons; nothing where all is loaded."""
+    if not _lean.was_lean:
         return
     import addon_utils
     from bpy.utils import unregister_class
 
+    for name in more:
+        addon_utils.enable(name)
+    if not _lean.is_lean:
+        return
     _lean.is_lean = False
     while _lean.classes:
         unregister_class(_lean.classes.pop())

@@ -10,8 +10,9 @@ from dataclasses import fields
 from pathlib import PurePath
 
 from ...core import file_formats, udim
-from ...core.declarations.choices import Storage
+from ...core.declarations.choices import Space, Storage
 from ...core.errors import BakeError
+from ...core.names import file_names
 from ...core.settings import Settings
 from .options import FILE, JOBS, OPTIONS, SUBJECTS
 from .similar_words import did_you_mean
@@ -96,11 +97,15 @@ def mistakes(options: argparse.Namespace, unread: Collection[str] = ()) -> Itera
         yield from _wrong_folder(options)
     if options.save_blend and PurePath(options.save_blend).suffix != ".blend":
         yield f"{options.save_blend!r} does not end in .blend"
-    folder = next(filter(os.path.isdir, filter(None, (options.output, options.report))), None)
+    if options.export:
+        yield from _wrong_export(options)
+    folder = next(filter(os.path.isdir, filter(None, (options.output, options.report, options.export))), None)
     if folder:
         yield f"{folder!r} is a folder: name a file"
     files = [options.low_file, *options.high_file, options.cage_file]
-    yield from _wrong_paths([options.output, options.report, options.save_blend, options.pairs, *options.file, *files])
+    yield from _wrong_paths(
+        [options.output, options.report, options.save_blend, options.export, options.pairs, *options.file, *files]
+    )
     if options.output and not folder:
         try:
             settings(options).check()
@@ -124,6 +129,17 @@ def _wrong_subjects(options: argparse.Namespace, unread: Collection[str]) -> Ite
         yield "--high-up is for --high-file"
     if options.pairs and options.frames:
         yield "--frames is for one low object, --pairs for many"
+
+
+def _wrong_export(options: argparse.Namespace) -> Iterator[str]:
+    if PurePath(options.export).suffix.lower() not in file_formats.MESHES:
+        yield f"{options.export!r} does not end in {file_formats.listed_meshes()}"
+    if options.frames:
+        yield "--export is for one map, --frames for many"
+    if options.normal and options.space != Space.TANGENT:
+        yield "--export needs a normal map in tangent space, which engines read: leave out --space"
+    if is_folder(options) and file_names.LOW not in options.export:
+        yield f"--export needs {file_names.LOW} in its name, as the meshes of a folder are baked one by one"
 
 
 def _wrong_folder(options: argparse.Namespace) -> Iterator[str]:

@@ -176,6 +176,7 @@ _BESIDE = {
     "depth": {"default": None},  # it depends on the format
     "highs": {"default": [], "dest": "high"},
     "output": {"default": None},
+    "export": {"default": None},
 }
 """What argparse takes otherwise than by the rules of the kinds."""
 _OBJECTS = ("low", "highs", "cage")

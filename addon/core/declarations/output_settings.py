@@ -75,6 +75,15 @@ OUTPUT: dict[str, Setting] = {
         default=True,
         option=Option(word="no-material", off="Leave the low object's material as it is"),
     ),
+    "export": FilePath(
+        label="Export",
+        tooltip=f"File for an engine: {file_formats.listed_meshes()}. It gets the low mesh in the triangles that were "
+        "baked, with its tangents and its maps. {low} in the path stands for the low object's name",
+        option=Option(
+            metavar="MESH",
+            note="Imprint reads the file back, and reports by how many degrees normals differ from those that were baked",
+        ),
+    ),
     "single_user": Switch(
         label="Single User",
         tooltip="Copy materials that other objects use as well, so that those objects keep their look",

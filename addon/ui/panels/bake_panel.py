@@ -103,6 +103,7 @@ def draw_result(layout: bpy.types.UILayout, reports: Sequence[Report]) -> None:
         draw_maps(box, names)
     if any(map_images.are_any(report.maps) for report in reports):
         layout.operator("imprint.connect_maps", icon="NODE_MATERIAL")
+    layout.operator("imprint.export", icon="EXPORT")
 
 
 def draw_figures(layout: bpy.types.UILayout, reports: Sequence[Report]) -> None:

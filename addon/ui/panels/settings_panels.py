@@ -93,6 +93,7 @@ class IMPRINT_PT_output(SettingsPanel, bpy.types.Panel):
         row.enabled = settings.material
         row.prop(settings, "single_user")
         layout.prop(settings, "show_result")
+        layout.prop(settings, "export")
 
 
 class IMPRINT_PT_rays(SettingsPanel, bpy.types.Panel):

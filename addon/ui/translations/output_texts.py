@@ -3,7 +3,7 @@
 
 from ...core import file_formats
 from ...core.declarations.output_settings import OUTPUT
-from .lookup import LABEL, SENTENCE
+from .lookup import LABEL, OPERATOR, SENTENCE
 
 TABLE = {
     (LABEL, "Mip Levels"): {"de_DE": "Mip-Stufen", "es": "Niveles mip"},
@@ -29,6 +29,33 @@ TABLE = {
         "lassen, um ein nach dem Low-Poly-Objekt benanntes Bild zu verwenden",
         "es": "Nombre de la imagen a llenar. En él, {low} representa el nombre del objeto low poly. Dejar vacío "
         "para usar una imagen con el nombre del objeto low poly",
+    },
+    (LABEL, "Export"): {"de_DE": "Export", "es": "Exportar"},
+    (SENTENCE, OUTPUT["export"].tooltip): {
+        "de_DE": f"Datei für eine Engine: {file_formats.listed_meshes('oder')}. Sie bekommt das Low-Poly-Mesh in den "
+        "Dreiecken, die gebacken wurden, mit seinen Tangenten und seinen Maps. {low} im Pfad steht für den Namen des "
+        "Low-Poly-Objekts",
+        "es": f"Archivo para un motor: {file_formats.listed_meshes('o')}. Recibe la malla low poly en los triángulos "
+        "que se capturaron, con sus tangentes y sus mapas. En la ruta, {low} representa el nombre del objeto low poly",
+    },
+    (OPERATOR, "Export for Engine"): {"de_DE": "Für Engine exportieren", "es": "Exportar para un motor"},
+    (
+        SENTENCE,
+        "Write the low object and the maps of its last bake to a file for an engine, read it back, and compare it with the "
+        "bake",
+    ): {
+        "de_DE": "Das Low-Poly-Objekt und die Maps seines letzten Backens in eine Datei für eine Engine schreiben, sie "
+        "wieder lesen und mit dem Gebackenen vergleichen",
+        "es": "Escribe el objeto low poly y los mapas de su última captura en un archivo para un motor, lo vuelve a leer "
+        "y lo compara con la captura",
+    },
+    (SENTENCE, "File to write; empty for the one in the panel"): {
+        "de_DE": "Datei, die geschrieben wird; leer für die im Panel",
+        "es": "Archivo a escribir; vacío para el del panel",
+    },
+    (SENTENCE, "No file is set for the export: set one."): {
+        "de_DE": "Für den Export ist keine Datei angegeben: eine angeben.",
+        "es": "No se indicó ningún archivo para exportar: indicar uno.",
     },
     (LABEL, "Depth"): {"de_DE": "Tiefe", "es": "Profundidad"},
     (SENTENCE, "Bits per channel"): {"de_DE": "Bits pro Kanal", "es": "Bits por canal"},

@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The low mesh of a finished bake, as the bake read it: its triangles, normals, UVs and tangents."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import bpy
+import numpy as np
+
+from ..core.declarations import bases
+from ..core.declarations.bases import Basis
+from ..core.declarations.choices import Space
+from ..core.errors import BakeError
+from ..core.report import Report
+from ..scene import evaluation, mesh_reader
+
+
+@dataclass(frozen=True)
+class BakedLow:
+    """A low object with the reports of its maps, and its triangles in the order of its material slots.
+
+    One row per corner of each triangle, (T, 3, n) float32: positions, normals, tangents with the sign of the bitangent. uvs:
+    the UVs of each layer by name, that of the maps first. slots (T,) int32: the material slot. name, materials: of the
+    object, and of the material in each slot, "" without one; staged copies borrow the names of datablocks.
+    """
+
+    low: bpy.types.Object
+    name: str
+    materials: list[str]
+    reports: Sequence[Report]
+    vertices: np.ndarray
+    corners: np.ndarray
+    normals: np.ndarray
+    tangents: np.ndarray
+    uvs: dict[str, np.ndarray]
+    slots: np.ndarray
+
+    @property
+    def positions(self) -> np.ndarray:
+        """The positions of the corners (T, 3, 3) float32."""
+        return self.vertices[self.corners]
+
+    @property
+    def uv(self) -> np.ndarray:
+        """The UVs of the maps (T, 3, 2) float32."""
+        return next(iter(self.uvs.values()))
+
+    @property
+    def basis(self) -> Basis:
+        """The basis that the normal map was made for."""
+        return bases.of_name(self.reports[0].settings["basis"])
+
+    @property
+    def has_normal_map(self) -> bool:
+        """Whether the bake stored a normal map."""
+        return bool(self.reports[0].settings["normal"])
+
+    def report_of(self, slot: int) -> Report | None:
+        """The report of the texture set that the material slot `slot` belongs to."""
+        return next((report for report in self.reports if not report.slots or slot in report.slots), None)
+
+
+def read(context: bpy.types.Context, reports: Sequence[Report]) -> BakedLow:
+    """The low object of `reports`, which are of one bake: one for each texture set. Raises BakeError."""
+    report = reports[0]
+    low = report.refs[0].resolve()
+    if report.space != Space.TANGENT and report.settings["normal"]:
+        raise BakeError(
+            f"The normal map of {low.name!r} is in {report.space.lower()} space, which engines do not read from files of "
+            "meshes: bake it in tangent space."
+        )
+    is_own_base = report.refs[0].uid in {ref.uid for ref in report.refs[1 : 1 + len(report.high)]}
+    with (
+        evaluation.prepared(
+            context, low, [low] if is_own_base else [], None, report.settings["modifiers"]
+        ) as depsgraph,
+        mesh_reader.base(low) if is_own_base else mesh_reader.evaluated(low, depsgraph) as data,
+    ):
+        if report.uv_layer not in data.uv_layers:
+            raise BakeError(f"{low.name!r} no longer has the UV map {report.uv_layer!r} of its maps: bake again.")
+        layers = {layer.name: mesh_reader.uvs(data, layer.name) for layer in data.uv_layers}
+        drawn = mesh_reader.triangles(data)
+        mesh = mesh_reader.with_tangents(data, report.uv_layer, low.name, mesh_reader.matrix(low))
+    slots = mesh.labels[:, 0].astype(np.int32).clip(0, max(0, len(low.material_slots) - 1))
+    order = np.argsort(slots, kind="stable")  # as files have them
+    triangles = mesh.triangles[order]
+    # With n-gons, the corners are those of the drawn triangles, else those of the faces.
+    own = triangles if len(mesh.vertices) == len(layers[report.uv_layer]) else drawn.reshape(-1)[triangles]
+    names = [report.uv_layer, *(name for name in layers if name != report.uv_layer)]
+    return BakedLow(
+        low,
+        low.name,
+        [slot.material.name if slot.material else "" for slot in low.material_slots],
+        reports,
+        mesh.positions,
+        mesh.vertices[triangles],
+        mesh.normals[triangles],
+        mesh.tangents[triangles],
+        {name: layers[name][own] for name in names},
+        slots[order],
+    )

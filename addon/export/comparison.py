@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Measures what an engine would show of a file against what was baked."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..core.declarations import bases
+from ..core.declarations.bases import Basis
+from ..core.errors import BakeError
+from . import frames, map_pictures
+from .file_mesh import FileMesh
+
+POINTS = 200_000
+"""Texels that are compared, at most."""
+POSITION_LIMIT, UV_LIMIT = 1e-4, 1e-4
+"""What a file may round: shares of the mesh's size, and of the map's."""
+
+
+@dataclass(frozen=True)
+class Baked:
+    """What was baked, in the order of the file's triangles: normals (T, 3, 3), tangents (T, 3, 4), positions (T, 3, 3) and uv
+    (T, 3, 2) of the corners; pages (T,): the map of each triangle. texels_of: the texels (height, width, 4) of a map as the
+    bake stored them, in the channels of map_pictures.CHANNELS, or None without one."""
+
+    positions: np.ndarray
+    normals: np.ndarray
+    tangents: np.ndarray
+    uv: np.ndarray
+    pages: np.ndarray
+    basis: Basis
+    texels_of: Callable[[int], np.ndarray | None]
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Degrees between the normals that were baked and those that an engine makes of the file, by the name of its basis: median,
+    percentile_95, percentile_99, maximum. points: how many texels were compared. has_tangents: whether the file has its own."""
+
+    degrees: dict[str, dict[str, float]]
+    points: int
+    has_tangents: bool
+
+
+def check_surface(baked: Baked, found: FileMesh, name: str) -> None:
+    """Raise BakeError unless the file has the triangles, corners and UVs that were baked."""
+    if found.positions.shape != baked.positions.shape:
+        raise BakeError(
+            f"The file has {len(found.positions):,} triangles of {name!r} where {len(baked.positions):,} were baked: it was "
+            "not written."
+        )
+    size = float(np.ptp(baked.positions.reshape(-1, 3), axis=0).max()) or 1.0
+    if np.abs(found.positions - baked.positions).max() > POSITION_LIMIT * size:
+        raise BakeError(f"The file has other triangles of {name!r} than were baked: it was not written.")
+    if not np.array_equal(found.materials, baked.pages):
+        raise BakeError(f"The file has other materials of {name!r} than were baked: it was not written.")
+    if np.abs(found.uv - baked.uv).max() > UV_LIMIT:
+        raise BakeError(f"The file has other UVs of {name!r} than were baked: it was not written.")
+
+
+def measure(baked: Baked, found: FileMesh, texels_in: Callable[[int], np.ndarray | None]) -> Measured | None:
+    """Compare the normals of texels. texels_in: as Baked.texels_of, of a page of the file. None without normal maps.
+
+    Engines make tangents of their own for files without: then those of the bake are taken.
+    """
+    tangents = baked.tangents if found.tangents is None else found.tangents
+    angles: dict[str, list[np.ndarray]] = {basis.name: [] for basis in bases.BASES}
+    for page in np.unique(baked.pages).tolist():
+        texels = baked.texels_of(page)
+        if texels is None:
+            continue
+        stored = texels_in(page)
+        if stored is None:
+            raise BakeError("The file has no normal map where one was baked: it was not written.")
+        chosen = np.flatnonzero(baked.pages == page)
+        triangles, weights, uv = points(baked.uv[chosen], texels.shape[1], texels.shape[0])
+        triangles = chosen[triangles]
+        truth = frames.decoded(
+            baked.basis, _looked_up(texels, uv), weights, baked.normals[triangles], baked.tangents[triangles]
+        )
+        values = _looked_up(stored, np.einsum("nc,nck->nk", weights, found.uv[triangles]))
+        for basis in bases.BASES:
+            shown = frames.decoded(basis, values, weights, found.normals[triangles], tangents[triangles])
+            angles[basis.name].append(frames.degrees(truth, shown))
+    if not any(angles.values()):
+        return None
+    all_angles = {name: np.concatenate(parts) for name, parts in angles.items()}
+    count = len(next(iter(all_angles.values())))
+    return Measured(
+        {name: _figures(values) for name, values in all_angles.items()},
+        count,
+        found.has_tangents and found.tangents is not None,
+    )
+
+
+def points(uv: np.ndarray, width: int, height: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Centers of texels inside triangles: the triangle (N,), the weights of its corners (N, 3), and the UVs (N, 2) float64.
+
+    uv: (T, 3, 2). Always the same ones, evenly spread over UV space.
+    """
+    uv = uv.astype(np.float64)
+    a, b = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
+    twice = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+    areas = np.abs(twice)
+    if not areas.sum() > 0.0:
+        return np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 2))
+    random = np.random.default_rng(1)
+    count = min(POINTS, max(1000, int(areas.sum() / 2 * width * height)))
+    triangles = np.searchsorted(np.cumsum(areas) / areas.sum(), random.random(count)).clip(0, len(uv) - 1)
+    along = random.random((2, count))
+    along = np.where(along.sum(axis=0) > 1.0, 1.0 - along, along)
+    places = uv[triangles, 0] + along[0][:, None] * a[triangles] + along[1][:, None] * b[triangles]
+    size = np.array([width, height])
+    centers = (np.floor(places * size) + 0.5) / size
+    offset = centers - uv[triangles, 0]
+    at, bt, area = a[triangles], b[triangles], twice[triangles]
+    second = (offset[:, 0] * bt[:, 1] - offset[:, 1] * bt[:, 0]) / area
+    third = (at[:, 0] * offset[:, 1] - at[:, 1] * offset[:, 0]) / area
+    weights = np.stack([1.0 - second - third, second, third], axis=1)
+    inside = weights.min(axis=1) >= 0.0
+    return triangles[inside], weights[inside], centers[inside]
+
+
+def _looked_up(texels: np.ndarray, uv: np.ndarray) -> np.ndarray:
+    """The vectors (N, 3) at `uv`, repeated outside 0 to 1."""
+    height, width = texels.shape[:2]
+    column, row = (np.floor(uv * [width, height]).astype(np.int64) % [width, height]).T
+    return map_pictures.directions(texels[row, column])
+
+
+def _figures(angles: np.ndarray) -> dict[str, float]:
+    if not len(angles):
+        return dict.fromkeys(("median", "percentile_95", "percentile_99", "maximum"), 0.0)
+    median, high, higher = np.percentile(angles, (50, 95, 99))
+    return {
+        "median": float(median),
+        "percentile_95": float(high),
+        "percentile_99": float(higher),
+        "maximum": float(angles.max()),
+    }

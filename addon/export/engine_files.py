@@ -1,0 +1,186 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Writes a file of low meshes with their maps, reads it back, and says what an engine would show of it. All or nothing."""
+
+from collections.abc import Callable, Collection, Sequence
+from contextlib import ExitStack, redirect_stdout
+from dataclasses import asdict, dataclass
+from io import StringIO
+from pathlib import Path
+from types import ModuleType
+
+import bpy
+import numpy as np
+
+from ..core import file_formats
+from ..core.errors import BakeError
+from ..core.report import Report
+from ..output import datablocks
+from ..output.files import atomic_file
+from ..output.files.atomic_file import Partial
+from . import baked_low, comparison, map_pictures, staging
+from .comparison import Baked, Measured
+from .file_mesh import FileMesh
+from .formats import fbx, glb, usd
+from .staging import Stage, Staged
+
+FORMATS: dict[str, ModuleType] = dict(zip(file_formats.MESHES, (glb, usd, usd, usd, fbx), strict=True))
+"""By the ending of the file. A module has `write`, `read`, `check`, CHANNELS, HAS_TANGENTS and LINKS_LEVELS."""
+
+
+VISIBLE = 1.0
+"""Degrees. 8 bits alone cost 0.3 at the 99th percentile."""
+
+
+@dataclass(frozen=True)
+class Exported:
+    """One low object in a written file. paths: of the file, and of those beside it. basis: the name of the basis that its
+    normal map was made for. measured: None without a normal map."""
+
+    low: str
+    paths: list[str]
+    triangles: int
+    basis: str
+    measured: Measured | None
+    warnings: list[str]
+
+    def to_dict(self) -> dict:
+        """Plain data, as Report.export has it."""
+        found = asdict(self.measured) if self.measured else {}
+        return {"files": self.paths, "triangles": self.triangles, "basis": self.basis, **found}
+
+
+def check(path: str) -> None:
+    """Raise BakeError if no format has the ending of `path`, or Blender's exporter is missing."""
+    _format(Path(path)).check()
+
+
+def export(
+    context: bpy.types.Context, bakes: Sequence[Sequence[Report]], path: Path, *, are_levels: bool = False
+) -> list[Exported]:
+    """Write low objects with their maps to `path`, which is absolute.
+
+    bakes: for each low object the reports of its last bake, one for each texture set. are_levels: whether they are levels of
+    detail of one object, from the finest. Raises BakeError, and then no file has changed. Nothing else of the scene changes.
+    """
+    file_format = _format(path)
+    file_format.check()
+    if are_levels and not file_format.LINKS_LEVELS:
+        raise BakeError(f"{str(path)!r} cannot hold levels of detail: only a {file_formats.MESHES[0]} file can.")
+    atomic_file.check_writable(path)
+    lows = [baked_low.read(context, reports) for reports in bakes]
+    with staging.staged(context, lows, file_format.CHANNELS, with_tangents=file_format.HAS_TANGENTS) as stage:
+        files = _written(context, file_format, stage, path, are_levels=are_levels)
+        done = [_exported(file_format, stage, one, stage.folder / path.name) for one in stage.objects]
+        paths = _moved(
+            files, stage.folder, path, {file for low in lows for report in low.reports for file in report.output}
+        )
+    return [Exported(one.low, paths, one.triangles, one.basis, one.measured, one.warnings) for one in done]
+
+
+def _format(path: Path) -> ModuleType:
+    found = FORMATS.get(path.suffix.lower())
+    if found is None:
+        raise BakeError(f"{str(path)!r} is no file for an engine: {', '.join(file_formats.MESHES)} are.")
+    return found
+
+
+def _written(
+    context: bpy.types.Context, file_format: ModuleType, stage: Stage, path: Path, *, are_levels: bool
+) -> list[Path]:
+    first = stage.objects[0].object
+    try:
+        # Exporters leave the mode of the active object, and print.
+        with context.temp_override(active_object=first, object=first), redirect_stdout(StringIO()):
+            return file_format.write(stage, stage.folder / path.name, are_levels=are_levels)
+    except (RuntimeError, OSError) as error:
+        raise BakeError(f"{str(path)!r} could not be written: {atomic_file.reason(error)}.") from error
+
+
+def _moved(files: Sequence[Path], folder: Path, path: Path, maps: Collection[str]) -> list[str]:
+    """Put written files beside `path`, all or none. Returns their paths. maps: files that stay as they are."""
+    paths = [path.parent / file.relative_to(folder) for file in files]
+    taken = next((str(one) for one in paths if str(one) in maps), None)
+    if taken is not None:
+        raise BakeError(
+            f"The export would replace {taken!r}, a map of the bake: choose another folder for one of them."
+        )
+    partials = []
+    with ExitStack() as discards, atomic_file.all_or_none():
+        for file, target in zip(files, paths, strict=True):
+            partials.append(Partial(target))
+            discards.callback(partials[-1].discard)
+            with partials[-1].writing():
+                partials[-1].temporary.write_bytes(file.read_bytes())
+        for partial in partials:
+            partial.commit()
+    return [str(one) for one in paths]
+
+
+def _exported(file_format: ModuleType, stage: Stage, one: Staged, path: Path) -> Exported:
+    """Read one object back, and measure it. Raises BakeError if the file has something else than was baked."""
+    low = one.baked
+    found = file_format.read(path, one)
+    baked = Baked(
+        low.positions[one.order],
+        low.normals[one.order],
+        low.tangents[one.order],
+        one.uv,
+        one.faces,
+        low.basis,
+        _kept(lambda page: _baked_texels(one, page, stage.folder)),
+    )
+    comparison.check_surface(baked, found, low.name)
+    measured = None
+    if low.has_normal_map:
+        measured = comparison.measure(
+            baked,
+            found,
+            _kept(lambda page: _texels_in(found, page, file_format.CHANNELS or one.channels(page), stage.folder)),
+        )
+    return Exported(low.name, [], len(one.faces), low.basis.name, measured, _warnings(one, measured, stage))
+
+
+def _kept(load: Callable[[int], np.ndarray | None]) -> Callable[[int], np.ndarray | None]:
+    """`load`, called once for each page after the other."""
+    found: dict[int, np.ndarray | None] = {}
+
+    def kept(page: int) -> np.ndarray | None:
+        if page not in found:
+            found.clear()
+            found[page] = load(page)
+        return found[page]
+
+    return kept
+
+
+def _baked_texels(one: Staged, page: int, folder: Path) -> np.ndarray | None:
+    slot, tile = one.pages[page]
+    report = one.baked.report_of(slot)
+    image = datablocks.get(report.image) if report is not None else None
+    if image is None:
+        return None
+    with map_pictures.one_tile(image, tile, folder) as part:
+        return map_pictures.turned(map_pictures.pixels(part), one.channels(page))
+
+
+def _texels_in(found: FileMesh, page: int, channels: Sequence[str], folder: Path) -> np.ndarray | None:
+    picture = found.pictures[page]
+    if picture is None:
+        return None
+    path = folder / f"read back{file_formats.PNG.endings[0]}"
+    path.write_bytes(picture)
+    with map_pictures.loaded(path) as image:
+        return map_pictures.turned(map_pictures.pixels(image), channels)
+
+
+def _warnings(one: Staged, measured: Measured | None, stage: Stage) -> list[str]:
+    notes = list(stage.notes)
+    if measured is not None and not measured.has_tangents:
+        off = measured.degrees[one.baked.basis.name]["percentile_99"]
+        if off > VISIBLE:
+            notes.append(
+                f"Engines make their own tangents of this file: normals of {one.baked.name!r} then differ by {off:.1f} degrees "
+                f"(99th percentile), as it was baked with quads. Cut its faces into triangles and bake again, or export a "
+                f"{file_formats.MESHES[0]} file, which has the tangents of the bake."
+            )
+    return notes

@@ -1,0 +1,226 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Puts triangulated copies of low objects, with copies of their materials and maps, into the open file for a short time."""
+
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from ..core import udim
+from ..core.errors import BakeError
+from ..core.report import Report
+from ..core.udim import FIRST
+from ..output import datablocks, map_images, materials
+from .baked_low import BakedLow
+from .map_pictures import PictureFiles
+
+TANGENTS = "_IMPRINT_TANGENTS"
+"""The attribute of staged meshes with the tangents of the bake. glTF's exporter writes attributes with such names."""
+
+
+@dataclass(frozen=True)
+class Staged:
+    """A low object that stands in the file. uvs (T, 3, 2): as the file gets them. pages: the material slot and the UDIM tile of
+    each material; the tile is FIRST without UDIM. faces (T,): the page of each triangle, whose order is that of the file.
+    order (T,): which triangle of `baked` each one is."""
+
+    baked: BakedLow
+    object: bpy.types.Object
+    uv: np.ndarray
+    pages: list[tuple[int, int]]
+    faces: np.ndarray
+    order: np.ndarray
+
+    def channels(self, page: int) -> tuple[str, str, str]:
+        """The axes that the bake's normal map of a page stores."""
+        settings = (self.baked.report_of(self.pages[page][0]) or self.baked.reports[0]).settings
+        return settings["red"], settings["green"], settings["blue"]
+
+
+@dataclass(frozen=True)
+class Stage:
+    """All staged objects, in a collection of their own. notes: sentences of what could not be shown in materials."""
+
+    collection: bpy.types.Collection
+    objects: list[Staged]
+    folder: Path
+    notes: list[str]
+
+
+@contextmanager
+def staged(
+    context: bpy.types.Context, lows: Sequence[BakedLow], channels: Sequence[str] | None, *, with_tangents: bool
+) -> Iterator[Stage]:
+    """Stage low objects until the block ends. Then nothing of it is left in the file.
+
+    channels: the axes that the format's normal maps store, or None for those of the bake. with_tangents: whether meshes have
+    the attribute TANGENTS, in glTF's axes. Raises BakeError.
+    """
+    made: list[bpy.types.ID] = []
+    groups = set(bpy.data.node_groups)
+    with tempfile.TemporaryDirectory(prefix="imprint-") as folder, ExitStack() as names:
+        try:
+            collection = bpy.data.collections.new("Imprint export")
+            made.append(collection)
+            context.scene.collection.children.link(collection)
+            pictures, notes = PictureFiles(Path(folder), made), []
+            objects = []
+            for low in lows:
+                objects.append(_object(low, made, names, with_tangents=with_tangents))
+                collection.objects.link(objects[-1].object)
+                notes += _with_maps(objects[-1], pictures, channels)
+            context.view_layer.update()
+            yield Stage(collection, objects, Path(folder), list(dict.fromkeys(notes)))
+        finally:  # before names are given back
+            _remove(made, groups)
+
+
+def _remove(made: Sequence[bpy.types.ID], groups: set[bpy.types.NodeTree]) -> None:
+    bpy.data.batch_remove([*made, *(group for group in bpy.data.node_groups if group not in groups)])
+
+
+def _take_name(
+    datablock: bpy.types.ID,
+    name: str,
+    owner: bpy.types.bpy_prop_collection,
+    made: Sequence[bpy.types.ID],
+    names: ExitStack,
+) -> None:
+    """Give a temporary datablock the name of an existing one, which gets it back when `names` is closed."""
+    other = owner.get((name, None))
+    if other is not None and other not in made:
+        other.name = "Imprint export"
+        names.callback(setattr, other, "name", name)
+    datablock.name = name
+
+
+def _object(low: BakedLow, made: list[bpy.types.ID], names: ExitStack, *, with_tangents: bool) -> Staged:
+    tiles, shift = _tiles(low)
+    pairs, faces = np.unique(np.stack([low.slots, tiles], axis=1), axis=0, return_inverse=True)
+    faces = faces.reshape(-1).astype(np.int32)
+    order = np.argsort(faces, kind="stable")
+    pages = [(int(slot), int(tile)) for slot, tile in pairs]
+    mesh = bpy.data.meshes.new("Imprint export")
+    made.append(mesh)
+    uvs = {name: uv[order] for name, uv in low.uvs.items()}
+    uvs[next(iter(uvs))] = low.uv[order] - shift[order][:, None]
+    _fill(mesh, low, order, uvs, faces[order], with_tangents=with_tangents)
+    obj = bpy.data.objects.new("Imprint export", mesh)
+    made.append(obj)
+    obj.matrix_world = low.low.matrix_world
+    _take_name(obj, low.name, bpy.data.objects, made, names)
+    _take_name(mesh, low.low.data.name, bpy.data.meshes, made, names)
+    for slot, tile in pages:
+        mesh.materials.append(_material(low, slot, tile, made, names))
+    return Staged(low, obj, next(iter(uvs.values())), pages, faces[order], order)
+
+
+def _tiles(low: BakedLow) -> tuple[np.ndarray, np.ndarray]:
+    """The UDIM tile of each triangle (T,) int32, and where it begins (T, 2) float32.
+
+    Raises BakeError for a triangle in several tiles.
+    """
+    count = len(low.slots)
+    if not low.reports[0].settings["udim"]:
+        return np.full(count, FIRST, np.int32), np.zeros((count, 2), np.float32)
+    begin = np.floor(low.uv.mean(axis=1))
+    inside = low.uv - begin[:, None]
+    if inside.min() < -1e-4 or inside.max() > 1.0 + 1e-4:
+        raise BakeError(
+            f"A triangle of {low.name!r} lies in several UDIM tiles, which no file of an engine can have: cut its UVs at "
+            "the border of the tiles."
+        )
+    return (udim.FIRST + begin[:, 0] + udim.COLUMNS * begin[:, 1]).astype(np.int32), begin.astype(np.float32)
+
+
+def _fill(
+    mesh: bpy.types.Mesh,
+    low: BakedLow,
+    order: np.ndarray,
+    uvs: dict[str, np.ndarray],
+    faces: np.ndarray,
+    *,
+    with_tangents: bool,
+) -> None:
+    """Make `mesh` the triangles of `low` in this order. uvs: of each layer. faces: the material of each triangle."""
+    count = len(order)
+    mesh.vertices.add(len(low.vertices))
+    mesh.attributes["position"].data.foreach_set("vector", low.vertices.reshape(-1))
+    mesh.loops.add(3 * count)
+    mesh.loops.foreach_set("vertex_index", low.corners[order].reshape(-1))
+    mesh.polygons.add(count)
+    mesh.polygons.foreach_set("loop_start", np.arange(0, 3 * count, 3, dtype=np.int32))
+    mesh.polygons.foreach_set("material_index", faces)
+    mesh.update(calc_edges=True)
+    for name, uv in uvs.items():
+        mesh.uv_layers.new(name=name).uv.foreach_set("vector", uv.reshape(-1))
+    mesh.uv_layers.active_index = 0
+    mesh.uv_layers[0].active_render = True
+    normals = mesh.attributes.new("custom_normal", "FLOAT_VECTOR", "CORNER")
+    normals.data.foreach_set("vector", low.normals[order].reshape(-1))
+    if with_tangents:
+        tangents = low.tangents[order].reshape(-1, 4)
+        turned = np.stack([tangents[:, 0], tangents[:, 2], -tangents[:, 1], tangents[:, 3]], axis=1)
+        mesh.attributes.new(TANGENTS, "QUATERNION", "CORNER").data.foreach_set("value", turned.reshape(-1))
+
+
+def _material(low: BakedLow, slot: int, tile: int, made: list[bpy.types.ID], names: ExitStack) -> bpy.types.Material:
+    """A temporary copy of the material in a slot, or a new one, with its name. A tile's number is added to the name."""
+    slots = low.low.material_slots
+    source = slots[slot].material if slot < len(slots) else None
+    copy = bpy.data.materials.new(low.name) if source is None else source.copy()
+    made.append(copy)
+    name = low.name if source is None else low.materials[slot]
+    if low.reports[0].settings["udim"]:
+        name = f"{name}_{tile}"
+    _take_name(copy, name, bpy.data.materials, made, names)
+    return copy
+
+
+def _with_maps(one: Staged, pictures: PictureFiles, channels: Sequence[str] | None) -> list[str]:
+    """Show the maps of the bake in the materials of a staged object. Returns notes. Raises BakeError."""
+    notes = []
+    for number, (slot, tile) in enumerate(one.pages):
+        report = one.baked.report_of(slot)
+        if report is None:
+            notes.append(
+                f"The material slot {slot + 1} of {one.baked.name!r} has no maps: bake its texture set as well."
+            )
+            continue
+        settings = report.settings
+        layer = report.uv_layer
+        if settings["normal"]:
+            stored = tuple(settings[name] for name in ("red", "green", "blue"))
+            wanted = tuple(channels or stored)
+            image = pictures.normal_map(_image(report), tile, stored, wanted, dither=settings["dither"])
+            notes += materials.hook_up(
+                one.object, image, space=report.space, uv_layer=layer, channels=wanted, slots=[number]
+            )
+        found, warnings = map_images.of_report(report.maps, report.space)
+        notes += warnings
+        if found:
+            own = {}
+            for name, one_map in found.items():
+                image = pictures.other_map(one_map.image, tile, has_alpha=_has_alpha(report, one_map))
+                own[name] = replace(one_map, image=image)
+            notes += materials.connect_maps(one.object, own, uv_layer=layer, slots=[number])
+    return notes
+
+
+def _has_alpha(report: Report, map_image: map_images.MapImage) -> bool:
+    """Whether a channel of the bake's packed image is its alpha."""
+    return any(
+        how["image"] == map_image.image.name and "map" in how.get("channels", {}).get("alpha", {})
+        for how in report.maps.values()
+    )
+
+
+def _image(report: Report) -> bpy.types.Image:
+    image = datablocks.get(report.image)
+    if image is None:
+        raise BakeError(f"The image {report.image!r} was undone, renamed or deleted: bake again.")
+    return image

@@ -1,0 +1,246 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Exports .glb files, and reads them by the specification: what a reader shows of them is the object-space map."""
+
+import bpy
+import numpy as np
+import pytest
+
+from addon.core.errors import BakeError
+from addon.core.settings import Settings
+from addon.export import engine_files
+from addon.jobs import bake_jobs, bake_pair
+from addon.jobs.job import Job
+from tests.support import angles, glb, maps, snapshot, zoo
+
+pytestmark = pytest.mark.usefixtures("gpu_context")
+
+EIGHT_BITS_P99 = 0.35
+"""Degrees that 8 bits cost at the 99th percentile (0.30), and those of the rasterizer."""
+
+
+def bake(low, *highs, size=64, image="the normal map", **settings):
+    values = {"method": "FLATTEN", "depth": 16, "storage": "PACK", "basis": "MIKKTSPACE", "material": False, **settings}
+    return bake_pair(bpy.context, low, highs, Settings(image=image, width=size, height=size, **values))
+
+
+def export(path, *reports):
+    return engine_files.export(bpy.context, [[report] for report in reports], path)
+
+
+def bent_pair(**options):
+    """A low sheet of bent quads, and a finer high one with waves, on the same UVs."""
+
+    def surface(height):
+        return lambda u, v: np.stack([u, v, 0.3 * np.sin(3 * u) * np.cos(5 * v) + height * np.sin(40 * u)], axis=1)
+
+    return zoo.sheet("bent", surface(0.0), 3, 4, **options), zoo.sheet("fine", surface(0.004), 96, 96)
+
+
+def off(path, name, truth, tmp_path):
+    """Degrees between what a MikkTSpace reader shows of a file and an object-space map, where both have texels."""
+    (part,) = glb.parts(path, name)
+    picture, channels, depth = glb.texels(part.normal_map, tmp_path)
+    assert (channels, depth) == (3, 8)
+    normals, covered = glb.shown(part, picture)
+    both = angles.eroded(covered & (truth[..., 3] > 0.0), 1)
+    assert both.sum() > 100
+    return angles.degrees(normals[both], angles.decode(truth)[both])
+
+
+def test_the_normals_of_the_file_are_those_of_the_object_space_map(tmp_path):
+    low, high = bent_pair()
+    truth = maps.bake(low, high, image="truth", space="OBJECT", size=(128, 128))
+    report = bake(low, high, size=128)
+    (done,) = export(tmp_path / "out.glb", report)
+    found = off(tmp_path / "out.glb", "bent", truth, tmp_path)
+    assert np.percentile(found, 99) < EIGHT_BITS_P99
+    assert done.measured.degrees["MIKKTSPACE"]["percentile_99"] == pytest.approx(np.percentile(found, 99), abs=0.05)
+    assert done.measured.has_tangents
+
+
+@pytest.mark.shared
+@pytest.mark.parametrize("name", ["spot_1696_536", "spot_control_vs_subd5"])
+def test_real_meshes_and_lows_with_ngons(shared_assets, tmp_path, name):
+    bpy.ops.wm.open_mainfile(filepath=str(shared_assets / "pairs" / f"{name}.blend"))
+    low, high = bpy.data.objects["lo"], bpy.data.objects["hi"]
+    truth = maps.bake(low, high, image="truth", space="OBJECT", size=(512, 512))
+    (done,) = export(tmp_path / "out.glb", bake(low, high, size=512))
+    found = off(tmp_path / "out.glb", "lo", truth, tmp_path)
+    assert np.percentile(found, 99) < EIGHT_BITS_P99
+    assert done.measured.degrees["MIKKTSPACE"]["percentile_99"] < EIGHT_BITS_P99
+
+
+def test_blender_reads_the_same_surface(tmp_path):
+    low, high = bent_pair()
+    export(tmp_path / "out.glb", bake(low, high))
+    low.name = "before"
+    bpy.ops.import_scene.gltf(filepath=str(tmp_path / "out.glb"))
+    (read,) = (obj for obj in bpy.data.objects if obj.name.startswith("bent"))
+    assert len(read.data.polygons) == 24
+    normal_map = next(node for node in read.data.materials[0].node_tree.nodes if node.type == "NORMAL_MAP")
+    (texture,) = (link.from_node for link in normal_map.inputs["Color"].links)
+    assert texture.image.colorspace_settings.name == "Non-Color"
+    assert tuple(texture.image.size) == (64, 64)
+    positions = np.array([vertex.co for vertex in read.data.vertices])
+    own = np.array([vertex.co for vertex in low.data.vertices])
+    assert np.abs(positions[:, None] - own[None]).sum(axis=2).min(axis=1).max() < 1e-6
+
+
+def test_tangents_are_of_the_layer_of_the_map(tmp_path):
+    low, high = bent_pair()
+    turned = low.data.uv_layers.new(name="other")
+    own = low.data.uv_layers[zoo.LAYER]
+    for corner in range(len(low.data.loops)):
+        u, v = own.uv[corner].vector
+        turned.uv[corner].vector = 1.0 - v, u
+    low.data.uv_layers.active = turned
+    truth = maps.bake(low, high, image="truth", space="OBJECT", size=(64, 64), uv_layer=zoo.LAYER)
+    export(tmp_path / "out.glb", bake(low, high, uv_layer=zoo.LAYER))
+    assert np.percentile(off(tmp_path / "out.glb", "bent", truth, tmp_path), 99) < EIGHT_BITS_P99
+    (part,) = glb.parts(tmp_path / "out.glb", "bent")
+    assert "TEXCOORD_1" in part.attributes  # other textures may use it
+
+
+def test_mirrored_halves_keep_the_sign_of_their_bitangent(tmp_path):
+    low, high = bent_pair()
+    for obj in (low, high):
+        for value in obj.data.uv_layers[zoo.LAYER].uv:
+            value.vector.x = 1.0 - value.vector.x
+    truth = maps.bake(low, high, image="truth", space="OBJECT", size=(64, 64))
+    export(tmp_path / "out.glb", bake(low, high))
+    (part,) = glb.parts(tmp_path / "out.glb", "bent")
+    assert set(part.attributes["TANGENT"][:, 3].tolist()) == {-1.0}
+    assert np.percentile(off(tmp_path / "out.glb", "bent", truth, tmp_path), 99) < EIGHT_BITS_P99
+
+
+@pytest.mark.parametrize("channels", [("+X", "-Y", "+Z"), ("+X", "+Z", "-Y")])
+def test_other_channels_are_turned_into_those_of_gltf(tmp_path, channels):
+    low, high = bent_pair()
+    truth = maps.bake(low, high, image="truth", space="OBJECT", size=(64, 64))
+    red, green, blue = channels
+    export(tmp_path / "out.glb", bake(low, high, red=red, green=green, blue=blue))
+    assert np.percentile(off(tmp_path / "out.glb", "bent", truth, tmp_path), 99) < EIGHT_BITS_P99
+
+
+def test_nothing_is_left_in_the_file(tmp_path):
+    low, high = bent_pair()
+    low.data.materials.append(bpy.data.materials.new("painted"))
+    report = bake(low, high, maps=("AO", "ROUGHNESS"), rays=16)
+    bpy.context.view_layer.objects.active = low
+    low.select_set(True)
+    before = snapshot.snapshot()
+    export(tmp_path / "out.glb", report)
+    assert snapshot.difference(before, snapshot.snapshot()) == {}
+    (part,) = glb.parts(tmp_path / "out.glb", "bent")
+    assert part.material["name"] == "painted"
+
+
+def test_edit_mode_is_kept(tmp_path):
+    low, high = bent_pair()
+    report = bake(low, high)
+    bpy.context.view_layer.objects.active = low
+    bpy.ops.object.mode_set(mode="EDIT")
+    export(tmp_path / "out.glb", report)
+    assert low.mode == "EDIT"
+
+
+def test_occlusion_roughness_and_metallic_share_an_image(tmp_path):
+    low, high = bent_pair()
+    export(tmp_path / "out.glb", bake(low, high, maps=("AO", "ROUGHNESS", "METALLIC"), rays=16, pack="GLTF"))
+    tree, _ = glb.parse(tmp_path / "out.glb")
+    (material,) = tree["materials"]
+    surface = material["pbrMetallicRoughness"]["metallicRoughnessTexture"]
+    assert (
+        tree["textures"][surface["index"]]["source"]
+        == tree["textures"][material["occlusionTexture"]["index"]]["source"]
+    )
+    assert len(tree["images"]) == 2
+
+
+def test_levels_of_detail_hang_on_the_first(tmp_path):
+    low, high = bent_pair()
+    coarse = zoo.sheet("coarse", lambda u, v: np.stack([u, v, 0 * u], axis=1), 1, 1)
+    reports = bake(low, high, image="fine map"), bake(coarse, high, image="coarse map")
+    done = engine_files.export(bpy.context, [[report] for report in reports], tmp_path / "out.glb", are_levels=True)
+    tree, _ = glb.parse(tmp_path / "out.glb")
+    (root,) = tree["scenes"][0]["nodes"]
+    (other,) = tree["nodes"][root]["extensions"]["MSFT_lod"]["ids"]
+    assert (tree["nodes"][root]["name"], tree["nodes"][other]["name"]) == ("bent", "coarse")
+    assert tree["extensionsUsed"] == ["MSFT_lod"]
+    assert [one.triangles for one in done] == [24, 2]
+
+
+def test_texture_sets_have_a_material_each(tmp_path):
+    low, high = bent_pair()
+    for name in ("wood", "iron"):
+        low.data.materials.append(bpy.data.materials.new(name))
+    for face in low.data.polygons[:6]:
+        face.material_index = 1
+    settings = Settings(
+        method="FLATTEN", width=64, height=64, storage="PACK", basis="MIKKTSPACE", texture_sets=True, material=False
+    )
+    reports = bake_jobs.bake_all(bpy.context, [Job(low, [high])], settings)
+    (done,) = engine_files.export(bpy.context, [reports], tmp_path / "out.glb")
+    found = glb.parts(tmp_path / "out.glb", "bent")
+    assert [part.material["name"] for part in found] == ["wood", "iron"]
+    assert [len(part.indices) for part in found] == [12, 12]
+    assert found[0].normal_map != found[1].normal_map
+    assert done.measured.degrees["MIKKTSPACE"]["percentile_99"] < EIGHT_BITS_P99
+
+
+def test_udim_tiles_become_materials(tmp_path):
+    low, high = bent_pair()
+    for obj in (low, high):
+        for value in obj.data.uv_layers[zoo.LAYER].uv:
+            value.vector.x += 1.0
+    report = bake(low, high, udim=True)
+    (done,) = export(tmp_path / "out.glb", report)
+    (part,) = glb.parts(tmp_path / "out.glb", "bent")
+    assert part.material["name"] == "bent_1002"
+    assert part.attributes["TEXCOORD_0"].min() >= 0.0
+    assert part.attributes["TEXCOORD_0"].max() <= 1.0
+    assert done.measured.degrees["MIKKTSPACE"]["percentile_99"] < EIGHT_BITS_P99
+    assert low.name == "bent"
+
+
+def test_a_triangle_in_two_tiles_is_refused(tmp_path):
+    low, high = bent_pair()
+    for obj in (low, high):
+        for value in obj.data.uv_layers[zoo.LAYER].uv:
+            value.vector.x = value.vector.x * 2.0 + 0.3
+    report = bake(low, high, udim=True)
+    with pytest.raises(BakeError, match="several UDIM tiles"):
+        export(tmp_path / "out.glb", report)
+    assert not (tmp_path / "out.glb").exists()
+
+
+def test_an_object_space_map_is_refused(tmp_path):
+    low, high = bent_pair()
+    with pytest.raises(BakeError, match="object space"):
+        export(tmp_path / "out.glb", bake(low, high, space="OBJECT"))
+
+
+def test_another_ending_is_refused(tmp_path):
+    low, high = bent_pair()
+    with pytest.raises(BakeError, match=r"out\.obj' is no file for an engine"):
+        export(tmp_path / "out.obj", bake(low, high))
+
+
+def test_a_failure_leaves_the_old_file_and_nothing_in_the_scene(tmp_path, monkeypatch):
+    low, high = bent_pair()
+    report = bake(low, high)
+    (tmp_path / "out.glb").write_bytes(b"old")
+    before = snapshot.snapshot()
+    original = engine_files.FORMATS[".glb"].read
+    with monkeypatch.context() as patch:
+
+        def wrong(path, one):
+            found = original(path, one)
+            found.positions[0, 0, 0] += 1.0
+            return found
+
+        patch.setattr(engine_files.FORMATS[".glb"], "read", wrong)
+        with pytest.raises(BakeError, match="other triangles"):
+            export(tmp_path / "out.glb", report)
+    assert (tmp_path / "out.glb").read_bytes() == b"old"
+    assert snapshot.difference(before, snapshot.snapshot()) == {}
