@@ -14,6 +14,8 @@ from .timings import STAGES, Timings
 
 VERSION = 1
 """The version of the report's keys in JSON. It increases when a key is removed or changes its meaning, not for new keys."""
+VISIBLE = 1.0
+"""Degrees at the 99th percentile from which a file for an engine is worth a word. 8 bits alone cost 0.3."""
 _NORMALS = {name.lower() for name, map_type in BY_NAME.items() if map_type.kind is Kind.NORMAL}
 """The names of maps that are read with the basis, as in Report.maps."""
 
@@ -145,10 +147,16 @@ class Report:
         start = f"{Path(how['files'][0]).name}: {how['triangles']:,} triangles, read back"
         if "degrees" not in how:
             return start
-        figures, label = how["degrees"][how["basis"]], bases.BY_NAME[how["basis"]].label
+        own, figures = how["basis"], how["degrees"]
+        others = ", ".join(
+            f"{bases.BY_NAME[name].label} {found['percentile_99']:.1f}"
+            for name, found in figures.items()
+            if name != own and found["percentile_99"] >= VISIBLE
+        )
         return (
-            f"{start}; normals, read as {label}, differ by {figures['median']:.2g} degrees (median), "
-            f"{figures['percentile_99']:.2g} (99th percentile), at most {figures['maximum']:.2g}"
+            f"{start}; normals, read as {bases.BY_NAME[own].label}, differ by {figures[own]['median']:.2g} degrees (median), "
+            f"{figures[own]['percentile_99']:.2g} (99th percentile), at most {figures[own]['maximum']:.2g}"
+            + (f"; read with another basis, by (99th percentile): {others}" if others else "")
         )
 
     def summary(self) -> list[str]:

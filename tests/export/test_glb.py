@@ -244,3 +244,32 @@ def test_a_failure_leaves_the_old_file_and_nothing_in_the_scene(tmp_path, monkey
             export(tmp_path / "out.glb", report)
     assert (tmp_path / "out.glb").read_bytes() == b"old"
     assert snapshot.difference(before, snapshot.snapshot()) == {}
+
+
+def test_moved_and_turned_objects_keep_their_place(tmp_path):
+    low, high = bent_pair()
+    for obj in (low, high):
+        obj.location, obj.rotation_euler, obj.scale = (1, 2, 3), (0.3, 0.5, 0.7), (2, 2, 2)
+    (done,) = export(tmp_path / "out.glb", bake(low, high))
+    assert done.measured.degrees["MIKKTSPACE"]["percentile_99"] < EIGHT_BITS_P99
+    own = sorted(tuple(round(x, 4) for x in low.matrix_world @ vertex.co) for vertex in low.data.vertices)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    bpy.ops.import_scene.gltf(filepath=str(tmp_path / "out.glb"), merge_vertices=True)
+    (read,) = (obj for obj in bpy.data.objects if obj.type == "MESH")
+    bpy.context.view_layer.update()
+    found = {tuple(round(x, 4) for x in read.matrix_world @ vertex.co) for vertex in read.data.vertices}
+    np.testing.assert_allclose(sorted(found), sorted(set(own)), atol=2e-4)
+
+
+@pytest.mark.parametrize("depth", [8, 16, 32])
+def test_colors_of_any_depth_become_srgb_of_8_bits(tmp_path, depth):
+    low, high = bent_pair()
+    material = bpy.data.materials.new("red")
+    material.node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (0.5, 0.1, 0.02, 1.0)
+    high.data.materials.append(material)
+    export(tmp_path / "out.glb", bake(low, high, maps=("BASE_COLOR",), depth=depth))
+    tree, binary = glb.parse(tmp_path / "out.glb")
+    texture = tree["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"]
+    picture, channels, bits = glb.texels(glb.image(tree, binary, texture["index"]), tmp_path)
+    assert (channels, bits) == (3, 8)
+    np.testing.assert_allclose(picture[32, 32], [188, 89, 39], atol=1)  # sRGB of these colors
