@@ -187,7 +187,7 @@ class Outputs:
 
     def _encoding(self, name: str, labels: Sequence[str]) -> dict:
         """How to decode a map. labels: as in value_encoding.encoding."""
-        tiles = [texels for (_, level), texels in self._late.get(name, {}).items() if level == 0]
+        tiles = list(self._late.get(name, {}).values())
         return value_encoding.encoding(BY_NAME[name], tiles, labels, self._settings_of(name))
 
     def _encode(self, name: str, tile: int, level: int, texels: np.ndarray, how: dict) -> None:

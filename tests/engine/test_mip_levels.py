@@ -7,8 +7,10 @@ import bpy
 import numpy as np
 import pytest
 
+from addon.core.errors import BakeError
 from addon.core.settings import Settings
 from addon.jobs import Job, bake_all, bake_pair
+from addon.output import map_storage
 from tests.engine.test_slope_maps import SLOPE, roof, widened
 from tests.support import zoo
 from tests.support.maps import pixels
@@ -23,13 +25,13 @@ MIXED = ("HEIGHT", "OBJECT_ID", "COVERAGE")
 def bake(low, high, folder, *, name="rock_normal.exr", size=(SIZE, SIZE), maps=(), **settings):
     """The report of a bake into files with mip levels."""
     width, height = size
-    values = {"method": "FLATTEN", "margin": 0, "depth": 32, "storage": "FILE", "material": False, **settings}
+    values = {"method": "FLATTEN", "margin": 0, "depth": 32, "storage": "FILE", "material": False, "mip_files": True}
     output = str(folder / name)
     return bake_pair(
         bpy.context,
         low,
         [high],
-        Settings(output=output, width=width, height=height, maps=tuple(maps), mip_files=True, **values),
+        Settings(output=output, width=width, height=height, maps=tuple(maps), **(values | settings)),
     )
 
 
@@ -195,3 +197,30 @@ def test_misses_stay_misses(tmp_path, alpha):
                 assert np.array_equal(found[..., 3] == 0.0, is_missed)
             if name == "rock_normal":
                 assert np.array_equal((found[..., :3] == (1.0, 0.0, 1.0)).all(axis=-1), is_missed)
+
+
+def test_a_bake_that_fails_leaves_no_levels(tmp_path, monkeypatch):
+    def fail(_writers):
+        raise BakeError("stopped")
+
+    monkeypatch.setattr(map_storage, "commit_all", fail)
+    with pytest.raises(BakeError, match="stopped"):
+        bake(zoo.plane("low"), zoo.plane("high"), tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_tiles_that_are_not_baked_get_no_levels(tmp_path):
+    """An image keeps its other tiles. A level is no place for them."""
+    objects = zoo.plane("low", 2), zoo.plane("high", 2)
+    for obj in objects:
+        uv = obj.data.uv_layers[0].uv
+        values = np.empty(2 * len(uv), np.float32)
+        uv.foreach_get("vector", values)
+        values[::2] *= 2.0
+        uv.foreach_set("vector", values)
+    names = {"name": "rock.<UDIM>.exr", "udim": True}
+    assert bake(*objects, tmp_path, **names, mip_files=False).tiles == [1001, 1002]
+    bake(*objects, tmp_path, **names, tiles=(1001,))
+    assert (tmp_path / "rock.1002.exr").is_file()
+    assert (tmp_path / "rock_mip1.1001.exr").is_file()
+    assert not list(tmp_path.glob("*_mip*1002*"))

@@ -49,6 +49,21 @@ def test_a_roof_in_a_texel_is_rough(method, space):
 
 
 @pytest.mark.parametrize("method", METHODS)
+def test_spaces_agree_seed_1(method):
+    """Steep bumps, whose slopes count against the low surface in its own frame."""
+    rng, low = np.random.default_rng(1), zoo.plane("low")
+    high = zoo.sheet("high", lambda u, v: np.stack([2 * u - 1, 2 * v - 1, 0.01 * rng.normal(size=len(u))], 1), 160, 160)
+    for obj in (low, high):
+        obj.rotation_euler = 0.4, 1.2, -0.3
+    first, *others = (
+        raw_maps(low, high, maps=[NAME], size=SIZE, method=method, space=space, samples=16)[1001][NAME][..., 0]
+        for space in ("TANGENT", "OBJECT", "WORLD")
+    )
+    assert first.mean() > 0.6
+    assert all(np.abs(other - first).max() < EXACT for other in others)
+
+
+@pytest.mark.parametrize("method", METHODS)
 def test_one_sample_cannot_know(method):
     low, high = zoo.plane("low"), roof(0.4)
     found = raw_maps(low, high, maps=[NAME], size=SIZE, method=method, samples=1)[1001][NAME]

@@ -33,8 +33,9 @@ def beckmann(alpha, rng, count=SAMPLES):
     return of_slopes(rng.normal(0.0, alpha / np.sqrt(2.0), (count, SIZE, SIZE, 2)))
 
 
-def widened(normals, roughness=0.0, *, direction=None, state=1.0):
-    """The roughness (SIZE, SIZE, 4) of texels with samples `normals` (count, SIZE, SIZE, 3). state: alpha of all samples."""
+def widened(normals, roughness=0.0, *, direction=None, state=1.0, known=1.0):
+    """The roughness (SIZE, SIZE, 4) of texels with samples `normals` (count, SIZE, SIZE, 3). state: alpha of all samples.
+    known: that of the roughness."""
 
     def upload(values, alpha=1.0):
         texels = np.empty((SIZE, SIZE, 4), np.float32)
@@ -46,7 +47,7 @@ def widened(normals, roughness=0.0, *, direction=None, state=1.0):
     for number, sample in enumerate(normals):
         slope_moments.add(sums, upload(sample, state), directions, is_first=number == 0)
     into = target.get("test's roughness", SIZE, SIZE, "RGBA32F")
-    slope_moments.widen(into, sums, upload(normals.sum(axis=0)), upload(roughness))
+    slope_moments.widen(into, sums, upload(normals.sum(axis=0)), upload(roughness, known))
     found = np.empty((SIZE, SIZE, 4), np.float32)
     into.read(found)
     return found
@@ -89,7 +90,7 @@ def test_other_spaces_take_the_low_surface_s_normal_seed_2():
 def test_one_normal_leaves_roughness_as_it_is_seed_3():
     """Rounding adds nothing, also where normals lean far."""
     normals = beckmann(0.7, np.random.default_rng(3), 1)
-    assert np.abs(widened(normals.repeat(5, axis=0), 0.1)[..., 0] - 0.1).max() < EXACT
+    assert np.abs(widened(normals.repeat(5, axis=0), 0.03)[..., 0] - 0.03).max() < EXACT
 
 
 def test_roughness_ends_at_1():
@@ -101,3 +102,9 @@ def test_roughness_ends_at_1():
 def test_misses_do_not_count_seed_4():
     normals = beckmann(0.7, np.random.default_rng(4), 2)
     assert np.abs(widened(normals, 0.3, state=-1.0)[..., 0] - 0.3).max() < EXACT
+
+
+@pytest.mark.parametrize("known", [0.0, -1.0])
+def test_without_a_roughness_there_is_no_value(known):
+    flat = of_slopes(np.zeros((1, SIZE, SIZE, 2)))
+    assert (widened(flat, 0.3, known=known)[..., 3] == known).all()

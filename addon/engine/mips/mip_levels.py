@@ -92,7 +92,7 @@ class Mean:
         is_known = (sums.hits > 0.0) & (weights > 0.0)
         result = np.zeros((*is_known.shape, 4), np.float32)
         np.divide(sums.values, weights[..., None], out=result[..., :3], where=is_known[..., None])
-        result[..., 3] = np.where(is_known, 1.0, -np.sign(sums.misses) * (sums.hits == 0.0))
+        result[..., 3] = np.where(is_known, 1.0, -np.sign(sums.misses))
         return result
 
 
