@@ -75,25 +75,24 @@ class Mean:
 
     def raw(self) -> np.ndarray:
         """The level (height, width, 4) float32, as Renderer.raw has maps: alpha 1 known, 0 empty, -1 missed."""
-        return self._mean(self._sums)
+        values, hits, misses = self._sums
+        weights = np.linalg.norm(values, axis=-1) if self.is_normal else hits
+        is_known = (hits > 0.0) & (weights > 0.0)
+        result = np.zeros((*is_known.shape, 4), np.float32)
+        np.divide(values, weights[..., None], out=result[..., :3], where=is_known[..., None])
+        result[..., 3] = np.where(is_known, 1.0, -np.sign(misses))
+        return result
 
     def first(self, rows: slice) -> np.ndarray:
         """These rows of level 0, as `raw` has them."""
-        return self._mean(self._written(rows))
+        values, hits, misses = self._written(rows)
+        return np.concatenate([values, (hits - misses)[..., None]], axis=-1)
 
     def _written(self, rows: slice) -> "Sums":
         hits = (self.state[rows] == texel_state.WRITTEN).astype(np.float32)
         misses = (self.state[rows] == texel_state.MISSED).astype(np.float32)
         values = self.texels[rows, :, :3]
         return Sums(((values - 0.5) @ self.decode if self.is_normal else values) * hits[..., None], hits, misses)
-
-    def _mean(self, sums: "Sums") -> np.ndarray:
-        weights = np.linalg.norm(sums.values, axis=-1) if self.is_normal else sums.hits
-        is_known = (sums.hits > 0.0) & (weights > 0.0)
-        result = np.zeros((*is_known.shape, 4), np.float32)
-        np.divide(sums.values, weights[..., None], out=result[..., :3], where=is_known[..., None])
-        result[..., 3] = np.where(is_known, 1.0, -np.sign(sums.misses))
-        return result
 
 
 class Sums(NamedTuple):
