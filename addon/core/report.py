@@ -73,6 +73,10 @@ class Report:
     own no hit that faces their ray (not_owned) and show the nearest one, and those with each reason (undecided, backs,
     contested, jumps, other_layer) of engine.rays.unsure_texels.Doubts; a texel can have several. uneven: whether the low mesh
     is the base of its own high one."""
+    readers: dict[str, dict[str, float | int]] = field(default_factory=dict)
+    """What programs show of the map, by their names: median, percentile_95, percentile_99 and maximum of the degrees to the
+    normals that the map means before it is rounded, on so many texels; rebuilt: of these, those that come out wrong because the
+    program makes z of x and y."""
     tiles: list[int] = field(default_factory=lambda: [udim.FIRST])
     """The UDIM tiles that were baked."""
     maps: dict[str, dict] = field(default_factory=dict)
@@ -159,6 +163,11 @@ class Report:
             + (f"; read with another basis, by (99th percentile): {others}" if others else "")
         )
 
+    def _other_green(self, name: str) -> str:
+        """The end of a sentence about a program that reads another green than the map stores; empty if it is the same."""
+        green = readers.BY_NAME[name].green
+        return "" if self.settings.get("green") == green else f"; it reads green as {green}"
+
     def summary(self) -> list[str]:
         """Lines for the user: what was baked, and how long it took."""
         width, height = self.size
@@ -168,6 +177,11 @@ class Report:
         basis = self.settings.get("basis") if self.space == Space.TANGENT and has_normals else ""
         if basis in bases.BY_NAME:
             details.append(f"Basis: {bases.BY_NAME[basis].label}, for {readers.names(bases.BY_NAME[basis])}")
+        for name, found in self.readers.items():
+            details.append(
+                f"{readers.BY_NAME[name].label} is off by {found['median']:.3f} degrees (median), "
+                f"{found['percentile_99']:.3f} (99th percentile), at most {found['maximum']:.2f}{self._other_green(name)}"
+            )
         if self.why:
             details.append(f"{self.method.capitalize()} was chosen: {self.why}")
         if self.distances:

@@ -32,6 +32,8 @@ class Settings:
     method: str = _field("method")
     space: str = _field("space")
     basis: str = _field("basis")
+    readers: tuple[str, ...] = _field("readers")
+    """Names among declarations.readers.BY_NAME, in their order."""
     uv_layer: str = _field("uv_layer")
     width: int = _field("width")
     height: int = _field("height")

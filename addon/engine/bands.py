@@ -3,7 +3,7 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ..core import udim
 from ..core.udim import UvToClip
@@ -40,6 +40,11 @@ class Band:
     def is_whole(self) -> bool:
         """Whether it is the whole map."""
         return (self.start, self.stop) == (0, self.size[1])
+
+    @property
+    def without_halo(self) -> "Band":
+        """The same rows alone."""
+        return replace(self, halo=0)
 
     @property
     def uv_to_clip(self) -> UvToClip:

@@ -1,10 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Normals in the channels of a map: the component in each channel, and what stored normals say."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from ..core import texel_state
+from ..core.declarations import bases
+from ..core.declarations.choices import Space
+from ..core.declarations.readers import Reader
 from ..core.settings import Settings
+from ..passes.view import lit
 
 
 def channels(settings: Settings) -> np.ndarray:
@@ -13,6 +19,21 @@ def channels(settings: Settings) -> np.ndarray:
     for row, axis in enumerate((settings.red, settings.green, settings.blue)):
         matrix[row, "XYZ".index(axis[1])] = 1.0 if axis[0] == "+" else -1.0
     return matrix
+
+
+def reading(settings: Settings) -> tuple[int, int, int]:
+    """How a map of these settings is meant to be read, as lit.reading has it, before it is rounded."""
+    kinds = {Space.WORLD: lit.WORLD, Space.OBJECT: lit.OBJECT}
+    kind = kinds.get(settings.space, lit.TANGENT + bases.of_name(settings.basis).flags)
+    return lit.reading(kind, channels(settings))
+
+
+def reading_by(reader: Reader, settings: Settings) -> tuple[int, int, int]:
+    """How a program reads a tangent-space map of these settings."""
+    depth = min(settings.depth, reader.depth)
+    steps = 0 if depth > 8 and settings.is_float else 2**depth - 1
+    axes = channels(replace(settings, red="+X", green=reader.green, blue="+Z"))
+    return lit.reading(lit.TANGENT + reader.basis.flags, axes, steps=steps, rebuilds_z=reader.rebuilds_z)
 
 
 def backwards(texels: np.ndarray, state: np.ndarray, settings: Settings) -> int:

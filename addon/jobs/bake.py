@@ -8,6 +8,7 @@ import bpy
 import numpy as np
 
 from ..audit.checks import audit
+from ..audit.other_readers import OtherReaders
 from ..audit.tally import Tally
 from ..core.errors import BakeError
 from ..core.map_types import NORMAL
@@ -54,6 +55,8 @@ def _bake(
             for tile, start, stop in _shares(ready.plan):
                 maps = yield from part(ready.renderer.texels(tile, post_processes), start, stop)
                 tally.add(maps[NORMAL.name], settings)
+                with timings.timed("audit"):
+                    ready.others.add(tile, maps[NORMAL.name])
                 levels = yield from part(mip_levels.of(maps, tile, Run(drawing, timings, pace)), stop, stop)
                 with timings.timed("image"):
                     outputs.add(tile, maps, levels)
@@ -75,6 +78,7 @@ class _Ready:
     plan: Plan
     source: Source
     renderer: Renderer
+    others: OtherReaders
 
 
 def _prepare(context: bpy.types.Context, job: Job, settings: Settings, pace: Pace, timings: Timings) -> Task[_Ready]:
@@ -92,7 +96,7 @@ def _prepare(context: bpy.types.Context, job: Job, settings: Settings, pace: Pac
     source = yield from part(normal_source(plan, settings, timings, pace), 0.5, 1.0)
     run = Run(settings, timings, pace)
     renderer = Renderer(maps_of_bake(meshes, source, run), run)
-    return _Ready(meshes, warnings, plan, source, renderer)
+    return _Ready(meshes, warnings, plan, source, renderer, OtherReaders(meshes.basis, settings))
 
 
 def _audit(job: Job, settings: Settings, ready: _Ready, tally: Tally, timings: Timings) -> DrawnJob:
@@ -103,7 +107,8 @@ def _audit(job: Job, settings: Settings, ready: _Ready, tally: Tally, timings: T
     with timings.timed("audit"):
         findings = audit(ready.plan, tally, settings, ray_cast)
     stopped = ready.renderer.maps.stopped / tally.written
-    return DrawnJob(job, settings, ready.meshes, ready.plan, ray_cast, findings, timings, ready.warnings, stopped)
+    read = ready.others.results(tally.backwards)
+    return DrawnJob(job, settings, ready.meshes, ready.plan, ray_cast, findings, timings, ready.warnings, stopped, read)
 
 
 def _shares(plan: Plan) -> Iterator[tuple[int, float, float]]:
@@ -123,4 +128,6 @@ def draw_raw(
         for tile, start, stop in _shares(ready.plan):
             maps[tile] = yield from part(ready.renderer.raw(tile), start, stop)
             tally.add_raw(maps[tile][NORMAL.name], settings)
+            with timings.timed("audit"):
+                ready.others.add_raw(tile, maps[tile][NORMAL.name])
         return _audit(job, settings, ready, tally, timings), maps

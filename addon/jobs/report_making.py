@@ -2,10 +2,11 @@
 """Makes the report of a finished bake, and finds the objects and settings of a bake from its report."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 
 import gpu
 
+from ..audit import other_readers
 from ..audit.checks import Findings
 from ..core import map_types
 from ..core.errors import shorten_list
@@ -28,7 +29,7 @@ from .job import Job
 @dataclass(frozen=True)
 class DrawnJob:
     """A bake whose maps are drawn and not yet stored. meshes: all that were read. ray_cast: None for Flatten. warnings: about
-    the objects, in sentences. stopped_early: as in Report."""
+    the objects, in sentences. stopped_early, readers: as in Report."""
 
     job: Job
     settings: Settings
@@ -39,6 +40,7 @@ class DrawnJob:
     timings: Timings
     warnings: Sequence[str] = ()
     stopped_early: float = 0.0
+    readers: dict[str, dict[str, float | int]] = field(default_factory=dict)
 
     @property
     def labels(self) -> dict[Labeled, list[str]]:
@@ -76,6 +78,7 @@ def report_of(drawn: DrawnJob, stored: Stored, warnings: Sequence[str] = (), mar
         overlap=findings.checks["overlap"]["share"],
         mirrored=findings.checks["mirrored"]["count"],
         checks=findings.checks,
+        readers=drawn.readers,
         tiles=[tile for tile in plan.tiles if tile in stored.tiles],
         maps=_with_meanings(drawn, stored.maps),
         attributes=stored.attributes,
@@ -92,6 +95,7 @@ def report_of(drawn: DrawnJob, stored: Stored, warnings: Sequence[str] = (), mar
             *attribute_notes(drawn.meshes, settings),
             *plan.warnings,
             *findings.warnings,
+            *other_readers.warnings(drawn.readers),
             *warnings,
         ],
     )

@@ -3,6 +3,8 @@
 
 from enum import StrEnum
 
+from ..core.declarations import readers
+
 
 class Mode(StrEnum):
     """A view that the 3D viewports can show."""
@@ -36,5 +38,11 @@ ITEMS = [
     (Mode.BARE_DEVIATION.value, "Without Map", "Degrees between the low mesh without the map and the high surface"),
 ]
 """The modes as items of an EnumProperty, in their order."""
+OWN = "OWN"
+READERS = [
+    (OWN, "As Baked", "The program that the map is made for"),
+    *((reader.name, reader.label, f"It decodes with the basis {reader.basis.label}") for reader in readers.READERS),
+]
+"""The programs as which a view can read the map, as items of an EnumProperty."""
 SHOWN = tuple(mode for mode in Mode if mode is not Mode.OFF)
 """The modes that draw something."""

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import gpu
 import numpy as np
 
-from ..core.declarations import bases
-from ..core.declarations.choices import Method, Pack, Storage
+from ..core.declarations import readers
+from ..core.declarations.choices import Method, Pack, Space, Storage
 from ..core.errors import BakeError
 from ..core.settings import Settings
 from ..engine import normal_channels, uv_agreement
@@ -74,7 +74,8 @@ def zones(width: int, split: float) -> list[range]:
 class Shading:
     """Draws the objects of `session` where they are now, with their meshes as last read. The session must have a map.
 
-    figures: the deviations of the map from the last `update` that measured them, or None.
+    figures: the deviations of the map from the last `update` that measured them, or None. reader: the name of the program as
+    which a tangent-space map is read; empty for those that it is made for.
     """
 
     def __init__(self, session: Session):
@@ -87,14 +88,15 @@ class Shading:
             )
         self.session, self.objects = session, ViewObjects(session)
         self.figures: Figures | None = None
+        self.reader = ""
         self._number = 0
         self._measured: target.Target | None = None
         self._square: gpu.types.GPUBatch | None = None
 
-    def update(self, *, is_measured: bool) -> None:
-        """Use the session's last map. Do not call this while a view is being drawn."""
-        if self.session.drawn != self._number:
-            self._number, self.figures, self._measured = self.session.drawn, None, None
+    def update(self, *, is_measured: bool, reader: str = "") -> None:
+        """Use the session's last map, read as the program `reader` reads it. Do not call this while a view is being drawn."""
+        if (self.session.drawn, reader) != (self._number, self.reader):
+            self._number, self.reader, self.figures, self._measured = self.session.drawn, reader, None, None
         if is_measured and self._measured is None:
             self._measure()
 
@@ -142,16 +144,13 @@ class Shading:
         lit.draw(low, self.session.map, matrix, self._reading(normals, light))
 
     def _reading(self, normals: np.ndarray, light: np.ndarray | None = None) -> np.ndarray:
-        """The map's settings and the light as the shaders take them."""
-        settings = self.session.settings
-        kinds = {"WORLD": lit.WORLD, "OBJECT": lit.OBJECT}
-        return lit.shading(
-            normals,
-            light,
-            kind=kinds.get(settings.space, lit.TANGENT + bases.of_name(settings.basis).flags),
-            channels=normal_channels.channels(settings),
-            steps=255 if settings.depth == 8 else 0,
-        )
+        """How the map is read, and the light, as the shaders take them."""
+        settings, reader = self.session.settings, readers.BY_NAME.get(self.reader)
+        if reader and settings.space == Space.TANGENT:
+            read = normal_channels.reading_by(reader, settings)
+        else:
+            read = (255 if settings.depth == 8 else 0, *normal_channels.reading(settings)[1:])
+        return lit.shading(normals, light, read=read)
 
     def _measure(self) -> None:
         settings, low = self.session.settings, self.objects.low

@@ -3,13 +3,6 @@
 // surface is that of another place.
 #include "lib/map_lib.glsl"
 
-const float DEGREES = 57.29577951308232;
-
-float degrees_between(vec3 a, vec3 b)
-{
-  return DEGREES * 2.0 * atan(length(a - b), length(a + b));  // exact for small angles, where the arc cosine is not
-}
-
 void main()
 {
   ivec2 texel = ivec2(gl_FragCoord.xy);
@@ -26,5 +19,5 @@ void main()
   vec3 high = map_to_world(wanted.xyz);
   vec3 shown = map_normal(map_stored(texel), v_normal, v_tangent, v_bitangent);
   vec3 bare = basis_unit(mat3(shading) * v_normal);
-  deviation_out = vec4(degrees_between(shown, high), degrees_between(bare, high), 0.0, 1.0);
+  deviation_out = vec4(decode_degrees(shown, high), decode_degrees(bare, high), 0.0, 1.0);
 }

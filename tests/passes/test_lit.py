@@ -367,6 +367,21 @@ class TestDeviation:
         figures = drawn.figures
         assert figures.mean <= figures.percentile_99 < 0.1 < figures.bare_mean < figures.bare_percentile_99
 
+    def test_another_reader_deviates_by_its_own_rules(self):
+        low, high = zoo.terrain("lo", n=9, height=0.3), zoo.terrain("hi", n=96, height=0.3)
+        drawn = self.of(low, high, basis="NORMALIZED")
+        exact = drawn.figures
+        drawn.update(is_measured=True, reader="godot-old")  # it makes z, which no texel here has below 0
+        assert drawn.figures.percentile_99 == pytest.approx(exact.percentile_99, abs=0.01)
+        for reader in ("eevee", "cycles", "godot"):
+            drawn.update(is_measured=True, reader=reader)
+            assert drawn.figures.percentile_99 > 1.0
+        drawn.update(is_measured=True, reader="directx")
+        assert drawn.figures.mean > 10.0
+        drawn.update(is_measured=True)
+        assert drawn.figures == exact
+        assert exact.percentile_99 < 0.1
+
     def test_eight_bits_deviate_by_their_rounding(self):
         drawn = self.of(*pair(Matrix()), space="OBJECT", depth=8)
         texels = drawn.session.texels.reshape(-1, 4)

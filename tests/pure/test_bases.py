@@ -22,7 +22,12 @@ def constants(library, prefix):
 
 
 def test_the_shader_has_the_declared_kinds_of_maps():
-    assert constants("map_lib", "MAP") == {"WORLD": lit.WORLD, "OBJECT": lit.OBJECT, "TANGENT": lit.TANGENT}
+    assert constants("decode_lib", "DECODE") == {
+        "WORLD": lit.WORLD,
+        "OBJECT": lit.OBJECT,
+        "TANGENT": lit.TANGENT,
+        "REBUILT_Z": lit.REBUILT_Z,
+    }
 
 
 @pytest.mark.parametrize("name", FLAGS)

@@ -103,6 +103,22 @@ def test_the_deviations_are_shown_as_text(pair):
     ]
 
 
+def test_a_view_reads_the_map_as_the_chosen_program_does(pair):
+    bpy.context.scene.imprint.basis = "CYCLES"
+    view().reader = "directx"  # while no view is on
+    view().mode = "DEVIATION"
+    wrong, seen = viewer.figures, drawn_pixels()
+    view().reader = "OWN"
+    assert viewer.figures.percentile_99 < 0.1
+    assert wrong.mean > 5.0
+    assert not np.array_equal(drawn_pixels(), seen)
+    view().reader = "directx"
+    assert viewer.figures == wrong
+    bpy.context.scene.imprint.space = "OBJECT"
+    assert bpy.ops.imprint.view_refresh() == {"FINISHED"}
+    assert viewer.figures.percentile_99 < 0.1  # it has no basis
+
+
 def test_unmeasured_deviations_are_shown_as_text(pair):
     _, high = pair
     uv = np.array([corner.vector for corner in high.data.uv_layers[0].uv])

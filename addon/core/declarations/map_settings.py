@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The settings of the panels Map and Channels, in their order."""
 
-from . import adaptive_samples, bases
+from . import adaptive_samples, bases, readers
 from .choices import MarginType, Method, Modifiers, Space
-from .kinds import Choice, Distance, Item, Option, Setting, Switch, Text, WholeNumber
+from .kinds import Choice, Distance, Flags, Item, Option, Setting, Switch, Text, WholeNumber
 
 MIN_SIZE, MAX_SIZE = 16, 16384
 MAX_MIPS = 8
@@ -51,6 +51,15 @@ MAP: dict[str, Setting] = {
             *(Item(basis.name, basis.label, basis.tooltip, basis.former) for basis in bases.BASES),
         ),
         option=Option(note="Mesh files have no scene: for them, auto means mikktspace"),
+    ),
+    "readers": Flags(
+        label="Readers",
+        tooltip="Programs for which the report says by how many degrees they are off when they read this tangent-space map",
+        items=tuple(
+            Item(reader.name, reader.label, f"It decodes with the basis {reader.basis.label}")
+            for reader in readers.READERS
+        ),
+        option=Option(explains=False, note=f"Any of {', '.join(reader.name for reader in readers.READERS)}"),
     ),
     "uv_layer": Text(
         label="UV Map", tooltip="UV map of the low mesh", empty="the active one", option=Option(word="uv")

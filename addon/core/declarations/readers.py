@@ -67,7 +67,7 @@ READERS = (
     ),
     Reader(
         "unity",
-        "Unity URP and HDRP",
+        "Unity URP, HDRP",
         bases.MIKKTSPACE,
         "Unity",
         _OF_UNITY,
@@ -89,7 +89,7 @@ READERS = (
     ),
     Reader(
         "godot",
-        "Godot 4.4 and later",
+        "Godot 4.4+",
         bases.MIKKTSPACE_VERTEX,
         "Godot",
         _OF_GODOT,
@@ -98,7 +98,7 @@ READERS = (
     ),
     Reader(
         "godot-old",
-        "Godot 3 to 4.3",
+        "Godot 3, 4.0-4.3",
         bases.NORMALIZED,
         "Godot 4.3",
         _OF_GODOT,
@@ -132,13 +132,13 @@ READERS = (
     ),
     Reader(
         "substance-per-fragment",
-        "Substance 3D, per fragment",
+        "Substance 3D per fragment",
         bases.MIKKTSPACE,
         "Substance per fragment",
         "*Compute tangent space per fragment* on",
         depth=16,
     ),
-    Reader("directx", "Other DirectX programs", bases.MIKKTSPACE, "DirectX", _LINEAR, green=DOWN, depth=16),
+    Reader("directx", "DirectX", bases.MIKKTSPACE, "DirectX", _LINEAR, green=DOWN, depth=16),
 )
 BY_NAME = MappingProxyType({reader.name: reader for reader in READERS})
 

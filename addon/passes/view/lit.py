@@ -14,7 +14,9 @@ if TYPE_CHECKING:
     import gpu
 
 WORLD, OBJECT, TANGENT = range(3)
-"""The spaces of a map's normals, as in map_lib.glsl. TANGENT is the first of a number of kinds, one for each basis."""
+"""The spaces of a map's normals, as in decode_lib.glsl. TANGENT is the first of a number of kinds, one for each basis."""
+REBUILT_Z = 216
+"""As in decode_lib.glsl."""
 
 _VARYINGS = (
     ("VEC3", "v_position"),
@@ -45,25 +47,31 @@ BARE = Program(
 )
 
 
-def shading(
-    normal_matrix: np.ndarray,
-    light: np.ndarray | None = None,
-    *,
-    kind: int = OBJECT,
-    channels: np.ndarray | None = None,
-    steps: int = 0,
-) -> np.ndarray:
-    """Pack the parameters that shade a mesh with its map into (4, 4) float64, as map_lib.glsl reads them.
+def reading(
+    kind: int, channels: np.ndarray | None = None, *, steps: int = 0, rebuilds_z: bool = False
+) -> tuple[int, int, int]:
+    """How a map is read, as decode_lib.glsl takes it.
 
-    normal_matrix (3, 3): from the mesh's normals to world space. light (4,): see `draw`. kind: WORLD, OBJECT, or TANGENT
-    plus the flags of a basis. channels (3, 3): from a normal to red, green and blue, one axis each. steps: 2^bits - 1 if
-    the map is rounded to integers before it is read, else 0.
+    kind: WORLD, OBJECT, or TANGENT plus the flags of a basis. channels (3, 3): from a normal to red, green and blue, one axis
+    each. steps: 2^bits - 1 if the map is rounded to integers before it is read, else 0. rebuilds_z: whether z is made of x and
+    y.
     """
     channels = np.eye(3) if channels is None else channels
     digits = 2 * np.abs(channels).argmax(axis=1) + (channels.sum(axis=1) < 0.0)
+    return steps, kind, int(digits @ (1, 6, 36)) + REBUILT_Z * rebuilds_z
+
+
+def shading(
+    normal_matrix: np.ndarray, light: np.ndarray | None = None, *, read: tuple[int, int, int] | None = None
+) -> np.ndarray:
+    """Pack the parameters that shade a mesh with its map into (4, 4) float64, as map_lib.glsl reads them.
+
+    normal_matrix (3, 3): from the mesh's normals to world space. light (4,): see `draw`. read: from `reading`, or None
+    for an object-space map.
+    """
     matrix = np.zeros((4, 4))
     matrix[:3, :3] = normal_matrix
-    matrix[3, :3] = steps, kind, digits @ (1, 6, 36)
+    matrix[3, :3] = read or reading(OBJECT)
     if light is not None:
         matrix[:, 3] = light
     return matrix

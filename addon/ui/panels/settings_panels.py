@@ -66,6 +66,21 @@ class IMPRINT_PT_channels(SettingsPanel, bpy.types.Panel):
             column.prop(context.scene.imprint, name)
 
 
+class IMPRINT_PT_readers(SettingsPanel, bpy.types.Panel):
+    """The programs that the report answers for."""
+
+    bl_idname = "IMPRINT_PT_readers"
+    bl_parent_id = "IMPRINT_PT_map"
+    bl_label = "Readers"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        settings = context.scene.imprint
+        column = self.layout.column(align=True)
+        column.active = settings.space == Space.TANGENT
+        column.prop(settings, "readers")
+
+
 class IMPRINT_PT_output(SettingsPanel, bpy.types.Panel):
     """Where the map is stored."""
 
@@ -136,5 +151,12 @@ class IMPRINT_PT_rays(SettingsPanel, bpy.types.Panel):
 
 
 # Blender draws them in the order of registration.
-CLASSES = (IMPRINT_PT_map, IMPRINT_PT_channels, *maps_panel.CLASSES, IMPRINT_PT_output, IMPRINT_PT_rays)
+CLASSES = (
+    IMPRINT_PT_map,
+    IMPRINT_PT_channels,
+    IMPRINT_PT_readers,
+    *maps_panel.CLASSES,
+    IMPRINT_PT_output,
+    IMPRINT_PT_rays,
+)
 register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -3,6 +3,7 @@
 
 import bpy
 
+from ...core.declarations.choices import Space
 from ...views.mode_names import Mode
 from ..translations.lookup import message
 from ..viewport import view_drawing
@@ -26,6 +27,8 @@ class IMPRINT_PT_view(SidebarPanel, bpy.types.Panel):
         row.operator("imprint.view_refresh", text="", icon="FILE_REFRESH")
         if viewer.is_outdated(context):
             draw_paragraphs(layout, context, [message("The settings have changed: refresh the view.")], "INFO")
+        if viewer.mode is not Mode.OFF and context.scene.imprint.space == Space.TANGENT:
+            layout.prop(view, "reader")
         if viewer.mode in {Mode.MAP, Mode.SPLIT}:
             layout.prop(view, "light")
         if viewer.mode is Mode.SPLIT:

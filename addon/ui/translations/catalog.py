@@ -5,6 +5,7 @@ from types import MappingProxyType
 
 import bpy
 
+from ...core.declarations import readers
 from . import (
     bake_texts,
     batch_texts,
@@ -37,6 +38,7 @@ TABLE = MappingProxyType({key: texts for part in PARTS for key, texts in part.TA
 UNTRANSLATED = MappingProxyType(
     {
         "names": {"Imprint", "Cycles", "MikkTSpace", "glTF", "Godot", "Unreal", "Unity URP", "Unity HDRP"},
+        "programs that read maps": {reader.label for reader in readers.READERS},
         "numbers": {"1", "2", "4", "8", "16", "32", "64"},
         "axes": {"+X", "-X", "+Y (OpenGL)", "-Y (DirectX)", "+Z", "-Z"},
         "the same in all languages of the table": {"Auto", "Material"},

@@ -92,6 +92,31 @@ TABLE = {
         "es": "La bitangente se calcula en los vértices, y tangente, bitangente y normal se normalizan en cada píxel: "
         "three.js, visor glTF de Khronos",
     },
+    (LABEL, "Readers"): {"de_DE": "Leser", "es": "Lectores"},
+    (
+        SENTENCE,
+        "Programs for which the report says by how many degrees they are off when they read this tangent-space map",
+    ): {
+        "de_DE": "Programme, für die der Bericht sagt, um wie viel Grad sie abweichen, wenn sie diese Map im Tangentenraum "
+        "lesen",
+        "es": "Programas para los que el informe dice en cuántos grados difieren al leer este mapa en espacio tangente",
+    },
+    (SENTENCE, "It decodes with the basis Cycles"): {
+        "de_DE": "Dekodiert mit der Basis Cycles",
+        "es": "Decodifica con la base Cycles",
+    },
+    (SENTENCE, "It decodes with the basis MikkTSpace"): {
+        "de_DE": "Dekodiert mit der Basis MikkTSpace",
+        "es": "Decodifica con la base MikkTSpace",
+    },
+    (SENTENCE, "It decodes with the basis MikkTSpace, Vertex Bitangent"): {
+        "de_DE": "Dekodiert mit der Basis MikkTSpace, Bitangente der Vertices",
+        "es": "Decodifica con la base MikkTSpace, bitangente de vértices",
+    },
+    (SENTENCE, "It decodes with the basis All Normalized"): {
+        "de_DE": "Dekodiert mit der Basis Alle normalisiert",
+        "es": "Decodifica con la base Todo normalizado",
+    },
     (LABEL, "UV Map"): {"de_DE": "UV-Map", "es": "Mapa UV"},
     (SENTENCE, "UV map of the low mesh. Leave empty to use the active one"): {
         "de_DE": "UV-Map des Low-Poly-Meshes. Leer lassen, um die aktive zu verwenden",

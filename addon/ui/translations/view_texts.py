@@ -77,4 +77,19 @@ TABLE = {
         "Strahlen verwenden",
         "es": "Púrpura: {} muestra otro lugar de la malla high poly y no se mide: usar el método Proyectar",
     },
+    (LABEL, "Reader"): {"de_DE": "Leser", "es": "Lector"},
+    (
+        SENTENCE,
+        "Program as which the view reads a tangent-space map. It shows what the program would show of this map",
+    ): {
+        "de_DE": "Programm, als das die Ansicht eine Map im Tangentenraum liest. Sie zeigt, was das Programm von dieser Map "
+        "zeigen würde",
+        "es": "Programa como el que la vista lee un mapa en espacio tangente. Muestra lo que el programa mostraría de este "
+        "mapa",
+    },
+    (LABEL, "As Baked"): {"de_DE": "Wie gebacken", "es": "Como se procesó"},
+    (SENTENCE, "The program that the map is made for"): {
+        "de_DE": "Das Programm, für das die Map gemacht ist",
+        "es": "El programa para el que está hecho el mapa",
+    },
 }

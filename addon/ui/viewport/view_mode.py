@@ -12,7 +12,7 @@ from ...jobs.job import Job
 from ...jobs.live import live_session
 from ...scene import object_checks
 from ...views import view_shading
-from ...views.mode_names import Mode
+from ...views.mode_names import OWN, Mode
 from ..callbacks import DrawCallbacks, Timer, redraw
 from ..live.live_switch import live
 from . import view_drawing
@@ -133,6 +133,11 @@ class ViewMode:
             self.message = str(error)
         return None
 
+    def read_again(self) -> None:
+        """Show the same map as another program reads it."""
+        if self.mode is not Mode.OFF and self.shading is not None and display.current is None:
+            self._update_shading()
+
     def is_outdated(self, context: bpy.types.Context) -> bool:
         """Whether the settings have changed since the map that is shown was drawn."""
         return self.own is not None and self.own.settings != context.scene.imprint.to_settings()
@@ -176,7 +181,8 @@ class ViewMode:
             self.free()
         if self.shading is None or self.shading.session is not self.session:
             self.shading = view_shading.Shading(self.session)
-        self.shading.update(is_measured=self.mode.is_deviation)
+        reader = bpy.context.scene.imprint_view.reader
+        self.shading.update(is_measured=self.mode.is_deviation, reader="" if reader == OWN else reader)
         redraw()
 
     def _ask_for(self, wanted: Mode) -> None:

@@ -4,7 +4,7 @@
 import bpy
 from bpy.props import EnumProperty, FloatProperty, PointerProperty
 
-from ...views.mode_names import ITEMS, Mode
+from ...views.mode_names import ITEMS, READERS, Mode
 from ..translations.lookup import LABEL
 from .view_mode import viewer
 
@@ -15,6 +15,10 @@ def _get_mode(_view: bpy.types.PropertyGroup) -> int:
 
 def _set_mode(_view: bpy.types.PropertyGroup, number: int) -> None:
     viewer.choose(list(Mode)[number])
+
+
+def _read_again(_view: bpy.types.PropertyGroup, _context: bpy.types.Context) -> None:
+    viewer.read_again()
 
 
 def _is_light(_view: bpy.types.PropertyGroup, obj: bpy.types.Object) -> bool:
@@ -30,6 +34,14 @@ class ImprintView(bpy.types.PropertyGroup):
         items=ITEMS,
         get=_get_mode,
         set=_set_mode,
+        options=set(),
+        translation_context=LABEL,
+    )
+    reader: EnumProperty(
+        name="Reader",
+        description="Program as which the view reads a tangent-space map. It shows what the program would show of this map",
+        items=READERS,
+        update=_read_again,
         options=set(),
         translation_context=LABEL,
     )

@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Measures what the programs that the settings name would show of a tangent-space map: by how many degrees they are off."""
+
+import gpu
+import numpy as np
+
+from ..core import texel_state
+from ..core.declarations import readers
+from ..core.declarations.choices import Space
+from ..core.settings import Settings
+from ..core.texel_state import Map
+from ..engine import bands, normal_channels
+from ..mesh.triangle_mesh import Mesh
+from ..passes import mesh_upload
+from ..passes.audit import reader_angles
+
+BINS = 1000
+"""Of a degree. Percentiles are rounded down to them."""
+
+
+class OtherReaders:
+    """The angles between the normals that a map means, before it is rounded, and those that programs show of it.
+
+    low: the low mesh with its tangents; None for a map in another space, which has no readers.
+    """
+
+    def __init__(self, low: Mesh | None, settings: Settings):
+        is_measured = low is not None and settings.space == Space.TANGENT and settings.normal
+        self.readers = [readers.BY_NAME[name] for name in settings.readers] if is_measured else []
+        self.low, self.settings = low, settings
+        self._counts = {reader.name: np.zeros(180 * BINS + 1, np.int64) for reader in self.readers}
+        self._largest = dict.fromkeys(self._counts, 0.0)
+        self._uploaded: gpu.types.GPUBatch | None = None
+
+    def add(self, tile: int, stored: Map) -> None:
+        """Measure a UDIM tile of the normal map as it is stored, before rounding."""
+        if not self.readers:
+            return
+        texels, state = stored
+        if self._uploaded is None:
+            low = self.low
+            self._uploaded = mesh_upload.upload(low.triangles, uv=low.uv, normal=low.normals, tangent=low.tangents)
+        own = normal_channels.reading(self.settings)
+        for band in bands.bands(state.shape[1], state.shape[0], 0, tile):
+            rows = np.ascontiguousarray(texels[band.start : band.stop], np.float32)
+            data = gpu.types.Buffer("FLOAT", rows.shape, rows)
+            texture = gpu.types.GPUTexture((band.width, len(rows)), format="RGBA32F", data=data)
+            is_written = state[band.start : band.stop] == texel_state.WRITTEN
+            to_clip = band.without_halo.uv_to_clip
+            for reader in self.readers:
+                other = normal_channels.reading_by(reader, self.settings)
+                angles = reader_angles.measure(self._uploaded, texture, to_clip, own, other)
+                self._count(reader.name, angles[is_written & (angles >= 0.0)])
+
+    def add_raw(self, tile: int, normals: np.ndarray) -> None:
+        """Measure a tile of normals as rendering.Renderer.raw returns them."""
+        if not self.readers:
+            return
+        texels = np.ones_like(normals)
+        texels[..., :3] = normals[..., :3] @ (0.5 * normal_channels.channels(self.settings).T).astype(np.float32) + 0.5
+        self.add(tile, (texels, texel_state.of_raw(normals[..., 3])))
+
+    def _count(self, name: str, angles: np.ndarray) -> None:
+        if len(angles):
+            bins = (angles * BINS).astype(np.int64).clip(0, 180 * BINS)
+            self._counts[name] += np.bincount(bins, minlength=180 * BINS + 1)
+            self._largest[name] = max(self._largest[name], float(angles.max()))
+
+    def results(self, backwards: int) -> dict[str, dict[str, float | int]]:
+        """The figures by the names of the programs, as Report.readers has them. backwards: the texels with a z of 0 or less."""
+        found = {}
+        for reader in self.readers:
+            sums = np.cumsum(self._counts[reader.name])
+            median, most, nearly_all = (
+                float(np.searchsorted(sums, share * max(1, sums[-1]))) / BINS for share in (0.5, 0.95, 0.99)
+            )
+            found[reader.name] = {
+                "median": median,
+                "percentile_95": most,
+                "percentile_99": nearly_all,
+                "maximum": self._largest[reader.name],
+                "texels": int(sums[-1]),
+                "rebuilt": backwards if reader.rebuilds_z else 0,
+            }
+        return found
+
+
+def warnings(results: dict[str, dict[str, float | int]]) -> list[str]:
+    """A sentence for the programs that show texels wrong because they make z of x and y."""
+    wrong = {readers.BY_NAME[name].label: found["rebuilt"] for name, found in results.items() if found["rebuilt"]}
+    if not wrong:
+        return []
+    count = max(wrong.values())
+    return [
+        f"{', '.join(wrong)}: z is made of x and y there, and {count:,} texels with a z of 0 or less come out wrong."
+    ]
