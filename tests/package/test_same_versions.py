@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tests Imprint in older versions of Blender, where scripts/dev/same_versions.py has made their environments.
+
+IMPRINT_BLENDERS names their folder, if it is not out/blender. A version that is not there is skipped.
+"""
+
+import importlib.util
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scripts import imprint
+from scripts.dev import same_versions
+
+FOLDER = Path(os.environ.get("IMPRINT_BLENDERS", same_versions.ENVIRONMENTS)).resolve()
+HERE = Path(__file__).resolve().parent
+SMALL = 64
+"""The size of the maps."""
+versions = pytest.mark.parametrize("version", same_versions.PYTHONS)
+
+
+def python_of(version):
+    """The Python of a version, or skip the test."""
+    if not (FOLDER / version / "complete").exists():
+        pytest.skip(f"no Blender {version} in {FOLDER}: scripts/dev/same_versions.py makes it")
+    return same_versions.environment(FOLDER, version)
+
+
+def run(tmp_path, *command):
+    """Run a program in a profile of its own. Returns its output."""
+    profile = dict(os.environ, BLENDER_USER_RESOURCES=str(tmp_path / "profile"), PYTHONPATH=str(imprint.ROOT))
+    done = subprocess.run(
+        command, env=profile, cwd=imprint.ROOT, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def wanted(tmp_path_factory):
+    """The outputs of this Blender."""
+    return same_versions.maps_of(sys.executable, tmp_path_factory.mktemp("own"), SMALL)
+
+
+@versions
+@pytest.mark.slow
+def test_maps_are_the_same(version, tmp_path, wanted):
+    found = same_versions.maps_of(python_of(version), tmp_path, SMALL)
+    assert same_versions.compare(wanted, found) == []
+    assert len(found) >= 33
+    assert min(np.ptp(texels) for name, texels in found.items() if "normal" in name) > 0.1
+
+
+@versions
+@pytest.mark.slow
+def test_materials_are_as_in_newer_versions(version, tmp_path):
+    output = run(tmp_path, python_of(version), str(HERE / "older_materials.py"), str(tmp_path))
+    assert output.endswith("all as promised\n")
+
+
+@versions
+@pytest.mark.slow
+def test_the_zip_can_be_installed_in_older_versions(version, tmp_path):
+    site_packages = Path(importlib.util.find_spec("bpy").origin).parent.parent
+    archive = imprint.build_zip(sys.executable, site_packages, imprint.ROOT, tmp_path)
+    program = f"import os, runpy, sys; sys.argv[1:] = [{str(archive)!r}]; "
+    program += f"runpy.run_path({str(HERE / 'install_zip.py')!r}, run_name='__main__'); sys.stdout.flush(); os._exit(0)"
+    assert "installed, used and removed\n" in run(tmp_path, python_of(version), "-I", "-c", program)
+
+
+@versions
+@pytest.mark.slow
+def test_the_command_line_bakes_in_older_versions(version, tmp_path):
+    """Two pairs, so that a file is opened between two renders of the engine, and a scene is saved."""
+    python = python_of(version)
+    make = "import bpy\n"
+    for name in ("one", "two"):
+        make += "bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)\n"
+        make += "bpy.ops.mesh.primitive_uv_sphere_add()\nbpy.context.object.name = 'lo'\n"
+        make += "bpy.ops.mesh.primitive_uv_sphere_add(segments=64, ring_count=32)\nbpy.context.object.name = 'hi'\n"
+        make += f"bpy.ops.wm.save_as_mainfile(filepath={str(tmp_path / name)!r} + '.blend')\n"
+    run(tmp_path, python, "-c", make + "import os; os._exit(0)")
+    sets = [
+        f'{{"file": "{tmp_path / name}.blend", "low": "lo", "high": ["hi"], "size": 32, "method": "{method}", '
+        f'"output": "{tmp_path / name}.png", "save-blend": "{tmp_path / name}_baked.blend"}}'
+        for name, method in (("one", "flatten"), ("two", "cast"))
+    ]
+    (tmp_path / "jobs.json").write_text(f'{{"bake": [{", ".join(sets)}]}}')
+    run(tmp_path, python, "scripts/bake.py", "--jobs", str(tmp_path / "jobs.json"))
+    for name in ("one", "two"):
+        assert (tmp_path / f"{name}.png").stat().st_size > 0
+        assert (tmp_path / f"{name}_baked.blend").stat().st_size > 0
+
+
+def test_differences_are_found():
+    one = {"a": np.zeros((2, 2, 4)), "b": np.zeros((2, 2, 4)), "c": np.zeros((2, 2, 4)), "d": np.zeros((2, 2, 4))}
+    other = {name: texels.copy() for name, texels in one.items()}
+    other["a"][0, 1, 2] = 2.0 * same_versions.TOLERANCE
+    other["b"][0, 1, 2] = 0.5 * same_versions.TOLERANCE
+    other["c"][0, 1, 2] = np.nan
+    other["d"] = other["d"][:1]
+    assert [line.partition(":")[0] for line in same_versions.compare(one, other)] == ["a", "c", "d"]
+    del other["b"]
+    assert "b: only one version has it" in same_versions.compare(one, other)
+
+
+def test_all_cases_can_be_baked(tmp_path):
+    """As far as their settings go."""
+    for name in same_versions.CASES:
+        same_versions.settings_of(name, tmp_path, SMALL)[2].check()
