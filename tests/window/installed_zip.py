@@ -27,7 +27,7 @@ def step():
     """Run all parts. Yields the seconds to wait."""
     bpy.ops.extensions.package_install_files(filepath=ARGUMENTS[0], repo="user_default", enable_on_install=True)
     yield 0.5
-    say("installed", MODULE in bpy.context.preferences.addons)
+    report("installed", MODULE in bpy.context.preferences.addons)
     prepare()
     yield 0.5
     for green in ("-Y", "+Y"):
@@ -36,7 +36,7 @@ def step():
     yield from follow()
     bpy.ops.preferences.addon_disable(module=MODULE)
     yield 0.5
-    say("disabled", not hasattr(bpy.types.Scene, "imprint"))
+    report("disabled", not hasattr(bpy.types.Scene, "imprint"))
     print(f"Blender {bpy.app.version_string}: installed, used and removed", flush=True)
 
 
@@ -68,7 +68,7 @@ def bake(green):
     nodes = bpy.data.materials["lo"].node_tree.nodes
     tested = next(node for node in nodes if node.bl_idname == "ShaderNodeNormalMap")
     has_images = {"lo_normal", "lo_ao", "lo_height"} <= {*bpy.data.images.keys()}
-    say(f"bake {green}", had_bar and has_images and tested.inputs["Color"].is_linked)
+    report(f"bake {green}", had_bar and has_images and tested.inputs["Color"].is_linked)
 
 
 def views():
@@ -78,7 +78,7 @@ def views():
         press("view_show", mode=mode)
         yield from until(lambda mode=mode: viewer.mode is not None and viewer.mode.name == mode)
         yield 1.0
-        say(f"view {mode}", viewer.mode is not None and viewer.mode.name == mode)
+        report(f"view {mode}", viewer.mode is not None and viewer.mode.name == mode)
     press("view_show", mode="BARE_DEVIATION")
     yield 0.5
 
@@ -91,7 +91,7 @@ def follow():
     before = bpy.data.images["lo_normal"].pixels[:]
     bpy.data.objects["hi"].scale.z = 2.0
     yield from until(lambda: bpy.data.images["lo_normal"].pixels[:] != before)
-    say("Live", bpy.data.images["lo_normal"].pixels[:] != before)
+    report("Live", bpy.data.images["lo_normal"].pixels[:] != before)
     press("live")
     yield from until(lambda: not live.is_on and runner.run is None)
 
@@ -117,7 +117,7 @@ def until(is_there):
         yield 0.1
 
 
-def say(name, is_right):
+def report(name, is_right):
     print(f"{name:20} {'as promised' if is_right else 'WRONG'}", flush=True)
     if not is_right:
         raise SystemExit(1)
