@@ -275,3 +275,59 @@ def test_colors_of_any_depth_become_srgb_of_8_bits(tmp_path, depth):
     picture, channels, bits = glb.texels(glb.image(tree, binary, texture["index"]), tmp_path)
     assert (channels, bits) == (3, 8)
     np.testing.assert_allclose(picture[32, 32], [188, 89, 39], atol=1)  # sRGB of these colors
+
+
+def test_the_base_mesh_of_an_object_with_its_own_detail_is_exported(tmp_path):
+    low, _ = bent_pair()
+    modifier = low.modifiers.new("Subdivision", "SUBSURF")
+    modifier.levels = modifier.render_levels = 2
+    (done,) = export(tmp_path / "out.glb", bake(low, low))
+    assert done.triangles == 24
+    assert done.measured.degrees["MIKKTSPACE"]["percentile_99"] < EIGHT_BITS_P99
+
+
+def test_a_linked_object_with_a_linked_material_is_exported(tmp_path):
+    low, high = bent_pair()
+    low.data.materials.append(bpy.data.materials.new("painted"))
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "library.blend"))
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    with bpy.data.libraries.load(str(tmp_path / "library.blend"), link=True) as (_, here):
+        here.objects = ["bent", "fine"]
+    for obj in here.objects:
+        bpy.context.scene.collection.objects.link(obj)
+    low, high = here.objects
+    report = bake(low, high)
+    before = snapshot.snapshot()
+    (done,) = export(tmp_path / "out.glb", report)
+    assert done.measured.degrees["MIKKTSPACE"]["percentile_99"] < EIGHT_BITS_P99
+    assert snapshot.difference(before, snapshot.snapshot()) == {}
+    (part,) = glb.parts(tmp_path / "out.glb", "bent")
+    assert part.material["name"] == "painted"
+
+
+def test_other_textures_of_the_material_stay(tmp_path):
+    low, high = bent_pair()
+    material = bpy.data.materials.new("painted")
+    low.data.materials.append(material)
+    nodes, links = material.node_tree.nodes, material.node_tree.links
+    texture, place = nodes.new("ShaderNodeTexImage"), nodes.new("ShaderNodeUVMap")
+    texture.image = bpy.data.images.new("paint", 8, 8)
+    texture.image.pack()
+    place.uv_map = "second"
+    low.data.uv_layers.new(name="second")
+    links.new(place.outputs["UV"], texture.inputs["Vector"])
+    links.new(texture.outputs["Color"], nodes["Principled BSDF"].inputs["Base Color"])
+    export(tmp_path / "out.glb", bake(low, high))
+    (part,) = glb.parts(tmp_path / "out.glb", "bent")
+    assert part.material["pbrMetallicRoughness"]["baseColorTexture"]["texCoord"] == 1
+    assert part.material["normalTexture"].get("texCoord", 0) == 0
+
+
+def test_an_image_that_is_gone_is_named(tmp_path):
+    low, high = bent_pair()
+    report = bake(low, high)
+    bpy.data.images.remove(bpy.data.images[report.image])
+    before = snapshot.snapshot()
+    with pytest.raises(BakeError, match="the normal map' was undone"):
+        export(tmp_path / "out.glb", report)
+    assert snapshot.difference(before, snapshot.snapshot()) == {}

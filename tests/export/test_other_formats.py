@@ -155,3 +155,24 @@ def test_only_glb_holds_levels(tmp_path):
     report = bake(low, high)
     with pytest.raises(BakeError, match="cannot hold levels"):
         engine_files.export(bpy.context, [[report]], tmp_path / "out.fbx", are_levels=True)
+
+
+@pytest.mark.parametrize("ending", [".glb", ".usd", ".fbx"])
+def test_blenders_without_an_exporter_say_so(tmp_path, monkeypatch, ending):
+    low, high = bent_pair()
+    report = bake(low, high)
+    before = snapshot.snapshot()
+
+    class Types:
+        """No operator of add-ons."""
+
+    class Operators:
+        """No operator of Blender's own."""
+
+        wm = ()
+
+    for module in set(engine_files.FORMATS.values()):
+        monkeypatch.setattr(module, "bpy", type("Blender", (), {"types": Types, "ops": Operators}))
+    with pytest.raises(BakeError, match=r"is off: enable it|without USD"):
+        export(tmp_path / f"out{ending}", report)
+    assert snapshot.difference(before, snapshot.snapshot()) == {}

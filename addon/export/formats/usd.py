@@ -5,6 +5,7 @@ from pathlib import Path
 
 import bpy
 
+from ...core.errors import BakeError
 from ..file_mesh import FileMesh
 from ..staging import Stage, Staged
 from . import imported
@@ -15,7 +16,9 @@ HAS_TANGENTS = LINKS_LEVELS = False
 
 
 def check() -> None:
-    """All Blenders have the exporter."""
+    """Raise BakeError if the exporter is missing."""
+    if "usd_export" not in dir(bpy.ops.wm):
+        raise BakeError("This Blender was built without USD: choose another format.")
 
 
 def write(stage: Stage, path: Path, *, are_levels: bool) -> list[Path]:
