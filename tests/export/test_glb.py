@@ -10,10 +10,11 @@ from addon.core.settings import Settings
 from addon.export import engine_files
 from addon.jobs import bake_jobs, bake_pair
 from addon.jobs.job import Job
-from tests.support import angles, glb, maps, snapshot, zoo
+from tests.support import angles, glb, lanes, maps, snapshot, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
+PAIRS = ["spot_1696_536", "spot_control_vs_subd5", "king_40480_4000", "helmet_23358_6117"]
 EIGHT_BITS_P99 = 0.35
 """Degrees that 8 bits cost at the 99th percentile (0.30), and those of the rasterizer."""
 
@@ -59,7 +60,7 @@ def test_the_normals_of_the_file_are_those_of_the_object_space_map(tmp_path):
 
 
 @pytest.mark.shared
-@pytest.mark.parametrize("name", ["spot_1696_536", "spot_control_vs_subd5"])
+@pytest.mark.parametrize("name", lanes.slow_but(PAIRS[:2], PAIRS))
 def test_real_meshes_and_lows_with_ngons(shared_assets, tmp_path, name):
     bpy.ops.wm.open_mainfile(filepath=str(shared_assets / "pairs" / f"{name}.blend"))
     low, high = bpy.data.objects["lo"], bpy.data.objects["hi"]
