@@ -147,17 +147,22 @@ def test_edit_mode_is_kept(tmp_path):
     assert low.mode == "EDIT"
 
 
-def test_occlusion_roughness_and_metallic_share_an_image(tmp_path):
+@pytest.mark.parametrize("pack", ["NONE", "GLTF"])
+def test_occlusion_roughness_and_metallic_share_an_image(tmp_path, pack):
     low, high = bent_pair()
-    export(tmp_path / "out.glb", bake(low, high, maps=("AO", "ROUGHNESS", "METALLIC"), rays=16, pack="GLTF"))
-    tree, _ = glb.parse(tmp_path / "out.glb")
+    material = bpy.data.materials.new("steel")
+    inputs = material.node_tree.nodes["Principled BSDF"].inputs
+    inputs["Roughness"].default_value, inputs["Metallic"].default_value = 0.25, 0.75
+    high.data.materials.append(material)
+    export(tmp_path / "out.glb", bake(low, high, maps=("AO", "ROUGHNESS", "METALLIC"), rays=16, pack=pack))
+    tree, binary = glb.parse(tmp_path / "out.glb")
     (material,) = tree["materials"]
-    surface = material["pbrMetallicRoughness"]["metallicRoughnessTexture"]
-    assert (
-        tree["textures"][surface["index"]]["source"]
-        == tree["textures"][material["occlusionTexture"]["index"]]["source"]
-    )
+    surface = material["pbrMetallicRoughness"]["metallicRoughnessTexture"]["index"]
+    assert tree["textures"][surface]["source"] == tree["textures"][material["occlusionTexture"]["index"]]["source"]
     assert len(tree["images"]) == 2
+    picture, channels, bits = glb.texels(glb.image(tree, binary, surface), tmp_path)
+    assert (channels, bits) == (3, 8)
+    np.testing.assert_allclose(picture[32, 32, 1:], [64, 191], atol=1)
 
 
 def test_levels_of_detail_hang_on_the_first(tmp_path):
