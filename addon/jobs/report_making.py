@@ -93,6 +93,7 @@ def report_of(drawn: DrawnJob, stored: Stored, warnings: Sequence[str] = (), mar
             *drawn.warnings,
             *material_notes(drawn.meshes, settings),
             *attribute_notes(drawn.meshes, settings),
+            *slope_notes(settings),
             *plan.warnings,
             *findings.warnings,
             *other_readers.warnings(drawn.readers),
@@ -119,6 +120,13 @@ def attribute_notes(meshes: Meshes, settings: Settings) -> list[str]:
         return []
     wanted = f"attribute {settings.attribute!r}" if settings.attribute else "color attribute"
     return [f"The attribute map is black where the high mesh has no {wanted}: {shorten_list(lacking)}."]
+
+
+def slope_notes(settings: Settings) -> list[str]:
+    """That one sample does not show the detail in a texel."""
+    if settings.samples > 1 or map_types.WIDENED_ROUGHNESS.name not in settings.drawn_maps:
+        return []
+    return ["With 1 sample in a texel, widened roughness is the roughness of the material: use 16 samples or more."]
 
 
 def _with_meanings(drawn: DrawnJob, maps: dict[str, dict]) -> dict[str, dict]:

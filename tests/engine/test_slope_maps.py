@@ -110,3 +110,9 @@ def _pixels(name):
     texels = np.empty(len(image.pixels), np.float32)
     image.pixels.foreach_get(texels)
     return texels.reshape(image.size[1], image.size[0], 4)
+
+
+@pytest.mark.parametrize("samples", [1, 4])
+def test_a_bake_with_one_sample_is_warned_of(samples):
+    report, _ = bake_all_maps(zoo.plane("low"), roof(0.4), maps=[NAME], size=SIZE, samples=samples)
+    assert any("use 16 samples" in text for text in report.warnings) == (samples == 1)

@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.core.map_types import AO, BY_NAME, HEIGHT, METALLIC, ROUGHNESS, VECTOR_DISPLACEMENT
+from addon.core.map_types import AO, BY_NAME, HEIGHT, METALLIC, ROUGHNESS, VECTOR_DISPLACEMENT, WIDENED_ROUGHNESS
 from addon.output import materials
 from addon.output.nodes import gltf_group
 from addon.output.nodes.image_nodes import MapImage
@@ -537,3 +537,11 @@ def test_random_trees_lose_no_node_and_change_once(seed):
     assert nodes_and_links(tree) == (nodes, links)
     # In a tree with circles, Blender marks some links as invalid that are in none of them.
     assert {note for note in again if "circle" not in note} <= set(first)
+
+
+@pytest.mark.parametrize("is_last", [True, False])
+def test_widened_roughness_replaces_roughness(is_last):
+    material, _, shader = make_material()
+    images = {one.name: of(one) for one in (ROUGHNESS, WIDENED_ROUGHNESS)[:: 1 if is_last else -1]}
+    assert connect(make_low(material), images) == []
+    assert source(shader.inputs["Roughness"], "TexImage").image == images[WIDENED_ROUGHNESS.name].image

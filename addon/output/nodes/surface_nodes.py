@@ -8,7 +8,7 @@ from collections.abc import Mapping
 
 from bpy.types import Material, Node
 
-from ...core.map_types import AO, BY_NAME, EMISSION, HEIGHT, VECTOR_DISPLACEMENT, MapType
+from ...core.map_types import AO, BY_NAME, EMISSION, HEIGHT, VECTOR_DISPLACEMENT, WIDENED_ROUGHNESS, MapType
 from . import displacement_nodes, gltf_group, image_nodes, tree_editing
 from .image_nodes import MapImage
 from .tree_editing import Coordinates, TreeEditor
@@ -27,7 +27,9 @@ def connect(material: Material, images: Mapping[str, MapImage], coordinates: Coo
     Maps that no input takes, such as curvature, are ignored.
     """
     editor = TreeEditor(material, coordinates)
-    of_sockets = {BY_NAME[name].socket: image for name, image in images.items() if BY_NAME[name].socket}
+    names = [name for name in images if BY_NAME[name].socket]
+    names.sort(key=lambda name: name == WIDENED_ROUGHNESS.name)  # it replaces roughness, which feeds the same input
+    of_sockets = {BY_NAME[name].socket: images[name] for name in names}
     if of_sockets:
         shaders = [shader for shader in editor.shaders() if shader.bl_idname == PRINCIPLED]
         if not shaders:
