@@ -82,9 +82,10 @@ def test_channels_are_those_of_the_map(tmp_path, channels):
         assert np.abs(2.0 * found[..., :3] - 1.0 - truth).max() < EXACT
 
 
-def test_each_level_has_a_margin_of_its_own(tmp_path):
+@pytest.mark.parametrize("margin_type", ["EXTEND", "ADJACENT_FACES"])
+def test_each_level_has_a_margin_of_its_own(tmp_path, margin_type):
     low, high = zoo.two_islands("low", gap=0.5), zoo.two_islands("high", gap=0.5)
-    report = bake(low, high, tmp_path, margin=1)
+    report = bake(low, high, tmp_path, margin=1, margin_type=margin_type)
     assert report.mip_files["normal"] == [str(tmp_path / f"rock_normal_mip{level}.exr") for level in range(1, 6)]
     first, second = (read(path) for path in (tmp_path / "rock_normal.exr", report.mip_files["normal"][0]))
     bake(low, high, tmp_path, name="bare.exr", margin=0)
