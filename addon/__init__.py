@@ -57,6 +57,7 @@ def _modules() -> tuple[ModuleType, ...]:
         properties,
         weight_operators,
     )
+    from .ui.levels import level_operators, levels_panel
     from .ui.panels import bake_panel, batch_panels, check_panel, settings_panels, view_panel
     from .ui.translations import catalog
     from .ui.viewport import split_gizmo, view_mode, view_operators, view_properties
@@ -68,11 +69,13 @@ def _modules() -> tuple[ModuleType, ...]:
         panel_operators,
         check_operators,
         weight_operators,
+        level_operators,
         map_size,
         presets,
         bake_panel,
         settings_panels,
         batch_panels,
+        levels_panel,
         check_panel,
         view_properties,
         view_mode,

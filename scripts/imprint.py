@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Runs Imprint from a checkout: demo, bake, bench, test and build. Sets up what they need at the first use.
+"""Runs Imprint from a checkout: demo, bake, lod, bench, test and build. Sets up what they need at the first use.
 
 This script runs on any Python from 3.9, with only the standard library. It finds a Python 3.13, which Blender's wheel
 needs, creates a virtual environment in .venv, and runs each command there.
@@ -412,6 +412,12 @@ def bake(options):
     return code
 
 
+def lod(options):
+    """Make levels of detail with scripts/bake.py."""
+    options.rest.insert(0, "lod")
+    return bake(options)
+
+
 def test(options):
     """Run ruff and then pytest, even if ruff fails, with Blender's factory settings instead of the user's."""
     parser = argparse.ArgumentParser(
@@ -457,12 +463,13 @@ def build(options):
 
 
 def parse(arguments):
-    """Return the options. The scripts behind demo, bake, bench and test parse their own options, --help included."""
+    """Return the options. The scripts behind demo, bake, lod, bench and test parse their own options, --help included."""
     parser = argparse.ArgumentParser(prog="imprint.py", description=__doc__.split("\n\n", maxsplit=1)[0])
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for run, text in (
         (demo, "bake the example"),
         (bake, "bake a normal map; see bake --help"),
+        (lod, "make levels of detail of a mesh; see lod --help"),
         (bench, "compare Imprint with other bakers, and write a report; see bench --help"),
         (test, "run ruff and the tests; see test --help"),
     ):
@@ -470,7 +477,7 @@ def parse(arguments):
     building = commands.add_parser("build", help="make the extension's zip and print its path")
     building.add_argument("--output", metavar="DIR", default=ROOT / "dist", help="folder for the zip (default: dist)")
     building.set_defaults(run=build)
-    passes_on = arguments[:1] in (["demo"], ["bake"], ["bench"], ["test"])
+    passes_on = arguments[:1] in (["demo"], ["bake"], ["lod"], ["bench"], ["test"])
     options = parser.parse_args(arguments[:1] if passes_on else arguments)
     options.rest = arguments[1:] if passes_on else []
     return options

@@ -164,7 +164,7 @@ def open_files(plan: Plan, stage: Stage, files: run_clashes.Run, meter: Meter) -
 def run(opened: Opened, stage: Stage, meter: Meter) -> Result:
     """Bake, and save what the options name. Raises BakeError, or Stopped where nothing was finished."""
     options = opened.options
-    _start_gpu()
+    start_gpu()
     memory = _say_memory(opened, meter)
     with all_or_none():  # if a pair, a frame, the scene or the report fails, no file of the bake is written
         reports, is_stopped = older_blender.with_gpu(lambda: _explained(opened, meter))
@@ -252,7 +252,7 @@ def _refused_scripts() -> list[str]:
     return [f"Scripts of the file were not run, and what they drive stays as saved: {bpy.app.autoexec_fail_message}."]
 
 
-def _start_gpu() -> None:
+def start_gpu() -> None:
     """Start the GPU, without EGL's messages, which are harmless. check_job reports a failure."""
     # Without the launcher, those lines may be all that explains a crash.
     with (

@@ -14,6 +14,7 @@ from ..core.progress import Progress
 from . import batch, batch_results, interruption, run_clashes, standard_streams
 from .batch import Plan
 from .batch_results import Result
+from .lod import lod_command
 from .scene_files import Stage
 from .starting import lean_blender
 from .terminal_progress import Meter
@@ -25,9 +26,13 @@ DONE, FAILED, WRONG_USAGE = 0, 1, 2
 
 
 def run(words: Sequence[str], program: str = "imprint") -> int:
-    """Bake according to `words`, the arguments. Returns the exit code; errors and warnings go to stderr, a line each."""
+    """Bake according to `words`, the arguments, or make levels of detail if the first one is `lod`.
+
+    Returns the exit code; errors and warnings go to stderr, a line each.
+    """
     with interruption.listening(), standard_streams.ours():
-        done = _run(words, program)
+        is_lod = words[:1] == [lod_command.WORD]
+        done = lod_command.run(words[1:], program) if is_lod else _run(words, program)
         return interruption.code() or done
 
 

@@ -17,10 +17,11 @@ EXPORTERS = {".fbx": ("io_scene_fbx",)}
 """Blender's add-ons that write files, by their ending, beside those that `lean_blender.complete` loads."""
 
 
-def export(reports: Sequence[Report], output: str) -> list[Report]:
+def export(reports: Sequence[Report], output: str, *, are_levels: bool = False) -> list[Report]:
     """Write the low meshes of `reports` with their maps to `output`, with a file for each if it has LOW.
 
-    Returns the reports with what the files show. Raises BakeError.
+    are_levels: whether those in one file are levels of detail of one object, from the finest. Returns the reports with what the
+    files show. Raises BakeError.
     """
     lean_blender.complete(*EXPORTERS.get(Path(output).suffix.lower(), ()))
     by_low: dict[int, list[Report]] = {}
@@ -32,7 +33,7 @@ def export(reports: Sequence[Report], output: str) -> list[Report]:
     for bakes in together:
         path = Path(file_names.fill(output, bakes[0][0].low)).absolute()
         with standard_streams.silence():
-            done = engine_files.export(bpy.context, bakes, path)
+            done = engine_files.export(bpy.context, bakes, path, are_levels=are_levels and len(bakes) > 1)
         found |= {bake[0].refs[0].uid: one for bake, one in zip(bakes, done, strict=True)}
     result = []
     for report in reports:

@@ -54,6 +54,8 @@ class ImprintSettings(bpy.types.PropertyGroup, Options, MapList):
     high_suffix: declared("high_suffix")
     cage_suffix: declared("cage_suffix")
     share_image: declared("share_image")
+    level_degrees: declared("level_degrees")
+    level_distance: declared("level_distance")
     live_every_time: declared("live_every_time")
     size: declared("size", get=lambda self: self.width, set=_set_size)
     square: declared("square", update=_make_square)

@@ -110,6 +110,7 @@ def options_in(script):
 @functools.cache
 def known_options():
     ours = {f"--{name}" for group in arguments.OPTIONS.values() for name in group} | {"--jobs"}
+    ours |= options_in(ROOT / "addon" / "cli" / "lod" / "lod_command.py")
     return ours | OTHER_OPTIONS | {name for script in (ROOT / "scripts").rglob("*.py") for name in options_in(script)}
 
 

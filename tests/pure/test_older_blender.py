@@ -14,6 +14,8 @@ CALLS = {
     ("cli/batch.py", "with_gpu"): 1,
     ("jobs/bake_jobs.py", "with_gpu"): 1,
     ("ui/operators.py", "with_gpu"): 1,
+    ("jobs/lod/level_chain.py", "start_gpu"): 1,
+    ("cli/lod/lod_command.py", "with_gpu"): 1,
     ("output/nodes/normal_nodes.py", "normal_map_values"): 1,
     ("output/nodes/displacement_nodes.py", "normal_map_values"): 1,
     ("output/nodes/normal_nodes.py", "normal_map_color"): 1,

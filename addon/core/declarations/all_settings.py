@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from .kinds import Setting
 from .map_settings import CHANNELS, MAP
-from .object_settings import BAKE, PAIRS
+from .object_settings import BAKE, LEVELS, PAIRS
 from .output_settings import OUTPUT
 from .ray_settings import RAYS
 from .surface_map_settings import MAPS
@@ -27,6 +27,7 @@ PANELS = {
     "output": PanelSettings("Output", OUTPUT),
     "rays": PanelSettings("Rays", RAYS),
     "pairs": PanelSettings("Pairs by Name", PAIRS),
+    "levels": PanelSettings("Levels of Detail", LEVELS),
 }
 """In the order of the sidebar."""
 DECLARED: dict[str, Setting] = {name: value for panel in PANELS.values() for name, value in panel.settings.items()}

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The settings of the panels Imprint and Pairs by Name: which objects to bake."""
+"""The settings of the panels Imprint, Pairs by Name and Levels of Detail: which objects to bake."""
 
+from ..levels import level_report
 from ..names.name_matching import Suffixes
 from .kinds import ObjectSlot, ObjectSlots, Option, Setting, Switch, Text
 
@@ -36,4 +37,20 @@ PAIRS: dict[str, Setting] = {
         label="Cage", tooltip="Ending of the names of cages, in any case", default=_USUAL.cage, option=None
     ),
     "share_image": Switch(label="One Image", tooltip="Bake all pairs into one image, an atlas", option=None),
+}
+LEVELS: dict[str, Setting] = {
+    "level_degrees": Text(
+        label="Degrees",
+        tooltip="For each level, the largest angle between the normals that it shows with its map and those of "
+        "the mesh, on 99 % of the texels",
+        default=level_report.DEGREES,
+        option=None,
+    ),
+    "level_distance": Text(
+        label="Distance (%)",
+        tooltip="The largest distance of the levels from the mesh, in percent of the longest side of its box: "
+        "one number for all levels, or one for each",
+        default=level_report.PERCENT,
+        option=None,
+    ),
 }

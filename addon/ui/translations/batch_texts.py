@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Texts of the panels Pairs by Name and Sequence."""
+"""Texts of the panels Pairs by Name, Sequence and Levels of Detail."""
 
 from .lookup import LABEL, OPERATOR, SENTENCE
 
@@ -53,5 +53,51 @@ TABLE = {
     (SENTENCE, "Set Store to File to bake a sequence."): {
         "de_DE": "Für eine Sequenz muss Speichern auf Datei stehen.",
         "es": "Para capturar una secuencia, elegir Archivo en Guardar.",
+    },
+    (LABEL, "Levels of Detail"): {"de_DE": "Detailstufen", "es": "Niveles de detalle"},
+    (LABEL, "Degrees"): {"de_DE": "Grad", "es": "Grados"},
+    (LABEL, "Distance (%)"): {"de_DE": "Distanz (%)", "es": "Distancia (%)"},
+    (
+        SENTENCE,
+        "For each level, the largest angle between the normals that it shows with its map and those of the "
+        "mesh, on 99 % of the texels",
+    ): {
+        "de_DE": "Für jede Stufe der größte Winkel zwischen den Normalen, die sie mit ihrer Map zeigt, und "
+        "denen des Meshes, auf 99 % der Texel",
+        "es": "Para cada nivel, el mayor ángulo entre las normales que muestra con su mapa y las de la malla, "
+        "en el 99 % de los téxeles",
+    },
+    (
+        SENTENCE,
+        "The largest distance of the levels from the mesh, in percent of the longest side of its box: one "
+        "number for all levels, or one for each",
+    ): {
+        "de_DE": "Die größte Distanz der Stufen vom Mesh, in Prozent der längsten Seite seiner Box: eine Zahl "
+        "für alle Stufen oder eine für jede",
+        "es": "La mayor distancia de los niveles a la malla, en porcentaje del lado más largo de su caja: un "
+        "número para todos los niveles, o uno para cada uno",
+    },
+    (OPERATOR, "Make Levels of Detail"): {"de_DE": "Detailstufen erzeugen", "es": "Crear niveles de detalle"},
+    (
+        SENTENCE,
+        "Make coarser copies of the active mesh with the same UV layout, each with its own map, as coarse as the limits allow",
+    ): {
+        "de_DE": "Gröbere Kopien des aktiven Meshes mit demselben UV-Layout erzeugen, jede mit eigener Map und "
+        "so grob, wie die Grenzwerte erlauben",
+        "es": "Crea copias más simples de la malla activa con la misma disposición UV, cada una con su propio "
+        "mapa y tan simples como permitan los límites",
+    },
+    (LABEL, "Measuring"): {"de_DE": "Messen", "es": "Midiendo"},
+    (SENTENCE, "Levels of detail are measured on one tile: turn UDIM Tiles off."): {
+        "de_DE": "Detailstufen werden auf einer Kachel gemessen: UDIM-Kacheln ausschalten.",
+        "es": "Los niveles de detalle se miden en una sola celda: desactivar Celdas UDIM.",
+    },
+    (SENTENCE, "No limit is set: give at least one number of degrees, or percent of the size."): {
+        "de_DE": "Es ist kein Grenzwert gesetzt: mindestens eine Zahl in Grad oder Prozent der Größe angeben.",
+        "es": "No hay ningún límite: indicar al menos un número de grados, o un porcentaje del tamaño.",
+    },
+    (SENTENCE, "No object is active: select the mesh to make levels of."): {
+        "de_DE": "Kein Objekt ist aktiv: das Mesh auswählen, von dem Stufen erzeugt werden.",
+        "es": "No hay ningún objeto activo: seleccionar la malla de la que crear niveles.",
     },
 }

@@ -1,0 +1,154 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The limits of levels of detail, and the report of a chain: numbers and a table."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+
+from ..errors import BakeError
+from ..report import Report
+
+MOST = 12
+"""The most levels of a chain."""
+DEGREES, PERCENT = "1, 2, 4", "1"
+"""The usual limits. Without one for the distance, a relief could become flat: its map shows it from straight above."""
+
+
+@dataclass(frozen=True)
+class Limit:
+    """What a level may deviate, infinite for no limit. degrees: of normals. distance: a share of the longest side."""
+
+    degrees: float = math.inf
+    distance: float = math.inf
+
+    def excess(self, degrees: float, distance: float) -> float:
+        """How much of the limit these deviations take: more than 1 if they are beyond it."""
+        return max(degrees / self.degrees, distance / self.distance)
+
+    def __str__(self) -> str:
+        parts = [f"{self.degrees:g} degrees"] * (self.degrees < math.inf)
+        return ", ".join(parts + [f"{100.0 * self.distance:g} % of the size"] * (self.distance < math.inf))
+
+
+def limits(degrees: str, percent: str = "") -> list[Limit]:
+    """The limits in two lists of numbers, separated by commas: in degrees, and in percent of the size.
+
+    One list may be empty. A single number counts with each of the other list. Raises BakeError.
+    """
+    angles, distances = _numbers(degrees, "degrees", 180.0), _numbers(percent, "percent of the size", 100.0)
+    count = max(len(angles), len(distances))
+    if not count:
+        raise BakeError("No limit is set: give at least one number of degrees, or percent of the size.")
+    if count > MOST:
+        raise BakeError(f"{count} levels are too many: give at most {MOST} limits.")
+    if min(len(angles), len(distances)) not in {0, 1, count}:
+        raise BakeError(
+            f"{len(angles)} angles and {len(distances)} distances make no pairs: give one, or as many as of the other."
+        )
+    angles, distances = (
+        values * count if len(values) == 1 else values or [math.inf] * count for values in (angles, distances)
+    )
+    return [Limit(angle, distance / 100.0) for angle, distance in zip(angles, distances, strict=True)]
+
+
+def _numbers(text: str, what: str, most: float) -> list[float]:
+    try:
+        found = [float(word) for word in text.replace(",", " ").split()]
+    except ValueError as error:
+        raise BakeError(f"{text!r} are not {what}: give numbers, as {DEGREES}.") from error
+    wrong = next((number for number in found if not 0.0 < number <= most), None)
+    if wrong is not None:
+        raise BakeError(f"{wrong:g} {what} cannot be a limit: give numbers above 0, up to {most:g}.")
+    return found
+
+
+@dataclass(frozen=True)
+class Level:
+    """One level of a chain.
+
+    name: of its object. limit: what it may deviate. degrees, bare_degrees, distance: as in deviation_measuring.Deviations.
+    beyond: the number of triangles of the coarser mesh that was measured beyond the limit, 0 if there is no coarser one.
+    beyond_degrees, beyond_distance: of that mesh. bake: the report of its map.
+    """
+
+    name: str
+    limit: Limit
+    triangles: int
+    degrees: float
+    bare_degrees: float
+    distance: float
+    beyond: int = 0
+    beyond_degrees: float = 0.0
+    beyond_distance: float = 0.0
+    bake: Report | None = None
+
+    def to_dict(self) -> dict:
+        """Plain data for json.dump."""
+        values = asdict(self)
+        values["limit"] = {name: amount for name, amount in values["limit"].items() if amount < math.inf}
+        values["bake"] = self.bake.to_dict() if self.bake else None
+        return values
+
+
+@dataclass(frozen=True)
+class ChainReport:
+    """The results of a chain. original: the name of its object. measured: how many meshes were measured."""
+
+    original: str
+    triangles: int
+    collection: str
+    levels: Sequence[Level]
+    measured: int
+    seconds: float
+    warnings: list[str] = field(default_factory=list)
+
+    def to_dict(self) -> dict:
+        """Plain data for json.dump."""
+        return {**asdict(self), "levels": [level.to_dict() for level in self.levels]}
+
+    def table(self) -> list[str]:
+        """Lines of a table: angles and distances at the 99th percentile of texels."""
+        head = ("level", "limit", "triangles", "share", "degrees", "without map", "distance", "5 % fewer")
+        rows = [head, (self.original, "", f"{self.triangles:,}", "100 %", "", "", "", "")]
+        rows += [
+            (
+                level.name,
+                str(level.limit),
+                f"{level.triangles:,}",
+                _percent(level.triangles / self.triangles, 1),
+                f"{level.degrees:.2f}",
+                f"{level.bare_degrees:.1f}",
+                _percent(level.distance, 3),
+                self._beyond(level),
+            )
+            for level in self.levels
+        ]
+        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+        return [
+            "  ".join(
+                word.ljust(width) if number < 2 else word.rjust(width)
+                for number, (word, width) in enumerate(zip(row, widths, strict=True))
+            ).rstrip()
+            for row in rows
+        ]
+
+    def summary(self) -> list[str]:
+        """Lines for the user."""
+        lines = [
+            f"{level.name}: {level.triangles:,} of {self.triangles:,} triangles, {level.degrees:.2f} degrees and "
+            f"{_percent(level.distance, 3)} of the size at the 99th percentile"
+            for level in self.levels
+        ]
+        return [*lines, f"{self.measured} meshes were measured in {self.seconds:.1f} s"]
+
+    @staticmethod
+    def _beyond(level: Level) -> str:
+        if not level.beyond:
+            return "borders"
+        if level.beyond_degrees > level.limit.degrees:
+            return f"{level.beyond:,}: {level.beyond_degrees:.2f}"
+        return f"{level.beyond:,}: {_percent(level.beyond_distance, 3)}"
+
+
+def _percent(share: float, digits: int) -> str:
+    return f"{100.0 * share:.{digits}f} %"

@@ -1,0 +1,181 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Makes coarser meshes of an object with Blender's Decimate modifier, in a scene of their own."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import bpy
+import numpy as np
+
+from ...core.errors import BakeError
+from ...mesh.levels import kept_borders, uv_moves
+from ...mesh.triangle_mesh import Mesh
+from ...scene import evaluation, mesh_reader
+
+NAME = "Imprint level"
+"""Of temporary datablocks, which exist only within one step of a task, except for meshes."""
+
+
+class Meshes:
+    """Temporary meshes. They are removed when the block ends, unless they are released."""
+
+    def __init__(self):
+        self._uids: set[int] = set()
+
+    def __enter__(self) -> "Meshes":
+        return self
+
+    def __exit__(self, *_) -> None:
+        for data in [data for data in bpy.data.meshes if data.session_uid in self._uids]:
+            bpy.data.meshes.remove(data)
+
+    def own(self, data: bpy.types.Mesh) -> bpy.types.Mesh:
+        """Remove `data` at the end. Returns it."""
+        self._uids.add(data.session_uid)
+        return data
+
+    def release(self, data: bpy.types.Mesh) -> None:
+        """Keep `data`."""
+        self._uids.discard(data.session_uid)
+
+    def remove(self, data: bpy.types.Mesh) -> None:
+        """Remove `data` now."""
+        self._uids.discard(data.session_uid)
+        bpy.data.meshes.remove(data)
+
+
+@dataclass(frozen=True)
+class Original:
+    """The object that levels are made of, with its modifiers.
+
+    data: a copy of its mesh. surface: the mesh as bakes read it, with UVs. is_kept (V,) bool: vertices that stay where they
+    are, because they lie on a border. layer: the UV layer of the map. triangles: their number.
+    """
+
+    data: bpy.types.Mesh
+    surface: Mesh
+    is_kept: np.ndarray
+    layer: str
+
+    @property
+    def triangles(self) -> int:
+        return len(self.surface.triangles)
+
+
+def read(context: bpy.types.Context, obj: bpy.types.Object, uv_layer: str, modifiers: str, meshes: Meshes) -> Original:
+    """Read an object. uv_layer: its name; empty for the active one. meshes: owns the copy. Raises BakeError."""
+    with evaluation.prepared(context, obj, [], None, modifiers) as depsgraph:
+        data = meshes.own(
+            bpy.data.meshes.new_from_object(
+                obj.evaluated_get(depsgraph), preserve_all_data_layers=True, depsgraph=depsgraph
+            )
+        )
+    data.name = NAME
+    if not data.polygons:
+        raise BakeError(f"{obj.name!r} has no faces: choose a mesh that has some.")
+    if not data.uv_layers:
+        raise BakeError(f"{obj.name!r} has no UV layer: unwrap it first.")
+    if uv_layer and uv_layer not in data.uv_layers:
+        raise BakeError(f"{obj.name!r} has no UV layer {uv_layer!r}: choose one of its layers.")
+    layer = uv_layer or data.uv_layers.active.name
+    surface = mesh_reader.surface(data, layer, obj.name, mesh_reader.matrix(obj), with_faces=True)
+    if surface.not_finite:
+        raise BakeError(
+            f"{obj.name!r} has {surface.not_finite:,} triangles with NaN or infinite coordinates: remove them."
+        )
+    slots = np.empty(len(data.polygons), np.int32)
+    data.polygons.foreach_get("material_index", slots)
+    layers = [mesh_reader.uvs(data, each.name) for each in data.uv_layers]
+    is_kept = _kept(surface, layers, slots[surface.faces], len(data.vertices))
+    _drop_custom_normals(data)
+    return Original(data, surface, is_kept, layer)
+
+
+def _drop_custom_normals(data: bpy.types.Mesh) -> None:
+    """Levels get the normals that Blender computes: custom ones belong to corners that collapse."""
+    if "custom_normal" in data.attributes:
+        data.attributes.remove(data.attributes["custom_normal"])
+
+
+def coarser(original: Original, triangles: int, layer: str, *, moves_uvs: bool) -> bpy.types.Mesh:
+    """A mesh of about this many triangles, or of more where borders need them. The caller removes it.
+
+    moves_uvs: whether vertices inside islands get the UVs of the original surface where they lie now. Collapsing edges moves
+    vertices off the place that their UVs stand for.
+    """
+    with _scene() as scene:
+        obj = _object(scene, original.data.copy())
+        kept = np.flatnonzero(~original.is_kept)
+        group = obj.vertex_groups.new(name=NAME)
+        group.add(kept.tolist(), 1.0, "REPLACE")
+        decimate = obj.modifiers.new(NAME, "DECIMATE")
+        decimate.ratio = min(1.0, triangles / original.triangles)
+        decimate.use_collapse_triangulate = True
+        decimate.vertex_group = group.name  # weight 0 locks a vertex
+        result = _evaluated(scene, obj)
+        if moves_uvs:
+            transfer = obj.modifiers.new(NAME, "DATA_TRANSFER")
+            transfer.object = _object(scene, original.data.copy())
+            transfer.use_loop_data, transfer.data_types_loops = True, {"UV"}
+            transfer.loop_mapping = "POLYINTERP_NEAREST"
+            transfer.islands_precision = 0.0  # uv_moves takes care of islands
+            transfer.layers_uv_select_dst = "NAME"
+            transfer.vertex_group = group.name
+            moved = _evaluated(scene, obj)
+            _move(result, moved)
+            bpy.data.meshes.remove(moved)
+        return result
+
+
+def finish(level: bpy.types.Object) -> None:
+    """Remove from the object of a finished mesh what making it has left."""
+    group = level.vertex_groups.get(NAME)
+    if group is not None:
+        level.vertex_groups.remove(group)
+
+
+def _move(data: bpy.types.Mesh, moved: bpy.types.Mesh) -> None:
+    """Give `data` the UVs of `moved`, which has the same topology, where that is safe."""
+    surface = mesh_reader.surface(data, data.uv_layers[0].name, data.name, np.eye(4), with_faces=True)
+    layers = {each.name: mesh_reader.uvs(data, each.name) for each in data.uv_layers}
+    slots = np.empty(len(data.polygons), np.int32)
+    data.polygons.foreach_get("material_index", slots)
+    fixed = _kept(surface, list(layers.values()), slots[surface.faces], len(data.vertices))
+    for name, before in layers.items():
+        after = mesh_reader.uvs(moved, name)
+        uv = uv_moves.accepted(before, after, surface.vertices, surface.triangles, fixed)
+        data.uv_layers[name].uv.foreach_set("vector", uv.reshape(-1))
+
+
+def _kept(surface: Mesh, layers: list[np.ndarray], labels: np.ndarray, count: int) -> np.ndarray:
+    """Which of `count` vertices lie on borders, (count,) bool. Vertices without a face do as well."""
+    result = np.ones(count, bool)
+    on_border = kept_borders.kept(surface.vertices, surface.triangles, layers, labels)
+    result[: len(on_border)] = on_border
+    return result
+
+
+@contextmanager
+def _scene() -> Iterator[bpy.types.Scene]:
+    """An empty scene. At the end it is removed, with its objects and their meshes."""
+    scene = bpy.data.scenes.new(NAME)
+    try:
+        yield scene
+    finally:
+        for obj in list(scene.collection.objects):
+            bpy.data.meshes.remove(obj.data)  # and the object with it
+        bpy.data.scenes.remove(scene)
+
+
+def _object(scene: bpy.types.Scene, data: bpy.types.Mesh) -> bpy.types.Object:
+    obj = bpy.data.objects.new(NAME, data)
+    scene.collection.objects.link(obj)
+    return obj
+
+
+def _evaluated(scene: bpy.types.Scene, obj: bpy.types.Object) -> bpy.types.Mesh:
+    """The mesh of `obj` with its modifiers and without its vertex groups."""
+    layer = scene.view_layers[0]
+    layer.update()
+    return bpy.data.meshes.new_from_object(obj.evaluated_get(layer.depsgraph), depsgraph=layer.depsgraph)

@@ -1,0 +1,220 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Chains of levels of detail: meshes within their limits, with the UV borders of the original."""
+
+from dataclasses import replace
+
+import bpy
+import numpy as np
+import pytest
+
+from addon.core.errors import BakeError
+from addon.core.levels.level_report import limits
+from addon.core.progress import Pace, finish
+from addon.core.settings import Settings
+from addon.jobs import bake_jobs
+from addon.jobs.lod import decimation, deviation_measuring, level_chain
+from addon.scene import mesh_reader
+from tests.support import zoo
+from tests.support.snapshot import difference, snapshot
+
+pytestmark = pytest.mark.usefixtures("gpu_context")
+
+SETTINGS = Settings(width=128, height=128, storage="MEMORY", depth=16)
+CLOSE = 0.02
+"""The relative error of percentiles of texels, whose centers are not at the extremes."""
+
+
+def chain(obj, degrees, percent="", settings=SETTINGS):
+    return finish(level_chain.work(bpy.context, obj, limits(degrees, percent), settings, Pace()))
+
+
+def measured(original, level, settings=SETTINGS):
+    """The deviations of the mesh of `level` from that of `original`."""
+    surface = mesh_reader.surface(original.data, "UVMap", "original", np.eye(4), with_faces=True)
+    small = deviation_measuring.settings_for(settings)
+    return finish(deviation_measuring.measure(surface, level.data, "UVMap", small, Pace()))
+
+
+def borders(obj):
+    """The edges of UV islands: pairs of UVs, each with the positions of both ends."""
+    data = obj.data
+    surface = mesh_reader.surface(data, data.uv_layers[0].name, obj.name, np.eye(4))
+    start, stop = (np.roll(surface.triangles, -i, axis=1).reshape(-1) for i in range(2))
+    rows = np.concatenate([np.hstack([surface.uv[c], surface.positions[surface.vertices[c]]]) for c in (start, stop)])
+    ends = np.stack(np.split(rows, 2), axis=1).astype(np.float32)
+    turned = np.array([a.tobytes() > b.tobytes() for a, b in ends])
+    ends[turned] = ends[turned][:, ::-1]
+    keys, counts = np.unique(ends.reshape(len(ends), -1), axis=0, return_counts=True)
+    return {key.tobytes() for key in keys[counts == 1]}
+
+
+def test_a_chain_is_within_its_limits_and_five_percent_fewer_are_not():
+    original = zoo.terrain("Hill", 24)
+    report = chain(original, "2, 0.6, 90", "3, 90, 0.8")
+    assert [level.name for level in report.levels] == ["Hill_LOD1", "Hill_LOD2", "Hill_LOD3"]
+    triangles = [level.triangles for level in report.levels]
+    assert triangles == sorted(triangles, reverse=True) and triangles[0] < report.triangles == 2 * 24 * 24
+    for level in report.levels:
+        assert level.limit.excess(level.degrees, level.distance) <= 1.0
+        if level.beyond:
+            assert level.limit.excess(level.beyond_degrees, level.beyond_distance) > 1.0
+            assert level.beyond >= int(0.95 * level.triangles) - 1
+        obj = bpy.data.objects[level.name]
+        assert len(obj.data.polygons) == level.triangles
+        assert borders(obj) == borders(original)
+        assert measured(original, obj).degrees == pytest.approx(level.degrees)
+
+
+def test_levels_are_objects_of_a_collection_with_maps_of_their_own_and_nothing_else_changes():
+    original = zoo.terrain("Hill", 16)
+    original.data.materials.append(bpy.data.materials.new("Grass"))
+    original.location = 1.0, 2.0, 3.0
+    group = original.vertex_groups.new(name="bones")
+    group.add([0, 1, 2], 0.5, "REPLACE")
+    before = snapshot()
+    report = chain(original, "", "1, 3")
+    after = snapshot()
+    changed = {key for key in difference(before, after) if key in before}
+    allowed = {"objects", "meshes", "collections", "materials", "images"}
+    layers = {key for key in changed if isinstance(key, tuple) and key[0] == bpy.context.scene.name}
+    assert changed - layers <= allowed
+    objects = list(bpy.data.collections["Hill_LODs"].objects)
+    assert [obj.name for obj in objects] == ["Hill_LOD1", "Hill_LOD2"]
+    for obj, level in zip(objects, report.levels, strict=True):
+        assert obj.matrix_world == original.matrix_world
+        assert obj.data.uv_layers[0].name == "UVMap"
+        assert [group.name for group in obj.vertex_groups] == ["bones"]
+        (material,) = obj.data.materials
+        assert material.name != "Grass"
+        assert level.bake.image in {node.image.name for node in material.node_tree.nodes if node.type == "TEX_IMAGE"}
+    assert len({level.bake.image for level in report.levels}) == 2
+    assert not [data for data in bpy.data.meshes if data.users == 0]
+    assert len(bpy.data.scenes) == 1
+
+
+@pytest.mark.parametrize("degrees", [1.0, 3.0])
+def test_uvs_that_slide_are_measured_on_a_cylinder(degrees):
+    def cylinder(name, turned):
+        def surface(u, v):
+            angle = np.pi * u + np.radians(turned)
+            return np.stack([np.cos(angle), np.sin(angle), 2.0 * v - 1.0], axis=1)
+
+        return zoo.sheet(name, surface, 512, 1)
+
+    found = measured(cylinder("a", 0.0), cylinder("b", degrees))
+    # On the strip that is turned past the edge, rays meet nothing: these texels count as 180 degrees.
+    assert found.degrees == pytest.approx(degrees if degrees < 180 * 0.01 else 180.0, rel=CLOSE)
+
+
+def test_the_map_without_error_costs_what_its_bits_cost():
+    plain, bumps = zoo.plane("Plain"), zoo.terrain("Hill", 32, height=0.02)
+    assert measured(bumps, bumps).degrees < 0.05
+    rounded = measured(bumps, plain, replace(SETTINGS, depth=8))
+    assert 0.1 < rounded.degrees < 0.5
+    assert rounded.bare_degrees > 5.0
+
+
+def test_distances_are_shares_of_the_longest_side():
+    original, level = zoo.plane("a", 4), zoo.plane("b", 4)
+    points = np.empty(25 * 3, np.float32)
+    level.data.attributes["position"].data.foreach_get("vector", points)
+    points[2::3] = 0.03
+    level.data.attributes["position"].data.foreach_set("vector", points)
+    assert measured(original, level).distance == pytest.approx(0.03 / 2.0, rel=1e-3)
+
+
+def test_uvs_move_to_where_vertices_lie(monkeypatch):
+    """On a sheet that is stretched in UV space, collapsing edges moves vertices off the place of their UVs."""
+
+    def surface(u, v):
+        return np.stack([2 * u**2 - 1, 2 * v - 1, 0.1 * np.sin(9 * u) * np.sin(7 * v)], axis=1)
+
+    obj = zoo.sheet("Sheet", surface, 48, 48)
+    with decimation.Meshes() as meshes:
+        original = decimation.read(bpy.context, obj, "", "RENDER", meshes)
+        separation = []
+        for moves_uvs in (True, False):
+            data = meshes.own(decimation.coarser(original, 400, "UVMap", moves_uvs=moves_uvs))
+            surface_of = mesh_reader.surface(data, "UVMap", "level", np.eye(4))
+            points = surface_of.positions[surface_of.vertices]
+            separation.append(np.abs(2 * surface_of.uv[:, 0] ** 2 - 1 - points[:, 0]).mean())
+    assert separation[0] < 0.2 * separation[1]
+
+
+def steps_of(obj, count):
+    """Do `count` steps of a chain and close it. Returns whether it was not yet done."""
+    work = level_chain.work(bpy.context, obj, limits("", "3"), SETTINGS, Pace(0.0))
+    for _ in range(count):
+        if next(work, None) is None:
+            return False
+    work.close()
+    return True
+
+
+def test_a_chain_that_is_stopped_leaves_nothing():
+    obj = zoo.terrain("Hill", 12)
+    before = snapshot()
+    count = 1
+    while steps_of(obj, count):
+        assert difference(before, snapshot()) == {}
+        count = int(1.7 * count) + 1
+    assert count > 30
+
+
+def test_a_map_that_fails_leaves_nothing(monkeypatch):
+    obj = zoo.terrain("Hill", 12)
+    obj.data.materials.append(bpy.data.materials.new("Grass"))
+    bake, calls = bake_jobs.bake_job, []
+
+    def failing(*arguments):
+        calls.append(arguments)
+        if len(calls) == 2:
+            raise BakeError("The disk is full.")
+        return bake(*arguments)
+
+    monkeypatch.setattr(bake_jobs, "bake_job", failing)
+    before = snapshot()
+    with pytest.raises(BakeError, match="full"):
+        chain(obj, "", "3, 4")
+    assert difference(before, snapshot()) == {}
+
+
+def test_bad_input_is_one_sentence_and_changes_nothing():
+    obj = zoo.terrain("Hill", 8)
+    empty = bpy.data.objects.new("Empty", None)
+    bpy.context.scene.collection.objects.link(empty)
+    bare = zoo.plane("Bare")
+    bare.data.uv_layers.remove(bare.data.uv_layers[0])
+    aside = zoo.plane("Aside", 8)
+    aside.data.uv_layers[0].uv.foreach_set("vector", np.full(len(aside.data.loops) * 2, 3.0, np.float32))
+    before = snapshot()
+    for source, degrees, settings, text in (
+        (empty, "1", SETTINGS, "no mesh"),
+        (bare, "1", SETTINGS, "UV layer"),
+        (aside, "1", SETTINGS, "outside"),
+        (obj, "0.1", replace(SETTINGS, depth=8), "alone deviates"),
+        (obj, "1", replace(SETTINGS, udim=True, storage="PACK"), "UDIM"),
+        (obj, "1,2", replace(SETTINGS, image="same"), "same"),
+        (obj, "1", replace(SETTINGS, uv_layer="none"), "none"),
+    ):
+        with pytest.raises(BakeError, match=text) as caught:
+            chain(source, degrees, settings=settings)
+        assert str(caught.value).endswith(".") and "\n" not in str(caught.value)
+        assert difference(before, snapshot()) == {}
+
+
+@pytest.mark.shared
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["kepler_199712_9079", "king_40480_4000", "shaderball_48048_23378"])
+def test_chains_of_real_meshes_to_1_2_and_4_degrees(shared_assets, name):
+    """The high meshes of the pairs, with 8 bits."""
+    bpy.ops.wm.open_mainfile(filepath=str(shared_assets / "pairs" / f"{name}.blend"))
+    original = bpy.data.objects["hi"]
+    report = chain(original, "1,2,4", "1", settings=replace(SETTINGS, width=1024, height=1024, depth=8))
+    print("\n".join(report.table()))
+    assert len(report.levels) == 3
+    for level, amount in zip(report.levels, (1.0, 2.0, 4.0), strict=True):
+        assert level.degrees <= amount < level.beyond_degrees
+        assert level.distance <= 0.01
+        assert level.beyond >= int(0.95 * level.triangles) - 1
+        assert borders(bpy.data.objects[level.name]) == borders(original)

@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tests what coarser meshes keep of a UV layout: vertices on borders, and UVs that may move."""
+
+import numpy as np
+import pytest
+
+from addon.mesh.levels import kept_borders, uv_moves
+
+SIDE = 5
+
+
+def grid():
+    """A flat grid of SIDE x SIDE vertices: vertices (C,), triangles (T, 3) and UVs (C, 2). Each corner is of one triangle."""
+    row, column = np.mgrid[0 : SIDE - 1, 0 : SIDE - 1].reshape(2, -1)
+    a = row * SIDE + column
+    quads = np.stack([a, a + 1, a + SIDE + 1, a + SIDE], axis=1)
+    vertices = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]).reshape(-1).astype(np.int32)
+    uv = np.stack([vertices % SIDE, vertices // SIDE], axis=1).astype(np.float32) / (SIDE - 1)
+    return vertices, np.arange(len(vertices), dtype=np.int32).reshape(-1, 3), uv
+
+
+def inside():
+    """Which vertices of the grid are not on its edge."""
+    result = np.zeros((SIDE, SIDE), bool)
+    result[1:-1, 1:-1] = True
+    return result.reshape(-1)
+
+
+def test_the_edge_of_a_surface_is_kept():
+    vertices, triangles, uv = grid()
+    kept = kept_borders.kept(vertices, triangles, [uv], np.zeros(len(triangles), np.int32))
+    assert (kept == ~inside()).all()
+
+
+def test_a_seam_is_kept_with_its_end():
+    vertices, triangles, uv = grid()
+    # Cut along the middle row, from the left edge to its middle: the vertex in the middle ends the seam.
+    above = (uv[triangles].mean(axis=1)[:, 1] > 0.5).repeat(3)
+    on_cut = (vertices // SIDE == SIDE // 2) & (vertices % SIDE < SIDE // 2)
+    torn = uv + np.where(above & on_cut, 0.01, 0.0)[:, None].astype(np.float32)
+    kept = kept_borders.kept(vertices, triangles, [torn], np.zeros(len(triangles), np.int32))
+    middle = SIDE // 2 * SIDE
+    expected = ~inside()
+    expected[middle : middle + SIDE // 2 + 1] = True
+    assert (kept == expected).all()
+
+
+def test_seams_of_each_layer_are_kept():
+    vertices, triangles, uv = grid()
+    other = uv.copy()
+    other[vertices >= SIDE * SIDE // 2] += 0.0
+    other[:3] += 0.5
+    kept = kept_borders.kept(vertices, triangles, [uv, other], np.zeros(len(triangles), np.int32))
+    assert kept[vertices[:3]].all()
+
+
+def test_borders_of_materials_are_kept():
+    vertices, triangles, uv = grid()
+    labels = (uv[triangles].mean(axis=1)[:, 0] > 0.5).astype(np.int32)
+    kept = kept_borders.kept(vertices, triangles, [uv], labels)
+    assert (kept == (~inside() | (np.arange(SIDE * SIDE) % SIDE == SIDE // 2))).all()
+
+
+def test_edges_of_three_triangles_are_kept():
+    vertices, triangles, uv = grid()
+    middle = SIDE * SIDE // 2
+    fin = np.array([middle, middle + 1, SIDE * SIDE], np.int32)  # on an edge inside the grid
+    vertices, triangles = np.append(vertices, fin), np.append(triangles, [[len(uv) + i for i in range(3)]], axis=0)
+    uv = np.concatenate([uv, np.stack([fin % SIDE, fin // SIDE], axis=1).astype(np.float32) / (SIDE - 1)])
+    kept = kept_borders.kept(vertices, triangles, [uv], np.zeros(len(triangles), np.int32))
+    assert kept[[middle, middle + 1]].all()
+
+
+def moved(vertex, by):
+    """The grid with the UVs of one vertex moved, as uv_moves.accepted returns them, and whether the move was accepted."""
+    vertices, triangles, uv = grid()
+    after = uv + np.where(vertices == vertex, 1.0, 0.0)[:, None] * np.float32(by)
+    result = uv_moves.accepted(uv, after.astype(np.float32), vertices, triangles, ~inside())
+    assert ((result == uv).all(axis=1) | (vertices == vertex)).all()
+    return bool((result != uv).any())
+
+
+def test_small_moves_inside_are_accepted():
+    assert moved(SIDE * SIDE // 2, (0.05, -0.03))
+
+
+def test_vertices_on_borders_do_not_move():
+    assert not moved(0, (0.05, 0.03))
+
+
+@pytest.mark.parametrize("by", [(0.4, 0.0), (0.24, 0.0), (0.0, -0.24)])
+def test_moves_that_are_far_or_fold_are_taken_back(by):
+    assert not moved(SIDE * SIDE // 2, by)
+
+
+def test_corners_of_a_vertex_move_together():
+    vertices, triangles, uv = grid()
+    after = uv.copy()
+    after[np.flatnonzero(vertices == SIDE * SIDE // 2)[0]] += 0.02
+    assert (uv_moves.accepted(uv, after, vertices, triangles, ~inside()) == uv).all()
