@@ -12,7 +12,7 @@ from addon.core.settings import Settings
 from addon.jobs import Job, bake_all, bake_pair
 from addon.output import map_storage
 from tests.engine.test_slope_maps import SLOPE, roof, widened
-from tests.support import zoo
+from tests.support import layouts, zoo
 from tests.support.maps import pixels
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -225,3 +225,20 @@ def test_tiles_that_are_not_baked_get_no_levels(tmp_path):
     assert (tmp_path / "rock.1002.exr").is_file()
     assert (tmp_path / "rock_mip1.1001.exr").is_file()
     assert not list(tmp_path.glob("*_mip*1002*"))
+
+
+def test_colors_have_the_mean_of_light(tmp_path):
+    """Half of a field is black, half is white: sRGB has 188 of 255 steps for half of the light."""
+    high = zoo.plane("high")
+    y, x = np.indices((SIZE, SIZE))
+    shown = layouts.image("checker", np.repeat((x + y)[..., None] % 2.0, 3, axis=2))
+    material = bpy.data.materials.new("checker")
+    node = layouts.texture(material, shown, interpolation="Closest")
+    layouts.set_inputs(material, Base_Color=node.outputs["Color"])
+    high.data.materials.append(material)
+    bake(zoo.plane("low"), high, tmp_path, name="rock.png", depth=8, maps=["BASE_COLOR"])
+    first, *levels = chain(tmp_path, "rock_base_color", ".png")
+    assert sorted(set(first[..., 0].ravel())) == [0.0, 1.0]
+    assert all(
+        np.array_equal(np.rint(found[..., :3] * 255.0), np.full(found[..., :3].shape, 188.0)) for found in levels
+    )
