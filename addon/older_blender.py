@@ -140,9 +140,20 @@ def normal_map_color(editor: "TreeEditor", normal_map: bpy.types.Node, values: d
             editor.connect(node.outputs["Color"], turn.inputs[0])
     if turn is None:
         return color
-    turn.inputs[1].default_value = (1.0, -1.0 if is_down else 1.0, 1.0)
-    turn.inputs[2].default_value = (0.0, 1.0 if is_down else 0.0, 0.0)
+    if not is_down:
+        _, texture, kind = editor.trace(turn.inputs[0])
+        if kind == "ShaderNodeTexImage.Color":
+            editor.connect(texture.outputs["Color"], color)
+        return color
+    turn.inputs[1].default_value = (1.0, -1.0, 1.0)
+    turn.inputs[2].default_value = (0.0, 1.0, 0.0)
     return turn.inputs[0]
+
+
+def exported_channels(channels: tuple[str, ...]) -> tuple[str, ...]:
+    """In 5.2: `channels`. Those of the nodes that an exporter gets: that of .fbx finds no image behind a Vector Math node."""
+    has_convention = "convention" in bpy.types.ShaderNodeNormalMap.bl_rna.properties
+    return ("+X", "+Y", "+Z") if channels == ("+X", "-Y", "+Z") and not has_convention else channels
 
 
 # Before 5.0: materials without nodes

@@ -10,6 +10,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
+from .. import older_blender
 from ..core import udim
 from ..core.errors import BakeError
 from ..core.report import Report
@@ -173,6 +174,7 @@ def _material(low: BakedLow, slot: int, tile: int, made: list[bpy.types.ID], nam
     slots = low.low.material_slots
     source = slots[slot].material if slot < len(slots) else None
     copy = bpy.data.materials.new(low.name) if source is None else source.copy()
+    older_blender.switch_on_nodes(copy)
     made.append(copy)
     name = low.name if source is None else low.materials[slot]
     if low.reports[0].settings["udim"]:
@@ -197,8 +199,9 @@ def _with_maps(one: Staged, pictures: PictureFiles, channels: Sequence[str] | No
             stored = tuple(settings[name] for name in ("red", "green", "blue"))
             wanted = tuple(channels or stored)
             image = pictures.normal_map(_image(report), tile, stored, wanted, dither=settings["dither"])
+            shown = older_blender.exported_channels(wanted)
             notes += materials.hook_up(
-                one.object, image, space=report.space, uv_layer=layer, channels=wanted, slots=[number]
+                one.object, image, space=report.space, uv_layer=layer, channels=shown, slots=[number]
             )
         found, warnings = map_images.of_report(report.maps, report.space)
         notes += warnings

@@ -67,6 +67,10 @@ def green_that_points_down_renders_as_green_that_points_up():
     assert np.abs(found[2] - found[0]).max() < SAME, np.abs(found[2] - found[0]).max()
     textures = [node for node in low.data.materials[0].node_tree.nodes if node.bl_idname == "ShaderNodeTexImage"]
     assert len(textures) == 1, textures
+    shown = next(n for n in low.data.materials[0].node_tree.nodes if n.bl_idname == "ShaderNodeNormalMap")
+    assert shown.inputs["Color"].links[0].from_node == textures[0], "the last map needs no other node"
+    bake(low, high, green="-Y")
+    assert np.abs(render() - found[0]).max() < SAME
 
 
 def an_artists_own_image_node_stays():

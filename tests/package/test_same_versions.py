@@ -91,6 +91,10 @@ def test_the_command_line_bakes_in_older_versions(version, tmp_path):
     ]
     (tmp_path / "jobs.json").write_text(f'{{"bake": [{", ".join(sets)}]}}')
     run(tmp_path, python, "scripts/bake.py", "--jobs", str(tmp_path / "jobs.json"))
+    one = [str(tmp_path / "one.blend"), "--low", "lo", "--high", "hi", "--output", str(tmp_path / "down.png")]
+    for ending in ("glb", "fbx", "usd"):
+        exported = ["--size", "32", "--green=-y", "--export", str(tmp_path / f"down.{ending}")]
+        assert f"down.{ending}: 960 triangles" in run(tmp_path, python, "scripts/bake.py", *one, *exported)
     for name in ("one", "two"):
         assert (tmp_path / f"{name}.png").stat().st_size > 0
         assert (tmp_path / f"{name}_baked.blend").stat().st_size > 0

@@ -19,6 +19,8 @@ CALLS = {
     ("output/nodes/normal_nodes.py", "normal_map_values"): 1,
     ("output/nodes/displacement_nodes.py", "normal_map_values"): 1,
     ("output/nodes/normal_nodes.py", "normal_map_color"): 1,
+    ("export/staging.py", "exported_channels"): 1,
+    ("export/staging.py", "switch_on_nodes"): 1,
     ("scene/materials/material_reading.py", "shows_nodes"): 1,
     ("output/materials.py", "switch_on_nodes"): 2,
     ("cli/mesh_files/base_colors.py", "switch_on_nodes"): 1,
@@ -63,6 +65,11 @@ def test_no_other_module_asks_for_the_version_of_blender():
         if isinstance(node, ast.Attribute) and node.attr in {"version", "version_string"} and "app" in ast.unparse(node)
     ]
     assert found == []
+
+
+def test_new_materials_get_nodes():
+    makers = {path for path, tree in trees() if "bpy.data.materials.new(" in ast.unparse(tree)}
+    assert makers == {path for path, name in CALLS if name == "switch_on_nodes"}
 
 
 def test_no_other_module_starts_the_gpu():
