@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What an engine shows of each map, in degrees from what it shows of the object-space map."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from addon.core.declarations import bases
+from scripts.dev.in_engines import chromium, drawing
+from scripts.dev.in_engines.glb_file import Glb, unit
+from scripts.dev.in_engines.samples import Sample
+from tests.support import angles
+
+ANGLE = 30.0
+"""The field of view, in degrees."""
+DIRECTIONS = ((0.4, 0.3, 1.0), (-0.5, -0.2, -1.0))
+"""From the mesh to the eyes, in the axes of glTF: before it and behind it."""
+BARE, OBJECT, NO_TANGENTS = "bare", "object", "no-tangents"
+PERCENTILES = (50, 95, 99)
+
+
+@dataclass(frozen=True)
+class View:
+    """What one eye sees, on the pixels where a mesh is: bottom row first.
+
+    drawn: by the float64 rasterizer. away: (S, S), whether the four texels around a pixel are baked and have its sign: so it
+    lies away from the borders of islands, mirrored seams, and texels that several triangles share.
+    """
+
+    matrix: np.ndarray
+    drawn: drawing.Drawn
+    away: np.ndarray
+    normals: np.ndarray
+
+
+@dataclass(frozen=True)
+class Setting:
+    """The eyes around a sample, and their lens."""
+
+    views: list[View]
+    near: float
+    far: float
+
+
+def look(sample: Sample, size: int) -> Setting:
+    """The views of a sample that show all of it, in pictures of size x size pixels."""
+    surface = sample.surface
+    center = (surface.position.min(axis=(0, 1)) + surface.position.max(axis=(0, 1))) / 2.0
+    radius = np.linalg.norm(surface.position - center, axis=-1).max()
+    away = radius / np.sin(np.radians(ANGLE / 2.0))
+    near, far = float(away - 1.5 * radius), float(away + 1.5 * radius)
+    lens = drawing.perspective(ANGLE, near, far)
+    points = np.concatenate([surface.position, np.ones((*surface.position.shape[:2], 1))], axis=-1)
+    views = []
+    for direction in DIRECTIONS:
+        matrix = drawing.look_at(center + away * unit(np.array(direction)), center)
+        drawn = drawing.draw(points @ (lens @ matrix).T, size)
+        triangle, weights = drawn.triangle[drawn.there], drawn.weights[drawn.there]
+        normals = np.zeros((size, size, 3))
+        normals[drawn.there] = unit(np.einsum("ncx,nc->nx", surface.normal[triangle], weights))
+        views.append(View(matrix, drawn, away_from_seams(sample, drawn), normals))
+    return Setting(views, near, far)
+
+
+def away_from_seams(sample: Sample, drawn: drawing.Drawn) -> np.ndarray:
+    """View.away of a view."""
+    triangle, weights = drawn.triangle[drawn.there], drawn.weights[drawn.there]
+    uv = np.einsum("ncx,nc->nx", sample.uv[triangle], weights)
+    columns, rows = drawing.footprint(uv, len(sample.object_map))
+    laid_out, signs = sample.laid_out, sample.surface.tangent[:, 0, 3]
+    own = sample.baked[rows, columns] & (signs[laid_out.triangle[rows, columns]] == signs[triangle][:, None])
+    found = np.zeros(drawn.triangle.shape, bool)
+    found[drawn.there] = own.all(axis=1) & ((uv >= 0.0) & (uv < 1.0)).all(axis=1)
+    return found
+
+
+def models(sample: Sample, setting: Setting, engine: str) -> list[chromium.Model]:
+    """The files for an engine: without a map, with the map of each basis, in object space, and without tangents."""
+    glb = sample.glb.copy()
+    glb.set_cameras([view.matrix for view in setting.views], ANGLE, setting.near, setting.far)
+    image = glb.normal_texture()
+
+    def with_map(texels: np.ndarray) -> Glb:
+        changed = glb.copy()
+        changed.set_image(image, drawing.png(texels))
+        return changed
+
+    own = with_map(sample.object_map)
+    found = [chromium.Model(BARE, glb.without_normal_map().content())]
+    found += [chromium.Model(basis, with_map(texels).content()) for basis, texels in sample.maps.items()]
+    found.append(chromium.Model(NO_TANGENTS, with_map(sample.maps["MIKKTSPACE"]).without_tangents().content()))
+    shown = own.with_map_as_surface() if engine in chromium.WITHOUT_OBJECT_SPACE else own
+    return [*found, chromium.Model(OBJECT, shown.content(), "object")]
+
+
+def run(sample: Sample, setting: Setting, modules: Path, engine: str, size: int) -> dict:
+    """Draw a sample in an engine: by name of the model and view, world-space normals (size, size, 3), 0 where nothing is."""
+    found = {}
+
+    def keep(name: str, view: int, pixels: np.ndarray) -> None:
+        normals = unit(pixels[..., :3].astype(np.float64) * 2.0 - 1.0)
+        if name == OBJECT and engine in chromium.WITHOUT_OBJECT_SPACE:
+            normals = unit(normals @ sample.normal_matrix.T)
+        found[name, view] = np.where(pixels[..., 3:] > 0.5, normals, 0.0).astype(np.float32)
+
+    files = models(sample, setting, engine)
+    chromium.render(modules, engine, files, views=len(setting.views), size=size, keep=keep)
+    return found
+
+
+def figures(found: dict, setting: Setting) -> dict:
+    """What a run shows: angles of each model to the object-space map, and of the bare mesh to a float64 reader of the file."""
+    degrees = {name: [] for name in (*bases.BY_NAME, NO_TANGENTS, BARE)}
+    bare, pixels = [], 0
+    for index, view in enumerate(setting.views):
+        there = view.drawn.there & found[BARE, index].any(axis=-1)
+        away = there & view.away
+        pixels += np.count_nonzero(there)
+        bare.append(angles.degrees(found[BARE, index][there], view.normals[there]))
+        wanted = found[OBJECT, index][away]
+        for name, parts in degrees.items():
+            parts.append(angles.degrees(found[name, index][away], wanted))
+    joined = {name: np.concatenate(parts) for name, parts in angles.items()}
+    return {
+        "pixels": int(pixels),
+        "compared": len(joined[BARE]),
+        "bare_to_file": percentiles(np.concatenate(bare)),
+        "degrees": {name: percentiles(values) for name, values in joined.items()},
+    }
+
+
+def percentiles(values: np.ndarray) -> list[float]:
+    return [round(float(value), 4) for value in np.percentile(values, PERCENTILES)]

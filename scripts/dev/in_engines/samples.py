@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A low mesh as a .glb, with the maps that Imprint bakes for each basis and in object space."""
+
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from addon.core.declarations import bases
+from addon.core.settings import Settings
+from addon.jobs import bake_pair
+from scripts.dev.in_engines import drawing
+from scripts.dev.in_engines.glb_file import Glb, Surface, node_matrix, unit
+from tests.support import angles, decoders
+
+MARGIN = 16
+"""Texels around the islands of a map."""
+TO_GLTF = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+"""From Blender's axes to those of glTF, whose Y points up."""
+
+
+@dataclass(frozen=True)
+class Sample:
+    """A mesh with maps of S x S texels, bottom row first.
+
+    glb: as exported, with a normal map. normal_matrix: (3, 3), from the space of the mesh to world space. laid_out: which
+    triangle each texel shows. baked: (S, S), whether the high mesh is at a texel that one triangle of the low mesh has for
+    itself, so that no margin fills it. object_map: (S, S, 3), normals in the space of the mesh. maps: by basis, (S, S, 3).
+    """
+
+    name: str
+    glb: Glb
+    surface: Surface
+    normal_matrix: np.ndarray
+    laid_out: drawing.Drawn
+    baked: np.ndarray
+    object_map: np.ndarray
+    maps: dict[str, np.ndarray]
+
+    @property
+    def uv(self) -> np.ndarray:
+        """(T, 3, 2), with v up."""
+        return with_v_up(self.surface.uv)
+
+    def decoded_degrees(self) -> dict[str, float]:
+        """By basis, the 99th percentile of the angles between the map, decoded in float64, and the object-space map."""
+        triangle, weights = self.laid_out.triangle[self.baked], self.laid_out.weights[self.baked]
+        wanted = unit(self.object_map[self.baked] @ self.normal_matrix.T)
+        normals, tangents = self.surface.normal, self.surface.tangent
+        corners = normals, tangents, decoders.bitangents(normals, tangents)
+        frame = [np.einsum("ncx,nc->nx", values[triangle], weights) for values in corners]
+        found = {}
+        for basis, texels in self.maps.items():
+            read = unit(decoders.decoded(texels[self.baked], basis, *frame))
+            found[basis] = float(np.percentile(angles.degrees(read, wanted), 99))
+        return found
+
+
+def with_v_up(uv: np.ndarray) -> np.ndarray:
+    return np.stack([uv[..., 0], 1.0 - uv[..., 1]], axis=-1)
+
+
+def make(path: Path, size: int) -> Sample:
+    """Bake the objects "hi" and "lo" of a .blend, and export "lo". Raises ValueError if its file has no tangents."""
+    bpy.ops.wm.open_mainfile(filepath=str(path))
+    low, high = bpy.data.objects["lo"], bpy.data.objects["hi"]
+    covered = bake(low, high, size, "OBJECT", margin=0)[..., 3] > 0.5
+    object_map = normals(bake(low, high, size, "OBJECT")) @ TO_GLTF.T
+    maps = {basis: normals(bake(low, high, size, "TANGENT", basis)) for basis in bases.BY_NAME}
+    glb = export(low)
+    surface = glb.surface()
+    if surface.tangent is None:
+        raise ValueError(f"{path.name}: the exported mesh has no tangents")
+    normal_matrix = np.linalg.inv(mesh_matrix(glb)[:3, :3]).T
+    laid_out = drawing.lay_out(with_v_up(surface.uv), size)
+    baked = covered & (laid_out.count == 1)
+    return Sample(path.stem, glb, surface, normal_matrix, laid_out, baked, object_map, maps)
+
+
+def normals(texels: np.ndarray) -> np.ndarray:
+    """The vectors (H, W, 3) of length one that a map (H, W, 4) stores."""
+    return unit(texels[..., :3].astype(np.float64) * 2.0 - 1.0)
+
+
+def bake(
+    low: bpy.types.Object, high: bpy.types.Object, size: int, space: str, basis: str = "AUTO", *, margin: int = MARGIN
+) -> np.ndarray:
+    """The texels (size, size, 4) float32 of a normal map."""
+    chosen = {"width": size, "height": size, "samples": 1, "margin": margin, "depth": 32, "storage": "MEMORY"}
+    bake_pair(bpy.context, low, [high], Settings("FLATTEN", space, basis, image="map", material=False, **chosen))
+    texels = np.empty(size * size * 4, np.float32)
+    bpy.data.images["map"].pixels.foreach_get(texels)
+    return texels.reshape(size, size, 4)
+
+
+def export(low: bpy.types.Object) -> Glb:
+    """The low mesh as Blender's exporter writes it, with tangents and a material that has a normal map."""
+    material = bpy.data.materials.new("map")
+    material.use_backface_culling = True
+    low.data.materials.clear()
+    low.data.materials.append(material)
+    nodes, links = material.node_tree.nodes, material.node_tree.links
+    texture, normal_map = nodes.new("ShaderNodeTexImage"), nodes.new("ShaderNodeNormalMap")
+    texture.image = bpy.data.images.new("normals", 4, 4, is_data=True)
+    links.new(texture.outputs["Color"], normal_map.inputs["Color"])
+    links.new(normal_map.outputs["Normal"], nodes["Principled BSDF"].inputs["Normal"])
+    for one in bpy.context.view_layer.objects:
+        one.select_set(one == low)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "low.glb"
+        bpy.ops.export_scene.gltf(filepath=str(path), use_selection=True, export_tangents=True)
+        return Glb.read(path)
+
+
+def mesh_matrix(glb: Glb) -> np.ndarray:
+    """The matrix (4, 4) of the only node with a mesh, which is at the top. Raises ValueError for other files."""
+    nodes = glb.document["nodes"]
+    found = [index for index in glb.roots() if "mesh" in nodes[index]]
+    if len(found) != 1 or sum("mesh" in one for one in nodes) != 1:
+        raise ValueError("the file has another number of meshes than one")
+    return node_matrix(nodes[found[0]])
