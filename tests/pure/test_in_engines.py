@@ -21,7 +21,7 @@ def glb(*, tangents=True):
         "POSITION": np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)], np.float32),
         "NORMAL": np.array([(0, 0.6, 0.8)] * 3, np.float32),
         "TEXCOORD_0": np.array([(0.1, 0.9), (0.9, 0.9), (0.1, 0.1)], np.float32),
-        "TANGENT": np.array([(1, 0, 0, -1)] * 3, np.float32),
+        "TANGENT": np.array([(0, 0.8, -0.6, -1)] * 3, np.float32),
         "indices": np.array([0, 1, 2], np.uint16),
     }
     if not tangents:
@@ -63,7 +63,7 @@ def test_a_surface_is_in_world_space():
     surface = glb().surface()
     assert np.allclose(surface.position[0], [(0, 0, 5), (1, 0, 5), (0, 0, 7)])
     assert np.allclose(surface.normal, np.array((0, -0.8, 0.3)) / np.sqrt(0.73))
-    assert np.allclose(surface.tangent, (1, 0, 0, -1))
+    assert np.allclose(surface.tangent, (*(np.array((0, 0.6, 1.6)) / np.sqrt(2.92)), -1))
 
 
 def test_a_file_survives_reading_and_writing():
@@ -130,6 +130,7 @@ def test_an_eye_sees_the_nearest_triangle_from_before():
     clip = np.concatenate([points, np.ones((2, 3, 1))], axis=-1)
     lens = drawing.perspective(60.0, 0.1, 10.0) @ drawing.look_at(np.array((0.0, 0.0, 3.0)), np.zeros(3))
     assert set(np.unique(drawing.draw(clip @ lens.T, 16).triangle)) == {-1, 1}
+    assert set(np.unique(drawing.draw(clip[::-1] @ lens.T, 16).triangle)) == {-1, 0}
     assert not drawing.draw(clip[:, ::-1] @ lens.T, 16).there.any()
 
 
