@@ -42,7 +42,7 @@ def measure(files: list[Path], engines: list[str], modules: Path, out: Path, *, 
     for file in files:
         sample = samples.make(file, texels)
         decoded[sample.name] = sample.decoded_degrees()
-        setting = comparing.look(sample, pixels)
+        setting = comparing.set_up(sample, pixels)
         for engine in engines:
             reader = readers.BY_NAME[engine]
             found = comparing.run(sample, setting, modules, engine, pixels)

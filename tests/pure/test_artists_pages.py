@@ -35,7 +35,7 @@ OF_BLENDER = {
 """Names in Blender's own interface."""
 LARGEST = 200 * 1024
 """The most bytes of a picture, so that pages load quickly."""
-NUMBER = re.compile(r"\d+|\.\w+|\+")
+NUMBER = re.compile(r"[\d.]+|\.\w+|\+")
 
 
 def shown():

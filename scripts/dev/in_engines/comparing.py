@@ -43,7 +43,7 @@ class Setting:
     far: float
 
 
-def look(sample: Sample, size: int) -> Setting:
+def set_up(sample: Sample, size: int) -> Setting:
     """The views of a sample that show all of it, in pictures of size x size pixels."""
     surface = sample.surface
     center = (surface.position.min(axis=(0, 1)) + surface.position.max(axis=(0, 1))) / 2.0
