@@ -201,6 +201,8 @@ class Report:
                 f"Stored: normals off by {self.loss['median']:.2g} degrees (median), at most {self.loss['maximum']:.2g}"
             )
         details += [f"Packed in {how['image']}: {_channels(how)}" for how in self.maps.values() if "channels" in how]
+        if count := sum(map(len, self.mip_files.values())):
+            details.append(f"Mip levels: {count} files beside those of the maps, as name_mip1 and so on")
         if self.attributes:
             details.append(f"Attributes of {self.low}: {', '.join(self.attributes.values())}")
         if self.export:

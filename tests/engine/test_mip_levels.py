@@ -87,6 +87,7 @@ def test_each_level_has_a_margin_of_its_own(tmp_path, margin_type):
     low, high = zoo.two_islands("low", gap=0.5), zoo.two_islands("high", gap=0.5)
     report = bake(low, high, tmp_path, margin=1, margin_type=margin_type)
     assert report.mip_files["normal"] == [str(tmp_path / f"rock_normal_mip{level}.exr") for level in range(1, 6)]
+    assert any("Mip levels: 5 files" in line for line in report.summary())
     first, second = (read(path) for path in (tmp_path / "rock_normal.exr", report.mip_files["normal"][0]))
     bake(low, high, tmp_path, name="bare.exr", margin=0)
     bare = read(tmp_path / "bare.exr")[..., 3], read(tmp_path / "bare_mip1.exr")[..., 3]
