@@ -24,7 +24,7 @@ from ..core.timings import startup
 from ..jobs import bake_jobs, sequence
 from ..jobs.job import Job, jobs_by_name
 from ..output.files.atomic_file import all_or_none, check_writable
-from ..scene import object_checks, object_refs
+from ..scene import object_refs
 from . import (
     batch_results,
     input_checks,
@@ -36,6 +36,7 @@ from . import (
     standard_streams,
 )
 from .batch_results import Result
+from .converting import conversions
 from .mesh_files.importers import Space
 from .scene_files import Stage
 from .terminal_progress import Meter
@@ -168,7 +169,7 @@ def run(opened: Opened, stage: Stage, meter: Meter) -> Result:
     memory = _say_memory(opened, meter)
     with all_or_none():  # if a pair, a frame, the scene or the report fails, no file of the bake is written
         reports, is_stopped = older_blender.with_gpu(lambda: _explained(opened, meter))
-        notes = [*stage.notes, *opened.notes, *_refused_scripts()]
+        notes = [*stage.notes, *opened.notes, *input_checks.refused_scripts()]
         reports = [
             report.with_memory(memory).with_warnings([*notes, *(opened.hints if report.method == Method.CAST else [])])
             for report in reports
@@ -187,6 +188,8 @@ def run(opened: Opened, stage: Stage, meter: Meter) -> Result:
 
 def _say_memory(opened: Opened, meter: Meter) -> dict[str, int]:
     """Print what memory the bake needs, now: a system that lacks it may end the process. Returns it for the report."""
+    if opened.options.convert:
+        return {}
     text, is_much, numbers = memory_check.check(opened.jobs, opened.settings)
     is_one_scan = bool(opened.options.low_file) and not meter.place  # of many bakes, only those that need much
     if text and (is_much or (meter.is_on and is_one_scan)):
@@ -228,6 +231,8 @@ def _baked(
             meter.show("the atlas" if share_image else job.low.name, step)
 
     speed, reports = progress.Pace(bake_jobs.PROGRESS_SECONDS, has_picture=False), []
+    if options.convert:
+        return [progress.finish(conversions.work(bpy.context, jobs[0], options, settings), on_step)], False
     if options.frames:
         work = sequence.work(bpy.context, jobs[0], settings, run_clashes.frames(options), speed, reports=reports)
     else:
@@ -243,13 +248,6 @@ def _baked(
 def _share_image(options: argparse.Namespace) -> bool:
     """Whether all pairs share one map, whose path has no low object's name."""
     return bool(options.pairs) and file_names.LOW not in options.output
-
-
-def _refused_scripts() -> list[str]:
-    """A warning if Blender refused scripts of the open file, which may move a mesh."""
-    if not bpy.app.autoexec_fail:
-        return []
-    return [f"Scripts of the file were not run, and what they drive stays as saved: {bpy.app.autoexec_fail_message}."]
 
 
 def start_gpu() -> None:
@@ -268,8 +266,8 @@ def _jobs(options: argparse.Namespace, stage: Stage) -> tuple[list[Job], list[st
     if options.low_file:
         space = Space(options.origin)
         job = stage.job(options.low_file, options.high_file, options.cage_file, space, options.high_up or "")
-        if not options.high_file:
-            _check_own_high(job.low, "--high-file")
+        if not (options.high_file or options.convert):
+            input_checks.check_own_high(job.low, "--high-file")
         return [job], []
     if options.file:
         stage.open(options.file, Space(options.origin))
@@ -281,12 +279,6 @@ def _jobs(options: argparse.Namespace, stage: Stage) -> tuple[list[Job], list[st
         return jobs_by_name(bpy.context, options.suffixes)
     low = object_refs.by_name(options.low)
     highs = [object_refs.by_name(name) for name in options.high] or [low]
-    if not options.high:
-        _check_own_high(low, "--high")
+    if not (options.high or options.convert):
+        input_checks.check_own_high(low, "--high")
     return [Job(low, highs, object_refs.by_name(options.cage) if options.cage else None)], []
-
-
-def _check_own_high(low: bpy.types.Object, option: str) -> None:
-    """Raise BakeError if the low object cannot be its own high one. option: what names another one."""
-    if low.type == "MESH" and not object_checks.own_highs(low):
-        raise BakeError(f"{option} is missing, and {low.name!r} has no modifiers that add detail: name a high one.")

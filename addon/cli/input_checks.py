@@ -13,6 +13,7 @@ from ..core.errors import BakeError, shorten_list
 from ..core.preflight import placement
 from ..core.settings import Settings
 from ..jobs.job import Job
+from ..scene import object_checks
 from .mesh_files import obj_materials, page_files
 from .usage.option_types import word_for
 
@@ -76,6 +77,19 @@ def rounded_coordinates(options: argparse.Namespace, jobs: Sequence[Job]) -> lis
         text = placement.rounding(box, np.array(obj.matrix_world, np.float64)[:3, 3])
         found += [f"{obj.name!r} {text}"] if text else []
     return found
+
+
+def check_own_high(low: bpy.types.Object, option: str) -> None:
+    """Raise BakeError if the low object cannot be its own high one. option: what names another one."""
+    if low.type == "MESH" and not object_checks.own_highs(low):
+        raise BakeError(f"{option} is missing, and {low.name!r} has no modifiers that add detail: name a high one.")
+
+
+def refused_scripts() -> list[str]:
+    """A warning if Blender refused scripts of the open file, which may move a mesh."""
+    if not bpy.app.autoexec_fail:
+        return []
+    return [f"Scripts of the file were not run, and what they drive stays as saved: {bpy.app.autoexec_fail_message}."]
 
 
 def _of_materials(settings: Settings) -> list[str]:

@@ -126,6 +126,8 @@ def _read_by(options: argparse.Namespace) -> Iterator[tuple[str, str, str]]:
     for path, role in parts:
         if path:
             yield path, f"the {role} mesh's file", ""
+    if options.convert:
+        yield options.convert, "the map to convert", ""
     for path in [*opened, *(path for path, _ in parts if path)]:
         for other in file_references.of(Path(path)):
             yield str(other), f"what {os.path.basename(path)!r} refers to", ""

@@ -116,12 +116,17 @@ def check_job(context: bpy.types.Context, job: Job, settings: Settings) -> None:
     reason = object_checks.problem(context, job.low, job.highs, job.cage, settings.method)
     if reason:
         raise BakeError(reason)
+    check_outputs(job.low, settings)
+
+
+def check_outputs(low: bpy.types.Object, settings: Settings) -> None:
+    """Raise BakeError if the maps cannot be stored or drawn."""
     for image_settings in settings_by_map(settings).values():
-        map_storage.check(job.low.name, image_settings)
+        map_storage.check(low.name, image_settings)
     if (settings.material and settings.normal) or settings.connect_maps:
-        materials.check(job.low)
+        materials.check(low)
     if settings.vertex_domain != VertexDomain.NONE:
-        vertex_attributes.check(job.low)
+        vertex_attributes.check(low)
     try:
         older_blender.start_gpu()
     except (SystemError, RuntimeError) as error:

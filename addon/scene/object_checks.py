@@ -55,6 +55,13 @@ def problem(
     return ""
 
 
+def low_problem(context: bpy.types.Context, low: bpy.types.Object | None, *, is_own_base: bool = False) -> str:
+    """As `problem`, for work on the low object alone. is_own_base: whether its mesh is read without modifiers."""
+    if low is None:
+        return "No low object: select it, or fill the slot."
+    return _object_problem(context, low, is_high=False) or _mesh_problem(low, evaluated=not is_own_base, needs_uv=True)
+
+
 SWAPPED = "{low} has more faces than {highs}. Are they swapped?"
 """A warning if `seem_swapped`. The panel translates it."""
 

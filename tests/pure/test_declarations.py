@@ -11,6 +11,7 @@ from addon.cli.usage.job_file import KEYS
 from addon.cli.usage.options import FILES, OBJECTS, OPTIONS
 from addon.core.declarations import kinds
 from addon.core.declarations.all_settings import DECLARED, PANELS
+from addon.core.declarations.map_settings import CONVERT
 from addon.core.errors import BakeError
 from addon.core.settings import Settings
 from scripts.dev import tables
@@ -43,7 +44,7 @@ def test_each_field_of_the_settings_is_declared(name):
 def test_each_declaration_is_a_field_or_used_only_by_the_panel():
     """Only the panel uses its switches and slots, settings with another option or none in a bake."""
     more = {name for name, setting in DECLARED.items() if name not in FIELDS and setting.option}
-    assert more == {"low", "highs", "cage", "size", "export"}
+    assert more == {"low", "highs", "cage", "size", "export", *CONVERT}
     assert {name for name in FIELDS if not DECLARED[name].option} == {"width", "height", "storage"}
 
 

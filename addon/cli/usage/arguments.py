@@ -10,7 +10,8 @@ from dataclasses import fields
 from pathlib import PurePath
 
 from ...core import file_formats, udim
-from ...core.declarations.choices import Space, Storage
+from ...core.conversion.stored_normals import StoredNormals
+from ...core.declarations.choices import Pack, Space, Storage
 from ...core.errors import BakeError
 from ...core.names import file_names
 from ...core.settings import Settings
@@ -42,6 +43,7 @@ def parser(program: str) -> argparse.ArgumentParser:
         usage="%(prog)s [FILE ...] --low NAME [--high NAME ...] --output MAP [option ...]\n"
         "       %(prog)s [FILE ...] --pairs [DIR] --output MAP [option ...]\n"
         "       %(prog)s --low-file FILE --high-file FILE ... --output MAP [option ...]\n"
+        "       %(prog)s [FILE ...] --low NAME --convert MAP --output MAP [option ...]\n"
         "       %(prog)s --jobs FILE [--report REPORT.json] [option ...]",
         description="Bake the detail of high-poly meshes into maps of a low-poly mesh.",
         allow_abbrev=False,
@@ -104,11 +106,16 @@ def mistakes(options: argparse.Namespace, unread: Collection[str] = ()) -> Itera
         yield f"{folder!r} is a folder: name a file"
     files = [options.low_file, *options.high_file, options.cage_file]
     yield from _wrong_paths(
-        [options.output, options.report, options.save_blend, options.export, options.pairs, *options.file, *files]
+        [
+            *(options.output, options.report, options.save_blend, options.export, options.pairs, options.convert),
+            *options.file,
+            *files,
+        ]
     )
     if options.output and not folder:
         try:
             settings(options).check()
+            stored_normals(options).check()
         except BakeError as error:
             yield str(error).rstrip(".")
 
@@ -127,6 +134,10 @@ def _wrong_subjects(options: argparse.Namespace, unread: Collection[str]) -> Ite
         yield "--low-file, --high-file and --cage-file go together, without FILE, --low, --high and --cage"
     if options.high_up and not (options.high_file or options.pairs):
         yield "--high-up is for --high-file"
+    if options.convert and (options.pairs or options.frames or options.maps or options.pack != Pack.NONE):
+        yield "--convert converts one normal map: leave out --pairs, --frames, --maps and --pack"
+    if options.convert and options.export:
+        yield "--export follows a bake: leave it out with --convert"
     if options.pairs and options.frames:
         yield "--frames is for one low object, --pairs for many"
 
@@ -183,10 +194,21 @@ def settings(options: argparse.Namespace) -> Settings:
     return Settings(**values)
 
 
+def stored_normals(options: argparse.Namespace) -> StoredNormals:
+    """What the map to convert means."""
+    return StoredNormals(**{field.name: vars(options)[field.name] for field in fields(StoredNormals)})
+
+
+_MAY_BE_NEGATIVE = {f"--{start}{channel}" for start in ("", "from-") for channel in ("red", "green", "blue")} | {
+    "--origin"
+}
+"""Options whose values may begin with a minus."""
+
+
 def _joined(arguments: Sequence[str]) -> list[str]:
     """The arguments with `--green -y` as `--green=-y`: argparse takes -y, and -1,2,3, for an option."""
     result, words = [], iter(arguments)
     for word in words:
-        value = next(words, None) if word in {"--red", "--green", "--blue", "--origin"} else None
+        value = next(words, None) if word in _MAY_BE_NEGATIVE else None
         result.append(word if value is None else f"{word}={value}")
     return result

@@ -222,6 +222,12 @@ OBJECTS = {
         {"type": option_types.suffixes, "default": Suffixes(), "metavar": "LOW,HIGH,CAGE"},
         "_low,_high,_cage",
     ),
+    "convert": CommandOption(
+        "Convert this normal map of the low mesh instead of baking: an image file, with <UDIM> for tiles. --space, --basis, "
+        "--green and others say what the new map is, --from-space, --from-basis, --from-green and others what this one is. It "
+        "keeps its size",
+        {"type": option_types.path, "metavar": "MAP"},
+    ),
     "frames": CommandOption(
         "Bake a map for each of these frames. The frame's number replaces ### in --output, or goes before the ending",
         {"type": option_types.frames, "metavar": "1-48"},
@@ -243,7 +249,7 @@ FILES = {
 def _options() -> Iterator[tuple[str, dict[str, CommandOption]]]:
     """The options by the titles of their groups."""
     yield "what to bake", OBJECTS
-    for key in ("map", "channels", "maps", "output", "rays"):
+    for key in ("map", "channels", "maps", "output", "rays", "convert"):
         panel = PANELS[key]
         names = [name for name, setting in panel.settings.items() if setting.option and name not in _OBJECTS]
         options = {_word(name): _option(name, **_BESIDE.get(name, {})) for name in names}

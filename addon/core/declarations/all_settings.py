@@ -4,7 +4,7 @@
 from dataclasses import dataclass
 
 from .kinds import Setting
-from .map_settings import CHANNELS, MAP
+from .map_settings import CHANNELS, CONVERT, MAP
 from .object_settings import BAKE, LEVELS, PAIRS
 from .output_settings import OUTPUT
 from .ray_settings import RAYS
@@ -28,6 +28,7 @@ PANELS = {
     "rays": PanelSettings("Rays", RAYS),
     "pairs": PanelSettings("Pairs by Name", PAIRS),
     "levels": PanelSettings("Levels of Detail", LEVELS),
+    "convert": PanelSettings("Convert Map", CONVERT),
 }
 """In the order of the sidebar."""
 DECLARED: dict[str, Setting] = {name: value for panel in PANELS.values() for name, value in panel.settings.items()}

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The settings of the panels Map and Channels, in their order."""
 
+from dataclasses import replace
+
 from . import adaptive_samples, bases, readers
 from .choices import MarginType, Method, Modifiers, Space
 from .kinds import Choice, Distance, Flags, Item, Option, Setting, Switch, Text, WholeNumber
@@ -197,4 +199,39 @@ CHANNELS: dict[str, Setting] = {
     "red": _channel("Red", "X"),
     "green": _channel("Green", "Y", ": +Y for OpenGL, -Y for DirectX"),
     "blue": _channel("Blue", "Z"),
+}
+
+_BASES = tuple(Item(basis.name, basis.label, basis.tooltip, basis.former) for basis in bases.BASES)
+
+
+def _stored_axis(name: str, usual: str) -> Choice:
+    """A channel of a map to convert."""
+    own = _channel(name, usual)
+    return replace(
+        own,
+        label=f"{name} Stores",
+        tooltip=f"Axis of the normal that the {name.lower()} channel of the map to convert stores",
+    )
+
+
+CONVERT: dict[str, Setting] = {
+    "from_space": Choice(
+        label="From Space",
+        tooltip="Space of the normals in the map to convert",
+        default=Space.TANGENT,
+        items=(
+            Item(Space.TANGENT, "Tangent", "Relative to the low surface"),
+            Item(Space.OBJECT, "Object", "Relative to the low object"),
+            Item(Space.WORLD, "World", "Relative to the scene, with the low object where it is now"),
+        ),
+    ),
+    "from_basis": Choice(
+        label="From Basis",
+        tooltip="Tangent basis that the map to convert was made for",
+        default=bases.MIKKTSPACE.name,
+        items=(Item(bases.AUTO, "Scene's Engine", "The basis that the scene's render engine uses"), *_BASES),
+    ),
+    "from_red": _stored_axis("Red", "X"),
+    "from_green": _stored_axis("Green", "Y"),
+    "from_blue": _stored_axis("Blue", "Z"),
 }

@@ -22,14 +22,15 @@ class DrawnMaps:
     def of(self, band: Band) -> Task[Iterator[tuple[str, gpu.types.GPUTexture]]]:
         """As BandMaps has it."""
         yield from ()
-        return ((name, _upload(values, band)) for name, values in self.maps.items())
+        return ((name, upload_band(values, band)) for name, values in self.maps.items())
 
     def coarse(self, _tile: int) -> Task[None]:
         """As BandMaps has it."""
         yield from ()
 
 
-def _upload(values: np.ndarray, band: Band) -> gpu.types.GPUTexture:
+def upload_band(values: np.ndarray, band: Band) -> gpu.types.GPUTexture:
+    """The rows of a map (height, width, 4) float32 that a band shows, with its halo. Rows outside the map are 0."""
     texels = np.zeros((band.height, band.width, 4), np.float32)
     first, last = band.start - band.halo, band.stop + band.halo
     rows = slice(max(0, first), min(last, len(values)))

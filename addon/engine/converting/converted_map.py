@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Draws an existing normal map in another space or tangent basis, on the same low mesh."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import gpu
+import numpy as np
+
+from ...core.conversion.stored_normals import StoredNormals
+from ...core.declarations import bases
+from ...core.declarations.choices import Space
+from ...core.map_types import NORMAL
+from ...core.progress import Task
+from ...core.settings import Settings
+from ...mesh.triangle_mesh import Mesh, normal_matrix
+from ...passes import mesh_upload, target
+from ...passes.bake import map_normals, tangent
+from ...passes.view import lit
+from ..bands import Band
+from ..maps.drawn_maps import upload_band
+from ..normal_channels import channels
+
+NEAR_UNIT = 0.25
+"""How much the length of a stored normal may differ from 1. Means of normals are shorter."""
+
+
+@dataclass
+class Fit:
+    """How the texels of a map fit the low mesh that it was read on: numbers of texels that the mesh covers.
+
+    directed: those with a normal. missed: with alpha 0. unit: with a length near 1. away: whose normal points into the mesh.
+    """
+
+    covered: int = 0
+    directed: int = 0
+    missed: int = 0
+    unit: int = 0
+    away: int = 0
+
+    def add(self, lengths: np.ndarray) -> None:
+        """Count texels. lengths: as the second texture of map_normals.draw."""
+        found = np.abs(lengths[lengths != 0.0])
+        is_missed, is_directed = found == map_normals.MISSED, found < map_normals.NO_DIRECTION
+        self.covered += len(found)
+        self.missed += int(np.count_nonzero(is_missed))
+        self.directed += int(np.count_nonzero(is_directed))
+        self.unit += int(np.count_nonzero(np.abs(found - 1.0) <= NEAR_UNIT))
+        self.away += int(np.count_nonzero(lengths < 0.0))
+
+
+class ConvertedMap:
+    """The normals of a stored map, in the space and the basis of the settings. See rendering.BandMaps.
+
+    low: with UVs and normals, and with tangents if one of the spaces is tangent. before: what the stored map means.
+    """
+
+    takes_time = False
+    stopped = 0
+
+    def __init__(self, low: Mesh, before: StoredNormals, settings: Settings):
+        tangents = np.zeros((len(low.normals), 4), np.float32) if low.tangents is None else low.tangents
+        self._low = mesh_upload.upload(low.triangles, uv=low.uv, normal=low.normals, tangent=tangents)
+        self._shading = _shading(low, before, settings)
+        self._flags = bases.of_name(settings.basis).flags if settings.space == Space.TANGENT else None
+        self.texels: np.ndarray | None = None
+        """The stored map of the current tile, (height, width, 4) float32; alpha 0 for texels without a normal."""
+        self.fit = Fit()
+
+    def of(self, band: Band) -> Task[Iterator[tuple[str, gpu.types.GPUTexture]]]:
+        """As BandMaps has it."""
+        yield from ()
+        return self._drawn(band)
+
+    def coarse(self, _tile: int) -> Task[None]:
+        """As BandMaps has it."""
+        yield from ()
+
+    def _drawn(self, band: Band) -> Iterator[tuple[str, gpu.types.GPUTexture]]:
+        decoded = target.get("map normals", band.width, band.height, "RGBA32F", "R16F")
+        map_normals.draw(decoded, self._low, upload_band(self.texels, band), band.uv_to_clip, self._shading)
+        self._count(decoded, band)
+        if self._flags is None:
+            yield NORMAL.name, decoded.texture
+            return
+        into = target.get("low", band.width, band.height, "RGBA32F")
+        tangent.draw(into, self._low, decoded.texture, band.uv_to_clip, basis_flags=self._flags)
+        yield NORMAL.name, into.texture
+
+    def _count(self, decoded: target.Target, band: Band) -> None:
+        lengths = np.empty((band.height, band.width), np.float32)
+        decoded.read(lengths, 1)
+        self.fit.add(lengths[band.halo : band.height - band.halo])
+
+
+def _shading(low: Mesh, before: StoredNormals, settings: Settings) -> np.ndarray:
+    """How map_lib.glsl decodes the stored map: into the low object's space, or into world space if the settings say that."""
+    to_world = settings.space == Space.WORLD
+    of_low = normal_matrix(low.to_world) if to_world else np.eye(3)
+    kind = lit.OBJECT
+    if before.from_space == Space.TANGENT:
+        kind = lit.TANGENT + bases.of_name(before.from_basis).flags
+    elif before.from_space == Space.WORLD:
+        kind = lit.WORLD if to_world else lit.OBJECT
+        of_low = of_low if to_world else low.to_world[:3, :3].T / np.abs(low.to_world[:3, :3]).max()
+    light = np.array([float(to_world), 0.0, 0.0, 0.0])
+    return lit.shading(of_low, light, read=lit.reading(kind, channels(before.channels)))

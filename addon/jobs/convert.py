@@ -1,0 +1,268 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Converts an existing normal map to another space or tangent basis, on the same low mesh."""
+
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from .. import older_blender
+from ..core import progress, texel_state
+from ..core.conversion import value_depth
+from ..core.conversion.conversion_report import ConversionReport
+from ..core.conversion.stored_normals import StoredNormals, in_words
+from ..core.declarations import bases
+from ..core.declarations.choices import Method, Pack, Space, Storage, VertexDomain
+from ..core.declarations.map_settings import MAX_SIZE, MIN_SIZE
+from ..core.errors import BakeError
+from ..core.map_types import NORMAL, Labeled
+from ..core.names import file_names
+from ..core.progress import Pace, Progress, Task, part
+from ..core.settings import Settings
+from ..core.timings import Timings
+from ..engine import gpu_memory, margins
+from ..engine.converting.converted_map import ConvertedMap, Fit
+from ..engine.maps.family import Run
+from ..engine.mips import mip_levels
+from ..engine.rendering import Renderer
+from ..mesh import uv_layout
+from ..mesh.triangle_mesh import Mesh
+from ..output import datablocks, quantize
+from ..output.outputs import Outputs, into_materials
+from ..scene import evaluation, object_checks, reading
+from ..scene.images import stored_values
+from ..scene.object_refs import ObjectRef
+from .job import check_outputs
+
+LEAST_UNIT = 0.75
+"""The share of a normal map's texels whose vectors have a length near 1, at least. In photos, few have."""
+MOST_AWAY = 0.25
+"""The share of a map's texels whose normals may point into the low mesh. In a map of another space, about half do."""
+MANY_MISSED, MOST_MISSED = 0.05, 0.9
+"""The shares of the covered texels with alpha 0 above which there is a warning, and above which the map is another mesh's."""
+
+
+class Conversion:
+    """A map to convert. low: the object whose map it is. before: what the colors of `image` mean. is_own_base: whether it is a
+    map of the object's mesh without its modifiers. The attribute `low` raises BakeError if the object was deleted."""
+
+    def __init__(
+        self, low: bpy.types.Object, image: bpy.types.Image, before: StoredNormals, *, is_own_base: bool = False
+    ):
+        self._low, self.image, self.before, self.is_own_base = ObjectRef.of(low), image, before, is_own_base
+
+    @property
+    def low(self) -> bpy.types.Object:
+        return self._low.resolve()
+
+
+@dataclass(frozen=True)
+class _Ready:
+    """All that is read of a conversion. name, origin: of the image, as datablocks.origin has it. tiles: the stored map by tile.
+    mesh: the low mesh, with tangents if one of the spaces is tangent. settings: of the new map, with its names and its size."""
+
+    name: str
+    origin: list[str]
+    before: StoredNormals
+    settings: Settings
+    tiles: dict[int, np.ndarray]
+    mesh: Mesh
+    uv_layer: str
+
+
+def convert(context: bpy.types.Context, conversion: Conversion, settings: Settings) -> ConversionReport:
+    """Do all of `work` at once."""
+    return older_blender.with_gpu(lambda: progress.finish(work(context, conversion, settings, Pace())))
+
+
+def work(context: bpy.types.Context, conversion: Conversion, settings: Settings, pace: Pace) -> Task[ConversionReport]:
+    """Make a new map of the normals that an image shows on its low object.
+
+    settings: of the new map. Its size and its tiles are those of the image, and settings of rays and of other maps do not
+    count. Without a name, or with that of the image, it is named after the image.
+
+    Raises BakeError, and then nothing has changed.
+    """
+    timings = Timings()
+    return (yield from timings.counted(_work(context, conversion, settings, pace, timings)))
+
+
+def _work(
+    context: bpy.types.Context, conversion: Conversion, wanted: Settings, pace: Pace, timings: Timings
+) -> Task[ConversionReport]:
+    yield Progress(f"Reading {conversion.image.name}", 0.0)
+    ready = _read(context, conversion, wanted, timings)
+    settings, mesh, counts = ready.settings, ready.mesh, np.zeros(3, np.int64)
+    with Outputs(settings) as outputs:
+        with gpu_memory.trimmed():
+            drawn = ConvertedMap(mesh, ready.before, settings)
+            run = Run(settings, timings, pace)
+            renderer = Renderer(drawn, run)
+            post_processes = margins.for_maps([mesh], settings)
+            for number, (tile, values) in enumerate(ready.tiles.items()):
+                drawn.texels = values
+                share = number / len(ready.tiles), (number + 1) / len(ready.tiles)
+                maps = yield from part(renderer.texels(tile, post_processes), *share)
+                counts += _counts(maps[NORMAL.name][1])
+                levels = yield from part(mip_levels.of(maps, tile, run), share[1], share[1])
+                with timings.timed("image"):
+                    outputs.add(tile, maps, levels)
+        _check_fit(drawn.fit, ready)
+        yield Progress("Storing", 1.0)
+        low = conversion.low  # before anything changes: it raises if the object was deleted
+        with timings.timed("image"):
+            stored = outputs.commit({labeled: [] for labeled in Labeled}, [low])
+            datablocks.sign(stored.image, ready.origin)
+            notes = into_materials(low, stored, ready.uv_layer, settings)
+    depth, source_loss = _source_loss(next(iter(ready.tiles.values())))
+    written, margin, texels = counts
+    return ConversionReport(
+        source=ready.name,
+        low=mesh.name,
+        size=(settings.width, settings.height),
+        before=asdict(ready.before),
+        settings=asdict(settings),
+        was=ready.before.words,
+        now=in_words(settings.space, settings.basis, (settings.red, settings.green, settings.blue)),
+        source_depth=depth,
+        source_loss=source_loss,
+        loss=stored.loss,
+        coverage=float(written / texels),
+        margin=float(margin / texels),
+        tiles=stored.tiles,
+        uv_layer=ready.uv_layer,
+        image=stored.image.name,
+        output=stored.paths,
+        mip_files=stored.mip_files,
+        seconds=timings.seconds,
+        warnings=[*_warnings(drawn.fit, ready.name), *stored.warnings, *notes],
+    )
+
+
+def _read(context: bpy.types.Context, conversion: Conversion, wanted: Settings, timings: Timings) -> _Ready:
+    """Check and read the image and the low mesh. Raises BakeError."""
+    low, image, is_own_base = conversion.low, conversion.image, conversion.is_own_base
+    context.view_layer.update()  # a script may have moved the object
+    engine = context.scene.render.engine
+    conversion.before.check()
+    before, settings = conversion.before.read_by(engine), _for_map(wanted.read_by(engine), low, image)
+    settings.check()
+    if reason := object_checks.low_problem(context, low, is_own_base=is_own_base):
+        raise BakeError(reason)
+    with timings.timed("pages"):
+        tiles = {tile: stored_values.read(image, tile) for tile in _tiles(image, settings)}
+    settings = _sized(image, tiles, settings)
+    check_outputs(low, settings)
+    has_basis = Space.TANGENT in (before.from_space, settings.space)
+    reading_settings = replace(settings, space=Space.TANGENT if has_basis else Space.OBJECT)
+    with (
+        timings.timed("extract"),
+        evaluation.prepared(context, low, [low] if is_own_base else [], None, settings.modifiers) as depsgraph,
+    ):
+        meshes = reading.read_low(depsgraph, low, None, reading_settings, is_own_base=is_own_base)
+    mesh = meshes.basis or meshes.low
+    if settings.udim:
+        covered = uv_layout.tiles(mesh)
+        tiles = {tile: values for tile, values in tiles.items() if tile in covered}
+    if not tiles:
+        raise BakeError(_not_on(low.name, image.name))
+    return _Ready(image.name, datablocks.origin(image.name), before, settings, tiles, mesh, meshes.uv_layer)
+
+
+def _for_map(settings: Settings, low: bpy.types.Object, image: bpy.types.Image) -> Settings:
+    """The settings of the new map alone, with names filled in."""
+    name = settings.image.replace(file_names.LOW, low.name)
+    if name in ("", image.name):
+        how = bases.of_name(settings.basis).name if settings.space == Space.TANGENT else settings.space
+        name = f"{image.name.removesuffix(Path(image.name).suffix)}_{how.lower()}"
+    output = file_names.fill(settings.output, low.name)
+    if settings.storage == Storage.FILE and output and image.filepath:
+        old, new = (Path(bpy.path.abspath(path)).absolute() for path in (image.filepath, output))
+        if old == new:
+            raise BakeError(f"The new map would replace the file of {image.name!r}: choose another file.")
+    return replace(
+        settings,
+        method=Method.FLATTEN,
+        normal=True,
+        mask=False,
+        maps=(),
+        pack=Pack.NONE,
+        samples=1,
+        texture_sets=False,
+        vertex_domain=VertexDomain.NONE,
+        connect_maps=False,
+        udim=image.source == "TILED",
+        image=name,
+        output=output,
+        tiles=settings.tiles if image.source == "TILED" else (),
+    )
+
+
+def _tiles(image: bpy.types.Image, settings: Settings) -> tuple[int, ...]:
+    found = stored_values.tiles(image)
+    wanted = tuple(tile for tile in found if not settings.tiles or tile in settings.tiles)
+    if not wanted:
+        raise BakeError(f"The image {image.name!r} has none of the tiles {', '.join(map(str, settings.tiles))}.")
+    return wanted
+
+
+def _sized(image: bpy.types.Image, stored: dict[int, np.ndarray], settings: Settings) -> Settings:
+    """The settings with the size of the image."""
+    sizes = {values.shape[1::-1] for values in stored.values()}
+    if len(sizes) > 1:
+        different = ", ".join(f"{width} x {height}" for width, height in sorted(sizes))
+        raise BakeError(f"The tiles of {image.name!r} have several sizes, {different}: scale them to one.")
+    ((width, height),) = sizes
+    if not (min(width, height) >= MIN_SIZE and max(width, height) <= MAX_SIZE):
+        raise BakeError(f"{image.name!r} has {width} x {height} texels: a map has {MIN_SIZE} to {MAX_SIZE} a side.")
+    return replace(settings, width=width, height=height)
+
+
+def _counts(state: np.ndarray) -> tuple[int, int, int]:
+    """The numbers of written texels, of those in the margin, and of all."""
+    found = (np.count_nonzero(state == which) for which in (texel_state.WRITTEN, texel_state.MARGIN))
+    return *map(int, found), state.size
+
+
+def _not_on(low: str, image: str) -> str:
+    return f"No triangle of {low!r} lies on {image!r}: its UVs are outside the map, or empty."
+
+
+def _check_fit(fit: Fit, ready: _Ready) -> None:
+    """Raise BakeError for an image that is no normal map of the low object."""
+    image, low = ready.name, ready.mesh.name
+    if not fit.covered:
+        raise BakeError(_not_on(low, image))
+    if fit.missed > fit.covered * MOST_MISSED:
+        raise BakeError(
+            f"{fit.missed / fit.covered:.0%} of the texels of {image!r} on {low!r} have alpha 0: it is no map of it."
+        )
+    if fit.unit < (fit.covered - fit.missed) * LEAST_UNIT:
+        share = fit.unit / fit.covered
+        raise BakeError(
+            f"{image!r} is no normal map of {low!r}: only {share:.0%} of its texels on the mesh hold a unit vector."
+        )
+    if fit.away > fit.directed * MOST_AWAY:
+        raise BakeError(
+            f"{fit.away / fit.directed:.0%} of the normals in {image!r} point into {low!r} when read in "
+            f"{ready.before.from_space.lower()} space: choose another From Space, or the axes that the channels store."
+        )
+
+
+def _warnings(fit: Fit, image: str) -> list[str]:
+    if fit.missed <= fit.covered * MANY_MISSED:
+        return []
+    return [f"{fit.missed / fit.covered:.0%} of the texels of {image!r} on the mesh have alpha 0, and stay so."]
+
+
+def _source_loss(stored: np.ndarray) -> tuple[int, dict[str, float]]:
+    """The depth of a map's values, and what their rounding cost in degrees; as in ConversionReport."""
+    some = quantize.sample(stored)
+    depth = value_depth.bits(some[:, :3])
+    if depth == 32:
+        return depth, {}
+    before = some.copy()
+    before[:, :3] = value_depth.moved(some[:, :3], depth)
+    angles = quantize.angles(before, some)
+    return depth, {"median": float(np.median(angles)), "maximum": float(angles.max())} if len(angles) else {}
