@@ -57,6 +57,7 @@ def _modules() -> tuple[ModuleType, ...]:
         properties,
         weight_operators,
     )
+    from .ui.converting import convert_operator, convert_panel
     from .ui.levels import level_operators, levels_panel
     from .ui.panels import bake_panel, batch_panels, check_panel, settings_panels, view_panel
     from .ui.translations import catalog
@@ -66,6 +67,7 @@ def _modules() -> tuple[ModuleType, ...]:
         catalog,
         properties,
         operators,
+        convert_operator,
         panel_operators,
         check_operators,
         weight_operators,
@@ -76,6 +78,7 @@ def _modules() -> tuple[ModuleType, ...]:
         settings_panels,
         batch_panels,
         levels_panel,
+        convert_panel,
         check_panel,
         view_properties,
         view_mode,

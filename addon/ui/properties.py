@@ -61,6 +61,17 @@ class ImprintSettings(bpy.types.PropertyGroup, Options, MapList):
     square: declared("square", update=_make_square)
     show_result: declared("show_result")
     export: declared("export")
+    convert_image: PointerProperty(
+        type=bpy.types.Image,
+        name="Map",
+        description="Normal map to convert: an image of Imprint or of another baker",
+        translation_context=LABEL,
+    )
+    from_space: declared("from_space")
+    from_basis: declared("from_basis")
+    from_red: declared("from_red")
+    from_green: declared("from_green")
+    from_blue: declared("from_blue")
     active_high: IntProperty(name="Active High", description="Index of the selected slot", translation_context=LABEL)
 
     def chosen_objects(

@@ -14,6 +14,7 @@ CALLS = {
     ("cli/batch.py", "with_gpu"): 1,
     ("jobs/bake_jobs.py", "with_gpu"): 1,
     ("jobs/convert.py", "with_gpu"): 1,
+    ("ui/converting/convert_operator.py", "with_gpu"): 1,
     ("ui/operators.py", "with_gpu"): 1,
     ("jobs/lod/level_chain.py", "start_gpu"): 1,
     ("cli/lod/lod_command.py", "with_gpu"): 1,

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import bpy
 
+from addon.ui.converting import convert_panel
 from addon.ui.levels import levels_panel
 from addon.ui.panels import bake_panel, batch_panels, settings_panels
 
@@ -73,7 +74,13 @@ class Layout:
         return SimpleNamespace()
 
 
-PANELS = [*bake_panel.CLASSES[1:], *settings_panels.CLASSES, *batch_panels.CLASSES, *levels_panel.CLASSES]
+PANELS = [
+    *bake_panel.CLASSES[1:],
+    *settings_panels.CLASSES,
+    *batch_panels.CLASSES,
+    *levels_panel.CLASSES,
+    *convert_panel.CLASSES,
+]
 
 
 def draw(width=240, ui_scale=1.0):

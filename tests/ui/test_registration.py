@@ -12,6 +12,7 @@ from addon.cli import command
 from addon.core.settings import Settings
 from addon.passes import shader, target
 from addon.ui import check_operators, map_size, modal, operators, panel_operators, presets, properties, weight_operators
+from addon.ui.converting import convert_operator, convert_panel
 from addon.ui.levels import level_operators, levels_panel
 from addon.ui.panels import bake_panel, batch_panels, check_panel, settings_panels, sidebar, view_panel
 from addon.ui.viewport import split_gizmo, view_operators, view_properties
@@ -26,6 +27,7 @@ OPERATORS = [
         check_operators,
         weight_operators,
         level_operators,
+        convert_operator,
         map_size,
         presets,
         view_operators,
@@ -35,7 +37,7 @@ OPERATORS = [
 ]
 PANELS = [
     cls
-    for module in (bake_panel, settings_panels, batch_panels, levels_panel, check_panel, view_panel)
+    for module in (bake_panel, settings_panels, batch_panels, levels_panel, convert_panel, check_panel, view_panel)
     for cls in module.CLASSES
     if issubclass(cls, bpy.types.Panel)
 ]

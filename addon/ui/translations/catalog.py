@@ -10,6 +10,7 @@ from . import (
     bake_texts,
     batch_texts,
     check_texts,
+    convert_texts,
     map_texts,
     message_texts,
     output_texts,
@@ -30,6 +31,7 @@ PARTS = (
     ray_texts,
     batch_texts,
     check_texts,
+    convert_texts,
     view_texts,
     message_texts,
 )

@@ -1,0 +1,42 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The panel Convert Map makes a new image from an existing map."""
+
+import bpy
+import numpy as np
+import pytest
+
+from tests.support import angles, panel_layout, zoo
+from tests.support.maps import bake, pixels
+
+pytestmark = [pytest.mark.usefixtures("gpu_context"), pytest.mark.usefixtures("registered")]
+
+EXACT = 0.002
+"""Degrees at the 99th percentile, as for bakes."""
+
+
+def button():
+    """Whether the button is enabled in the panel."""
+    return dict(panel_layout.draw().buttons)["imprint.convert"]
+
+
+def test_one_press_converts_with_the_settings_of_the_panels():
+    low, high = zoo.terrain("low", n=9, height=0.3), zoo.terrain("high", n=64, height=0.3)
+    expected = bake(low, high, space="OBJECT", image="expected")
+    bake(low, high, basis="NORMALIZED", green="-Y", image="map")
+    settings = bpy.context.scene.imprint
+    settings.low = low
+    assert not button()
+    settings.convert_image, settings.from_basis, settings.from_green = bpy.data.images["map"], "NORMALIZED", "-Y"
+    settings.space, settings.depth, settings.margin, settings.storage = "OBJECT", "32", 0, "MEMORY"
+    assert button()
+    assert bpy.ops.imprint.convert() == {"FINISHED"}
+    found = pixels(bpy.data.images["map_object"])
+    off = angles.degrees(angles.decode(found), angles.decode(expected))
+    assert np.percentile(off[expected[..., 3] > 0], 99) < EXACT
+    assert "Converted map from tangent space (All Normalized; +X, -Y, +Z)" in bpy.context.window_manager.imprint_summary
+
+
+def test_without_a_map_the_operator_says_what_is_missing():
+    bpy.context.scene.imprint.low = zoo.plane("low")
+    with pytest.raises(RuntimeError, match="No map to convert: choose an image"):
+        bpy.ops.imprint.convert()
