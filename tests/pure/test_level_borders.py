@@ -2,7 +2,6 @@
 """Tests what coarser meshes keep of a UV layout: vertices on borders, and UVs that may move."""
 
 import numpy as np
-import pytest
 
 from addon.mesh.levels import kept_borders, uv_moves
 
@@ -88,9 +87,31 @@ def test_vertices_on_borders_do_not_move():
     assert not moved(0, (0.05, 0.03))
 
 
-@pytest.mark.parametrize("by", [(0.4, 0.0), (0.24, 0.0), (0.0, -0.24)])
-def test_moves_that_are_far_or_fold_are_taken_back(by):
-    assert not moved(SIDE * SIDE // 2, by)
+def test_moves_that_fold_are_taken_back_and_others_stay():
+    """A vertex moves past an edge of its neighbor's triangles, and by less than half of a long edge beside it."""
+    vertices, triangles, uv = grid()
+    uv[:, 1] *= 4.0
+    middle = SIDE * SIDE // 2
+    after = uv.copy()
+    after[vertices == middle] += (0.3, 0.0)
+    after[vertices == middle - SIDE - 1] += (0.02, 0.0)  # no triangle has both
+    result = uv_moves.accepted(uv, after, vertices, triangles, ~inside())
+    assert (result[vertices == middle] == uv[vertices == middle]).all()
+    assert (result[vertices == middle - SIDE - 1] == after[vertices == middle - SIDE - 1]).all()
+
+
+def test_moves_to_another_island_are_taken_back():
+    """All vertices inside move by the same distance, so that only the triangles at the edge change."""
+    vertices, triangles, uv = grid()
+    after = uv.copy()
+    free = inside()[vertices]
+    after[free] = 0.5 + 0.45 * (uv[free] - 0.5)  # no triangle turns over
+    result = uv_moves.accepted(uv, after, vertices, triangles, ~inside())
+    assert (result != uv).any()
+    far = uv.copy()
+    far[free, 0] += 5.0
+    turned = uv_moves.accepted(uv, far, vertices, triangles, ~inside())
+    assert (turned == uv).all()
 
 
 def test_corners_of_a_vertex_move_together():

@@ -8,7 +8,6 @@ import gpu
 import numpy as np
 
 from ...core import udim
-from ...core.declarations import bases
 from ...core.declarations.choices import Directions, Hit, Method, Space
 from ...core.map_types import NORMAL
 from ...core.progress import Pace, Progress, Task, part
@@ -125,13 +124,8 @@ def _compared(
     basis: Mesh, normal_map: gpu.types.GPUTexture, truth: gpu.types.GPUTexture, settings: Settings
 ) -> np.ndarray:
     """What deviation.measure writes, (height, width, 4) float32. basis: the level, with tangents for tangent space."""
-    kinds = {Space.WORLD: lit.WORLD, Space.OBJECT: lit.OBJECT}
-    reading = lit.shading(
-        normal_matrix(basis.to_world),
-        kind=kinds.get(settings.space, lit.TANGENT + bases.of_name(settings.basis).flags),
-        channels=normal_channels.channels(settings),
-        steps=255 if settings.depth == 8 else 0,
-    )
+    read = (255 if settings.depth == 8 else 0, *normal_channels.reading(settings)[1:])
+    reading = lit.shading(normal_matrix(basis.to_world), read=read)
     tangents = np.zeros((len(basis.normals), 4), np.float32) if basis.tangents is None else basis.tangents
     level = mesh_upload.upload(basis.triangles, uv=basis.uv, normal=basis.normals, tangent=tangents)
     measured = target.get("deviation", settings.width, settings.height, "RGBA32F")
