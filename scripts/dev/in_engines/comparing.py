@@ -8,7 +8,7 @@ import numpy as np
 
 from addon.core.declarations import bases
 from scripts.dev.in_engines import chromium, drawing
-from scripts.dev.in_engines.glb_file import Glb, unit
+from scripts.dev.in_engines.glb_file import unit
 from scripts.dev.in_engines.samples import Sample
 from tests.support import angles
 
@@ -77,21 +77,16 @@ def away_from_seams(sample: Sample, drawn: drawing.Drawn) -> np.ndarray:
 
 def models(sample: Sample, setting: Setting, engine: str) -> list[chromium.Model]:
     """The files for an engine: without a map, with the map of each basis, in object space, and without tangents."""
-    glb = sample.glb.copy()
-    glb.set_cameras([view.matrix for view in setting.views], ANGLE, setting.near, setting.far)
-    image = glb.normal_texture()
-
-    def with_map(texels: np.ndarray) -> Glb:
-        changed = glb.copy()
-        changed.set_image(image, drawing.png(texels))
-        return changed
-
-    own = with_map(sample.object_map)
-    found = [chromium.Model(BARE, glb.without_normal_map().content())]
-    found += [chromium.Model(basis, with_map(texels).content()) for basis, texels in sample.maps.items()]
-    found.append(chromium.Model(NO_TANGENTS, with_map(sample.maps["MIKKTSPACE"]).without_tangents().content()))
+    files = {basis: glb.copy() for basis, glb in sample.files.items()}
+    for glb in files.values():
+        glb.set_cameras([view.matrix for view in setting.views], ANGLE, setting.near, setting.far)
+    other = files["MIKKTSPACE"]
+    own = other.copy()
+    own.set_image(own.normal_texture(), drawing.png(sample.object_map))
     shown = own.with_map_as_surface() if engine in chromium.WITHOUT_OBJECT_SPACE else own
-    return [*found, chromium.Model(OBJECT, shown.content(), "object")]
+    found = {**files, BARE: other.without_normal_map(), NO_TANGENTS: other.without_tangents()}
+    tangent = [chromium.Model(name, glb.content()) for name, glb in found.items()]
+    return [*tangent, chromium.Model(OBJECT, shown.content(), "object")]
 
 
 def run(sample: Sample, setting: Setting, modules: Path, engine: str, size: int) -> dict:
@@ -121,7 +116,7 @@ def figures(found: dict, setting: Setting) -> dict:
         wanted = found[OBJECT, index][away]
         for name, parts in degrees.items():
             parts.append(angles.degrees(found[name, index][away], wanted))
-    joined = {name: np.concatenate(parts) for name, parts in angles.items()}
+    joined = {name: np.concatenate(parts) for name, parts in degrees.items()}
     return {
         "pixels": int(pixels),
         "compared": len(joined[BARE]),

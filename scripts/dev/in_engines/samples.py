@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A low mesh as a .glb, with the maps that Imprint bakes for each basis and in object space."""
+"""A low mesh as a .glb, with the maps that Imprint bakes and exports for each basis, and in object space."""
 
 import tempfile
 from dataclasses import dataclass
@@ -9,7 +9,9 @@ import bpy
 import numpy as np
 
 from addon.core.declarations import bases
+from addon.core.report import Report
 from addon.core.settings import Settings
+from addon.export import engine_files
 from addon.jobs import bake_pair
 from scripts.dev.in_engines import drawing
 from scripts.dev.in_engines.glb_file import Glb, Surface, node_matrix, unit
@@ -25,13 +27,13 @@ TO_GLTF = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 class Sample:
     """A mesh with maps of S x S texels, bottom row first.
 
-    glb: as exported, with a normal map. normal_matrix: (3, 3), from the space of the mesh to world space. laid_out: which
+    files: by basis, as exported with its map. normal_matrix: (3, 3), from the space of the mesh to world space. laid_out: which
     triangle each texel shows. baked: (S, S), whether the high mesh is at a texel that one triangle of the low mesh has for
     itself, so that no margin fills it. object_map: (S, S, 3), normals in the space of the mesh. maps: by basis, (S, S, 3).
     """
 
     name: str
-    glb: Glb
+    files: dict[str, Glb]
     surface: Surface
     normal_matrix: np.ndarray
     laid_out: drawing.Drawn
@@ -66,17 +68,20 @@ def make(path: Path, size: int) -> Sample:
     """Bake the objects "hi" and "lo" of a .blend, and export "lo". Raises ValueError if its file has no tangents."""
     bpy.ops.wm.open_mainfile(filepath=str(path))
     low, high = bpy.data.objects["lo"], bpy.data.objects["hi"]
-    covered = bake(low, high, size, "OBJECT", margin=0)[..., 3] > 0.5
-    object_map = normals(bake(low, high, size, "OBJECT")) @ TO_GLTF.T
-    maps = {basis: normals(bake(low, high, size, "TANGENT", basis)) for basis in bases.BY_NAME}
-    glb = export(low)
+    covered = bake(low, high, size, "OBJECT", margin=0)[0][..., 3] > 0.5
+    object_map = normals(bake(low, high, size, "OBJECT")[0]) @ TO_GLTF.T
+    maps, files = {}, {}
+    for basis in bases.BY_NAME:
+        texels, report = bake(low, high, size, "TANGENT", basis)
+        maps[basis], files[basis] = normals(texels), export(report)
+    glb = files["MIKKTSPACE"]
     surface = glb.surface()
     if surface.tangent is None:
         raise ValueError(f"{path.name}: the exported mesh has no tangents")
     normal_matrix = np.linalg.inv(mesh_matrix(glb)[:3, :3]).T
     laid_out = drawing.lay_out(with_v_up(surface.uv), size)
     baked = covered & (laid_out.count == 1)
-    return Sample(path.stem, glb, surface, normal_matrix, laid_out, baked, object_map, maps)
+    return Sample(path.stem, files, surface, normal_matrix, laid_out, baked, object_map, maps)
 
 
 def normals(texels: np.ndarray) -> np.ndarray:
@@ -86,32 +91,26 @@ def normals(texels: np.ndarray) -> np.ndarray:
 
 def bake(
     low: bpy.types.Object, high: bpy.types.Object, size: int, space: str, basis: str = "AUTO", *, margin: int = MARGIN
-) -> np.ndarray:
-    """The texels (size, size, 4) float32 of a normal map."""
+) -> tuple[np.ndarray, Report]:
+    """The texels (size, size, 4) float32 of a normal map, and the report of its bake."""
     chosen = {"width": size, "height": size, "samples": 1, "margin": margin, "depth": 32, "storage": "MEMORY"}
-    bake_pair(bpy.context, low, [high], Settings("FLATTEN", space, basis, image="map", material=False, **chosen))
+    report = bake_pair(
+        bpy.context, low, [high], Settings("FLATTEN", space, basis, image="map", material=False, **chosen)
+    )
     texels = np.empty(size * size * 4, np.float32)
     bpy.data.images["map"].pixels.foreach_get(texels)
-    return texels.reshape(size, size, 4)
+    return texels.reshape(size, size, 4), report
 
 
-def export(low: bpy.types.Object) -> Glb:
-    """The low mesh as Blender's exporter writes it, with tangents and a material that has a normal map."""
-    material = bpy.data.materials.new("map")
-    material.use_backface_culling = True
-    low.data.materials.clear()
-    low.data.materials.append(material)
-    nodes, links = material.node_tree.nodes, material.node_tree.links
-    texture, normal_map = nodes.new("ShaderNodeTexImage"), nodes.new("ShaderNodeNormalMap")
-    texture.image = bpy.data.images.new("normals", 4, 4, is_data=True)
-    links.new(texture.outputs["Color"], normal_map.inputs["Color"])
-    links.new(normal_map.outputs["Normal"], nodes["Principled BSDF"].inputs["Normal"])
-    for one in bpy.context.view_layer.objects:
-        one.select_set(one == low)
+def export(report: Report) -> Glb:
+    """What Imprint writes of a bake, with one-sided materials: the pictures show no triangle from behind."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "low.glb"
-        bpy.ops.export_scene.gltf(filepath=str(path), use_selection=True, export_tangents=True)
-        return Glb.read(path)
+        engine_files.export(bpy.context, [[report]], path)
+        glb = Glb.read(path)
+    for material in glb.document["materials"]:
+        material.pop("doubleSided", None)
+    return glb
 
 
 def mesh_matrix(glb: Glb) -> np.ndarray:
