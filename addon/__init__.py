@@ -60,6 +60,7 @@ def _modules() -> tuple[ModuleType, ...]:
     from .ui.converting import convert_operator, convert_panel
     from .ui.levels import level_operators, levels_panel
     from .ui.panels import bake_panel, batch_panels, check_panel, settings_panels, view_panel
+    from .ui.readiness import cure_operators
     from .ui.translations import catalog
     from .ui.viewport import split_gizmo, view_mode, view_operators, view_properties
 
@@ -70,6 +71,7 @@ def _modules() -> tuple[ModuleType, ...]:
         convert_operator,
         panel_operators,
         check_operators,
+        cure_operators,
         weight_operators,
         level_operators,
         map_size,
@@ -98,12 +100,14 @@ def _stop() -> None:
     from .ui.bake_results import results
     from .ui.live.live_switch import live
     from .ui.modal import runner
+    from .ui.readiness.panel_findings import findings
     from .ui.viewport.cage_overlay import overlay
     from .ui.viewport.view_mode import viewer
 
     runner.stop(bpy.context)
     live.stop()
     results.forget()
+    findings.forget()
     overlay.hide()
     viewer.off()
 

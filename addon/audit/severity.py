@@ -104,6 +104,10 @@ _BACKS = (
     "{share:.2%} of the texels of {low} may be wrong: most of their rays hit only backs of high faces. Recalculate the normals "
     "of the high mesh."
 )
+HARD_EDGES = (
+    "{low} has {count:,} hard edges without a UV seam. Each shows as a line in tangent space: mark seams and unwrap there, or "
+    "shade them smooth."
+)
 _SENTENCES = {
     "overlap": "{share:.2%} of the texels of {low} belong to two or more of its triangles (overlapping UVs): they show the "
     "detail of only one of them.",
@@ -119,8 +123,7 @@ _SENTENCES = {
     "show a wrong normal. Split the UVs and normals where the low mesh faces away from the high one, or add faces there.",
     "outside": "{low}: {count:,} of its triangles reach outside the {where} and are cut off there.",
     "no_area": "{low}: {count:,} of its triangles have no area in UV space and cannot be drawn.",
-    "hard_edges": "{low} has {count:,} hard edges without a UV seam. Each shows as a line in tangent space: mark seams and "
-    "unwrap there, or shade them smooth.",
+    "hard_edges": HARD_EDGES,
     "behind": "{low}: {count:,} of its triangles have shading normals that point behind them, and no tangent-space map is "
     "right there: fix the normals, or add edges.",
     "uneven": "{count:,} of the {of:,} faces of {low} are not planar, and another program may triangulate them into another "

@@ -168,7 +168,8 @@ def run(opened: Opened, stage: Stage, meter: Meter) -> Result:
     start_gpu()
     memory = _say_memory(opened, meter)
     with all_or_none():  # if a pair, a frame, the scene or the report fails, no file of the bake is written
-        reports, is_stopped = older_blender.with_gpu(lambda: _explained(opened, meter))
+        said: list[str] = []
+        reports, is_stopped = older_blender.with_gpu(lambda: _explained(opened, meter, said))
         notes = [*stage.notes, *opened.notes, *input_checks.refused_scripts()]
         reports = [
             report.with_memory(memory).with_warnings([*notes, *(opened.hints if report.method == Method.CAST else [])])
@@ -177,7 +178,7 @@ def run(opened: Opened, stage: Stage, meter: Meter) -> Result:
         if options.export and not is_stopped:
             reports = side_files.export(reports, options.export)
         reports[:1] = [report.with_startup(startup.take()) for report in reports[:1]]
-        result = Result(opened.name, reports, opened.problems, are=_kind(options), is_stopped=is_stopped)
+        result = Result(opened.name, reports, opened.problems, are=_kind(options), is_stopped=is_stopped, said=said)
         if opened.scene is not None and not is_stopped:
             with stage.let_go():
                 side_files.save_scene(opened.scene, reports)
@@ -203,10 +204,10 @@ def _kind(options: argparse.Namespace) -> str:
     return "pairs" if options.pairs else "frames" if options.frames else ""
 
 
-def _explained(opened: Opened, meter: Meter) -> tuple[list[Report], bool]:
+def _explained(opened: Opened, meter: Meter, said: list[str]) -> tuple[list[Report], bool]:
     """As `_baked`. An error that meshes which do not fit may have caused also says that."""
     try:
-        return _baked(opened.options, opened.jobs, opened.settings, meter)
+        return _baked(opened, meter, said)
     except WrongPlace:
         raise
     except BakeError as error:
@@ -215,17 +216,19 @@ def _explained(opened: Opened, meter: Meter) -> tuple[list[Report], bool]:
         raise BakeError(" ".join([str(error), *opened.hints])) from error
 
 
-def _baked(
-    options: argparse.Namespace, jobs: Sequence[Job], settings: Settings, meter: Meter
-) -> tuple[list[Report], bool]:
+def _baked(opened: Opened, meter: Meter, said: list[str]) -> tuple[list[Report], bool]:
     """The reports of all jobs or frames that were finished, and whether a signal stopped the bake.
 
     Raises BakeError, or Stopped where nothing was finished.
     """
+    options, jobs, settings = opened.options, opened.jobs, opened.settings
     share_image = _share_image(options)
 
     def on_step(step: progress.Progress) -> None:
         interruption.check()
+        if step.warnings:
+            meter.clear()
+            batch_results.warn_early(opened.name if meter.place else "", step.warnings, said)
         if meter.is_on:
             job = jobs[0 if options.frames else step.finished]
             meter.show("the atlas" if share_image else job.low.name, step)

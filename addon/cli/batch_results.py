@@ -2,6 +2,7 @@
 """The results of bakes: in lines for a terminal, as JSON, and in the report's file."""
 
 import json
+import sys
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
@@ -29,6 +30,8 @@ class Result:
     """What several reports are of: "pairs" or "frames"."""
     is_stopped: bool = False
     """Whether a signal stopped it. Pairs and frames that were done by then are kept."""
+    said: list[str] = field(default_factory=list)
+    """The warnings that were printed before the bake."""
 
     @property
     def maps(self) -> list[str]:
@@ -45,12 +48,26 @@ class Result:
         """Sentences."""
         return [*self.problems, *(warning for report in self.reports for warning in report.warnings)]
 
+    @property
+    def unsaid(self) -> list[str]:
+        """The warnings to print after the bake."""
+        return [warning for warning in self.warnings if warning not in self.said]
+
     def to_json(self) -> dict | None:
         """Plain data for json.dump: of one bake its report, of pairs and frames all of theirs; None if there is none."""
         reports = [report.to_dict() for report in self.reports]
         if self.are:
             return {self.are: reports, "problems": self.problems}
         return reports[0] if reports else None
+
+
+def warn_early(name: str, warnings: Sequence[str], said: list[str]) -> None:
+    """Print warnings before a bake, which can take long. name: of the bake among many. said: those that were printed; receives
+    these."""
+    for warning in warnings:
+        if warning not in said:
+            print(f"imprint: {f'{name}: ' if name else ''}warning: {warning}", file=sys.stderr)
+            said.append(warning)
 
 
 def report_file(report: str | None) -> Path | None:

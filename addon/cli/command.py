@@ -130,7 +130,7 @@ def _bake_one(plan: Plan, files: run_clashes.Run, program: str, meter: Meter) ->
         return _fail(Result(batch.subject(options), error=sentence(error), seconds=seconds), options.report, program)
     meter.clear()
     out = _out(options.report)
-    _warn(program, result.warnings)
+    _warn(program, result.unsaid)
     if result.is_stopped:
         print(f"{program}: stopped, the {result.are} before are kept.", file=sys.stderr)
     print("\n".join(batch_results.summary(result)), file=out)
@@ -159,7 +159,7 @@ def _bake_many(plans: Sequence[Plan], files: run_clashes.Run, report: str | None
         result = done[-1]
         if result.error:
             print(f"{program}: {result.name}: {result.error}", file=sys.stderr)
-        _warn(f"{program}: {result.name}", result.warnings)
+        _warn(f"{program}: {result.name}", result.unsaid)
         if file:
             file.update(done)
 

@@ -16,13 +16,15 @@ class Progress:
     """The state of a bake between two slices.
 
     what: the current step. done: the finished share of the whole, from 0 to 1. picture: the unfinished map as a texture for the
-    screen, or None. finished: how many maps are done.
+    screen, or None. finished: how many maps are done. warnings: about the objects, in sentences, in a step before maps are
+    drawn.
     """
 
     what: str
     done: float
     picture: "gpu.types.GPUTexture | None" = None
     finished: int = 0
+    warnings: tuple[str, ...] = ()
 
 
 Result = TypeVar("Result")

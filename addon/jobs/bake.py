@@ -27,6 +27,7 @@ from ..mesh.inputs import Meshes
 from ..output.outputs import Outputs, Stored, into_materials
 from ..scene import object_checks, reading
 from .job import Job
+from .readiness import low_findings
 from .report_making import DrawnJob, report_of
 
 READY = 0.2
@@ -89,8 +90,12 @@ def _prepare(context: bpy.types.Context, job: Job, settings: Settings, pace: Pac
             context, job.low, job.highs, job.cage, settings, others=job.others, texture_set=job.texture_set
         )
         warnings = object_checks.warnings(job.low, job.highs)
+    if job.is_for_others:
+        with timings.timed("audit"):
+            found = low_findings.read(meshes.low, job.low, meshes.uv_layer, settings)
+        warnings += low_findings.warnings(found)
     tiles = tiles_to_bake(meshes, settings)
-    yield Progress(f"Looking at {name}", 0.5)
+    yield Progress(f"Looking at {name}", 0.5, warnings=tuple(warnings))
     with timings.timed("method"):
         plan = choose_method(meshes, tiles, settings)
     source = yield from part(normal_source(plan, settings, timings, pace), 0.5, 1.0)

@@ -20,6 +20,7 @@ from . import texture_sets
 from .atlas import Atlas
 from .bake import bake_job, draw_raw
 from .job import Job, check_job
+from .readiness import low_findings
 from .weights import painted_groups
 
 PROGRESS_SECONDS = 0.25
@@ -73,6 +74,7 @@ def work(
     each finished job, for a caller that closes the generator early.
     """
     settings.check()  # before object names are filled in, which may contain anything
+    is_for_others = low_findings.is_for_others(settings)
     settings = settings.read_by(context.scene.render.engine)
     if settings.texture_sets:
         if share_image:
@@ -83,6 +85,8 @@ def work(
         for job, own in zip(jobs, painted_groups.settings_by_job(jobs, settings), strict=True)
     ]
     _find_occluders(jobs, settings)
+    for job in jobs:
+        job.is_for_others = is_for_others
     if share_image:
         output_clashes.check(settings, filled[:1], [ATLAS])
     else:

@@ -29,6 +29,7 @@ from ..output import map_storage
 from ..passes import mesh_upload, target
 from ..passes.audit import overlap, triangle_ids
 from ..scene import evaluation, mesh_reader, reading
+from ..scene.elements import mesh_elements
 from .job import Job, check_job
 from .report_making import PastBake
 
@@ -224,13 +225,13 @@ def _in_edit_mesh(context: bpy.types.Context, view: _View, found: np.ndarray, do
         return found
     with evaluation.prepared(context, low, [], None, view.settings.modifiers):
         if not has_modifiers:
-            return mesh_reader.edges(low.data, found)
+            return mesh_elements.edges(low.data, found)
         with (
             mesh_reader.numbered(low, domain),
             mesh_reader.evaluated(low, context.evaluated_depsgraph_get()) as data,
         ):
             numbers = mesh_reader.numbers(data, domain)
-            found = found if domain == "FACE" else mesh_reader.edges(data, found)
+            found = found if domain == "FACE" else mesh_elements.edges(data, found)
     if numbers is None:
         raise BakeError(
             f"The modifiers of {low.name!r} make new faces, which cannot be selected: apply the modifiers first."

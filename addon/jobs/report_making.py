@@ -89,7 +89,7 @@ def report_of(drawn: DrawnJob, stored: Stored, warnings: Sequence[str] = (), mar
         backend=gpu.platform.backend_type_get(),
         renderer=gpu.platform.renderer_get(),
         seconds=drawn.timings.seconds,
-        warnings=[
+        warnings=once(
             *drawn.warnings,
             *material_notes(drawn.meshes, settings),
             *attribute_notes(drawn.meshes, settings),
@@ -98,8 +98,13 @@ def report_of(drawn: DrawnJob, stored: Stored, warnings: Sequence[str] = (), mar
             *findings.warnings,
             *other_readers.warnings(drawn.readers),
             *warnings,
-        ],
+        ),
     )
+
+
+def once(*warnings: str) -> list[str]:
+    """Each sentence once: what was said before a bake can be among what was found after it."""
+    return list(dict.fromkeys(warnings))
 
 
 def material_notes(meshes: Meshes, settings: Settings) -> list[str]:

@@ -8,6 +8,8 @@ from .triangle_mesh import Mesh
 
 FLAT = 1.0
 """Degrees between the triangles of a face, above which the choice of its diagonals changes the surface."""
+UNEVEN = 1e-3
+"""Share of a quad's diagonal by which a corner may be off a parallelogram, before it matters along which diagonal it is cut."""
 SLIVER = 1e-4
 """Sine of the angle at a triangle's first corner, below which single precision cannot tell front from back."""
 
@@ -62,6 +64,31 @@ def folded(mesh: Mesh) -> np.ndarray:
     result = np.zeros(len(cuts), bool)
     # Divided from the first corner to the third, both triangles have the first corner.
     result[mesh.faces[count == 2][::2]] = (triangles == first[:, None]).sum(axis=1) < 2
+    return result
+
+
+def ambiguous_quads(mesh: Mesh) -> np.ndarray:
+    """Which faces (F,) bool are quads that look different if they are divided along the other diagonal. `mesh` must have faces
+    and UVs.
+
+    The diagonal does not matter where positions, UVs and normals continue evenly from one side of the quad to the other.
+    """
+    cuts = np.bincount(mesh.faces)
+    is_of_quad = cuts[mesh.faces] == 2
+    # The corners of a face are consecutive in every triangulation.
+    first = mesh.triangles[is_of_quad].reshape(-1, 6).min(axis=1)
+    corners = first[:, None] + np.arange(4)
+    matters = np.zeros(len(first), bool)
+    for values, least in (
+        (mesh.positions[mesh.vertices[corners]], None),
+        (mesh.uv[corners], None),
+        (mesh.normals[corners], 2.0 * np.sin(np.radians(FLAT) / 2.0)),
+    ):
+        a, b, c, d = np.moveaxis(values.astype(np.float64), 1, 0)
+        sizes = np.maximum(np.linalg.norm(c - a, axis=1), np.linalg.norm(d - b, axis=1))
+        matters |= np.linalg.norm(a - b + c - d, axis=1) > (UNEVEN * sizes if least is None else least)
+    result = np.zeros(len(cuts), bool)
+    result[mesh.faces[is_of_quad][::2][matters]] = True
     return result
 
 

@@ -4,7 +4,8 @@
 import bpy
 import numpy as np
 
-from . import mesh_reader, visibility
+from . import visibility
+from .elements import mesh_elements
 
 
 def problem(obj: bpy.types.Object) -> str:
@@ -25,7 +26,7 @@ def select(context: bpy.types.Context, obj: bpy.types.Object, chosen: np.ndarray
     layer.objects.active = obj
     obj.select_set(True)
     _leave_mode(obj)
-    for name, indices in mesh_reader.elements(obj.data, chosen, domain).items():
+    for name, indices in mesh_elements.elements(obj.data, chosen, domain).items():
         elements = getattr(obj.data, name)
         flags = np.zeros(len(elements), bool)
         flags[indices] = True

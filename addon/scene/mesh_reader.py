@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Reads Blender's meshes into arrays. No other module reads them."""
+"""Reads Blender's meshes into arrays. Which elements belong together is in elements/."""
 
 import ctypes
 from collections.abc import Iterator
@@ -213,33 +213,6 @@ def numbers(data: bpy.types.Mesh, domain: str = "FACE") -> np.ndarray | None:
     values = np.empty(len(layer.data), np.int32)
     layer.data.foreach_get("value", values)
     return values - 1
-
-
-def edges(data: bpy.types.Mesh, ends: np.ndarray) -> np.ndarray:
-    """The edges (N,) int of `data` between these pairs of vertices (N, 2), unordered. Pairs without an edge are left out."""
-    pairs = np.empty((len(data.edges), 2), np.int32)
-    data.edges.foreach_get("vertices", pairs.reshape(-1))
-    keys, end_keys = (
-        values.min(axis=1).astype(np.int64) * len(data.vertices) + values.max(axis=1) for values in (pairs, ends)
-    )
-    return np.flatnonzero(np.isin(keys, end_keys))
-
-
-def elements(data: bpy.types.Mesh, chosen: np.ndarray, domain: str = "FACE") -> dict[str, np.ndarray]:
-    """The indices of the "polygons", "edges" and "vertices" of the `chosen` faces of `data`, or edges for the domain "EDGE"."""
-    if domain == "EDGE":
-        pairs = np.empty((len(data.edges), 2), np.int32)
-        data.edges.foreach_get("vertices", pairs.reshape(-1))
-        return {"polygons": chosen[:0], "edges": chosen, "vertices": pairs[chosen].reshape(-1)}
-    starts, totals = (np.empty(len(data.polygons), np.int32) for _ in range(2))
-    data.polygons.foreach_get("loop_start", starts)
-    data.polygons.foreach_get("loop_total", totals)
-    totals = totals[chosen]
-    within = np.arange(totals.sum()) - np.repeat(np.cumsum(totals) - totals, totals)
-    corners = np.repeat(starts[chosen], totals) + within
-    edges = np.empty(len(data.loops), np.int32)
-    data.attributes[".corner_edge"].data.foreach_get("value", edges)
-    return {"polygons": chosen, "edges": edges[corners], "vertices": corner_vertices(data)[corners]}
 
 
 def _copy_triangles(source, triangles: np.ndarray) -> bool:

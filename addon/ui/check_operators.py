@@ -170,9 +170,7 @@ class IMPRINT_OT_add_triangulate(_LastBakeOperator, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     def apply(self, context: bpy.types.Context, report: Report) -> str:
-        modifier, folded = triangulate.add_triangulate(context, report)
-        difference = f"; it divides {folded:,} folded quads differently from how Blender draws them" if folded else ""
-        return f"{report.low!r} has the modifier {modifier.name!r}{difference}"
+        return triangulate.sentence(report.low, *triangulate.add_triangulate(context, report))
 
 
 CLASSES = (IMPRINT_OT_select_flaws, IMPRINT_OT_show_mask, IMPRINT_OT_add_triangulate)

@@ -91,6 +91,7 @@ def draw(width=240, ui_scale=1.0):
         scene=bpy.context.scene,
         window_manager=bpy.context.window_manager,
         view_layer=bpy.context.view_layer,
+        evaluated_depsgraph_get=bpy.context.evaluated_depsgraph_get,
         active_object=bpy.context.active_object,
         selected_objects=bpy.context.selected_objects,
         preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=ui_scale)),  # it is 0 in the background

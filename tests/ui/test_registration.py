@@ -15,6 +15,7 @@ from addon.ui import check_operators, map_size, modal, operators, panel_operator
 from addon.ui.converting import convert_operator, convert_panel
 from addon.ui.levels import level_operators, levels_panel
 from addon.ui.panels import bake_panel, batch_panels, check_panel, settings_panels, sidebar, view_panel
+from addon.ui.readiness import cure_operators
 from addon.ui.viewport import split_gizmo, view_operators, view_properties
 from tests.support import maps, zoo
 
@@ -25,6 +26,7 @@ OPERATORS = [
         operators,
         panel_operators,
         check_operators,
+        cure_operators,
         weight_operators,
         level_operators,
         convert_operator,

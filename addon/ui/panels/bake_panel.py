@@ -6,9 +6,12 @@ from collections.abc import Iterable, Sequence
 import bpy
 
 from ...core.report import Report
+from ...jobs.readiness.low_findings import Finding
 from ...output import map_images
 from ..bake_results import high_objects, results
 from ..live.live_switch import live
+from ..readiness.cure_operators import CURES
+from ..readiness.panel_findings import findings
 from ..translations.lookup import label, message
 from ..viewport import show_result
 from ..viewport.progress_display import display
@@ -54,6 +57,8 @@ class IMPRINT_PT_bake(SidebarPanel, bpy.types.Panel):
             draw_paragraphs(box, context, [bake_plan.plan(low, highs, settings)], "INFO")
             box.label(text=bake_plan.count(low, settings), translate=False)
             draw_paragraphs(box, context, [bake_plan.warning(low, highs)], "ERROR")
+            found = findings.of(context, low, highs, settings.to_settings(), is_exported=bool(settings.export))
+            draw_findings(box, context, found)
         # The bar replaces the button: nothing moves under the mouse when a bake begins or ends.
         row = layout.row()
         row.scale_y = 1.6
@@ -75,6 +80,15 @@ class IMPRINT_PT_bake(SidebarPanel, bpy.types.Panel):
         reports = results.all_of(context)
         if reports:
             draw_result(layout, reports)
+
+
+def draw_findings(layout: bpy.types.UILayout, context: bpy.types.Context, found: Sequence[Finding]) -> None:
+    """What is wrong with the low object for other programs, and a button that cures it."""
+    for finding in found:
+        text = message(finding.template).format(**finding.values)
+        draw_paragraphs(layout, context, [text], "ERROR" if finding.harms else "INFO")
+        name, _, icon = CURES[finding.kind]
+        layout.operator("imprint.cure", text=label(name), translate=False, icon=icon).kind = finding.kind
 
 
 def draw_result(layout: bpy.types.UILayout, reports: Sequence[Report]) -> None:

@@ -11,6 +11,7 @@ from . import (
     batch_texts,
     check_texts,
     convert_texts,
+    cure_texts,
     map_texts,
     message_texts,
     output_texts,
@@ -32,6 +33,7 @@ PARTS = (
     batch_texts,
     check_texts,
     convert_texts,
+    cure_texts,
     view_texts,
     message_texts,
 )

@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Looks at a low object before it is baked."""
+
+from collections.abc import Sequence
+
+import bpy
+
+from ...audit import before_bake
+from ...audit.before_bake import HARD_EDGES, LAYER, MIRRORED, POLYGONS, Finding, is_for_others, is_in_tangent_space
+from ...core.settings import Settings
+from ...mesh.triangle_mesh import Mesh
+from ...scene import mesh_reader
+
+__all__ = ["HARD_EDGES", "LAYER", "MIRRORED", "POLYGONS", "Finding", "is_for_others", "is_in_tangent_space"]
+CURED_BY_EXPORT = (POLYGONS, LAYER)
+"""The kinds that do not matter for files that Imprint exports."""
+MOST_CORNERS = 400_000
+"""The largest low mesh, in corners of faces, that `shown` looks at: it takes a few tenths of a second."""
+
+
+def active_layer(low: bpy.types.Object) -> str:
+    """The name of the active UV map of an object's own mesh; empty if it has none."""
+    layer = low.data.uv_layers.active
+    return layer.name if layer is not None else ""
+
+
+def read(low: Mesh, obj: bpy.types.Object, uv_layer: str, settings: Settings) -> list[Finding]:
+    """The findings for a low mesh as it was read from `obj`, for a bake of its UV map `uv_layer`."""
+    return before_bake.find(low, uv_layer, active_layer(obj), settings)
+
+
+def shown(context: bpy.types.Context, low: bpy.types.Object, settings: Settings, *, is_own_base: bool) -> list[Finding]:
+    """The findings for a low object as the viewport shows it. is_own_base: whether it is baked without its modifiers.
+
+    Empty in other modes than Object Mode, where its mesh is out of date, and for meshes that take long.
+    """
+    if low.mode != "OBJECT":
+        return []
+    depsgraph = context.evaluated_depsgraph_get()
+    with mesh_reader.base(low) if is_own_base else mesh_reader.evaluated(low, depsgraph) as data:
+        layers = data.uv_layers
+        layer = settings.uv_layer or (layers.active.name if layers.active is not None else "")
+        if layer not in layers or not 0 < len(data.loops) <= MOST_CORNERS:
+            return []
+        mesh = mesh_reader.surface(data, layer, low.name, mesh_reader.matrix(low), with_faces=True)
+        return read(mesh, low, layer, settings) if len(mesh.triangles) else []
+
+
+def warnings(findings: Sequence[Finding]) -> list[str]:
+    """The sentences of what harms."""
+    return [finding.sentence for finding in findings if finding.harms]

@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The findings before a bake that the panel shows. They are found once, until the low object or a setting changes."""
+
+import bpy
+
+from ...core.settings import Settings
+from ...jobs.readiness import low_findings
+from ...jobs.readiness.low_findings import Finding
+from ..callbacks import Handlers
+
+
+class PanelFindings:
+    """The findings for the low object of the panel.
+
+    looks: how often a mesh was looked at. known: what was found the last time, or nothing after a change.
+    """
+
+    def __init__(self):
+        self.looks = 0
+        self._key: tuple | None = None
+        self.known: list[Finding] = []
+        self._handlers = Handlers(
+            ("depsgraph_update_post", self._after_update), ("undo_post", self._drop), ("redo_post", self._drop)
+        )
+
+    def of(
+        self,
+        context: bpy.types.Context,
+        low: bpy.types.Object,
+        highs: list[bpy.types.Object],
+        settings: Settings,
+        *,
+        is_exported: bool = False,
+    ) -> list[Finding]:
+        """The findings for a bake of `low`; empty if only Blender reads the map. settings: of the panel, valid.
+
+        is_exported: whether Imprint writes the low mesh for an engine. Then it has the triangles and tangents of the bake.
+        """
+        if not (low_findings.is_for_others(settings) or (is_exported and low_findings.is_in_tangent_space(settings))):
+            return []
+        found = self._of(context, low, low in highs, settings)
+        return [finding for finding in found if not (is_exported and finding.kind in low_findings.CURED_BY_EXPORT)]
+
+    def _of(
+        self, context: bpy.types.Context, low: bpy.types.Object, is_own_base: bool, settings: Settings
+    ) -> list[Finding]:
+        """All findings, from the last time if nothing has changed since."""
+        layer = settings.uv_layer or low_findings.active_layer(low)
+        # Names are in the sentences.
+        key = (
+            *(low.session_uid, low.data.session_uid, low.name, low.mode, is_own_base),
+            *(layer, low_findings.active_layer(low), settings.udim),
+        )
+        if key != self._key:
+            self._handlers.add()
+            self.looks += 1
+            self.known = low_findings.shown(context, low, settings, is_own_base=is_own_base)
+            self._key = key
+        return self.known
+
+    def forget(self) -> None:
+        """Forget the findings, and follow no changes."""
+        self._drop()
+        self._handlers.remove()
+
+    def _drop(self, *_) -> None:
+        self._key, self.known = None, []
+
+    def _after_update(self, _scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+        if self._key is None:
+            return
+        changed = {
+            update.id.original.session_uid
+            for update in depsgraph.updates
+            if update.is_updated_geometry or isinstance(update.id, bpy.types.Mesh)
+        }
+        if changed.intersection(self._key[:2]):
+            self._drop()
+
+
+findings = PanelFindings()

@@ -1,0 +1,283 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the panel says before a bake for another program, and the buttons that cure it."""
+
+import bpy
+import numpy as np
+import pytest
+
+from addon.core.settings import Settings
+from addon.jobs import bake_jobs
+from addon.jobs.readiness import low_findings
+from addon.ui.readiness.panel_findings import findings
+from tests.support import panel_layout, zoo
+
+pytestmark = pytest.mark.usefixtures("registered")
+
+
+def set_up(low, *, green="-Y"):
+    """`low` in the slot with a high object, for a program that is not Blender."""
+    settings = bpy.context.scene.imprint
+    settings.low, settings.green = low, green
+    settings.highs.add().object = zoo.terrain("high", 12)
+    settings.width = settings.height = 32
+    return settings
+
+
+def found(low, **settings):
+    bpy.context.view_layer.update()
+    given = Settings(**{"green": "-Y"} | settings)
+    return {one.kind: one for one in low_findings.shown(bpy.context, low, given, is_own_base=False)}
+
+
+def cure(kind):
+    assert bpy.ops.imprint.cure(kind=kind) == {"FINISHED"}
+
+
+def with_second_layer(low):
+    low.data.uv_layers.new(name="Second")
+    low.data.uv_layers.active = low.data.uv_layers["Second"]
+    bpy.context.scene.imprint.uv_layer = zoo.LAYER
+
+
+def curved():
+    return zoo.terrain("lo", 4, waves=1)
+
+
+def faceted():
+    return zoo.terrain("lo", 4, waves=1, smooth=False)
+
+
+def own_normals():
+    normals = np.random.default_rng(7).normal(size=(16, 4, 3)) * 0.2 + (0, 0, 1)
+    return zoo.terrain("lo", 4, normals=normals / np.linalg.norm(normals, axis=2, keepdims=True))
+
+
+# What is found
+
+
+def test_quads_whose_diagonal_matters_are_found():
+    assert found(curved())["POLYGONS"].values["count"] == 16
+    assert found(zoo.plane("flat", 4)) == {}
+    assert found(zoo.cube("cube")) == {}
+    bent = zoo.plane("bent", 1)
+    bent.data.uv_layers[0].uv[2].vector = (0.7, 1.0)
+    assert set(found(bent)) == {"POLYGONS"}
+
+
+def test_quads_whose_normals_do_not_continue_evenly_are_found():
+    normals = np.zeros((1, 4, 3)) + (0, 0, 1)
+    assert found(zoo.plane("even", 1, normals=normals)) == {}
+    normals[0, 2] = (0.6, 0, 0.8)
+    assert set(found(zoo.plane("uneven", 1, normals=normals))) == {"POLYGONS"}
+
+
+def test_n_gons_are_always_found():
+    assert "no tangents" in found(zoo.disc())["POLYGONS"].sentence
+
+
+def test_hard_edges_inside_islands_are_found():
+    assert found(faceted())["HARD_EDGES"].values["count"] == 24
+    assert "HARD_EDGES" not in found(zoo.cube("cube"))
+
+
+def test_mirrored_copies_are_found_and_harmless():
+    low = zoo.mirrored()
+    assert not found(low)["MIRRORED"].harms
+    assert found(low)["MIRRORED"].values["count"] == 128
+    assert "MIRRORED" not in found(low, udim=True)
+    for polygon in low.data.polygons[:64]:  # without their twins, nothing is read twice
+        for corner in polygon.loop_indices:
+            low.data.uv_layers[0].uv[corner].vector.x += 3.0
+    assert "MIRRORED" not in found(low)
+
+
+@pytest.mark.parametrize(
+    ("settings", "asks"),
+    [
+        ({}, False),
+        ({"green": "-Y"}, True),
+        ({"green": "-Y", "space": "OBJECT"}, False),
+        ({"green": "-Y", "normal": False, "maps": ("AO",)}, False),
+        ({"basis": "CYCLES", "storage": "FILE"}, False),
+        ({"basis": "MIKKTSPACE"}, False),
+        ({"basis": "MIKKTSPACE", "storage": "FILE"}, True),
+        ({"basis": "AUTO", "storage": "FILE"}, False),
+        ({"basis": "MIKKTSPACE_VERTEX"}, True),
+        ({"basis": "NORMALIZED"}, True),
+    ],
+)
+def test_only_maps_for_other_programs_are_asked_about(settings, asks):
+    assert low_findings.is_for_others(Settings(**settings)) is asks
+
+
+# The panel
+
+
+def test_the_panel_says_what_is_found_with_a_button_each():
+    set_up(faceted())
+    drawn = panel_layout.draw(width=2000)
+    assert "'lo' has 16 quads" in drawn.text
+    assert "'lo' has 24 hard edges" in drawn.text
+    assert [name for name, _ in drawn.buttons].count("imprint.cure") == 2
+
+
+def test_the_panel_says_nothing_where_blender_reads_the_map():
+    settings = set_up(faceted(), green="+Y")
+    assert "imprint.cure" not in [name for name, _ in panel_layout.draw().buttons]
+    settings.export = "//out.glb"  # Imprint's file has the triangles and tangents of the bake
+    drawn = panel_layout.draw(width=2000)
+    assert "hard edges" in drawn.text
+    assert "quads" not in drawn.text
+
+
+def test_a_mesh_is_looked_at_once_until_it_changes():
+    low = curved()
+    settings = set_up(low)
+    panel_layout.draw()
+    before = findings.looks
+    for _ in range(5):
+        panel_layout.draw()
+    settings.samples = "4"
+    bpy.data.objects["high"].data.update_tag()
+    bpy.context.view_layer.update()
+    panel_layout.draw()
+    assert findings.looks == before
+    low.data.polygons.foreach_set("use_smooth", np.zeros(16, bool))
+    low.data.update_tag()
+    assert "24 hard edges" in panel_layout.draw(width=2000).text
+    assert findings.looks == before + 1
+    low.modifiers.new("Triangulate", "TRIANGULATE")
+    assert "quads" not in panel_layout.draw(width=2000).text
+
+
+# The cures
+
+
+@pytest.mark.parametrize("make", [curved, zoo.disc, zoo.sphere])
+def test_triangulated_faces_are_as_blender_draws_them(make):
+    low = make()
+    set_up(low)
+    low.data.calc_loop_triangles()
+    drawn = {frozenset(triangle.vertices) for triangle in low.data.loop_triangles}
+    cure("POLYGONS")
+    assert "POLYGONS" not in found(low)
+    data = low.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
+    assert {frozenset(polygon.vertices) for polygon in data.polygons} == drawn
+
+
+def test_the_layer_of_the_map_becomes_the_active_one():
+    low = zoo.plane("lo", 2)
+    set_up(low)
+    with_second_layer(low)
+    assert set(found(low, uv_layer=zoo.LAYER)) == {"LAYER"}
+    assert found(low) == {}  # without a name, the map is for the active one
+    cure("LAYER")
+    assert low.data.uv_layers.active.name == zoo.LAYER
+    assert found(low, uv_layer=zoo.LAYER) == {}
+
+
+@pytest.mark.parametrize("make", [faceted, own_normals])
+def test_edges_inside_islands_become_smooth(make):
+    low = make()
+    set_up(low)
+    cure("HARD_EDGES")
+    assert "HARD_EDGES" not in found(low)
+
+
+def test_hard_edges_at_borders_of_islands_and_other_normals_stay():
+    points = np.array([(x, y, z) for x, z in ((0, 0), (1, 0), (2, 1), (3, 1)) for y in (0, 1)])
+    faces = [(2 * i, 2 * i + 2, 2 * i + 3, 2 * i + 1) for i in range(3)]
+    corners = np.array([(0, 0), (1, 0), (1, 1), (0, 1)])
+    uv = [(corners + (0, 0)) * (0.3, 1), (corners + (1, 0)) * (0.3, 1), (corners * (0.3, 1) + (0.65, 0))]
+    low = zoo.build("lo", points, faces, uv, smooth=False)
+    set_up(low)
+    low.data.update()
+    before = np.array([tuple(one.vector) for one in low.data.corner_normals])
+    assert found(low)["HARD_EDGES"].values["count"] == 1
+    cure("HARD_EDGES")
+    after = np.array([tuple(one.vector) for one in low.data.corner_normals])
+    np.testing.assert_allclose(after[[0, 3, 5, 6, 8, 9, 10, 11]], before[[0, 3, 5, 6, 8, 9, 10, 11]], atol=1e-6)
+    np.testing.assert_allclose(after[1], after[4], atol=1e-6)
+
+
+def test_mirrored_copies_read_the_same_texels_after_they_are_moved():
+    low = zoo.mirrored()
+    set_up(low)
+    before = np.array([tuple(corner.vector) for corner in low.data.uv_layers[0].uv])
+    cure("MIRRORED")
+    after = np.array([tuple(corner.vector) for corner in low.data.uv_layers[0].uv])
+    np.testing.assert_array_equal(after[:256], before[:256])
+    np.testing.assert_allclose(after[256:], before[256:] + (1, 0), atol=1e-6)
+    assert "MIRRORED" not in found(low)
+
+
+def test_a_mirror_modifier_moves_its_own_copies():
+    low = zoo.plane("lo", 2)
+    for vertex in low.data.vertices:
+        vertex.co.x += 1.0
+    low.modifiers.new("Mirror", "MIRROR")
+    set_up(low)
+    assert found(low)["MIRRORED"].values["count"] == 8
+    cure("MIRRORED")
+    assert "MIRRORED" not in found(low)
+
+
+@pytest.mark.parametrize(
+    ("make", "kind"),
+    [(curved, "POLYGONS"), (faceted, "HARD_EDGES"), (own_normals, "HARD_EDGES"), (zoo.mirrored, "MIRRORED")],
+)
+def test_undo_takes_a_cure_back(make, kind):
+    low = make()
+    name = low.name
+    set_up(low)
+    bpy.ops.ed.undo_push(message="before")
+    assert kind in found(low)
+    bpy.ops.imprint.cure("EXEC_DEFAULT", True, kind=kind)
+    assert kind not in found(bpy.data.objects[name])
+    bpy.ops.ed.undo()
+    assert kind in found(bpy.data.objects[name])
+
+
+def test_the_panel_follows_undo():
+    set_up(curved())
+    bpy.ops.ed.undo_push(message="before")
+    panel_layout.draw()
+    before = findings.looks
+    bpy.ops.imprint.cure("EXEC_DEFAULT", True, kind="POLYGONS")
+    assert "quads" not in panel_layout.draw(width=2000).text
+    bpy.ops.ed.undo()
+    assert "quads" in panel_layout.draw(width=2000).text
+    assert findings.looks == before + 2
+
+
+def test_a_cure_that_is_not_possible_says_why():
+    low = faceted()
+    set_up(low)
+    bpy.context.view_layer.objects.active = low
+    bpy.ops.object.mode_set(mode="EDIT")
+    with pytest.raises(RuntimeError, match="is not in Object Mode"):
+        cure("HARD_EDGES")
+
+
+# Bakes
+
+
+def test_a_bake_warns_before_it_draws_and_in_its_report(gpu_context):
+    low, high = faceted(), zoo.terrain("high", 12)
+    given = Settings(green="-Y", width=32, height=32, method="FLATTEN", material=False)
+    steps, warned = [], []
+
+    def note(step):
+        steps.append(step.what)
+        warned.extend((len(steps), warning) for warning in step.warnings)
+
+    (report,) = bake_jobs.bake_all(bpy.context, [bake_jobs.Job(low, [high])], given, on_progress=note)
+    said = [warning for _, warning in warned]
+    assert [warning.split(".")[0] for warning in said] == [
+        "'lo' has 16 quads that look different if another program divides them along the other diagonal",
+        "'lo' has 24 hard edges without a UV seam",
+    ]
+    assert warned[-1][0] < len(steps)
+    assert [report.warnings.count(warning) for warning in said] == [1, 1]
+    (report,) = bake_jobs.bake_all(bpy.context, [bake_jobs.Job(low, [high])], Settings(width=32, height=32))
+    assert not any("quads" in warning for warning in report.warnings)
