@@ -98,8 +98,4 @@ TABLE = {
         "es": "Desplaza una celda las partes reflejadas sobre otras en el espacio UV: leen los mismos texels, y el mapa "
         "muestra el detalle de las otras",
     },
-    (SENTENCE, "No low object: select it, or fill the slot."): {
-        "de_DE": "Kein Low-Poly-Objekt: auswählen oder das Feld füllen.",
-        "es": "Sin objeto low poly: seleccionarlo o llenar el campo.",
-    },
 }
