@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..core.declarations import bases
+from ..core.declarations import bases, readers
 from ..core.declarations.choices import Space, Storage
 from ..core.settings import Settings
 from ..mesh import face_shapes, uv_islands, uv_layout, uv_seams
@@ -62,7 +62,7 @@ def is_for_others(settings: Settings) -> bool:
     """
     if not is_in_tangent_space(settings):
         return False
-    if settings.green == "-Y":
+    if settings.green == "-Y" or set(settings.readers) - readers.IN_BLENDER:
         return True
     if settings.basis == bases.AUTO:
         return False

@@ -9,6 +9,8 @@ from .bases import Basis
 
 UP, DOWN = "+Y", "-Y"
 """What the green channel stores: as OpenGL has it, and as DirectX has it."""
+IN_BLENDER = frozenset({"cycles", "eevee"})
+"""The names of those that are Blender's own, to which nothing has to be exported."""
 OF_SCENE = "Blender"
 """The preset for the render engine of the scene."""
 
