@@ -41,6 +41,7 @@ def test_maps_a_scene_a_report_and_a_table(folder, capfd):
         f"{level['name']}  {100 * level['limit']['distance']:g} % of the size" in out for level in report["levels"]
     )
     assert f"{report['levels'][0]['beyond']}: " in out
+    assert all(name in out.splitlines()[-1] for name in files(folder) if name != "hill.blend")
     assert b"MSFT_lod" in (folder / "hill.glb").read_bytes()
     bpy.ops.wm.open_mainfile(filepath=str(folder / "levels.blend"))
     for level in report["levels"]:
@@ -53,6 +54,7 @@ def test_maps_a_scene_a_report_and_a_table(folder, capfd):
     ("more", "text"),
     [
         (["--high", "Hill"], "--high is not for lod"),
+        (["--convert", "hill.png"], "--convert is not for lod"),
         (["--degrees", "a"], "are not degrees"),
         (["--degrees", "1,2,3"], "make no pairs"),
         (["--distance", "-1"], "cannot be a limit"),

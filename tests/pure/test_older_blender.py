@@ -16,6 +16,7 @@ CALLS = {
     ("jobs/convert.py", "with_gpu"): 1,
     ("ui/converting/convert_operator.py", "with_gpu"): 1,
     ("ui/operators.py", "with_gpu"): 1,
+    ("ui/levels/level_operators.py", "with_gpu"): 1,
     ("jobs/lod/level_chain.py", "start_gpu"): 1,
     ("cli/lod/lod_command.py", "with_gpu"): 1,
     ("output/nodes/normal_nodes.py", "normal_map_values"): 1,

@@ -30,7 +30,7 @@ from ..usage.options import STDOUT
 
 WORD = "lod"
 DONE, FAILED, WRONG_USAGE = 0, 1, 2
-_REFUSED = ("high", "cage", "pairs", "high_file", "cage_file", "frames", "high_up")
+_REFUSED = ("high", "cage", "pairs", "high_file", "cage_file", "frames", "high_up", "convert")
 """Options of a bake that a chain has no use for."""
 
 
@@ -177,7 +177,7 @@ def _print(report: ChainReport, options: argparse.Namespace, program: str) -> No
         print(f"{program} {WORD}: warning: {warning}", file=sys.stderr)
     print("\n".join([*report.table(), report.summary()[-1]]), file=out)
     written = [path for level in report.levels for path in level.bake.output]
-    written += [path for level in report.levels for path in level.bake.export.get("paths", [])]
+    written += [path for level in report.levels for path in level.bake.export.get("files", ())]
     written += [str(path) for path in (options.save_blend, batch_results.report_file(options.report)) if path]
     print(f"Wrote {', '.join(dict.fromkeys(written))}", file=out)
     if options.report == STDOUT:

@@ -157,6 +157,5 @@ def _only_if_finished() -> Iterator[None]:
     finally:
         if not is_finished:
             for kind, known in zip(kinds, before, strict=True):
-                kept = {each.session_uid for each in kind} & known
-                for each in [each for each in kind if each.session_uid not in kept]:
+                for each in [each for each in kind if each.session_uid not in known]:
                     kind.remove(each)

@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The operator that makes levels of detail."""
 
+from functools import partial
+
 import bpy
 
+from ... import older_blender
 from ...core import progress
 from ...core.errors import BakeError
 from ...core.levels import level_report
@@ -27,6 +30,9 @@ class IMPRINT_OT_make_levels(modal.SlicedOperator, bpy.types.Operator):
             cls.poll_message_set(tooltip("Stop Live first: it writes to the same image"))
             return False
         return display.current is None
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        return older_blender.with_gpu(partial(super().execute, context))
 
     def task(self, context: bpy.types.Context, pace: progress.Pace) -> progress.Task[ChainReport]:
         settings = context.scene.imprint
