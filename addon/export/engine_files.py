@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Writes a file of low meshes with their maps, reads it back, and says what an engine would show of it. All or nothing."""
 
+import os
 from collections.abc import Callable, Collection, Sequence
 from contextlib import ExitStack, redirect_stdout
 from dataclasses import asdict, dataclass
@@ -24,7 +25,8 @@ from .formats import fbx, glb, usd
 from .staging import Stage, Staged
 
 FORMATS: dict[str, ModuleType] = dict(zip(file_formats.MESHES, (glb, usd, usd, usd, fbx), strict=True))
-"""By the ending of the file. A module has `write`, `read`, `check`, CHANNELS, HAS_TANGENTS and LINKS_LEVELS."""
+"""By the ending of the file. A module has `write`, `read`, `check`, CHANNELS, HAS_TANGENTS, LINKS_LEVELS and
+SHARES_FOLDER."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +66,10 @@ def export(
         raise BakeError(f"{str(path)!r} cannot hold levels of detail: only a {file_formats.MESHES[0]} file can.")
     atomic_file.check_writable(path)
     lows = [baked_low.read(context, reports) for reports in bakes]
-    with staging.staged(context, lows, file_format.CHANNELS, with_tangents=file_format.HAS_TANGENTS) as stage:
+    before_names = f"{path.stem}_" if file_format.SHARES_FOLDER else ""
+    with staging.staged(
+        context, lows, file_format.CHANNELS, with_tangents=file_format.HAS_TANGENTS, before_names=before_names
+    ) as stage:
         files = _written(context, file_format, stage, path, are_levels=are_levels)
         done = [_exported(file_format, stage, one, stage.folder / path.name) for one in stage.objects]
         paths = _moved(
@@ -95,7 +100,8 @@ def _written(
 def _moved(files: Sequence[Path], folder: Path, path: Path, maps: Collection[str]) -> list[str]:
     """Put written files beside `path`, all or none. Returns their paths. maps: files that stay as they are."""
     paths = [path.parent / file.relative_to(folder) for file in files]
-    taken = next((str(one) for one in paths if str(one) in maps), None)
+    known = set(map(os.path.realpath, maps))
+    taken = next((str(one) for one in paths if os.path.realpath(one) in known), None)
     if taken is not None:
         raise BakeError(
             f"The export would replace {taken!r}, a map of the bake: choose another folder for one of them."

@@ -87,9 +87,9 @@ def directions(texels: np.ndarray) -> np.ndarray:
 class PictureFiles:
     """Writes maps as PNG files into a folder, each once, and shows them in temporary images."""
 
-    def __init__(self, folder: Path, made: list[bpy.types.ID]):
-        """made: receives the images, which the caller removes."""
-        self._folder, self._made = folder, made
+    def __init__(self, folder: Path, made: list[bpy.types.ID], before_names: str):
+        """made: receives the images, which the caller removes. before_names: what the files' names begin with."""
+        self._folder, self._made, self._before_names = folder, made, before_names
         self._images: dict[tuple, bpy.types.Image] = {}
 
     def normal_map(
@@ -123,7 +123,7 @@ class PictureFiles:
         return f"{image.name}_{tile}" if image.source == "TILED" else image.name
 
     def _written(self, texels: np.ndarray, name: str, color_space: str, *, has_alpha: bool) -> bpy.types.Image:
-        path = self._folder / f"{file_name(name)}{file_formats.PNG.endings[0]}"
+        path = self._folder / f"{file_name(self._before_names + name)}{file_formats.PNG.endings[0]}"
         image_file.write(texels, path, 8, has_alpha=has_alpha)
         image = bpy.data.images.load(str(path), check_existing=False)
         self._made.append(image)

@@ -54,12 +54,17 @@ class Stage:
 
 @contextmanager
 def staged(
-    context: bpy.types.Context, lows: Sequence[BakedLow], channels: Sequence[str] | None, *, with_tangents: bool
+    context: bpy.types.Context,
+    lows: Sequence[BakedLow],
+    channels: Sequence[str] | None,
+    *,
+    with_tangents: bool,
+    before_names: str = "",
 ) -> Iterator[Stage]:
     """Stage low objects until the block ends. Then nothing of it is left in the file.
 
     channels: the axes that the format's normal maps store, or None for those of the bake. with_tangents: whether meshes have
-    the attribute TANGENTS, in glTF's axes. Raises BakeError.
+    the attribute TANGENTS, in glTF's axes. before_names: what the names of the maps' files begin with. Raises BakeError.
     """
     made: list[bpy.types.ID] = []
     groups = set(bpy.data.node_groups)
@@ -68,7 +73,7 @@ def staged(
             collection = bpy.data.collections.new("Imprint export")
             made.append(collection)
             context.scene.collection.children.link(collection)
-            pictures, notes = PictureFiles(Path(folder), made), []
+            pictures, notes = PictureFiles(Path(folder), made, before_names), []
             objects = []
             for low in lows:
                 objects.append(_object(low, made, names, with_tangents=with_tangents))

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Converts an existing normal map to another space or tangent basis, on the same low mesh."""
 
+import os
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
@@ -178,7 +179,7 @@ def _for_map(settings: Settings, low: bpy.types.Object, image: bpy.types.Image) 
         name = f"{image.name.removesuffix(Path(image.name).suffix)}_{how.lower()}"
     output = file_names.fill(settings.output, low.name)
     if settings.storage == Storage.FILE and output and image.filepath:
-        old, new = (Path(bpy.path.abspath(path)).absolute() for path in (image.filepath, output))
+        old, new = (os.path.realpath(bpy.path.abspath(path)) for path in (image.filepath, output))
         if old == new:
             raise BakeError(f"The new map would replace the file of {image.name!r}: choose another file.")
     return replace(

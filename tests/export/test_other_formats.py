@@ -138,16 +138,26 @@ def test_nothing_is_left_in_the_file(tmp_path, ending):
     assert snapshot.difference(before, snapshot.snapshot()) == {}
 
 
-def test_a_map_of_the_bake_is_not_replaced(tmp_path):
+@pytest.mark.parametrize("folder", ["textures", "textures/../textures"])
+def test_a_map_of_the_bake_is_not_replaced(tmp_path, folder):
     low, high = bent_pair()
     (tmp_path / "textures").mkdir()
-    path = tmp_path / "textures" / "the normal map.png"
+    path = tmp_path / folder / "out_the normal map.png"
     report = bake(low, high, storage="FILE", output=str(path))
     before = path.read_bytes()
     with pytest.raises(BakeError, match="a map of the bake"):
         export(tmp_path / "out.usda", report)
     assert path.read_bytes() == before
     assert not (tmp_path / "out.usda").exists()
+
+
+def test_files_in_one_folder_keep_their_own_maps(tmp_path):
+    low, high = bent_pair()
+    for name, basis in (("one", "MIKKTSPACE"), ("two", "NORMALIZED")):
+        report = bake(low, high, basis=basis)
+        export(tmp_path / f"{name}.usda", report)
+    first = normal_map(imported(tmp_path / "one.usda"))
+    assert not np.array_equal(first, normal_map(imported(tmp_path / "two.usda")))
 
 
 def test_only_glb_holds_levels(tmp_path):

@@ -12,7 +12,7 @@ from . import imported
 
 CHANNELS = None
 """The format does not say which axes normal maps store: they stay as the bake has them."""
-HAS_TANGENTS = LINKS_LEVELS = False
+HAS_TANGENTS = LINKS_LEVELS = SHARES_FOLDER = False
 
 
 def check() -> None:
