@@ -90,18 +90,19 @@ def _prepare(context: bpy.types.Context, job: Job, settings: Settings, pace: Pac
             context, job.low, job.highs, job.cage, settings, others=job.others, texture_set=job.texture_set
         )
         warnings = object_checks.warnings(job.low, job.highs)
+    early = []
     if job.is_for_others:
         with timings.timed("audit"):
             found = low_findings.read(meshes.low, job.low, meshes.uv_layer, settings)
-        warnings += low_findings.warnings(found)
+        early = low_findings.warnings(found)
     tiles = tiles_to_bake(meshes, settings)
-    yield Progress(f"Looking at {name}", 0.5, warnings=tuple(warnings))
+    yield Progress(f"Looking at {name}", 0.5, warnings=tuple(early))
     with timings.timed("method"):
         plan = choose_method(meshes, tiles, settings)
     source = yield from part(normal_source(plan, settings, timings, pace), 0.5, 1.0)
     run = Run(settings, timings, pace)
     renderer = Renderer(maps_of_bake(meshes, source, run), run)
-    return _Ready(meshes, warnings, plan, source, renderer, OtherReaders(meshes.basis, settings))
+    return _Ready(meshes, [*warnings, *early], plan, source, renderer, OtherReaders(meshes.basis, settings))
 
 
 def _audit(job: Job, settings: Settings, ready: _Ready, tally: Tally, timings: Timings) -> DrawnJob:
