@@ -66,6 +66,17 @@ def test_a_converted_map_is_the_map_that_a_bake_makes(pair, spaces):
     assert percentile(found, expected) < EXACT
 
 
+@pytest.mark.parametrize("path", ["map.png", "folder/../map.png"])
+def test_the_file_of_the_map_is_not_replaced(tmp_path, path):
+    (tmp_path / "folder").mkdir()
+    file = {"storage": "FILE", "depth": 16}
+    bake(zoo.sphere("low"), zoo.sphere("high", n=64), image="before", output=str(tmp_path / "map.png"), **file)
+    before = (tmp_path / "map.png").read_bytes()
+    with pytest.raises(BakeError, match="would replace the file of 'before'"):
+        converted(bpy.data.objects["low"], "before", {}, output=str(tmp_path / path), **file)
+    assert (tmp_path / "map.png").read_bytes() == before
+
+
 def test_half_the_normals_of_another_space_point_inwards():
     low = zoo.sphere("low")
     bake(low, zoo.sphere("high", n=64), space="OBJECT", image="object")
