@@ -69,12 +69,15 @@ def test_base_color(space, has_alpha, alpha_is_used):
 
 def test_notes_have_the_order_of_the_maps():
     chosen = [map_type for map_type in map_types.OTHERS if map_type.socket]
-    notes = {map_type.socket: (map_type.name,) for map_type in reversed(chosen)} | {
+    sockets = list(dict.fromkeys(map_type.socket for map_type in chosen))  # two maps are of the same roughness
+    notes = {socket: (f"{socket} is left out",) for socket in reversed(sockets)} | {
         "": ("shader",),
         "Normal": ("detail",),
     }
     meshes = SimpleNamespace(materials=[HighMaterial("Rust", notes=notes)])
     names = tuple(map_type.name for map_type in chosen)
     found = report_making.material_notes(meshes, Settings(maps=names))
-    assert found == [*names, "shader", "detail"]
+    assert found == [*(f"{socket} is left out" for socket in sockets), "shader", "detail"]
+    widened = report_making.material_notes(meshes, Settings(maps=(map_types.WIDENED_ROUGHNESS.name,)))
+    assert widened[0] == "Roughness is left out"
     assert report_making.material_notes(meshes, Settings(detail_maps=False)) == []
