@@ -1,14 +1,20 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Runs tasks in slices in the window, with a progress bar, view navigation, and Esc. Scripts run tasks at once."""
 
+import textwrap
+from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import partial
 
 import bpy
 
+from .. import older_blender
 from ..core import progress
 from ..core.errors import BakeError, sentence
 from ..core.progress import Pace, Progress, Task
 from .callbacks import Key
+from .live.live_switch import live
+from .translations.lookup import tooltip
 from .viewport.progress_display import display
 
 SLICE = 0.06
@@ -25,6 +31,8 @@ NAVIGATION = {
     "NDOF_MOTION",
 }
 """Events that viewports get while a task runs. All others could change the objects of the bake."""
+LAST_OPERATION = 40
+"""Characters in a line of Adjust Last Operation, a box that Blender makes no wider for its text."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,6 +146,35 @@ class SlicedOperator:
         """Called by Blender if the file is closed while the task runs."""
         if runner.run is self._own:
             runner.stop(context)
+
+
+class MapOperator(SlicedOperator):
+    """An operator whose task makes maps."""
+
+    @classmethod
+    def poll(cls, _context: bpy.types.Context) -> bool:
+        if live.is_on:
+            cls.poll_message_set(tooltip("Stop Live first: it writes to the same image"))
+            return False
+        return display.current is None
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        return older_blender.with_gpu(partial(super().execute, context))
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Show the summary in Adjust Last Operation. Only the panel has settings, with a progress bar and Esc."""
+        column = self.layout.column(align=True)
+        for line in context.window_manager.imprint_summary.split("\n"):
+            for part in textwrap.wrap(line, LAST_OPERATION):
+                column.label(text=part, translate=False)
+
+    def show(self, context: bpy.types.Context, lines: Iterable[str], warnings: Iterable[str]) -> None:
+        """Show the lines of a summary and warnings in the status bar, the Info editor and the panel."""
+        manager, lines, warnings = context.window_manager, list(lines), list(warnings)
+        for warning in warnings:
+            self.report({"WARNING"}, warning)
+        self.report({"INFO"}, ". ".join(lines))
+        manager.imprint_summary, manager.imprint_warnings = "\n".join(lines), "\n".join(warnings)
 
 
 class IMPRINT_OT_stop(bpy.types.Operator):

@@ -1,13 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Operators that bake: they collect arguments, run the jobs, and report."""
 
-import textwrap
-from functools import partial
-
 import bpy
 from bpy.props import CollectionProperty, IntProperty, StringProperty
 
-from .. import older_blender
 from ..core import progress
 from ..core.errors import BakeError
 from ..core.report import Report
@@ -19,36 +15,20 @@ from . import modal
 from .bake_results import results
 from .live.live_switch import live
 from .properties import Options
-from .translations.lookup import LABEL, tooltip
+from .translations.lookup import LABEL
 from .viewport import show_result
 from .viewport.progress_display import display
 
-LAST_OPERATION = 40
-"""Characters in a line of Adjust Last Operation, a box that Blender makes no wider for its text."""
 
-
-class _Bake(modal.SlicedOperator):
+class _Bake(modal.MapOperator):
     """An operator that bakes maps; `task` returns their reports."""
 
-    @classmethod
-    def poll(cls, _context: bpy.types.Context) -> bool:
-        if live.is_on:
-            cls.poll_message_set(tooltip("Stop Live first: it writes to the same image"))
-            return False
-        return display.current is None
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        return older_blender.with_gpu(partial(super().execute, context))
-
     def finish(self, context: bpy.types.Context, result: list[Report]) -> None:
-        _report(self, context, result)
-
-    def draw(self, context: bpy.types.Context) -> None:
-        """Show the summary in Adjust Last Operation. Only the panel has settings, with a progress bar and Esc."""
-        column = self.layout.column(align=True)
-        for line in context.window_manager.imprint_summary.split("\n"):
-            for part in textwrap.wrap(line, LAST_OPERATION):
-                column.label(text=part, translate=False)
+        lines = [line for report in result for line in report.summary()]
+        self.show(context, lines, [warning for report in result for warning in report.warnings])
+        results.remember(context, result)
+        if self.options.is_invoke and context.window is not None and context.scene.imprint.show_result:
+            show_result.bake(context, result)
 
 
 class _OnePair(_Bake, Options):
@@ -163,20 +143,6 @@ class IMPRINT_OT_bake_pairs(_Bake, bpy.types.Operator):
             self.report({"WARNING"}, problem)
         steps = bake_jobs.work(context, jobs, settings.to_settings(), pace, share_image=settings.share_image)
         return (yield from steps)
-
-
-def _report(operator: bpy.types.Operator, context: bpy.types.Context, reports: list[Report]) -> None:
-    """Show the summary and warnings in the status bar, the Info editor and the panel."""
-    manager = context.window_manager
-    lines, warnings = [line for report in reports for line in report.summary()], []
-    for warning in (warning for report in reports for warning in report.warnings):
-        operator.report({"WARNING"}, warning)
-        warnings.append(warning)
-    operator.report({"INFO"}, ". ".join(lines))
-    manager.imprint_summary, manager.imprint_warnings = "\n".join(lines), "\n".join(warnings)
-    results.remember(context, reports)
-    if operator.options.is_invoke and context.window is not None and context.scene.imprint.show_result:
-        show_result.bake(context, reports)
 
 
 CLASSES = (IMPRINT_OT_bake, IMPRINT_OT_bake_sequence, IMPRINT_OT_live, IMPRINT_OT_bake_pairs)

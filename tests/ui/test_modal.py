@@ -42,7 +42,7 @@ class Button(modal.SlicedOperator):
     """An operator of the add-on, run as a button in the window, in the shortest slices."""
 
     def __init__(self, operator, **properties):
-        for name in ("task", "finish", "job", "wanted", "to_settings"):
+        for name in ("task", "finish", "show", "job", "wanted", "to_settings"):
             if hasattr(operator, name):
                 setattr(self, name, getattr(operator, name).__get__(self))
         self.low = self.cage = ""
@@ -262,7 +262,7 @@ def test_adjust_last_operation_shows_the_summary_and_no_settings(pair):
     layout = SimpleNamespace(column=lambda *, align: SimpleNamespace(label=label))
     operators.IMPRINT_OT_bake.draw(SimpleNamespace(layout=layout), bpy.context)
     assert "64 x 64" in " ".join(texts)
-    assert max(map(len, texts)) <= operators.LAST_OPERATION
+    assert max(map(len, texts)) <= modal.LAST_OPERATION
     assert "REGISTER" not in operators.IMPRINT_OT_live.bl_options
 
 

@@ -2,11 +2,9 @@
 """The operator that converts an existing map with the settings of the panels."""
 
 from dataclasses import fields
-from functools import partial
 
 import bpy
 
-from ... import older_blender
 from ...core.conversion.conversion_report import ConversionReport
 from ...core.conversion.stored_normals import StoredNormals
 from ...core.errors import BakeError
@@ -14,27 +12,14 @@ from ...core.progress import Pace, Task
 from ...jobs import convert
 from ...jobs.convert import Conversion
 from .. import modal
-from ..live.live_switch import live
-from ..translations.lookup import tooltip
-from ..viewport.progress_display import display
 
 
-class IMPRINT_OT_convert(modal.SlicedOperator, bpy.types.Operator):
+class IMPRINT_OT_convert(modal.MapOperator, bpy.types.Operator):
     """Make a new normal map for the low-poly object of the chosen one, in the space and the basis of the panel Map"""
 
     bl_idname = "imprint.convert"
     bl_label = "Convert"
     bl_options = {"REGISTER", "UNDO"}
-
-    @classmethod
-    def poll(cls, _context: bpy.types.Context) -> bool:
-        if live.is_on:
-            cls.poll_message_set(tooltip("Stop Live first: it writes to the same image"))
-            return False
-        return display.current is None
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        return older_blender.with_gpu(partial(super().execute, context))
 
     def task(self, context: bpy.types.Context, pace: Pace) -> Task[ConversionReport]:
         settings = context.scene.imprint
@@ -48,11 +33,7 @@ class IMPRINT_OT_convert(modal.SlicedOperator, bpy.types.Operator):
         return (yield from convert.work(context, conversion, settings.to_settings(), pace))
 
     def finish(self, context: bpy.types.Context, result: ConversionReport) -> None:
-        manager = context.window_manager
-        for warning in result.warnings:
-            self.report({"WARNING"}, warning)
-        self.report({"INFO"}, ". ".join(result.summary()))
-        manager.imprint_summary, manager.imprint_warnings = "\n".join(result.summary()), "\n".join(result.warnings)
+        self.show(context, result.summary(), result.warnings)
 
 
 CLASSES = (IMPRINT_OT_convert,)
