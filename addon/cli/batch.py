@@ -36,7 +36,6 @@ from . import (
     standard_streams,
 )
 from .batch_results import Result
-from .converting import conversions
 from .mesh_files.importers import Space
 from .scene_files import Stage
 from .terminal_progress import Meter
@@ -235,6 +234,8 @@ def _baked(opened: Opened, meter: Meter, said: list[str]) -> tuple[list[Report],
 
     speed, reports = progress.Pace(bake_jobs.PROGRESS_SECONDS, has_picture=False), []
     if options.convert:
+        from .converting import conversions  # here, since a bake does not need it
+
         return [progress.finish(conversions.work(bpy.context, jobs[0], options, settings), on_step)], False
     if options.frames:
         work = sequence.work(bpy.context, jobs[0], settings, run_clashes.frames(options), speed, reports=reports)

@@ -14,7 +14,6 @@ from ..core.progress import Progress
 from . import batch, batch_results, interruption, run_clashes, standard_streams
 from .batch import Plan
 from .batch_results import Result
-from .lod import lod_command
 from .scene_files import Stage
 from .starting import lean_blender
 from .terminal_progress import Meter
@@ -22,18 +21,25 @@ from .usage import arguments, job_file
 from .usage.arguments import WrongUsage
 from .usage.options import STDOUT
 
+LOD = "lod"
+"""The first argument for levels of detail."""
 DONE, FAILED, WRONG_USAGE = 0, 1, 2
 
 
 def run(words: Sequence[str], program: str = "imprint") -> int:
-    """Bake according to `words`, the arguments, or make levels of detail if the first one is `lod`.
+    """Bake according to `words`, the arguments, or make levels of detail if the first one is LOD.
 
     Returns the exit code; errors and warnings go to stderr, a line each.
     """
     with interruption.listening(), standard_streams.ours():
-        is_lod = words[:1] == [lod_command.WORD]
-        done = lod_command.run(words[1:], program) if is_lod else _run(words, program)
+        done = _make_levels(words[1:], program) if words[:1] == [LOD] else _run(words, program)
         return interruption.code() or done
+
+
+def _make_levels(words: Sequence[str], program: str) -> int:
+    from .lod import lod_command  # here, since a bake does not need it
+
+    return lod_command.run(words, f"{program} {LOD}")
 
 
 def _run(words: Sequence[str], program: str) -> int:

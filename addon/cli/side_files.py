@@ -8,7 +8,6 @@ import bpy
 
 from ..core.names import file_names
 from ..core.report import Report
-from ..export import engine_files
 from ..output.files.atomic_file import replacing
 from . import standard_streams
 from .starting import lean_blender
@@ -23,6 +22,8 @@ def export(reports: Sequence[Report], output: str, *, are_levels: bool = False) 
     are_levels: whether those in one file are levels of detail of one object, from the finest. Returns the reports with what the
     files show. Raises BakeError.
     """
+    from ..export import engine_files  # here, since a bake without exports does not need it
+
     lean_blender.complete(*EXPORTERS.get(Path(output).suffix.lower(), ()))
     by_low: dict[int, list[Report]] = {}
     for report in reports:

@@ -28,7 +28,6 @@ from ..usage import arguments
 from ..usage.arguments import WrongUsage
 from ..usage.options import STDOUT
 
-WORD = "lod"
 DONE, FAILED, WRONG_USAGE = 0, 1, 2
 _REFUSED = ("high", "cage", "pairs", "high_file", "cage_file", "frames", "high_up", "convert")
 """Options of a bake that a chain has no use for."""
@@ -42,10 +41,10 @@ def run(words: Sequence[str], program: str) -> int:
     except SystemExit as stop:  # argparse has printed the help
         return stop.code
     except WrongUsage as error:
-        print(f"{program} {WORD}: {error}. See --help.", file=sys.stderr)
+        print(f"{program}: {error}. See --help.", file=sys.stderr)
         return WRONG_USAGE
     except WrongPlace as error:
-        print(f"{program} {WORD}: {error}", file=sys.stderr)
+        print(f"{program}: {error}", file=sys.stderr)
         return WRONG_USAGE
     with Meter(sys.stderr) as meter:
         try:
@@ -59,13 +58,13 @@ def run(words: Sequence[str], program: str) -> int:
             _print(report, options, program)
             return DONE
         meter.clear()
-    print(f"{program} {WORD}: {problem}", file=sys.stderr)
+    print(f"{program}: {problem}", file=sys.stderr)
     return FAILED
 
 
 def _parser(program: str) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog=f"{program} {WORD}",
+        prog=program,
         usage="%(prog)s [FILE ...] --low NAME --output MAP [--degrees 1,2,4] [--distance 1] [option ...]\n"
         "       %(prog)s --low-file FILE --output MAP [--degrees 1,2,4] [--distance 1] [option ...]",
         description="Make levels of detail of one mesh: for each limit the coarsest mesh with the same UV layout that, with "
@@ -97,9 +96,9 @@ def _read(words: Sequence[str], program: str) -> tuple[list[Limit], argparse.Nam
     options = arguments.parse(rest, program)
     wrong = next((name for name in _REFUSED if getattr(options, name)), None)
     if wrong:
-        raise WrongUsage(f"--{wrong.replace('_', '-')} is not for {WORD}, which makes coarser meshes of one mesh")
+        raise WrongUsage(f"--{wrong.replace('_', '-')} is not for lod, which makes coarser meshes of one mesh")
     if options.jobs:
-        raise WrongUsage(f"--jobs is not for {WORD}, which makes coarser meshes of one mesh")
+        raise WrongUsage("--jobs is not for lod, which makes coarser meshes of one mesh")
     arguments.check(options)
     degrees = own.degrees if own.degrees is not None else "" if own.distance else level_report.DEGREES
     try:
@@ -174,7 +173,7 @@ def _source(options: argparse.Namespace, stage: Stage) -> bpy.types.Object:
 def _print(report: ChainReport, options: argparse.Namespace, program: str) -> None:
     out = sys.stderr if options.report == STDOUT else sys.stdout
     for warning in report.warnings:
-        print(f"{program} {WORD}: warning: {warning}", file=sys.stderr)
+        print(f"{program}: warning: {warning}", file=sys.stderr)
     print("\n".join([*report.table(), report.summary()[-1]]), file=out)
     written = [path for level in report.levels for path in level.bake.output]
     written += [path for level in report.levels for path in level.bake.export.get("files", ())]
