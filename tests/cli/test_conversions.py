@@ -80,7 +80,18 @@ WRONG = {
     "no file": (1, ["missing.png"], "'missing.png' does not exist."),
     "normals that point inwards": (1, ["tangent.png", "--from-blue", "-z"], "choose another From Space"),
     "the same file": (2, ["tangent.png", "--output", "tangent.png"], "the map to convert"),
-    "other maps": (2, ["tangent.png", "--maps", "height"], "--convert converts one normal map"),
+    "other maps": (2, ["tangent.png", "--maps", "height"], "--convert converts one normal map: leave out --maps"),
+    "a mask": (2, ["tangent.png", "--mask"], "leave out --mask"),
+    "several of them": (
+        2,
+        ["tangent.png", "--texture-sets", "--readers", "three", "--no-normal"],
+        "leave out --no-normal, --texture-sets, --readers",
+    ),
+    "a packed image": (2, ["tangent.png", "--pack", "gltf"], "leave out --pack"),
+    "an attribute": (2, ["tangent.png", "--vertex-domain", "corner"], "leave out --vertex-domain"),
+    "a material": (2, ["tangent.png", "--connect-maps"], "leave out --connect-maps"),
+    "pairs": (2, ["tangent.png", "--pairs"], "leave out --pairs"),
+    "frames": (2, ["tangent.png", "--frames", "1-2"], "leave out --frames"),
     "the same axis twice": (2, ["tangent.png", "--from-red", "+y"], "give each channel another axis"),
 }
 

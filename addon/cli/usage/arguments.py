@@ -11,7 +11,7 @@ from pathlib import PurePath
 
 from ...core import file_formats, udim
 from ...core.conversion.stored_normals import StoredNormals
-from ...core.declarations.choices import Pack, Space, Storage
+from ...core.declarations.choices import Space, Storage
 from ...core.errors import BakeError
 from ...core.names import file_names
 from ...core.settings import Settings
@@ -134,12 +134,33 @@ def _wrong_subjects(options: argparse.Namespace, unread: Collection[str]) -> Ite
         yield "--low-file, --high-file and --cage-file go together, without FILE, --low, --high and --cage"
     if options.high_up and not (options.high_file or options.pairs):
         yield "--high-up is for --high-file"
-    if options.convert and (options.pairs or options.frames or options.maps or options.pack != Pack.NONE):
-        yield "--convert converts one normal map: leave out --pairs, --frames, --maps and --pack"
+    if options.convert and (others := _not_converted(options)):
+        yield f"--convert converts one normal map: leave out {', '.join(others)}"
     if options.convert and options.export:
         yield "--export follows a bake: leave it out with --convert"
     if options.pairs and options.frames:
         yield "--frames is for one low object, --pairs for many"
+
+
+_OF_BAKES = {
+    "pairs": "pairs",
+    "frames": "frames",
+    "no-normal": "normal",
+    "maps": "maps",
+    "pack": "pack",
+    "texture-sets": "texture_sets",
+    "vertex-domain": "vertex_domain",
+    "connect-maps": "connect_maps",
+    "mask": "mask",
+    "readers": "readers",
+}
+"""Options that ask for what a conversion does not make, and where their values are."""
+
+
+def _not_converted(options: argparse.Namespace) -> list[str]:
+    """Those of these options that are given."""
+    usual = parser("imprint").get_default
+    return [f"--{word}" for word, name in _OF_BAKES.items() if vars(options)[name] != usual(name)]
 
 
 def _wrong_export(options: argparse.Namespace) -> Iterator[str]:
