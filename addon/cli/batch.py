@@ -2,12 +2,10 @@
 """Runs the bakes of the command line. A bake that fails does not stop the others."""
 
 import argparse
-import os
 import sys
 import time
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext, suppress
-from copy import copy
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -30,56 +28,17 @@ from . import (
     input_checks,
     interruption,
     memory_check,
-    run_clashes,
     scene_files,
     side_files,
     standard_streams,
 )
 from .batch_results import Result
 from .mesh_files.importers import Space
+from .plan import run_clashes
+from .plan.plans import Plan, subject
 from .scene_files import Stage
 from .terminal_progress import Meter
 from .usage import arguments
-
-
-@dataclass(frozen=True)
-class Plan:
-    """A bake to do: its name, its options, and why it cannot be done, if that is known."""
-
-    name: str
-    options: argparse.Namespace
-    problem: str = ""
-
-
-def plans(sets: Sequence[argparse.Namespace]) -> tuple[list[Plan], list[str]]:
-    """The bakes of several sets, and sentences about unpaired files. A folder of pairs makes a bake for each pair."""
-    result, problems = [], []
-    for number, options in enumerate(sets, 1):
-        label = "{}" if len(sets) == 1 else f"set {number} ({{}})"
-        name = label.format(subject(options))
-        if not arguments.is_folder(options):
-            result.append(Plan(name, options))
-            continue
-        try:
-            found, left = scene_files.pairs(options.pairs, options.suffixes)
-        except BakeError as error:
-            result.append(Plan(name, options, str(error)))
-            continue
-        problems += left
-        for pair, problem in found:
-            own = copy(options)
-            own.report = None  # the report is of all pairs
-            own.pairs, own.low_file, own.high_file, own.cage_file = None, pair.low, pair.highs, pair.cage
-            result.append(Plan(label.format(subject(own)), own, problem))
-    return result, problems
-
-
-def subject(options: argparse.Namespace) -> str:
-    """A short name for what is baked: the low object, its file, or the scene."""
-    if options.low or options.low_file:
-        return options.low or Path(options.low_file).stem
-    place = options.pairs if arguments.is_folder(options) else (*options.file, bpy.data.filepath)[0]
-    return os.path.basename(os.path.abspath(place))  # a folder may be called "."
 
 
 def bake_all(
@@ -143,7 +102,7 @@ def open_files(plan: Plan, stage: Stage, files: run_clashes.Run, meter: Meter) -
     """
     if plan.problem:
         raise BakeError(plan.problem)
-    options, name = plan.options, plan.name or subject(plan.options)
+    options, name = plan.options, plan.name or subject(plan.options, bpy.data.filepath)
     interruption.note(name)
     settings = arguments.settings(options)
     # Opening a file can take long, so check first that the results can be written.
@@ -151,10 +110,11 @@ def open_files(plan: Plan, stage: Stage, files: run_clashes.Run, meter: Meter) -
         if path and file_names.LOW not in str(path):
             check_writable(Path(path).absolute())
     if meter.is_on:
-        meter.show(subject(options), progress.Progress("Opening", 0.0))
+        meter.show(subject(options, bpy.data.filepath), progress.Progress("Opening", 0.0))
     with startup.spent("opening"):
         jobs, problems = _jobs(options, stage)
-    files.opened(plan.name, options, [bake_jobs.ATLAS] if _share_image(options) else [job.low.name for job in jobs])
+    lows = [file_names.ATLAS] if _share_image(options) else [job.low.name for job in jobs]
+    files.opened(plan.name, options, lows, scene_files.used(options))
     notes = input_checks.check_pages(options, settings, jobs)
     hints = input_checks.fit_hints(options, jobs)
     notes += input_checks.rounded_coordinates(options, jobs)

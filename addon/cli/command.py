@@ -11,9 +11,10 @@ import bpy
 
 from ..core.errors import BakeError, WrongPlace, sentence
 from ..core.progress import Progress
-from . import batch, batch_results, interruption, run_clashes, standard_streams
-from .batch import Plan
+from . import batch, batch_results, interruption, standard_streams
 from .batch_results import Result
+from .plan import plans, run_clashes
+from .plan.plans import Plan
 from .scene_files import Stage
 from .starting import lean_blender
 from .terminal_progress import Meter
@@ -45,7 +46,7 @@ def _make_levels(words: Sequence[str], program: str) -> int:
 def _run(words: Sequence[str], program: str) -> int:
     try:
         options, sets = _read(words, program)
-        plans, problems, files = _plan(options, sets)
+        planned, problems, files = _plan(options, sets)
     except SystemExit as stop:  # argparse has printed the help
         return stop.code
     except WrongUsage as error:
@@ -59,8 +60,8 @@ def _run(words: Sequence[str], program: str) -> int:
         try:
             if _are_many(options):
                 _warn(program, problems)
-                return _bake_many(plans, files, options.report, program, meter)
-            return _bake_one(plans[0], files, program, meter)
+                return _bake_many(planned, files, options.report, program, meter)
+            return _bake_one(planned[0], files, program, meter)
         except WrongPlace as error:
             meter.clear()
             return _refuse(program, error)
@@ -96,19 +97,19 @@ def _plan(
     Raises WrongPlace with a line for each bake that would harm a file.
     """
     are_many = _are_many(options)
-    plans, problems = batch.plans(sets) if are_many else ([Plan("", options)], [])
-    files = run_clashes.Run()
+    planned, problems = plans.plans(sets, bpy.data.filepath) if are_many else ([Plan("", options)], [])
+    files = run_clashes.Run(bpy.data.filepath)
     found = files.add(
-        [(plan.name, plan.options) for plan in plans],
+        [(plan.name, plan.options) for plan in planned],
         options.jobs,
         options.report if are_many else None,
         [own.pairs for own in sets if arguments.is_folder(own)],
     )
     if found:
         raise WrongPlace("\n".join(found))
-    if any(plan.options.save_blend or plan.options.export for plan in plans):
+    if any(plan.options.save_blend or plan.options.export for plan in planned):
         lean_blender.complete()  # before a file is opened: Cycles brings its settings in old files up to date
-    return plans, problems, files
+    return planned, problems, files
 
 
 def _refuse(program: str, error: Exception, hint: str = "") -> int:
@@ -133,7 +134,8 @@ def _bake_one(plan: Plan, files: run_clashes.Run, program: str, meter: Meter) ->
             raise
         meter.clear()
         seconds = time.perf_counter() - start
-        return _fail(Result(batch.subject(options), error=sentence(error), seconds=seconds), options.report, program)
+        name = plans.subject(options, bpy.data.filepath)
+        return _fail(Result(name, error=sentence(error), seconds=seconds), options.report, program)
     meter.clear()
     out = _out(options.report)
     _warn(program, result.unsaid)
@@ -156,7 +158,7 @@ def _fail(result: Result, report: str | None, program: str) -> int:
     return FAILED
 
 
-def _bake_many(plans: Sequence[Plan], files: run_clashes.Run, report: str | None, program: str, meter: Meter) -> int:
+def _bake_many(planned: Sequence[Plan], files: run_clashes.Run, report: str | None, program: str, meter: Meter) -> int:
     """Bake all plans, then print a table, and write the report of all."""
     path = batch_results.report_file(report)
     file = batch_results.ReportFile(path) if path else None
@@ -169,12 +171,12 @@ def _bake_many(plans: Sequence[Plan], files: run_clashes.Run, report: str | None
         if file:
             file.update(done)
 
-    found = batch.bake_all(plans, files, meter, on_result)
+    found = batch.bake_all(planned, files, meter, on_result)
     meter.clear()
     finished = sum(1 for result in found if not result.is_stopped)
-    if finished < len(plans):
-        print(f"{program}: stopped, {finished} of {len(plans)} were finished.", file=sys.stderr)
-    print("\n".join(batch_results.table(found, len(plans))), file=_out(report))
+    if finished < len(planned):
+        print(f"{program}: stopped, {finished} of {len(planned)} were finished.", file=sys.stderr)
+    print("\n".join(batch_results.table(found, len(planned))), file=_out(report))
     if file:
         file.write(found)
         print(f"Wrote {path}")

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Scenes for a bake without a window: a .blend is opened, mesh files are imported into an empty scene."""
 
+import argparse
 import os
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -10,12 +11,13 @@ from pathlib import Path
 import bpy
 
 from ..core.errors import BakeError
-from ..core.names.name_matching import Pair, Suffixes, match
+from ..core.file_formats import OPENED
 from ..jobs.job import Job
+from ..output import datablocks
 from ..output.files.atomic_file import reason
 from ..scene.visibility import put
 from . import interruption, standard_streams
-from .mesh_files.importers import ENDINGS, IMPORTERS, PLAIN, Space, import_file
+from .mesh_files.importers import IMPORTERS, PLAIN, Space, import_file
 
 
 class Stage:
@@ -83,45 +85,12 @@ class Stage:
         return Job(low_object, high_objects, cage_object)
 
 
-def pairs(folder: str, suffixes: Suffixes) -> tuple[list[tuple[Pair, str]], list[str]]:
-    """The pairs among the mesh files of a folder, as paths, each with what is wrong with it or "".
-
-    Also sentences about unpaired files. Raises BakeError if there is no pair.
-    """
-    try:
-        files = sorted(path for path in Path(folder).iterdir() if _ending(path) in ENDINGS)
-    except OSError as error:
-        raise BakeError(f"The folder {folder!r} cannot be read: {reason(error)}.") from error
-    files, strange = _split(files)
-    places: dict[str, list[Path]] = {}
-    for path in files:
-        places.setdefault(path.stem, []).append(path)
-    found, problems = match(places, suffixes)
-    problems += [f"{str(path)!r} is left out: its name is not UTF-8, as all names in Blender are." for path in strange]
-    if not found:
-        raise BakeError(" ".join(problems) or f"No mesh file in {folder!r} has a name that ends in {suffixes.low!r}.")
-    result = []
-    for pair in found:
-        names = [pair.low, *pair.highs, *([pair.cage] if pair.cage else [])]
-        twice = next((places[name] for name in names if len(places[name]) > 1), None)
-        problem = f"{twice[0].name!r} and {twice[1].name!r} share a name: remove one of them." if twice else ""
-        low, highs, cage = str(places[pair.low][0]), [str(places[high][0]) for high in pair.highs], pair.cage
-        result.append((Pair(pair.name, low, highs, str(places[cage][0]) if cage else ""), problem))
-    return result, problems
-
-
-def _split(files: Sequence[Path]) -> tuple[list[Path], list[Path]]:
-    """The files that Blender can open, and those whose names are not UTF-8."""
-    strange = [path for path in files if str(path) != str(path).encode(errors="replace").decode()]
-    return [path for path in files if path not in strange], strange
-
-
 def bring(name: str, space: Space) -> list[bpy.types.Object]:
     """Import a file, or append the objects of a .blend; returns the meshes that have faces. Raises BakeError."""
     interruption.check()
     path = _existing(name)
-    if _ending(path) not in ENDINGS:
-        raise BakeError(f"{str(path)!r} is no mesh file that can be imported: {', '.join(ENDINGS)} can.")
+    if _ending(path) not in OPENED:
+        raise BakeError(f"{str(path)!r} is no mesh file that can be imported: {', '.join(OPENED)} can.")
     meshes = [obj for obj in import_file(path, space) if obj.data.polygons or obj.modifiers]
     if not meshes:
         raise BakeError(f"{str(path)!r} holds no mesh with faces.")
@@ -185,3 +154,16 @@ def _only(name: str, meshes: Iterable[bpy.types.Object]) -> bpy.types.Object:
             "file as FILE and name one of them."
         )
     return first
+
+
+def used(options: argparse.Namespace) -> Iterator[tuple[str, str]]:
+    """The files that the open scene uses beside its own, and what they are: libraries, caches, textures of imported meshes."""
+    yield from (
+        (path, what) for path, what in datablocks.sources() if path != bpy.data.filepath
+    )  # it may be saved over
+    # The images of a .blend may be maps of an earlier bake, which the next bake replaces.
+    named = [*options.file, *filter(None, (options.low_file, *options.high_file, options.cage_file))]
+    if named and not any(Path(name).suffix.lower().startswith(".blend") for name in named):
+        for image in bpy.data.images:
+            if image.filepath and image.source in {"FILE", "TILED", "SEQUENCE"}:
+                yield bpy.path.abspath(image.filepath), "a texture of the meshes"

@@ -11,6 +11,7 @@ from ..core import progress
 from ..core.declarations.choices import Occluders
 from ..core.errors import BakeError
 from ..core.names import file_names
+from ..core.names.file_names import ATLAS
 from ..core.progress import Pace, Progress, Task, part
 from ..core.report import Report
 from ..core.settings import Settings
@@ -25,8 +26,6 @@ from .weights import painted_groups
 
 PROGRESS_SECONDS = 0.25
 """Seconds between two calls of a listener."""
-ATLAS = "atlas"
-"""Replaces the low object's name in the name of a shared image."""
 
 
 def bake_pair(

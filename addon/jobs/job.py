@@ -13,7 +13,7 @@ from ..core.names.name_matching import Suffixes, match
 from ..core.settings import Settings
 from ..engine.bands import bands
 from ..output import map_storage, materials, vertex_attributes
-from ..output.output_clashes import settings_by_map
+from ..output.files.planned_files import settings_by_map
 from ..passes.program import in_software
 from ..scene import object_checks
 from ..scene.high_layers.material_sets import MaterialSet

@@ -10,37 +10,18 @@ import bpy
 
 from ..core.declarations.choices import Storage, VertexDomain
 from ..core.errors import BakeError
-from ..core.names import file_names
 from ..core.progress import Pace, Progress, Task, part
 from ..core.report import Report
 from ..core.settings import Settings
 from ..output import datablocks, map_names, materials, output_clashes, outputs
+from ..output.files.frame_files import filled, of_frame, output_for
+from ..output.files.planned_files import settings_by_map
 from ..scene import object_refs
 from . import bake_jobs
 from .job import Job
 
 FRAME_IMAGE = "Imprint frame"
 """The image that shows each frame while the sequence is baked."""
-
-
-def output_for(output: str, frame: int) -> str:
-    """The file of a frame: its number replaces the last run of # in the name, or is added before the ending, as _0001."""
-    path = PurePath(output)
-    runs = list(re.finditer("#+", path.stem))
-    if not runs:
-        return str(path.with_stem(f"{path.stem}_{frame:04}"))
-    start, stop = runs[-1].span()
-    return str(path.with_stem(f"{path.stem[:start]}{frame:0{stop - start}}{path.stem[stop:]}"))
-
-
-def filled(settings: Settings, low_name: str) -> Settings:
-    """The settings with the low object's name in the path. A # in that name is replaced, because it means a frame."""
-    return replace(settings, output=file_names.fill(settings.output, low_name.replace("#", "_")))
-
-
-def of_frame(settings: Settings, frame: int) -> Settings:
-    """The settings of one frame, from those with the low object's name filled in."""
-    return replace(settings, output=output_for(settings.output, frame))
 
 
 def work(
@@ -89,7 +70,7 @@ def work(
     finally:
         if object_refs.scene_by_uid(scene) is not None:
             _go_to(scene, before)
-        for map_settings in output_clashes.settings_by_map(frame_base).values():
+        for map_settings in settings_by_map(frame_base).values():
             image = datablocks.get(map_settings.image)
             if image is not None:
                 bpy.data.images.remove(image)

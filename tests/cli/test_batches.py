@@ -14,6 +14,8 @@ import numpy as np
 import pytest
 
 from addon.cli import command, scene_files
+from addon.cli.mesh_files import importers
+from addon.core import file_formats
 from scripts import imprint
 from tests.support import angles, maps, zoo
 
@@ -95,8 +97,9 @@ SAME_PLACE = 0.05
 def test_all_endings_are_in_the_help_and_tested(capsys):
     assert command.run(["--help"]) == command.DONE
     text = capsys.readouterr().out.replace("\n", " ")
-    assert all(ending in text for ending in scene_files.ENDINGS)
-    assert set(EXPORTERS) == set(scene_files.ENDINGS)
+    assert all(ending in text for ending in file_formats.OPENED)
+    assert set(EXPORTERS) == set(file_formats.OPENED)
+    assert (".blend", *importers.IMPORTERS) == file_formats.OPENED
 
 
 @pytest.fixture(scope="module")

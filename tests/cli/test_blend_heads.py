@@ -6,7 +6,7 @@ import struct
 import bpy  # noqa: F401 - with it, Python finds the modules of Blender
 import pytest
 
-from addon.cli import file_references
+from addon.cli.plan import file_references
 
 LIBRARY = b"lib.blend\0" + b"//parts/lib.blend\0" + bytes(8)
 HEADS = {

@@ -15,7 +15,8 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.cli import command, file_references
+from addon.cli import command
+from addon.cli.plan import file_references
 from tests.support import zoo
 
 pytestmark = [

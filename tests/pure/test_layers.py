@@ -2,6 +2,8 @@
 """Tests the structure of the code by reading its source: imports run one way, and files and folders stay small."""
 
 import ast
+import subprocess
+import sys
 from collections import Counter
 from pathlib import PurePath
 
@@ -42,6 +44,8 @@ WITHOUT = {
     "audit": {"bpy", "bmesh"},
 }
 """The modules of Blender that each package must not import."""
+WITHOUT_BLENDER = ("addon/cli/plan", "addon/cli/usage", "addon/output/files")
+"""Folders whose modules need no Blender, although others of their package do. They import only what needs none."""
 MOST_FILES = 12
 """The largest number of modules in a folder."""
 MOST_LINES = 300
@@ -109,6 +113,14 @@ def test_imports_run_one_way(path):
 def test_packages_do_not_import_forbidden_modules(path):
     top = {name.split("/")[0] for name in imports(path)}
     assert not top & WITHOUT[package(path)]
+
+
+@pytest.mark.parametrize("folder", WITHOUT_BLENDER)
+def test_folders_without_blender_import_none(folder):
+    names = [".".join(path.with_suffix("").parts) for path in MODULES if path.parent.as_posix() == folder]
+    program = f"import importlib, sys; [importlib.import_module(name) for name in {names}]; print('bpy' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert done.stdout == "False\n"
 
 
 def test_no_two_modules_have_the_same_name():

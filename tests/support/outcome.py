@@ -12,7 +12,8 @@ import numpy as np
 from addon.core import map_types
 from addon.core.errors import BakeError
 from addon.jobs import bake_jobs, bake_pair
-from addon.output import map_names, output_clashes
+from addon.output import map_names
+from addon.output.files import planned_files
 from tests.support import maps
 from tests.support.snapshot import difference, snapshot
 
@@ -40,7 +41,7 @@ def of_bake(low, highs, settings, folder, cage=None):
         return sentence
     _check_report(report)
     filled = bake_jobs.for_low(settings, report.low)
-    plan = output_clashes.settings_by_map(filled)
+    plan = planned_files.settings_by_map(filled)
     _check_changes(changed, low, [map_settings.image for map_settings in plan.values()])
     expected = set()
     for name, map_settings in plan.items():

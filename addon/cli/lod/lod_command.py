@@ -19,8 +19,9 @@ from ...jobs import bake_jobs
 from ...jobs.lod import level_chain
 from ...output.files.atomic_file import all_or_none, check_writable
 from ...scene import object_refs
-from .. import batch, batch_results, interruption, run_clashes, side_files
+from .. import batch, batch_results, interruption, side_files
 from ..mesh_files.importers import Space
+from ..plan import run_clashes
 from ..scene_files import Stage
 from ..starting import lean_blender
 from ..terminal_progress import Meter
@@ -115,7 +116,7 @@ def _read(words: Sequence[str], program: str) -> tuple[list[Limit], argparse.Nam
 
 def _check_files(options: argparse.Namespace, limits: Sequence[Limit]) -> run_clashes.Run:
     """The files of the chain. Raises WrongPlace, with a line for each file that would be harmed."""
-    files = run_clashes.Run()
+    files = run_clashes.Run(bpy.data.filepath)
     if problems := files.add([("", options)]):
         raise WrongPlace("\n".join(problems))
     if options.save_blend:

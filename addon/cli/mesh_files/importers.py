@@ -32,7 +32,6 @@ IMPORTERS = {
 }
 """Blender's import operators by the ending of files, with further arguments. All of them turn Z up."""
 
-ENDINGS = (".blend", *IMPORTERS)
 WITHOUT_AXES = (".obj", ".ply", ".stl")
 """Endings of formats that do not say which axis is up."""
 _FORWARD = {"Y": "NEGATIVE_Z", "Z": "Y"}

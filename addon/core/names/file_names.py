@@ -6,6 +6,9 @@ import re
 LOW, MATERIAL = "{low}", "{material}"
 """The placeholders for the names of the low object and, in texture sets, of its material."""
 
+ATLAS = "atlas"
+"""Replaces the low object's name in the name of a map that several low objects share."""
+
 _REFUSED = re.compile(r'[<>:"/\\|?*%\x00-\x1f\x7f\ud800-\udfff]|[. ](?=[. ]*$)')
 """Characters that some file systems refuse in a name, or remove from its end, and %, which Blender refuses in paths of UDIM."""
 _DEVICE = re.compile(r"^(con|prn|aux|nul|com\d|lpt\d)(?=\.|$)", re.IGNORECASE)

@@ -12,7 +12,8 @@ from ...core.settings import Settings
 from ...jobs import bake_jobs
 from ...jobs.job import Job
 from ...jobs.texture_sets import by_material
-from ...output import datablocks, map_names, map_storage, output_clashes
+from ...output import datablocks, map_names, map_storage
+from ...output.files import planned_files
 from ...scene import object_checks, vertex_weights
 from ..properties import ImprintSettings
 from ..translations.lookup import message
@@ -104,8 +105,8 @@ def images(low: bpy.types.Object, settings: ImprintSettings) -> list[PlannedImag
 
 def _images(filled: Settings) -> list[PlannedImage]:
     """The images of one texture set."""
-    by_map = output_clashes.settings_by_map(filled)
-    first = output_clashes.first_map(filled)
+    by_map = planned_files.settings_by_map(filled)
+    first = planned_files.first_map(filled)
     return [
         PlannedImage(of_map.image, os.path.basename(bpy.path.abspath(map_names.output_for(of_map))))
         for of_map in [by_map.pop(first), *by_map.values()]

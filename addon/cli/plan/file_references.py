@@ -10,8 +10,6 @@ from pathlib import Path
 from typing import BinaryIO
 from urllib.parse import unquote
 
-from blend_render_info import RawBlendFileReader
-
 MOST = 1 << 24
 """Bytes of a file that are read: an .obj names its materials before its points, and longer JSON contains its buffers."""
 _HEAD_OF_4, _HEAD_OF_5 = re.compile(rb"BLENDER[_-][vV]\d{3}"), re.compile(rb"BLENDER17-01v\d{4}")
@@ -35,7 +33,9 @@ def of(path: Path) -> Iterator[Path]:
 
 def libraries(path: Path) -> list[Path]:
     """The libraries that the .blend at `path` links, found without opening it in Blender. This reads all its blocks."""
-    import zstandard  # part of Blender
+    # Parts of Blender.
+    import zstandard
+    from blend_render_info import RawBlendFileReader
 
     try:
         with RawBlendFileReader(path) as file:

@@ -7,25 +7,24 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import bpy
-
-from ..core.errors import WrongPlace
-from ..core.names import file_names
-from ..core.settings import Settings
-from ..jobs import sequence
-from ..jobs.bake_jobs import ATLAS
-from ..output import datablocks, output_clashes
-from ..output.files.path_clashes import Places
+from ...core.errors import WrongPlace
+from ...core.file_formats import OPENED
+from ...core.names import file_names
+from ...core.names.file_names import ATLAS
+from ...core.settings import Settings
+from ...output.files import frame_files, planned_files
+from ...output.files.path_clashes import Places
+from ..usage import arguments
+from ..usage.options import STDOUT
 from . import file_references
-from .scene_files import ENDINGS
-from .usage import arguments
-from .usage.options import STDOUT
 
 
 class Run:
     """The files of all bakes of one call."""
 
-    def __init__(self):
+    def __init__(self, open_file: str = ""):
+        """open_file: the path of the open .blend, which bakes without a file use."""
+        self._open_file = open_file
         self.places = Places()
         self._known: set[str] = set()
         """The bakes whose maps are in `places`."""
@@ -63,19 +62,21 @@ class Run:
             check("", self.places.write, report, "the report of all")
         return problems
 
-    def opened(self, name: str, options: argparse.Namespace, lows: Sequence[str]) -> None:
-        """Add what is only known once the files of a bake are open. lows: the names of its low objects.
+    def opened(
+        self, name: str, options: argparse.Namespace, lows: Sequence[str], used: Iterable[tuple[str, str]]
+    ) -> None:
+        """Add what is only known once the files of a bake are open. lows: the names of its low objects. used: the files that
+        the open scene uses, and what they are.
 
         Raises WrongPlace if a file would be overwritten.
         """
-        for path, what in _drawn_in(options):
-            if path != bpy.data.filepath:  # it may be saved over
-                self.places.read(path, _of(what, name), name)
+        for path, what in used:
+            self.places.read(path, _of(what, name), name)
         if name not in self._known:
             self._write_maps(name, options, lows)
 
     def _read(self, name: str, options: argparse.Namespace) -> None:
-        for path, what, by in _read_by(options):
+        for path, what, by in _read_by(options, self._open_file):
             self.places.read(path, _of(what, name), (name, by))
 
     def _write(self, name: str, options: argparse.Namespace) -> None:
@@ -106,20 +107,20 @@ def frames(options: argparse.Namespace) -> range:
 
 
 def maps(settings: Settings, low: str, of_frames: Sequence[int] = ()) -> Iterator[tuple[str, str]]:
-    """The files that a bake of the object `low` writes, as output_clashes.files returns them."""
+    """The files that a bake of the object `low` writes, as planned_files.files returns them."""
     if not of_frames:
-        yield from output_clashes.files(replace(settings, output=file_names.fill(settings.output, low)))
+        yield from planned_files.files(replace(settings, output=file_names.fill(settings.output, low)))
     for frame in of_frames:
-        yield from output_clashes.files(sequence.of_frame(sequence.filled(settings, low), frame))
+        yield from planned_files.files(frame_files.of_frame(frame_files.filled(settings, low), frame))
 
 
 def _of(what: str, name: str) -> str:
     return f"{what} of {name}" if name else what
 
 
-def _read_by(options: argparse.Namespace) -> Iterator[tuple[str, str, str]]:
+def _read_by(options: argparse.Namespace, open_file: str) -> Iterator[tuple[str, str, str]]:
     """The files that a bake reads: path, what it is, and "scene" if the saved scene may replace it."""
-    opened = options.file or ([bpy.data.filepath] if not (options.low_file or arguments.is_folder(options)) else [])
+    opened = options.file or ([open_file] if not (options.low_file or arguments.is_folder(options)) else [])
     for path in filter(None, opened):
         yield path, "the file to open", "scene"
     parts = [(options.low_file, "low"), *((name, "high") for name in options.high_file), (options.cage_file, "cage")]
@@ -156,15 +157,4 @@ def _meshes_in(folder: str) -> list[str]:
         names = os.listdir(folder)
     except OSError:  # the bake will report it
         return []
-    return [os.path.join(folder, name) for name in names if name.lower().endswith(ENDINGS)]
-
-
-def _drawn_in(options: argparse.Namespace) -> Iterator[tuple[str, str]]:
-    """The files that the open files use: libraries, caches, textures of imported meshes."""
-    yield from datablocks.sources()
-    # The images of a .blend may be maps of an earlier bake, which the next bake replaces.
-    named = [*options.file, *filter(None, (options.low_file, *options.high_file, options.cage_file))]
-    if named and not any(Path(name).suffix.lower().startswith(".blend") for name in named):
-        for image in bpy.data.images:
-            if image.filepath and image.source in {"FILE", "TILED", "SEQUENCE"}:
-                yield bpy.path.abspath(image.filepath), "a texture of the meshes"
+    return [os.path.join(folder, name) for name in names if name.lower().endswith(OPENED)]

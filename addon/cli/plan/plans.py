@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The bakes of a call, with their names."""
+
+import argparse
+import os
+from collections.abc import Sequence
+from copy import copy
+from dataclasses import dataclass
+from pathlib import Path
+
+from ...core.errors import BakeError
+from ..usage import arguments
+from . import folder_pairs
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A bake to do: its name, its options, and why it cannot be done, if that is known."""
+
+    name: str
+    options: argparse.Namespace
+    problem: str = ""
+
+
+def plans(sets: Sequence[argparse.Namespace], open_file: str = "") -> tuple[list[Plan], list[str]]:
+    """The bakes of several sets, and sentences about unpaired files. A folder of pairs makes a bake for each pair.
+
+    open_file: the path of the open .blend, which sets without a file bake.
+    """
+    result, problems = [], []
+    for number, options in enumerate(sets, 1):
+        label = "{}" if len(sets) == 1 else f"set {number} ({{}})"
+        name = label.format(subject(options, open_file))
+        if not arguments.is_folder(options):
+            result.append(Plan(name, options))
+            continue
+        try:
+            found, left = folder_pairs.pairs(options.pairs, options.suffixes)
+        except BakeError as error:
+            result.append(Plan(name, options, str(error)))
+            continue
+        problems += left
+        for pair, problem in found:
+            own = copy(options)
+            own.report = None  # the report is of all pairs
+            own.pairs, own.low_file, own.high_file, own.cage_file = None, pair.low, pair.highs, pair.cage
+            result.append(Plan(label.format(subject(own, open_file)), own, problem))
+    return result, problems
+
+
+def subject(options: argparse.Namespace, open_file: str = "") -> str:
+    """A short name for what is baked: the low object, its file, or the scene. open_file: as in `plans`."""
+    if options.low or options.low_file:
+        return options.low or Path(options.low_file).stem
+    place = options.pairs if arguments.is_folder(options) else (*options.file, open_file)[0]
+    return os.path.basename(os.path.abspath(place))  # a folder may be called "."
