@@ -25,8 +25,8 @@ from .formats import fbx, glb, usd
 from .staging import Stage, Staged
 
 FORMATS: dict[str, ModuleType] = dict(zip(file_formats.MESHES, (glb, usd, usd, usd, fbx), strict=True))
-"""By the ending of the file. A module has `write`, `read`, `check`, CHANNELS, HAS_TANGENTS, LINKS_LEVELS and
-SHARES_FOLDER."""
+"""By the ending of the file. A module has `write`, `read`, `check`, CHANNELS, HAS_TANGENTS, LINKS_LEVELS,
+NAMES_FILES and SHARES_FOLDER."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,12 @@ def export(
     lows = [baked_low.read(context, reports) for reports in bakes]
     before_names = f"{path.stem}_" if file_format.SHARES_FOLDER else ""
     with staging.staged(
-        context, lows, file_format.CHANNELS, with_tangents=file_format.HAS_TANGENTS, before_names=before_names
+        context,
+        lows,
+        file_format.CHANNELS,
+        with_tangents=file_format.HAS_TANGENTS,
+        names_files=file_format.NAMES_FILES,
+        before_names=before_names,
     ) as stage:
         files = _written(context, file_format, stage, path, are_levels=are_levels)
         done = [_exported(file_format, stage, one, stage.folder / path.name) for one in stage.objects]

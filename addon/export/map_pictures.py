@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The maps of a bake as PNG files of 8 bits, as engines take them."""
+"""The maps of a bake as PNG files of 8 bits, as engines take them, and files of a material's other textures."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from itertools import chain, count
 from pathlib import Path
 
 import bpy
@@ -11,9 +12,9 @@ import numpy as np
 from ..core import file_formats
 from ..core.errors import BakeError
 from ..core.names.file_names import file_name
+from ..core.udim import FIRST
 from ..output import color_spaces, datablocks, image_file, quantize
 
-AXES = ("X", "Y", "Z")
 CHANNELS = ("+X", "+Y", "+Z")
 """The axes in red, green and blue that glTF and USD expect."""
 
@@ -85,12 +86,13 @@ def directions(texels: np.ndarray) -> np.ndarray:
 
 
 class PictureFiles:
-    """Writes maps as PNG files into a folder, each once, and shows them in temporary images."""
+    """Writes maps and other textures as files into a folder, each once, and shows them in temporary images."""
 
     def __init__(self, folder: Path, made: list[bpy.types.ID], before_names: str):
         """made: receives the images, which the caller removes. before_names: what the files' names begin with."""
         self._folder, self._made, self._before_names = folder, made, before_names
         self._images: dict[tuple, bpy.types.Image] = {}
+        self._names: set[str] = set()
 
     def normal_map(
         self, image: bpy.types.Image, tile: int, stored: Sequence[str], wanted: Sequence[str], *, dither: bool
@@ -119,16 +121,50 @@ class PictureFiles:
             self._images[key] = self._written(texels, self._name(image, tile), color_space, has_alpha=has_alpha)
         return self._images[key]
 
+    def own_file(self, image: bpy.types.Image) -> bpy.types.Image:
+        """Another texture of a material, with a file whose name no other one has. Raises BakeError.
+
+        It is the image itself if that has no file, or several, or is one of these files.
+        """
+        key = (image.name_full, None)
+        if image in self._images.values() or image.source not in {"FILE", "GENERATED"}:
+            return image
+        if key not in self._images:
+            if image.source == "GENERATED" or image.is_dirty:
+                return self.other_map(image, FIRST, has_alpha=True)
+            source = Path(bpy.path.abspath(image.filepath, library=image.library))
+            if image.packed_file is None and not source.is_file():
+                return image
+            content = image.packed_file.data if image.packed_file is not None else source.read_bytes()
+            path = self._path(image.name.removesuffix(source.suffix), source.suffix)
+            path.write_bytes(content)
+            self._images[key] = self._shown(path)
+            self._images[key].colorspace_settings.name = image.colorspace_settings.name
+            self._images[key].alpha_mode = image.alpha_mode
+        return self._images[key]
+
     def _name(self, image: bpy.types.Image, tile: int) -> str:
         return f"{image.name}_{tile}" if image.source == "TILED" else image.name
 
     def _written(self, texels: np.ndarray, name: str, color_space: str, *, has_alpha: bool) -> bpy.types.Image:
-        path = self._folder / f"{file_name(self._before_names + name)}{file_formats.PNG.endings[0]}"
+        path = self._path(name, file_formats.PNG.endings[0])
         image_file.write(texels, path, 8, has_alpha=has_alpha)
-        image = bpy.data.images.load(str(path), check_existing=False)
-        self._made.append(image)
+        image = self._shown(path)
         image.alpha_mode = "CHANNEL_PACKED"
         color_spaces.assign(image, color_space)
+        return image
+
+    def _path(self, name: str, ending: str) -> Path:
+        """A path for a new file. Names that differ in case alone count as equal: some file systems do so."""
+        stem = file_name(self._before_names + name)
+        names = (f"{stem}{number}{ending}" for number in chain([""], (f"_{other}" for other in count(2))))
+        found = next(one for one in names if one.casefold() not in self._names)
+        self._names.add(found.casefold())
+        return self._folder / found
+
+    def _shown(self, path: Path) -> bpy.types.Image:
+        image = bpy.data.images.load(str(path), check_existing=False)
+        self._made.append(image)
         return image
 
 

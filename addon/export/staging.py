@@ -59,12 +59,14 @@ def staged(
     channels: Sequence[str] | None,
     *,
     with_tangents: bool,
+    names_files: bool = False,
     before_names: str = "",
 ) -> Iterator[Stage]:
     """Stage low objects until the block ends. Then nothing of it is left in the file.
 
     channels: the axes that the format's normal maps store, or None for those of the bake. with_tangents: whether meshes have
-    the attribute TANGENTS, in glTF's axes. before_names: what the names of the maps' files begin with. Raises BakeError.
+    the attribute TANGENTS, in glTF's axes. names_files: whether the format tells textures apart by the names of their files.
+    before_names: what those names begin with. Raises BakeError.
     """
     made: list[bpy.types.ID] = []
     groups = set(bpy.data.node_groups)
@@ -79,6 +81,8 @@ def staged(
                 objects.append(_object(low, made, names, with_tangents=with_tangents))
                 collection.objects.link(objects[-1].object)
                 notes += _with_maps(objects[-1], pictures, channels)
+                if names_files:
+                    _name_textures(objects[-1], pictures)
             context.view_layer.update()
             yield Stage(collection, objects, Path(folder), list(dict.fromkeys(notes)))
         finally:  # before names are given back
@@ -217,6 +221,14 @@ def _with_maps(one: Staged, pictures: PictureFiles, channels: Sequence[str] | No
                 own[name] = replace(one_map, image=image)
             notes += materials.connect_maps(one.object, own, uv_layer=layer, slots=[number])
     return notes
+
+
+def _name_textures(one: Staged, pictures: PictureFiles) -> None:
+    """Give the other textures in the materials of a staged object files with names of their own."""
+    for material in one.object.data.materials:
+        for node in material.node_tree.nodes:
+            if node.bl_idname == "ShaderNodeTexImage" and node.image and any(out.is_linked for out in node.outputs):
+                node.image = pictures.own_file(node.image)
 
 
 def _has_alpha(report: Report, map_image: map_images.MapImage) -> bool:

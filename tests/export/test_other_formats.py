@@ -23,6 +23,8 @@ def imported(path):
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     if path.suffix == ".fbx":
         bpy.ops.wm.fbx_import(filepath=str(path))
+    elif path.suffix == ".glb":
+        bpy.ops.import_scene.gltf(filepath=str(path))
     else:
         bpy.ops.wm.usd_import(filepath=str(path))
     (obj,) = (obj for obj in bpy.data.objects if obj.type == "MESH")
@@ -158,6 +160,42 @@ def test_files_in_one_folder_keep_their_own_maps(tmp_path):
         export(tmp_path / f"{name}.usda", report)
     first = normal_map(imported(tmp_path / "one.usda"))
     assert not np.array_equal(first, normal_map(imported(tmp_path / "two.usda")))
+
+
+@pytest.mark.parametrize("ending", [".usda", ".fbx", ".glb"])
+@pytest.mark.parametrize("kind", ["file", "packed", "generated"])
+def test_textures_of_the_same_name_stay_apart(tmp_path, ending, kind):
+    low, high = bent_pair()
+    colors = {"oak": (1.0, 0.0, 0.0), "ash": (0.0, 1.0, 0.0)}
+    for name, color in colors.items():
+        texture = bpy.data.images.new("wood:" if name == "oak" else "Wood?", 8, 8)
+        texture.generated_color = *color, 1.0
+        if kind != "generated":
+            path = tmp_path / name / "wood.png"
+            path.parent.mkdir()
+            texture.save(filepath=str(path))
+            texture = bpy.data.images.load(str(path))
+        if kind == "packed":
+            texture.pack()
+        low.data.materials.append(bpy.data.materials.new(name))
+        tree = low.data.materials[-1].node_tree
+        node = tree.nodes.new("ShaderNodeTexImage")
+        node.image = texture
+        tree.links.new(node.outputs["Color"], tree.nodes["Principled BSDF"].inputs["Base Color"])
+    for face in low.data.polygons[:6]:
+        face.material_index = 1
+    report = bake(low, high)
+    before = snapshot.snapshot()
+    export(tmp_path / f"out{ending}", report)
+    assert snapshot.difference(before, snapshot.snapshot()) == {}
+    if ending == ".usda":
+        assert len({path.name.casefold() for path in (tmp_path / "textures").iterdir()}) == 3
+    obj = imported(tmp_path / f"out{ending}")
+    assert sorted(slot.material.name for slot in obj.material_slots) == ["ash", "oak"]
+    for slot in obj.material_slots:
+        (link,) = slot.material.node_tree.nodes["Principled BSDF"].inputs["Base Color"].links
+        assert tuple(link.from_node.image.pixels[:3]) == colors[slot.material.name]
+        assert link.from_node.image.colorspace_settings.name == "sRGB"
 
 
 def test_only_glb_holds_levels(tmp_path):

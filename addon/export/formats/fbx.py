@@ -13,6 +13,8 @@ from . import imported
 CHANNELS = None
 """The format does not say which axes normal maps store: they stay as the bake has them."""
 HAS_TANGENTS = LINKS_LEVELS = SHARES_FOLDER = False
+NAMES_FILES = True
+"""Textures of the same file name become one."""
 
 
 def check() -> None:

@@ -17,7 +17,7 @@ from .glb_file import Glb
 CHANNELS = ("+X", "+Y", "+Z")
 """The axes that normal maps store."""
 HAS_TANGENTS = LINKS_LEVELS = True
-SHARES_FOLDER = False
+NAMES_FILES = SHARES_FOLDER = False
 LEVELS = "MSFT_lod"
 """The extension whose nodes name others as their coarser levels."""
 

@@ -13,8 +13,8 @@ from . import imported
 CHANNELS = ("+X", "+Y", "+Z")
 """The axes that normal maps store."""
 HAS_TANGENTS = LINKS_LEVELS = False
-SHARES_FOLDER = True
-"""Maps lie in a folder that other files have, too: their names begin with that of the file."""
+NAMES_FILES = SHARES_FOLDER = True
+"""Textures lie in a folder that other files have, too: their names begin with that of the file."""
 
 
 def check() -> None:
