@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import bpy
@@ -54,7 +55,7 @@ def bake_all(
         start = time.perf_counter()
         try:
             interruption.check()
-            result = run(open_files(plan, stage, files, meter), stage, meter)
+            result = run(open_files(plan, stage, files, meter), stage, files, meter)
         except interruption.Stopped:
             result = Result(plan.name, is_stopped=True)
         except (BakeError, MemoryError) as error:
@@ -121,8 +122,8 @@ def open_files(plan: Plan, stage: Stage, files: run_clashes.Run, meter: Meter) -
     return Opened(name, options, settings, jobs, problems, notes, hints)
 
 
-def run(opened: Opened, stage: Stage, meter: Meter) -> Result:
-    """Bake, and save what the options name. Raises BakeError, or Stopped where nothing was finished."""
+def run(opened: Opened, stage: Stage, files: run_clashes.Run, meter: Meter) -> Result:
+    """Bake, and save what the options name. files: must have its plan. Raises BakeError, or Stopped where nothing was finished."""
     options = opened.options
     start_gpu()
     memory = _say_memory(opened, meter)
@@ -135,7 +136,7 @@ def run(opened: Opened, stage: Stage, meter: Meter) -> Result:
             for report in reports
         ]
         if options.export and not is_stopped:
-            reports = side_files.export(reports, options.export)
+            reports = side_files.export(reports, options.export, partial(files.exported, opened.name))
         reports[:1] = [report.with_startup(startup.take()) for report in reports[:1]]
         result = Result(opened.name, reports, opened.problems, are=_kind(options), is_stopped=is_stopped, said=said)
         if opened.scene is not None and not is_stopped:

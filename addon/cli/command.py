@@ -128,7 +128,7 @@ def _bake_one(plan: Plan, files: run_clashes.Run, program: str, meter: Meter) ->
     try:
         opened = batch.open_files(plan, stage, files, meter)
         is_begun = True
-        result = batch.run(opened, stage, meter)
+        result = batch.run(opened, stage, files, meter)
     except (BakeError, MemoryError) as error:
         if isinstance(error, WrongPlace) and not is_begun:
             raise

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Writes what a bake leaves beside its maps: the scene, and the low meshes in a file for an engine."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import bpy
@@ -16,10 +16,12 @@ EXPORTERS = {".fbx": ("io_scene_fbx",)}
 """Blender's add-ons that write files, by their ending, beside those that `lean_blender.complete` loads."""
 
 
-def export(reports: Sequence[Report], output: str, *, are_levels: bool = False) -> list[Report]:
+def export(
+    reports: Sequence[Report], output: str, check_beside: Callable[[str], None], *, are_levels: bool = False
+) -> list[Report]:
     """Write the low meshes of `reports` with their maps to `output`, with a file for each if it has LOW.
 
-    are_levels: whether those in one file are levels of detail of one object, from the finest. Returns the reports with what the
+    check_beside: as in engine_files.export. are_levels: whether those in one file are levels of detail of one object, from the finest. Returns the reports with what the
     files show. Raises BakeError.
     """
     from ..export import engine_files  # here, since a bake without exports does not need it
@@ -34,7 +36,8 @@ def export(reports: Sequence[Report], output: str, *, are_levels: bool = False) 
     for bakes in together:
         path = Path(file_names.fill(output, bakes[0][0].low)).absolute()
         with standard_streams.silence():
-            done = engine_files.export(bpy.context, bakes, path, are_levels=are_levels and len(bakes) > 1)
+            are_linked = are_levels and len(bakes) > 1
+            done = engine_files.export(bpy.context, bakes, path, are_levels=are_linked, check_beside=check_beside)
         found |= {bake[0].refs[0].uid: one for bake, one in zip(bakes, done, strict=True)}
     result = []
     for report in reports:

@@ -53,12 +53,18 @@ def check(path: str) -> None:
 
 
 def export(
-    context: bpy.types.Context, bakes: Sequence[Sequence[Report]], path: Path, *, are_levels: bool = False
+    context: bpy.types.Context,
+    bakes: Sequence[Sequence[Report]],
+    path: Path,
+    *,
+    are_levels: bool = False,
+    check_beside: Callable[[str], None] | None = None,
 ) -> list[Exported]:
     """Write low objects with their maps to `path`, which is absolute.
 
     bakes: for each low object the reports of its last bake, one for each texture set. are_levels: whether they are levels of
-    detail of one object, from the finest. Raises BakeError, and then no file has changed. Nothing else of the scene changes.
+    detail of one object, from the finest. check_beside: called with the path of each file beside that at `path` before the first
+    is written; it may raise BakeError. Raises BakeError, and then no file has changed. Nothing else of the scene changes.
     """
     file_format = _format(path)
     file_format.check()
@@ -77,9 +83,12 @@ def export(
     ) as stage:
         files = _written(context, file_format, stage, path, are_levels=are_levels)
         done = [_exported(file_format, stage, one, stage.folder / path.name) for one in stage.objects]
-        paths = _moved(
-            files, stage.folder, path, {file for low in lows for report in low.reports for file in report.output}
-        )
+        maps = {file for low in lows for report in low.reports for file in report.output}
+        targets = _targets(files, stage.folder, path, maps)
+        for other in targets[1:] if check_beside else ():
+            check_beside(str(other))
+        _move(files, targets)
+    paths = list(map(str, targets))
     return [Exported(one.low, paths, one.triangles, one.basis, one.measured, one.warnings) for one in done]
 
 
@@ -102,25 +111,29 @@ def _written(
         raise BakeError(f"{str(path)!r} could not be written: {atomic_file.reason(error)}.") from error
 
 
-def _moved(files: Sequence[Path], folder: Path, path: Path, maps: Collection[str]) -> list[str]:
-    """Put written files beside `path`, all or none. Returns their paths. maps: files that stay as they are."""
-    paths = [path.parent / file.relative_to(folder) for file in files]
+def _targets(files: Sequence[Path], folder: Path, path: Path, maps: Collection[str]) -> list[Path]:
+    """Where the files written to `folder` go: beside `path`. Raises BakeError for one of `maps`, which stay as they are."""
+    targets = [path.parent / file.relative_to(folder) for file in files]
     known = set(map(os.path.realpath, maps))
-    taken = next((str(one) for one in paths if os.path.realpath(one) in known), None)
+    taken = next((str(one) for one in targets if os.path.realpath(one) in known), None)
     if taken is not None:
         raise BakeError(
             f"The export would replace {taken!r}, a map of the bake: choose another folder for one of them."
         )
+    return targets
+
+
+def _move(files: Sequence[Path], targets: Sequence[Path]) -> None:
+    """Put files in their places, all or none. Raises BakeError."""
     partials = []
     with ExitStack() as discards, atomic_file.all_or_none():
-        for file, target in zip(files, paths, strict=True):
+        for file, target in zip(files, targets, strict=True):
             partials.append(Partial(target))
             discards.callback(partials[-1].discard)
             with partials[-1].writing():
                 partials[-1].temporary.write_bytes(file.read_bytes())
         for partial in partials:
             partial.commit()
-    return [str(one) for one in paths]
 
 
 def _exported(file_format: ModuleType, stage: Stage, one: Staged, path: Path) -> Exported:

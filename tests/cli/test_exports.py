@@ -91,3 +91,22 @@ def test_what_would_harm_files_is_refused(folder, capsys, more, reason):
     assert command.run([*more, "--output", "{low}.png", *SIZE]) != 0
     assert {path: path.read_bytes() for path in folder.iterdir()} == before
     assert reason in capsys.readouterr().err
+
+
+def test_textures_beside_a_file_replace_no_map_of_another_bake(folder, capsys):
+    bake = '[[bake]]\nfile = "rocks.blend"\nlow = "{0}_low"\nhigh = "{0}_high"\noutput = "{1}"\n'
+    texture = "textures/rock_a_low_normal.png"
+    (folder / "jobs.toml").write_text(
+        '[defaults]\nsize = 32\nlimit = "9"\nmethod = "flatten"\nimage = "a_low_normal"\n'
+        + bake.format("a", "a.png")
+        + 'export = "rock.usda"\n'
+        + bake.format("b", texture),
+        encoding="utf-8",
+    )
+    assert command.run(["--jobs", "jobs.toml", "--report", "report.json"]) == 1
+    assert f"would both be {str(folder / texture)!r}" in capsys.readouterr().err
+    first, second = json.loads((folder / "report.json").read_text(encoding="utf-8"))
+    assert (first["ok"], second["ok"]) == (False, True)
+    assert not (folder / "rock.usda").exists()
+    assert not (folder / "a.png").exists()
+    assert [path.name for path in (folder / "textures").iterdir()] == ["rock_a_low_normal.png"]

@@ -5,6 +5,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import bpy
@@ -144,7 +145,9 @@ def _make(options: argparse.Namespace, limits: Sequence[Limit], files: run_clash
         work = level_chain.work(bpy.context, source, limits, settings, pace)
         report = older_blender.with_gpu(lambda: progress.finish(work, on_step))
         if options.export:
-            bakes = side_files.export([level.bake for level in report.levels], options.export, are_levels=True)
+            bakes = side_files.export(
+                [level.bake for level in report.levels], options.export, partial(files.exported, ""), are_levels=True
+            )
             levels, notes = [], dict.fromkeys(report.warnings)
             for level, bake in zip(report.levels, bakes, strict=True):
                 levels.append(replace(level, bake=bake))

@@ -75,6 +75,10 @@ class Run:
         if name not in self._known:
             self._write_maps(name, options, lows)
 
+    def exported(self, name: str, path: str) -> None:
+        """Add a file beside the file for an engine, whose name is only known once that is made. Raises WrongPlace."""
+        self.places.write(path, _of("a texture of the file for an engine", name), name)
+
     def _read(self, name: str, options: argparse.Namespace) -> None:
         for path, what, by in _read_by(options, self._open_file):
             self.places.read(path, _of(what, name), (name, by))
