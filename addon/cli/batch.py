@@ -114,6 +114,8 @@ def open_files(plan: Plan, stage: Stage, files: run_clashes.Run, meter: Meter) -
         meter.show(subject(options, bpy.data.filepath), progress.Progress("Opening", 0.0))
     with startup.spent("opening"):
         jobs, problems = _jobs(options, stage)
+    for job in jobs:
+        job.is_exported = bool(options.export)
     lows = [file_names.ATLAS] if _share_image(options) else [job.low.name for job in jobs]
     files.opened(plan.name, options, lows, scene_files.used(options))
     notes = input_checks.check_pages(options, settings, jobs)

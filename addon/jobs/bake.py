@@ -94,7 +94,7 @@ def _prepare(context: bpy.types.Context, job: Job, settings: Settings, pace: Pac
     if job.is_for_others:
         with timings.timed("audit"):
             found = low_findings.read(meshes.low, job.low, meshes.uv_layer, settings)
-        early = low_findings.warnings(found)
+        early = low_findings.warnings(low_findings.left(found, is_exported=job.is_exported))
     tiles = tiles_to_bake(meshes, settings)
     yield Progress(f"Looking at {name}", 0.5, warnings=tuple(early))
     with timings.timed("method"):

@@ -73,7 +73,8 @@ def work(
     each finished job, for a caller that closes the generator early.
     """
     settings.check()  # before object names are filled in, which may contain anything
-    is_for_others = low_findings.is_for_others(settings)
+    for job in jobs:
+        job.is_for_others = low_findings.is_for_others(settings, is_exported=job.is_exported)
     settings = settings.read_by(context.scene.render.engine)
     if settings.texture_sets:
         if share_image:
@@ -84,8 +85,6 @@ def work(
         for job, own in zip(jobs, painted_groups.settings_by_job(jobs, settings), strict=True)
     ]
     _find_occluders(jobs, settings)
-    for job in jobs:
-        job.is_for_others = is_for_others
     if share_image:
         output_clashes.check(settings, filled[:1], [ATLAS])
     else:

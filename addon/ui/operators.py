@@ -69,7 +69,9 @@ class _OnePair(_Bake, Options):
             raise BakeError(object_checks.problem(context, low, highs))
         settings = self.to_settings(fallback=scene_settings)
         cage = object_refs.by_name(self.cage) if self.cage else scene_settings.cage_for(settings.method)
-        return Job(low, highs, cage), settings
+        job = Job(low, highs, cage)
+        job.is_exported = bool(scene_settings.export)
+        return job, settings
 
 
 class IMPRINT_OT_bake(_OnePair, bpy.types.Operator):

@@ -24,15 +24,20 @@ def scene(tmp_path):
     return path
 
 
-def test_a_bake_warns_once_before_it_draws(scene, capsys, monkeypatch):
-    drawn, shares = [], bake._shares
+@pytest.fixture
+def drawing(monkeypatch):
+    """Makes each bake print a line before it draws."""
+    shares = bake._shares
 
     def note(plan):
         sys.stderr.write("drawing\n")
-        drawn.append(plan)
         return shares(plan)
 
     monkeypatch.setattr(bake, "_shares", note)
+
+
+@pytest.mark.usefixtures("drawing")
+def test_a_bake_warns_once_before_it_draws(scene, capsys):
     words = [str(scene), "--low", "lo", "--high", "hi", "--method", "flatten", "--size", "16"]
     out, report = str(scene.with_name("map.png")), scene.with_name("report.json")
     assert command.run([*words, "--output", out, "--green", "-y", "--report", str(report)]) == 0
@@ -42,3 +47,22 @@ def test_a_bake_warns_once_before_it_draws(scene, capsys, monkeypatch):
     assert sum("quads" in warning for warning in json.loads(report.read_text())["warnings"]) == 1
     assert command.run([*words, "--output", out]) == 0
     assert "quads" not in capsys.readouterr().err
+
+
+@pytest.mark.usefixtures("drawing")
+@pytest.mark.parametrize("more", [[], ["--green", "-y"]])
+@pytest.mark.parametrize("sets", [[], ["--texture-sets"]])
+def test_an_export_is_warned_of_what_it_does_not_cure(scene, capsys, more, sets):
+    bpy.data.objects["lo"].data.polygons.foreach_set("use_smooth", [False] * 16)
+    for name in ("lo", "hi"):
+        bpy.data.objects[name].data.materials.append(bpy.data.materials.new("stone"))
+    bpy.ops.wm.save_mainfile()
+    words = [str(scene), "--low", "lo", "--high", "hi", "--method", "flatten", "--size", "16", *more, *sets]
+    words += ["--output", str(scene.with_name("{material}.png" if sets else "map.png"))]
+    assert command.run([*words, "--export", str(scene.with_name("out.glb"))]) == 0
+    said = capsys.readouterr().err.partition("drawing")[0]
+    assert "24 hard edges" in said
+    assert "quads" not in said
+    assert command.run(words) == 0
+    said = capsys.readouterr().err.partition("drawing")[0]
+    assert ("hard edges" in said, "quads" in said) == (bool(more), bool(more))

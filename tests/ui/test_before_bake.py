@@ -8,6 +8,7 @@ import pytest
 from addon.core.settings import Settings
 from addon.jobs import bake_jobs
 from addon.jobs.readiness import low_findings
+from addon.ui.bake_results import results
 from addon.ui.readiness.panel_findings import findings
 from tests.support import panel_layout, zoo
 
@@ -110,7 +111,9 @@ def test_mirrored_copies_are_found_and_harmless():
     ],
 )
 def test_only_maps_for_other_programs_are_asked_about(settings, asks):
-    assert low_findings.is_for_others(Settings(**settings)) is asks
+    assert low_findings.is_for_others(Settings(**settings), is_exported=False) is asks
+    in_tangent_space = settings.get("space", "TANGENT") == "TANGENT" and settings.get("normal", True)
+    assert low_findings.is_for_others(Settings(**settings), is_exported=True) is in_tangent_space
 
 
 # The panel
@@ -284,3 +287,13 @@ def test_a_bake_warns_before_it_draws_and_in_its_report(gpu_context):
     assert [report.warnings.count(warning) for warning in said] == [1, 1]
     (report,) = bake_jobs.bake_all(bpy.context, [bake_jobs.Job(low, [high])], Settings(width=32, height=32))
     assert not any("quads" in warning for warning in report.warnings)
+
+
+def test_the_button_warns_as_the_panel_does(gpu_context):
+    settings = set_up(faceted())
+    settings.method = "FLATTEN"
+    for export, has_quads in (("", True), ("//out.glb", False)):
+        settings.export = export
+        bpy.ops.imprint.bake()
+        (report,) = results.all_of(bpy.context, settings.low)
+        assert any("quads" in warning for warning in report.warnings) is has_quads

@@ -6,16 +6,29 @@ from collections.abc import Sequence
 import bpy
 
 from ...audit import before_bake
-from ...audit.before_bake import HARD_EDGES, LAYER, MIRRORED, POLYGONS, Finding, is_for_others, is_in_tangent_space
+from ...audit.before_bake import HARD_EDGES, LAYER, MIRRORED, POLYGONS, Finding
 from ...core.settings import Settings
 from ...mesh.triangle_mesh import Mesh
 from ...scene import mesh_reader
 
-__all__ = ["HARD_EDGES", "LAYER", "MIRRORED", "POLYGONS", "Finding", "is_for_others", "is_in_tangent_space"]
+__all__ = ["HARD_EDGES", "LAYER", "MIRRORED", "POLYGONS", "Finding"]
 CURED_BY_EXPORT = (POLYGONS, LAYER)
 """The kinds that do not matter for files that Imprint exports."""
 MOST_CORNERS = 400_000
 """The largest low mesh, in corners of faces, that `shown` looks at: it takes a few tenths of a second."""
+
+
+def is_for_others(settings: Settings, *, is_exported: bool) -> bool:
+    """Whether a program other than Blender reads the normal map. settings: as in before_bake.is_for_others.
+
+    is_exported: whether Imprint writes the low mesh for an engine. Then it has the triangles and tangents of the bake.
+    """
+    return before_bake.is_for_others(settings) or (is_exported and before_bake.is_in_tangent_space(settings))
+
+
+def left(findings: Sequence[Finding], *, is_exported: bool) -> list[Finding]:
+    """The findings that the export does not cure. is_exported: as in `is_for_others`."""
+    return [finding for finding in findings if not (is_exported and finding.kind in CURED_BY_EXPORT)]
 
 
 def active_layer(low: bpy.types.Object) -> str:

@@ -34,12 +34,11 @@ class PanelFindings:
     ) -> list[Finding]:
         """The findings for a bake of `low`; empty if only Blender reads the map. settings: of the panel, valid.
 
-        is_exported: whether Imprint writes the low mesh for an engine. Then it has the triangles and tangents of the bake.
+        is_exported: as in low_findings.is_for_others.
         """
-        if not (low_findings.is_for_others(settings) or (is_exported and low_findings.is_in_tangent_space(settings))):
+        if not low_findings.is_for_others(settings, is_exported=is_exported):
             return []
-        found = self._of(context, low, low in highs, settings)
-        return [finding for finding in found if not (is_exported and finding.kind in low_findings.CURED_BY_EXPORT)]
+        return low_findings.left(self._of(context, low, low in highs, settings), is_exported=is_exported)
 
     def _of(
         self, context: bpy.types.Context, low: bpy.types.Object, is_own_base: bool, settings: Settings
