@@ -96,7 +96,8 @@ class Report:
     export: dict[str, Any] = field(default_factory=dict)
     """The file for an engine, as it was read back: files, triangles and basis. With a normal map also has_tangents, points (how
     many texels were compared) and degrees: by basis, the median, percentile_95, percentile_99 and maximum of the angles between
-    the normals that a reader with this basis shows of the file and those that were baked. Empty without such a file."""
+    the normals that a reader with this basis shows of the file and those that were baked; readers: the same of the programs that
+    the settings name. Empty without such a file."""
     memory: dict[str, int] = field(default_factory=dict)
     """Bytes that were estimated before the bake: needed of the machine, on_gpu, and free. Empty in a bake from the window, and
     where modifiers decide how large the meshes are."""
@@ -161,6 +162,11 @@ class Report:
             f"{start}; normals, read as {bases.BY_NAME[own].label}, differ by {figures[own]['median']:.2g} degrees (median), "
             f"{figures[own]['percentile_99']:.2g} (99th percentile), at most {figures[own]['maximum']:.2g}"
             + (f"; read with another basis, by (99th percentile): {others}" if others else "")
+            + "".join(
+                f"; {readers.BY_NAME[name].label} is off by {found['median']:.2g} (median), {found['percentile_99']:.2g} "
+                f"(99th percentile), at most {found['maximum']:.2g}"
+                for name, found in how["readers"].items()
+            )
         )
 
     def _other_green(self, name: str) -> str:

@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Measures what an engine would show of a file against what was baked."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..core.declarations import bases
 from ..core.declarations.bases import Basis
+from ..core.declarations.readers import Reader
 from ..core.errors import BakeError
 from . import frames, map_pictures
 from .file_mesh import FileMesh
@@ -36,9 +37,11 @@ class Baked:
 @dataclass(frozen=True)
 class Measured:
     """Degrees between the normals that were baked and those that an engine makes of the file, by the name of its basis: median,
-    percentile_95, percentile_99, maximum. points: how many texels were compared. has_tangents: whether the file has its own."""
+    percentile_95, percentile_99, maximum. readers: the same by the names of programs. points: how many texels were compared.
+    has_tangents: whether the file has its own."""
 
     degrees: dict[str, dict[str, float]]
+    readers: dict[str, dict[str, float]]
     points: int
     has_tangents: bool
 
@@ -59,13 +62,23 @@ def check_surface(baked: Baked, found: FileMesh, name: str) -> None:
         raise BakeError(f"The file has other UVs of {name!r} than were baked: it was not written.")
 
 
-def measure(baked: Baked, found: FileMesh, texels_in: Callable[[int], np.ndarray | None]) -> Measured | None:
+def measure(
+    baked: Baked,
+    found: FileMesh,
+    texels_in: Callable[[int], np.ndarray | None],
+    readers: Sequence[Reader] = (),
+    channels: Sequence[str] = (),
+) -> Measured | None:
     """Compare the normals of texels. texels_in: as Baked.texels_of, of a page of the file. None without normal maps.
+
+    readers: the programs to measure as well. channels: the axes in red, green and blue, where the format does not say them.
 
     Engines make tangents of their own for files without: then those of the bake are taken.
     """
     tangents = baked.tangents if found.tangents is None else found.tangents
-    angles: dict[str, list[np.ndarray]] = {basis.name: [] for basis in bases.BASES}
+    ways = {basis.name: (basis, None) for basis in bases.BASES}
+    ways |= {reader.name: (reader.basis, reader) for reader in readers}
+    angles: dict[str, list[np.ndarray]] = {name: [] for name in ways}
     for page in np.unique(baked.pages).tolist():
         texels = baked.texels_of(page)
         if texels is None:
@@ -80,18 +93,29 @@ def measure(baked: Baked, found: FileMesh, texels_in: Callable[[int], np.ndarray
             baked.basis, _looked_up(texels, uv), weights, baked.normals[triangles], baked.tangents[triangles]
         )
         values = _looked_up(stored, np.einsum("nc,nck->nk", weights, found.uv[triangles]))
-        for basis in bases.BASES:
-            shown = frames.decoded(basis, values, weights, found.normals[triangles], tangents[triangles])
-            angles[basis.name].append(frames.degrees(truth, shown))
+        for name, (basis, reader) in ways.items():
+            read = values if reader is None else _read_by(reader, values, channels)
+            shown = frames.decoded(basis, read, weights, found.normals[triangles], tangents[triangles])
+            angles[name].append(frames.degrees(truth, shown))
     if not any(angles.values()):
         return None
-    all_angles = {name: np.concatenate(parts) for name, parts in angles.items()}
-    count = len(next(iter(all_angles.values())))
+    figures = {name: _figures(np.concatenate(parts)) for name, parts in angles.items()}
     return Measured(
-        {name: _figures(values) for name, values in all_angles.items()},
-        count,
+        {basis.name: figures[basis.name] for basis in bases.BASES},
+        {reader.name: figures[reader.name] for reader in readers},
+        sum(map(len, angles[bases.BASES[0].name])),
         found.has_tangents and found.tangents is not None,
     )
+
+
+def _read_by(reader: Reader, values: np.ndarray, channels: Sequence[str]) -> np.ndarray:
+    """The values (N, 3) that a program reads of a map's. channels: as in `measure`."""
+    read = values.copy()
+    for number, (wanted, stored) in enumerate(zip(("+X", reader.green, "+Z"), channels, strict=False)):
+        read[:, number] = values[:, "XYZ".index(stored[1])] * (1.0 if stored[0] == wanted[0] else -1.0)
+    if reader.rebuilds_z:
+        read[:, 2] = np.sqrt(np.maximum(1.0 - (read[:, :2] ** 2).sum(axis=1), 0.0))
+    return read
 
 
 def points(uv: np.ndarray, width: int, height: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

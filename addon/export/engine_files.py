@@ -13,6 +13,7 @@ import bpy
 import numpy as np
 
 from ..core import file_formats
+from ..core.declarations import readers
 from ..core.errors import BakeError
 from ..core.report import VISIBLE, Report
 from ..output import datablocks
@@ -156,6 +157,8 @@ def _exported(file_format: ModuleType, stage: Stage, one: Staged, path: Path) ->
             baked,
             found,
             _kept(lambda page: _texels_in(found, page, file_format.CHANNELS or one.channels(page), stage.folder)),
+            [readers.BY_NAME[name] for name in low.reports[0].settings["readers"]],
+            () if file_format.CHANNELS else one.channels(0),
         )
     return Exported(low.name, [], len(one.faces), low.basis.name, measured, _warnings(one, measured, stage))
 

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from addon.core.declarations import bases
+from addon.core.declarations import bases, readers
 from addon.core.errors import BakeError
 from addon.export import comparison
 from addon.export.comparison import Baked
@@ -79,6 +79,29 @@ def test_another_surface_is_refused(other, reason):
     comparison.check_surface(baked(), found(), "low")
     with pytest.raises(BakeError, match=reason):
         comparison.check_surface(baked(), found(**other), "low")
+
+
+@pytest.mark.parametrize(
+    ("name", "channels", "read"),
+    [
+        ("three", (), (0.36, 0.48, -0.8)),
+        ("unreal", (), (0.36, 0.48, 0.8)),
+        ("directx", (), (0.36, 0.48, -0.8)),
+        ("three", ("+X", "-Y", "+Z"), (0.36, -0.48, -0.8)),
+        ("directx", ("+X", "-Y", "+Z"), (0.36, 0.48, -0.8)),
+        ("unreal", ("+X", "+Y", "+Z"), (0.36, -0.48, 0.8)),
+        ("three", ("+Z", "-Y", "-X"), (-0.8, -0.48, -0.36)),
+    ],
+)
+def test_programs_read_their_green_and_make_their_z(name, channels, read):
+    vector = np.array((0.36, 0.48, -0.8))
+    measured = comparison.measure(
+        baked(vector), found(), lambda _page: texels(vector), [readers.BY_NAME[name]], channels
+    )
+    angle = np.degrees(np.arccos(np.clip(vector @ read, -1.0, 1.0)))
+    assert measured.readers.keys() == {name}
+    assert measured.readers[name]["median"] == pytest.approx(angle, abs=1e-3)
+    assert measured.degrees["MIKKTSPACE"]["median"] == pytest.approx(0.0, abs=1e-3)
 
 
 def test_a_missing_normal_map_is_refused():

@@ -71,6 +71,20 @@ def test_surface_and_map_are_those_of_the_bake(tmp_path, ending):
 
 
 @pytest.mark.parametrize("ending", [".usda", ".fbx"])
+def test_programs_that_are_named_are_measured_too(tmp_path, ending):
+    low, high = bent_pair()
+    triangulated(low)
+    report = bake(low, high, readers=("three", "unreal"))
+    (done,) = export(tmp_path / f"out{ending}", report)
+    found = done.to_dict()["readers"]
+    assert found["three"] == done.measured.degrees["NORMALIZED"]
+    assert (found["unreal"]["percentile_99"] > 1.0) is (ending == ".fbx")  # which does not say what green is
+    summary = report.with_export(done.to_dict()).exported
+    assert f"; three.js is off by {found['three']['median']:.2g} (median)" in summary
+    assert "Unreal Engine is off by" in summary
+
+
+@pytest.mark.parametrize("ending", [".usda", ".fbx"])
 def test_quads_differ_without_the_tangents_of_the_bake_and_this_is_told(tmp_path, ending):
     low, high = bent_pair()
     report = bake(low, high, size=128)
