@@ -21,9 +21,8 @@ class Reader:
 
     name: on the command line and in job files. label: in the interface and the manual. basis: that it decodes with. green: UP
     or DOWN. rebuilds_z: whether it reads red and green alone and makes z of them, so that no normal has a z below 0. depth:
-    bits per channel that it makes use of. alpha: whether its images have alpha, in which packed ones store a map. file_name:
-    the name of a normal map as its users spell it, with {low} for the low object. preset: the file below presets/imprint
-    that is made for it. settings: what to set in it, in words.
+    bits per channel that it makes use of. alpha: whether its images have alpha, in which packed ones store a map. preset: the
+    file below presets/imprint that is made for it. settings: what to set in it, in words.
     """
 
     name: str
@@ -35,7 +34,6 @@ class Reader:
     rebuilds_z: bool = False
     depth: int = 8
     alpha: bool = False
-    file_name: str = "{low}_normal.png"
 
 
 _LINEAR = "As a normal map, linear"
@@ -65,7 +63,6 @@ READERS = (
         green=DOWN,
         rebuilds_z=True,
         depth=16,
-        file_name="T_{low}_Normal.png",
     ),
     Reader(
         "unity",
@@ -76,7 +73,6 @@ READERS = (
         rebuilds_z=True,
         depth=16,
         alpha=True,
-        file_name="{low}_Normal.png",
     ),
     Reader(
         "unity-built-in",
@@ -87,7 +83,6 @@ READERS = (
         rebuilds_z=True,
         depth=16,
         alpha=True,
-        file_name="{low}_Normal.png",
     ),
     Reader(
         "godot",
@@ -121,7 +116,6 @@ READERS = (
         green=DOWN,
         rebuilds_z=True,
         depth=16,
-        file_name="{low}_ddna.tif",
     ),
     Reader("xnormal", "xNormal", bases.MIKKTSPACE_VERTEX, "Substance and xNormal", _LINEAR, depth=16),
     Reader(
