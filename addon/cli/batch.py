@@ -125,7 +125,10 @@ def open_files(plan: Plan, stage: Stage, files: run_clashes.Run, meter: Meter) -
 
 
 def run(opened: Opened, stage: Stage, files: run_clashes.Run, meter: Meter) -> Result:
-    """Bake, and save what the options name. files: must have its plan. Raises BakeError, or Stopped where nothing was finished."""
+    """Bake, and save what the options name. files: must have the plan.
+
+    Raises BakeError, or Stopped where nothing was finished.
+    """
     options = opened.options
     start_gpu()
     memory = _say_memory(opened, meter)

@@ -96,8 +96,8 @@ class Report:
     export: dict[str, Any] = field(default_factory=dict)
     """The file for an engine, as it was read back: files, triangles and basis. With a normal map also has_tangents, points (how
     many texels were compared) and degrees: by basis, the median, percentile_95, percentile_99 and maximum of the angles between
-    the normals that a reader with this basis shows of the file and those that were baked; readers: the same of the programs that
-    the settings name. Empty without such a file."""
+    the normals that a reader with this basis shows of the file and those that were baked; readers: the same of the programs
+    that the settings name. Empty without such a file."""
     memory: dict[str, int] = field(default_factory=dict)
     """Bytes that were estimated before the bake: needed of the machine, on_gpu, and free. Empty in a bake from the window, and
     where modifiers decide how large the meshes are."""

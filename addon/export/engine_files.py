@@ -64,8 +64,8 @@ def export(
     """Write low objects with their maps to `path`, which is absolute.
 
     bakes: for each low object the reports of its last bake, one for each texture set. are_levels: whether they are levels of
-    detail of one object, from the finest. check_beside: called with the path of each file beside that at `path` before the first
-    is written; it may raise BakeError. Raises BakeError, and then no file has changed. Nothing else of the scene changes.
+    detail of one object, from the finest. check_beside: called with the path of each file beside that at `path` before any is
+    written; it may raise BakeError. Raises BakeError, and then no file has changed. Nothing else of the scene changes.
     """
     file_format = _format(path)
     file_format.check()
