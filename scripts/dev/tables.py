@@ -18,6 +18,7 @@ sys.path.insert(0, str(ROOT))
 from addon.cli.usage.job_file import KEYS  # noqa: E402
 from addon.cli.usage.option_types import word_for  # noqa: E402
 from addon.cli.usage.options import FILE, JOBS, OPTIONS, CommandOption  # noqa: E402
+from addon.cli.usage.run_options import RUN_OPTIONS, TITLE  # noqa: E402
 from addon.core import file_formats, map_types, udim  # noqa: E402
 from addon.core.declarations import kinds, packing, readers  # noqa: E402
 from addon.core.declarations.all_settings import DECLARED, PANELS, PanelSettings  # noqa: E402
@@ -89,7 +90,7 @@ def option_row(word: str, option: CommandOption) -> tuple[str, str, str]:
 def options() -> str:
     """All options, in the groups of --help."""
     parts = []
-    for title, group in OPTIONS.items():
+    for title, group in (*OPTIONS.items(), (TITLE, RUN_OPTIONS)):
         rows = [option_row(f"--{word}", option) for word, option in group.items()]
         if not parts:
             rows = [

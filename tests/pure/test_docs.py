@@ -11,6 +11,8 @@ import tomllib
 import pytest
 
 from addon.cli.usage import arguments, job_file
+from addon.cli.usage.options import OPTIONS
+from addon.cli.usage.run_options import RUN_OPTIONS
 from addon.core import texel_state
 from addon.core.report import STAGES, Report
 from scripts import imprint
@@ -109,7 +111,7 @@ def options_in(script):
 
 @functools.cache
 def known_options():
-    ours = {f"--{name}" for group in arguments.OPTIONS.values() for name in group} | {"--jobs"}
+    ours = {f"--{name}" for group in (*OPTIONS.values(), RUN_OPTIONS) for name in group} | {"--jobs"}
     ours |= options_in(ROOT / "addon" / "cli" / "lod" / "lod_command.py")
     return ours | OTHER_OPTIONS | {name for script in (ROOT / "scripts").rglob("*.py") for name in options_in(script)}
 

@@ -191,6 +191,15 @@ WRONG = {
     "no such margin": ("--low a --output m.png --margin-type wide", "not one of extend, adjacent-faces"),
     "a margin in words": ("--low a --output m.png --margin wide", "unlimited"),
     "no tiles": ("--low a --output m.png --tiles x", "not a list of UDIM tiles"),
+    "a part of one bake": (
+        "--low a --output m.png --shard 1/2",
+        "--shard is for many bakes: use --jobs or --pairs DIR",
+    ),
+    "some of one bake": ("--low a --output m.png --only a", "--only is for many bakes"),
+    "a part that is not there": ("--low a --output m.png --shard 3/2", "'3/2' is not a part K/N"),
+    "part 0": ("--low a --output m.png --shard 0/2", "'0/2' is not a part K/N"),
+    "a list and a check": ("--low a --output m.png --list --check", "leave out --check"),
+    "JSON of nothing": ("--low a --output m.png --json", "--json is for --list"),
     "several mistakes": ("--size 0", "one of --low, --low-file and --pairs is required; --output is required"),
     "an abbreviation": ("--low a --outp m.png", "--outp"),
 }
@@ -322,6 +331,15 @@ def test_options_on_the_command_line_override_all_sets(write):
     found = job_file.read(write(TOML), ["--size", "32", "--green=+y"])
     assert {options.size for options in found} == {(32, 32)}
     assert {options.green for options in found} == {"+Y"}
+
+
+def test_options_of_the_run_are_not_passed_to_the_sets():
+    words = "--list --json --shard 2/3 --only a* --only b --jobs j.toml --mask"
+    known, more = arguments.split_jobs(words.split())
+    assert (known.list, known.json, known.shard, known.only) == (True, True, (2, 3), ["a*", "b"])
+    assert more == ["--mask"]
+    with pytest.raises(WrongUsage, match="--json is for --list"):
+        arguments.split_jobs(["--jobs", "j.toml", "--json"])
 
 
 @pytest.mark.parametrize("words", ["--low x", "x.blend", "--pairs", "--low-file x.obj", "--high x"])

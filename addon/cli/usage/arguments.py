@@ -5,7 +5,7 @@ import argparse
 import functools
 import os
 import re
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import fields
 from pathlib import PurePath
 
@@ -15,7 +15,9 @@ from ...core.declarations.choices import Space, Storage
 from ...core.errors import BakeError
 from ...core.names import file_names
 from ...core.settings import Settings
+from . import run_options
 from .options import FILE, JOBS, OPTIONS, SUBJECTS
+from .run_options import RUN_OPTIONS
 from .similar_words import did_you_mean
 
 
@@ -31,7 +33,7 @@ class _Parser(argparse.ArgumentParser):
 
 def _similar_option(name: str) -> str:
     """The end of a sentence about an unknown option, whose dashes do not count as similar."""
-    names = ("jobs", *(name for options in OPTIONS.values() for name in options))
+    names = ("jobs", *(name for options in (*OPTIONS.values(), RUN_OPTIONS) for name in options))
     return did_you_mean([name.lstrip("-")], names).replace("'", "'--", 1)
 
 
@@ -48,7 +50,7 @@ def parser(program: str) -> argparse.ArgumentParser:
         description="Bake the detail of high-poly meshes into maps of a low-poly mesh.",
         allow_abbrev=False,
     )
-    for title, options in OPTIONS.items():
+    for title, options in (*OPTIONS.items(), (run_options.TITLE, RUN_OPTIONS)):
         group = result.add_argument_group(title)
         if title == "what to bake":
             group.add_argument("file", **FILE.arguments)
@@ -69,22 +71,26 @@ def parse(arguments: Sequence[str], program: str = "imprint") -> argparse.Namesp
 
 
 def split_jobs(arguments: Sequence[str]) -> tuple[argparse.Namespace, list[str]]:
-    """The options --jobs and --report, and the other arguments, which override all sets. Raises WrongUsage."""
+    """--jobs, --report and the options of the run, and the other arguments, which override all sets. Raises WrongUsage."""
     own = _Parser(add_help=False, allow_abbrev=False)
-    own.add_argument("--jobs", **JOBS.arguments)
-    own.add_argument("--report", **OPTIONS["output"]["report"].arguments)
+    for name, option in {"jobs": JOBS, "report": OPTIONS["output"]["report"], **RUN_OPTIONS}.items():
+        own.add_argument(f"--{name}", **option.arguments)
     known, more = own.parse_known_args(_joined(arguments))
     rest = parse(more)
     if rest.file or any(vars(rest)[name.replace("-", "_")] for name in SUBJECTS):
         raise WrongUsage("--jobs FILE names what to bake: name nothing beside it")
+    _refuse(run_options.mistakes(known, are_many=True))
     return known, more
 
 
 def check(options: argparse.Namespace) -> None:
     """Raise WrongUsage for options that are missing or contradict each other."""
-    found = list(mistakes(options))
-    if found:
-        raise WrongUsage("; ".join(found))
+    _refuse(mistakes(options))
+
+
+def _refuse(found: Iterable[str]) -> None:
+    if text := "; ".join(found):
+        raise WrongUsage(text)
 
 
 def mistakes(options: argparse.Namespace, unread: Collection[str] = ()) -> Iterator[str]:
@@ -97,6 +103,7 @@ def mistakes(options: argparse.Namespace, unread: Collection[str] = ()) -> Itera
         yield "--output is required"
     if is_folder(options):
         yield from _wrong_folder(options)
+    yield from run_options.mistakes(options, is_folder(options))
     if options.save_blend and PurePath(options.save_blend).suffix != ".blend":
         yield f"{options.save_blend!r} does not end in .blend"
     if options.export:

@@ -63,6 +63,13 @@ def frames(value: str) -> tuple[int, int]:
     return int(first), int(last)
 
 
+def shard(value: str) -> tuple[int, int]:
+    part, _, count = value.partition("/")
+    if not (_is_number(part) and _is_number(count)) or not 1 <= int(part) <= int(count):
+        raise argparse.ArgumentTypeError(f"{value!r} is not a part K/N with K from 1 to N, such as 2/8")
+    return int(part), int(count)
+
+
 def suffixes(value: str) -> Suffixes:
     parts = value.split(",")
     if len(parts) != 3:

@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The options of a whole run, which are no keys of job files: what is listed or checked, and which of its bakes are done."""
+
+import argparse
+from collections.abc import Iterator
+
+from . import option_types
+from .options import CommandOption
+
+TITLE = "many bakes"
+"""The title of their group in --help."""
+RUN_OPTIONS: dict[str, CommandOption] = {
+    "list": CommandOption(
+        "List the bakes with their numbers, costs and files, and bake nothing. All that can be checked without a GPU is "
+        "checked",
+        {"action": "store_true"},
+    ),
+    "json": CommandOption("With --list: print one JSON object", {"action": "store_true"}),
+    "check": CommandOption(
+        "Check as --list does, print only what is wrong, and bake nothing", {"action": "store_true"}
+    ),
+    "shard": CommandOption(
+        "Do only part K of N of the bakes. The parts cost about the same, and are the same on every machine",
+        {"type": option_types.shard, "metavar": "K/N"},
+        "all",
+    ),
+    "only": CommandOption(
+        "Do only the bakes whose names match. * stands for any text, ? for a character, and the option may be repeated",
+        {"type": option_types.text, "action": "append", "default": [], "metavar": "PATTERN"},
+        "all",
+    ),
+}
+"""The options without their dashes."""
+OF_MANY = ("shard", "only")
+"""Those that choose among many bakes."""
+
+
+def mistakes(options: argparse.Namespace, are_many: bool) -> Iterator[str]:
+    """What contradicts among these options. are_many: whether the run may have several bakes. Without a full stop."""
+    given = vars(options)
+    if not are_many:
+        yield from (f"--{name} is for many bakes: use --jobs or --pairs DIR" for name in OF_MANY if given[name])
+    if options.list and options.check:
+        yield "--list checks as well: leave out --check"
+    if options.json and not options.list:
+        yield "--json is for --list"
