@@ -18,7 +18,7 @@ from ..mesh import face_shapes, uv_islands, uv_layout, uv_seams
 from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
 from ..passes import mesh_upload, target
-from ..passes.audit import overlap
+from ..passes.audit import overlap as overlap_pass
 from . import mip_gaps, severity, unsure_hits
 from .severity import Check
 from .tally import Tally, sampled
@@ -123,17 +123,30 @@ def _texels(plan: Plan, tally: Tally, settings: Settings) -> Checks:
         covered += int(np.count_nonzero(counts))
         shared += int(np.count_nonzero(counts > 1.0))
         uncovered += int(np.count_nonzero((counts > 0.0) & (state != texel_state.WRITTEN)))
-    crossed = shared
-    if shared > severity.MUCH_OVERLAP * covered:  # fewer are harmless, stacked on purpose or not
-        unique = replace(low, triangles=low.triangles[uv_islands.without_copies(low)])
-        crossed = sum(int(np.count_nonzero(counts > 1.0)) for counts in covering(unique, size, tiles))
-    overlap_check = _share(shared, covered) | {"stacked": shared - crossed}
+    overlap_check = _overlap(low, size, tiles, covered, shared)
     missed = _share(tally.missed, tally.missed + tally.written)
     return {
         "overlap": overlap_check,
         "uncovered": missed if plan.method == Method.CAST else _share(uncovered, covered),
         "gaps": _gaps(low, tiles, settings, overlaps=overlap_check["share"] > severity.MUCH_OVERLAP),
     }
+
+
+def overlap(low: Mesh, size: tuple[int, int], tiles: Sequence[int]) -> Check:
+    """The texels of a map that belong to two or more triangles of `low`, as in Report.checks without the severity."""
+    covered = shared = 0
+    for counts in covering(low, size, tiles):
+        covered += int(np.count_nonzero(counts))
+        shared += int(np.count_nonzero(counts > 1.0))
+    return _overlap(low, size, tiles, covered, shared)
+
+
+def _overlap(low: Mesh, size: tuple[int, int], tiles: Sequence[int], covered: int, shared: int) -> Check:
+    crossed = shared
+    if shared > severity.MUCH_OVERLAP * covered:  # fewer are harmless, stacked on purpose or not
+        unique = replace(low, triangles=low.triangles[uv_islands.without_copies(low)])
+        crossed = sum(int(np.count_nonzero(counts > 1.0)) for counts in covering(unique, size, tiles))
+    return _share(shared, covered) | {"stacked": shared - crossed}
 
 
 def _gaps(low: Mesh, tiles: Sequence[int], settings: Settings, *, overlaps: bool) -> Check:
@@ -207,6 +220,6 @@ def covering(low: Mesh, size: tuple[int, int], tiles: Sequence[int] = (udim.FIRS
     uploaded = mesh_upload.upload(low.triangles, uv=low.uv)
     counts = np.empty(sparse.small[::-1], np.float32)
     for tile in tiles:
-        overlap.draw(drawn, uploaded, sparse.uv_to_clip(tile))
+        overlap_pass.draw(drawn, uploaded, sparse.uv_to_clip(tile))
         drawn.read(counts)
         yield counts

@@ -10,7 +10,6 @@ import numpy as np
 
 from .. import older_blender
 from ..core import progress, texel_state
-from ..core.conversion import value_depth
 from ..core.conversion.conversion_report import ConversionReport
 from ..core.conversion.stored_normals import StoredNormals, in_words
 from ..core.declarations import bases
@@ -23,25 +22,20 @@ from ..core.progress import Pace, Progress, Task, part
 from ..core.settings import Settings
 from ..core.timings import Timings
 from ..engine import gpu_memory, margins
-from ..engine.converting.converted_map import ConvertedMap, Fit
+from ..engine.converting.converted_map import ConvertedMap
 from ..engine.maps.family import Run
 from ..engine.mips import mip_levels
 from ..engine.rendering import Renderer
 from ..mesh import uv_layout
 from ..mesh.triangle_mesh import Mesh
-from ..output import datablocks, quantize
+from ..output import datablocks
 from ..output.outputs import Outputs, into_materials
 from ..scene import evaluation, object_checks, reading
 from ..scene.images import stored_values
 from ..scene.object_refs import ObjectRef
+from .converting import map_fit
+from .converting.source_map import SourceMap
 from .job import check_outputs
-
-LEAST_UNIT = 0.75
-"""The share of a normal map's texels whose vectors have a length near 1, at least. In photos, few have."""
-MOST_AWAY = 0.25
-"""The share of a map's texels whose normals may point into the low mesh. In a map of another space, about half do."""
-MANY_MISSED, MOST_MISSED = 0.05, 0.9
-"""The shares of the covered texels with alpha 0 above which there is a warning, and above which the map is another mesh's."""
 
 
 class Conversion:
@@ -60,14 +54,14 @@ class Conversion:
 
 @dataclass(frozen=True)
 class _Ready:
-    """All that is read of a conversion. name, origin: of the image, as datablocks.origin has it. tiles: the stored map by tile.
-    mesh: the low mesh, with tangents if one of the spaces is tangent. settings: of the new map, with its names and its size."""
+    """All that is read of a conversion. name, origin: of the image, as datablocks.origin has it. mesh: the low mesh,
+    with tangents if one of the spaces is tangent. settings: of the new map, with its names and its size."""
 
     name: str
     origin: list[str]
     before: StoredNormals
     settings: Settings
-    tiles: dict[int, np.ndarray]
+    source: SourceMap
     mesh: Mesh
     uv_layer: str
 
@@ -101,22 +95,25 @@ def _work(
             run = Run(settings, timings, pace)
             renderer = Renderer(drawn, run)
             post_processes = margins.for_maps([mesh], settings)
-            for number, (tile, values) in enumerate(ready.tiles.items()):
+            for number, (tile, values) in enumerate(ready.source.tiles.items()):
                 drawn.texels = values
-                share = number / len(ready.tiles), (number + 1) / len(ready.tiles)
+                share = number / len(ready.source.tiles), (number + 1) / len(ready.source.tiles)
                 maps = yield from part(renderer.texels(tile, post_processes), *share)
                 counts += _counts(maps[NORMAL.name][1])
                 levels = yield from part(mip_levels.of(maps, tile, run), share[1], share[1])
                 with timings.timed("image"):
                     outputs.add(tile, maps, levels)
-        _check_fit(drawn.fit, ready)
+            map_fit.check(drawn.fit, mesh.name, ready.name, ready.before)
+            problems = [
+                *map_fit.missing(drawn.fit, ready.name),
+                *map_fit.overlapping(mesh, ready.before, settings, list(ready.source.tiles)),
+            ]
         yield Progress("Storing", 1.0)
         low = conversion.low  # before anything changes: it raises if the object was deleted
         with timings.timed("image"):
             stored = outputs.commit({labeled: [] for labeled in Labeled}, [low])
             datablocks.sign(stored.image, ready.origin)
             notes = into_materials(low, stored, ready.uv_layer, settings)
-    depth, source_loss = _source_loss(next(iter(ready.tiles.values())))
     written, margin, texels = counts
     return ConversionReport(
         source=ready.name,
@@ -126,8 +123,8 @@ def _work(
         settings=asdict(settings),
         was=ready.before.words,
         now=in_words(settings.space, settings.basis, (settings.red, settings.green, settings.blue)),
-        source_depth=depth,
-        source_loss=source_loss,
+        source_depth=ready.source.depth,
+        source_loss=ready.source.loss,
         loss=stored.loss,
         coverage=float(written / texels),
         margin=float(margin / texels),
@@ -137,7 +134,7 @@ def _work(
         output=stored.paths,
         mip_files=stored.mip_files,
         seconds=timings.seconds,
-        warnings=[*_warnings(drawn.fit, ready.name), *stored.warnings, *notes],
+        warnings=[*ready.source.notes, *problems, *stored.warnings, *notes],
     )
 
 
@@ -167,8 +164,16 @@ def _read(context: bpy.types.Context, conversion: Conversion, wanted: Settings, 
         covered = uv_layout.tiles(mesh)
         tiles = {tile: values for tile, values in tiles.items() if tile in covered}
     if not tiles:
-        raise BakeError(_not_on(low.name, image.name))
-    return _Ready(image.name, datablocks.origin(image.name), before, settings, tiles, mesh, meshes.uv_layer)
+        raise BakeError(map_fit.not_on(low.name, image.name))
+    return _Ready(
+        image.name,
+        datablocks.origin(image.name),
+        before,
+        settings,
+        SourceMap(image.name, tiles, before),
+        mesh,
+        meshes.uv_layer,
+    )
 
 
 def _for_map(settings: Settings, low: bpy.types.Object, image: bpy.types.Image) -> Settings:
@@ -224,46 +229,3 @@ def _counts(state: np.ndarray) -> tuple[int, int, int]:
     """The numbers of written texels, of those in the margin, and of all."""
     found = (np.count_nonzero(state == which) for which in (texel_state.WRITTEN, texel_state.MARGIN))
     return *map(int, found), state.size
-
-
-def _not_on(low: str, image: str) -> str:
-    return f"No triangle of {low!r} lies on {image!r}: its UVs are outside the map, or empty."
-
-
-def _check_fit(fit: Fit, ready: _Ready) -> None:
-    """Raise BakeError for an image that is no normal map of the low object."""
-    image, low = ready.name, ready.mesh.name
-    if not fit.covered:
-        raise BakeError(_not_on(low, image))
-    if fit.missed > fit.covered * MOST_MISSED:
-        raise BakeError(
-            f"{fit.missed / fit.covered:.0%} of the texels of {image!r} on {low!r} have alpha 0: it is no map of it."
-        )
-    if fit.unit < (fit.covered - fit.missed) * LEAST_UNIT:
-        share = fit.unit / fit.covered
-        raise BakeError(
-            f"{image!r} is no normal map of {low!r}: only {share:.0%} of its texels on the mesh hold a unit vector."
-        )
-    if fit.away > fit.directed * MOST_AWAY:
-        raise BakeError(
-            f"{fit.away / fit.directed:.0%} of the normals in {image!r} point into {low!r} when read in "
-            f"{ready.before.from_space.lower()} space: choose another From Space, or the axes that the channels store."
-        )
-
-
-def _warnings(fit: Fit, image: str) -> list[str]:
-    if fit.missed <= fit.covered * MANY_MISSED:
-        return []
-    return [f"{fit.missed / fit.covered:.0%} of the texels of {image!r} on the mesh have alpha 0, and stay so."]
-
-
-def _source_loss(stored: np.ndarray) -> tuple[int, dict[str, float]]:
-    """The depth of a map's values, and what their rounding cost in degrees; as in ConversionReport."""
-    some = quantize.sample(stored)
-    depth = value_depth.bits(some[:, :3])
-    if depth == 32:
-        return depth, {}
-    before = some.copy()
-    before[:, :3] = value_depth.moved(some[:, :3], depth)
-    angles = quantize.angles(before, some)
-    return depth, {"median": float(np.median(angles)), "maximum": float(angles.max())} if len(angles) else {}

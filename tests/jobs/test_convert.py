@@ -14,6 +14,7 @@ from addon.core.settings import Settings
 from addon.jobs import bake_pair
 from addon.jobs.convert import Conversion, convert
 from tests.support import angles, lanes, zoo
+from tests.support.conversions import converted, percentile, picture
 from tests.support.maps import bake, pixels
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
@@ -23,21 +24,6 @@ EXACT = 0.002
 EXACT_16 = 0.004
 """The same, with the rounding of 16 bits before and after."""
 NAMES = [basis.name for basis in bases.BASES]
-
-
-def converted(low, source, before, **settings):
-    """The texels of a conversion, and its report."""
-    values = {"margin": 0, "depth": 32, "storage": "MEMORY", "material": False, "image": "converted", **settings}
-    conversion = Conversion(low, bpy.data.images[source], StoredNormals(**before))
-    report = convert(bpy.context, conversion, Settings(**values))
-    return pixels(bpy.data.images[report.image]), report
-
-
-def percentile(found, expected, kept=None):
-    """Degrees at the 99th percentile between two maps."""
-    kept = (expected[..., 3] > 0) & (found[..., 3] > 0) if kept is None else kept
-    assert kept.any()
-    return np.percentile(angles.degrees(angles.decode(found)[kept], angles.decode(expected)[kept]), 99)
 
 
 @pytest.fixture
@@ -90,14 +76,6 @@ def test_without_a_name_the_new_image_is_named_after_the_old_one(pair):
     for name in ("", "map"):
         assert converted(pair[0], "map", {}, space="OBJECT", image=name)[1].image == "map_object"
     assert (pixels(bpy.data.images["map"]) == before).all()
-
-
-def picture(name, values):
-    """An image of these values (H, W, 4)."""
-    image = bpy.data.images.new(name, values.shape[1], values.shape[0], alpha=True, float_buffer=True, is_data=True)
-    image.alpha_mode = "CHANNEL_PACKED"
-    image.pixels.foreach_set(values.astype(np.float32).ravel())
-    return image
 
 
 def test_a_photo_is_refused():
