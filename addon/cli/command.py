@@ -13,7 +13,7 @@ from ..core.errors import BakeError, WrongPlace, sentence
 from ..core.progress import Progress
 from . import batch, batch_results, interruption, standard_streams
 from .batch_results import Result
-from .plan import plans, run_clashes
+from .plan import listing, plans, run_clashes, shards
 from .plan.plans import Plan
 from .scene_files import Stage
 from .starting import lean_blender
@@ -46,6 +46,8 @@ def _make_levels(words: Sequence[str], program: str) -> int:
 def _run(words: Sequence[str], program: str) -> int:
     try:
         options, sets = _read(words, program)
+        if options.list or options.check:
+            return listing.run(options, sets, program)
         planned, problems, files = _plan(options, sets)
     except SystemExit as stop:  # argparse has printed the help
         return stop.code
@@ -109,7 +111,7 @@ def _plan(
         raise WrongPlace("\n".join(found))
     if any(plan.options.save_blend or plan.options.export for plan in planned):
         lean_blender.complete()  # before a file is opened: Cycles brings its settings in old files up to date
-    return planned, problems, files
+    return shards.chosen(planned, options.only, options.shard), problems, files
 
 
 def _refuse(program: str, error: Exception, hint: str = "") -> int:

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """References to objects by session_uid."""
 
-import difflib
 import os
 from dataclasses import dataclass
 
 import bpy
 
-from ..core.errors import BakeError, shorten_list
+from ..core.errors import BakeError
+from ..core.names import unknown_name
 
 
 @dataclass(frozen=True)
@@ -52,12 +52,7 @@ class ObjectRef:
 def by_name(name: str) -> bpy.types.Object:
     """The object with this name. Raises BakeError, with similar names, if there is none."""
     if name not in bpy.data.objects:
-        close = difflib.get_close_matches(name, bpy.data.objects.keys(), n=3, cutoff=0.4)
-        there = (
-            f"it has {shorten_list(map(repr, bpy.data.objects.keys()))}." if bpy.data.objects else "it has no objects."
-        )
-        hint = f"did you mean {' or '.join(map(repr, close))}?" if close else there
-        raise BakeError(f"There is no object called {name!r} in the file: {hint}")
+        raise BakeError(unknown_name.sentence(name, bpy.data.objects.keys()))
     return bpy.data.objects[name]
 
 

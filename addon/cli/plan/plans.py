@@ -3,6 +3,7 @@
 
 import argparse
 import os
+import sys
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass
@@ -15,11 +16,18 @@ from . import folder_pairs
 
 @dataclass(frozen=True)
 class Plan:
-    """A bake to do: its name, its options, and why it cannot be done, if that is known."""
+    """A bake to do: its name, its options, why it cannot be done, if that is known, and its place among all bakes, from 1."""
 
     name: str
     options: argparse.Namespace
     problem: str = ""
+    number: int = 1
+
+
+def open_file() -> str:
+    """The path of the .blend that is open in this process; "" for none, or where Blender is not loaded."""
+    bpy = sys.modules.get("bpy")
+    return bpy.data.filepath if bpy else ""
 
 
 def plans(sets: Sequence[argparse.Namespace], open_file: str = "") -> tuple[list[Plan], list[str]]:
@@ -32,19 +40,19 @@ def plans(sets: Sequence[argparse.Namespace], open_file: str = "") -> tuple[list
         label = "{}" if len(sets) == 1 else f"set {number} ({{}})"
         name = label.format(subject(options, open_file))
         if not arguments.is_folder(options):
-            result.append(Plan(name, options))
+            result.append(Plan(name, options, number=len(result) + 1))
             continue
         try:
             found, left = folder_pairs.pairs(options.pairs, options.suffixes)
         except BakeError as error:
-            result.append(Plan(name, options, str(error)))
+            result.append(Plan(name, options, str(error), len(result) + 1))
             continue
         problems += left
         for pair, problem in found:
             own = copy(options)
             own.report = None  # the report is of all pairs
             own.pairs, own.low_file, own.high_file, own.cage_file = None, pair.low, pair.highs, pair.cage
-            result.append(Plan(label.format(subject(own, open_file)), own, problem))
+            result.append(Plan(label.format(subject(own, open_file)), own, problem, len(result) + 1))
     return result, problems
 
 

@@ -4,19 +4,16 @@
 import argparse
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 from ...core.errors import WrongPlace
 from ...core.file_formats import OPENED
 from ...core.names import file_names
 from ...core.names.file_names import ATLAS
-from ...core.settings import Settings
-from ...output.files import frame_files, planned_files
 from ...output.files.path_clashes import Places
 from ..usage import arguments
 from ..usage.options import STDOUT
-from . import file_references
+from . import blend_blocks, file_references, map_files
 
 
 class Run:
@@ -84,10 +81,7 @@ class Run:
             self.places.read(path, _of(what, name), (name, by))
 
     def _write(self, name: str, options: argparse.Namespace) -> None:
-        low = options.low or (Path(options.low_file).stem if options.low_file else "")
-        if not low and file_names.LOW not in options.output:
-            low = ATLAS
-        if low:
+        if low := low_of(options):
             self._write_maps(name, options, [low])
         if options.report and options.report != STDOUT:
             self.places.write(options.report, _of("the report", name), name)
@@ -99,10 +93,16 @@ class Run:
         self._known.add(name)
         several = len(lows) > 1
         for low in lows:
-            for path, what in maps(arguments.settings(options), low, frames(options)):
+            for path, what in map_files.files(options, low, frames(options)):
                 self.places.write(path, _of(f"{what} of {low!r}" if several else what, name), name)
         for path in dict.fromkeys(file_names.fill(options.export, low) for low in lows) if options.export else ():
             self.places.write(path, _of("the file for an engine", name), name)
+
+
+def low_of(options: argparse.Namespace) -> str:
+    """The name that replaces LOW in the names of files; "" if it is only known once the files are open."""
+    low = options.low or (Path(options.low_file).stem if options.low_file else "")
+    return low or ("" if file_names.LOW in options.output else ATLAS)
 
 
 def frames(options: argparse.Namespace) -> range:
@@ -110,12 +110,14 @@ def frames(options: argparse.Namespace) -> range:
     return range(options.frames[0], options.frames[1] + 1) if options.frames else range(0)
 
 
-def maps(settings: Settings, low: str, of_frames: Sequence[int] = ()) -> Iterator[tuple[str, str]]:
-    """The files that a bake of the object `low` writes, as planned_files.files returns them."""
-    if not of_frames:
-        yield from planned_files.files(replace(settings, output=file_names.fill(settings.output, low)))
-    for frame in of_frames:
-        yield from planned_files.files(frame_files.of_frame(frame_files.filled(settings, low), frame))
+def outputs(options: argparse.Namespace) -> list[str]:
+    """The files that a bake writes. LOW and tokens stand for what is only known once its files are open."""
+    low = low_of(options) or file_names.LOW
+    found = [path for path, _ in map_files.files(options, low, frames(options))]
+    if options.export:
+        found.append(file_names.fill(options.export, low))
+    found += filter(None, (options.save_blend, options.report if options.report != STDOUT else None))
+    return found
 
 
 def _of(what: str, name: str) -> str:
@@ -153,7 +155,7 @@ def _libraries(bakes: Sequence[tuple[str, argparse.Namespace]], report: str | No
         for path in options.file:
             if path not in seen and path.endswith(".blend"):
                 seen.add(path)
-                yield from ((str(library), name) for library in file_references.libraries(Path(path)))
+                yield from ((str(library), name) for library in blend_blocks.libraries(Path(path)))
 
 
 def _meshes_in(folder: str) -> list[str]:

@@ -6,16 +6,13 @@ import functools
 import os
 import re
 from collections.abc import Collection, Iterable, Iterator, Sequence
-from dataclasses import fields
 from pathlib import PurePath
 
-from ...core import file_formats, udim
-from ...core.conversion.stored_normals import StoredNormals
-from ...core.declarations.choices import Space, Storage
-from ...core.errors import BakeError
+from ...core import file_formats
+from ...core.declarations.choices import Space
 from ...core.names import file_names
-from ...core.settings import Settings
-from . import run_options
+from . import option_settings, run_options
+from .option_settings import settings, stored_normals  # noqa: F401 - callers find them here
 from .options import FILE, JOBS, OPTIONS, SUBJECTS
 from .run_options import RUN_OPTIONS
 from .similar_words import did_you_mean
@@ -119,12 +116,8 @@ def mistakes(options: argparse.Namespace, unread: Collection[str] = ()) -> Itera
             *files,
         ]
     )
-    if options.output and not folder:
-        try:
-            settings(options).check()
-            stored_normals(options).check()
-        except BakeError as error:
-            yield str(error).rstrip(".")
+    if options.output and not folder and (fault := option_settings.fault(options)):
+        yield fault
 
 
 def _wrong_subjects(options: argparse.Namespace, unread: Collection[str]) -> Iterator[str]:
@@ -205,26 +198,14 @@ def _wrong_paths(paths: Sequence[str | bool | None]) -> Iterator[str]:
         yield f"the folder {here!r} is not UTF-8, as all paths in Blender are: start in another one"
 
 
+def are_many(options: argparse.Namespace) -> bool:
+    """Whether the options of a call may ask for several bakes."""
+    return bool(options.jobs) or is_folder(options)
+
+
 def is_folder(options: argparse.Namespace) -> bool:
     """Whether the options bake the pairs of a folder of mesh files."""
     return isinstance(options.pairs, str)
-
-
-def settings(options: argparse.Namespace) -> Settings:
-    """The settings of the bake. The map goes to a file, of the format's usual depth if no depth is given."""
-    given = vars(options)
-    values = {field.name: given[field.name] for field in fields(Settings) if field.name in given}
-    values["width"], values["height"] = options.size
-    values["storage"], values["output"] = Storage.FILE, os.path.abspath(options.output)
-    values["udim"] = options.udim or bool(options.tiles) or udim.TOKEN in options.output
-    if options.depth is None:
-        values["depth"] = file_formats.usual_depth(options.output)
-    return Settings(**values)
-
-
-def stored_normals(options: argparse.Namespace) -> StoredNormals:
-    """What the map to convert means."""
-    return StoredNormals(**{field.name: vars(options)[field.name] for field in fields(StoredNormals)})
 
 
 _MAY_BE_NEGATIVE = {f"--{start}{channel}" for start in ("", "from-") for channel in ("red", "green", "blue")} | {

@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What is wrong with the files of bakes, as far as it can be seen without opening them in Blender."""
+
+import argparse
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+from ...core.errors import BakeError
+from ...core.file_formats import OPENED
+from ...core.names import file_names, unknown_name
+from ...core.names.name_matching import match
+from ...output.files.atomic_file import check_writable
+from ..usage.options import STDOUT
+from . import blend_blocks, costs
+from .input_files import InputFiles
+from .plans import Plan
+
+
+class InputProblems:
+    """Looks at the files of bakes. Each file and each folder is looked at once."""
+
+    def __init__(self, files: InputFiles):
+        self._files = files
+        self._objects: dict[str, set[str] | None] = {}
+        self._folders: dict[str, str] = {}
+
+    def of(self, plan: Plan) -> Iterator[str]:
+        """Sentences."""
+        if plan.problem:
+            yield plan.problem
+        options, missing = plan.options, False
+        for path in costs.inputs(options):
+            if problem := self._files.problem(path):
+                missing = True
+                yield problem
+            elif path not in (options.convert, *options.file[:1]) and _ending(path) not in OPENED:
+                yield f"{path!r} is no mesh file that can be imported: {', '.join(OPENED)} can."
+        if not missing:
+            yield from self._of_objects(options)
+        for path in (options.output, options.export, options.save_blend, options.report):
+            if path and path != STDOUT and (problem := self._of_folder(path)):
+                yield problem
+
+    def _of_objects(self, options: argparse.Namespace) -> Iterator[str]:
+        # Of several files, objects are renamed where names meet. Importers make names of their own.
+        if len(options.file) != 1 or _ending(options.file[0]) in set(OPENED) - {".blend"}:
+            return
+        names = self._names(options.file[0])
+        if names is None:
+            yield f"{options.file[0]!r} is no .blend, or not a complete one."
+        elif options.pairs:
+            try:
+                found, problems = match(names, options.suffixes)
+            except BakeError as error:
+                yield str(error)
+                return
+            if not found:
+                yield " ".join(problems) or f"No object has a name that ends in {options.suffixes.low!r}."
+        else:
+            for name in dict.fromkeys(filter(None, (options.low, *options.high, options.cage))):
+                if name not in names:
+                    yield unknown_name.sentence(name, sorted(names))
+
+    def _names(self, path: str) -> set[str] | None:
+        if path not in self._objects:
+            self._objects[path] = blend_blocks.object_names(Path(path))
+        return self._objects[path]
+
+    def _of_folder(self, path: str) -> str:
+        """Why no file can be written to `path`. The first file in a folder speaks for all."""
+        folder = os.path.dirname(path)
+        if file_names.LOW in folder:
+            return ""
+        if folder not in self._folders:
+            try:
+                check_writable(Path(path).absolute())
+                self._folders[folder] = ""
+            except BakeError as error:
+                self._folders[folder] = str(error)
+        return self._folders[folder]
+
+
+def _ending(path: str) -> str:
+    return os.path.splitext(path)[1].lower()

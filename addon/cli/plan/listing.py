@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Lists what a call would do, and what is wrong with it: --list and --check. No file is opened in Blender."""
+
+import argparse
+import json
+import os
+import re
+import sys
+from collections.abc import Sequence
+
+from ..usage import arguments
+from . import costs, plans, run_clashes, shards
+from .input_files import InputFiles
+from .input_problems import InputProblems
+from .plans import Plan
+
+VERSION = 1
+"""Version of the keys of the JSON."""
+RIGHT, WRONG = 0, 2
+"""The exit codes."""
+_CONTROL = re.compile(r"[\x00-\x1f\x7f\u2028\u2029]")
+
+
+def run(options: argparse.Namespace, sets: Sequence[argparse.Namespace], program: str) -> int:
+    """List the bakes on standard output, or only check them, as the options say.
+
+    sets: the options of each set. What is wrong goes to standard error, a line each. Returns the exit code.
+    """
+    listing = _Listing(options, sets)
+    for problem in listing.warnings:
+        print(f"{program}: warning: {problem}", file=sys.stderr)
+    for problem in listing.all_problems:
+        print(f"{program}: {problem}", file=sys.stderr)
+    if options.list:
+        print(json.dumps(listing.to_json(), indent=1) if options.json else "\n".join(map(listing.line, listing.chosen)))
+    return WRONG if listing.all_problems else RIGHT
+
+
+class _Listing:
+    """The bakes of a call, with what is known of them before they are done."""
+
+    def __init__(self, options: argparse.Namespace, sets: Sequence[argparse.Namespace]):
+        self._options, self._files = options, InputFiles()
+        self.planned, self.warnings, self.problems = _planned(options, sets)
+        self.costs = {plan.number: costs.cost(plan.options, self._files) for plan in self.planned}
+        self.chosen = shards.part(
+            shards.named(self.planned, options.only), options.shard, lambda plan: self.costs[plan.number]
+        )
+        found = InputProblems(self._files)
+        self._of_bakes = {plan.number: list(found.of(plan)) for plan in self.chosen}
+
+    @property
+    def all_problems(self) -> list[str]:
+        """What is wrong with all bakes together, and with each."""
+        named = [
+            f"{plan.name}: {problem}" if plan.name else problem
+            for plan in self.chosen
+            for problem in self._of_bakes[plan.number]
+        ]
+        return [*self.problems, *named]
+
+    def line(self, plan: Plan) -> str:
+        """A bake in one line: its number, cost, name and files, between tabs."""
+        files = [os.path.abspath(path) for path in run_clashes.outputs(plan.options)]
+        if plan.options.frames and len(files) > 2:
+            files = [f"{len(files)} files from {files[0]} to {files[-1]}"]
+        cells = plan.number, self.costs[plan.number], plan.name or plans.subject(plan.options, plans.open_file())
+        return "\t".join(_CONTROL.sub("?", str(cell)) for cell in (*cells, ", ".join(files)))
+
+    def to_json(self) -> dict:
+        """Plain data for json.dump."""
+        shard = self._options.shard
+        return {
+            "imprint_list": VERSION,
+            "planned": len(self.planned),
+            "shard": f"{shard[0]}/{shard[1]}" if shard else None,
+            "bakes": [self._entry(plan) for plan in self.chosen],
+            "problems": self.problems,
+            "warnings": self.warnings,
+        }
+
+    def _entry(self, plan: Plan) -> dict:
+        return {
+            "number": plan.number,
+            "name": plan.name or plans.subject(plan.options, plans.open_file()),
+            "cost": self.costs[plan.number],
+            "inputs": [os.path.abspath(path) for path in costs.inputs(plan.options)],
+            "outputs": [os.path.abspath(path) for path in run_clashes.outputs(plan.options)],
+            "problems": self._of_bakes[plan.number],
+        }
+
+
+def _planned(
+    options: argparse.Namespace, sets: Sequence[argparse.Namespace]
+) -> tuple[list[Plan], list[str], list[str]]:
+    """The bakes, sentences about unpaired files, and a sentence for each bake that would overwrite a file."""
+    are_many = arguments.are_many(options)
+    planned, warnings = plans.plans(sets, plans.open_file()) if are_many else ([Plan("", options)], [])
+    clashes = run_clashes.Run(plans.open_file()).add(
+        [(plan.name, plan.options) for plan in planned],
+        options.jobs,
+        options.report if are_many else None,
+        [own.pairs for own in sets if arguments.is_folder(own)],
+    )
+    return planned, warnings, clashes

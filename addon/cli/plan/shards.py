@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Chooses the bakes of a run that one machine does, by rules alone: machines agree on them without asking each other."""
+
+import fnmatch
+from collections.abc import Callable, Sequence
+
+from ..usage.arguments import WrongUsage
+from . import costs
+from .input_files import InputFiles
+from .plans import Plan
+
+
+def named(planned: Sequence[Plan], patterns: Sequence[str]) -> list[Plan]:
+    """The plans whose names match a pattern; all without patterns. Capitals count. Raises WrongUsage if none matches one."""
+    if not patterns:
+        return list(planned)
+    matches = [[fnmatch.fnmatchcase(plan.name, each) for plan in planned] for each in patterns]
+    for pattern, found in zip(patterns, matches, strict=True):
+        if not any(found):
+            raise WrongUsage(f"--only: no bake has a name that matches {pattern!r}")
+    return [plan for plan, *found in zip(planned, *matches, strict=True) if any(found)]
+
+
+def part(planned: Sequence[Plan], shard: tuple[int, int] | None, cost: Callable[[Plan], int]) -> list[Plan]:
+    """Part K of N, in the order of the plans; all without `shard`.
+
+    The parts take turns at the plans, of which the most expensive ones come first, and of equal ones the first one.
+    """
+    if shard is None:
+        return list(planned)
+    number, count = shard
+    costs = {plan.number: cost(plan) for plan in planned}
+    by_cost = sorted(planned, key=lambda plan: (-costs[plan.number], plan.number))
+    return sorted(by_cost[number - 1 :: count], key=lambda plan: plan.number)
+
+
+def chosen(planned: Sequence[Plan], patterns: Sequence[str], shard: tuple[int, int] | None) -> list[Plan]:
+    """The plans that are done with these values of --only and --shard."""
+    files = InputFiles()
+    return part(named(planned, patterns), shard, lambda plan: costs.cost(plan.options, files))

@@ -1,0 +1,218 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tests what --list and --check say of the bakes of a job file, and which of them --shard and --only choose."""
+
+import json
+import os
+import random
+import struct
+import subprocess
+import sys
+from argparse import Namespace
+
+import pytest
+
+from addon.cli.plan import costs, listing, shards
+from addon.cli.plan.input_files import InputFiles
+from addon.cli.plan.plans import Plan
+from addon.cli.usage import arguments, job_file
+from addon.cli.usage.arguments import WrongUsage
+from scripts.imprint import ROOT
+
+BLOCK = "<4siQii"
+SET = {"low-file": "a_low.obj", "high-file": "a_high.obj", "output": "maps/a.png", "size": 64}
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in ("a_low.obj", "a_high.obj"):
+        (tmp_path / name).write_text("v 0 0 0\n")
+    return tmp_path
+
+
+def blend(path, *names):
+    """A .blend with objects of these names, as Blender 4.5 writes them."""
+    blocks = [(b"OB", bytes(40) + b"OB" + name.encode() + bytes(66)) for name in names]
+    content = b"".join(struct.pack(BLOCK, code, len(data), 0, 0, 1) + data for code, data in [*blocks, (b"ENDB", b"")])
+    path.write_bytes(b"BLENDER-v405" + content)
+
+
+def listed(capsys, sets, *words):
+    """The exit code, and the lines on standard output and on standard error."""
+    with open("jobs.json", "w", encoding="utf-8") as file:
+        json.dump({"bake": sets}, file)
+    options, more = arguments.split_jobs(["--jobs", "jobs.json", *words])
+    code = listing.run(options, job_file.read("jobs.json", more), "imprint")
+    return code, *(text.splitlines() for text in capsys.readouterr())
+
+
+def test_a_line_has_number_cost_name_and_files(capsys, here):
+    code, out, err = listed(capsys, [SET, {**SET, "output": "b.png", "maps": "ao", "mask": True}], "--list")
+    assert (code, err) == (0, [])
+    first, second = (line.split("\t") for line in out)
+    assert first == ["1", str(64 * 64 + 2 * 16), "set 1 (a_low)", str(here / "maps" / "a.png")]
+    files = ", ".join(str(here / name) for name in ("b.png", "b_missed.png", "b_ao.png"))
+    assert second == ["2", str(2 * 64 * 64 + 2 * 16), "set 2 (a_low)", files]
+
+
+def test_json_has_the_same_as_the_lines(capsys, here):
+    sets = [SET, {**SET, "output": "b.png", "low-file": "none.obj"}]
+    code, out, _ = listed(capsys, sets, "--list", "--json", "--shard", "1/1")
+    found = json.loads("\n".join(out))
+    assert (code, found["imprint_list"], found["planned"], found["shard"]) == (2, 1, 2, "1/1")
+    first, second = found["bakes"]
+    assert first == {
+        "number": 1,
+        "name": "set 1 (a_low)",
+        "cost": 64 * 64 + 2 * 16,
+        "inputs": [str(here / "a_low.obj"), str(here / "a_high.obj")],
+        "outputs": [str(here / "maps" / "a.png")],
+        "problems": [],
+    }
+    assert second["problems"] == [f"There is no file {str(here / 'none.obj')!r}."]
+
+
+WRONG = {
+    "a missing file": ({"high-file": "none.obj"}, "There is no file '"),
+    "a folder for a file": ({"high-file": "."}, "There is no file '"),
+    "no mesh": ({"high-file": "jobs.json"}, "is no mesh file that can be imported"),
+    "a missing map to convert": ({"high-file": [], "convert": "old.<UDIM>.png"}, "There is no file '"),
+    "a clash": ({"report": "a_low.obj"}, "would overwrite"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_what_is_wrong_is_said_by_list_and_check(capsys, here, case):
+    changed, expected = WRONG[case]
+    for word in ("--list", "--check"):
+        code, out, err = listed(capsys, [{**SET, "output": "b.png"}, {**SET, **changed}], word)
+        assert (code, len(out)) == (2, 2 if word == "--list" else 0)
+        assert len(err) == 1
+        assert err[0].startswith("imprint: set 2 (a_low): ")
+        assert expected in err[0]
+
+
+def test_a_file_where_a_folder_is_needed_is_named(capsys, here):
+    (here / "maps").write_text("")
+    code, _, err = listed(capsys, [SET], "--check")
+    assert (code, len(err)) == (2, 1)
+    assert "cannot be written" in err[0]
+
+
+def test_unknown_objects_of_a_blend_are_named(capsys, here):
+    blend(here / "s.blend", "rock_low", "rock_high")
+    right = {"file": "s.blend", "low": "rock_low", "high": ["rock_high"], "output": "r.png"}
+    assert listed(capsys, [right], "--check") == (0, [], [])
+    code, _, err = listed(capsys, [{**right, "high": ["rock_hihg", "rock_high"], "cage": "box"}], "--check")
+    assert code == 2
+    assert err == [
+        "imprint: rock_low: There is no object called 'rock_hihg' in the file: did you mean 'rock_high' or 'rock_low'?",
+        "imprint: rock_low: There is no object called 'box' in the file: it has 'rock_high', 'rock_low'.",
+    ]
+
+
+def test_pairs_of_a_blend_need_names_that_match(capsys, here):
+    blend(here / "s.blend", "rock_low", "rock_high")
+    pairs = {"file": "s.blend", "pairs": True, "output": "{low}.png"}
+    assert listed(capsys, [pairs], "--check")[0] == 0
+    code, _, err = listed(capsys, [{**pairs, "suffixes": "_a,_b,_c"}], "--check")
+    assert (code, err) == (2, ["imprint: s.blend: No object has a name that ends in '_a'."])
+
+
+def test_a_file_that_is_no_blend_is_named(capsys, here):
+    (here / "s.blend").write_bytes(b"BLENDER-v405 and so on")
+    code, _, err = listed(capsys, [{"file": "s.blend", "low": "a", "output": "r.png"}], "--check")
+    assert (code, len(err)) == (2, 1)
+    assert "is no .blend, or not a complete one" in err[0]
+
+
+def test_names_stay_on_their_line(capsys, here):
+    blend(here / "s.blend", "a\n1\tb")
+    _, out, _ = listed(capsys, [{"file": "s.blend", "low": "a\n1\tb", "output": "r.png"}], "--list")
+    assert [line.split("\t")[2] for line in out] == ["a?1?b"]
+
+
+# What a machine does of a run
+
+
+def random_plans(rng):
+    return [
+        Plan(rng.choice("abc"), Namespace(cost=rng.randrange(rng.choice([1, 5, 1000]))), number=number)
+        for number in range(1, rng.randrange(2, 60))
+    ]
+
+
+def cost(plan):
+    return plan.options.cost
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_parts_are_disjoint_and_complete(seed):
+    rng = random.Random(seed)
+    planned, count = random_plans(rng), rng.randrange(1, 20)
+    parts = [shards.part(planned, (number, count), cost) for number in range(1, count + 1)]
+    assert sorted(plan.number for part in parts for plan in part) == [plan.number for plan in planned]
+    assert all(part == sorted(part, key=lambda plan: plan.number) for part in parts)
+    assert max(map(len, parts)) - min(map(len, parts)) <= 1
+    # The parts cost the same, but for one bake of the costliest.
+    sums = [sum(map(cost, part)) for part in parts]
+    assert max(sums) - min(sums) <= max(map(cost, planned))
+
+
+def test_equal_costs_go_by_number():
+    planned = [Plan("", Namespace(cost=1), number=number) for number in range(1, 8)]
+    assert [[plan.number for plan in shards.part(planned, (k, 3), cost)] for k in (1, 2, 3)] == [
+        [1, 4, 7],
+        [2, 5],
+        [3, 6],
+    ]
+
+
+def test_the_costliest_come_first_in_turns():
+    planned = [Plan("", Namespace(cost=each), number=number) for number, each in enumerate([1, 9, 5, 8, 7, 2], 1)]
+    assert [sorted(map(cost, shards.part(planned, (k, 2), cost))) for k in (1, 2)] == [[2, 7, 9], [1, 5, 8]]
+
+
+def test_only_comes_before_the_parts_and_numbers_stay(capsys, here):
+    sets = [{**SET, "output": f"{number}.png"} for number in range(1, 9)]
+    words = ["--list", "--only", "set [1-5] *", "--only", "set 8 *", "--shard", "2/2"]
+    assert [line.split("\t")[0] for line in listed(capsys, sets, *words)[1]] == ["2", "4", "8"]
+    with pytest.raises(WrongUsage, match="--only: no bake has a name that matches 'rock'"):
+        listed(capsys, sets, "--list", "--only", "set*", "--only", "rock")
+
+
+def test_clashes_with_bakes_of_other_machines_are_found(capsys, here):
+    code, out, err = listed(capsys, [SET, SET], "--list", "--shard", "2/2")
+    assert (code, len(out), len(err)) == (2, 1, 1)
+    assert "would both be" in err[0]
+
+
+def test_a_scene_that_is_saved_over_its_file_does_not_move_bakes(here):
+    """Other machines may look for their part after it was saved."""
+    blend(here / "s.blend", "a")
+    words = ["s.blend", "--low", "a", "--output", "m.png", "--size", "64"]
+    read, saved = (arguments.parse([*words, *more]) for more in ([], ["--save-blend", "s.blend"]))
+    assert costs.cost(saved, InputFiles()) == 64 * 64
+    assert costs.cost(read, InputFiles()) > 64 * 64
+
+
+@pytest.mark.parametrize("words", [["--list"], ["--list", "--json", "--shard", "2/3"]])
+def test_each_process_lists_the_same(here, words):
+    sets = [{**SET, "output": f"{number}.png", "size": 16 << number % 3, "maps": "ao"} for number in range(50)]
+    (here / "jobs.json").write_text(json.dumps({"bake": sets}))
+    program = (
+        "import sys; from addon.cli.plan import listing; from addon.cli.usage import arguments, job_file\n"
+        "options, more = arguments.split_jobs(sys.argv[1:])\n"
+        "listing.run(options, job_file.read(options.jobs, more), 'imprint')"
+    )
+    found = {
+        subprocess.run(
+            [sys.executable, "-c", program, "--jobs", "jobs.json", *words],
+            env={**os.environ, "PYTHONHASHSEED": seed, "PYTHONPATH": str(ROOT)},
+            capture_output=True,
+            check=True,
+        ).stdout
+        for seed in ("0", "1", "2")
+    }
+    assert len(found) == 1
+    assert len(found.pop()) > 1000
