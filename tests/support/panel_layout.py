@@ -16,7 +16,9 @@ class Layout:
     ICONS = set(bpy.types.UILayout.bl_rna.functions["label"].parameters["icon"].enum_items.keys())
 
     def __init__(self, drawn=None):
-        self.drawn = drawn if drawn is not None else SimpleNamespace(labels=[], icons=[], buttons=[], properties=[])
+        self.drawn = (
+            drawn if drawn is not None else SimpleNamespace(labels=[], icons=[], buttons=[], properties=[], files=[])
+        )
         self.enabled = True
 
     def _part(self, **_):
@@ -58,6 +60,12 @@ class Layout:
     def prop_search(self, data, name, source, collection, **_):
         self.prop(data, name)
         assert collection in source.bl_rna.properties
+
+    def template_ID(self, data, name, open, **_):
+        self.prop(data, name)
+        group, operator = open.split(".")
+        getattr(getattr(bpy.ops, group), operator).get_rna_type()  # raises an error without it
+        self.drawn.files.append((name, open))
 
     def template_list(self, list_type, _, data, name, active_data, active_name, **__):
         assert hasattr(bpy.types, list_type)

@@ -36,6 +36,10 @@ def test_one_press_converts_with_the_settings_of_the_panels():
     assert "Converted map from tangent space (All Normalized; +X, -Y, +Z)" in bpy.context.window_manager.imprint_summary
 
 
+def test_the_panel_opens_files():
+    assert ("convert_image", "image.open") in panel_layout.draw().files
+
+
 def test_without_a_map_the_operator_says_what_is_missing():
     bpy.context.scene.imprint.low = zoo.plane("low")
     with pytest.raises(RuntimeError, match="No map to convert: choose an image"):

@@ -5,6 +5,7 @@ import bpy
 
 from ...core.declarations.choices import Space
 from ..panels.sidebar import SettingsPanel, split_layout
+from ..translations.lookup import label
 
 
 class IMPRINT_PT_convert(SettingsPanel, bpy.types.Panel):
@@ -18,7 +19,7 @@ class IMPRINT_PT_convert(SettingsPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         layout = split_layout(self.layout)
         settings = context.scene.imprint
-        layout.prop(settings, "convert_image")
+        layout.template_ID(settings, "convert_image", open="image.open", text=label("Map"), translate=False)
         layout.prop(settings, "from_space")
         if settings.from_space == Space.TANGENT:
             layout.prop(settings, "from_basis")
