@@ -58,6 +58,7 @@ def _modules() -> tuple[ModuleType, ...]:
         weight_operators,
     )
     from .ui.converting import convert_operator, convert_panel
+    from .ui.exporting import export_operator
     from .ui.levels import level_operators, levels_panel
     from .ui.panels import bake_panel, batch_panels, check_panel, settings_panels, view_panel
     from .ui.readiness import cure_operators
@@ -70,6 +71,7 @@ def _modules() -> tuple[ModuleType, ...]:
         operators,
         convert_operator,
         panel_operators,
+        export_operator,
         check_operators,
         cure_operators,
         weight_operators,

@@ -2,6 +2,7 @@
 """Writes a file of low meshes with their maps, reads it back, and says what an engine would show of it. All or nothing."""
 
 import os
+import tempfile
 from collections.abc import Callable, Collection, Sequence
 from contextlib import ExitStack, redirect_stdout
 from dataclasses import asdict, dataclass
@@ -12,22 +13,26 @@ from types import ModuleType
 import bpy
 import numpy as np
 
-from ..core import file_formats
+from ..core import file_formats, progress
 from ..core.declarations import readers
 from ..core.errors import BakeError
+from ..core.progress import Progress, Task
 from ..core.report import VISIBLE, Report
 from ..output import datablocks
 from ..output.files import atomic_file
 from ..output.files.atomic_file import Partial
 from . import baked_low, comparison, map_pictures, staging
+from .baked_low import BakedLow
 from .comparison import Baked, Measured
 from .file_mesh import FileMesh
 from .formats import fbx, glb, usd
-from .staging import Stage, Staged
+from .staging import Staged
 
 FORMATS: dict[str, ModuleType] = dict(zip(file_formats.MESHES, (glb, usd, usd, usd, fbx), strict=True))
 """By the ending of the file. A module has `write`, `read`, `check`, CHANNELS, HAS_TANGENTS, LINKS_LEVELS,
 NAMES_FILES and SHARES_FOLDER."""
+WRITTEN = 0.3
+"""The share of the work that is done when the file is written."""
 
 
 @dataclass(frozen=True)
@@ -61,31 +66,41 @@ def export(
     are_levels: bool = False,
     check_beside: Callable[[str], None] | None = None,
 ) -> list[Exported]:
+    """Do the whole task of `work` at once."""
+    return progress.finish(work(context, bakes, path, are_levels=are_levels, check_beside=check_beside))
+
+
+def work(
+    context: bpy.types.Context,
+    bakes: Sequence[Sequence[Report]],
+    path: Path,
+    *,
+    are_levels: bool = False,
+    check_beside: Callable[[str], None] | None = None,
+) -> Task[list[Exported]]:
     """Write low objects with their maps to `path`, which is absolute.
 
     bakes: for each low object the reports of its last bake, one for each texture set. are_levels: whether they are levels of
     detail of one object, from the finest. check_beside: called with the path of each file beside that at `path` before any is
-    written; it may raise BakeError. Raises BakeError, and then no file has changed. Nothing else of the scene changes.
+    written; it may raise BakeError. Raises BakeError, and then no file has changed. Nothing else of the scene changes, not
+    even between two steps.
     """
     file_format = _format(path)
     file_format.check()
     if are_levels and not file_format.LINKS_LEVELS:
         raise BakeError(f"{str(path)!r} cannot hold levels of detail: only a {file_formats.MESHES[0]} file can.")
     atomic_file.check_writable(path)
+    yield Progress("Writing the file", 0.0)
     lows = [baked_low.read(context, reports) for reports in bakes]
-    before_names = f"{path.stem}_" if file_format.SHARES_FOLDER else ""
-    with staging.staged(
-        context,
-        lows,
-        file_format.CHANNELS,
-        with_tangents=file_format.HAS_TANGENTS,
-        names_files=file_format.NAMES_FILES,
-        before_names=before_names,
-    ) as stage:
-        files = _written(context, file_format, stage, path, are_levels=are_levels)
-        done = [_exported(file_format, stage, one, stage.folder / path.name) for one in stage.objects]
+    with tempfile.TemporaryDirectory(prefix="imprint-") as name:
+        folder = Path(name)
+        files, objects = _written(context, file_format, lows, folder / path.name, path, are_levels=are_levels)
+        done = []
+        for number, one in enumerate(objects):
+            yield Progress("Reading the file back", WRITTEN + (1.0 - WRITTEN) * number / len(objects))
+            done.append(_exported(file_format, one, folder / path.name))
         maps = {file for low in lows for report in low.reports for file in report.output}
-        targets = _targets(files, stage.folder, path, maps)
+        targets = _targets(files, folder, path, maps)
         for other in targets[1:] if check_beside else ():
             check_beside(str(other))
         _move(files, targets)
@@ -101,15 +116,31 @@ def _format(path: Path) -> ModuleType:
 
 
 def _written(
-    context: bpy.types.Context, file_format: ModuleType, stage: Stage, path: Path, *, are_levels: bool
-) -> list[Path]:
-    first = stage.objects[0].object
-    try:
-        # Exporters leave the mode of the active object, and print.
-        with context.temp_override(active_object=first, object=first), redirect_stdout(StringIO()):
-            return file_format.write(stage, stage.folder / path.name, are_levels=are_levels)
-    except (RuntimeError, OSError) as error:
-        raise BakeError(f"{str(path)!r} could not be written: {atomic_file.reason(error)}.") from error
+    context: bpy.types.Context,
+    file_format: ModuleType,
+    lows: Sequence[BakedLow],
+    temporary: Path,
+    path: Path,
+    *,
+    are_levels: bool,
+) -> tuple[list[Path], list[Staged]]:
+    """Write `temporary`, which becomes the file at `path`, and those beside it. Returns them, and what was staged for them."""
+    with staging.staged(
+        context,
+        lows,
+        temporary.parent,
+        file_format.CHANNELS,
+        with_tangents=file_format.HAS_TANGENTS,
+        names_files=file_format.NAMES_FILES,
+        before_names=f"{path.stem}_" if file_format.SHARES_FOLDER else "",
+    ) as stage:
+        first = stage.objects[0].object
+        try:
+            # Exporters leave the mode of the active object, and print.
+            with context.temp_override(active_object=first, object=first), redirect_stdout(StringIO()):
+                return file_format.write(stage, temporary, are_levels=are_levels), stage.objects
+        except (RuntimeError, OSError) as error:
+            raise BakeError(f"{str(path)!r} could not be written: {atomic_file.reason(error)}.") from error
 
 
 def _targets(files: Sequence[Path], folder: Path, path: Path, maps: Collection[str]) -> list[Path]:
@@ -137,7 +168,7 @@ def _move(files: Sequence[Path], targets: Sequence[Path]) -> None:
             partial.commit()
 
 
-def _exported(file_format: ModuleType, stage: Stage, one: Staged, path: Path) -> Exported:
+def _exported(file_format: ModuleType, one: Staged, path: Path) -> Exported:
     """Read one object back, and measure it. Raises BakeError if the file has something else than was baked."""
     low = one.baked
     found = file_format.read(path, one)
@@ -148,7 +179,7 @@ def _exported(file_format: ModuleType, stage: Stage, one: Staged, path: Path) ->
         one.uv,
         one.faces,
         low.basis,
-        _kept(lambda page: _baked_texels(one, page, stage.folder)),
+        _kept(lambda page: _baked_texels(one, page, path.parent)),
     )
     comparison.check_surface(baked, found, low.name)
     measured = None
@@ -156,11 +187,11 @@ def _exported(file_format: ModuleType, stage: Stage, one: Staged, path: Path) ->
         measured = comparison.measure(
             baked,
             found,
-            _kept(lambda page: _texels_in(found, page, file_format.CHANNELS or one.channels(page), stage.folder)),
+            _kept(lambda page: _texels_in(found, page, file_format.CHANNELS or one.channels(page), path.parent)),
             [readers.BY_NAME[name] for name in low.reports[0].settings["readers"]],
             () if file_format.CHANNELS else one.channels(0),
         )
-    return Exported(low.name, [], len(one.faces), low.basis.name, measured, _warnings(one, measured, stage))
+    return Exported(low.name, [], len(one.faces), low.basis.name, measured, _warnings(one, measured))
 
 
 def _kept(load: Callable[[int], np.ndarray | None]) -> Callable[[int], np.ndarray | None]:
@@ -196,8 +227,8 @@ def _texels_in(found: FileMesh, page: int, channels: Sequence[str], folder: Path
         return map_pictures.turned(map_pictures.pixels(image), channels)
 
 
-def _warnings(one: Staged, measured: Measured | None, stage: Stage) -> list[str]:
-    notes = list(stage.notes)
+def _warnings(one: Staged, measured: Measured | None) -> list[str]:
+    notes = list(dict.fromkeys(one.notes))
     if measured is not None and not measured.has_tangents:
         off = measured.degrees[one.baked.basis.name]["percentile_99"]
         if off > VISIBLE:

@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Puts triangulated copies of low objects, with copies of their materials and maps, into the open file for a short time."""
 
-import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import bpy
@@ -27,14 +26,17 @@ TANGENTS = "_IMPRINT_TANGENTS"
 class Staged:
     """A low object that stands in the file. uvs (T, 3, 2): as the file gets them. pages: the material slot and the UDIM tile of
     each material; the tile is FIRST without UDIM. faces (T,): the page of each triangle, whose order is that of the file.
-    order (T,): which triangle of `baked` each one is."""
+    order (T,): which triangle of `baked` each one is. name: of the object, which is gone when the file is read back. notes:
+    sentences of what could not be shown in its materials."""
 
     baked: BakedLow
     object: bpy.types.Object
+    name: str
     uv: np.ndarray
     pages: list[tuple[int, int]]
     faces: np.ndarray
     order: np.ndarray
+    notes: list[str] = field(default_factory=list)
 
     def channels(self, page: int) -> tuple[str, str, str]:
         """The axes that the bake's normal map of a page stores."""
@@ -44,18 +46,17 @@ class Staged:
 
 @dataclass(frozen=True)
 class Stage:
-    """All staged objects, in a collection of their own. notes: sentences of what could not be shown in materials."""
+    """All staged objects, in a collection of their own."""
 
     collection: bpy.types.Collection
     objects: list[Staged]
-    folder: Path
-    notes: list[str]
 
 
 @contextmanager
 def staged(
     context: bpy.types.Context,
     lows: Sequence[BakedLow],
+    folder: Path,
     channels: Sequence[str] | None,
     *,
     with_tangents: bool,
@@ -64,27 +65,27 @@ def staged(
 ) -> Iterator[Stage]:
     """Stage low objects until the block ends. Then nothing of it is left in the file.
 
-    channels: the axes that the format's normal maps store, or None for those of the bake. with_tangents: whether meshes have
-    the attribute TANGENTS, in glTF's axes. names_files: whether the format tells textures apart by the names of their files.
-    before_names: what those names begin with. Raises BakeError.
+    folder: for the files of the maps. channels: the axes that the format's normal maps store, or None for those of the bake.
+    with_tangents: whether meshes have the attribute TANGENTS, in glTF's axes. names_files: whether the format tells textures
+    apart by the names of their files. before_names: what those names begin with. Raises BakeError.
     """
     made: list[bpy.types.ID] = []
     groups = set(bpy.data.node_groups)
-    with tempfile.TemporaryDirectory(prefix="imprint-") as folder, ExitStack() as names:
+    with ExitStack() as names:
         try:
             collection = bpy.data.collections.new("Imprint export")
             made.append(collection)
             context.scene.collection.children.link(collection)
-            pictures, notes = PictureFiles(Path(folder), made, before_names), []
+            pictures = PictureFiles(folder, made, before_names)
             objects = []
             for low in lows:
                 objects.append(_object(low, made, names, with_tangents=with_tangents))
                 collection.objects.link(objects[-1].object)
-                notes += _with_maps(objects[-1], pictures, channels)
+                objects[-1].notes.extend(_with_maps(objects[-1], pictures, channels))
                 if names_files:
                     _name_textures(objects[-1], pictures)
             context.view_layer.update()
-            yield Stage(collection, objects, Path(folder), list(dict.fromkeys(notes)))
+            yield Stage(collection, objects)
         finally:  # before names are given back
             _remove(made, groups)
 
@@ -126,7 +127,7 @@ def _object(low: BakedLow, made: list[bpy.types.ID], names: ExitStack, *, with_t
     _take_name(mesh, low.low.data.name, bpy.data.meshes, made, names)
     for slot, tile in pages:
         mesh.materials.append(_material(low, slot, tile, made, names))
-    return Staged(low, obj, next(iter(uvs.values())), pages, faces[order], order)
+    return Staged(low, obj, obj.name, next(iter(uvs.values())), pages, faces[order], order)
 
 
 def _tiles(low: BakedLow) -> tuple[np.ndarray, np.ndarray]:

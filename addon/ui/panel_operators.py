@@ -1,15 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Operators of the panels that do not bake: slots, measured distances, materials, images, and visibility in the viewport."""
 
-from pathlib import Path
-
 import bpy
 from bpy.props import IntProperty, StringProperty
 
-from ..core import file_formats
 from ..core.errors import BakeError
-from ..core.names import file_names
-from ..export import engine_files
 from ..output import map_images, materials, outputs
 from ..scene import instances
 from .bake_results import distances, high_objects, results
@@ -73,55 +68,6 @@ class IMPRINT_OT_connect_maps(bpy.types.Operator):
             return {"CANCELLED"}
         for warning in dict.fromkeys(warnings):
             self.report({"WARNING"}, warning)
-        return {"FINISHED"}
-
-
-class IMPRINT_OT_export(bpy.types.Operator):
-    """Write the low object and the maps of its last bake to a file for an engine, read it back, and compare it with the bake"""
-
-    bl_idname = "imprint.export"
-    bl_label = "Export for Engine"
-
-    filepath: StringProperty(
-        name="File",
-        description="File to write; empty for the one in the panel",
-        subtype="FILE_PATH",
-        options={"SKIP_SAVE"},
-        translation_context=LABEL,
-    )
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        if results.of(context) is None:
-            cls.poll_message_set(tooltip("Bake this low object first"))
-            return False
-        return True
-
-    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
-        if context.scene.imprint.export:
-            return self.execute(context)
-        self.filepath = f"{file_names.file_name(results.of(context).low)}{file_formats.MESHES[0]}"
-        context.window_manager.fileselect_add(self)
-        return {"RUNNING_MODAL"}
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        reports = results.all_of(context)
-        path = file_names.fill(self.filepath or context.scene.imprint.export, reports[0].low)
-        try:
-            if not path:
-                raise BakeError("No file is set for the export: set one.")
-            if path.startswith("//") and not bpy.data.filepath:
-                raise BakeError(f"{path!r} is relative to a .blend file that was never saved: save it first.")
-            (done,) = engine_files.export(context, [reports], Path(bpy.path.abspath(path)).absolute())
-        except BakeError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        for warning in done.warnings:
-            self.report({"WARNING"}, warning)
-        reports = [report.with_export(done.to_dict()) for report in reports]
-        results.remember(context, reports)
-        self.report({"INFO"}, reports[0].exported)
-        redraw()
         return {"FINISHED"}
 
 
@@ -252,7 +198,6 @@ class IMPRINT_OT_high_remove(bpy.types.Operator):
 CLASSES = (
     IMPRINT_OT_freeze_distances,
     IMPRINT_OT_connect_maps,
-    IMPRINT_OT_export,
     IMPRINT_OT_show_map,
     IMPRINT_OT_show_high,
     IMPRINT_OT_show_cage,

@@ -7,7 +7,7 @@ import bpy
 
 from addon.ui.converting import convert_panel
 from addon.ui.levels import levels_panel
-from addon.ui.panels import bake_panel, batch_panels, settings_panels
+from addon.ui.panels import bake_panel, batch_panels, settings_panels, view_panel
 
 
 class Layout:
@@ -88,6 +88,7 @@ PANELS = [
     *batch_panels.CLASSES,
     *levels_panel.CLASSES,
     *convert_panel.CLASSES,
+    *view_panel.CLASSES,
 ]
 
 

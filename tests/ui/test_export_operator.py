@@ -5,7 +5,8 @@ import bpy
 import pytest
 
 from addon.ui.bake_results import results
-from tests.support import zoo
+from tests.export.test_glb import bent_pair
+from tests.support import panel_layout, zoo
 
 pytestmark = pytest.mark.usefixtures("registered", "gpu_context")
 
@@ -39,3 +40,22 @@ def test_an_error_is_told(low, tmp_path):
         bpy.ops.imprint.export(filepath=str(tmp_path / "lo.obj"))
     with pytest.raises(RuntimeError, match="No file is set"):
         bpy.ops.imprint.export()
+
+
+def test_the_panel_keeps_the_warnings_of_the_file(tmp_path):
+    """Two triangles of a bent quad have other tangents than the quad."""
+    low, high = bent_pair()
+    settings = bpy.context.scene.imprint
+    settings.low, settings.method, settings.width, settings.height = low, "FLATTEN", 64, 64
+    settings.highs.add().object = high
+    bpy.ops.imprint.bake()
+    bpy.ops.imprint.export(filepath=str(tmp_path / "lo.fbx"))
+    assert "Engines make their own tangents of this file" in panel_layout.draw(width=2000).text
+    bpy.ops.imprint.export(filepath=str(tmp_path / "lo.glb"))
+    assert "Engines make their own tangents of this file" not in panel_layout.draw(width=2000).text
+
+
+def test_the_file_browser_lists_the_formats_and_warns_of_existing_files():
+    kind = bpy.ops.imprint.export.get_rna_type().properties
+    assert kind["filter_glob"].default == "*.glb;*.usd;*.usda;*.usdc;*.fbx"
+    assert kind["check_existing"].default

@@ -13,6 +13,7 @@ from addon.core.settings import Settings
 from addon.passes import shader, target
 from addon.ui import check_operators, map_size, modal, operators, panel_operators, presets, properties, weight_operators
 from addon.ui.converting import convert_operator, convert_panel
+from addon.ui.exporting import export_operator
 from addon.ui.levels import level_operators, levels_panel
 from addon.ui.panels import bake_panel, batch_panels, check_panel, settings_panels, sidebar, view_panel
 from addon.ui.readiness import cure_operators
@@ -25,6 +26,7 @@ OPERATORS = [
         modal,
         operators,
         panel_operators,
+        export_operator,
         check_operators,
         cure_operators,
         weight_operators,

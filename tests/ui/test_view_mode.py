@@ -16,7 +16,7 @@ from addon.ui.live.live_switch import live
 from addon.ui.viewport import view_drawing, viewport_text
 from addon.ui.viewport.view_mode import viewer
 from addon.views.mode_names import SHOWN, Mode
-from tests.support import raster, zoo
+from tests.support import panel_layout, raster, zoo
 from tests.support.snapshot import difference, snapshot
 
 pytestmark = pytest.mark.usefixtures("gpu_context", "registered")
@@ -117,6 +117,20 @@ def test_a_view_reads_the_map_as_the_chosen_program_does(pair):
     bpy.context.scene.imprint.space = "OBJECT"
     assert bpy.ops.imprint.view_refresh() == {"FINISHED"}
     assert viewer.figures.percentile_99 < 0.1  # it has no basis
+
+
+def test_the_panel_says_that_a_program_reads_green_upside_down(pair):
+    bpy.context.scene.imprint.green = "+Y"
+    view().mode = "DEVIATION"
+    view().reader = "unreal"
+    assert (
+        "Unreal Engine reads green as -Y, and the map stores +Y: the preset Unreal"
+        in panel_layout.draw(width=2000).text
+    )
+    view().reader = "unity"
+    assert "reads green" not in panel_layout.draw(width=2000).text
+    view().reader = "OWN"
+    assert "reads green" not in panel_layout.draw(width=2000).text
 
 
 def test_unmeasured_deviations_are_shown_as_text(pair):

@@ -63,7 +63,7 @@ def write(stage: Stage, path: Path, *, are_levels: bool) -> list[Path]:
             attributes = primitive["attributes"]
             attributes["TANGENT"] = attributes.pop(staging.TANGENTS)
     if are_levels:
-        _link_levels(glb.tree, [one.object.name for one in stage.objects])
+        _link_levels(glb.tree, [one.name for one in stage.objects])
     path.write_bytes(glb.packed())
     return [path]
 
@@ -88,7 +88,7 @@ def read(path: Path, one: Staged) -> FileMesh:
     """Read an object back. Raises BakeError."""
     glb = Glb.parsed(path.read_bytes())
     tree = glb.tree
-    mesh = tree["meshes"][tree["nodes"][_node(tree, one.object.name)]["mesh"]]
+    mesh = tree["meshes"][tree["nodes"][_node(tree, one.name)]["mesh"]]
     parts: dict[str, list[np.ndarray]] = {}
     pictures: list[bytes | None] = []
     for number, primitive in enumerate(mesh["primitives"]):

@@ -35,7 +35,7 @@ _COLLECTIONS = (
 def read(path: Path, one: Staged, importer: Callable[[], object]) -> FileMesh:
     """Read an object back. importer: imports the file. Raises BakeError."""
     with _objects(path, importer) as objects:
-        return _file_mesh(_found(objects, one.object.name), one)
+        return _file_mesh(_found(objects, one.name), one)
 
 
 @contextmanager
@@ -68,7 +68,7 @@ def _found(objects: list[bpy.types.Object], name: str) -> bpy.types.Object:
 def _file_mesh(obj: bpy.types.Object, one: Staged) -> FileMesh:
     data = obj.data
     if not data.uv_layers:
-        raise BakeError(f"The file has no UVs of {one.object.name!r}: it was not written.")
+        raise BakeError(f"The file has no UVs of {one.name!r}: it was not written.")
     mesh = mesh_reader.with_tangents(data, data.uv_layers[0].name, obj.name, mesh_reader.matrix(obj))
     slots = mesh.labels[:, 0].astype(np.int32)
     pages = np.full(max(len(obj.material_slots), int(slots.max()) + 1), -1)

@@ -146,8 +146,9 @@ def draw_maps(layout: bpy.types.UILayout, names: Iterable[str]) -> None:
 
 
 def _warnings(reports: Sequence[Report]) -> list[str]:
-    """The warnings of all reports, each of them once."""
-    return list(dict.fromkeys(warning for report in reports for warning in report.warnings))
+    """The warnings of all reports and of the exported file, each of them once."""
+    found = (warning for report in reports for warning in (*report.warnings, *report.export.get("warnings", ())))
+    return list(dict.fromkeys(found))
 
 
 class IMPRINT_PT_report(SidebarPanel, bpy.types.Panel):

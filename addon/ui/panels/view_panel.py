@@ -3,13 +3,17 @@
 
 import bpy
 
+from ...core.declarations import readers
 from ...core.declarations.choices import Space
+from ...jobs.live.live_session import Session
 from ...views.mode_names import Mode
 from ..translations.lookup import message
 from ..viewport import view_drawing
 from ..viewport.progress_display import display
 from ..viewport.view_mode import viewer
 from .sidebar import SidebarPanel, draw_paragraphs, split_layout
+
+GREEN = "{reader} reads green as {wanted}, and the map stores {stored}: the preset {preset} of the Map panel sets it."
 
 
 class IMPRINT_PT_view(SidebarPanel, bpy.types.Panel):
@@ -29,6 +33,7 @@ class IMPRINT_PT_view(SidebarPanel, bpy.types.Panel):
             draw_paragraphs(layout, context, [message("The settings have changed: refresh the view.")], "INFO")
         if viewer.mode is not Mode.OFF and context.scene.imprint.space == Space.TANGENT:
             layout.prop(view, "reader")
+            draw_paragraphs(layout, context, _green_problem(view.reader, viewer.session), "INFO")
         if viewer.mode in {Mode.MAP, Mode.SPLIT}:
             layout.prop(view, "light")
         if viewer.mode is Mode.SPLIT:
@@ -39,6 +44,15 @@ class IMPRINT_PT_view(SidebarPanel, bpy.types.Panel):
             draw_paragraphs(layout.box(), context, lines, "DRIVER_ROTATIONAL_DIFFERENCE")
         if viewer.message:
             draw_paragraphs(layout.box(), context, [viewer.message], "ERROR")
+
+
+def _green_problem(name: str, session: Session | None) -> list[str]:
+    """Why the program of this name shows the map with green upside down, in a sentence; empty if it does not."""
+    reader = readers.BY_NAME.get(name)
+    if reader is None or session is None or session.settings.green == reader.green:
+        return []
+    stored = session.settings.green
+    return [message(GREEN).format(reader=reader.label, wanted=reader.green, stored=stored, preset=reader.preset)]
 
 
 CLASSES = (IMPRINT_PT_view,)

@@ -53,6 +53,22 @@ TABLE = {
         "de_DE": "Datei, die geschrieben wird; leer für die im Panel",
         "es": "Archivo a escribir; vacío para el del panel",
     },
+    (LABEL, "Writing the file"): {"de_DE": "Datei schreiben", "es": "Escribiendo el archivo"},
+    (LABEL, "Reading the file back"): {"de_DE": "Datei zurücklesen", "es": "Releyendo el archivo"},
+    (SENTENCE, "The ending decides the format:"): {
+        "de_DE": "Die Endung bestimmt das Format:",
+        "es": "La extensión determina el formato:",
+    },
+    (LABEL, "File Filter"): {"de_DE": "Dateifilter", "es": "Filtro de archivos"},
+    (SENTENCE, "Names of the files that the file browser lists"): {
+        "de_DE": "Namen der Dateien, die der Dateibrowser zeigt",
+        "es": "Nombres de los archivos que muestra el explorador de archivos",
+    },
+    (LABEL, "Check Existing"): {"de_DE": "Vorhandene prüfen", "es": "Comprobar existentes"},
+    (SENTENCE, "Warn before a file is replaced"): {
+        "de_DE": "Warnen, bevor eine Datei ersetzt wird",
+        "es": "Advierte antes de reemplazar un archivo",
+    },
     (SENTENCE, "No file is set for the export: set one."): {
         "de_DE": "Für den Export ist keine Datei angegeben: eine angeben.",
         "es": "No se indicó ningún archivo para exportar: indicar uno.",

@@ -29,6 +29,14 @@ TABLE = {
         "de_DE": "Winkel in Grad zwischen dem Low-Poly-Mesh ohne die Map und der High-Poly-Oberfläche",
         "es": "Grados entre la malla low poly sin el mapa y la superficie high poly",
     },
+    (
+        SENTENCE,
+        "{reader} reads green as {wanted}, and the map stores {stored}: the preset {preset} of the Map panel sets it.",
+    ): {
+        "de_DE": "{reader} liest Grün als {wanted}, und die Map speichert {stored}: Die Voreinstellung {preset} im Panel Map "
+        "stellt es ein.",
+        "es": "{reader} lee el verde como {wanted} y el mapa guarda {stored}: el preajuste {preset} del panel Mapa lo define.",
+    },
     (LABEL, "Light"): {"de_DE": "Licht", "es": "Luz"},
     (SENTENCE, "The light that shines on the mesh; without one, a light that follows the view"): {
         "de_DE": "Das Licht, das auf das Mesh scheint; ohne Auswahl ein Licht, das der Ansicht folgt",
