@@ -91,9 +91,16 @@ WRONG = {
     "an attribute": (2, ["tangent.png", "--vertex-domain", "corner"], "leave out --vertex-domain"),
     "a material": (2, ["tangent.png", "--connect-maps"], "leave out --connect-maps"),
     "pairs": (2, ["tangent.png", "--pairs"], "leave out --pairs"),
+    "a cage": (2, ["tangent.png", "--cage", "hi"], "leave out --cage"),
     "frames": (2, ["tangent.png", "--frames", "1-2"], "leave out --frames"),
     "the same axis twice": (2, ["tangent.png", "--from-red", "+y"], "give each channel another axis"),
 }
+
+
+def test_the_files_of_other_meshes_are_not_read(folder, capsys):
+    files = ["--low-file", "lo.obj", "--high-file", "hi.obj", "--cage-file", "cage.obj"]
+    assert command.run([*files, "--convert", "tangent.png", "--output", "new.png"]) == 2
+    assert "leave out --high-file, --cage-file" in capsys.readouterr().err.splitlines()[-1]
 
 
 @pytest.mark.parametrize("name", WRONG)

@@ -52,6 +52,33 @@ def test_a_converted_map_is_the_map_that_a_bake_makes(pair, spaces):
     assert percentile(found, expected) < EXACT
 
 
+@pytest.mark.shared
+def test_a_real_mesh_gets_the_map_that_a_bake_makes(shared_assets):
+    bpy.ops.wm.open_mainfile(filepath=str(shared_assets / "pairs" / "king_40480_4000.blend"))
+    pair = bpy.data.objects["lo"], bpy.data.objects["hi"]
+    for name in NAMES:
+        bake(*pair, basis=name, image=name, size=(512, 512))
+    off = {}
+    for was, now in itertools.permutations(NAMES, 2):
+        found, _ = converted(pair[0], was, {"from_basis": was}, basis=now)
+        expected = pixels(bpy.data.images[now])
+        assert (found[..., 3] == expected[..., 3]).all()
+        off[f"{was}-{now}"] = percentile(found, expected)
+    print(off)
+    assert max(off.values()) < EXACT
+
+
+def test_settings_of_rays_and_samples_do_not_count(pair):
+    bake(*pair, image="map")
+    plain, _ = converted(pair[0], "map", space="OBJECT")
+    for more in (
+        {"samples": 16},
+        {"method": "CAST", "extrusion": 3.0, "hit": "OUTERMOST"},
+        {"width": 512, "height": 16},
+    ):
+        assert (converted(pair[0], "map", space="OBJECT", **more)[0] == plain).all()
+
+
 @pytest.mark.parametrize("path", ["map.png", "folder/../map.png"])
 def test_the_file_of_the_map_is_not_replaced(tmp_path, path):
     (tmp_path / "folder").mkdir()

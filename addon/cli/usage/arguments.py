@@ -143,6 +143,9 @@ def _wrong_subjects(options: argparse.Namespace, unread: Collection[str]) -> Ite
 
 
 _OF_BAKES = {
+    "high-file": "high_file",
+    "cage": "cage",
+    "cage-file": "cage_file",
     "pairs": "pairs",
     "frames": "frames",
     "no-normal": "normal",
