@@ -83,6 +83,13 @@ def test_small_moves_inside_are_accepted():
     assert moved(SIDE * SIDE // 2, (0.05, -0.03))
 
 
+def test_moves_are_accepted_up_to_half_of_the_longest_edge():
+    """No triangle folds: the next vertex is 0.25 away. The longest edge at the vertex is a diagonal."""
+    reach = 0.5 * 0.25 * np.sqrt(2.0)
+    assert moved(SIDE * SIDE // 2, (0.99 * reach, 0.0))
+    assert not moved(SIDE * SIDE // 2, (1.01 * reach, 0.0))
+
+
 def test_vertices_on_borders_do_not_move():
     assert not moved(0, (0.05, 0.03))
 
