@@ -12,7 +12,7 @@ from addon.core.levels.level_report import limits
 from addon.core.progress import Pace, finish
 from addon.core.settings import Settings
 from addon.jobs import bake_jobs
-from addon.jobs.lod import decimation, deviation_measuring, level_chain
+from addon.jobs.lod import decimation, deviation_measuring, frozen_texels, level_chain
 from addon.scene import mesh_reader
 from tests.support import zoo
 from tests.support.snapshot import difference, snapshot
@@ -50,7 +50,7 @@ def borders(obj):
 
 def test_a_chain_is_within_its_limits_and_five_percent_fewer_are_not():
     original = zoo.terrain("Hill", 24)
-    report = chain(original, "2, 0.6, 90", "3, 90, 0.8")
+    report = chain(original, "2, 0.6, 90", "3, 90, 0.5")
     assert [level.name for level in report.levels] == ["Hill_LOD1", "Hill_LOD2", "Hill_LOD3"]
     triangles = [level.triangles for level in report.levels]
     assert triangles == sorted(triangles, reverse=True) and triangles[0] < report.triangles == 2 * 24 * 24
@@ -90,6 +90,50 @@ def test_levels_are_objects_of_a_collection_with_maps_of_their_own_and_nothing_e
     assert len({level.bake.image for level in report.levels}) == 2
     assert not [data for data in bpy.data.meshes if data.users == 0]
     assert len(bpy.data.scenes) == 1
+
+
+def step():
+    """A gentle wave with a low, curved step, whose wall has 6 % of the texels and needs more triangles than the rest."""
+
+    def surface(u, v):
+        wall = np.clip((u - 0.47) / 0.06, 0.0, 1.0)
+        x = np.where(u < 0.47, u / 0.47 - 1.0, np.where(u > 0.53, (u - 0.53) / 0.47, 0.0))
+        x = x + 0.05 * np.sin(7.0 * v) * (1.0 - x**2)
+        return np.stack([x, 2.0 * v - 1.0, 0.04 * wall + 0.1 * np.sin(3.0 * x) * np.cos(2.0 * v)], axis=1)
+
+    return zoo.sheet("Step", surface, 100, 24)
+
+
+def test_triangles_beyond_the_limit_are_kept_and_the_rest_becomes_coarser(monkeypatch):
+    kept = chain(step(), "1", "5").levels[0]
+    monkeypatch.setattr(frozen_texels, "vertices", lambda source, _: np.zeros(len(source.is_kept), bool))
+    free = chain(step(), "1", "5").levels[0]
+    assert kept.triangles < 0.8 * free.triangles
+
+
+def test_vertices_around_texels_are_found_on_all_layers():
+    plane = zoo.plane("Plane", 2)  # two by two quads, of which two share texels
+    uv = np.empty(len(plane.data.loops) * 2, np.float32)
+    plane.data.uv_layers[0].uv.foreach_get("vector", uv)
+    uv[::2] = np.abs(2.0 * uv[::2] - 1.0)
+    plane.data.uv_layers[0].uv.foreach_set("vector", uv)
+    with decimation.Meshes() as meshes:
+        source = decimation.read(bpy.context, plane, "", "RENDER", meshes)
+        texels = np.zeros((64, 64), bool)
+        assert not frozen_texels.vertices(source, texels).any()
+        texels[:31] = True
+        points = source.surface.positions[frozen_texels.vertices(source, texels)]
+    assert sorted({(round(float(x), 3), round(float(y), 3)) for x, y, _ in points}) == [
+        (x, y) for x in (-1.0, 0.0, 1.0) for y in (-1.0, 0.0)
+    ]
+
+
+def test_a_mesh_whose_vertices_are_all_kept_stays_as_it_is():
+    with decimation.Meshes() as meshes:
+        source = decimation.read(bpy.context, zoo.terrain("Hill", 12), "", "RENDER", meshes)
+        data = meshes.own(decimation.coarser(source, 20, np.ones(len(source.is_kept), bool)))
+        same = decimation.of_mesh(data, "UVMap", "same", np.eye(4))
+        assert (same.triangles, len(data.vertices)) == (source.triangles, len(source.data.vertices))
 
 
 @pytest.mark.parametrize("degrees", [1.0, 3.0])
@@ -134,7 +178,9 @@ def test_uvs_move_to_where_vertices_lie(monkeypatch):
         original = decimation.read(bpy.context, obj, "", "RENDER", meshes)
         separation = []
         for moves_uvs in (True, False):
-            data = meshes.own(decimation.coarser(original, 400, "UVMap", moves_uvs=moves_uvs))
+            moved_to = original.data if moves_uvs else None
+            none = np.zeros(len(original.is_kept), bool)
+            data = meshes.own(decimation.coarser(original, 400, none, moved_to))
             surface_of = mesh_reader.surface(data, "UVMap", "level", np.eye(4))
             points = surface_of.positions[surface_of.vertices]
             separation.append(np.abs(2 * surface_of.uv[:, 0] ** 2 - 1 - points[:, 0]).mean())

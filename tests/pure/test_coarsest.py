@@ -1,77 +1,87 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Tests the search for the smallest number of triangles within a limit."""
+"""Tests the search for the coarsest mesh within a limit."""
 
 import random
+from dataclasses import dataclass
 
 import pytest
 
-from addon.core.levels.coarsest import FEWER, Tried, search
+from addon.core.levels.coarsest import FEWER, LEAST, search
 from addon.core.progress import finish
 
 
-def meshes(value, floor=0, slack=0):
-    """An attempt on meshes whose values are given by a function, and the numbers that were tried."""
-    numbers = []
+@dataclass(frozen=True)
+class Made:
+    """A mesh without a surface. way: in which of several ways it was made."""
 
-    def attempt_on(tried):
-        def attempt(wanted):
-            yield from ()
-            number = max(floor, wanted - slack)
-            numbers.append(number)
-            tried.values[number] = value(number)
-            return number
+    triangles: int
+    excess: float
+    spent: float = 0.0
+    way: int = 0
 
-        return attempt
 
-    return attempt_on, numbers
+def found(most, excess, floor=0, slack=0):
+    """What the search finds if a mesh of some triangles has this excess, and the steps (from, wanted, is last) it took."""
+    steps = []
+
+    def attempt(base, wanted, is_last):
+        yield from ()
+        steps.append((base.triangles, wanted, is_last))
+        number = max(floor, wanted - slack)
+        return [Made(number, excess(number))]
+
+    return finish(search(Made(most, 0.0), attempt)), steps
 
 
 @pytest.mark.parametrize("power", [0.3, 1.0, 3.0])
 def test_five_percent_fewer_are_beyond_the_limit(power):
-    def value(number):
-        return (1000.0 / number) ** power
-
-    tried = Tried({100_000: value(100_000)})
-    attempt_on, numbers = meshes(value)
-    found = finish(search(tried, 1.0, attempt_on(tried)))
-    assert value(found.triangles) <= 1.0 < value(found.beyond)
-    assert found.beyond == int(FEWER * found.triangles)
-    assert len(numbers) <= 20
+    (within, beyond), steps = found(100_000, lambda number: (1000.0 / number) ** power)
+    assert within.excess <= 1.0 < beyond.excess
+    assert beyond.triangles == int(FEWER * within.triangles)
+    assert len(steps) <= 20
 
 
 def test_random_values_seed_7():
     dice = random.Random(7)
     for _ in range(200):
-        noise = {}
+        noise, limit = {}, dice.uniform(0.01, 30.0)
 
-        def value(number, noise=noise):
-            return 100.0 / number * noise.setdefault(number, dice.uniform(0.7, 1.5))
+        def excess(number, noise=noise, limit=limit):
+            return 100.0 / number * noise.setdefault(number, dice.uniform(0.7, 1.5)) / limit
 
-        most = dice.randrange(12, 50_000)
-        tried = Tried({most: 0.0})
-        attempt_on, _ = meshes(value, slack=dice.choice([0, 1]))
-        limit = dice.uniform(0.01, 30.0)
-        found = finish(search(tried, limit, attempt_on(tried)))
-        assert tried.values[found.triangles] <= limit
-        assert not found.beyond or tried.values[found.beyond] > limit
-        assert found.beyond < found.triangles
-        assert not found.beyond or found.beyond >= int(FEWER * found.triangles) - 2
+        (within, beyond), _ = found(dice.randrange(12, 50_000), excess, slack=dice.choice([0, 1]))
+        assert within.excess <= 1.0
+        if beyond:
+            assert beyond.excess > 1.0
+            assert int(FEWER * within.triangles) - 2 <= beyond.triangles < within.triangles
+
+
+def test_steps_start_from_the_last_mesh_within_the_limit_and_only_the_last_is_announced():
+    (within, _), steps = found(10_000, lambda number: 100.0 / number)
+    bases = [base for base, _, _ in steps]
+    assert bases == sorted(bases, reverse=True) and bases[-1] == within.triangles
+    assert steps[-1] == (within.triangles, int(FEWER * within.triangles), True)
+    assert [is_last for base, wanted, is_last in steps] == [wanted == int(FEWER * base) for base, wanted, _ in steps]
 
 
 def test_borders_that_are_kept_end_the_search():
-    tried = Tried({10_000: 0.1})
-    attempt_on, numbers = meshes(lambda number: 100.0 / number, floor=800)
-    found = finish(search(tried, 1.0, attempt_on(tried)))
-    assert (found.triangles, found.beyond) == (800, 0)
-    assert tried.floor == 800
-    assert numbers[-1] == 800 and len(numbers) <= 4
+    (within, beyond), steps = found(10_000, lambda number: 100.0 / number, floor=800)
+    assert (within.triangles, beyond) == (800, None)
+    assert len(steps) <= 12
 
 
-def test_what_was_measured_before_is_not_measured_again():
-    tried = Tried({10_000: 0.01})
-    attempt_on, numbers = meshes(lambda number: 100.0 / number)
-    first = finish(search(tried, 0.05, attempt_on(tried)))
-    count = len(numbers)
-    again = finish(search(tried, 0.05, attempt_on(tried)))
-    assert again == first
-    assert len(numbers) == count
+def test_of_several_ways_the_one_with_the_fewest_texels_beyond_goes_on():
+    def attempt(base, wanted, is_last):
+        yield from ()
+        if base.triangles < 1000:
+            return [Made(wanted, 2.0), Made(wanted, 1.5, way=3)]
+        return [Made(wanted, 0.5, 0.004, 1), Made(wanted, 0.6, 0.001, 2), Made(wanted, 1.1, 0.0, 3)]
+
+    within, beyond = finish(search(Made(1000, 0.0), attempt))
+    assert (within.way, beyond.way) == (2, 3)
+
+
+def test_no_mesh_is_coarser_than_a_tetrahedron():
+    (within, beyond), steps = found(12, lambda _: 0.0)
+    assert (within.triangles, beyond) == (LEAST, None)
+    assert min(wanted for _, wanted, _ in steps) == LEAST

@@ -1,73 +1,51 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Searches the smallest number of triangles within a limit."""
+"""Searches the coarsest mesh within a limit: step by step, each mesh made from the last one that was within it."""
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from typing import Protocol, TypeVar
 
 from ..progress import Task
 
+STRIDE = 0.5
+"""The share of triangles that the first steps leave. After a step beyond the limit, they become smaller."""
 FEWER = 0.95
-"""A search ends with a number of triangles within the limit, and with this share of it beyond the limit."""
-STRIDE = 0.25
-"""While nothing is known to be beyond the limit, the next number is this share of the last one."""
+"""The share of triangles that the last step leaves: a search ends when this one is beyond the limit."""
 LEAST = 4
 """The fewest triangles that enclose a volume. No coarser mesh is looked for."""
 ODD = 2
-"""How many triangles more than asked for still count as what was asked for."""
-INNER = 0.3
-"""The next number stays this far from both ends of what is not known, as a share of its logarithm."""
+"""The triangles that an edge inside a mesh takes along when it collapses."""
 
 
-@dataclass
-class Tried:
-    """What was measured so far: values that grow as triangles become fewer, by the number of triangles.
-
-    floor: fewer triangles than this cannot be had.
-    """
-
-    values: dict[int, float] = field(default_factory=dict)
-    floor: int = LEAST
-
-
-@dataclass(frozen=True)
-class Found:
-    """The number of triangles within the limit, and FEWER of it, beyond the limit: 0 if there is no coarser mesh."""
+class Measured(Protocol):
+    """A mesh that was measured. excess: how much of the limit it takes, more than 1 beyond it. spent: the share of texels that
+    are beyond it, of which a few may be."""
 
     triangles: int
-    beyond: int
+    excess: float
+    spent: float
 
 
-def search(tried: Tried, limit: float, attempt: Callable[[int], Task[int]]) -> Task[Found]:
-    """The smallest number of triangles whose value is within `limit`, down to FEWER of it.
+Candidate = TypeVar("Candidate", bound=Measured)
 
-    tried: has at least one number within the limit, and learns all that is measured. attempt: makes a mesh with about as many
-    triangles as it is given, puts its value into `tried`, and returns its number of triangles.
+
+def search(
+    start: Candidate, attempt: Callable[[Candidate, int, bool], Task[Sequence[Candidate]]]
+) -> Task[tuple[Candidate, Candidate | None]]:
+    """The coarsest mesh within the limit, and the mesh with FEWER of its triangles that is beyond it; None if there is none.
+
+    start: a mesh within the limit. attempt: makes coarser meshes of one of about as many triangles as it is given, in one or
+    several ways, or with more if it cannot; it is also told whether the step is the last one.
     """
-    is_stuck = False
+    within, share = start, STRIDE
     while True:
-        within = min(number for number, value in tried.values.items() if value <= limit)
-        if within <= tried.floor:
-            return Found(within, 0)
-        beyond = max((number for number in tried.values if number < within), default=0)
-        last = max(int(FEWER * within), tried.floor)
-        wanted = last if is_stuck else max(min(_next(within, beyond, tried.values, limit), last), tried.floor)
-        number = wanted if wanted in tried.values else (yield from attempt(wanted))
-        if number > wanted + ODD:  # the rest of the mesh is kept
-            tried.floor = max(tried.floor, number)
-            if number >= within:
-                return Found(within, 0)
-        if tried.values[number] > limit and max(wanted, number) >= last:
-            return Found(within, number)
-        is_stuck = number <= beyond
-
-
-def _next(within: int, beyond: int, values: dict[int, float], limit: float) -> int:
-    """The number of triangles where the value is about the limit, by the two numbers on either side."""
-    if not beyond:
-        return int(STRIDE * within)
-    fine, coarse = math.log(within), math.log(beyond)
-    low, high = (math.log(max(values[number], 1e-9)) for number in (within, beyond))
-    share = (math.log(limit) - low) / (high - low) if high > low else 0.5
-    share = min(max(share, INNER), 1.0 - INNER)
-    return round(math.exp(fine + share * (coarse - fine)))
+        wanted = max(min(int(share * within.triangles), within.triangles - ODD), LEAST)
+        made = yield from attempt(within, wanted, share >= FEWER)
+        coarser = [each for each in made if each.triangles < within.triangles]
+        good = [each for each in coarser if each.excess <= 1.0]
+        if good:
+            within = min(good, key=lambda each: (each.spent, each.excess))
+        elif share >= FEWER:
+            return within, min(coarser, key=lambda each: each.excess, default=None)
+        else:
+            share = min(math.sqrt(share), FEWER)

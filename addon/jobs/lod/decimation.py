@@ -46,11 +46,11 @@ class Meshes:
 
 
 @dataclass(frozen=True)
-class Original:
-    """The object that levels are made of, with its modifiers.
+class Source:
+    """A mesh that coarser ones are made of.
 
-    data: a copy of its mesh. surface: the mesh as bakes read it, with UVs. is_kept (V,) bool: vertices that stay where they
-    are, because they lie on a border. layer: the UV layer of the map. triangles: their number.
+    data: the mesh. surface: as bakes read it, with UVs. is_kept (V,) bool: vertices that stay where they are, because they lie
+    on a border. layer: the UV layer of the map. triangles: their number.
     """
 
     data: bpy.types.Mesh
@@ -63,8 +63,11 @@ class Original:
         return len(self.surface.triangles)
 
 
-def read(context: bpy.types.Context, obj: bpy.types.Object, uv_layer: str, modifiers: str, meshes: Meshes) -> Original:
-    """Read an object. uv_layer: its name; empty for the active one. meshes: owns the copy. Raises BakeError."""
+def read(context: bpy.types.Context, obj: bpy.types.Object, uv_layer: str, modifiers: str, meshes: Meshes) -> Source:
+    """Read an object with its modifiers. uv_layer: its name; empty for the active one. meshes: owns the copy.
+
+    Raises BakeError.
+    """
     with evaluation.prepared(context, obj, [], None, modifiers) as depsgraph:
         data = meshes.own(
             bpy.data.meshes.new_from_object(
@@ -79,17 +82,25 @@ def read(context: bpy.types.Context, obj: bpy.types.Object, uv_layer: str, modif
     if uv_layer and uv_layer not in data.uv_layers:
         raise BakeError(f"{obj.name!r} has no UV layer {uv_layer!r}: choose one of its layers.")
     layer = uv_layer or data.uv_layers.active.name
-    surface = mesh_reader.surface(data, layer, obj.name, mesh_reader.matrix(obj), with_faces=True)
-    if surface.not_finite:
+    _drop_custom_normals(data)
+    source = of_mesh(data, layer, obj.name, mesh_reader.matrix(obj))
+    if source.surface.not_finite:
         raise BakeError(
-            f"{obj.name!r} has {surface.not_finite:,} triangles with NaN or infinite coordinates: remove them."
+            f"{obj.name!r} has {source.surface.not_finite:,} triangles with NaN or infinite coordinates: remove them."
         )
+    return source
+
+
+def of_mesh(data: bpy.types.Mesh, layer: str, name: str, to_world: np.ndarray) -> Source:
+    """A mesh, to make coarser ones of. name: of its object. to_world (4, 4): the object's matrix."""
+    surface = mesh_reader.surface(data, layer, name, to_world, with_faces=True)
     slots = np.empty(len(data.polygons), np.int32)
     data.polygons.foreach_get("material_index", slots)
     layers = [mesh_reader.uvs(data, each.name) for each in data.uv_layers]
-    is_kept = _kept(surface, layers, slots[surface.faces], len(data.vertices))
-    _drop_custom_normals(data)
-    return Original(data, surface, is_kept, layer)
+    is_kept = np.ones(len(data.vertices), bool)  # vertices without a face, too
+    on_border = kept_borders.kept(surface.vertices, surface.triangles, layers, slots[surface.faces])
+    is_kept[: len(on_border)] = on_border
+    return Source(data, surface, is_kept, layer)
 
 
 def _drop_custom_normals(data: bpy.types.Mesh) -> None:
@@ -98,25 +109,30 @@ def _drop_custom_normals(data: bpy.types.Mesh) -> None:
         data.attributes.remove(data.attributes["custom_normal"])
 
 
-def coarser(original: Original, triangles: int, layer: str, *, moves_uvs: bool) -> bpy.types.Mesh:
-    """A mesh of about this many triangles, or of more where borders need them. The caller removes it.
+def coarser(
+    source: Source, triangles: int, is_frozen: np.ndarray, moved_to: bpy.types.Mesh | None = None
+) -> bpy.types.Mesh:
+    """A mesh of about this many triangles, or of more where too many vertices are kept. The caller removes it.
 
-    moves_uvs: whether vertices inside islands get the UVs of the original surface where they lie now. Collapsing edges moves
-    vertices off the place that their UVs stand for.
+    is_frozen (V,) bool: vertices of `source` that are kept beside those on borders. moved_to: the mesh from which vertices
+    inside islands get the UVs of the place where they lie now; None leaves them. Collapsing edges moves vertices off the place
+    that their UVs stand for.
     """
     with _scene() as scene:
-        obj = _object(scene, original.data.copy())
-        kept = np.flatnonzero(~original.is_kept)
+        obj = _object(scene, source.data.copy())
+        finish(obj)  # of what making `source` has left
         group = obj.vertex_groups.new(name=NAME)
-        group.add(kept.tolist(), 1.0, "REPLACE")
+        free = np.flatnonzero(~(source.is_kept | is_frozen))
+        group.add(free.tolist(), 1.0, "REPLACE")
         decimate = obj.modifiers.new(NAME, "DECIMATE")
-        decimate.ratio = min(1.0, triangles / original.triangles)
+        # The modifier takes a group without vertices for no group.
+        decimate.ratio = min(1.0, triangles / source.triangles) if len(free) else 1.0
         decimate.use_collapse_triangulate = True
         decimate.vertex_group = group.name  # weight 0 locks a vertex
         result = _evaluated(scene, obj)
-        if moves_uvs:
+        if moved_to is not None:
             transfer = obj.modifiers.new(NAME, "DATA_TRANSFER")
-            transfer.object = _object(scene, original.data.copy())
+            transfer.object = _object(scene, moved_to.copy())
             transfer.use_loop_data, transfer.data_types_loops = True, {"UV"}
             transfer.loop_mapping = "POLYINTERP_NEAREST"
             transfer.islands_precision = 0.0  # uv_moves takes care of islands
@@ -137,23 +153,12 @@ def finish(level: bpy.types.Object) -> None:
 
 def _move(data: bpy.types.Mesh, moved: bpy.types.Mesh) -> None:
     """Give `data` the UVs of `moved`, which has the same topology, where that is safe."""
-    surface = mesh_reader.surface(data, data.uv_layers[0].name, data.name, np.eye(4), with_faces=True)
-    layers = {each.name: mesh_reader.uvs(data, each.name) for each in data.uv_layers}
-    slots = np.empty(len(data.polygons), np.int32)
-    data.polygons.foreach_get("material_index", slots)
-    fixed = _kept(surface, list(layers.values()), slots[surface.faces], len(data.vertices))
-    for name, before in layers.items():
-        after = mesh_reader.uvs(moved, name)
-        uv = uv_moves.accepted(before, after, surface.vertices, surface.triangles, fixed)
-        data.uv_layers[name].uv.foreach_set("vector", uv.reshape(-1))
-
-
-def _kept(surface: Mesh, layers: list[np.ndarray], labels: np.ndarray, count: int) -> np.ndarray:
-    """Which of `count` vertices lie on borders, (count,) bool. Vertices without a face do as well."""
-    result = np.ones(count, bool)
-    on_border = kept_borders.kept(surface.vertices, surface.triangles, layers, labels)
-    result[: len(on_border)] = on_border
-    return result
+    source = of_mesh(data, data.uv_layers[0].name, data.name, np.eye(4))
+    surface = source.surface
+    for layer in data.uv_layers:
+        before, after = (mesh_reader.uvs(mesh, layer.name) for mesh in (data, moved))
+        uv = uv_moves.accepted(before, after, surface.vertices, surface.triangles, source.is_kept)
+        layer.uv.foreach_set("vector", uv.reshape(-1))
 
 
 @contextmanager

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Measures how far a coarser level with its map is from the original surface: in degrees, and in distance."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import bpy
 import gpu
@@ -40,13 +40,14 @@ class Deviations:
 
     degrees: between the normals that the level shows with its map and those of the original surface where a ray from the level
     meets it, at the 99th percentile. bare_degrees: without the map. distance: along those rays, at the 99th percentile, as a
-    share of the longest side of the original's box. texels: how many were measured.
+    share of the longest side of the original's box. by_texel (height, width) float32: the degrees on each texel, 0 on those
+    that are not covered.
     """
 
     degrees: float
     bare_degrees: float
     distance: float
-    texels: int
+    by_texel: np.ndarray = field(repr=False, compare=False)
 
 
 def settings_for(settings: Settings) -> Settings:
@@ -91,14 +92,14 @@ def measure(
     is_covered = measured[..., 3] != 0.0
     if not is_covered.any():
         return None
-    angles = measured[is_covered]
-    angles[angles[:, 3] < 0.0, :2] = MISSED
-    degrees, bare = np.percentile(angles[:, :2], PERCENTILE, axis=0)
+    measured[measured[..., 3] < 0.0, :2] = MISSED
+    measured[~is_covered, :2] = 0.0
+    degrees, bare = np.percentile(measured[is_covered][:, :2], PERCENTILE, axis=0)
     probe = separation.full_probe(meshes, source.ray_cast)
     vectors = separation.sample(probe, size, [udim.FIRST])
     distances = np.linalg.norm(vectors[vectors[..., 3] > 0.0][:, :3].astype(np.float64), axis=1)
     distance = float(np.percentile(distances, PERCENTILE)) if len(distances) else np.inf
-    return Deviations(float(degrees), float(bare), distance / longest_side(original), len(angles))
+    return Deviations(float(degrees), float(bare), distance / longest_side(original), measured[..., 0].copy())
 
 
 def longest_side(mesh: Mesh) -> float:

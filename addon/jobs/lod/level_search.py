@@ -1,126 +1,155 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Searches the coarsest meshes of an object within limits, and measures each candidate once."""
+"""Searches the coarsest meshes of an object within limits, each made step by step from finer ones that were measured."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
 import bpy
+import numpy as np
 
 from ...core.errors import BakeError
 from ...core.levels import coarsest
-from ...core.levels.coarsest import Tried
 from ...core.levels.level_report import Level, Limit
 from ...core.progress import Pace, Progress, Task, part
 from ...core.settings import Settings
-from . import decimation, deviation_measuring
-from .decimation import Original
+from . import decimation, deviation_measuring, frozen_texels
+from .decimation import Source
 from .deviation_measuring import Deviations
 
-VARIANTS = (True, False)
-"""Whether UVs are moved. Mostly that is better; where it is not, a level keeps the UVs that collapsing edges gives."""
-Candidate = tuple[int, Deviations, bool]
-"""A number of triangles, what was measured, and which of VARIANTS it is."""
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A mesh that was measured. excess, spent: as coarsest.Measured has them. is_beyond (height, width) bool: the texels whose
+    normals are beyond the limit."""
+
+    source: Source
+    deviations: Deviations
+    limit: Limit
+
+    @property
+    def triangles(self) -> int:
+        return self.source.triangles
+
+    @property
+    def excess(self) -> float:
+        return self.limit.excess(self.deviations.degrees, self.deviations.distance)
+
+    @property
+    def is_beyond(self) -> np.ndarray:
+        return self.deviations.by_texel > self.limit.degrees
+
+    @property
+    def spent(self) -> float:
+        return float(self.is_beyond.mean())
 
 
 class LevelSearch:
     """Searches levels of one mesh. Call `measure_original` first. count: how many meshes were measured."""
 
-    def __init__(self, original: Original, settings: Settings, pace: Pace, meshes: decimation.Meshes):
+    def __init__(self, original: Source, settings: Settings, pace: Pace, meshes: decimation.Meshes):
         self.original, self.pace, self.meshes, self.count = original, pace, meshes, 0
         self.settings = deviation_measuring.settings_for(settings)
-        self._known: dict[tuple[int, bool], Candidate] = {}
-        """The candidates by the number of triangles that was asked for, and their variant."""
+        self._found: list[tuple[Source, Deviations]] = []
+        """The original, and the levels that were found: a search starts from the coarsest within its limit."""
 
     def measure_original(self) -> Task[None]:
         """Measure the original with its own map. Raises BakeError if it has no texel on the map."""
-        data = self.meshes.own(self.original.data.copy())
-        self.own = yield from self._measured(data)
+        self._found.append((self.original, (yield from self._measured(self.original))))
 
     def coarsest(self, limit: Limit) -> Task[tuple[bpy.types.Mesh, Level]]:
         """The coarsest mesh within a limit. Raises BakeError."""
-        name, most = self.original.surface.name, self.original.triangles
-        own = _excess(limit, self.own)
-        if own > 1.0:
+        known = [Candidate(*found, limit) for found in self._found]
+        original = known[0]
+        if original.excess > 1.0:
             raise BakeError(
-                f"The map of {name!r} alone deviates by {self.own.degrees:.2f} degrees: allow more than {limit}, or store more "
-                "bits."
+                f"The map of {self.original.surface.name!r} alone deviates by {original.deviations.degrees:.2f} degrees: allow "
+                f"more than {limit}, or store more bits."
             )
-        best: dict[int, Candidate] = {most: (most, self.own, False)}
-        tried = Tried({most: own})
+        start = min((each for each in known if each.excess <= 1.0), key=lambda each: each.triangles)
+        made: list[Candidate] = []
+        within, beyond = yield from coarsest.search(start, self._attempts(limit, made))
+        self._keep(within, made)
+        self._found.append((within.source, within.deviations))
+        found, other = within.deviations, beyond and beyond.deviations
+        of_beyond = (beyond.triangles, other.degrees, other.distance) if beyond else ()
+        level = Level("", limit, within.triangles, found.degrees, found.bare_degrees, found.distance, *of_beyond)
+        return within.source.data, level
 
-        def learn(found: list[Candidate]) -> int:
-            candidate = min(found, key=lambda each: _excess(limit, each[1]))
-            best[candidate[0]] = candidate
-            tried.values[candidate[0]] = _excess(limit, candidate[1])
-            return candidate[0]
+    def _attempts(self, limit: Limit, made: list[Candidate]) -> Callable[[Candidate, int, bool], Task[list[Candidate]]]:
+        """Makes the candidates of a step, as coarsest.search takes it. made: those that exist; the others are removed.
 
-        for wanted in {wanted for wanted, _ in self._known}:
-            found = [self._known[wanted, variant] for variant in VARIANTS if (wanted, variant) in self._known]
-            if len(found) == len(VARIANTS) or _are_within(limit, found):
-                learn(found)
-        steps = self._steps()
+        A step is done again without touching the triangles whose texels came to lie beyond the limit: narrow bevels keep their
+        triangles while the rest becomes coarser. Where that leaves too few triangles to remove, or before a search ends, a step
+        is done with all triangles free.
+        """
+        frozen = np.zeros((self.settings.height, self.settings.width), bool)
+        shares = self._shares()
 
-        def attempt(wanted: int) -> Task[int]:
-            found, (start, stop) = [], next(steps)
-            for variant in VARIANTS:
-                found.append((yield from part(self._candidate(wanted, variant), start, stop)))
-                if _are_within(limit, found):
-                    break
-            return learn(found)
+        def attempt(base: Candidate, wanted: int, is_last: bool) -> Task[list[Candidate]]:
+            nonlocal frozen
+            self._keep(base, made)
+            start, stop = next(shares)
 
-        result = yield from coarsest.search(tried, 1.0, attempt)
-        number, deviations, moves_uvs = best[result.triangles]
-        yield Progress(f"Making {name}", 1.0)
-        data = self.meshes.own(self._made(number, moves_uvs))
-        beyond = best[result.beyond][1] if result.beyond else Deviations(0.0, 0.0, 0.0, 0)
-        level = Level(
-            "",
-            limit,
-            number,
-            deviations.degrees,
-            deviations.bare_degrees,
-            deviations.distance,
-            result.beyond,
-            beyond.degrees,
-            beyond.distance,
-        )
-        return data, level
+            def coarser(number: int, texels: np.ndarray) -> Task[Candidate]:
+                ends = (start + (stop - start) * share / 3.0 for share in (number, number + 1))
+                return part(self._coarser(base, wanted, texels, limit, made), *ends)
+
+            def has_good() -> bool:
+                return any(each.excess <= 1.0 and each.triangles < base.triangles for each in result)
+
+            result = [(yield from coarser(0, frozen))]
+            has_room = result[0].triangles <= wanted + coarsest.ODD
+            more = frozen | result[0].is_beyond
+            if has_room and (more & ~frozen).any():
+                result.append((yield from coarser(1, more)))
+            if has_good():
+                frozen = more
+            elif frozen.any() and (is_last or not has_room):
+                result.append((yield from coarser(2, np.zeros_like(frozen))))
+                frozen = np.zeros_like(frozen) if has_good() else frozen
+            return result
+
+        return attempt
 
     @staticmethod
-    def _steps() -> Iterator[tuple[float, float]]:
+    def _shares() -> Iterator[tuple[float, float]]:
         """Shares of a search, whose number of steps is not known."""
         left = 1.0
         while True:
-            yield 1.0 - left, 1.0 - 0.8 * left
-            left *= 0.8
+            yield 1.0 - left, 1.0 - 0.9 * left
+            left *= 0.9
 
-    def _candidate(self, wanted: int, moves_uvs: bool) -> Task[Candidate]:
-        """Make and measure a mesh of about `wanted` triangles."""
-        if (wanted, moves_uvs) not in self._known:
+    def _coarser(
+        self, base: Candidate, wanted: int, frozen: np.ndarray, limit: Limit, made: list[Candidate]
+    ) -> Task[Candidate]:
+        """A mesh of about `wanted` triangles: with UVs that are moved, or without if those are beyond the limit and this is
+        better."""
+        source, found = base.source, []
+        is_frozen = frozen_texels.vertices(source, frozen)
+        for moved_to in (self.original.data, None):
             yield Progress(f"Decimating to {wanted:,} triangles", 0.0)
-            data = self.meshes.own(self._made(wanted, moves_uvs))
-            number = len(data.polygons)
-            self._known[wanted, moves_uvs] = number, (yield from self._measured(data)), moves_uvs
-        return self._known[wanted, moves_uvs]
+            data = self.meshes.own(decimation.coarser(source, wanted, is_frozen, moved_to))
+            coarser = decimation.of_mesh(data, source.layer, source.surface.name, source.surface.to_world)
+            found.append(Candidate(coarser, (yield from self._measured(coarser)), limit))
+            made.append(found[-1])
+            if found[-1].excess <= 1.0:
+                break
+        return min(found, key=lambda each: each.excess)
 
-    def _made(self, wanted: int, moves_uvs: bool) -> bpy.types.Mesh:
-        return decimation.coarser(self.original, wanted, self.original.layer, moves_uvs=moves_uvs)
+    def _keep(self, kept: Candidate, made: list[Candidate]) -> None:
+        """Remove all meshes of `made` but one."""
+        for each in made:
+            if each is not kept:
+                self.meshes.remove(each.source.data)
+        made[:] = [each for each in made if each is kept]
 
-    def _measured(self, data: bpy.types.Mesh) -> Task[Deviations]:
-        """Measure a mesh and remove it."""
+    def _measured(self, source: Source) -> Task[Deviations]:
         self.count += 1
-        original = self.original
-        found = yield from deviation_measuring.measure(original.surface, data, original.layer, self.settings, self.pace)
-        self.meshes.remove(data)
+        found = yield from deviation_measuring.measure(
+            self.original.surface, source.data, source.layer, self.settings, self.pace
+        )
         if found is None:
             raise BakeError(
-                f"No triangle of {original.surface.name!r} lies on the map: its UVs are outside 0 to 1, or empty."
+                f"No triangle of {self.original.surface.name!r} lies on the map: its UVs are outside 0 to 1, or empty."
             )
         return found
-
-
-def _excess(limit: Limit, deviations: Deviations) -> float:
-    return limit.excess(deviations.degrees, deviations.distance)
-
-
-def _are_within(limit: Limit, found: list[Candidate]) -> bool:
-    return any(_excess(limit, deviations) <= 1.0 for _, deviations, _ in found)
