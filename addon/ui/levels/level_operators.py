@@ -7,6 +7,7 @@ from ...core import progress
 from ...core.errors import BakeError
 from ...core.levels import level_report
 from ...core.levels.level_report import ChainReport
+from ...export import level_files
 from ...jobs.lod import level_chain
 from .. import modal
 
@@ -23,10 +24,24 @@ class IMPRINT_OT_make_levels(modal.MapOperator, bpy.types.Operator):
         if context.active_object is None:
             raise BakeError("No object is active: select the mesh to make levels of.")
         limits = level_report.limits(settings.level_degrees, settings.level_distance)
+        if settings.export:
+            level_files.check(settings.export, len(limits))
         return (yield from level_chain.work(context, context.active_object, limits, settings.to_settings(), pace))
 
     def finish(self, context: bpy.types.Context, result: ChainReport) -> None:
-        self.show(context, result.summary(), result.warnings)
+        lines, warnings = result.summary(), list(result.warnings)
+        if context.scene.imprint.export:
+            try:
+                done = level_files.export(
+                    context, [level.bake for level in result.levels], context.scene.imprint.export
+                )
+            except BakeError as error:  # the levels are made
+                warnings.append(str(error))
+            else:
+                warnings += dict.fromkeys(text for each in done for text in each.warnings)
+                paths = dict.fromkeys(path for each in done for path in each.paths)
+                lines.append(f"Wrote {', '.join(paths)}")
+        self.show(context, lines, warnings)
 
 
 CLASSES = (IMPRINT_OT_make_levels,)

@@ -17,7 +17,7 @@ class IMPRINT_PT_levels(SettingsPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
         column = split_layout(layout.column())
-        for name in ("level_degrees", "level_distance"):
+        for name in ("level_degrees", "level_distance", "export"):
             column.prop(context.scene.imprint, name)
         layout.operator("imprint.make_levels", icon="MOD_DECIM")
 
