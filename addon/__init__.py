@@ -33,6 +33,8 @@ def unregister() -> None:
 
 def free() -> None:
     """Free what is kept on the GPU between bakes. Blender crashes on exit while such objects live."""
+    if "gpu" not in sys.modules:
+        return
     from . import passes
     from .engine import gpu_memory
 

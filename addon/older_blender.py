@@ -13,7 +13,7 @@ import bpy
 import gpu
 
 from . import passes
-from .core.errors import BakeError
+from .core.errors import NoGpu
 from .core.map_types import MARK
 from .engine import gpu_memory
 
@@ -71,9 +71,7 @@ class _Call:
 
     def __init__(self):
         self.result: Any = None
-        self.error: BaseException | None = BakeError(
-            "There is no GPU to bake on: Blender did not call its render engine."
-        )
+        self.error: BaseException | None = NoGpu("There is no GPU to bake on: Blender did not call its render engine.")
 
     def __enter__(self) -> None:
         self.error = None

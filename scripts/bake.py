@@ -10,25 +10,18 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import addon  # noqa: E402
-from addon.cli import interruption, standard_streams  # noqa: E402
-from addon.cli.starting import ending, lean_blender  # noqa: E402
+from addon.cli import command, interruption, standard_streams  # noqa: E402
+from addon.cli.starting import ending  # noqa: E402
 from addon.core.timings import startup  # noqa: E402
 
 startup.add_launcher()
 arguments = sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else sys.argv[1:]
 standard_streams.reserve()
 interruption.listen()  # before bpy is loaded, which takes a second and crashes on exceptions
-with standard_streams.ours():
-    with standard_streams.silence(1), startup.spent("bpy"):
-        lean_blender.load()
-
-    with startup.spent("imprint"):
-        from addon.cli import command
-
-    try:
-        code = command.run(arguments)
-    finally:
-        addon.free()  # Blender crashes on exit while GPU objects exist
+try:
+    code = command.run(arguments, may_start_processes=True)
+finally:
+    addon.free()  # Blender crashes on exit while GPU objects exist
 code = interruption.leave() or code
 if __name__ == "__main__":
     ending.end(code)

@@ -65,6 +65,15 @@ PACKAGES = {  # the system libraries that Blender's wheel needs, and their packa
 class Failure(Exception):
     """An error that the user can fix. Its text is the message, in one line."""
 
+    code = 1
+    """The exit code."""
+
+
+class NoGpu(Failure):
+    """Blender does not start here. Another machine may have what is missing."""
+
+    code = 3
+
 
 def print_message(text):
     """Print a message to standard error. Standard output is for the command."""
@@ -267,7 +276,7 @@ def require_gpu(python, may_install):
         absent = missing(code, output)
         command = remedy(absent, installer)
         if not (is_first and may_install and IS_ROOT and installer == "apt-get" and command):
-            raise Failure(explain(absent, command, code, output))
+            raise NoGpu(explain(absent, command, code, output))
         print_message(f"Blender needs {', '.join(absent)}: {' '.join(command)}")
         noninteractive = dict(os.environ, DEBIAN_FRONTEND="noninteractive")
         # Add only missing packages and upgrade none, because this happens without a question.
@@ -490,7 +499,7 @@ def main(arguments):
         return options.run(options)
     except (Failure, OSError) as failure:  # the user can also fix, for example, a folder without write permission
         print_message(failure)
-        return 1
+        return getattr(failure, "code", 1)
     except KeyboardInterrupt:
         return 130
 

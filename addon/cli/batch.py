@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Runs the bakes of the command line. A bake that fails does not stop the others."""
+"""Runs the bakes of the command line in this process."""
 
 import argparse
-import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass
 from functools import partial
@@ -15,7 +14,7 @@ import bpy
 from .. import older_blender
 from ..core import progress
 from ..core.declarations.choices import Method
-from ..core.errors import BakeError, WrongPlace, sentence
+from ..core.errors import BakeError, WrongPlace
 from ..core.names import file_names
 from ..core.report import Report
 from ..core.settings import Settings
@@ -25,7 +24,6 @@ from ..jobs.job import Job, jobs_by_name
 from ..output.files.atomic_file import all_or_none, check_writable
 from ..scene import object_refs
 from . import (
-    batch_results,
     input_checks,
     interruption,
     memory_check,
@@ -33,41 +31,57 @@ from . import (
     side_files,
     standard_streams,
 )
-from .batch_results import Result
 from .mesh_files.importers import Space
 from .plan import run_clashes
 from .plan.plans import Plan, subject
+from .results import bake_result, report_file, run_report
+from .results.bake_result import Done, Result
 from .scene_files import Stage
+from .starting import lean_blender
 from .terminal_progress import Meter
 from .usage import arguments
 
 
-def bake_all(
-    planned: Sequence[Plan], files: run_clashes.Run, meter: Meter, on_result: Callable[[list[Result]], None]
-) -> list[Result]:
-    """Bake one plan after the other. The last result may be of a bake that was stopped.
+def need_all(planned: Sequence[Plan]) -> bool:
+    """Whether these plans write files in which Blender's add-ons keep settings."""
+    return any(plan.options.save_blend or plan.options.export for plan in planned)
 
-    files: must have all plans. on_result: called after each bake, with all results so far.
-    """
-    done, stage = [], Stage()
-    for number, plan in enumerate(planned, 1):
-        meter.place = f"{number}/{len(planned)} "
+
+class Baker:
+    """Bakes one plan after the other in this process. A bake that fails does not stop the others."""
+
+    def __init__(self, files: run_clashes.Run, meter: Meter, *, needs_all: bool):
+        """files: must have all plans. needs_all: as `need_all` says of all of them."""
+        self._files, self._meter, self._stage = files, meter, Stage()
+        if needs_all:
+            lean_blender.complete()  # before a file is opened: Cycles brings its settings in old files up to date
+
+    def bake(self, plan: Plan) -> Result:
+        """The result of a plan."""
         start = time.perf_counter()
         try:
             interruption.check()
-            result = run(open_files(plan, stage, files, meter), stage, files, meter)
+            opened = open_files(plan, self._stage, self._files, self._meter)
+            result = run(opened, self._stage, self._files, self._meter)
         except interruption.Stopped:
             result = Result(plan.name, is_stopped=True)
         except (BakeError, MemoryError) as error:
-            result = Result(plan.name, error=sentence(error))
-            stage = Stage()  # the failed bake may have changed the open scene
+            result = bake_result.failure(plan.name, error)
+            self._stage = Stage()  # the failed bake may have changed the open scene
         result.seconds = time.perf_counter() - start
-        done.append(result)
-        meter.clear()
-        on_result(done)
+        self._meter.clear()
+        return result
+
+
+def bake_all(planned: Sequence[Plan], files: run_clashes.Run, meter: Meter) -> Iterator[Done]:
+    """Bake one plan after the other. The last result may be of a bake that was stopped. files: must have all plans."""
+    baker = Baker(files, meter, needs_all=need_all(planned))
+    for place, plan in enumerate(planned, 1):
+        meter.place = f"{place}/{len(planned)} "
+        result = baker.bake(plan)
+        yield Done.of(result, plan.number)
         if result.is_stopped:
-            break
-    return done
+            return
 
 
 @dataclass(frozen=True)
@@ -82,13 +96,15 @@ class Opened:
     """What is wrong with names."""
     notes: list[str]
     """Sentences about files that are missing, and about coordinates that were rounded."""
+    begun: float
+    """When it began, by time.perf_counter."""
     hints: list[str]
     """Why low and high meshes may not fit, in sentences. Meshes that share their UV layout need not."""
 
     @property
     def report(self) -> Path | None:
         """The file of its report."""
-        return batch_results.report_file(self.options.report)
+        return report_file.path_of(self.options.report)
 
     @property
     def scene(self) -> Path | None:
@@ -103,11 +119,12 @@ def open_files(plan: Plan, stage: Stage, files: run_clashes.Run, meter: Meter) -
     """
     if plan.problem:
         raise BakeError(plan.problem)
+    begun = time.perf_counter()
     options, name = plan.options, plan.name or subject(plan.options, bpy.data.filepath)
     interruption.note(name)
     settings = arguments.settings(options)
     # Opening a file can take long, so check first that the results can be written.
-    for path in (settings.output, options.export, options.save_blend, batch_results.report_file(options.report)):
+    for path in (settings.output, options.export, options.save_blend, report_file.path_of(options.report)):
         if path and file_names.LOW not in str(path):
             check_writable(Path(path).absolute())
     if meter.is_on:
@@ -121,7 +138,7 @@ def open_files(plan: Plan, stage: Stage, files: run_clashes.Run, meter: Meter) -
     notes = input_checks.check_pages(options, settings, jobs)
     hints = input_checks.fit_hints(options, jobs)
     notes += input_checks.rounded_coordinates(options, jobs)
-    return Opened(name, options, settings, jobs, problems, notes, hints)
+    return Opened(name, options, settings, jobs, problems, notes, begun, hints)
 
 
 def run(opened: Opened, stage: Stage, files: run_clashes.Run, meter: Meter) -> Result:
@@ -147,8 +164,10 @@ def run(opened: Opened, stage: Stage, files: run_clashes.Run, meter: Meter) -> R
         if opened.scene is not None and not is_stopped:
             with stage.let_go():
                 side_files.save_scene(opened.scene, reports)
+            result.scene = opened.scene
+        result.seconds = time.perf_counter() - opened.begun
         if opened.report is not None:
-            batch_results.write_json(opened.report, result.to_json())
+            report_file.write(opened.report, run_report.document([result.entry()], 1))
     return result
 
 
@@ -159,9 +178,17 @@ def _say_memory(opened: Opened, meter: Meter) -> dict[str, int]:
     text, is_much, numbers = memory_check.check(opened.jobs, opened.settings)
     is_one_scan = bool(opened.options.low_file) and not meter.place  # of many bakes, only those that need much
     if text and (is_much or (meter.is_on and is_one_scan)):
-        meter.clear()
-        print(f"imprint: {opened.name}: {text}", file=sys.stderr)
+        meter.report(f"imprint: {opened.name}: {text}")
     return numbers
+
+
+def _warn_early(name: str, warnings: Sequence[str], said: list[str], meter: Meter) -> None:
+    """Print warnings before a bake, which can take long. name: of the bake among many. said: those that were printed; receives
+    these."""
+    for warning in warnings:
+        if warning not in said:
+            meter.report(f"imprint: {f'{name}: ' if name else ''}warning: {warning}")
+            said.append(warning)
 
 
 def _kind(options: argparse.Namespace) -> str:
@@ -192,8 +219,7 @@ def _baked(opened: Opened, meter: Meter, said: list[str]) -> tuple[list[Report],
     def on_step(step: progress.Progress) -> None:
         interruption.check()
         if step.warnings:
-            meter.clear()
-            batch_results.warn_early(opened.name if meter.place else "", step.warnings, said)
+            _warn_early(opened.name if meter.place else "", step.warnings, said, meter)
         if meter.is_on:
             job = jobs[0 if options.frames else step.finished]
             meter.show("the atlas" if share_image else job.low.name, step)

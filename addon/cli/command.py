@@ -1,54 +1,69 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The command line: one entry for `blender --command imprint`, scripts/bake.py and scripts/imprint.py bake."""
+"""The command line: one entry for `blender --command imprint`, scripts/bake.py and scripts/imprint.py bake.
+
+This module does not need Blender. It loads it for a bake in this process; many bakes are done in processes of their own.
+"""
 
 import argparse
+import os
 import sys
-import time
 from collections.abc import Sequence
-from typing import TextIO
 
-import bpy
-
-from ..core.errors import BakeError, WrongPlace, sentence
+from ..core.errors import WrongPlace, sentence
 from ..core.progress import Progress
-from . import batch, batch_results, interruption, standard_streams
-from .batch_results import Result
+from ..core.timings import startup
+from . import interruption, many_bakes, standard_streams
 from .plan import listing, plans, run_clashes, shards
 from .plan.plans import Plan
-from .scene_files import Stage
-from .starting import lean_blender
+from .results.exit_codes import FAILED, WRONG_USAGE
+from .starting.loading import load_blender
 from .terminal_progress import Meter
 from .usage import arguments, job_file
 from .usage.arguments import WrongUsage
-from .usage.options import STDOUT
+from .workers import worker_process
 
 LOD = "lod"
 """The first argument for levels of detail."""
-DONE, FAILED, WRONG_USAGE = 0, 1, 2
 
 
-def run(words: Sequence[str], program: str = "imprint") -> int:
+def run(words: Sequence[str], program: str = "imprint", *, may_start_processes: bool = False) -> int:
     """Bake according to `words`, the arguments, or make levels of detail if the first one is LOD.
 
-    Returns the exit code; errors and warnings go to stderr, a line each.
+    may_start_processes: whether many bakes are done in processes of their own. Returns the exit code; errors and warnings go to
+    stderr, a line each.
     """
-    with interruption.listening(), standard_streams.ours():
-        done = _make_levels(words[1:], program) if words[:1] == [LOD] else _run(words, program)
-        return interruption.code() or done
+    with interruption.listening():
+        if words == [worker_process.WORD] and worker_process.CONNECTION in os.environ:
+            return _work()
+        with standard_streams.ours():
+            if words[:1] == [LOD]:
+                done = _make_levels(words[1:], program)
+            else:
+                done = _run(words, program, may_start_processes=may_start_processes)
+            return interruption.code() or done
+
+
+def _work() -> int:
+    load_blender()
+    from .workers import worker  # needs Blender
+
+    return worker.run()
 
 
 def _make_levels(words: Sequence[str], program: str) -> int:
-    from .lod import lod_command  # here, since a bake does not need it
+    load_blender()
+    from .lod import lod_command  # needs Blender
 
     return lod_command.run(words, f"{program} {LOD}")
 
 
-def _run(words: Sequence[str], program: str) -> int:
+def _run(words: Sequence[str], program: str, *, may_start_processes: bool) -> int:
     try:
         options, sets = _read(words, program)
         if options.list or options.check:
             return listing.run(options, sets, program)
         planned, problems, files = _plan(options, sets)
+        chosen = shards.chosen(planned, options.only, options.shard)
     except SystemExit as stop:  # argparse has printed the help
         return stop.code
     except WrongUsage as error:
@@ -61,19 +76,18 @@ def _run(words: Sequence[str], program: str) -> int:
     with Meter(sys.stderr) as meter:
         try:
             if _are_many(options):
-                _warn(program, problems)
-                return _bake_many(planned, files, options.report, program, meter)
-            return _bake_one(planned[0], files, program, meter)
+                for problem in problems:
+                    print(f"{program}: warning: {problem}", file=sys.stderr)
+                many = many_bakes.Many(chosen, len(planned), options, program)
+                return many_bakes.run(many, files, meter, may_start_processes=may_start_processes)
+            load_blender()
+            with startup.spent("imprint"):
+                from . import one_bake  # needs Blender
+
+            return one_bake.run(planned[0], files, program, meter)
         except WrongPlace as error:
             meter.clear()
             return _refuse(program, error)
-        except interruption.Stopped:
-            problem = "stopped, nothing was finished."
-        except (BakeError, MemoryError) as error:
-            problem = sentence(error)
-        meter.clear()
-        print(f"{program}: {problem}", file=sys.stderr)
-        return FAILED
 
 
 def _read(words: Sequence[str], program: str) -> tuple[argparse.Namespace, list[argparse.Namespace]]:
@@ -98,9 +112,9 @@ def _plan(
 
     Raises WrongPlace with a line for each bake that would harm a file.
     """
-    are_many = _are_many(options)
-    planned, problems = plans.plans(sets, bpy.data.filepath) if are_many else ([Plan("", options)], [])
-    files = run_clashes.Run(bpy.data.filepath)
+    are_many, open_file = _are_many(options), plans.open_file()
+    planned, problems = plans.plans(sets, open_file) if are_many else ([Plan("", options)], [])
+    files = run_clashes.Run(open_file)
     found = files.add(
         [(plan.name, plan.options) for plan in planned],
         options.jobs,
@@ -109,9 +123,7 @@ def _plan(
     )
     if found:
         raise WrongPlace("\n".join(found))
-    if any(plan.options.save_blend or plan.options.export for plan in planned):
-        lean_blender.complete()  # before a file is opened: Cycles brings its settings in old files up to date
-    return shards.chosen(planned, options.only, options.shard), problems, files
+    return planned, problems, files
 
 
 def _refuse(program: str, error: Exception, hint: str = "") -> int:
@@ -124,77 +136,8 @@ def _see_help(error: WrongUsage) -> str:
     return f"{'' if str(error).endswith('?') else '.'} See --help."
 
 
-def _bake_one(plan: Plan, files: run_clashes.Run, program: str, meter: Meter) -> int:
-    options, stage = plan.options, Stage()
-    start, is_begun = time.perf_counter(), False
-    try:
-        opened = batch.open_files(plan, stage, files, meter)
-        is_begun = True
-        result = batch.run(opened, stage, files, meter)
-    except (BakeError, MemoryError) as error:
-        if isinstance(error, WrongPlace) and not is_begun:
-            raise
-        meter.clear()
-        seconds = time.perf_counter() - start
-        name = plans.subject(options, bpy.data.filepath)
-        return _fail(Result(name, error=sentence(error), seconds=seconds), options.report, program)
-    meter.clear()
-    out = _out(options.report)
-    _warn(program, result.unsaid)
-    if result.is_stopped:
-        print(f"{program}: stopped, the {result.are} before are kept.", file=sys.stderr)
-    print("\n".join(batch_results.summary(result)), file=out)
-    print(batch_results.wrote(result, None if result.is_stopped else opened.scene, opened.report), file=out)
-    if options.report == STDOUT:
-        print(batch_results.as_text(result.to_json()))
-    return DONE
-
-
-def _fail(result: Result, report: str | None, program: str) -> int:
-    """Say why a single bake failed, on standard error and in its report."""
-    print(f"{program}: {result.error}", file=sys.stderr)
-    if path := batch_results.report_file(report):
-        batch_results.write_failure(path, result)
-    elif report:
-        print(batch_results.as_text(batch_results.to_json([result])[0]))
-    return FAILED
-
-
-def _bake_many(planned: Sequence[Plan], files: run_clashes.Run, report: str | None, program: str, meter: Meter) -> int:
-    """Bake all plans, then print a table, and write the report of all."""
-    path = batch_results.report_file(report)
-    file = batch_results.ReportFile(path) if path else None
-
-    def on_result(done: Sequence[Result]) -> None:
-        result = done[-1]
-        if result.error:
-            print(f"{program}: {result.name}: {result.error}", file=sys.stderr)
-        _warn(f"{program}: {result.name}", result.unsaid)
-        if file:
-            file.update(done)
-
-    found = batch.bake_all(planned, files, meter, on_result)
-    meter.clear()
-    finished = sum(1 for result in found if not result.is_stopped)
-    if finished < len(planned):
-        print(f"{program}: stopped, {finished} of {len(planned)} were finished.", file=sys.stderr)
-    print("\n".join(batch_results.table(found, len(planned))), file=_out(report))
-    if file:
-        file.write(found)
-        print(f"Wrote {path}")
-    elif report:
-        print(batch_results.as_text(batch_results.to_json(found)))
-    return FAILED if any(result.error for result in found) else DONE
-
-
-def _out(report: str | None) -> TextIO:
-    """Where the summary goes: standard output, unless the report goes there."""
-    return sys.stderr if report == STDOUT else sys.stdout
-
-
-def _warn(program: str, warnings: Sequence[str]) -> None:
-    for warning in warnings:
-        print(f"{program}: warning: {warning}", file=sys.stderr)
+def _run_in_blender(words: Sequence[str]) -> int:
+    return run(words, may_start_processes=True)
 
 
 _handles: list[object] = []
@@ -207,8 +150,12 @@ def is_registered() -> bool:
 
 
 def register() -> None:
-    _handles.append(bpy.utils.register_cli_command("imprint", run))
+    import bpy
+
+    _handles.append(bpy.utils.register_cli_command("imprint", _run_in_blender))
 
 
 def unregister() -> None:
+    import bpy
+
     bpy.utils.unregister_cli_command(_handles.pop())

@@ -7,7 +7,7 @@ Blender, so that a script can listen before it loads bpy.
 
 import os
 import signal
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any
@@ -40,6 +40,8 @@ class _Asked:
 
 
 _asked = _Asked()
+_at_end: list[Callable[[], None]] = []
+"""What `before_end` adds."""
 
 
 def code() -> int:
@@ -96,6 +98,16 @@ def note(name: str) -> None:
 
 
 @contextmanager
+def before_end(act: Callable[[], None]) -> Iterator[None]:
+    """While the block runs, call `act` before a second signal ends the process."""
+    _at_end.append(act)
+    try:
+        yield
+    finally:
+        _at_end.remove(act)
+
+
+@contextmanager
 def listening() -> Iterator[None]:
     """Handle signals while the block runs. Afterwards reset, unless the process listened before."""
     before = listen()
@@ -123,6 +135,8 @@ def _handle(number: int, _) -> None:
     _asked.code = _asked.code or 128 + meant
     if name == END or _asked.direct > 1:
         try:
+            for act in _at_end:
+                act()
             temporary_paths.remove_all()
         finally:  # also if the signal interrupted this very removal
             os._exit(_asked.code)

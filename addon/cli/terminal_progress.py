@@ -2,6 +2,7 @@
 """The progress of a bake on one line of a terminal, which is erased at the end."""
 
 import shutil
+import sys
 from typing import TextIO
 
 from ..core.progress import Progress
@@ -26,6 +27,11 @@ class Meter:
         """Show a step of the object or file `name`."""
         what = step.what if name in step.what else f"{name}: {step.what}"
         self._write(f"{self.place}{what}, {min(step.done, 1.0):.0%}")
+
+    def report(self, line: str) -> None:
+        """Print a line to standard error, in place of the progress."""
+        self.clear()
+        print(line, file=sys.stderr)
 
     def clear(self) -> None:
         """Erase the line, so that others can be written."""

@@ -12,6 +12,10 @@ class WrongPlace(BakeError):
     """An output path cannot be used: it would overwrite a file that is needed, or it leads to something other than a file."""
 
 
+class NoGpu(BakeError):
+    """Blender's gpu module does not start on this machine."""
+
+
 def sentence(error: BakeError | MemoryError) -> str:
     """The message for the user."""
     if isinstance(error, BakeError):

@@ -8,7 +8,7 @@ import gpu
 
 from .. import older_blender
 from ..core.declarations.choices import VertexDomain
-from ..core.errors import BakeError
+from ..core.errors import BakeError, NoGpu
 from ..core.names.name_matching import Suffixes, match
 from ..core.settings import Settings
 from ..engine.bands import bands
@@ -133,7 +133,7 @@ def check_outputs(low: bpy.types.Object, settings: Settings) -> None:
     try:
         older_blender.start_gpu()
     except (SystemError, RuntimeError) as error:
-        raise BakeError(f"There is no GPU to bake on: {error}.") from error
+        raise NoGpu(f"There is no GPU to bake on: {error}.") from error
     limit = gpu.capabilities.max_texture_size_get()
     if max(settings.width, _tallest_band(settings)) > limit:
         raise BakeError(

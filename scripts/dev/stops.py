@@ -117,8 +117,9 @@ def faults(folder, code, number, process):
     maps = set(folder.glob("maps/*.png"))
     yield from (f"{path.name} is broken" for path in sorted(maps) if not is_whole(path))
     report = folder / "report.json"
-    bakes = json.loads(report.read_text()) if report.exists() else []
-    if {Path(path) for bake in bakes for path in bake["maps"]} != maps or not all(bake["ok"] for bake in bakes):
+    bakes = json.loads(report.read_text())["bakes"] if report.exists() else []
+    listed = {Path(file["path"]) for bake in bakes for file in bake["files"]}
+    if listed != maps or not all(bake["state"] == "done" for bake in bakes):
         yield f"the report lists {len(bakes)} bakes, but there are {len(maps)} maps"
     strange = [line for line in (folder / "err.txt").read_text().splitlines() if not line.startswith("imprint: ")]
     if strange:

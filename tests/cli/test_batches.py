@@ -15,9 +15,10 @@ import pytest
 
 from addon.cli import command, scene_files
 from addon.cli.mesh_files import importers
+from addon.cli.results import exit_codes
 from addon.core import file_formats
 from scripts import imprint
-from tests.support import angles, maps, zoo
+from tests.support import angles, maps, reports, zoo
 
 pytestmark = [
     pytest.mark.usefixtures("gpu_context"),
@@ -95,7 +96,7 @@ SAME_PLACE = 0.05
 
 
 def test_all_endings_are_in_the_help_and_tested(capsys):
-    assert command.run(["--help"]) == command.DONE
+    assert command.run(["--help"]) == exit_codes.DONE
     text = capsys.readouterr().out.replace("\n", " ")
     assert all(ending in text for ending in file_formats.OPENED)
     assert set(EXPORTERS) == set(file_formats.OPENED)
@@ -135,10 +136,10 @@ def test_files_of_all_formats_have_the_same_transform(bumps, folder, run, number
     low, high = WITH_UVS[number], SHADED[(number + 3) % len(SHADED)]
     numbers = ["--size", "32", "--margin", "0", "--depth", "32", "--method", "cast", "--space", "world"]
     numbers += ["--extrusion", "0.3", "--max-distance", "0.6", "--output"]
-    assert run(bumps / "scene.blend", "--low", "a_low", "--high", "a_high", *numbers, "scene.exr")[0] == command.DONE
+    assert run(bumps / "scene.blend", "--low", "a_low", "--high", "a_high", *numbers, "scene.exr")[0] == exit_codes.DONE
     by_file = ["--low-file", bumps / f"a_low{low}", "--high-file", bumps / f"a_high{high}"]
     code, out, _ = run(*by_file, *numbers, "files.exr")
-    assert code == command.DONE
+    assert code == exit_codes.DONE
     assert "a_low_normal" in out
     expected, found = read(folder / "scene.exr"), read(folder / "files.exr")
     assert (expected[..., 3] > 0).mean() > 0.99
@@ -153,10 +154,10 @@ def test_a_mesh_file_is_a_scene_as_well(folder, run):
     export(folder / "low.obj", low)
     export(folder / "high.ply", high)
     by_name = ["--low", "lo", "--high", "hi", *SMALL, "--output"]
-    assert run("both.glb", *by_name, "{low}.png")[0] == command.DONE
+    assert run("both.glb", *by_name, "{low}.png")[0] == exit_codes.DONE
     assert np.allclose(read(folder / "lo.png")[8, 8, :3], leaning(0.3), atol=ROUNDING_16)
     code, _, _ = run("low.obj", "high.ply", "--low", "lo", "--high", "high", *SMALL, "--output", "two.png")
-    assert code == command.DONE
+    assert code == exit_codes.DONE
     assert np.allclose(read(folder / "two.png")[8, 8, :3], leaning(0.3), atol=ROUNDING_16)
 
 
@@ -168,12 +169,12 @@ def test_the_high_file_may_have_several_meshes_and_the_low_file_one(folder, run)
     export(folder / "cage.obj", low)
     by_file = ["--high-file", "two.glb", "--cage-file", "cage.obj", *SMALL, "--output", "{low}.png"]
     code, out, _ = run("--low-file", "rock.obj", *by_file, "--report", "r.json", "--save-blend", "s.blend")
-    assert code == command.DONE, out
-    report = json.loads((folder / "r.json").read_text())
+    assert code == exit_codes.DONE, out
+    report = reports.one(folder / "r.json")
     assert (report["low"], len(report["high"])) == ("rock", 2)
     assert {"rock.png", "s.blend"} <= set(files(folder))
     code, _, err = run("--low-file", "two.glb", "--high-file", "rock.obj", *SMALL, "--output", "m.png")
-    assert code == command.FAILED
+    assert code == exit_codes.FAILED
     assert err.startswith(f"imprint: {str(folder / 'two.glb')!r} holds 2 meshes where one is wanted: ")
 
 
@@ -185,8 +186,8 @@ def test_the_low_mesh_gets_the_name_of_its_file_even_if_others_have_it(folder, r
     parent.name = "other"
     export(folder / "high.glb", zoo.plane("rock", slope=0.2))
     by_file = ["--low-file", "rock.glb", "--high-file", "high.glb", *SMALL]
-    assert run(*by_file, "--output", "{low}.png", "--report", "r.json")[0] == command.DONE
-    report = json.loads((folder / "r.json").read_text())
+    assert run(*by_file, "--output", "{low}.png", "--report", "r.json")[0] == exit_codes.DONE
+    report = reports.one(folder / "r.json")
     assert (report["low"], report["image"]) == ("rock", "rock_normal")
     assert report["high"][0].startswith("rock.")
     assert "rock.png" in files(folder)
@@ -207,8 +208,8 @@ def test_shapes_of_bones_are_not_baked(folder, run):
     high.vertex_groups.new(name="Bone").add(range(4), 1.0, "REPLACE")
     export(folder / "high.glb", high, armature)
     by_file = ["--low-file", "low.obj", "--high-file", "high.glb", *SMALL]
-    assert run(*by_file, "--output", "m.png", "--report", "r.json")[0] == command.DONE
-    assert json.loads((folder / "r.json").read_text())["high"] == ["hi"]
+    assert run(*by_file, "--output", "m.png", "--report", "r.json")[0] == exit_codes.DONE
+    assert reports.one(folder / "r.json")["high"] == ["hi"]
     assert np.allclose(read(folder / "m.png")[8, 8, :3], leaning(0.2), atol=ROUNDING_16)
 
 
@@ -242,7 +243,7 @@ def test_broken_files_give_one_sentence(folder, run, name, role):
     before = files(folder)
     words = [word for key, value in {**good, role: name}.items() for word in (f"--{key}-file", value)]
     code, _, err = run(*words, *SMALL, "--output", "m.png")
-    assert code == command.FAILED
+    assert code == exit_codes.FAILED
     (line,) = err.splitlines()
     assert line.startswith("imprint: ")
     assert str(folder / name) in line
@@ -254,7 +255,7 @@ def test_a_missing_file_is_reported_before_others_are_read(folder, run, monkeypa
     export(folder / "low.obj", zoo.plane("lo"))
     monkeypatch.setattr(scene_files, "bring", lambda name, _space: pytest.fail(f"{name} was read"))
     code, _, err = run("--low-file", "low.obj", "--high-file", "none.obj", *SMALL, "--output", "m.png")
-    assert code == command.FAILED
+    assert code == exit_codes.FAILED
     assert err == f"imprint: There is no file {str(folder / 'none.obj')!r}.\n"
 
 
@@ -280,14 +281,14 @@ def test_nasty_files_give_a_map_or_one_sentence(shared_assets, folder, run, name
     export(folder / "other.obj", zoo.sphere("other", 8))
     nasty = [f"--{role}-file", shared_assets / "nasty" / name, f"--{other}-file", "other.obj"]
     code, _, err = run(*nasty, *SMALL, "--output", "m.png")
-    if code == command.FAILED:
+    if code == exit_codes.FAILED:
         (line,) = err.splitlines()
         assert line.startswith("imprint: ")
         assert line.endswith(".")
     else:
-        assert code == command.DONE
+        assert code == exit_codes.DONE
         assert np.isfinite(read(folder / "m.png")).all()
-    assert ("m.png" in files(folder)) == (code == command.DONE)
+    assert ("m.png" in files(folder)) == (code == exit_codes.DONE)
 
 
 def test_importers_print_nothing(folder):
@@ -295,7 +296,7 @@ def test_importers_print_nothing(folder):
     export(folder / "low.obj", zoo.plane("lo"))
     export(folder / "high.glb", zoo.plane("hi", slope=0.2))
     done = script("--low-file", "low.obj", "--high-file", "high.glb", *SMALL, "--output", "m.png")
-    assert done.returncode == command.DONE, done.stderr
+    assert done.returncode == exit_codes.DONE, done.stderr
     assert "Flatten" in done.stdout
     assert not re.search(r"\bimport\b", done.stdout + done.stderr, re.IGNORECASE)
 
@@ -328,20 +329,22 @@ def rocks(folder):
 
 def test_a_folder_of_pairs(rocks, run):
     code, out, err = run("--pairs", "rocks", *SMALL, "--output", "{low}_n.png", "--report", "r.json")
-    assert code == command.FAILED
+    assert code == exit_codes.FAILED
     warning, failure = err.splitlines()
     assert warning.startswith("imprint: warning: 'd_high' has no low object")
     assert failure.startswith(f"imprint: c_low: {str(rocks / 'rocks' / 'c_high.stl')!r} could not be imported: ")
     assert np.allclose(read(rocks / "a_low_n.png")[8, 8, :3], leaning(0.2), atol=ROUNDING_16)
     assert np.allclose(read(rocks / "b_low_n.png")[8, 8, :3], leaning(0.4), atol=ROUNDING_16)
     assert [name for name in files(rocks) if not name.startswith("rocks")] == ["a_low_n.png", "b_low_n.png", "r.json"]
-    a, b, c = json.loads((rocks / "r.json").read_text())
-    assert [(each["name"], each["ok"]) for each in (a, b, c)] == [("a_low", True), ("b_low", True), ("c_low", False)]
-    assert (a["error"], a["report"]["low"], a["maps"]) == ("", "a_low", [str(rocks / "a_low_n.png")])
-    assert (c["report"], c["maps"]) == (None, [])
+    a, b, c = reports.bakes(rocks / "r.json")
+    states = [("a_low", "done"), ("b_low", "done"), ("c_low", "failed")]
+    assert [(each["name"], each["state"]) for each in (a, b, c)] == states
+    assert (a["error"], a["reports"][0]["low"], a["files"][0]["path"]) == ("", "a_low", str(rocks / "a_low_n.png"))
+    assert (c["reports"], c["files"], c["cause"]) == ([], [], "input")
     assert c["error"] in failure
     assert min(each["seconds"] for each in (a, b)) > 0.0
-    lines = out.splitlines()
+    saved, lines = out.splitlines()[:2], out.splitlines()[2:]
+    assert saved == [f"Saved: '{rocks / name}'" for name in ("a_low_n.png", "b_low_n.png")]
     assert [line.split()[0] for line in lines] == ["done", "done", "failed", "2", "Wrote"]
     assert str(rocks / "b_low_n.png") in lines[1]
     assert c["error"] not in lines[2]  # standard error has it
@@ -349,7 +352,7 @@ def test_a_folder_of_pairs(rocks, run):
 
 
 def test_a_cage_in_a_folder_is_used(rocks, run):
-    assert run("--pairs", "rocks", *SMALL, "--output", "{low}.png", "--method", "flatten")[0] == command.FAILED
+    assert run("--pairs", "rocks", *SMALL, "--output", "{low}.png", "--method", "flatten")[0] == exit_codes.FAILED
     assert "a_low.png" not in files(rocks)  # Flatten does not use a cage
     assert "b_low.png" in files(rocks)
 
@@ -360,8 +363,12 @@ def test_files_whose_names_are_not_utf_8_are_left_out_with_a_warning(rocks, run)
         (rocks / "rocks" / name).write_bytes((rocks / "rocks" / "a_low.obj").read_bytes())
     _, _, err = run("--pairs", "rocks", *SMALL, "--output", "{low}.png", "--report", "r.json")
     assert err.count("is left out: its name is not UTF-8") == 2
-    found = json.loads((rocks / "r.json").read_text())
-    assert [(each["name"], each["ok"]) for each in found] == [("a_low", True), ("b_low", True), ("c_low", False)]
+    found = reports.bakes(rocks / "r.json")
+    assert [(each["name"], each["state"]) for each in found] == [
+        ("a_low", "done"),
+        ("b_low", "done"),
+        ("c_low", "failed"),
+    ]
 
 
 def test_two_files_with_the_same_name_are_refused(rocks, run):
@@ -382,7 +389,7 @@ def test_two_files_with_the_same_name_are_refused(rocks, run):
 )
 def test_folders_without_pairs(rocks, run, words, message):
     code, _, err = run(*words, *SMALL, "--output", "{low}.png")
-    assert code == command.FAILED
+    assert code == exit_codes.FAILED
     (line,) = err.splitlines()
     assert line.startswith(f"imprint: {(rocks / words[1]).resolve().name}: ")
     assert message in line
@@ -448,7 +455,7 @@ def test_a_job_file(scenes, run, monkeypatch):
     (scenes / "elsewhere").mkdir()
     monkeypatch.chdir(scenes / "elsewhere")
     code, out, err = run("--jobs", "../jobs.toml", "--report", "r.json")
-    assert code == command.FAILED
+    assert code == exit_codes.FAILED
     (line,) = err.splitlines()
     assert line.startswith(
         "imprint: set 3 (hero_a_lo): There is no object called 'hero_a_lo' in the file: did you mean"
@@ -458,18 +465,19 @@ def test_a_job_file(scenes, run, monkeypatch):
     assert np.allclose(read(scenes / "maps" / "a.png")[8, 8, :3], leaning(0.2), atol=ROUNDING_16)
     assert np.allclose(read(scenes / "maps" / "hero_b_low.png")[8, 8, :3], leaning(0.4), atol=ROUNDING_16)
     assert np.allclose(read(scenes / "maps" / "c_low.exr")[8, 8, :3], leaning(0.4), atol=ROUNDING_16)
-    reports = json.loads((scenes / "elsewhere" / "r.json").read_text())
-    assert [each["name"] for each in reports] == [
+    bakes = reports.bakes(scenes / "elsewhere" / "r.json")
+    assert [each["name"] for each in bakes] == [
         "set 1 (rock_a_low)",
         "set 2 (hero.blend)",
         "set 3 (hero_a_lo)",
         "set 4 (c_low)",
         "set 5 (c_low)",
     ]
-    assert [each["ok"] for each in reports] == [True, True, False, True, True]
-    assert reports[0]["report"] == json.loads((scenes / "maps" / "a.json").read_text())
-    assert [pair["low"] for pair in reports[1]["report"]["pairs"]] == ["hero_a_low", "hero_b_low"]
-    assert len(reports[1]["maps"]) == 2
+    assert [each["number"] for each in bakes] == [1, 2, 3, 4, 5]
+    assert [each["state"] for each in bakes] == ["done", "done", "failed", "done", "done"]
+    assert bakes[0]["reports"] == [reports.one(scenes / "maps" / "a.json")]
+    assert [pair["low"] for pair in bakes[1]["reports"]] == ["hero_a_low", "hero_b_low"]
+    assert len(bakes[1]["files"]) == 2
     assert "4 done, 1 failed" in out
 
 
@@ -480,7 +488,7 @@ def test_toml_and_json_bake_the_same(scenes, run):
     (scenes / "jobs.json").write_text(json.dumps(tomllib.loads(JOBS)))
     found = []
     for name in ("jobs.toml", "jobs.json"):
-        assert run("--jobs", name)[0] == command.FAILED
+        assert run("--jobs", name)[0] == exit_codes.FAILED
         found.append({path: (scenes / path).read_bytes() for path in files(scenes) if path.endswith((".png", ".exr"))})
         for path in found[-1]:
             (scenes / path).unlink()
@@ -507,7 +515,7 @@ def test_a_faulty_job_file_is_wrong_usage_and_nothing_is_baked(scenes, run, name
         (scenes / name).write_text(FAULTY[name])
     before = files(scenes)
     code, out, err = run("--jobs", name)
-    assert (code, out) == (command.WRONG_USAGE, "")
+    assert (code, out) == (exit_codes.WRONG_USAGE, "")
     assert files(scenes) == before
     line = err.splitlines()[-1]
     assert line.startswith("imprint: ")
@@ -540,7 +548,7 @@ def test_a_scene_is_opened_once_for_sets_that_follow_each_other(scenes, run, ope
     files_ = {"low-file": "in/c_low.obj", "high-file": "in/c_high.glb", "output": "3.png"}
     last = {**a, "output": "4.png"}
     (scenes / "jobs.json").write_text(jobs(a, b, files_, last))
-    assert run("--jobs", "jobs.json")[0] == command.DONE
+    assert run("--jobs", "jobs.json")[0] == exit_codes.DONE
     assert opened == ["rock.blend", "c_low.obj", "c_high.glb", "rock.blend"]
 
 
@@ -549,12 +557,12 @@ def test_sets_do_not_see_the_changes_of_others(scenes, run):
     between = {"file": "in/hero.blend", "low": "hero_a_low", "high": "hero_a_high", "output": "2.png"}
     b = {**a, "low": "rock_b_low", "high": "rock_b_high", "output": "3.png", "save-blend": "saved.blend"}
     (scenes / "jobs.json").write_text(jobs(a, between, b))
-    assert run("--jobs", "jobs.json")[0] == command.DONE
+    assert run("--jobs", "jobs.json")[0] == exit_codes.DONE
     bpy.ops.wm.open_mainfile(filepath=str(scenes / "saved.blend"))
     assert bpy.data.objects["rock_b_low"].active_material is not None
     assert bpy.data.objects["rock_a_low"].active_material is None
     (scenes / "jobs.json").write_text(jobs(a, b))
-    assert run("--jobs", "jobs.json")[0] == command.DONE
+    assert run("--jobs", "jobs.json")[0] == exit_codes.DONE
     bpy.ops.wm.open_mainfile(filepath=str(scenes / "saved.blend"))
     assert bpy.data.objects["rock_a_low"].active_material is not None  # they share the open file
 
@@ -564,7 +572,7 @@ def test_a_later_set_does_not_overwrite_a_map(scenes, run):
     b = {"file": "in/rock.blend", "pairs": True, "output": "in/../{low}.png"}
     (scenes / "jobs.json").write_text(jobs(a, b))
     code, _, err = run("--jobs", "jobs.json")
-    assert code == command.FAILED
+    assert code == exit_codes.FAILED
     (line,) = err.splitlines()
     assert line.startswith("imprint: set 2 (rock.blend): The normal map of 'rock_a_low' of set 2 (rock.blend) and ")
     assert "the normal map of set 1 (rock_a_low) would both be" in line
@@ -577,7 +585,7 @@ def test_clashes_of_sets_are_reported_before_the_first_bake(scenes, run):
     (scenes / "jobs.json").write_text(jobs(a, b, {**a, "mask": True}, {**b, "output": "x.png"}))
     before = files(scenes)
     code, out, err = run("--jobs", "jobs.json")
-    assert (code, out) == (command.WRONG_USAGE, "")
+    assert (code, out) == (exit_codes.WRONG_USAGE, "")
     third, fourth = err.splitlines()
     assert "set 3 (rock_a_low): The normal map of set 3 (rock_a_low) and the normal map of set 1 (rock_a_low)" in third
     assert "the report of set 2 (rock_b_low) would both be" in fourth
@@ -597,7 +605,7 @@ def test_a_set_that_fails_does_not_stop_others(scenes, run, fault, message):
     good = {"file": "in/rock.blend", "low": "rock_a_low", "high": "rock_a_high", "output": "{low}.png"}
     (scenes / "jobs.json").write_text(jobs({**good, "output": "bad.png", **fault}, good))
     code, out, err = run("--jobs", "jobs.json")
-    assert code == command.FAILED
+    assert code == exit_codes.FAILED
     (line,) = err.splitlines()
     assert line.startswith("imprint: set 1 (rock_a_low): ")
     assert message in line
@@ -610,7 +618,7 @@ def test_a_report_that_cannot_be_written_is_reported_before_the_bakes(scenes, ru
     (scenes / "jobs.toml").write_text(JOBS)
     before = files(scenes)
     code, _, err = run("--jobs", "jobs.toml", "--report", "jobs.toml/r.json")
-    assert code == command.FAILED
+    assert code == exit_codes.FAILED
     assert "Not a directory" in err
     assert files(scenes) == before
 
@@ -670,7 +678,7 @@ BIG += ["--output", "m.png"]
 @posix
 def test_progress_on_a_terminal_is_one_line_that_is_erased(scenes):
     code, _, seen = on_terminal(*BIG, "--size", "128")
-    assert code == command.DONE
+    assert code == exit_codes.DONE
     assert "\rReading rock_a_low, " in seen
     assert "\rrock_a_low: Drawing, " in seen
     assert "%" in seen
@@ -682,7 +690,7 @@ def test_a_terminal_shows_the_memory_that_a_bake_of_mesh_files_needs(folder):
     export(folder / "low.obj", zoo.plane("lo"))
     export(folder / "high.obj", zoo.plane("hi", slope=0.2))
     code, _, seen = on_terminal("--low-file", "low.obj", "--high-file", "high.obj", *SMALL, "--output", "m.png")
-    assert code == command.DONE
+    assert code == exit_codes.DONE
     (line,) = screen(seen)
     assert re.fullmatch(r"imprint: low: The bake needs about 0\.\d GB of memory; \d+\.\d GB are free\.", line)
 
@@ -692,7 +700,7 @@ def test_a_terminal_shows_the_memory_that_a_bake_of_mesh_files_needs(folder):
 def test_progress_of_several_bakes_has_a_number_and_a_name(scenes):
     (scenes / "jobs.toml").write_text(JOBS)
     code, out, seen = on_terminal("--jobs", "jobs.toml")
-    assert code == command.FAILED
+    assert code == exit_codes.FAILED
     for text in ("1/5 rock_a_low: Opening, 0%", "2/5 hero_b_low: Drawing, ", "5/5 c_low: Opening, 0%"):
         assert text in seen
     (line,) = screen(seen)
@@ -702,7 +710,7 @@ def test_progress_of_several_bakes_has_a_number_and_a_name(scenes):
 
 def test_no_progress_in_a_pipe(scenes):
     done = script(*BIG, "--size", "128")
-    assert done.returncode == command.DONE
+    assert done.returncode == exit_codes.DONE
     assert [line for line in done.stderr.splitlines() if "EGL" not in line] == []
     assert "\r" not in done.stdout
 
@@ -728,13 +736,13 @@ def test_ctrl_c_stops_a_batch_and_reports_finished_bakes(scenes):
     assert screen(seen) == ["imprint: stopped, 1 of 3 were finished."]
     assert files(scenes) == sorted([*before, "1.png", "r.json"])
     assert "1 done, 0 failed, 2 stopped or not begun" in out
-    assert [each["name"] for each in json.loads((scenes / "r.json").read_text())] == ["set 1 (rock_a_low)"]
+    assert [each["name"] for each in reports.bakes(scenes / "r.json")] == ["set 1 (rock_a_low)"]
 
 
 def test_a_bake_restores_the_handler_of_ctrl_c(scenes, run):
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
-        assert run(*BIG, "--size", "16")[0] == command.DONE
+        assert run(*BIG, "--size", "16")[0] == exit_codes.DONE
         assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
     finally:
         signal.signal(signal.SIGINT, before)
@@ -751,8 +759,8 @@ def test_a_sequence_has_a_file_and_a_report_for_each_frame(tmp_path):
     assert command.run([*words, *paths]) == 0
     maps = [str(tmp_path / f"map.{frame:02}.png") for frame in (1, 2, 3)]
     assert sorted(map(str, tmp_path.glob("*.png"))) == maps
-    report = json.loads((tmp_path / "report.json").read_text())
-    assert [frame["output"] for frame in report["frames"]] == [[path] for path in maps]
+    report = reports.bake(tmp_path / "report.json")
+    assert [frame["output"] for frame in report["reports"]] == [[path] for path in maps]
 
 
 @pytest.mark.parametrize("wrong", ["3-1", "1", "a-b", "1-", "-3"])

@@ -12,12 +12,13 @@ import numpy as np
 import pytest
 
 from addon.cli import command
+from addon.cli.results import exit_codes
 from addon.cli.usage import arguments
 from addon.core.errors import BakeError
 from addon.export import engine_files
 from addon.jobs import bake_jobs
 from scripts.imprint import ROOT
-from tests.support import maps, zoo
+from tests.support import maps, reports, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -115,12 +116,12 @@ WRONG = {
 
 @pytest.mark.parametrize("case", WRONG)
 def test_wrong_usage(fails, case):
-    line = fails(command.WRONG_USAGE, *WRONG[case])
+    line = fails(exit_codes.WRONG_USAGE, *WRONG[case])
     assert "usage:" not in line
 
 
 def test_help(capsys):
-    assert command.run(["--help"]) == command.DONE
+    assert command.run(["--help"]) == exit_codes.DONE
     assert "--save-blend" in capsys.readouterr().out
 
 
@@ -176,14 +177,14 @@ INVALID = {
 @pytest.mark.parametrize("case", INVALID)
 def test_invalid_values_are_wrong_usage(fails, case):
     arguments, words = INVALID[case]
-    assert words in fails(command.WRONG_USAGE, *arguments)
+    assert words in fails(exit_codes.WRONG_USAGE, *arguments)
 
 
 @pytest.mark.parametrize("case", CANNOT)
 def test_a_bake_that_is_not_possible_gives_one_line(scene, fails, case):
     (scene / "broken.blend").write_bytes((scene / "scene" / "file.blend").read_bytes()[:2000])
     arguments, words = CANNOT[case]
-    assert words in fails(command.FAILED, *arguments)
+    assert words in fails(exit_codes.FAILED, *arguments)
 
 
 def test_no_partial_report(scene, fails, monkeypatch):
@@ -195,7 +196,7 @@ def test_no_partial_report(scene, fails, monkeypatch):
     (scene / "m.png").write_bytes(b"an old picture")
     (scene / "r.json").write_text("an old report")
     monkeypatch.setattr(bake_jobs, "work", fail)
-    line = fails(command.FAILED, *BAKE, "--output", "m.png", "--report", "r.json", "--save-blend", "s.blend")
+    line = fails(exit_codes.FAILED, *BAKE, "--output", "m.png", "--report", "r.json", "--save-blend", "s.blend")
     assert line == "imprint: The bake went wrong."
     assert (scene / "m.png").read_bytes() == b"an old picture"
     assert (scene / "r.json").read_text() == "an old report"
@@ -225,12 +226,12 @@ def test_a_scene_or_report_that_cannot_be_saved_undoes_the_bake(scene, monkeypat
         code = command.run([*BAKE, *more, "--output", "m.png", "--report", "new/r.json", "--save-blend", "s.blend"])
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-    assert code == command.FAILED
+    assert code == exit_codes.FAILED
     (line,) = capsys.readouterr().err.splitlines()
     assert ("s.blend' could not be written: Blender could not write all" if end == "scene" else "r.json") in line
     after = {path: path.read_bytes() for path in scene.rglob("*") if path.is_file()}
     if end == "scene":
-        assert json.loads(after.pop(scene / "new" / "r.json"))["error"] == line.removeprefix("imprint: ")
+        assert json.loads(after.pop(scene / "new" / "r.json"))["bakes"][0]["error"] == line.removeprefix("imprint: ")
     else:
         assert not (scene / "new").exists()
     assert after == before
@@ -239,27 +240,27 @@ def test_a_scene_or_report_that_cannot_be_saved_undoes_the_bake(scene, monkeypat
 def test_missing_folders_are_made(scene):
     """They are removed again if the bake fails: see above, and tests/pure/test_atomic_file.py."""
     words = [*BAKE, "--output", "a/b/m.png", "--report", "r/r.json", "--save-blend", "s/s.blend"]
-    assert command.run(words) == command.DONE
+    assert command.run(words) == exit_codes.DONE
     assert {"a/b/m.png", "r/r.json", "s/s.blend"} <= set(files(scene))
 
 
 def test_the_report_can_be_the_only_text_on_standard_output(scene, capsys):
-    assert command.run([*BAKE, "--output", "m.png", "--report", "-"]) == command.DONE
+    assert command.run([*BAKE, "--output", "m.png", "--report", "-"]) == exit_codes.DONE
     captured = capsys.readouterr()
-    assert json.loads(captured.out[captured.out.index("{") :])["output"] == [str(scene / "m.png")]
+    assert json.loads(captured.out[captured.out.index("{") :])["bakes"][0]["files"][0]["path"] == str(scene / "m.png")
     assert "16 x 16: lo_normal" in captured.err
     assert f"Wrote {scene / 'm.png'}\n" in captured.err
     assert not (scene / "-").exists()
     (scene / "jobs.json").write_text(json.dumps({"bake": [{"file": BAKE[0], "low": "no", "output": "n.png"}]}))
     capsys.readouterr()
-    assert command.run(["--jobs", "jobs.json", "--report", "-"]) == command.FAILED
+    assert command.run(["--jobs", "jobs.json", "--report", "-"]) == exit_codes.FAILED
     captured = capsys.readouterr()
-    (found,) = json.loads(captured.out[captured.out.index("[\n") :])
-    assert not found["ok"]
+    (found,) = json.loads(captured.out[captured.out.index("{\n") :])["bakes"]
+    assert found["state"] == "failed"
     assert "0 done, 1 failed" in captured.err
 
 
-FAILED_REPORT = {"name": "no", "ok": False, "maps": [], "report": None}
+FAILED_BAKE = {"name": "no", "state": "failed", "cause": "input", "files": [], "reports": []}
 
 
 @pytest.mark.parametrize("earlier", [None, '{"version": 1}'])
@@ -267,20 +268,20 @@ def test_a_single_bake_that_fails_writes_its_report(scene, capsys, earlier):
     if earlier:
         (scene / "r.json").write_text(earlier)
     words = [BAKE[0], "--low", "no", "--output", "m.png", "--report"]
-    assert command.run([*words, "r.json"]) == command.FAILED
-    report = json.loads((scene / "r.json").read_text())
+    assert command.run([*words, "r.json"]) == exit_codes.FAILED
+    report = reports.bake(scene / "r.json")
     (line,) = capsys.readouterr().err.splitlines()
     assert line == f"imprint: {report['error']}"
-    assert {key: report[key] for key in FAILED_REPORT} == FAILED_REPORT
+    assert {key: report[key] for key in FAILED_BAKE} == FAILED_BAKE
     assert report["seconds"] >= 0.0
-    assert command.run([*words, "-"]) == command.FAILED
+    assert command.run([*words, "-"]) == exit_codes.FAILED
     out = capsys.readouterr().out
-    assert json.loads(out[out.index("{") :])["error"] == report["error"]
+    assert json.loads(out[out.index("{") :])["bakes"][0]["error"] == report["error"]
 
 
 def test_the_report_of_a_failure_does_not_replace_other_files(scene):
     (scene / "r.json").write_text("not JSON")
-    assert command.run([BAKE[0], "--low", "no", "--output", "m.png", "--report", "r.json"]) == command.FAILED
+    assert command.run([BAKE[0], "--low", "no", "--output", "m.png", "--report", "r.json"]) == exit_codes.FAILED
     assert (scene / "r.json").read_text() == "not JSON"
 
 
@@ -293,14 +294,14 @@ def test_a_path_that_becomes_a_folder_during_the_bake_is_a_failure(scene, capsys
         return work(*arguments, **options)
 
     monkeypatch.setattr(bake_jobs, "work", late)
-    assert command.run([*BAKE, "--output", "m.png", "--report", "r.json"]) == command.FAILED
+    assert command.run([*BAKE, "--output", "m.png", "--report", "r.json"]) == exit_codes.FAILED
     (line,) = capsys.readouterr().err.splitlines()
     assert "m.png" in line
-    assert json.loads((scene / "r.json").read_text())["error"] in line
+    assert reports.bake(scene / "r.json")["error"] in line
 
 
 def test_a_sequence_has_a_summary_of_one_line(scene, capsys):
-    assert command.run([*BAKE, "--frames", "1-3", "--output", "m.#.png"]) == command.DONE
+    assert command.run([*BAKE, "--frames", "1-3", "--output", "m.#.png"]) == exit_codes.DONE
     first, second = capsys.readouterr().out.splitlines()[-2:]
     assert first.startswith("3 frames of 'lo', ")
     assert second == f"Wrote 3 maps from {scene / 'm.1.png'} to {scene / 'm.3.png'}"
@@ -312,9 +313,11 @@ def test_a_folder_whose_name_is_not_utf_8(scene, fails, monkeypatch):
     strange.mkdir()
     monkeypatch.chdir(strange)
     words = [str(scene / BAKE[0]), *BAKE[1:]]
-    assert "is not UTF-8" in fails(command.WRONG_USAGE, *words, "--output", "m.png")
-    assert "is not UTF-8" in fails(command.WRONG_USAGE, *words, "--output", str(scene / "m.png"), "--report", "r.json")
-    assert "is not UTF-8" in fails(command.WRONG_USAGE, "--pairs", ".", "--output", str(scene / "{low}.png"))
+    assert "is not UTF-8" in fails(exit_codes.WRONG_USAGE, *words, "--output", "m.png")
+    assert "is not UTF-8" in fails(
+        exit_codes.WRONG_USAGE, *words, "--output", str(scene / "m.png"), "--report", "r.json"
+    )
+    assert "is not UTF-8" in fails(exit_codes.WRONG_USAGE, "--pairs", ".", "--output", str(scene / "{low}.png"))
 
 
 @pytest.mark.skipif(os.name == "nt", reason="links and pipes of POSIX")
@@ -325,7 +328,7 @@ def test_a_link_is_kept_and_a_pipe_is_refused(scene, capsys, option):
     (scene / "store").mkdir()
     link = scene / names[option]
     link.symlink_to("store/it")
-    assert command.run(words) == command.DONE
+    assert command.run(words) == exit_codes.DONE
     assert link.is_symlink()
     assert (scene / "store" / "it").stat().st_size > 0
     link.unlink()
@@ -333,7 +336,7 @@ def test_a_link_is_kept_and_a_pipe_is_refused(scene, capsys, option):
     others = [scene / name for name in names.values() if name != link.name]
     for path in others:
         path.unlink()
-    assert command.run(words) == command.WRONG_USAGE
+    assert command.run(words) == exit_codes.WRONG_USAGE
     assert "is a pipe" in capsys.readouterr().err
     assert link.is_fifo()
     assert not any(path.exists() for path in others)
@@ -344,7 +347,7 @@ def test_a_link_is_kept_and_a_pipe_is_refused(scene, capsys, option):
 
 def test_the_map_is_written(scene, capsys):
     before = files(scene)
-    assert command.run([*BAKE, "--output", "m.png", "--margin", "0"]) == command.DONE
+    assert command.run([*BAKE, "--output", "m.png", "--margin", "0"]) == exit_codes.DONE
     assert files(scene) == sorted([*before, "m.png"])
     captured = capsys.readouterr()
     assert captured.err == ""
@@ -361,7 +364,7 @@ def test_the_map_is_written(scene, capsys):
 def test_green_points_up_or_down(scene, arguments, is_up):
     bpy.ops.wm.open_mainfile(filepath=str(scene / "scene" / "file.blend"))
     bpy.data.objects["hi"].rotation_euler.z = np.pi / 2  # so that it rises along y, and its normal points to -y
-    assert command.run([*BAKE[1:], "--output", "m.exr", *arguments]) == command.DONE
+    assert command.run([*BAKE[1:], "--output", "m.exr", *arguments]) == exit_codes.DONE
     green = maps.pixels(bpy.data.images["lo_normal"])[8, 8, 1]
     assert (green < 0.2) == is_up
     assert (green > 0.8) != is_up
@@ -378,28 +381,28 @@ def test_green_points_up_or_down(scene, arguments, is_up):
 )
 def test_other_maps_and_tiles_are_written_beside_the_map(scene, arguments, written):
     before = files(scene)
-    assert command.run([*BAKE, *arguments]) == command.DONE
+    assert command.run([*BAKE, *arguments]) == exit_codes.DONE
     assert sorted(set(files(scene)) - set(before)) == [f"{name}.png" for name in written]
 
 
 def test_a_format_with_only_8_bits_needs_no_depth(scene):
-    assert command.run([*BAKE, "--output", "m.tga"]) == command.DONE
+    assert command.run([*BAKE, "--output", "m.tga"]) == exit_codes.DONE
     assert read(scene / "m.tga").shape == (16, 16, 4)
     assert bpy.data.images["lo_normal"].depth == 32
 
 
 def test_tiles_that_the_mesh_does_not_cover(fails):
-    assert "1001, not on 1002" in fails(command.FAILED, *BAKE, "--tiles", "1002", "--output", "m.png")
+    assert "1001, not on 1002" in fails(exit_codes.FAILED, *BAKE, "--tiles", "1002", "--output", "m.png")
 
 
 def test_the_open_file_is_the_default(scene):
     bpy.ops.wm.open_mainfile(filepath=str(scene / "scene" / "file.blend"))
-    assert command.run([*BAKE[1:], "--output", "m.png"]) == command.DONE
+    assert command.run([*BAKE[1:], "--output", "m.png"]) == exit_codes.DONE
 
 
 def test_the_report(scene):
-    assert command.run([*BAKE, "--output", "m.png", "--report", "r.json"]) == command.DONE
-    report = json.loads((scene / "r.json").read_text())
+    assert command.run([*BAKE, "--output", "m.png", "--report", "r.json"]) == exit_codes.DONE
+    report = reports.one(scene / "r.json")
     assert report["method"] == "FLATTEN"
     assert report["space"] == "TANGENT"
     assert report["size"] == [16, 16]
@@ -420,10 +423,10 @@ def test_the_report(scene):
 def test_warnings_are_printed_and_the_bake_does_not_fail(scene, capsys):
     bpy.ops.wm.open_mainfile(filepath=str(scene / "scene" / "file.blend"))
     bpy.data.objects["hi"].data.uv_layers[0].uv[0].vector = (-1, 0)
-    assert command.run([*BAKE[1:], "--output", "m.png", "--report", "r.json"]) == command.DONE
+    assert command.run([*BAKE[1:], "--output", "m.png", "--report", "r.json"]) == exit_codes.DONE
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("imprint: warning: 'hi': 2 of its triangles reach outside")
-    assert json.loads((scene / "r.json").read_text())["warnings"] == [line.removeprefix("imprint: warning: ")]
+    assert reports.one(scene / "r.json")["warnings"] == [line.removeprefix("imprint: warning: ")]
 
 
 def shown(path):
@@ -453,7 +456,7 @@ def test_the_saved_scene_shows_the_map(scene, output, blend, filepath):
     for path in (scene / output, scene / blend):
         path.parent.mkdir(parents=True, exist_ok=True)
     before = files(scene)
-    assert command.run([*BAKE, "--output", output, "--save-blend", blend]) == command.DONE
+    assert command.run([*BAKE, "--output", output, "--save-blend", blend]) == exit_codes.DONE
     output, blend = os.path.normpath(output), os.path.normpath(blend)
     assert files(scene) == sorted({*before, output, blend})
     image = shown(scene / blend)
@@ -473,7 +476,7 @@ def test_the_saved_scene_shows_the_map(scene, output, blend, filepath):
 def test_maps_beside_the_saved_scene_may_lie_behind_a_link(scene):
     (scene / "out").mkdir()
     (scene / "link").symlink_to("out", target_is_directory=True)
-    assert command.run([*BAKE, "--output", "link/m.png", "--save-blend", "link/s.blend"]) == command.DONE
+    assert command.run([*BAKE, "--output", "link/m.png", "--save-blend", "link/s.blend"]) == exit_codes.DONE
     image = shown(scene / "out/s.blend")
     assert image.filepath.startswith("//")
     assert maps.pixels(image).shape == (16, 16, 4)
@@ -481,7 +484,7 @@ def test_maps_beside_the_saved_scene_may_lie_behind_a_link(scene):
 
 def test_the_saved_scene_shows_the_other_maps_too(scene):
     more = ("--no-normal", "--maps", "height", "--connect-maps", "--no-material")
-    assert command.run([*BAKE, *more, "--output", "m.png", "--save-blend", "s.blend"]) == command.DONE
+    assert command.run([*BAKE, *more, "--output", "m.png", "--save-blend", "s.blend"]) == exit_codes.DONE
     bpy.ops.wm.open_mainfile(filepath=str(scene / "s.blend"))
     outputs = [material.node_tree.nodes["Material Output"] for material in bpy.data.materials]
     (node,) = (link.from_node for output in outputs for link in output.inputs["Displacement"].links)
@@ -491,12 +494,12 @@ def test_the_saved_scene_shows_the_other_maps_too(scene):
 
 
 def test_the_scene_may_replace_its_own_file(scene):
-    assert command.run([*BAKE, "--output", "m.png", "--save-blend", "scene/file.blend"]) == command.DONE
+    assert command.run([*BAKE, "--output", "m.png", "--save-blend", "scene/file.blend"]) == exit_codes.DONE
     assert tuple(shown(scene / "scene" / "file.blend").size) == (16, 16)
 
 
 def test_no_material_leaves_the_material_unchanged(scene):
-    assert command.run([*BAKE, "--output", "m.png", "--save-blend", "s.blend", "--no-material"]) == command.DONE
+    assert command.run([*BAKE, "--output", "m.png", "--save-blend", "s.blend", "--no-material"]) == exit_codes.DONE
     bpy.ops.wm.open_mainfile(filepath=str(scene / "s.blend"))
     assert bpy.data.objects["lo"].active_material is None
 
@@ -551,11 +554,11 @@ def read(path):
 
 def test_pairs_may_share_an_atlas(rocks, capsys):
     arguments = [*PAIRS, "--output", "atlas.png", "--report", "r.json", "--save-blend", "out.blend"]
-    assert command.run(arguments) == command.DONE
+    assert command.run(arguments) == exit_codes.DONE
     captured = capsys.readouterr()
     assert "'c_high' has no low object" in captured.err
-    report = json.loads((rocks / "r.json").read_text())
-    assert [(pair["low"], pair["method"], pair["missed"]) for pair in report["pairs"]] == [
+    report = reports.bake(rocks / "r.json")
+    assert [(pair["low"], pair["method"], pair["missed"]) for pair in report["reports"]] == [
         ("a_low", "CAST", 0.0),
         ("b_low", "CAST", 0.0),
     ]
@@ -577,7 +580,7 @@ def test_pairs_may_share_an_atlas(rocks, capsys):
 
 
 def test_pairs_may_have_their_own_maps(rocks):
-    assert command.run([*PAIRS, "--output", "{low}_n.png"]) == command.DONE
+    assert command.run([*PAIRS, "--output", "{low}_n.png"]) == exit_codes.DONE
     assert files(rocks) == ["a_low_n.png", "b_low_n.png", "rocks.blend"]
 
 
@@ -587,7 +590,7 @@ def test_a_pair_that_fails_makes_all_fail(rocks, capsys):
     bpy.ops.wm.save_as_mainfile(filepath=str(rocks / "rocks.blend"))
     (rocks / "b_low.png").write_bytes(b"of yesterday")
     before = files(rocks)
-    assert command.run([*PAIRS, "--output", "{low}.png", "--report", "r.json"]) == command.FAILED
+    assert command.run([*PAIRS, "--output", "{low}.png", "--report", "r.json"]) == exit_codes.FAILED
     assert capsys.readouterr().err.splitlines()[-1].startswith("imprint: 'b_low' and 'B_High.001' do not overlap")
     assert files(rocks) == sorted([*before, "r.json"])
     assert (rocks / "b_low.png").read_bytes() == b"of yesterday"
@@ -595,7 +598,7 @@ def test_a_pair_that_fails_makes_all_fail(rocks, capsys):
 
 def test_suffixes_without_pairs(rocks, capsys):
     arguments = ["rocks.blend", "--pairs", "--suffixes", ".lp,.hp,.cg", "--output", "m.png"]
-    assert command.run(arguments) == command.FAILED
+    assert command.run(arguments) == exit_codes.FAILED
     assert capsys.readouterr().err == "imprint: No object has a name that ends in '.lp'.\n"
     assert files(rocks) == ["rocks.blend"]
 
@@ -613,18 +616,18 @@ def test_suffixes_without_pairs(rocks, capsys):
     ],
 )
 def test_wrong_usage_of_rays(arguments, capsys):
-    assert command.run([*arguments, "--output", "m.png"]) == command.WRONG_USAGE
+    assert command.run([*arguments, "--output", "m.png"]) == exit_codes.WRONG_USAGE
     assert "Traceback" not in capsys.readouterr().err
 
 
 def test_distances_cage_and_mask(scene, fails):
     cast = ["scene/file.blend", "--low", "lo", "--high", "hi", "--method", "cast", "--size", "16", "--depth", "8"]
-    assert "not a distance" in fails(command.WRONG_USAGE, *cast, "--extrusion=-1", "--output", "n.png")
-    assert "no object called 'cag'" in fails(command.FAILED, *cast, "--cage", "cag", "--output", "n.png")
+    assert "not a distance" in fails(exit_codes.WRONG_USAGE, *cast, "--extrusion=-1", "--output", "n.png")
+    assert "no object called 'cag'" in fails(exit_codes.FAILED, *cast, "--cage", "cag", "--output", "n.png")
     # The high plane rises from -1 to 1 over the low one: rays of 0.5 reach its middle half.
     numbers = ["--extrusion", "0.5", "--max-distance", "1", "--missed", "1,0,1"]
-    assert command.run([*cast, *numbers, "--mask", "--output", "m.png", "--report", "r.json"]) == command.DONE
-    report = json.loads((scene / "r.json").read_text())
+    assert command.run([*cast, *numbers, "--mask", "--output", "m.png", "--report", "r.json"]) == exit_codes.DONE
+    report = reports.one(scene / "r.json")
     assert report["distances"] == {"extrusion": 0.5, "max_distance": 1.0}
     assert report["missed"] == pytest.approx(0.5, abs=0.01)
     texels, mask = read(scene / "m.png"), read(scene / "m_missed.png")
@@ -634,7 +637,7 @@ def test_distances_cage_and_mask(scene, fails):
 
 
 def test_the_last_line_lists_the_written_files(scene, capsys):
-    assert command.run([*BAKE, "--output", "m.png", "--mask", "--report", "r.json"]) == command.DONE
+    assert command.run([*BAKE, "--output", "m.png", "--mask", "--report", "r.json"]) == exit_codes.DONE
     assert (
         capsys.readouterr()
         .out.rstrip()
@@ -645,7 +648,7 @@ def test_the_last_line_lists_the_written_files(scene, capsys):
 def test_a_call_without_a_file(fails):
     words = ["--low", "lo", "--high", "hi", "--output", "m.png"]
     assert (
-        fails(command.FAILED, *words)
+        fails(exit_codes.FAILED, *words)
         == "imprint: There is no scene to bake: give a FILE, or mesh files with --low-file and --high-file."
     )
 
@@ -656,7 +659,7 @@ def test_a_call_without_a_file(fails):
 def test_a_file_for_an_engine_is_written_read_back_and_reported(scene, capsys):
     assert command.run([*BAKE, "--output", "{low}.png", "--export", "out/{low}.glb", "--report", "report.json"]) == 0
     assert (scene / "out" / "lo.glb").read_bytes()[:4] == b"glTF"
-    found = json.loads((scene / "report.json").read_text(encoding="utf-8"))["export"]
+    found = reports.one(scene / "report.json")["export"]
     assert found["files"] == [str(scene / "out" / "lo.glb")]
     assert found["degrees"][found["basis"]]["percentile_99"] < 0.35
     assert found["has_tangents"]

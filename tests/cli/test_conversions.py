@@ -1,14 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Converts maps from the command line and from job files."""
 
-import json
-
 import bpy
 import numpy as np
 import pytest
 
 from addon.cli import command
-from tests.support import angles, maps, zoo
+from tests.support import angles, maps, reports, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -50,7 +48,7 @@ def test_a_file_is_converted_and_back_again(folder, capsys):
     assert command.run([*to_object, "--depth", "16"]) == 0
     assert "Converted tangent.png from tangent space (MikkTSpace) to object space, 64 x 64" in capsys.readouterr().out
     assert off(folder, "new.png", "object.png") < EXACT_16
-    report = json.loads((folder / "report.json").read_text())
+    report = reports.one(folder / "report.json")
     assert report["source_depth"] == 16
     assert 0.0 < report["source_loss"]["median"] < report["source_loss"]["maximum"] < 0.005
     back = [*CONVERT, "new.png", "--from-space", "object", "--basis", "mikktspace", "--output", "back.png"]

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Bakes from the command line warn of what other programs show differently, once, before they draw."""
 
-import json
 import sys
 
 import bpy
@@ -9,7 +8,7 @@ import pytest
 
 from addon.cli import command
 from addon.jobs import bake
-from tests.support import zoo
+from tests.support import reports, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -44,7 +43,7 @@ def test_a_bake_warns_once_before_it_draws(scene, capsys):
     lines = [line for line in capsys.readouterr().err.splitlines() if "quads" in line or line == "drawing"]
     assert len(lines) == 2
     assert lines[0].startswith("imprint: warning: 'lo' has 16 quads")
-    assert sum("quads" in warning for warning in json.loads(report.read_text())["warnings"]) == 1
+    assert sum("quads" in warning for warning in reports.one(report)["warnings"]) == 1
     assert command.run([*words, "--output", out]) == 0
     assert "quads" not in capsys.readouterr().err
 

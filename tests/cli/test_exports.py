@@ -1,13 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Tests --export in bakes of pairs, folders and job files: which files it writes, and which it refuses."""
 
-import json
-
 import bpy
 import pytest
 
 from addon.cli import command
-from tests.support import glb, zoo
+from tests.support import glb, reports, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -37,7 +35,7 @@ def test_each_pair_has_a_file(folder):
     assert command.run([*words, *SIZE]) == 0
     assert nodes(folder / "out" / "a_low.glb") == ["a_low"]
     assert nodes(folder / "out" / "b_low.glb") == ["b_low"]
-    found = json.loads((folder / "report.json").read_text(encoding="utf-8"))["pairs"]
+    found = reports.bake(folder / "report.json")["reports"]
     assert [pair["export"]["files"] for pair in found] == [
         [str(folder / "out" / f"{name}.glb")] for name in ("a_low", "b_low")
     ]
@@ -105,8 +103,8 @@ def test_textures_beside_a_file_replace_no_map_of_another_bake(folder, capsys):
     )
     assert command.run(["--jobs", "jobs.toml", "--report", "report.json"]) == 1
     assert f"would both be {str(folder / texture)!r}" in capsys.readouterr().err
-    first, second = json.loads((folder / "report.json").read_text(encoding="utf-8"))
-    assert (first["ok"], second["ok"]) == (False, True)
+    first, second = reports.bakes(folder / "report.json")
+    assert (first["state"], second["state"]) == ("failed", "done")
     assert not (folder / "rock.usda").exists()
     assert not (folder / "a.png").exists()
     assert [path.name for path in (folder / "textures").iterdir()] == ["rock_a_low_normal.png"]

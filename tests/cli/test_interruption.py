@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Tests that signals stop the command line cleanly at any moment, and that finished bakes are kept and reported."""
 
+import errno
 import json
 import os
 import signal
@@ -11,12 +12,12 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.cli import batch_results, command, interruption
-from addon.cli.batch_results import ReportFile, Result
+from addon.cli import command, interruption
 from addon.cli.mesh_files import importers
+from addon.cli.results import exit_codes, report_file
 from addon.jobs import bake_jobs
 from scripts import imprint
-from tests.support import zoo
+from tests.support import reports, zoo
 
 pytestmark = [
     pytest.mark.usefixtures("gpu_context"),
@@ -118,13 +119,13 @@ def test_a_signal_while_a_file_is_imported_is_not_lost(scene, monkeypatch):
 
 
 def test_a_signal_after_the_bake_changes_only_the_exit_code(scene, monkeypatch):
-    write = command.batch_results.write_json
+    write = report_file.write
 
     def late(*arguments):
         signal.raise_signal(signal.SIGTERM)
         write(*arguments)
 
-    monkeypatch.setattr(command.batch_results, "write_json", late)
+    monkeypatch.setattr(report_file, "write", late)
     assert command.run([*ONE, "--output", "m.png", "--report", "r.json"]) == 128 + signal.SIGTERM
     assert files(scene) == ["m.png", "r.json", "s.blend"]
 
@@ -134,7 +135,7 @@ def test_finished_pairs_are_kept_and_reported(scene, stops_at, capfd):
     words = ["s.blend", "--pairs", "--size", "16", "--limit", "9", "--output", "{low}.png", "--report", "r.json"]
     assert command.run([*words, "--save-blend", "o.blend"]) == 128 + signal.SIGINT
     assert files(scene) == ["a_low.png", "r.json", "s.blend"]
-    assert [pair["low"] for pair in json.loads((scene / "r.json").read_text())["pairs"]] == ["a_low"]
+    assert [pair["low"] for pair in reports.bake(scene / "r.json")["reports"]] == ["a_low"]
     out, err = capfd.readouterr()
     assert err == "imprint: stopped, the pairs before are kept.\n"
     assert out.endswith(f"Wrote {scene / 'a_low.png'}, {scene / 'r.json'}\n")
@@ -145,7 +146,7 @@ def test_finished_frames_are_kept_and_reported(scene, stops_at):
     words = [*ONE, "--frames", "1-9", "--output", "m.#.png", "--report", "r.json"]
     assert command.run(words) == 128 + signal.SIGINT
     assert files(scene) == ["m.1.png", "m.2.png", "r.json", "s.blend"]
-    outputs = [frame["output"] for frame in json.loads((scene / "r.json").read_text())["frames"]]
+    outputs = [frame["output"] for frame in reports.bake(scene / "r.json")["reports"]]
     assert outputs == [[str(scene / "m.1.png")], [str(scene / "m.2.png")]]
 
 
@@ -159,10 +160,18 @@ def test_a_stopped_batch_reports_finished_bakes(scene, stops_at, capfd):
     stops_at("Reading", number=3)
     assert command.run(batch(scene)) == 128 + signal.SIGINT
     assert files(scene) == ["0.png", "1.png", "j.json", "r.json", "s.blend"]
-    assert [each["ok"] for each in json.loads((scene / "r.json").read_text())] == [True, True]
+    assert [each["state"] for each in reports.bakes(scene / "r.json")] == ["done", "done"]
     out, err = capfd.readouterr()
     assert err == "imprint: stopped, 2 of 4 were finished.\n"
-    assert [line.split()[0] for line in out.splitlines()] == ["done", "done", "stopped", "2", "Wrote"]
+    assert [line.split()[0] for line in out.splitlines()] == [
+        "Saved:",
+        "Saved:",
+        "done",
+        "done",
+        "stopped",
+        "2",
+        "Wrote",
+    ]
     assert "2 done, 0 failed, 2 stopped or not begun" in out
 
 
@@ -175,47 +184,46 @@ def test_too_little_memory_for_one_bake_does_not_stop_others(scene, monkeypatch,
         return work(*arguments, **options)
 
     monkeypatch.setattr(bake_jobs, "work", heavy)
-    assert command.run(batch(scene)) == command.FAILED
-    reports = json.loads((scene / "r.json").read_text())
-    assert [each["ok"] for each in reports] == [True, False, True, True]
-    assert reports[1]["error"].startswith("There is not enough memory (Unable to allocate 4.00 EiB")
+    assert command.run(batch(scene)) == exit_codes.NO_MACHINE
+    bakes = reports.bakes(scene / "r.json")
+    assert [each["state"] for each in bakes] == ["done", "failed", "done", "done"]
+    assert bakes[1]["cause"] == "memory"
+    assert bakes[1]["error"].startswith("There is not enough memory (Unable to allocate 4.00 EiB")
     assert "Traceback" not in capfd.readouterr().err
 
 
 def test_too_little_memory_gives_one_line(scene, monkeypatch, capfd):
     monkeypatch.setattr(bake_jobs, "work", lambda *_, **__: np.empty(2**59, np.float64))
-    assert command.run([*ONE, "--output", "m.png"]) == command.FAILED
+    assert command.run([*ONE, "--output", "m.png"]) == exit_codes.NO_MACHINE
     (line,) = capfd.readouterr().err.splitlines()
     assert line.startswith("imprint: There is not enough memory (")
 
 
-def test_the_report_of_a_batch_is_written_after_each_bake(scene, monkeypatch):
-    """So that a crash loses only one entry."""
-    monkeypatch.setattr(command.batch_results.ReportFile, "SHARE", 1e9)
+def test_each_entry_of_a_batch_is_on_the_disk_before_the_next_bake(scene, monkeypatch):
+    """So that a crash loses nothing that is done."""
     seen, work = [], bake_jobs.work
 
     def watched(*arguments, **options):
-        report = scene / "r.json"
-        seen.append(len(json.loads(report.read_text())) if report.exists() else 0)
+        lines = scene / "r.json.lines"
+        seen.append([json.loads(line)["name"] for line in lines.open()] if lines.exists() else [])
         return work(*arguments, **options)
 
     monkeypatch.setattr(bake_jobs, "work", watched)
-    assert command.run(batch(scene)) == command.DONE
-    assert seen == [0, 1, 2, 3]
+    assert command.run(batch(scene)) == exit_codes.DONE
+    names = [f"set {number} (a_low)" for number in (1, 2, 3, 4)]
+    assert seen == [names[:count] for count in range(4)]
+    assert [entry["name"] for entry in reports.bakes(scene / "r.json")] == names
+    assert not (scene / "r.json.lines").exists()
 
 
-def test_each_result_of_a_batch_is_put_into_words_once(tmp_path, monkeypatch):
-    """A report of many bakes would otherwise take longer and longer."""
-    results = [Result("a b", error="It failed.\n", seconds=1.0), Result("c"), Result("d", is_stopped=True)]
-    expected = [batch_results.as_text(batch_results.to_json(results[:count])) + "\n" for count in (0, 1, 2, 3, 3)]
-    worded, to_json = [], Result.to_json
-    monkeypatch.setattr(Result, "to_json", lambda self: worded.append(self.name) or to_json(self))
-    file, texts = ReportFile(tmp_path / "r.json"), []
-    for count in (0, 1, 2, 3, 3):
-        file.write(results[:count])
-        texts.append((tmp_path / "r.json").read_text())
-    assert texts == expected
-    assert worded == ["a b", "c"]
+def test_a_full_disk_does_not_stop_a_batch_and_is_reported(scene, monkeypatch, capfd):
+    def fail(_descriptor):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "fsync", fail)
+    assert command.run(batch(scene)) == exit_codes.FAILED
+    assert files(scene) == ["0.png", "1.png", "2.png", "3.png", "j.json", "r.json.lines", "s.blend"]
+    assert "r.json.lines' could not be written: No space left on device." in capfd.readouterr().err
 
 
 ENDS = """
@@ -353,7 +361,7 @@ def test_too_little_memory_for_a_job_file_gives_one_line(scene, monkeypatch, cap
         raise MemoryError
 
     monkeypatch.setattr(command, "_read", read)
-    assert command.run(["--jobs", "j.json"]) == command.FAILED
+    assert command.run(["--jobs", "j.json"]) == exit_codes.FAILED
     assert capfd.readouterr().err.startswith("imprint: There is not enough memory: ")
 
 

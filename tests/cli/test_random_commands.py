@@ -17,6 +17,7 @@ import pytest
 
 from addon.cli import command
 from addon.cli.plan import blend_blocks, file_references
+from addon.cli.results import exit_codes
 from tests.support import zoo
 
 pytestmark = [
@@ -243,11 +244,11 @@ def test_no_input_is_changed_by_seed(place, outcomes, capsys, seed):
     for path, content in before.items():
         assert not path.is_symlink() or after.get(path) == content, (path, context)
     assert not [path for path in after if ".partial" in path.name], context
-    if code == command.WRONG_USAGE:
+    if code == exit_codes.WRONG_USAGE:
         outcomes["refused"] += 1
         assert after == before, context
         assert captured.err.startswith("imprint: ")
-    elif code == command.DONE:
+    elif code == exit_codes.DONE:
         outcomes["baked"] += 1
         assert after != before, context
         for path in set(after) - set(before):
@@ -267,7 +268,9 @@ LATE = ["--low=rock_a_low", "--high=rock_a_high", "--no-material", *SMALL]
 @pytest.mark.parametrize("option", ["report", "save-blend"])
 def test_a_library_is_not_overwritten(place, capsys, output, option):
     before = tree(place)
-    assert command.run(["in/linked.blend", *LATE, "--output=out/m.png", f"--{option}={output}"]) == command.WRONG_USAGE
+    assert (
+        command.run(["in/linked.blend", *LATE, "--output=out/m.png", f"--{option}={output}"]) == exit_codes.WRONG_USAGE
+    )
     assert "would overwrite a linked library" in capsys.readouterr().err
     assert tree(place) == before
     bake = {
@@ -278,7 +281,7 @@ def test_a_library_is_not_overwritten(place, capsys, output, option):
         option: output,
     }
     (place / "jobs.json").write_text(json.dumps({"bake": [bake]}))
-    assert command.run(["--jobs=jobs.json", "--no-material", *SMALL]) == command.FAILED
+    assert command.run(["--jobs=jobs.json", "--no-material", *SMALL]) == exit_codes.FAILED
     assert "would overwrite a linked library" in capsys.readouterr().err
     assert {path: content for path, content in tree(place).items() if path.name != "jobs.json"} == before
 
@@ -297,7 +300,7 @@ def test_a_library_of_a_later_set_is_not_overwritten(place, capsys, option):
     second = {"file": "in/linked.blend", **objects, "output": "out/b.png"}
     (place / "jobs.json").write_text(json.dumps({"bake": [first, second]}))
     before = tree(place)
-    assert command.run(["--jobs=jobs.json", *SMALL]) == command.WRONG_USAGE
+    assert command.run(["--jobs=jobs.json", *SMALL]) == exit_codes.WRONG_USAGE
     assert "a linked library of set 2 (rock_a_low)" in capsys.readouterr().err
     assert tree(place) == before
 
@@ -323,7 +326,7 @@ def test_a_texture_that_only_the_importer_finds_is_not_overwritten(place, capsys
     mesh.write_text(mesh.read_text().replace("\nf ", "\nusemtl m0\nf ", 1))
     before = tree(place)
     words = ["--low-file=in/rock_a_low.obj", "--high-file=in/rock_a_high.obj", "--output=in/skin.png", *SMALL]
-    assert command.run(words) == command.WRONG_USAGE
+    assert command.run(words) == exit_codes.WRONG_USAGE
     assert "would overwrite a texture of the meshes" in capsys.readouterr().err
     assert tree(place) == before
 
@@ -335,5 +338,5 @@ def test_the_buffer_of_a_gltf_file_is_not_overwritten(place, capsys, name):
     table["buffers"][0]["uri"] = name
     path.write_text(json.dumps(table))
     words = ["--low-file=in/rock_b_low.obj", "--high-file=in/rock_b_high.gltf", "--output=out/m.png", *SMALL]
-    assert command.run([*words, f"--report=in/{name.replace('%20', ' ')}"]) == command.WRONG_USAGE
+    assert command.run([*words, f"--report=in/{name.replace('%20', ' ')}"]) == exit_codes.WRONG_USAGE
     assert "what 'rock_b_high.gltf' refers to" in capsys.readouterr().err

@@ -1,12 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Tests that reports have exactly the keys in the manual."""
 
+import hashlib
 import json
+from pathlib import Path
 
 import bpy
 import pytest
 
 from addon.cli import command
+from addon.cli.results import run_report
+from addon.cli.results.run_report import Cause, State
+from addon.core import versions
 from addon.core.timings import STARTUP
 from scripts.imprint import ROOT
 from tests.support import zoo
@@ -28,7 +33,7 @@ KINDS = {
 
 
 @pytest.fixture
-def report(tmp_path, monkeypatch):
+def whole(tmp_path, monkeypatch):
     """A function that bakes with more arguments, and returns the report from JSON."""
     monkeypatch.chdir(tmp_path)
     zoo.plane("a_low")
@@ -40,6 +45,12 @@ def report(tmp_path, monkeypatch):
         return json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))
 
     return bake
+
+
+@pytest.fixture
+def report(whole):
+    """As `whole`, with the only report of the only bake."""
+    return lambda *more: whole(*more)["bakes"][0]["reports"][0]
 
 
 PAIR = ["file.blend", "--low", "a_low", "--high", "a_high", "--output", "map.png"]
@@ -79,20 +90,32 @@ def test_the_checks_of_a_report_are_those_in_the_manual(report):
     assert {kind: set(check) - everywhere for kind, check in found.items()} == documented
 
 
-def test_the_entry_of_a_batch_has_the_keys_in_the_manual(report, tmp_path):
+def test_all_reports_have_the_keys_in_the_manual(whole, tmp_path):
+    text = section(PAGE, "## The report").split("###")[0]
     job = {"bake": [{"file": "file.blend", "low": "a_low", "high": "a_high", "output": "map.png"}]}
     (tmp_path / "jobs.json").write_text(json.dumps(job), encoding="utf-8")
-    (entry,) = report("--jobs", "jobs.json")
-    check_keys(rows(section(PAGE, "### An entry of many")), entry)
+    for words in (["--jobs", "jobs.json"], PAIR, ["--frames", "1-2", *PAIR], ["--pairs", *PAIR[:1], *PAIR[5:]]):
+        found = whole(*words)
+        check_keys(rows(text), found)
+        assert found["imprint_report"] == run_report.VERSION
+        assert (found["imprint"], found["blender"]) == (versions.imprint(), bpy.app.version_string.split()[0])
+        (entry,) = found["bakes"]
+        check_keys(rows(section(PAGE, "### An entry for each bake")), entry)
+        assert entry["are"] == {"--frames": "frames", "--pairs": "pairs"}.get(words[0], "")
+        assert len(entry["reports"]) == (2 if words[0] == "--frames" else 1)
+        assert all(each["version"] == 1 for each in entry["reports"])
 
 
-@pytest.mark.parametrize(
-    ("more", "key"),
-    [(["--frames", "1-2", *PAIR], "frames"), (["--pairs", *PAIR[:1], *PAIR[5:]], "pairs")],
-)
-def test_reports_of_pairs_and_frames_are_in_a_list(report, more, key):
-    found = report(*more)
-    assert set(found) == {key, "problems"}
-    assert all(each["version"] == 1 for each in found[key])
-    (call,) = [cells for cells in rows(section(PAGE, "## The report")) if f"`--{key}`" in cells[0]]
-    assert set(json.loads(names(call[1])[0].replace("report, ...", "").replace("sentence, ...", ""))) == set(found)
+def test_files_have_their_sizes_and_hashes(whole, tmp_path):
+    (entry,) = whole(*PAIR, "--save-blend", "saved.blend", "--export", "low.glb")["bakes"]
+    assert [each["what"] for each in entry["files"]] == ["map", "export", "scene"]
+    for each in entry["files"]:
+        content = Path(each["path"]).read_bytes()
+        assert (each["bytes"], each["sha256"]) == (len(content), hashlib.sha256(content).hexdigest())
+
+
+def test_the_words_for_states_and_causes_are_in_the_manual():
+    text = section(PAGE, "### An entry for each bake")
+    documented = {names(cells[0])[0]: set(names(cells[2])) for cells in rows(text)}
+    assert documented["state"] == set(State)
+    assert documented["cause"] == set(Cause) - {Cause.NONE}

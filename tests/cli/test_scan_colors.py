@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Tests the colors of scans from their files to the map: pages, vertex colors, embedded images, UDIM tiles, missing pages."""
 
-import json
 import re
 
 import bpy
@@ -9,7 +8,8 @@ import numpy as np
 import pytest
 
 from addon.cli import command
-from tests.support import maps, scans
+from addon.cli.results import exit_codes
+from tests.support import maps, reports, scans
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -36,7 +36,7 @@ def colors(folder, capsys):
     def bake(high, *words, low="low.obj"):
         code = command.run([str(word) for word in ("--low-file", low, "--high-file", high, *WORDS, *words)])
         err = capsys.readouterr().err
-        assert code == command.DONE, err
+        assert code == exit_codes.DONE, err
         image = bpy.data.images.load(str(folder / "m_base_color.png"))
         image.colorspace_settings.is_data = True
         return maps.pixels(image)[..., :3], err
@@ -88,7 +88,7 @@ def test_a_far_scan_of_several_objects(folder, paged, colors):
     found, err = colors(scan, "--method", "cast", "--report", "r.json", low="far.obj")
     check_strips(found, scans.COLORS)
     assert err == ""
-    assert json.loads((folder / "r.json").read_text())["high"] == [f"part {number}" for number in range(4)]
+    assert reports.one(folder / "r.json")["high"] == [f"part {number}" for number in range(4)]
 
 
 def test_missing_pages_are_left_out_if_that_is_allowed(folder, paged, colors):

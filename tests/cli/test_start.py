@@ -15,7 +15,7 @@ import pytest
 from addon.cli.starting import ending, lean_blender
 from addon.core.timings import STARTUP
 from scripts.imprint import ROOT
-from tests.support import zoo
+from tests.support import reports, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -144,12 +144,12 @@ def test_a_saved_scene_keeps_its_settings_of_cycles(scene):
 def test_the_engine_of_the_scene_decides_the_basis(scene):
     """Blender reads the engine of a scene wrongly where no add-on has registered it."""
     script(*BLEND, "--report", "r.json")
-    assert json.loads(Path("r.json").read_text())["settings"]["basis"] == "CYCLES"
+    assert reports.one(Path("r.json"))["settings"]["basis"] == "CYCLES"
 
 
 def test_the_report_has_the_seconds_before_the_bake(scene):
     script(*BLEND, "--report", "r.json")
-    found = json.loads(Path("r.json").read_text())["startup"]
+    found = reports.one(Path("r.json"))["startup"]
     assert list(found) == list(STARTUP)
     assert {stage for stage, seconds in found.items() if seconds > 0.0} == {*STARTUP} - {"launcher"}
 
@@ -161,7 +161,7 @@ def test_each_bake_has_the_seconds_since_the_one_before(scene):
     (scene / "t.blend").write_bytes((scene / "s.blend").read_bytes())
     (scene / "j.json").write_text(json.dumps({"defaults": {"size": 16, "limit": 9}, "bake": sets}))
     script("--jobs", "j.json", "--report", "r.json")
-    first, second = (entry["report"]["startup"] for entry in json.loads(Path("r.json").read_text()))
+    first, second = (entry["reports"][0]["startup"] for entry in reports.bakes(Path("r.json")))
     assert {stage for stage, seconds in first.items() if seconds > 0.0} == {*STARTUP} - {"launcher"}
     assert {stage for stage, seconds in second.items() if seconds > 0.0} == {"gpu", "opening"}
 

@@ -1,13 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Tests untrusted files: their scripts do not run, their simulations write no files, and warnings report both."""
 
-import json
-
 import bpy
 import pytest
 
 from addon.cli import command
-from tests.support import zoo
+from addon.cli.results import exit_codes
+from tests.support import reports, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -27,9 +26,8 @@ def baked(folder, *words):
     bpy.ops.wm.save_as_mainfile(filepath=str(folder / "s.blend"))
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     before = set(folder.rglob("*"))
-    assert command.run([*BAKE, "--report", "r.json", *words]) == command.DONE
-    report = json.loads((folder / "r.json").read_text())
-    warnings = [warning for each in report.get("frames", [report]) for warning in each["warnings"]]
+    assert command.run([*BAKE, "--report", "r.json", *words]) == exit_codes.DONE
+    warnings = [warning for each in reports.bake(folder / "r.json")["reports"] for warning in each["warnings"]]
     return sorted(path.name for path in set(folder.rglob("*")) - before), warnings
 
 
@@ -85,6 +83,6 @@ def test_simulations_of_the_open_file_write_no_files(tmp_path, high, capsys):
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "s.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "s.blend"))
     before = set(tmp_path.rglob("*"))
-    assert command.run([*BAKE[1:], "--output", "m.#.png", "--frames", "1-3"]) == command.DONE
+    assert command.run([*BAKE[1:], "--output", "m.#.png", "--frames", "1-3"]) == exit_codes.DONE
     assert sorted(path.name for path in set(tmp_path.rglob("*")) - before) == ["m.1.png", "m.2.png", "m.3.png"]
     assert "The fluid of 'domain' was switched off" in capsys.readouterr().err

@@ -241,7 +241,7 @@ class TestProbe:
         monkeypatch.setattr(imprint.shutil, "which", lambda name: name if name == "apt-get" else None)
         monkeypatch.setattr(imprint, "probe", lambda python: (1, TestMissingLibraries.IMPORT_ERROR))
         monkeypatch.setattr(imprint.subprocess, "call", lambda command, **_: commands.append(command))
-        assert imprint.main([command]) == 1
+        assert imprint.main([command]) == 3
         assert len(commands) == (0 if command == "bake" else 2)
         assert "to fix it: apt-get install --no-install-recommends libsm6" in capfd.readouterr().err
 

@@ -100,7 +100,8 @@ def test_standard_output_has_only_imprints_text(tmp_path):
     done = subprocess.run([*stops.LAUNCHER, *words], capture_output=True, text=True, check=False)
     assert done.returncode == 0
     assert [line for line in done.stderr.splitlines() if not line.startswith("imprint: warning: ")] == []
-    first, *_, last = done.stdout.splitlines()
+    saved, first, *_, last = done.stdout.splitlines()
+    assert saved == f"Saved: '{tmp_path / 'm.png'}'"
     assert first.startswith("Flatten, tangent space, 16 x 16: ")
     assert last == f"Wrote {tmp_path / 'm.png'}, {tmp_path / 'o.blend'}"
-    assert len(done.stdout.splitlines()) <= 6
+    assert len(done.stdout.splitlines()) <= 7

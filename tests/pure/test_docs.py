@@ -10,6 +10,7 @@ import tomllib
 
 import pytest
 
+from addon.cli.results import exit_codes
 from addon.cli.usage import arguments, job_file
 from addon.cli.usage.options import OPTIONS
 from addon.cli.usage.run_options import RUN_OPTIONS
@@ -262,9 +263,7 @@ def test_the_packages_to_install_are_those_of_the_script():
 
 
 def test_the_table_of_exit_codes_has_those_of_the_command():
-    tree = ast.parse((ROOT / "addon" / "cli" / "command.py").read_text(encoding="utf-8"))
-    names_of = (node for node in tree.body if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Tuple))
-    codes = next(ast.literal_eval(node.value) for node in names_of if node.targets[0].elts[0].id == "DONE")
+    codes = sorted(value for name, value in vars(exit_codes).items() if name.isupper())
     cells = [line[0] for line in rows(section(ROOT / "docs" / "command-line.md", "## Exit codes"))]
     assert cells[:-1] == list(map(str, codes))
     assert {int(word) for word in cells[-1].split(", ")} == {128 + number for number in (1, 2, 15)}

@@ -20,9 +20,11 @@ from ...jobs import bake_jobs
 from ...jobs.lod import level_chain
 from ...output.files.atomic_file import all_or_none, check_writable
 from ...scene import object_refs
-from .. import batch, batch_results, interruption, side_files
+from .. import batch, interruption, scene_files, side_files
 from ..mesh_files.importers import Space
 from ..plan import run_clashes
+from ..results import report_file
+from ..results.exit_codes import DONE, FAILED, WRONG_USAGE
 from ..scene_files import Stage
 from ..starting import lean_blender
 from ..terminal_progress import Meter
@@ -30,7 +32,6 @@ from ..usage import arguments
 from ..usage.arguments import WrongUsage
 from ..usage.options import STDOUT
 
-DONE, FAILED, WRONG_USAGE = 0, 1, 2
 _REFUSED = ("high", "cage", "pairs", "high_file", "cage_file", "frames", "high_up", "convert")
 """Options of a bake that a chain has no use for."""
 
@@ -126,14 +127,14 @@ def _check_files(options: argparse.Namespace, limits: Sequence[Limit]) -> run_cl
 
 
 def _make(options: argparse.Namespace, limits: Sequence[Limit], files: run_clashes.Run, meter: Meter) -> ChainReport:
-    settings, report_file = arguments.settings(options), batch_results.report_file(options.report)
-    for path in (settings.output, options.export, options.save_blend, report_file):
+    settings, report_path = arguments.settings(options), report_file.path_of(options.report)
+    for path in (settings.output, options.export, options.save_blend, report_path):
         if path and file_names.LOW not in str(path):
             check_writable(Path(path).absolute())
     stage = Stage()
     source = _source(options, stage)
     interruption.note(source.name)
-    files.opened("", options, level_chain.names(source, len(limits)))
+    files.opened("", options, level_chain.names(source, len(limits)), scene_files.used(options))
     batch.start_gpu()
 
     def on_step(step: progress.Progress) -> None:
@@ -156,8 +157,8 @@ def _make(options: argparse.Namespace, limits: Sequence[Limit], files: run_clash
         if options.save_blend:
             with stage.let_go():
                 side_files.save_scene(Path(options.save_blend).absolute(), [level.bake for level in report.levels])
-        if report_file:
-            batch_results.write_json(report_file, report.to_dict())
+        if report_path:
+            report_file.write(report_path, report.to_dict())
     return report
 
 
@@ -181,7 +182,7 @@ def _print(report: ChainReport, options: argparse.Namespace, program: str) -> No
     print("\n".join([*report.table(), report.summary()[-1]]), file=out)
     written = [path for level in report.levels for path in level.bake.output]
     written += [path for level in report.levels for path in level.bake.export.get("files", ())]
-    written += [str(path) for path in (options.save_blend, batch_results.report_file(options.report)) if path]
+    written += [str(path) for path in (options.save_blend, report_file.path_of(options.report)) if path]
     print(f"Wrote {', '.join(dict.fromkeys(written))}", file=out)
     if options.report == STDOUT:
-        print(batch_results.as_text(report.to_dict()))
+        print(report_file.as_text(report.to_dict()))

@@ -2,6 +2,7 @@
 """Ends a process whose bakes are done and whose files are written."""
 
 import os
+import sys
 from contextlib import suppress
 
 from .. import standard_streams
@@ -15,9 +16,8 @@ def end(code: int) -> None:
 
     In Blender this returns: what its add-ons do at the end is theirs.
     """
-    import bpy  # here, since this module is imported before Blender is loaded
-
-    if not bpy.app.module:
+    bpy = sys.modules.get("bpy")
+    if bpy is None or not bpy.app.module:
         return
     standard_streams.flush()
     _remove_temporary(bpy.app.tempdir)

@@ -182,3 +182,18 @@ def _among(
 def _without_dashes(word: str) -> str:
     """The first character may be the sign of an axis."""
     return word[:1] + word[1:].replace("-", "")
+
+
+def seconds(value: str) -> float:
+    found = number(value)
+    if not 0.0 < found < math.inf:
+        raise argparse.ArgumentTypeError(f"{value!r} is not a number of seconds above 0")
+    return found
+
+
+def size_of_memory(value: str) -> int:
+    match = re.fullmatch(r"(\d{1,12}(?:\.\d{1,6})?)([kmgt]?)(?:i?b)?", value.lower())
+    size = int(float(match[1]) * 1024 ** " kmgt".index(match[2] or " ")) if match else 0
+    if not size:
+        raise argparse.ArgumentTypeError(f"{value!r} is not a size as 4G or 800M")
+    return size

@@ -29,17 +29,39 @@ RUN_OPTIONS: dict[str, CommandOption] = {
         {"type": option_types.text, "action": "append", "default": [], "metavar": "PATTERN"},
         "all",
     ),
+    "workers": CommandOption(
+        "Bake in so many processes at once, each with a Blender of its own, so that a crash ends one bake alone. 0: in this "
+        "process",
+        {"type": option_types.whole_number, "default": 1, "metavar": "N"},
+        "1",
+    ),
+    "timeout": CommandOption(
+        "End a bake that takes longer, with opening its files",
+        {"type": option_types.seconds, "metavar": "SECONDS"},
+        "never",
+    ),
+    "max-memory": CommandOption(
+        "End a bake whose process takes more memory, as 4G or 800M",
+        {"type": option_types.size_of_memory, "metavar": "SIZE"},
+        "never",
+    ),
+    "log": CommandOption(
+        "Folder for a file of each bake with all that is printed in it",
+        {"type": option_types.path, "metavar": "DIR"},
+        "none",
+    ),
 }
 """The options without their dashes."""
-OF_MANY = ("shard", "only")
-"""Those that choose among many bakes."""
+OF_MANY = ("shard", "only", "timeout", "max_memory", "log")
+"""Those that are for many bakes alone."""
 
 
 def mistakes(options: argparse.Namespace, are_many: bool) -> Iterator[str]:
     """What contradicts among these options. are_many: whether the run may have several bakes. Without a full stop."""
     given = vars(options)
     if not are_many:
-        yield from (f"--{name} is for many bakes: use --jobs or --pairs DIR" for name in OF_MANY if given[name])
+        wrong = (name.replace("_", "-") for name in OF_MANY if given[name])
+        yield from (f"--{name} is for many bakes: use --jobs or --pairs DIR" for name in wrong)
     if options.list and options.check:
         yield "--list checks as well: leave out --check"
     if options.json and not options.list:

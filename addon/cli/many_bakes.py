@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Runs many bakes, in processes of their own or in this one, and says what came of each."""
+
+import argparse
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+
+from ..core.errors import BakeError, NoGpu, sentence
+from ..core.timings import startup
+from .plan import run_clashes
+from .plan.plans import Plan
+from .results import exit_codes, report_file, run_report, terminal_text
+from .results.bake_result import Done
+from .results.report_file import ReportFile
+from .results.run_report import Entry, State
+from .starting.loading import load_blender
+from .terminal_progress import Meter
+from .usage.options import STDOUT
+from .workers.supervisor import Limits, Supervisor
+
+
+@dataclass(frozen=True)
+class Many:
+    """The bakes to do, of `planned` in the job file or folder. options: of the run. program: for messages."""
+
+    chosen: Sequence[Plan]
+    planned: int
+    options: argparse.Namespace
+    program: str
+
+    @property
+    def shard(self) -> str:
+        """The part of the bakes, as K/N; empty for all."""
+        return "/".join(map(str, self.options.shard or ()))
+
+
+def run(many: Many, files: run_clashes.Run, meter: Meter, *, may_start_processes: bool) -> int:
+    """Do the bakes, print a table, and write the report of all. files: must have all plans. Returns the exit code."""
+    options = many.options
+    try:
+        with _Found(many) as found, ExitStack() as held:
+            if may_start_processes and options.workers and many.chosen:
+                limits = Limits(options.timeout, options.max_memory, options.log)
+                supervisor = held.enter_context(Supervisor(options.workers, limits))
+                source = supervisor.bake_all(many.chosen, files, meter)
+            else:
+                source = _bake_here(many.chosen, files, meter)
+            for done in source:
+                meter.clear()
+                found.add(done)
+            meter.clear()
+            found.finish()
+            return found.tally.code
+    except (BakeError, MemoryError) as error:
+        meter.clear()
+        print(f"{many.program}: {sentence(error)}", file=sys.stderr)
+        return exit_codes.NO_MACHINE if isinstance(error, NoGpu | MemoryError) else exit_codes.FAILED
+
+
+def _bake_here(planned: Sequence[Plan], files: run_clashes.Run, meter: Meter) -> Iterator[Done]:
+    if not planned:
+        return
+    load_blender()
+    with startup.spent("imprint"):
+        from . import batch  # needs Blender
+
+    yield from batch.bake_all(planned, files, meter)
+
+
+class _Found:
+    """The results so far: their lines on the terminal, and their entries in the report."""
+
+    def __init__(self, many: Many):
+        """Raises BakeError if the report cannot be written."""
+        self._many, self._program, self._report = many, many.program, many.options.report
+        self._width = max((len(plan.name) for plan in many.chosen), default=0)
+        self._path = report_file.path_of(self._report)
+        self._file = ReportFile(self._path, many.planned, many.shard) if self._path else None
+        self._entries: list[Entry] = []
+        """Those for a report on standard output."""
+        self._lines: list[str] = []
+        self._counted = run_report.summary(())
+        self.tally = exit_codes.Tally()
+
+    def __enter__(self) -> "_Found":
+        return self
+
+    def __exit__(self, *_) -> None:
+        if self._file:
+            self._file.close()
+
+    def add(self, done: Done) -> None:
+        """Tell what came of a bake, and add it to the report."""
+        entry = done.entry
+        if entry.state == State.FAILED:
+            print(f"{self._program}: {entry.name}: {entry.error}", file=sys.stderr)
+        for warning in done.warnings:
+            print(f"{self._program}: {entry.name}: warning: {warning}", file=sys.stderr)
+        for line in terminal_text.saved(entry.maps):
+            print(line, file=terminal_text.out(self._report), flush=True)
+        self.tally.add(entry)
+        run_report.count(self._counted, entry)
+        self._lines.append(terminal_text.line(entry, self._width))
+        if done.is_listed and self._file:
+            self._file.add(entry)
+        elif done.is_listed and self._report:
+            self._entries.append(entry)
+
+    def finish(self) -> None:
+        """Print the table, and write the report. Raises BakeError."""
+        finished = len(self._lines) - int(self._counted[State.STOPPED])
+        wanted = len(self._many.chosen)
+        if finished < wanted:
+            print(f"{self._program}: stopped, {finished} of {wanted} were finished.", file=sys.stderr)
+        out = terminal_text.out(self._report)
+        print("\n".join([*self._lines, terminal_text.total(self._counted, wanted)]), file=out)
+        if self._file:
+            self._file.finish()
+            print(f"Wrote {self._path}")
+        elif self._report == STDOUT:
+            print(report_file.as_text(run_report.document(self._entries, self._many.planned, self._many.shard)))

@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Runs a single bake of the command line in this process, and says what came of it."""
+
+import sys
+import time
+
+import bpy
+
+from ..core.errors import BakeError, WrongPlace
+from . import batch, interruption
+from .plan import plans, run_clashes
+from .plan.plans import Plan
+from .results import bake_result, exit_codes, report_file, run_report, terminal_text
+from .results.bake_result import Result
+from .scene_files import Stage
+from .starting import lean_blender
+from .terminal_progress import Meter
+from .usage.options import STDOUT
+
+
+def run(plan: Plan, files: run_clashes.Run, program: str, meter: Meter) -> int:
+    """Bake. files: must have the plan. Returns the exit code. Raises WrongPlace if the bake would harm a file."""
+    options, stage = plan.options, Stage()
+    if batch.need_all([plan]):
+        lean_blender.complete()  # before a file is opened, as Baker does
+    start, is_begun = time.perf_counter(), False
+    try:
+        opened = batch.open_files(plan, stage, files, meter)
+        is_begun = True
+        result = batch.run(opened, stage, files, meter)
+    except interruption.Stopped:
+        meter.clear()
+        print(f"{program}: stopped, nothing was finished.", file=sys.stderr)
+        return exit_codes.FAILED
+    except (BakeError, MemoryError) as error:
+        if isinstance(error, WrongPlace) and not is_begun:
+            raise
+        meter.clear()
+        result = bake_result.failure(plans.subject(options, bpy.data.filepath), error)
+        result.seconds = time.perf_counter() - start
+        return _fail(result, options.report, program)
+    meter.clear()
+    out = terminal_text.out(options.report)
+    for warning in result.unsaid:
+        print(f"{program}: warning: {warning}", file=sys.stderr)
+    if result.is_stopped:
+        print(f"{program}: stopped, the {result.are} before are kept.", file=sys.stderr)
+    lines = [*terminal_text.saved(result.maps), *terminal_text.summary(result)]
+    print("\n".join([*lines, terminal_text.wrote(result, opened.report)]), file=out)
+    if options.report == STDOUT:
+        print(report_file.as_text(run_report.document([result.entry()], 1)))
+    return exit_codes.DONE
+
+
+def _fail(result: Result, report: str | None, program: str) -> int:
+    """Say why a bake failed, on standard error and in its report. Returns the exit code."""
+    print(f"{program}: {result.error}", file=sys.stderr)
+    entry = result.entry()
+    document = run_report.document([entry], 1)
+    if path := report_file.path_of(report):
+        report_file.write_failure(path, document)
+    elif report:
+        print(report_file.as_text(document))
+    return exit_codes.code(entry)

@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The result of a bake in the process that made it, before it becomes an entry of the report."""
+
+import hashlib
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from ...core.errors import BakeError, NoGpu, sentence
+from ...core.report import Report
+from . import run_report
+from .run_report import Cause, Entry, State
+
+
+@dataclass
+class Result:
+    """The reports of a bake, or the error that ended it."""
+
+    name: str
+    reports: list[Report] = field(default_factory=list)
+    problems: list[str] = field(default_factory=list)
+    """What is wrong with names, in sentences."""
+    error: str = ""
+    cause: Cause = Cause.NONE
+    seconds: float = 0.0
+    are: str = ""
+    """What several reports are of: "pairs" or "frames"."""
+    is_stopped: bool = False
+    """Whether a signal stopped it. Pairs and frames that were done by then are kept."""
+    said: list[str] = field(default_factory=list)
+    """The warnings that were printed before the bake."""
+    scene: Path | None = None
+    """The .blend that was saved."""
+
+    @property
+    def maps(self) -> list[str]:
+        """The maps that were written, each once, as absolute paths."""
+        return list(dict.fromkeys(path for report in self.reports for path in report.output))
+
+    @property
+    def exports(self) -> list[str]:
+        """The files for engines that were written, each once, as absolute paths."""
+        return list(dict.fromkeys(path for report in self.reports for path in report.export.get("files", ())))
+
+    @property
+    def warnings(self) -> list[str]:
+        """Sentences."""
+        return [*self.problems, *(warning for report in self.reports for warning in report.warnings)]
+
+    @property
+    def unsaid(self) -> list[str]:
+        """The warnings to print after the bake."""
+        return [warning for warning in self.warnings if warning not in self.said]
+
+    @property
+    def is_listed(self) -> bool:
+        """Whether the report has an entry for it: not if it was stopped before anything was done."""
+        return bool(self.reports) or not self.is_stopped
+
+    def entry(self, number: int = 1) -> Entry:
+        """The entry in the report. number: of the bake. Reads what was written."""
+        state = State.STOPPED if self.is_stopped else State.FAILED if self.error else State.DONE
+        files = [(run_report.MAP, path) for path in self.maps]
+        files += [(run_report.EXPORT, path) for path in self.exports]
+        files += [(run_report.SCENE, str(self.scene))] if self.scene is not None else []
+        return Entry(
+            number,
+            self.name,
+            state,
+            "It was stopped." if self.is_stopped else self.error,
+            self.cause,
+            seconds=self.seconds,
+            files=[{**facts(path), "what": what} for what, path in files],
+            are=self.are,
+            reports=[report.to_dict() for report in self.reports],
+            problems=self.problems,
+        )
+
+
+@dataclass(frozen=True)
+class Done:
+    """A bake that has ended. warnings: those to print now. is_listed: whether the report has its entry."""
+
+    entry: Entry
+    warnings: list[str] = field(default_factory=list)
+    is_listed: bool = True
+
+    @classmethod
+    def of(cls, result: Result, number: int) -> "Done":
+        """From the result of a bake in this process."""
+        return cls(result.entry(number), result.unsaid, result.is_listed)
+
+
+def failure(name: str, error: BakeError | MemoryError) -> Result:
+    """The result of a bake that failed."""
+    return Result(name, error=sentence(error), cause=cause(error))
+
+
+def facts(path: str) -> dict[str, Any]:
+    """The path, bytes and SHA-256 of a file; of one that cannot be read, the path alone."""
+    try:
+        with open(path, "rb") as file:
+            digest = hashlib.file_digest(file, "sha256").hexdigest()
+            return {"path": path, "bytes": os.fstat(file.fileno()).st_size, "sha256": digest}
+    except OSError:
+        return {"path": path, "bytes": None, "sha256": None}
+
+
+def cause(error: BakeError | MemoryError) -> Cause:
+    """The cause of a failure, for programs."""
+    if isinstance(error, MemoryError):
+        return Cause.MEMORY
+    return Cause.GPU if isinstance(error, NoGpu) else Cause.INPUT

@@ -1,0 +1,133 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The report of a call as plain data: one shape, whether it made one bake, many, pairs or frames."""
+
+import json
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import asdict, dataclass, field, fields
+from enum import StrEnum
+from typing import Any
+
+from ...core import versions
+
+VERSION = 2
+"""The version of the report's keys. It increases when a key is removed or changes its meaning, not for new keys."""
+
+
+class State(StrEnum):
+    """What became of a bake."""
+
+    DONE = "done"
+    FAILED = "failed"
+    STOPPED = "stopped"
+    """A signal stopped it. Pairs and frames that were done by then are kept."""
+    GATE = "gate"
+    """Done, but a figure is over its limit."""
+    RESUMED = "resumed"
+    """Done by an earlier call, or by another one at the same time, and still true."""
+
+
+class Cause(StrEnum):
+    """Why a bake failed, for programs."""
+
+    NONE = ""
+    INPUT = "input"
+    """Its input or its settings, as the error says."""
+    GPU = "gpu"
+    """Blender's gpu module does not start on this machine."""
+    MEMORY = "memory"
+    """There was not enough memory, or the limit was reached."""
+    TIMEOUT = "timeout"
+    CRASH = "crash"
+
+
+@dataclass
+class Entry:
+    """A bake in the report."""
+
+    number: int
+    """Its place among all bakes of the job file or folder, from 1."""
+    name: str
+    state: State = State.DONE
+    error: str = ""
+    """One sentence."""
+    cause: Cause = Cause.NONE
+    signal: str = ""
+    """The name of the signal that ended its process, as SIGSEGV."""
+    gate: list[str] = field(default_factory=list)
+    """The figures over their limits, in sentences."""
+    seconds: float = 0.0
+    inputs: list[dict[str, Any]] = field(default_factory=list)
+    """The files that it read: path, bytes, sha256."""
+    files: list[dict[str, Any]] = field(default_factory=list)
+    """The files that it wrote: path, bytes, sha256, and what they are."""
+    are: str = ""
+    """What several reports are of: "pairs" or "frames"."""
+    reports: list[dict[str, Any]] = field(default_factory=list)
+    """As Report.to_dict returns them."""
+    problems: list[str] = field(default_factory=list)
+    """What is wrong with names, in sentences."""
+    log: str = ""
+    """The file with all that its process printed; empty if none was kept."""
+
+    @classmethod
+    def from_dict(cls, values: dict[str, Any]) -> "Entry":
+        """The entry of a report. Keys of a later version are left out. Raises KeyError, TypeError or ValueError."""
+        known = {each.name: values[each.name] for each in fields(cls)}
+        return cls(**{**known, "state": State(known["state"]), "cause": Cause(known["cause"])})
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for json.dump."""
+        return asdict(self)
+
+    @property
+    def written(self) -> list[str]:
+        """The maps and the files for engines, as absolute paths."""
+        return [each["path"] for each in self.files if each["what"] in {MAP, EXPORT}]
+
+    @property
+    def maps(self) -> list[str]:
+        """The maps, as absolute paths."""
+        return [each["path"] for each in self.files if each["what"] == MAP]
+
+
+MAP, EXPORT, SCENE = "map", "export", "scene"
+"""What a file is that a bake wrote."""
+
+
+def document(entries: Sequence[Entry], planned: int, shard: str = "") -> dict[str, Any]:
+    """The report. planned: how many bakes there were to do. shard: as K/N; empty for all."""
+    return {**_head(planned, shard), "bakes": [entry.to_dict() for entry in entries], "summary": summary(entries)}
+
+
+def text(entries: Iterable[str], counted: dict[str, float], planned: int, shard: str = "") -> Iterator[str]:
+    """`document` as the lines of a file, for many entries, which are JSON. counted: as `summary` returns it."""
+    yield json.dumps(_head(planned, shard), indent=2).removesuffix("\n}") + ',\n  "bakes": ['
+    before = ""
+    for entry in entries:
+        yield f"{before}\n    {entry}"
+        before = ","
+    yield f'\n  ],\n  "summary": {json.dumps(counted)}\n}}\n'
+
+
+def summary(entries: Iterable[Entry]) -> dict[str, float]:
+    """How many bakes have each state, and the seconds of all."""
+    counted = {**dict.fromkeys(map(str, State), 0), "seconds": 0.0}
+    for entry in entries:
+        count(counted, entry)
+    return counted
+
+
+def count(counted: dict[str, float], entry: Entry) -> None:
+    """Add an entry to a summary."""
+    counted[str(entry.state)] += 1
+    counted["seconds"] += entry.seconds
+
+
+def _head(planned: int, shard: str) -> dict[str, Any]:
+    return {
+        "imprint_report": VERSION,
+        "imprint": versions.imprint(),
+        "blender": versions.blender(),
+        "planned": planned,
+        "shard": shard or None,
+    }

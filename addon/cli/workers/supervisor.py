@@ -1,0 +1,213 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Bakes in workers, which are kept while they are well and replaced when they are not."""
+
+import re
+import signal
+import time
+from collections import deque
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from multiprocessing.connection import wait
+from pathlib import Path
+
+from ...core.errors import BakeError, NoGpu, WrongPlace
+from ...core.progress import Progress
+from ...output.files.atomic_file import reason
+from .. import interruption
+from ..plan import run_clashes
+from ..plan.plans import Plan
+from ..results.bake_result import Done
+from ..results.run_report import Cause, Entry, State
+from ..terminal_progress import Meter
+from .messages import Answer, Assignment, FilesFound, Line, Percent, Ready
+from .worker_process import WorkerProcess
+
+LOOK_EVERY = 0.1
+"""Seconds between two checks of signals and limits."""
+PATIENCE = 2.0
+"""Seconds for workers to end after a second signal, before they are killed. The launcher waits longer."""
+MOST_STARTS = 3
+"""So many workers may end one after the other before Blender has started in them."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """seconds: that a bake may take, with opening its files. memory: bytes that a worker may have. None: no limit. log: the
+    folder for a file with all that is printed in each bake."""
+
+    seconds: float | None = None
+    memory: int | None = None
+    log: str | None = None
+
+
+class _Worker:
+    """A worker process with what it does now."""
+
+    def __init__(self):
+        self.process = WorkerProcess()
+        self.plan: Plan | None = None
+        self.log = ""
+        self.begun = 0.0
+        """When its bake began, by time.monotonic."""
+
+    def begin(self, plan: Plan, assigned: Assignment) -> None:
+        self.plan, self.log, self.begun = plan, assigned.log, time.monotonic()
+        self.process.send(assigned)
+
+
+class Supervisor:
+    """Starts workers, gives them bakes, and ends them. Use it in a `with` block."""
+
+    def __init__(self, count: int, limits: Limits):
+        self._count, self._limits = count, limits
+        self._workers: list[_Worker] = []
+        self._starts = 0
+        """How many workers have ended in a row before Blender had started."""
+
+    def __enter__(self) -> "Supervisor":
+        self._held = ExitStack()
+        self._held.enter_context(interruption.before_end(self._end_all))
+        self._start()  # Blender starts while this process reads and checks
+        return self
+
+    def __exit__(self, *_) -> None:
+        self._held.close()
+        for worker in self._workers:
+            worker.process.close()
+
+    def _end_all(self) -> None:
+        for worker in self._workers:
+            worker.process.ask_to_stop(at_once=True)
+        deadline = time.monotonic() + PATIENCE
+        for worker in self._workers:
+            worker.process.kill(max(0.0, deadline - time.monotonic()))
+
+    def bake_all(self, planned: Sequence[Plan], files: run_clashes.Run, meter: Meter) -> Iterator[Done]:
+        """Bake all plans, in their order as workers are free. files: must have all plans.
+
+        After a signal, bakes that have begun are asked to stop; the last results may be of such. Raises NoGpu if Blender does
+        not start.
+        """
+        waiting = deque(planned)
+        needs_all = any(plan.options.save_blend or plan.options.export for plan in planned)
+        begun, is_stopping = 0, False
+        while waiting or any(worker.plan for worker in self._workers):
+            if interruption.code() and not is_stopping:
+                is_stopping = True
+                waiting.clear()
+                for worker in self._workers:
+                    worker.process.ask_to_stop()
+                continue
+            self._fill(min(self._count, len(waiting) + sum(1 for each in self._workers if each.plan)))
+            for worker in self._workers:
+                if waiting and worker.plan is None and worker.process.is_ready:
+                    plan = waiting.popleft()
+                    begun += 1
+                    meter.place = f"{begun}/{len(planned)} "
+                    worker.begin(plan, Assignment(plan, needs_all, self._log_of(plan)))
+            yield from self._hear(files, meter)
+            yield from self._check_limits()
+
+    def _fill(self, wanted: int) -> None:
+        while len(self._workers) < wanted:
+            self._start()
+
+    def _start(self) -> None:
+        try:
+            self._workers.append(_Worker())
+        except OSError as error:
+            raise BakeError(f"A process to bake in could not be started: {reason(error)}.") from error
+
+    def _hear(self, files: run_clashes.Run, meter: Meter) -> Iterator[Done]:
+        """Take the messages of all workers, waiting a moment for one."""
+        by_connection = {worker.process.connection: worker for worker in self._workers}
+        for connection in wait(list(by_connection), LOOK_EVERY):
+            worker = by_connection[connection]
+            try:
+                message = connection.recv()
+            except (EOFError, OSError):
+                yield from self._bury(worker)
+                continue
+            match message:
+                case Ready():
+                    worker.process.is_ready, self._starts = True, 0
+                case Percent():
+                    if meter.is_on:
+                        meter.show(message.subject, Progress(message.what, message.done))
+                case Line():
+                    meter.report(message.line)
+                case FilesFound():
+                    worker.process.send(Answer(_problem(files, message)))
+                case Done():
+                    yield from self._take(worker, message)
+
+    def _take(self, worker: _Worker, done: Done) -> Iterator[Done]:
+        """A bake has ended. Its worker goes on unless it has grown too large."""
+        worker.plan = None
+        done.entry.log = worker.log
+        has_failed = done.entry.cause == Cause.MEMORY
+        if has_failed or (self._limits.memory and worker.process.memory > self._limits.memory):
+            self._workers.remove(worker)
+            worker.process.close()
+        yield done
+
+    def _bury(self, worker: _Worker) -> Iterator[Done]:
+        """A worker has ended by itself."""
+        self._workers.remove(worker)
+        by, lacked_memory = worker.process.end()
+        words = worker.process.last_words()
+        worker.process.close()
+        if worker.plan is None:
+            if not worker.process.is_ready:
+                self._starts += 1
+                if self._starts == MOST_STARTS:
+                    raise NoGpu(f"Blender does not start here: {by}{f', {words!r}' if words else ''}.")
+            return
+        if lacked_memory:
+            error, cause = "Memory ran out, and the system ended the bake.", Cause.MEMORY
+        else:
+            error, cause = f"Blender crashed with {_signal_text(by)}.", Cause.CRASH
+        yield self._failed(worker, error, cause, by if by.startswith("SIG") else "")
+
+    def _check_limits(self) -> Iterator[Done]:
+        for worker in [worker for worker in self._workers if worker.plan]:
+            seconds, memory = self._limits.seconds, self._limits.memory
+            if seconds and time.monotonic() - worker.begun > seconds:
+                yield self._end(worker, f"It took more than {seconds:g} s, the limit.", Cause.TIMEOUT)
+            elif memory and (used := worker.process.memory) > memory:
+                text = f"It took {used / 2**20:,.0f} MiB of memory, more than the limit of {memory / 2**20:,.0f} MiB."
+                yield self._end(worker, text, Cause.MEMORY)
+
+    def _end(self, worker: _Worker, error: str, cause: Cause) -> Done:
+        worker.process.kill()
+        self._workers.remove(worker)
+        worker.process.close()
+        return self._failed(worker, error, cause)
+
+    def _failed(self, worker: _Worker, error: str, cause: Cause, by: str = "") -> Done:
+        plan, seconds = worker.plan, time.monotonic() - worker.begun
+        entry = Entry(plan.number, plan.name, State.FAILED, error, cause, by, seconds=seconds, log=worker.log)
+        return Done(entry)
+
+    def _log_of(self, plan: Plan) -> str:
+        if not self._limits.log:
+            return ""
+        name = re.sub(r"[^\w.-]+", "_", plan.name).strip("_")[:80]
+        return str(Path(self._limits.log).absolute() / f"{plan.number:06}_{name}.log")
+
+
+def _problem(files: run_clashes.Run, found: FilesFound) -> str:
+    try:
+        getattr(files, found.method)(*found.arguments)
+    except WrongPlace as problem:
+        return str(problem)
+    return ""
+
+
+def _signal_text(by: str) -> str:
+    """A signal in words: "signal 11, Segmentation fault"."""
+    if by not in signal.Signals.__members__:
+        return by
+    number = signal.Signals[by]
+    return f"signal {int(number)}, {signal.strsignal(number)}"

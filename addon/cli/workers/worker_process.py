@@ -1,0 +1,133 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A worker as its parent sees it: a process that runs scripts/bake.py, or a further Blender."""
+
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from contextlib import suppress
+from multiprocessing.connection import Connection, Pipe
+from pathlib import Path
+from typing import Any
+
+from ...core.timings import BEGUN
+from .. import interruption
+from . import process_memory
+
+WORD = "worker"
+"""The only argument of a worker."""
+CONNECTION = "IMPRINT_WORKER"
+"""The environment variable with the number of the worker's end of the connection."""
+SCRIPT = Path(__file__).resolve().parents[3] / "scripts" / "bake.py"
+_TAIL = 1 << 13
+"""Bytes of a log that are searched for last words."""
+
+
+def command(words: Sequence[str] = ()) -> list[str]:
+    """The command that starts a worker: what started this process, with other arguments for Imprint.
+
+    words: the arguments of this process; sys.argv if empty.
+    """
+    bpy = sys.modules.get("bpy")
+    if bpy is None or bpy.app.module:
+        return [sys.executable, str(SCRIPT), "--", WORD]
+    given = list(words or sys.argv)
+    for option in ("--command", "-c"):
+        if option in given:
+            return [bpy.app.binary_path, *given[1 : given.index(option) + 2], WORD]
+    return [bpy.app.binary_path, *given[1 : given.index("--") if "--" in given else None], "--", WORD]
+
+
+class WorkerProcess:
+    """A worker. Raises OSError if it cannot be started."""
+
+    def __init__(self):
+        self.is_ready = False
+        """Whether Blender has started."""
+        self.log = tempfile.TemporaryFile()  # noqa: SIM115 - open as long as the process
+        """What it prints while no bake has a log of its own."""
+        self._out_of_memory = process_memory.kills()
+        self.connection, other = Pipe()
+        try:
+            self._process = self._start(other)
+        finally:
+            other.close()
+
+    def _start(self, other: Connection) -> subprocess.Popen:
+        number = other.fileno()
+        variables = dict(os.environ, **{BEGUN: "", CONNECTION: str(number), interruption.LAUNCHER: str(os.getpid())})
+        given: dict[str, Any] = {"stdin": subprocess.DEVNULL, "stdout": self.log, "stderr": self.log, "env": variables}
+        if os.name == "nt":
+            os.set_handle_inheritable(number, True)
+            startup = subprocess.STARTUPINFO(lpAttributeList={"handle_list": [number]})
+            return subprocess.Popen(command(), startupinfo=startup, **given)
+        # The worker unblocks them once it handles them.
+        blocked = [getattr(signal, name) for name in (*interruption.NAMES, interruption.ASK, interruption.END)]
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, blocked)
+        try:
+            return subprocess.Popen(command(), pass_fds=[number], **given)
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+    @property
+    def memory(self) -> int:
+        """The bytes of memory that it has now; 0 where the system does not say."""
+        return process_memory.of(self._process.pid)
+
+    def send(self, message: Any) -> bool:
+        """Send a message. Returns whether the worker takes messages: one that has died does not."""
+        try:
+            self.connection.send(message)
+        except OSError:
+            return False
+        return True
+
+    def ask_to_stop(self, *, at_once: bool = False) -> None:
+        """Ask it to stop, cleanly or at once, as scripts/imprint.py asks this process."""
+        if os.name != "nt":  # there, Ctrl-C reaches all processes of a console
+            self._process.send_signal(getattr(signal, interruption.END if at_once else interruption.ASK))
+
+    def kill(self, seconds: float = 0.0) -> None:
+        """End it, unless it ends within some seconds by itself."""
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(seconds)
+            return
+        self._process.kill()
+        self._process.wait()
+
+    def close(self, seconds: float = 5.0) -> None:
+        """End it: it stops when its connection closes. seconds: how long to wait for that."""
+        self.connection.close()
+        try:
+            self._process.wait(seconds)
+        except subprocess.TimeoutExpired:
+            self.kill()
+        self.log.close()
+
+    def end(self) -> tuple[str, bool]:
+        """Wait for a process whose connection has closed. Returns the name of the signal that ended it, or its exit code in
+        words, and whether the system ended it since there was no more memory.
+        """
+        try:
+            code = self._process.wait(5.0)
+        except subprocess.TimeoutExpired:  # it closed its connection and goes on
+            self.kill()
+            code = -signal.SIGABRT
+        lacked = code == -getattr(signal, "SIGKILL", 0) and process_memory.kills() > self._out_of_memory
+        return _words(code), lacked
+
+    def last_words(self, start: int = 0) -> str:
+        """The last line that it printed to its own log, after the first `start` bytes; empty if there is none."""
+        size = os.fstat(self.log.fileno()).st_size
+        begin = max(start, size - _TAIL)
+        text = os.pread(self.log.fileno(), size - begin, begin) if hasattr(os, "pread") else b""
+        lines = [line.strip() for line in text.decode(errors="replace").splitlines()]
+        return next((line for line in reversed(lines) if line), "")
+
+
+def _words(code: int) -> str:
+    if code < 0:
+        return signal.Signals(-code).name
+    return f"exception {code:#x}" if code >= 0x80000000 else f"exit code {code}"  # the first is Windows

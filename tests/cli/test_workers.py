@@ -1,0 +1,185 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tests of bakes in processes of their own: one that crashes, hangs or takes too much memory ends alone."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import bpy
+import pytest
+
+from addon.cli.results import exit_codes
+from addon.cli.workers import worker_process
+from scripts.imprint import ROOT
+from tests.support import reports, zoo
+
+pytestmark = pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
+
+SABOTAGE = ROOT / "tests" / "support" / "sabotage"
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """The working folder, with good_low.obj and good_high.obj."""
+    monkeypatch.chdir(tmp_path)
+    for name, slope in (("good_low", 0.0), ("good_high", 0.2)):
+        zoo.plane(name, slope=slope)
+        bpy.ops.wm.obj_export(filepath=str(tmp_path / f"{name}.obj"), export_selected_objects=False)
+        bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    return tmp_path
+
+
+def jobs(folder, *names):
+    """A job file with a bake for each name, whose low mesh's file has it."""
+    sets = []
+    for name in names:
+        (folder / f"{name}_low.obj").write_bytes((folder / "good_low.obj").read_bytes())
+        sets.append({"low-file": f"{name}_low.obj", "high-file": "good_high.obj", "output": f"{name}.png"})
+    (folder / "j.json").write_text(json.dumps({"defaults": {"size": 16, "limit": 9}, "bake": sets}))
+    return ["--jobs", "j.json", "--report", "r.json"]
+
+
+def start(*words):
+    """scripts/bake.py with bakes that fail as their names say."""
+    return subprocess.Popen(
+        [sys.executable, str(ROOT / "scripts" / "bake.py"), *words],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=dict(os.environ, PYTHONPATH=str(SABOTAGE)),
+    )
+
+
+def run(*words):
+    """The exit code, standard output and standard error of `start`."""
+    process = start(*words)
+    out, err = process.communicate()
+    return process.returncode, out, err
+
+
+def outcome(folder):
+    return [(each["name"], each["state"], each["cause"], each["signal"]) for each in reports.bakes(folder / "r.json")]
+
+
+def test_a_crash_ends_one_bake_alone(folder):
+    code, out, err = run(*jobs(folder, "a", "crash", "b", "leave", "c"))
+    assert code == exit_codes.FAILED
+    assert outcome(folder) == [
+        ("set 1 (a_low)", "done", "", ""),
+        ("set 2 (crash_low)", "failed", "crash", "SIGSEGV"),
+        ("set 3 (b_low)", "done", "", ""),
+        ("set 4 (leave_low)", "failed", "crash", ""),
+        ("set 5 (c_low)", "done", "", ""),
+    ]
+    assert "imprint: set 2 (crash_low): Blender crashed with signal 11, Segmentation fault." in err.splitlines()
+    assert "imprint: set 4 (leave_low): Blender crashed with exit code 7." in err.splitlines()
+    assert [line for line in out.splitlines() if line.startswith("Saved")] == [
+        f"Saved: '{folder / name}.png'" for name in "abc"
+    ]
+    assert "3 done, 2 failed" in out
+
+
+def test_a_bake_that_hangs_is_ended_at_the_limit(folder):
+    code, _, err = run(*jobs(folder, "hang", "a"), "--timeout", "5", "--log", "logs")
+    assert code == exit_codes.FAILED
+    assert outcome(folder) == [("set 1 (hang_low)", "failed", "timeout", ""), ("set 2 (a_low)", "done", "", "")]
+    assert "It took more than 5 s, the limit." in err
+    hung, done = (each["log"] for each in reports.bakes(folder / "r.json"))
+    assert hung == str(folder / "logs" / "000001_set_1_hang_low.log")
+    assert Path(hung).read_text().splitlines()[-1] == "hangs"
+    assert Path(done).is_file()
+
+
+def test_a_bake_that_takes_too_much_memory_is_ended_at_the_limit(folder):
+    code, _, err = run(*jobs(folder, "fill", "a"), "--max-memory", "1G")
+    assert code == exit_codes.NO_MACHINE
+    assert outcome(folder) == [("set 1 (fill_low)", "failed", "memory", ""), ("set 2 (a_low)", "done", "", "")]
+    assert "more than the limit of 1,024 MiB." in err
+
+
+def test_a_worker_that_another_process_kills_has_crashed(folder):
+    code, _, _ = run(*jobs(folder, "killed"))
+    assert code == exit_codes.FAILED
+    assert outcome(folder) == [("killed_low", "failed", "crash", "SIGKILL")]
+
+
+def test_several_workers_make_the_same_files_and_one_report_in_their_order(folder):
+    words = jobs(folder, *"abcdef")
+    assert run(*words, "--workers", "0")[0] == exit_codes.DONE
+    expected = {path.name: path.read_bytes() for path in folder.glob("?.png")}
+    here = reports.bakes(folder / "r.json")
+    for count in ("1", "3"):
+        for path in folder.glob("?.png"):
+            path.unlink()
+        assert run(*words, "--workers", count)[0] == exit_codes.DONE
+        assert {path.name: path.read_bytes() for path in folder.glob("?.png")} == expected
+        found = sorted(reports.bakes(folder / "r.json"), key=lambda each: each["number"])
+        assert [each["name"] for each in found] == [each["name"] for each in here]
+        assert [each["files"] for each in found] == [each["files"] for each in here]
+
+
+def test_a_signal_stops_the_worker_and_keeps_what_is_done(folder):
+    process = start(*jobs(folder, "a", "hang", "b"), "--log", "logs")
+    log = folder / "logs" / "000002_set_2_hang_low.log"
+    while not (log.is_file() and "hangs" in log.read_text()):
+        assert process.poll() is None
+        time.sleep(0.05)
+    children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
+    process.send_signal(signal.SIGTERM)
+    time.sleep(0.5)
+    process.send_signal(signal.SIGTERM)  # the bake hangs where it does not look
+    assert process.wait(10) == 128 + signal.SIGTERM
+    assert [json.loads(line)["name"] for line in (folder / "r.json.lines").open()] == ["set 1 (a_low)"]
+    assert not [number for number in children if Path(f"/proc/{number}").exists()]
+
+
+def test_a_worker_without_a_parent_ends(folder):
+    process = start(*jobs(folder, *(f"a{number}" for number in range(200))))
+    process.stdout.readline()
+    (child,) = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
+    process.kill()
+    process.wait()
+    deadline = time.monotonic() + 30
+    while Path(f"/proc/{child}").exists() and Path(f"/proc/{child}/stat").read_text().split()[2] != "Z":
+        assert time.monotonic() < deadline
+        time.sleep(0.1)
+
+
+def test_a_blender_that_does_not_start_is_one_sentence(folder, monkeypatch):
+    (folder / "bpy.py").write_text("import os\nos._exit(9)\n")
+    process = subprocess.run(
+        [sys.executable, str(ROOT / "scripts" / "bake.py"), *jobs(folder, "a", "b")],
+        capture_output=True,
+        text=True,
+        env=dict(os.environ, PYTHONPATH=str(folder)),
+        check=False,
+    )
+    assert process.returncode == exit_codes.NO_MACHINE
+    assert process.stderr == "imprint: Blender does not start here: exit code 9.\n"
+
+
+class Blender:
+    """Stands for the module bpy inside Blender."""
+
+    class app:
+        module, binary_path = False, "/opt/blender"
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [
+        (["blender", "-b", "--command", "imprint", "--jobs", "j"], ["-b", "--command", "imprint", "worker"]),
+        (["blender", "-c", "imprint", "--jobs", "j"], ["-c", "imprint", "worker"]),
+        (
+            ["blender", "-b", "s.blend", "-P", "b.py", "--", "--jobs", "j"],
+            ["-b", "s.blend", "-P", "b.py", "--", "worker"],
+        ),
+    ],
+)
+def test_inside_blender_a_worker_is_a_further_blender(monkeypatch, given, expected):
+    monkeypatch.setitem(sys.modules, "bpy", Blender)
+    assert worker_process.command(given) == ["/opt/blender", *expected]
