@@ -35,6 +35,19 @@ def read(path) -> np.ndarray:
     return np.asarray(values)[::-1]
 
 
+def read_passes(path) -> dict[str, np.ndarray]:
+    """The passes (H, W, channels) of a multilayer EXR of one view layer by name, in their own type, row 0 at v = 0."""
+    oiio = _openimageio()
+    picture = oiio.ImageInput.open(str(path))
+    assert picture, oiio.geterror()
+    passes = {}
+    while picture.seek_subimage(len(passes), 0):
+        spec = picture.spec()
+        passes[spec["name"].split(".")[-1]] = np.asarray(picture.read_image(spec.format))[::-1]
+    picture.close()
+    return passes
+
+
 def pillow(path) -> np.ndarray:
     """The bytes (H, W, 4) of a file as Pillow reads it, row 0 at v = 0. Raises OSError for a truncated file."""
     with Image.open(path) as picture:
