@@ -83,10 +83,13 @@ def test_what_8_bits_cost_a_map_of_cycles(shared_assets):
         said = getattr(report, measured)
         print(f"{measured}: median {np.median(off):.3f}, at most {off.max():.3f}; reported {said}")
         assert report.source_depth == 8
+        assert said["median"] < COST_OF_8_BITS[0] and said["maximum"] < COST_OF_8_BITS[1]
         assert said["median"] == pytest.approx(np.median(off), rel=0.1)
         assert said["maximum"] == pytest.approx(off.max(), rel=0.3)
 
 
+COST_OF_8_BITS = 0.185, 0.4
+"""Degrees in the median and at most, as the manual has them."""
 PUBLISHED = {50: 0.3, 95: 0.4}
 """Degrees at these percentiles. The 8 bits of the map cost 0.18 and, at most, 0.36."""
 
