@@ -99,6 +99,12 @@ def test_a_camera_has_the_matrix_of_its_view():
     assert file.document["cameras"][node["camera"]]["name"] == "view0"
 
 
+def test_an_image_is_found_by_its_number():
+    file = glb()
+    file.set_image(0, b"content")
+    assert file.image(0) == b"content"
+
+
 def test_what_is_no_glb_is_refused():
     with pytest.raises(ValueError, match=r"not a \.glb file"):
         Glb(b"PK" + bytes(30))
@@ -145,6 +151,18 @@ def test_weights_are_those_of_the_point_in_perspective():
     assert np.allclose(seen[:, :2] / -seen[:, 2:] / np.tan(np.radians(30.0)), place / 8.0 - 1.0)
 
 
+def test_a_mesh_is_seen_as_a_whole_from_each_direction():
+    cube = np.array(np.meshgrid((-1, 1), (-1, 1), (-1, 1))).reshape(3, 8).T * (1.0, 2.0, 3.0) + (5.0, 0.0, 0.0)
+    corners = np.array([(a, b, c) for a in cube for b in cube for c in cube if (a != b).any() and (b != c).any()])
+    sights = drawing.look_around(corners, [(0.0, 0.0, 2.0), (1.0, 0.0, 0.0)], 64)
+    for matrix, drawn, wide in zip(sights.matrices, sights.drawn, (1.0, 3.0), strict=True):
+        seen = np.append(corners, np.ones((*corners.shape[:2], 1)), axis=-1) @ matrix.T
+        assert -sights.far < seen[..., 2].min() < seen[..., 2].max() < -sights.near
+        assert np.isclose(seen[..., 0].max(), wide)
+        assert drawn.there.any()
+        assert not (drawn.there[[0, -1]].any() or drawn.there[:, [0, -1]].any())
+
+
 def test_the_footprint_is_the_four_texels_around_a_point():
     columns, rows = drawing.footprint(np.array([(0.3, 0.9), (0.01, 0.5)]), 8)
     assert sorted(set(columns[0])) == [1, 2]
@@ -174,27 +192,50 @@ def row(**degrees):
 
 
 def test_a_run_fails_that_does_not_show_the_own_basis_best():
-    assert engine_report.failures({"rows": [row(NORMALIZED=0.6)]}) == []
-    assert "off by 1.10 degrees" in engine_report.failures({"rows": [row(NORMALIZED=1.1)]})[0]
-    (text,) = engine_report.failures({"rows": [row(NORMALIZED=0.6, CYCLES=0.6)]})
+    assert engine_report.failures({"rows": [row(NORMALIZED=0.6)], "cases": []}) == []
+    assert "off by 1.10 degrees" in engine_report.failures({"rows": [row(NORMALIZED=1.1)], "cases": []})[0]
+    (text,) = engine_report.failures({"rows": [row(NORMALIZED=0.6, CYCLES=0.6)], "cases": []})
     assert text == "spot_1 in three.js: the map for Cycles is as good, 0.60 degrees"
 
 
-def test_the_table_stands_between_its_comments():
-    run = {"rows": [row(NORMALIZED=0.6)], "chromium": "Chromium 1", "packages": {"three": "0.1"}, "map": 8, "view": 4}
-    page = "before\n<!-- engines -->\nold\n<!-- end -->\nafter\n"
-    filled = engine_report.fill(page, run)
+RUN = {"chromium": "Chromium 1", "packages": {"three": "0.1"}, "map": 8, "view": 4}
+CASE = {"case": "N-gons", "label": "three.js", "tangents": True, "normal": 0.25, "color": 0.003}
+PAGE = "before\n<!-- engines -->\nold\n<!-- end -->\n<!-- made files -->\nolder\n<!-- end -->\nafter\n"
+
+
+def test_the_tables_stand_between_their_comments():
+    run = {**RUN, "rows": [row(NORMALIZED=0.6)], "cases": [CASE, CASE | {"label": "Babylon.js", "normal": 0.5}]}
+    filled = engine_report.fill(PAGE, run)
     assert "| spot | three.js | 3.00 | 3.00 | 3.00 | **0.60** | 3.00 | 3.00 |" in filled
+    assert "| File | three.js | Babylon.js |" in filled
+    assert "| N-gons | 0.25 | 0.50 |" in filled
+    assert "loaded: 2 of 2. Largest differences at the 99th percentile: of base colors 0.003" in filled
     assert "old" not in filled
     assert filled.startswith("before\n<!-- engines -->\n")
     assert filled.endswith("<!-- end -->\nafter\n")
     assert engine_report.fill(filled, run) == filled
     with pytest.raises(LookupError):
-        engine_report.fill("no place", run)
+        engine_report.fill(PAGE.replace("made files", "other"), run)
 
 
-def test_the_manual_has_a_place_for_the_table():
-    assert engine_report.PLACE.search((ROOT / "docs" / "engines.md").read_text(encoding="utf-8"))
+def test_a_table_without_rows_stays():
+    filled = engine_report.fill(PAGE, {**RUN, "rows": [], "cases": [CASE]})
+    assert "old\n" in filled
+    assert "older" not in filled
+
+
+def test_the_page_of_a_run_has_both_tables_and_what_failed():
+    run = {**RUN, "rows": [row(NORMALIZED=1.6) | {"compared": 1, "pixels": 2}], "decoded": {}, "cases": [CASE]}
+    shown = engine_report.page(run, {("spot_1", "three"): ["a.png"]})
+    assert "<td><b>1.60</b></td>" in shown
+    assert "<td>N-gons</td><td>0.25</td>" in shown
+    assert "off by 1.60 degrees" in shown
+    assert '<img src="a.png">' in shown
+
+
+def test_the_manual_has_places_for_the_tables():
+    found = engine_report.PLACE.findall((ROOT / "docs" / "engines.md").read_text(encoding="utf-8"))
+    assert [name for _, name, _ in found] == ["engines", "made files"]
 
 
 # The browser
@@ -210,7 +251,22 @@ def test_the_server_gives_what_is_below_its_folders_alone(tmp_path):
         assert server.found("/npm/../secret") is None
         assert server.found("/glb/m.glb")[0] == b"glb"
         assert b"importmap" in server.found("/")[0]
+        assert server.found("/glb/other.glb") is None
         assert server.found("/other") is None
+
+
+def test_the_server_keeps_what_the_page_posts(tmp_path):
+    kept = []
+    with chromium.Server(tmp_path, {"size": 1}, [], lambda *what: kept.append(what)) as server:
+        server.take("/result/two%20words/1/color", np.float32([1, 2, 3, 4]).tobytes())
+        server.take("/tangents/two%20words", b"[null, [1, 0, 0, -1]]")
+        assert not server.ended.is_set()
+        server.take("/failed", b"why")
+        assert server.ended.is_set()
+    ((name, view, output, pixels),) = kept
+    assert (name, view, output, pixels.tolist()) == ("two words", 1, "color", [[[1.0, 2.0, 3.0, 4.0]]])
+    assert server.tangents == {"two words": [None, [1, 0, 0, -1]]}
+    assert server.failure == "why"
 
 
 def test_an_installed_package_of_another_version_is_no_package(tmp_path):

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from urllib.parse import unquote
 
 import numpy as np
 
@@ -26,6 +27,9 @@ ENGINES = "three", "babylon", "khronos"
 """The engines, by the names of the declared readers. A page of the same name drives each."""
 WITHOUT_OBJECT_SPACE = {"khronos"}
 """Engines without object-space normal maps. They show such a map as a surface's colors."""
+NORMAL, COLOR, SURFACE = OUTPUTS = "normal", "color", "surface"
+"""What a picture of an engine's shader holds: world-space normals as normal * 0.5 + 0.5; the base color, linear; occlusion,
+roughness and metallic in red, green and blue."""
 KINDS = {".js": "text/javascript", ".html": "text/html", ".wasm": "application/wasm", ".json": "application/json"}
 CHROMIUMS = "chromium", "chromium-browser", "google-chrome", "chrome"
 OPTIONS = (
@@ -41,11 +45,12 @@ class NoEngine(Exception):
 
 @dataclass(frozen=True)
 class Model:
-    """A .glb for an engine. kind: "object" for an object-space map, otherwise "tangent"."""
+    """A .glb for an engine. kind: "object" for an object-space map, otherwise "tangent". outputs: of OUTPUTS, what to draw."""
 
     name: str
     content: bytes
     kind: str = "tangent"
+    outputs: tuple[str, ...] = (NORMAL,)
 
 
 def find_chromium() -> str:
@@ -85,15 +90,18 @@ class Server(ThreadingHTTPServer):
 
     daemon_threads = True
 
-    def __init__(self, modules: Path, job: dict, models: list[Model], keep: Callable[[str, int, np.ndarray], None]):
+    def __init__(
+        self, modules: Path, job: dict, models: list[Model], keep: Callable[[str, int, str, np.ndarray], None]
+    ):
         super().__init__(("127.0.0.1", 0), _Handler)
         self.modules, self.job, self.keep = modules.resolve(), job, keep
         self.models = {f"{model.name}.glb": model.content for model in models}
+        self.tangents: dict[str, list[list[float] | None]] = {}
         self.ended, self.failure = threading.Event(), ""
 
     def found(self, path: str) -> tuple[bytes, str] | None:
         """The content and the kind of what a path names."""
-        first, _, rest = path.lstrip("/").partition("/")
+        first, _, rest = unquote(path).lstrip("/").partition("/")
         if first == "job":
             return json.dumps(self.job).encode(), KINDS[".json"]
         if first == "glb" and rest in self.models:
@@ -106,10 +114,12 @@ class Server(ThreadingHTTPServer):
 
     def take(self, path: str, body: bytes) -> None:
         """Keep what the page has posted."""
-        first, *rest = path.strip("/").split("/")
+        first, *rest = unquote(path).strip("/").split("/")
         if first == "result":
             size = self.job["size"]
-            self.keep(rest[0], int(rest[1]), np.frombuffer(body, np.float32).reshape(size, size, 4))
+            self.keep(rest[0], int(rest[1]), rest[2], np.frombuffer(body, np.float32).reshape(size, size, 4))
+        elif first == "tangents":
+            self.tangents[rest[0]] = json.loads(body)
         elif first in {"failed", "done"}:
             self.failure = body.decode(errors="replace")
             self.ended.set()
@@ -147,14 +157,15 @@ def render(
     *,
     views: int,
     size: int,
-    keep: Callable[[str, int, np.ndarray], None],
-) -> None:
+    keep: Callable[[str, int, str, np.ndarray], None],
+) -> dict[str, list[list[float] | None]]:
     """Let an engine draw the models with each of their cameras.
 
-    keep(name, view, pixels) gets the pixels (size, size, 4) float32, bottom row first: world-space normals as
-    normal * 0.5 + 0.5, and alpha 0 where there is nothing. Raises NoEngine if the page fails.
+    keep(name, view, output, pixels) gets the pixels (size, size, 4) float32 of one of OUTPUTS, bottom row first, and alpha 0
+    where there is nothing. Returns the tangents that the engine has loaded, four numbers each, by the names of the models and
+    their parts; None for a part without. Raises NoEngine if the page fails.
     """
-    names = [{"name": model.name, "kind": model.kind} for model in models]
+    names = [{"name": model.name, "kind": model.kind, "outputs": model.outputs} for model in models]
     job = {"engine": engine, "size": size, "views": views, "models": names, "right_handed": True}
     with (
         Server(modules, job, models, keep) as server,
@@ -177,3 +188,4 @@ def render(
             said.seek(0)
             last = [line for line in said.read().splitlines() if "CONSOLE" in line][-5:]
             raise NoEngine("\n".join([f"{engine}: {server.failure or 'no end after the longest time'}", *last]))
+        return server.tangents

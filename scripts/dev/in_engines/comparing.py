@@ -12,8 +12,6 @@ from scripts.dev.in_engines.glb_file import unit
 from scripts.dev.in_engines.samples import Sample
 from tests.support import angles
 
-ANGLE = 30.0
-"""The field of view, in degrees."""
 DIRECTIONS = ((0.4, 0.3, 1.0), (-0.5, -0.2, -1.0))
 """From the mesh to the eyes, in the axes of glTF: before it and behind it."""
 BARE, OBJECT, NO_TANGENTS = "bare", "object", "no-tangents"
@@ -45,22 +43,14 @@ class Setting:
 
 def set_up(sample: Sample, size: int) -> Setting:
     """The views of a sample that show all of it, in pictures of size x size pixels."""
-    surface = sample.surface
-    center = (surface.position.min(axis=(0, 1)) + surface.position.max(axis=(0, 1))) / 2.0
-    radius = np.linalg.norm(surface.position - center, axis=-1).max()
-    away = radius / np.sin(np.radians(ANGLE / 2.0))
-    near, far = float(away - 1.5 * radius), float(away + 1.5 * radius)
-    lens = drawing.perspective(ANGLE, near, far)
-    points = np.concatenate([surface.position, np.ones((*surface.position.shape[:2], 1))], axis=-1)
-    views = []
-    for direction in DIRECTIONS:
-        matrix = drawing.look_at(center + away * unit(np.array(direction)), center)
-        drawn = drawing.draw(points @ (lens @ matrix).T, size)
+    surface, views = sample.surface, []
+    sights = drawing.look_around(surface.position, DIRECTIONS, size)
+    for matrix, drawn in zip(sights.matrices, sights.drawn, strict=True):
         triangle, weights = drawn.triangle[drawn.there], drawn.weights[drawn.there]
         normals = np.zeros((size, size, 3))
         normals[drawn.there] = unit(np.einsum("ncx,nc->nx", surface.normal[triangle], weights))
         views.append(View(matrix, drawn, away_from_seams(sample, drawn), normals))
-    return Setting(views, near, far)
+    return Setting(views, sights.near, sights.far)
 
 
 def away_from_seams(sample: Sample, drawn: drawing.Drawn) -> np.ndarray:
@@ -79,7 +69,7 @@ def models(sample: Sample, setting: Setting, engine: str) -> list[chromium.Model
     """The files for an engine: without a map, with the map of each basis, in object space, and without tangents."""
     files = {basis: glb.copy() for basis, glb in sample.files.items()}
     for glb in files.values():
-        glb.set_cameras([view.matrix for view in setting.views], ANGLE, setting.near, setting.far)
+        glb.set_cameras([view.matrix for view in setting.views], drawing.ANGLE, setting.near, setting.far)
     other = files["MIKKTSPACE"]
     own = other.copy()
     own.set_image(own.normal_texture(), drawing.png(sample.object_map))
@@ -93,7 +83,7 @@ def run(sample: Sample, setting: Setting, modules: Path, engine: str, size: int)
     """Draw a sample in an engine: by name of the model and view, world-space normals (size, size, 3), 0 where nothing is."""
     found = {}
 
-    def keep(name: str, view: int, pixels: np.ndarray) -> None:
+    def keep(name: str, view: int, _output: str, pixels: np.ndarray) -> None:
         normals = unit(pixels[..., :3].astype(np.float64) * 2.0 - 1.0)
         if name == OBJECT and engine in chromium.WITHOUT_OBJECT_SPACE:
             normals = unit(normals @ sample.normal_matrix.T)

@@ -3,10 +3,13 @@
 
 import struct
 import zlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+ANGLE = 30.0
+"""The field of view of cameras, in degrees."""
 EDGE = 1e-9
 """A pixel belongs to a triangle if no weight of its center is less than minus this."""
 
@@ -82,6 +85,29 @@ def perspective(angle: float, near: float, far: float) -> np.ndarray:
     matrix = np.diag([scale, scale, (far + near) / (near - far), 0.0])
     matrix[2, 3], matrix[3, 2] = 2.0 * far * near / (near - far), -1.0
     return matrix
+
+
+@dataclass(frozen=True)
+class Sights:
+    """Cameras around a mesh: their view matrices, what each shows of it, and the planes that bound it."""
+
+    matrices: list[np.ndarray]
+    drawn: list[Drawn]
+    near: float
+    far: float
+
+
+def look_around(corners: np.ndarray, directions: Sequence[Sequence[float]], size: int) -> Sights:
+    """Show all of the triangles (T, 3, 3) from each direction, in pictures of size x size pixels."""
+    center = (corners.min(axis=(0, 1)) + corners.max(axis=(0, 1))) / 2.0
+    radius = np.linalg.norm(corners - center, axis=-1).max()
+    away = radius / np.sin(np.radians(ANGLE / 2.0))
+    near, far = float(away - 1.5 * radius), float(away + 1.5 * radius)
+    points = np.concatenate([corners, np.ones((*corners.shape[:2], 1))], axis=-1)
+    eyes = [center + away * np.array(direction) / np.linalg.norm(direction) for direction in directions]
+    matrices = [look_at(eye, center) for eye in eyes]
+    lens = perspective(ANGLE, near, far)
+    return Sights(matrices, [draw(points @ (lens @ matrix).T, size) for matrix in matrices], near, far)
 
 
 def footprint(uv: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:

@@ -7,6 +7,8 @@ import re
 import numpy as np
 
 from addon.core.declarations import bases
+from scripts.dev.in_engines import wavy_sheet
+from scripts.dev.in_engines.chromium import COLOR, SURFACE
 from tests.support import angles
 
 LIMIT = 1.0
@@ -23,7 +25,7 @@ COLORS = np.array([(12, 12, 24), (70, 20, 110), (190, 50, 80), (250, 160, 40), (
 """From 0 degrees to HOTTEST."""
 STEP = 4
 """Pixels of a run for one of a picture, in each direction."""
-PLACE = re.compile(r"^(<!-- engines -->\n).*?^(<!-- end -->)$", re.MULTILINE | re.DOTALL)
+PLACE = re.compile(r"^(<!-- (engines|made files) -->\n).*?^(<!-- end -->)$", re.MULTILINE | re.DOTALL)
 
 
 def p99(row: dict, name: str) -> float:
@@ -32,7 +34,7 @@ def p99(row: dict, name: str) -> float:
 
 def failures(run: dict) -> list[str]:
     """What a run shows that it must not."""
-    found = []
+    found = wavy_sheet.failures(run["cases"])
     for row in run["rows"]:
         own, where = p99(row, row["basis"]), f"{row['sample']} in {row['label']}"
         if own > LIMIT:
@@ -55,6 +57,24 @@ def table(run: dict) -> list[str]:
     return lines
 
 
+def table_of_cases(run: dict) -> list[str]:
+    """The 99th percentiles of the normals of each made file as lines of Markdown, and what else was found."""
+    rows = run["cases"]
+    labels = dict.fromkeys(row["label"] for row in rows)
+    lines = ["| File | " + " | ".join(labels) + " |", "| --- " * (1 + len(labels)) + "|"]
+    for case in dict.fromkeys(row["case"] for row in rows):
+        degrees = {row["label"]: row["normal"] for row in rows if row["case"] == case}
+        lines.append(f"| {case} | " + " | ".join(f"{degrees[label]:.2f}" for label in labels) + " |")
+    largest = {name: max((row.get(name, 0.0) for row in rows), default=0.0) for name in (COLOR, SURFACE)}
+    loaded = sum(row["tangents"] for row in rows)
+    return [
+        *lines,
+        "",
+        f"Tangents of the map's UV layer loaded: {loaded} of {len(rows)}. Largest differences at the 99th percentile: of base "
+        f"colors {largest[COLOR]:.3f}, of occlusion, roughness and metallic {largest[SURFACE]:.3f}.",
+    ]
+
+
 def conditions(run: dict) -> str:
     """How the figures came about, as a sentence."""
     versions = ", ".join(f"{name} {version}" for name, version in run["packages"].items())
@@ -65,11 +85,21 @@ def conditions(run: dict) -> str:
 
 
 def fill(page: str, run: dict) -> str:
-    """The text of the manual's page with the table of a run between its comments. Raises LookupError without them."""
-    if not PLACE.search(page):
-        raise LookupError("the page has no place for the table")
-    body = "\n".join([*table(run), "", conditions(run)])
-    return PLACE.sub(lambda place: f"{place[1]}\n{body}\n\n{place[2]}", page)
+    """The text of the manual's page with the tables of a run between its comments. Raises LookupError without them.
+
+    A table that the run has no rows for stays.
+    """
+    tables = {"engines": [*table(run), "", conditions(run)] if run["rows"] else [], "made files": []}
+    if run["cases"]:
+        tables["made files"] = table_of_cases(run)
+    if {place[2] for place in PLACE.finditer(page)} != set(tables):
+        raise LookupError("the page has no place for the tables")
+
+    def filled(place: re.Match) -> str:
+        lines = tables[place[2]]
+        return "\n".join([place[1], *lines, "", place[3]]) if lines else place[0]
+
+    return PLACE.sub(filled, page)
 
 
 def heat(degrees: np.ndarray, there: np.ndarray) -> np.ndarray:
@@ -99,8 +129,7 @@ def strip(found: dict, view: int, eye: np.ndarray) -> np.ndarray:
 
 def page(run: dict, pictures: dict[tuple[str, str], list[str]]) -> str:
     """The report as HTML. pictures: by mesh and engine, the names of files beside it."""
-    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in table(run)]
-    cells = ["<tr>" + "".join(map(_cell, row)) + "</tr>" for row in (rows[0], *rows[2:])]
+    *cases, _, found = table_of_cases(run)
     captions = ["object space", LABELS["bare"], *(label for name, label in LABELS.items() if name != "bare")]
     parts = []
     for row in run["rows"]:
@@ -123,11 +152,20 @@ def page(run: dict, pictures: dict[tuple[str, str], list[str]]) -> str:
 <p>Degrees at the 99th percentile between the normals of the engine's own shader with the map of each basis and with the
 object-space map, away from seams. {html.escape(conditions(run))} Pictures: black is 0 degrees, the brightest
 {HOTTEST:g} and more.</p>
-<table>{"".join(cells)}</table>
+{_table(table(run))}
+<h2>Made files</h2>
+<p>Degrees at the 99th percentile to the known normals of the high mesh.</p>
+{_table(cases)}
+<p>{html.escape(found)}</p>
 <h2>Failures</h2><ul>{wrong}</ul>
 <h2>Maps before their 8 bits, decoded in float64: degrees to the object-space map at the 99th percentile</h2><ul>{decoded}</ul>
 {"".join(parts)}
 """
+
+
+def _table(lines: list[str]) -> str:
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
+    return "<table>" + "".join(f"<tr>{''.join(map(_cell, row))}</tr>" for row in (rows[0], *rows[2:])) + "</table>"
 
 
 def _cell(text: str) -> str:

@@ -111,6 +111,11 @@ class Glb:
             raise ValueError(f"the file has {len(textures)} normal maps, and not one")
         return self.document["textures"][textures.pop()]["source"]
 
+    def image(self, index: int) -> bytes:
+        """The content of an image."""
+        view = self.document["bufferViews"][self.document["images"][index]["bufferView"]]
+        return self.binary[view.get("byteOffset", 0) :][: view["byteLength"]]
+
     def set_image(self, index: int, png: bytes) -> None:
         """Put other content into an image. The old content stays in the file, without use."""
         self.binary += bytes(-len(self.binary) % 4)

@@ -3,6 +3,9 @@
 import { GltfState, GltfView, ResourceLoader } from "@khronosgroup/gltf-viewer";
 
 const { clearcoat, generic, mr } = GltfState.DebugOutput;
+const OBJECT = [clearcoat.CLEARCOAT_FACTOR, mr.ROUGHNESS, mr.METALLIC];
+const SURFACE = [generic.OCCLUSION, mr.ROUGHNESS, mr.METALLIC];
+const GAMMA = 2.2;
 // The renderer binds the images of an environment even where it does not light with them.
 const NO_IMAGE = { index: 0 };
 const NO_ENVIRONMENT = {
@@ -17,7 +20,13 @@ const NO_ENVIRONMENT = {
   iblIntensityScale: 1,
 };
 
+// The debug mode of occlusion shows a variable that the shader has only where it is lit by an environment: this is its value.
+const OCCLUSION_SHOWN = "vec3(ao)";
+const OCCLUSION = "vec3(texture(u_OcclusionSampler,getOcclusionUV()).r)";
+
 export async function start(canvas) {
+  const shaderSource = canvas.gl.shaderSource.bind(canvas.gl);
+  canvas.gl.shaderSource = (shader, text) => shaderSource(shader, text.replace(OCCLUSION_SHOWN, OCCLUSION));
   const view = new GltfView(canvas.gl);
   const loader = new ResourceLoader(view, "/npm/@khronosgroup/gltf-viewer/dist/libs/");
   return {
@@ -36,16 +45,22 @@ export async function start(canvas) {
         view.renderFrame(state, canvas.size, canvas.size);
         return canvas.read();
       };
+      const together = (outputs) => {
+        const pictures = outputs.map(shown);
+        return pictures[0].map((value, at) => (at % 4 < 3 ? pictures[at % 4][at] : value));
+      };
+      const gltf = state.gltf;
+      const parts = gltf.meshes.flatMap((mesh) => mesh.primitives);
       return {
-        render(index) {
+        tangents: () =>
+          parts.map(({ attributes: { TANGENT } }) =>
+            TANGENT === undefined ? null : gltf.accessors[TANGENT].getDeinterlacedView(gltf),
+          ),
+        render(index, output) {
           state.cameraIndex = index;
-          if (kind !== "object") return shown(generic.WORLDSPACENORMAL);
-          const all = shown(clearcoat.CLEARCOAT_FACTOR);
-          [mr.ROUGHNESS, mr.METALLIC].forEach((output, i) => {
-            const one = shown(output);
-            for (let at = 0; at < all.length; at += 4) all[at + 1 + i] = one[at];
-          });
-          return all;
+          if (output === "surface") return together(SURFACE);
+          if (output === "color") return shown(mr.BASECOLOR).map((value, at) => (at % 4 < 3 ? value ** GAMMA : value));
+          return kind === "object" ? together(OBJECT) : shown(generic.WORLDSPACENORMAL);
         },
         free() {},
       };

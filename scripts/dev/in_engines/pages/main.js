@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Renders each model of /job in the engine that the job names, and posts the normals as floats.
+// Renders each model of /job in the engine that the job names, and posts pictures as floats, and the tangents it has loaded.
 import { FloatCanvas } from "./float_canvas.js";
 
 const post = (path, body) => fetch(path, { method: "POST", body });
@@ -12,8 +12,11 @@ async function main() {
   for (const model of job.models) {
     const shown = await renderer.load(`/glb/${model.name}.glb`, model.kind);
     for (let view = 0; view < job.views; view++) {
-      await post(`/result/${model.name}/${view}`, await shown.render(view));
+      for (const output of model.outputs) {
+        await post(`/result/${model.name}/${view}/${output}`, await shown.render(view, output));
+      }
     }
+    await post(`/tangents/${model.name}`, JSON.stringify(shown.tangents().map((one) => one && Array.from(one))));
     shown.free();
   }
   await post("/done", "");

@@ -1,10 +1,20 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// three.js: MeshStandardMaterial, with its normal as the color.
+// three.js: MeshStandardMaterial, with its normal, its base color, or occlusion, roughness and metallic as the color.
 import * as THREE from "three";
 import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
 
 const END = "#include <dithering_fragment>";
-const SHOW = "\ngl_FragColor = vec4(inverseTransformDirection(normal, viewMatrix) * 0.5 + 0.5, 1.0);\n";
+const START = "uniform float opacity;";
+const SHOW = `
+vec3 shown = inverseTransformDirection(normal, viewMatrix) * 0.5 + 0.5;
+if (output_index == 1) shown = diffuseColor.rgb;
+if (output_index == 2) shown = vec3(1.0, roughnessFactor, metalnessFactor);
+#ifdef USE_AOMAP
+if (output_index == 2) shown.r = ambientOcclusion;
+#endif
+gl_FragColor = vec4(shown, 1.0);
+`;
+const OUTPUTS = ["normal", "color", "surface"];
 
 export async function start(canvas) {
   const renderer = new THREE.WebGLRenderer({ canvas: canvas.canvas, context: canvas.gl });
@@ -13,17 +23,27 @@ export async function start(canvas) {
   return {
     async load(url, kind) {
       const gltf = await new GLTFLoader().loadAsync(url);
+      const index = { value: 0 };
+      const tangents = [];
+      gltf.scene.traverse(({ geometry }) => geometry && tangents.push(geometry.attributes.tangent?.array ?? null));
       gltf.scene.traverse(({ material }) => {
         if (!material) return;
         if (!material.isMeshStandardMaterial) throw new Error(`${material.type} instead of MeshStandardMaterial`);
         if (kind === "object") material.normalMapType = THREE.ObjectSpaceNormalMap;
         material.onBeforeCompile = (shader) => {
-          if (!shader.fragmentShader.includes(END)) throw new Error("the shader of three.js has another end");
-          shader.fragmentShader = shader.fragmentShader.replace(END, END + SHOW);
+          for (const part of [START, END]) {
+            if (!shader.fragmentShader.includes(part)) throw new Error(`the shader of three.js has no ${part}`);
+          }
+          shader.uniforms.output_index = index;
+          shader.fragmentShader = shader.fragmentShader
+            .replace(START, `${START}\nuniform int output_index;`)
+            .replace(END, END + SHOW);
         };
       });
       return {
-        render(view) {
+        tangents: () => tangents,
+        render(view, output) {
+          index.value = OUTPUTS.indexOf(output);
           canvas.bind();
           renderer.render(gltf.scene, gltf.cameras[view]);
           return canvas.read();
