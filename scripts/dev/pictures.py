@@ -3,9 +3,9 @@
 
 blender --factory-startup --window-geometry 0 0 1280 800 --python scripts/dev/pictures.py -- [PART ...]
 
-PART is one of those in WINDOW or RENDERED below; without one, all are made. "panels" needs a window 1400 pixels high. The
-pictures go into docs/images/ and docs/extension/. A virtual screen will do (xvfb-run); ImageMagick then takes the screenshots.
-With --background, the parts in RENDERED are made alone, by Cycles.
+PART is one of those in WINDOW or RENDERED below; without one, all are made. "panels" and "findings" need a window 1400 pixels
+high. The pictures go into docs/images/ and docs/extension/. A virtual screen will do (xvfb-run); ImageMagick then takes the
+screenshots. With --background, the parts in RENDERED are made alone, by Cycles.
 """
 
 import sys
@@ -22,7 +22,12 @@ import addon  # noqa: E402
 from scripts.dev.manual import faults, map_pictures, near_layers, pages, screens, window  # noqa: E402
 
 IMAGES = ROOT / "docs" / "images"
-WINDOW = {"steps": screens.steps, "views": screens.views, "panels": screens.panels}
+WINDOW = {
+    "steps": screens.steps,
+    "views": screens.views,
+    "findings": screens.findings,
+    "panels": screens.panels,
+}
 RENDERED = {
     "faults": faults.pictures,
     "layers": near_layers.pictures,

@@ -4,7 +4,7 @@
 Each function is a generator. It yields a number of seconds for which Blender is to go on, or a picture: (name, pixels).
 """
 
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 
 import bpy
 import numpy as np
@@ -19,6 +19,8 @@ EDGE, TOP = 8, 340
 """Left margin of the sidebar, and height of its part down to Live, in pixels at a scale of 1."""
 BELOW = {"IMPRINT_PT_map": "IMPRINT_PT_channels", "IMPRINT_PT_maps": "IMPRINT_PT_packing"}
 """Panels with a panel below them that is shown as well."""
+PANELS = ("bake", "report", "checks", "view", "map", "maps", "output", "rays", "pairs", "sequence", "convert", "levels")
+"""The panels that have a picture of their own."""
 TABS = 26
 """Width of the sidebar's column of tabs at a scale of 1, in pixels."""
 
@@ -143,7 +145,11 @@ def views() -> Iterator[Action]:
         yield from window.wait()
         yield 1.5
         yield name, _viewport_alone()
-    shown.mode = "OFF"
+    shown.mode, shown.reader, shown.limit = "DEVIATION", "godot", 5.0
+    yield from window.wait()
+    yield 1.5
+    yield "view-reader", _viewport_alone()
+    shown.mode, shown.reader = "OFF", "OWN"
     bpy.data.objects["monkey_high"].hide_set(True)
     with window.override():
         bpy.ops.imprint.show_cage()
@@ -175,37 +181,62 @@ def panels() -> Iterator[Action]:
     preferences = bpy.context.preferences
     preferences.view.ui_scale, preferences.system.use_region_overlap = PANEL_SCALE, False
     yield 0.5
-    _, area, _ = window.viewport()
     settings, shown = bpy.context.scene.imprint, bpy.context.scene.imprint_view
     settings.maps, settings.pack, settings.ao_limited = {"AO", "CURVATURE", "BASE_COLOR"}, "GLTF", True
     with window.override():
         bpy.ops.imprint.bake(width=1024, height=1024, rays=16)  # quickly
     for name in ("crate_low", "crate_high", "crate_high_2", "barrel_low", "barrel_high"):
         models.add(name, bpy.data.meshes.new(name)).hide_set(True)
-    for name in ("bake", "report", "checks", "view", "map", "maps", "output", "rays", "pairs", "sequence"):
+    for name in PANELS:
         copies = _copies(f"IMPRINT_PT_{name}")
         if name == "output":
-            settings.storage, settings.output = "FILE", "//maps/{low}.png"
+            settings.storage, settings.output, settings.export = "FILE", "//maps/{low}.png", "//{low}.glb"
+        if name == "convert":
+            settings.storage, settings.output, settings.export = "PACK", "", ""
+            settings.convert_image = bpy.data.images["monkey_low_normal"]
         if name == "view":
-            shown.mode = "SPLIT"
+            shown.mode, shown.reader = "DEVIATION", "unreal"
             yield from window.wait()
-        for copy in copies:
-            bpy.utils.register_class(copy)
-        yield 0.5
-        sidebar = window.region(area, "UI")
-        sidebar.active_panel_category = copies[0].bl_category
-        yield 2.5  # the panel opens, and the small picture is made
-        left, bottom, width, height = window.box_of(sidebar)
-        header = sum(window.region(area, kind).height for kind in ("HEADER", "TOOL_HEADER"))
-        tabs = round(TABS * PANEL_SCALE)
-        pixels = window.crop((left, bottom, width - tabs, min(height, area.height - header)))
-        yield f"panel-{name}", window.trimmed(pixels)
-        for copy in reversed(copies):
-            bpy.utils.unregister_class(copy)
-        shown.mode = "OFF"
+        yield f"panel-{name}", (yield from _picture(copies))
+        shown.mode, shown.reader = "OFF", "OWN"
     preferences.view.ui_scale, preferences.system.use_region_overlap = 1.0, True
-    settings.storage, settings.output = "PACK", ""  # as the bakes of the other parts expect
+    settings.convert_image = None
     settings.maps, settings.pack, settings.ao_limited = set(), "NONE", False
+
+
+def findings() -> Iterator[Action]:
+    """docs/panels.md: the main panel with what is found before a bake. Needs a window 1400 pixels high."""
+    yield from _prepare()
+    preferences = bpy.context.preferences
+    preferences.view.ui_scale, preferences.system.use_region_overlap = PANEL_SCALE, False
+    yield 0.5
+    settings, low = bpy.context.scene.imprint, bpy.context.view_layer.objects.active
+    layers = low.data.uv_layers
+    settings.green, settings.uv_layer = "-Y", layers.active.name
+    layers.active = layers.new(name="Lightmap")
+    low.data.polygons.foreach_set("use_smooth", np.zeros(len(low.data.polygons), bool))
+    low.data.update()
+    yield "panel-findings", (yield from _picture(_copies("IMPRINT_PT_bake")))
+    preferences.view.ui_scale, preferences.system.use_region_overlap = 1.0, True
+    settings.green, settings.uv_layer = "+Y", ""
+
+
+def _picture(copies: list[type]) -> Generator[float, None, np.ndarray]:
+    """What the sidebar shows of these panels, which are removed again."""
+    for copy in copies:
+        bpy.utils.register_class(copy)
+    yield 0.5
+    _, area, _ = window.viewport()
+    sidebar = window.region(area, "UI")
+    sidebar.active_panel_category = copies[0].bl_category
+    yield 2.5  # the panel opens, and the small picture is made
+    left, bottom, width, height = window.box_of(sidebar)
+    header = sum(window.region(area, kind).height for kind in ("HEADER", "TOOL_HEADER"))
+    tabs = round(TABS * PANEL_SCALE)
+    pixels = window.crop((left, bottom, width - tabs, min(height, area.height - header)))
+    for copy in reversed(copies):
+        bpy.utils.unregister_class(copy)
+    return window.trimmed(pixels)
 
 
 def _copies(idname: str) -> list[type]:
