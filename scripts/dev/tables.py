@@ -15,7 +15,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
-from addon.cli.usage.job_file import KEYS  # noqa: E402
+from addon.cli.usage.key_values import KEYS  # noqa: E402
 from addon.cli.usage.option_types import word_for  # noqa: E402
 from addon.cli.usage.options import FILE, JOBS, OPTIONS, CommandOption  # noqa: E402
 from addon.cli.usage.run_options import RUN_OPTIONS, TITLE  # noqa: E402

@@ -7,6 +7,7 @@ import os
 import re
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from pathlib import PurePath
+from typing import Any
 
 from ...core import file_formats
 from ...core.declarations.choices import Space
@@ -59,7 +60,21 @@ def parser(program: str) -> argparse.ArgumentParser:
 
 def parse(arguments: Sequence[str], program: str = "imprint") -> argparse.Namespace:
     """The options in `arguments`, each checked by itself. Raises WrongUsage."""
-    options = parser(program).parse_intermixed_args(_joined(arguments))
+    return with_pairs(parser(program).parse_intermixed_args(_joined(arguments)))
+
+
+def given(arguments: Sequence[str]) -> dict[str, Any]:
+    """The values of the options in `arguments` that take one value, by their names. Raises WrongUsage."""
+    usual = vars(parse([]))
+    single = [name for name, value in usual.items() if not isinstance(value, list)]
+    absent = object()
+    found = argparse.Namespace(**dict.fromkeys(single, absent))
+    parser("imprint").parse_intermixed_args(_joined(arguments), found)
+    return {name: value for name in single if (value := vars(found)[name]) is not absent}
+
+
+def with_pairs(options: argparse.Namespace) -> argparse.Namespace:
+    """The options, where what is on disk decides whether `--pairs` names a FILE or a folder."""
     if options.pairs is True and len(options.file) == 1 and os.path.isdir(options.file[0]):
         options.pairs, options.file = options.file[0], []
     elif options.pairs not in (None, True) and not options.file and os.path.isfile(options.pairs):

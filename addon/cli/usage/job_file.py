@@ -5,24 +5,16 @@ import argparse
 import json
 import re
 import tomllib
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from pathlib import Path
 
 from . import arguments
 from .arguments import WrongUsage
-from .options import FILE, OPTIONS, STDOUT, CommandOption
-from .similar_words import did_you_mean
+from .key_values import KeyValue, KeyValues, Unknown, check_known
 
 DEFAULTS, SETS = "defaults", "bake"
 PROGRESS_EVERY = 100
 """Sets between two calls of the progress function."""
-MOST_SHOWN = 80
-"""Characters of a wrong value in a message."""
-KEYS: dict[str, CommandOption] = {
-    "file": FILE,
-    **{name: option for options in OPTIONS.values() for name, option in options.items()},
-}
-"""The keys of a set."""
 
 
 class WrongJobs(WrongUsage):
@@ -40,17 +32,17 @@ def read(
     path = Path(name).absolute()
     table = _load(name, path)
     defaults, sets, faults = _parts(name, table)
-    words, wrong, _ = _read_keys(defaults, path.parent)
+    readable, wrong, _ = _Reader(path.parent).read(defaults)
     # Mistakes in the defaults are reported once, not for each set.
-    usual = {key: value for key, value in defaults.items() if _option_name(key) in words}
+    usual = {key: value for key, value in defaults.items() if key.replace("_", "-") in readable}
     if wrong:
         faults.append(f"{name}, {DEFAULTS}: {'; '.join(wrong.values())}")
-    found = []
+    found, reader = [], _Reader(path.parent, more)
     for number, values in enumerate(sets, 1):
         if number % PROGRESS_EVERY == 0:
             on_progress(number / len(sets))
         try:
-            found.append(_options({**usual, **values}, path.parent, more, wrong))
+            found.append(_options({**usual, **values}, reader, wrong))
         except WrongUsage as fault:
             faults.append(f"{name}, set {number}: {fault}")
     if faults:
@@ -58,12 +50,12 @@ def read(
     return found
 
 
-def _options(values: dict, folder: Path, more: Sequence[str], unread: Collection[str]) -> argparse.Namespace:
+def _options(values: dict, reader: "_Reader", unread: Collection[str]) -> argparse.Namespace:
     """The options of a set, checked. unread: the keys of defaults that cannot be read.
 
     Raises WrongUsage with all mistakes of the set.
     """
-    _, wrong, options = _read_keys(values, folder, more)
+    _, wrong, options = reader.read(values)
     unread = {*unread, *wrong}
     faults = [*wrong.values(), *map(_plain, _mistakes(options, unread))]
     if faults:
@@ -106,7 +98,7 @@ def _parts(name: str, table) -> tuple[dict, list[dict], list[str]]:
     faults = []
     for key in table:
         try:
-            _check_known(key, key, (DEFAULTS, SETS))
+            check_known(key, key, (DEFAULTS, SETS))
         except WrongUsage as fault:
             faults.append(f"{name}: {fault}")
     defaults, sets = table.get(DEFAULTS, {}), table.get(SETS, [])
@@ -120,81 +112,29 @@ def _parts(name: str, table) -> tuple[dict, list[dict], list[str]]:
     return defaults, sets, faults
 
 
-def _check_known(key: str, written: str, known: Iterable[str]) -> None:
-    if key not in known:
-        raise WrongUsage(f"unknown key {written!r}{did_you_mean([key], known)}")
+class _Reader:
+    """Reads sets. Paths start at a folder."""
 
+    def __init__(self, folder: Path, more: Sequence[str] = ()):
+        """more: arguments that override all sets."""
+        self._keys, self._usual, self._over = KeyValues(folder), vars(arguments.parse([])), arguments.given(more)
 
-def _option_name(key: str) -> str:
-    return key.replace("_", "-")
-
-
-def _read_keys(
-    values: dict, folder: Path, more: Sequence[str] = ()
-) -> tuple[dict[str, list[str]], dict[str, str], argparse.Namespace]:
-    """A set as arguments of the command line, by key; what is wrong with the other keys; and the options."""
-    words, wrong = {}, {}
-    for written, value in values.items():
-        key = _option_name(written)
-        try:
-            words[key] = _key_arguments(written, key, value, folder)
-        except WrongUsage as fault:
-            wrong[key] = _plain(str(fault))
-    try:
-        return words, wrong, _parsed(words, more)
-    except WrongUsage:  # one by one, so that all mistakes are found
-        for key in list(words):
+    def read(self, values: dict) -> tuple[set[str], dict[str, str], argparse.Namespace]:
+        """The keys of a set that can be read; what is wrong with the others; and the options."""
+        found: dict[str, KeyValue] = {}
+        wrong = {}
+        for written, value in values.items():
+            key = written.replace("_", "-")
             try:
-                arguments.parse(words[key])
-            except WrongUsage as fault:
+                found[key] = self._keys.read(written, value)
+            except Unknown as fault:
                 wrong[key] = _plain(str(fault))
-                del words[key]
-    return words, wrong, _parsed(words, more)
-
-
-def _parsed(words: dict[str, list[str]], more: Sequence[str] = ()) -> argparse.Namespace:
-    """The options of a set. more: arguments that override it. Raises WrongUsage."""
-    files = words.get("file", [])
-    return arguments.parse([*files, *(word for key in words if key != "file" for word in words[key]), *more])
-
-
-def _key_arguments(written: str, key: str, value, folder: Path) -> list[str]:
-    """A key with its value as arguments. Raises WrongUsage."""
-    words = _words_of(written, key, value)
-    if KEYS[key].is_path:
-        words = [str(folder / word) if word else word for word in words]
-    if key == "file":
-        return words
-    return [f"--{key}"] if value is True else [f"--{key}={word}" for word in words]
-
-
-def _words_of(written: str, key: str, value) -> list[str]:
-    """The value as words, for a key that may be unknown."""
-    _check_known(key, written, KEYS)
-    words = _words(key, value)
-    if key == "report" and STDOUT in words:
-        raise WrongUsage(f"report: {STDOUT!r}, standard output, works only on the command line")
-    return words
-
-
-def _short(value) -> str:
-    """A value as JSON, cut to MOST_SHOWN characters."""
-    try:
-        text = json.dumps(value, default=str)
-    except RecursionError:
-        return "lists in lists"
-    return text if len(text) <= MOST_SHOWN else f"{text[:MOST_SHOWN]}…"
-
-
-def _words(key: str, value) -> list[str]:
-    """A value as words of the command line: several where the option may be repeated, else one."""
-    option = KEYS[key]
-    if isinstance(value, bool) and option.may_be_flag:
-        return []
-    parts = value if isinstance(value, list) else [value]
-    types = str if option.is_text else (str, int, float)
-    fits = all(isinstance(part, types) and not isinstance(part, bool) for part in parts)
-    is_one = not isinstance(value, list) or option.may_repeat or not option.is_text
-    if option.is_flag or not fits or not is_one:
-        raise WrongUsage(f"{key}: {option.value} is expected, not {_short(value)}")
-    return list(map(str, parts)) if option.is_text else [",".join(map(str, parts))]
+        options = argparse.Namespace()
+        vars(options).update(self._usual)
+        for key, read in found.items():
+            if read.fault:
+                wrong[key] = _plain(read.fault)
+            elif read.is_given:
+                vars(options)[read.name] = list(read.value) if isinstance(read.value, list) else read.value
+        vars(options).update(self._over)
+        return {key for key, read in found.items() if not read.fault}, wrong, arguments.with_pairs(options)

@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Reads the values of a job file's keys as the command line's parser would. Sets repeat most of them: each is read once."""
+
+import argparse
+import json
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from . import arguments
+from .arguments import WrongUsage
+from .options import FILE, OPTIONS, STDOUT, CommandOption
+from .similar_words import did_you_mean
+
+MOST_SHOWN = 80
+"""Characters of a wrong value in a message."""
+KEYS: dict[str, CommandOption] = {
+    "file": FILE,
+    **{name: option for options in OPTIONS.values() for name, option in options.items()},
+}
+"""The keys of a set."""
+
+
+class KeyValue(NamedTuple):
+    """What a value means for the options."""
+
+    name: str
+    """The attribute of the options."""
+    value: Any = None
+    is_given: bool = True
+    """Whether it changes the options. False and empty lists do not."""
+    fault: str = ""
+    """Why the parser does not take it."""
+
+
+class Unknown(WrongUsage):
+    """A key is unknown, or its value has another type."""
+
+
+class KeyValues:
+    """Reads values. Paths start at a folder."""
+
+    def __init__(self, folder: Path):
+        self._folder, self._folder_text = folder, str(folder)
+        self._known: dict[tuple, KeyValue | Unknown] = {}
+
+    def read(self, written: str, value: Any) -> KeyValue:
+        """The value of a key. written: the key, with dashes or underscores. Raises Unknown, without a full stop."""
+        if type(value) is str:
+            option = KEYS.get(written)
+            if option is not None and option.is_path:  # each has its own
+                return self._read(written, value)
+            place = written, value
+        elif _is_plain(value):
+            place = written, None, repr(value)
+        else:
+            return self._read(written, value)
+        if place not in self._known:
+            try:
+                self._known[place] = self._read(written, value)
+            except Unknown as unknown:
+                self._known[place] = unknown
+        found = self._known[place]
+        if isinstance(found, Unknown):
+            raise found
+        return found
+
+    def _read(self, written: str, value: Any) -> KeyValue:
+        key = written.replace("_", "-")
+        words = _words_of(written, key, value)
+        option = KEYS[key]
+        name = option.parsing.get("dest") or key.replace("-", "_")
+        if option.is_path:
+            words = [self._path(word) if word else word for word in words]
+        if value is not True and not words:
+            return KeyValue(name, is_given=False)
+        try:
+            return KeyValue(name, _value(option, words))
+        except (argparse.ArgumentTypeError, TypeError, ValueError):
+            pass
+        try:  # for the message
+            dashed = [f"--{key}"] if value is True else [f"--{key}={word}" for word in words]
+            return KeyValue(name, vars(arguments.parse(words if key == "file" else dashed))[name])
+        except WrongUsage as fault:
+            return KeyValue(name, fault=str(fault))
+
+    def _path(self, word: str) -> str:
+        is_plain = os.sep == "/" and not (
+            word.startswith(("/", "./")) or word.endswith(("/", "/.")) or "//" in word or "/./" in word or word == "."
+        )
+        return os.path.join(self._folder_text, word) if is_plain else str(self._folder / word)
+
+
+def _is_plain(value: Any) -> bool:
+    """Whether the text of a value tells it from all others but texts."""
+    if isinstance(value, list):
+        return all(isinstance(part, str | int | float) for part in value)
+    return isinstance(value, int | float)
+
+
+def _value(option: CommandOption, words: Sequence[str]) -> Any:
+    """What the parser makes of the words of an option. Raises what the option's type raises, and ValueError."""
+    parsing = option.parsing
+    if option.is_flag:
+        return parsing["action"] == "store_true"
+    if not words:
+        return parsing["const"]
+    values = [parsing["type"](word) for word in words]
+    if option.may_repeat:
+        return values
+    (value,) = values
+    if value not in parsing.get("choices", (value,)):
+        raise ValueError
+    return value
+
+
+def check_known(key: str, written: str, known: Sequence[str]) -> None:
+    """Raise Unknown for an unknown key."""
+    if key not in known:
+        raise Unknown(f"unknown key {written!r}{did_you_mean([key], known)}")
+
+
+def _words_of(written: str, key: str, value) -> list[str]:
+    """The value as words, for a key that may be unknown."""
+    check_known(key, written, list(KEYS) if key not in KEYS else (key,))
+    words = _words(key, value)
+    if key == "report" and STDOUT in words:
+        raise Unknown(f"report: {STDOUT!r}, standard output, works only on the command line")
+    return words
+
+
+def _short(value) -> str:
+    """A value as JSON, cut to MOST_SHOWN characters."""
+    try:
+        text = json.dumps(value, default=str)
+    except RecursionError:
+        return "lists in lists"
+    return text if len(text) <= MOST_SHOWN else f"{text[:MOST_SHOWN]}…"
+
+
+def _words(key: str, value) -> list[str]:
+    """A value as words of the command line: several where the option may be repeated, else one."""
+    option = KEYS[key]
+    if isinstance(value, bool) and option.may_be_flag:
+        return []
+    parts = value if isinstance(value, list) else [value]
+    types = str if option.is_text else (str, int, float)
+    fits = all(isinstance(part, types) and not isinstance(part, bool) for part in parts)
+    is_one = not isinstance(value, list) or option.may_repeat or not option.is_text
+    if option.is_flag or not fits or not is_one:
+        raise Unknown(f"{key}: {option.value} is expected, not {_short(value)}")
+    return list(map(str, parts)) if option.is_text else [",".join(map(str, parts))]
