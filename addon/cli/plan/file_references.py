@@ -3,6 +3,7 @@
 
 import json
 import os
+import re
 import struct
 from collections.abc import Iterator
 from pathlib import Path
@@ -10,19 +11,41 @@ from urllib.parse import unquote
 
 MOST = 1 << 24
 """Bytes of a file that are read: an .obj names its materials before its points, and longer JSON contains its buffers."""
+_PIECE = 1 << 16
+_POINT = re.compile(rb"^[ \t]*v[ \t]", re.MULTILINE)
 
 
-def of(path: Path) -> Iterator[Path]:
-    """The files that the mesh file at `path` names; none for formats that only their importers read."""
-    find = {".obj": _of_obj, ".gltf": _of_gltf, ".glb": _of_glb}.get(path.suffix.lower())
-    if find is None:
+def of(name: str) -> Iterator[Path]:
+    """The files that the mesh file at the path `name` refers to; none for formats that only their importers read."""
+    find = {".obj": _of_obj, ".gltf": _of_gltf, ".glb": _of_glb}.get(os.path.splitext(name)[1].lower())
+    if find is None or (find is _of_obj and not _has_library(name)):
         return
+    path = Path(name)
     try:
         names = list(find(path))
     except (OSError, ValueError, RecursionError, struct.error):  # the importer will report what is wrong
         return
     for folder in _folders(path):
         yield from (folder / name for name in names)
+
+
+def _has_library(name: str) -> bool:
+    """Whether an .obj may name a file of materials, which it does before its points."""
+    try:
+        descriptor = os.open(name, os.O_RDONLY | getattr(os, "O_BINARY", 0))
+    except (OSError, ValueError):  # the importer will report what is wrong
+        return False
+    start = b""
+    try:
+        while len(start) < MOST and (piece := os.read(descriptor, _PIECE)):
+            seen, start = max(0, len(start) - _PIECE), start + piece
+            if _POINT.search(start, seen):
+                break
+    except OSError:
+        return False
+    finally:
+        os.close(descriptor)
+    return b"mtllib" in start.lower()
 
 
 def _of_obj(path: Path) -> Iterator[str]:
@@ -33,15 +56,14 @@ def _of_obj(path: Path) -> Iterator[str]:
                 maps = list(_said(folder / library, ("map_", "bump", "disp", "decal", "refl", "norm")))
             except (OSError, ValueError):
                 continue
-            # Options may stand before the name, which may hold spaces.
-            yield from (
-                os.path.join(os.path.dirname(library), name) for value in maps for name in {value, value.split()[-1]}
-            )
+            for value in maps:  # options may stand before the name, which may hold spaces
+                names = dict.fromkeys((value, value.split()[-1]))
+                yield from (os.path.join(os.path.dirname(library), name) for name in names)
 
 
-def _folders(path: Path) -> set[Path]:
+def _folders(path: Path) -> list[Path]:
     """The folders that names in the file at `path` may start at: that of a link, which importers use, and of its target."""
-    return {path.parent, Path(os.path.realpath(path)).parent}
+    return list(dict.fromkeys((path.parent, Path(os.path.realpath(path)).parent)))
 
 
 def _said(path: Path, words: tuple[str, ...]) -> Iterator[str]:

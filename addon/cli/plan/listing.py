@@ -9,6 +9,7 @@ import sys
 from collections.abc import Sequence
 
 from ..usage import arguments
+from ..usage.garbage import unsearched
 from . import costs, plans, run_clashes, shards
 from .input_files import InputFiles
 from .input_problems import InputProblems
@@ -26,6 +27,11 @@ def run(options: argparse.Namespace, sets: Sequence[argparse.Namespace], program
 
     sets: the options of each set. What is wrong goes to standard error, a line each. Returns the exit code.
     """
+    with unsearched():
+        return _run(options, sets, program)
+
+
+def _run(options: argparse.Namespace, sets: Sequence[argparse.Namespace], program: str) -> int:
     listing = _Listing(options, sets)
     for problem in listing.warnings:
         print(f"{program}: warning: {problem}", file=sys.stderr)

@@ -59,6 +59,12 @@ def plans(sets: Sequence[argparse.Namespace], open_file: str = "") -> tuple[list
 def subject(options: argparse.Namespace, open_file: str = "") -> str:
     """A short name for what is baked: the low object, its file, or the scene. open_file: as in `plans`."""
     if options.low or options.low_file:
-        return options.low or Path(options.low_file).stem
+        return options.low or stem(options.low_file)
     place = options.pairs if arguments.is_folder(options) else (*options.file, open_file)[0]
     return os.path.basename(os.path.abspath(place))  # a folder may be called "."
+
+
+def stem(path: str) -> str:
+    """The name of a file without its ending."""
+    name = os.path.basename(path)
+    return os.path.splitext(name)[0] if name.strip(".") == name else Path(path).stem

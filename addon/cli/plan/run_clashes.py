@@ -13,7 +13,7 @@ from ...core.names.file_names import ATLAS
 from ...output.files.path_clashes import Places
 from ..usage import arguments
 from ..usage.options import STDOUT
-from . import blend_blocks, file_references, map_files
+from . import blend_blocks, file_references, map_files, plans
 
 
 class Run:
@@ -25,6 +25,8 @@ class Run:
         self.places = Places()
         self._known: set[str] = set()
         """The bakes whose maps are in `places`."""
+        self._references: dict[str, list[str]] = {}
+        """What mesh files refer to."""
 
     def add(
         self,
@@ -37,6 +39,16 @@ class Run:
 
         bakes: unique names and options. jobs: the job file. report: the report of all bakes. folders: of mesh files.
         """
+        with self.places.many():
+            return self._add(bakes, jobs, report, folders)
+
+    def _add(
+        self,
+        bakes: Sequence[tuple[str, argparse.Namespace]],
+        jobs: str | None,
+        report: str | None,
+        folders: Iterable[str],
+    ) -> list[str]:
         problems = []
 
         def check(name: str, act: Callable, *more) -> None:
@@ -77,8 +89,30 @@ class Run:
         self.places.write(path, _of("a texture of the file for an engine", name), name)
 
     def _read(self, name: str, options: argparse.Namespace) -> None:
-        for path, what, by in _read_by(options, self._open_file):
+        for path, what, by in self._read_by(options):
             self.places.read(path, _of(what, name), (name, by))
+
+    def _read_by(self, options: argparse.Namespace) -> Iterator[tuple[str, str, str]]:
+        """The files that a bake reads: path, what it is, and "scene" if the saved scene may replace it."""
+        is_scene = not (options.low_file or arguments.is_folder(options))
+        opened = options.file or ([self._open_file] if self._open_file and is_scene else [])
+        for path in opened:
+            yield path, "the file to open", "scene"
+        parts = [
+            (options.low_file, "low"),
+            *((name, "high") for name in options.high_file),
+            (options.cage_file, "cage"),
+        ]
+        parts = [(path, role) for path, role in parts if path]
+        for path, role in parts:
+            yield path, f"the {role} mesh's file", ""
+        if options.convert:
+            yield options.convert, "the map to convert", ""
+        for path in [*opened, *(path for path, _ in parts)]:
+            if path not in self._references:
+                self._references[path] = list(map(str, file_references.of(path)))
+            for other in self._references[path]:
+                yield other, f"what {os.path.basename(path)!r} refers to", ""
 
     def _write(self, name: str, options: argparse.Namespace) -> None:
         if low := low_of(options):
@@ -101,7 +135,7 @@ class Run:
 
 def low_of(options: argparse.Namespace) -> str:
     """The name that replaces LOW in the names of files; "" if it is only known once the files are open."""
-    low = options.low or (Path(options.low_file).stem if options.low_file else "")
+    low = options.low or (plans.stem(options.low_file) if options.low_file else "")
     return low or ("" if file_names.LOW in options.output else ATLAS)
 
 
@@ -122,22 +156,6 @@ def outputs(options: argparse.Namespace) -> list[str]:
 
 def _of(what: str, name: str) -> str:
     return f"{what} of {name}" if name else what
-
-
-def _read_by(options: argparse.Namespace, open_file: str) -> Iterator[tuple[str, str, str]]:
-    """The files that a bake reads: path, what it is, and "scene" if the saved scene may replace it."""
-    opened = options.file or ([open_file] if not (options.low_file or arguments.is_folder(options)) else [])
-    for path in filter(None, opened):
-        yield path, "the file to open", "scene"
-    parts = [(options.low_file, "low"), *((name, "high") for name in options.high_file), (options.cage_file, "cage")]
-    for path, role in parts:
-        if path:
-            yield path, f"the {role} mesh's file", ""
-    if options.convert:
-        yield options.convert, "the map to convert", ""
-    for path in [*opened, *(path for path, _ in parts if path)]:
-        for other in file_references.of(Path(path)):
-            yield str(other), f"what {os.path.basename(path)!r} refers to", ""
 
 
 def _libraries(bakes: Sequence[tuple[str, argparse.Namespace]], report: str | None) -> Iterator[tuple[str, str]]:

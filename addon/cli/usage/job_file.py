@@ -10,6 +10,7 @@ from pathlib import Path
 
 from . import arguments
 from .arguments import WrongUsage
+from .garbage import unsearched
 from .key_values import KeyValue, KeyValues, Unknown, check_known
 
 DEFAULTS, SETS = "defaults", "bake"
@@ -29,6 +30,11 @@ def read(
     more: arguments that override all sets. on_progress: called now and then with the share of the sets that was read.
     Raises WrongJobs with a line for each set that has mistakes.
     """
+    with unsearched():
+        return _read(name, more, on_progress)
+
+
+def _read(name: str, more: Sequence[str], on_progress: Callable[[float], None]) -> list[argparse.Namespace]:
     path = Path(name).absolute()
     table = _load(name, path)
     defaults, sets, faults = _parts(name, table)

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from . import arguments
+from . import arguments, option_types
 from .arguments import WrongUsage
 from .options import FILE, OPTIONS, STDOUT, CommandOption
 from .similar_words import did_you_mean
@@ -20,6 +20,20 @@ KEYS: dict[str, CommandOption] = {
     **{name: option for options in OPTIONS.values() for name, option in options.items()},
 }
 """The keys of a set."""
+
+
+def _name(key: str) -> str:
+    """The attribute of the options that a key sets."""
+    return KEYS[key].parsing.get("dest") or key.replace("-", "_")
+
+
+_PATHS = {
+    spelled: (_name(key), option.may_repeat)
+    for key, option in KEYS.items()
+    if option.is_path
+    for spelled in (key, key.replace("-", "_"))
+}
+"""The keys of paths, as they may be written: the attribute, and whether it is a list."""
 
 
 class KeyValue(NamedTuple):
@@ -48,9 +62,8 @@ class KeyValues:
     def read(self, written: str, value: Any) -> KeyValue:
         """The value of a key. written: the key, with dashes or underscores. Raises Unknown, without a full stop."""
         if type(value) is str:
-            option = KEYS.get(written)
-            if option is not None and option.is_path:  # each has its own
-                return self._read(written, value)
+            if written in _PATHS:  # each set has its own
+                return self._read_path(written, value)
             place = written, value
         elif _is_plain(value):
             place = written, None, repr(value)
@@ -69,8 +82,7 @@ class KeyValues:
     def _read(self, written: str, value: Any) -> KeyValue:
         key = written.replace("_", "-")
         words = _words_of(written, key, value)
-        option = KEYS[key]
-        name = option.parsing.get("dest") or key.replace("-", "_")
+        option, name = KEYS[key], _name(key)
         if option.is_path:
             words = [self._path(word) if word else word for word in words]
         if value is not True and not words:
@@ -84,6 +96,16 @@ class KeyValues:
             return KeyValue(name, vars(arguments.parse(words if key == "file" else dashed))[name])
         except WrongUsage as fault:
             return KeyValue(name, fault=str(fault))
+
+    def _read_path(self, written: str, value: str) -> KeyValue:
+        try:
+            path = option_types.path(self._path(value))
+        except argparse.ArgumentTypeError:
+            return self._read(written, value)
+        if value in ("", STDOUT):
+            return self._read(written, value)
+        name, is_list = _PATHS[written]
+        return KeyValue(name, [path] if is_list else path)
 
     def _path(self, word: str) -> str:
         is_plain = os.sep == "/" and not (

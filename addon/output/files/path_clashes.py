@@ -4,24 +4,24 @@
 import os
 import re
 import unicodedata
-from collections.abc import Hashable, Iterable, Iterator
-from contextlib import suppress
+from collections import Counter
+from collections.abc import Hashable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
-from itertools import chain
 from pathlib import Path
+from typing import NamedTuple
 
 from ...core import udim
 from ...core.errors import WrongPlace
 from ...core.udim import TOKEN
 from . import atomic_file
 
-_TILE = re.compile(r"(?=([0-9]{4}))")
+_TILE = re.compile(r"(?=([12][0-9]{3}))")
 _UNFINISHED = re.compile(r"\.imprint\..*\.partial")
 """Names of temporary files, which Imprint may remove."""
 
 
-@dataclass(frozen=True)
-class _Use:
+class _Use(NamedTuple):
     """A file that is read or written. title: for messages. by: see Places.read."""
 
     title: str
@@ -46,20 +46,23 @@ class _Table:
 
     def find(self, keys: "_Keys", ignored: Hashable = None) -> _Use | None:
         """A use of the same file, except uses by `ignored`. None if there is none."""
-        found = chain(_all(self.exact, (*keys.exact, *keys.tiles)), _all(self.tiles, keys.exact))
-        return next((use for use in found if ignored is None or use.by != ignored), None)
+        for table, table_keys in ((self.exact, keys.exact), (self.exact, keys.tiles), (self.tiles, keys.exact)):
+            for key in table_keys if table else ():
+                for use in table.get(key, ()):
+                    if ignored is None or use.by != ignored:
+                        return use
+        return None
 
     def nested(self, keys: "_Keys") -> _Use | None:
         """A use that needs a folder at the path of this file, or a file at the path of one of its folders."""
-        return next(chain(_all(self.folders, keys.exact), _all(self.exact, keys.folders)), None)
+        for table, table_keys in ((self.folders, keys.exact), (self.exact, keys.folders)):
+            for key in table_keys if table else ():
+                if uses := table.get(key):
+                    return uses[0]
+        return None
 
 
-def _all(table: dict[Hashable, list[_Use]], keys: Iterable[Hashable]) -> Iterator[_Use]:
-    return (use for key in keys for use in table.get(key, ()))
-
-
-@dataclass(frozen=True)
-class _Keys:
+class _Keys(NamedTuple):
     """The keys of a path. Two paths that can lead to one file have a key in common."""
 
     exact: tuple[Hashable, ...]
@@ -75,6 +78,7 @@ class Places:
         self._advice = advice
         self._reads, self._writes = _Table(), _Table()
         self._folders: dict[str, tuple[Hashable, tuple[str, ...]]] = {}
+        self._folder_names: _FolderNames | None = None
 
     def read(self, path: str, title: str, by: Hashable = None) -> None:
         """Add a file that is read. Raises WrongPlace if it is written as well.
@@ -92,8 +96,9 @@ class Places:
 
         title, by: see `read`. may_replace: the `by` of reads that are ignored, for a scene that is saved over itself.
         """
-        with suppress(OSError):  # the bake reports it
-            atomic_file.check_kind(path)
+        if self._may_exist(path):
+            with suppress(OSError):  # the bake reports it
+                atomic_file.check_kind(path)
         keys, use = self._keys(path), _Use(title, path, by)
         read = self._reads.find(keys, may_replace)
         if read is not None:
@@ -108,18 +113,33 @@ class Places:
             raise WrongPlace(f"{path!r} and {nested.path!r} cannot both be: one is a folder for the other.")
         self._writes.add(keys, use)
 
+    @contextmanager
+    def many(self) -> Iterator[None]:
+        """While the block runs, no file may appear: what is in a folder is read once if many of its files are added."""
+        self._folder_names = _FolderNames()
+        try:
+            yield
+        finally:
+            self._folder_names = None
+
+    def _may_exist(self, path: str) -> bool:
+        names = self._folder_names
+        return names is None or names.kind(*os.path.split(_absolute(path))) is not _FolderNames.NONE
+
     def _keys(self, path: str) -> _Keys:
         """Raises WrongPlace for the names of temporary files."""
-        path = str(Path(path).absolute())
-        if os.path.islink(path) or os.path.basename(path) in {"", ".."}:
-            path = os.path.realpath(path)
-        if _UNFINISHED.match(os.path.basename(path)):
-            raise WrongPlace(f"{path!r} has a name that Imprint uses for its temporary files: rename it.")
+        path = _absolute(path)
         parent, name = os.path.split(path)
+        kind = _FolderNames.ANY if self._folder_names is None else self._folder_names.kind(parent, name)
+        if (kind is _FolderNames.ANY and os.path.islink(path)) or name in {"", ".."}:
+            path = os.path.realpath(path)
+            parent, name = os.path.split(path)
+        if _UNFINISHED.match(name):
+            raise WrongPlace(f"{path!r} has a name that Imprint uses for its temporary files: rename it.")
         root, above = self._folder(parent)
         name = _folded(name)
         exact = [(root, *above, name)]
-        if TOKEN not in path:
+        if kind is not _FolderNames.NONE and TOKEN not in path:
             try:
                 found = os.stat(path)
                 exact.append((found.st_dev, found.st_ino))  # the same for hard links
@@ -143,8 +163,54 @@ class Places:
         return self._folders[path]
 
 
+class _FolderNames:
+    """What is in folders, each of which is read once."""
+
+    FEW = 8
+    """The system is asked for so many files of a folder one by one."""
+    NONE, NO_LINK, ANY = range(3)
+    """What may be at a path: nothing, no link, or anything."""
+
+    def __init__(self):
+        self._asked: Counter[str] = Counter()
+        self._kinds: dict[str, dict[str, int] | None] = {}
+        """What is in a folder, by folded names; None where it cannot be read."""
+
+    def kind(self, folder: str, name: str) -> int:
+        """What may be at the path of a file."""
+        if folder not in self._kinds:
+            self._asked[folder] += 1
+            if self._asked[folder] <= self.FEW:
+                return self.ANY
+            self._kinds[folder] = self._read(folder)
+        kinds = self._kinds[folder]
+        return self.ANY if kinds is None or name in {"", ".."} else kinds.get(_folded(name), self.NONE)
+
+    def _read(self, folder: str) -> dict[str, int] | None:
+        kinds: dict[str, int] = {}
+        try:
+            with os.scandir(folder) as entries:
+                for entry in entries:
+                    name = _folded(entry.name)
+                    is_alone = name not in kinds and not entry.is_symlink()
+                    kinds[name] = self.NO_LINK if is_alone else self.ANY
+        except (FileNotFoundError, NotADirectoryError):
+            return {}
+        except (OSError, ValueError):  # it may be open for those who know the names
+            return None
+        return kinds
+
+
+def _absolute(path: str) -> str:
+    """As Path.absolute, which removes dots and doubled slashes, but not two dots."""
+    is_plain = os.sep == "/" and path[:1] == "/" and not ("//" in path or "/./" in path or path.endswith(("/", "/.")))
+    return path if is_plain else str(Path(path).absolute())
+
+
 def _folded(name: str) -> str:
     """A name as it is compared by file systems that ignore case and Unicode composition."""
+    if name.isascii():
+        return name.lower()
     return unicodedata.normalize("NFC", unicodedata.normalize("NFD", name).casefold())
 
 
