@@ -8,10 +8,11 @@ import struct
 import subprocess
 import sys
 from argparse import Namespace
+from collections import Counter
 
 import pytest
 
-from addon.cli.plan import costs, listing, shards
+from addon.cli.plan import costs, file_references, listing, plans, run_clashes, shards
 from addon.cli.plan.input_files import InputFiles
 from addon.cli.plan.plans import Plan
 from addon.cli.usage import arguments, job_file
@@ -216,3 +217,46 @@ def test_each_process_lists_the_same(here, words):
     }
     assert len(found) == 1
     assert len(found.pop()) > 1000
+
+
+@pytest.mark.parametrize("count", [100, 400])
+def test_the_system_is_not_asked_for_each_file_that_is_missing(here, monkeypatch, count):
+    """Asking takes a while on a network. What is in a folder is read once instead."""
+    asked = Counter()
+
+    def counted(name):
+        real = getattr(os, name)
+
+        def call(path, *more, **named):
+            asked[name] += 1
+            return real(path, *more, **named)
+
+        monkeypatch.setattr(os, name, call)
+
+    (here / "maps").mkdir()
+    sets = [{**SET, "output": f"maps/{number}.png", "maps": "ao"} for number in range(count)]
+    (here / "jobs.json").write_text(json.dumps({"bake": sets}))
+    planned, _ = plans.plans(job_file.read("jobs.json"))
+    for name in ("stat", "lstat", "open", "scandir"):
+        counted(name)
+    assert run_clashes.Run().add([(plan.name, plan.options) for plan in planned]) == []
+    assert asked["scandir"] == 2
+    assert asked["open"] == 2  # the two meshes, which all bakes share
+    assert asked["lstat"] < 100
+    assert asked["stat"] < 2 * count + 100  # of the meshes, which are there
+
+
+def test_what_a_mesh_refers_to_is_read_once(here, monkeypatch):
+    (here / "a_high.obj").write_text("mtllib a.mtl\nv 0 0 0\n")
+    (here / "a.mtl").write_text("newmtl a\nmap_Kd 3.png\n")
+    sets = [{**SET, "output": f"{number}.png"} for number in range(5)]
+    (here / "jobs.json").write_text(json.dumps({"bake": sets}))
+    planned, _ = plans.plans(job_file.read("jobs.json"))
+    read = []
+    real = file_references.of
+    monkeypatch.setattr(file_references, "of", lambda path: read.append(path) or real(path))
+    (problem,) = run_clashes.Run().add([(plan.name, plan.options) for plan in planned])
+    assert problem.startswith(
+        "set 4 (a_low): The normal map of set 4 (a_low) would overwrite what 'a_high.obj' refers to"
+    )
+    assert len(read) == 2

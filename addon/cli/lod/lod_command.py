@@ -32,7 +32,7 @@ from ..usage import arguments
 from ..usage.arguments import WrongUsage
 from ..usage.options import STDOUT
 
-_REFUSED = ("high", "cage", "pairs", "high_file", "cage_file", "frames", "high_up", "convert")
+_REFUSED = ("high", "cage", "pairs", "high_file", "cage_file", "frames", "high_up", "convert", "list", "check")
 """Options of a bake that a chain has no use for."""
 
 
@@ -97,7 +97,8 @@ def _read(words: Sequence[str], program: str) -> tuple[list[Limit], argparse.Nam
     """The limits, and the options of the maps. Raises WrongUsage."""
     own, rest = _parser(program).parse_known_args(words)
     options = arguments.parse(rest, program)
-    wrong = next((name for name in _REFUSED if getattr(options, name)), None)
+    usual = vars(arguments.parse([]))
+    wrong = next((name for name in _REFUSED if getattr(options, name) != usual[name]), None)
     if wrong:
         raise WrongUsage(f"--{wrong.replace('_', '-')} is not for lod, which makes coarser meshes of one mesh")
     if options.jobs:
