@@ -260,3 +260,12 @@ def test_what_a_mesh_refers_to_is_read_once(here, monkeypatch):
         "set 4 (a_low): The normal map of set 4 (a_low) would overwrite what 'a_high.obj' refers to"
     )
     assert len(read) == 2
+
+
+def test_the_script_lists_without_blender(here):
+    (here / "jobs.json").write_text(json.dumps({"bake": [SET]}))
+    (here / "bpy.py").write_text("raise SystemExit(99)")
+    command = [sys.executable, str(ROOT / "scripts" / "bake.py"), "--", "--jobs", "jobs.json"]
+    for words, code in ((["--list"], 0), (["--check"], 0), (["--list", "--only", "none"], 2), (["--workers", "0"], 99)):
+        done = subprocess.run([*command, *words], env={**os.environ, "PYTHONPATH": str(here)}, check=False)
+        assert done.returncode == code, words
