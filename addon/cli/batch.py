@@ -23,23 +23,24 @@ from ..jobs import bake_jobs, sequence
 from ..jobs.job import Job, jobs_by_name
 from ..output.files.atomic_file import all_or_none, check_writable
 from ..scene import object_refs
-from . import (
-    input_checks,
-    interruption,
-    memory_check,
-    scene_files,
-    side_files,
-    standard_streams,
-)
+from . import input_checks, interruption, memory_check, scene_files, side_files, standard_streams
+from .done import recording
+from .done.bake_record import Draft
+from .done.contents import Contents
+from .done.turns import Resumed, Turns
 from .mesh_files.importers import Space
 from .plan import run_clashes
 from .plan.plans import Plan, subject
 from .results import bake_result, report_file, run_report
 from .results.bake_result import Done, Result
+from .results.run_report import State
 from .scene_files import Stage
 from .starting import lean_blender
 from .terminal_progress import Meter
 from .usage import arguments
+
+WAIT = 0.1
+"""Seconds after which signals are checked again, while other processes do all bakes that are left."""
 
 
 def need_all(planned: Sequence[Plan]) -> bool:
@@ -56,12 +57,14 @@ class Baker:
         if needs_all:
             lean_blender.complete()  # before a file is opened: Cycles brings its settings in old files up to date
 
-    def bake(self, plan: Plan) -> Result:
-        """The result of a plan."""
-        start = time.perf_counter()
+    def bake(self, plan: Plan, draft: Draft | None = None) -> Done:
+        """Bake a plan. draft: of the record to write."""
+        start, found = time.perf_counter(), []
         try:
             interruption.check()
             opened = open_files(plan, self._stage, self._files, self._meter)
+            if draft is not None:
+                found = Contents().all_of(scene_files.read_by(plan.options, opened.jobs))
             result = run(opened, self._stage, self._files, self._meter)
         except interruption.Stopped:
             result = Result(plan.name, is_stopped=True)
@@ -70,18 +73,29 @@ class Baker:
             self._stage = Stage()  # the failed bake may have changed the open scene
         result.seconds = time.perf_counter() - start
         self._meter.clear()
-        return result
+        return recording.finish(draft, Done.of(result, plan.number), found)
 
 
-def bake_all(planned: Sequence[Plan], files: run_clashes.Run, meter: Meter) -> Iterator[Done]:
-    """Bake one plan after the other. The last result may be of a bake that was stopped. files: must have all plans."""
-    baker = Baker(files, meter, needs_all=need_all(planned))
-    for place, plan in enumerate(planned, 1):
-        meter.place = f"{place}/{len(planned)} "
-        result = baker.bake(plan)
-        yield Done.of(result, plan.number)
-        if result.is_stopped:
-            return
+def bake_all(turns: Turns, files: run_clashes.Run, meter: Meter) -> Iterator[Done]:
+    """Do all that is left of `turns`. The last result may be of a bake that was stopped. files: must have all plans."""
+    count, place = turns.count, 0
+    baker = Baker(files, meter, needs_all=need_all([turn.plan for turn in turns.left]))
+    while turns.count:
+        turn = turns.next()
+        if turn is None:
+            time.sleep(WAIT)
+            if interruption.code():
+                turns.stop()
+            continue
+        place += 1
+        if isinstance(turn, Resumed):
+            yield Done.resumed(turn.plan.number, turn.result)
+            continue
+        meter.place = f"{place}/{count} "
+        done = baker.bake(turn.plan, turn.draft)
+        yield done
+        if done.entry.state == State.STOPPED:
+            turns.stop()
 
 
 @dataclass(frozen=True)

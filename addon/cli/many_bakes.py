@@ -3,13 +3,15 @@
 
 import argparse
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 
 from ..core.errors import BakeError, NoGpu, sentence
 from ..core.timings import startup
-from .plan import run_clashes
+from .done.resuming import Resuming
+from .done.turns import Turns
+from .plan import plans, run_clashes
 from .plan.plans import Plan
 from .results import exit_codes, report_file, run_report, terminal_text
 from .results.bake_result import Done
@@ -35,20 +37,30 @@ class Many:
         """The part of the bakes, as K/N; empty for all."""
         return "/".join(map(str, self.options.shard or ()))
 
+    def turns(self) -> Turns:
+        """The bakes, without those that are done if the options say so."""
+        if not (self.options.resume or self.options.force):
+            return Turns(self.chosen)
+        return Resuming(self.chosen, is_forced=self.options.force, open_file=plans.open_file())
+
 
 def run(many: Many, files: run_clashes.Run, meter: Meter, *, may_start_processes: bool) -> int:
     """Do the bakes, print a table, and write the report of all. files: must have all plans. Returns the exit code."""
     options = many.options
     try:
-        with _Found(many) as found, ExitStack() as held:
-            if may_start_processes and options.workers and many.chosen:
+        with _Found(many) as found, many.turns() as turns, ExitStack() as held:
+            for done in turns.done:
+                found.add(Done.resumed(done.plan.number, done.result))
+            source: Iterable[Done] = ()
+            if turns.count and may_start_processes and options.workers:
                 limits = Limits(options.timeout, options.max_memory, options.log)
                 supervisor = held.enter_context(Supervisor(options.workers, limits))
-                source = supervisor.bake_all(many.chosen, files, meter)
-            else:
-                source = _bake_here(many.chosen, files, meter)
+                source = supervisor.bake_all(turns, files, meter)
+            elif turns.count:
+                source = _bake_here(turns, files, meter)
             for done in source:
                 meter.clear()
+                turns.release(done.entry.number)
                 found.add(done)
             meter.clear()
             found.finish()
@@ -59,14 +71,12 @@ def run(many: Many, files: run_clashes.Run, meter: Meter, *, may_start_processes
         return exit_codes.NO_MACHINE if isinstance(error, NoGpu | MemoryError) else exit_codes.FAILED
 
 
-def _bake_here(planned: Sequence[Plan], files: run_clashes.Run, meter: Meter) -> Iterator[Done]:
-    if not planned:
-        return
+def _bake_here(turns: Turns, files: run_clashes.Run, meter: Meter) -> Iterator[Done]:
     load_blender()
     with startup.spent("imprint"):
         from . import batch  # needs Blender
 
-    yield from batch.bake_all(planned, files, meter)
+    yield from batch.bake_all(turns, files, meter)
 
 
 class _Found:

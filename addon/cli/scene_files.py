@@ -17,7 +17,9 @@ from ..output import datablocks
 from ..output.files.atomic_file import reason
 from ..scene.visibility import put
 from . import interruption, standard_streams
+from .mesh_files import page_files
 from .mesh_files.importers import IMPORTERS, PLAIN, Space, import_file
+from .plan import file_references
 
 
 class Stage:
@@ -154,6 +156,17 @@ def _only(name: str, meshes: Iterable[bpy.types.Object]) -> bpy.types.Object:
             "file as FILE and name one of them."
         )
     return first
+
+
+def read_by(options: argparse.Namespace, jobs: Sequence[Job]) -> Iterator[tuple[str, str]]:
+    """The files that the open scene's bake reads beside those of its options, and what they are. Some may not exist."""
+    yield from used(options)
+    for name in [*options.file, *filter(None, (options.low_file, *options.high_file, options.cage_file))]:
+        title = f"what {os.path.basename(name)!r} refers to"
+        yield from ((str(path), title) for path in file_references.of(Path(name)))
+    for image in page_files.used_by(high for job in jobs for high in job.highs):
+        if image.filepath and not image.packed_file and image.source in {"FILE", "TILED", "SEQUENCE"}:
+            yield bpy.path.abspath(image.filepath, library=image.library), "a texture of the high meshes"
 
 
 def used(options: argparse.Namespace) -> Iterator[tuple[str, str]]:

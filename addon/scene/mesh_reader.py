@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 
 from ..mesh.triangle_mesh import Mesh, finite_rows, keep_corners
-from .large_meshes import mesh_copies
+from .large_meshes import mesh_copies, steady_tangents
 
 _NUMBER = ".imprint_face"
 """The temporary attribute that `numbered` adds; the dot hides it in Blender's lists."""
@@ -131,13 +131,21 @@ def with_tangents(data: bpy.types.Mesh, uv_layer: str, name: str, to_world: np.n
         with _triangulated(data, uv_layer) as triangles_only:
             return with_tangents(triangles_only, uv_layer, name, to_world)
     mesh = surface(data, uv_layer, name, to_world, with_faces=True)
-    indices = np.empty(len(data.polygons), np.int32)
-    data.polygons.foreach_get("material_index", indices)
+    indices = face_values(data, "material_index")
     mesh = replace(mesh, labels=indices[mesh.faces][:, None].astype(np.float32))
     data.calc_tangents(uvmap=uv_layer)
     tangents = np.empty((len(data.loops), 4), np.float32)
     tangents[:, :3] = _read(data.loops, "tangent", len(data.loops), 3)
     tangents[:, 3:] = _read(data.loops, "bitangent_sign", len(data.loops), 1)
+    if len(data.polygons) > steady_tangents.PARALLEL:
+        tangents = steady_tangents.steady(
+            tangents,
+            positions=mesh.positions[mesh.vertices],
+            normals=mesh.normals,
+            uv=mesh.uv,
+            starts=face_values(data, "loop_start"),
+            sizes=face_values(data, "loop_total"),
+        )
     return keep_corners(replace(mesh, tangents=tangents), finite_rows(tangents))
 
 
@@ -172,13 +180,19 @@ def triangle_faces(data: bpy.types.Mesh) -> np.ndarray:
     return faces
 
 
+def face_values(data: bpy.types.Mesh, attribute: str) -> np.ndarray:
+    """Whole numbers of the faces, (F,) int32."""
+    values = np.empty(len(data.polygons), np.int32)
+    data.polygons.foreach_get(attribute, values)
+    return values
+
+
 def material_slots(data: bpy.types.Mesh, mesh: Mesh, count: int) -> np.ndarray:
     """The material slot of each triangle, (T,) int32, of an object with `count` slots.
 
     mesh: the result of `surface` for `data`, with faces.
     """
-    indices = np.empty(len(data.polygons), np.int32)
-    data.polygons.foreach_get("material_index", indices)
+    indices = face_values(data, "material_index")
     # A face whose index is too high shows the last slot.
     return indices.clip(0, count - 1)[mesh.faces]
 

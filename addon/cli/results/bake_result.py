@@ -3,7 +3,7 @@
 
 import hashlib
 import os
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -90,6 +90,12 @@ class Done:
     def of(cls, result: Result, number: int) -> "Done":
         """From the result of a bake in this process."""
         return cls(result.entry(number), result.unsaid, result.is_listed)
+
+    @classmethod
+    def resumed(cls, number: int, entry: dict[str, Any]) -> "Done":
+        """A bake that was done before. entry: that of the report of the run that did it."""
+        before = Entry.from_dict(entry)
+        return cls(replace(before, number=number, state=State.RESUMED, seconds=0.0, log=""))
 
 
 def failure(name: str, error: BakeError | MemoryError) -> Result:

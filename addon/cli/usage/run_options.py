@@ -29,6 +29,12 @@ RUN_OPTIONS: dict[str, CommandOption] = {
         {"type": option_types.text, "action": "append", "default": [], "metavar": "PATTERN"},
         "all",
     ),
+    "resume": CommandOption(
+        "Leave out bakes that are done and still true: a record beside the map has what decided it. Processes on any machine "
+        "can do one job at once, and do each bake once",
+        {"action": "store_true"},
+    ),
+    "force": CommandOption("Do all bakes, and write the records for --resume", {"action": "store_true"}),
     "workers": CommandOption(
         "Bake in so many processes at once, each with a Blender of its own, so that a crash ends one bake alone. 0: in this "
         "process",
@@ -52,7 +58,7 @@ RUN_OPTIONS: dict[str, CommandOption] = {
     ),
 }
 """The options without their dashes."""
-OF_MANY = ("shard", "only", "timeout", "max_memory", "log")
+OF_MANY = ("shard", "only", "resume", "force", "timeout", "max_memory", "log")
 """Those that are for many bakes alone."""
 
 
@@ -62,6 +68,8 @@ def mistakes(options: argparse.Namespace, are_many: bool) -> Iterator[str]:
     if not are_many:
         wrong = (name.replace("_", "-") for name in OF_MANY if given[name])
         yield from (f"--{name} is for many bakes: use --jobs or --pairs DIR" for name in wrong)
+    if options.resume and options.force:
+        yield "--force does all bakes: leave out --resume"
     if options.list and options.check:
         yield "--list checks as well: leave out --check"
     if options.json and not options.list:

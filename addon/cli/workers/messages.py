@@ -7,17 +7,20 @@ A worker that has ended a bake sends a bake_result.Done.
 from dataclasses import dataclass
 from typing import Any
 
+from ..done.bake_record import Draft
 from ..plan.plans import Plan
 
 
 @dataclass(frozen=True)
 class Assignment:
-    """To a worker: a bake to do. log: the file for all that its process prints; empty for none."""
+    """To a worker: a bake to do. draft: of its record, or None for a bake without one. log: the file for all that its process
+    prints; empty for none."""
 
     plan: Plan
     needs_all: bool
     """As batch.need_all says of all plans of the call."""
     log: str = ""
+    draft: Draft | None = None
 
 
 @dataclass(frozen=True)

@@ -4,8 +4,7 @@
 import re
 import signal
 import time
-from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
 from multiprocessing.connection import wait
@@ -15,6 +14,7 @@ from ...core.errors import BakeError, NoGpu, WrongPlace
 from ...core.progress import Progress
 from ...output.files.atomic_file import reason
 from .. import interruption
+from ..done.turns import Resumed, Turns
 from ..plan import run_clashes
 from ..plan.plans import Plan
 from ..results.bake_result import Done
@@ -83,29 +83,35 @@ class Supervisor:
         for worker in self._workers:
             worker.process.kill(max(0.0, deadline - time.monotonic()))
 
-    def bake_all(self, planned: Sequence[Plan], files: run_clashes.Run, meter: Meter) -> Iterator[Done]:
-        """Bake all plans, in their order as workers are free. files: must have all plans.
+    def bake_all(self, turns: Turns, files: run_clashes.Run, meter: Meter) -> Iterator[Done]:
+        """Do all that is left of `turns`, in their order as workers are free. files: must have all plans.
 
         After a signal, bakes that have begun are asked to stop; the last results may be of such. Raises NoGpu if Blender does
         not start.
         """
-        waiting = deque(planned)
-        needs_all = any(plan.options.save_blend or plan.options.export for plan in planned)
+        count = turns.count
+        needs_all = any(turn.plan.options.save_blend or turn.plan.options.export for turn in turns.left)
         begun, is_stopping = 0, False
-        while waiting or any(worker.plan for worker in self._workers):
+        while turns.count or any(worker.plan for worker in self._workers):
             if interruption.code() and not is_stopping:
                 is_stopping = True
-                waiting.clear()
+                turns.stop()
                 for worker in self._workers:
                     worker.process.ask_to_stop()
                 continue
-            self._fill(min(self._count, len(waiting) + sum(1 for each in self._workers if each.plan)))
+            self._fill(min(self._count, turns.count + sum(1 for each in self._workers if each.plan)))
             for worker in self._workers:
-                if waiting and worker.plan is None and worker.process.is_ready:
-                    plan = waiting.popleft()
-                    begun += 1
-                    meter.place = f"{begun}/{len(planned)} "
-                    worker.begin(plan, Assignment(plan, needs_all, self._log_of(plan)))
+                if not turns.count or worker.plan is not None or not worker.process.is_ready:
+                    continue
+                turn = turns.next()
+                if turn is None:  # others do what is left
+                    break
+                begun += 1
+                if isinstance(turn, Resumed):
+                    yield Done.resumed(turn.plan.number, turn.result)
+                    continue
+                meter.place = f"{begun}/{count} "
+                worker.begin(turn.plan, Assignment(turn.plan, needs_all, self._log_of(turn.plan), turn.draft))
             yield from self._hear(files, meter)
             yield from self._check_limits()
 

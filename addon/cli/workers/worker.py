@@ -14,7 +14,6 @@ from ...core.errors import WrongPlace
 from ...core.progress import Progress
 from ...core.timings import startup
 from .. import interruption, standard_streams
-from ..results.bake_result import Done
 from .messages import Answer, Assignment, FilesFound, Line, Percent, Ready
 from .worker_process import CONNECTION
 
@@ -39,9 +38,9 @@ def run() -> int:
                 _print_to(Path(assigned.log))
             files = _Files(parent)
             baker = baker or batch.Baker(files, _Meter(parent), needs_all=assigned.needs_all)
-            result = baker.bake(assigned.plan)
+            done = baker.bake(assigned.plan, assigned.draft)
             standard_streams.flush()
-            parent.send(Done.of(result, assigned.plan.number))
+            parent.send(done)
     return 0
 
 

@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What files contain, by their hashes."""
+
+import hashlib
+import os
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from ...core import udim
+
+
+@dataclass(frozen=True)
+class Content:
+    """The content of the file at an absolute path. size and sha256 are None if there is none that can be read.
+
+    For a path with udim.TOKEN, that of the files of all tiles together.
+    """
+
+    path: str
+    what: str = ""
+    """What the file is, in words for messages."""
+    size: int | None = None
+    """In bytes."""
+    sha256: str | None = None
+    stamp: str = ""
+    """Changes when the file does, on this machine."""
+
+    def is_same(self, other: "Content") -> bool:
+        """Whether both have the same content, wherever they are."""
+        return (self.size, self.sha256) == (other.size, other.sha256)
+
+
+class Contents:
+    """Hashes files, each once as long as it does not change while this object exists."""
+
+    def __init__(self):
+        self._known: dict[str, str] = {}
+        """Hashes by stamps. No file keeps them: other machines have other clocks and numbers of files."""
+
+    def of(self, path: str, what: str = "") -> Content:
+        """The content of a file, which is read if needed."""
+        path = os.path.abspath(path)
+        if udim.TOKEN in os.path.basename(path):
+            return self._of_tiles(path, what)
+        try:
+            with open(path, "rb") as file:
+                found = os.fstat(file.fileno())
+                stamp = _stamp(found)
+                if stamp not in self._known:
+                    self._known[stamp] = hashlib.file_digest(file, "sha256").hexdigest()
+        except (OSError, ValueError):  # missing, a folder, or not a valid path
+            return Content(path, what)
+        return Content(path, what, found.st_size, self._known[stamp], stamp)
+
+    def all_of(self, paths: Iterable[tuple[str, str]]) -> list[Content]:
+        """The contents of files, each once: paths, and what they are."""
+        titles: dict[str, str] = {}
+        for path, what in paths:
+            titles.setdefault(os.path.abspath(path), what)
+        return [self.of(path, what) for path, what in titles.items()]
+
+    def _of_tiles(self, path: str, what: str) -> Content:
+        tiles = [self.of(tile) for tile in _tiles(path)]
+        if not tiles:
+            return Content(path, what)
+        lines = [f"{tile.sha256} {os.path.basename(tile.path)}" for tile in tiles]
+        digest = hashlib.sha256(os.fsencode("\n".join(lines))).hexdigest()
+        return Content(path, what, size_of(path), digest, stamp_of(path))
+
+
+def size_of(path: str) -> int | None:
+    """The size of a file, or of those of all tiles together, without reading them; None if there is none."""
+    found = _found(path)
+    return sum(each.st_size for each in found) if found else None
+
+
+def stamp_of(path: str) -> str:
+    """The stamp of Content, without reading the file. Empty if there is none."""
+    return " ".join(map(_stamp, _found(path)))
+
+
+def _found(path: str) -> list[os.stat_result]:
+    """What the system says of the file at `path`, or of those of all tiles."""
+    try:
+        return [os.stat(each) for each in (_tiles(path) if udim.TOKEN in os.path.basename(path) else [path])]
+    except (OSError, ValueError):
+        return []
+
+
+def _stamp(found: os.stat_result) -> str:
+    return f"{found.st_dev}:{found.st_ino}:{found.st_size}:{found.st_mtime_ns}"
+
+
+def _tiles(path: str) -> list[str]:
+    """The paths of the tiles, in the order of their names."""
+    folder, name = os.path.split(path)
+    pattern = re.compile("([0-9]{4})".join(map(re.escape, name.split(udim.TOKEN))))
+    try:
+        return sorted(os.path.join(folder, each) for each in os.listdir(folder) if pattern.fullmatch(each))
+    except (OSError, ValueError):
+        return []

@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which bakes of a run are to do, one after the other: others are done already, or another process does them now."""
+
+import os
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from ...core import versions
+from ...core.errors import shorten_list
+from ..plan.plans import Plan
+from ..usage.options import STDOUT
+from . import bake_key, bake_record, contents
+from .bake_record import Draft, Record
+from .claims import Claims
+from .contents import Content, Contents
+from .turns import Resumed, ToDo, Turns
+
+LOCK = ".lock"
+"""What the name of a claim has after that of its record."""
+POLL = 1.0
+"""Seconds before claims are looked at again while other processes have all bakes that are left."""
+MOST_NAMED = 3
+"""Settings that a message names."""
+
+
+class Resuming(Turns):
+    """The bakes of a run that are not done, each as soon as no other process has it."""
+
+    def __init__(
+        self,
+        planned: Sequence[Plan],
+        *,
+        is_forced: bool = False,
+        open_file: str = "",
+        claims: Claims | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ):
+        """Compare all bakes with their records. is_forced: all are to do. open_file: as in plans.plans."""
+        super().__init__(())
+        self._is_forced, self._open_file = is_forced, open_file
+        self._contents, self._claims = Contents(), claims or Claims()
+        self._clock, self._ask_at = clock, 0.0
+        self._claimed: dict[int, Path] = {}
+        """The claims of this process, by the numbers of plans."""
+        self._before: dict[str, bytes] = {}
+        """The records at the start, by the bakes' names, of a run that does all."""
+        for plan in planned:
+            why = plan.problem or self._reason(plan)
+            if isinstance(why, Resumed):
+                self.done.append(why)
+                self._clear(_claim_of(bake_record.path_of(plan.options)))
+            else:
+                self._left.append(ToDo(plan, why=why))
+
+    def next(self) -> ToDo | Resumed | None:
+        if self._clock() < self._ask_at:
+            return None
+        for _ in range(self.count):
+            turn = self._turn(self._left[0].plan, self._left[0].why)
+            if turn is not None:
+                self._left.popleft()
+                return turn
+            self._left.rotate(-1)
+        self._ask_at = self._clock() + POLL
+        return None
+
+    def release(self, number: int) -> None:
+        if number in self._claimed:
+            self._claims.release(self._claimed.pop(number))
+
+    def close(self) -> None:
+        self._claims.close()
+
+    def _clear(self, claim: Path) -> None:
+        """Remove the claim of a process that was killed after it had written the record."""
+        if claim.exists():
+            with suppress(OSError):
+                self._claims.take(claim)
+            self._claims.release(claim)
+
+    def _turn(self, plan: Plan, why: str) -> ToDo | Resumed | None:
+        if plan.problem:
+            return ToDo(plan, why=why)
+        path = bake_record.path_of(plan.options)
+        claim = _claim_of(path)
+        try:
+            if not self._claims.take(claim):
+                return None
+        except OSError:  # the bake will report that the folder cannot be written to
+            return ToDo(plan, why=why)
+        # Another process may have done it between the start of this run and now.
+        now = self._reason(plan, is_started=True)
+        if isinstance(now, Resumed):
+            self._claims.release(claim)
+            return now
+        self._claimed[plan.number] = claim
+        return ToDo(plan, Draft(path, plan.name, bake_key.of(plan.options, self._contents, self._open_file)), why)
+
+    def _reason(self, plan: Plan, *, is_started: bool = False) -> Resumed | str:
+        """Why a bake is to do, in a sentence, or that it is done."""
+        path = bake_record.path_of(plan.options)
+        if self._is_forced:
+            before = self._before.setdefault(plan.name, _bytes(path))
+            if not is_started or _bytes(path) == before:
+                return "All bakes are done again."
+        record = bake_record.read(path)
+        if record is None:
+            return "Its record cannot be read." if path.exists() else "It has not been baked."
+        found = next(self._changes(plan, record), "")
+        return found or Resumed(plan, record.result, is_started)
+
+    def _changes(self, plan: Plan, record: Record) -> Iterator[str]:
+        """What is no longer as it was for the bake, in sentences. What takes long comes last."""
+        options, old = plan.options, record.key
+        if (old.imprint, old.blender) != (versions.imprint(), versions.blender()):
+            yield f"It was baked by Imprint {old.imprint} in Blender {old.blender}."
+        now = bake_key.settings(options)
+        changed = [name for name in {**old.settings, **now} if _lacks(old.settings, now, name)]
+        if changed:
+            yield f"Settings have changed: {shorten_list(changed, MOST_NAMED)}."
+        for file in record.files:
+            if not bake_record.is_unchanged(file, self._contents):
+                is_there = os.path.exists(file.content.path)
+                yield f"{file.content.path!r} {'has changed since it was baked' if is_there else 'is missing'}."
+        if options.report and options.report != STDOUT and not os.path.exists(options.report):
+            yield f"{options.report!r} is missing."
+        files = list(bake_key.inputs(options, self._open_file))
+        if [(_name(path), what) for path, what in files] != [(_name(each.path), each.what) for each in old.inputs]:
+            yield "It was baked from other files."
+        pairs = [(before, before.path) for before in record.found]
+        pairs += [(before, path) for before, (path, _) in zip(old.inputs, files, strict=False)]
+        for before, path in pairs:
+            if contents.size_of(path) != before.size:
+                yield _has_changed(before)
+        for before, path in pairs:
+            if not self._contents.of(path).is_same(before):
+                yield _has_changed(before)
+        if record.key_value != bake_key.of(options, self._contents, self._open_file).value:
+            yield "Its record was changed."
+
+
+def _claim_of(record: Path) -> Path:
+    return record.with_name(record.name + LOCK)
+
+
+def _bytes(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError:
+        return b""
+
+
+def _lacks(old: dict[str, Any], new: dict[str, Any], name: str) -> bool:
+    """Whether a setting differs."""
+    return name not in old or name not in new or old[name] != new[name]
+
+
+def _name(path: str) -> str:
+    return os.path.basename(os.path.abspath(path))
+
+
+def _has_changed(content: Content) -> str:
+    return f"{content.what[:1].upper()}{content.what[1:]} has changed: {_name(content.path)!r}."

@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tests --resume and --force with real bakes: what is done is left out, and killed runs lose only what was cut off."""
+
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import bpy
+import pytest
+
+from addon.cli import command
+from scripts.imprint import ROOT
+from tests.support import reports, zoo
+
+COUNT = 8
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """The working folder, with a job file of COUNT bakes."""
+    monkeypatch.chdir(tmp_path)
+    for name, slope in (("low", 0.0), ("high", 0.2)):
+        zoo.plane(name, slope=slope)
+        bpy.ops.wm.obj_export(filepath=str(tmp_path / f"{name}.obj"), export_selected_objects=False)
+        bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    sets = []
+    for number in range(COUNT):
+        (tmp_path / f"m{number}.obj").write_bytes((tmp_path / "low.obj").read_bytes())
+        sets.append({"low-file": f"m{number}.obj", "high-file": "high.obj", "output": f"out/m{number}.png"})
+    (tmp_path / "j.json").write_text(json.dumps({"defaults": {"size": 16, "limit": 9}, "bake": sets}))
+    return tmp_path
+
+
+def bake(*words):
+    """The states of a run in this process."""
+    assert command.run(["--jobs", "j.json", "--report", "r.json", *words]) == 0
+    return [(each["name"].partition("(")[2][:-1], each["state"]) for each in reports.bakes(Path("r.json"))]
+
+
+def save_image(path, value):
+    image = bpy.data.images.new("skin", 4, 4)
+    image.pixels.foreach_set([value] * 64)
+    image.filepath_raw, image.file_format = str(path), "PNG"
+    image.save()
+
+
+def maps(folder):
+    return {path.name: path.read_bytes() for path in (folder / "out").glob("*.png")}
+
+
+def records(folder):
+    return sorted(path.name for path in (folder / "out").glob("*.json"))
+
+
+def all_are(state):
+    return [(f"m{number}", state) for number in range(COUNT)]
+
+
+def start(*words):
+    """A run in processes of its own."""
+    command = [sys.executable, str(ROOT / "scripts" / "bake.py"), "--jobs", "j.json", *words]
+    return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+
+
+def test_a_run_without_these_options_writes_no_records(folder):
+    assert bake() == all_are("done")
+    assert sorted(os.listdir(folder / "out")) == sorted(maps(folder))
+
+
+def test_what_is_done_is_left_out(folder):
+    assert bake("--resume") == all_are("done")
+    assert len(records(folder)) == COUNT
+    assert bake("--resume") == all_are("resumed")
+    (folder / "m3.obj").write_text((folder / "m3.obj").read_text().replace("o low", "o other"))
+    (folder / "out" / "m5.png").unlink()
+    assert sorted(name for name, state in bake("--resume") if state == "done") == ["m3", "m5"]
+    assert bake("--resume", "--size", "32") == all_are("done")
+    assert bake("--force", "--size", "32") == all_are("done")
+    assert bake("--resume", "--size", "32") == all_are("resumed")
+
+
+def test_the_entry_of_a_bake_that_is_left_out_is_that_of_the_bake(folder):
+    bake("--resume")
+    before = reports.bakes(Path("r.json"))
+    bake("--resume")
+    for one, other in zip(before, reports.bakes(Path("r.json")), strict=True):
+        assert {**one, "state": "resumed", "seconds": 0.0} == other
+
+
+def test_a_change_of_the_high_mesh_s_texture_is_seen(folder):
+    (folder / "high.mtl").write_text("newmtl skin\nmap_Kd skin.png\n")
+    save_image(folder / "skin.png", 0.0)
+    lines = [
+        line for line in (folder / "high.obj").read_text().splitlines() if not line.startswith(("mtllib", "usemtl"))
+    ]
+    first = next(place for place, line in enumerate(lines) if line.startswith("f "))
+    (folder / "high.obj").write_text("\n".join(["mtllib high.mtl", *lines[:first], "usemtl skin", *lines[first:]]))
+    assert bake("--resume", "--maps", "base-color") == all_are("done")
+    assert bake("--resume", "--maps", "base-color") == all_are("resumed")
+    save_image(folder / "skin.png", 1.0)
+    assert bake("--resume", "--maps", "base-color") == all_are("done")
+
+
+def test_processes_with_the_same_job_do_each_bake_once(folder):
+    expected = bake("--resume") and maps(folder)
+    for path in (folder / "out").iterdir():
+        path.unlink()
+    both = [start("--resume", "--report", f"{number}.json") for number in range(2)]
+    for process in both:
+        assert process.communicate()[1] == ""
+        assert process.returncode == 0
+    states = [[each["state"] for each in reports.bakes(Path(f"{number}.json"))] for number in range(2)]
+    assert states[0].count("done") + states[1].count("done") == COUNT
+    assert all(set(found) <= {"done", "resumed"} and len(found) == COUNT for found in states)
+    assert maps(folder) == expected
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
+@pytest.mark.parametrize("seed", range(3))
+def test_a_run_after_a_kill_gives_the_same_files(folder, seed):
+    expected = bake("--resume") and maps(folder)
+    for path in (folder / "out").iterdir():
+        path.unlink()
+    process = start("--resume")
+    while not maps(folder):
+        time.sleep(0.001)
+    time.sleep(random.Random(seed).random() * 0.5)
+    process.send_signal(signal.SIGKILL)
+    process.communicate()
+    assert {state for _, state in bake("--resume")} <= {"done", "resumed"}
+    assert maps(folder) == expected
+    assert len(records(folder)) == COUNT
+    assert [path.name for path in (folder / "out").iterdir() if path.suffix not in {".png", ".json"}] == []
+
+
+def test_what_is_done_needs_no_blender(folder):
+    bake("--resume")
+    program = (
+        "import sys; from addon.cli import command; "
+        "code = command.run(['--jobs', 'j.json', '--resume'], may_start_processes=True); "
+        "print(code, 'bpy' in sys.modules)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        env=dict(os.environ, PYTHONPATH=str(ROOT)),
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.splitlines()[-1] == "0 False"

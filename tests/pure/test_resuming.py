@@ -1,0 +1,500 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tests which bakes of a run are to do: keys, records, and processes that do the same run. The bakes are made up."""
+
+import json
+import os
+import pickle
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from addon.cli.done import bake_key, bake_record, contents, resuming
+from addon.cli.done.claims import Claims
+from addon.cli.done.contents import Contents
+from addon.cli.done.resuming import POLL, Resuming
+from addon.cli.done.turns import Resumed, ToDo, Turns
+from addon.cli.plan.plans import Plan
+from addon.cli.usage import arguments
+from addon.cli.usage.options import OPTIONS
+from addon.core import versions
+from addon.core.errors import BakeError
+from addon.output.files import temporary_paths
+from addon.output.files.atomic_file import all_or_none, replacing
+from scripts.imprint import ROOT
+
+
+@pytest.fixture(autouse=True)
+def version(monkeypatch):
+    """Works in Pythons without Blender's package as well."""
+    monkeypatch.setattr(versions, "blender", lambda: "5.2.3")
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "in").mkdir()
+    for name in ("a", "b"):
+        for part in ("low", "high"):
+            (tmp_path / "in" / f"{name}_{part}.ply").write_text(f"{name} {part}")
+    (tmp_path / "in" / "scene.blend").write_text("scene")
+    return tmp_path
+
+
+class Clock:
+    """That of `next`."""
+
+    now = 1000.0
+
+    def __call__(self):
+        return self.now
+
+
+def plan(folder, name="a", *more, output="{low}.png"):
+    low, high = (str(folder / "in" / f"{name}_{part}.ply") for part in ("low", "high"))
+    words = ["--low-file", low, "--high-file", high, "--output", str(folder / "out" / output), *more]
+    return Plan(name, arguments.parse(words), number=sum(name.encode()))
+
+
+def in_scene(folder, low, *more, output="{low}.png"):
+    words = [str(folder / "in" / "scene.blend"), *low, "--output", str(folder / "out" / output), *more]
+    return Plan("scene", arguments.parse(words))
+
+
+def bake(turn, found=(), text="map"):
+    """Bake what is to do, without Blender. Returns the paths of the files."""
+    path = Path(str(turn.plan.options.output).replace("{low}", turn.plan.name))
+    with all_or_none(), replacing(path) as partial:
+        partial.write_text(f"{text} of {turn.plan.name}")
+    bake_record.write(turn.draft, {"name": turn.plan.name}, Contents().all_of(found), [str(path)])
+    return path
+
+
+def run(planned, **more):
+    """Do a whole run. Returns the names of the bakes that were done, and why."""
+    did = {}
+    with Resuming(planned, **more) as left:
+        while left.count:
+            turn = left.next()
+            did[turn.plan.name] = turn.why
+            bake(turn)
+            left.release(turn.plan.number)
+    return did
+
+
+def why(planned, **more):
+    """Why a bake is to do, or "" if it is done."""
+    with Resuming([planned], **more) as left:
+        return next((turn.why for turn in left.left), "")
+
+
+def moved(folder):
+    """The folder at another place, as another machine sees it."""
+    other = folder.with_name(folder.name + " elsewhere")
+    shutil.copytree(folder, other)
+    return other
+
+
+# What is done
+
+
+def test_what_is_done_is_not_done_again(folder):
+    planned = [plan(folder, "a"), plan(folder, "b")]
+    assert run(planned) == dict.fromkeys("ab", "It has not been baked.")
+    assert run(planned) == {}
+    with Resuming(planned) as left:
+        assert [(each.plan.name, each.result, each.is_elsewhere) for each in left.done] == [
+            ("a", {"name": "a"}, False),
+            ("b", {"name": "b"}, False),
+        ]
+    assert sorted(os.listdir(folder / "out")) == ["a.png", "a_low.png.imprint.json", "b.png", "b_low.png.imprint.json"]
+
+
+def test_all_is_done_again_if_that_is_wanted(folder):
+    planned = [plan(folder, "a"), plan(folder, "b")]
+    run(planned)
+    assert run(planned, is_forced=True) == dict.fromkeys("ab", "All bakes are done again.")
+
+
+def test_a_bake_that_cannot_be_done_is_returned_and_writes_nothing(folder):
+    bad = replace(plan(folder), problem="Two files share a name.")
+    with Resuming([bad]) as left:
+        turn = left.next()
+        assert (turn.plan, turn.draft, turn.why) == (bad, None, "Two files share a name.")
+        left.release(turn.plan.number)
+        assert not left.count
+    assert not (folder / "out").exists()
+
+
+def test_a_folder_that_cannot_be_written_to_is_left_to_the_bake(folder):
+    (folder / "out").touch()
+    with Resuming([plan(folder)]) as left:
+        assert left.next().draft is None
+
+
+CHANGES = {
+    "high": ("The high mesh's file has changed: 'a_high.ply'.", lambda at: (at / "in/a_high.ply").write_text("a HIGH")),
+    "longer": ("The low mesh's file has changed: 'a_low.ply'.", lambda at: (at / "in/a_low.ply").write_text("longer")),
+    "gone": ("The low mesh's file has changed: 'a_low.ply'.", lambda at: (at / "in/a_low.ply").unlink()),
+    "texture": ("A texture has changed: 'skin.png'.", lambda at: (at / "in/skin.png").write_text("SKIN")),
+    "new": ("A library has changed: 'later.mtl'.", lambda at: (at / "in/later.mtl").write_text("new")),
+    "map": ("'{}/out/a.png' has changed since it was baked.", lambda at: (at / "out/a.png").write_text("map of A")),
+    "short": ("'{}/out/a.png' has changed since it was baked.", lambda at: (at / "out/a.png").write_text("")),
+    "no map": ("'{}/out/a.png' is missing.", lambda at: (at / "out/a.png").unlink()),
+    "damaged": ("Its record cannot be read.", lambda at: (at / "out/a_low.png.imprint.json").write_text("{")),
+}
+
+
+@pytest.mark.parametrize("name", CHANGES)
+def test_what_changed_is_done_again_and_named(folder, name):
+    expected, change = CHANGES[name]
+    (folder / "in" / "skin.png").write_text("skin")
+    found = [(str(folder / "in" / "skin.png"), "a texture"), (str(folder / "in" / "later.mtl"), "a library")]
+    with Resuming([plan(folder)]) as left:
+        bake(left.next(), found)
+    assert why(plan(folder)) == ""
+    change(folder)
+    assert why(plan(folder)) == expected.format(folder)
+    run([plan(folder)])
+    assert why(plan(folder)) == ""
+
+
+def test_time_alone_changes_nothing(folder):
+    run([plan(folder)])
+    for path in (folder / "in" / "a_low.ply", folder / "out" / "a.png"):
+        os.utime(path, (0, 0))
+    assert why(plan(folder)) == ""
+
+
+def test_another_version_bakes_again(folder, monkeypatch):
+    run([plan(folder)])
+    monkeypatch.setattr(versions, "blender", lambda: "5.2.4")
+    assert why(plan(folder)) == f"It was baked by Imprint {versions.imprint()} in Blender 5.2.3."
+
+
+def test_other_settings_bake_again(folder):
+    run([plan(folder)])
+    assert why(plan(folder, "a", "--size", "64", "--samples", "4")) == "Settings have changed: size, samples."
+    assert why(plan(folder, "a", "--size", "2048")) == ""  # the default
+
+
+def test_other_files_bake_again(folder):
+    run([plan(folder)])
+    (folder / "in" / "more.ply").write_text("more")
+    assert why(plan(folder, "a", "--high-file", str(folder / "in" / "more.ply"))) == "It was baked from other files."
+
+
+def test_a_report_that_is_missing_is_written(folder):
+    run([plan(folder)])
+    assert why(plan(folder, "a", "--report", str(folder / "a.json"))) == f"'{folder}/a.json' is missing."
+    assert why(plan(folder, "a", "--report", "-")) == ""
+
+
+def test_a_folder_that_was_moved_is_still_done(folder):
+    """Machines see a share at different places. A copy has other times."""
+    run([plan(folder)])
+    there = moved(folder)
+    assert why(plan(there)) == ""
+    (there / "in" / "a_high.ply").write_text("a HIGH")
+    assert why(plan(there)) == CHANGES["high"][0]
+    assert why(plan(folder)) == ""
+
+
+# Keys
+
+
+def key(planned):
+    return bake_key.of(planned.options, Contents()).value
+
+
+def test_each_setting_counts(folder):
+    """Whichever option is added later: only those that say where files are do not count."""
+    usual = plan(folder).options
+    changed = {}
+    for name in (name.replace("-", "_") for options in OPTIONS.values() for name in options):
+        dest = {"no_normal": "normal"}.get(name, name)
+        if dest not in vars(usual) or dest in ("low_file", "high_file", "cage_file", "convert", "report", "pairs"):
+            continue
+        other = arguments.argparse.Namespace(**{**vars(usual), dest: "other"})
+        changed[name] = bake_key.of(other, Contents()).value
+    assert len(changed) > 60
+    assert len({key(plan(folder)), *changed.values()}) == len(changed) + 1
+
+
+def test_files_that_the_run_writes_beside_do_not_count(folder):
+    assert key(plan(folder, "a", "--report", "r.json")) == key(plan(folder))
+
+
+def test_a_key_can_go_to_another_process(folder):
+    with Resuming([plan(folder)]) as left:
+        draft = left.next().draft
+    assert pickle.loads(pickle.dumps(draft)) == draft
+
+
+def test_tiles_count_together(folder):
+    for tile in (1001, 1002):
+        (folder / f"n.{tile}.png").write_text(str(tile))
+    path = str(folder / "n.<UDIM>.png")
+    first = Contents().of(path)
+    assert (first.size, contents.size_of(path), contents.stamp_of(path)) == (8, 8, first.stamp)
+    (folder / "n.1003.png").write_text("")
+    assert not Contents().of(path).is_same(first)
+    assert Contents().of(str(folder / "m.<UDIM>.png")).sha256 is None
+
+
+def test_a_file_is_read_once(folder, monkeypatch):
+    hashes, read = Contents(), []
+    real = contents.hashlib.file_digest
+    monkeypatch.setattr(contents.hashlib, "file_digest", lambda *more: read.append(1) or real(*more))
+    path = str(folder / "in" / "a_low.ply")
+    assert hashes.of(path).is_same(hashes.of(path))
+    assert len(read) == 1
+    Path(path).write_text("other")
+    hashes.of(path)
+    assert len(read) == 2
+
+
+# Records
+
+
+def record_of(planned):
+    return bake_record.path_of(planned.options).name
+
+
+def test_a_record_is_named_after_its_map(folder):
+    assert record_of(plan(folder, output="m.png")) == "m.png.imprint.json"
+    assert record_of(plan(folder)) == "a_low.png.imprint.json"
+    assert record_of(in_scene(folder, ["--low", "my: low"])) == "my_ low.png.imprint.json"
+    assert record_of(in_scene(folder, ["--low", "lo"], output="m.<UDIM>.png")) == "m._UDIM_.png.imprint.json"
+
+
+def test_bakes_of_several_objects_have_records_of_their_own(folder):
+    (folder / "in" / "two.blend").touch()
+    other = [str(folder / "in" / "two.blend"), "--pairs", "--output", str(folder / "out" / "{low}.png")]
+    found = [record_of(in_scene(folder, ["--pairs"])), record_of(Plan("", arguments.parse(other)))]
+    assert len(set(found)) == 2
+    assert all(name.startswith("{low}.png.") and name.endswith(".imprint.json") for name in found)
+    there = moved(folder)
+    assert record_of(in_scene(there, ["--pairs"], "--size", "64")) == found[0]
+
+
+def test_a_record_with_a_long_name_can_be_written(folder):
+    output = "ä" * 120 + ".png"
+    run([plan(folder, output=output)])
+    assert why(plan(folder, output=output)) == ""
+
+
+def test_a_record_says_what_was_baked(folder):
+    run([plan(folder)])
+    values = json.loads((folder / "out" / "a_low.png.imprint.json").read_text())
+    assert values["imprint_record"] == 1
+    assert (values["name"], values["blender"], values["result"]) == ("a", "5.2.3", {"name": "a"})
+    assert values["key"] == key(plan(folder))
+    assert [(each["path"], each["what"], each["bytes"]) for each in values["declared"]] == [
+        ("../in/a_low.ply", "the low mesh's file", 5),
+        ("../in/a_high.ply", "the high mesh's file", 6),
+    ]
+    assert [(each["path"], each["bytes"], len(each["sha256"])) for each in values["files"]] == [("a.png", 8, 64)]
+
+
+def test_a_file_that_changed_during_the_bake_leaves_no_record(folder):
+    with Resuming([plan(folder)]) as left:
+        turn = left.next()
+        (folder / "in" / "a_high.ply").write_text("saved meanwhile")
+        with pytest.raises(BakeError, match="'.*a_high.ply' was changed during the bake"):
+            bake(turn)
+    assert os.listdir(folder / "out") == ["a.png"]
+    assert why(plan(folder)) == "It has not been baked."
+
+
+def test_a_bake_that_saves_over_its_file_has_a_record_and_is_done_again(folder):
+    scene = str(folder / "in" / "scene.blend")
+    planned = in_scene(folder, ["--low", "lo"], "--save-blend", scene)
+    with Resuming([planned]) as left:
+        turn = left.next()
+        Path(scene).write_text("saved")
+        bake_record.write(turn.draft, {}, [], [scene])
+    assert why(planned) == "The file to open has changed: 'scene.blend'."
+
+
+@pytest.mark.parametrize(
+    "text", ["", "[]", "{}", '{"imprint_record": 2}', "[" * 100_000, "\0", '{"imprint_record": 1}']
+)
+def test_a_record_that_is_none_is_no_error(folder, text):
+    run([plan(folder)])
+    (folder / "out" / "a_low.png.imprint.json").write_text(text)
+    assert why(plan(folder)) == "Its record cannot be read."
+
+
+def test_records_with_parts_missing_or_of_another_kind_are_no_error(folder):
+    run([plan(folder)])
+    path = folder / "out" / "a_low.png.imprint.json"
+    values, seed = json.loads(path.read_text()), random.Random(17)
+    for name in values:
+        for other in (None, 3, "x", [], {}, [None], [{}], {"a": [1]}):
+            path.write_text(json.dumps({**values, name: other}))
+            why(plan(folder))
+        path.write_text(json.dumps({key: value for key, value in values.items() if key != name}))
+        assert why(plan(folder)) == ("" if name == "name" else "Its record cannot be read.")
+    text = json.dumps(values)
+    for _ in range(50):
+        start = seed.randrange(len(text))
+        path.write_text(text[:start] + seed.choice('{}[]",:0x') + text[start + seed.randrange(4) :])
+        why(plan(folder))
+
+
+# Several processes
+
+
+def test_who_finds_a_claim_does_its_other_bakes_first_and_then_takes_the_result(folder, monkeypatch):
+    monkeypatch.setattr(resuming, "POLL", 0.0)
+    planned = [plan(folder, "a"), plan(folder, "b")]
+    with Resuming(planned) as first, Resuming(planned) as second:
+        mine, its = first.next(), second.next()
+        assert (mine.plan.name, its.plan.name) == ("a", "b")
+        assert first.next() is None
+        assert first.count
+        bake(its)
+        second.release(its.plan.number)
+        found = first.next()
+        assert isinstance(found, Resumed)
+        assert (found.plan.name, found.result, found.is_elsewhere) == ("b", {"name": "b"}, True)
+        bake(mine)
+        first.release(mine.plan.number)
+        assert second.next().is_elsewhere
+        assert first.count == second.count == 0
+
+
+def test_what_fails_elsewhere_is_tried_here(folder, monkeypatch):
+    monkeypatch.setattr(resuming, "POLL", 0.0)
+    with Resuming([plan(folder)]) as first, Resuming([plan(folder)]) as second:
+        turn = first.next()
+        assert second.next() is None
+        first.release(turn.plan.number)
+        assert second.next().plan.name == "a"
+
+
+def test_claims_of_others_are_looked_at_now_and_then(folder):
+    clock = Clock()
+    with Resuming([plan(folder)]) as first, Resuming([plan(folder)], clock=clock) as second:
+        turn = first.next()
+        assert second.next() is None
+        first.release(turn.plan.number)
+        assert second.next() is None
+        clock.now += POLL
+        assert second.next().plan.name == "a"
+
+
+def test_a_run_that_is_stopped_returns_no_more(folder):
+    for turns in (Resuming([plan(folder)]), Turns([plan(folder)])):
+        with turns:
+            assert turns.count == 1
+            turns.stop()
+            assert turns.count == 0
+
+
+def test_a_run_without_records_does_all_in_order(folder):
+    bad = replace(plan(folder, "b"), problem="Two files share a name.")
+    with Turns([plan(folder, "a"), bad]) as turns:
+        first, second = turns.next(), turns.next()
+        turns.release(first.plan.number)
+        assert first == ToDo(plan(folder, "a"))
+        assert second == ToDo(bad, None, "Two files share a name.")
+        assert (turns.count, turns.done) == (0, [])
+    assert not (folder / "out").exists()
+
+
+def test_two_that_do_all_again_do_each_bake_once(folder):
+    run([plan(folder)])
+    with Resuming([plan(folder)], is_forced=True) as first, Resuming([plan(folder)], is_forced=True) as second:
+        turn = first.next()
+        bake(turn)
+        first.release(turn.plan.number)
+        assert second.next().is_elsewhere
+
+
+WORK = """
+import json, random, sys, time
+sys.path.insert(0, {root!r})
+from tests.pure import test_resuming as own
+own.versions.blender = lambda: "5.2.3"
+own.resuming.POLL = 0.01
+from pathlib import Path
+folder, seed = Path(sys.argv[1]), random.Random(sys.argv[2])
+planned = [own.plan(folder, f"n{{number}}") for number in range(25)]
+print("ready", flush=True)
+sys.stdin.readline()
+with own.Resuming(planned) as left:
+    while left.count:
+        turn = left.next()
+        if turn is None:
+            time.sleep(0.01)
+        elif not isinstance(turn, own.Resumed):
+            time.sleep(seed.random() * 0.01)
+            with (folder / "log").open("a") as log:
+                log.write(turn.plan.name + "\\n")
+            own.bake(turn)
+            left.release(turn.plan.number)
+"""
+
+
+def workers(folder, count):
+    for number in range(25):
+        for part in ("low", "high"):
+            (folder / "in" / f"n{number}_{part}.ply").write_text(f"{number} {part}")
+    command = [sys.executable, "-c", WORK.format(root=str(ROOT)), str(folder)]
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True, "cwd": ROOT}
+    found = [subprocess.Popen([*command, str(seed)], **pipes) for seed in range(count)]
+    for process in found:
+        assert process.stdout.readline() == "ready\n"
+        process.stdin.write("\n")
+        process.stdin.flush()
+    return found
+
+
+def test_processes_with_the_same_run_do_each_bake_once(folder):
+    for process in workers(folder, 3):
+        process.communicate()
+        assert process.returncode == 0
+    log = (folder / "log").read_text().split()
+    assert sorted(log) == sorted(f"n{number}" for number in range(25))
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_run_after_a_kill_does_what_is_left_and_what_was_cut_off(folder, seed):
+    (process,) = workers(folder, 1)
+    while not (folder / "log").exists():
+        time.sleep(0.001)
+    time.sleep(random.Random(seed).random() * 0.3)
+    process.send_signal(signal.SIGKILL)
+    process.communicate()
+    done = len(list((folder / "out").glob("*.imprint.json")))
+    (process,) = workers(folder, 1)
+    process.communicate(timeout=30)
+    assert process.returncode == 0
+    log = (folder / "log").read_text().split()
+    assert len(set(log)) == 25
+    assert 25 <= len(log) <= 26  # the one that was cut off
+    assert len(log) - len(set(log)) <= 1 and done <= 25
+    expected = sorted(name for number in range(25) for name in (f"n{number}.png", f"n{number}_low.png.imprint.json"))
+    assert sorted(os.listdir(folder / "out")) == expected
+
+
+def test_the_claim_of_a_process_that_was_killed_after_its_record_is_removed(folder):
+    run([plan(folder)])
+    lock = folder / "out" / f"a_low.png.imprint.json{resuming.LOCK}"
+    lock.write_text(json.dumps({"machine": temporary_paths.machine()}))
+    assert why(plan(folder)) == ""
+    assert not lock.exists()
+
+
+def test_claims_are_given_up_at_the_end(folder):
+    with Resuming([plan(folder)], claims=Claims()) as left:
+        left.next()
+        assert list((folder / "out").iterdir()) == [folder / "out" / f"a_low.png.imprint.json{resuming.LOCK}"]
+    assert not (folder / "out").exists()
