@@ -176,7 +176,7 @@ def _viewport_alone() -> np.ndarray:
 
 
 def panels() -> Iterator[Action]:
-    """docs/panels.md: each panel by itself, drawn by a copy of it in a tab of its own. Needs a window 1400 pixels high."""
+    """docs/panels.md: each panel by itself, drawn by a copy of it in a tab of its own. Needs a window 1600 pixels high."""
     yield from _prepare()
     preferences = bpy.context.preferences
     preferences.view.ui_scale, preferences.system.use_region_overlap = PANEL_SCALE, False
@@ -205,7 +205,7 @@ def panels() -> Iterator[Action]:
 
 
 def findings() -> Iterator[Action]:
-    """docs/panels.md: the main panel with what is found before a bake. Needs a window 1400 pixels high."""
+    """docs/panels.md: the main panel with what is found before a bake. Needs a window 1600 pixels high."""
     yield from _prepare()
     preferences = bpy.context.preferences
     preferences.view.ui_scale, preferences.system.use_region_overlap = PANEL_SCALE, False
