@@ -49,6 +49,6 @@ def _probe(path: str) -> tuple[int, str]:
         return 0, f"{path!r} cannot be read: {reason(error)}."
     if not stat.S_ISREG(found.st_mode):
         return 0, f"There is no file {os.path.abspath(path)!r}."  # as the bake says
-    if not os.access(path, os.R_OK):
+    if not found.st_mode & stat.S_IROTH and not os.access(path, os.R_OK):
         return 0, f"{path!r} cannot be read: Permission denied."
     return found.st_size, ""

@@ -71,6 +71,9 @@ class _Listing:
         if plan.options.frames and len(files) > 2:
             files = [f"{len(files)} files from {files[0]} to {files[-1]}"]
         cells = plan.number, self.costs[plan.number], plan.name or plans.subject(plan.options, plans.open_file())
+        line = "\t".join(map(str, (*cells, ", ".join(files))))
+        if line.count("\t") == len(cells) and not _CONTROL.search(line.replace("\t", "")):
+            return line
         return "\t".join(_CONTROL.sub("?", str(cell)) for cell in (*cells, ", ".join(files)))
 
     def to_json(self) -> dict:

@@ -12,6 +12,7 @@ from ...core.names import file_names
 from ...core.names.file_names import ATLAS
 from ...output.files.path_clashes import Places
 from ..usage import arguments
+from ..usage.garbage import unsearched
 from ..usage.options import STDOUT
 from . import blend_blocks, file_references, map_files, plans
 
@@ -39,7 +40,7 @@ class Run:
 
         bakes: unique names and options. jobs: the job file. report: the report of all bakes. folders: of mesh files.
         """
-        with self.places.many():
+        with unsearched(), self.places.many():
             return self._add(bakes, jobs, report, folders)
 
     def _add(

@@ -67,7 +67,12 @@ def _fault(options: argparse.Namespace) -> str:
 
 def kind(options: argparse.Namespace) -> tuple:
     """The same for options whose settings, but for the path, are valid alike and make files of the same kinds."""
-    values = list(_values_of(vars(options)))
+    return _alike(_values_of(vars(options)))
+
+
+@functools.lru_cache(maxsize=4096)
+def _alike(given: tuple) -> tuple:
+    values = list(given)
     for index, setting in _LOOSE:
         value = values[index]
         if value == setting.default:

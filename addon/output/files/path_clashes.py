@@ -96,10 +96,7 @@ class Places:
 
         title, by: see `read`. may_replace: the `by` of reads that are ignored, for a scene that is saved over itself.
         """
-        if self._may_exist(path):
-            with suppress(OSError):  # the bake reports it
-                atomic_file.check_kind(path)
-        keys, use = self._keys(path), _Use(title, path, by)
+        keys, use = self._keys(path, is_written=True), _Use(title, path, by)
         read = self._reads.find(keys, may_replace)
         if read is not None:
             raise _over(use, read)
@@ -122,15 +119,14 @@ class Places:
         finally:
             self._folder_names = None
 
-    def _may_exist(self, path: str) -> bool:
-        names = self._folder_names
-        return names is None or names.kind(*os.path.split(_absolute(path))) is not _FolderNames.NONE
-
-    def _keys(self, path: str) -> _Keys:
-        """Raises WrongPlace for the names of temporary files."""
-        path = _absolute(path)
+    def _keys(self, given: str, *, is_written: bool = False) -> _Keys:
+        """Raises WrongPlace for the names of temporary files, and for what cannot be written."""
+        path = _absolute(given)
         parent, name = os.path.split(path)
         kind = _FolderNames.ANY if self._folder_names is None else self._folder_names.kind(parent, name)
+        if is_written and kind is not _FolderNames.NONE:
+            with suppress(OSError):  # the bake reports it
+                atomic_file.check_kind(given)
         if (kind is _FolderNames.ANY and os.path.islink(path)) or name in {"", ".."}:
             path = os.path.realpath(path)
             parent, name = os.path.split(path)
