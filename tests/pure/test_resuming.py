@@ -226,6 +226,13 @@ def test_each_setting_counts(folder):
     assert len({key(plan(folder)), *changed.values()}) == len(changed) + 1
 
 
+def test_the_content_of_files_counts_and_their_folders_do_not(folder):
+    before = key(plan(folder))
+    assert key(plan(moved(folder))) == before
+    (folder / "in" / "a_high.ply").write_text("a HIGH")
+    assert key(plan(folder)) != before
+
+
 def test_files_that_the_run_writes_beside_do_not_count(folder):
     assert key(plan(folder, "a", "--report", "r.json")) == key(plan(folder))
 
