@@ -33,6 +33,7 @@ from .plan import run_clashes
 from .plan.plans import Plan, subject
 from .results import bake_result, report_file, run_report
 from .results.bake_result import Done, Result
+from .results.chains import Chains
 from .results.run_report import State
 from .scene_files import Stage
 from .starting import lean_blender
@@ -78,7 +79,7 @@ class Baker:
 
 def bake_all(turns: Turns, files: run_clashes.Run, meter: Meter) -> Iterator[Done]:
     """Do all that is left of `turns`. The last result may be of a bake that was stopped. files: must have all plans."""
-    count, place = turns.count, 0
+    count, place, chains = turns.count, 0, Chains()
     baker = Baker(files, meter, needs_all=need_all([turn.plan for turn in turns.left]))
     while turns.count:
         turn = turns.next()
@@ -92,7 +93,9 @@ def bake_all(turns: Turns, files: run_clashes.Run, meter: Meter) -> Iterator[Don
             yield Done.resumed(turn.plan.number, turn.result)
             continue
         meter.place = f"{place}/{count} "
-        done = baker.bake(turn.plan, turn.draft)
+        refusal = chains.refusal(turn.plan)
+        done = Done.of(refusal, turn.plan.number) if refusal else baker.bake(turn.plan, turn.draft)
+        chains.ended(turn.plan, done)
         yield done
         if done.entry.state == State.STOPPED:
             turns.stop()
@@ -145,6 +148,8 @@ def open_files(plan: Plan, stage: Stage, files: run_clashes.Run, meter: Meter) -
         meter.show(subject(options, bpy.data.filepath), progress.Progress("Opening", 0.0))
     with startup.spent("opening"):
         jobs, problems = _jobs(options, stage)
+        if not plan.chain and stage.reopen_if_changed(high.name for job in jobs for high in job.highs):
+            jobs, problems = _jobs(options, stage)  # a bake does not depend on those before it
     for job in jobs:
         job.is_exported = bool(options.export)
     lows = [file_names.ATLAS] if _share_image(options) else [job.low.name for job in jobs]
@@ -174,6 +179,7 @@ def run(opened: Opened, stage: Stage, files: run_clashes.Run, meter: Meter) -> R
         if options.export and not is_stopped:
             reports = side_files.export(reports, options.export, partial(files.exported, opened.name))
         reports[:1] = [report.with_startup(startup.take()) for report in reports[:1]]
+        stage.changed(job.low.name for job in opened.jobs)
         result = Result(opened.name, reports, opened.problems, are=_kind(options), is_stopped=is_stopped, said=said)
         if opened.scene is not None and not is_stopped:
             with stage.let_go():

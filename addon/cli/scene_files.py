@@ -31,6 +31,8 @@ class Stage:
         """Sentences about what is left out of the open files."""
         self._held = ExitStack()
         """Restores the simulation caches."""
+        self._changed: set[str] = set()
+        """The names of objects that bakes changed: their materials, and the maps in their attributes."""
 
     def open(self, names: Sequence[str], space: Space) -> None:
         """Open a .blend, or import files into an empty scene; nothing where these are open already.
@@ -65,7 +67,21 @@ class Stage:
 
     def _leave(self) -> None:
         """Forget the open files: other files or an empty scene replace them."""
-        self._open, self.notes, self._held = ([], PLAIN), [], ExitStack()
+        self._open, self.notes, self._held, self._changed = ([], PLAIN), [], ExitStack(), set()
+
+    def changed(self, names: Iterable[str]) -> None:
+        """Remember that a bake changed these objects."""
+        self._changed.update(names)
+
+    def reopen_if_changed(self, names: Iterable[str]) -> bool:
+        """Forget the open .blend if earlier bakes changed one of these objects, so that `open` reads it again.
+
+        Returns whether it did.
+        """
+        is_needed = bool(self._open[0]) and not self._changed.isdisjoint(names)
+        if is_needed:
+            self._leave()
+        return is_needed
 
     def job(
         self, low: str, highs: Sequence[str], cage: str | None = None, space: Space = PLAIN, high_up: str = ""

@@ -567,6 +567,35 @@ def test_sets_do_not_see_the_changes_of_others(scenes, run):
     assert bpy.data.objects["rock_a_low"].active_material is not None  # they share the open file
 
 
+def test_a_set_bakes_as_if_it_were_alone_although_one_before_changed_its_high_mesh(scenes, run, opened):
+    """The first map is in the material of the second one's high mesh, whose normal maps count."""
+    a = {"file": "in/rock.blend", "low": "rock_a_low", "high": "rock_a_high", "output": "1.png"}
+    other = {"file": "in/rock.blend", "low": "rock_b_low", "high": "rock_b_high", "output": "2.png"}
+    b = {**a, "low": "rock_b_low", "high": "rock_a_low", "output": "3.png", "method": "flatten"}
+    (scenes / "jobs.json").write_text(jobs(b))
+    assert run("--jobs", "jobs.json")[0] == exit_codes.DONE
+    alone = (scenes / "3.png").read_bytes()
+    opened.clear()
+    (scenes / "jobs.json").write_text(jobs(a, other, b))
+    assert run("--jobs", "jobs.json")[0] == exit_codes.DONE
+    assert (scenes / "3.png").read_bytes() == alone
+    assert opened == ["rock.blend", "rock.blend"]
+    (scenes / "jobs.json").write_text(jobs(a, {**b, "save-blend": "saved.blend"}))
+    assert run("--jobs", "jobs.json")[0] == exit_codes.DONE
+    assert (scenes / "3.png").read_bytes() != alone  # they are one scene
+
+
+def test_a_scene_is_not_saved_without_the_maps_of_bakes_that_failed(scenes, run):
+    a = {"file": "in/rock.blend", "low": "rock_a_low", "high": "rock_a_high", "output": "1.png"}
+    wrong = {**a, "low": "no_such_low", "output": "2.png"}
+    b = {**a, "low": "rock_b_low", "high": "rock_b_high", "output": "3.png", "save-blend": "saved.blend"}
+    (scenes / "jobs.json").write_text(jobs(a, wrong, b))
+    code, _, err = run("--jobs", "jobs.json")
+    assert code == exit_codes.FAILED
+    assert "set 3 (rock_b_low): An earlier bake of the same scene has failed" in err
+    assert not {"saved.blend", "3.png"} & set(files(scenes))
+
+
 def test_a_later_set_does_not_overwrite_a_map(scenes, run):
     a = {"file": "in/rock.blend", "low": "rock_a_low", "high": "rock_a_high", "output": "{low}.png"}
     b = {"file": "in/rock.blend", "pairs": True, "output": "in/../{low}.png"}

@@ -122,6 +122,35 @@ def test_several_workers_make_the_same_files_and_one_report_in_their_order(folde
         assert [each["files"] for each in found] == [each["files"] for each in here]
 
 
+def scene(folder, count):
+    """A .blend with planes, and the sets that bake each, of which the last one saves the scene."""
+    for number in range(count):
+        zoo.plane(f"low{number}")
+        zoo.plane(f"high{number}", slope=0.1 * number)
+    bpy.ops.wm.save_as_mainfile(filepath=str(folder / "s.blend"))
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    sets = [
+        {"file": "s.blend", "low": f"low{number}", "high": f"high{number}", "output": f"{number}.png"}
+        for number in range(count)
+    ]
+    sets[-1]["save-blend"] = "saved.blend"
+    return sets
+
+
+def test_sets_of_a_scene_that_is_saved_stay_in_one_worker(folder):
+    sets = [
+        *scene(folder, 4),
+        *(
+            {"low-file": "good_low.obj", "high-file": "good_high.obj", "output": f"f{number}.png"}
+            for number in range(4)
+        ),
+    ]
+    (folder / "j.json").write_text(json.dumps({"defaults": {"size": 16, "limit": 9}, "bake": sets}))
+    assert run("--jobs", "j.json", "--report", "r.json", "--workers", "3")[0] == exit_codes.DONE
+    bpy.ops.wm.open_mainfile(filepath=str(folder / "saved.blend"))
+    assert [bpy.data.objects[f"low{number}"].active_material is not None for number in range(4)] == [True] * 4
+
+
 def test_a_signal_stops_the_worker_and_keeps_what_is_done(folder):
     process = start(*jobs(folder, "a", "hang", "b"), "--log", "logs")
     log = folder / "logs" / "000002_set_2_hang_low.log"

@@ -174,6 +174,26 @@ def test_the_costliest_come_first_in_turns():
     assert [sorted(map(cost, shards.part(planned, (k, 2), cost))) for k in (1, 2)] == [[2, 7, 9], [1, 5, 8]]
 
 
+def test_a_chain_stays_together_and_counts_as_one():
+    planned = [
+        Plan("", Namespace(cost=each), number=number, chain=chain)
+        for number, (each, chain) in enumerate([(6, 0), (2, 2), (3, 2), (2, 2), (1, 0)], 1)
+    ]
+    assert [[plan.number for plan in shards.part(planned, (k, 2), cost)] for k in (1, 2)] == [[2, 3, 4, 5], [1]]
+
+
+def set_of(file="s.blend", saved=None, origin=None):
+    return Namespace(
+        file=[file] if file else [], low="low", low_file=None, pairs=None, save_blend=saved, origin=origin, jobs=None
+    )
+
+
+def test_a_chain_reaches_from_the_first_set_of_a_scene_to_the_last_one_that_saves_it():
+    sets = [set_of(), set_of(saved="x.blend"), set_of(), set_of(saved="y.blend"), set_of(), set_of("t.blend")]
+    sets += [set_of("t.blend", "z.blend"), set_of("u.blend", "w.blend"), set_of("u.blend"), set_of("")]
+    assert [plan.chain for plan in plans.plans(sets)[0]] == [1, 1, 1, 1, 0, 6, 6, 0, 0, 0]
+
+
 def test_only_comes_before_the_parts_and_numbers_stay(capsys, here):
     sets = [{**SET, "output": f"{number}.png"} for number in range(1, 9)]
     words = ["--list", "--only", "set [1-5] *", "--only", "set 8 *", "--shard", "2/2"]

@@ -505,3 +505,60 @@ def test_claims_are_given_up_at_the_end(folder):
         left.next()
         assert list((folder / "out").iterdir()) == [folder / "out" / f"a_low.png.imprint.json{resuming.LOCK}"]
     assert not (folder / "out").exists()
+
+
+# Chains
+
+
+def chain(folder):
+    """Three bakes of a chain, and one beside it."""
+    plans = [
+        replace(plan(folder, "a", output=f"{number}.png"), name=f"c{number}", number=number) for number in (1, 2, 3)
+    ]
+    return [*(replace(each, chain=1) for each in plans), plan(folder, "b")]
+
+
+def test_a_chain_is_done_together(folder):
+    planned = chain(folder)
+    assert list(run(planned)) == ["c1", "c2", "c3", "b"]
+    assert run(planned) == {}
+    (folder / "out" / "2.png").unlink()
+    found = run(planned)
+    assert list(found) == ["c1", "c2", "c3"]
+    assert found["c1"] == "Another bake of the same scene, which is saved, is to do."
+
+
+def test_a_chain_has_one_claim_until_its_last_bake(folder):
+    planned = chain(folder)
+    with Resuming(planned) as here, Resuming(planned) as there:
+        first = here.next()
+        assert first.plan.number == 1
+        assert there.next().plan.name == "b"
+        assert there.next() is None
+        bake(first)
+        here.release(1)
+        assert there.next(()) is None
+        for number in (2, 3):
+            turn = here.next()
+            assert turn.plan.number == number
+            bake(turn)
+            here.release(number)
+        there._ask_at = 0.0
+        assert [
+            (turn.plan.number, isinstance(turn, Resumed)) for turn in (there.next(), there.next(), there.next())
+        ] == [
+            (1, True),
+            (2, True),
+            (3, True),
+        ]
+    assert not list(folder.rglob("*.lock"))
+
+
+def test_a_chain_of_another_worker_waits(folder):
+    planned = chain(folder)
+    for turns in (Turns(planned), Resuming(planned)):
+        with turns:
+            assert turns.next().plan.number == 1
+            assert turns.next({1}).plan.name == "b"
+            assert turns.next({1}) is None
+            assert [turns.next().plan.number for _ in range(2)] == [2, 3]

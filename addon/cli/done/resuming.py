@@ -3,7 +3,7 @@
 
 import os
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -43,33 +43,50 @@ class Resuming(Turns):
         self._is_forced, self._open_file = is_forced, open_file
         self._contents, self._claims = Contents(), claims or Claims()
         self._clock, self._ask_at = clock, 0.0
-        self._claimed: dict[int, Path] = {}
-        """The claims of this process, by the numbers of plans."""
+        self._claimed: dict[int, tuple[Path, int]] = {}
+        """The claims of this process, by the numbers of plans, and their chains."""
         self._before: dict[str, bytes] = {}
         """The records at the start, by the bakes' names, of a run that does all."""
+        self._chains: dict[int, list[Plan]] = {}
+        """The plans of each chain, which are done together or not at all."""
         for plan in planned:
-            why = plan.problem or self._reason(plan)
+            if plan.chain:
+                self._chains.setdefault(plan.chain, []).append(plan)
+        self._are_done: dict[int, bool] = {}
+        """Whether another process has done a chain that this process has claimed."""
+        reasons = {plan.number: plan.problem or self._reason(plan) for plan in planned}
+        for plan in planned:
+            why = reasons[plan.number]
+            if any(not isinstance(reasons[each.number], Resumed) for each in self._chains.get(plan.chain, ())):
+                why = why if isinstance(why, str) else "Another bake of the same scene, which is saved, is to do."
             if isinstance(why, Resumed):
                 self.done.append(why)
-                self._clear(_claim_of(bake_record.path_of(plan.options)))
+                self._clear(self._claim_of(plan))
             else:
                 self._left.append(ToDo(plan, why=why))
 
-    def next(self) -> ToDo | Resumed | None:
+    def next(self, taken: Collection[int] = ()) -> ToDo | Resumed | None:
         if self._clock() < self._ask_at:
             return None
-        for _ in range(self.count):
-            turn = self._turn(self._left[0].plan, self._left[0].why)
+        claimed, others = set(), {*taken}
+        for todo in self._left:
+            if todo.plan.chain in others:
+                continue
+            turn = self._turn(todo.plan, todo.why)
             if turn is not None:
-                self._left.popleft()
+                self._left.remove(todo)
                 return turn
-            self._left.rotate(-1)
-        self._ask_at = self._clock() + POLL
+            claimed.add(todo.plan.number)
+            others |= {todo.plan.chain} - {0}
+        if claimed:
+            self._ask_at = self._clock() + POLL
         return None
 
     def release(self, number: int) -> None:
-        if number in self._claimed:
-            self._claims.release(self._claimed.pop(number))
+        claim, chain = self._claimed.pop(number, (None, 0))
+        has_more = bool(chain) and any(each.plan.chain == chain and each.plan.number != number for each in self._left)
+        if claim is not None and not has_more:
+            self._claims.release(claim)
 
     def close(self) -> None:
         self._claims.close()
@@ -84,20 +101,29 @@ class Resuming(Turns):
     def _turn(self, plan: Plan, why: str) -> ToDo | Resumed | None:
         if plan.problem:
             return ToDo(plan, why=why)
-        path = bake_record.path_of(plan.options)
-        claim = _claim_of(path)
-        try:
-            if not self._claims.take(claim):
-                return None
-        except OSError:  # the bake will report that the folder cannot be written to
-            return ToDo(plan, why=why)
+        path, claim = bake_record.path_of(plan.options), self._claim_of(plan)
+        if plan.chain not in self._are_done:
+            try:
+                if not self._claims.take(claim):
+                    return None
+            except OSError:  # the bake will report that the folder cannot be written to
+                return ToDo(plan, why=why)
         # Another process may have done it between the start of this run and now.
         now = self._reason(plan, is_started=True)
-        if isinstance(now, Resumed):
-            self._claims.release(claim)
+        if plan.chain and plan.chain not in self._are_done:
+            members = (self._reason(each, is_started=True) for each in self._chains[plan.chain])
+            self._are_done[plan.chain] = all(isinstance(each, Resumed) for each in members)
+        self._claimed[plan.number] = claim, plan.chain
+        if isinstance(now, Resumed) and self._are_done.get(plan.chain, True):
+            self.release(plan.number)
             return now
-        self._claimed[plan.number] = claim
         return ToDo(plan, Draft(path, plan.name, bake_key.of(plan.options, self._contents, self._open_file)), why)
+
+    def _claim_of(self, plan: Plan) -> Path:
+        """The path of the claim on a bake. All bakes of a chain have that of the first one."""
+        first = self._chains[plan.chain][0] if plan.chain else plan
+        record = bake_record.path_of(first.options)
+        return record.with_name(record.name + LOCK)
 
     def _reason(self, plan: Plan, *, is_started: bool = False) -> Resumed | str:
         """Why a bake is to do, in a sentence, or that it is done."""
@@ -140,10 +166,6 @@ class Resuming(Turns):
                 yield _has_changed(before)
         if record.key_value != bake_key.of(options, self._contents, self._open_file).value:
             yield "Its record was changed."
-
-
-def _claim_of(record: Path) -> Path:
-    return record.with_name(record.name + LOCK)
 
 
 def _bytes(path: Path) -> bytes:

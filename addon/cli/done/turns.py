@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The bakes of a run, one after the other."""
 
-from collections import deque
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -49,7 +48,7 @@ class Turns:
     def __init__(self, planned: Sequence[Plan]):
         self.done: list[Resumed] = []
         """The bakes that were done before."""
-        self._left = deque(ToDo(plan, why=plan.problem) for plan in planned)
+        self._left = [ToDo(plan, why=plan.problem) for plan in planned]
 
     def __enter__(self) -> "Turns":
         return self
@@ -67,12 +66,16 @@ class Turns:
         """These bakes. They have no drafts yet."""
         return list(self._left)
 
-    def next(self) -> ToDo | Resumed | None:
+    def next(self, taken: Collection[int] = ()) -> ToDo | Resumed | None:
         """The next bake, which this process has from now on, or one that another process has done.
 
-        None while other processes do all that are left.
+        taken: chains that wait for another worker of this process. None while others do all that are left.
         """
-        return self._left.popleft()
+        for turn in self._left:
+            if turn.plan.chain not in taken:
+                self._left.remove(turn)
+                return turn
+        return None
 
     def release(self, number: int) -> None:
         """Let other processes have a bake that was done, or failed. number: of its plan."""

@@ -4,9 +4,10 @@
 import argparse
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import groupby
 from pathlib import Path
 
 from ...core.errors import BakeError
@@ -22,6 +23,8 @@ class Plan:
     options: argparse.Namespace
     problem: str = ""
     number: int = 1
+    chain: int = 0
+    """The number of the first bake whose changes of the scene it needs, since it or a later one saves them; 0 for none."""
 
 
 def open_file() -> str:
@@ -53,7 +56,16 @@ def plans(sets: Sequence[argparse.Namespace], open_file: str = "") -> tuple[list
             own.report = None  # the report is of all pairs
             own.pairs, own.low_file, own.high_file, own.cage_file = None, pair.low, pair.highs, pair.cage
             result.append(Plan(label.format(subject(own, open_file)), own, problem, len(result) + 1))
-    return result, problems
+    return list(_chained(result)), problems
+
+
+def _chained(planned: Sequence[Plan]) -> Iterator[Plan]:
+    """The plans with their chains: sets in a row that open the same files, up to the last one that saves the scene."""
+    for files, same in groupby(planned, lambda plan: (plan.options.file, plan.options.origin)):
+        members = list(same)
+        last = max((place for place, plan in enumerate(members) if plan.options.save_blend), default=0)
+        for place, plan in enumerate(members):
+            yield replace(plan, chain=members[0].number) if files[0] and 0 < last >= place else plan
 
 
 def subject(options: argparse.Namespace, open_file: str = "") -> str:

@@ -24,14 +24,18 @@ def named(planned: Sequence[Plan], patterns: Sequence[str]) -> list[Plan]:
 def part(planned: Sequence[Plan], shard: tuple[int, int] | None, cost: Callable[[Plan], int]) -> list[Plan]:
     """Part K of N, in the order of the plans; all without `shard`.
 
-    The parts take turns at the plans, of which the most expensive ones come first, and of equal ones the first one.
+    The parts take turns at the plans, of which the most expensive ones come first, and of equal ones the first one. Plans of a
+    chain stay together.
     """
     if shard is None:
         return list(planned)
     number, count = shard
-    costs = {plan.number: cost(plan) for plan in planned}
-    by_cost = sorted(planned, key=lambda plan: (-costs[plan.number], plan.number))
-    return sorted(by_cost[number - 1 :: count], key=lambda plan: plan.number)
+    units: dict[int, list[Plan]] = {}  # a chain needs one process
+    for plan in planned:
+        units.setdefault(plan.chain or plan.number, []).append(plan)
+    by_cost = sorted((-sum(map(cost, unit)), first) for first, unit in units.items())
+    mine = (plan for _, first in by_cost[number - 1 :: count] for plan in units[first])
+    return sorted(mine, key=lambda plan: plan.number)
 
 
 def chosen(planned: Sequence[Plan], patterns: Sequence[str], shard: tuple[int, int] | None) -> list[Plan]:

@@ -18,6 +18,7 @@ from ..done.turns import Resumed, Turns
 from ..plan import run_clashes
 from ..plan.plans import Plan
 from ..results.bake_result import Done
+from ..results.chains import Chains
 from ..results.run_report import Cause, Entry, State
 from ..terminal_progress import Meter
 from .messages import Answer, Assignment, FilesFound, Line, Percent, Ready
@@ -47,12 +48,14 @@ class _Worker:
     def __init__(self):
         self.process = WorkerProcess()
         self.plan: Plan | None = None
+        self.chain = 0
+        """The chain of its last bake, whose scene is open in it."""
         self.log = ""
         self.begun = 0.0
         """When its bake began, by time.monotonic."""
 
     def begin(self, plan: Plan, assigned: Assignment) -> None:
-        self.plan, self.log, self.begun = plan, assigned.log, time.monotonic()
+        self.plan, self.chain, self.log, self.begun = plan, plan.chain, assigned.log, time.monotonic()
         self.process.send(assigned)
 
 
@@ -62,6 +65,7 @@ class Supervisor:
     def __init__(self, count: int, limits: Limits):
         self._count, self._limits = count, limits
         self._workers: list[_Worker] = []
+        self._chains = Chains()
         self._starts = 0
         """How many workers have ended in a row before Blender had started."""
 
@@ -103,12 +107,16 @@ class Supervisor:
             for worker in self._workers:
                 if not turns.count or worker.plan is not None or not worker.process.is_ready:
                     continue
-                turn = turns.next()
+                taken = {each.chain for each in self._workers if each is not worker and each.chain}
+                turn = turns.next(taken)
                 if turn is None:  # others do what is left
-                    break
+                    continue
                 begun += 1
                 if isinstance(turn, Resumed):
                     yield Done.resumed(turn.plan.number, turn.result)
+                    continue
+                if refusal := self._chains.refusal(turn.plan):
+                    yield Done.of(refusal, turn.plan.number)
                     continue
                 meter.place = f"{begun}/{count} "
                 worker.begin(turn.plan, Assignment(turn.plan, needs_all, self._log_of(turn.plan), turn.draft))
@@ -150,6 +158,7 @@ class Supervisor:
 
     def _take(self, worker: _Worker, done: Done) -> Iterator[Done]:
         """A bake has ended. Its worker goes on unless it has grown too large."""
+        self._chains.ended(worker.plan, done)
         worker.plan = None
         done.entry.log = worker.log
         has_failed = done.entry.cause == Cause.MEMORY
@@ -193,8 +202,9 @@ class Supervisor:
 
     def _failed(self, worker: _Worker, error: str, cause: Cause, by: str = "") -> Done:
         plan, seconds = worker.plan, time.monotonic() - worker.begun
-        entry = Entry(plan.number, plan.name, State.FAILED, error, cause, by, seconds=seconds, log=worker.log)
-        return Done(entry)
+        done = Done(Entry(plan.number, plan.name, State.FAILED, error, cause, by, seconds=seconds, log=worker.log))
+        self._chains.ended(plan, done)
+        return done
 
     def _log_of(self, plan: Plan) -> str:
         if not self._limits.log:
