@@ -13,9 +13,7 @@ from ..engine import bands, normal_channels
 from ..mesh.triangle_mesh import Mesh
 from ..passes import mesh_upload
 from ..passes.audit import reader_angles
-
-BINS = 1000
-"""Of a degree. Percentiles are rounded down to them."""
+from .angle_counts import AngleCounts
 
 
 class OtherReaders:
@@ -28,8 +26,7 @@ class OtherReaders:
         is_measured = low is not None and settings.space == Space.TANGENT and settings.normal
         self.readers = [readers.BY_NAME[name] for name in settings.readers] if is_measured else []
         self.low, self.settings = low, settings
-        self._counts = {reader.name: np.zeros(180 * BINS + 1, np.int64) for reader in self.readers}
-        self._largest = dict.fromkeys(self._counts, 0.0)
+        self._counts = {reader.name: AngleCounts() for reader in self.readers}
         self._uploaded: gpu.types.GPUBatch | None = None
 
     def add(self, tile: int, stored: Map) -> None:
@@ -50,39 +47,22 @@ class OtherReaders:
             for reader in self.readers:
                 other = normal_channels.reading_by(reader, self.settings)
                 angles = reader_angles.measure(self._uploaded, texture, to_clip, own, other)
-                self._count(reader.name, angles[is_written & (angles >= 0.0)])
+                self._counts[reader.name].add(angles[is_written & (angles >= 0.0)])
 
     def add_raw(self, tile: int, normals: np.ndarray) -> None:
         """Measure a tile of normals as rendering.Renderer.raw returns them."""
-        if not self.readers:
-            return
-        texels = np.ones_like(normals)
-        texels[..., :3] = normals[..., :3] @ (0.5 * normal_channels.channels(self.settings).T).astype(np.float32) + 0.5
-        self.add(tile, (texels, texel_state.of_raw(normals[..., 3])))
-
-    def _count(self, name: str, angles: np.ndarray) -> None:
-        if len(angles):
-            bins = (angles * BINS).astype(np.int64).clip(0, 180 * BINS)
-            self._counts[name] += np.bincount(bins, minlength=180 * BINS + 1)
-            self._largest[name] = max(self._largest[name], float(angles.max()))
+        if self.readers:
+            self.add(tile, normal_channels.stored(normals, self.settings))
 
     def results(self, backwards: int) -> dict[str, dict[str, float | int]]:
         """The figures by the names of the programs, as Report.readers has them. backwards: the texels with a z of 0 or less."""
-        found = {}
-        for reader in self.readers:
-            sums = np.cumsum(self._counts[reader.name])
-            median, most, nearly_all = (
-                float(np.searchsorted(sums, share * max(1, sums[-1]))) / BINS for share in (0.5, 0.95, 0.99)
-            )
-            found[reader.name] = {
-                "median": median,
-                "percentile_95": most,
-                "percentile_99": nearly_all,
-                "maximum": self._largest[reader.name],
-                "texels": int(sums[-1]),
+        return {
+            reader.name: {
+                **self._counts[reader.name].results(),
                 "rebuilt": backwards if reader.rebuilds_z else 0,
             }
-        return found
+            for reader in self.readers
+        }
 
 
 def warnings(results: dict[str, dict[str, float | int]]) -> list[str]:

@@ -31,7 +31,7 @@ from .done.turns import Resumed, Turns
 from .mesh_files.importers import Space
 from .plan import run_clashes
 from .plan.plans import Plan, subject
-from .results import bake_result, report_file, run_report
+from .results import bake_result, gates, report_file, run_report
 from .results.bake_result import Done, Result
 from .results.chains import Chains
 from .results.run_report import State
@@ -152,6 +152,7 @@ def open_files(plan: Plan, stage: Stage, files: run_clashes.Run, meter: Meter) -
             jobs, problems = _jobs(options, stage)  # a bake does not depend on those before it
     for job in jobs:
         job.is_exported = bool(options.export)
+        job.is_measured = gates.DEVIATION in gates.needs(options.strict)
     lows = [file_names.ATLAS] if _share_image(options) else [job.low.name for job in jobs]
     files.opened(plan.name, options, lows, scene_files.used(options))
     notes = input_checks.check_pages(options, settings, jobs)
@@ -181,6 +182,7 @@ def run(opened: Opened, stage: Stage, files: run_clashes.Run, meter: Meter) -> R
         reports[:1] = [report.with_startup(startup.take()) for report in reports[:1]]
         stage.changed(job.low.name for job in opened.jobs)
         result = Result(opened.name, reports, opened.problems, are=_kind(options), is_stopped=is_stopped, said=said)
+        result.strict = options.strict
         if opened.scene is not None and not is_stopped:
             with stage.let_go():
                 side_files.save_scene(opened.scene, reports)

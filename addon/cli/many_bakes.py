@@ -108,6 +108,8 @@ class _Found:
             print(f"{self._program}: {entry.name}: {entry.error}", file=sys.stderr)
         for warning in done.warnings:
             print(f"{self._program}: {entry.name}: warning: {warning}", file=sys.stderr)
+        for text in entry.gate:
+            print(f"{self._program}: {entry.name}: {text}", file=sys.stderr)
         for line in terminal_text.saved(entry.maps):
             print(line, file=terminal_text.out(self._report), flush=True)
         self.tally.add(entry)

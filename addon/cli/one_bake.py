@@ -40,16 +40,18 @@ def run(plan: Plan, files: run_clashes.Run, program: str, meter: Meter) -> int:
         result.seconds = time.perf_counter() - start
         return _fail(result, options.report, program)
     meter.clear()
-    out = terminal_text.out(options.report)
+    out, entry = terminal_text.out(options.report), result.entry()
     for warning in result.unsaid:
         print(f"{program}: warning: {warning}", file=sys.stderr)
     if result.is_stopped:
         print(f"{program}: stopped, the {result.are} before are kept.", file=sys.stderr)
+    for sentence in entry.gate:
+        print(f"{program}: {sentence}", file=sys.stderr)
     lines = [*terminal_text.saved(result.maps), *terminal_text.summary(result)]
     print("\n".join([*lines, terminal_text.wrote(result, opened.report)]), file=out)
     if options.report == STDOUT:
-        print(report_file.as_text(run_report.document([result.entry()], 1)))
-    return exit_codes.DONE
+        print(report_file.as_text(run_report.document([entry], 1)))
+    return exit_codes.code(entry)
 
 
 def _fail(result: Result, report: str | None, program: str) -> int:

@@ -77,6 +77,9 @@ class Report:
     """What programs show of the map, by their names: median, percentile_95, percentile_99 and maximum of the degrees to the
     normals that the map means before it is rounded, on so many texels; rebuilt: of these, those that come out wrong because the
     program makes z of x and y."""
+    deviation: dict[str, float | int] = field(default_factory=dict)
+    """What the low mesh shows with its map, by the map's own basis: median, percentile_95, percentile_99 and maximum of the
+    degrees to the normals of the high meshes, on so many texels. Empty unless it was asked for."""
     tiles: list[int] = field(default_factory=lambda: [udim.FIRST])
     """The UDIM tiles that were baked."""
     maps: dict[str, dict] = field(default_factory=dict)

@@ -10,6 +10,7 @@ from ..core.declarations import bases
 from ..core.declarations.choices import Space
 from ..core.declarations.readers import Reader
 from ..core.settings import Settings
+from ..core.texel_state import Map
 from ..passes.view import lit
 
 
@@ -34,6 +35,13 @@ def reading_by(reader: Reader, settings: Settings) -> tuple[int, int, int]:
     steps = 0 if depth > 8 and settings.is_float else 2**depth - 1
     axes = channels(replace(settings, red="+X", green=reader.green, blue="+Z"))
     return lit.reading(lit.TANGENT + reader.basis.flags, axes, steps=steps, rebuilds_z=reader.rebuilds_z)
+
+
+def stored(normals: np.ndarray, settings: Settings) -> Map:
+    """Normals as rendering.Renderer.raw returns them, as they are stored in a map of these settings, before rounding."""
+    texels = np.ones_like(normals)
+    texels[..., :3] = normals[..., :3] @ (0.5 * channels(settings).T).astype(np.float32) + 0.5
+    return texels, texel_state.of_raw(normals[..., 3])
 
 
 def backwards(texels: np.ndarray, state: np.ndarray, settings: Settings) -> int:

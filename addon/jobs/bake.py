@@ -8,6 +8,7 @@ import bpy
 import numpy as np
 
 from ..audit.checks import audit
+from ..audit.deviations import Deviations
 from ..audit.other_readers import OtherReaders
 from ..audit.tally import Tally
 from ..core.errors import BakeError
@@ -58,6 +59,7 @@ def _bake(
                 tally.add(maps[NORMAL.name], settings)
                 with timings.timed("audit"):
                     ready.others.add(tile, maps[NORMAL.name])
+                    ready.deviations.add(tile, maps[NORMAL.name])
                 levels = yield from part(mip_levels.of(maps, tile, Run(drawing, timings, pace)), stop, stop)
                 with timings.timed("image"):
                     outputs.add(tile, maps, levels)
@@ -80,6 +82,7 @@ class _Ready:
     source: Source
     renderer: Renderer
     others: OtherReaders
+    deviations: Deviations
 
 
 def _prepare(context: bpy.types.Context, job: Job, settings: Settings, pace: Pace, timings: Timings) -> Task[_Ready]:
@@ -101,8 +104,9 @@ def _prepare(context: bpy.types.Context, job: Job, settings: Settings, pace: Pac
         plan = choose_method(meshes, tiles, settings)
     source = yield from part(normal_source(plan, settings, timings, pace), 0.5, 1.0)
     run = Run(settings, timings, pace)
-    renderer = Renderer(maps_of_bake(meshes, source, run), run)
-    return _Ready(meshes, [*warnings, *early], plan, source, renderer, OtherReaders(meshes.basis, settings))
+    drawn, others = maps_of_bake(meshes, source, run), OtherReaders(meshes.basis, settings)
+    deviations = Deviations(plan, drawn, settings, is_wanted=job.is_measured and settings.normal)
+    return _Ready(meshes, [*warnings, *early], plan, source, Renderer(drawn, run), others, deviations)
 
 
 def _audit(job: Job, settings: Settings, ready: _Ready, tally: Tally, timings: Timings) -> DrawnJob:
@@ -114,7 +118,19 @@ def _audit(job: Job, settings: Settings, ready: _Ready, tally: Tally, timings: T
         findings = audit(ready.plan, tally, settings, ray_cast)
     stopped = ready.renderer.maps.stopped / tally.written
     read = ready.others.results(tally.backwards)
-    return DrawnJob(job, settings, ready.meshes, ready.plan, ray_cast, findings, timings, ready.warnings, stopped, read)
+    return DrawnJob(
+        job,
+        settings,
+        ready.meshes,
+        ready.plan,
+        ray_cast,
+        findings,
+        timings,
+        ready.warnings,
+        stopped,
+        read,
+        ready.deviations.results(),
+    )
 
 
 def _shares(plan: Plan) -> Iterator[tuple[int, float, float]]:
@@ -136,4 +152,5 @@ def draw_raw(
             tally.add_raw(maps[tile][NORMAL.name], settings)
             with timings.timed("audit"):
                 ready.others.add_raw(tile, maps[tile][NORMAL.name])
+                ready.deviations.add_raw(tile, maps[tile][NORMAL.name])
         return _audit(job, settings, ready, tally, timings), maps

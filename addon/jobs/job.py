@@ -25,7 +25,8 @@ class Job:
 
     `highs` may be [low]: then the low object's modifiers are baked onto its own base mesh. `cage` has the topology of `low`,
     and rays start on it. texture_set: the faces of the low object that are baked; None for all. is_exported: whether Imprint
-    writes the low mesh for an engine afterwards. is_for_others: whether programs other than Blender read the normal map. The
+    writes the low mesh for an engine afterwards. is_for_others: whether programs other than Blender read the normal map.
+    is_measured: whether the report says how far the low mesh with its map deviates from the high mesh. The
     attributes `low`, `highs` and `cage` raise BakeError if the object was deleted.
     """
 
@@ -33,13 +34,14 @@ class Job:
         self._refer_to(low, highs, cage)
         self.other_refs: list[ObjectRef] = []
         self.texture_set: MaterialSet | None = None
-        self.is_exported = self.is_for_others = False
+        self.is_exported = self.is_for_others = self.is_measured = False
 
     def of_set(self, texture_set: MaterialSet) -> "Job":
         """The same job for one texture set."""
         job = Job(self.low, self.highs, self.cage)
         job.texture_set = texture_set
         job.is_exported, job.is_for_others = self.is_exported, self.is_for_others
+        job.is_measured = self.is_measured
         return job
 
     @property

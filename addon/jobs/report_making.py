@@ -29,7 +29,7 @@ from .job import Job
 @dataclass(frozen=True)
 class DrawnJob:
     """A bake whose maps are drawn and not yet stored. meshes: all that were read. ray_cast: None for Flatten. warnings: about
-    the objects, in sentences. stopped_early, readers: as in Report."""
+    the objects, in sentences. stopped_early, readers, deviation: as in Report."""
 
     job: Job
     settings: Settings
@@ -41,6 +41,7 @@ class DrawnJob:
     warnings: Sequence[str] = ()
     stopped_early: float = 0.0
     readers: dict[str, dict[str, float | int]] = field(default_factory=dict)
+    deviation: dict[str, float | int] = field(default_factory=dict)
 
     @property
     def labels(self) -> dict[Labeled, list[str]]:
@@ -79,6 +80,7 @@ def report_of(drawn: DrawnJob, stored: Stored, warnings: Sequence[str] = (), mar
         mirrored=findings.checks["mirrored"]["count"],
         checks=findings.checks,
         readers=drawn.readers,
+        deviation=drawn.deviation,
         tiles=[tile for tile in plan.tiles if tile in stored.tiles],
         maps=_with_meanings(drawn, stored.maps),
         attributes=stored.attributes,

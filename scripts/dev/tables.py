@@ -15,6 +15,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
+from addon.cli.results.gates import COUNT, DEGREES, FIGURES, LENGTH, READERS, SECONDS, SHARE  # noqa: E402
 from addon.cli.usage.key_values import KEYS  # noqa: E402
 from addon.cli.usage.option_types import word_for  # noqa: E402
 from addon.cli.usage.options import FILE, JOBS, OPTIONS, CommandOption  # noqa: E402
@@ -262,9 +263,32 @@ def preset_files() -> dict[Path, str]:
     return {PRESETS / f"{name}.py": preset(values) for name, values in readers.presets().items()}
 
 
+UNITS = {SHARE: "%, or a share from 0 to 1", COUNT: "a number", LENGTH: "scene units", SECONDS: "s", DEGREES: "deg"}
+
+
+def figures() -> str:
+    """The figures that can have limits. Those that differ in their end alone are in one row."""
+    rows: dict[tuple[str, str], list[str]] = {}
+    for figure in FIGURES.values():
+        name, meaning = figure.name, figure.meaning
+        if name.startswith(READERS):
+            name, meaning = f"{READERS}.NAME.{name.rpartition('.')[2]}", "degrees by which a program of --readers is off"
+        names = rows.setdefault((meaning, UNITS[figure.unit]), [])
+        if code(name) not in names:
+            names.append(code(name))
+    return table(
+        ("figure", "unit", "what it is"),
+        (
+            (", ".join(names), unit, sentence(meaning[0].upper() + meaning[1:]))
+            for (meaning, unit), names in rows.items()
+        ),
+    )
+
+
 TABLES: dict[str, Callable[[], str]] = {
     **{name: lambda shown=shown: panel(shown) for name, shown in PANELS.items()},
     "options": options,
+    "figures": figures,
     "job-file": job_file,
     "file-formats": formats,
     "map-types": maps,

@@ -32,7 +32,19 @@ from ..usage import arguments
 from ..usage.arguments import WrongUsage
 from ..usage.options import STDOUT
 
-_REFUSED = ("high", "cage", "pairs", "high_file", "cage_file", "frames", "high_up", "convert", "list", "check")
+_REFUSED = (
+    "high",
+    "cage",
+    "pairs",
+    "high_file",
+    "cage_file",
+    "frames",
+    "high_up",
+    "convert",
+    "list",
+    "check",
+    "strict",
+)
 """Options of a bake that a chain has no use for."""
 
 

@@ -9,7 +9,8 @@ from typing import Any
 
 from ...core.errors import BakeError, NoGpu, sentence
 from ...core.report import Report
-from . import run_report
+from . import gates, run_report
+from .gates import Gate
 from .run_report import Cause, Entry, State
 
 
@@ -32,6 +33,8 @@ class Result:
     """The warnings that were printed before the bake."""
     scene: Path | None = None
     """The .blend that was saved."""
+    strict: tuple[Gate, ...] = ()
+    """The limits for its figures."""
 
     @property
     def maps(self) -> list[str]:
@@ -60,7 +63,9 @@ class Result:
 
     def entry(self, number: int = 1) -> Entry:
         """The entry in the report. number: of the bake. Reads what was written."""
-        state = State.STOPPED if self.is_stopped else State.FAILED if self.error else State.DONE
+        reports = [report.to_dict() for report in self.reports]
+        over = gates.over(self.strict, reports)
+        state = State.STOPPED if self.is_stopped else State.FAILED if self.error else State.GATE if over else State.DONE
         files = [(run_report.MAP, path) for path in self.maps]
         files += [(run_report.EXPORT, path) for path in self.exports]
         files += [(run_report.SCENE, str(self.scene))] if self.scene is not None else []
@@ -70,10 +75,11 @@ class Result:
             state,
             "It was stopped." if self.is_stopped else self.error,
             self.cause,
+            gate=over,
             seconds=self.seconds,
             files=[{**facts(path), "what": what} for what, path in files],
             are=self.are,
-            reports=[report.to_dict() for report in self.reports],
+            reports=reports,
             problems=self.problems,
         )
 

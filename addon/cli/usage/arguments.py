@@ -12,6 +12,7 @@ from typing import Any
 from ...core import file_formats
 from ...core.declarations.choices import Space
 from ...core.names import file_names
+from ..results import gates
 from . import option_settings, run_options
 from .option_settings import settings, stored_normals  # noqa: F401 - callers find them here
 from .options import FILE, JOBS, OPTIONS, SUBJECTS
@@ -120,6 +121,7 @@ def mistakes(options: argparse.Namespace, unread: Collection[str] = ()) -> Itera
         yield f"{options.save_blend!r} does not end in .blend"
     if options.export:
         yield from _wrong_export(options)
+    yield from _unmeasured(options)
     folder = next(filter(os.path.isdir, filter(None, (options.output, options.report, options.export))), None)
     if folder:
         yield f"{folder!r} is a folder: name a file"
@@ -190,6 +192,20 @@ def _wrong_export(options: argparse.Namespace) -> Iterator[str]:
         yield "--export needs a normal map in tangent space, which engines read: leave out --space"
     if is_folder(options) and file_names.LOW not in options.export:
         yield f"--export needs {file_names.LOW} in its name, as the meshes of a folder are baked one by one"
+
+
+def _unmeasured(options: argparse.Namespace) -> Iterator[str]:
+    """A mistake for each limit whose figure the report will not have."""
+    for gate in options.strict:
+        needs = gate.figure.needs
+        if options.convert and not gate.figure.is_of_conversions:
+            yield f"--strict: a conversion does not measure {gate.name}"
+        elif needs == gates.DEVIATION and not options.normal:
+            yield f"--strict: {gate.name} needs a normal map: leave out --no-normal"
+        elif needs == gates.EXPORT and not (options.export and options.normal):
+            yield f"--strict: {gate.name} needs --export and a normal map"
+        elif needs.startswith(gates.READERS) and needs.partition(".")[2] not in options.readers:
+            yield f"--strict: {gate.name} needs --readers {needs.partition('.')[2]}"
 
 
 def _wrong_folder(options: argparse.Namespace) -> Iterator[str]:

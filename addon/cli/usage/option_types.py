@@ -13,6 +13,7 @@ from ...core import udim
 from ...core.declarations import kinds
 from ...core.errors import BakeError
 from ...core.names.name_matching import Suffixes
+from ..results import gates
 from .similar_words import did_you_mean
 
 LAST_FRAME = 1_048_574
@@ -182,6 +183,13 @@ def _among(
 def _without_dashes(word: str) -> str:
     """The first character may be the sign of an axis."""
     return word[:1] + word[1:].replace("-", "")
+
+
+def limits(value: str) -> tuple[gates.Gate, ...]:
+    try:
+        return gates.parse(value)
+    except BakeError as error:
+        raise argparse.ArgumentTypeError(str(error).rstrip(".")) from error
 
 
 def seconds(value: str) -> float:

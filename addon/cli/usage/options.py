@@ -9,6 +9,7 @@ from typing import Any
 from ...core.declarations import kinds
 from ...core.declarations.all_settings import DECLARED, PANELS
 from ...core.names.name_matching import Suffixes
+from ..results import exit_codes
 from . import option_types
 
 STDOUT = "-"
@@ -241,6 +242,12 @@ FILES = {
     "report": CommandOption(
         f"Write a report as JSON; {STDOUT} stands for standard output",
         {"type": option_types.path, "metavar": "REPORT.json"},
+    ),
+    "strict": CommandOption(
+        "Limits for figures, as in missed<0.1%,overlap=0,deviation.p99<2deg. A bake over a limit keeps its files; "
+        f"the exit code is then {exit_codes.GATE}",
+        {"type": option_types.limits, "default": (), "metavar": "LIMIT,LIMIT..."},
+        "none",
     ),
 }
 """What a bake writes beside its maps."""

@@ -47,6 +47,7 @@ def measure(
     shading: np.ndarray,
     *,
     elsewhere: np.ndarray,
+    uv_to_clip: udim.UvToClip | None = None,
 ) -> None:
     """Clear `into` (RGBA32F) and write angles in degrees on the texels that `low` covers.
 
@@ -54,6 +55,7 @@ def measure(
     or -1 without a truth, or -2 where the truth belongs to another place of the surface. low: batch with attributes uv,
     normal and tangent. truth: unit normals, as sources.Source writes them. All textures have the same size. shading: from
     lit.shading. elsewhere (rows, columns) bool, at any resolution: where the truth belongs to another place.
+    uv_to_clip: as udim.uv_to_clip returns it for the textures; None for the whole of the first tile.
     """
     values = np.ascontiguousarray(elsewhere, np.float32)
     data = gpu.types.Buffer("FLOAT", values.shape, values)
@@ -66,7 +68,7 @@ def measure(
             "truth": truth,
             "elsewhere": mask,
             "shading": shader.mat4(shading),
-            "uv_to_clip": udim.uv_to_clip(),
+            "uv_to_clip": udim.uv_to_clip() if uv_to_clip is None else uv_to_clip,
         }
         target.bind(compiled, MEASURE, **bindings)
         low.draw(compiled)

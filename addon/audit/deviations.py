@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Measures how far the low mesh with its map deviates from the high meshes: the angles between their normals."""
+
+from typing import Protocol
+
+import gpu
+import numpy as np
+
+from ..core import texel_state, udim
+from ..core.declarations.choices import Method
+from ..core.settings import Settings
+from ..core.texel_state import Map
+from ..engine import bands, normal_channels, uv_agreement
+from ..engine.bands import Band
+from ..engine.method_choice import Plan
+from ..mesh.triangle_mesh import normal_matrix
+from ..passes import mesh_upload, target
+from ..passes.view import deviation, lit
+from .angle_counts import AngleCounts
+
+
+class HighNormals(Protocol):
+    """What draws the normals of the high meshes, as maps.sampling.SampledMaps."""
+
+    def high_normals(self, band: Band) -> gpu.types.GPUTexture:
+        """Those at the centers of a band's texels."""
+
+
+class Deviations:
+    """The angles at the centers of texels, with the map as it is read by its own basis, in 8 bits if it has 8.
+
+    Texels on which Flatten draws another place of the high surface are left out. is_wanted: whether anything is measured. It
+    takes about as long as one sample.
+    """
+
+    def __init__(self, plan: Plan, highs: HighNormals, settings: Settings, *, is_wanted: bool):
+        self._plan, self._highs, self._settings = plan, highs, settings
+        self._low = plan.meshes.basis or plan.meshes.low
+        self._counts = AngleCounts() if is_wanted else None
+        self._uploaded: gpu.types.GPUBatch | None = None
+
+    def add(self, tile: int, stored: Map) -> None:
+        """Measure a UDIM tile of the normal map as it is stored, before rounding."""
+        if self._counts is None:
+            return
+        texels, state = stored
+        elsewhere = self._elsewhere(tile)
+        for band in bands.bands(state.shape[1], state.shape[0], 0, tile):
+            rows = slice(band.start, band.stop)
+            part = slice(band.start * len(elsewhere) // len(state), -(-band.stop * len(elsewhere) // len(state)))
+            texels_of_band = np.ascontiguousarray(texels[rows], np.float32)
+            angles = self._angles(band.without_halo, texels_of_band, elsewhere[part])
+            is_known = (state[rows] == texel_state.WRITTEN) & (angles[..., 3] > 0.0)
+            self._counts.add(angles[is_known][:, 0])
+
+    def add_raw(self, tile: int, normals: np.ndarray) -> None:
+        """Measure a tile of normals as rendering.Renderer.raw returns them."""
+        if self._counts is not None:
+            self.add(tile, normal_channels.stored(normals, self._settings))
+
+    def results(self) -> dict[str, float | int]:
+        """The figures as Report.deviation has them; empty if no texel was measured."""
+        found = self._counts.results() if self._counts else {}
+        return found if found.get("texels") else {}
+
+    def _elsewhere(self, tile: int) -> np.ndarray:
+        """Where the high surface that is drawn is another place, as deviation.measure takes it."""
+        meshes = self._plan.meshes
+        if self._plan.method != Method.FLATTEN or meshes.is_own_base or tile != udim.FIRST:
+            return np.zeros((1, 1), bool)
+        return uv_agreement.mismatched(meshes.low, meshes.drawn_highs)
+
+    def _angles(self, band: Band, texels: np.ndarray, elsewhere: np.ndarray) -> np.ndarray:
+        """What deviation.measure writes, (height, width, 4) float32."""
+        low, settings = self._low, self._settings
+        if self._uploaded is None:
+            tangents = np.zeros((len(low.normals), 4), np.float32) if low.tangents is None else low.tangents
+            self._uploaded = mesh_upload.upload(low.triangles, uv=low.uv, normal=low.normals, tangent=tangents)
+        data = gpu.types.Buffer("FLOAT", texels.shape, texels)
+        normal_map = gpu.types.GPUTexture((band.width, band.height), format="RGBA32F", data=data)
+        read = (255 if settings.depth == 8 else 0, *normal_channels.reading(settings)[1:])
+        measured = target.get("deviation", band.width, band.height, "RGBA32F")
+        deviation.measure(
+            measured,
+            self._uploaded,
+            normal_map,
+            self._highs.high_normals(band),
+            lit.shading(normal_matrix(low.to_world), read=read),
+            elsewhere=elsewhere,
+            uv_to_clip=band.uv_to_clip,
+        )
+        values = np.empty((band.height, band.width, 4), np.float32)
+        measured.read(values)
+        return values

@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tests of how far a low mesh with its map deviates from its high mesh, as reports have it."""
+
+import bpy
+import numpy as np
+import pytest
+
+from addon.core.progress import Pace
+from addon.core.settings import Settings
+from addon.engine import bands
+from addon.jobs import Job, bake_jobs
+from addon.jobs.live import live_session
+from addon.views import view_shading
+from tests.support import zoo
+
+pytestmark = pytest.mark.usefixtures("gpu_context")
+
+SIZE = (128, 96)
+EXACT = 0.1
+"""Degrees at the 99th percentile of a map in floats with one sample: it holds the very normals that are compared."""
+OF_8_BITS = (0.1, 0.6)
+"""Between these are the degrees that 8 bits cost at the 99th percentile."""
+
+
+def settings(**values):
+    usual = {"method": "FLATTEN", "margin": 0, "depth": 32, "storage": "MEMORY", "material": False}
+    return Settings(**{**usual, "width": SIZE[0], "height": SIZE[1], **values})
+
+
+def measured(lows, highs, chosen, *, share_image=False):
+    """The figures of each bake."""
+    bpy.context.view_layer.update()
+    jobs = [Job(low, [high]) for low, high in zip(lows, highs, strict=True)]
+    for job in jobs:
+        job.is_measured = True
+    return [report.deviation for report in bake_jobs.bake_all(bpy.context, jobs, chosen, share_image=share_image)]
+
+
+def terrains():
+    return [zoo.terrain("low", n=9, height=0.3)], [zoo.terrain("high", n=96, height=0.3)]
+
+
+@pytest.mark.parametrize("values", [{}, {"space": "OBJECT"}, {"space": "WORLD"}, {"method": "CAST"}], ids=str)
+def test_an_exact_map_does_not_deviate(values):
+    (found,) = measured(*terrains(), settings(**values))
+    assert found["percentile_99"] < EXACT
+    assert found["median"] <= found["percentile_95"] <= found["percentile_99"] <= found["maximum"] + 1e-3
+    assert found["texels"] > 0.8 * SIZE[0] * SIZE[1]
+
+
+def test_what_8_bits_cost_is_measured():
+    (found,) = measured(*terrains(), settings(depth=8))
+    assert OF_8_BITS[0] < found["percentile_99"] < OF_8_BITS[1]
+
+
+def test_the_figures_are_those_of_the_view():
+    lows, highs = terrains()
+    chosen = settings(depth=8, samples=16, width=16, height=16)
+    (found,) = measured(lows, highs, chosen)
+    session = live_session.Session(bpy.context, Job(lows[0], highs), chosen, Pace())
+    session.run(bpy.context)
+    shading = view_shading.Shading(session)
+    shading.update(is_measured=True)
+    assert found["percentile_99"] == pytest.approx(shading.figures.percentile_99, rel=0.02)
+    assert found["percentile_99"] > 2.0 * OF_8_BITS[1]  # a texel averages what the truth has at its center
+
+
+def test_bands_of_a_map_are_measured_alike(monkeypatch):
+    (whole,) = measured(*terrains(), settings(depth=8))
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    monkeypatch.setattr(bands, "BAND_TEXELS", SIZE[0] * 20)
+    (found,) = measured(*terrains(), settings(depth=8))
+    assert found == pytest.approx(whole, abs=0.002)
+
+
+def test_a_shared_map_is_measured_for_each_low_mesh():
+    lows, highs = terrains()
+    low, high = zoo.plane("a"), zoo.plane("b", slope=0.4)
+    for mesh in (lows[0].data, highs[0].data):
+        shrink(mesh, 0.0)
+    for mesh in (low.data, high.data):
+        shrink(mesh, 0.5)
+    found = measured([*lows, low], [*highs, high], settings(depth=8), share_image=True)
+    assert len(found) == 2
+    assert all(each["percentile_99"] < OF_8_BITS[1] for each in found)
+    assert all(0.3 < each["texels"] / (SIZE[0] * SIZE[1]) < 0.55 for each in found)
+
+
+def test_texels_that_show_another_place_are_left_out():
+    """The high mesh's UVs are mirrored, so that only those near the middle show their own place."""
+    lows, highs = terrains()
+    (whole,) = measured(lows, highs, settings())
+    uvs = highs[0].data.uv_layers.active.uv
+    values = np.empty(2 * len(uvs), np.float32)
+    uvs.foreach_get("vector", values)
+    values[::2] = 1.0 - values[::2]
+    uvs.foreach_set("vector", values)
+    (found,) = measured(lows, highs, settings())
+    assert 0 < found["texels"] < 0.2 * whole["texels"]
+
+
+def test_nothing_is_measured_unless_it_is_asked_for():
+    (low,), highs = terrains()
+    assert bake_jobs.bake_pair(bpy.context, low, highs, settings()).deviation == {}
+
+
+def shrink(mesh, start):
+    """Put the UVs into half of the map."""
+    uvs = mesh.uv_layers.active.uv
+    values = np.empty(2 * len(uvs), np.float32)
+    uvs.foreach_get("vector", values)
+    values[::2] = values[::2] * 0.5 + start
+    uvs.foreach_set("vector", values)

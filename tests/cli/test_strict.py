@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tests of bakes over a limit: they are done, named, and end with an exit code of their own."""
+
+import json
+
+import bpy
+import pytest
+
+from addon.cli import command
+from addon.cli.results import exit_codes
+from tests.support import reports, zoo
+
+pytestmark = pytest.mark.usefixtures("gpu_context")
+
+OVER = "coverage is 100 %, and must be less than 10 %."
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """The working folder, with file.blend."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("a", "b"):
+        zoo.plane(f"{name}_low")
+        zoo.plane(f"{name}_high", slope=0.2)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "file.blend"))
+    return tmp_path
+
+
+def bake(*words):
+    return command.run(["--size", "32", "--limit", "9", "--report", "r.json", *words])
+
+
+PAIR = ["file.blend", "--low", "a_low", "--high", "a_high", "--output", "a.png"]
+
+
+def test_a_bake_over_a_limit_keeps_its_map_and_ends_with_4(folder, capsys):
+    assert bake(*PAIR, "--strict", "coverage<10%, missed<0.1%") == exit_codes.GATE
+    entry = reports.bake(folder / "r.json")
+    assert (entry["state"], entry["gate"], entry["error"]) == ("gate", [OVER], "")
+    assert (folder / "a.png").is_file()
+    assert f"imprint: {OVER}" in capsys.readouterr().err.splitlines()
+
+
+def test_a_bake_within_its_limits_is_done(folder):
+    assert bake(*PAIR, "--strict", "coverage>90%, missed<0.1%, deviation.p99<1deg, loss.max<1deg") == exit_codes.DONE
+    entry = reports.bake(folder / "r.json")
+    assert (entry["state"], entry["gate"]) == ("done", [])
+    assert entry["reports"][0]["deviation"]["texels"] == 32 * 32
+
+
+def test_pairs_over_a_limit_are_named(folder):
+    words = ["file.blend", "--pairs", "--output", "{low}.png", "--strict", "coverage<10%"]
+    assert bake(*words) == exit_codes.GATE
+    assert reports.bake(folder / "r.json")["gate"] == [f"a_low: {OVER}", f"b_low: {OVER}"]
+
+
+def test_each_set_has_limits_of_its_own(folder, capsys):
+    sets = [
+        {"low": "a_low", "high": "a_high", "output": "a.png", "strict": ["coverage<10%", "missed=0"]},
+        {"low": "b_low", "high": "b_high", "output": "b.png"},
+    ]
+    job = {"defaults": {"file": "file.blend", "strict": "coverage>10%"}, "bake": sets}
+    (folder / "j.json").write_text(json.dumps(job))
+    assert bake("--jobs", "j.json") == exit_codes.GATE
+    assert [each["state"] for each in reports.bakes(folder / "r.json")] == ["gate", "done"]
+    out, err = capsys.readouterr()
+    assert f"imprint: set 1 (a_low): {OVER}" in err.splitlines()
+    assert "2 done, 0 failed, 1 over a limit" in out
+    assert bake("--jobs", "j.json", "--strict", "coverage>20%") == exit_codes.DONE
+    job["bake"][1]["high"] = "missing"
+    (folder / "j.json").write_text(json.dumps(job))
+    assert bake("--jobs", "j.json") == exit_codes.FAILED
+    assert [each["state"] for each in reports.bakes(folder / "r.json")] == ["gate", "failed"]
+
+
+def test_a_wrong_limit_stops_the_call_before_the_first_bake(folder, capsys):
+    assert bake(*PAIR, "--strict", "mised<1%") == exit_codes.WRONG_USAGE
+    assert "did you mean 'missed'?" in capsys.readouterr().err
+    job = {
+        "bake": [{"file": "file.blend", "low": "a_low", "high": "a_high", "output": "a.png", "strict": "missed<1deg"}]
+    }
+    (folder / "j.json").write_text(json.dumps(job))
+    assert bake("--jobs", "j.json") == exit_codes.WRONG_USAGE
+    assert "set 1: strict: 'missed<1deg': missed takes %, or no unit, and not 'deg'" in capsys.readouterr().err
+    assert not (folder / "a.png").exists()
