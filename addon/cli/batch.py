@@ -90,7 +90,7 @@ def bake_all(turns: Turns, files: run_clashes.Run, meter: Meter) -> Iterator[Don
             continue
         place += 1
         if isinstance(turn, Resumed):
-            yield Done.resumed(turn.plan.number, turn.result)
+            yield Done.resumed(turn.plan, turn.result)
             continue
         meter.place = f"{place}/{count} "
         refusal = chains.refusal(turn.plan)

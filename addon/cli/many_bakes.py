@@ -50,7 +50,7 @@ def run(many: Many, files: run_clashes.Run, meter: Meter, *, may_start_processes
     try:
         with _Found(many) as found, many.turns() as turns, ExitStack() as held:
             for done in turns.done:
-                found.add(Done.resumed(done.plan.number, done.result))
+                found.add(Done.resumed(done.plan, done.result))
             source: Iterable[Done] = ()
             if turns.count and may_start_processes and options.workers:
                 limits = Limits(options.timeout, options.max_memory, options.log)

@@ -272,7 +272,10 @@ def figures() -> str:
     for figure in FIGURES.values():
         name, meaning = figure.name, figure.meaning
         if name.startswith(READERS):
-            name, meaning = f"{READERS}.NAME.{name.rpartition('.')[2]}", "degrees by which a program of --readers is off"
+            name, meaning = (
+                f"{READERS}.NAME.{name.rpartition('.')[2]}",
+                "degrees by which a program of --readers is off",
+            )
         names = rows.setdefault((meaning, UNITS[figure.unit]), [])
         if code(name) not in names:
             names.append(code(name))

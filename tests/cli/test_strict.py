@@ -73,6 +73,24 @@ def test_each_set_has_limits_of_its_own(folder, capsys):
     assert [each["state"] for each in reports.bakes(folder / "r.json")] == ["gate", "failed"]
 
 
+def test_limits_count_for_bakes_that_were_done_before(folder):
+    job = {"bake": [{"file": "file.blend", "low": "a_low", "high": "a_high", "output": "a.png"}]}
+    (folder / "j.json").write_text(json.dumps(job))
+    words = ["--jobs", "j.json", "--resume", "--strict"]
+    states = []
+    for limits in ("coverage<10%", "coverage<10%", "coverage>10%", "deviation.p99<1deg", "deviation.p99<1deg"):
+        code = bake(*words, limits)
+        entry = reports.bake(folder / "r.json")
+        states.append((code, entry["state"], entry["gate"], entry["seconds"] > 0.0))
+    assert states == [
+        (exit_codes.GATE, "gate", [OVER], True),
+        (exit_codes.GATE, "gate", [OVER], False),
+        (exit_codes.DONE, "resumed", [], False),
+        (exit_codes.DONE, "done", [], True),  # it is measured
+        (exit_codes.DONE, "resumed", [], False),
+    ]
+
+
 def test_a_wrong_limit_stops_the_call_before_the_first_bake(folder, capsys):
     assert bake(*PAIR, "--strict", "mised<1%") == exit_codes.WRONG_USAGE
     assert "did you mean 'missed'?" in capsys.readouterr().err

@@ -213,12 +213,20 @@ def key(planned):
 
 
 def test_each_setting_counts(folder):
-    """Whichever option is added later: only those that say where files are do not count."""
+    """Whichever option is added later: only those that say where files are, and limits, do not count."""
     usual = plan(folder).options
     changed = {}
     for name in (name.replace("-", "_") for options in OPTIONS.values() for name in options):
         dest = {"no_normal": "normal"}.get(name, name)
-        if dest not in vars(usual) or dest in ("low_file", "high_file", "cage_file", "convert", "report", "pairs"):
+        if dest not in vars(usual) or dest in (
+            "low_file",
+            "high_file",
+            "cage_file",
+            "convert",
+            "report",
+            "pairs",
+            "strict",
+        ):
             continue
         other = arguments.argparse.Namespace(**{**vars(usual), dest: "other"})
         changed[name] = bake_key.of(other, Contents()).value

@@ -12,7 +12,7 @@ from typing import Any
 
 from ...core import versions
 from ..usage import arguments
-from ..usage.options import FILE, JOBS, OPTIONS
+from ..usage.options import FILE, JOBS, OPTIONS, STRICT
 from ..usage.run_options import RUN_OPTIONS
 from . import moved_paths
 from .contents import Content, Contents
@@ -83,5 +83,5 @@ def _names(options: dict[str, Any]) -> Iterator[str]:
 _WRITTEN = ("output", "export", "save_blend")
 """The options that name files to write."""
 _PATHS = {name: option for each in OPTIONS.values() for name, option in each.items() if option.is_path}
-_NOT_SETTINGS = {*_names({**_PATHS, "file": FILE, "jobs": JOBS, **RUN_OPTIONS})}
-"""The options that say where files are, and those of a run."""
+_NOT_SETTINGS = {*_names({**_PATHS, "file": FILE, "jobs": JOBS, "strict": STRICT, **RUN_OPTIONS})}
+"""The options that say where files are, those of a run, and limits, which are compared with what a bake has measured."""

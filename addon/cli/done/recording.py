@@ -17,7 +17,7 @@ def finish(draft: Draft | None, done: Done, found: Sequence[Content]) -> Done:
 
     found: as in bake_record.write.
     """
-    if draft is None or done.entry.state != State.DONE:
+    if draft is None or done.entry.state not in {State.DONE, State.GATE}:
         return done
     try:
         bake_record.write(draft, done.entry.to_dict(), found, [each["path"] for each in done.entry.files])

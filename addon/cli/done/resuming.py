@@ -11,6 +11,7 @@ from typing import Any
 from ...core import versions
 from ...core.errors import shorten_list
 from ..plan.plans import Plan
+from ..results import gates
 from ..usage.options import STDOUT
 from . import bake_key, bake_record, contents
 from .bake_record import Draft, Record
@@ -135,6 +136,10 @@ class Resuming(Turns):
         record = bake_record.read(path)
         if record is None:
             return "Its record cannot be read." if path.exists() else "It has not been baked."
+        if gates.DEVIATION in gates.needs(plan.options.strict) and not all(
+            map(_has_deviation, record.result["reports"])
+        ):
+            return "Its deviation, which has a limit now, was not measured."
         found = next(self._changes(plan, record), "")
         return found or Resumed(plan, record.result, is_started)
 
@@ -166,6 +171,10 @@ class Resuming(Turns):
                 yield _has_changed(before)
         if record.key_value != bake_key.of(options, self._contents, self._open_file).value:
             yield "Its record was changed."
+
+
+def _has_deviation(report: dict[str, Any]) -> bool:
+    return bool(report.get("deviation"))
 
 
 def _bytes(path: Path) -> bytes:

@@ -9,6 +9,7 @@ from typing import Any
 
 from ...core.errors import BakeError, NoGpu, sentence
 from ...core.report import Report
+from ..plan.plans import Plan
 from . import gates, run_report
 from .gates import Gate
 from .run_report import Cause, Entry, State
@@ -98,10 +99,12 @@ class Done:
         return cls(result.entry(number), result.unsaid, result.is_listed)
 
     @classmethod
-    def resumed(cls, number: int, entry: dict[str, Any]) -> "Done":
-        """A bake that was done before. entry: that of the report of the run that did it."""
+    def resumed(cls, plan: Plan, entry: dict[str, Any]) -> "Done":
+        """A bake that was done before. entry: that of the report of the run that did it, perhaps with other limits."""
         before = Entry.from_dict(entry)
-        return cls(replace(before, number=number, state=State.RESUMED, seconds=0.0, log=""))
+        over = gates.over(plan.options.strict, before.reports)
+        state = State.GATE if over else State.RESUMED
+        return cls(replace(before, number=plan.number, state=state, gate=over, seconds=0.0, log=""))
 
 
 def failure(name: str, error: BakeError | MemoryError) -> Result:

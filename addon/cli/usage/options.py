@@ -235,6 +235,12 @@ OBJECTS = {
     ),
 }
 """What to bake."""
+STRICT = CommandOption(
+    "Limits for figures, as in missed<0.1%,overlap=0,deviation.p99<2deg. A bake over a limit keeps its files; "
+    f"the exit code is then {exit_codes.GATE}",
+    {"type": option_types.limits, "default": (), "metavar": "LIMIT,LIMIT..."},
+    "none",
+)
 FILES = {
     "save-blend": CommandOption(
         "Save the scene with the map in its material", {"type": option_types.path, "metavar": "OUT.blend"}
@@ -243,12 +249,7 @@ FILES = {
         f"Write a report as JSON; {STDOUT} stands for standard output",
         {"type": option_types.path, "metavar": "REPORT.json"},
     ),
-    "strict": CommandOption(
-        "Limits for figures, as in missed<0.1%,overlap=0,deviation.p99<2deg. A bake over a limit keeps its files; "
-        f"the exit code is then {exit_codes.GATE}",
-        {"type": option_types.limits, "default": (), "metavar": "LIMIT,LIMIT..."},
-        "none",
-    ),
+    "strict": STRICT,
 }
 """What a bake writes beside its maps."""
 

@@ -113,7 +113,7 @@ class Supervisor:
                     continue
                 begun += 1
                 if isinstance(turn, Resumed):
-                    yield Done.resumed(turn.plan.number, turn.result)
+                    yield Done.resumed(turn.plan, turn.result)
                     continue
                 if refusal := self._chains.refusal(turn.plan):
                     yield Done.of(refusal, turn.plan.number)
