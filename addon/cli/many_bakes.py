@@ -74,9 +74,9 @@ def run(many: Many, files: run_clashes.Run, meter: Meter, *, may_start_processes
 def _bake_here(turns: Turns, files: run_clashes.Run, meter: Meter) -> Iterator[Done]:
     load_blender()
     with startup.spent("imprint"):
-        from . import batch  # needs Blender
+        from .workers import baker  # needs Blender
 
-    yield from batch.bake_all(turns, files, meter)
+    yield from baker.bake_all(turns, files, meter)
 
 
 class _Found:

@@ -28,6 +28,7 @@ def run() -> int:
     faulthandler.enable(all_threads=False)
     with startup.spent("imprint"):
         from .. import batch  # needs Blender, which loads its modules
+        from .baker import Baker
     batch.start_gpu()
     with suppress(EOFError, OSError), parent:  # the parent has closed it, or is gone
         parent.send(Ready())
@@ -37,7 +38,7 @@ def run() -> int:
             if assigned.log:
                 _print_to(Path(assigned.log))
             files = _Files(parent)
-            baker = baker or batch.Baker(files, _Meter(parent), needs_all=assigned.needs_all)
+            baker = baker or Baker(files, _Meter(parent), needs_all=assigned.needs_all)
             done = baker.bake(assigned.plan, assigned.draft)
             standard_streams.flush()
             parent.send(done)

@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Bakes one plan after the other in this process."""
+
+import time
+from collections.abc import Iterator
+
+from ...core.errors import BakeError
+from .. import batch, interruption, scene_files
+from ..done import recording
+from ..done.bake_record import Draft
+from ..done.contents import Contents
+from ..done.turns import Resumed, Turns
+from ..plan import run_clashes
+from ..plan.plans import Plan
+from ..results import bake_result
+from ..results.bake_result import Done, Result
+from ..results.chains import Chains
+from ..results.run_report import State
+from ..scene_files import Stage
+from ..starting import lean_blender
+from ..terminal_progress import Meter
+
+WAIT = 0.1
+"""Seconds after which signals are checked again, while other processes do all bakes that are left."""
+
+
+class Baker:
+    """Bakes one plan after the other in this process. A bake that fails does not stop the others."""
+
+    def __init__(self, files: run_clashes.Run, meter: Meter, *, needs_all: bool):
+        """files: must have all plans. needs_all: as `need_all` says of all of them."""
+        self._files, self._meter, self._stage = files, meter, Stage()
+        if needs_all:
+            lean_blender.complete()  # before a file is opened: Cycles brings its settings in old files up to date
+
+    def bake(self, plan: Plan, draft: Draft | None = None) -> Done:
+        """Bake a plan. draft: of the record to write."""
+        start, found = time.perf_counter(), []
+        try:
+            interruption.check()
+            opened = batch.open_files(plan, self._stage, self._files, self._meter)
+            if draft is not None:
+                found = Contents().all_of(scene_files.read_by(plan.options, opened.jobs))
+            result = batch.run(opened, self._stage, self._files, self._meter)
+        except interruption.Stopped:
+            result = Result(plan.name, is_stopped=True)
+        except (BakeError, MemoryError) as error:
+            result = bake_result.failure(plan.name, error)
+            self._stage = Stage()  # the failed bake may have changed the open scene
+        result.seconds = time.perf_counter() - start
+        self._meter.clear()
+        return recording.finish(draft, Done.of(result, plan.number), found)
+
+
+def bake_all(turns: Turns, files: run_clashes.Run, meter: Meter) -> Iterator[Done]:
+    """Do all that is left of `turns`. The last result may be of a bake that was stopped. files: must have all plans."""
+    count, place, chains = turns.count, 0, Chains()
+    baker = Baker(files, meter, needs_all=batch.need_all([turn.plan for turn in turns.left]))
+    while turns.count:
+        turn = turns.next()
+        if turn is None:
+            time.sleep(WAIT)
+            if interruption.code():
+                turns.stop()
+            continue
+        place += 1
+        if isinstance(turn, Resumed):
+            yield Done.resumed(turn.plan, turn.result)
+            continue
+        meter.place = f"{place}/{count} "
+        refusal = chains.refusal(turn.plan)
+        done = Done.of(refusal, turn.plan.number) if refusal else baker.bake(turn.plan, turn.draft)
+        chains.ended(turn.plan, done)
+        yield done
+        if done.entry.state == State.STOPPED:
+            turns.stop()
