@@ -24,6 +24,8 @@ from ..jobs.job import Job, jobs_by_name
 from ..output.files.atomic_file import all_or_none, check_writable
 from ..scene import object_refs
 from . import input_checks, interruption, memory_check, scene_files, side_files, standard_streams
+from .done import bake_key
+from .done.contents import Content, Contents
 from .mesh_files.importers import Space
 from .plan import run_clashes
 from .plan.plans import Plan, subject
@@ -55,6 +57,10 @@ class Opened:
     """When it began, by time.perf_counter."""
     hints: list[str]
     """Why low and high meshes may not fit, in sentences. Meshes that share their UV layout need not."""
+    declared: list[Content]
+    """The files that its options name. Empty if neither a report nor a record wants them."""
+    found: list[Content]
+    """The other files that it reads. Empty likewise."""
 
     @property
     def report(self) -> Path | None:
@@ -67,8 +73,11 @@ class Opened:
         return Path(self.options.save_blend).absolute() if self.options.save_blend else None
 
 
-def open_files(plan: Plan, stage: Stage, files: run_clashes.Run, meter: Meter) -> Opened:
-    """Check what can be checked, and open what the plan names. files: must have the plan.
+def open_files(
+    plan: Plan, stage: Stage, files: run_clashes.Run, meter: Meter, hashes: Contents | None = None
+) -> Opened:
+    """Check what can be checked, and open what the plan names. files: must have the plan. hashes: for what is read, if a report
+    or a record wants it.
 
     Raises BakeError, or WrongPlace if the bake would harm a file.
     """
@@ -96,7 +105,10 @@ def open_files(plan: Plan, stage: Stage, files: run_clashes.Run, meter: Meter) -
     notes = input_checks.check_pages(options, settings, jobs)
     hints = input_checks.fit_hints(options, jobs)
     notes += input_checks.rounded_coordinates(options, jobs)
-    return Opened(name, options, settings, jobs, problems, notes, begun, hints)
+    hashes = hashes or (Contents() if options.report else None)
+    declared = hashes.all_of(bake_key.inputs(options, bpy.data.filepath)) if hashes else []
+    found = hashes.all_of(scene_files.read_by(options, jobs)) if hashes else []
+    return Opened(name, options, settings, jobs, problems, notes, begun, hints, declared, found)
 
 
 def run(opened: Opened, stage: Stage, files: run_clashes.Run, meter: Meter) -> Result:
@@ -125,6 +137,7 @@ def run(opened: Opened, stage: Stage, files: run_clashes.Run, meter: Meter) -> R
             with stage.let_go():
                 side_files.save_scene(opened.scene, reports)
             result.scene = opened.scene
+        result.inputs = [each.facts() for each in (*opened.declared, *opened.found)]
         result.seconds = time.perf_counter() - opened.begun
         if opened.report is not None:
             report_file.write(opened.report, run_report.document([result.entry()], 1))

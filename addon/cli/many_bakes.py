@@ -55,9 +55,9 @@ def run(many: Many, files: run_clashes.Run, meter: Meter, *, may_start_processes
             if turns.count and may_start_processes and options.workers:
                 limits = Limits(options.timeout, options.max_memory, options.log)
                 supervisor = held.enter_context(Supervisor(options.workers, limits))
-                source = supervisor.bake_all(turns, files, meter)
+                source = supervisor.bake_all(turns, files, meter, is_reported=bool(options.report))
             elif turns.count:
-                source = _bake_here(turns, files, meter)
+                source = _bake_here(turns, files, meter, is_reported=bool(options.report))
             for done in source:
                 meter.clear()
                 turns.release(done.entry.number)
@@ -71,12 +71,12 @@ def run(many: Many, files: run_clashes.Run, meter: Meter, *, may_start_processes
         return exit_codes.NO_MACHINE if isinstance(error, NoGpu | MemoryError) else exit_codes.FAILED
 
 
-def _bake_here(turns: Turns, files: run_clashes.Run, meter: Meter) -> Iterator[Done]:
+def _bake_here(turns: Turns, files: run_clashes.Run, meter: Meter, *, is_reported: bool) -> Iterator[Done]:
     load_blender()
     with startup.spent("imprint"):
         from .workers import baker  # needs Blender
 
-    yield from baker.bake_all(turns, files, meter)
+    yield from baker.bake_all(turns, files, meter, is_reported=is_reported)
 
 
 class _Found:

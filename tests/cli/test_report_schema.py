@@ -109,7 +109,8 @@ def test_all_reports_have_the_keys_in_the_manual(whole, tmp_path):
 def test_files_have_their_sizes_and_hashes(whole, tmp_path):
     (entry,) = whole(*PAIR, "--save-blend", "saved.blend", "--export", "low.glb")["bakes"]
     assert [each["what"] for each in entry["files"]] == ["map", "export", "scene"]
-    for each in entry["files"]:
+    assert [(Path(each["path"]).name, each["what"]) for each in entry["inputs"]] == [("file.blend", "the file to open")]
+    for each in (*entry["files"], *entry["inputs"]):
         content = Path(each["path"]).read_bytes()
         assert (each["bytes"], each["sha256"]) == (len(content), hashlib.sha256(content).hexdigest())
 

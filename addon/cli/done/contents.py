@@ -6,6 +6,7 @@ import os
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 from ...core import udim
 
@@ -25,6 +26,10 @@ class Content:
     sha256: str | None = None
     stamp: str = ""
     """Changes when the file does, on this machine."""
+
+    def facts(self) -> dict[str, Any]:
+        """Plain data for a report."""
+        return {"path": self.path, "bytes": self.size, "sha256": self.sha256, "what": self.what}
 
     def is_same(self, other: "Content") -> bool:
         """Whether both have the same content, wherever they are."""

@@ -32,6 +32,8 @@ class Result:
     """Whether a signal stopped it. Pairs and frames that were done by then are kept."""
     said: list[str] = field(default_factory=list)
     """The warnings that were printed before the bake."""
+    inputs: list[dict[str, Any]] = field(default_factory=list)
+    """The files that it read, as Content.facts returns them."""
     scene: Path | None = None
     """The .blend that was saved."""
     strict: tuple[Gate, ...] = ()
@@ -78,6 +80,7 @@ class Result:
             self.cause,
             gate=over,
             seconds=self.seconds,
+            inputs=self.inputs,
             files=[{**facts(path), "what": what} for what, path in files],
             are=self.are,
             reports=reports,

@@ -57,7 +57,7 @@ class Entry:
     """The figures over their limits, in sentences."""
     seconds: float = 0.0
     inputs: list[dict[str, Any]] = field(default_factory=list)
-    """The files that it read: path, bytes, sha256."""
+    """The files that it read: path, bytes, sha256, and what they are."""
     files: list[dict[str, Any]] = field(default_factory=list)
     """The files that it wrote: path, bytes, sha256, and what they are."""
     are: str = ""

@@ -5,7 +5,7 @@ import time
 from collections.abc import Iterator
 
 from ...core.errors import BakeError
-from .. import batch, interruption, scene_files
+from .. import batch, interruption
 from ..done import recording
 from ..done.bake_record import Draft
 from ..done.contents import Contents
@@ -27,20 +27,21 @@ WAIT = 0.1
 class Baker:
     """Bakes one plan after the other in this process. A bake that fails does not stop the others."""
 
-    def __init__(self, files: run_clashes.Run, meter: Meter, *, needs_all: bool):
-        """files: must have all plans. needs_all: as `need_all` says of all of them."""
+    def __init__(self, files: run_clashes.Run, meter: Meter, *, needs_all: bool, is_reported: bool):
+        """files: must have all plans. needs_all: as batch.need_all says of all. is_reported: whether there is a report."""
         self._files, self._meter, self._stage = files, meter, Stage()
+        self._is_reported, self._contents = is_reported, Contents()
         if needs_all:
             lean_blender.complete()  # before a file is opened: Cycles brings its settings in old files up to date
 
     def bake(self, plan: Plan, draft: Draft | None = None) -> Done:
         """Bake a plan. draft: of the record to write."""
         start, found = time.perf_counter(), []
+        hashes = self._contents if self._is_reported or draft is not None else None
         try:
             interruption.check()
-            opened = batch.open_files(plan, self._stage, self._files, self._meter)
-            if draft is not None:
-                found = Contents().all_of(scene_files.read_by(plan.options, opened.jobs))
+            opened = batch.open_files(plan, self._stage, self._files, self._meter, hashes)
+            found = opened.found
             result = batch.run(opened, self._stage, self._files, self._meter)
         except interruption.Stopped:
             result = Result(plan.name, is_stopped=True)
@@ -52,10 +53,10 @@ class Baker:
         return recording.finish(draft, Done.of(result, plan.number), found)
 
 
-def bake_all(turns: Turns, files: run_clashes.Run, meter: Meter) -> Iterator[Done]:
-    """Do all that is left of `turns`. The last result may be of a bake that was stopped. files: must have all plans."""
+def bake_all(turns: Turns, files: run_clashes.Run, meter: Meter, *, is_reported: bool) -> Iterator[Done]:
+    """Do all that is left of `turns`. The last result may be of a bake that was stopped. files, is_reported: as in Baker."""
     count, place, chains = turns.count, 0, Chains()
-    baker = Baker(files, meter, needs_all=batch.need_all([turn.plan for turn in turns.left]))
+    baker = Baker(files, meter, needs_all=batch.need_all([turn.plan for turn in turns.left]), is_reported=is_reported)
     while turns.count:
         turn = turns.next()
         if turn is None:

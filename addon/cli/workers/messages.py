@@ -19,6 +19,8 @@ class Assignment:
     plan: Plan
     needs_all: bool
     """As batch.need_all says of all plans of the call."""
+    is_reported: bool
+    """Whether the run has a report."""
     log: str = ""
     draft: Draft | None = None
 

@@ -87,8 +87,9 @@ class Supervisor:
         for worker in self._workers:
             worker.process.kill(max(0.0, deadline - time.monotonic()))
 
-    def bake_all(self, turns: Turns, files: run_clashes.Run, meter: Meter) -> Iterator[Done]:
-        """Do all that is left of `turns`, in their order as workers are free. files: must have all plans.
+    def bake_all(self, turns: Turns, files: run_clashes.Run, meter: Meter, *, is_reported: bool) -> Iterator[Done]:
+        """Do all that is left of `turns`, in their order as workers are free. files: must have all plans. is_reported: whether
+        there is a report.
 
         After a signal, bakes that have begun are asked to stop; the last results may be of such. Raises NoGpu if Blender does
         not start.
@@ -119,7 +120,9 @@ class Supervisor:
                     yield Done.of(refusal, turn.plan.number)
                     continue
                 meter.place = f"{begun}/{count} "
-                worker.begin(turn.plan, Assignment(turn.plan, needs_all, self._log_of(turn.plan), turn.draft))
+                worker.begin(
+                    turn.plan, Assignment(turn.plan, needs_all, is_reported, self._log_of(turn.plan), turn.draft)
+                )
             yield from self._hear(files, meter)
             yield from self._check_limits()
 

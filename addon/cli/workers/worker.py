@@ -38,7 +38,8 @@ def run() -> int:
             if assigned.log:
                 _print_to(Path(assigned.log))
             files = _Files(parent)
-            baker = baker or Baker(files, _Meter(parent), needs_all=assigned.needs_all)
+            of_run = {"needs_all": assigned.needs_all, "is_reported": assigned.is_reported}
+            baker = baker or Baker(files, _Meter(parent), **of_run)
             done = baker.bake(assigned.plan, assigned.draft)
             standard_streams.flush()
             parent.send(done)
