@@ -14,11 +14,11 @@ from ..plan import run_clashes
 from ..plan.plans import Plan
 from ..results import bake_result
 from ..results.bake_result import Done, Result
-from ..results.chains import Chains
 from ..results.run_report import State
 from ..scene_files import Stage
 from ..starting import lean_blender
 from ..terminal_progress import Meter
+from .chains import Chains
 
 WAIT = 0.1
 """Seconds after which signals are checked again, while other processes do all bakes that are left."""

@@ -18,9 +18,9 @@ from ..done.turns import Resumed, Turns
 from ..plan import run_clashes
 from ..plan.plans import Plan
 from ..results.bake_result import Done
-from ..results.chains import Chains
 from ..results.run_report import Cause, Entry, State
 from ..terminal_progress import Meter
+from .chains import Chains
 from .messages import Answer, Assignment, FilesFound, Line, Percent, Ready
 from .worker_process import WorkerProcess
 

@@ -3,9 +3,9 @@
 
 from ...core.errors import BakeError
 from ..plan.plans import Plan
-from . import bake_result
-from .bake_result import Done, Result
-from .run_report import State
+from ..results import bake_result
+from ..results.bake_result import Done, Result
+from ..results.run_report import State
 
 
 class Chains:
