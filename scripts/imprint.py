@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Runs Imprint from a checkout: demo, bake, lod, bench, test and build. Sets up what they need at the first use.
+"""Runs Imprint from a checkout: demo, bake, lod, farm, bench, test and build. Sets up what they need at the first use.
 
 This script runs on any Python from 3.9, with only the standard library. It finds a Python 3.13, which Blender's wheel
 needs, creates a virtual environment in .venv, and runs each command there.
@@ -271,7 +271,8 @@ def require_gpu(python, may_install):
     for is_first in (True, False):
         code, output = probe(python)
         if code == 0:
-            GPU_STAMP.write_text(machine)
+            with contextlib.suppress(OSError):  # in a container that is read only
+                GPU_STAMP.write_text(machine)
             return
         absent = missing(code, output)
         command = remedy(absent, installer)
@@ -302,7 +303,8 @@ def post_mortem(python, code, baking=""):
     crashed = f"Blender crashed with {crash(code)}" + (f" while baking {baking}" if baking else "") + memory_limit()
     if -code == signal.SIGKILL:
         return f"{crashed}: another process killed it, or memory ran out"
-    GPU_STAMP.unlink(missing_ok=True)
+    with contextlib.suppress(OSError):
+        GPU_STAMP.unlink(missing_ok=True)
     probed, output = probe(python)
     if probed != code:
         return crashed
@@ -427,6 +429,11 @@ def lod(options):
     return bake(options)
 
 
+def farm(options):
+    """Send a job file to a farm with scripts/bake.py, which starts no Blender for it."""
+    return subprocess.call([environment(), str(SCRIPTS / "bake.py"), "--", "farm", *options.rest])
+
+
 def test(options):
     """Run ruff and then pytest, even if ruff fails, with Blender's factory settings instead of the user's."""
     parser = argparse.ArgumentParser(
@@ -472,13 +479,14 @@ def build(options):
 
 
 def parse(arguments):
-    """Return the options. The scripts behind demo, bake, lod, bench and test parse their own options, --help included."""
+    """Return the options. The scripts behind demo, bake, lod, farm, bench and test parse their own options, --help included."""
     parser = argparse.ArgumentParser(prog="imprint.py", description=__doc__.split("\n\n", maxsplit=1)[0])
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for run, text in (
         (demo, "bake the example"),
         (bake, "bake a normal map; see bake --help"),
         (lod, "make levels of detail of a mesh; see lod --help"),
+        (farm, "send a job file to a farm; see farm --help"),
         (bench, "compare Imprint with other bakers, and write a report; see bench --help"),
         (test, "run ruff and the tests; see test --help"),
     ):
@@ -486,7 +494,7 @@ def parse(arguments):
     building = commands.add_parser("build", help="make the extension's zip and print its path")
     building.add_argument("--output", metavar="DIR", default=ROOT / "dist", help="folder for the zip (default: dist)")
     building.set_defaults(run=build)
-    passes_on = arguments[:1] in (["demo"], ["bake"], ["lod"], ["bench"], ["test"])
+    passes_on = arguments[:1] in (["demo"], ["bake"], ["lod"], ["farm"], ["bench"], ["test"])
     options = parser.parse_args(arguments[:1] if passes_on else arguments)
     options.rest = arguments[1:] if passes_on else []
     return options

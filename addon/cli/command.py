@@ -13,6 +13,7 @@ from ..core.errors import WrongPlace, sentence
 from ..core.progress import Progress
 from ..core.timings import startup
 from . import interruption, many_bakes, standard_streams
+from .farms import farm_command
 from .plan import listing, plans, run_clashes, shards
 from .plan.plans import Plan
 from .results.exit_codes import FAILED, WRONG_USAGE
@@ -24,10 +25,12 @@ from .workers import worker_process
 
 LOD = "lod"
 """The first argument for levels of detail."""
+FARM = "farm"
+"""The first argument for sending a job file to a farm."""
 
 
 def run(words: Sequence[str], program: str = "imprint", *, may_start_processes: bool = False) -> int:
-    """Bake according to `words`, the arguments, or make levels of detail if the first one is LOD.
+    """Bake according to `words`, the arguments. If the first one is LOD or FARM, do that.
 
     may_start_processes: whether many bakes are done in processes of their own. Returns the exit code; errors and warnings go to
     stderr, a line each.
@@ -38,6 +41,8 @@ def run(words: Sequence[str], program: str = "imprint", *, may_start_processes: 
         with standard_streams.ours():
             if words[:1] == [LOD]:
                 done = _make_levels(words[1:], program)
+            elif words[:1] == [FARM]:
+                done = farm_command.run(words[1:], f"{program} {FARM}")
             else:
                 done = _run(words, program, may_start_processes=may_start_processes)
             return interruption.code() or done
@@ -137,6 +142,11 @@ def _see_help(error: WrongUsage) -> str:
 
 
 def _run_in_blender(words: Sequence[str]) -> int:
+    import bpy
+
+    if words[:1] == [FARM] and not bpy.app.online_access:
+        print("imprint farm: Blender has no online access: add --online-mode before --command", file=sys.stderr)
+        return WRONG_USAGE
     return run(words, may_start_processes=True)
 
 

@@ -15,6 +15,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
+from addon.cli.farms.farm_command import FARM_OPTIONS  # noqa: E402
 from addon.cli.results.gates import COUNT, DEGREES, FIGURES, LENGTH, READERS, SECONDS, SHARE  # noqa: E402
 from addon.cli.usage.key_values import KEYS  # noqa: E402
 from addon.cli.usage.option_types import word_for  # noqa: E402
@@ -101,6 +102,12 @@ def options() -> str:
             ]
         parts.append(f"**{title[0].upper()}{title[1:]}**\n\n{table(('option', 'default', 'what it does'), rows)}")
     return "\n".join(parts)
+
+
+def farm_options() -> str:
+    """The options of the command `farm`."""
+    rows = [option_row(f"--{word}", option) for word, option in FARM_OPTIONS.items()]
+    return table(("option", "default", "what it does"), rows)
 
 
 def job_file() -> str:
@@ -291,6 +298,7 @@ def figures() -> str:
 TABLES: dict[str, Callable[[], str]] = {
     **{name: lambda shown=shown: panel(shown) for name, shown in PANELS.items()},
     "options": options,
+    "farm-options": farm_options,
     "figures": figures,
     "job-file": job_file,
     "file-formats": formats,

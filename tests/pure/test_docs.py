@@ -10,6 +10,9 @@ import tomllib
 
 import pytest
 
+from addon.cli import command
+from addon.cli.farms import farm_command
+from addon.cli.farms.farm_command import FARM_OPTIONS
 from addon.cli.results import exit_codes
 from addon.cli.usage import arguments, job_file
 from addon.cli.usage.options import OPTIONS
@@ -28,7 +31,7 @@ MADE = ("out/", "dist/", "../")
 OTHER_OPTIONS = {
     # Blender's
     *("--background", "--command", "--python", "--python-exit-code", "--factory-startup", "--gpu-backend"),
-    "--window-geometry",
+    *("--window-geometry", "--online-mode"),
     # pytest's, ruff's and git's
     *("--durations", "--fix", "--check", "--oneline"),
     # of the systems' tools
@@ -112,7 +115,7 @@ def options_in(script):
 
 @functools.cache
 def known_options():
-    ours = {f"--{name}" for group in (*OPTIONS.values(), RUN_OPTIONS) for name in group} | {"--jobs"}
+    ours = {f"--{name}" for group in (*OPTIONS.values(), RUN_OPTIONS, FARM_OPTIONS) for name in group} | {"--jobs"}
     ours |= options_in(ROOT / "addon" / "cli" / "lod" / "lod_command.py")
     return ours | OTHER_OPTIONS | {name for script in (ROOT / "scripts").rglob("*.py") for name in options_in(script)}
 
@@ -139,7 +142,7 @@ def bake_arguments(words):
     ]
     if launcher:
         more = words[launcher[0] + 1 :]
-        return more[1:] if more[:1] == ["bake"] else None
+        return more[1:] if more[:1] == ["bake"] else more if more[:1] == [command.FARM] else None
     if "--command" in words:
         return words[words.index("--command") + 2 :]
     if "scripts/bake.py" in " ".join(words) and "--" in words:
@@ -152,6 +155,9 @@ def check_command(words):
     given = bake_arguments(words)
     if given is not None:
         if given in ([], ["--help"]):
+            return
+        if given[0] == command.FARM:
+            farm_command.parser("imprint").parse_args(given[1:])
             return
         options = arguments.parse(given)
         if options.jobs:
@@ -228,7 +234,7 @@ def test_the_tree_has_all_folders():
     )
     top -= {"out", "dist"}
     assert top | packages <= named
-    assert named <= top | packages | passes | {"imprint", "lib", "dev", "bench", "pure", "support"}
+    assert named <= top | packages | passes | {"imprint", "lib", "dev", "bench", "farm", "pure", "support"}
 
 
 def test_the_table_of_states_has_the_values_in_the_code():

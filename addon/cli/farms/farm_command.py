@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The command `farm`: sends a job file to a render farm."""
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from ...core.errors import BakeError, sentence
+from ..results.exit_codes import DONE, FAILED, WRONG_USAGE
+from ..usage import job_file, option_types
+from ..usage.arguments import WrongUsage
+from ..usage.options import CommandOption
+from . import flamenco
+
+
+def _number(text: str) -> int:
+    if not (text.isascii() and text.isdecimal() and int(text) > 0):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number above 0")
+    return int(text)
+
+
+FARM_OPTIONS: dict[str, CommandOption] = {
+    "flamenco": CommandOption(
+        "Address of the Flamenco Manager, as http://flamenco.local:8080",
+        {"type": option_types.text, "required": True, "metavar": "URL"},
+    ),
+    "shards": CommandOption("Number of parts, each a task", {"type": _number, "metavar": "N"}, "16"),
+    "force": CommandOption("Bake again what is already done", {"action": "store_true"}),
+    "options": CommandOption(
+        "Further options for all bakes, as one text", {"type": option_types.text, "metavar": "TEXT"}, "none"
+    ),
+    "reports": CommandOption(
+        "Folder for reports and logs",
+        {"type": option_types.path, "metavar": "DIR"},
+        "beside the job file, with -reports after its name",
+    ),
+    "command": CommandOption(
+        "What starts Imprint on the machines of the farm",
+        {"type": option_types.text, "metavar": "TEXT"},
+        "Blender with the extension",
+    ),
+    "name": CommandOption("Name of the job", {"type": option_types.text, "metavar": "TEXT"}, "that of the job file"),
+    "priority": CommandOption("Priority of the job", {"type": _number, "default": 50, "metavar": "N"}, "50"),
+}
+"""The options without their dashes."""
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str):
+        raise WrongUsage(message)
+
+
+def parser(program: str) -> argparse.ArgumentParser:
+    """The parser of the command's options. It raises WrongUsage."""
+    result = _Parser(
+        prog=program,
+        description="Send a job file to a render farm. All its machines must see the file and what it names.",
+        allow_abbrev=False,
+    )
+    result.add_argument("jobs", type=option_types.path, metavar="JOBS", help="job file, .toml or .json")
+    for name, option in FARM_OPTIONS.items():
+        result.add_argument(f"--{name}", **option.arguments)
+    return result
+
+
+def run(words: Sequence[str], program: str) -> int:
+    """Send the job that `words` describe, and print the address of its page. Returns the exit code."""
+    try:
+        options = parser(program).parse_args(words)
+        job_file.read(options.jobs)
+        print(flamenco.submit(options.flamenco, _job(options)))
+    except SystemExit as stop:  # argparse has printed the help
+        return stop.code
+    except WrongUsage as error:
+        for line in str(error).splitlines():
+            print(f"{program}: {line}", file=sys.stderr)
+        return WRONG_USAGE
+    except BakeError as error:
+        print(f"{program}: {sentence(error)}", file=sys.stderr)
+        return FAILED
+    return DONE
+
+
+def _job(options: argparse.Namespace) -> flamenco.Job:
+    given = {
+        "jobs": os.path.abspath(options.jobs),
+        "shards": options.shards,
+        "force": options.force or None,
+        "options": options.options,
+        "reports": options.reports and os.path.abspath(options.reports),
+        "command": options.command,
+    }
+    settings = {key: value for key, value in given.items() if value is not None}
+    return flamenco.Job(options.name or Path(options.jobs).stem, settings, options.priority)

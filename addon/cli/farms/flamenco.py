@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Sends a job to a Flamenco Manager, by its web interface."""
+
+import http.client
+import json
+import platform
+import re
+import urllib.error
+import urllib.parse
+import urllib.request
+from dataclasses import dataclass
+from typing import Any
+
+from ...core.errors import BakeError
+
+JOB_TYPE = "imprint-bake"
+"""The manager's name for scripts/farm/flamenco/imprint_bake.js."""
+_SECONDS = 30.0
+"""How long the manager may take for an answer."""
+_NOT_FOUND = 404
+
+
+@dataclass(frozen=True)
+class Job:
+    """A job of the type JOB_TYPE. settings: those that differ from what the job type sets."""
+
+    name: str
+    settings: dict[str, Any]
+    priority: int = 50
+
+
+def submit(url: str, job: Job) -> str:
+    """Send a job to the manager at this address. Returns the address of the job's page. Raises BakeError."""
+    manager = _address(url)
+    try:
+        kind = _ask(manager, f"jobs/type/{JOB_TYPE}")
+    except urllib.error.HTTPError as error:
+        if error.code != _NOT_FOUND:
+            raise _refusal(manager, error) from error
+        raise BakeError(
+            f"The Flamenco Manager at {manager} does not know the job type {JOB_TYPE!r}: copy imprint_bake.js into its "
+            "folder 'scripts', and start it again"
+        ) from error
+    try:
+        usual = {setting["key"]: setting["default"] for setting in kind["settings"] if "default" in setting}
+        body = {
+            "name": job.name,
+            "type": JOB_TYPE,
+            "type_etag": kind["etag"],
+            "priority": job.priority,
+            "submitter_platform": platform.system().lower(),
+            "settings": {**usual, **job.settings},
+            "metadata": {},
+        }
+        return f"{manager}/app/jobs/{_ask(manager, 'jobs', body)['id']}"
+    except urllib.error.HTTPError as error:
+        raise _refusal(manager, error) from error
+    except (KeyError, TypeError) as error:
+        raise _stranger(manager) from error
+
+
+def _address(url: str) -> str:
+    """The manager's address without a path. Raises BakeError."""
+    try:
+        parts = urllib.parse.urlsplit(url if "://" in url else f"http://{url}")
+        is_host = re.fullmatch(r"[!-~]+", parts.netloc) and parts.hostname and parts.port != 0
+        is_right = parts.scheme in ("http", "https") and is_host
+    except ValueError:  # of the port, or of brackets
+        is_right = False
+    if not is_right:
+        raise BakeError(f"{url!r} is no address of a Flamenco Manager, such as http://flamenco.local:8080")
+    return f"{parts.scheme}://{parts.netloc}"
+
+
+def _ask(manager: str, path: str, body: dict | None = None) -> dict[str, Any]:
+    """The manager's answer to a request, which is a POST if there is a body. Raises HTTPError, BakeError."""
+    data = None if body is None else json.dumps(body).encode()
+    request = urllib.request.Request(f"{manager}/api/v3/{path}", data, {"Content-Type": "application/json"})
+    try:
+        with urllib.request.urlopen(request, timeout=_SECONDS) as answer:
+            found = json.loads(answer.read())
+    except urllib.error.HTTPError:
+        raise
+    except (OSError, http.client.HTTPException) as error:
+        reason = getattr(error, "reason", None) or error
+        raise BakeError(f"No Flamenco Manager answers at {manager}: {reason}") from error
+    except ValueError as error:
+        raise _stranger(manager) from error
+    return found
+
+
+def _stranger(manager: str) -> BakeError:
+    return BakeError(f"What answers at {manager} is no Flamenco Manager")
+
+
+def _refusal(manager: str, error: urllib.error.HTTPError) -> BakeError:
+    try:
+        reason = json.loads(error.read())["message"]
+    except (OSError, ValueError, KeyError, TypeError):
+        reason = f"{error.code} {error.reason}"
+    return BakeError(f"The Flamenco Manager at {manager} refuses the job: {reason}")

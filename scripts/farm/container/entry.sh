@@ -1,0 +1,12 @@
+#!/bin/sh
+# SPDX-License-Identifier: GPL-3.0-or-later
+
+# Bakes with the given options. If the container is one of SHARDS, it bakes its part. Its number, from 0, is JOB_COMPLETION_INDEX,
+# which indexed Jobs of Kubernetes set, or AWS_BATCH_JOB_ARRAY_INDEX. REPORTS is the folder for reports and logs.
+set -eu
+index=${JOB_COMPLETION_INDEX:-${AWS_BATCH_JOB_ARRAY_INDEX:-}}
+if [ -n "${SHARDS:-}" ] && [ -n "$index" ]; then
+  shard=$((index + 1))
+  set -- --shard "$shard/$SHARDS" --resume --report "$REPORTS/report.$shard.json" --log "$REPORTS/logs" "$@"
+fi
+exec python3 /opt/imprint/scripts/imprint.py bake "$@"
