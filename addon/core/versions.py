@@ -20,6 +20,12 @@ def blender() -> str:
     """The version of Blender, as 5.2.3: of the one that runs, or of the Python package if it is not loaded; "" without one."""
     if bpy := sys.modules.get("bpy"):
         return ".".join(map(str, bpy.app.version))
+    return _package()
+
+
+@cache
+def _package() -> str:
+    """The version of the Python package bpy; "" without one."""
     try:
         return importlib.metadata.version("bpy")
     except importlib.metadata.PackageNotFoundError:
