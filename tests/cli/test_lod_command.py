@@ -55,6 +55,10 @@ def test_maps_a_scene_a_report_and_a_table(folder, capfd):
     [
         (["--high", "Hill"], "--high is not for lod"),
         (["--convert", "hill.png"], "--convert is not for lod"),
+        (["--jobs", "jobs.toml"], "--jobs is not for lod"),
+        (["--json"], "--json is not for lod"),
+        (["--workers", "2"], "--workers is not for lod"),
+        (["--max-memory", "4G"], "--max-memory is not for lod"),
         (["--degrees", "a"], "are not degrees"),
         (["--degrees", "1,2,3"], "make no pairs"),
         (["--distance", "-1"], "cannot be a limit"),

@@ -31,21 +31,11 @@ from ..terminal_progress import Meter
 from ..usage import arguments
 from ..usage.arguments import WrongUsage
 from ..usage.options import STDOUT
+from ..usage.run_options import RUN_OPTIONS
 
-_REFUSED = (
-    "high",
-    "cage",
-    "pairs",
-    "high_file",
-    "cage_file",
-    "frames",
-    "high_up",
-    "convert",
-    "list",
-    "check",
-    "strict",
-)
-"""Options of a bake that a chain has no use for."""
+_OF_BAKES = ("jobs", "high", "cage", "pairs", "high_file", "cage_file", "frames", "high_up", "convert", "strict")
+_REFUSED = (*_OF_BAKES, *(name.replace("-", "_") for name in RUN_OPTIONS))
+"""Options that a chain has no use for: some of a bake, and all of many bakes."""
 
 
 def run(words: Sequence[str], program: str) -> int:
@@ -113,8 +103,6 @@ def _read(words: Sequence[str], program: str) -> tuple[list[Limit], argparse.Nam
     wrong = next((name for name in _REFUSED if getattr(options, name) != usual[name]), None)
     if wrong:
         raise WrongUsage(f"--{wrong.replace('_', '-')} is not for lod, which makes coarser meshes of one mesh")
-    if options.jobs:
-        raise WrongUsage("--jobs is not for lod, which makes coarser meshes of one mesh")
     arguments.check(options)
     degrees = own.degrees if own.degrees is not None else "" if own.distance else level_report.DEGREES
     try:
