@@ -65,10 +65,11 @@ class MapType:
     """One map.
 
     name: in settings and job files. label, tooltip: in the interface. suffix: the ending of the names of its image and files;
-    empty for the map that the settings name. range: only for maps of numbers. labeled: only for maps of labels. index: in the
-    shader that draws the family. is_deep: whether the map has the depth of the settings, rather than the lowest depth of the
-    format. socket: of the Principled BSDF, for maps of materials. is_color: whether the values are scene-linear colors, which
-    formats without floats store as sRGB. is_vector: whether the channels are the coordinates of points or vectors.
+    empty for the map that the settings name. short_suffix: the same in names such as T_rock_N, if there is a usual one. range:
+    only for maps of numbers. labeled: only for maps of labels. index: in the shader that draws the family. is_deep: whether the
+    map has the depth of the settings, rather than the lowest depth of the format. socket: of the Principled BSDF, for maps of
+    materials. is_color: whether the values are scene-linear colors, which formats without floats store as sRGB. is_vector:
+    whether the channels are the coordinates of points or vectors.
     """
 
     name: str
@@ -76,6 +77,7 @@ class MapType:
     tooltip: str
     kind: Kind
     suffix: str
+    short_suffix: str = ""
     range: Range = Range.UNIT
     labeled: Labeled | None = None
     family: Family = Family.POINTS
@@ -101,7 +103,7 @@ MASK = MapType("MASK", "Miss Mask", "White where rays hit nothing", Kind.STATE, 
 
 
 def _of_socket(
-    name: str, label: str, socket: str, *, is_color: bool = False, value_range: Range = Range.UNIT
+    name: str, label: str, socket: str, short: str = "", *, is_color: bool = False, value_range: Range = Range.UNIT
 ) -> MapType:
     """The map of a socket of the high materials' Principled BSDF."""
     return MapType(
@@ -110,6 +112,7 @@ def _of_socket(
         f"{label} of the high meshes' materials",
         Kind.VALUE,
         name.lower(),
+        short,
         range=value_range,
         family=Family.MATERIAL,
         socket=socket,
@@ -123,6 +126,7 @@ HEIGHT = MapType(
     "Distance from the low surface to the high one along the low surface's normal",
     Kind.VALUE,
     "height",
+    "H",
     range=Range.SIGNED,
     index=1,
 )
@@ -142,10 +146,11 @@ AO = MapType(
     "The share of the sky that each point of the high surface sees: 1 sees all of it",
     Kind.VALUE,
     "ao",
+    "AO",
     family=Family.OPENNESS,
 )
-BASE_COLOR = _of_socket("BASE_COLOR", "Base Color", "Base Color", is_color=True)
-ROUGHNESS = _of_socket("ROUGHNESS", "Roughness", "Roughness")
+BASE_COLOR = _of_socket("BASE_COLOR", "Base Color", "Base Color", "BC", is_color=True)
+ROUGHNESS = _of_socket("ROUGHNESS", "Roughness", "Roughness", "R")
 WIDENED_ROUGHNESS = MapType(
     "WIDENED_ROUGHNESS",
     "Widened Roughness",
@@ -155,8 +160,8 @@ WIDENED_ROUGHNESS = MapType(
     family=Family.SLOPES,
     socket="Roughness",
 )
-METALLIC = _of_socket("METALLIC", "Metallic", "Metallic")
-EMISSION = _of_socket("EMISSION", "Emission", "Emission Color", is_color=True, value_range=Range.POSITIVE)
+METALLIC = _of_socket("METALLIC", "Metallic", "Metallic", "M")
+EMISSION = _of_socket("EMISSION", "Emission", "Emission Color", "E", is_color=True, value_range=Range.POSITIVE)
 ATTRIBUTE = MapType(
     "ATTRIBUTE",
     "Attribute",

@@ -9,15 +9,19 @@ from pathlib import PurePath
 from ..core import file_formats
 from ..core.declarations.choices import Storage
 from ..core.map_types import MapType
-from ..core.names.file_names import LOW, MATERIAL
+from ..core.names.file_names import LOW, MATERIAL, USUAL, of_texture_sets
 from ..core.settings import Settings
 from ..core.udim import TOKEN
 
 LONGEST = 240
 """The most bytes of an image's name. Blender allows 255, and the names of other maps get a suffix."""
 
-_NORMAL = r"(?:[._ -]normal)?"
-"""What the suffix of another map replaces at the end of a name, if it is there."""
+_TILE = rf"(?=[._ -]?{TOKEN}|$)"
+"""Before the tile's number with its separator, which stays; without one the end of a name."""
+_NORMAL = re.compile(rf"(?:[._ -](?:normal|ddn))?{_TILE}", re.IGNORECASE)
+"""What the suffix of another map replaces at the end of a name: "normal", CryEngine's "ddn", or nothing."""
+_SHORT_NORMAL = re.compile(rf"(?<=_)N{_TILE}")
+"""What the short suffix of another map replaces at the end of a name that starts with T_, as Unreal's textures are named."""
 
 
 def name_for(low_name: str, settings: Settings, material: str = "") -> str:
@@ -26,9 +30,9 @@ def name_for(low_name: str, settings: Settings, material: str = "") -> str:
     Blender would shorten long names, and the image would not be found by its name. So they are shortened here, with a
     checksum that keeps them distinct.
     """
-    default = f"{low_name}_{material}_normal" if material else f"{low_name}_normal"
-    filled = settings.image.replace(MATERIAL, material) if material else settings.image
-    name = filled.replace(LOW, low_name) or default
+    pattern = settings.image or (of_texture_sets(USUAL) if material else USUAL)
+    filled = pattern.replace(MATERIAL, material) if material else pattern
+    name = filled.replace(LOW, low_name)
     letters = name.encode()
     if len(letters) <= LONGEST:
         return name
@@ -56,7 +60,8 @@ def of_level(settings: Settings, level: int) -> Settings:
 def beside(settings: Settings, map_type: MapType) -> Settings:
     """The settings of another map, from those of the normal map, whose image must have a name.
 
-    Its suffix takes the place of "normal" at the end of the name: rock_normal.png has rock_height.png beside it.
+    Its suffix takes the place of "normal" at the end of the name: rock_normal.png has rock_height.png beside it, and
+    T_rock_N.png has T_rock_H.png.
 
     Maps that are stored in the lowest depth are not dithered. Inside Blender, the colors of a material have 8 bits instead of
     16: there, 16 bits are floats, which hold linear values, and glTF's exporter writes those as if they were sRGB.
@@ -67,12 +72,18 @@ def beside(settings: Settings, map_type: MapType) -> Settings:
     depth = settings.depth if map_type.is_deep else lowest
     if map_type.is_color and map_type.socket and not is_file:
         depth = lowest if depth <= file_formats.USUAL_DEPTH else depth
-    # The tile's number stays at the end, with its separator.
-    stem = re.sub(rf"{_NORMAL}([._ -]?{TOKEN}|$)", rf"_{map_type.suffix}\g<1>", path.stem, count=1, flags=re.IGNORECASE)
     return replace(
         settings,
-        image=re.sub(f"{_NORMAL}$", f"_{map_type.suffix}", settings.image, count=1, flags=re.IGNORECASE),
-        output=str(path.with_stem(stem)) if is_file else "",
+        image=_named(settings.image, map_type),
+        output=str(path.with_stem(_named(path.stem, map_type))) if is_file else "",
         depth=depth,
         dither=settings.dither and map_type.is_deep,
     )
+
+
+def _named(name: str, map_type: MapType) -> str:
+    """The name of another map, from that of the normal map."""
+    # Only with T_: objects such as Wall_N and Wall_E, for north and east, keep their names.
+    if name.startswith("T_") and _SHORT_NORMAL.search(name):
+        return _SHORT_NORMAL.sub(map_type.short_suffix or map_type.suffix, name)
+    return _NORMAL.sub(f"_{map_type.suffix}", name, count=1)

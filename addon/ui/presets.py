@@ -15,7 +15,7 @@ FOLDER = "imprint"
 
 
 class IMPRINT_PT_conventions(PresetPanel, bpy.types.Panel):
-    """Presets for programs that read the map: channels, basis, depth and alpha"""
+    """Presets for programs that read the map: channels, basis, depth, alpha and names"""
 
     bl_label = "Presets"
     bl_translation_context = LABEL
@@ -25,13 +25,13 @@ class IMPRINT_PT_conventions(PresetPanel, bpy.types.Panel):
 
 
 class IMPRINT_OT_convention_add(AddPresetBase, bpy.types.Operator):
-    """Save the channels, the basis, depth and alpha as a preset, or remove a preset"""
+    """Save the channels, the basis, depth, alpha and the names of maps as a preset, or remove a preset"""
 
     bl_idname = "imprint.convention_add"
     bl_label = "Add Preset"
     preset_menu = "IMPRINT_PT_conventions"
     preset_defines = ["settings = bpy.context.scene.imprint"]
-    preset_values = [f"settings.{name}" for name in ("red", "green", "blue", "basis", "depth", "alpha")]
+    preset_values = [f"settings.{name}" for name in ("red", "green", "blue", "basis", "depth", "alpha", "names")]
     preset_subdir = FOLDER
 
     # As in Blender's base class, which has no descriptions.

@@ -5,6 +5,7 @@ import bpy
 from bpy.props import FloatProperty, IntProperty, PointerProperty, StringProperty
 
 from ..core.declarations.choices import Method
+from ..core.names import file_names
 from ..core.names.name_matching import Suffixes
 from ..scene import instances, object_checks, visibility
 from . import bake_results
@@ -44,6 +45,20 @@ def _make_square(settings: "ImprintSettings", _context: bpy.types.Context) -> No
         settings.height = settings.width
 
 
+def _get_names(settings: "ImprintSettings") -> str:
+    """How maps are named, for a preset; empty if that fits one object alone."""
+    names = settings.image.replace(file_names.of_texture_sets(file_names.LOW), file_names.LOW)
+    return names if file_names.LOW in names and file_names.MATERIAL not in names else ""
+
+
+def _set_names(settings: "ImprintSettings", names: str) -> None:
+    """Name the image and the file after a preset. The folder and the ending of the file stay."""
+    if names:
+        filled = file_names.of_texture_sets(names) if settings.texture_sets else names
+        settings.image = "" if names == file_names.USUAL else filled
+        settings.output = file_names.renamed(settings.output, filled)
+
+
 class ImprintSettings(bpy.types.PropertyGroup, Options, MapList):
     """Scene.imprint."""
 
@@ -60,6 +75,13 @@ class ImprintSettings(bpy.types.PropertyGroup, Options, MapList):
     size: declared("size", get=lambda self: self.width, set=_set_size)
     square: declared("square", update=_make_square)
     show_result: declared("show_result")
+    names: StringProperty(
+        name="Names of Maps",
+        description="Names that a preset gives to images and files. {low} in them stands for the low object's name",
+        get=_get_names,
+        set=_set_names,
+        translation_context=LABEL,
+    )
     export: declared("export")
     convert_image: PointerProperty(
         type=bpy.types.Image,

@@ -26,6 +26,7 @@ from addon.core.declarations import kinds, packing, readers  # noqa: E402
 from addon.core.declarations.all_settings import DECLARED, PANELS, PanelSettings  # noqa: E402
 from addon.core.declarations.choices import Pack  # noqa: E402
 from addon.core.map_types import Family, Kind  # noqa: E402
+from addon.core.names.file_names import USUAL  # noqa: E402
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 PLACE = re.compile(r"^(<!-- (?:table: ([\w-]+)|(options)) -->\n).*?^(<!-- end -->)$", re.MULTILINE | re.DOTALL)
@@ -173,10 +174,15 @@ def map_names() -> str:
     return table(("from", "maps"), [("The high surface", map_types.NORMAL.label), *rows])
 
 
+def endings_of(one: map_types.MapType) -> str:
+    """The ending of a map's names, and the short one if it has one."""
+    return " or ".join(map(code, filter(None, (one.suffix, one.short_suffix))))
+
+
 def map_endings() -> str:
     """The endings of the names of all maps, by what they come from."""
     rows = (
-        (source, ", ".join(f"{one.label} {code(one.suffix)}" for one in map_types.OTHERS if one.family in families))
+        (source, ", ".join(f"{one.label} {endings_of(one)}" for one in map_types.OTHERS if one.family in families))
         for source, families in SOURCES.items()
     )
     return table(("from", "maps, and the endings of their names"), rows)
@@ -226,6 +232,7 @@ def programs() -> str:
             one.basis.label,
             "rebuilt" if one.rebuilds_z else "read",
             str(one.depth),
+            code(one.names),
             one.settings,
         )
         for one in readers.READERS
@@ -238,8 +245,9 @@ def programs() -> str:
         DECLARED["basis"].items[0].label,
         "read",
         "16",
+        code(USUAL),
     )
-    head = ("Engine", "Preset", "Name", "Green", "Basis", "Z", "Depth", "Import settings")
+    head = ("Engine", "Preset", "Name", "Green", "Basis", "Z", "Depth", "Names of maps", "Import settings")
     return table(head, [(*scene, "Imprint sets up the material"), *rows])
 
 

@@ -3,7 +3,10 @@
 
 import pytest
 
+from addon.core.declarations.readers import READERS
 from addon.core.map_types import BY_NAME
+from addon.core.names import file_names
+from addon.core.names.file_names import LOW
 from addon.core.settings import Settings
 from addon.output import map_names
 
@@ -24,6 +27,11 @@ def test_a_map_is_named_by_its_suffix():
         ("rock_normal.png", "rock_height.png"),
         ("Rock.Normal.png", "Rock_height.png"),
         ("normal.png", "normal_height.png"),
+        ("rock_ddn.tif", "rock_height.tif"),
+        ("T_rock_N.png", "T_rock_H.png"),
+        ("Wall_N.png", "Wall_N_height.png"),
+        ("T_rock_n.png", "T_rock_n_height.png"),
+        ("T_rockN.png", "T_rockN_height.png"),
     ],
 )
 def test_the_suffix_takes_the_place_of_normal(output, expected):
@@ -31,10 +39,57 @@ def test_the_suffix_takes_the_place_of_normal(output, expected):
 
 
 @pytest.mark.parametrize(
-    ("output", "expected"), [("a.<UDIM>.exr", "a_height.<UDIM>.exr"), ("a_<UDIM>.png", "a_height_<UDIM>.png")]
+    ("output", "expected"),
+    [
+        ("a.<UDIM>.exr", "a_height.<UDIM>.exr"),
+        ("a_<UDIM>.png", "a_height_<UDIM>.png"),
+        ("a_normal_<UDIM>_1.png", "a_height_<UDIM>_1.png"),
+        ("T_a_N.<UDIM>.png", "T_a_H.<UDIM>.png"),
+    ],
 )
 def test_the_number_of_the_tile_stays_at_the_end(output, expected):
     assert beside("HEIGHT", output=output, udim=True).output == expected
+
+
+@pytest.mark.parametrize(
+    ("name", "image"), [("BASE_COLOR", "T_rock_BC"), ("AO", "T_rock_AO"), ("THICKNESS", "T_rock_thickness")]
+)
+def test_names_of_unreal_have_short_suffixes_where_there_are_usual_ones(name, image):
+    assert beside(name, image="T_rock_N").image == image
+
+
+def test_the_packed_image_of_unreal_has_its_short_suffix():
+    settings = Settings(image="T_rock_N", pack="UNREAL")
+    assert map_names.beside(settings, settings.packing.map_type).image == "T_rock_ORM"
+
+
+def test_short_suffixes_are_distinct():
+    short = [one.short_suffix for one in BY_NAME.values() if one.short_suffix]
+    assert len({*short, "N"}) == len(short) + 1
+
+
+@pytest.mark.parametrize("names", dict.fromkeys(reader.names for reader in READERS))
+def test_the_suffix_takes_the_place_of_the_ending_of_each_preset(names):
+    name = names.replace(LOW, "rock")
+    assert beside("THICKNESS", image=name).image == f"{name.rpartition('_')[0]}_thickness"
+
+
+@pytest.mark.parametrize(
+    ("path", "expected"),
+    [
+        ("", ""),
+        ("rock.png", "new.png"),
+        ("//maps/rock.v2.png", "//maps/new.png"),
+        ("//../out.v2/rock.exr", "//../out.v2/new.exr"),
+        ("C:\\maps\\rock.tif", "C:\\maps\\new.tif"),
+        ("/maps/rock", "/maps/new"),
+        ("/maps/", "/maps/"),
+        ("rock_normal.<UDIM>.exr", "new.<UDIM>.exr"),
+        ("{low}_<UDIM>_2.png", "new_<UDIM>_2.png"),
+    ],
+)
+def test_a_path_is_renamed_in_its_folder_with_its_tile_and_its_ending(path, expected):
+    assert file_names.renamed(path, "new") == expected
 
 
 def test_without_a_file_there_is_no_path():

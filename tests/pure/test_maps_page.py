@@ -34,7 +34,7 @@ def file(settings):
 
 def test_the_names_are_those_of_a_bake():
     lines = [[names(cell)[0] for cell in cells] for cells in rows(section(MAPS, "## Names"))]
-    assert len(lines) == 3
+    assert len(lines) == 5
     for output, *expected in lines:
         settings = settings_of(output)
         found = [file(map_names.beside(settings, BY_NAME[name])) for name in (AO.name, "BASE_COLOR")]

@@ -8,6 +8,8 @@ import pytest
 
 import addon
 from addon.core.declarations import readers
+from addon.core.names import file_names
+from tests.support import maps, zoo
 
 BUILT_IN = sorted((Path(addon.__file__).parent / "presets" / "imprint").glob("*.py"))
 
@@ -25,11 +27,15 @@ def test_a_preset_sets_what_its_programs_need(path):
     settings = bpy.context.scene.imprint
     settings.red, settings.green, settings.blue = "-Z", "+X", "-Y"
     settings.basis = "CYCLES" if path.stem == readers.OF_SCENE else "AUTO"
+    settings.image, settings.output = "of another preset", "//maps/mine.<UDIM>.tif"
     assert bpy.ops.script.execute_preset(filepath=str(path), menu_idname="IMPRINT_PT_conventions") == {"FINISHED"}
     found = settings.red, settings.green, settings.blue, settings.basis, settings.depth, settings.alpha
+    names = readers.presets()[path.stem]["names"]
+    assert (settings.image or file_names.USUAL, settings.output) == (names, f"//maps/{names}.<UDIM>.tif")
     served = [reader for reader in readers.READERS if reader.preset == path.stem]
     for reader in served:
         assert found == ("+X", reader.green, "+Z", reader.basis.name, str(reader.depth), reader.alpha)
+        assert names == reader.names
     if not served:
         assert found == ("+X", "+Y", "+Z", "AUTO", "16", True)
 
@@ -38,13 +44,51 @@ def test_a_preset_of_the_user_is_saved_and_removed():
     settings = bpy.context.scene.imprint
     settings.red, settings.green, settings.blue, settings.basis = "-X", "+Z", "+Y", "MIKKTSPACE"
     settings.depth, settings.alpha = "32", False
+    settings.image = "{low}_nrm"
     assert bpy.ops.imprint.convention_add(name="Our engine") == {"FINISHED"}
     kept = [Path(folder, "Our_engine.py") for folder in bpy.utils.preset_paths("imprint")]
     kept = next(path for path in kept if path.is_file())
     settings.red, settings.green, settings.blue, settings.basis = "+X", "+Y", "+Z", "CYCLES"
     settings.depth, settings.alpha = "8", True
+    settings.image, settings.output = "", "//a.png"
     bpy.ops.script.execute_preset(filepath=str(kept), menu_idname="IMPRINT_PT_conventions")
     assert (settings.red, settings.green, settings.blue) == ("-X", "+Z", "+Y")
     assert (settings.basis, settings.depth, settings.alpha) == ("MIKKTSPACE", "32", False)
+    assert (settings.image, settings.output) == ("{low}_nrm", "//{low}_nrm.png")
     bpy.ops.imprint.convention_add(name="Our engine", remove_active=True)
     assert not kept.exists()
+
+
+@pytest.mark.parametrize("image", ["", "helmet_normal"])
+def test_a_saved_preset_leaves_names_alone_that_fit_one_object(image):
+    settings = bpy.context.scene.imprint
+    settings.image = image
+    assert settings.names == ""
+    settings.image, settings.output = "rock_normal", "//rock.png"
+    settings.names = ""
+    assert (settings.image, settings.output) == ("rock_normal", "//rock.png")
+
+
+def test_a_preset_names_texture_sets_by_their_materials():
+    settings = bpy.context.scene.imprint
+    settings.texture_sets, settings.output = True, "//{low}_{material}_normal.png"
+    settings.names = "T_{low}_N"
+    assert (settings.image, settings.output) == ("T_{low}_{material}_N", "//T_{low}_{material}_N.png")
+    assert settings.names == "T_{low}_N"
+
+
+def test_maps_of_the_preset_for_unreal_are_found_under_its_names(gpu_context, tmp_path):
+    low, _ = zoo.terrains_in_slots("FLATTEN")
+    settings = bpy.context.scene.imprint
+    settings.storage, settings.output, settings.maps = "FILE", str(tmp_path / "mine.png"), {"HEIGHT", "ROUGHNESS"}
+    settings.pack = "UNREAL"
+    preset = next(path for path in BUILT_IN if path.stem == "Unreal")
+    bpy.ops.script.execute_preset(filepath=str(preset), menu_idname="IMPRINT_PT_conventions")
+    assert bpy.ops.imprint.bake() == {"FINISHED"}
+    names = {f"T_{low.name}_{ending}" for ending in ("N", "H", "R", "ORM")}
+    files = {path.stem: path for path in tmp_path.iterdir()}
+    assert set(files) == names
+    assert names <= {image.name for image in bpy.data.images}
+    normals = bpy.data.images.load(str(files[f"T_{low.name}_N"]))
+    normals.colorspace_settings.is_data = True
+    assert maps.pixels(normals)[..., :3].mean(axis=(0, 1)) == pytest.approx((0.5, 0.5, 1.0), abs=0.1)

@@ -35,15 +35,17 @@ WHITE = Channel(constant=1.0)
 
 @dataclass(frozen=True)
 class Packing:
-    """A layout. suffix: the ending of the names of its image and files. channels: red, green, blue and alpha."""
+    """A layout. suffix, short_suffix: the endings of the names of its image and files, as those of a MapType. channels: red,
+    green, blue and alpha."""
 
     suffix: str
     channels: tuple[Channel, Channel, Channel, Channel]
+    short_suffix: str = ""
 
     @classmethod
-    def of(cls, suffix: str, *values: str) -> "Packing":
+    def of(cls, suffix: str, *values: str, short_suffix: str = "") -> "Packing":
         """The layout of the four values of settings such as pack_red."""
-        return cls(suffix, tuple(map(Channel.of, values)))
+        return cls(suffix, tuple(map(Channel.of, values)), short_suffix)
 
     @property
     def maps(self) -> tuple[str, ...]:
@@ -53,7 +55,7 @@ class Packing:
     @property
     def map_type(self) -> MapType:
         """A map type for the names of the image."""
-        return MapType("PACKED", "Packed", "", Kind.VALUE, self.suffix)
+        return MapType("PACKED", "Packed", "", Kind.VALUE, self.suffix, self.short_suffix)
 
     def of_widened_roughness(self) -> "Packing":
         """The same layout with the widened roughness in place of the material's."""
@@ -70,7 +72,7 @@ class Packing:
         return dict(zip(RGBA, self.channels, strict=True))
 
 
-_ORM = Packing.of("orm", AO.name, ROUGHNESS.name, METALLIC.name, ONE)
+_ORM = Packing.of("orm", AO.name, ROUGHNESS.name, METALLIC.name, ONE, short_suffix="ORM")
 
 PRESETS: Mapping[str, Packing] = MappingProxyType(
     {

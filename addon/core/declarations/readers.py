@@ -4,6 +4,7 @@
 from dataclasses import dataclass
 from types import MappingProxyType
 
+from ..names.file_names import USUAL
 from . import bases
 from .bases import Basis
 
@@ -22,7 +23,8 @@ class Reader:
     name: on the command line and in job files. label: in the interface and the manual. basis: that it decodes with. green: UP
     or DOWN. rebuilds_z: whether it reads red and green alone and makes z of them, so that no normal has a z below 0. depth:
     bits per channel that it makes use of. alpha: whether its images have alpha, in which packed ones store a map. preset: the
-    file below presets/imprint that is made for it. settings: what to set in it, in words.
+    file below presets/imprint that is made for it. settings: what to set in it, in words. names: of images and files of normal
+    maps, as its users have them.
     """
 
     name: str
@@ -34,6 +36,7 @@ class Reader:
     rebuilds_z: bool = False
     depth: int = 8
     alpha: bool = False
+    names: str = USUAL
 
 
 _LINEAR = "As a normal map, linear"
@@ -63,6 +66,7 @@ READERS = (
         green=DOWN,
         rebuilds_z=True,
         depth=16,
+        names="T_{low}_N",
     ),
     Reader(
         "unity",
@@ -73,6 +77,7 @@ READERS = (
         rebuilds_z=True,
         depth=16,
         alpha=True,
+        names="{low}_Normal",
     ),
     Reader(
         "unity-built-in",
@@ -83,6 +88,7 @@ READERS = (
         rebuilds_z=True,
         depth=16,
         alpha=True,
+        names="{low}_Normal",
     ),
     Reader(
         "godot",
@@ -116,6 +122,7 @@ READERS = (
         green=DOWN,
         rebuilds_z=True,
         depth=16,
+        names="{low}_ddn",
     ),
     Reader("xnormal", "xNormal", bases.MIKKTSPACE_VERTEX, "Substance and xNormal", _LINEAR, depth=16),
     Reader(
@@ -152,13 +159,14 @@ def names(basis: Basis) -> str:
 
 def presets() -> dict[str, dict[str, str | bool]]:
     """The settings of each preset, by its name and theirs. Programs that share a preset need the same."""
-    of_scene = {"basis": bases.AUTO, "green": UP, "depth": "16", "alpha": True}
+    of_scene = {"basis": bases.AUTO, "green": UP, "depth": "16", "alpha": True, "names": USUAL}
     of_readers = {
         reader.preset: {
             "basis": reader.basis.name,
             "green": reader.green,
             "depth": str(reader.depth),
             "alpha": reader.alpha,
+            "names": reader.names,
         }
         for reader in READERS
     }

@@ -9,3 +9,4 @@ settings.blue = "+Z"
 settings.basis = "MIKKTSPACE_VERTEX"
 settings.depth = "16"
 settings.alpha = False
+settings.names = "{low}_normal"

@@ -287,8 +287,10 @@ TABLE = {
     (SENTENCE, "The normal's Z, inverted"): {"de_DE": "Z der Normalen, invertiert", "es": "Z de la normal, invertida"},
     (LABEL, "Presets"): {"de_DE": "Voreinstellungen", "es": "Preajustes"},
     (OPERATOR, "Add Preset"): {"de_DE": "Voreinstellung hinzufügen", "es": "Adicionar preajuste"},
-    (SENTENCE, "Save the channels, the basis, depth and alpha as a preset, or remove a preset"): {
-        "de_DE": "Kanäle, Basis, Tiefe und Alpha als Voreinstellung speichern oder eine Voreinstellung entfernen",
-        "es": "Guarda los canales, la base, la profundidad y alfa como preajuste, o elimina un preajuste",
+    (SENTENCE, "Save the channels, the basis, depth, alpha and the names of maps as a preset, or remove a preset"): {
+        "de_DE": "Kanäle, Basis, Tiefe, Alpha und die Namen von Maps als Voreinstellung speichern oder eine Voreinstellung "
+        "entfernen",
+        "es": "Guarda los canales, la base, la profundidad, alfa y los nombres de los mapas como preajuste, o elimina un "
+        "preajuste",
     },
 }

@@ -30,6 +30,15 @@ TABLE = {
         "es": "Nombre de la imagen a llenar. En él, {low} representa el nombre del objeto low poly. Dejar vacío "
         "para usar una imagen con el nombre del objeto low poly",
     },
+    (LABEL, "Names of Maps"): {"de_DE": "Namen von Maps", "es": "Nombres de los mapas"},
+    (
+        SENTENCE,
+        "Names that a preset gives to images and files. {low} in them stands for the low object's name",
+    ): {
+        "de_DE": "Namen, die eine Voreinstellung Bildern und Dateien gibt. {low} darin steht für den Namen des "
+        "Low-Poly-Objekts",
+        "es": "Nombres que un preajuste da a imágenes y archivos. En ellos, {low} representa el nombre del objeto low poly",
+    },
     (LABEL, "Export"): {"de_DE": "Export", "es": "Exportar"},
     (SENTENCE, OUTPUT["export"].tooltip): {
         "de_DE": f"Datei für eine Engine: {file_formats.listed_meshes('oder')}. Sie bekommt das Low-Poly-Mesh in den "
