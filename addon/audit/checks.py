@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..core import texel_state, udim
-from ..core.declarations.choices import Method
+from ..core.declarations.choices import Method, Space
 from ..core.errors import shorten_list
 from ..core.settings import Settings
 from ..engine import separation, uv_agreement
@@ -67,6 +67,7 @@ def audit(plan: Plan, tally: Tally, settings: Settings, ray_cast: ray_casting.Ra
             *_direction_warnings(meshes, tally, settings),
             *uv_warnings,
             *distance_warnings,
+            *_crossed_warnings(plan, checks, settings),
             *(
                 severity.warning(kind, check, low.name, with_method)
                 for kind, check in checks.items()
@@ -183,6 +184,22 @@ def _distances(plan: Plan, settings: Settings, found: np.ndarray | None) -> tupl
         thinned = [separation.thinned(high) for high in meshes.drawn_highs]
         differing = uv_agreement.differing(meshes.low, thinned, plan.tiles, offset)
     return {"far": check}, [f"Cast rays, or choose Auto: {differing}."] if differing else []
+
+
+def _crossed_warnings(plan: Plan, checks: Checks, settings: Settings) -> Iterator[str]:
+    # In object and world space, overlaps are wrong in any order.
+    if plan.method != Method.FLATTEN or settings.space != Space.TANGENT:
+        return
+    low, overlap_check = plan.meshes.low, checks["overlap"]
+    is_stacked = overlap_check["stacked"] > severity.MUCH_OVERLAP * overlap_check["of"]
+    if is_stacked and checks["far"]["maximum"] > separation.limit(low, replace(settings, limit=None)):
+        highs = [separation.thinned(high) for high in plan.meshes.drawn_highs]
+        share = uv_agreement.crossed(low, highs, plan.tiles)
+        if share > severity.MUCH_OVERLAP:
+            yield (
+                f"Cast rays: parts of {low.name!r} share UVs, and on {share:.1%} of the texels the high normals are those of "
+                "one part, and the tangents those of another."
+            )
 
 
 def _faces(meshes: Meshes) -> Checks:

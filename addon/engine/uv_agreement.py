@@ -94,17 +94,34 @@ def mismatched(low: Mesh, highs: Sequence[Mesh]) -> np.ndarray:
 
     On these texels, the high meshes' point is not CLOSE to any point of the low mesh, along its surface.
     """
-    surface, uv_to_clip = _Surface(low), udim.uv_to_clip()
-    above = separation.PointMeshes(highs, surface.local_space).draw((PROBE_SIZE, PROBE_SIZE), uv_to_clip)
+    both, between = _along(_Surface(low), low, highs, udim.uv_to_clip())
+    result = np.zeros(both.shape, bool)
+    result[both] = between.min(axis=0) >= CLOSE
+    return result
+
+
+def crossed(low: Mesh, highs: Sequence[Mesh], tiles: Sequence[int]) -> float:
+    """The share of the texels that both cover where parts of `low` share UVs and the high meshes are drawn in another order:
+    their last point is close, along the surface, to the first point of the low mesh and not to the last one."""
+    surface = _Surface(low)
+    last, first = np.concatenate([_along(surface, low, highs, udim.uv_to_clip(tile))[1] for tile in tiles], axis=1)
+    return np.count_nonzero((last >= CLOSE) & (first < CLOSE)) / max(1, len(last))
+
+
+def _along(
+    surface: "_Surface", low: Mesh, highs: Sequence[Mesh], uv_to_clip: UvToClip
+) -> tuple[np.ndarray, np.ndarray]:
+    """The texels (side, side) bool that both meshes cover. On these, the distances (2, N) along the surface from the high
+    meshes' point to the last and the first point of `low`, in its local space."""
+    above = separation.PointMeshes(highs, surface.local_space).draw((surface.side, surface.side), uv_to_clip)
     layers = [surface.draw(uv_to_clip, is_last=is_last) for is_last in (True, False)]
     both = (above[..., 3] > 0.0) & (layers[0][0][..., 3] > 0.0)
-    result = np.zeros(both.shape, bool)
-    if both.any():
-        above = above[both][:, :3]
-        above -= _object_offset(surface.local_space, low, highs, above - layers[0][0][both][:, :3])
-        between = (_tangential(above - below[both][:, :3], normals[both][:, :3]) for below, normals in layers)
-        result[both] = np.min([np.linalg.norm(vectors, axis=1) for vectors in between], axis=0) >= CLOSE
-    return result
+    if not both.any():
+        return both, np.empty((2, 0), np.float32)
+    above = above[both][:, :3]
+    above -= _object_offset(surface.local_space, low, highs, above - layers[0][0][both][:, :3])
+    between = (_tangential(above - below[both][:, :3], normals[both][:, :3]) for below, normals in layers)
+    return both, np.stack([np.linalg.norm(vectors, axis=1) for vectors in between])
 
 
 def _object_offset(local_space: LocalSpace, low: Mesh, highs: Sequence[Mesh], between: np.ndarray) -> np.ndarray:

@@ -9,6 +9,7 @@ from addon.core.settings import Settings
 from addon.engine import uv_agreement
 from addon.jobs import bake_pair
 from tests.support import zoo
+from tests.support.maps import bake as bake_texels
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -130,3 +131,57 @@ def test_many_high_objects_are_probed_once_on_few_texels(monkeypatch):
     shifted = patch("shifted", boxes[7], shared(boxes[8]))
     report = bake(low, *highs[:7], shifted, *highs[8:])
     assert (report.method, "'shifted'" in report.why) == ("CAST", True)
+
+
+# Parts that share UVs, with high faces in another order
+
+
+def winged(name, *, is_reversed=False, aside=0.0):
+    """A plane with two sloping wings that share 1.3 % of the texels, the left one mirrored. is_reversed: the faces' order.
+    aside: how far the wings are moved along the plane's sides."""
+    sections = (-1, 0, 0), (1, 0, 0), (1, 0, aside), (2, -1, aside), (-2, -1, aside), (-1, 0, aside)
+    points = [(x, y + move, z) for x, z, move in sections for y in (-1, 1)]
+    faces = np.array([0, 2, 3, 1]) + [[0], [4], [8]]
+    plane, wing = (
+        np.array([(u, v), (u + w, v), (u + w, v + w), (u, v + w)]) for u, v, w in ((0, 0, 0.875), (0.9, 0.9, 0.1))
+    )
+    order = slice(None, None, -1 if is_reversed else 1)
+    return zoo.build(name, points, faces[order], np.stack([plane, wing, wing[[1, 0, 3, 2]]])[order], smooth=False)
+
+
+def crossed(report):
+    return [warning for warning in report.warnings if warning.startswith("Cast rays: parts of 'lo' share UVs")]
+
+
+@pytest.mark.parametrize("method", ["AUTO", "FLATTEN"])
+def test_flatten_reports_high_faces_of_stacked_parts_in_another_order(method):
+    low = winged("lo")
+    report = bake(low, winged("hi", is_reversed=True), method=method, width=256, height=256)
+    assert report.method == "FLATTEN"
+    (warning,) = crossed(report)
+    assert f"on {100 / (0.1**-2 * 0.875**2 + 1):.1f}% of the texels" in warning
+    assert not crossed(bake(low, winged("same"), method=method, width=256, height=256))
+
+
+def test_only_tangents_of_another_part_are_reported():
+    low, high = winged("lo"), winged("hi", is_reversed=True)
+    assert not crossed(bake(low, high, space="OBJECT", width=256, height=256))
+    assert not crossed(bake(low, high, method="CAST", width=256, height=256))
+
+
+def test_cast_depends_on_no_order():
+    maps = [
+        bake_texels(winged("lo"), winged("hi", is_reversed=is_reversed), method="CAST") for is_reversed in (False, True)
+    ]
+    np.testing.assert_allclose(*maps, atol=1e-6)
+
+
+def test_high_parts_that_are_close_to_no_part_are_not_crossed():
+    report = bake(winged("lo"), winged("hi", is_reversed=True, aside=1.0), method="FLATTEN", width=256, height=256)
+    assert report.checks["far"]["count"]
+    assert not crossed(report)
+
+
+def test_a_limit_of_distances_hides_no_crossed_parts():
+    low, high = winged("lo"), winged("hi", is_reversed=True)
+    assert crossed(bake(low, high, limit=100.0, width=256, height=256))
