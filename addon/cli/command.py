@@ -14,11 +14,12 @@ from ..core.progress import Progress
 from ..core.timings import startup
 from . import interruption, many_bakes, standard_streams
 from .farms import farm_command
-from .plan import listing, plans, run_clashes, shards
+from .plan import listing, planning, run_clashes, shards
 from .plan.plans import Plan
 from .results.exit_codes import FAILED, WRONG_USAGE
 from .starting.loading import load_blender
 from .terminal_progress import Meter
+from .trust import bounds
 from .usage import arguments, job_file
 from .usage.arguments import WrongUsage
 from .workers import worker_process
@@ -80,7 +81,7 @@ def _run(words: Sequence[str], program: str, *, may_start_processes: bool) -> in
         return FAILED
     with Meter(sys.stderr) as meter:
         try:
-            if _are_many(options):
+            if planning.are_many(options):
                 for problem in problems:
                     print(f"{program}: warning: {problem}", file=sys.stderr)
                 many = many_bakes.Many(chosen, len(planned), options, program)
@@ -100,14 +101,12 @@ def _read(words: Sequence[str], program: str) -> tuple[argparse.Namespace, list[
     options = arguments.parse(words, program)
     if options.jobs:
         own, more = arguments.split_jobs(words)
+        if own.untrusted:
+            bounds.check_job_file(own.jobs)
         with Meter(sys.stderr) as meter:
             return own, job_file.read(own.jobs, more, lambda share: meter.show(own.jobs, Progress("Reading", share)))
     arguments.check(options)
     return options, [options]
-
-
-def _are_many(options: argparse.Namespace) -> bool:
-    return bool(options.jobs) or arguments.is_folder(options)
 
 
 def _plan(
@@ -117,15 +116,7 @@ def _plan(
 
     Raises WrongPlace with a line for each bake that would harm a file.
     """
-    are_many, open_file = _are_many(options), plans.open_file()
-    planned, problems = plans.plans(sets, open_file) if are_many else ([Plan("", options)], [])
-    files = run_clashes.Run(open_file)
-    found = files.add(
-        [(plan.name, plan.options) for plan in planned],
-        options.jobs,
-        options.report if are_many else None,
-        [own.pairs for own in sets if arguments.is_folder(own)],
-    )
+    planned, problems, files, found = planning.plan(options, sets)
     if found:
         raise WrongPlace("\n".join(found))
     return planned, problems, files

@@ -4,7 +4,7 @@
 import argparse
 import sys
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
 
 from ..core.errors import BakeError, NoGpu, sentence
@@ -19,6 +19,8 @@ from .results.report_file import ReportFile
 from .results.run_report import Entry, State
 from .starting.loading import load_blender
 from .terminal_progress import Meter
+from .trust import confinement
+from .trust.confinement import Confinement
 from .usage.options import STDOUT
 from .workers.supervisor import Limits, Supervisor
 
@@ -47,14 +49,16 @@ class Many:
 def run(many: Many, files: run_clashes.Run, meter: Meter, *, may_start_processes: bool) -> int:
     """Do the bakes, print a table, and write the report of all. files: must have all plans. Returns the exit code."""
     options = many.options
+    if files.bounds and (lacks := confinement.missing()):
+        print(f"{many.program}: warning: {lacks}", file=sys.stderr)
     try:
         with _Found(many) as found, many.turns() as turns, ExitStack() as held:
             for done in turns.done:
                 found.add(Done.resumed(done.plan, done.result))
             source: Iterable[Done] = ()
-            if turns.count and may_start_processes and options.workers:
-                limits = Limits(options.timeout, options.max_memory, options.log)
-                supervisor = held.enter_context(Supervisor(options.workers, limits))
+            if turns.count and (files.bounds or (may_start_processes and options.workers)):
+                rights = held.enter_context(closing(Confinement(files.bounds, options.log))) if files.bounds else None
+                supervisor = held.enter_context(Supervisor(options.workers, _limits(options), rights))
                 source = supervisor.bake_all(turns, files, meter, is_reported=bool(options.report))
             elif turns.count:
                 source = _bake_here(turns, files, meter, is_reported=bool(options.report))
@@ -69,6 +73,11 @@ def run(many: Many, files: run_clashes.Run, meter: Meter, *, may_start_processes
         meter.clear()
         print(f"{many.program}: {sentence(error)}", file=sys.stderr)
         return exit_codes.NO_MACHINE if isinstance(error, NoGpu | MemoryError) else exit_codes.FAILED
+
+
+def _limits(options: argparse.Namespace) -> Limits:
+    seconds, memory = (confinement.SECONDS, confinement.most_memory()) if options.untrusted else (None, None)
+    return Limits(options.timeout or seconds, options.max_memory or memory, options.log)
 
 
 def _bake_here(turns: Turns, files: run_clashes.Run, meter: Meter, *, is_reported: bool) -> Iterator[Done]:

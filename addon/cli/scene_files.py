@@ -16,7 +16,7 @@ from ..jobs.job import Job
 from ..output import datablocks
 from ..output.files.atomic_file import reason
 from ..scene.visibility import put
-from . import interruption, standard_streams
+from . import interruption, outside_files, standard_streams
 from .mesh_files import page_files
 from .mesh_files.importers import IMPORTERS, PLAIN, Space, import_file
 from .plan import file_references
@@ -25,7 +25,9 @@ from .plan import file_references
 class Stage:
     """The scene to bake in, which is changed only when other files are wanted."""
 
-    def __init__(self):
+    def __init__(self, folders: Sequence[str] = ()):
+        """folders: those that an untrusted file may name files in; none for other files."""
+        self._folders = folders
         self._open: tuple[list[Path], Space] = [], PLAIN
         self.notes: list[str] = []
         """Sentences about what is left out of the open files."""
@@ -55,8 +57,9 @@ class Stage:
         self._open = wanted
 
     def take(self) -> None:
-        """Use the open scene: keep its simulations from writing files."""
-        self.notes = _hold_caches(self._held)
+        """Use the open scene, whose simulations write no files then. Raises BakeError for what untrusted files must not do."""
+        self.notes = outside_files.leave_out(self._folders) if self._folders else []
+        self.notes += _hold_caches(self._held)
 
     @contextmanager
     def let_go(self) -> Iterator[None]:

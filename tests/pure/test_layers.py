@@ -44,7 +44,10 @@ WITHOUT = {
     "audit": {"bpy", "bmesh"},
 }
 """The modules of Blender that each package must not import."""
-WITHOUT_BLENDER = ("addon/cli/done", "addon/cli/farms", "addon/cli/plan", "addon/cli/usage", "addon/output/files")
+WITHOUT_BLENDER = (
+    *("addon/cli/done", "addon/cli/farms", "addon/cli/plan", "addon/cli/trust", "addon/cli/usage"),
+    "addon/output/files",
+)
 """Folders whose modules need no Blender, although others of their package do. They import only what needs none."""
 MOST_FILES = 12
 """The largest number of modules in a folder."""

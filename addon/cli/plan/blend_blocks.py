@@ -18,6 +18,10 @@ _HEAD_OF_5 = re.compile(rb"BLENDER17-01v(\d{4})")
 _LIBRARY = re.compile(rb"[^\0]*[/\\][^\0]*\.blend(?=\0)")
 """A path in the block of a library, which contains its bare name as well."""
 _PIECE = 1 << 20
+_MOST_OF_LIBRARY = 1 << 16
+"""Bytes that are read of the block of a library, which has a few paths."""
+_MOST_COMPRESSED = 1000
+"""A compressed file has less content than so many times its bytes."""
 _LONGEST_NAME = 258
 """Bytes of a name with its code, OB for objects, and the zero at its end."""
 _POINTERS_SINCE = 293
@@ -50,7 +54,7 @@ def object_names(path: Path) -> set[str] | None:
 def libraries(path: Path) -> list[Path]:
     """The libraries that the .blend at `path` links. This reads all its blocks."""
     # Names are in the bytes of the system, as paths are. Opening a file that is not complete will report what is wrong.
-    found = _Blocks(path, {b"LI": None})
+    found = _Blocks(path, {b"LI": _MOST_OF_LIBRARY})
     names = [os.fsdecode(name) for _, block in found for name in _LIBRARY.findall(block)]
     return [path.parent / name.removeprefix("//") for name in names] if found.is_complete else []
 
@@ -58,8 +62,8 @@ def libraries(path: Path) -> list[Path]:
 class _Blocks:
     """The blocks of some codes, each with the layout of the file. is_complete: whether all could be read."""
 
-    def __init__(self, path: Path, wanted: dict[bytes, int | None]):
-        """wanted: codes, and how many bytes to read; None for all."""
+    def __init__(self, path: Path, wanted: dict[bytes, int]):
+        """wanted: codes, and how many bytes to read."""
         self._path, self._wanted, self.is_complete = path, wanted, False
 
     def __iter__(self) -> Iterator[tuple[_Layout, bytes]]:
@@ -71,11 +75,13 @@ class _Blocks:
             return
 
     def _read(self, file: BinaryIO) -> Iterator[tuple[_Layout, bytes]]:
-        layout = _layout(file)
+        layout, left = _layout(file), _MOST_COMPRESSED * (self._path.stat().st_size + _PIECE)
         while (head := layout.head.unpack(file.read(layout.head.size)))[0] != b"ENDB":
             size, code = head[layout.size_at], head[0].rstrip(b"\0")
-            part = self._wanted.get(code, 0)
-            part = size if part is None else min(part, size)
+            left -= layout.head.size + size
+            if size < 0 or left < 0:
+                raise ValueError("no size of a block")
+            part = min(self._wanted.get(code, 0), size)
             if part:
                 yield layout, file.read(part)
             _skip(file, size - part)

@@ -68,6 +68,8 @@ def _folders(path: Path) -> list[Path]:
 
 def _said(path: Path, words: tuple[str, ...]) -> Iterator[str]:
     """The text after one of these words at the start of a line."""
+    if not path.is_file():  # opening a pipe may wait for ever
+        return
     with path.open("rb") as file:
         text = file.read(MOST).decode(errors="surrogateescape")
     for line in text.splitlines():

@@ -8,9 +8,8 @@ import re
 import sys
 from collections.abc import Sequence
 
-from ..usage import arguments
 from ..usage.garbage import unsearched
-from . import costs, plans, run_clashes, shards
+from . import costs, planning, plans, run_clashes, shards
 from .input_files import InputFiles
 from .input_problems import InputProblems
 from .plans import Plan
@@ -47,7 +46,7 @@ class _Listing:
 
     def __init__(self, options: argparse.Namespace, sets: Sequence[argparse.Namespace]):
         self._options, self._files = options, InputFiles()
-        self.planned, self.warnings, self.problems = _planned(options, sets)
+        self.planned, self.warnings, _, self.problems = planning.plan(options, sets)
         self.costs = {plan.number: costs.cost(plan.options, self._files) for plan in self.planned}
         self.chosen = shards.part(
             shards.named(self.planned, options.only), options.shard, lambda plan: self.costs[plan.number]
@@ -97,18 +96,3 @@ class _Listing:
             "outputs": [os.path.abspath(path) for path in run_clashes.outputs(plan.options)],
             "problems": self._of_bakes[plan.number],
         }
-
-
-def _planned(
-    options: argparse.Namespace, sets: Sequence[argparse.Namespace]
-) -> tuple[list[Plan], list[str], list[str]]:
-    """The bakes, sentences about unpaired files, and a sentence for each bake that would overwrite a file."""
-    are_many = arguments.are_many(options)
-    planned, warnings = plans.plans(sets, plans.open_file()) if are_many else ([Plan("", options)], [])
-    clashes = run_clashes.Run(plans.open_file()).add(
-        [(plan.name, plan.options) for plan in planned],
-        options.jobs,
-        options.report if are_many else None,
-        [own.pairs for own in sets if arguments.is_folder(own)],
-    )
-    return planned, warnings, clashes

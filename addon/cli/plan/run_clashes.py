@@ -3,7 +3,7 @@
 
 import argparse
 import os
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from pathlib import Path
 
 from ...core.errors import WrongPlace
@@ -11,6 +11,7 @@ from ...core.file_formats import OPENED
 from ...core.names import file_names
 from ...core.names.file_names import ATLAS
 from ...output.files.path_clashes import Places
+from ..trust.bounds import Bounds
 from ..usage import arguments
 from ..usage.garbage import unsearched
 from ..usage.options import STDOUT
@@ -20,9 +21,9 @@ from . import blend_blocks, file_references, map_files, plans
 class Run:
     """The files of all bakes of one call."""
 
-    def __init__(self, open_file: str = ""):
-        """open_file: the path of the open .blend, which bakes without a file use."""
-        self._open_file = open_file
+    def __init__(self, open_file: str = "", bounds: Bounds | None = None):
+        """open_file: the path of the open .blend, which bakes without a file use. bounds: folders that all bakes keep to."""
+        self._open_file, self.bounds = open_file, bounds
         self.places = Places()
         self._known: set[str] = set()
         """The bakes whose maps are in `places`."""
@@ -61,11 +62,11 @@ class Run:
         if jobs:
             check("", self.places.read, jobs, "the job file")
         for path in (path for folder in dict.fromkeys(folders) for path in _meshes_in(folder)):
-            check("", self.places.read, path, "a mesh in the folder")
+            check("", self._read_file, path, "a mesh in the folder")
         for name, options in bakes:
             check(name, self._read, name, options)
-        for path, name in _libraries(bakes, report):
-            check(name, self.places.read, path, _of("a linked library", name), name)
+        for path, name in _libraries(bakes, report, is_untrusted=self.bounds is not None):
+            check(name, self._read_file, path, _of("a linked library", name), name)
         for name, options in bakes:
             check(name, self._write, name, options)
         if report and report != STDOUT:
@@ -81,17 +82,17 @@ class Run:
         Raises WrongPlace if a file would be overwritten.
         """
         for path, what in used:
-            self.places.read(path, _of(what, name), name)
+            self._read_file(path, _of(what, name), name)
         if name not in self._known:
             self._write_maps(name, options, lows)
 
     def exported(self, name: str, path: str) -> None:
         """Add a file beside the file for an engine, whose name is only known once that is made. Raises WrongPlace."""
-        self.places.write(path, _of("a texture of the file for an engine", name), name)
+        self._write_file(path, _of("a texture of the file for an engine", name), name)
 
     def _read(self, name: str, options: argparse.Namespace) -> None:
         for path, what, by in self._read_by(options):
-            self.places.read(path, _of(what, name), (name, by))
+            self._read_file(path, _of(what, name), (name, by))
 
     def _read_by(self, options: argparse.Namespace) -> Iterator[tuple[str, str, str]]:
         """The files that a bake reads: path, what it is, and "scene" if the saved scene may replace it."""
@@ -115,23 +116,36 @@ class Run:
             for other in self._references[path]:
                 yield other, f"what {os.path.basename(path)!r} refers to", ""
 
+    def _read_file(self, path: str, title: str, by: Hashable = None) -> None:
+        if self.bounds is not None:
+            self.bounds.check_read(path, title)
+        self.places.read(path, title, by)
+
+    def _write_file(self, path: str, title: str, by: Hashable, *, may_replace: Hashable = None) -> None:
+        if self.bounds is not None:
+            self.bounds.check_write(path, title)
+        self.places.write(path, title, by, may_replace=may_replace)
+
     def _write(self, name: str, options: argparse.Namespace) -> None:
+        if self.bounds is not None:  # also those whose names are only known once the files are open
+            for path in outputs(options):
+                self.bounds.check_write(path, _of("a file", name))
         if low := low_of(options):
             self._write_maps(name, options, [low])
         if options.report and options.report != STDOUT:
-            self.places.write(options.report, _of("the report", name), name)
+            self._write_file(options.report, _of("the report", name), name)
         if options.save_blend:
             own = (name, "scene") if len(options.file) < 2 else None
-            self.places.write(options.save_blend, _of("the scene to save", name), name, may_replace=own)
+            self._write_file(options.save_blend, _of("the scene to save", name), name, may_replace=own)
 
     def _write_maps(self, name: str, options: argparse.Namespace, lows: Sequence[str]) -> None:
         self._known.add(name)
         several = len(lows) > 1
         for low in lows:
             for path, what in map_files.files(options, low, frames(options)):
-                self.places.write(path, _of(f"{what} of {low!r}" if several else what, name), name)
+                self._write_file(path, _of(f"{what} of {low!r}" if several else what, name), name)
         for path in dict.fromkeys(file_names.fill(options.export, low) for low in lows) if options.export else ():
-            self.places.write(path, _of("the file for an engine", name), name)
+            self._write_file(path, _of("the file for an engine", name), name)
 
 
 def low_of(options: argparse.Namespace) -> str:
@@ -159,19 +173,24 @@ def _of(what: str, name: str) -> str:
     return f"{what} of {name}" if name else what
 
 
-def _libraries(bakes: Sequence[tuple[str, argparse.Namespace]], report: str | None) -> Iterator[tuple[str, str]]:
+def _libraries(
+    bakes: Sequence[tuple[str, argparse.Namespace]], report: str | None, *, is_untrusted: bool
+) -> Iterator[tuple[str, str]]:
     """The libraries of all files to open, with the first bake that opens each.
 
     A bake finds its own libraries once its file is open; by then only another bake can have replaced them. That is possible
-    only if an existing .blend is to be written. Else no file is read here, since the search reads all of each file.
+    only if an existing .blend is to be written. Else no file is read here, since the search reads all of each file, unless
+    the files are not trusted.
     """
     written = [report, *(path for _, options in bakes for path in (options.report, options.save_blend))]
     real = (os.path.realpath(path) for path in written if path)
-    if len(bakes) < 2 or not any(path.endswith(".blend") and os.path.exists(path) for path in real):
+    if not is_untrusted and (
+        len(bakes) < 2 or not any(path.endswith(".blend") and os.path.exists(path) for path in real)
+    ):
         return
     seen = set()
     for name, options in bakes:
-        for path in options.file:
+        for path in (*options.file, options.low_file or "", *options.high_file, options.cage_file or ""):
             if path not in seen and path.endswith(".blend"):
                 seen.add(path)
                 yield from ((str(library), name) for library in blend_blocks.libraries(Path(path)))

@@ -56,10 +56,27 @@ RUN_OPTIONS: dict[str, CommandOption] = {
         {"type": option_types.path, "metavar": "DIR"},
         "none",
     ),
+    "untrusted": CommandOption(
+        "Bake files of other people: only the input folder is read, only the output folder is written, in a process with few "
+        "rights and limits of time and memory",
+        {"action": "store_true"},
+    ),
+    "input-folder": CommandOption(
+        "With --untrusted: the folder with all that may be read",
+        {"type": option_types.path, "metavar": "DIR"},
+        "that of the job file, of --pairs, or of the first file",
+    ),
+    "output-folder": CommandOption(
+        "With --untrusted: the folder with all that may be written. It is made if it is missing",
+        {"type": option_types.path, "metavar": "DIR"},
+        "out beside the job file; without a job file, that of --output",
+    ),
 }
 """The options without their dashes."""
-OF_MANY = ("shard", "only", "resume", "force", "timeout", "max_memory", "log")
+OF_MANY = ("shard", "only", "resume", "force")
 """Those that are for many bakes alone."""
+OF_WORKERS = ("timeout", "max_memory", "log", "untrusted")
+"""Those for which a single bake has a process of its own, too."""
 
 
 def mistakes(options: argparse.Namespace, are_many: bool) -> Iterator[str]:
@@ -74,3 +91,15 @@ def mistakes(options: argparse.Namespace, are_many: bool) -> Iterator[str]:
         yield "--list checks as well: leave out --check"
     if options.json and not options.list:
         yield "--json is for --list"
+    if needs_worker(options) and not options.workers:
+        needs = next(name.replace("_", "-") for name in OF_WORKERS if given[name])
+        yield f"--{needs} needs a process for the bakes: leave out --workers 0"
+    if (options.input_folder or options.output_folder) and not options.untrusted:
+        yield "--input-folder and --output-folder are for --untrusted"
+    if options.untrusted and not (are_many or options.file or options.low_file):
+        yield "--untrusted needs FILE or --low-file: the open file has been opened already"
+
+
+def needs_worker(options: argparse.Namespace) -> bool:
+    """Whether the options ask for a process of its own, also for a single bake."""
+    return any(vars(options)[name] for name in OF_WORKERS)

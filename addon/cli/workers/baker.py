@@ -2,7 +2,7 @@
 """Bakes one plan after the other in this process."""
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from ...core.errors import BakeError
 from .. import batch, interruption
@@ -27,9 +27,12 @@ WAIT = 0.1
 class Baker:
     """Bakes one plan after the other in this process. A bake that fails does not stop the others."""
 
-    def __init__(self, files: run_clashes.Run, meter: Meter, *, needs_all: bool, is_reported: bool):
-        """files: must have all plans. needs_all: as batch.need_all says of all. is_reported: whether there is a report."""
-        self._files, self._meter, self._stage = files, meter, Stage()
+    def __init__(
+        self, files: run_clashes.Run, meter: Meter, *, needs_all: bool, is_reported: bool, folders: Sequence[str] = ()
+    ):
+        """files: must have all plans. needs_all: as batch.need_all says of all. is_reported: whether there is a report. folders:
+        as in Stage."""
+        self._files, self._meter, self._folders, self._stage = files, meter, folders, Stage(folders)
         self._is_reported, self._contents = is_reported, Contents()
         if needs_all:
             lean_blender.complete()  # before a file is opened: Cycles brings its settings in old files up to date
@@ -47,7 +50,7 @@ class Baker:
             result = Result(plan.name, is_stopped=True)
         except (BakeError, MemoryError) as error:
             result = bake_result.failure(plan.name, error)
-            self._stage = Stage()  # the failed bake may have changed the open scene
+            self._stage = Stage(self._folders)  # the failed bake may have changed the open scene
         result.seconds = time.perf_counter() - start
         self._meter.clear()
         return recording.finish(draft, Done.of(result, plan.number), found)

@@ -1,14 +1,20 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a parent and its workers send each other, over a connection of multiprocessing that pickles it.
+"""What a parent and its workers send each other, pickled, over a connection of multiprocessing.
 
 A worker that has ended a bake sends a bake_result.Done.
 """
 
-from dataclasses import dataclass
+import io
+import json
+import pickle
+from dataclasses import dataclass, field, replace
+from multiprocessing.connection import Connection
 from typing import Any
 
 from ..done.bake_record import Draft
 from ..plan.plans import Plan
+from ..results.bake_result import Done
+from ..results.run_report import Cause, Entry, State
 
 
 @dataclass(frozen=True)
@@ -23,6 +29,8 @@ class Assignment:
     """Whether the run has a report."""
     log: str = ""
     draft: Draft | None = None
+    folders: tuple[str, ...] = ()
+    """Those that a bake of untrusted files reads; none for others."""
 
 
 @dataclass(frozen=True)
@@ -39,10 +47,12 @@ class Ready:
 
 @dataclass(frozen=True)
 class FilesFound:
-    """To the parent, which sends an Answer: a bake found more files. Calls a method of run_clashes.Run."""
+    """To the parent, which sends an Answer: a bake found more files, as the arguments of run_clashes.Run.opened, or an export,
+    that of run_clashes.Run.exported."""
 
-    method: str
-    arguments: tuple[Any, ...]
+    lows: list[str] = field(default_factory=list)
+    used: list[tuple[str, str]] = field(default_factory=list)
+    export: str = ""
 
 
 @dataclass(frozen=True)
@@ -59,3 +69,34 @@ class Line:
     """To the parent: a line to print before a bake, which can take long."""
 
     line: str
+
+
+def plain(done: Done) -> Done:
+    """A result whose values are those that the report will have: text, numbers, lists and tables."""
+    return replace(done, entry=Entry.from_dict(json.loads(json.dumps(done.entry.to_dict()))))
+
+
+MOST_BYTES = 1 << 26
+"""Of a message from a worker."""
+_FROM_WORKERS = {
+    (each.__module__, each.__qualname__): each for each in (Done, Entry, State, Cause, FilesFound, Ready, Percent, Line)
+}
+
+
+class _Reader(pickle.Unpickler):
+    """Makes no objects but messages: a worker that a file has taken over must not run code in its parent."""
+
+    def find_class(self, module: str, name: str) -> type:
+        try:
+            return _FROM_WORKERS[module, name]
+        except KeyError as error:
+            raise pickle.UnpicklingError(f"{module}.{name} is no message") from error
+
+
+def received(connection: Connection) -> Any:
+    """The next message of a worker. Raises EOFError if it is gone, and OSError for what is no message."""
+    content = connection.recv_bytes(MOST_BYTES)
+    try:
+        return _Reader(io.BytesIO(content)).load()
+    except (pickle.UnpicklingError, ValueError, TypeError, AttributeError, IndexError) as error:
+        raise OSError("no message") from error

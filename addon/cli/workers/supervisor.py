@@ -14,14 +14,15 @@ from ...core.errors import BakeError, NoGpu, WrongPlace
 from ...core.progress import Progress
 from ...output.files.atomic_file import reason
 from .. import interruption
-from ..done.turns import Resumed, Turns
+from ..done.turns import Resumed, ToDo, Turns
 from ..plan import run_clashes
 from ..plan.plans import Plan
 from ..results.bake_result import Done
 from ..results.run_report import Cause, Entry, State
 from ..terminal_progress import Meter
+from ..trust.confinement import Confinement
 from .chains import Chains
-from .messages import Answer, Assignment, FilesFound, Line, Percent, Ready
+from .messages import Answer, Assignment, FilesFound, Line, Percent, Ready, received
 from .worker_process import WorkerProcess
 
 LOOK_EVERY = 0.1
@@ -45,8 +46,8 @@ class Limits:
 class _Worker:
     """A worker process with what it does now."""
 
-    def __init__(self):
-        self.process = WorkerProcess()
+    def __init__(self, confinement: Confinement | None):
+        self.process = WorkerProcess(confinement)
         self.plan: Plan | None = None
         self.chain = 0
         """The chain of its last bake, whose scene is open in it."""
@@ -62,8 +63,9 @@ class _Worker:
 class Supervisor:
     """Starts workers, gives them bakes, and ends them. Use it in a `with` block."""
 
-    def __init__(self, count: int, limits: Limits):
-        self._count, self._limits = count, limits
+    def __init__(self, count: int, limits: Limits, confinement: Confinement | None = None):
+        """confinement: the rights of workers for files that are not trusted."""
+        self._count, self._limits, self._confinement = count, limits, confinement
         self._workers: list[_Worker] = []
         self._chains = Chains()
         self._starts = 0
@@ -120,11 +122,13 @@ class Supervisor:
                     yield Done.of(refusal, turn.plan.number)
                     continue
                 meter.place = f"{begun}/{count} "
-                worker.begin(
-                    turn.plan, Assignment(turn.plan, needs_all, is_reported, self._log_of(turn.plan), turn.draft)
-                )
+                worker.begin(turn.plan, self._assignment(turn, needs_all, is_reported))
             yield from self._hear(files, meter)
             yield from self._check_limits()
+
+    def _assignment(self, turn: ToDo, needs_all: bool, is_reported: bool) -> Assignment:
+        folders = self._confinement.folders if self._confinement else ()
+        return Assignment(turn.plan, needs_all, is_reported, self._log_of(turn.plan), turn.draft, folders)
 
     def _fill(self, wanted: int) -> None:
         while len(self._workers) < wanted:
@@ -132,7 +136,7 @@ class Supervisor:
 
     def _start(self) -> None:
         try:
-            self._workers.append(_Worker())
+            self._workers.append(_Worker(self._confinement))
         except OSError as error:
             raise BakeError(f"A process to bake in could not be started: {reason(error)}.") from error
 
@@ -142,7 +146,7 @@ class Supervisor:
         for connection in wait(list(by_connection), LOOK_EVERY):
             worker = by_connection[connection]
             try:
-                message = connection.recv()
+                message = received(connection)
             except (EOFError, OSError):
                 yield from self._bury(worker)
                 continue
@@ -155,7 +159,7 @@ class Supervisor:
                 case Line():
                     meter.report(message.line)
                 case FilesFound():
-                    worker.process.send(Answer(_problem(files, message)))
+                    worker.process.send(Answer(_problem(files, worker.plan, message)))
                 case Done():
                     yield from self._take(worker, message)
 
@@ -216,9 +220,12 @@ class Supervisor:
         return str(Path(self._limits.log).absolute() / f"{plan.number:06}_{name}.log")
 
 
-def _problem(files: run_clashes.Run, found: FilesFound) -> str:
+def _problem(files: run_clashes.Run, plan: Plan, found: FilesFound) -> str:
     try:
-        getattr(files, found.method)(*found.arguments)
+        if found.export:
+            files.exported(plan.name, found.export)
+        else:
+            files.opened(plan.name, plan.options, found.lows, found.used)
     except WrongPlace as problem:
         return str(problem)
     return ""

@@ -8,13 +8,12 @@ from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any
 
 from ...core.errors import WrongPlace
 from ...core.progress import Progress
 from ...core.timings import startup
 from .. import interruption, standard_streams
-from .messages import Answer, Assignment, FilesFound, Line, Percent, Ready
+from .messages import Answer, Assignment, FilesFound, Line, Percent, Ready, plain
 from .worker_process import CONNECTION
 
 if os.name == "nt":
@@ -27,7 +26,7 @@ def run() -> int:
     parent = PipeConnection(number) if os.name == "nt" else Connection(number)
     faulthandler.enable(all_threads=False)
     with startup.spent("imprint"):
-        from .. import batch  # needs Blender, which loads its modules
+        from .. import batch, outside_files  # need Blender, which loads its modules
         from .baker import Baker
     batch.start_gpu()
     with suppress(EOFError, OSError), parent:  # the parent has closed it, or is gone
@@ -37,12 +36,14 @@ def run() -> int:
             assigned: Assignment = parent.recv()
             if assigned.log:
                 _print_to(Path(assigned.log))
+            if assigned.folders:
+                outside_files.forbid_scripts()
             files = _Files(parent)
-            of_run = {"needs_all": assigned.needs_all, "is_reported": assigned.is_reported}
+            of_run = {"needs_all": assigned.needs_all, "is_reported": assigned.is_reported, "folders": assigned.folders}
             baker = baker or Baker(files, _Meter(parent), **of_run)
             done = baker.bake(assigned.plan, assigned.draft)
             standard_streams.flush()
-            parent.send(done)
+            parent.send(plain(done))
     return 0
 
 
@@ -65,13 +66,13 @@ class _Files:
     def opened(
         self, name: str, options: argparse.Namespace, lows: Sequence[str], used: Iterable[tuple[str, str]]
     ) -> None:
-        self._ask("opened", name, options, lows, list(used))
+        self._ask(FilesFound(list(lows), list(used)))
 
     def exported(self, name: str, path: str) -> None:
-        self._ask("exported", name, path)
+        self._ask(FilesFound(export=path))
 
-    def _ask(self, method: str, *arguments: Any) -> None:
-        self._parent.send(FilesFound(method, arguments))
+    def _ask(self, found: FilesFound) -> None:
+        self._parent.send(found)
         answer: Answer = self._parent.recv()
         if answer.problem:
             raise WrongPlace(answer.problem)

@@ -14,6 +14,7 @@ from typing import Any
 
 from ...core.timings import BEGUN
 from .. import interruption
+from ..trust.confinement import Confinement
 from . import process_memory
 
 WORD = "worker"
@@ -25,26 +26,35 @@ _TAIL = 1 << 13
 """Bytes of a log that are searched for last words."""
 
 
-def command(words: Sequence[str] = ()) -> list[str]:
+def command(words: Sequence[str] = (), *, is_untrusted: bool = False) -> list[str]:
     """The command that starts a worker: what started this process, with other arguments for Imprint.
 
-    words: the arguments of this process; sys.argv if empty.
+    words: the arguments of this process; sys.argv if empty. is_untrusted: whether Blender runs no scripts of files, even if
+    preferences say so.
     """
     bpy = sys.modules.get("bpy")
     if bpy is None or bpy.app.module:
         return [sys.executable, str(SCRIPT), "--", WORD]
     given = list(words or sys.argv)
+    never = ["--disable-autoexec"] if is_untrusted else []
     for option in ("--command", "-c"):
         if option in given:
-            return [bpy.app.binary_path, *given[1 : given.index(option) + 2], WORD]
-    return [bpy.app.binary_path, *given[1 : given.index("--") if "--" in given else None], "--", WORD]
+            return [
+                bpy.app.binary_path,
+                *given[1 : given.index(option)],
+                *never,
+                *given[given.index(option) :][:2],
+                WORD,
+            ]
+    return [bpy.app.binary_path, *given[1 : given.index("--") if "--" in given else None], *never, "--", WORD]
 
 
 class WorkerProcess:
     """A worker. Raises OSError if it cannot be started."""
 
-    def __init__(self):
-        self.is_ready = False
+    def __init__(self, confinement: Confinement | None = None):
+        """confinement: its rights, if its files are not trusted."""
+        self.is_ready, self._confinement = False, confinement
         """Whether Blender has started."""
         self.log = tempfile.TemporaryFile()  # noqa: SIM115 - open as long as the process
         """What it prints while no bake has a log of its own."""
@@ -58,16 +68,21 @@ class WorkerProcess:
     def _start(self, other: Connection) -> subprocess.Popen:
         number = other.fileno()
         variables = dict(os.environ, **{BEGUN: "", CONNECTION: str(number), interruption.LAUNCHER: str(os.getpid())})
+        variables[interruption.BAKING] = ""  # this process names the bake
+        words = command()
+        if self._confinement is not None:
+            words = self._confinement.words(command(is_untrusted=True))
+            variables |= self._confinement.variables()
         given: dict[str, Any] = {"stdin": subprocess.DEVNULL, "stdout": self.log, "stderr": self.log, "env": variables}
         if os.name == "nt":
             os.set_handle_inheritable(number, True)
             startup = subprocess.STARTUPINFO(lpAttributeList={"handle_list": [number]})
-            return subprocess.Popen(command(), startupinfo=startup, **given)
+            return subprocess.Popen(words, startupinfo=startup, **given)
         # The worker unblocks them once it handles them.
         blocked = [getattr(signal, name) for name in (*interruption.NAMES, interruption.ASK, interruption.END)]
         before = signal.pthread_sigmask(signal.SIG_BLOCK, blocked)
         try:
-            return subprocess.Popen(command(), pass_fds=[number], **given)
+            return subprocess.Popen(words, pass_fds=[number], **given)
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
 

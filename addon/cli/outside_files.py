@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Files that an open scene from an untrusted .blend names outside the folder that may be read."""
+
+import os
+from collections.abc import Sequence
+
+import bpy
+
+from ..core.errors import BakeError, shorten_list
+from .trust.bounds import is_below
+
+IMPORT_NODES = "GeometryNodeImport"
+"""The start of the names of the nodes that read files, at paths that other nodes can make."""
+
+
+def forbid_scripts() -> None:
+    """Run no scripts of files, even if preferences say so."""
+    bpy.context.preferences.filepaths.use_scripts_auto_execute = False
+
+
+def leave_out(folders: Sequence[str]) -> list[str]:
+    """Empty the paths of images, sounds, fonts, caches and others that are not below `folders`, so that they are not read.
+
+    Returns sentences. Raises BakeError for libraries there, and for nodes that import files.
+    """
+    _check_nodes()
+    for library in bpy.data.libraries:
+        if not _is_inside(bpy.path.abspath(library.filepath, library=library.parent), folders):
+            raise BakeError(
+                f"The library {library.filepath!r} is not in {folders[0]!r}, the only folder that --untrusted reads."
+            )
+    left: list[str] = []
+
+    def visit(owner: bpy.types.ID, path: str, _about: object) -> str | None:
+        if not path or _is_inside(bpy.path.abspath(path, library=owner.library), folders):
+            return None
+        left.append(path)
+        return ""
+
+    bpy.data.file_path_foreach(visit)
+    if not left:
+        return []
+    paths = shorten_list(map(repr, dict.fromkeys(left)))
+    return [f"Files outside {folders[0]!r} were not read: {paths}."]
+
+
+def _check_nodes() -> None:
+    for tree in bpy.data.node_groups:
+        node = next((node for node in tree.nodes if node.bl_idname.startswith(IMPORT_NODES)), None)
+        if node is not None:
+            raise BakeError(
+                f"The node {node.name!r} of {tree.name!r} imports a file, which --untrusted refuses: remove it."
+            )
+
+
+def _is_inside(path: str, folders: Sequence[str]) -> bool:
+    return any(is_below(os.path.realpath(path), folder) for folder in folders)

@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The bakes of a call, with all files that they read and write."""
+
+import argparse
+from collections.abc import Sequence
+from copy import copy
+
+from ..trust import bounds
+from ..usage import arguments, run_options
+from . import plans
+from .plans import Plan
+from .run_clashes import Run
+
+
+def are_many(options: argparse.Namespace) -> bool:
+    """Whether the bakes of a call are done as those of a job file are: several, or a single one in a process of its own."""
+    return arguments.are_many(options) or run_options.needs_worker(options)
+
+
+def plan(
+    options: argparse.Namespace, sets: Sequence[argparse.Namespace]
+) -> tuple[list[Plan], list[str], Run, list[str]]:
+    """The bakes, sentences about unpaired files, the files of all bakes, and a sentence for each bake that would harm a file.
+
+    options: of the call. sets: those of each set. Raises WrongPlace for folders that an untrusted call cannot use.
+    """
+    open_file, within = plans.open_file(), bounds.of(options)
+    if within is not None:
+        within.check_sets(sets)
+    warnings: list[str] = []
+    if arguments.are_many(options):
+        planned, warnings = plans.plans(sets, open_file)
+    elif are_many(options):
+        own = copy(options)
+        own.report = None  # the caller of the worker writes it
+        planned = [Plan(plans.subject(options, open_file), own)]
+    else:
+        planned = [Plan("", options)]
+    files = Run(open_file, within)
+    found = files.add(
+        [(each.name, each.options) for each in planned],
+        options.jobs,
+        options.report if are_many(options) else None,
+        [own.pairs for own in sets if arguments.is_folder(own)],
+    )
+    return planned, warnings, files, found

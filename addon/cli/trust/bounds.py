@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The folders that bakes of untrusted files keep to, checked by the names of files before any of them is opened."""
+
+import argparse
+import glob
+import os
+import re
+import stat
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from ...core import udim
+from ...core.errors import WrongPlace
+from ...core.names import file_names
+from ..usage import arguments
+
+OUTPUT = "out"
+"""The folder beside a job file that its bakes write to, unless the caller names one."""
+MOST_BYTES = 1 << 26
+"""Of a job file."""
+MOST_FILES = 1_000_000
+"""Maps that a run may name: bakes times frames."""
+_PLACEHOLDER = re.compile("|".join(map(re.escape, (file_names.LOW, file_names.MATERIAL, udim.TOKEN))) + "|#+")
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """The folder that is read, and the one that is written, as absolute paths without links."""
+
+    inputs: str
+    outputs: str
+
+    def check_read(self, path: str, title: str) -> None:
+        """Raise WrongPlace unless `path` is in the input folder, or in the output folder, after its links. title: the file, for
+        messages."""
+        for each in _with_tiles(path):
+            real = os.path.realpath(each)
+            if not (is_below(real, self.inputs) or is_below(real, self.outputs)):
+                raise WrongPlace(self._not_read(path, title))
+            _check_file(each, title)
+
+    def check_write(self, path: str, title: str) -> None:
+        """Raise WrongPlace unless `path` is in the output folder, after its links. title: the file, for messages."""
+        for each in _with_tiles(path):
+            if not is_below(os.path.realpath(each), self.outputs):
+                raise WrongPlace(
+                    f"{_subject(title)}, {path!r}, is not in {self.outputs!r}, the only folder that --untrusted writes to: "
+                    "choose a path there, or name another one with --output-folder."
+                )
+
+    def check_sets(self, sets: Sequence[argparse.Namespace]) -> None:
+        """Raise WrongPlace for folders of pairs elsewhere, and for more maps than a run with untrusted files may name."""
+        for options in filter(arguments.is_folder, sets):
+            if not is_below(os.path.realpath(options.pairs), self.inputs):
+                raise WrongPlace(self._not_read(options.pairs, "the folder of pairs"))
+        count = sum(each.frames[1] - each.frames[0] + 1 if each.frames else 1 for each in sets)
+        if count > MOST_FILES:
+            raise WrongPlace(
+                f"{count:,} maps are more than {MOST_FILES:,}, the most that --untrusted plans: divide the job."
+            )
+
+    def _not_read(self, path: str, title: str) -> str:
+        return (
+            f"{_subject(title)}, {path!r}, is not in {self.inputs!r}, the only folder that --untrusted reads: move it "
+            "there, or name another one with --input-folder."
+        )
+
+    def make(self) -> None:
+        """Make the output folder. Raises WrongPlace."""
+        try:
+            os.makedirs(self.outputs, exist_ok=True)
+        except OSError as error:
+            raise WrongPlace(f"The folder {self.outputs!r} cannot be made: {error.strerror}.") from error
+
+
+def of(options: argparse.Namespace) -> Bounds | None:
+    """The bounds of a run whose files are not trusted; None for others. Raises WrongPlace."""
+    if not options.untrusted:
+        return None
+    if options.jobs:
+        folder = os.path.dirname(os.path.abspath(options.jobs))
+        inputs, outputs = folder, os.path.join(folder, OUTPUT)
+    else:
+        first = next(iter(options.file), options.low_file)
+        inputs = options.pairs if arguments.is_folder(options) else os.path.dirname(os.path.abspath(first))
+        outputs = os.path.dirname(_PLACEHOLDER.split(os.path.abspath(options.output))[0])
+    inputs = os.path.realpath(options.input_folder or inputs)
+    if not os.path.isdir(inputs):
+        raise WrongPlace(f"There is no folder {inputs!r}.")
+    return Bounds(inputs, os.path.realpath(options.output_folder or outputs))
+
+
+def check_job_file(name: str) -> None:
+    """Raise WrongPlace for a job file that is too large, or no file. One that is missing is left to its reader."""
+    _check_file(name, "the job file")
+    if os.path.exists(name) and os.path.getsize(name) > MOST_BYTES:
+        raise WrongPlace(
+            f"{name!r} has more than {MOST_BYTES >> 20} MiB, the most that --untrusted reads as a job file."
+        )
+
+
+def is_below(path: str, folder: str) -> bool:
+    """Whether a path is in a folder. Both are absolute and without links."""
+    return Path(path).is_relative_to(folder)
+
+
+def _with_tiles(path: str) -> Iterator[str]:
+    """The path, and those of the tiles that it stands for and that exist."""
+    yield path
+    if udim.TOKEN in path:
+        yield from glob.iglob(glob.escape(path).replace(udim.TOKEN, "[0-9]" * 4))
+
+
+def _check_file(path: str, title: str) -> None:
+    """Raise WrongPlace for pipes, devices and folders: opening one may wait for ever. What is missing is left to its reader."""
+    try:
+        mode = os.stat(path).st_mode
+    except (OSError, ValueError):
+        return
+    if not stat.S_ISREG(mode):
+        raise WrongPlace(f"{_subject(title)}, {path!r}, is no file.")
+
+
+def _subject(title: str) -> str:
+    return title[:1].upper() + title[1:]
