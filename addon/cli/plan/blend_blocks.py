@@ -20,7 +20,7 @@ _LIBRARY = re.compile(rb"[^\0]*[/\\][^\0]*\.blend(?=\0)")
 _PIECE = 1 << 20
 _MOST_OF_LIBRARY = 1 << 16
 """Bytes that are read of the block of a library, which has a few paths."""
-_MOST_COMPRESSED = 1000
+MOST_COMPRESSED = 1000
 """A compressed file has less content than so many times its bytes."""
 _LONGEST_NAME = 258
 """Bytes of a name with its code, OB for objects, and the zero at its end."""
@@ -75,7 +75,7 @@ class _Blocks:
             return
 
     def _read(self, file: BinaryIO) -> Iterator[tuple[_Layout, bytes]]:
-        layout, left = _layout(file), _MOST_COMPRESSED * (self._path.stat().st_size + _PIECE)
+        layout, left = _layout(file), MOST_COMPRESSED * (self._path.stat().st_size + _PIECE)
         while (head := layout.head.unpack(file.read(layout.head.size)))[0] != b"ENDB":
             size, code = head[layout.size_at], head[0].rstrip(b"\0")
             left -= layout.head.size + size

@@ -46,13 +46,14 @@ class _Listing:
 
     def __init__(self, options: argparse.Namespace, sets: Sequence[argparse.Namespace]):
         self._options, self._files = options, InputFiles()
-        self.planned, self.warnings, _, self.problems = planning.plan(options, sets)
+        self.planned, self.warnings, files, self.problems = planning.plan(options, sets)
         self.costs = {plan.number: costs.cost(plan.options, self._files) for plan in self.planned}
         self.chosen = shards.part(
             shards.named(self.planned, options.only), options.shard, lambda plan: self.costs[plan.number]
         )
         found = InputProblems(self._files)
-        self._of_bakes = {plan.number: list(found.of(plan)) for plan in self.chosen}
+        is_refused = files.bounds is not None and bool(self.problems)  # nothing elsewhere is looked at
+        self._of_bakes = {plan.number: [] if is_refused else list(found.of(plan)) for plan in self.chosen}
 
     @property
     def all_problems(self) -> list[str]:

@@ -128,7 +128,8 @@ class Run:
 
     def _write(self, name: str, options: argparse.Namespace) -> None:
         if self.bounds is not None:  # also those whose names are only known once the files are open
-            for path in outputs(options):
+            named = (options.output, options.export, options.save_blend)  # a link before .. is followed or not
+            for path in (*filter(None, named), *outputs(options)):
                 self.bounds.check_write(path, _of("a file", name))
         if low := low_of(options):
             self._write_maps(name, options, [low])

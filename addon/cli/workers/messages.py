@@ -98,5 +98,5 @@ def received(connection: Connection) -> Any:
     content = connection.recv_bytes(MOST_BYTES)
     try:
         return _Reader(io.BytesIO(content)).load()
-    except (pickle.UnpicklingError, ValueError, TypeError, AttributeError, IndexError) as error:
+    except (pickle.UnpicklingError, EOFError, LookupError, ValueError, TypeError, AttributeError, MemoryError) as error:
         raise OSError("no message") from error

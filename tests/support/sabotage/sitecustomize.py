@@ -5,7 +5,10 @@ What happens is in the name of the low mesh's file.
 """
 
 import ctypes
+import json
 import os
+import socket
+import subprocess
 import sys
 import time
 from importlib.machinery import PathFinder
@@ -38,7 +41,69 @@ def be_killed():
     os.kill(os.getpid(), 9)
 
 
-DEEDS = {"crash": crash, "fill": fill_memory, "hang": hang, "leave": leave, "killed": be_killed}
+def steal():
+    """Try what a file that has taken over the process would try. Prints what the system says of each."""
+    here = Path.cwd()  # the input folder
+    outside = here.parent / "outside"
+    parent = os.getppid()
+    tries = {
+        "read": (outside / "secret.txt").read_text,
+        "read over a link": (here / "link" / "secret.txt").read_text,
+        "list": lambda: os.listdir(outside),
+        "write": lambda: (outside / "new.txt").write_text("x"),
+        "write to the input folder": lambda: (here / "new.txt").write_text("x"),
+        "write to Imprint": lambda: Path(__file__).with_name("new.txt").write_text("x"),
+        "write over a link": lambda: (here / "out" / "link" / "new.txt").write_text("x"),
+        "truncate": lambda: os.truncate(outside / "secret.txt", 0),
+        "remove": (outside / "secret.txt").unlink,
+        "rename": lambda: os.rename(outside / "secret.txt", here / "out" / "secret.txt"),
+        "hard link": lambda: os.link(outside / "secret.txt", here / "out" / "secret.txt"),
+        "symbolic link": lambda: os.symlink(outside, here / "out" / "way"),
+        "make a folder": lambda: os.mkdir(outside / "new"),
+        "make a pipe": lambda: os.mkfifo(here / "out" / "pipe"),
+        "run a program": lambda: subprocess.run(["/bin/sh", "-c", "true"], check=True),
+        "fork": os.fork,
+        "replace itself by a file of its own": lambda: os.execv(*_own_program(here / "out" / "program")),
+        "internet": lambda: socket.create_connection(("127.0.0.1", 9), 1),
+        "datagrams": lambda: socket.socket(socket.AF_INET, socket.SOCK_DGRAM),
+        "sockets of this machine": lambda: socket.socket(socket.AF_UNIX).connect("/run/x"),
+        "kill its parent": lambda: os.kill(parent, 0),
+        "read its parent's variables": Path(f"/proc/{parent}/environ").read_bytes,
+        "read its parent's memory": Path(f"/proc/{parent}/mem").read_bytes,
+        "read passwords": Path("/etc/shadow").read_text,
+        "read the disk": Path(_disk()).read_bytes,
+        "leave a core": lambda: _raise_limit("RLIMIT_CORE"),
+    }
+    said = {}
+    for name, act in tries.items():
+        try:
+            act()
+            said[name] = "done"
+        except (OSError, ValueError) as error:
+            said[name] = type(error).__name__
+    os.chmod(outside / "secret.txt", 0o777)  # succeeds and does nothing
+    os.utime(outside / "secret.txt", (1, 1))
+    print("STEAL " + json.dumps(said), flush=True)
+
+
+def _disk():
+    """The first disk of this machine that is there."""
+    return next((path for path in ("/dev/vda", "/dev/sda", "/dev/nvme0n1") if os.path.exists(path)), "/dev/mem")
+
+
+def _own_program(path):
+    path.write_text("#!/bin/sh\nexit 9\n")
+    path.chmod(0o755)
+    return str(path), [str(path)]
+
+
+def _raise_limit(name):
+    import resource
+
+    resource.setrlimit(getattr(resource, name), (1, 1))
+
+
+DEEDS = {"steal": steal, "crash": crash, "fill": fill_memory, "hang": hang, "leave": leave, "killed": be_killed}
 
 
 class Finder:

@@ -1,0 +1,309 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tests --untrusted against job files, folders and mesh files that name other files: each is refused in one sentence before
+Blender starts, and nothing changes."""
+
+import gzip
+import json
+import os
+import random
+import struct
+from pathlib import Path
+
+import pytest
+
+from addon.cli import command
+from addon.cli.plan import blend_blocks
+from addon.cli.results import exit_codes
+from addon.cli.trust import bounds
+from addon.cli.usage.key_values import KEYS
+from tests.support import trees
+
+pytestmark = pytest.mark.skipif(os.name == "nt", reason="links and pipes of POSIX")
+
+MESH = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n"
+WRITES = {"output": ".png", "export": ".glb", "save-blend": ".blend", "report": ".json"}
+READS = {"file": ".obj", "low-file": ".obj", "high-file": ".obj", "cage-file": ".obj", "convert": ".png"}
+PLACES_TO_WRITE = [
+    "../map",
+    "map",
+    "{root}/outside/map",
+    "out/../map",
+    "out/../../outside/map",
+    "out/link/map",
+    "out/deep/../../../outside/map",
+    "out/link/../map",
+    "link/map",
+    "out/victim",
+    "~/map",
+    "//host/share/map",
+    "\\\\host\\share\\map",
+    "C:\\map",
+    "C:/map",
+    "/dev/shm/map",
+    "/proc/self/map",
+    "/map",
+    "out/%2e%2e/../../map",
+    "%2e%2e/map",
+    "out/{low}/../../map",
+    "out/../{low}",
+    "out/\x1b[31m/../../map",
+    "out/a\nb/../../map",
+    "out /map",
+    "out./map",
+    "Out/map",
+    "ｏｕｔ/map",
+    "out\u202e/map",
+    "outside/map",
+    "out-of/map",
+]
+PLACES_TO_READ = [
+    "../outside/secret",
+    "{root}/outside/secret",
+    "link/secret",
+    "secret",
+    "pipe",
+    "folder",
+    "out/link/secret",
+    "out/../../outside/secret",
+    "//{root}/outside/secret",
+    "./././../outside/secret",
+    "link/../outside/secret",
+    "chain",
+]
+
+
+@pytest.fixture
+def root(tmp_path, monkeypatch):
+    """A folder with job/, in which the files of others are, and outside/. job/out is the output folder."""
+    for name in ("outside", "job/out/deep", "job/folder.obj", "job/folder.png"):
+        (tmp_path / name).mkdir(parents=True)
+    for ending in (".obj", ".png"):
+        (tmp_path / f"outside/secret{ending}").write_text(MESH)
+        (tmp_path / f"job/secret{ending}").symlink_to(f"../outside/secret{ending}")
+        (tmp_path / f"job/chain{ending}").symlink_to(f"secret{ending}")
+        os.mkfifo(tmp_path / f"job/pipe{ending}")
+    for ending in WRITES.values():
+        (tmp_path / f"outside/victim{ending}").write_text("precious")
+        (tmp_path / f"job/out/victim{ending}").symlink_to(f"../../outside/victim{ending}")
+    for name in ("low", "high"):
+        (tmp_path / f"job/{name}.obj").write_text(MESH)
+    (tmp_path / "job/link").symlink_to("../outside")
+    (tmp_path / "job/out/link").symlink_to("../../outside")
+    monkeypatch.chdir(tmp_path / "outside")
+    return tmp_path
+
+
+MESHES = {"low-file": "low.obj", "high-file": "high.obj"}
+OTHERS = {"file": {"low": "a"}, "convert": {"low-file": "low.obj"}}
+"""The other keys of a set with a key; MESHES if it is not here."""
+
+
+def outside_of(root):
+    return trees.snapshot(root, root / "job/out")
+
+
+def attack(root, key, value, *words, capfd):
+    """Bake a set with a key. Returns the exit code and what was said, after comparing all that is on the disk."""
+    values = {"output": "out/map.png", **OTHERS.get(key, MESHES), key: value}
+    (root / "job/j.json").write_text(json.dumps({"bake": [values]}))
+    before = outside_of(root)
+    code = command.run(["--jobs", str(root / "job/j.json"), "--untrusted", *words], may_start_processes=True)
+    assert outside_of(root) == before
+    return code, capfd.readouterr().err.splitlines()
+
+
+@pytest.mark.parametrize("place", PLACES_TO_WRITE)
+@pytest.mark.parametrize("key", WRITES)
+def test_no_file_is_written_elsewhere(root, key, place, capfd):
+    path = place.replace("{root}", str(root)) + WRITES[key]
+    code, said = attack(root, key, path, capfd=capfd)
+    assert code == exit_codes.WRONG_USAGE
+    (line,) = said
+    assert "the only folder that --untrusted writes to" in line
+
+
+@pytest.mark.parametrize("place", PLACES_TO_READ)
+@pytest.mark.parametrize("key", READS)
+def test_no_file_is_read_elsewhere(root, key, place, capfd):
+    path = place.replace("{root}", str(root)) + READS[key]
+    code, said = attack(root, key, path, capfd=capfd)
+    assert code == exit_codes.WRONG_USAGE
+    (line,) = said
+    assert "the only folder that --untrusted reads" in line or "is no file." in line
+
+
+def test_each_key_with_a_path_is_tried():
+    assert {key for key, option in KEYS.items() if option.is_path} == {*WRITES, *READS, "pairs"}
+
+
+@pytest.mark.parametrize("place", ["../outside", "{root}/outside", "link", "/etc", "/", "..", "~/x", "/proc/self/fd"])
+def test_no_folder_is_read_elsewhere(root, place, capfd):
+    (root / "job/j.json").write_text(
+        json.dumps({"bake": [{"pairs": place.replace("{root}", str(root)), "output": "out/{low}.png"}]})
+    )
+    before = outside_of(root)
+    code = command.run(["--jobs", str(root / "job/j.json"), "--untrusted"], may_start_processes=True)
+    (line,) = capfd.readouterr().err.splitlines()
+    assert outside_of(root) == before
+    if place == "~/x":  # a folder of this name below the job file's
+        assert "No such file" in line or "There is no" in line
+    else:
+        assert code == exit_codes.WRONG_USAGE
+        assert "the only folder that --untrusted reads" in line
+
+
+LIBRARIES = {
+    "outside": "../outside/evil.mtl",
+    "absolute": "/etc/passwd",
+    "link": "link/evil.mtl",
+    "device": "/dev/zero",
+    "pipe": "pipe.obj",
+    "own memory": "/proc/self/mem",
+}
+
+
+@pytest.mark.parametrize("library", LIBRARIES.values(), ids=LIBRARIES)
+def test_no_library_of_materials_is_read_elsewhere(root, library, capfd):
+    (root / "job/high.obj").write_text(f"mtllib {library}\n{MESH}")
+    code, (line,) = attack(root, "size", 16, capfd=capfd)
+    assert code == exit_codes.WRONG_USAGE
+    assert "what 'high.obj' refers to" in line.lower()
+
+
+@pytest.mark.parametrize(
+    "texture", ["../outside/secret.png", "/etc/secret.png", "-s 1 1 1 link/secret.png", "pipe.png", "/dev/zero"]
+)
+@pytest.mark.parametrize("word", ["map_Kd", "map_Bump -bm 2", "bump", "disp", "decal", "refl", "norm", "map_Ke"])
+def test_no_texture_is_read_elsewhere(root, word, texture, capfd):
+    (root / "job/high.obj").write_text(f"mtllib own.mtl\n{MESH}")
+    (root / "job/own.mtl").write_text(f"newmtl a\n{word} {texture}\n")
+    code, (line,) = attack(root, "size", 16, capfd=capfd)
+    assert code == exit_codes.WRONG_USAGE
+    assert "what 'high.obj' refers to" in line.lower()
+
+
+@pytest.mark.parametrize(
+    "uri",
+    [
+        "../outside/secret.png",
+        "/etc/passwd",
+        "%2e%2e/outside/secret.png",
+        "link/secret.png",
+        "/%65tc/passwd",
+        "pipe.png",
+    ],
+)
+@pytest.mark.parametrize("key", ["buffers", "images"])
+@pytest.mark.parametrize("ending", [".gltf", ".glb"])
+def test_no_part_of_a_gltf_is_read_elsewhere(root, ending, key, uri, capfd):
+    content = json.dumps({"asset": {"version": "2.0"}, key: [{"uri": uri, "byteLength": 4}]}).encode()
+    if ending == ".glb":
+        content = struct.pack("<4sIIII", b"glTF", 2, 20 + len(content), len(content), 0x4E4F534A) + content
+    (root / f"job/high{ending}").write_bytes(content)
+    code, (line,) = attack(root, "high-file", f"high{ending}", capfd=capfd)
+    assert code == exit_codes.WRONG_USAGE
+    assert f"what 'high{ending}' refers to" in line.lower()
+
+
+def blend(*blocks, size=None):
+    """A .blend of Blender 4 with blocks of a code and a content. size: what each says of its size."""
+    parts = [struct.pack("<4siQii", code, len(data) if size is None else size, 0, 0, 1) + data for code, data in blocks]
+    return b"BLENDER-v405" + b"".join(parts) + struct.pack("<4siQii", b"ENDB", 0, 0, 0, 0)
+
+
+@pytest.mark.parametrize("library", ["//../outside/lib.blend", "/etc/lib.blend", "//link/lib.blend"])
+@pytest.mark.parametrize("pack", [bytes, gzip.compress], ids=["plain", "compressed"])
+def test_no_library_of_a_blend_is_read_elsewhere(root, pack, library, capfd):
+    (root / "job/s.blend").write_bytes(pack(blend((b"LI", library.encode() + b"\0"))))
+    code, (line,) = attack(root, "file", "s.blend", capfd=capfd)
+    assert code == exit_codes.WRONG_USAGE
+    assert "A linked library of" in line
+
+
+@pytest.mark.parametrize("size", [-1, -24, -(2**31), 2**31 - 1])
+def test_a_wrong_size_in_a_blend_stops_nothing(root, size, capfd):
+    (root / "job/s.blend").write_bytes(blend((b"LI", b"x"), (b"OB", b"y"), size=size))
+    code, said = attack(root, "file", "s.blend", "--check", capfd=capfd)
+    assert code == exit_codes.WRONG_USAGE
+    assert said == [f"imprint: a: {str(root / 'job/s.blend')!r} is no .blend, or not a complete one."]
+
+
+def test_a_blend_that_unpacks_to_very_much_is_not_unpacked(root, monkeypatch, capfd):
+    monkeypatch.setattr(blend_blocks, "MOST_COMPRESSED", 4)
+    (root / "job/s.blend").write_bytes(gzip.compress(blend((b"DATA", bytes(1 << 23)))))
+    code, said = attack(root, "file", "s.blend", "--check", capfd=capfd)
+    assert code == exit_codes.WRONG_USAGE and len(said) == 1
+
+
+def test_the_job_file_must_be_a_file_of_usual_size(root, capfd):
+    with (root / "job/large.json").open("wb") as file:
+        file.truncate(bounds.MOST_BYTES + 1)
+    for name, words in (
+        ("large.json", "has more than 64 MiB"),
+        ("pipe.json", "is no file"),
+        ("folder.obj", "is no file"),
+    ):
+        if name.startswith("pipe"):
+            os.mkfifo(root / "job" / name)
+        assert command.run(["--jobs", str(root / "job" / name), "--untrusted"]) == exit_codes.WRONG_USAGE
+        (line,) = capfd.readouterr().err.splitlines()
+        assert words in line
+
+
+def test_a_job_file_cannot_ask_for_more(root, capfd):
+    """Rights, folders and limits are no keys of sets."""
+    for key in ("untrusted", "input-folder", "output-folder", "timeout", "max-memory", "log", "workers", "resume"):
+        code, (line,) = attack(root, key, "/", capfd=capfd)
+        assert code == exit_codes.WRONG_USAGE
+        assert f"unknown key '{key}'" in line
+
+
+def test_too_many_frames_are_refused(root, capfd):
+    values = {**MESHES, "output": "out/m.png", "frames": "1-100000"}
+    (root / "job/j.json").write_text(json.dumps({"bake": [values] * 11}))
+    assert command.run(["--jobs", str(root / "job/j.json"), "--untrusted"]) == exit_codes.WRONG_USAGE
+    (line,) = capfd.readouterr().err.splitlines()
+    assert line.startswith("imprint: 1,100,000 maps are more than 1,000,000")
+
+
+PARTS = [
+    "..",
+    ".",
+    "",
+    "out",
+    "link",
+    "deep",
+    "outside",
+    "~",
+    "%2e%2e",
+    "{low}",
+    "<UDIM>",
+    "###",
+    "C:",
+    "\\",
+    " ",
+    "é",
+    "a\n",
+    "\x1b",
+]
+
+
+@pytest.mark.parametrize("seed", range(200))
+def test_random_paths(root, seed, capfd):
+    """What is accepted lies in the folders, by what the system says of the path; nothing is changed either way."""
+    rng = random.Random(seed)
+    key, ending = rng.choice([*WRITES.items(), *READS.items()])
+    parts = [rng.choice(PARTS) for _ in range(rng.randint(1, 6))]
+    path = rng.choice(["", "", "/", "//", f"{root}/"]) + "/".join(
+        [*parts, rng.choice(["map", "low", "secret", "victim"])]
+    )
+    code, said = attack(root, key, path + ending, "--check", capfd=capfd)
+    real = Path(os.path.realpath(root / "job" / (path + ending)))
+    folder = root / "job" / ("out" if key in WRITES else "")
+    if code == exit_codes.DONE:
+        assert real.is_relative_to(folder)
+    else:
+        assert len(said) >= 1
+        assert all(line.startswith("imprint: ") for line in said)
+    if not real.is_relative_to(folder):
+        assert any("--untrusted" in line or "is a folder" in line or "UDIM" in line for line in said)

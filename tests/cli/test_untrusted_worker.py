@@ -1,0 +1,270 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tests the process that bakes files of others: its rights, and what .blend and mesh files can make it do."""
+
+import json
+import os
+import pickle
+import subprocess
+import sys
+import zlib
+from multiprocessing.connection import Pipe
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+from addon.cli import outside_files
+from addon.cli.results import exit_codes
+from addon.cli.trust import confinement, landlock
+from addon.cli.workers import messages, worker_process
+from scripts.imprint import ROOT
+from tests.support import reports, trees, zoo
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="Landlock and filters of system calls")
+
+SABOTAGE = ROOT / "tests" / "support" / "sabotage"
+MESH = {"low-file": "low.obj", "high-file": "high.obj"}
+
+
+@pytest.fixture
+def root(tmp_path, monkeypatch):
+    """A folder with job/, in which the files of others are and which is the working folder, and outside/."""
+    for name in ("outside", "job/out", "logs", "home"):
+        (tmp_path / name).mkdir(parents=True)
+    monkeypatch.chdir(tmp_path / "job")
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    (tmp_path / "outside/secret.txt").write_text("secret")
+    for path in ("job/link", "job/out/link"):
+        (tmp_path / path).symlink_to(tmp_path / "outside")
+    for name, slope in (("low", 0.0), ("high", 0.2)):
+        zoo.plane(name, slope=slope)
+        bpy.ops.wm.obj_export(filepath=str(tmp_path / f"job/{name}.obj"), export_materials=False)
+        bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    return tmp_path
+
+
+def bake(root, sets, *words):
+    """Bake sets of untrusted files. Returns the entries of the report by number, after comparing all other files."""
+    usual = {"size": 16, "limit": 9, "method": "flatten"}
+    (root / "job/j.json").write_text(json.dumps({"defaults": usual, "bake": sets}))
+    report = root / "logs/r.json"
+    before = trees.snapshot(root, root / "logs", root / "job/out")
+    words = ["--jobs", "j.json", "--untrusted", "--report", str(report), "--log", str(root / "logs"), *words]
+    done = subprocess.run(
+        [sys.executable, str(ROOT / "scripts" / "bake.py"), *words],
+        capture_output=True,
+        text=True,
+        env=dict(os.environ, PYTHONPATH=str(SABOTAGE)),
+        check=False,
+    )
+    assert trees.snapshot(root, root / "logs", root / "job/out") == before
+    assert done.returncode in {exit_codes.DONE, exit_codes.FAILED, exit_codes.NO_MACHINE}, done.stderr
+    return {each["number"]: each for each in reports.bakes(report)}
+
+
+def test_a_process_that_a_file_has_taken_over_can_do_nothing_else(root):
+    (root / "job/steal.obj").write_bytes((root / "job/low.obj").read_bytes())
+    entry = bake(root, [{**MESH, "low-file": "steal.obj", "output": "out/m.png"}])[1]
+    assert entry["state"] == "done"
+    said = next(line for line in Path(entry["log"]).read_text().splitlines() if line.startswith("STEAL "))
+    assert {name: what for name, what in json.loads(said.removeprefix("STEAL ")).items() if what == "done"} == {}
+    assert sorted(path.name for path in (root / "job/out").iterdir()) == ["link", "m.png", "program"]
+
+
+def test_this_machine_can_take_all_rights_away():
+    """Otherwise the test above would not say anything of them."""
+    assert confinement.missing() == ""
+
+
+def saved(root, name):
+    bpy.ops.wm.save_as_mainfile(filepath=str(root / "job" / name))
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+
+
+def scene():
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    zoo.plane("lo")
+    return zoo.plane("hi", slope=0.1)
+
+
+def test_blend_files(root):
+    """One worker bakes all, so that one file could spoil the next."""
+    marker = f"open({str(root / 'job/out/MARKER')!r}, 'w')"  # where it would be allowed
+    OF = {"low": "lo", "high": "hi"}
+
+    high = scene()
+    text = bpy.data.texts.new("evil.py")
+    text.write(marker)
+    text.use_module = True
+    driver = high.driver_add("location", 2).driver
+    driver.expression = f"__import__('builtins').{marker} and 0"
+    saved(root, "scripts.blend")
+
+    scene()
+    for place in ("/etc/secret.png", "//../outside/secret.png", "//link/secret.png", "//in.png"):
+        image = bpy.data.images.new(place, 4, 4)
+        image.source, image.filepath, image.use_fake_user = "FILE", place, True
+    font = bpy.data.fonts.load("<builtin>")
+    font.use_fake_user = True
+    saved(root, "images.blend")
+
+    high = scene()
+    tree = bpy.data.node_groups.new("Reads", "GeometryNodeTree")
+    tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+    node = tree.nodes.new("GeometryNodeImportOBJ")
+    node.inputs["Path"].default_value = str(root / "outside/secret.obj")
+    tree.links.new(node.outputs[0], tree.nodes.new("NodeGroupOutput").inputs[0])
+    high.modifiers.new("Reads", "NODES").node_group = tree
+    saved(root, "nodes.blend")
+
+    high = scene()
+    bpy.data.objects["lo"].name = "../../lo"
+    saved(root, "names.blend")
+
+    high = scene()
+    image = bpy.data.images.new("packed", 4, 4)
+    image.pack()
+    image.use_fake_user = True
+    saved(root, "packed.blend")
+
+    found = bake(
+        root,
+        [
+            {"file": "scripts.blend", **OF, "output": "out/scripts.png"},
+            {"file": "images.blend", **OF, "output": "out/images.png"},
+            {"file": "nodes.blend", **OF, "output": "out/nodes.png"},
+            {"file": "names.blend", "low": "../../lo", "high": "hi", "output": "out/{low}.png"},
+            {"file": "packed.blend", **OF, "output": "out/packed.png"},
+            {"low-file": "scripts.blend", "high-file": "high.obj", "output": "out/appended.png"},
+        ],
+    )
+    assert not (root / "job/out/MARKER").exists()
+    assert [found[number]["state"] for number in range(1, 6)] == ["done", "done", "failed", "done", "done"]
+    scripts, images, names = (found[number]["reports"][0]["warnings"] for number in (1, 2, 4))
+    assert any(line.startswith("Scripts of the file were not run") for line in scripts)
+    (warning,) = [line for line in images if "were not read" in line]
+    assert warning.count("secret.png") == 3 and "in.png" not in warning
+    assert found[3]["error"].startswith("The node 'Import OBJ' of 'Reads' imports a file")
+    assert [os.path.relpath(each["path"], root / "job/out") for each in found[4]["files"]] == [".._.._lo.png"]
+    assert not [line for line in names if "not read" in line]
+    assert found[6]["error"].count(".") >= 1  # two meshes
+
+
+def test_preferences_cannot_allow_scripts(monkeypatch):
+    paths = bpy.context.preferences.filepaths
+    monkeypatch.setattr(paths, "use_scripts_auto_execute", True)
+    outside_files.forbid_scripts()
+    assert not paths.use_scripts_auto_execute
+    given = ["blender", "-b", "--command", "imprint", "--jobs", "j"]
+    monkeypatch.setitem(
+        sys.modules, "bpy", type("Blender", (), {"app": type("App", (), {"module": False, "binary_path": "/b"})})
+    )
+    words = worker_process.command(given, is_untrusted=True)
+    assert words == ["/b", "-b", "--disable-autoexec", "--command", "imprint", "worker"]
+
+
+def png(width, height):
+    """A black picture of one bit a texel, which is packed to a thousandth."""
+
+    def chunk(kind, data):
+        return len(data).to_bytes(4) + kind + data + zlib.crc32(kind + data).to_bytes(4)
+
+    packer, rows = zlib.compressobj(9), bytes((width + 7) // 8 + 1)
+    packed = b"".join(packer.compress(rows) for _ in range(height)) + packer.flush()
+    head = width.to_bytes(4) + height.to_bytes(4) + bytes([1, 0, 0, 0, 0])
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", packed) + chunk(b"IEND", b"")
+
+
+@pytest.mark.slow
+def test_mesh_files(root):
+    """References that only importers read, sizes that are lies, and pictures that unpack to much."""
+    job, mesh = root / "job", (root / "job/high.obj").read_text()
+    quad = (
+        'def Mesh "secret" { point3f[] points = [(0,0,9),(1,0,9),(0,1,9)] int[] faceVertexCounts = [3] '
+        "int[] faceVertexIndices = [0,1,2] }"
+    )
+    (root / "outside/model.usda").write_text(f"#usda 1.0\n{quad}\n")
+    for name, place in (
+        ("up", "../outside/model.usda"),
+        ("abs", root / "outside/model.usda"),
+        ("link", "link/model.usda"),
+    ):
+        (job / f"usd_{name}.usda").write_text(f'#usda 1.0\ndef "a" (references = @{place}@</secret>) {{}}\n')
+    (job / "usd_layer.usda").write_text("#usda 1.0\n(subLayers = [@../outside/model.usda@])\n")
+    (job / "bomb.png").write_bytes(png(60000, 60000))
+    (job / "bomb.mtl").write_text("newmtl a\nmap_Kd bomb.png\n")
+    (job / "bomb.obj").write_text(mesh.replace("\no ", "\nmtllib bomb.mtl\no ").replace("\nf ", "\nusemtl a\nf ", 1))
+    (job / "index.obj").write_text(f"{mesh}f 999999999/1 2/2 3/3\n")
+    (job / "many.ply").write_text("ply\nformat ascii 1.0\nelement vertex 4000000000\nproperty float x\nend_header\n")
+    (job / "many.stl").write_bytes(bytes(80) + b"\xff\xff\xff\x7f")
+    accessor = {"bufferView": 0, "componentType": 5126, "count": 2**31 - 1, "type": "VEC3"}
+    lie = {
+        "asset": {"version": "2.0"},
+        "buffers": [{"uri": "data:application/octet-stream;base64,AAAA", "byteLength": 3}],
+        "bufferViews": [{"buffer": 0, "byteLength": 2**31}],
+        "accessors": [accessor],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+        "nodes": [{"mesh": 0}],
+        "scenes": [{"nodes": [0]}],
+    }
+    (job / "lie.gltf").write_text(json.dumps(lie))
+    (job / "deep.gltf").write_text("[" * 100_000)
+    (job / "uri.gltf").write_text(json.dumps({**lie, "buffers": [{"uri": "file:///etc/passwd", "byteLength": 9}]}))
+    rng = np.random.default_rng(7)
+    for number in range(8):  # broken in the middle
+        content = bytearray(mesh.encode())
+        for place in rng.integers(0, len(content), 20):
+            content[place] = rng.integers(0, 256)
+        (job / f"fuzz{number}.obj").write_bytes(content)
+    names = [
+        "usd_up.usda",
+        "usd_abs.usda",
+        "usd_link.usda",
+        "usd_layer.usda",
+        "bomb.obj",
+        "index.obj",
+        "many.ply",
+        "many.stl",
+    ]
+    names += ["lie.gltf", "deep.gltf", "uri.gltf", *(f"fuzz{number}.obj" for number in range(8))]
+    sets = [{**MESH, "high-file": name, "output": f"out/{name}.png", "maps": "base-color"} for name in names]
+    sets.append({**MESH, "output": "out/good.png"})
+    found = bake(root, sets, "--max-memory", "2G", "--timeout", "60")
+    assert found[len(sets)]["state"] == "done"
+    by_name = dict(zip(names, found.values(), strict=False))
+    for name, entry in by_name.items():
+        assert entry["state"] == "done" or len(entry["error"].splitlines()) == 1, name
+    assert {by_name[name]["state"] for name in names[:4]} == {"failed"}  # a mesh from outside would be baked
+    assert by_name["bomb.obj"]["state"] == "failed"
+
+
+class Code:
+    """Runs code where it is unpickled."""
+
+    def __reduce__(self):
+        return eval, ("1",)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [pickle.dumps(Code()), pickle.dumps(landlock.version), b"", b"garbage", pickle.dumps(print), b"\x80\x04N."[:2]],
+    ids=["code", "function", "nothing", "garbage", "print", "cut"],
+)
+def test_a_message_of_a_worker_cannot_run_code(content):
+    here, there = Pipe()
+    there.send_bytes(content)
+    with pytest.raises(OSError, match="no message"):
+        messages.received(here)
+
+
+def test_messages_of_a_worker_arrive():
+    here, there = Pipe()
+    for message in (
+        messages.Ready(),
+        messages.Percent("a", "b", 0.5),
+        messages.Line("x"),
+        messages.FilesFound(["a"], [("b", "c")]),
+    ):
+        there.send(message)
+        assert messages.received(here) == message
