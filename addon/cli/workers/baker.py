@@ -30,8 +30,10 @@ class Baker:
     def __init__(
         self, files: run_clashes.Run, meter: Meter, *, needs_all: bool, is_reported: bool, folders: Sequence[str] = ()
     ):
-        """files: must have all plans. needs_all: as batch.need_all says of all. is_reported: whether there is a report. folders:
-        as in Stage."""
+        """files: must have all plans. needs_all: as batch.need_all says of all. is_reported: whether there is a report.
+
+        folders: as in Stage.
+        """
         self._files, self._meter, self._folders, self._stage = files, meter, folders, Stage(folders)
         self._is_reported, self._contents = is_reported, Contents()
         if needs_all:
