@@ -203,6 +203,8 @@ def main() -> int:
     parser.add_argument("--environments", type=Path, default=ENVIRONMENTS)
     parser.add_argument("--out", type=Path)
     given = parser.parse_args()
+    if given.out and given.out.exists():
+        parser.error(f"{given.out} exists: name a new folder")
     out = given.out or Path(tempfile.mkdtemp(prefix="imprint-same-versions-"))
     wanted = maps_of(sys.executable, out.resolve() / "own", given.size)
     failed = False

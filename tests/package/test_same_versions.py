@@ -4,7 +4,9 @@
 IMPRINT_BLENDERS names their folder, if it is not out/blender. A version that is not there is skipped.
 """
 
+import functools
 import importlib.util
+import json
 import os
 import subprocess
 import sys
@@ -72,11 +74,8 @@ def test_the_zip_can_be_installed_in_older_versions(version, tmp_path):
     assert "installed, used and removed\n" in run(tmp_path, python_of(version), "-I", "-c", program)
 
 
-@versions
-@pytest.mark.slow
-def test_the_command_line_bakes_in_older_versions(version, tmp_path):
-    """Two pairs, so that a file is opened between two renders of the engine, and a scene is saved."""
-    python = python_of(version)
+def make_spheres(tmp_path, python):
+    """Save one.blend and two.blend, with the objects lo and hi."""
     make = "import bpy\n"
     for name in ("one", "two"):
         make += "bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)\n"
@@ -84,6 +83,36 @@ def test_the_command_line_bakes_in_older_versions(version, tmp_path):
         make += "bpy.ops.mesh.primitive_uv_sphere_add(segments=64, ring_count=32)\nbpy.context.object.name = 'hi'\n"
         make += f"bpy.ops.wm.save_as_mainfile(filepath={str(tmp_path / name)!r} + '.blend')\n"
     run(tmp_path, python, "-c", make + "import os; os._exit(0)")
+
+
+@versions
+@pytest.mark.slow
+def test_processes_conversions_and_levels_of_detail_in_older_versions(version, tmp_path):
+    python = python_of(version)
+    make_spheres(tmp_path, python)
+    bake = functools.partial(run, tmp_path, python, "scripts/bake.py")
+    sets = [{"file": f"{tmp_path / name}.blend", "output": f"{tmp_path / name}.png"} for name in ("one", "two")]
+    defaults = {"low": "lo", "high": ["hi"], "size": 32, "basis": "mikktspace"}
+    (tmp_path / "jobs.json").write_text(json.dumps({"defaults": defaults, "bake": sets}))
+    jobs = ["--jobs", str(tmp_path / "jobs.json"), "--resume", "--workers", "2"]
+    assert len(json.loads(bake(*jobs, "--list", "--json"))["bakes"]) == 2
+    assert "2 done, " in bake(*jobs)
+    assert "0 done, 2 done before, " in bake(*jobs)
+    one = str(tmp_path / "one.blend")
+    converted = ["--convert", str(tmp_path / "one.png"), "--from-basis", "mikktspace", "--basis", "cycles"]
+    bake(one, "--low", "lo", *converted, "--output", str(tmp_path / "converted.png"))
+    levels = ["--distance", "2,4", "--size", "64", "--export", str(tmp_path / "levels.glb")]
+    bake("lod", one, "--low", "hi", *levels, "--output", str(tmp_path / "{low}.png"))
+    made = ("converted.png", "hi_LOD1.png", "hi_LOD2.png", "levels.glb")
+    assert all((tmp_path / name).stat().st_size > 0 for name in made)
+
+
+@versions
+@pytest.mark.slow
+def test_the_command_line_bakes_in_older_versions(version, tmp_path):
+    """Two pairs, so that a file is opened between two renders of the engine, and a scene is saved."""
+    python = python_of(version)
+    make_spheres(tmp_path, python)
     sets = [
         f'{{"file": "{tmp_path / name}.blend", "low": "lo", "high": ["hi"], "size": 32, "method": "{method}", '
         f'"output": "{tmp_path / name}.png", "save-blend": "{tmp_path / name}_baked.blend"}}'

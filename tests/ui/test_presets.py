@@ -31,7 +31,9 @@ def test_a_preset_sets_what_its_programs_need(path):
     assert bpy.ops.script.execute_preset(filepath=str(path), menu_idname="IMPRINT_PT_conventions") == {"FINISHED"}
     found = settings.red, settings.green, settings.blue, settings.basis, settings.depth, settings.alpha
     names = readers.presets()[path.stem]["names"]
-    assert (settings.image or file_names.USUAL, settings.output) == (names, f"//maps/{names}.<UDIM>.tif")
+    # Without a name, an image has the usual one.
+    assert settings.image == ("" if names == file_names.USUAL else names)
+    assert settings.output == f"//maps/{names}.<UDIM>.tif"
     served = [reader for reader in readers.READERS if reader.preset == path.stem]
     for reader in served:
         assert found == ("+X", reader.green, "+Z", reader.basis.name, str(reader.depth), reader.alpha)

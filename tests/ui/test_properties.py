@@ -10,7 +10,7 @@ from addon.ui.settings import map_list
 
 pytestmark = pytest.mark.usefixtures("registered")
 
-OWN = {"rna_type", "name", "active_high", "convert_image", *map_list.MapList.__annotations__}
+OWN = {"rna_type", "name", "active_high", "convert_image", "names", *map_list.MapList.__annotations__}
 """Properties that are not settings, or that stand for a part of one."""
 
 
