@@ -64,6 +64,7 @@ def _modules() -> tuple[ModuleType, ...]:
     from .ui.levels import level_operators, levels_panel
     from .ui.panels import bake_panel, batch_panels, check_panel, settings_panels, view_panel
     from .ui.readiness import cure_operators
+    from .ui.sending import farm_preferences, flamenco_operator
     from .ui.translations import catalog
     from .ui.viewport import split_gizmo, view_mode, view_operators, view_properties
 
@@ -80,6 +81,8 @@ def _modules() -> tuple[ModuleType, ...]:
         level_operators,
         map_size,
         presets,
+        farm_preferences,
+        flamenco_operator,
         bake_panel,
         settings_panels,
         batch_panels,

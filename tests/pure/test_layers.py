@@ -22,6 +22,7 @@ MODULES = sorted(
 MAY_IMPORT = {
     "core": set(),
     "mesh": {"core"},
+    "farms": {"core"},
     "passes": {"core"},
     "older_blender": {"core", "passes", "engine"},
     "scene": {"core", "mesh", "older_blender"},
@@ -31,14 +32,15 @@ MAY_IMPORT = {
     "export": {"core", "mesh", "scene", "output", "older_blender"},
     "jobs": {"core", "mesh", "passes", "scene", "output", "engine", "audit", "export", "older_blender"},
     "views": {"core", "mesh", "passes", "scene", "output", "engine", "jobs"},
-    "ui": {"core", "scene", "output", "engine", "jobs", "views", "export", "older_blender"},
-    "cli": {"core", "scene", "output", "jobs", "export", "older_blender"},
+    "ui": {"core", "scene", "output", "engine", "jobs", "views", "export", "farms", "older_blender"},
+    "cli": {"core", "farms", "scene", "output", "jobs", "export", "older_blender"},
     "": {"passes", "engine", "ui", "cli"},  # addon/__init__.py, which registers and frees
 }
 """The packages that each package may import."""
 WITHOUT = {
     "core": {"bpy", "gpu", "mathutils", "bmesh"},
     "mesh": {"bpy", "gpu", "mathutils", "bmesh"},
+    "farms": {"bpy", "gpu", "mathutils", "bmesh"},
     "passes": {"bpy", "bmesh"},
     "engine": {"bpy", "bmesh"},
     "audit": {"bpy", "bmesh"},

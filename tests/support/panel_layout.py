@@ -103,7 +103,7 @@ def draw(width=240, ui_scale=1.0):
         evaluated_depsgraph_get=bpy.context.evaluated_depsgraph_get,
         active_object=bpy.context.active_object,
         selected_objects=bpy.context.selected_objects,
-        preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=ui_scale)),  # it is 0 in the background
+        preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=ui_scale), addons={}),  # it is 0 in the background
         region=SimpleNamespace(width=width),
     )
     for panel in PANELS:

@@ -17,6 +17,7 @@ from addon.ui.exporting import export_operator
 from addon.ui.levels import level_operators, levels_panel
 from addon.ui.panels import bake_panel, batch_panels, check_panel, settings_panels, sidebar, view_panel
 from addon.ui.readiness import cure_operators
+from addon.ui.sending import flamenco_operator
 from addon.ui.viewport import split_gizmo, view_operators, view_properties
 from tests.support import maps, zoo
 
@@ -35,6 +36,7 @@ OPERATORS = [
         map_size,
         presets,
         view_operators,
+        flamenco_operator,
     )
     for cls in module.CLASSES
     if issubclass(cls, bpy.types.Operator)
@@ -50,6 +52,7 @@ PANELS = [
 def traces():
     """All data of the add-on in Blender."""
     kinds = (bpy.types.Operator, bpy.types.Panel, bpy.types.UIList, bpy.types.Menu, bpy.types.PropertyGroup)
+    kinds += (bpy.types.AddonPreferences,)
     found = {cls.__name__ for kind in kinds for cls in kind.__subclasses__() if cls.is_registered and is_ours(cls)}
     gizmos = {split_gizmo.IMPRINT_GT_split: bpy.types.Gizmo, split_gizmo.IMPRINT_GGT_split: bpy.types.GizmoGroup}
     found |= {cls.__name__ for cls, kind in gizmos.items() if kind.bl_rna_get_subclass_py(cls.__name__)}

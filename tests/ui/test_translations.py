@@ -24,14 +24,15 @@ LOOKUPS = {"label": LABEL, "message": SENTENCE, "tooltip": SENTENCE}
 """The functions that look a text up, and the context of each."""
 RAISED_OR_SHOWN = {"Progress": LABEL, "BakeError": SENTENCE}
 """Classes whose texts the interface looks up when it shows them, and the context of each."""
-OF_BLENDER = {"rna_type", "name", "remove_name", "remove_active"}
+OF_BLENDER = {"rna_type", "name", "bl_idname", "remove_name", "remove_active"}
 """Properties that base classes of Blender give to classes of the add-on."""
 UNNAMED = re.compile(r"[\W\d]*")
 """Texts without a word."""
 
 
 def own_classes() -> Iterator[type]:
-    for kind in (bpy.types.Operator, bpy.types.Panel, bpy.types.Menu, bpy.types.PropertyGroup):
+    kinds = bpy.types.Operator, bpy.types.Panel, bpy.types.Menu, bpy.types.PropertyGroup, bpy.types.AddonPreferences
+    for kind in kinds:
         yield from (cls for cls in kind.__subclasses__() if cls.__module__.startswith("addon."))
 
 
@@ -54,7 +55,7 @@ def registered_texts() -> Iterator[Text]:
             yield OPERATOR, cls.bl_label
             yield SENTENCE, struct.description
             yield from of_properties(struct)
-        elif issubclass(cls, bpy.types.PropertyGroup):
+        elif issubclass(cls, bpy.types.PropertyGroup | bpy.types.AddonPreferences):
             yield from of_properties(cls.bl_rna)
         else:
             yield cls.bl_translation_context, cls.bl_label

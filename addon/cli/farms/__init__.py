@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Sends batches to farms. Its modules do without Blender."""
+"""The command that sends a job file to a farm, without Blender."""

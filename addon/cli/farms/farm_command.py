@@ -8,11 +8,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ...core.errors import BakeError, sentence
+from ...farms import flamenco
 from ..results.exit_codes import DONE, FAILED, WRONG_USAGE
 from ..usage import job_file, option_types
 from ..usage.arguments import WrongUsage
 from ..usage.options import CommandOption
-from . import flamenco
 
 
 def _number(text: str) -> int:

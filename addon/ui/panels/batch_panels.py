@@ -8,6 +8,7 @@ import bpy
 from ...core.declarations.choices import Storage
 from ...core.errors import BakeError
 from ...core.names import name_matching
+from ..sending import farm_preferences
 from ..translations.lookup import label, message
 from .sidebar import SettingsPanel, draw_paragraphs
 
@@ -39,6 +40,8 @@ class IMPRINT_PT_pairs(SettingsPanel, bpy.types.Panel):
         row = layout.row()
         row.enabled = bool(found)
         row.operator("imprint.bake_pairs", icon="RENDER_STILL")
+        if farm_preferences.flamenco_address(context):
+            layout.operator("imprint.send_to_flamenco", icon="EXPORT")
 
 
 class IMPRINT_PT_sequence(SettingsPanel, bpy.types.Panel):

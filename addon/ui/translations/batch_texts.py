@@ -33,6 +33,35 @@ TABLE = {
         "de_DE": "Jedes Low-Poly-Objekt der Szene mit den High-Poly-Objekten passenden Namens backen",
         "es": "Captura cada objeto low poly de la escena con los objetos high poly de nombre correspondiente",
     },
+    (LABEL, "Flamenco Manager"): {"de_DE": "Flamenco-Manager", "es": "Gestor de Flamenco"},
+    (SENTENCE, "Address of the Flamenco Manager that gets job files, as http://flamenco.local:8080"): {
+        "de_DE": "Adresse des Flamenco-Managers, der Auftragsdateien bekommt, etwa http://flamenco.local:8080",
+        "es": "Dirección del gestor de Flamenco que recibe archivos de trabajos, como http://flamenco.local:8080",
+    },
+    (OPERATOR, "Send to Flamenco"): {"de_DE": "An Flamenco senden", "es": "Enviar a Flamenco"},
+    (
+        SENTENCE,
+        "Send a job file to the Flamenco Manager in the add-on's preferences. All its machines must see the file",
+    ): {
+        "de_DE": "Eine Auftragsdatei an den Flamenco-Manager in den Einstellungen des Add-ons senden. Alle seine Rechner "
+        "müssen die Datei sehen",
+        "es": "Envía un archivo de trabajos al gestor de Flamenco de las preferencias de la extensión. Todas sus máquinas "
+        "deben ver el archivo",
+    },
+    (LABEL, "Job File"): {"de_DE": "Auftragsdatei", "es": "Archivo de trabajos"},
+    (SENTENCE, "Job file with the bakes, .toml or .json"): {
+        "de_DE": "Auftragsdatei mit den Maps, .toml oder .json",
+        "es": "Archivo de trabajos con las capturas, .toml o .json",
+    },
+    (LABEL, "Parts"): {"de_DE": "Teile", "es": "Partes"},
+    (SENTENCE, "Number of parts of about the same cost, each a task"): {
+        "de_DE": "Anzahl der Teile mit etwa gleichem Aufwand, jeder eine Aufgabe",
+        "es": "Número de partes de coste parecido, cada una una tarea",
+    },
+    (SENTENCE, "Allow online access in Blender's preferences first"): {
+        "de_DE": "Zuerst den Online-Zugriff in den Einstellungen von Blender erlauben",
+        "es": "Primero permitir el acceso en línea en las preferencias de Blender",
+    },
     (LABEL, "Sequence"): {"de_DE": "Sequenz", "es": "Secuencia"},
     (LABEL, "First"): {"de_DE": "Erstes", "es": "Primero"},
     (LABEL, "Last"): {"de_DE": "Letztes", "es": "Último"},
