@@ -498,8 +498,8 @@ def test_the_panel_shows_every_setting(pair):
     assert not {"width", "height"} & shown
     settings.square, settings.distance_unit = False, "SCENE"
     shown.update(draw().properties)
-    # The list of high objects has the last two, and switches stand for the maps.
-    assert names - shown == {"rna_type", "name", "maps", "highs", "active_high"}
+    # The list of high objects has the last two, switches stand for the maps, and presets set the names.
+    assert names - shown == {"rna_type", "name", "names", "maps", "highs", "active_high"}
 
 
 def test_one_size_for_both_sides(pair):
