@@ -13,8 +13,8 @@ from tests.support.maps import bake
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
 ROUNDING = 1.0 / 128.0
-"""In texels. Rasterizers round corners to 1/256 of a texel, and so decide on which side of an edge a closer center is. Mostly this
-changes nothing, but at a fold of the UVs, two triangles that are not neighbors share the texel."""
+"""In texels. Rasterizers round corners to 1/256 of a texel, and so decide on which side of an edge a closer center is. Mostly
+this changes nothing, but at a fold of the UVs, two triangles that are not neighbors share the texel."""
 EXACT = 0.001
 """Degrees, in the worst texel."""
 EXACT_FOLDED = 0.2
