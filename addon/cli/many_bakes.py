@@ -22,6 +22,7 @@ from .terminal_progress import Meter
 from .trust import confinement
 from .trust.confinement import Confinement
 from .usage.options import STDOUT
+from .workers import logs
 from .workers.supervisor import Limits, Supervisor
 
 
@@ -47,8 +48,12 @@ class Many:
 
 
 def run(many: Many, files: run_clashes.Run, meter: Meter, *, may_start_processes: bool) -> int:
-    """Do the bakes, print a table, and write the report of all. files: must have all plans. Returns the exit code."""
+    """Do the bakes, print a table, and write the report of all. files: must have all plans. Returns the exit code.
+
+    Raises WrongPlace if no logs can be written.
+    """
     options = many.options
+    logs.prepare(options.log)
     if files.bounds and (lacks := confinement.missing()):
         print(f"{many.program}: warning: {lacks}", file=sys.stderr)
     try:

@@ -38,6 +38,12 @@ def reserve() -> None:
             setattr(sys, name, io.TextIOWrapper(io.FileIO(number, "w", closefd=False)))
 
 
+def be_patient() -> None:
+    """Both standard streams ignore errors from now on."""
+    flush()
+    sys.stdout, sys.stderr = (_text(_Patient(number, "wb", closefd=False)) for number in (1, 2))
+
+
 @contextmanager
 def ours() -> Iterator[None]:
     """Both standard streams ignore errors, and Blender's own messages go to standard error.

@@ -4,10 +4,10 @@
 
     .venv/bin/python scripts/dev/endure.py [--trials failures,kills,shards,isolation] [--sets N] [--seed 0] [--workers 1]
 
-failures: 300 bakes, of which three crash, two take all memory and one hangs. All others are done, those six have their causes in
-the report, and memory does not grow.
-kills: the same, while workers and the parent are killed at ten random moments, each followed by --resume. The files are those of
-an undisturbed run, and no bake with a record is done again.
+failures: 300 bakes, of which three crash, two take all memory and one hangs. All others are done, those six have their causes
+in the report, and memory does not grow.
+kills: the same, while workers and the parent are killed at ten random moments, each followed by --resume. The files are those
+of an undisturbed run, and no bake with a record is done again.
 shards: 60 bakes in four parts on one folder, of which one is done twice. Files and the merged report are those of one run.
 isolation: 200 bakes in a worker are at most a tenth slower than in the run's own process.
 

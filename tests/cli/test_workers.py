@@ -12,8 +12,9 @@ from pathlib import Path
 import bpy
 import pytest
 
+from addon.cli import command
 from addon.cli.results import exit_codes
-from addon.cli.workers import worker_process
+from addon.cli.workers import supervisor, worker_process
 from scripts.imprint import ROOT
 from tests.support import reports, zoo
 
@@ -176,6 +177,52 @@ def test_a_worker_without_a_parent_ends(folder):
     while Path(f"/proc/{child}").exists() and Path(f"/proc/{child}/stat").read_text().split()[2] != "Z":
         assert time.monotonic() < deadline
         time.sleep(0.1)
+
+
+def test_a_worker_that_hangs_ends_with_its_parent(folder):
+    process = start(*jobs(folder, "hang"), "--log", "logs")
+    log = folder / "logs" / "000001_hang_low.log"
+    while not (log.is_file() and "hangs" in log.read_text()):
+        assert process.poll() is None
+        time.sleep(0.05)
+    (child,) = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
+    process.kill()
+    process.wait()
+    deadline = time.monotonic() + 10
+    while Path(f"/proc/{child}").exists() and Path(f"/proc/{child}/stat").read_text().split()[2] != "Z":
+        assert time.monotonic() < deadline
+        time.sleep(0.1)
+
+
+def test_a_worker_that_dies_before_it_begins_a_bake_leaves_it_to_another(folder):
+    assert run(*jobs(folder, "early", "a"))[0] == exit_codes.DONE
+    assert (folder / "early").exists()
+    assert outcome(folder) == [("set 1 (early_low)", "done", "", ""), ("set 2 (a_low)", "done", "", "")]
+
+
+def test_a_folder_for_logs_that_cannot_be_written_is_refused(folder):
+    assert run(*jobs(folder, "a"), "--log", "j.json") == (
+        exit_codes.WRONG_USAGE,
+        "",
+        "imprint: --log: no files can be written to 'j.json': File exists.\n",
+    )
+
+
+def test_a_log_that_cannot_be_written_stops_no_bake(folder):
+    (folder / "logs" / "000001_set_1_write_low.log").mkdir(parents=True)
+    (folder / "logs" / "000002_set_2_write2_low.log").symlink_to("/dev/full")
+    code, _, err = run(*jobs(folder, "write", "write2", "a"), "--log", "logs")
+    assert (code, [state for _, state, *_ in outcome(folder)]) == (exit_codes.DONE, ["done"] * 3)
+    path = folder / "logs" / "000001_set_1_write_low.log"
+    assert err == f"imprint: set 1 (write_low): warning: Its log {str(path)!r} could not be written: Is a directory.\n"
+
+
+def test_a_blender_that_hangs_while_it_starts_is_given_up(folder, monkeypatch, capsys):
+    sleep = [sys.executable, "-c", "import time; time.sleep(100)"]
+    monkeypatch.setattr(worker_process, "command", lambda: sleep)
+    monkeypatch.setattr(supervisor, "LONGEST_START", 0.2)
+    assert command.run(jobs(folder, "a", "b"), may_start_processes=True) == exit_codes.NO_MACHINE
+    assert capsys.readouterr().err == "imprint: Blender does not start here: it has not begun after 0.2 s.\n"
 
 
 def test_a_blender_that_does_not_start_is_one_sentence(folder, monkeypatch):

@@ -46,6 +46,11 @@ class Ready:
 
 
 @dataclass(frozen=True)
+class Begun:
+    """To the parent: the worker has its Assignment. Without that, another one can have it."""
+
+
+@dataclass(frozen=True)
 class FilesFound:
     """To the parent, which sends an Answer: a bake found more files, as the arguments of run_clashes.Run.opened, or an export,
     that of run_clashes.Run.exported."""
@@ -79,7 +84,8 @@ def plain(done: Done) -> Done:
 MOST_BYTES = 1 << 26
 """Of a message from a worker."""
 _FROM_WORKERS = {
-    (each.__module__, each.__qualname__): each for each in (Done, Entry, State, Cause, FilesFound, Ready, Percent, Line)
+    (each.__module__, each.__qualname__): each
+    for each in (Done, Entry, State, Cause, FilesFound, Ready, Begun, Percent, Line)
 }
 
 

@@ -1,14 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Bakes in workers, which are kept while they are well and replaced when they are not."""
 
-import re
+import os
 import signal
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
 from multiprocessing.connection import wait
-from pathlib import Path
 
 from ...core.errors import BakeError, NoGpu, WrongPlace
 from ...core.progress import Progress
@@ -21,8 +20,9 @@ from ..results.bake_result import Done
 from ..results.run_report import Cause, Entry, State
 from ..terminal_progress import Meter
 from ..trust.confinement import Confinement
+from . import logs
 from .chains import Chains
-from .messages import Answer, Assignment, FilesFound, Line, Percent, Ready, received
+from .messages import Answer, Assignment, Begun, FilesFound, Line, Percent, Ready, received
 from .worker_process import WorkerProcess
 
 LOOK_EVERY = 0.1
@@ -31,6 +31,10 @@ PATIENCE = 2.0
 """Seconds for workers to end after a second signal, before they are killed. The launcher waits longer."""
 MOST_STARTS = 3
 """So many workers may end one after the other before Blender has started in them."""
+LONGEST_START = 300.0
+"""Seconds after which a worker counts as one that has ended before Blender has started."""
+MOST_SENT = 3
+"""So many workers may end one after the other before they begin the same bake."""
 
 
 @dataclass(frozen=True)
@@ -48,15 +52,28 @@ class _Worker:
 
     def __init__(self, confinement: Confinement | None):
         self.process = WorkerProcess(confinement)
-        self.plan: Plan | None = None
+        self.started = time.monotonic()
+        self.assigned: Assignment | None = None
+        """Its bake."""
+        self.has_begun = False
+        """Whether it has received that."""
         self.chain = 0
         """The chain of its last bake, whose scene is open in it."""
-        self.log = ""
         self.begun = 0.0
         """When its bake began, by time.monotonic."""
 
-    def begin(self, plan: Plan, assigned: Assignment) -> None:
-        self.plan, self.chain, self.log, self.begun = plan, plan.chain, assigned.log, time.monotonic()
+    @property
+    def plan(self) -> Plan | None:
+        return self.assigned and self.assigned.plan
+
+    @property
+    def log(self) -> str:
+        """The file that has what its bake prints, or ""."""
+        return self.assigned.log if self.assigned and os.path.exists(self.assigned.log) else ""
+
+    def begin(self, assigned: Assignment) -> None:
+        self.assigned, self.has_begun, self.chain = assigned, False, assigned.plan.chain
+        self.begun = time.monotonic()
         self.process.send(assigned)
 
 
@@ -70,6 +87,10 @@ class Supervisor:
         self._chains = Chains()
         self._starts = 0
         """How many workers have ended in a row before Blender had started."""
+        self._returned: list[Assignment] = []
+        """Those whose workers have ended before they began."""
+        self._sent = 0
+        """How many workers have ended so in a row."""
 
     def __enter__(self) -> "Supervisor":
         self._held = ExitStack()
@@ -99,16 +120,23 @@ class Supervisor:
         count = turns.count
         needs_all = any(turn.plan.options.save_blend or turn.plan.options.export for turn in turns.left)
         begun, is_stopping = 0, False
-        while turns.count or any(worker.plan for worker in self._workers):
+        while turns.count or self._returned or any(worker.plan for worker in self._workers):
             if interruption.code() and not is_stopping:
                 is_stopping = True
                 turns.stop()
+                self._returned.clear()
                 for worker in self._workers:
                     worker.process.ask_to_stop()
                 continue
-            self._fill(min(self._count, turns.count + sum(1 for each in self._workers if each.plan)))
+            left = turns.count + len(self._returned)
+            self._fill(min(self._count, left + sum(1 for each in self._workers if each.plan)))
             for worker in self._workers:
-                if not turns.count or worker.plan is not None or not worker.process.is_ready:
+                if worker.plan is not None or not worker.process.is_ready:
+                    continue
+                if self._returned:
+                    worker.begin(self._returned.pop())
+                    continue
+                if not turns.count:
                     continue
                 taken = {each.chain for each in self._workers if each is not worker and each.chain}
                 turn = turns.next(taken)
@@ -122,13 +150,14 @@ class Supervisor:
                     yield Done.of(refusal, turn.plan.number)
                     continue
                 meter.place = f"{begun}/{count} "
-                worker.begin(turn.plan, self._assignment(turn, needs_all, is_reported))
+                worker.begin(self._assignment(turn, needs_all, is_reported))
             yield from self._hear(files, meter)
             yield from self._check_limits()
 
     def _assignment(self, turn: ToDo, needs_all: bool, is_reported: bool) -> Assignment:
         folders = self._confinement.folders if self._confinement else ()
-        return Assignment(turn.plan, needs_all, is_reported, self._log_of(turn.plan), turn.draft, folders)
+        log = logs.path_of(self._limits.log, turn.plan)
+        return Assignment(turn.plan, needs_all, is_reported, log, turn.draft, folders)
 
     def _fill(self, wanted: int) -> None:
         while len(self._workers) < wanted:
@@ -153,6 +182,8 @@ class Supervisor:
             match message:
                 case Ready():
                     worker.process.is_ready, self._starts = True, 0
+                case Begun():
+                    worker.has_begun, self._sent = True, 0
                 case Percent():
                     if meter.is_on:
                         meter.show(message.subject, Progress(message.what, message.done))
@@ -166,8 +197,8 @@ class Supervisor:
     def _take(self, worker: _Worker, done: Done) -> Iterator[Done]:
         """A bake has ended. Its worker goes on unless it has grown too large."""
         self._chains.ended(worker.plan, done)
-        worker.plan = None
         done.entry.log = worker.log
+        worker.assigned = None
         has_failed = done.entry.cause == Cause.MEMORY
         if has_failed or (self._limits.memory and worker.process.memory > self._limits.memory):
             self._workers.remove(worker)
@@ -182,9 +213,11 @@ class Supervisor:
         worker.process.close()
         if worker.plan is None:
             if not worker.process.is_ready:
-                self._starts += 1
-                if self._starts == MOST_STARTS:
-                    raise NoGpu(f"Blender does not start here: {by}{f', {words!r}' if words else ''}.")
+                self._count_start(f"{by}{f', {words!r}' if words else ''}")
+            return
+        if not worker.has_begun and self._sent < MOST_SENT - 1:
+            self._sent += 1
+            self._returned.append(worker.assigned)
             return
         if lacked_memory:
             error, cause = "Memory ran out, and the system ended the bake.", Cause.MEMORY
@@ -192,7 +225,17 @@ class Supervisor:
             error, cause = f"Blender crashed with {_signal_text(by)}.", Cause.CRASH
         yield self._failed(worker, error, cause, by if by.startswith("SIG") else "")
 
+    def _count_start(self, end: str) -> None:
+        """A worker has ended before Blender has started. Raises NoGpu if too many have."""
+        self._starts += 1
+        if self._starts == MOST_STARTS:
+            raise NoGpu(f"Blender does not start here: {end}.")
+
     def _check_limits(self) -> Iterator[Done]:
+        late = time.monotonic() - LONGEST_START
+        for worker in [each for each in self._workers if not each.process.is_ready and each.started < late]:
+            self._remove(worker)
+            self._count_start(f"it has not begun after {LONGEST_START:g} s")
         for worker in [worker for worker in self._workers if worker.plan]:
             seconds, memory = self._limits.seconds, self._limits.memory
             if seconds and time.monotonic() - worker.begun > seconds:
@@ -201,10 +244,13 @@ class Supervisor:
                 text = f"It took {used / 2**20:,.0f} MiB of memory, more than the limit of {memory / 2**20:,.0f} MiB."
                 yield self._end(worker, text, Cause.MEMORY)
 
-    def _end(self, worker: _Worker, error: str, cause: Cause) -> Done:
+    def _remove(self, worker: _Worker) -> None:
         worker.process.kill()
         self._workers.remove(worker)
         worker.process.close()
+
+    def _end(self, worker: _Worker, error: str, cause: Cause) -> Done:
+        self._remove(worker)
         return self._failed(worker, error, cause)
 
     def _failed(self, worker: _Worker, error: str, cause: Cause, by: str = "") -> Done:
@@ -212,12 +258,6 @@ class Supervisor:
         done = Done(Entry(plan.number, plan.name, State.FAILED, error, cause, by, seconds=seconds, log=worker.log))
         self._chains.ended(plan, done)
         return done
-
-    def _log_of(self, plan: Plan) -> str:
-        if not self._limits.log:
-            return ""
-        name = re.sub(r"[^\w.-]+", "_", plan.name).strip("_")[:80]
-        return str(Path(self._limits.log).absolute() / f"{plan.number:06}_{name}.log")
 
 
 def _problem(files: run_clashes.Run, plan: Plan, found: FilesFound) -> str:

@@ -2,40 +2,74 @@
 """The process of a worker: it bakes what its parent sends, one bake after the other, until the connection closes."""
 
 import argparse
+import ctypes
 import faulthandler
 import os
+import signal
+import sys
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from multiprocessing.connection import Connection
 from pathlib import Path
+from typing import Any
 
 from ...core.errors import WrongPlace
 from ...core.progress import Progress
 from ...core.timings import startup
+from ...output.files.atomic_file import reason
 from .. import interruption, standard_streams
-from .messages import Answer, Assignment, FilesFound, Line, Percent, Ready, plain
+from .messages import Answer, Assignment, Begun, FilesFound, Line, Percent, Ready, plain
 from .worker_process import CONNECTION
 
 if os.name == "nt":
     from multiprocessing.connection import PipeConnection
 
+_PR_SET_PDEATHSIG = 1
+"""Of Linux's prctl: the signal when the parent process ends."""
+
+
+class _Gone(Exception):
+    """The parent has closed the connection, or has ended."""
+
+
+class _Parent:
+    """The connection to the parent. Both methods raise _Gone."""
+
+    def __init__(self):
+        number = int(os.environ.pop(CONNECTION))
+        self._connection = PipeConnection(number) if os.name == "nt" else Connection(number)
+
+    def send(self, message: Any) -> None:
+        try:
+            self._connection.send(message)
+        except OSError as error:
+            raise _Gone from error
+
+    def receive(self) -> Any:
+        try:
+            return self._connection.recv()
+        except (EOFError, OSError) as error:
+            raise _Gone from error
+
 
 def run() -> int:
     """Bake until the parent closes the connection, has gone, or a signal came. Returns the exit code."""
-    number = int(os.environ.pop(CONNECTION))
-    parent = PipeConnection(number) if os.name == "nt" else Connection(number)
+    parent = _Parent()
+    _end_with_parent()
+    standard_streams.be_patient()
     faulthandler.enable(all_threads=False)
     with startup.spent("imprint"):
         from .. import batch, outside_files  # need Blender, which loads its modules
         from .baker import Baker
     batch.start_gpu()
-    with suppress(EOFError, OSError), parent:  # the parent has closed it, or is gone
+    with suppress(_Gone):
         parent.send(Ready())
         baker = None
         while not interruption.code():
-            assigned: Assignment = parent.recv()
-            if assigned.log:
-                _print_to(Path(assigned.log))
+            assigned: Assignment = parent.receive()
+            parent.send(Begun())
+            problem = _print_to(Path(assigned.log)) if assigned.log else ""
             if assigned.folders:
                 outside_files.forbid_scripts()
             files = _Files(parent)
@@ -43,24 +77,34 @@ def run() -> int:
             baker = baker or Baker(files, _Meter(parent), **of_run)
             done = baker.bake(assigned.plan, assigned.draft)
             standard_streams.flush()
-            parent.send(plain(done))
+            parent.send(plain(replace(done, warnings=[*done.warnings, problem]) if problem else done))
     return 0
 
 
-def _print_to(path: Path) -> None:
-    """Write what this process prints to a new file from now on."""
+def _end_with_parent() -> None:
+    """Have the system kill this process when its parent ends. Elsewhere than on Linux it ends by itself, unless it hangs."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+
+
+def _print_to(path: Path) -> str:
+    """Write what this process prints to a new file from now on. Returns a sentence if that fails."""
     standard_streams.flush()
-    path.parent.mkdir(parents=True, exist_ok=True)
-    descriptor = os.open(path, os.O_CREAT | os.O_TRUNC | os.O_WRONLY, 0o666)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        descriptor = os.open(path, os.O_CREAT | os.O_TRUNC | os.O_WRONLY, 0o666)
+    except OSError as error:
+        return f"Its log {str(path)!r} could not be written: {reason(error)}."
     for number in (1, 2):
         os.dup2(descriptor, number)
     os.close(descriptor)
+    return ""
 
 
 class _Files:
     """As run_clashes.Run, which only the parent has: it knows the files of all bakes."""
 
-    def __init__(self, parent: Connection):
+    def __init__(self, parent: _Parent):
         self._parent = parent
 
     def opened(
@@ -73,7 +117,7 @@ class _Files:
 
     def _ask(self, found: FilesFound) -> None:
         self._parent.send(found)
-        answer: Answer = self._parent.recv()
+        answer: Answer = self._parent.receive()
         if answer.problem:
             raise WrongPlace(answer.problem)
 
@@ -83,7 +127,7 @@ class _Meter:
 
     is_on, place = True, "-"
 
-    def __init__(self, parent: Connection):
+    def __init__(self, parent: _Parent):
         self._parent = parent
 
     def show(self, name: str, step: Progress) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Parts of one job on one folder, one of them twice: at once, and one after the other in any order, all give one run's files."""
+"""Parts of one job on one folder, one of them twice, at once and one after the other, give the files of one run."""
 
 import json
 import random

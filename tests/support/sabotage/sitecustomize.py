@@ -4,6 +4,7 @@
 What happens is in the name of the low mesh's file.
 """
 
+import contextlib
 import ctypes
 import json
 import os
@@ -12,6 +13,8 @@ import subprocess
 import sys
 import time
 from importlib.machinery import PathFinder
+from multiprocessing import connection
+from multiprocessing.connection import Connection
 from pathlib import Path
 
 TARGET = "addon.cli.batch"
@@ -103,7 +106,32 @@ def _raise_limit(name):
     resource.setrlimit(getattr(resource, name), (1, 1))
 
 
-DEEDS = {"steal": steal, "crash": crash, "fill": fill_memory, "hang": hang, "leave": leave, "killed": be_killed}
+def write():
+    print("more than Python holds back " * 1000)
+
+
+DEEDS = {
+    "steal": steal,
+    "crash": crash,
+    "fill": fill_memory,
+    "hang": hang,
+    "leave": leave,
+    "killed": be_killed,
+    "write": write,
+}
+
+
+class Early(Connection):
+    """A worker's end of its connection. The first process that receives a bake with "early" in its name is killed."""
+
+    def recv(self):
+        message = super().recv()
+        name = getattr(getattr(message, "plan", None), "name", "")
+        with contextlib.suppress(OSError):
+            if "early" in name:
+                os.close(os.open("early", os.O_CREAT | os.O_EXCL))
+                be_killed()
+        return message
 
 
 class Finder:
@@ -132,3 +160,4 @@ class Finder:
 
 
 sys.meta_path.insert(0, Finder())
+connection.Connection = Early
