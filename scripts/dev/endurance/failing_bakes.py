@@ -9,7 +9,7 @@ from . import made_jobs
 GROWTH = 1.1
 """The parent's memory at the end, and a worker's as long as it lives, may be so many times that at the start."""
 EVERY = 0.2
-"""Seconds between two looks at memory."""
+"""Seconds between two measurements of memory."""
 MEBIBYTE = 1 << 20
 
 

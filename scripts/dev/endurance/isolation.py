@@ -25,11 +25,11 @@ def run(folder: Path, count: int, seed: int, rounds: int = 5) -> tuple[list[str]
             code = made_jobs.start(folder, "--report", "report.json", "--workers", str(workers), *more).wait()
             seconds[workers].append(time.perf_counter() - begun)
             wrong += made_jobs.differences((code, 0, "the exit code"))
-        here, apart = (statistics.median(seconds[workers]) for workers in (0, 1))
+        here, in_worker = (statistics.median(seconds[workers]) for workers in (0, 1))
         text = " ".join(more) or "without --resume"
         lines.append(
-            f"{count} bakes {text}: {here:.2f} s in one process, {apart:.2f} s in a worker, {here / apart:.2f}"
+            f"{count} bakes {text}: {here:.2f} s in one process, {in_worker:.2f} s in a worker, {here / in_worker:.2f}"
         )
-        if here / apart < LEAST:
-            wrong.append(f"{text}: a rate of {here / apart:.2f} in a worker")
+        if here / in_worker < LEAST:
+            wrong.append(f"{text}: a rate of {here / in_worker:.2f} in a worker")
     return lines, wrong
