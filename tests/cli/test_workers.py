@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Tests of bakes in processes of their own: one that crashes, hangs or takes too much memory ends alone."""
 
+import io
 import json
 import os
 import signal
@@ -13,7 +14,11 @@ import bpy
 import pytest
 
 from addon.cli import command
+from addon.cli.done.turns import Turns
+from addon.cli.plan import plans, run_clashes
 from addon.cli.results import exit_codes
+from addon.cli.terminal_progress import Meter
+from addon.cli.usage import job_file
 from addon.cli.workers import supervisor, worker_process
 from scripts.imprint import ROOT
 from tests.support import reports, zoo
@@ -121,6 +126,16 @@ def test_several_workers_make_the_same_files_and_one_report_in_their_order(folde
         found = sorted(reports.bakes(folder / "r.json"), key=lambda each: each["number"])
         assert [each["name"] for each in found] == [each["name"] for each in here]
         assert [each["files"] for each in found] == [each["files"] for each in here]
+
+
+def test_the_next_bake_begins_before_the_result_of_the_last_one_is_used(folder):
+    jobs(folder, *"abcd")
+    planned, _ = plans.plans(job_file.read("j.json"))
+    files, turns = run_clashes.Run(), Turns(planned)
+    assert files.add([(plan.name, plan.options) for plan in planned], "j.json", None, []) == []
+    with Meter(io.StringIO()) as meter, supervisor.Supervisor(1, supervisor.Limits()) as started:
+        results = started.bake_all(turns, files, meter, is_reported=False)
+        assert [(done.entry.state, turns.count) for done in results] == [("done", left) for left in (2, 1, 0, 0)]
 
 
 def scene(folder, count):

@@ -562,6 +562,19 @@ def test_a_chain_has_one_claim_until_its_last_bake(folder):
     assert not list(folder.rglob("*.lock"))
 
 
+def test_a_chain_keeps_its_claim_if_the_next_bake_begins_before_the_last_one_is_released(folder):
+    planned = chain(folder)
+    with Resuming(planned) as here, Resuming(planned) as there:
+        for number in (1, 2, 3):
+            bake(here.next())
+            here.release(number - 1)
+        assert here.next().plan.name == "b"
+        assert there.next() is None
+        here.release(3)
+        there._ask_at = 0.0
+        assert there.next().plan.number == 1
+
+
 def test_a_chain_of_another_worker_waits(folder):
     planned = chain(folder)
     for turns in (Turns(planned), Resuming(planned)):

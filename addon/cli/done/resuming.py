@@ -85,7 +85,9 @@ class Resuming(Turns):
 
     def release(self, number: int) -> None:
         claim, chain = self._claimed.pop(number, (None, 0))
-        has_more = bool(chain) and any(each.plan.chain == chain and each.plan.number != number for each in self._left)
+        others = {each.plan.chain for each in self._left if each.plan.number != number}
+        others |= {each for _, each in self._claimed.values()}  # the next one may have begun
+        has_more = bool(chain) and chain in others
         if claim is not None and not has_more:
             self._claims.release(claim)
 

@@ -12,7 +12,7 @@ from ...core.errors import BakeError
 from ...output.files.atomic_file import check_writable, reason, replacing
 from ..usage.options import STDOUT
 from . import run_report
-from .run_report import Entry
+from .run_report import Entry, State
 
 LINES = ".lines"
 """Added to the path of a report for the file that holds it while the bakes go on: an entry a line."""
@@ -73,7 +73,8 @@ class ReportFile:
                 self._file = self.lines.open("w", encoding="utf-8")
             self._file.write(json.dumps(entry.to_dict()) + "\n")
             self._file.flush()
-            os.fsync(self._file.fileno())
+            if entry.state != State.RESUMED:  # its record has it
+                os.fsync(self._file.fileno())
         except OSError as error:
             self._error = error
 

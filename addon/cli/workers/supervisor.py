@@ -120,6 +120,8 @@ class Supervisor:
         count = turns.count
         needs_all = any(turn.plan.options.save_blend or turn.plan.options.export for turn in turns.left)
         begun, is_stopping = 0, False
+        ended: list[Done] = []
+        """Results that the caller gets once workers have their next bakes."""
         while turns.count or self._returned or any(worker.plan for worker in self._workers):
             if interruption.code() and not is_stopping:
                 is_stopping = True
@@ -144,15 +146,22 @@ class Supervisor:
                     continue
                 begun += 1
                 if isinstance(turn, Resumed):
-                    yield Done.resumed(turn.plan, turn.result)
+                    ended.append(Done.resumed(turn.plan, turn.result))
                     continue
                 if refusal := self._chains.refusal(turn.plan):
-                    yield Done.of(refusal, turn.plan.number)
+                    ended.append(Done.of(refusal, turn.plan.number))
                     continue
                 meter.place = f"{begun}/{count} "
                 worker.begin(self._assignment(turn, needs_all, is_reported))
-            yield from self._hear(files, meter)
-            yield from self._check_limits()
+            while ended:
+                yield ended.pop(0)
+            try:
+                ended += self._hear(files, meter)
+                ended += self._check_limits()
+            except NoGpu:
+                yield from ended
+                raise
+        yield from ended
 
     def _assignment(self, turn: ToDo, needs_all: bool, is_reported: bool) -> Assignment:
         folders = self._confinement.folders if self._confinement else ()
