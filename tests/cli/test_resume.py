@@ -132,7 +132,8 @@ def test_a_run_after_a_kill_gives_the_same_files(folder, seed):
     time.sleep(random.Random(seed).random() * 0.5)
     process.send_signal(signal.SIGKILL)
     process.communicate()
-    assert {state for _, state in bake("--resume")} <= {"done", "resumed"}
+    assert start("--resume", "--report", "r.json").wait() == 0  # a new process, which removes what was left
+    assert {each["state"] for each in reports.bakes(Path("r.json"))} <= {"done", "resumed"}
     assert maps(folder) == expected
     assert len(records(folder)) == COUNT
     assert [path.name for path in (folder / "out").iterdir() if path.suffix not in {".png", ".json"}] == []
