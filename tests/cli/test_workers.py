@@ -19,7 +19,9 @@ from addon.cli.plan import plans, run_clashes
 from addon.cli.results import exit_codes
 from addon.cli.terminal_progress import Meter
 from addon.cli.usage import job_file
-from addon.cli.workers import supervisor, worker_process
+from addon.cli.workers import supervisor, worker, worker_process
+from addon.cli.workers.messages import Percent
+from addon.core.progress import Progress
 from scripts.imprint import ROOT
 from tests.support import reports, zoo
 
@@ -136,6 +138,18 @@ def test_the_next_bake_begins_before_the_result_of_the_last_one_is_used(folder):
     with Meter(io.StringIO()) as meter, supervisor.Supervisor(1, supervisor.Limits()) as started:
         results = started.bake_all(turns, files, meter, is_reported=False)
         assert [(done.entry.state, turns.count) for done in results] == [("done", left) for left in (2, 1, 0, 0)]
+
+
+def test_messages_about_progress_are_few():
+    sent = []
+
+    class Parent:
+        send = sent.append
+
+    meter = worker._Meter(Parent())
+    for number in range(1000):
+        meter.show("a", Progress("Rays", number / 1000))
+    assert sent == [Percent("a", "Rays", 0.0)]
 
 
 def scene(folder, count):

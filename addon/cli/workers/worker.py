@@ -7,6 +7,7 @@ import faulthandler
 import os
 import signal
 import sys
+import time
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -27,6 +28,10 @@ if os.name == "nt":
 
 _PR_SET_PDEATHSIG = 1
 """Of Linux's prctl: the signal when the parent process ends."""
+
+
+SHOW_EVERY = 0.1
+"""Seconds between two messages about progress."""
 
 
 class _Gone(Exception):
@@ -128,10 +133,13 @@ class _Meter:
     is_on, place = True, "-"
 
     def __init__(self, parent: _Parent):
-        self._parent = parent
+        self._parent, self._next = parent, 0.0
 
     def show(self, name: str, step: Progress) -> None:
-        self._parent.send(Percent(name, step.what, step.done))
+        now = time.monotonic()
+        if now >= self._next:  # small bakes have a step each millisecond
+            self._next = now + SHOW_EVERY
+            self._parent.send(Percent(name, step.what, step.done))
 
     def report(self, line: str) -> None:
         self._parent.send(Line(line))
