@@ -8,6 +8,7 @@ from contextlib import ExitStack, closing
 from dataclasses import dataclass
 
 from ..core.errors import BakeError, NoGpu, sentence
+from ..core.names.printable import printable
 from ..core.timings import startup
 from .done.resuming import Resuming
 from .done.turns import Turns
@@ -119,11 +120,11 @@ class _Found:
         """Tell what came of a bake, and add it to the report."""
         entry = done.entry
         if entry.state == State.FAILED:
-            print(f"{self._program}: {entry.name}: {entry.error}", file=sys.stderr)
+            self._say(entry, entry.error)
         for warning in done.warnings:
-            print(f"{self._program}: {entry.name}: warning: {warning}", file=sys.stderr)
+            self._say(entry, f"warning: {warning}")
         for text in entry.gate:
-            print(f"{self._program}: {entry.name}: {text}", file=sys.stderr)
+            self._say(entry, text)
         for line in terminal_text.saved(entry.maps):
             print(line, file=terminal_text.out(self._report), flush=True)
         self.tally.add(entry)
@@ -133,6 +134,9 @@ class _Found:
             self._file.add(entry)
         elif done.is_listed and self._report:
             self._entries.append(entry)
+
+    def _say(self, entry: Entry, text: str) -> None:
+        print(printable(f"{self._program}: {entry.name}: {text}"), file=sys.stderr)
 
     def finish(self) -> None:
         """Print the table, and write the report. Raises BakeError."""

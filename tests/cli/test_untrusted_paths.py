@@ -14,7 +14,7 @@ import pytest
 from addon.cli import command
 from addon.cli.plan import blend_blocks
 from addon.cli.results import exit_codes
-from addon.cli.trust import bounds
+from addon.cli.trust import bounds, confinement, landlock, system_calls
 from addon.cli.usage.key_values import KEYS
 from tests.support import trees
 
@@ -266,6 +266,40 @@ def test_too_many_frames_are_refused(root, capfd):
     assert line.startswith("imprint: 1,100,000 maps are more than 1,000,000")
 
 
+LINKS = {
+    "output folder": ("out2", []),
+    "usual output folder": ("out", []),
+    "report": ("r.json", ["--report", "r.json"]),
+    "lines of the report": ("r.json.lines", ["--report", "r.json"]),
+    "folder of the report": ("reports", ["--report", "reports/r.json"]),
+    "logs": ("logs", ["--log", "logs"]),
+}
+
+
+@pytest.mark.parametrize(("name", "words"), LINKS.values(), ids=LINKS)
+def test_links_among_the_files_do_not_move_what_the_caller_names(root, monkeypatch, name, words, capfd):
+    monkeypatch.chdir(root / "job")
+    if name == "out":
+        (root / "job/out").rename(root / "job/before")
+    if name == "out2":
+        words = ["--output-folder", name]
+    (root / "job" / name).symlink_to(root / "outside" / ("victim.json" if name.startswith("r.json") else ""))
+    code, (line,) = attack(root, "size", 16, *words, capfd=capfd)
+    assert code == exit_codes.WRONG_USAGE
+    assert "is a link out of" in line
+
+
+def test_a_name_cannot_write_to_the_terminal(root, capfd):
+    name = "a\x1b]0;title\x07\nSaved: '/etc/passwd'\u202e\x9b2J"
+    (root / "job/s.blend").write_bytes(blend((b"OB", bytes(8))))
+    values = {"file": "s.blend", "low": name, "output": "../m.png"}
+    (root / "job/j.json").write_text(json.dumps({"bake": [values, values]}))
+    assert command.run(["--jobs", str(root / "job/j.json"), "--untrusted"]) == exit_codes.WRONG_USAGE
+    lines = capfd.readouterr().err.splitlines()
+    assert len(lines) == 2
+    assert all("(a?]0;title??Saved: '/etc/passwd'??2J)" in line and line.isprintable() for line in lines)
+
+
 PARTS = [
     "..",
     ".",
@@ -307,3 +341,41 @@ def test_random_paths(root, seed, capfd):
         assert all(line.startswith("imprint: ") for line in said)
     if not real.is_relative_to(folder):
         assert any("--untrusted" in line or "is a folder" in line or "UDIM" in line for line in said)
+
+
+@pytest.mark.parametrize(
+    ("version", "is_known", "lacks"), [(0, True, "files outside"), (1, False, "network"), (0, False, "and")]
+)
+def test_a_system_that_cannot_take_rights_away_is_named(root, monkeypatch, version, is_known, lacks):
+    monkeypatch.setattr(landlock, "version", lambda: version)
+    monkeypatch.setattr(system_calls, "is_known", lambda: is_known)
+    assert lacks in confinement.missing()
+
+
+def test_the_input_folder_may_be_another_one(root, capfd):
+    """The caller may allow what a job file may not."""
+    for key, words in {
+        "low-file": ["--input-folder", str(root)],
+        "output": ["--output-folder", str(root / "outside")],
+    }.items():
+        path = "../outside/secret.obj" if key == "low-file" else "../outside/m.png"
+        (root / "job/j.json").write_text(json.dumps({"bake": [{**MESHES, "output": "out/m.png", key: path}]}))
+        call = ["--jobs", str(root / "job/j.json"), "--untrusted", "--check"]
+        assert command.run(call) == exit_codes.WRONG_USAGE
+        assert command.run([*call, *words]) == exit_codes.DONE
+    assert command.run([*call, "--input-folder", str(root / "none")]) == exit_codes.WRONG_USAGE
+    assert "There is no folder" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "error"),
+    [
+        ("--low-file a.obj --output m.png --untrusted --workers 0", "--untrusted needs a process for the bakes"),
+        ("--low-file a.obj --output m.png --timeout 9 --workers 0", "--timeout needs a process for the bakes"),
+        ("--low-file a.obj --output m.png --input-folder x", "are for --untrusted"),
+        ("--low a --output m.png --untrusted", "the open file has been opened already"),
+    ],
+)
+def test_options_that_contradict_each_other(words, error, capfd):
+    assert command.run(words.split()) == exit_codes.WRONG_USAGE
+    assert error in capfd.readouterr().err

@@ -151,6 +151,17 @@ def test_blend_files(root):
     assert found[6]["error"].count(".") >= 1  # two meshes
 
 
+def test_paths_of_files_outside_are_emptied(tmp_path):
+    """So that nothing that evaluates the scene later reads them."""
+    outside, inside = (bpy.data.images.new(name, 4, 4) for name in "ab")
+    for image, path in ((outside, "/etc/secret.png"), (inside, str(tmp_path / "in.png"))):
+        image.source, image.filepath = "FILE", path
+    (note,) = outside_files.leave_out([str(tmp_path)])
+    assert (outside.filepath, inside.filepath) == ("", str(tmp_path / "in.png"))
+    assert "'/etc/secret.png'" in note
+    assert outside_files.leave_out([str(tmp_path)]) == []
+
+
 def test_preferences_cannot_allow_scripts(monkeypatch):
     paths = bpy.context.preferences.filepaths
     monkeypatch.setattr(paths, "use_scripts_auto_execute", True)

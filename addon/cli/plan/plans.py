@@ -11,6 +11,7 @@ from itertools import groupby
 from pathlib import Path
 
 from ...core.errors import BakeError
+from ...core.names.printable import printable
 from ..usage import arguments
 from . import folder_pairs
 
@@ -71,9 +72,9 @@ def _chained(planned: Sequence[Plan]) -> Iterator[Plan]:
 def subject(options: argparse.Namespace, open_file: str = "") -> str:
     """A short name for what is baked: the low object, its file, or the scene. open_file: as in `plans`."""
     if options.low or options.low_file:
-        return options.low or stem(options.low_file)
+        return printable(options.low or stem(options.low_file))
     place = options.pairs if arguments.is_folder(options) else (*options.file, open_file)[0]
-    return os.path.basename(os.path.abspath(place))  # a folder may be called "."
+    return printable(os.path.basename(os.path.abspath(place)))  # a folder may be called "."
 
 
 def stem(path: str) -> str:

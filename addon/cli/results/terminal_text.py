@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TextIO
 
+from ...core.names.printable import printable
 from ..usage.options import STDOUT
 from .bake_result import Result
 from .run_report import Entry, State
@@ -35,12 +36,14 @@ def out(report: str | None) -> TextIO:
 
 def saved(paths: Sequence[str]) -> Iterator[str]:
     """A line for each map, in Blender's words after a rendering, by which farms find a picture to show."""
-    yield from (f"Saved: '{path}'" for path in paths)
+    yield from (printable(f"Saved: '{path}'") for path in paths)
 
 
 def line(entry: Entry, width: int) -> str:
     """A line of the table of many bakes. width: of the longest name."""
-    return f"{entry.state:7} {entry.seconds:8.2f} s  {entry.name:{width}}  {', '.join(entry.written)}".rstrip()
+    return printable(
+        f"{entry.state:7} {entry.seconds:8.2f} s  {entry.name:{width}}  {', '.join(entry.written)}".rstrip()
+    )
 
 
 def total(counted: dict[str, float], planned: int) -> str:

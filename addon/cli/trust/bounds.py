@@ -88,6 +88,14 @@ def of(options: argparse.Namespace) -> Bounds | None:
     inputs = os.path.realpath(options.input_folder or inputs)
     if not os.path.isdir(inputs):
         raise WrongPlace(f"There is no folder {inputs!r}.")
+    for path in (
+        options.output_folder or outputs,
+        options.report,
+        options.report and f"{options.report}.lines",
+        options.log,
+    ):
+        if path:
+            _check_links(path, inputs)
     return Bounds(inputs, os.path.realpath(options.output_folder or outputs))
 
 
@@ -98,6 +106,17 @@ def check_job_file(name: str) -> None:
         raise WrongPlace(
             f"{name!r} has more than {MOST_BYTES >> 20} MiB, the most that --untrusted reads as a job file."
         )
+
+
+def _check_links(path: str, inputs: str) -> None:
+    """Raise WrongPlace if a path of the caller leads out of the input folder by a link there, which came with the files."""
+    path = os.path.abspath(path)
+    for each in (path, *map(str, Path(path).parents)):
+        is_inside = is_below(os.path.realpath(os.path.dirname(each)), inputs)
+        if is_inside and os.path.islink(each) and not is_below(os.path.realpath(each), inputs):
+            raise WrongPlace(
+                f"{each!r} is a link out of {inputs!r}, the folder of the untrusted files: choose another path."
+            )
 
 
 def is_below(path: str, folder: str) -> bool:
