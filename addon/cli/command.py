@@ -14,8 +14,8 @@ from ..core.progress import Progress
 from ..core.timings import startup
 from . import interruption, many_bakes, standard_streams
 from .farms import farm_command
-from .plan import listing, planning, run_clashes, shards
-from .plan.plans import Plan
+from .plan import listing, planning, shards
+from .plan.input_files import InputFiles
 from .results.exit_codes import FAILED, WRONG_USAGE
 from .starting.loading import load_blender
 from .terminal_progress import Meter
@@ -68,8 +68,11 @@ def _run(words: Sequence[str], program: str, *, may_start_processes: bool) -> in
         options, sets = _read(words, program)
         if options.list or options.check:
             return listing.run(options, sets, program)
-        planned, problems, files = _plan(options, sets)
-        chosen = shards.chosen(planned, options.only, options.shard)
+        inputs = InputFiles()
+        planned, problems, files, clashes = planning.plan(options, sets, inputs)
+        if clashes:
+            raise WrongPlace("\n".join(clashes))
+        chosen = shards.chosen(planned, options.only, options.shard, inputs)
     except SystemExit as stop:  # argparse has printed the help
         return stop.code
     except WrongUsage as error:
@@ -107,19 +110,6 @@ def _read(words: Sequence[str], program: str) -> tuple[argparse.Namespace, list[
             return own, job_file.read(own.jobs, more, lambda share: meter.show(own.jobs, Progress("Reading", share)))
     arguments.check(options)
     return options, [options]
-
-
-def _plan(
-    options: argparse.Namespace, sets: Sequence[argparse.Namespace]
-) -> tuple[list[Plan], list[str], run_clashes.Run]:
-    """The bakes to do, sentences about unpaired files, and the files of all bakes.
-
-    Raises WrongPlace with a line for each bake that would harm a file.
-    """
-    planned, problems, files, found = planning.plan(options, sets)
-    if found:
-        raise WrongPlace("\n".join(found))
-    return planned, problems, files
 
 
 def _refuse(program: str, error: Exception, hint: str = "") -> int:

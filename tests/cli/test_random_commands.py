@@ -321,7 +321,7 @@ def test_libraries_are_found_without_opening_a_file(place, packed):
 
 
 def test_a_texture_that_only_the_importer_finds_is_not_overwritten(place, capsys, monkeypatch):
-    monkeypatch.setattr(file_references, "of", lambda _path: iter(()))
+    monkeypatch.setattr(file_references, "of", lambda *_: iter(()))
     mesh = place / "in" / "rock_a_high.obj"
     mesh.write_text(mesh.read_text().replace("\nf ", "\nusemtl m0\nf ", 1))
     before = tree(place)

@@ -5,20 +5,23 @@ import json
 import os
 import re
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from urllib.parse import unquote
 
 MOST = 1 << 24
 """Bytes of a file that are read: an .obj names its materials before its points, and longer JSON contains its buffers."""
-_PIECE = 1 << 16
+_FIRST_PIECE, _PIECE = 1 << 12, 1 << 16
 _POINT = re.compile(rb"^[ \t]*v[ \t]", re.MULTILINE)
 
 
-def of(name: str) -> Iterator[Path]:
-    """The files that the mesh file at the path `name` refers to; none for formats that only their importers read."""
+def of(name: str, has_library: Callable[[str], bool]) -> Iterator[Path]:
+    """The files that the mesh file at the path `name` refers to; none for formats that only their importers read.
+
+    has_library: as InputFiles.has_library.
+    """
     find = {".obj": _of_obj, ".gltf": _of_gltf, ".glb": _of_glb}.get(os.path.splitext(name)[1].lower())
-    if find is None or (find is _of_obj and not _has_library(name)):
+    if find is None or (find is _of_obj and not has_library(name)):
         return
     path = Path(name)
     try:
@@ -29,22 +32,16 @@ def of(name: str) -> Iterator[Path]:
         yield from (folder / name for name in names)
 
 
-def _has_library(name: str) -> bool:
-    """Whether an .obj may name a file of materials, which it does before its points."""
+def has_library(descriptor: int) -> bool:
+    """Whether an open .obj may name a file of materials, which it does before its points."""
+    start, size = b"", _FIRST_PIECE
     try:
-        descriptor = os.open(name, os.O_RDONLY | getattr(os, "O_BINARY", 0))
-    except (OSError, ValueError):  # the importer will report what is wrong
-        return False
-    start = b""
-    try:
-        while len(start) < MOST and (piece := os.read(descriptor, _PIECE)):
-            seen, start = max(0, len(start) - _PIECE), start + piece
+        while len(start) < MOST and (piece := os.read(descriptor, size)):
+            seen, start, size = max(0, len(start) - _PIECE), start + piece, _PIECE
             if _POINT.search(start, seen):
                 break
-    except OSError:
+    except OSError:  # the importer will report what is wrong
         return False
-    finally:
-        os.close(descriptor)
     return b"mtllib" in start.lower()
 
 

@@ -1,54 +1,102 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The files that bakes read: whether they are there, and how large they are. The system is asked once for each."""
+"""The files that bakes read: whether they are there, and how large they are. Each is looked at once."""
 
 import glob
 import os
 import stat
+from typing import NamedTuple
 
 from ...core import udim
 from ...output.files.atomic_file import reason
+from . import file_references
+
+_FLAGS = os.O_RDONLY | getattr(os, "O_BINARY", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOCTTY", 0)
+"""Opening a pipe for these does not wait for its other end."""
+
+
+class _Found(NamedTuple):
+    size: int
+    problem: str
+    identity: tuple[int, int] | None = None
+    """As path_clashes.identity."""
+    has_library: bool | None = None
+    """Whether it is an .obj that may name a file of materials; None if it was not opened."""
 
 
 class InputFiles:
     """Files of a run, asked for by their paths."""
 
     def __init__(self):
-        self._known: dict[str, tuple[int, str]] = {}
-        """Bytes, and what is wrong."""
+        self._known: dict[str, _Found] = {}
 
     def size(self, path: str) -> int:
         """The bytes of a file; 0 if it cannot be read."""
-        return self._probe(path)[0]
+        return self._look(path).size
 
     def problem(self, path: str) -> str:
         """Why a file cannot be read, as a sentence, or ""."""
-        return self._probe(path)[1]
+        return self._look(path).problem
 
-    def _probe(self, path: str) -> tuple[int, str]:
+    def identity(self, path: str) -> tuple[int, int]:
+        """As path_clashes.identity."""
+        found = self._look_into(path).identity
+        if found is None:
+            raise FileNotFoundError
+        return found
+
+    def has_library(self, path: str) -> bool:
+        """Whether a file is an .obj that may name a file of materials."""
+        return bool(self._look_into(path).has_library)
+
+    def _look_into(self, path: str) -> _Found:
+        """Opens an .obj. What only asks for sizes does not: the path may be one that an untrusted call must not read."""
+        known = self._known.get(path)
+        is_obj = path.lower().endswith(".obj")
+        if is_obj and (known is None or known.has_library is None) and (found := _look_into(path)):
+            self._known[path] = found
+        return self._look(path)
+
+    def _look(self, path: str) -> _Found:
         if path not in self._known:
-            self._known[path] = _probe_tiles(path) if udim.TOKEN in path else _probe(path)
+            self._known[path] = _look_at_tiles(path) if udim.TOKEN in path else _look(path)
         return self._known[path]
 
 
-def _probe_tiles(path: str) -> tuple[int, str]:
-    """As `_probe`, of the files of all tiles."""
+def _look_at_tiles(path: str) -> _Found:
+    """As `_look`, of the files of all tiles."""
     folder, name = os.path.split(path)
     found = glob.glob(glob.escape(name).replace(udim.TOKEN, "[0-9]" * 4), root_dir=folder)
-    tiles = [_probe(os.path.join(folder, each)) for each in found]
+    tiles = [_look(os.path.join(folder, each)) for each in found]
     if not tiles:
-        return 0, f"There is no file {os.path.abspath(path)!r}."
-    return sum(size for size, _ in tiles), next((problem for _, problem in tiles if problem), "")
+        return _Found(0, f"There is no file {os.path.abspath(path)!r}.")
+    return _Found(sum(tile.size for tile in tiles), next((tile.problem for tile in tiles if tile.problem), ""))
 
 
-def _probe(path: str) -> tuple[int, str]:
+def _look(path: str) -> _Found:
     try:
         found = os.stat(path)
     except FileNotFoundError:
-        return 0, f"There is no file {os.path.abspath(path)!r}."
-    except OSError as error:
-        return 0, f"{path!r} cannot be read: {reason(error)}."
+        return _Found(0, f"There is no file {os.path.abspath(path)!r}.")
+    except (OSError, ValueError) as error:
+        return _Found(0, f"{path!r} cannot be read: {reason(error)}.")
+    identity = found.st_dev, found.st_ino
     if not stat.S_ISREG(found.st_mode):
-        return 0, f"There is no file {os.path.abspath(path)!r}."  # as the bake says
+        return _Found(0, f"There is no file {os.path.abspath(path)!r}.", identity)  # as the bake says
     if not found.st_mode & stat.S_IROTH and not os.access(path, os.R_OK):
-        return 0, f"{path!r} cannot be read: Permission denied."
-    return found.st_size, ""
+        return _Found(0, f"{path!r} cannot be read: Permission denied.", identity)
+    return _Found(found.st_size, "", identity)
+
+
+def _look_into(path: str) -> _Found | None:
+    """What is known of an .obj that can be opened. None for others, and for what is no file."""
+    try:
+        descriptor = os.open(path, _FLAGS)
+    except (OSError, ValueError):
+        return None
+    try:
+        found = os.fstat(descriptor)
+        if stat.S_ISREG(found.st_mode):
+            return _Found(found.st_size, "", (found.st_dev, found.st_ino), file_references.has_library(descriptor))
+        return None
+    finally:
+        os.close(descriptor)

@@ -9,7 +9,7 @@ import sys
 from collections.abc import Sequence
 
 from ..usage.garbage import unsearched
-from . import costs, planning, plans, run_clashes, shards
+from . import costs, planning, plans, shards
 from .input_files import InputFiles
 from .input_problems import InputProblems
 from .plans import Plan
@@ -46,13 +46,13 @@ class _Listing:
 
     def __init__(self, options: argparse.Namespace, sets: Sequence[argparse.Namespace]):
         self._options, self._files = options, InputFiles()
-        self.planned, self.warnings, files, self.problems = planning.plan(options, sets)
+        self.planned, self.warnings, self._run, self.problems = planning.plan(options, sets, self._files)
         self.costs = {plan.number: costs.cost(plan.options, self._files) for plan in self.planned}
         self.chosen = shards.part(
             shards.named(self.planned, options.only), options.shard, lambda plan: self.costs[plan.number]
         )
         found = InputProblems(self._files)
-        is_refused = files.bounds is not None and bool(self.problems)  # nothing elsewhere is looked at
+        is_refused = self._run.bounds is not None and bool(self.problems)  # nothing elsewhere is looked at
         self._of_bakes = {plan.number: [] if is_refused else list(found.of(plan)) for plan in self.chosen}
 
     @property
@@ -67,7 +67,7 @@ class _Listing:
 
     def line(self, plan: Plan) -> str:
         """A bake in one line: its number, cost, name and files, between tabs."""
-        files = [os.path.abspath(path) for path in run_clashes.outputs(plan.options)]
+        files = [os.path.abspath(path) for path in self._run.outputs(plan.name, plan.options)]
         if plan.options.frames and len(files) > 2:
             files = [f"{len(files)} files from {files[0]} to {files[-1]}"]
         cells = plan.number, self.costs[plan.number], plan.name or plans.subject(plan.options, plans.open_file())
@@ -94,6 +94,6 @@ class _Listing:
             "name": plan.name or plans.subject(plan.options, plans.open_file()),
             "cost": self.costs[plan.number],
             "inputs": [os.path.abspath(path) for path in costs.inputs(plan.options)],
-            "outputs": [os.path.abspath(path) for path in run_clashes.outputs(plan.options)],
+            "outputs": [os.path.abspath(path) for path in self._run.outputs(plan.name, plan.options)],
             "problems": self._of_bakes[plan.number],
         }

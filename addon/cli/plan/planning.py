@@ -8,6 +8,7 @@ from copy import copy
 from ..trust import bounds
 from ..usage import arguments, run_options
 from . import plans
+from .input_files import InputFiles
 from .plans import Plan
 from .run_clashes import Run
 
@@ -18,11 +19,12 @@ def are_many(options: argparse.Namespace) -> bool:
 
 
 def plan(
-    options: argparse.Namespace, sets: Sequence[argparse.Namespace]
+    options: argparse.Namespace, sets: Sequence[argparse.Namespace], inputs: InputFiles
 ) -> tuple[list[Plan], list[str], Run, list[str]]:
     """The bakes, sentences about unpaired files, the files of all bakes, and a sentence for each bake that would harm a file.
 
-    options: of the call. sets: those of each set. Raises WrongPlace for folders that an untrusted call cannot use.
+    options: of the call. sets: those of each set. inputs: as in Run. Raises WrongPlace for folders that an
+    untrusted call cannot use.
     """
     open_file, within = plans.open_file(), bounds.of(options)
     if within is not None:
@@ -36,7 +38,7 @@ def plan(
         planned = [Plan(plans.subject(options, open_file), own)]
     else:
         planned = [Plan("", options)]
-    files = Run(open_file, within)
+    files = Run(open_file, within, inputs)
     found = files.add(
         [(each.name, each.options) for each in planned],
         options.jobs,

@@ -16,18 +16,21 @@ from ..usage import arguments
 from ..usage.garbage import unsearched
 from ..usage.options import STDOUT
 from . import blend_blocks, file_references, map_files, plans
+from .input_files import InputFiles
 
 
 class Run:
     """The files of all bakes of one call."""
 
-    def __init__(self, open_file: str = "", bounds: Bounds | None = None):
-        """open_file: the path of the open .blend, which bakes without a file use. bounds: folders that all bakes keep to."""
-        self._open_file, self.bounds = open_file, bounds
+    def __init__(self, open_file: str = "", bounds: Bounds | None = None, inputs: InputFiles | None = None):
+        """open_file: the path of the open .blend, which bakes without a file use. bounds: folders that all bakes keep to.
+        inputs: what is known of files to read.
+        """
+        self._open_file, self.bounds, self._inputs = open_file, bounds, inputs or InputFiles()
         self.places = Places()
-        self._known: set[str] = set()
-        """The bakes whose maps are in `places`."""
-        self._references: dict[str, list[str]] = {}
+        self._maps: dict[str, list[str]] = {}
+        """The files of the maps of the bakes whose maps are in `places`."""
+        self._references: dict[str, Sequence[str]] = {}
         """What mesh files refer to."""
 
     def add(
@@ -41,7 +44,7 @@ class Run:
 
         bakes: unique names and options. jobs: the job file. report: the report of all bakes. folders: of mesh files.
         """
-        with unsearched(), self.places.many():
+        with unsearched(), self.places.many(self._inputs.identity):
             return self._add(bakes, jobs, report, folders)
 
     def _add(
@@ -73,6 +76,15 @@ class Run:
             check("", self.places.write, report, "the report of all")
         return problems
 
+    def outputs(self, name: str, options: argparse.Namespace) -> list[str]:
+        """The files that a bake writes. LOW and tokens stand for what is only known once its files are open."""
+        low = low_of(options) or file_names.LOW
+        found = list(self._maps.get(name) or (path for path, _ in map_files.files(options, low, frames(options))))
+        if options.export:
+            found.append(file_names.fill(options.export, low))
+        found += filter(None, (options.save_blend, options.report if options.report != STDOUT else None))
+        return found
+
     def opened(
         self, name: str, options: argparse.Namespace, lows: Sequence[str], used: Iterable[tuple[str, str]]
     ) -> None:
@@ -83,7 +95,7 @@ class Run:
         """
         for path, what in used:
             self._read_file(path, _of(what, name), name)
-        if name not in self._known:
+        if name not in self._maps:
             self._write_maps(name, options, lows)
 
     def exported(self, name: str, path: str) -> None:
@@ -112,7 +124,7 @@ class Run:
             yield options.convert, "the map to convert", ""
         for path in [*opened, *(path for path, _ in parts)]:
             if path not in self._references:
-                self._references[path] = list(map(str, file_references.of(path)))
+                self._references[path] = tuple(map(str, file_references.of(path, self._inputs.has_library)))
             for other in self._references[path]:
                 yield other, f"what {os.path.basename(path)!r} refers to", ""
 
@@ -129,7 +141,7 @@ class Run:
     def _write(self, name: str, options: argparse.Namespace) -> None:
         if self.bounds is not None:  # also those whose names are only known once the files are open
             named = (options.output, options.export, options.save_blend)  # a link before .. is followed or not
-            for path in (*filter(None, named), *outputs(options)):
+            for path in (*filter(None, named), *self.outputs(name, options)):
                 self.bounds.check_write(path, _of("a file", name))
         if low := low_of(options):
             self._write_maps(name, options, [low])
@@ -140,10 +152,11 @@ class Run:
             self._write_file(options.save_blend, _of("the scene to save", name), name, may_replace=own)
 
     def _write_maps(self, name: str, options: argparse.Namespace, lows: Sequence[str]) -> None:
-        self._known.add(name)
         several = len(lows) > 1
-        for low in lows:
-            for path, what in map_files.files(options, low, frames(options)):
+        files = [(low, list(map_files.files(options, low, frames(options)))) for low in lows]
+        self._maps[name] = [path for _, found in files for path, _ in found]
+        for low, found in files:
+            for path, what in found:
                 self._write_file(path, _of(f"{what} of {low!r}" if several else what, name), name)
         for path in dict.fromkeys(file_names.fill(options.export, low) for low in lows) if options.export else ():
             self._write_file(path, _of("the file for an engine", name), name)
@@ -158,16 +171,6 @@ def low_of(options: argparse.Namespace) -> str:
 def frames(options: argparse.Namespace) -> range:
     """The frames of a sequence; none for a single map."""
     return range(options.frames[0], options.frames[1] + 1) if options.frames else range(0)
-
-
-def outputs(options: argparse.Namespace) -> list[str]:
-    """The files that a bake writes. LOW and tokens stand for what is only known once its files are open."""
-    low = low_of(options) or file_names.LOW
-    found = [path for path, _ in map_files.files(options, low, frames(options))]
-    if options.export:
-        found.append(file_names.fill(options.export, low))
-    found += filter(None, (options.save_blend, options.report if options.report != STDOUT else None))
-    return found
 
 
 def _of(what: str, name: str) -> str:

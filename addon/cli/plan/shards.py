@@ -38,7 +38,8 @@ def part(planned: Sequence[Plan], shard: tuple[int, int] | None, cost: Callable[
     return sorted(mine, key=lambda plan: plan.number)
 
 
-def chosen(planned: Sequence[Plan], patterns: Sequence[str], shard: tuple[int, int] | None) -> list[Plan]:
+def chosen(
+    planned: Sequence[Plan], patterns: Sequence[str], shard: tuple[int, int] | None, files: InputFiles
+) -> list[Plan]:
     """The plans that are done with these values of --only and --shard."""
-    files = InputFiles()
     return part(named(planned, patterns), shard, lambda plan: costs.cost(plan.options, files))

@@ -136,7 +136,7 @@ class _Reader:
             except Unknown as fault:
                 wrong[key] = _plain(str(fault))
         options = argparse.Namespace()
-        vars(options).update(self._usual)
+        options.__dict__ = self._usual.copy()
         for key, read in found.items():
             if read.fault:
                 wrong[key] = _plain(read.fault)

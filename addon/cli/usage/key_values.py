@@ -56,7 +56,7 @@ class KeyValues:
     """Reads values. Paths start at a folder."""
 
     def __init__(self, folder: Path):
-        self._folder, self._folder_text = folder, str(folder)
+        self._folder, self._start = folder, os.path.join(folder, "")
         self._known: dict[tuple, KeyValue | Unknown] = {}
 
     def read(self, written: str, value: Any) -> KeyValue:
@@ -111,7 +111,7 @@ class KeyValues:
         is_plain = os.sep == "/" and not (
             word.startswith(("/", "./")) or word.endswith(("/", "/.")) or "//" in word or "/./" in word or word == "."
         )
-        return os.path.join(self._folder_text, word) if is_plain else str(self._folder / word)
+        return self._start + word if is_plain else str(self._folder / word)
 
 
 def _is_plain(value: Any) -> bool:

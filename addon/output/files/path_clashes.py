@@ -5,7 +5,7 @@ import os
 import re
 import unicodedata
 from collections import Counter
-from collections.abc import Hashable, Iterator
+from collections.abc import Callable, Hashable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -42,7 +42,10 @@ class _Table:
     def add(self, keys: "_Keys", use: _Use) -> None:
         for table, table_keys in ((self.exact, keys.exact), (self.tiles, keys.tiles), (self.folders, keys.folders)):
             for key in table_keys:
-                table.setdefault(key, []).append(use)
+                if key in table:
+                    table[key].append(use)
+                else:
+                    table[key] = [use]
 
     def find(self, keys: "_Keys", ignored: Hashable = None) -> _Use | None:
         """A use of the same file, except uses by `ignored`. None if there is none."""
@@ -62,6 +65,12 @@ class _Table:
         return None
 
 
+def identity(path: str) -> Hashable:
+    """What is the same for all paths and hard links of a file. Raises OSError or ValueError if there is none."""
+    found = os.stat(path)
+    return found.st_dev, found.st_ino
+
+
 class _Keys(NamedTuple):
     """The keys of a path. Two paths that can lead to one file have a key in common."""
 
@@ -79,6 +88,7 @@ class Places:
         self._reads, self._writes = _Table(), _Table()
         self._folders: dict[str, tuple[Hashable, tuple[str, ...]]] = {}
         self._folder_names: _FolderNames | None = None
+        self._identity_of_read = identity
 
     def read(self, path: str, title: str, by: Hashable = None) -> None:
         """Add a file that is read. Raises WrongPlace if it is written as well.
@@ -111,39 +121,43 @@ class Places:
         self._writes.add(keys, use)
 
     @contextmanager
-    def many(self) -> Iterator[None]:
-        """While the block runs, no file may appear: what is in a folder is read once if many of its files are added."""
-        self._folder_names = _FolderNames()
+    def many(self, identity_of_read: Callable[[str], Hashable] = identity) -> Iterator[None]:
+        """While the block runs, no file may appear: what is in a folder is read once if many of its files are added.
+
+        identity_of_read: as `identity`, for files that are read.
+        """
+        self._folder_names, self._identity_of_read = _FolderNames(), identity_of_read
         try:
             yield
         finally:
-            self._folder_names = None
+            self._folder_names, self._identity_of_read = None, identity
 
     def _keys(self, given: str, *, is_written: bool = False) -> _Keys:
         """Raises WrongPlace for the names of temporary files, and for what cannot be written."""
         path = _absolute(given)
         parent, name = os.path.split(path)
-        kind = _FolderNames.ANY if self._folder_names is None else self._folder_names.kind(parent, name)
+        folded = _folded(name)
+        kind = _FolderNames.ANY if self._folder_names is None else self._folder_names.kind(parent, name, folded)
         if is_written and kind is not _FolderNames.NONE:
             with suppress(OSError):  # the bake reports it
                 atomic_file.check_kind(given)
         if (kind is _FolderNames.ANY and os.path.islink(path)) or name in {"", ".."}:
             path = os.path.realpath(path)
             parent, name = os.path.split(path)
+            folded = _folded(name)
         if _UNFINISHED.match(name):
             raise WrongPlace(f"{path!r} has a name that Imprint uses for its temporary files: rename it.")
         root, above = self._folder(parent)
-        name = _folded(name)
-        exact = [(root, *above, name)]
+        exact = [(root, *above, folded)]
         if kind is not _FolderNames.NONE and TOKEN not in path:
             try:
-                found = os.stat(path)
-                exact.append((found.st_dev, found.st_ino))  # the same for hard links
+                found = identity(path) if is_written else self._identity_of_read(path)
+                exact.append(found)
             except (OSError, ValueError):  # missing, or not a valid path
                 pass
-        tiles = [(root, *above, other) for other in _without_numbers(name)]
-        folders = [(root, *above[: end + 1]) for end in range(len(above))]
-        return _Keys(tuple(exact), tuple(tiles), tuple(folders))
+        tiles = tuple([(root, *above, other) for other in _without_numbers(folded)])
+        folders = tuple([(root, *above[: end + 1]) for end in range(len(above))]) if above else ()
+        return _Keys(tuple(exact), tiles, folders)
 
     def _folder(self, path: str) -> tuple[Hashable, tuple[str, ...]]:
         """The folder at `path`: a key of the nearest one that exists, and the names of those below it."""
@@ -172,15 +186,15 @@ class _FolderNames:
         self._kinds: dict[str, dict[str, int] | None] = {}
         """What is in a folder, by folded names; None where it cannot be read."""
 
-    def kind(self, folder: str, name: str) -> int:
-        """What may be at the path of a file."""
+    def kind(self, folder: str, name: str, folded: str) -> int:
+        """What may be at the path of a file. folded: its name."""
         if folder not in self._kinds:
             self._asked[folder] += 1
             if self._asked[folder] <= self.FEW:
                 return self.ANY
             self._kinds[folder] = self._read(folder)
         kinds = self._kinds[folder]
-        return self.ANY if kinds is None or name in {"", ".."} else kinds.get(_folded(name), self.NONE)
+        return self.ANY if kinds is None or name in {"", ".."} else kinds.get(folded, self.NONE)
 
     def _read(self, folder: str) -> dict[str, int] | None:
         kinds: dict[str, int] = {}
