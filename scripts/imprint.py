@@ -11,6 +11,7 @@ import contextlib
 import ctypes
 import errno
 import hashlib
+import json
 import os
 import platform
 import re
@@ -77,8 +78,11 @@ class NoGpu(Failure):
 
 def print_message(text):
     """Print a message to standard error. Standard output is for the command."""
+    line = f"imprint: {text}"
+    if "--progress json" in " ".join(sys.argv).replace("=", " "):
+        line = json.dumps({"event": "message", "text": line})  # as addon/cli/results/events.py
     with contextlib.suppress(OSError):  # for example, a full disk: then there is only the exit code
-        print(f"imprint: {text}", file=sys.stderr, flush=True)
+        print(line, file=sys.stderr, flush=True)
 
 
 # A Python 3.13

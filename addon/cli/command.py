@@ -16,6 +16,7 @@ from . import interruption, many_bakes, standard_streams
 from .farms import farm_command
 from .plan import listing, planning, shards
 from .plan.input_files import InputFiles
+from .results import events
 from .results.exit_codes import FAILED, WRONG_USAGE
 from .starting.loading import load_blender
 from .terminal_progress import Meter
@@ -39,14 +40,16 @@ def run(words: Sequence[str], program: str = "imprint", *, may_start_processes: 
     with interruption.listening():
         if words == [worker_process.WORD] and worker_process.CONNECTION in os.environ:
             return _work()
-        with standard_streams.ours():
+        with standard_streams.ours(), events.meter(words) as meter:
             if words[:1] == [LOD]:
                 done = _make_levels(words[1:], program)
             elif words[:1] == [FARM]:
                 done = farm_command.run(words[1:], f"{program} {FARM}")
             else:
-                done = _run(words, program, may_start_processes=may_start_processes)
-            return interruption.code() or done
+                done = _run(words, program, meter, may_start_processes=may_start_processes)
+            code = interruption.code() or done
+            meter.finished(code)
+            return code
 
 
 def _work() -> int:
@@ -63,9 +66,11 @@ def _make_levels(words: Sequence[str], program: str) -> int:
     return lod_command.run(words, f"{program} {LOD}")
 
 
-def _run(words: Sequence[str], program: str, *, may_start_processes: bool) -> int:
+def _run(words: Sequence[str], program: str, meter: Meter, *, may_start_processes: bool) -> int:
     try:
-        options, sets = _read(words, program)
+        options, sets = _read(words, program, meter)
+        if options.quiet:
+            meter.be_quiet()
         if options.list or options.check:
             return listing.run(options, sets, program)
         inputs = InputFiles()
@@ -82,32 +87,33 @@ def _run(words: Sequence[str], program: str, *, may_start_processes: bool) -> in
     except MemoryError as error:
         print(f"{program}: {sentence(error)}", file=sys.stderr)
         return FAILED
-    with Meter(sys.stderr) as meter:
-        try:
-            if planning.are_many(options):
-                for problem in problems:
-                    print(f"{program}: warning: {problem}", file=sys.stderr)
-                many = many_bakes.Many(chosen, len(planned), options, program)
-                return many_bakes.run(many, files, meter, may_start_processes=may_start_processes)
-            load_blender()
-            with startup.spent("imprint"):
-                from . import one_bake  # needs Blender
+    try:
+        if planning.are_many(options):
+            for problem in problems:
+                meter.report(f"{program}: warning: {problem}")
+            many = many_bakes.Many(chosen, len(planned), options, program)
+            return many_bakes.run(many, files, meter, may_start_processes=may_start_processes)
+        load_blender()
+        with startup.spent("imprint"):
+            from . import one_bake  # needs Blender
 
-            return one_bake.run(planned[0], files, program, meter)
-        except WrongPlace as error:
-            meter.clear()
-            return _refuse(program, error)
+        return one_bake.run(planned[0], files, program, meter)
+    except WrongPlace as error:
+        meter.clear()
+        return _refuse(program, error)
 
 
-def _read(words: Sequence[str], program: str) -> tuple[argparse.Namespace, list[argparse.Namespace]]:
+def _read(words: Sequence[str], program: str, meter: Meter) -> tuple[argparse.Namespace, list[argparse.Namespace]]:
     """The options of the command line, and of each set to bake. Raises WrongUsage."""
     options = arguments.parse(words, program)
     if options.jobs:
         own, more = arguments.split_jobs(words)
         if own.untrusted:
             bounds.check_job_file(own.jobs)
-        with Meter(sys.stderr) as meter:
+        try:
             return own, job_file.read(own.jobs, more, lambda share: meter.show(own.jobs, Progress("Reading", share)))
+        finally:
+            meter.clear()
     arguments.check(options)
     return options, [options]
 

@@ -56,9 +56,10 @@ def run(many: Many, files: run_clashes.Run, meter: Meter, *, may_start_processes
     options = many.options
     logs.prepare(options.log)
     if files.bounds and (lacks := confinement.missing()):
-        print(f"{many.program}: warning: {lacks}", file=sys.stderr)
+        meter.report(f"{many.program}: warning: {lacks}")
     try:
-        with _Found(many) as found, many.turns() as turns, ExitStack() as held:
+        meter.planned(many.planned, len(many.chosen), many.shard)
+        with _Found(many, meter) as found, many.turns() as turns, ExitStack() as held:
             for done in turns.done:
                 found.add(Done.resumed(done.plan, done.result))
             source: Iterable[Done] = ()
@@ -97,8 +98,9 @@ def _bake_here(turns: Turns, files: run_clashes.Run, meter: Meter, *, is_reporte
 class _Found:
     """The results so far: their lines on the terminal, and their entries in the report."""
 
-    def __init__(self, many: Many):
+    def __init__(self, many: Many, meter: Meter):
         """Raises BakeError if the report cannot be written."""
+        self._meter, self._out = meter, terminal_text.out(many.options)
         self._many, self._program, self._report = many, many.program, many.options.report
         self._width = max((len(plan.name) for plan in many.chosen), default=0)
         self._path = report_file.path_of(self._report)
@@ -122,11 +124,13 @@ class _Found:
         if entry.state == State.FAILED:
             self._say(entry, entry.error)
         for warning in done.warnings:
-            self._say(entry, f"warning: {warning}")
+            if not self._meter.is_quiet:
+                self._say(entry, f"warning: {warning}")
         for text in entry.gate:
             self._say(entry, text)
         for line in terminal_text.saved(entry.maps):
-            print(line, file=terminal_text.out(self._report), flush=True)
+            print(line, file=self._out, flush=True)
+        self._meter.ended(entry)
         self.tally.add(entry)
         run_report.count(self._counted, entry)
         self._lines.append(terminal_text.line(entry, self._width))
@@ -144,10 +148,9 @@ class _Found:
         wanted = len(self._many.chosen)
         if finished < wanted:
             print(f"{self._program}: stopped, {finished} of {wanted} were finished.", file=sys.stderr)
-        out = terminal_text.out(self._report)
-        print("\n".join([*self._lines, terminal_text.total(self._counted, wanted)]), file=out)
+        print("\n".join([*self._lines, terminal_text.total(self._counted, wanted)]), file=self._out)
         if self._file:
             self._file.finish()
-            print(f"Wrote {self._path}")
+            print(f"Wrote {self._path}", file=self._out)
         elif self._report == STDOUT:
             print(report_file.as_text(run_report.document(self._entries, self._many.planned, self._many.shard)))

@@ -24,6 +24,8 @@ def run(plan: Plan, files: run_clashes.Run, program: str, meter: Meter) -> int:
     if batch.need_all([plan]):
         lean_blender.complete()  # before a file is opened, as Baker does
     start, is_begun = time.perf_counter(), False
+    meter.planned(1, 1)
+    meter.begin(Plan(plans.subject(options, bpy.data.filepath), options))
     try:
         opened = batch.open_files(plan, stage, files, meter)
         is_begun = True
@@ -38,11 +40,11 @@ def run(plan: Plan, files: run_clashes.Run, program: str, meter: Meter) -> int:
         meter.clear()
         result = bake_result.failure(plans.subject(options, bpy.data.filepath), error)
         result.seconds = time.perf_counter() - start
-        return _fail(result, options.report, program)
+        return _fail(result, options.report, program, meter)
     meter.clear()
-    out, entry = terminal_text.out(options.report), result.entry()
+    out, entry = terminal_text.out(options), result.entry()
     for warning in result.unsaid:
-        print(f"{program}: warning: {warning}", file=sys.stderr)
+        meter.report(f"{program}: warning: {warning}")
     if result.is_stopped:
         print(f"{program}: stopped, the {result.are} before are kept.", file=sys.stderr)
     for sentence in entry.gate:
@@ -51,13 +53,15 @@ def run(plan: Plan, files: run_clashes.Run, program: str, meter: Meter) -> int:
     print("\n".join([*lines, terminal_text.wrote(result, opened.report)]), file=out)
     if options.report == STDOUT:
         print(report_file.as_text(run_report.document([entry], 1)))
+    meter.ended(entry)
     return exit_codes.code(entry)
 
 
-def _fail(result: Result, report: str | None, program: str) -> int:
+def _fail(result: Result, report: str | None, program: str, meter: Meter) -> int:
     """Say why a bake failed, on standard error and in its report. Returns the exit code."""
     print(f"{program}: {result.error}", file=sys.stderr)
     entry = result.entry()
+    meter.ended(entry)
     document = run_report.document([entry], 1)
     if path := report_file.path_of(report):
         report_file.write_failure(path, document)

@@ -32,7 +32,7 @@ def run(options: argparse.Namespace, sets: Sequence[argparse.Namespace], program
 
 def _run(options: argparse.Namespace, sets: Sequence[argparse.Namespace], program: str) -> int:
     listing = _Listing(options, sets)
-    for problem in listing.warnings:
+    for problem in () if options.quiet else listing.warnings:
         print(f"{program}: warning: {problem}", file=sys.stderr)
     for problem in listing.all_problems:
         print(f"{program}: {problem}", file=sys.stderr)

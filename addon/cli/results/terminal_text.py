@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Results in lines for a terminal."""
 
+import argparse
+import io
 import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -29,9 +31,16 @@ def wrote(result: Result, report: Path | None) -> str:
     return f"Wrote {', '.join([*maps, *result.exports, *(str(path) for path in (result.scene, report) if path)])}"
 
 
-def out(report: str | None) -> TextIO:
-    """Where the summary goes: standard output, unless the report goes there."""
-    return sys.stderr if report == STDOUT else sys.stdout
+class _Nowhere(io.TextIOBase):
+    """Takes text and keeps none."""
+
+    def write(self, text: str) -> int:
+        return len(text)
+
+
+def out(options: argparse.Namespace) -> TextIO:
+    """Where the summary goes: standard output, or standard error if the report goes there, or nowhere."""
+    return _Nowhere() if options.quiet else sys.stderr if options.report == STDOUT else sys.stdout
 
 
 def saved(paths: Sequence[str]) -> Iterator[str]:

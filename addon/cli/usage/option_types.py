@@ -185,6 +185,12 @@ def _without_dashes(word: str) -> str:
     return word[:1] + word[1:].replace("-", "")
 
 
+def json_alone(value: str) -> str:
+    if value != "json":
+        raise argparse.ArgumentTypeError(f"{value!r} is not json")
+    return value
+
+
 def limits(value: str) -> tuple[gates.Gate, ...]:
     try:
         return gates.parse(value)

@@ -71,6 +71,12 @@ RUN_OPTIONS: dict[str, CommandOption] = {
         {"type": option_types.path, "metavar": "DIR"},
         "out beside the job file; without a job file, that of --output",
     ),
+    "progress": CommandOption(
+        "Write what happens to standard error as JSON, an object a line, and nothing else",
+        {"type": option_types.json_alone, "metavar": "json"},
+        "a line on a terminal",
+    ),
+    "quiet": CommandOption("Print errors alone", {"action": "store_true"}),
 }
 """The options without their dashes."""
 OF_MANY = ("shard", "only", "resume", "force")

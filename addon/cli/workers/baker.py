@@ -73,7 +73,7 @@ def bake_all(turns: Turns, files: run_clashes.Run, meter: Meter, *, is_reported:
         if isinstance(turn, Resumed):
             yield Done.resumed(turn.plan, turn.result)
             continue
-        meter.place = f"{place}/{count} "
+        meter.begin(turn.plan, f"{place}/{count} ")
         refusal = chains.refusal(turn.plan)
         done = Done.of(refusal, turn.plan.number) if refusal else baker.bake(turn.plan, turn.draft)
         chains.ended(turn.plan, done)

@@ -151,7 +151,7 @@ class Supervisor:
                 if refusal := self._chains.refusal(turn.plan):
                     ended.append(Done.of(refusal, turn.plan.number))
                     continue
-                meter.place = f"{begun}/{count} "
+                meter.begin(turn.plan, f"{begun}/{count} ")
                 worker.begin(self._assignment(turn, needs_all, is_reported))
             while ended:
                 yield ended.pop(0)
@@ -195,7 +195,7 @@ class Supervisor:
                     worker.has_begun, self._sent = True, 0
                 case Percent():
                     if meter.is_on:
-                        meter.show(message.subject, Progress(message.what, message.done))
+                        meter.show(message.subject, Progress(message.what, message.done), worker.plan)
                 case Line():
                     meter.report(message.line)
                 case FilesFound():

@@ -20,6 +20,7 @@ from ...core.progress import Progress
 from ...core.timings import startup
 from ...output.files.atomic_file import reason
 from .. import interruption, standard_streams
+from ..plan.plans import Plan
 from .messages import Answer, Assignment, Begun, FilesFound, Line, Percent, Ready, plain
 from .worker_process import CONNECTION
 
@@ -135,7 +136,7 @@ class _Meter:
     def __init__(self, parent: _Parent):
         self._parent, self._next = parent, 0.0
 
-    def show(self, name: str, step: Progress) -> None:
+    def show(self, name: str, step: Progress, plan: Plan | None = None) -> None:
         now = time.monotonic()
         if now >= self._next:  # small bakes have a step each millisecond
             self._next = now + SHOW_EVERY
