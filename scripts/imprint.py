@@ -438,6 +438,11 @@ def farm(options):
     return subprocess.call([environment(), str(SCRIPTS / "bake.py"), "--", "farm", *options.rest])
 
 
+def report(options):
+    """Put reports together with scripts/bake.py, which starts no Blender for it."""
+    return subprocess.call([environment(), str(SCRIPTS / "bake.py"), "--", "report", *options.rest])
+
+
 def test(options):
     """Run ruff and then pytest, even if ruff fails, with Blender's factory settings instead of the user's."""
     parser = argparse.ArgumentParser(
@@ -491,6 +496,7 @@ def parse(arguments):
         (bake, "bake a normal map; see bake --help"),
         (lod, "make levels of detail of a mesh; see lod --help"),
         (farm, "send a job file to a farm; see farm --help"),
+        (report, "put the reports of several machines together; see report --help"),
         (bench, "compare Imprint with other bakers, and write a report; see bench --help"),
         (test, "run ruff and the tests; see test --help"),
     ):
@@ -498,7 +504,7 @@ def parse(arguments):
     building = commands.add_parser("build", help="make the extension's zip and print its path")
     building.add_argument("--output", metavar="DIR", default=ROOT / "dist", help="folder for the zip (default: dist)")
     building.set_defaults(run=build)
-    passes_on = arguments[:1] in (["demo"], ["bake"], ["lod"], ["farm"], ["bench"], ["test"])
+    passes_on = arguments[:1] in (["demo"], ["bake"], ["lod"], ["farm"], ["report"], ["bench"], ["test"])
     options = parser.parse_args(arguments[:1] if passes_on else arguments)
     options.rest = arguments[1:] if passes_on else []
     return options

@@ -16,7 +16,7 @@ from . import interruption, many_bakes, standard_streams
 from .farms import farm_command
 from .plan import listing, planning, shards
 from .plan.input_files import InputFiles
-from .results import events
+from .results import events, report_command
 from .results.exit_codes import FAILED, WRONG_USAGE
 from .starting.loading import load_blender
 from .terminal_progress import Meter
@@ -29,6 +29,8 @@ LOD = "lod"
 """The first argument for levels of detail."""
 FARM = "farm"
 """The first argument for sending a job file to a farm."""
+REPORT = "report"
+"""The first argument for putting reports together."""
 
 
 def run(words: Sequence[str], program: str = "imprint", *, may_start_processes: bool = False) -> int:
@@ -45,6 +47,8 @@ def run(words: Sequence[str], program: str = "imprint", *, may_start_processes: 
                 done = _make_levels(words[1:], program)
             elif words[:1] == [FARM]:
                 done = farm_command.run(words[1:], f"{program} {FARM}")
+            elif words[:1] == [REPORT]:
+                done = report_command.run(words[1:], f"{program} {REPORT}")
             else:
                 done = _run(words, program, meter, may_start_processes=may_start_processes)
             code = interruption.code() or done

@@ -192,7 +192,9 @@ def test_a_signal_stops_the_worker_and_keeps_what_is_done(folder):
     time.sleep(0.5)
     process.send_signal(signal.SIGTERM)  # the bake hangs where it does not look
     assert process.wait(10) == 128 + signal.SIGTERM
-    assert [json.loads(line)["name"] for line in (folder / "r.json.lines").open()] == ["set 1 (a_low)"]
+    head, *lines = map(json.loads, (folder / "r.json.lines").open())
+    assert head["planned"] == 3
+    assert [line["name"] for line in lines] == ["set 1 (a_low)"]
     assert not [number for number in children if Path(f"/proc/{number}").exists()]
 
 

@@ -15,7 +15,7 @@ from . import run_report
 from .run_report import Entry, State
 
 LINES = ".lines"
-"""Added to the path of a report for the file that holds it while the bakes go on: an entry a line."""
+"""Added to the path of a report for the file that holds it while the bakes go on: its head, then an entry a line."""
 
 
 def path_of(report: str | None) -> Path | None:
@@ -71,6 +71,7 @@ class ReportFile:
             if self._file is None:
                 self.lines.parent.mkdir(parents=True, exist_ok=True)
                 self._file = self.lines.open("w", encoding="utf-8")
+                self._file.write(json.dumps(run_report.head(self._planned, self._shard)) + "\n")
             self._file.write(json.dumps(entry.to_dict()) + "\n")
             self._file.flush()
             if entry.state != State.RESUMED:  # its record has it
@@ -91,4 +92,5 @@ class ReportFile:
         if self._file is None:
             return
         with self.lines.open(encoding="utf-8") as file:
+            next(file)
             yield from (line.removesuffix("\n") for line in file)

@@ -96,12 +96,12 @@ MAP, EXPORT, SCENE = "map", "export", "scene"
 
 def document(entries: Sequence[Entry], planned: int, shard: str = "") -> dict[str, Any]:
     """The report. planned: how many bakes there were to do. shard: as K/N; empty for all."""
-    return {**_head(planned, shard), "bakes": [entry.to_dict() for entry in entries], "summary": summary(entries)}
+    return {**head(planned, shard), "bakes": [entry.to_dict() for entry in entries], "summary": summary(entries)}
 
 
 def text(entries: Iterable[str], counted: dict[str, float], planned: int, shard: str = "") -> Iterator[str]:
     """`document` as the lines of a file, for many entries, which are JSON. counted: as `summary` returns it."""
-    yield json.dumps(_head(planned, shard), indent=2).removesuffix("\n}") + ',\n  "bakes": ['
+    yield json.dumps(head(planned, shard), indent=2).removesuffix("\n}") + ',\n  "bakes": ['
     before = ""
     for entry in entries:
         yield f"{before}\n    {entry}"
@@ -123,7 +123,8 @@ def count(counted: dict[str, float], entry: Entry) -> None:
     counted["seconds"] += entry.seconds
 
 
-def _head(planned: int, shard: str) -> dict[str, Any]:
+def head(planned: int, shard: str) -> dict[str, Any]:
+    """What comes before the bakes in a report."""
     return {
         "imprint_report": VERSION,
         "imprint": versions.imprint(),

@@ -1,0 +1,163 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tests that reports of parts become one report. Needs no Blender."""
+
+import json
+import random
+from pathlib import Path
+
+import pytest
+
+from addon.cli import command
+from addon.cli.results import exit_codes, report_merge, run_report
+from addon.cli.results.report_file import ReportFile
+from addon.cli.results.run_report import Cause, Entry, State
+
+
+def entry(number, state=State.DONE, **values):
+    return Entry(number, f"set {number}", state, seconds=number * 0.5, **values)
+
+
+def write(path, numbers, planned, shard="", *, is_cut_off=False, **values):
+    """A report as a call writes it, or the lines that it has left."""
+    file = ReportFile(path, planned, shard)
+    for each in numbers:
+        file.add(each if isinstance(each, Entry) else entry(each, **values))
+    file.close() if is_cut_off else file.finish()
+    return str(path)
+
+
+def merged(tmp_path, *paths):
+    """The exit code, and the report."""
+    out = tmp_path / "all.json"
+    code = command.run(["report", "--merge", str(out), *map(str, paths)])
+    return code, json.loads(out.read_text()) if out.exists() else None
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_parts_of_a_run_make_the_report_of_the_run(tmp_path, seed):
+    rng = random.Random(seed)
+    planned, count = rng.randint(1, 40), rng.randint(1, 6)
+    numbers = list(range(1, planned + 1))
+    whole = write(tmp_path / "whole.json", numbers, planned)
+    parts = [
+        write(tmp_path / f"{part}.json", [n for n in numbers if n % count == part], planned, f"{part + 1}/{count}")
+        for part in range(count)
+    ]
+    rng.shuffle(parts)
+    code, found = merged(tmp_path, *parts)
+    assert code == exit_codes.DONE
+    assert found == json.loads(Path(whole).read_text())
+
+
+def test_missing_bakes_are_named(tmp_path, capsys):
+    first = write(tmp_path / "1.json", [1, 2, 5], 9, "1/2")
+    code, found = merged(tmp_path, first, tmp_path / "2.json")
+    assert code == exit_codes.FAILED
+    assert [each["number"] for each in found["bakes"]] == [1, 2, 5]
+    out, err = capsys.readouterr()
+    assert "missing: 3-4, 6-9" in err
+    assert f"There is no report {str(tmp_path / '2.json')!r}." in err
+    assert "3 done, 0 failed, 6 stopped or not begun" in out
+
+
+def test_what_a_cut_off_call_has_left_is_read(tmp_path, capsys):
+    first = write(tmp_path / "1.json", [1, 3], 4, "1/2")
+    write(tmp_path / "2.json", [2, 4], 4, "2/2", is_cut_off=True)
+    assert not (tmp_path / "2.json").exists()
+    assert merged(tmp_path, first, tmp_path / "2.json")[0] == exit_codes.DONE
+    lines = tmp_path / "2.json.lines"
+    assert merged(tmp_path, first, lines)[0] == exit_codes.DONE
+    lines.write_bytes(lines.read_bytes()[:-20])  # cut off in the middle of a line
+    code, found = merged(tmp_path, first, lines)
+    assert (code, [each["number"] for each in found["bakes"]]) == (exit_codes.FAILED, [1, 2, 3])
+    assert "missing: 4" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "state"),
+    [
+        (State.FAILED, State.DONE, State.DONE),
+        (State.DONE, State.FAILED, State.DONE),
+        (State.DONE, State.RESUMED, State.DONE),
+        (State.STOPPED, State.FAILED, State.FAILED),
+        (State.GATE, State.DONE, State.DONE),
+        (State.DONE, State.GATE, State.GATE),
+        (State.FAILED, State.RESUMED, State.RESUMED),
+    ],
+)
+def test_of_several_entries_the_one_that_did_it_counts(tmp_path, before, after, state):
+    paths = [write(tmp_path / f"{name}.json", [1], 1, state=name) for name in (before, after)]
+    assert merged(tmp_path, *paths)[1]["bakes"][0]["state"] == state
+
+
+def test_a_later_call_for_the_same_report_counts_beside_what_it_left(tmp_path):
+    path = write(tmp_path / "1.json", [entry(1), entry(2, State.FAILED)], 2)
+    write(tmp_path / "1.json", [entry(2)], 2, is_cut_off=True)
+    code, found = merged(tmp_path, path)
+    assert (code, [each["state"] for each in found["bakes"]]) == (exit_codes.DONE, ["done", "done"])
+
+
+@pytest.mark.parametrize(
+    ("entries", "code"),
+    [
+        ([entry(1), entry(2, State.RESUMED)], exit_codes.DONE),
+        ([entry(1), entry(2, State.FAILED, cause=Cause.INPUT)], exit_codes.FAILED),
+        ([entry(1), entry(2, State.FAILED, cause=Cause.GPU)], exit_codes.NO_MACHINE),
+        ([entry(1), entry(2, State.GATE, gate=["missed is 1 %."])], exit_codes.GATE),
+        ([entry(1), entry(2, State.STOPPED)], exit_codes.FAILED),
+    ],
+)
+def test_the_exit_code_is_that_of_a_call_for_all(tmp_path, entries, code, capsys):
+    paths = [write(tmp_path / f"{each.number}.json", [each], 2) for each in entries]
+    assert merged(tmp_path, *paths)[0] == code
+    if code == exit_codes.GATE:
+        assert "imprint report: set 2: missed is 1 %." in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("content", "part"),
+    [
+        ("", "it is not JSON"),
+        ("[1]", "is no report of Imprint"),
+        ("{}", "is no report of Imprint"),
+        ('{"imprint_report": 1}', "is a report of version 1, not 2"),
+        (
+            '{"imprint_report": 2, "planned": 1, "imprint": "1", "blender": "5", "bakes": [{}]}',
+            "is no report of Imprint",
+        ),
+        ('{"imprint_report": 2, "planned": 1, "imprint": "1", "blender": "5", "bakes": 7}', "is no report of Imprint"),
+    ],
+)
+def test_what_is_no_report_is_an_error(tmp_path, content, part, capsys):
+    path = tmp_path / "1.json"
+    path.write_text(content)
+    assert merged(tmp_path, path) == (exit_codes.WRONG_USAGE, None)
+    assert part in capsys.readouterr().err
+
+
+def test_reports_of_different_job_files_are_an_error(tmp_path, capsys):
+    paths = [write(tmp_path / f"{planned}.json", [1], planned) for planned in (1, 2)]
+    assert merged(tmp_path, *paths) == (exit_codes.WRONG_USAGE, None)
+    other = write(tmp_path / "other.json", [Entry(1, "another")], 1)
+    assert merged(tmp_path, paths[0], other) == (exit_codes.WRONG_USAGE, None)
+    err = capsys.readouterr().err
+    assert "is of 2 bakes" in err
+    assert "Bake 1 is 'set 1' in one report, and 'another' in another." in err
+
+
+def test_no_report_at_all_is_an_error(tmp_path, capsys):
+    assert merged(tmp_path, tmp_path / "1.json") == (exit_codes.WRONG_USAGE, None)
+    assert command.run(["report", str(tmp_path / "1.json")]) == exit_codes.WRONG_USAGE
+    assert command.run(["report", "--merge", "x.json"]) == exit_codes.WRONG_USAGE
+
+
+def test_other_versions_are_a_warning(tmp_path, monkeypatch, capsys):
+    first = write(tmp_path / "1.json", [1], 2)
+    monkeypatch.setattr(run_report.versions, "imprint", lambda: "9.9.9")
+    assert merged(tmp_path, first, write(tmp_path / "2.json", [2], 2))[0] == exit_codes.DONE
+    assert "warning: " in capsys.readouterr().err
+
+
+def test_ranges():
+    assert report_merge.ranges([1, 2, 3, 5, 7, 8]) == "1-3, 5, 7-8"
+    assert report_merge.ranges([]) == ""
