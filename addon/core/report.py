@@ -60,7 +60,7 @@ class Report:
     """Share of the low mesh's texels that two or more of its triangles share."""
     mirrored: int = 0
     """The number of triangles of the low mesh that are mirrored in UV space."""
-    checks: dict[str, dict[str, float | str]] = field(default_factory=dict)
+    checks: dict[str, dict[str, float | str | bool]] = field(default_factory=dict)
     """The results of the checks of the low mesh and its map, by kind.
 
     count: texels (overlap, uncovered, far, unsure, gaps, backwards), triangles (mirrored, outside, no_area, behind), edges

@@ -14,12 +14,13 @@ from addon.cli.results.run_report import Cause, State
 from addon.core import versions
 from addon.core.timings import STARTUP
 from scripts.imprint import ROOT
-from tests.support import zoo
+from tests.support import json_schema, zoo
 from tests.support.manual import names, rows, section
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
 PAGE = ROOT / "docs" / "command-line.md"
+SCHEMA = json.loads((ROOT / "docs" / "report.schema.json").read_text(encoding="utf-8"))
 KINDS = {
     "text": str,
     "number": (int, float),
@@ -42,7 +43,9 @@ def whole(tmp_path, monkeypatch):
 
     def bake(*more):
         assert command.run(["--size", "32", "--limit", "9", "--report", "report.json", *more]) == 0
-        return json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))
+        found = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))
+        assert list(json_schema.faults(found, SCHEMA)) == []
+        return found
 
     return bake
 

@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Writes docs/report.schema.json, the JSON Schema of the report, from the dataclasses of the report. Needs no Blender.
+
+.venv/bin/python scripts/dev/report_schema.py [--check]
+"""
+
+import argparse
+import ast
+import inspect
+import json
+import sys
+import types
+from dataclasses import fields
+from enum import StrEnum
+from pathlib import Path
+from typing import Any, get_args, get_origin, get_type_hints
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT))
+
+from addon.cli.results import run_report  # noqa: E402
+from addon.cli.results.run_report import Entry  # noqa: E402
+from addon.core.conversion.conversion_report import ConversionReport  # noqa: E402
+from addon.core.report import Report  # noqa: E402
+
+PATH = ROOT / "docs" / "report.schema.json"
+LEFT_OUT = {Report: {"refs"}}
+"""Fields that are not in the report."""
+FILE = {
+    "type": "object",
+    "properties": {
+        "path": {"type": "string"},
+        "bytes": {"type": ["integer", "null"]},
+        "sha256": {"type": ["string", "null"], "pattern": "^[0-9a-f]{64}$"},
+        "what": {"type": "string"},
+    },
+    "required": ["path", "bytes", "sha256", "what"],
+}
+OF_ENTRIES = {
+    "reports": {"type": "array", "items": {"anyOf": [{"$ref": "#/$defs/bake"}, {"$ref": "#/$defs/conversion"}]}},
+    "inputs": {"type": "array", "items": FILE},
+    "files": {"type": "array", "items": FILE},
+}
+"""What the annotations of an entry's fields do not say."""
+
+
+def of_type(kind: Any) -> dict[str, Any]:
+    """The schema of an annotation."""
+    origin, given = get_origin(kind), get_args(kind)
+    if isinstance(kind, types.UnionType):
+        return {"anyOf": [of_type(each) for each in given]}
+    if isinstance(kind, type) and issubclass(kind, StrEnum):
+        return {"type": "string", "enum": list(map(str, kind))}
+    if origin is list or kind is list:
+        return {"type": "array", "items": of_type(given[0])} if given else {"type": "array"}
+    if origin is tuple:
+        items = [of_type(each) for each in given]
+        return {"type": "array", "prefixItems": items, "minItems": len(items), "maxItems": len(items)}
+    if origin is dict or kind is dict:
+        return {"type": "object", "additionalProperties": of_type(given[1])} if given else {"type": "object"}
+    names = {str: "string", bool: "boolean", int: "integer", float: "number"}
+    return {"type": names[kind]} if kind in names else {}
+
+
+def of_class(kind: type, special: dict[str, Any] | None = None) -> dict[str, Any]:
+    """The schema of a dataclass, with the texts behind its fields. Keys that are not in it are allowed."""
+    texts, hints, special = _texts(kind), get_type_hints(kind), special or {}
+    names = [each.name for each in fields(kind) if each.name not in LEFT_OUT.get(kind, ())]
+    properties = {name: {**_described(texts.get(name)), **special.get(name, of_type(hints[name]))} for name in names}
+    return {"type": "object", "properties": properties, "required": names}
+
+
+def _described(text: str | None) -> dict[str, str]:
+    return {"description": " ".join(text.split())} if text else {}
+
+
+def _texts(kind: type) -> dict[str, str]:
+    """The texts behind the fields of a dataclass, by their names."""
+    (body,) = ast.parse(inspect.cleandoc("\n" + inspect.getsource(kind))).body
+    pairs = zip(body.body, body.body[1:], strict=False)
+    return {
+        field.target.id: text.value.value
+        for field, text in pairs
+        if isinstance(field, ast.AnnAssign) and isinstance(text, ast.Expr) and isinstance(text.value, ast.Constant)
+    }
+
+
+def schema() -> dict[str, Any]:
+    """The schema of the report."""
+    head = {
+        "imprint_report": {"const": run_report.VERSION},
+        "imprint": {"type": "string", "description": "The version of Imprint."},
+        "blender": {"type": "string", "description": "The version of Blender."},
+        "planned": {"type": "integer", "minimum": 0},
+        "shard": {"type": ["string", "null"], "pattern": "^[0-9]+/[0-9]+$"},
+        "bakes": {"type": "array", "items": {"$ref": "#/$defs/entry"}},
+        "summary": {
+            "type": "object",
+            "properties": {
+                **{str(state): {"type": "integer", "minimum": 0} for state in run_report.State},
+                "seconds": {"type": "number"},
+            },
+            "required": [*map(str, run_report.State), "seconds"],
+        },
+    }
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "The report of Imprint",
+        "type": "object",
+        "properties": head,
+        "required": list(head),
+        "$defs": {
+            "entry": of_class(Entry, OF_ENTRIES),
+            "bake": of_class(Report),
+            "conversion": of_class(ConversionReport),
+        },
+    }
+
+
+def text() -> str:
+    """The content of the file."""
+    return json.dumps(schema(), indent=2) + "\n"
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--check", action="store_true", help="write nothing, and end with 1 if the file differs")
+    if not parser.parse_args().check:
+        PATH.write_text(text(), encoding="utf-8", newline="\n")
+    return int(not PATH.is_file() or PATH.read_text(encoding="utf-8") != text())
+
+
+if __name__ == "__main__":
+    sys.exit(main())
