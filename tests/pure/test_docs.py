@@ -13,7 +13,8 @@ import pytest
 from addon.cli import command
 from addon.cli.farms import farm_command
 from addon.cli.farms.farm_command import FARM_OPTIONS
-from addon.cli.results import exit_codes
+from addon.cli.results import exit_codes, report_command
+from addon.cli.results.report_command import REPORT_OPTIONS
 from addon.cli.usage import arguments, job_file
 from addon.cli.usage.options import OPTIONS
 from addon.cli.usage.run_options import RUN_OPTIONS
@@ -115,7 +116,9 @@ def options_in(script):
 
 @functools.cache
 def known_options():
-    ours = {f"--{name}" for group in (*OPTIONS.values(), RUN_OPTIONS, FARM_OPTIONS) for name in group} | {"--jobs"}
+    ours = {
+        f"--{name}" for group in (*OPTIONS.values(), RUN_OPTIONS, FARM_OPTIONS, REPORT_OPTIONS) for name in group
+    } | {"--jobs"}
     ours |= options_in(ROOT / "addon" / "cli" / "lod" / "lod_command.py")
     return ours | OTHER_OPTIONS | {name for script in (ROOT / "scripts").rglob("*.py") for name in options_in(script)}
 
@@ -142,7 +145,7 @@ def bake_arguments(words):
     ]
     if launcher:
         more = words[launcher[0] + 1 :]
-        return more[1:] if more[:1] == ["bake"] else more if more[:1] == [command.FARM] else None
+        return more[1:] if more[:1] == ["bake"] else more if more[:1] in ([command.FARM], [command.REPORT]) else None
     if "--command" in words:
         return words[words.index("--command") + 2 :]
     if "scripts/bake.py" in " ".join(words) and "--" in words:
@@ -158,6 +161,9 @@ def check_command(words):
             return
         if given[0] == command.FARM:
             farm_command.parser("imprint").parse_args(given[1:])
+            return
+        if given[0] == command.REPORT:
+            report_command.parser("imprint").parse_intermixed_args(given[1:])
             return
         options = arguments.parse(given)
         if options.jobs:

@@ -8,16 +8,22 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ...core.errors import BakeError, sentence
+from ...output.files.atomic_file import replacing
 from ..usage import option_types
 from ..usage.arguments import WrongUsage
 from ..usage.options import STDOUT, CommandOption
-from . import report_file, report_merge, terminal_text
+from . import report_file, report_merge, result_sheet, terminal_text
 from .exit_codes import WRONG_USAGE
 
 REPORT_OPTIONS: dict[str, CommandOption] = {
     "merge": CommandOption(
         f"Write one report of all; {STDOUT} stands for standard output",
         {"type": option_types.path, "metavar": "OUT.json"},
+        "none",
+    ),
+    "sheet": CommandOption(
+        "Write a page for a browser, with a row for each bake",
+        {"type": option_types.path, "metavar": "OUT.html"},
         "none",
     ),
 }
@@ -29,26 +35,27 @@ class _Parser(argparse.ArgumentParser):
         raise WrongUsage(message)
 
 
-def _parser(program: str) -> argparse.ArgumentParser:
-    parser = _Parser(
+def parser(program: str) -> argparse.ArgumentParser:
+    """The parser of the arguments. It raises WrongUsage."""
+    result = _Parser(
         prog=program,
-        usage="%(prog)s --merge OUT.json IN.json ...",
+        usage="%(prog)s [--merge OUT.json] [--sheet OUT.html] IN.json ...",
         description="Put the reports of the parts of a job file together, say which bakes are missing, and end with the exit "
         "code that one call for all bakes would have had.",
         allow_abbrev=False,
     )
-    parser.add_argument("reports", nargs="+", type=option_types.path, metavar="IN.json")
+    result.add_argument("reports", nargs="+", type=option_types.path, metavar="IN.json")
     for name, option in REPORT_OPTIONS.items():
-        parser.add_argument(f"--{name}", **option.arguments)
-    return parser
+        result.add_argument(f"--{name}", **option.arguments)
+    return result
 
 
 def run(words: Sequence[str], program: str) -> int:
     """Do what the arguments say. Returns the exit code: 1 if bakes are missing."""
     try:
-        options = _parser(program).parse_intermixed_args(words)
-        if not options.merge:
-            raise WrongUsage("--merge OUT.json is required")
+        options = parser(program).parse_intermixed_args(words)
+        if not (options.merge or options.sheet):
+            raise WrongUsage("--merge OUT.json or --sheet OUT.html is required")
         merged = report_merge.merge(options.reports)
         _write(options, merged)
     except SystemExit as stop:  # argparse has printed the help
@@ -74,6 +81,9 @@ def _write(options: argparse.Namespace, merged: report_merge.Merged) -> None:
     out = sys.stderr if options.merge == STDOUT else sys.stdout
     if options.merge == STDOUT:
         print(report_file.as_text(merged.document))
-    else:
+    elif options.merge:
         report_file.write(Path(os.path.abspath(options.merge)), merged.document)
+    if options.sheet:
+        with replacing(Path(os.path.abspath(options.sheet))) as partial, partial.open("w", encoding="utf-8") as file:
+            file.writelines(result_sheet.page(merged.document, Path(options.sheet).stem))
     print(terminal_text.total(merged.document["summary"], merged.document["planned"]), file=out)

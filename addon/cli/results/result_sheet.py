@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A report as one page of HTML: a row a bake, sorted and filtered in the browser, without a server or other files."""
+
+import html
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from .run_report import State
+
+COLUMNS = (
+    "Number",
+    "State",
+    "Name",
+    "Missed %",
+    "Unsure %",
+    "Overlap %",
+    "Deviation p99",
+    "Seconds",
+    "Maps",
+    "Messages",
+)
+_STYLE = """
+:root { color-scheme: light dark; font: 14px system-ui, sans-serif; }
+body { margin: 1rem; }
+input, select { font: inherit; padding: .2rem .4rem; }
+table { border-collapse: collapse; margin-top: .7rem; width: 100%; }
+th, td { border-bottom: 1px solid #8884; padding: .3rem .6rem; text-align: left; vertical-align: top; }
+td.number { text-align: right; font-variant-numeric: tabular-nums; }
+td { overflow-wrap: anywhere; }
+th button { all: unset; cursor: pointer; font-weight: bold; }
+th[aria-sort=ascending] button::after { content: " \\25B2"; }
+th[aria-sort=descending] button::after { content: " \\25BC"; }
+tr[data-state=failed] td:nth-child(2), tr[data-state=stopped] td:nth-child(2) { color: #d33; }
+tr[data-state=gate] td:nth-child(2) { color: #c70; }
+"""
+_SCRIPT = """
+const body = document.querySelector("tbody"), rows = [...body.rows];
+const text = document.getElementById("text"), state = document.getElementById("state");
+function filter() {
+  const wanted = text.value.toLowerCase();
+  let count = 0;
+  for (const row of rows) {
+    row.hidden = (state.value && row.dataset.state !== state.value) || !row.textContent.toLowerCase().includes(wanted);
+    count += !row.hidden;
+  }
+  document.getElementById("count").textContent = count + " of " + rows.length;
+}
+function value(row, column) {
+  const cell = row.cells[column], given = cell.dataset.value;
+  return given === undefined ? cell.textContent.toLowerCase() : given === "" ? Infinity : Number(given);
+}
+for (const head of document.querySelectorAll("th")) {
+  head.firstChild.addEventListener("click", () => {
+    const up = head.getAttribute("aria-sort") !== "ascending", column = head.cellIndex;
+    for (const other of document.querySelectorAll("th")) other.removeAttribute("aria-sort");
+    head.setAttribute("aria-sort", up ? "ascending" : "descending");
+    rows.sort((one, other) => {
+      const a = value(one, column), b = value(other, column);
+      return (a < b ? -1 : a > b ? 1 : 0) * (up ? 1 : -1);
+    });
+    body.append(...rows);
+  });
+}
+text.addEventListener("input", filter);
+state.addEventListener("input", filter);
+filter();
+"""
+
+
+def page(report: dict[str, Any], title: str) -> Iterator[str]:
+    """The page in parts. report: as run_report.document returns it."""
+    states = "".join(f"<option>{state}</option>" for state in State)
+    summary = ", ".join(f"{count} {name}" for name, count in report["summary"].items() if name != "seconds" and count)
+    about = (
+        f"Imprint {report['imprint']}, Blender {report['blender']}; {report['planned']} planned: {summary or 'none'}"
+    )
+    yield f"""<!DOCTYPE html>
+<html lang="en"><head><meta charset="utf-8"><title>{html.escape(title)}</title><style>{_STYLE}</style></head>
+<body><h1>{html.escape(title)}</h1><p>{html.escape(about)}</p>
+<p><input id="text" type="search" placeholder="Filter" aria-label="Filter by text">
+<select id="state" aria-label="Filter by state"><option value="">All states</option>{states}</select>
+<span id="count"></span></p>
+<table><thead><tr>"""
+    yield "".join(f'<th><button type="button">{name}</button></th>' for name in COLUMNS)
+    yield "</tr></thead><tbody>\n"
+    for entry in report["bakes"]:
+        yield _row(entry) + "\n"
+    yield f"</tbody></table><script>{_SCRIPT}</script></body></html>\n"
+
+
+def _row(entry: dict[str, Any]) -> str:
+    reports = entry["reports"]
+    figures = [
+        _worst(100.0 * each["missed"] for each in reports if "missed" in each),
+        _worst(100.0 * each["checks"]["unsure"]["share"] for each in reports if "unsure" in each.get("checks", ())),
+        _worst(100.0 * each["overlap"] for each in reports if "overlap" in each),
+        _worst(each["deviation"]["percentile_99"] for each in reports if each.get("deviation")),
+        entry["seconds"],
+    ]
+    maps = [each["path"] for each in entry["files"] if each["what"] == "map"]
+    warnings = [text for each in reports for text in each["warnings"]]
+    messages = [entry["error"], *entry["gate"], *entry["problems"], *warnings]
+    cells = [
+        _number(entry["number"], "d"),
+        f"<td>{html.escape(entry['state'])}</td>",
+        f"<td>{html.escape(entry['name'])}</td>",
+        *(_number(figure, ".3g") for figure in figures[:4]),
+        _number(figures[4], ".2f"),
+        f"<td>{'<br>'.join(map(_link, maps))}</td>",
+        f"<td>{'<br>'.join(map(html.escape, filter(None, messages)))}</td>",
+    ]
+    return f'<tr data-state="{html.escape(entry["state"])}">{"".join(cells)}</tr>'
+
+
+def _worst(values: Iterator[float]) -> float | None:
+    return max(values, default=None)
+
+
+def _number(value: float | None, form: str) -> str:
+    given = "" if value is None else json.dumps(value)
+    return f'<td class="number" data-value="{given}">{"" if value is None else format(value, form)}</td>'
+
+
+def _link(path: str) -> str:
+    """A link to a map, which opens while it is where it was written."""
+    address = Path(path).as_uri() if Path(path).is_absolute() else path
+    return f'<a href="{html.escape(address)}">{html.escape(Path(path).name)}</a>'
