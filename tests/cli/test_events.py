@@ -85,9 +85,10 @@ def test_each_bake_starts_and_ends(folder, count):
         own = [each for each in found if each.get("number") == number]
         assert own[0]["event"] == "started"
         assert own[-1]["event"] == "done"
-        assert {each["event"] for each in own[1:-1]} == {"percent"}
+        assert {each["event"] for each in own[1:-1]} <= {"percent"}  # short bakes may have none
         assert all(0.0 <= each["percent"] <= 100.0 and each["what"] for each in own[1:-1])
         assert own[-1]["files"] == [str(folder / f"{name}.png")]
+    assert of(found, "percent")
     assert "3 done" in out
 
 
