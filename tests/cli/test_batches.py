@@ -730,7 +730,7 @@ def test_progress_of_several_bakes_has_a_number_and_a_name(scenes):
     (scenes / "jobs.toml").write_text(JOBS)
     code, out, seen = on_terminal("--jobs", "jobs.toml")
     assert code == exit_codes.FAILED
-    for text in ("1/5 rock_a_low: Opening, 0%", "2/5 hero_b_low: Drawing, ", "5/5 c_low: Opening, 0%"):
+    for text in ("1/5 rock_a_low: Opening, 0%", "2/5 hero.blend: Opening, 0%", "2/5 Reading hero_b_low, "):
         assert text in seen
     (line,) = screen(seen)
     assert line.startswith("imprint: set 3 (hero_a_lo): ")

@@ -205,7 +205,7 @@ def test_each_entry_of_a_batch_is_on_the_disk_before_the_next_bake(scene, monkey
 
     def watched(*arguments, **options):
         lines = scene / "r.json.lines"
-        seen.append([json.loads(line)["name"] for line in lines.open()] if lines.exists() else [])
+        seen.append([json.loads(line)["name"] for line in [*lines.open()][1:]] if lines.exists() else [])
         return work(*arguments, **options)
 
     monkeypatch.setattr(bake_jobs, "work", watched)

@@ -134,12 +134,12 @@ class _Meter:
     is_on, place = True, "-"
 
     def __init__(self, parent: _Parent):
-        self._parent, self._next = parent, 0.0
+        self._parent, self._next, self._name = parent, 0.0, ""
 
     def show(self, name: str, step: Progress, plan: Plan | None = None) -> None:
         now = time.monotonic()
-        if now >= self._next:  # small bakes have a step each millisecond
-            self._next = now + SHOW_EVERY
+        if now >= self._next or name != self._name:  # small bakes have a step each millisecond
+            self._next, self._name = now + SHOW_EVERY, name
             self._parent.send(Percent(name, step.what, step.done))
 
     def report(self, line: str) -> None:
