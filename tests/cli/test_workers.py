@@ -8,7 +8,9 @@ import signal
 import subprocess
 import sys
 import time
+from multiprocessing.connection import Pipe
 from pathlib import Path
+from types import SimpleNamespace
 
 import bpy
 import pytest
@@ -17,10 +19,12 @@ from addon.cli import command
 from addon.cli.done.turns import Turns
 from addon.cli.plan import plans, run_clashes
 from addon.cli.results import exit_codes
+from addon.cli.results.bake_result import Done
+from addon.cli.results.run_report import Entry
 from addon.cli.terminal_progress import Meter
 from addon.cli.usage import job_file
 from addon.cli.workers import supervisor, worker, worker_process
-from addon.cli.workers.messages import Percent
+from addon.cli.workers.messages import FilesFound, Percent, plain
 from addon.core.progress import Progress
 from scripts.imprint import ROOT
 from tests.support import reports, zoo
@@ -267,6 +271,17 @@ def test_a_blender_that_does_not_start_is_one_sentence(folder, monkeypatch):
     )
     assert process.returncode == exit_codes.NO_MACHINE
     assert process.stderr == "imprint: Blender does not start here: exit code 9.\n"
+
+
+def test_what_a_worker_sends_without_a_bake_is_ignored():
+    """As one may that a file has taken over."""
+    ours, theirs = Pipe()
+    worker_ = SimpleNamespace(process=SimpleNamespace(connection=ours), plan=None)
+    watching = supervisor.Supervisor(1, supervisor.Limits())
+    watching._workers.append(worker_)
+    for message in (plain(Done(Entry(1, "a"))), FilesFound()):
+        theirs.send(message)
+        assert list(watching._hear(None, None)) == []
 
 
 class Blender:

@@ -198,6 +198,8 @@ class Supervisor:
                         meter.show(message.subject, Progress(message.what, message.done), worker.plan)
                 case Line():
                     meter.report(message.line)
+                case _ if worker.plan is None:
+                    pass  # a file that took the worker over may send what it likes
                 case FilesFound():
                     worker.process.send(Answer(_problem(files, worker.plan, message)))
                 case Done():
