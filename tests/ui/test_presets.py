@@ -16,6 +16,15 @@ BUILT_IN = sorted((Path(addon.__file__).parent / "presets" / "imprint").glob("*.
 pytestmark = pytest.mark.usefixtures("registered")
 
 
+@pytest.fixture(autouse=True)
+def label(registered):
+    """The panel's label, which Blender replaces with the name of the preset."""
+    panel = bpy.types.IMPRINT_PT_conventions
+    before = panel.bl_label
+    yield
+    panel.bl_label = before
+
+
 def test_all_presets_are_found_by_blender():
     folders = {Path(folder) for folder in bpy.utils.preset_paths("imprint")}
     assert BUILT_IN[0].parent in folders

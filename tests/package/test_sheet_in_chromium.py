@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Opens the page of a report in Chromium, where that is installed."""
+
+import html
+import json
+import os
+import shutil
+import subprocess
+
+import pytest
+
+from addon.cli.results import result_sheet
+from scripts.dev.in_engines.chromium import CHROMIUMS
+from tests.support import reports
+
+CHROMIUM = next(filter(None, map(shutil.which, CHROMIUMS)), None)
+
+STEPS = """
+<script>
+const shown = () => [...document.querySelectorAll("tbody tr")].filter(row => !row.hidden).map(row => row.cells[0].textContent);
+const heads = [...document.querySelectorAll("th button")], out = {start: shown(), title: document.title};
+const press = name => heads.find(head => head.textContent === name).click();
+press("Name"); out.name = shown();
+press("Name"); out.nameDown = shown();
+press("Seconds"); out.seconds = shown();
+press("Missed %"); out.missed = shown();
+press("Number");
+const set = (id, value) => {
+  const field = document.getElementById(id);
+  field.value = value;
+  field.dispatchEvent(new Event("input"));
+};
+set("state", "gate"); out.gate = shown();
+set("state", ""); set("text", "ONERROR"); out.text = shown();
+out.count = document.getElementById("count").textContent;
+document.body.textContent = "RESULT" + JSON.stringify(out) + "END";
+</script>
+"""
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
+def test_a_browser_sorts_and_filters(tmp_path):
+    page = tmp_path / "sheet.html"
+    page.write_text(
+        "".join(result_sheet.page(reports.of_three(), "r.json")).replace("</body>", STEPS + "</body>"), encoding="utf-8"
+    )
+    options = ["--headless", "--no-first-run", "--disable-gpu", "--dump-dom", f"--user-data-dir={tmp_path / 'profile'}"]
+    options += ["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []
+    done = subprocess.run([CHROMIUM, *options, page.as_uri()], capture_output=True, text=True, timeout=120, check=True)
+    # The page as the browser writes it: the result comes after the script.
+    text = html.unescape(done.stdout).rpartition("RESULT")[2].partition("END")[0]
+    assert json.loads(text) == {
+        "start": ["1", "2", "3"],
+        "title": "r.json",
+        "name": ["2", "1", "3"],
+        "nameDown": ["3", "1", "2"],
+        "seconds": ["3", "1", "2"],
+        "missed": ["3", "1", "2"],
+        "gate": ["3"],
+        "text": ["1", "2"],
+        "count": "2 of 3",
+    }
