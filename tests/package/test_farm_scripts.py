@@ -235,7 +235,7 @@ def test_the_container_bakes_a_part(noted, tmp_path, monkeypatch, name):
     for key, value in {**manifest_values, name: "4"}.items():
         monkeypatch.setenv(key, value)
     words = run_entry(noted, tmp_path, monkeypatch, *args.split(", "))
-    check_shard(words, 5, int(manifest_values["SHARDS"]), jobs="/work/jobs.toml", reports="/work/jobs-reports")
+    check_shard(words, 5, int(manifest_values["SHARDS"]), jobs="/data/jobs.toml", reports="/data/jobs-reports")
 
 
 def test_kubernetes_has_as_many_parts_as_pods():

@@ -102,9 +102,9 @@ class Image:
                 shutil.copy(source, place)
 
     def start(self, work, user, *words, entry=None, **environment):
-        """Start the entry as a user's ID, with a folder at /work. Returns the process."""
+        """Start the entry as a user's ID, with a folder at /data. Returns the process."""
         mounts = (
-            'mount --bind "$1" "$1"; mkdir -p "$1/work"; mount --bind "$2" "$1/work"; mount -t tmpfs tmpfs "$1/tmp"; '
+            'mount --bind "$1" "$1"; mkdir -p "$1/data"; mount --bind "$2" "$1/data"; mount -t tmpfs tmpfs "$1/tmp"; '
             'mount --rbind /dev "$1/dev"; mount -t proc proc "$1/proc"; mount -o remount,bind,ro "$1"; cd "$1"; '
             "user=$3; shift 3; "
             'exec chroot . setpriv --reuid "$user" --regid "$user" --clear-groups --no-new-privs --bounding-set=-all "$@"'
@@ -156,7 +156,7 @@ def expect(wanted, result, what):
 
 def stopped(image, folder, user):
     """Send SIGTERM to the entry while it bakes. Returns its exit code and output."""
-    process = image.start(folder, user, "--jobs", "/work/jobs.json")
+    process = image.start(folder, user, "--jobs", "/data/jobs.json")
     end = time.monotonic() + 60
     while not small_sets.maps(folder) and time.monotonic() < end:
         time.sleep(0.05)
@@ -195,16 +195,16 @@ def main():
             touch.communicate()
             found += [] if touch.returncode else ["the root folder can be written to"]
             for index in range(SHARDS):
-                given = {"SHARDS": str(SHARDS), "REPORTS": "/work/reports", "JOB_COMPLETION_INDEX": str(index)}
-                result = image.run(work, user, "--jobs", "/work/jobs.json", **given)
+                given = {"SHARDS": str(SHARDS), "REPORTS": "/data/reports", "JOB_COMPLETION_INDEX": str(index)}
+                result = image.run(work, user, "--jobs", "/data/jobs.json", **given)
                 found += expect(0, result, f"user {user}, part {index + 1} of {SHARDS}")
-            parts = [f"/work/reports/report.{shard}.json" for shard in range(1, SHARDS + 1)]
-            found += expect(0, image.run(work, user, "report", "--merge", "/work/reports/report.json", *parts), "merge")
+            parts = [f"/data/reports/report.{shard}.json" for shard in range(1, SHARDS + 1)]
+            found += expect(0, image.run(work, user, "report", "--merge", "/data/reports/report.json", *parts), "merge")
             found += small_sets.faults(work, 8, work / "reports" / "report.json", {})
         work = batch(folder / "codes", 65532, 40)
-        found += expect(2, image.run(work, 65532, "--jobs", "/work/none.json"), "no job file")
+        found += expect(2, image.run(work, 65532, "--jobs", "/data/none.json"), "no job file")
         no_driver = {"__EGL_VENDOR_LIBRARY_DIRS": "/none"}
-        found += expect(3, image.run(work, 65532, "--jobs", "/work/jobs.json", **no_driver), "no graphics driver")
+        found += expect(3, image.run(work, 65532, "--jobs", "/data/jobs.json", **no_driver), "no graphics driver")
         found += expect(143, stopped(image, work, 65532), "SIGTERM")
     return small_sets.finish(found)
 
