@@ -458,9 +458,9 @@ def test_all_mistakes_of_a_set_are_reported(write):
 def test_many_sets_are_read_with_one_parser_and_progress(write, monkeypatch):
     """Ten thousand sets take seconds."""
     made, progress = [], []
-    real = arguments._Parser.__init__
+    real = arguments._BakeParser.__init__
     monkeypatch.setattr(
-        arguments._Parser, "__init__", lambda self, *a, **more: (made.append(1), real(self, *a, **more))[1]
+        arguments._BakeParser, "__init__", lambda self, *a, **more: (made.append(1), real(self, *a, **more))[1]
     )
     sets = [{"file": "a.blend", "low": "a", "output": f"{number}.png"} for number in range(1000)]
     assert len(job_file.read(write({"bake": sets}, "jobs/jobs.json"), on_progress=progress.append)) == 1000

@@ -11,7 +11,7 @@ from ...core.errors import BakeError, sentence
 from ...farms import flamenco
 from ..results.exit_codes import DONE, FAILED, WRONG_USAGE
 from ..usage import job_file, option_types
-from ..usage.arguments import WrongUsage
+from ..usage.arguments import Parser, WrongUsage
 from ..usage.options import CommandOption
 
 
@@ -47,14 +47,9 @@ FARM_OPTIONS: dict[str, CommandOption] = {
 """The options without their dashes."""
 
 
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str):
-        raise WrongUsage(message)
-
-
 def parser(program: str) -> argparse.ArgumentParser:
     """The parser of the command's options. It raises WrongUsage."""
-    result = _Parser(
+    result = Parser(
         prog=program,
         description="Send a job file to a render farm. All its machines must see the file and what it names.",
         allow_abbrev=False,

@@ -10,7 +10,7 @@ from pathlib import Path
 from ...core.errors import BakeError, sentence
 from ...output.files.atomic_file import replacing
 from ..usage import option_types
-from ..usage.arguments import WrongUsage
+from ..usage.arguments import Parser, WrongUsage
 from ..usage.options import STDOUT, CommandOption
 from . import report_file, report_merge, result_sheet, terminal_text
 from .exit_codes import WRONG_USAGE
@@ -30,14 +30,9 @@ REPORT_OPTIONS: dict[str, CommandOption] = {
 """The options without their dashes."""
 
 
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str):
-        raise WrongUsage(message)
-
-
 def parser(program: str) -> argparse.ArgumentParser:
     """The parser of the arguments. It raises WrongUsage."""
-    result = _Parser(
+    result = Parser(
         prog=program,
         usage="%(prog)s [--merge OUT.json] [--sheet OUT.html] IN.json ...",
         description="Put the reports of the parts of a job file together, say which bakes are missing, and end with the exit "

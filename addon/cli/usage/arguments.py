@@ -24,7 +24,14 @@ class WrongUsage(Exception):
     """The arguments are unknown or contradict each other. The text is for the user, without a full stop."""
 
 
-class _Parser(argparse.ArgumentParser):
+class Parser(argparse.ArgumentParser):
+    """A parser that raises WrongUsage, and ends no process."""
+
+    def error(self, message: str):
+        raise WrongUsage(message)
+
+
+class _BakeParser(Parser):
     def error(self, message: str):
         unknown = re.match("unrecognized arguments: (--[^ =]+)", message)
         raise WrongUsage(message + (_similar_option(unknown[1]) if unknown else ""))
@@ -39,7 +46,7 @@ def _similar_option(name: str) -> str:
 @functools.cache
 def parser(program: str) -> argparse.ArgumentParser:
     """The parser of the command line. It raises WrongUsage."""
-    result = _Parser(
+    result = _BakeParser(
         prog=program,
         usage="%(prog)s [FILE ...] --low NAME [--high NAME ...] --output MAP [option ...]\n"
         "       %(prog)s [FILE ...] --pairs [DIR] --output MAP [option ...]\n"
@@ -85,7 +92,7 @@ def with_pairs(options: argparse.Namespace) -> argparse.Namespace:
 
 def split_jobs(arguments: Sequence[str]) -> tuple[argparse.Namespace, list[str]]:
     """--jobs, --report and the options of the run, and the other arguments, which override all sets. Raises WrongUsage."""
-    own = _Parser(add_help=False, allow_abbrev=False)
+    own = _BakeParser(add_help=False, allow_abbrev=False)
     for name, option in {"jobs": JOBS, "report": OPTIONS["output"]["report"], **RUN_OPTIONS}.items():
         own.add_argument(f"--{name}", **option.arguments)
     known, more = own.parse_known_args(_joined(arguments))
