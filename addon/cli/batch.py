@@ -61,6 +61,8 @@ class Opened:
     """The files that its options name. Empty if neither a report nor a record wants them."""
     found: list[Content]
     """The other files that it reads. Empty likewise."""
+    hashes: Contents | None
+    """For the files that it writes. None likewise."""
 
     @property
     def report(self) -> Path | None:
@@ -108,7 +110,7 @@ def open_files(
     hashes = hashes or (Contents() if options.report else None)
     declared = hashes.all_of(bake_key.inputs(options, bpy.data.filepath)) if hashes else []
     found = hashes.all_of(scene_files.read_by(options, jobs)) if hashes else []
-    return Opened(name, options, settings, jobs, problems, notes, begun, hints, declared, found)
+    return Opened(name, options, settings, jobs, problems, notes, begun, hints, declared, found, hashes)
 
 
 def run(opened: Opened, stage: Stage, files: run_clashes.Run, meter: Meter) -> Result:
@@ -137,6 +139,7 @@ def run(opened: Opened, stage: Stage, files: run_clashes.Run, meter: Meter) -> R
             with stage.let_go():
                 side_files.save_scene(opened.scene, reports)
             result.scene = opened.scene
+        result.hashes = opened.hashes
         result.inputs = [each.facts() for each in (*opened.declared, *opened.found)]
         result.seconds = time.perf_counter() - opened.begun
         if opened.report is not None:

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The command line: one entry for `blender --command imprint`, scripts/bake.py and scripts/imprint.py bake.
 
-This module does not need Blender. It loads it for a bake in this process; many bakes are done in processes of their own.
+This module does not need Blender. It loads it for a bake in this process; many bakes are done in processes of their own. What
+only some calls need is imported by them, since a farm starts many processes.
 """
 
 import argparse
@@ -12,11 +13,10 @@ from collections.abc import Sequence
 from ..core.errors import WrongPlace, sentence
 from ..core.progress import Progress
 from ..core.timings import startup
-from . import interruption, many_bakes, standard_streams
-from .farms import farm_command
-from .plan import listing, planning, shards
+from . import interruption, standard_streams
+from .plan import planning, shards
 from .plan.input_files import InputFiles
-from .results import events, report_command
+from .results import events
 from .results.exit_codes import FAILED, WRONG_USAGE
 from .starting.loading import load_blender
 from .terminal_progress import Meter
@@ -34,7 +34,7 @@ REPORT = "report"
 
 
 def run(words: Sequence[str], program: str = "imprint", *, may_start_processes: bool = False) -> int:
-    """Bake according to `words`, the arguments. If the first one is LOD or FARM, do that.
+    """Bake according to `words`, the arguments. If the first one is LOD, FARM or REPORT, do that.
 
     may_start_processes: whether many bakes are done in processes of their own. Returns the exit code; errors and warnings go to
     stderr, a line each.
@@ -46,8 +46,12 @@ def run(words: Sequence[str], program: str = "imprint", *, may_start_processes: 
             if words[:1] == [LOD]:
                 done = _make_levels(words[1:], program)
             elif words[:1] == [FARM]:
+                from .farms import farm_command
+
                 done = farm_command.run(words[1:], f"{program} {FARM}")
             elif words[:1] == [REPORT]:
+                from .results import report_command
+
                 done = report_command.run(words[1:], f"{program} {REPORT}")
             else:
                 done = _run(words, program, meter, may_start_processes=may_start_processes)
@@ -76,6 +80,8 @@ def _run(words: Sequence[str], program: str, meter: Meter, *, may_start_processe
         if options.quiet:
             meter.be_quiet()
         if options.list or options.check:
+            from .plan import listing
+
             return listing.run(options, sets, program)
         inputs = InputFiles()
         planned, problems, files, clashes = planning.plan(options, sets, inputs)
@@ -95,6 +101,8 @@ def _run(words: Sequence[str], program: str, meter: Meter, *, may_start_processe
         if planning.are_many(options):
             for problem in problems:
                 meter.report(f"{program}: warning: {problem}")
+            from . import many_bakes
+
             many = many_bakes.Many(chosen, len(planned), options, program)
             return many_bakes.run(many, files, meter, may_start_processes=may_start_processes)
         load_blender()

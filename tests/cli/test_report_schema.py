@@ -123,3 +123,18 @@ def test_the_words_for_states_and_causes_are_in_the_manual():
     documented = {names(cells[0])[0]: set(names(cells[2])) for cells in rows(text)}
     assert documented["state"] == set(State)
     assert documented["cause"] == set(Cause) - {Cause.NONE}
+
+
+def test_each_file_is_hashed_once_if_at_all(whole, tmp_path, monkeypatch):
+    """The report of a set, that of all, and the record want the same hashes."""
+    read, digest = [], hashlib.file_digest
+    monkeypatch.setattr(
+        hashlib, "file_digest", lambda file, *more: (read.append(Path(file.name).name), digest(file, *more))[1]
+    )
+    job = {"file": "file.blend", "low": "a_low", "high": "a_high", "output": "map.png", "report": "own.json"}
+    (tmp_path / "jobs.json").write_text(json.dumps({"bake": [job]}), encoding="utf-8")
+    whole("--jobs", "jobs.json", "--force")
+    assert read.count("map.png") == 1
+    read.clear()
+    assert command.run([*PAIR, "--size", "32", "--limit", "9"]) == 0
+    assert read == []

@@ -22,11 +22,13 @@ pytestmark = pytest.mark.usefixtures("gpu_context")
 LEFT_OUT = {*lean_blender.INTERFACE, *lean_blender.ADDONS, *lean_blender.NEVER}
 
 LATER = {
+    "addon.cli.farms.farm_command",
+    "addon.cli.lod.lod_command",
+    "addon.cli.many_bakes",
+    "addon.cli.results.report_command",
     "addon.export.engine_files",
     "addon.jobs.convert",
     "addon.jobs.lod.level_chain",
-    "addon.views",
-    "addon.cli.lod.lod_command",
 }
 """Modules of commands and options that are loaded at their first use."""
 

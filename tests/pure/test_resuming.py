@@ -71,7 +71,7 @@ def bake(turn, found=(), text="map"):
     path = Path(str(turn.plan.options.output).replace("{low}", turn.plan.name))
     with all_or_none(), replacing(path) as partial:
         partial.write_text(f"{text} of {turn.plan.name}")
-    bake_record.write(turn.draft, {"name": turn.plan.name}, Contents().all_of(found), [str(path)])
+    bake_record.write(turn.draft, {"name": turn.plan.name}, Contents().all_of(found), [str(path)], Contents())
     return path
 
 
@@ -333,7 +333,7 @@ def test_a_bake_that_saves_over_its_file_has_a_record_and_is_done_again(folder):
     with Resuming([planned]) as left:
         turn = left.next()
         Path(scene).write_text("saved")
-        bake_record.write(turn.draft, {}, [], [scene])
+        bake_record.write(turn.draft, {}, [], [scene], Contents())
     assert why(planned) == "The file to open has changed: 'scene.blend'."
 
 

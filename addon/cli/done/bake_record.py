@@ -84,18 +84,20 @@ def _identity(options: argparse.Namespace, folder: str) -> str:
     return hashlib.sha256(bake_key.canonical([files, names]).encode()).hexdigest()[:8]
 
 
-def write(draft: Draft, result: dict[str, Any], found: Sequence[Content], files: Sequence[str]) -> None:
+def write(
+    draft: Draft, result: dict[str, Any], found: Sequence[Content], files: Sequence[str], hashes: Contents
+) -> None:
     """Write the record of a bake whose files are complete.
 
     result: its entry of the report. found: the files that it read beside those of the key, as they were when it read them.
-    files: the paths of all files that it wrote. Raises BakeError, also for a file that was changed since the bake began.
+    files: the paths of all files that it wrote. hashes: may have read them. Raises BakeError, also for a file that was changed
+    since the bake began.
     """
     own = set(map(os.path.realpath, files))
     for each in (*draft.key.inputs, *found):
         if contents.stamp_of(each.path) != each.stamp and os.path.realpath(each.path) not in own:
             raise BakeError(f"{each.path!r} was changed during the bake, which --resume does again.")
     folder = str(draft.path.parent)
-    hashes = Contents()
     values = {
         "imprint_record": VERSION,
         "key": draft.key.value,

@@ -1,14 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The result of a bake in the process that made it, before it becomes an entry of the report."""
 
-import hashlib
-import os
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from ...core.errors import BakeError, NoGpu, sentence
 from ...core.report import Report
+from ..done.contents import Content, Contents
 from ..plan.plans import Plan
 from . import gates, run_report
 from .gates import Gate
@@ -34,6 +33,8 @@ class Result:
     """The warnings that were printed before the bake."""
     inputs: list[dict[str, Any]] = field(default_factory=list)
     """The files that it read, as Content.facts returns them."""
+    hashes: Contents | None = None
+    """For the files that were written; None if neither a report nor a record wants them."""
     scene: Path | None = None
     """The .blend that was saved."""
     strict: tuple[Gate, ...] = ()
@@ -81,7 +82,9 @@ class Result:
             gate=over,
             seconds=self.seconds,
             inputs=self.inputs,
-            files=[{**facts(path), "what": what} for what, path in files],
+            files=[
+                (self.hashes.of(path, what) if self.hashes else Content(path, what)).facts() for what, path in files
+            ],
             are=self.are,
             reports=reports,
             problems=self.problems,
@@ -113,16 +116,6 @@ class Done:
 def failure(name: str, error: BakeError | MemoryError) -> Result:
     """The result of a bake that failed."""
     return Result(name, error=sentence(error), cause=cause(error))
-
-
-def facts(path: str) -> dict[str, Any]:
-    """The path, bytes and SHA-256 of a file; of one that cannot be read, the path alone."""
-    try:
-        with open(path, "rb") as file:
-            digest = hashlib.file_digest(file, "sha256").hexdigest()
-            return {"path": path, "bytes": os.fstat(file.fileno()).st_size, "sha256": digest}
-    except OSError:
-        return {"path": path, "bytes": None, "sha256": None}
 
 
 def cause(error: BakeError | MemoryError) -> Cause:

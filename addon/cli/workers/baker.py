@@ -55,7 +55,7 @@ class Baker:
             self._stage = Stage(self._folders)  # the failed bake may have changed the open scene
         result.seconds = time.perf_counter() - start
         self._meter.clear()
-        return recording.finish(draft, Done.of(result, plan.number), found)
+        return recording.finish(draft, Done.of(result, plan.number), found, self._contents)
 
 
 def bake_all(turns: Turns, files: run_clashes.Run, meter: Meter, *, is_reported: bool) -> Iterator[Done]:
