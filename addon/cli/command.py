@@ -14,10 +14,11 @@ from ..core.errors import WrongPlace, sentence
 from ..core.progress import Progress
 from ..core.timings import startup
 from . import interruption, standard_streams
-from .plan import planning, shards
+from .plan import costs, planning, shards
 from .plan.input_files import InputFiles
 from .results import events
 from .results.exit_codes import FAILED, WRONG_USAGE
+from .results.only import Only
 from .starting.loading import load_blender
 from .terminal_progress import Meter
 from .trust import bounds
@@ -87,7 +88,8 @@ def _run(words: Sequence[str], program: str, meter: Meter, *, may_start_processe
         planned, problems, files, clashes = planning.plan(options, sets, inputs)
         if clashes:
             raise WrongPlace("\n".join(clashes))
-        chosen = shards.chosen(planned, options.only, options.shard, inputs)
+        named = shards.named(planned, options.only)
+        chosen = shards.part(named, options.shard, lambda plan: costs.cost(plan.options, inputs))
     except SystemExit as stop:  # argparse has printed the help
         return stop.code
     except WrongUsage as error:
@@ -103,7 +105,8 @@ def _run(words: Sequence[str], program: str, meter: Meter, *, may_start_processe
                 meter.report(f"{program}: warning: {problem}")
             from . import many_bakes
 
-            many = many_bakes.Many(chosen, len(planned), options, program)
+            only = Only.of(options.only, (plan.number for plan in named))
+            many = many_bakes.Many(chosen, len(planned), options, program, only)
             return many_bakes.run(many, files, meter, may_start_processes=may_start_processes)
         load_blender()
         with startup.spent("imprint"):

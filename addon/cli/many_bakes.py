@@ -16,6 +16,7 @@ from .plan import plans, run_clashes
 from .plan.plans import Plan
 from .results import exit_codes, report_file, run_report, terminal_text
 from .results.bake_result import Done
+from .results.only import Only
 from .results.report_file import ReportFile
 from .results.run_report import Entry, State
 from .starting.loading import load_blender
@@ -29,12 +30,14 @@ from .workers.supervisor import Limits, Supervisor
 
 @dataclass(frozen=True)
 class Many:
-    """The bakes to do, of `planned` in the job file or folder. options: of the run. program: for messages."""
+    """The bakes to do, of `planned` in the job file or folder. options: of the run. program: for messages. only: what --only
+    chose."""
 
     chosen: Sequence[Plan]
     planned: int
     options: argparse.Namespace
     program: str
+    only: Only | None = None
 
     @property
     def shard(self) -> str:
@@ -104,7 +107,7 @@ class _Found:
         self._many, self._program, self._report = many, many.program, many.options.report
         self._width = max((len(plan.name) for plan in many.chosen), default=0)
         self._path = report_file.path_of(self._report)
-        self._file = ReportFile(self._path, many.planned, many.shard) if self._path else None
+        self._file = ReportFile(self._path, many.planned, many.shard, many.only) if self._path else None
         self._entries: list[Entry] = []
         """Those for a report on standard output."""
         self._lines: list[str] = []
@@ -153,4 +156,5 @@ class _Found:
             self._file.finish()
             print(f"Wrote {self._path}", file=self._out)
         elif self._report == STDOUT:
-            print(report_file.as_text(run_report.document(self._entries, self._many.planned, self._many.shard)))
+            many = self._many
+            print(report_file.as_text(run_report.document(self._entries, many.planned, many.shard, many.only)))

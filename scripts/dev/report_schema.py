@@ -93,6 +93,15 @@ def schema() -> dict[str, Any]:
         "blender": {"type": "string", "description": "The version of Blender."},
         "planned": {"type": "integer", "minimum": 0},
         "shard": {"type": ["string", "null"], "pattern": "^[0-9]+/[0-9]+$"},
+        "only": {
+            "type": ["object", "null"],
+            "description": "The patterns of --only, and the numbers of the bakes that match; null for all.",
+            "properties": {
+                "patterns": {"type": "array", "items": {"type": "string"}},
+                "bakes": {"type": "string", "pattern": "^[0-9]+(-[0-9]+)?(, [0-9]+(-[0-9]+)?)*$"},
+            },
+            "required": ["patterns", "bakes"],
+        },
         "bakes": {"type": "array", "items": {"$ref": "#/$defs/entry"}},
         "summary": {
             "type": "object",

@@ -44,3 +44,9 @@ def test_four_parts_make_the_report_of_one_call(tmp_path, monkeypatch, capsys):
     assert whole["summary"]["gate"] == 8
     assert command.run(["report", "--merge", "all.json", *parts[1:]]) == exit_codes.FAILED
     assert "imprint report: missing: " in capsys.readouterr().err
+    for name in ("[12]", "7"):
+        command.run(["--jobs", "j.json", "--only", f"set {name} *", "--report", f"only.{name}.json"])
+    assert command.run(["report", "--merge", "some.json", "only.[12].json", "only.7.json"]) == exit_codes.GATE
+    assert "missing:" not in capsys.readouterr().err
+    some = json.loads((tmp_path / "some.json").read_text())
+    assert some["only"] == {"patterns": ["set [12] *", "set 7 *"], "bakes": "1-2, 7"}

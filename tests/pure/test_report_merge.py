@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from addon.cli import command
-from addon.cli.results import exit_codes, report_merge, run_report
+from addon.cli.results import exit_codes, run_report
+from addon.cli.results.only import Only, ranges
 from addon.cli.results.report_file import ReportFile
 from addon.cli.results.run_report import Cause, Entry, State
 
@@ -17,9 +18,9 @@ def entry(number, state=State.DONE, **values):
     return Entry(number, f"set {number}", state, seconds=number * 0.5, **values)
 
 
-def write(path, numbers, planned, shard="", *, is_cut_off=False, **values):
+def write(path, numbers, planned, shard="", *, only=None, is_cut_off=False, **values):
     """A report as a call writes it, or the lines that it has left."""
-    file = ReportFile(path, planned, shard)
+    file = ReportFile(path, planned, shard, only)
     for each in numbers:
         file.add(each if isinstance(each, Entry) else entry(each, **values))
     file.close() if is_cut_off else file.finish()
@@ -159,5 +160,55 @@ def test_other_versions_are_a_warning(tmp_path, monkeypatch, capsys):
 
 
 def test_ranges():
-    assert report_merge.ranges([1, 2, 3, 5, 7, 8]) == "1-3, 5, 7-8"
-    assert report_merge.ranges([]) == ""
+    assert ranges([1, 2, 3, 5, 7, 8]) == "1-3, 5, 7-8"
+    assert ranges([]) == ""
+
+
+# --only
+
+
+def only(*numbers, pattern="a*"):
+    return Only.of([pattern], numbers)
+
+
+@pytest.mark.parametrize("is_cut_off", [False, True])
+def test_what_no_call_was_for_is_not_missing(tmp_path, capsys, is_cut_off):
+    parts = [
+        write(tmp_path / "1.json", [2, 5], 9, "1/2", only=only(2, 3, 5), is_cut_off=is_cut_off),
+        write(tmp_path / "2.json", [7], 9, "2/2", only=only(7, 8, pattern="b?")),
+    ]
+    code, found = merged(tmp_path, *parts)
+    assert code == exit_codes.FAILED
+    out, err = capsys.readouterr()
+    assert "missing: 3, 8\n" in err
+    assert "3 done, 0 failed, 2 stopped or not begun" in out
+    assert (found["planned"], found["only"]) == (9, {"patterns": ["a*", "b?"], "bakes": "2-3, 5, 7-8"})
+    rest = write(tmp_path / "3.json", [3, 8], 9, only=only(3, 8))
+    assert merged(tmp_path, tmp_path / "all.json", rest)[0] == exit_codes.DONE  # merged ones can be merged
+
+
+def test_beside_a_call_for_all_bakes_all_are_wanted(tmp_path, capsys):
+    parts = [
+        write(tmp_path / "1.json", [2], 4, only=only(2)),
+        write(tmp_path / "2.json", [1], 4, "1/2"),
+    ]
+    code, found = merged(tmp_path, *parts)
+    assert (code, found["only"]) == (exit_codes.FAILED, None)
+    assert "missing: 3-4" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_numbers_of_only_are_read_as_they_were_written(seed):
+    rng = random.Random(seed)
+    numbers = rng.sample(range(1, 100), rng.randint(1, 99))
+    assert Only.from_dict(only(*numbers).to_dict(), 100) == only(*numbers)
+
+
+@pytest.mark.parametrize("bakes", ["", "a", "1-99999999999", "10", "-1", None])
+def test_numbers_that_cannot_be_are_an_error(tmp_path, bakes, capsys):
+    path = write(tmp_path / "1.json", [1], 9, only=only(1))
+    values = json.loads(Path(path).read_text())
+    values["only"]["bakes"] = bakes
+    Path(path).write_text(json.dumps(values))
+    assert merged(tmp_path, path) == (exit_codes.WRONG_USAGE, None)
+    assert "is no report of Imprint" in capsys.readouterr().err

@@ -5,8 +5,6 @@ import fnmatch
 from collections.abc import Callable, Sequence
 
 from ..usage.arguments import WrongUsage
-from . import costs
-from .input_files import InputFiles
 from .plans import Plan
 
 
@@ -36,10 +34,3 @@ def part(planned: Sequence[Plan], shard: tuple[int, int] | None, cost: Callable[
     by_cost = sorted((-sum(map(cost, unit)), first) for first, unit in units.items())
     mine = (plan for _, first in by_cost[number - 1 :: count] for plan in units[first])
     return sorted(mine, key=lambda plan: plan.number)
-
-
-def chosen(
-    planned: Sequence[Plan], patterns: Sequence[str], shard: tuple[int, int] | None, files: InputFiles
-) -> list[Plan]:
-    """The plans that are done with these values of --only and --shard."""
-    return part(named(planned, patterns), shard, lambda plan: costs.cost(plan.options, files))

@@ -12,7 +12,7 @@ from ...output.files.atomic_file import replacing
 from ..usage import option_types
 from ..usage.arguments import Parser, WrongUsage
 from ..usage.options import STDOUT, CommandOption
-from . import report_file, report_merge, result_sheet, terminal_text
+from . import only, report_file, report_merge, result_sheet, terminal_text
 from .exit_codes import WRONG_USAGE
 
 REPORT_OPTIONS: dict[str, CommandOption] = {
@@ -68,7 +68,7 @@ def run(words: Sequence[str], program: str) -> int:
         for text in filter(None, (entry["error"], *entry["gate"])):
             print(f"{program}: {entry['name']}: {text}", file=sys.stderr)
     if merged.missing:
-        print(f"{program}: missing: {report_merge.ranges(merged.missing)}", file=sys.stderr)
+        print(f"{program}: missing: {only.ranges(merged.missing)}", file=sys.stderr)
     return merged.code
 
 
@@ -81,4 +81,4 @@ def _write(options: argparse.Namespace, merged: report_merge.Merged) -> None:
     if options.sheet:
         with replacing(Path(os.path.abspath(options.sheet))) as partial, partial.open("w", encoding="utf-8") as file:
             file.writelines(result_sheet.page(merged.document, Path(options.sheet).stem))
-    print(terminal_text.total(merged.document["summary"], merged.document["planned"]), file=out)
+    print(terminal_text.total(merged.document["summary"], merged.wanted), file=out)

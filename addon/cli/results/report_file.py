@@ -12,6 +12,7 @@ from ...core.errors import BakeError
 from ...output.files.atomic_file import check_writable, reason, replacing
 from ..usage.options import STDOUT
 from . import run_report
+from .only import Only
 from .run_report import Entry, State
 
 LINES = ".lines"
@@ -48,10 +49,10 @@ def write_failure(path: Path, report: dict[str, Any]) -> None:
 class ReportFile:
     """The report of many bakes. While they go on, their entries are in another file, which a crash leaves."""
 
-    def __init__(self, path: Path, planned: int, shard: str = ""):
-        """Raises BakeError if the file cannot be written. planned, shard: as in run_report.document."""
+    def __init__(self, path: Path, planned: int, shard: str = "", only: Only | None = None):
+        """Raises BakeError if the file cannot be written. planned, shard, only: as in run_report.document."""
         check_writable(path)
-        self._path, self._planned, self._shard = path, planned, shard
+        self._path, self._head = path, run_report.head(planned, shard, only)
         self.lines = path.with_name(path.name + LINES)
         self._file: TextIO | None = None
         self._error: OSError | None = None
@@ -71,7 +72,7 @@ class ReportFile:
             if self._file is None:
                 self.lines.parent.mkdir(parents=True, exist_ok=True)
                 self._file = self.lines.open("w", encoding="utf-8")
-                self._file.write(json.dumps(run_report.head(self._planned, self._shard)) + "\n")
+                self._file.write(json.dumps(self._head) + "\n")
             self._file.write(json.dumps(entry.to_dict()) + "\n")
             self._file.flush()
             if entry.state != State.RESUMED:  # its record has it
@@ -85,7 +86,7 @@ class ReportFile:
             raise BakeError(f"{str(self.lines)!r} could not be written: {reason(self._error)}.") from self._error
         self.close()
         with replacing(self._path) as partial, partial.open("w", encoding="utf-8") as file:
-            file.writelines(run_report.text(self._entries(), self._counted, self._planned, self._shard))
+            file.writelines(run_report.text(self._entries(), self._counted, self._head))
         self.lines.unlink(missing_ok=True)
 
     def _entries(self) -> Iterator[str]:

@@ -2,27 +2,28 @@
 """Puts the reports of several calls for one job file together, as of its parts on several machines."""
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from ...core.errors import BakeError
 from . import exit_codes, run_report
+from .only import Only
 from .report_file import LINES
 from .run_report import Entry, State
 
-FINISHED = (State.DONE, State.GATE, State.RESUMED)
 _RANKS = {State.STOPPED: 0, State.FAILED: 1, State.RESUMED: 2, State.GATE: 3, State.DONE: 3}
 """Of several entries of one bake, that with the highest rank counts, of equal ones the last."""
 
 
 @dataclass(frozen=True)
 class Part:
-    """A report, or the lines that a call has left which did not end. planned, imprint, blender: as the report has them."""
+    """A report, or the lines that a call has left which did not end. The other values are as the report has them."""
 
     path: str
     planned: int
+    only: Only | None
     imprint: str
     blender: str
     entries: list[Entry]
@@ -30,9 +31,11 @@ class Part:
 
 @dataclass(frozen=True)
 class Merged:
-    """The report of all. missing: the numbers of bakes that are in no report, or were stopped."""
+    """The report of all. wanted: how many bakes a call was for, which are all without --only. missing: the numbers of those
+    that are in no report, or were stopped."""
 
     document: dict[str, Any]
+    wanted: int
     missing: list[int]
     code: int
     """The exit code that one call for all would have had; FAILED if bakes are missing."""
@@ -83,10 +86,12 @@ def _merged(parts: Sequence[Part], warnings: list[str]) -> Merged:
     for entry in entries:
         tally.add(entry)
     is_there = {entry.number for entry in entries if entry.state != State.STOPPED}
-    missing = [number for number in range(1, first.planned + 1) if number not in is_there]
-    document = run_report.document(entries, first.planned)
+    only = Only.union([part.only for part in parts])
+    wanted = sorted(only.numbers) if only else range(1, first.planned + 1)
+    missing = [number for number in wanted if number not in is_there]
+    document = run_report.document(entries, first.planned, only=only)
     document.update(imprint=first.imprint, blender=first.blender)
-    return Merged(document, missing, exit_codes.FAILED if missing else tally.code, warnings)
+    return Merged(document, len(wanted), missing, exit_codes.FAILED if missing else tally.code, warnings)
 
 
 def _report(path: str) -> Part:
@@ -112,17 +117,9 @@ def _part(path: str, head: Any, entries: Any) -> Part:
         if head["imprint_report"] != run_report.VERSION:
             raise BakeError(f"{path!r} is a report of version {head['imprint_report']!r}, not {run_report.VERSION}.")
         planned = int(head["planned"])
-        return Part(path, planned, str(head["imprint"]), str(head["blender"]), list(map(Entry.from_dict, entries)))
+        only = Only.from_dict(head.get("only"), planned)
+        return Part(
+            path, planned, only, str(head["imprint"]), str(head["blender"]), list(map(Entry.from_dict, entries))
+        )
     except (KeyError, TypeError, ValueError) as error:
         raise BakeError(f"{path!r} is no report of Imprint.") from error
-
-
-def ranges(numbers: Iterable[int]) -> str:
-    """Numbers in words: "1, 3-7"."""
-    found: list[list[int]] = []
-    for number in numbers:
-        if found and found[-1][1] == number - 1:
-            found[-1][1] = number
-        else:
-            found.append([number, number])
-    return ", ".join(str(first) if first == last else f"{first}-{last}" for first, last in found)

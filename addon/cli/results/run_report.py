@@ -8,6 +8,7 @@ from enum import StrEnum
 from typing import Any
 
 from ...core import versions
+from .only import Only
 
 VERSION = 2
 """The version of the report's keys. It increases when a key is removed or changes its meaning, not for new keys."""
@@ -94,14 +95,15 @@ MAP, EXPORT, SCENE = "map", "export", "scene"
 """What a file is that a bake wrote."""
 
 
-def document(entries: Sequence[Entry], planned: int, shard: str = "") -> dict[str, Any]:
-    """The report. planned: how many bakes there were to do. shard: as K/N; empty for all."""
-    return {**head(planned, shard), "bakes": [entry.to_dict() for entry in entries], "summary": summary(entries)}
+def document(entries: Sequence[Entry], planned: int, shard: str = "", only: Only | None = None) -> dict[str, Any]:
+    """The report. planned: how many bakes the job has. shard: the part, as K/N; empty for all. only: None for all."""
+    return {**head(planned, shard, only), "bakes": [entry.to_dict() for entry in entries], "summary": summary(entries)}
 
 
-def text(entries: Iterable[str], counted: dict[str, float], planned: int, shard: str = "") -> Iterator[str]:
-    """`document` as the lines of a file, for many entries, which are JSON. counted: as `summary` returns it."""
-    yield json.dumps(head(planned, shard), indent=2).removesuffix("\n}") + ',\n  "bakes": ['
+def text(entries: Iterable[str], counted: dict[str, float], first: dict[str, Any]) -> Iterator[str]:
+    """`document` as the lines of a file, for many entries, which are JSON. counted, first: as `summary` and `head` return
+    them."""
+    yield json.dumps(first, indent=2).removesuffix("\n}") + ',\n  "bakes": ['
     before = ""
     for entry in entries:
         yield f"{before}\n    {entry}"
@@ -123,12 +125,13 @@ def count(counted: dict[str, float], entry: Entry) -> None:
     counted["seconds"] += entry.seconds
 
 
-def head(planned: int, shard: str) -> dict[str, Any]:
-    """What comes before the bakes in a report."""
+def head(planned: int, shard: str = "", only: Only | None = None) -> dict[str, Any]:
+    """What comes before the bakes in a report. planned, shard, only: as in `document`."""
     return {
         "imprint_report": VERSION,
         "imprint": versions.imprint(),
         "blender": versions.blender(),
         "planned": planned,
         "shard": shard or None,
+        "only": only and only.to_dict(),
     }
