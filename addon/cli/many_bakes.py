@@ -23,6 +23,7 @@ from .starting.loading import load_blender
 from .terminal_progress import Meter
 from .trust import confinement
 from .trust.confinement import Confinement
+from .usage import arguments, run_options
 from .usage.options import STDOUT
 from .workers import logs
 from .workers.supervisor import Limits, Supervisor
@@ -44,9 +45,16 @@ class Many:
         """The part of the bakes, as K/N; empty for all."""
         return "/".join(map(str, self.options.shard or ()))
 
+    @property
+    def has_workers(self) -> bool:
+        """Whether the bakes want processes of their own. A single one with a record does not, as one without."""
+        return bool(self.options.workers) and (
+            arguments.are_many(self.options) or run_options.needs_worker(self.options)
+        )
+
     def turns(self) -> Turns:
         """The bakes, without those that are done if the options say so."""
-        if not (self.options.resume or self.options.force):
+        if not run_options.has_records(self.options):
             return Turns(self.chosen)
         return Resuming(self.chosen, is_forced=self.options.force, open_file=plans.open_file())
 
@@ -66,7 +74,7 @@ def run(many: Many, files: run_clashes.Run, meter: Meter, *, may_start_processes
             for done in turns.done:
                 found.add(Done.resumed(done.plan, done.result))
             source: Iterable[Done] = ()
-            if turns.count and (files.bounds or (may_start_processes and options.workers)):
+            if turns.count and (files.bounds or (may_start_processes and many.has_workers)):
                 rights = held.enter_context(closing(Confinement(files.bounds, options.log))) if files.bounds else None
                 supervisor = held.enter_context(Supervisor(options.workers, _limits(options), rights))
                 source = supervisor.bake_all(turns, files, meter, is_reported=bool(options.report))

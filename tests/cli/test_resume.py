@@ -18,6 +18,7 @@ from scripts.imprint import ROOT
 from tests.support import reports, zoo
 
 COUNT = 8
+ONE = ["--low-file", "low.obj", "--high-file", "high.obj", "--output", "one.png", "--size", "16", "--limit", "9"]
 
 
 @pytest.fixture
@@ -84,6 +85,19 @@ def test_what_is_done_is_left_out(folder):
     assert bake("--resume", "--size", "32") == all_are("resumed")
 
 
+def test_a_single_bake_has_a_record(folder, capfd):
+    for more, state in ((["--resume"], "done"), (["--resume"], "resumed"), (["--force"], "done")):
+        assert command.run([*ONE, *more, "--report", "one.json"], may_start_processes=True) == 0
+        (entry,) = reports.bakes(Path("one.json"))
+        assert (entry["name"], entry["state"], entry["log"]) == ("low", state, "")
+        assert f"\n{state} " in capfd.readouterr().out
+    assert (folder / "one.png.imprint.json").exists()
+    (folder / "one.png").unlink()
+    assert command.run([*ONE, "--resume"]) == 0
+    assert (folder / "one.png").exists()
+    assert without_blender([*ONE, "--resume"]) == "0 False"
+
+
 def test_the_entry_of_a_bake_that_is_left_out_is_that_of_the_bake(folder):
     bake("--resume")
     before = reports.bakes(Path("r.json"))
@@ -141,9 +155,14 @@ def test_a_run_after_a_kill_gives_the_same_files(folder, seed):
 
 def test_what_is_done_needs_no_blender(folder):
     bake("--resume")
+    assert without_blender(["--jobs", "j.json", "--resume"]) == "0 False"
+
+
+def without_blender(words):
+    """The exit code of a call in a process of its own, and whether that loaded Blender."""
     program = (
         "import sys; from addon.cli import command; "
-        "code = command.run(['--jobs', 'j.json', '--resume'], may_start_processes=True); "
+        f"code = command.run({words}, may_start_processes=True); "
         "print(code, 'bpy' in sys.modules)"
     )
     done = subprocess.run(
@@ -153,4 +172,4 @@ def test_what_is_done_needs_no_blender(folder):
         text=True,
         check=True,
     )
-    assert done.stdout.splitlines()[-1] == "0 False"
+    return done.stdout.splitlines()[-1]

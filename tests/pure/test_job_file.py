@@ -195,6 +195,7 @@ WRONG = {
         "--low a --output m.png --shard 1/2",
         "--shard is for many bakes: use --jobs or --pairs DIR",
     ),
+    "done and not done": ("--low a --output m.png --resume --force", "--force does all bakes: leave out --resume"),
     "some of one bake": ("--low a --output m.png --only a", "--only is for many bakes"),
     "a part that is not there": ("--low a --output m.png --shard 3/2", "'3/2' is not a part K/N"),
     "part 0": ("--low a --output m.png --shard 0/2", "'0/2' is not a part K/N"),

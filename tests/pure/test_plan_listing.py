@@ -297,6 +297,24 @@ def test_an_output_that_is_a_hard_link_to_a_mesh_is_refused(capsys, here):
     assert (code, "would overwrite the high mesh's file" in problem) == (2, True)
 
 
+BESIDE = {
+    "the record": ("a.png.imprint.json", ["--resume"]),
+    "the claim": ("a.png.imprint.json.lock", ["--force"]),
+    "the report of all while they go on": ("r.json.lines", ["--report", "r.json"]),
+}
+
+
+@pytest.mark.parametrize(("name", "words"), BESIDE.values(), ids=BESIDE)
+def test_no_file_beside_a_map_or_report_overwrites_an_input(capsys, here, name, words):
+    """An image of a .mtl may have any name."""
+    (here / "a_high.obj").write_text("mtllib a.mtl\nv 0 0 0\n")
+    (here / "a.mtl").write_text(f"newmtl a\nmap_Kd {name}\n")
+    values = {**SET, "output": "a.png"}
+    code, _, (problem,) = listed(capsys, [values], "--check", *words)
+    assert (code, "would overwrite what 'a_high.obj' refers to" in problem) == (2, True)
+    assert listed(capsys, [values], "--check")[0] == 0
+
+
 def test_a_list_does_not_wait_for_a_pipe(capsys, here):
     os.mkfifo(here / "pipe.obj")
     code, _, (problem,) = listed(capsys, [{**SET, "high-file": "pipe.obj"}], "--check")

@@ -502,7 +502,7 @@ def test_a_run_after_a_kill_does_what_is_left_and_what_was_cut_off(folder, seed)
 
 def test_the_claim_of_a_process_that_was_killed_after_its_record_is_removed(folder):
     run([plan(folder)])
-    lock = folder / "out" / f"a_low.png.imprint.json{resuming.LOCK}"
+    lock = folder / "out" / f"a_low.png.imprint.json{bake_record.CLAIM}"
     lock.write_text(json.dumps({"machine": temporary_paths.machine()}))
     assert why(plan(folder)) == ""
     assert not lock.exists()
@@ -511,7 +511,7 @@ def test_the_claim_of_a_process_that_was_killed_after_its_record_is_removed(fold
 def test_claims_are_given_up_at_the_end(folder):
     with Resuming([plan(folder)], claims=Claims()) as left:
         left.next()
-        assert list((folder / "out").iterdir()) == [folder / "out" / f"a_low.png.imprint.json{resuming.LOCK}"]
+        assert list((folder / "out").iterdir()) == [folder / "out" / f"a_low.png.imprint.json{bake_record.CLAIM}"]
     assert not (folder / "out").exists()
 
 

@@ -5,7 +5,7 @@ import argparse
 import hashlib
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,8 @@ from .contents import Content, Contents
 
 VERSION = 1
 """The version of the record's keys."""
-ENDING = ".imprint.json"
+ENDING, CLAIM = ".imprint.json", ".lock"
+"""Of the names of records, and what the name of a claim has after that."""
 LONGEST = 200
 """Bytes of a record's name before its ending. File systems take 255, of which a claim needs some."""
 
@@ -73,6 +74,18 @@ def path_of(options: argparse.Namespace) -> Path:
     if is_long or file_names.LOW in name or file_names.MATERIAL in name:
         plain = f"{plain}.{_identity(options, folder)}"
     return Path(folder, plain + ENDING)
+
+
+def claim_of(record: Path) -> Path:
+    """The path of the claim on the bake that has the record at `record`."""
+    return record.with_name(record.name + CLAIM)
+
+
+def files(options: argparse.Namespace) -> Iterator[tuple[str, str]]:
+    """The paths of a bake's record and claim, and what they are."""
+    record = path_of(options)
+    yield str(record), "the record"
+    yield str(claim_of(record)), "the claim on the bake"
 
 
 def _identity(options: argparse.Namespace, folder: str) -> str:

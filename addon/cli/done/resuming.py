@@ -19,8 +19,6 @@ from .claims import Claims
 from .contents import Content, Contents
 from .turns import Resumed, ToDo, Turns
 
-LOCK = ".lock"
-"""What the name of a claim has after that of its record."""
 POLL = 1.0
 """Seconds before claims are looked at again while other processes have all bakes that are left."""
 MOST_NAMED = 3
@@ -125,8 +123,7 @@ class Resuming(Turns):
     def _claim_of(self, plan: Plan) -> Path:
         """The path of the claim on a bake. All bakes of a chain have that of the first one."""
         first = self._chains[plan.chain][0] if plan.chain else plan
-        record = bake_record.path_of(first.options)
-        return record.with_name(record.name + LOCK)
+        return bake_record.claim_of(bake_record.path_of(first.options))
 
     def _reason(self, plan: Plan, *, is_started: bool = False) -> Resumed | str:
         """Why a bake is to do, in a sentence, or that it is done."""

@@ -2,7 +2,7 @@
 """The bakes of a call, with all files that they read and write."""
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from copy import copy
 
 from ..trust import bounds
@@ -14,8 +14,15 @@ from .run_clashes import Run
 
 
 def are_many(options: argparse.Namespace) -> bool:
-    """Whether the bakes of a call are done as those of a job file are: several, or a single one in a process of its own."""
-    return arguments.are_many(options) or run_options.needs_worker(options)
+    """Whether the bakes of a call are done as those of a job file are: several, or a single one with a record, or one in a
+    process of its own."""
+    return arguments.are_many(options) or run_options.has_records(options) or run_options.needs_worker(options)
+
+
+def _of_record(options: argparse.Namespace) -> Iterator[tuple[str, str]]:
+    from ..done import bake_record  # here, since most calls keep no records
+
+    yield from bake_record.files(options)
 
 
 def plan(
@@ -34,11 +41,11 @@ def plan(
         planned, warnings = plans.plans(sets, open_file)
     elif are_many(options):
         own = copy(options)
-        own.report = None  # the caller of the worker writes it
+        own.report = None  # it is that of the call
         planned = [Plan(plans.subject(options, open_file), own)]
     else:
         planned = [Plan("", options)]
-    files = Run(open_file, within, inputs)
+    files = Run(open_file, within, inputs, _of_record if run_options.has_records(options) else None)
     found = files.add(
         [(each.name, each.options) for each in planned],
         options.jobs,

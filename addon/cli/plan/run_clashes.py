@@ -11,6 +11,7 @@ from ...core.file_formats import OPENED
 from ...core.names import file_names
 from ...core.names.file_names import ATLAS
 from ...output.files.path_clashes import Places
+from ..results.report_file import LINES
 from ..trust.bounds import Bounds
 from ..usage import arguments
 from ..usage.garbage import unsearched
@@ -22,11 +23,18 @@ from .input_files import InputFiles
 class Run:
     """The files of all bakes of one call."""
 
-    def __init__(self, open_file: str = "", bounds: Bounds | None = None, inputs: InputFiles | None = None):
+    def __init__(
+        self,
+        open_file: str = "",
+        bounds: Bounds | None = None,
+        inputs: InputFiles | None = None,
+        of_record: Callable[[argparse.Namespace], Iterable[tuple[str, str]]] | None = None,
+    ):
         """open_file: the path of the open .blend, which bakes without a file use. bounds: folders that all bakes keep to.
-        inputs: what is known of files to read.
+        inputs: what is known of files to read. of_record: the files of a bake's record, and what they are, if bakes have one.
         """
         self._open_file, self.bounds, self._inputs = open_file, bounds, inputs or InputFiles()
+        self._of_record = of_record
         self.places = Places()
         self._maps: dict[str, list[str]] = {}
         """The files of the maps of the bakes whose maps are in `places`."""
@@ -72,8 +80,12 @@ class Run:
             check(name, self._read_file, path, _of("a linked library", name), name)
         for name, options in bakes:
             check(name, self._write, name, options)
+            if self._of_record:
+                for path, what in self._of_record(options):
+                    check(name, self.places.write, path, _of(what, name), name)
         if report and report != STDOUT:
             check("", self.places.write, report, "the report of all")
+            check("", self.places.write, report + LINES, "the report of all while they go on")
         return problems
 
     def outputs(self, name: str, options: argparse.Namespace) -> list[str]:

@@ -79,8 +79,10 @@ RUN_OPTIONS: dict[str, CommandOption] = {
     "quiet": CommandOption("Print errors alone", {"action": "store_true"}),
 }
 """The options without their dashes."""
-OF_MANY = ("shard", "only", "resume", "force")
+OF_MANY = ("shard", "only")
 """Those that are for many bakes alone."""
+OF_RECORDS = ("resume", "force")
+"""Those with which each bake has a record."""
 OF_WORKERS = ("timeout", "max_memory", "log", "untrusted")
 """Those for which a single bake has a process of its own, too."""
 
@@ -104,6 +106,11 @@ def mistakes(options: argparse.Namespace, are_many: bool) -> Iterator[str]:
         yield "--input-folder and --output-folder are for --untrusted"
     if options.untrusted and not (are_many or options.file or options.low_file):
         yield "--untrusted needs FILE or --low-file: the open file has been opened already"
+
+
+def has_records(options: argparse.Namespace) -> bool:
+    """Whether the options ask for records of the bakes."""
+    return any(vars(options)[name] for name in OF_RECORDS)
 
 
 def needs_worker(options: argparse.Namespace) -> bool:
