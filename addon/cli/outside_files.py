@@ -26,9 +26,7 @@ def leave_out(folders: Sequence[str]) -> list[str]:
     _check_nodes()
     for library in bpy.data.libraries:
         if not _is_inside(bpy.path.abspath(library.filepath, library=library.parent), folders):
-            raise BakeError(
-                f"The library {library.filepath!r} is not in {folders[0]!r}, the only folder that --untrusted reads."
-            )
+            raise BakeError(f"The library {library.filepath!r} {_not_in(folders)}")
     left: list[str] = []
 
     def visit(owner: bpy.types.ID, path: str, _about: object) -> str | None:
@@ -42,6 +40,16 @@ def leave_out(folders: Sequence[str]) -> list[str]:
         return []
     paths = shorten_list(map(repr, dict.fromkeys(left)))
     return [f"Files outside {folders[0]!r} were not read: {paths}."]
+
+
+def check_reference(name: str, path: str, folders: Sequence[str]) -> None:
+    """Raise BakeError if the file `name` refers to one that is not below `folders`. path: of that one, from the first."""
+    if not _is_inside(os.path.join(os.path.dirname(name), path), folders):
+        raise BakeError(f"{name!r} refers to {path!r}, which {_not_in(folders)}")
+
+
+def _not_in(folders: Sequence[str]) -> str:
+    return f"is not in {folders[0]!r}, the only folder that --untrusted reads."
 
 
 def _check_nodes() -> None:

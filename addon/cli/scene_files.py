@@ -19,6 +19,7 @@ from ..scene.visibility import put
 from . import interruption, outside_files, standard_streams
 from .mesh_files import page_files
 from .mesh_files.importers import IMPORTERS, PLAIN, Space, import_file
+from .mesh_files.usd_references import UnreadReference
 from .plan import file_references
 from .plan.input_files import InputFiles
 
@@ -49,11 +50,11 @@ class Stage:
         self._leave()
         if _ending(first) in IMPORTERS:
             _empty()
-            bring(first, space)
+            self._bring(first, space)
         else:  # a .blend1 as well
             _open_blend(first)
         for name in others:
-            bring(name, space)
+            self._bring(name, space)
         self.take()
         self._open = wanted
 
@@ -99,12 +100,21 @@ class Stage:
             _existing(name)
         self._leave()
         _empty()
-        low_object = _only(low, bring(low, space))
+        low_object = _only(low, self._bring(low, space))
         low_object.rename(Path(low).stem, mode="ALWAYS")
-        high_objects = [obj for name in highs for obj in bring(name, replace(space, up=high_up))] or [low_object]
-        cage_object = _only(cage, bring(cage, space)) if cage else None
+        high_objects = [obj for name in highs for obj in self._bring(name, replace(space, up=high_up))] or [low_object]
+        cage_object = _only(cage, self._bring(cage, space)) if cage else None
         self.take()
         return Job(low_object, high_objects, cage_object)
+
+    def _bring(self, name: str, space: Space) -> list[bpy.types.Object]:
+        """As `bring`. A file that an untrusted one refers to elsewhere is named as that."""
+        try:
+            return bring(name, space)
+        except UnreadReference as error:
+            if self._folders:
+                outside_files.check_reference(name, error.path, self._folders)
+            raise
 
 
 def bring(name: str, space: Space) -> list[bpy.types.Object]:

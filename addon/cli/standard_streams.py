@@ -70,15 +70,20 @@ def ours() -> Iterator[None]:
 
 
 @contextmanager
-def silence(*numbers: int) -> Iterator[None]:
+def silence(*numbers: int, into: int | None = None) -> Iterator[None]:
     """Discard what the block prints, from C as well, on the streams `numbers`, or on both standard streams.
 
-    Exceptions say what matters.
+    Exceptions say what matters. into: the descriptor of an open file that receives it.
     """
     flush()
     kept = {number: os.dup(number) for number in numbers or (1, 2)}
     try:
-        with open(os.devnull, "w", encoding="utf-8") as nowhere, redirect_stdout(nowhere), ExitStack() as more:
+        file = os.devnull if into is None else into
+        with (
+            open(file, "w", encoding="utf-8", closefd=into is None) as nowhere,
+            redirect_stdout(nowhere),
+            ExitStack() as more,
+        ):
             if 2 in kept:
                 more.enter_context(redirect_stderr(nowhere))
             for number in kept:

@@ -127,6 +127,17 @@ def bumps(tmp_path_factory):
 
 
 WITH_UVS = [ending for ending in EXPORTERS if ending != ".stl"]
+
+
+def test_a_usd_that_refers_to_a_file_that_is_missing_is_not_baked(tmp_path, capsys):
+    """The importer leaves that part out."""
+    usda = tmp_path / "high.usda"
+    usda.write_text('#usda 1.0\ndef "a" (references = @none.usdc@</a>) {}\n')
+    words = ["--low-file", str(usda), "--high-file", str(usda), "--output", str(tmp_path / "m.png")]
+    assert command.run(words) == 1
+    assert capsys.readouterr().err == f"imprint: {str(usda)!r} refers to 'none.usdc', which cannot be read.\n"
+
+
 SHADED = [ending for ending in WITH_UVS if ending != ".ply"]  # PLY files have only smooth normals
 
 
