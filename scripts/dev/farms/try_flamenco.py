@@ -5,110 +5,24 @@ python3 scripts/dev/farms/try_flamenco.py FOLDER [--sets 40] [--shards 8]
 
 FOLDER has the programs flamenco-manager and flamenco-worker of Flamenco 3. The manager compiles the job type; imprint.py farm
 sends the job. In the middle of a part, a worker is killed with all that it started. The other one must do its task, no map may
-be baked twice, the merged report must have all bakes, and the manager must have a preview. This takes seven minutes: a manager
+be baked twice, the merged report must have all bakes, and the manager must have a preview. This takes six minutes: a manager
 looks for silent workers from its sixth minute on.
 """
 
 import argparse
-import json
 import os
 import shutil
-import signal
-import socket
-import subprocess
 import sys
 import tempfile
 import time
-import urllib.error
-import urllib.request
 from contextlib import ExitStack
 from pathlib import Path
 
+import flamenco_manager
 import small_sets
 
-CONFIGURATION = """_meta: {{version: 3}}
-manager_name: Test
-database: flamenco-manager.sqlite
-listen: 127.0.0.1:{port}
-autodiscoverable: false
-local_manager_storage_path: ./local
-shared_storage_path: {folder}/storage
-shaman: {{enabled: false}}
-task_timeout: 10m
-worker_timeout: {timeout}s
-blocklist_threshold: 3
-task_fail_after_softfail_count: 3
-"""
-WORKER_TIMEOUT = 20
-"""Seconds after which the manager gives the task of a silent worker to another one."""
 PATIENCE = 560.0
 """Seconds after which the job counts as hung."""
-ENDED = ("completed", "failed", "canceled")
-
-
-class Farm:
-    """A manager and its workers in a folder of their own."""
-
-    def __init__(self, programs, folder):
-        with socket.socket() as free:
-            free.bind(("127.0.0.1", 0))
-            port = free.getsockname()[1]
-        self.url = f"http://127.0.0.1:{port}"
-        self.folder, self._programs, self._running = folder, programs, {}
-        (folder / "scripts").mkdir(parents=True)
-        shutil.copy(small_sets.FARM / "flamenco" / "imprint_bake.js", folder / "scripts")
-        shutil.copy(programs / "flamenco-manager", folder)  # it looks for scripts beside itself
-        text = CONFIGURATION.format(port=port, folder=folder, timeout=WORKER_TIMEOUT)
-        (folder / "flamenco-manager.yaml").write_text(text)
-
-    def __enter__(self):
-        self._start("manager", self.folder / "flamenco-manager", self.folder)
-        for _ in range(100):
-            try:
-                self.get("version")
-                return self
-            except urllib.error.URLError:
-                time.sleep(0.1)
-        raise SystemExit(f"the manager does not answer: {(self.folder / 'manager.log').read_text()[-2000:]}")
-
-    def __exit__(self, *_):
-        for name in list(self._running):
-            self.kill(name)
-
-    def add_worker(self, name):
-        """Start a worker."""
-        home = self.folder / name
-        home.mkdir()
-        text = f"manager_url: {self.url}/\ntask_types: [blender, ffmpeg, file-management, misc]\n"
-        (home / "flamenco-worker.yaml").write_text(text)
-        self._start(name, self._programs / "flamenco-worker", home, HOME=str(home), FLAMENCO_WORKER_NAME=name)
-
-    def _start(self, name, program, home, **environment):
-        with (self.folder / f"{name}.log").open("w") as log:
-            self._running[name] = subprocess.Popen(
-                [str(program)],
-                cwd=home,
-                env={**os.environ, **environment},
-                stdout=log,
-                stderr=log,
-                start_new_session=True,
-            )
-
-    def kill(self, name):
-        """End a program with all that it started, without notice."""
-        process = self._running.pop(name)
-        os.killpg(process.pid, signal.SIGKILL)
-        process.wait()
-
-    def get(self, path):
-        """Ask the manager."""
-        with urllib.request.urlopen(f"{self.url}/api/v3/{path}") as answer:
-            return json.loads(answer.read() or b"null")
-
-    def tasks(self, job):
-        """Return the tasks of a job, by name, with their workers."""
-        listed = self.get(f"jobs/{job}/tasks")["tasks"]
-        return {task["name"]: self.get(f"tasks/{task['id']}") for task in listed}
 
 
 def worker_of(task):
@@ -130,14 +44,6 @@ def kill_one(farm, job, jobs):
     raise SystemExit("no worker could be killed while it baked")
 
 
-def wait(farm, job):
-    """Wait until the job ends. Returns its status."""
-    end = time.monotonic() + PATIENCE
-    while (status := farm.get(f"jobs/{job}")["status"]) not in ENDED and time.monotonic() < end:
-        time.sleep(0.5)
-    return status
-
-
 def faults(farm, job, status, killed, name):
     """Yield what is wrong with the farm's side of the job."""
     tasks = farm.tasks(job)
@@ -150,15 +56,6 @@ def faults(farm, job, status, killed, name):
         yield "no preview arrived"
 
 
-def submit(farm, jobs, shards):
-    """Send the job as a user does, and return its ID."""
-    command = [*small_sets.LAUNCHER, "farm", "--flamenco", farm.url, str(jobs), "--shards", str(shards)]
-    done = subprocess.run([*command, "--command", small_sets.COMMAND], stdout=subprocess.PIPE, text=True, check=False)
-    if done.returncode:
-        raise SystemExit(done.returncode)
-    return done.stdout.split()[-1].rsplit("/", 1)[-1]
-
-
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n", maxsplit=1)[0])
     parser.add_argument("programs", type=Path, metavar="FOLDER", help="with flamenco-manager and flamenco-worker")
@@ -168,16 +65,16 @@ def main():
     with ExitStack() as held:
         folder = Path(held.enter_context(tempfile.TemporaryDirectory(prefix="imprint-flamenco-"))).resolve()
         jobs = small_sets.write(folder / "batch", options.sets)
-        farm = held.enter_context(Farm(options.programs.resolve(), folder / "farm"))
+        farm = held.enter_context(flamenco_manager.Farm(options.programs.resolve(), folder / "farm"))
         kind = farm.get("jobs/type/imprint-bake")
         print(f"compiled: {kind['label']}, {len(kind['settings'])} settings")
         for name in ("first", "second"):
             farm.add_worker(name)
         since = time.monotonic()
-        job = submit(farm, jobs, options.shards)
+        job = farm.submit(jobs, options.shards)
         killed, name, before = kill_one(farm, job, jobs)
         print(f"killed: worker {killed!r} while it did {name}, with {len(before)} maps written")
-        status = wait(farm, job)
+        status = farm.wait(job, PATIENCE)
         seconds = time.monotonic() - since
         done = {each: worker_of(task) for each, task in farm.tasks(job).items()}
         print(f"{status}: {len(done)} tasks in {seconds:.0f} s; {name} was done by {done[name]!r}")

@@ -6,17 +6,17 @@
 const JOB_TYPE = {
     label: "Imprint Bake",
     settings: [
-        { key: "jobs", type: "string", subtype: "file_path", required: true, visible: "submission",
+        { key: "jobs", label: "Job File", type: "string", subtype: "file_path", required: true,
           description: "Job file with the bakes, at a path that all workers see" },
-        { key: "shards", type: "int32", default: 16, propargs: {min: 1, max: 1000}, visible: "submission",
+        { key: "shards", label: "Parts", type: "int32", default: 16, propargs: {min: 1, max: 1000},
           description: "Number of parts of about the same cost. Each part is a task" },
-        { key: "force", type: "bool", default: false, visible: "submission",
+        { key: "force", label: "Force", type: "bool", default: false,
           description: "Bake again what is already done" },
-        { key: "options", type: "string", default: "", visible: "submission",
+        { key: "options", label: "Options", type: "string", default: "",
           description: "Further options for all bakes, such as --size 4096" },
-        { key: "reports", type: "string", subtype: "dir_path", default: "", visible: "submission",
+        { key: "reports", label: "Reports", type: "string", subtype: "dir_path", default: "",
           description: "Folder for reports and logs. If it is empty, they are written beside the job file" },
-        { key: "command", type: "string", default: "{blender} --background --command imprint", visible: "submission",
+        { key: "command", label: "Command", type: "string", default: "{blender} --background --command imprint",
           description: "What starts Imprint. With a checkout: python3 /PATH/TO/scripts/imprint.py bake" },
     ]
 };
