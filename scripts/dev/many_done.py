@@ -46,7 +46,7 @@ def make(folder: Path, count: int) -> Path:
         output = plan.options.output
         entry = Entry(plan.number, plan.name, files=[{"path": output, "bytes": OUTPUT, "sha256": "", "what": MAP}])
         draft = bake_record.Draft(bake_record.path_of(plan.options), plan.name, bake_key.of(plan.options, contents))
-        bake_record.write(draft, entry.to_dict(), [], [output])
+        bake_record.write(draft, entry.to_dict(), [], [output], contents)
     return jobs
 
 
