@@ -17,6 +17,7 @@ from ..mesh.triangle_mesh import normal_matrix
 from ..passes import mesh_upload, target
 from ..passes.view import deviation, lit
 from .angle_counts import AngleCounts
+from .pictures.bake_pictures import BakePictures
 
 
 class HighNormals(Protocol):
@@ -30,11 +31,19 @@ class Deviations:
     """The angles at the centers of texels, with the map as it is read by its own basis, in 8 bits if it has 8.
 
     Texels on which Flatten draws another place of the high surface are left out. is_wanted: whether anything is measured. It
-    takes about as long as one sample.
+    takes about as long as one sample. pictures: receives them.
     """
 
-    def __init__(self, plan: Plan, highs: HighNormals, settings: Settings, *, is_wanted: bool):
-        self._plan, self._highs, self._settings = plan, highs, settings
+    def __init__(
+        self,
+        plan: Plan,
+        highs: HighNormals,
+        settings: Settings,
+        pictures: BakePictures | None = None,
+        *,
+        is_wanted: bool,
+    ):
+        self._plan, self._highs, self._settings, self._pictures = plan, highs, settings, pictures
         self._low = plan.meshes.basis or plan.meshes.low
         self._counts = AngleCounts() if is_wanted else None
         self._uploaded: gpu.types.GPUBatch | None = None
@@ -50,8 +59,11 @@ class Deviations:
             part = slice(band.start * len(elsewhere) // len(state), -(-band.stop * len(elsewhere) // len(state)))
             texels_of_band = np.ascontiguousarray(texels[rows], np.float32)
             angles = self._angles(band.without_halo, texels_of_band, elsewhere[part])
-            is_known = (state[rows] == texel_state.WRITTEN) & (angles[..., 3] > 0.0)
+            is_drawn = state[rows] == texel_state.WRITTEN
+            is_known = is_drawn & (angles[..., 3] > 0.0)
             self._counts.add(angles[is_known][:, 0])
+            if self._pictures is not None:
+                self._pictures.add_degrees(tile, band.start, angles[..., 0], is_known, is_drawn)
 
     def add_raw(self, tile: int, normals: np.ndarray) -> None:
         """Measure a tile of normals as rendering.Renderer.raw returns them."""

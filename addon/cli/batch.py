@@ -76,10 +76,16 @@ class Opened:
 
 
 def open_files(
-    plan: Plan, stage: Stage, files: run_clashes.Run, meter: Meter, hashes: Contents | None = None
+    plan: Plan,
+    stage: Stage,
+    files: run_clashes.Run,
+    meter: Meter,
+    hashes: Contents | None = None,
+    *,
+    is_pictured: bool = False,
 ) -> Opened:
     """Check what can be checked, and open what the plan names. files: must have the plan. hashes: for what is read, if a report
-    or a record wants it.
+    or a record wants it. is_pictured: whether its reports shall have pictures.
 
     Raises BakeError, or WrongPlace if the bake would harm a file.
     """
@@ -101,7 +107,7 @@ def open_files(
             jobs, problems = _jobs(options, stage)  # a bake does not depend on those before it
     for job in jobs:
         job.is_exported = bool(options.export)
-        job.is_measured = gates.DEVIATION in gates.needs(options.strict)
+        job.is_measured, job.is_pictured = gates.DEVIATION in gates.needs(options.strict), is_pictured
     lows = [file_names.ATLAS] if _share_image(options) else [job.low.name for job in jobs]
     files.opened(plan.name, options, lows, scene_files.used(options))
     notes = input_checks.check_pages(options, settings, jobs)

@@ -6,6 +6,7 @@ import sys
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
+from pathlib import Path
 
 from ..core.errors import BakeError, NoGpu, sentence
 from ..core.names.printable import printable
@@ -14,18 +15,19 @@ from .done.resuming import Resuming
 from .done.turns import Turns
 from .plan import plans, run_clashes
 from .plan.plans import Plan
-from .results import exit_codes, report_file, run_report, terminal_text
-from .results.bake_result import Done
+from .results import exit_codes, kept_files, report_file, run_report, terminal_text
+from .results.bake_result import Done, Wanted
 from .results.only import Only
 from .results.report_file import ReportFile
 from .results.run_report import Entry, State
+from .results.sheets import picture_files
+from .results.sheets.sheet_file import SheetFile
 from .starting.loading import load_blender
 from .terminal_progress import Meter
 from .trust import confinement
 from .trust.confinement import Confinement
 from .usage import arguments, run_options
 from .usage.options import STDOUT
-from .workers import logs
 from .workers.supervisor import Limits, Supervisor
 
 
@@ -62,10 +64,12 @@ class Many:
 def run(many: Many, files: run_clashes.Run, meter: Meter, *, may_start_processes: bool) -> int:
     """Do the bakes, print a table, and write the report of all. files: must have all plans. Returns the exit code.
 
-    Raises WrongPlace if no logs can be written.
+    Raises WrongPlace if no logs or pictures can be written.
     """
     options = many.options
-    logs.prepare(options.log)
+    kept_files.prepare("--log", options.log)
+    kept_files.prepare("--pictures", options.pictures)
+    wanted = Wanted(hashes=bool(options.report or options.pictures), pictures=bool(options.sheet or options.pictures))
     if files.bounds and (lacks := confinement.missing()):
         meter.report(f"{many.program}: warning: {lacks}")
     try:
@@ -77,9 +81,9 @@ def run(many: Many, files: run_clashes.Run, meter: Meter, *, may_start_processes
             if turns.count and (files.bounds or (may_start_processes and many.has_workers)):
                 rights = held.enter_context(closing(Confinement(files.bounds, options.log))) if files.bounds else None
                 supervisor = held.enter_context(Supervisor(options.workers, _limits(options), rights))
-                source = supervisor.bake_all(turns, files, meter, is_reported=bool(options.report))
+                source = supervisor.bake_all(turns, files, meter, wanted)
             elif turns.count:
-                source = _bake_here(turns, files, meter, is_reported=bool(options.report))
+                source = _bake_here(turns, files, meter, wanted)
             for done in source:
                 meter.clear()
                 turns.release(done.entry.number)
@@ -98,12 +102,12 @@ def _limits(options: argparse.Namespace) -> Limits:
     return Limits(options.timeout or seconds, options.max_memory or memory, options.log)
 
 
-def _bake_here(turns: Turns, files: run_clashes.Run, meter: Meter, *, is_reported: bool) -> Iterator[Done]:
+def _bake_here(turns: Turns, files: run_clashes.Run, meter: Meter, wanted: Wanted) -> Iterator[Done]:
     load_blender()
     with startup.spent("imprint"):
         from .workers import baker  # needs Blender
 
-    yield from baker.bake_all(turns, files, meter, is_reported=is_reported)
+    yield from baker.bake_all(turns, files, meter, wanted)
 
 
 class _Found:
@@ -116,6 +120,9 @@ class _Found:
         self._width = max((len(plan.name) for plan in many.chosen), default=0)
         self._path = report_file.path_of(self._report)
         self._file = ReportFile(self._path, many.planned, many.shard, many.only) if self._path else None
+        sheet, head = many.options.sheet, run_report.head(many.planned, many.shard, many.only)
+        self._sheet = SheetFile(Path(sheet).absolute(), head) if sheet else None
+        self._pictures = many.options.pictures
         self._entries: list[Entry] = []
         """Those for a report on standard output."""
         self._lines: list[str] = []
@@ -126,8 +133,8 @@ class _Found:
         return self
 
     def __exit__(self, *_) -> None:
-        if self._file:
-            self._file.close()
+        for file in filter(None, (self._file, self._sheet)):
+            file.close()
 
     def add(self, done: Done) -> None:
         """Tell what came of a bake, and add it to the report."""
@@ -145,10 +152,20 @@ class _Found:
         self.tally.add(entry)
         run_report.count(self._counted, entry)
         self._lines.append(terminal_text.line(entry, self._width))
+        picture = self._keep(done) if self._pictures else done.picture
+        if done.is_listed and self._sheet:
+            self._sheet.add(entry, picture)
         if done.is_listed and self._file:
             self._file.add(entry)
         elif done.is_listed and self._report:
             self._entries.append(entry)
+
+    def _keep(self, done: Done) -> bytes:
+        try:
+            return picture_files.keep(self._pictures, done)
+        except BakeError as error:
+            self._say(done.entry, f"warning: {error}")
+            return done.picture
 
     def _say(self, entry: Entry, text: str) -> None:
         print(printable(f"{self._program}: {entry.name}: {text}"), file=sys.stderr)
@@ -160,6 +177,9 @@ class _Found:
         if finished < wanted:
             print(f"{self._program}: stopped, {finished} of {wanted} were finished.", file=sys.stderr)
         print("\n".join([*self._lines, terminal_text.total(self._counted, wanted)]), file=self._out)
+        if self._sheet:
+            self._sheet.finish()
+            print(f"Wrote {self._sheet.path}", file=self._out)
         if self._file:
             self._file.finish()
             print(f"Wrote {self._path}", file=self._out)

@@ -111,6 +111,9 @@ class Report:
     """Seconds of each stage of STARTUP, counted since the report before. Empty in a bake from the window, and in all but the
     first report of pairs and frames."""
     warnings: list[str] = field(default_factory=list)
+    picture: Any = field(default=None, compare=False)
+    """An array of the map, the low mesh with it, and its deviations, (rows, columns, 3) uint8, row 0 on top. None unless it was
+    asked for, and in a report from a file."""
     version: int = VERSION
 
     @property
@@ -119,9 +122,9 @@ class Report:
         return list(dict.fromkeys([self.image, *(how["image"] for how in self.maps.values())]))
 
     def to_dict(self) -> dict:
-        """Plain data for json.dump, without references to objects of this session."""
+        """Plain data for json.dump, without references to objects of this session, and without the picture."""
         values = asdict(self)
-        del values["refs"]
+        del values["refs"], values["picture"]
         return {"version": values.pop("version"), **values}
 
     def with_warnings(self, warnings: Iterable[str]) -> "Report":

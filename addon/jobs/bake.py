@@ -10,6 +10,7 @@ import numpy as np
 from ..audit.checks import audit
 from ..audit.deviations import Deviations
 from ..audit.other_readers import OtherReaders
+from ..audit.pictures.bake_pictures import BakePictures
 from ..audit.tally import Tally
 from ..core.errors import BakeError
 from ..core.map_types import NORMAL
@@ -60,6 +61,7 @@ def _bake(
                 with timings.timed("audit"):
                     ready.others.add(tile, maps[NORMAL.name])
                     ready.deviations.add(tile, maps[NORMAL.name])
+                    ready.pictures.add(tile, maps)
                 levels = yield from part(mip_levels.of(maps, tile, Run(drawing, timings, pace)), stop, stop)
                 with timings.timed("image"):
                     outputs.add(tile, maps, levels)
@@ -83,6 +85,7 @@ class _Ready:
     renderer: Renderer
     others: OtherReaders
     deviations: Deviations
+    pictures: BakePictures
 
 
 def _prepare(context: bpy.types.Context, job: Job, settings: Settings, pace: Pace, timings: Timings) -> Task[_Ready]:
@@ -105,8 +108,11 @@ def _prepare(context: bpy.types.Context, job: Job, settings: Settings, pace: Pac
     source = yield from part(normal_source(plan, settings, timings, pace), 0.5, 1.0)
     run = Run(settings, timings, pace)
     drawn, others = maps_of_bake(meshes, source, run), OtherReaders(meshes.basis, settings)
-    deviations = Deviations(plan, drawn, settings, is_wanted=job.is_measured and settings.normal)
-    return _Ready(meshes, [*warnings, *early], plan, source, Renderer(drawn, run), others, deviations)
+    low = meshes.basis or meshes.low
+    pictures = BakePictures(low, tiles, settings, is_wanted=job.is_pictured)
+    is_wanted = (job.is_measured or job.is_pictured) and settings.normal
+    deviations = Deviations(plan, drawn, settings, pictures, is_wanted=is_wanted)
+    return _Ready(meshes, [*warnings, *early], plan, source, Renderer(drawn, run), others, deviations, pictures)
 
 
 def _audit(job: Job, settings: Settings, ready: _Ready, tally: Tally, timings: Timings) -> DrawnJob:
@@ -118,6 +124,8 @@ def _audit(job: Job, settings: Settings, ready: _Ready, tally: Tally, timings: T
         findings = audit(ready.plan, tally, settings, ray_cast)
     stopped = ready.renderer.maps.stopped / tally.written
     read = ready.others.results(tally.backwards)
+    with timings.timed("audit"):
+        picture = ready.pictures.result()
     return DrawnJob(
         job,
         settings,
@@ -130,6 +138,7 @@ def _audit(job: Job, settings: Settings, ready: _Ready, tally: Tally, timings: T
         stopped,
         read,
         ready.deviations.results(),
+        picture,
     )
 
 
@@ -153,4 +162,5 @@ def draw_raw(
             with timings.timed("audit"):
                 ready.others.add_raw(tile, maps[tile][NORMAL.name])
                 ready.deviations.add_raw(tile, maps[tile][NORMAL.name])
+                ready.pictures.add_raw(tile, maps[tile][NORMAL.name])
         return _audit(job, settings, ready, tally, timings), maps

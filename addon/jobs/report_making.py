@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 
 import gpu
+import numpy as np
 
 from ..audit import other_readers
 from ..audit.checks import Findings
@@ -29,7 +30,7 @@ from .job import Job
 @dataclass(frozen=True)
 class DrawnJob:
     """A bake whose maps are drawn and not yet stored. meshes: all that were read. ray_cast: None for Flatten. warnings: about
-    the objects, in sentences. stopped_early, readers, deviation: as in Report."""
+    the objects, in sentences. stopped_early, readers, deviation, picture: as in Report."""
 
     job: Job
     settings: Settings
@@ -42,6 +43,7 @@ class DrawnJob:
     stopped_early: float = 0.0
     readers: dict[str, dict[str, float | int]] = field(default_factory=dict)
     deviation: dict[str, float | int] = field(default_factory=dict)
+    picture: np.ndarray | None = None
 
     @property
     def labels(self) -> dict[Labeled, list[str]]:
@@ -81,6 +83,7 @@ def report_of(drawn: DrawnJob, stored: Stored, warnings: Sequence[str] = (), mar
         checks=findings.checks,
         readers=drawn.readers,
         deviation=drawn.deviation,
+        picture=drawn.picture,
         tiles=[tile for tile in plan.tiles if tile in stored.tiles],
         maps=_with_meanings(drawn, stored.maps),
         attributes=stored.attributes,

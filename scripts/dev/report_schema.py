@@ -24,7 +24,7 @@ from addon.core.conversion.conversion_report import ConversionReport  # noqa: E4
 from addon.core.report import Report  # noqa: E402
 
 PATH = ROOT / "docs" / "report.schema.json"
-LEFT_OUT = {Report: {"refs"}}
+LEFT_OUT = {Report: {"refs", "picture"}}
 """Fields that are not in the report."""
 FILE = {
     "type": "object",

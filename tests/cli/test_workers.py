@@ -19,7 +19,7 @@ from addon.cli import command
 from addon.cli.done.turns import Turns
 from addon.cli.plan import plans, run_clashes
 from addon.cli.results import exit_codes
-from addon.cli.results.bake_result import Done
+from addon.cli.results.bake_result import Done, Wanted
 from addon.cli.results.run_report import Entry
 from addon.cli.terminal_progress import Meter
 from addon.cli.usage import job_file
@@ -140,7 +140,7 @@ def test_the_next_bake_begins_before_the_result_of_the_last_one_is_used(folder):
     files, turns = run_clashes.Run(), Turns(planned)
     assert files.add([(plan.name, plan.options) for plan in planned], "j.json", None, []) == []
     with Meter(io.StringIO()) as meter, supervisor.Supervisor(1, supervisor.Limits()) as started:
-        results = started.bake_all(turns, files, meter, is_reported=False)
+        results = started.bake_all(turns, files, meter, Wanted())
         assert [(done.entry.state, turns.count) for done in results] == [("done", left) for left in (2, 1, 0, 0)]
 
 

@@ -7,16 +7,18 @@ import os
 import shutil
 import subprocess
 
+import numpy as np
 import pytest
 
-from addon.cli.results import result_sheet
+from addon.cli.results.sheets import result_sheet
+from addon.output.writers import png_writer
 from scripts.dev.in_engines.chromium import CHROMIUMS
 from tests.support import reports
 
 CHROMIUM = next(filter(None, map(shutil.which, CHROMIUMS)), None)
 
 STEPS = """
-<script>
+<script type="module">
 const shown = () => [...document.querySelectorAll("tbody tr")].filter(row => !row.hidden).map(row => row.cells[0].textContent);
 const heads = [...document.querySelectorAll("th button")], out = {start: shown(), title: document.title};
 const press = name => heads.find(head => head.textContent === name).click();
@@ -33,6 +35,10 @@ const set = (id, value) => {
 set("state", "gate"); out.gate = shown();
 set("state", ""); set("text", "ONERROR"); out.text = shown();
 out.count = document.getElementById("count").textContent;
+const images = [...document.images];
+out.images = await Promise.all(images.map(each => each.decode().then(() => [each.naturalWidth, each.naturalHeight])));
+images[0].click(); out.large = images[0].getBoundingClientRect().width;
+images[0].click(); out.small = images[0].getBoundingClientRect().width;
 document.body.textContent = "RESULT" + JSON.stringify(out) + "END";
 </script>
 """
@@ -40,9 +46,12 @@ document.body.textContent = "RESULT" + JSON.stringify(out) + "END";
 
 @pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
 def test_a_browser_sorts_and_filters(tmp_path):
+    report = reports.of_three()
+    pictures = [png_writer.small(np.full((2, width, 3), 99, np.uint8)) for width in (600, 500, 400)]
+    rows = map(result_sheet.row, report["bakes"], pictures)
     page = tmp_path / "sheet.html"
     page.write_text(
-        "".join(result_sheet.page(reports.of_three(), "r.json")).replace("</body>", STEPS + "</body>"), encoding="utf-8"
+        "".join(result_sheet.page(report, "r.json", rows)).replace("</body>", STEPS + "</body>"), encoding="utf-8"
     )
     options = ["--headless", "--no-first-run", "--disable-gpu", "--dump-dom", f"--user-data-dir={tmp_path / 'profile'}"]
     options += ["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []
@@ -59,4 +68,7 @@ def test_a_browser_sorts_and_filters(tmp_path):
         "gate": ["3"],
         "text": ["1", "2"],
         "count": "2 of 3",
+        "images": [[600, 2], [500, 2], [400, 2]],
+        "large": 600,
+        "small": 252,
     }

@@ -48,6 +48,7 @@ WITHOUT = {
 """The modules of Blender that each package must not import."""
 WITHOUT_BLENDER = (
     *("addon/cli/done", "addon/cli/farms", "addon/cli/plan", "addon/cli/results", "addon/cli/trust", "addon/cli/usage"),
+    "addon/cli/results/sheets",
     "addon/output/files",
 )
 """Folders whose modules need no Blender, although others of their package do. They import only what needs none."""

@@ -1,11 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Tests of the page of a report: what it says, and that names are text."""
 
+import base64
 import html.parser
 import json
 
+import pytest
+
 from addon.cli import command
-from addon.cli.results import result_sheet
+from addon.cli.results import run_report
+from addon.cli.results.bake_result import Done
+from addon.cli.results.run_report import Entry
+from addon.cli.results.sheets import picture_files, result_sheet
+from addon.cli.results.sheets.sheet_file import SheetFile
+from addon.core.errors import BakeError
 from tests.support import reports
 
 
@@ -15,9 +23,11 @@ class Reader(html.parser.HTMLParser):
     def __init__(self):
         super().__init__()
         self.rows, self.tags, self.is_in_cell = [], [], False
+        self.images = []
 
     def handle_starttag(self, tag, attrs):
         self.tags.append(tag)
+        self.images += [dict(attrs)] if tag == "img" else []
         if tag == "tr":
             self.rows.append([])
         elif tag in {"td", "th"}:
@@ -38,17 +48,21 @@ def read(text):
     return reader
 
 
+def whole(report, title="r.json", picture=b""):
+    return "".join(result_sheet.page(report, title, (result_sheet.row(entry, picture) for entry in report["bakes"])))
+
+
 def test_a_row_has_the_figures_of_its_bake():
-    head, first, second, third = read("".join(result_sheet.page(reports.of_three(), "r.json"))).rows
+    head, first, second, third = read(whole(reports.of_three())).rows
     assert tuple(head) == result_sheet.COLUMNS
-    assert first[:2] + first[3:8] == ["1", "done", "50", "", "0", "2.25", "2.00"]
+    assert first[:2] + first[3:9] == ["1", "done", "", "50", "", "0", "2.25", "2.00"]
     assert second[:3] == ["2", "failed", "a"]
-    assert second[3:7] == ["", "", "", ""]
+    assert second[3:8] == ["", "", "", "", ""]
     assert third[-1] == "missed is 50 %."
 
 
 def test_names_with_quotes_and_tags_are_text():
-    found = read("".join(result_sheet.page(reports.of_three(), reports.EVIL)))
+    found = read(whole(reports.of_three(), reports.EVIL))
     assert found.tags.count("script") == 1
     assert "img" not in found.tags
     assert found.rows[1][2] == f"b {reports.EVIL}"
@@ -64,3 +78,57 @@ def test_the_command_writes_the_page(tmp_path):
     both = tmp_path / "all.json"
     assert command.run(["report", "--sheet", str(sheet), "--merge", str(both), str(path)]) == 1
     assert both.is_file()
+
+
+def test_a_picture_is_in_the_page_and_its_name_is_text():
+    found = read(whole(reports.of_three(), picture=b"\x89PNG"))
+    assert [each["alt"].rpartition(":")[0] for each in found.images] == [f"b {reports.EVIL}", "a", "c"]
+    assert {each["src"] for each in found.images} == {"data:image/png;base64," + base64.b64encode(b"\x89PNG").decode()}
+    assert found.tags.count("img") == 3
+
+
+def test_rows_are_in_the_order_of_the_job_file(tmp_path):
+    sheet = SheetFile(tmp_path / "s.html", run_report.head(3))
+    for number in (3, 1, 2):
+        sheet.add(Entry(number, f"n{number}"), b"p" * number)
+    assert not (tmp_path / "s.html").exists()
+    sheet.finish()
+    assert [row[2] for row in read((tmp_path / "s.html").read_text(encoding="utf-8")).rows[1:]] == ["n1", "n2", "n3"]
+    assert "3 planned: 3 done" in (tmp_path / "s.html").read_text(encoding="utf-8")
+    assert [path.name for path in tmp_path.iterdir()] == ["s.html"]
+
+
+def test_a_page_that_cannot_be_written_is_an_error(tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(BakeError, match="file"):
+        SheetFile(tmp_path / "file" / "s.html", run_report.head(1))
+
+
+def done(picture=b"", sha256="0" * 64):
+    return Done(
+        Entry(1, "set 1 (a/b)", files=[{"path": "m.png", "bytes": 1, "sha256": sha256, "what": "map"}]), picture=picture
+    )
+
+
+def test_a_picture_is_found_again_for_the_same_map(tmp_path):
+    first, again, other = done(b"picture"), done(), done(sha256="1" * 64)
+    assert picture_files.keep(str(tmp_path), first) == b"picture"
+    assert picture_files.keep(str(tmp_path), again) == b"picture"
+    assert picture_files.keep(str(tmp_path), other) == b""
+    (path,) = tmp_path.iterdir()
+    assert path.name.startswith("set_1_a_b_")
+    assert [each.entry.picture for each in (first, again, other)] == [str(path), str(path), ""]
+
+
+def test_a_bake_that_wrote_nothing_has_no_picture(tmp_path):
+    assert picture_files.keep(str(tmp_path), Done(Entry(1, "a"))) == b""
+
+
+def test_the_command_takes_the_pictures_that_a_run_kept(tmp_path):
+    report = reports.of_three()
+    (tmp_path / "p.png").write_bytes(b"picture")
+    report["bakes"][0]["picture"], report["bakes"][1]["picture"] = str(tmp_path / "p.png"), str(tmp_path / "gone.png")
+    (tmp_path / "r.json").write_text(json.dumps(report), encoding="utf-8")
+    assert command.run(["report", "--sheet", str(tmp_path / "s.html"), str(tmp_path / "r.json")]) == 1
+    (image,) = read((tmp_path / "s.html").read_text(encoding="utf-8")).images
+    assert image["src"] == "data:image/png;base64," + base64.b64encode(b"picture").decode()

@@ -14,9 +14,10 @@ from .run_clashes import Run
 
 
 def are_many(options: argparse.Namespace) -> bool:
-    """Whether the bakes of a call are done as those of a job file are: several, or a single one with a record, or one in a
-    process of its own."""
-    return arguments.are_many(options) or run_options.has_records(options) or run_options.needs_worker(options)
+    """Whether the bakes of a call are done as those of a job file are: several, or a single one with a record, with a page of
+    results, or in a process of its own."""
+    asks = run_options.has_records, run_options.wants_pictures, run_options.needs_worker
+    return arguments.are_many(options) or any(ask(options) for ask in asks)
 
 
 def _of_record(options: argparse.Namespace) -> Iterator[tuple[str, str]]:
@@ -51,5 +52,6 @@ def plan(
         options.jobs,
         options.report if are_many(options) else None,
         [own.pairs for own in sets if arguments.is_folder(own)],
+        options.sheet,
     )
     return planned, warnings, files, found

@@ -47,13 +47,15 @@ class Run:
         jobs: str | None = None,
         report: str | None = None,
         folders: Iterable[str] = (),
+        sheet: str | None = None,
     ) -> list[str]:
         """Add the bakes to do. Returns a sentence for each bake that would overwrite a file, or lose one.
 
         bakes: unique names and options. jobs: the job file. report: the report of all bakes. folders: of mesh files.
+        sheet: the page of results.
         """
         with unsearched(), self.places.many(self._inputs.identity):
-            return self._add(bakes, jobs, report, folders)
+            return self._add(bakes, jobs, report, folders, sheet)
 
     def _add(
         self,
@@ -61,6 +63,7 @@ class Run:
         jobs: str | None,
         report: str | None,
         folders: Iterable[str],
+        sheet: str | None,
     ) -> list[str]:
         problems = []
 
@@ -86,6 +89,8 @@ class Run:
         if report and report != STDOUT:
             check("", self.places.write, report, "the report of all")
             check("", self.places.write, report + LINES, "the report of all while they go on")
+        if sheet:
+            check("", self.places.write, sheet, "the page of results")
         return problems
 
     def outputs(self, name: str, options: argparse.Namespace) -> list[str]:

@@ -92,17 +92,27 @@ class Result:
 
 
 @dataclass(frozen=True)
+class Wanted:
+    """What a run wants of its bakes. hashes: of all files, for a report. pictures: for a page of results."""
+
+    hashes: bool = False
+    pictures: bool = False
+
+
+@dataclass(frozen=True)
 class Done:
-    """A bake that has ended. warnings: those to print now. is_listed: whether the report has its entry."""
+    """A bake that has ended. warnings: those to print now. is_listed: whether the report has its entry. picture: a PNG file of
+    its map, its low mesh with the map, and its deviations; empty if it has none."""
 
     entry: Entry
     warnings: list[str] = field(default_factory=list)
     is_listed: bool = True
+    picture: bytes = b""
 
     @classmethod
-    def of(cls, result: Result, number: int) -> "Done":
+    def of(cls, result: Result, number: int, picture: bytes = b"") -> "Done":
         """From the result of a bake in this process."""
-        return cls(result.entry(number), result.unsaid, result.is_listed)
+        return cls(result.entry(number), result.unsaid, result.is_listed, picture)
 
     @classmethod
     def resumed(cls, plan: Plan, entry: dict[str, Any]) -> "Done":

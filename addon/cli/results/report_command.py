@@ -8,12 +8,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ...core.errors import BakeError, sentence
-from ...output.files.atomic_file import replacing
 from ..usage import option_types
 from ..usage.arguments import Parser, WrongUsage
 from ..usage.options import STDOUT, CommandOption
-from . import only, report_file, report_merge, result_sheet, terminal_text
+from . import only, report_file, report_merge, terminal_text
 from .exit_codes import WRONG_USAGE
+from .sheets import picture_files, result_sheet, sheet_file
 
 REPORT_OPTIONS: dict[str, CommandOption] = {
     "merge": CommandOption(
@@ -22,7 +22,7 @@ REPORT_OPTIONS: dict[str, CommandOption] = {
         "none",
     ),
     "sheet": CommandOption(
-        "Write a page for a browser, with a row for each bake",
+        "Write a page for a browser, with a row for each bake, and its picture if --pictures kept it",
         {"type": option_types.path, "metavar": "OUT.html"},
         "none",
     ),
@@ -79,6 +79,7 @@ def _write(options: argparse.Namespace, merged: report_merge.Merged) -> None:
     elif options.merge:
         report_file.write(Path(os.path.abspath(options.merge)), merged.document)
     if options.sheet:
-        with replacing(Path(os.path.abspath(options.sheet))) as partial, partial.open("w", encoding="utf-8") as file:
-            file.writelines(result_sheet.page(merged.document, Path(options.sheet).stem))
+        bakes = merged.document["bakes"]
+        rows = (result_sheet.row(entry, picture_files.read(entry["picture"])) for entry in bakes)
+        sheet_file.write(Path(os.path.abspath(options.sheet)), merged.document, rows)
     print(terminal_text.total(merged.document["summary"], merged.wanted), file=out)

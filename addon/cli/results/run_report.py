@@ -69,6 +69,8 @@ class Entry:
     """What is wrong with names, in sentences."""
     log: str = ""
     """The file with all that its process printed; empty if none was kept."""
+    picture: str = ""
+    """The file with its picture: the map, the low mesh with it, and its deviations; empty if none was kept."""
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> "Entry":

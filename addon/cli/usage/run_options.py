@@ -56,6 +56,17 @@ RUN_OPTIONS: dict[str, CommandOption] = {
         {"type": option_types.path, "metavar": "DIR"},
         "none",
     ),
+    "sheet": CommandOption(
+        "Write a page for a browser, with a row and a picture for each bake",
+        {"type": option_types.path, "metavar": "OUT.html"},
+        "none",
+    ),
+    "pictures": CommandOption(
+        "Folder for a picture of each bake, with its map, the low mesh with it, and its deviations, for pages that are "
+        "written later",
+        {"type": option_types.path, "metavar": "DIR"},
+        "none",
+    ),
     "untrusted": CommandOption(
         "Bake files of other people: only the input folder is read, only the output folder is written, in a process with few "
         "rights and limits of time and memory",
@@ -111,6 +122,11 @@ def mistakes(options: argparse.Namespace, are_many: bool) -> Iterator[str]:
 def has_records(options: argparse.Namespace) -> bool:
     """Whether the options ask for records of the bakes."""
     return any(vars(options)[name] for name in OF_RECORDS)
+
+
+def wants_pictures(options: argparse.Namespace) -> bool:
+    """Whether bakes have pictures."""
+    return bool(options.sheet or options.pictures)
 
 
 def needs_worker(options: argparse.Namespace) -> bool:

@@ -4,7 +4,10 @@
 import time
 from collections.abc import Iterator, Sequence
 
+import numpy as np
+
 from ...core.errors import BakeError
+from ...output.writers import png_writer
 from .. import batch, interruption
 from ..done import recording
 from ..done.bake_record import Draft
@@ -13,13 +16,15 @@ from ..done.turns import Resumed, Turns
 from ..plan import run_clashes
 from ..plan.plans import Plan
 from ..results import bake_result
-from ..results.bake_result import Done, Result
+from ..results.bake_result import Done, Result, Wanted
 from ..results.run_report import State
 from ..scene_files import Stage
 from ..starting import lean_blender
 from ..terminal_progress import Meter
 from .chains import Chains
 
+MOST_PICTURES = 4
+"""Pairs or frames of a bake that have pictures."""
 WAIT = 0.1
 """Seconds after which signals are checked again, while other processes do all bakes that are left."""
 
@@ -28,24 +33,23 @@ class Baker:
     """Bakes one plan after the other in this process. A bake that fails does not stop the others."""
 
     def __init__(
-        self, files: run_clashes.Run, meter: Meter, *, needs_all: bool, is_reported: bool, folders: Sequence[str] = ()
+        self, files: run_clashes.Run, meter: Meter, wanted: Wanted, *, needs_all: bool, folders: Sequence[str] = ()
     ):
-        """files: must have all plans. needs_all: as batch.need_all says of all. is_reported: whether there is a report.
-
-        folders: as in Stage.
-        """
+        """files: must have all plans. needs_all: as batch.need_all says of all. folders: as in Stage."""
         self._files, self._meter, self._folders, self._stage = files, meter, folders, Stage(folders)
-        self._is_reported, self._contents = is_reported, Contents()
+        self._wanted, self._contents = wanted, Contents()
         if needs_all:
             lean_blender.complete()  # before a file is opened: Cycles brings its settings in old files up to date
 
     def bake(self, plan: Plan, draft: Draft | None = None) -> Done:
         """Bake a plan. draft: of the record to write."""
         start, found = time.perf_counter(), []
-        hashes = self._contents if self._is_reported or draft is not None else None
+        hashes = self._contents if self._wanted.hashes or draft is not None else None
         try:
             interruption.check()
-            opened = batch.open_files(plan, self._stage, self._files, self._meter, hashes)
+            opened = batch.open_files(
+                plan, self._stage, self._files, self._meter, hashes, is_pictured=self._wanted.pictures
+            )
             found = opened.found
             result = batch.run(opened, self._stage, self._files, self._meter)
         except interruption.Stopped:
@@ -55,13 +59,19 @@ class Baker:
             self._stage = Stage(self._folders)  # the failed bake may have changed the open scene
         result.seconds = time.perf_counter() - start
         self._meter.clear()
-        return recording.finish(draft, Done.of(result, plan.number), found, self._contents)
+        return recording.finish(draft, Done.of(result, plan.number, _picture(result)), found, self._contents)
 
 
-def bake_all(turns: Turns, files: run_clashes.Run, meter: Meter, *, is_reported: bool) -> Iterator[Done]:
-    """Do all that is left of `turns`. The last result may be of a bake that was stopped. files, is_reported: as in Baker."""
+def _picture(result: Result) -> bytes:
+    """The pictures of the first few reports, one above the other, as a PNG file; empty if there are none."""
+    found = [report.picture for report in result.reports if report.picture is not None][:MOST_PICTURES]
+    return png_writer.small(np.concatenate(found)) if found else b""
+
+
+def bake_all(turns: Turns, files: run_clashes.Run, meter: Meter, wanted: Wanted) -> Iterator[Done]:
+    """Do all that is left of `turns`. The last result may be of a bake that was stopped. files: as in Baker."""
     count, place, chains = turns.count, 0, Chains()
-    baker = Baker(files, meter, needs_all=batch.need_all([turn.plan for turn in turns.left]), is_reported=is_reported)
+    baker = Baker(files, meter, wanted, needs_all=batch.need_all([turn.plan for turn in turns.left]))
     while turns.count:
         turn = turns.next()
         if turn is None:

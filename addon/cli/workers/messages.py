@@ -13,7 +13,7 @@ from typing import Any
 
 from ..done.bake_record import Draft
 from ..plan.plans import Plan
-from ..results.bake_result import Done
+from ..results.bake_result import Done, Wanted
 from ..results.run_report import Cause, Entry, State
 
 
@@ -25,8 +25,7 @@ class Assignment:
     plan: Plan
     needs_all: bool
     """As batch.need_all says of all plans of the call."""
-    is_reported: bool
-    """Whether the run has a report."""
+    wanted: Wanted
     log: str = ""
     draft: Draft | None = None
     folders: tuple[str, ...] = ()

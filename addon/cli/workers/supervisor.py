@@ -16,7 +16,7 @@ from .. import interruption
 from ..done.turns import Resumed, ToDo, Turns
 from ..plan import run_clashes
 from ..plan.plans import Plan
-from ..results.bake_result import Done
+from ..results.bake_result import Done, Wanted
 from ..results.run_report import Cause, Entry, State
 from ..terminal_progress import Meter
 from ..trust.confinement import Confinement
@@ -110,9 +110,8 @@ class Supervisor:
         for worker in self._workers:
             worker.process.kill(max(0.0, deadline - time.monotonic()))
 
-    def bake_all(self, turns: Turns, files: run_clashes.Run, meter: Meter, *, is_reported: bool) -> Iterator[Done]:
-        """Do all that is left of `turns`, in their order as workers are free. files: must have all plans. is_reported: whether
-        there is a report.
+    def bake_all(self, turns: Turns, files: run_clashes.Run, meter: Meter, wanted: Wanted) -> Iterator[Done]:
+        """Do all that is left of `turns`, in their order as workers are free. files: must have all plans.
 
         After a signal, bakes that have begun are asked to stop; the last results may be of such. Raises NoGpu if Blender does
         not start.
@@ -152,7 +151,7 @@ class Supervisor:
                     ended.append(Done.of(refusal, turn.plan.number))
                     continue
                 meter.begin(turn.plan, f"{begun}/{count} ")
-                worker.begin(self._assignment(turn, needs_all, is_reported))
+                worker.begin(self._assignment(turn, needs_all, wanted))
             while ended:
                 yield ended.pop(0)
             try:
@@ -163,10 +162,10 @@ class Supervisor:
                 raise
         yield from ended
 
-    def _assignment(self, turn: ToDo, needs_all: bool, is_reported: bool) -> Assignment:
+    def _assignment(self, turn: ToDo, needs_all: bool, wanted: Wanted) -> Assignment:
         folders = self._confinement.folders if self._confinement else ()
         log = logs.path_of(self._limits.log, turn.plan)
-        return Assignment(turn.plan, needs_all, is_reported, log, turn.draft, folders)
+        return Assignment(turn.plan, needs_all, wanted, log, turn.draft, folders)
 
     def _fill(self, wanted: int) -> None:
         while len(self._workers) < wanted:

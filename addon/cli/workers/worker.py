@@ -79,8 +79,8 @@ def run() -> int:
             if assigned.folders:
                 outside_files.forbid_scripts()
             files = _Files(parent)
-            of_run = {"needs_all": assigned.needs_all, "is_reported": assigned.is_reported, "folders": assigned.folders}
-            baker = baker or Baker(files, _Meter(parent), **of_run)
+            of_run = {"needs_all": assigned.needs_all, "folders": assigned.folders}
+            baker = baker or Baker(files, _Meter(parent), assigned.wanted, **of_run)
             done = baker.bake(assigned.plan, assigned.draft)
             standard_streams.flush()
             parent.send(plain(replace(done, warnings=[*done.warnings, problem]) if problem else done))

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Writes PNG files (W3C Portable Network Graphics Specification, second edition) of 8 or 16 bits."""
 
+import io
 import struct
 import zlib
 from collections.abc import Iterator
@@ -13,6 +14,8 @@ from .content import Content, for_rows, pieces, top_first
 from .deflating import HEADER, Deflated, Search, choose, deflate, joined
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
+SUB = 1
+"""The filter of small pictures: the byte to the left."""
 PAETH = 4
 """The filter of all rows: the nearest of the bytes to the left, above, and above left to their plane."""
 SEARCHES = {8: Search(level=2, gain=0.96), 16: Search(level=1, gain=0.96)}
@@ -58,6 +61,22 @@ def content(texels: np.ndarray, depth: int, *, has_alpha: bool) -> Content:
         _write_chunk(file, b"IEND", b"")
 
     return Content([lambda where=where: part(where) for where in slices], write)
+
+
+def small(pixels: np.ndarray) -> bytes:
+    """A file of `pixels` (height, width, 3) uint8 with row 0 on top, for pictures of which there are many."""
+    height, width, _ = pixels.shape
+    left = np.zeros_like(pixels)
+    left[:, 1:] = pixels[:, :-1]
+    rows = np.empty((height, 1 + 3 * width), np.uint8)
+    rows[:, 0] = SUB
+    rows[:, 1:] = (pixels - left).reshape(height, -1)
+    file = io.BytesIO()
+    file.write(SIGNATURE)
+    head = struct.pack(">2I5B", width, height, 8, 2, 0, 0, 0)
+    for name, data in ((b"IHDR", head), (b"IDAT", zlib.compress(rows, 9)), (b"IEND", b"")):
+        _write_chunk(file, name, data)
+    return file.getvalue()
 
 
 def _write_chunk(file: BinaryIO, name: bytes, data: bytes, checksum: int | None = None) -> None:

@@ -147,11 +147,11 @@ class Finder:
             load(module)
             open_files = module.open_files
 
-            def sabotaged(plan, *more):
+            def sabotaged(plan, *more, **named):
                 for word, deed in DEEDS.items():
                     if word in Path(plan.options.low_file or "").stem:
                         deed()
-                return open_files(plan, *more)
+                return open_files(plan, *more, **named)
 
             module.open_files = sabotaged
 

@@ -1,18 +1,20 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A report as one page of HTML: a row a bake, sorted and filtered in the browser, without a server or other files."""
+"""A report as one page of HTML: a row a bake with its picture, sorted and filtered in the browser, without other files."""
 
+import base64
 import html
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-from .run_report import State
+from ..run_report import State
 
 COLUMNS = (
     "Number",
     "State",
     "Name",
+    "Map, low with map, deviation",
     "Missed %",
     "Unsure %",
     "Overlap %",
@@ -34,6 +36,8 @@ th[aria-sort=ascending] button::after { content: " \\25B2"; }
 th[aria-sort=descending] button::after { content: " \\25BC"; }
 tr[data-state=failed] td:nth-child(2), tr[data-state=stopped] td:nth-child(2) { color: #d33; }
 tr[data-state=gate] td:nth-child(2) { color: #c70; }
+td img { width: 18rem; max-width: 40vw; cursor: zoom-in; }
+td img.large { width: auto; max-width: 90vw; cursor: zoom-out; }
 """
 _SCRIPT = """
 const body = document.querySelector("tbody"), rows = [...body.rows];
@@ -63,14 +67,17 @@ for (const head of document.querySelectorAll("th")) {
     body.append(...rows);
   });
 }
+body.addEventListener("click", event => {
+  if (event.target.tagName === "IMG") event.target.classList.toggle("large");
+});
 text.addEventListener("input", filter);
 state.addEventListener("input", filter);
 filter();
 """
 
 
-def page(report: dict[str, Any], title: str) -> Iterator[str]:
-    """The page in parts. report: as run_report.document returns it."""
+def page(report: dict[str, Any], title: str, rows: Iterable[str]) -> Iterator[str]:
+    """The page in parts. report: as run_report.document returns it; its bakes may be left out. rows: from `row`."""
     states = "".join(f"<option>{state}</option>" for state in State)
     summary = ", ".join(f"{count} {name}" for name, count in report["summary"].items() if name != "seconds" and count)
     about = (
@@ -85,12 +92,12 @@ def page(report: dict[str, Any], title: str) -> Iterator[str]:
 <table><thead><tr>"""
     yield "".join(f'<th><button type="button">{name}</button></th>' for name in COLUMNS)
     yield "</tr></thead><tbody>\n"
-    for entry in report["bakes"]:
-        yield _row(entry) + "\n"
+    yield from rows
     yield f"</tbody></table><script>{_SCRIPT}</script></body></html>\n"
 
 
-def _row(entry: dict[str, Any]) -> str:
+def row(entry: dict[str, Any], picture: bytes) -> str:
+    """The row of a bake. entry: as Entry.to_dict returns it. picture: a PNG file, or nothing."""
     reports = entry["reports"]
     figures = [
         _worst(100.0 * each["missed"] for each in reports if "missed" in each),
@@ -106,12 +113,20 @@ def _row(entry: dict[str, Any]) -> str:
         _number(entry["number"], "d"),
         f"<td>{html.escape(entry['state'])}</td>",
         f"<td>{html.escape(entry['name'])}</td>",
+        f"<td>{_image(picture, entry['name'])}</td>",
         *(_number(figure, ".3g") for figure in figures[:4]),
         _number(figures[4], ".2f"),
         f"<td>{'<br>'.join(map(_link, maps))}</td>",
         f"<td>{'<br>'.join(map(html.escape, filter(None, messages)))}</td>",
     ]
-    return f'<tr data-state="{html.escape(entry["state"])}">{"".join(cells)}</tr>'
+    return f'<tr data-state="{html.escape(entry["state"])}">{"".join(cells)}</tr>\n'
+
+
+def _image(picture: bytes, name: str) -> str:
+    if not picture:
+        return ""
+    data = base64.b64encode(picture).decode()
+    return f'<img src="data:image/png;base64,{data}" alt="{html.escape(name)}: map, low with map, deviation">'
 
 
 def _worst(values: Iterator[float]) -> float | None:

@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tests the pages that runs write, with real bakes: each bake has its picture, wherever it was done and when."""
+
+import base64
+import io
+import json
+import re
+
+import bpy
+import numpy as np
+import pytest
+from PIL import Image
+
+from addon.audit.pictures.bake_pictures import SIDE
+from addon.cli import command
+from tests.support import reports, zoo
+
+COUNT = 3
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """The working folder, with a job file of COUNT bakes of other slopes, and one that fails."""
+    monkeypatch.chdir(tmp_path)
+    for name, slope in (("low", 0.0), *((f"high{number}", 0.2 * number) for number in range(COUNT))):
+        zoo.plane(name, slope=slope)
+        bpy.ops.wm.obj_export(filepath=str(tmp_path / f"{name}.obj"), export_selected_objects=False)
+        bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    sets = [
+        {"low-file": "low.obj", "high-file": f"high{number}.obj", "output": f"m{number}.png"} for number in range(COUNT)
+    ]
+    sets.append({"low-file": "none.obj", "high-file": "low.obj", "output": "none.png"})
+    (tmp_path / "j.json").write_text(json.dumps({"defaults": {"size": 32, "limit": 9}, "bake": sets}))
+    return tmp_path
+
+
+def run(*words, is_apart=False):
+    return command.run(list(words), may_start_processes=is_apart)
+
+
+def images(page):
+    """The PNG files in a page, by the names of the bakes."""
+    found = re.findall(r'src="data:image/png;base64,([^"]*)" alt="([^"]*): map', page.read_text(encoding="utf-8"))
+    return {name: base64.b64decode(data) for data, name in found}
+
+
+def test_each_bake_has_its_picture_also_from_another_process(folder):
+    assert run("--jobs", "j.json", "--sheet", "here.html", "--workers", "0") == 1
+    assert run("--jobs", "j.json", "--sheet", "apart.html", "--workers", "2", is_apart=True) == 1
+    here = images(folder / "here.html")
+    assert list(here) == [f"set {number + 1} (low)" for number in range(COUNT)]
+    assert images(folder / "apart.html") == here
+    shown = [np.array(Image.open(io.BytesIO(data))) for data in here.values()]
+    assert [each.shape for each in shown] == [(SIDE, 3 * SIDE, 3)] * COUNT
+    middle = [each[SIDE // 2, SIDE // 2].tolist() for each in shown]
+    assert middle[0][2] == 255 and middle[0][0] == 128
+    assert middle[0][0] > middle[1][0] > middle[2][0]  # the highs lean to the left
+    assert not list(folder.glob("*.lines")) and sorted(path.suffix for path in folder.glob("m*")) == [".png"] * COUNT
+
+
+def test_a_later_run_finds_the_pictures_of_bakes_that_are_done(folder):
+    words = "--jobs", "j.json", "--pictures", "pictures", "--report", "r.json"
+    assert run(*words, "--resume") == 1
+    assert len(list((folder / "pictures").iterdir())) == COUNT
+    paths = [each["picture"] for each in reports.bakes(folder / "r.json")]
+    assert [bool(path) for path in paths] == [True] * COUNT + [False]
+    (folder / "m1.png").unlink()
+    assert run(*words, "--resume", "--sheet", "s.html") == 1
+    found = sorted(reports.bakes(folder / "r.json"), key=lambda each: each["number"])
+    assert [each["state"] for each in found] == ["resumed", "done", "resumed", "failed"]
+    assert [each["picture"] for each in found] == paths
+    assert len(images(folder / "s.html")) == COUNT
+    assert run("report", "--sheet", "again.html", "r.json") == 1
+    assert images(folder / "again.html") == images(folder / "s.html")
+
+
+def test_a_single_bake_has_a_page(folder):
+    words = "--low-file", "low.obj", "--high-file", "high1.obj", "--output", "one.png", "--size", "32", "--limit", "9"
+    assert run(*words, "--sheet", "s.html", "--report", "r.json") == 0
+    assert list(images(folder / "s.html")) == ["low"]
+    assert reports.bake(folder / "r.json")["picture"] == ""
+
+
+def test_untrusted_bakes_have_pictures(folder):
+    assert run("--jobs", "j.json", "--untrusted", "--pictures", "../pictures", "--only", "set 2*") == 2
+    words = (
+        "--low-file",
+        "low.obj",
+        "--high-file",
+        "high1.obj",
+        "--output",
+        "out/one.png",
+        "--size",
+        "32",
+        "--limit",
+        "9",
+    )
+    assert run(*words, "--untrusted", "--sheet", "s.html", is_apart=True) == 0
+    assert len(images(folder / "s.html")) == 1
+
+
+def test_a_page_does_not_replace_what_is_read(folder, capsys):
+    before = (folder / "high1.obj").read_bytes()
+    assert run("--jobs", "j.json", "--sheet", "high1.obj") == 2
+    assert (folder / "high1.obj").read_bytes() == before
+    assert "The page of results would overwrite" in capsys.readouterr().err
+
+
+def test_a_folder_that_cannot_be_made_is_an_error_before_the_bakes(folder, capsys):
+    (folder / "file").touch()
+    assert run("--jobs", "j.json", "--pictures", "file/pictures") == 2
+    assert "--pictures: no files can be written to 'file/pictures'" in capsys.readouterr().err
+    assert not list(folder.glob("m*.png"))
+
+
+def test_a_run_without_a_page_measures_no_deviations(folder):
+    assert run("--jobs", "j.json", "--report", "r.json") == 1
+    assert [each["reports"][0]["deviation"] for each in reports.bakes(folder / "r.json")[:COUNT]] == [{}] * COUNT
