@@ -10,8 +10,11 @@ import sys
 
 import pytest
 
-from addon.cli.results import exit_codes
+from addon.cli import command
+from addon.cli.farms import farm_command
+from addon.cli.results import exit_codes, report_command
 from addon.cli.usage import arguments
+from addon.farms import flamenco
 from scripts import imprint
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="the scripts are for Linux and macOS")
@@ -22,6 +25,8 @@ with open(os.environ["NOTED"], "a") as file:
     print(json.dumps(sys.argv[1:]), file=file)
 sys.exit(int(os.environ.get("CODE", 0)))
 """
+MANIFEST = (FARM / "kubernetes" / "bake_job.yaml").read_text(encoding="utf-8")
+DOCKERFILE = (FARM / "container" / "Dockerfile").read_text(encoding="utf-8")
 JOBS = "/a folder/jobs.toml"
 REPORTS = "/a folder/jobs-reports"
 
@@ -51,10 +56,19 @@ def check_shard(words, shard, shards, *, jobs=JOBS, reports=REPORTS, is_forced=F
     assert arguments.parse(rest).size == (size or arguments.parse([]).size)
 
 
+def check_first(words, size=None):
+    """The words check all bakes with their options."""
+    run, rest = arguments.split_jobs(words)
+    assert (run.jobs, run.check, run.shard) == (JOBS, True, None)
+    assert arguments.parse(rest).size == (size or arguments.parse([]).size)
+
+
 def check_merge(words, shards, reports=REPORTS):
     """The words merge the reports of all parts."""
+    assert words[0] == command.REPORT
+    merge = report_command.parser("imprint").parse_intermixed_args(words[1:])
     parts = [f"{reports}/report.{shard}.json" for shard in range(1, shards + 1)]
-    assert words == ["report", "--merge", f"{reports}/report.json", *parts]
+    assert (merge.merge, merge.reports) == (f"{reports}/report.json", parts)
 
 
 # Flamenco
@@ -70,6 +84,8 @@ const author = {
 const print = () => {};
 const tasks = [];
 SCRIPT
+const unknown = Object.keys(SETTINGS).filter(key => !JOB_TYPE.settings.some(each => each.key === key));
+if (unknown.length) throw new Error(`no settings: ${unknown}`);
 const usual = Object.fromEntries(JOB_TYPE.settings.filter(each => "default" in each).map(each => [each.key, each.default]));
 compileJob({settings: {...usual, ...SETTINGS}, addTask: task => tasks.push(task)});
 console.log(JSON.stringify(tasks));
@@ -90,17 +106,17 @@ def compiled(**settings):
 
 def words_of(task):
     """The command of a task, as a worker starts it."""
-    (command,) = task["commands"]
-    assert (task["type"], command["name"]) == ("blender", "blender-render")
-    assert command["exe"] and command["blendfile"], "a worker refuses a task without"
-    return [command["exe"], *command["argsBefore"], command["blendfile"], *command["args"]]
+    (given,) = task["commands"]
+    assert (task["type"], given["name"]) == ("blender", "blender-render")
+    assert given["exe"] and given["blendfile"], "a worker refuses a task without"
+    return [given["exe"], *given["argsBefore"], given["blendfile"], *given["args"]]
 
 
 def test_flamenco_checks_then_bakes_then_merges():
     check, *bakes, merge = compiled(jobs=JOBS, shards=3)
     blender = ["{blender}", "--background", "--command", "imprint"]
-    assert words_of(check) == [*blender, "--jobs", JOBS, "--check"]
-    assert arguments.split_jobs(words_of(check)[4:])[0].check
+    assert words_of(check)[:4] == blender
+    check_first(words_of(check)[4:])
     for number, task in enumerate(bakes, 1):
         assert task["needs"] == ["check"]
         assert words_of(task)[:4] == blender
@@ -109,12 +125,32 @@ def test_flamenco_checks_then_bakes_then_merges():
     check_merge(words_of(merge)[4:], 3)
 
 
-def test_flamenco_takes_a_checkout_and_options():
-    settings = {"command": '"/a b/python" "/c d/imprint.py" bake', "options": "--size 64", "force": True}
-    _, bake, merge = compiled(jobs=JOBS, shards=1, reports="/out", **settings)
-    assert words_of(bake)[:3] == ["/a b/python", "/c d/imprint.py", "bake"]
-    check_shard(words_of(bake)[3:], 1, 1, reports="/out", is_forced=True, size=(64, 64))
-    check_merge(words_of(merge)[3:], 1, "/out")
+def test_flamenco_compiles_what_farm_sends(tmp_path, monkeypatch):
+    jobs = tmp_path / "a job.toml"
+    jobs.write_text('[[bake]]\nlow-file = "low.obj"\nhigh-file = "high.obj"\noutput = "out/map.png"\n')
+    sent = []
+    monkeypatch.setattr(flamenco, "submit", lambda _url, job: sent.append(job.settings))
+    checkout, options = '"/a b/python" "/c d/imprint.py" bake', '--size 64 --output-folder "/a b"'
+    words = [
+        "--flamenco",
+        "farm",
+        "--shards",
+        "1",
+        "--force",
+        "--reports",
+        "/out",
+        "--untrusted",
+        "--command",
+        checkout,
+    ]
+    assert farm_command.run([str(jobs), *words, "--options", options], "imprint") == 0
+    check, bake, merge = map(words_of, compiled(**sent[0]))
+    for task in (check, bake):
+        assert task[:3] == ["/a b/python", "/c d/imprint.py", "bake"]
+        run, rest = arguments.split_jobs(task[3:])
+        assert (run.untrusted, run.output_folder, arguments.parse(rest).size) == (True, "/a b", (64, 64))
+    check_shard(bake[3:], 1, 1, jobs=str(jobs), reports="/out", is_forced=True, size=(64, 64))
+    check_merge(merge[3:], 1, "/out")
 
 
 # OpenJD
@@ -134,14 +170,14 @@ def run_step(name, **values):
 
 
 def test_openjd_checks_then_bakes_then_merges(noted):
-    command, calls = noted
-    given = {"Param.Command": command, "Param.Folder": "/a folder", "Param.Jobs": "jobs.toml", "Param.Shards": "2"}
-    run_step("Check", **given)
+    program, calls = noted
+    given = {"Param.Command": program, "Param.Folder": "/a folder", "Param.Jobs": "jobs.toml", "Param.Shards": "2"}
+    run_step("Check", **given, **{"Param.Options": "--size 64"})
     for done in ("--resume", "--force"):
         run_step("Bake", **given, **{"Task.Param.Shard": "2", "Param.Done": done, "Param.Options": "--size 64"})
     run_step("Merge", **given)
     check, again, forced, merge = calls()
-    assert check == ["--jobs", JOBS, "--check"]
+    check_first(check, size=(64, 64))
     check_shard(again, 2, 2, reports="/a folder/reports", size=(64, 64))
     check_shard(forced, 2, 2, reports="/a folder/reports", is_forced=True, size=(64, 64))
     check_merge(merge, 2, "/a folder/reports")
@@ -153,13 +189,13 @@ def test_openjd_checks_then_bakes_then_merges(noted):
 @pytest.fixture
 def slurm(noted, tmp_path, monkeypatch):
     """The environment of a task of an array, with programs that stand for Slurm's; and the calls, as `noted` has them."""
-    command, calls = noted
+    program, calls = noted
     own = tmp_path / "slurm"
     add_program(own, monkeypatch, "srun", '#!/bin/bash\nwhile [[ $1 == --* ]]; do shift; done\nexec "$@"\n')
     for name in ("scontrol", "sbatch"):
-        add_program(own, monkeypatch, name, f'#!/bin/bash\nCODE=0 {command} {name} "$@"\necho 7\n')
+        add_program(own, monkeypatch, name, f'#!/bin/bash\nCODE=0 {program} {name} "$@"\necho 7\n')
     values = {"SLURM_ARRAY_JOB_ID": "7", "SLURM_ARRAY_TASK_ID": "2", "SLURM_ARRAY_TASK_COUNT": "3"}
-    for name, value in {**values, "IMPRINT_COMMAND": command}.items():
+    for name, value in {**values, "IMPRINT_COMMAND": program}.items():
         monkeypatch.setenv(name, value)
     return calls
 
@@ -209,14 +245,10 @@ def test_slurm_merges_after_the_array(slurm, tmp_path, monkeypatch):
 # Containers and Kubernetes
 
 
-def manifest():
-    return (FARM / "kubernetes" / "bake_job.yaml").read_text(encoding="utf-8")
-
-
 def run_entry(noted, tmp_path, monkeypatch, *words):
     """Run the container's entry. Returns the words that it gives to scripts/imprint.py."""
-    command, calls = noted
-    add_program(tmp_path / "bin", monkeypatch, "python3", f'#!/bin/sh\nexec {command} "$@"\n')
+    program, calls = noted
+    add_program(tmp_path / "bin", monkeypatch, "python3", f'#!/bin/sh\nexec {program} "$@"\n')
     subprocess.run(["sh", str(FARM / "container" / "entry.sh"), *words], check=True)
     assert calls()[-1][:2] == ["/opt/imprint/scripts/imprint.py", "bake"]
     return calls()[-1][2:]
@@ -230,8 +262,8 @@ def test_the_container_bakes_what_it_is_told_to(noted, tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("name", ["JOB_COMPLETION_INDEX", "AWS_BATCH_JOB_ARRAY_INDEX"])
 def test_the_container_bakes_a_part(noted, tmp_path, monkeypatch, name):
-    manifest_values = dict(re.findall(r'{name: (\w+), value: "?([^"}]+)"?}', manifest()))
-    (args,) = re.findall(r"^ +args: \[(.+)\]", manifest(), re.MULTILINE)
+    manifest_values = dict(re.findall(r'{name: (\w+), value: "?([^"}]+)"?}', MANIFEST))
+    (args,) = re.findall(r"^ +args: \[(.+)\]", MANIFEST, re.MULTILINE)
     for key, value in {**manifest_values, name: "4"}.items():
         monkeypatch.setenv(key, value)
     words = run_entry(noted, tmp_path, monkeypatch, *args.split(", "))
@@ -239,12 +271,12 @@ def test_the_container_bakes_a_part(noted, tmp_path, monkeypatch, name):
 
 
 def test_kubernetes_has_as_many_parts_as_pods():
-    (shards,) = re.findall(r'name: SHARDS, value: "(\d+)"', manifest())
-    assert re.findall(r"^  completions: (\d+)", manifest(), re.MULTILINE) == [shards]
+    (shards,) = re.findall(r'name: SHARDS, value: "(\d+)"', MANIFEST)
+    assert re.findall(r"^  completions: (\d+)", MANIFEST, re.MULTILINE) == [shards]
 
 
 def test_kubernetes_decides_by_exit_codes():
-    found = re.findall(r"action: (\w+)\n +onExitCodes: .* values: \[([\d, ]+)\]", manifest())
+    found = re.findall(r"action: (\w+)\n +onExitCodes: .* values: \[([\d, ]+)\]", MANIFEST)
     actions = sorted((int(code), action) for action, codes in found for code in codes.split(","))
     assert actions == [
         (exit_codes.FAILED, "Count"),
@@ -254,18 +286,14 @@ def test_kubernetes_decides_by_exit_codes():
     ]
 
 
-def dockerfile():
-    return (FARM / "container" / "Dockerfile").read_text(encoding="utf-8")
-
-
 def test_the_container_has_the_libraries_that_blender_needs():
-    words = set(dockerfile().split())
+    words = set(DOCKERFILE.split())
     assert {packages[0] for packages in imprint.PACKAGES.values()} <= words
 
 
 def test_the_container_copies_what_is_there():
     ignored = (FARM / "container" / "Dockerfile.dockerignore").read_text(encoding="utf-8")
-    taken = {line[1:] for line in ignored.splitlines() if line.startswith("!")}
-    copied = {name for line in re.findall(r"^COPY (.+) \S+$", dockerfile(), re.MULTILINE) for name in line.split()}
+    taken = set(re.findall(r"^!(.+)", ignored, re.MULTILINE))
+    copied = {name for line in re.findall(r"^COPY (.+) \S+$", DOCKERFILE, re.MULTILINE) for name in line.split()}
     assert copied == taken
     assert [name for name in sorted(copied) if not (imprint.ROOT / name).exists()] == []

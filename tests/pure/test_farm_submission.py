@@ -132,6 +132,43 @@ def test_what_is_no_address(jobs, capsys, url):
     assert "is no address of a Flamenco Manager" in line
 
 
+@pytest.mark.parametrize(
+    ("words", "sent"),
+    [
+        (["--untrusted"], "--untrusted"),
+        (["--untrusted", "--options", '--output-folder "/a b"'], '--untrusted --output-folder "/a b"'),
+        (["--options=--untrusted"], "--untrusted"),
+    ],
+)
+def test_untrusted_files_are_so_for_all_bakes(manager, jobs, capsys, words, sent):
+    assert run(capsys, "--flamenco", manager.url, jobs, *words)[0] == 0
+    assert manager.sent[0]["settings"]["options"] == sent
+
+
+def test_a_job_file_that_is_not_trusted_is_not_waited_for(manager, tmp_path, capsys):
+    (tmp_path / "jobs.toml").mkdir()
+    code, _, (line,) = run(capsys, "--flamenco", manager.url, str(tmp_path / "jobs.toml"), "--untrusted")
+    assert (code, manager.sent) == (exit_codes.WRONG_USAGE, [])
+    assert "is no file" in line
+
+
+@pytest.mark.parametrize(
+    ("options", "part"),
+    [
+        ("--sizee 64", "did you mean '--size'?"),
+        ("--size", "--size: expected one argument"),
+        ('--output-folder "/a b"', "--output-folder are for --untrusted"),
+        ("--shard 1/2", "leave out --shard"),
+        ("--jobs other.toml", "leave out --jobs"),
+        ("--report /a.json", "leave out --report"),
+    ],
+)
+def test_mistakes_in_the_options_are_found_before_it_is_sent(manager, jobs, capsys, options, part):
+    code, _, (line,) = run(capsys, "--flamenco", manager.url, jobs, f"--options={options}")
+    assert (code, manager.sent) == (exit_codes.WRONG_USAGE, [])
+    assert part in line
+
+
 def test_mistakes_in_the_job_file_are_found_before_it_is_sent(manager, tmp_path, capsys):
     path = tmp_path / "props.toml"
     path.write_text('[[bake]]\nlow-file = "low.obj"\noutput = "map.png"\nsamplez = 4\n')

@@ -3,14 +3,16 @@
 
 import argparse
 import os
+import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from ...core.errors import BakeError, sentence
+from ...core.errors import BakeError, WrongPlace, sentence
 from ...farms import flamenco
 from ..results.exit_codes import DONE, FAILED, WRONG_USAGE
-from ..usage import job_file, option_types
+from ..trust import bounds
+from ..usage import arguments, job_file, option_types
 from ..usage.arguments import Parser, WrongUsage
 from ..usage.options import CommandOption
 
@@ -28,8 +30,13 @@ FARM_OPTIONS: dict[str, CommandOption] = {
     ),
     "shards": CommandOption("Number of parts, each a task", {"type": _number, "metavar": "N"}, "16"),
     "force": CommandOption("Bake again what is already done", {"action": "store_true"}),
+    "untrusted": CommandOption(
+        "Bake files of other people, as bake --untrusted does on each machine", {"action": "store_true"}
+    ),
     "options": CommandOption(
-        "Further options for all bakes, as one text", {"type": option_types.text, "metavar": "TEXT"}, "none"
+        "Further options for all bakes, as one text, with absolute paths",
+        {"type": option_types.text, "metavar": "TEXT"},
+        "none",
     ),
     "reports": CommandOption(
         "Folder for reports and logs",
@@ -45,6 +52,8 @@ FARM_OPTIONS: dict[str, CommandOption] = {
     "priority": CommandOption("Priority of the job", {"type": _number, "default": 50, "metavar": "N"}, "50"),
 }
 """The options without their dashes."""
+OF_TASKS = ("jobs", "shard", "resume", "force", "report", "log", "list", "check")
+"""Options of a run that the tasks of a farm have already."""
 
 
 def parser(program: str) -> argparse.ArgumentParser:
@@ -64,11 +73,11 @@ def run(words: Sequence[str], program: str) -> int:
     """Send the job that `words` describe, and print the address of its page. Returns the exit code."""
     try:
         options = parser(program).parse_args(words)
-        job_file.read(options.jobs)
+        _check(options)
         print(flamenco.submit(options.flamenco, _job(options)))
     except SystemExit as stop:  # argparse has printed the help
         return stop.code
-    except WrongUsage as error:
+    except (WrongUsage, WrongPlace) as error:
         for line in str(error).splitlines():
             print(f"{program}: {line}", file=sys.stderr)
         return WRONG_USAGE
@@ -78,12 +87,29 @@ def run(words: Sequence[str], program: str) -> int:
     return DONE
 
 
+def _check(options: argparse.Namespace) -> None:
+    """Check the job file with the options for its bakes. Raises WrongUsage, WrongPlace."""
+    words = re.findall(r'"[^"]*"|\S+', _options(options))  # as imprint_bake.js divides them
+    run, more = arguments.split_jobs([re.sub('^"(.*)"$', r"\1", word) for word in words])
+    for name in OF_TASKS:
+        if vars(run)[name]:
+            raise WrongUsage(f"--options: leave out --{name}, which the tasks of a farm have already")
+    if run.untrusted:
+        bounds.check_job_file(options.jobs)
+    job_file.read(options.jobs, more)
+
+
+def _options(options: argparse.Namespace) -> str:
+    """The options of all bakes, as one text."""
+    return " ".join(filter(None, ("--untrusted" if options.untrusted else "", options.options)))
+
+
 def _job(options: argparse.Namespace) -> flamenco.Job:
     given = {
         "jobs": os.path.abspath(options.jobs),
         "shards": options.shards,
         "force": options.force or None,
-        "options": options.options,
+        "options": _options(options) or None,
         "reports": options.reports and os.path.abspath(options.reports),
         "command": options.command,
     }

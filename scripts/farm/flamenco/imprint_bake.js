@@ -26,7 +26,8 @@ function compileJob(job) {
     const settings = job.settings;
     const jobs = settings.jobs;
     const reports = settings.reports || path.join(path.dirname(jobs), `${path.stem(jobs)}-reports`);
-    const checkTask = authorTask(settings, "check", ["--jobs"], jobs, ["--check"]);
+    const options = words(settings.options || "");
+    const checkTask = authorTask(settings, "check", ["--jobs"], jobs, ["--check", ...options]);
     job.addTask(checkTask);
 
     const mergeArgs = [];
@@ -38,7 +39,7 @@ function compileJob(job) {
             settings.force ? "--force" : "--resume",
             "--report", report,
             "--log", path.join(reports, "logs"),
-            ...words(settings.options || ""),
+            ...options,
         ]);
         task.addDependency(checkTask);
         bakeTasks.push(task);
