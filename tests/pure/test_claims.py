@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Tests claims on bakes, with processes that have them at the same time and processes that are killed."""
 
+import errno
 import os
 import random
 import signal
@@ -200,6 +201,20 @@ def test_a_process_whose_claim_was_taken_over_does_not_give_up_that_of_the_other
         assert lock.read_bytes() == content
         asleep.release(lock)
         assert lock.read_bytes() == content
+
+
+def test_a_claim_on_a_full_disk_is_given_up(tmp_path, monkeypatch):
+    """A file can be created there, but not written, nor can a further one be created."""
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with Claims() as held:
+        monkeypatch.setattr(os, "write", full)
+        assert held.take(tmp_path / "a.lock")
+        monkeypatch.setattr(os, "open", full)
+        held.release(tmp_path / "a.lock")
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_folders_are_made_and_removed_if_nothing_is_in_them(tmp_path):

@@ -39,6 +39,8 @@ class _Held:
 
     descriptor: int
     is_locked: bool
+    identity: os.stat_result
+    """What the system says of the file."""
     made: list[Path]
     """The folders that were made for it, the innermost first."""
     machine: str
@@ -82,7 +84,7 @@ class Claims:
         if self._create(path):
             return True
         content = self._left(path)
-        return content is not None and _remove(path, lambda now: now == content) and self._create(path)
+        return content is not None and _remove(path, content) and self._create(path)
 
     def release(self, path: Path) -> None:
         """Give a claim up. Does nothing for one that this process does not have."""
@@ -93,7 +95,8 @@ class Claims:
         if fcntl is None:
             os.close(held.descriptor)
         with suppress(OSError):  # a share that is gone; others see that the claim does not change
-            _remove(path, lambda now: held.token.encode() in now)
+            if os.path.samestat(os.stat(path), held.identity):  # its content may be missing, on a full disk
+                path.unlink()
         if fcntl is not None:
             os.close(held.descriptor)
         for folder in held.made:
@@ -115,7 +118,7 @@ class Claims:
             descriptor = os.open(path, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o666)
         except FileExistsError:
             return False
-        held = _Held(descriptor, _lock(descriptor), made, self._machine)
+        held = _Held(descriptor, _lock(descriptor), os.fstat(descriptor), made, self._machine)
         with suppress(OSError):  # a full disk: an empty claim is one, too
             held.beat()
         self._watched.pop(path, None)
@@ -150,8 +153,8 @@ class Claims:
                         held.beat()
 
 
-def _remove(path: Path, is_meant: Callable[[bytes], bool]) -> bool:
-    """Remove the claim at `path` if its content is meant. Returns whether there is none now.
+def _remove(path: Path, content: bytes) -> bool:
+    """Remove the claim of another process at `path` if that is its content. Returns whether there is none now.
 
     It is renamed first, which only one of several processes can do, and then looked at: another process may have been faster,
     and its own new claim be here, which is put back.
@@ -164,7 +167,7 @@ def _remove(path: Path, is_meant: Callable[[bytes], bool]) -> bool:
             return True
         except PermissionError:  # Windows: its owner has it open
             return False
-        if is_meant(aside.path.read_bytes()):
+        if aside.path.read_bytes() == content:
             return True
         with suppress(OSError):  # a third process has created its claim meanwhile: the bake is done twice
             os.link(aside.path, path)
