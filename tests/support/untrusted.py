@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Bakes files as --untrusted does, in a process of its own, and looks at all that is on the disk."""
+
+import json
+import os
+import subprocess
+import sys
+
+import bpy
+
+from addon.cli.results import exit_codes
+from scripts.imprint import ROOT
+from tests.support import reports, trees, zoo
+
+SABOTAGE = ROOT / "tests" / "support" / "sabotage"
+MESH = {"low-file": "low.obj", "high-file": "high.obj"}
+
+
+def folder(tmp_path, monkeypatch):
+    """A folder with job/, in which the files of others are and which is the working folder, and outside/."""
+    for name in ("outside", "job/out", "logs", "home"):
+        (tmp_path / name).mkdir(parents=True)
+    monkeypatch.chdir(tmp_path / "job")
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    (tmp_path / "outside/secret.txt").write_text("secret")
+    for path in ("job/link", "job/out/link"):
+        (tmp_path / path).symlink_to(tmp_path / "outside")
+    for name, slope in (("low", 0.0), ("high", 0.2)):
+        zoo.plane(name, slope=slope)
+        bpy.ops.wm.obj_export(filepath=str(tmp_path / f"job/{name}.obj"), export_materials=False)
+        bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    return tmp_path
+
+
+def bake(root, sets, *words):
+    """Bake sets of untrusted files. Returns the entries of the report by number, after comparing all other files."""
+    usual = {"size": 16, "limit": 9, "method": "flatten"}
+    (root / "job/j.json").write_text(json.dumps({"defaults": usual, "bake": sets}))
+    report = root / "logs/r.json"
+    before = trees.snapshot(root, root / "logs", root / "job/out")
+    words = ["--jobs", "j.json", "--untrusted", "--report", str(report), "--log", str(root / "logs"), *words]
+    done = subprocess.run(
+        [sys.executable, str(ROOT / "scripts" / "bake.py"), *words],
+        capture_output=True,
+        text=True,
+        env=dict(os.environ, PYTHONPATH=str(SABOTAGE)),
+        check=False,
+    )
+    assert trees.snapshot(root, root / "logs", root / "job/out") == before
+    assert done.returncode in {exit_codes.DONE, exit_codes.FAILED, exit_codes.NO_MACHINE}, done.stderr
+    return {each["number"]: each for each in reports.bakes(report)}
