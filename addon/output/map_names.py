@@ -83,7 +83,20 @@ def beside(settings: Settings, map_type: MapType) -> Settings:
 
 def _named(name: str, map_type: MapType) -> str:
     """The name of another map, from that of the normal map."""
-    # Only with T_: objects such as Wall_N and Wall_E, for north and east, keep their names.
-    if name.startswith("T_") and _SHORT_NORMAL.search(name):
+    if _is_short(name):
         return _SHORT_NORMAL.sub(map_type.short_suffix or map_type.suffix, name)
     return _NORMAL.sub(f"_{map_type.suffix}", name, count=1)
+
+
+def _is_short(name: str) -> bool:
+    """Whether names of other maps have their short suffixes."""
+    # Only with T_: objects such as Wall_N and Wall_E, for north and east, keep their names.
+    return name.startswith("T_") and bool(_SHORT_NORMAL.search(name))
+
+
+def own_end(name: str) -> str:
+    """The end of the name of a normal map that the names of other maps lack: "_normal", "_N", or "" if they lack nothing.
+
+    name: without a tile's number and without its ending.
+    """
+    return "_N" if _is_short(name) else _NORMAL.search(name)[0]
