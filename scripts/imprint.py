@@ -340,6 +340,9 @@ class Bake:
     """
 
     STOP = ("SIGINT", "SIGTERM", "SIGHUP")
+    PATIENCE = 20.0
+    """Seconds from the first signal until this sends a second one. Farms send SIGKILL 30 seconds after the first one. Many
+    bakes end sooner by themselves: addon/cli/workers/supervisor.py."""
     GRACE = 3.0
     """Seconds from the second signal to SIGKILL. Blender may be busy in code that ignores signals."""
 
@@ -392,11 +395,18 @@ class Bake:
             return
         if len(self.signals) == 1:
             self._process.send_signal(signal.SIGUSR1)
-            return
+            self._after(self.PATIENCE, self._end)
+        else:
+            self._end()
+
+    def _end(self):
         self._process.send_signal(signal.SIGUSR2)
-        killing = threading.Timer(self.GRACE, self._process.kill)
-        killing.daemon = True
-        killing.start()
+        self._after(self.GRACE, self._process.kill)
+
+    def _after(self, seconds, act):
+        waiting = threading.Timer(seconds, act)
+        waiting.daemon = True
+        waiting.start()
 
 
 # The commands

@@ -4,6 +4,7 @@
 import io
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -22,15 +23,19 @@ from addon.cli.results import exit_codes
 from addon.cli.results.bake_result import Done, Wanted
 from addon.cli.results.run_report import Entry
 from addon.cli.terminal_progress import Meter
-from addon.cli.usage import job_file
+from addon.cli.usage import arguments, job_file
 from addon.cli.workers import supervisor, worker, worker_process
-from addon.cli.workers.messages import FilesFound, Percent, plain
+from addon.cli.workers.messages import Answer, FilesFound, Percent, plain
 from addon.core.progress import Progress
 from scripts.imprint import ROOT
 from tests.support import reports, zoo
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
 
+CRASH = re.compile(
+    r"Blender crashed with signal 11, Segmentation fault, in string_at, line \d+ of ctypes/__init__.py, after it printed "
+    r"'crashes'\."
+)
 SABOTAGE = ROOT / "tests" / "support" / "sabotage"
 
 
@@ -87,12 +92,26 @@ def test_a_crash_ends_one_bake_alone(folder):
         ("set 4 (leave_low)", "failed", "crash", ""),
         ("set 5 (c_low)", "done", "", ""),
     ]
-    assert "imprint: set 2 (crash_low): Blender crashed with signal 11, Segmentation fault." in err.splitlines()
-    assert "imprint: set 4 (leave_low): Blender crashed with exit code 7." in err.splitlines()
+    crashed, left = err.splitlines()
+    assert CRASH.fullmatch(crashed.removeprefix("imprint: set 2 (crash_low): "))
+    assert left == "imprint: set 4 (leave_low): Blender crashed with exit code 7."
     assert [line for line in out.splitlines() if line.startswith("Saved")] == [
         f"Saved: '{folder / name}.png'" for name in "abc"
     ]
     assert "3 done, 2 failed" in out
+
+
+def test_the_error_of_a_crash_has_the_last_words_of_its_log(folder):
+    """And not those of the worker's other bakes."""
+    run(*jobs(folder, "write", "crash", "leave"), "--log", "logs")
+    _, crashed, left = reports.bakes(folder / "r.json")
+    assert CRASH.fullmatch(crashed["error"])
+    assert left["error"] == "Blender crashed with exit code 7."
+
+
+def test_the_error_of_a_crash_without_a_log_has_the_last_words_of_its_bake(folder):
+    run(*jobs(folder, "write", "leave"))
+    assert reports.bakes(folder / "r.json")[1]["error"] == "Blender crashed with exit code 7."
 
 
 def test_a_bake_that_hangs_is_ended_at_the_limit(folder):
@@ -144,16 +163,74 @@ def test_the_next_bake_begins_before_the_result_of_the_last_one_is_used(folder):
         assert [(done.entry.state, turns.count) for done in results] == [("done", left) for left in (2, 1, 0, 0)]
 
 
+@pytest.mark.parametrize(
+    ("busy_for", "is_ready", "has_lost", "left", "expected"),
+    [
+        (4.0, True, False, 1, 1),
+        (6.0, True, False, 1, 2),  # more than half of the limit
+        (6.0, True, False, 0, 1),
+        (0.0, True, True, 1, 2),
+        (0.0, False, True, 1, 1),
+        (None, True, True, 1, 1),
+    ],
+)
+def test_a_spare_worker_starts_when_another_may_end(monkeypatch, *, busy_for, is_ready, has_lost, left, expected):
+    """busy_for: seconds that the only worker has its bake; None if it has none."""
+    monkeypatch.setattr(supervisor, "BusyWorker", lambda _: made(plan=None, is_ready=False))
+    watching = supervisor.Supervisor(1, supervisor.Limits(seconds=10.0))
+    watching._has_lost = has_lost
+    plan = None if busy_for is None else object()
+    watching._workers.append(made(plan=plan, is_ready=is_ready, begun=time.monotonic() - (busy_for or 0.0)))
+    for _ in range(2):
+        watching._fill(left)
+        assert len(watching._workers) == expected
+
+
+def made(*, plan, is_ready, begun=0.0):
+    """Stands for a worker."""
+    return SimpleNamespace(plan=plan, begun=begun, process=SimpleNamespace(is_ready=is_ready))
+
+
+def test_a_spare_worker_bakes_when_another_has_ended():
+    watching = supervisor.Supervisor(1, supervisor.Limits())
+    first, spare = (made(plan=object(), is_ready=True), made(plan=None, is_ready=True))
+    watching._workers += [first, spare]
+    assert watching._free() == []
+    first.plan = None
+    assert watching._free() == [first]
+    watching._workers.remove(first)
+    assert watching._free() == [spare]
+
+
 def test_messages_about_progress_are_few():
     sent = []
 
     class Parent:
         send = sent.append
 
-    meter = worker._Meter(Parent())
+    meter = worker._Meter(Parent(), is_on=True)
     for number in range(1000):
         meter.show("a", Progress("Rays", number / 1000))
     assert sent == [Percent("a", "Rays", 0.0)]
+
+
+@pytest.mark.parametrize(
+    ("words", "used", "is_asked"),
+    [
+        (["--low-file", "a.obj", "--output", "m.png"], [], False),
+        (["--low-file", "a.obj", "--output", "m.png"], [("t.png", "a texture of the meshes")], True),
+        (["s.blend", "--low", "lo", "--output", "m.png"], [], False),
+        (["s.blend", "--pairs", "--output", "{low}.png"], [], True),
+    ],
+)
+def test_a_worker_asks_about_files_that_only_it_has_found(words, used, is_asked):
+    asked = []
+
+    class Parent:
+        send, receive = asked.append, Answer
+
+    worker._Files(Parent()).opened("a", arguments.parse(words, "imprint"), ["lo"], iter(used))
+    assert asked == [FilesFound(["lo"], used)] * is_asked
 
 
 def scene(folder, count):
@@ -185,13 +262,37 @@ def test_sets_of_a_scene_that_is_saved_stay_in_one_worker(folder):
     assert [bpy.data.objects[f"low{number}"].active_material is not None for number in range(4)] == [True] * 4
 
 
-def test_a_signal_stops_the_worker_and_keeps_what_is_done(folder):
-    process = start(*jobs(folder, "a", "hang", "b"), "--log", "logs")
+def hanging(folder, *more):
+    """A process whose second of three bakes hangs, and its workers."""
+    process = start(*jobs(folder, "a", "hang", "b"), "--log", "logs", *more)
     log = folder / "logs" / "000002_set_2_hang_low.log"
     while not (log.is_file() and "hangs" in log.read_text()):
         assert process.poll() is None
         time.sleep(0.05)
-    children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
+    return process, Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
+
+
+def test_a_bake_that_hangs_is_ended_some_time_after_one_signal(folder):
+    """The report is whole, the other bake has its record, and no claim is left."""
+    process, children = hanging(folder, "--resume")
+    process.send_signal(signal.SIGTERM)
+    out, err = process.communicate(timeout=30)
+    assert process.returncode == 128 + signal.SIGTERM
+    done, stopped = reports.bakes(folder / "r.json")
+    assert [(each["name"], each["state"]) for each in (done, stopped)] == [
+        ("set 1 (a_low)", "done"),
+        ("set 2 (hang_low)", "stopped"),
+    ]
+    assert stopped["error"] == "It was stopped. Its process was ended since it went on for 5 s."
+    assert stopped["cause"] == ""
+    assert stopped["log"].endswith("_hang_low.log")
+    assert "imprint: stopped, 1 of 3 were finished." in err
+    assert [path.name for path in folder.glob("*.imprint.*")] == ["a.png.imprint.json"]
+    assert not [number for number in children if Path(f"/proc/{number}").exists()]
+
+
+def test_a_signal_stops_the_worker_and_keeps_what_is_done(folder):
+    process, children = hanging(folder)
     process.send_signal(signal.SIGTERM)
     time.sleep(0.5)
     process.send_signal(signal.SIGTERM)  # the bake hangs where it does not look

@@ -412,6 +412,10 @@ class TestSignals:
         monkeypatch.setattr(imprint.Bake, "GRACE", 60.0)
         assert run("SIGINT SIGTERM", "stops") == (128 + signal.SIGINT, ["SIGUSR1", "SIGUSR2"])
 
+    def test_a_blender_that_hangs_is_killed_some_time_after_one_signal(self, run, monkeypatch):
+        monkeypatch.setattr(imprint.Bake, "PATIENCE", 0.1)
+        assert run("SIGTERM", "ignores") == (128 + signal.SIGTERM, ["SIGUSR1", "SIGUSR2"])
+
     def test_a_blender_that_ignores_signals_is_killed(self, run):
         assert run("SIGTERM SIGTERM", "ignores") == (128 + signal.SIGTERM, ["SIGUSR1", "SIGUSR2"])
 

@@ -18,18 +18,27 @@ from ..results.run_report import Cause, Entry, State
 
 
 @dataclass(frozen=True)
+class Call:
+    """What all bakes of a call have in common."""
+
+    needs_all: bool
+    """As batch.need_all says of all plans."""
+    wanted: Wanted
+    is_shown: bool
+    """Whether the parent shows how far bakes are."""
+    folders: tuple[str, ...] = ()
+    """Those that bakes of untrusted files read; none for others."""
+
+
+@dataclass(frozen=True)
 class Assignment:
     """To a worker: a bake to do. draft: of its record, or None for a bake without one. log: the file for all that its process
     prints; empty for none."""
 
     plan: Plan
-    needs_all: bool
-    """As batch.need_all says of all plans of the call."""
-    wanted: Wanted
+    call: Call
     log: str = ""
     draft: Draft | None = None
-    folders: tuple[str, ...] = ()
-    """Those that a bake of untrusted files reads; none for others."""
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Bakes in workers, which are kept while they are well and replaced when they are not."""
 
-import os
-import signal
+import math
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack
@@ -20,15 +19,20 @@ from ..results.bake_result import Done, Wanted
 from ..results.run_report import Cause, Entry, State
 from ..terminal_progress import Meter
 from ..trust.confinement import Confinement
-from . import logs
+from . import last_words, logs
+from .busy_worker import BusyWorker
 from .chains import Chains
-from .messages import Answer, Assignment, Begun, FilesFound, Line, Percent, Ready, received
-from .worker_process import WorkerProcess
+from .messages import Answer, Assignment, Begun, Call, FilesFound, Line, Percent, Ready, received
 
 LOOK_EVERY = 0.1
 """Seconds between two checks of signals and limits."""
+LONGEST_STOP = 5.0
+"""Seconds for bakes to stop after a signal, before their processes are ended as by a second one."""
 PATIENCE = 2.0
-"""Seconds for workers to end after a second signal, before they are killed. The launcher waits longer."""
+"""Seconds for workers to end after a second signal, before they are killed. The launcher waits longer, and so do farms after
+the first one: containers 10 seconds, Slurm and Kubernetes 30."""
+CLOSING = 5.0
+"""Seconds for workers without a bake to end when all is done."""
 MOST_STARTS = 3
 """So many workers may end one after the other before Blender has started in them."""
 LONGEST_START = 300.0
@@ -47,44 +51,16 @@ class Limits:
     log: str | None = None
 
 
-class _Worker:
-    """A worker process with what it does now."""
-
-    def __init__(self, confinement: Confinement | None):
-        self.process = WorkerProcess(confinement)
-        self.started = time.monotonic()
-        self.assigned: Assignment | None = None
-        """Its bake."""
-        self.has_begun = False
-        """Whether it has received that."""
-        self.chain = 0
-        """The chain of its last bake, whose scene is open in it."""
-        self.begun = 0.0
-        """When its bake began, by time.monotonic."""
-
-    @property
-    def plan(self) -> Plan | None:
-        return self.assigned and self.assigned.plan
-
-    @property
-    def log(self) -> str:
-        """The file that has what its bake prints, or ""."""
-        return self.assigned.log if self.assigned and os.path.exists(self.assigned.log) else ""
-
-    def begin(self, assigned: Assignment) -> None:
-        self.assigned, self.has_begun, self.chain = assigned, False, assigned.plan.chain
-        self.begun = time.monotonic()
-        self.process.send(assigned)
-
-
 class Supervisor:
     """Starts workers, gives them bakes, and ends them. Use it in a `with` block."""
 
     def __init__(self, count: int, limits: Limits, confinement: Confinement | None = None):
         """confinement: the rights of workers for files that are not trusted."""
         self._count, self._limits, self._confinement = count, limits, confinement
-        self._workers: list[_Worker] = []
+        self._workers: list[BusyWorker] = []
         self._chains = Chains()
+        self._has_lost = False
+        """Whether a bake has ended its worker."""
         self._starts = 0
         """How many workers have ended in a row before Blender had started."""
         self._returned: list[Assignment] = []
@@ -101,7 +77,10 @@ class Supervisor:
     def __exit__(self, *_) -> None:
         self._held.close()
         for worker in self._workers:
-            worker.process.close()
+            worker.process.connection.close()  # they end at once, together
+        deadline = time.monotonic() + CLOSING
+        for worker in self._workers:
+            worker.process.close(max(0.0, deadline - time.monotonic()))
 
     def _end_all(self) -> None:
         for worker in self._workers:
@@ -113,27 +92,30 @@ class Supervisor:
     def bake_all(self, turns: Turns, files: run_clashes.Run, meter: Meter, wanted: Wanted) -> Iterator[Done]:
         """Do all that is left of `turns`, in their order as workers are free. files: must have all plans.
 
-        After a signal, bakes that have begun are asked to stop; the last results may be of such. Raises NoGpu if Blender does
-        not start.
+        After a signal, bakes that have begun are asked to stop, and ended if they do not; the last results may be of such.
+        Raises NoGpu if Blender does not start.
         """
         count = turns.count
         needs_all = any(turn.plan.options.save_blend or turn.plan.options.export for turn in turns.left)
-        begun, is_stopping = 0, False
+        folders = self._confinement.folders if self._confinement else ()
+        call = Call(needs_all, wanted, meter.is_on, folders)
+        begun, stop_by = 0, math.inf
         ended: list[Done] = []
         """Results that the caller gets once workers have their next bakes."""
         while turns.count or self._returned or any(worker.plan for worker in self._workers):
-            if interruption.code() and not is_stopping:
-                is_stopping = True
+            if interruption.code() and stop_by == math.inf:
+                stop_by = time.monotonic() + LONGEST_STOP
                 turns.stop()
                 self._returned.clear()
                 for worker in self._workers:
                     worker.process.ask_to_stop()
                 continue
+            if time.monotonic() > stop_by:
+                ended += self._give_up()
+                break
             left = turns.count + len(self._returned)
-            self._fill(min(self._count, left + sum(1 for each in self._workers if each.plan)))
-            for worker in self._workers:
-                if worker.plan is not None or not worker.process.is_ready:
-                    continue
+            self._fill(left)
+            for worker in self._free():
                 if self._returned:
                     worker.begin(self._returned.pop())
                     continue
@@ -151,7 +133,7 @@ class Supervisor:
                     ended.append(Done.of(refusal, turn.plan.number))
                     continue
                 meter.begin(turn.plan, f"{begun}/{count} ")
-                worker.begin(self._assignment(turn, needs_all, wanted))
+                worker.begin(self._assignment(turn, call))
             while ended:
                 yield ended.pop(0)
             try:
@@ -162,18 +144,41 @@ class Supervisor:
                 raise
         yield from ended
 
-    def _assignment(self, turn: ToDo, needs_all: bool, wanted: Wanted) -> Assignment:
-        folders = self._confinement.folders if self._confinement else ()
-        log = logs.path_of(self._limits.log, turn.plan)
-        return Assignment(turn.plan, needs_all, wanted, log, turn.draft, folders)
+    def _assignment(self, turn: ToDo, call: Call) -> Assignment:
+        return Assignment(turn.plan, call, logs.path_of(self._limits.log, turn.plan), turn.draft)
 
-    def _fill(self, wanted: int) -> None:
-        while len(self._workers) < wanted:
+    def _give_up(self) -> Iterator[Done]:
+        """End all workers, and their bakes, which did not stop."""
+        self._end_all()
+        error = f"It was stopped. Its process was ended since it went on for {LONGEST_STOP:g} s."
+        for worker in [worker for worker in self._workers if worker.plan]:
+            yield self._end(worker, error, state=State.STOPPED)
+
+    def _fill(self, left: int) -> None:
+        """Start workers for the bakes that are left, and a spare one if it may be needed."""
+        busy = sum(1 for each in self._workers if each.plan)
+        while len(self._workers) < min(self._count, left + busy):
             self._start()
+        if left and self._needs_spare():
+            self._start()
+
+    def _needs_spare(self) -> bool:
+        """Whether a worker may end soon: a crash is often not the only one, and a bake may hang. Meanwhile Blender starts in
+        the next one.
+        """
+        if not all(worker.plan and worker.process.is_ready for worker in self._workers):
+            return False
+        late = time.monotonic() - (self._limits.seconds or math.inf) / 2
+        return self._has_lost or any(worker.begun < late for worker in self._workers)
+
+    def _free(self) -> list[BusyWorker]:
+        """Workers that can begin a bake, so that no more than `count` bake at once. Those that began others come first."""
+        free = [worker for worker in self._workers if worker.plan is None and worker.process.is_ready]
+        return free[: self._count - sum(1 for worker in self._workers if worker.plan)]
 
     def _start(self) -> None:
         try:
-            self._workers.append(_Worker(self._confinement))
+            self._workers.append(BusyWorker(self._confinement))
         except OSError as error:
             raise BakeError(f"A process to bake in could not be started: {reason(error)}.") from error
 
@@ -204,36 +209,39 @@ class Supervisor:
                 case Done():
                     yield from self._take(worker, message)
 
-    def _take(self, worker: _Worker, done: Done) -> Iterator[Done]:
+    def _take(self, worker: BusyWorker, done: Done) -> Iterator[Done]:
         """A bake has ended. Its worker goes on unless it has grown too large."""
         self._chains.ended(worker.plan, done)
         done.entry.log = worker.log
         worker.assigned = None
         has_failed = done.entry.cause == Cause.MEMORY
         if has_failed or (self._limits.memory and worker.process.memory > self._limits.memory):
+            self._has_lost = True
             self._workers.remove(worker)
             worker.process.close()
         yield done
 
-    def _bury(self, worker: _Worker) -> Iterator[Done]:
+    def _bury(self, worker: BusyWorker) -> Iterator[Done]:
         """A worker has ended by itself."""
         self._workers.remove(worker)
-        by, lacked_memory = worker.process.end()
-        words = worker.process.last_words()
+        ending = worker.process.end()
+        printed, words = worker.process.last_printed(), worker.last_words()
         worker.process.close()
         if worker.plan is None:
             if not worker.process.is_ready:
-                self._count_start(f"{by}{f', {words!r}' if words else ''}")
+                line = last_words.last_line(printed)
+                self._count_start(f"{ending.text}{f', {line!r}' if line else ''}")
             return
         if not worker.has_begun and self._sent < MOST_SENT - 1:
             self._sent += 1
-            self._returned.append(worker.assigned)
+            if not interruption.code():
+                self._returned.append(worker.assigned)
             return
-        if lacked_memory:
+        if ending.lacked_memory:
             error, cause = "Memory ran out, and the system ended the bake.", Cause.MEMORY
         else:
-            error, cause = f"Blender crashed with {_signal_text(by)}.", Cause.CRASH
-        yield self._failed(worker, error, cause, by if by.startswith("SIG") else "")
+            error, cause = f"Blender crashed with {ending.text}{words}.", Cause.CRASH
+        yield self._lost(worker, error, cause, ending.signal)
 
     def _count_start(self, end: str) -> None:
         """A worker has ended before Blender has started. Raises NoGpu if too many have."""
@@ -254,18 +262,20 @@ class Supervisor:
                 text = f"It took {used / 2**20:,.0f} MiB of memory, more than the limit of {memory / 2**20:,.0f} MiB."
                 yield self._end(worker, text, Cause.MEMORY)
 
-    def _remove(self, worker: _Worker) -> None:
+    def _remove(self, worker: BusyWorker) -> None:
         worker.process.kill()
         self._workers.remove(worker)
         worker.process.close()
 
-    def _end(self, worker: _Worker, error: str, cause: Cause) -> Done:
+    def _end(self, worker: BusyWorker, error: str, cause: Cause = Cause.NONE, state: State = State.FAILED) -> Done:
         self._remove(worker)
-        return self._failed(worker, error, cause)
+        return self._lost(worker, error, cause, state=state)
 
-    def _failed(self, worker: _Worker, error: str, cause: Cause, by: str = "") -> Done:
+    def _lost(self, worker: BusyWorker, error: str, cause: Cause, by: str = "", *, state: State = State.FAILED) -> Done:
+        """A bake has ended its worker, or with it."""
+        self._has_lost = True
         plan, seconds = worker.plan, time.monotonic() - worker.begun
-        done = Done(Entry(plan.number, plan.name, State.FAILED, error, cause, by, seconds=seconds, log=worker.log))
+        done = Done(Entry(plan.number, plan.name, state, error, cause, by, seconds=seconds, log=worker.log))
         self._chains.ended(plan, done)
         return done
 
@@ -279,11 +289,3 @@ def _problem(files: run_clashes.Run, plan: Plan, found: FilesFound) -> str:
     except WrongPlace as problem:
         return str(problem)
     return ""
-
-
-def _signal_text(by: str) -> str:
-    """A signal in words: "signal 11, Segmentation fault"."""
-    if by not in signal.Signals.__members__:
-        return by
-    number = signal.Signals[by]
-    return f"signal {int(number)}, {signal.strsignal(number)}"

@@ -20,6 +20,7 @@ from ...core.progress import Progress
 from ...core.timings import startup
 from ...output.files.atomic_file import reason
 from .. import interruption, standard_streams
+from ..plan import run_clashes
 from ..plan.plans import Plan
 from .messages import Answer, Assignment, Begun, FilesFound, Line, Percent, Ready, plain
 from .worker_process import CONNECTION
@@ -76,11 +77,11 @@ def run() -> int:
             assigned: Assignment = parent.receive()
             parent.send(Begun())
             problem = _print_to(Path(assigned.log)) if assigned.log else ""
-            if assigned.folders:
+            call = assigned.call
+            if call.folders:
                 outside_files.forbid_scripts()
-            files = _Files(parent)
-            of_run = {"needs_all": assigned.needs_all, "folders": assigned.folders}
-            baker = baker or Baker(files, _Meter(parent), assigned.wanted, **of_run)
+            meter = _Meter(parent, is_on=call.is_shown)
+            baker = baker or Baker(_Files(parent), meter, call.wanted, needs_all=call.needs_all, folders=call.folders)
             done = baker.bake(assigned.plan, assigned.draft)
             standard_streams.flush()
             parent.send(plain(replace(done, warnings=[*done.warnings, problem]) if problem else done))
@@ -116,7 +117,9 @@ class _Files:
     def opened(
         self, name: str, options: argparse.Namespace, lows: Sequence[str], used: Iterable[tuple[str, str]]
     ) -> None:
-        self._ask(FilesFound(list(lows), list(used)))
+        more = list(used)
+        if more or not run_clashes.low_of(options):  # else the parent knows them all, and need not be waited for
+            self._ask(FilesFound(list(lows), more))
 
     def exported(self, name: str, path: str) -> None:
         self._ask(FilesFound(export=path))
@@ -131,9 +134,11 @@ class _Files:
 class _Meter:
     """As terminal_progress.Meter, which only the parent has."""
 
-    is_on, place = True, "-"
+    place = "-"
 
-    def __init__(self, parent: _Parent):
+    def __init__(self, parent: _Parent, *, is_on: bool):
+        """is_on: whether the parent shows what `show` sends."""
+        self.is_on = is_on
         self._parent, self._next, self._name = parent, 0.0, ""
 
     def show(self, name: str, step: Progress, plan: Plan | None = None) -> None:

@@ -8,6 +8,7 @@ import sys
 import tempfile
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from multiprocessing.connection import Connection, Pipe
 from pathlib import Path
 from typing import Any
@@ -15,15 +16,13 @@ from typing import Any
 from ...core.timings import BEGUN
 from .. import interruption
 from ..trust.confinement import Confinement
-from . import process_memory
+from . import last_words, process_memory
 
 WORD = "worker"
 """The only argument of a worker."""
 CONNECTION = "IMPRINT_WORKER"
 """The environment variable with the number of the worker's end of the connection."""
 SCRIPT = Path(__file__).resolve().parents[3] / "scripts" / "bake.py"
-_TAIL = 1 << 13
-"""Bytes of a log that are searched for last words."""
 
 
 def command(words: Sequence[str] = (), *, is_untrusted: bool = False) -> list[str]:
@@ -47,6 +46,18 @@ def command(words: Sequence[str] = (), *, is_untrusted: bool = False) -> list[st
                 WORD,
             ]
     return [bpy.app.binary_path, *given[1 : given.index("--") if "--" in given else None], *never, "--", WORD]
+
+
+@dataclass(frozen=True)
+class Ending:
+    """How a process ended."""
+
+    text: str
+    """In words: "signal 11, Segmentation fault" or "exit code 7"."""
+    signal: str
+    """The name of the signal; "" for none."""
+    lacked_memory: bool
+    """Whether the system ended it since there was no more memory."""
 
 
 class WorkerProcess:
@@ -121,28 +132,27 @@ class WorkerProcess:
             self.kill()
         self.log.close()
 
-    def end(self) -> tuple[str, bool]:
-        """Wait for a process whose connection has closed. Returns the name of the signal that ended it, or its exit code in
-        words, and whether the system ended it since there was no more memory.
-        """
+    def end(self) -> "Ending":
+        """Wait for a process whose connection has closed."""
         try:
             code = self._process.wait(5.0)
         except subprocess.TimeoutExpired:  # it closed its connection and goes on
             self.kill()
             code = -signal.SIGABRT
         lacked = code == -getattr(signal, "SIGKILL", 0) and process_memory.kills() > self._out_of_memory
-        return _words(code), lacked
+        return Ending(_words(code), signal.Signals(-code).name if code < 0 else "", lacked)
 
-    def last_words(self, start: int = 0) -> str:
-        """The last line that it printed to its own log, after the first `start` bytes; empty if there is none."""
-        size = os.fstat(self.log.fileno()).st_size
-        begin = max(start, size - _TAIL)
-        text = os.pread(self.log.fileno(), size - begin, begin) if hasattr(os, "pread") else b""
-        lines = [line.strip() for line in text.decode(errors="replace").splitlines()]
-        return next((line for line in reversed(lines) if line), "")
+    @property
+    def printed(self) -> int:
+        """The bytes that it has printed to its own log."""
+        return os.fstat(self.log.fileno()).st_size
+
+    def last_printed(self, start: int = 0) -> str:
+        """The end of what it printed to its own log after the first `start` bytes."""
+        return last_words.tail(self.log.fileno(), start)
 
 
 def _words(code: int) -> str:
     if code < 0:
-        return signal.Signals(-code).name
+        return f"signal {-code}, {signal.strsignal(-code)}"
     return f"exception {code:#x}" if code >= 0x80000000 else f"exit code {code}"  # the first is Windows

@@ -21,6 +21,7 @@ TARGET = "addon.cli.batch"
 
 
 def crash():
+    print("crashes", flush=True)
     ctypes.string_at(0)
 
 

@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tests what an error has of the text that a process printed before it crashed."""
+
+import os
+import random
+import subprocess
+import sys
+
+import pytest
+
+from addon.cli.workers import last_words
+
+DUMP = """Fatal Python error: Segmentation fault
+
+Current thread 0x00007f1c (most recent call first):
+  File "/home/me/addon/mesh/uv.py", line 7 in read
+  File "/home/me/scripts/bake.py", line 22 in <module>
+
+Extension modules: numpy.core (total: 1)
+"""
+PLACE = ", in read, line 7 of mesh/uv.py"
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("", ""),
+        ("\n  \n", ""),
+        ("Opening\n", ", after it printed 'Opening'"),
+        ("Opening\nReading\n\n", ", after it printed 'Reading'"),
+        (DUMP, PLACE),
+        (f"Opening\n{DUMP}", f"{PLACE}, after it printed 'Opening'"),
+        (f"{DUMP}Writing: /tmp/s.crash.txt\n", f"{PLACE}, after it printed 'Writing: /tmp/s.crash.txt'"),
+        (DUMP.replace("/", "\\"), PLACE),
+        ("\x1b[31mred\x07\n", ", after it printed '?[31mred?'"),
+        ('  File "/a/b.py", line 3, in f\n', ""),
+    ],
+)
+def test_the_clause_has_the_place_and_the_last_line(text, expected):
+    assert last_words.clause(text) == expected
+
+
+def test_the_dump_of_this_python_is_understood():
+    program = """
+import faulthandler, os
+faulthandler.enable(all_threads=False)
+print("hi", flush=True)
+def fall(): os.abort()
+fall()"""
+    words = [sys.executable, "-c", program]
+    done = subprocess.run(words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False)
+    assert last_words.clause(done.stdout) == ", in fall, line 5 of <string>, after it printed 'hi'"
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_sentence_stays_one_short_line(seed):
+    chance = random.Random(seed)
+    letters = 'ab "\n\r\t\x00\x1b\u2028\\/'
+    text = "".join(chance.choice(letters) for _ in range(chance.randrange(5000)))
+    found = last_words.clause(f'  File "{text}", line 7 in f{text}\n{text}x{"y" * chance.randrange(500)}')
+    assert len(found) < 6 * last_words.LONGEST
+    assert found.isprintable()
+
+
+def test_the_tail_begins_after_what_was_printed_before(tmp_path):
+    path = tmp_path / "log"
+    path.write_bytes(b"before" + b"x" * 10 + "\xff".encode("latin-1"))
+    with path.open("rb") as file:
+        assert last_words.tail(file.fileno(), 6) == "x" * 10 + "\ufffd"
+        assert last_words.tail(file.fileno(), 1000) == ""
+    path.write_bytes(b"y" * 2 * last_words.TAIL)
+    with path.open("rb") as file:
+        assert len(last_words.tail(file.fileno())) == last_words.TAIL
+
+
+def test_only_plain_files_are_read(tmp_path):
+    secret = tmp_path / "secret"
+    secret.write_text("secret")
+    os.symlink(secret, tmp_path / "link")
+    os.mkfifo(tmp_path / "pipe")
+    assert last_words.of_file(str(secret)) == ", after it printed 'secret'"
+    assert [last_words.of_file(str(tmp_path / name)) for name in ("link", "pipe", "none", "")] == [""] * 4
+    assert last_words.of_file(str(tmp_path)) == ""
