@@ -2,6 +2,7 @@
 """Small bakes for trying farms, and what must be there when they are done."""
 
 import json
+import os
 import shutil
 import subprocess
 import sys
@@ -10,8 +11,8 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[3]
 FARM = ROOT / "scripts" / "farm"
 LAUNCHER = [sys.executable, str(ROOT / "scripts" / "imprint.py")]
-COMMAND = f'"{LAUNCHER[0]}" "{LAUNCHER[1]}" bake'
-"""What starts Imprint from this checkout, for the settings of farms."""
+COMMAND = os.environ.get("IMPRINT_COMMAND") or f'"{LAUNCHER[0]}" "{LAUNCHER[1]}" bake'
+"""What starts Imprint on machines of farms: this checkout, or what IMPRINT_COMMAND says, as a Blender with the extension."""
 LOW = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nf 1/1 2/2 3/3 4/4\n"
 
 
@@ -47,6 +48,8 @@ def faults(folder, count, merged, before):
         yield f"{len(now)} of {count} maps are there"
     yield from (f"{name} was baked again" for name in sorted(before) if now.get(name) != before[name])
     yield from (f"left {path.name}" for path in sorted(folder.rglob("*.partial.*")))
+    if not any(merged.with_name("logs").glob("*")):
+        yield "no logs"
     if not merged.is_file():
         yield f"no {merged.name}"
         return
