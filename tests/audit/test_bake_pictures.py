@@ -121,6 +121,62 @@ def test_an_open_mesh_shows_its_front_wherever_it_looks():
         assert 0.3 < (lit[..., 0] != BACKGROUND).mean() < 0.9
 
 
+def test_a_picture_has_its_top_on_top():
+    """A triangle whose right angle is at the front and the right is seen with this corner below."""
+    shown = pictures(square().with_triangles([0]))
+    shown.add(1001, {NORMAL.name: stored(encoded((0, 0, 1)))})
+    _, lit, _ = parts(shown.result())
+    is_there = lit[..., 0] != BACKGROUND
+    assert is_there[SIDE - 55, 113]
+    assert not is_there[54, 113]
+
+
+@pytest.mark.parametrize("order", [[0, 1], [1, 0]])
+def test_what_is_nearer_hides_what_is_behind(order):
+    """Of two planes, the upper one has the left half of the map, which is flat, and the lower one the right half."""
+    low = square()
+    both = Mesh(
+        "both",
+        np.concatenate([low.positions + np.float32((0, 0, 0.01)), low.positions]),
+        np.arange(8, dtype=np.int32),
+        np.tile(low.normals, (2, 1)),
+        np.concatenate([[low.triangles, low.triangles + 4][place] for place in order]),
+        low.to_world,
+        uv=np.concatenate([low.uv * 0.4, low.uv * 0.4 + np.float32(0.55)]),
+        tangents=np.tile(low.tangents, (2, 1)),
+    )
+    texels, state = stored(encoded((0, 0, 1)))
+    texels[:, 32:, :3] = encoded(TILTED)
+    found = []
+    for mesh in (low, both):
+        shown = pictures(mesh)
+        shown.add(1001, {NORMAL.name: (texels if mesh is both else stored(encoded((0, 0, 1)))[0], state)})
+        found.append(parts(shown.result())[1][SIDE // 2, SIDE // 2, 0].astype(int))
+    assert abs(found[0] - found[1]) < 2
+
+
+def test_uvs_that_are_moved_by_whole_tiles_show_the_same_map():
+    texels, state = stored(encoded((0, 0, 1)))
+    texels[:, 32:, :3] = encoded(TILTED)
+    found = []
+    for offset in ((0.0, 0.0), (3.0, -2.0)):
+        shown = pictures(square(uv_offset=offset))
+        shown.add(1001, {NORMAL.name: (texels, state)})
+        found.append(parts(shown.result())[1])
+    assert np.array_equal(*found)
+
+
+def test_tiles_lie_where_they_are_in_uv_space():
+    shown = pictures(square(), (1013, 1022), udim=True)
+    shown.add(1013, {NORMAL.name: stored((1.0, 0.0, 0.0))})
+    shown.add(1022, {NORMAL.name: stored((0.0, 1.0, 0.0))})
+    drawn, _, _ = parts(shown.result())
+    quarter = SIDE // 4
+    assert tuple(drawn[3 * quarter, 3 * quarter]) == (255, 0, 0)  # 1013: right, below
+    assert tuple(drawn[quarter, quarter]) == (0, 255, 0)
+    assert tuple(drawn[quarter, 3 * quarter]) == tuple(drawn[3 * quarter, quarter]) == (BACKGROUND,) * 3
+
+
 def test_each_triangle_has_the_map_of_its_tile():
     low = square(uv_offset=(1.0, 0.0))
     shown = pictures(low, (1001, 1002), udim=True)
@@ -156,10 +212,10 @@ def test_deviations_have_the_colors_of_the_view():
 def test_values_that_are_no_shares_are_stretched():
     shown = pictures(square(), normal=False, maps=("HEIGHT",))
     texels, state = stored((-2.0, -2.0, -2.0))
-    texels[:32] = 6.0
+    texels[:32], texels[28:36] = 6.0, 2.0
     shown.add(1001, {NORMAL.name: stored((0.5, 0.5, 1.0)), "HEIGHT": (texels, state)})
     drawn, lit, deviation = parts(shown.result())
-    assert (drawn[10, 10, 0], drawn[SIDE - 10, 10, 0]) == (0, 255)
+    assert [drawn[row, 10, 0] for row in (10, SIDE // 2, SIDE - 10)] == [0, 128, 255]
     assert (lit == BACKGROUND).all() and (deviation == BACKGROUND).all()
 
 

@@ -13,6 +13,7 @@ from PIL import Image
 
 from addon.audit.pictures.bake_pictures import SIDE
 from addon.cli import command
+from addon.cli.workers.baker import MOST_PICTURES
 from tests.support import reports, zoo
 
 COUNT = 3
@@ -116,3 +117,47 @@ def test_a_folder_that_cannot_be_made_is_an_error_before_the_bakes(folder, capsy
 def test_a_run_without_a_page_measures_no_deviations(folder):
     assert run("--jobs", "j.json", "--report", "r.json") == 1
     assert [each["reports"][0]["deviation"] for each in reports.bakes(folder / "r.json")[:COUNT]] == [{}] * COUNT
+
+
+def test_another_map_of_the_same_bake_has_another_picture(folder):
+    words = "--jobs", "j.json", "--only", "set 2*", "--pictures", "pictures"
+    assert run(*words) == 0
+    assert run(*words, "--limit", "9", "--size", "64") == 0
+    assert len(list((folder / "pictures").iterdir())) == 2
+
+
+def test_a_picture_that_cannot_be_written_is_a_warning(folder, capsys):
+    words = "--jobs", "j.json", "--only", "set 2*", "--pictures", "pictures", "--sheet", "s.html"
+    assert run(*words) == 0
+    before = images(folder / "s.html")
+    (picture,) = (folder / "pictures").iterdir()
+    picture.unlink()
+    picture.mkdir()
+    assert run(*words) == 0
+    assert "warning" in capsys.readouterr().err
+    assert images(folder / "s.html") == before
+
+
+def test_of_many_pairs_the_first_few_are_shown(folder):
+    for number in range(6):
+        for name in ("low", "high"):
+            zoo.plane(f"p{number}_{name}")
+    bpy.ops.wm.save_as_mainfile(filepath=str(folder / "s.blend"))
+    words = "s.blend", "--pairs", "--output", "{low}.png", "--size", "16", "--limit", "9", "--sheet", "s.html"
+    assert run(*words) == 0
+    (data,) = images(folder / "s.html").values()
+    assert Image.open(io.BytesIO(data)).size == (3 * SIDE, MOST_PICTURES * SIDE)
+
+
+def test_each_texture_set_has_a_picture(folder):
+    low = zoo.plane("low")
+    for name in "ab":
+        low.data.materials.append(bpy.data.materials.new(name))
+    low.data.polygons[0].material_index = 1
+    zoo.plane("high")
+    bpy.ops.wm.save_as_mainfile(filepath=str(folder / "s.blend"))
+    words = "s.blend", "--low", "low", "--high", "high", "--output", "{material}.png", "--size", "16", "--limit", "9"
+    assert run(*words, "--texture-sets", "--sheet", "s.html", "--report", "r.json") == 0
+    (data,) = images(folder / "s.html").values()
+    count = len(reports.bake(folder / "r.json")["reports"])
+    assert Image.open(io.BytesIO(data)).size == (3 * SIDE, count * SIDE)

@@ -2,8 +2,11 @@
 """Tests of the page of a report: what it says, and that names are text."""
 
 import base64
+import errno
 import html.parser
 import json
+import os
+import tempfile
 
 import pytest
 
@@ -102,6 +105,26 @@ def test_a_page_that_cannot_be_written_is_an_error(tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(BakeError, match="file"):
         SheetFile(tmp_path / "file" / "s.html", run_report.head(1))
+
+
+def test_a_full_disk_stops_no_bake_and_is_an_error_at_the_end(tmp_path, monkeypatch):
+    def full(**_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(tempfile, "TemporaryFile", full)
+    sheet = SheetFile(tmp_path / "s.html", run_report.head(1))
+    sheet.add(Entry(1, "a"), b"")
+    with pytest.raises(BakeError, match="could not be written: No space left on device"):
+        sheet.finish()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_run_that_ends_early_leaves_no_file(tmp_path):
+    sheet = SheetFile(tmp_path / "s.html", run_report.head(1))
+    sheet.add(Entry(1, "a"), b"")
+    sheet.close()
+    assert sheet._rows.closed
+    assert list(tmp_path.iterdir()) == []
 
 
 def done(picture=b"", sha256="0" * 64):

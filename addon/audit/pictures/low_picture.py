@@ -33,7 +33,7 @@ def draw(low: Mesh, tiles: Mapping[int, np.ndarray], settings: Settings, side: i
     away = _towards_viewer(points)
     matrix, up, right = _view(points, away)
     light = np.append(away + 0.7 * up - 0.5 * right, 0.0)
-    shading = lit.shading(normal_matrix(low.to_world), light, read=_read(settings))
+    shading = lit.shading(normal_matrix(low.to_world), light, read=normal_channels.reading(settings))
     tangents = np.zeros((len(low.normals), 4), np.float32) if low.tangents is None else low.tangents
     attributes = {"position": points, "normal": low.normals[corners], "tangent": tangents[corners]}
     into = target.get("picture of low", FINER * side, FINER * side, "RGBA32F", "DEPTH_COMPONENT32F")
@@ -49,10 +49,6 @@ def draw(low: Mesh, tiles: Mapping[int, np.ndarray], settings: Settings, side: i
     pixels = np.empty((FINER * side, FINER * side, 4), np.float32)
     into.read(pixels)
     return pixels.reshape(side, FINER, side, FINER, 4).mean(axis=(1, 3))
-
-
-def _read(settings: Settings) -> tuple[int, int, int]:
-    return 255 if settings.depth == 8 else 0, *normal_channels.reading(settings)[1:]
 
 
 def _by_tile(
@@ -79,8 +75,7 @@ def _towards_viewer(points: np.ndarray) -> np.ndarray:
     areas = np.cross(second - first, third - first)
     lean = areas.sum(axis=0) / max(np.linalg.norm(areas, axis=1).sum(), 1e-30)
     towards = TOWARDS_VIEWER / np.linalg.norm(TOWARDS_VIEWER) + 2.0 * lean
-    length = np.linalg.norm(towards)
-    return towards / length if length > 1e-3 else lean / np.linalg.norm(lean)
+    return towards / max(np.linalg.norm(towards), 1e-30)
 
 
 def _view(points: np.ndarray, away: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
