@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Validates the Kubernetes Job against the schemas of Kubernetes. Any system.
+"""Validates the Jobs for Kubernetes against the schemas of Kubernetes. Any system.
 
 python3 scripts/dev/farms/try_kubernetes.py [--versions 1.33,1.37]
 
@@ -15,7 +15,7 @@ from pathlib import Path
 
 import small_sets
 
-MANIFEST = small_sets.FARM / "kubernetes" / "bake_job.yaml"
+MANIFESTS = sorted((small_sets.FARM / "kubernetes").glob("*.yaml"))
 
 
 def main():
@@ -25,7 +25,7 @@ def main():
     with tempfile.TemporaryDirectory(prefix="imprint-kubernetes-") as folder:
         program = small_sets.program("kubernetes-validate", "kubernetes-validate", Path(folder))
         check = [program, "--strict", "--kubernetes-version"]
-        wrong = [version for version in versions if subprocess.call([*check, version, str(MANIFEST)])]
+        wrong = [version for version in versions if subprocess.call([*check, version, *map(str, MANIFESTS)])]
     return small_sets.finish([f"not valid for {version}" for version in wrong])
 
 

@@ -4,11 +4,13 @@
 python3 scripts/dev/farms/try_slurm.py [--sets 40] [--shards 8]
 
 Slurm and MUNGE are installed from Debian's packages if they are missing. Their settings, sockets and logs are in a temporary
-folder. In the middle of a part, its task is requeued. All maps must be there, none may be baked twice, and the merged report
-must have all bakes.
+folder. In the middle of a part, its task is requeued. All maps must be there, none may be baked twice, the merged report must
+have all bakes, and both jobs the limit of time in SBATCH_TIMELIMIT. Then the maps of a part are removed, and the part is done
+again alone. A task that always ends with exit code 3 must be requeued three times, and one with exit code 2 never.
 """
 
 import argparse
+import json
 import os
 import shutil
 import signal
@@ -29,7 +31,7 @@ SlurmdPort={ports[1]}
 SlurmUser=root
 SlurmdUser=root
 AuthType=auth/munge
-AuthInfo=socket={folder}/munge.socket
+AuthInfo=socket={folder}/munge.socket,cred_expire=5
 CredType=cred/munge
 StateSaveLocation={folder}/state
 SlurmdSpoolDir={folder}/spool
@@ -47,7 +49,8 @@ NodeName={host} NodeAddr=127.0.0.1 CPUs={processors} State=UNKNOWN
 PartitionName=all Nodes=ALL Default=YES State=UP
 """
 PATIENCE = 400.0
-"""Seconds after which the array counts as hung."""
+"""Seconds after which jobs count as hung."""
+ARRAY = str(small_sets.FARM / "slurm" / "bake_array.sh")
 
 
 class Slurm:
@@ -103,11 +106,23 @@ class Slurm:
         )
 
     def ask(self, *command, **variables):
-        """Run a command of Slurm, and return what it prints."""
-        environment = {**self.environment, **variables}
+        """Run a command of Slurm in the checkout, and return what it prints."""
+        own = {"SBATCH_OUTPUT": str(self._folder / "%x-%j.out"), "SBATCH_TIMELIMIT": "60"}
+        environment = {**self.environment, **own, **variables}
         return subprocess.run(
-            command, env=environment, cwd=self._folder, stdout=subprocess.PIPE, text=True, check=False
+            command, env=environment, cwd=small_sets.ROOT, stdout=subprocess.PIPE, text=True, check=False
         ).stdout.strip()
+
+    def wait(self):
+        """Wait until all jobs have ended."""
+        end = time.monotonic() + PATIENCE
+        while self.ask("squeue", "--noheader") and time.monotonic() < end:
+            time.sleep(0.5)
+
+    def about(self, job):
+        """Return what Slurm says about a job, by its names."""
+        shown = self.ask("scontrol", "--oneliner", "show", "job", job)
+        return dict(word.split("=", 1) for word in shown.split() if "=" in word)
 
 
 def install():
@@ -131,6 +146,49 @@ def requeue_one(slurm, array, jobs):
     raise SystemExit("no task could be requeued while it baked")
 
 
+def bake(slurm, jobs, sets, shards):
+    """Send all parts, and requeue one. Yields what is wrong."""
+    since = time.monotonic()
+    submit = str(small_sets.FARM / "slurm" / "submit.sh")
+    sent = slurm.ask(submit, str(jobs), str(shards), IMPRINT_COMMAND="python3 scripts/imprint.py bake")
+    print(sent)
+    array, merge = sent.replace(",", "").split()[1::2]
+    task, before = requeue_one(slurm, array, jobs)
+    print(f"requeued: task {task}, with {len(before)} maps written")
+    slurm.wait()
+    again = slurm.about(f"{array}_{task}")
+    print(f"done in {time.monotonic() - since:.0f} s; task {task}: {again.get('Restarts')} restarts")
+    if again.get("Restarts") != "1":
+        yield f"task {task} was not started again"
+    limits = [slurm.about(job).get("TimeLimit") for job in (f"{array}_1", merge)]
+    if limits != ["01:00:00", "01:00:00"]:
+        yield f"limits of time: {limits}"
+    yield from small_sets.faults(jobs.parent, sets, small_sets.reports(jobs) / "report.json", before)
+
+
+def bake_again(slurm, jobs, sets, shards):
+    """Remove the maps of the second part, and do it alone. Yields what is wrong."""
+    report = json.loads((small_sets.reports(jobs) / "report.2.json").read_text(encoding="utf-8"))
+    maps = [Path(file["path"]) for entry in report["bakes"] for file in entry["files"] if file["what"] == "map"]
+    for path in maps:
+        path.unlink()
+    before = small_sets.maps(jobs.parent)
+    slurm.ask("sbatch", "--array=2", ARRAY, str(jobs), SHARDS=str(shards), IMPRINT_COMMAND=small_sets.COMMAND)
+    slurm.wait()
+    print(f"done again: {len(small_sets.maps(jobs.parent)) - len(before)} of {len(maps)} maps")
+    yield from small_sets.faults(jobs.parent, sets, small_sets.reports(jobs) / "report.json", before)
+
+
+def end_with(slurm, jobs, code, restarts):
+    """Send a task that ends with this exit code. Yields what is wrong if it is not started again so many times."""
+    sent = slurm.ask("sbatch", "--parsable", "--array=1", ARRAY, str(jobs), IMPRINT_COMMAND=f"sh -c 'exit {code}'")
+    slurm.wait()
+    found = slurm.about(f"{sent}_1")
+    print(f"exit code {code}: {found.get('Restarts')} restarts, {found.get('JobState')}, {found.get('ExitCode')}")
+    if (found.get("Restarts"), found.get("ExitCode")) != (str(restarts), f"{code}:0"):
+        yield f"exit code {code}: {found.get('Restarts')} restarts, not {restarts}"
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n", maxsplit=1)[0])
     parser.add_argument("--sets", type=int, default=40)
@@ -141,20 +199,12 @@ def main():
         folder = Path(held.enter_context(tempfile.TemporaryDirectory(prefix="imprint-slurm-"))).resolve()
         jobs = small_sets.write(folder / "batch", options.sets)
         slurm = held.enter_context(Slurm(folder))
-        since = time.monotonic()
-        submit = str(small_sets.FARM / "slurm" / "submit.sh")
-        sent = slurm.ask(submit, str(jobs), str(options.shards), IMPRINT_COMMAND=small_sets.COMMAND)
-        print(sent)
-        array = sent.split()[1].rstrip(",")
-        task, before = requeue_one(slurm, array, jobs)
-        print(f"requeued: task {task}, with {len(before)} maps written")
-        while slurm.ask("squeue", "--noheader") and time.monotonic() - since < PATIENCE:
-            time.sleep(1)
-        again = slurm.ask("scontrol", "--oneliner", "show", "job", f"{array}_{task}")
-        restarts = [word for word in again.split() if word.startswith("Restarts=")]
-        print(f"done in {time.monotonic() - since:.0f} s; task {task}: {' '.join(restarts)}")
-        found = [] if restarts == ["Restarts=1"] else [f"task {task} was not started again"]
-        found += small_sets.faults(jobs.parent, options.sets, small_sets.reports(jobs) / "report.json", before)
+        found = [
+            *bake(slurm, jobs, options.sets, options.shards),
+            *bake_again(slurm, jobs, options.sets, options.shards),
+            *end_with(slurm, jobs, 3, 3),
+            *end_with(slurm, jobs, 2, 0),
+        ]
         if found:
             for log in sorted(folder.glob("*.out")):
                 print(f"{log.name}: {log.read_text()[-400:]}")

@@ -18,8 +18,9 @@ shift
 shards=${SHARDS:-$SLURM_ARRAY_TASK_COUNT}
 reports=${IMPRINT_REPORTS:-${jobs%.*}-reports}
 eval "command=(${IMPRINT_COMMAND:-blender --background --command imprint})"
+case " $* " in *" --force "*) ;; *) set -- --resume "$@" ;; esac
 
-srun --ntasks=1 --kill-on-bad-exit=0 "${command[@]}" --jobs "$jobs" --shard "$SLURM_ARRAY_TASK_ID/$shards" --resume \
+srun --ntasks=1 --kill-on-bad-exit=0 "${command[@]}" --jobs "$jobs" --shard "$SLURM_ARRAY_TASK_ID/$shards" \
   --report "$reports/report.$SLURM_ARRAY_TASK_ID.json" --log "$reports/logs" "$@"
 code=$?
 # 3: this machine has no GPU or too little memory. Others may have it.
