@@ -252,7 +252,17 @@ def test_the_job_file_must_be_a_file_of_usual_size(root, capfd):
 
 def test_a_job_file_cannot_ask_for_more(root, capfd):
     """Rights, folders and limits are no keys of sets."""
-    for key in ("untrusted", "input-folder", "output-folder", "timeout", "max-memory", "log", "workers", "resume"):
+    for key in (
+        "untrusted",
+        "input-folder",
+        "output-folder",
+        "timeout",
+        "max-memory",
+        "log",
+        "workers",
+        "resume",
+        "sheet",
+    ):
         code, (line,) = attack(root, key, "/", capfd=capfd)
         assert code == exit_codes.WRONG_USAGE
         assert f"unknown key '{key}'" in line
@@ -273,6 +283,8 @@ LINKS = {
     "lines of the report": ("r.json.lines", ["--report", "r.json"]),
     "folder of the report": ("reports", ["--report", "reports/r.json"]),
     "logs": ("logs", ["--log", "logs"]),
+    "page": ("s.html", ["--sheet", "s.html"]),
+    "pictures": ("pictures", ["--pictures", "pictures"]),
 }
 
 
@@ -283,7 +295,7 @@ def test_links_among_the_files_do_not_move_what_the_caller_names(root, monkeypat
         (root / "job/out").rename(root / "job/before")
     if name == "out2":
         words = ["--output-folder", name]
-    (root / "job" / name).symlink_to(root / "outside" / ("victim.json" if name.startswith("r.json") else ""))
+    (root / "job" / name).symlink_to(root / "outside" / ("victim.json" if ".json" in name or ".html" in name else ""))
     code, (line,) = attack(root, "size", 16, *words, capfd=capfd)
     assert code == exit_codes.WRONG_USAGE
     assert "is a link out of" in line

@@ -93,6 +93,8 @@ def of(options: argparse.Namespace) -> Bounds | None:
         options.report,
         options.report and f"{options.report}.lines",
         options.log,
+        options.sheet,
+        options.pictures,
     ):
         if path:
             _check_links(path, inputs)
