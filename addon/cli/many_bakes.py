@@ -25,6 +25,7 @@ from .results.sheets.sheet_file import SheetFile
 from .starting.loading import load_blender
 from .terminal_progress import Meter
 from .trust import confinement
+from .trust.bounds import Bounds
 from .trust.confinement import Confinement
 from .usage import arguments, run_options
 from .usage.options import STDOUT
@@ -54,11 +55,12 @@ class Many:
             arguments.are_many(self.options) or run_options.needs_worker(self.options)
         )
 
-    def turns(self) -> Turns:
-        """The bakes, without those that are done if the options say so."""
+    def turns(self, bounds: Bounds | None) -> Turns:
+        """The bakes, without those that are done if the options say so. bounds: the folders of files that are not trusted."""
         if not run_options.has_records(self.options):
             return Turns(self.chosen)
-        return Resuming(self.chosen, is_forced=self.options.force, open_file=plans.open_file())
+        of_run = {"is_forced": self.options.force, "records": self.options.records, "bounds": bounds}
+        return Resuming(self.chosen, open_file=plans.open_file(), **of_run)
 
 
 def run(many: Many, files: run_clashes.Run, meter: Meter, *, may_start_processes: bool) -> int:
@@ -74,7 +76,7 @@ def run(many: Many, files: run_clashes.Run, meter: Meter, *, may_start_processes
         meter.report(f"{many.program}: warning: {lacks}")
     try:
         meter.planned(many.planned, len(many.chosen), many.shard)
-        with _Found(many, meter) as found, many.turns() as turns, ExitStack() as held:
+        with _Found(many, meter) as found, many.turns(files.bounds) as turns, ExitStack() as held:
             for done in turns.done:
                 found.add(Done.resumed(done.plan, done.result))
             source: Iterable[Done] = ()

@@ -262,6 +262,7 @@ def test_a_job_file_cannot_ask_for_more(root, capfd):
         "workers",
         "resume",
         "sheet",
+        "records",
     ):
         code, (line,) = attack(root, key, "/", capfd=capfd)
         assert code == exit_codes.WRONG_USAGE
@@ -285,6 +286,7 @@ LINKS = {
     "logs": ("logs", ["--log", "logs"]),
     "page": ("s.html", ["--sheet", "s.html"]),
     "pictures": ("pictures", ["--pictures", "pictures"]),
+    "records": ("records", ["--resume", "--records", "records"]),
 }
 
 
@@ -310,6 +312,15 @@ def test_a_name_cannot_write_to_the_terminal(root, capfd):
     lines = capfd.readouterr().err.splitlines()
     assert len(lines) == 2
     assert all("(a?]0;title??Saved: '/etc/passwd'??2J)" in line and line.isprintable() for line in lines)
+
+
+@pytest.mark.parametrize("place", ["job", "job/out", "job/new/er", "outside/back", "logs", "logs/of"])
+def test_records_are_not_where_untrusted_files_can_be(root, place, capfd):
+    (root / "outside/back").symlink_to(root / "job")
+    words = ["--resume", "--records", str(root / place), "--log", str(root / "logs")]
+    code, (line,) = attack(root, "size", 16, *words, capfd=capfd)
+    assert code == exit_codes.WRONG_USAGE
+    assert "where untrusted files can be" in line
 
 
 PARTS = [
@@ -386,6 +397,9 @@ def test_the_input_folder_may_be_another_one(root, capfd):
         ("--low-file a.obj --output m.png --timeout 9 --workers 0", "--timeout needs a process for the bakes"),
         ("--low-file a.obj --output m.png --input-folder x", "are for --untrusted"),
         ("--low a --output m.png --untrusted", "the open file has been opened already"),
+        ("--low-file a.obj --output m.png --untrusted --resume", "--resume needs --records DIR with --untrusted"),
+        ("--low-file a.obj --output m.png --untrusted --force", "--force needs --records DIR with --untrusted"),
+        ("--low-file a.obj --output m.png --records x", "--records is for --resume and --force"),
     ],
 )
 def test_options_that_contradict_each_other(words, error, capfd):

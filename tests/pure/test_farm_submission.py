@@ -135,9 +135,9 @@ def test_what_is_no_address(jobs, capsys, url):
 @pytest.mark.parametrize(
     ("words", "sent"),
     [
-        (["--untrusted"], "--untrusted"),
-        (["--untrusted", "--options", '--output-folder "/a b"'], '--untrusted --output-folder "/a b"'),
-        (["--options=--untrusted"], "--untrusted"),
+        (["--untrusted", "--options", "--records /r"], "--untrusted --records /r"),
+        (["--untrusted", "--options", '--records "/a b"'], '--untrusted --records "/a b"'),
+        (["--options=--untrusted --records /r"], "--untrusted --records /r"),
     ],
 )
 def test_untrusted_files_are_so_for_all_bakes(manager, jobs, capsys, words, sent):
@@ -147,9 +147,11 @@ def test_untrusted_files_are_so_for_all_bakes(manager, jobs, capsys, words, sent
 
 def test_a_job_file_that_is_not_trusted_is_not_waited_for(manager, tmp_path, capsys):
     (tmp_path / "jobs.toml").mkdir()
-    code, _, (line,) = run(capsys, "--flamenco", manager.url, str(tmp_path / "jobs.toml"), "--untrusted")
+    words = ["--flamenco", manager.url, str(tmp_path / "jobs.toml"), "--untrusted"]
+    code, _, (line,) = run(capsys, *words, "--options", "--records /r")
     assert (code, manager.sent) == (exit_codes.WRONG_USAGE, [])
     assert "is no file" in line
+    assert "--resume needs --records DIR with --untrusted" in run(capsys, *words)[2][0]  # as the tasks say
 
 
 @pytest.mark.parametrize(

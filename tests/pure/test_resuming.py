@@ -15,12 +15,15 @@ from pathlib import Path
 
 import pytest
 
-from addon.cli.done import bake_key, bake_record, contents, resuming
+from addon.cli.done import bake_key, bake_record, contents, recording, resuming
 from addon.cli.done.claims import Claims
 from addon.cli.done.contents import Contents
 from addon.cli.done.resuming import POLL, Resuming
 from addon.cli.done.turns import Resumed, ToDo, Turns
 from addon.cli.plan.plans import Plan
+from addon.cli.results.bake_result import Done
+from addon.cli.results.run_report import Entry
+from addon.cli.trust.bounds import Bounds
 from addon.cli.usage import arguments
 from addon.cli.usage.options import OPTIONS
 from addon.core import versions
@@ -203,6 +206,106 @@ def test_a_folder_that_was_moved_is_still_done(folder):
     (there / "in" / "a_high.ply").write_text("a HIGH")
     assert why(plan(there)) == CHANGES["high"][0]
     assert why(plan(folder)) == ""
+
+
+# Files that are not trusted, whose records are in a folder of the caller
+
+
+@pytest.fixture
+def untrusted(folder):
+    """What Resuming needs for them."""
+    place = Path(os.path.realpath(folder))
+    return {"records": str(place / "records"), "bounds": Bounds(str(place / "in"), str(place / "out"))}
+
+
+def changed(untrusted, key, path, **values):
+    """Add a file to the only record."""
+    (record,) = Path(untrusted["records"]).glob("*.json")
+    found = json.loads(record.read_text())
+    content = Contents().of(str(path))
+    added = {"path": str(path), "bytes": content.size, "sha256": content.sha256, "modified": os.stat(path).st_mtime_ns}
+    found[key].append({**added, "what": "a texture", **values})
+    record.write_text(json.dumps(found))
+
+
+def test_records_in_a_folder_are_found_there_alone(folder, untrusted):
+    planned = [plan(folder, "a"), plan(folder, "b"), plan(folder, "a", output="other/{low}.png")]
+    (folder / "out/other").mkdir(parents=True)
+    run(planned, **untrusted)
+    assert len(os.listdir(folder / "records")) == 3
+    assert [why(each, **untrusted) for each in planned] == ["", "", ""]
+    assert [why(each) for each in planned] == ["It has not been baked."] * 3
+    assert [path for path in folder.rglob("*.json") if path.parent.name != "records"] == []
+
+
+@pytest.mark.parametrize("key", ["inputs", "files"])
+@pytest.mark.parametrize("kind", ["outside", "link", "pipe"])
+def test_what_a_record_names_in_other_folders_is_not_read(folder, untrusted, monkeypatch, key, kind):
+    run([plan(folder)], **untrusted)
+    place = folder / ("in" if key == "inputs" else "out") / "more"
+    (folder / "outside").write_text("secret")
+    if kind == "link":
+        place.symlink_to(folder / "outside")
+    if kind == "pipe":
+        os.mkfifo(place)
+    read = []
+    changed(
+        untrusted, key, folder / "outside" if kind == "outside" else place, **({"bytes": 0} if kind == "pipe" else {})
+    )
+    of = Contents.of
+    monkeypatch.setattr(Contents, "of", lambda self, path, *more: read.append(path) or of(self, path, *more))
+    assert "has changed" in why(plan(folder), **untrusted)
+    assert not [path for path in read if path.endswith(("more", "outside"))]
+
+
+def test_a_file_that_was_replaced_with_its_time_and_size_counts(folder, untrusted):
+    run([plan(folder)], **untrusted)
+    path = folder / "out/a.png"
+    before = os.stat(path)
+    path.write_text("map of A")
+    os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))
+    assert "has changed since it was baked" in why(plan(folder), **untrusted)
+
+
+def lie(folder, untrusted, **values):
+    """The warnings after a bake whose process says other things of its files."""
+    with Resuming([plan(folder)], **untrusted) as left:
+        turn = left.next()
+        (folder / "out").mkdir(exist_ok=True)
+        (folder / "out/a.png").write_text("map")
+        (folder / "outside").write_text("secret")
+        done = Done(Entry(7, "another", files=[Contents().of(str(folder / "out/a.png"), "map").facts()]))
+        for name, value in values.items():
+            path = value.get("path", str(folder / "out/a.png"))
+            setattr(done.entry, name, [{**Contents().of(path, "map").facts(), **value}])
+        done = recording.finish_untrusted(turn.draft, turn.plan, done, untrusted["bounds"])
+    assert (done.entry.number, done.entry.name) == (turn.plan.number, turn.plan.name)
+    return done.warnings
+
+
+LIES = {
+    "another hash": {"files": {"sha256": "0" * 64}},
+    "a map elsewhere": {"files": {"path": "{}/outside"}},
+    "a map that is not there": {"files": {"path": "{}/out/none.png", "sha256": "0" * 64}},
+    "an input elsewhere": {"inputs": {"path": "{}/outside"}},
+    "an input that is a device": {"inputs": {"path": "/dev/zero"}},
+    "another content of an input": {"inputs": {"path": "{}/in/b_low.ply", "sha256": "0" * 64}},
+}
+
+
+@pytest.mark.parametrize("values", LIES.values(), ids=LIES)
+def test_a_process_that_lies_of_its_files_gets_no_record(folder, untrusted, values):
+    filled = {name: {key: text.format(folder) for key, text in each.items()} for name, each in values.items()}
+    (warning,) = lie(folder, untrusted, **filled)
+    assert warning.startswith("The bake has no record: ")
+    assert not (folder / "records").exists()
+    assert lie(folder, untrusted) == []
+    assert len(os.listdir(folder / "records")) == 1
+
+
+def test_a_pipe_or_a_device_has_no_content(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    assert [Contents().of(path).size for path in (str(tmp_path / "pipe"), "/dev/zero")] == [None, None]
 
 
 # Keys

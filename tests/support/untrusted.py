@@ -17,8 +17,9 @@ MESH = {"low-file": "low.obj", "high-file": "high.obj"}
 
 
 def folder(tmp_path, monkeypatch):
-    """A folder with job/, in which the files of others are and which is the working folder, and outside/."""
-    for name in ("outside", "job/out", "logs", "home"):
+    """A folder with job/, in which the files of others are and which is the working folder, and outside/. Logs and records have
+    folders, too."""
+    for name in ("outside", "job/out", "logs", "records", "home"):
         (tmp_path / name).mkdir(parents=True)
     monkeypatch.chdir(tmp_path / "job")
     monkeypatch.setenv("HOME", str(tmp_path / "home"))
@@ -37,7 +38,8 @@ def bake(root, sets, *words):
     usual = {"size": 16, "limit": 9, "method": "flatten"}
     (root / "job/j.json").write_text(json.dumps({"defaults": usual, "bake": sets}))
     report = root / "logs/r.json"
-    before = trees.snapshot(root, root / "logs", root / "job/out")
+    of_call = [root / "logs", root / "records", root / "job/out"]
+    before = trees.snapshot(root, *of_call)
     words = ["--jobs", "j.json", "--untrusted", "--report", str(report), "--log", str(root / "logs"), *words]
     done = subprocess.run(
         [sys.executable, str(ROOT / "scripts" / "bake.py"), *words],
@@ -46,6 +48,6 @@ def bake(root, sets, *words):
         env=dict(os.environ, PYTHONPATH=str(SABOTAGE)),
         check=False,
     )
-    assert trees.snapshot(root, root / "logs", root / "job/out") == before
+    assert trees.snapshot(root, *of_call) == before
     assert done.returncode in {exit_codes.DONE, exit_codes.FAILED, exit_codes.NO_MACHINE}, done.stderr
     return {each["number"]: each for each in reports.bakes(report)}

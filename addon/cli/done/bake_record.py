@@ -58,11 +58,12 @@ class Record:
     """The bake's entry of the report."""
 
 
-def path_of(options: argparse.Namespace) -> Path:
-    """The path of a bake's record: that of its map, with another ending.
+def path_of(options: argparse.Namespace, records: str | None = None) -> Path:
+    """The path of a bake's record: that of its map, with another ending. records: the folder of all records; None if each is
+    beside its map.
 
     Bakes of several low objects, whose names are not known, can have one path of maps. A hash of what they bake is in the
-    names of their records.
+    names of their records. In a folder of all records, all names have it: maps of two folders may have one name.
     """
     output = os.path.abspath(options.output)
     low = options.low or (Path(options.low_file).stem if options.low_file else "")
@@ -71,9 +72,10 @@ def path_of(options: argparse.Namespace) -> Path:
     is_long = len(os.fsencode(plain)) > LONGEST
     if is_long:
         plain = os.fsencode(plain)[:LONGEST].decode(errors="ignore")
-    if is_long or file_names.LOW in name or file_names.MATERIAL in name:
-        plain = f"{plain}.{_identity(options, folder)}"
-    return Path(folder, plain + ENDING)
+    place = os.path.abspath(records) if records else folder
+    if records or is_long or file_names.LOW in name or file_names.MATERIAL in name:
+        plain = f"{plain}.{_identity(options, place)}"
+    return Path(place, plain + ENDING)
 
 
 def claim_of(record: Path) -> Path:
@@ -81,20 +83,21 @@ def claim_of(record: Path) -> Path:
     return record.with_name(record.name + CLAIM)
 
 
-def files(options: argparse.Namespace) -> Iterator[tuple[str, str]]:
-    """The paths of a bake's record and claim, and what they are."""
-    record = path_of(options)
+def files(options: argparse.Namespace, records: str | None = None) -> Iterator[tuple[str, str]]:
+    """The paths of a bake's record and claim, and what they are. records: as in `path_of`."""
+    record = path_of(options, records)
     yield str(record), "the record"
     yield str(claim_of(record)), "the claim on the bake"
 
 
 def _identity(options: argparse.Namespace, folder: str) -> str:
-    """A short hash of what is baked: names of files and objects, and frames."""
+    """A short hash of what is baked: names of files and objects, and frames. folder: of the record."""
     files = [[what, moved_paths.written(os.path.abspath(path), folder)] for path, what in bake_key.inputs(options)]
     if arguments.is_folder(options):
         files.append(["", moved_paths.written(os.path.abspath(options.pairs), folder)])
-    names = [options.low, options.high, options.cage, options.frames, os.path.basename(options.output)]
-    return hashlib.sha256(bake_key.canonical([files, names]).encode()).hexdigest()[:8]
+    output = moved_paths.written(os.path.abspath(options.output), folder)
+    names = [options.low, options.high, options.cage, options.frames, output]
+    return hashlib.sha256(bake_key.canonical([files, names]).encode()).hexdigest()[:16]
 
 
 def write(
@@ -152,15 +155,16 @@ def _content(values: dict[str, Any], folder: str) -> Content:
     return Content(moved_paths.read(values["path"], folder), values.get("what", ""), values["bytes"], values["sha256"])
 
 
-def is_unchanged(file: Written, hashes: Contents) -> bool:
-    """Whether a file is as a bake wrote it. It is read only if its time differs, as that of a copy does."""
+def is_unchanged(file: Written, hashes: Contents, *, is_trusted: bool = True) -> bool:
+    """Whether a file is as a bake wrote it. If its time is to be trusted, it is read only if that differs, as that of a copy
+    does."""
     try:
         found = os.stat(file.content.path)
     except (OSError, ValueError):
         return False
     if found.st_size != file.content.size:
         return False
-    return found.st_mtime_ns == file.modified or hashes.of(file.content.path).is_same(file.content)
+    return (is_trusted and found.st_mtime_ns == file.modified) or hashes.of(file.content.path).is_same(file.content)
 
 
 def _modified(path: str) -> int:

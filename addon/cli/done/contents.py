@@ -4,6 +4,7 @@
 import hashlib
 import os
 import re
+import stat
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
@@ -49,8 +50,10 @@ class Contents:
         if udim.TOKEN in os.path.basename(path):
             return self._of_tiles(path, what)
         try:
-            with open(path, "rb") as file:
+            with open(path, "rb", opener=_at_once) as file:
                 found = os.fstat(file.fileno())
+                if not stat.S_ISREG(found.st_mode):
+                    return Content(path, what)
                 stamp = _stamp(found)
                 if stamp not in self._known:
                     self._known[stamp] = hashlib.file_digest(file, "sha256").hexdigest()
@@ -72,6 +75,11 @@ class Contents:
         lines = [f"{tile.sha256} {os.path.basename(tile.path)}" for tile in tiles]
         digest = hashlib.sha256(os.fsencode("\n".join(lines))).hexdigest()
         return Content(path, what, size_of(path), digest, stamp_of(path))
+
+
+def _at_once(path: str, flags: int) -> int:
+    """Open a file. Opening a pipe does not wait for its other end."""
+    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
 
 
 def size_of(path: str) -> int | None:

@@ -12,6 +12,7 @@ from ...core import versions
 from ...core.errors import shorten_list
 from ..plan.plans import Plan
 from ..results import gates
+from ..trust.bounds import Bounds
 from ..usage.options import STDOUT
 from . import bake_key, bake_record, contents
 from .bake_record import Draft, Record
@@ -34,12 +35,16 @@ class Resuming(Turns):
         *,
         is_forced: bool = False,
         open_file: str = "",
+        records: str | None = None,
+        bounds: Bounds | None = None,
         claims: Claims | None = None,
         clock: Callable[[], float] = time.monotonic,
     ):
-        """Compare all bakes with their records. is_forced: all are to do. open_file: as in plans.plans."""
+        """Compare all bakes with their records. is_forced: all are to do. open_file: as in plans.plans. records: as in
+        bake_record.path_of. bounds: the folders of files that are not trusted.
+        """
         super().__init__(())
-        self._is_forced, self._open_file = is_forced, open_file
+        self._is_forced, self._open_file, self._records, self._bounds = is_forced, open_file, records, bounds
         self._contents, self._claims = Contents(), claims or Claims()
         self._clock, self._ask_at = clock, 0.0
         self._claimed: dict[int, tuple[Path, int]] = {}
@@ -102,7 +107,7 @@ class Resuming(Turns):
     def _turn(self, plan: Plan, why: str) -> ToDo | Resumed | None:
         if plan.problem:
             return ToDo(plan, why=why)
-        path, claim = bake_record.path_of(plan.options), self._claim_of(plan)
+        path, claim = self._record_of(plan), self._claim_of(plan)
         if plan.chain not in self._are_done:
             try:
                 if not self._claims.take(claim):
@@ -120,14 +125,17 @@ class Resuming(Turns):
             return now
         return ToDo(plan, Draft(path, plan.name, bake_key.of(plan.options, self._contents, self._open_file)), why)
 
+    def _record_of(self, plan: Plan) -> Path:
+        return bake_record.path_of(plan.options, self._records)
+
     def _claim_of(self, plan: Plan) -> Path:
         """The path of the claim on a bake. All bakes of a chain have that of the first one."""
         first = self._chains[plan.chain][0] if plan.chain else plan
-        return bake_record.claim_of(bake_record.path_of(first.options))
+        return bake_record.claim_of(self._record_of(first))
 
     def _reason(self, plan: Plan, *, is_started: bool = False) -> Resumed | str:
         """Why a bake is to do, in a sentence, or that it is done."""
-        path = bake_record.path_of(plan.options)
+        path = self._record_of(plan)
         if self._is_forced:
             before = self._before.setdefault(plan.name, _bytes(path))
             if not is_started or _bytes(path) == before:
@@ -152,7 +160,9 @@ class Resuming(Turns):
         if changed:
             yield f"Settings have changed: {shorten_list(changed, MOST_NAMED)}."
         for file in record.files:
-            if not bake_record.is_unchanged(file, self._contents):
+            is_trusted = self._bounds is None
+            is_elsewhere = not is_trusted and not self._bounds.may_write(file.content.path)
+            if is_elsewhere or not bake_record.is_unchanged(file, self._contents, is_trusted=is_trusted):
                 is_there = os.path.exists(file.content.path)
                 yield f"{file.content.path!r} {'has changed since it was baked' if is_there else 'is missing'}."
         if options.report and options.report != STDOUT and not os.path.exists(options.report):
@@ -163,7 +173,8 @@ class Resuming(Turns):
         pairs = [(before, before.path) for before in record.found]
         pairs += [(before, path) for before, (path, _) in zip(old.inputs, files, strict=False)]
         for before, path in pairs:
-            if contents.size_of(path) != before.size:
+            is_elsewhere = self._bounds is not None and not self._bounds.may_read(path)
+            if is_elsewhere or contents.size_of(path) != before.size:
                 yield _has_changed(before)
         for before, path in pairs:
             if not self._contents.of(path).is_same(before):

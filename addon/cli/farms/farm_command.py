@@ -31,7 +31,8 @@ FARM_OPTIONS: dict[str, CommandOption] = {
     "shards": CommandOption("Number of parts, each a task", {"type": _number, "metavar": "N"}, "16"),
     "force": CommandOption("Bake again what is already done", {"action": "store_true"}),
     "untrusted": CommandOption(
-        "Bake files of other people, as bake --untrusted does on each machine", {"action": "store_true"}
+        "Bake files of other people, as bake --untrusted does on each machine; needs --records DIR in --options",
+        {"action": "store_true"},
     ),
     "options": CommandOption(
         "Further options for all bakes, as one text, with absolute paths",
@@ -89,11 +90,12 @@ def run(words: Sequence[str], program: str) -> int:
 
 def _check(options: argparse.Namespace) -> None:
     """Check the job file with the options for its bakes. Raises WrongUsage, WrongPlace."""
-    words = re.findall(r'"[^"]*"|\S+', _options(options))  # as imprint_bake.js divides them
-    run, more = arguments.split_jobs([re.sub('^"(.*)"$', r"\1", word) for word in words])
+    found = re.findall(r'"[^"]*"|\S+', _options(options))  # as imprint_bake.js divides them
+    words = [re.sub('^"(.*)"$', r"\1", word) for word in found]
     for name in OF_TASKS:
-        if vars(run)[name]:
+        if any(word.partition("=")[0] == f"--{name}" for word in words):
             raise WrongUsage(f"--options: leave out --{name}, which the tasks of a farm have already")
+    run, more = arguments.split_jobs([*words, "--force" if options.force else "--resume"])
     if run.untrusted:
         bounds.check_job_file(options.jobs)
     job_file.read(options.jobs, more)

@@ -4,6 +4,7 @@
 import argparse
 from collections.abc import Iterator, Sequence
 from copy import copy
+from functools import partial
 
 from ..trust import bounds
 from ..usage import arguments, run_options
@@ -20,10 +21,10 @@ def are_many(options: argparse.Namespace) -> bool:
     return arguments.are_many(options) or any(ask(options) for ask in asks)
 
 
-def _of_record(options: argparse.Namespace) -> Iterator[tuple[str, str]]:
+def _of_record(records: str | None, options: argparse.Namespace) -> Iterator[tuple[str, str]]:
     from ..done import bake_record  # here, since most calls keep no records
 
-    yield from bake_record.files(options)
+    yield from bake_record.files(options, records)
 
 
 def plan(
@@ -46,7 +47,8 @@ def plan(
         planned = [Plan(plans.subject(options, open_file), own)]
     else:
         planned = [Plan("", options)]
-    files = Run(open_file, within, inputs, _of_record if run_options.has_records(options) else None)
+    of_record = partial(_of_record, options.records) if run_options.has_records(options) else None
+    files = Run(open_file, within, inputs, of_record)
     found = files.add(
         [(each.name, each.options) for each in planned],
         options.jobs,

@@ -6,7 +6,7 @@ import glob
 import os
 import re
 import stat
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -49,6 +49,14 @@ class Bounds:
                     "choose a path there, or name another one with --output-folder."
                 )
 
+    def may_read(self, path: str) -> bool:
+        """Whether `path` is a file in one of the folders, or nothing is there."""
+        return _passes(self.check_read, path)
+
+    def may_write(self, path: str) -> bool:
+        """Whether `path` is in the output folder, and a file if it exists."""
+        return _passes(self.check_write, path) and _passes(_check_file, path)
+
     def check_sets(self, sets: Sequence[argparse.Namespace]) -> None:
         """Raise WrongPlace for folders of pairs elsewhere, and for more maps than a run with untrusted files may name."""
         for options in filter(arguments.is_folder, sets):
@@ -88,17 +96,21 @@ def of(options: argparse.Namespace) -> Bounds | None:
     inputs = os.path.realpath(options.input_folder or inputs)
     if not os.path.isdir(inputs):
         raise WrongPlace(f"There is no folder {inputs!r}.")
+    outputs = options.output_folder or outputs
     for path in (
-        options.output_folder or outputs,
+        outputs,
         options.report,
         options.report and f"{options.report}.lines",
         options.log,
         options.sheet,
         options.pictures,
+        options.records,
     ):
         if path:
             _check_links(path, inputs)
-    return Bounds(inputs, os.path.realpath(options.output_folder or outputs))
+    outputs = os.path.realpath(outputs)
+    _check_records(options.records, (inputs, outputs, options.log and os.path.realpath(options.log)))
+    return Bounds(inputs, outputs)
 
 
 def check_job_file(name: str) -> None:
@@ -110,6 +122,15 @@ def check_job_file(name: str) -> None:
         )
 
 
+def _check_records(path: str | None, folders: Sequence[str | None]) -> None:
+    """Raise WrongPlace if the records would be where files of others are, or where these can write."""
+    for folder in filter(None, folders):
+        if path and is_below(os.path.realpath(path), folder):
+            raise WrongPlace(
+                f"--records: {path!r} is in {folder!r}, where untrusted files can be: name a folder elsewhere."
+            )
+
+
 def _check_links(path: str, inputs: str) -> None:
     """Raise WrongPlace if a path of the caller leads out of the input folder by a link there, which came with the files."""
     path = os.path.abspath(path)
@@ -119,6 +140,14 @@ def _check_links(path: str, inputs: str) -> None:
             raise WrongPlace(
                 f"{each!r} is a link out of {inputs!r}, the folder of the untrusted files: choose another path."
             )
+
+
+def _passes(check: Callable[[str, str], None], path: str) -> bool:
+    try:
+        check(path, "the file")
+    except WrongPlace:
+        return False
+    return True
 
 
 def is_below(path: str, folder: str) -> bool:

@@ -93,7 +93,7 @@ class Confinement:
 
     def __init__(self, bounds: Bounds, log: str | None = None):
         """Make the output folder. log: the folder for their logs. Raises BakeError."""
-        self._bounds, self._log = bounds, log
+        self.bounds, self._log = bounds, log
         bounds.make()
         if log:
             os.makedirs(log, exist_ok=True)
@@ -102,7 +102,7 @@ class Confinement:
     @property
     def folders(self) -> tuple[str, ...]:
         """Those that the bakes may read."""
-        return self._bounds.inputs, self._bounds.outputs
+        return self.bounds.inputs, self.bounds.outputs
 
     def close(self) -> None:
         """Remove the temporary files."""
@@ -125,10 +125,10 @@ class Confinement:
         """Paths with what is allowed there and below."""
         programs = {sys.prefix, sys.base_prefix, sys.exec_prefix, os.path.dirname(os.path.realpath(command[0])), ROOT}
         yield from ((path, landlock.READ | landlock.EXECUTE) for path in (*_SYSTEM, *sorted(programs)))
-        yield from ((path, landlock.READ) for path in (*_OF_THE_KERNEL, *_named(), *_resources(), self._bounds.inputs))
+        yield from ((path, landlock.READ) for path in (*_OF_THE_KERNEL, *_named(), *_resources(), self.bounds.inputs))
         devices = (*_DEVICES, *glob.glob("/dev/nvidia*"))
         yield from ((path, landlock.READ | landlock.WRITE_FILE | landlock.IOCTL_DEV) for path in devices)
-        yield self._bounds.outputs, landlock.WRITE
+        yield self.bounds.outputs, landlock.WRITE
         yield self._folder.name, landlock.WRITE | landlock.MAKE_SYM
         if self._log:
             yield os.path.abspath(self._log), landlock.WRITE

@@ -35,6 +35,11 @@ RUN_OPTIONS: dict[str, CommandOption] = {
         {"action": "store_true"},
     ),
     "force": CommandOption("Do all bakes, and write the records for --resume", {"action": "store_true"}),
+    "records": CommandOption(
+        "With --resume or --force: folder for all records, which --untrusted needs",
+        {"type": option_types.path, "metavar": "DIR"},
+        "beside the maps",
+    ),
     "workers": CommandOption(
         "Bake in so many processes at once, each with a Blender of its own, so that a crash ends one bake alone. 0: in this "
         "process",
@@ -106,6 +111,11 @@ def mistakes(options: argparse.Namespace, are_many: bool) -> Iterator[str]:
         yield from (f"--{name} is for many bakes: use --jobs or --pairs DIR" for name in wrong)
     if options.resume and options.force:
         yield "--force does all bakes: leave out --resume"
+    if options.records and not has_records(options):
+        yield "--records is for --resume and --force"
+    if options.untrusted and has_records(options) and not options.records:
+        named = next(name for name in OF_RECORDS if given[name])
+        yield f"--{named} needs --records DIR with --untrusted: records beside the maps could come with the files"
     if options.list and options.check:
         yield "--list checks as well: leave out --check"
     if options.json and not options.list:

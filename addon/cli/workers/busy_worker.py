@@ -3,6 +3,7 @@
 
 import os
 import time
+from dataclasses import replace
 
 from ..plan.plans import Plan
 from ..trust.confinement import Confinement
@@ -39,11 +40,11 @@ class BusyWorker:
         return self.assigned.log if self.assigned and os.path.exists(self.assigned.log) else ""
 
     def begin(self, assigned: Assignment) -> None:
-        """Send it a bake."""
+        """Send it a bake. One whose files are not trusted writes no record."""
         self.assigned, self.has_begun, self.chain = assigned, False, assigned.plan.chain
         self._printed = self.process.printed
         self.begun = time.monotonic()
-        self.process.send(assigned)
+        self.process.send(replace(assigned, draft=None) if assigned.call.folders else assigned)
 
     def last_words(self) -> str:
         """The clause of last_words about its bake."""

@@ -5,13 +5,14 @@ import math
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from multiprocessing.connection import wait
 
 from ...core.errors import BakeError, NoGpu, WrongPlace
 from ...core.progress import Progress
 from ...output.files.atomic_file import reason
 from .. import interruption
+from ..done import recording
 from ..done.turns import Resumed, ToDo, Turns
 from ..plan import run_clashes
 from ..plan.plans import Plan
@@ -98,6 +99,8 @@ class Supervisor:
         count = turns.count
         needs_all = any(turn.plan.options.save_blend or turn.plan.options.export for turn in turns.left)
         folders = self._confinement.folders if self._confinement else ()
+        # What a process that may lie says of files is compared with them.
+        wanted = replace(wanted, hashes=wanted.hashes or bool(folders))
         call = Call(needs_all, wanted, meter.is_on, folders)
         begun, stop_by = 0, math.inf
         ended: list[Done] = []
@@ -213,6 +216,8 @@ class Supervisor:
         """A bake has ended. Its worker goes on unless it has grown too large."""
         self._chains.ended(worker.plan, done)
         done.entry.log = worker.log
+        if self._confinement:
+            done = recording.finish_untrusted(worker.assigned.draft, worker.plan, done, self._confinement.bounds)
         worker.assigned = None
         has_failed = done.entry.cause == Cause.MEMORY
         if has_failed or (self._limits.memory and worker.process.memory > self._limits.memory):
