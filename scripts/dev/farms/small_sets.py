@@ -50,8 +50,9 @@ def faults(folder, count, merged, before):
     yield from (f"left {path.name}" for path in sorted(folder.rglob("*.partial.*")))
     if not any(merged.with_name("logs").glob("*")):
         yield "no logs"
-    if not merged.is_file():
-        yield f"no {merged.name}"
+    missing = [f"no {path.name}" for path in (merged, merged.with_suffix(".html")) if not path.is_file()]
+    if missing:
+        yield from missing
         return
     bakes = json.loads(merged.read_text(encoding="utf-8"))["bakes"]
     if [bake["number"] for bake in bakes] != list(range(1, count + 1)):

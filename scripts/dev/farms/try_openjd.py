@@ -3,8 +3,8 @@
 
 python3 scripts/dev/farms/try_openjd.py [--sets 16] [--shards 4]
 
-openjd-cli is installed into a temporary folder if it is missing. All maps must be there, and the merged report must have all
-bakes. A second run must find them done.
+openjd-cli is installed into a temporary folder if it is missing. All maps must be there, the merged report must have all
+bakes, and the page of results their pictures. A second run must find them done.
 """
 
 import argparse
@@ -34,6 +34,7 @@ def main():
             "Folder": batch,
             "Jobs": "jobs.json",
             "Shards": options.shards,
+            "Options": f'--pictures "{batch / "pictures"}"',
             "Command": small_sets.COMMAND,
         }
         given = [word for key, value in values.items() for word in ("--job-param", f"{key}={value}")]
@@ -46,6 +47,9 @@ def main():
             if done.returncode:
                 found.append(f"openjd run: exit code {done.returncode}\n{done.stdout[-3000:]}")
             found += small_sets.faults(batch, options.sets, batch / "reports" / "report.json", before)
+            pictures = (batch / "reports" / "report.html").read_text(encoding="utf-8").count("data:image/")
+            print(f"page of results: {pictures} pictures")
+            found += [] if pictures == options.sets else [f"the page has {pictures} pictures"]
             before = small_sets.maps(batch)
     return small_sets.finish(found)
 

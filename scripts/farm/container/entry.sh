@@ -7,7 +7,7 @@
 set -eu
 index=${JOB_COMPLETION_INDEX:-${AWS_BATCH_JOB_ARRAY_INDEX:-}}
 if [ "$*" = merge ]; then
-  set -- report --merge "$REPORTS/report.json"
+  set -- report --merge "$REPORTS/report.json" --sheet "$REPORTS/report.html"
   shard=1
   while [ "$shard" -le "$SHARDS" ]; do
     set -- "$@" "$REPORTS/report.$shard.json"

@@ -30,7 +30,7 @@ function compileJob(job) {
     const checkTask = authorTask(settings, "check", ["--jobs"], jobs, ["--check", ...options]);
     job.addTask(checkTask);
 
-    const mergeArgs = [];
+    const mergeArgs = ["--sheet", path.join(reports, "report.html")];
     const bakeTasks = [];
     for (let shard = 1; shard <= settings.shards; shard++) {
         const report = path.join(reports, `report.${shard}.json`);

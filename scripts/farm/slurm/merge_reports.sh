@@ -11,4 +11,4 @@ reports=${IMPRINT_REPORTS:-${1%.*}-reports}
 eval "command=(${IMPRINT_COMMAND:-blender --background --command imprint})"
 parts=()
 for ((shard = 1; shard <= SHARDS; shard++)); do parts+=("$reports/report.$shard.json"); done
-exec "${command[@]}" report --merge "$reports/report.json" "${parts[@]}"
+exec "${command[@]}" report --merge "$reports/report.json" --sheet "$reports/report.html" "${parts[@]}"

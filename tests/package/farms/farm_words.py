@@ -41,4 +41,5 @@ def check_merge(words, shards, reports=REPORTS):
     assert words[0] == command.REPORT
     merge = report_command.parser("imprint").parse_intermixed_args(words[1:])
     parts = [f"{reports}/report.{shard}.json" for shard in range(1, shards + 1)]
-    assert (merge.merge, merge.reports) == (f"{reports}/report.json", parts)
+    assert (merge.merge, merge.sheet) == (f"{reports}/report.json", f"{reports}/report.html")
+    assert merge.reports == parts
