@@ -79,12 +79,15 @@ WRONG = {
     "no mesh": ({"high-file": "jobs.json"}, "is no mesh file that can be imported"),
     "a missing map to convert": ({"high-file": [], "convert": "old.<UDIM>.png"}, "There is no file '"),
     "a clash": ({"report": "a_low.obj"}, "would overwrite"),
+    "a folder for a map": ({"output": "folder.png"}, "is a folder: name a file"),
+    "a folder for a report": ({"report": "folder.png"}, "is a folder: name a file"),
 }
 
 
 @pytest.mark.parametrize("case", WRONG)
 def test_what_is_wrong_is_said_by_list_and_check(capsys, here, case):
     changed, expected = WRONG[case]
+    (here / "folder.png").mkdir()
     for word in ("--list", "--check"):
         code, out, err = listed(capsys, [{**SET, "output": "b.png"}, {**SET, **changed}], word)
         assert (code, len(out)) == (2, 2 if word == "--list" else 0)

@@ -105,7 +105,7 @@ def split_jobs(arguments: Sequence[str]) -> tuple[argparse.Namespace, list[str]]
 
 def check(options: argparse.Namespace) -> None:
     """Raise WrongUsage for options that are missing or contradict each other."""
-    _refuse(mistakes(options))
+    _refuse([*mistakes(options), *run_options.mistakes(options, is_folder(options))])
 
 
 def _refuse(found: Iterable[str]) -> None:
@@ -114,7 +114,7 @@ def _refuse(found: Iterable[str]) -> None:
 
 
 def mistakes(options: argparse.Namespace, unread: Collection[str] = ()) -> Iterator[str]:
-    """What is missing among the options, or contradicts another one. Each text is without a full stop.
+    """What is missing among the options of a set, or contradicts another one. Each text is without a full stop.
 
     unread: names of options that are given but cannot be read, which are not missing.
     """
@@ -123,15 +123,11 @@ def mistakes(options: argparse.Namespace, unread: Collection[str] = ()) -> Itera
         yield "--output is required"
     if is_folder(options):
         yield from _wrong_folder(options)
-    yield from run_options.mistakes(options, is_folder(options))
     if options.save_blend and PurePath(options.save_blend).suffix != ".blend":
         yield f"{options.save_blend!r} does not end in .blend"
     if options.export:
         yield from _wrong_export(options)
     yield from _unmeasured(options)
-    folder = next(filter(os.path.isdir, filter(None, (options.output, options.report, options.export))), None)
-    if folder:
-        yield f"{folder!r} is a folder: name a file"
     files = [options.low_file, *options.high_file, options.cage_file]
     yield from _wrong_paths(
         [
@@ -140,8 +136,9 @@ def mistakes(options: argparse.Namespace, unread: Collection[str] = ()) -> Itera
             *files,
         ]
     )
-    if options.output and not folder and (fault := option_settings.fault(options)):
-        yield fault
+    if options.output and (fault := option_settings.fault(options)):
+        # What else is a folder, or no file, is found with the other files of a call.
+        yield f"{options.output!r} is a folder: name a file" if os.path.isdir(options.output) else fault
 
 
 def _wrong_subjects(options: argparse.Namespace, unread: Collection[str]) -> Iterator[str]:

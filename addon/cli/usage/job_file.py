@@ -38,9 +38,9 @@ def _read(name: str, more: Sequence[str], on_progress: Callable[[float], None]) 
     path = Path(name).absolute()
     table = _load(name, path)
     defaults, sets, faults = _parts(name, table)
-    readable, wrong, _ = _Reader(path.parent).read(defaults)
+    _, wrong = _Reader(path.parent).read(defaults)
     # Mistakes in the defaults are reported once, not for each set.
-    usual = {key: value for key, value in defaults.items() if key.replace("_", "-") in readable}
+    usual = {key: value for key, value in defaults.items() if key.replace("_", "-") not in wrong}
     if wrong:
         faults.append(f"{name}, {DEFAULTS}: {'; '.join(wrong.values())}")
     found, reader = [], _Reader(path.parent, more)
@@ -61,7 +61,7 @@ def _options(values: dict, reader: "_Reader", unread: Collection[str]) -> argpar
 
     Raises WrongUsage with all mistakes of the set.
     """
-    _, wrong, options = reader.read(values)
+    options, wrong = reader.read(values)
     unread = {*unread, *wrong}
     faults = [*wrong.values(), *map(_plain, _mistakes(options, unread))]
     if faults:
@@ -125,8 +125,8 @@ class _Reader:
         """more: arguments that override all sets."""
         self._keys, self._usual, self._over = KeyValues(folder), vars(arguments.parse([])), arguments.given(more)
 
-    def read(self, values: dict) -> tuple[set[str], dict[str, str], argparse.Namespace]:
-        """The keys of a set that can be read; what is wrong with the others; and the options."""
+    def read(self, values: dict) -> tuple[argparse.Namespace, dict[str, str]]:
+        """The options of a set, and what is wrong with its keys that cannot be read."""
         found: dict[str, KeyValue] = {}
         wrong = {}
         for written, value in values.items():
@@ -135,12 +135,13 @@ class _Reader:
                 found[key] = self._keys.read(written, value)
             except Unknown as fault:
                 wrong[key] = _plain(str(fault))
-        options = argparse.Namespace()
-        options.__dict__ = self._usual.copy()
+        given = self._usual.copy()
         for key, read in found.items():
             if read.fault:
                 wrong[key] = _plain(read.fault)
             elif read.is_given:
-                vars(options)[read.name] = list(read.value) if isinstance(read.value, list) else read.value
-        vars(options).update(self._over)
-        return {key for key, read in found.items() if not read.fault}, wrong, arguments.with_pairs(options)
+                given[read.name] = list(read.value) if isinstance(read.value, list) else read.value
+        given |= self._over
+        options = argparse.Namespace()
+        options.__dict__ = given
+        return arguments.with_pairs(options), wrong

@@ -27,6 +27,8 @@ _LOOSE = tuple(
     if name in DECLARED and isinstance(DECLARED[name], kinds.Distance | kinds.Color | kinds.Text)
 )
 """Settings that are checked alone: valid ones are alike. Texts are too, but for the placeholders in them."""
+_MARKED = re.compile(r"[%{}<>]")
+"""What begins or ends a placeholder, or may not be in the path of tiles."""
 _HARMLESS = re.compile(r"(\{\w*\}|<UDIM>)|[^/\\%{}<>.]+")
 """What does not matter in a text for its check, after placeholders, which do."""
 
@@ -99,4 +101,7 @@ def _fault_of_kind(values: tuple, output: str) -> str:
 
 
 def _without_names(text: str) -> str:
+    """A text that is as valid."""
+    if not _MARKED.search(text):  # most are like this
+        return text and "x"
     return _HARMLESS.sub(r"\1x", text)

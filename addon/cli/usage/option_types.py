@@ -38,7 +38,8 @@ def path(value: str) -> str:
     if not value:
         raise argparse.ArgumentTypeError("a path is empty")
     # Two slashes are one to the system, and the folder of the open file to Blender. On Windows they start a server's name.
-    return text(value if os.name == "nt" else re.sub("^//+", "/", value))
+    has_more = os.name != "nt" and value.startswith("//")
+    return text("/" + value.lstrip("/") if has_more else value)
 
 
 def _is_number(word: str) -> bool:

@@ -30,7 +30,7 @@ def file_name(name: str) -> str:
 def fill(path: str, low_name: str, material: str = "") -> str:
     """`path` with the low object's name in place of LOW and, for a texture set, the material's in place of MATERIAL."""
     filled = path.replace(MATERIAL, file_name(material)) if material else path
-    return filled.replace(LOW, file_name(low_name))
+    return filled.replace(LOW, file_name(low_name)) if LOW in filled else filled
 
 
 def renamed(path: str, name: str) -> str:
