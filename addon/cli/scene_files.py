@@ -20,7 +20,6 @@ from . import interruption, outside_files, standard_streams
 from .mesh_files import page_files
 from .mesh_files.importers import IMPORTERS, PLAIN, Space, import_file
 from .mesh_files.usd_references import UnreadReference
-from .plan import file_references
 from .plan.input_files import InputFiles
 
 
@@ -193,7 +192,7 @@ def read_by(options: argparse.Namespace, jobs: Sequence[Job]) -> Iterator[tuple[
     yield from used(options)
     for name in [*options.file, *filter(None, (options.low_file, *options.high_file, options.cage_file))]:
         title = f"what {os.path.basename(name)!r} refers to"
-        yield from ((str(path), title) for path in file_references.of(name, InputFiles().has_library))
+        yield from ((path, title) for path in InputFiles().references(name))
     for image in page_files.used_by(high for job in jobs for high in job.highs):
         if image.filepath and not image.packed_file and image.source in {"FILE", "TILED", "SEQUENCE"}:
             yield bpy.path.abspath(image.filepath, library=image.library), "a texture of the high meshes"

@@ -5,7 +5,7 @@ import json
 import os
 import re
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import unquote
 
@@ -15,13 +15,10 @@ _FIRST_PIECE, _PIECE = 1 << 12, 1 << 16
 _POINT = re.compile(rb"^[ \t]*v[ \t]", re.MULTILINE)
 
 
-def of(name: str, has_library: Callable[[str], bool]) -> Iterator[Path]:
-    """The files that the mesh file at the path `name` refers to; none for formats that only their importers read.
-
-    has_library: as InputFiles.has_library.
-    """
+def of(name: str) -> Iterator[Path]:
+    """The files that the mesh file at the path `name` refers to; none for formats that only their importers read."""
     find = {".obj": _of_obj, ".gltf": _of_gltf, ".glb": _of_glb}.get(os.path.splitext(name)[1].lower())
-    if find is None or (find is _of_obj and not has_library(name)):
+    if find is None:
         return
     path = Path(name)
     try:

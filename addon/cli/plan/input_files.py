@@ -20,7 +20,7 @@ class _Found(NamedTuple):
     identity: tuple[int, int] | None = None
     """As path_clashes.identity."""
     has_library: bool | None = None
-    """Whether it is an .obj that may name a file of materials; None if it was not opened."""
+    """Whether it is an .obj that may name a file of materials; None if that was not asked."""
 
 
 class InputFiles:
@@ -28,6 +28,7 @@ class InputFiles:
 
     def __init__(self):
         self._known: dict[str, _Found] = {}
+        self._references: dict[str, tuple[str, ...]] = {}
 
     def size(self, path: str) -> int:
         """The bytes of a file; 0 if it cannot be read."""
@@ -44,22 +45,31 @@ class InputFiles:
             raise FileNotFoundError
         return found
 
-    def has_library(self, path: str) -> bool:
-        """Whether a file is an .obj that may name a file of materials."""
-        return bool(self._look_into(path).has_library)
+    def references(self, path: str) -> tuple[str, ...]:
+        """The files that a mesh file refers to, as file_references.of finds them."""
+        found = self._references.get(path)
+        if found is None:
+            is_plain = _is_obj(path) and not self._look_into(path).has_library
+            found = self._references[path] = () if is_plain else tuple(map(str, file_references.of(path)))
+        return found
 
     def _look_into(self, path: str) -> _Found:
         """Opens an .obj. What only asks for sizes does not: the path may be one that an untrusted call must not read."""
         known = self._known.get(path)
-        is_obj = path.lower().endswith(".obj")
-        if is_obj and (known is None or known.has_library is None) and (found := _look_into(path)):
-            self._known[path] = found
-        return self._look(path)
+        if known is None or known.has_library is None:
+            opened = _look_into(path) if _is_obj(path) else None
+            known = self._known[path] = opened or self._look(path)._replace(has_library=False)
+        return known
 
     def _look(self, path: str) -> _Found:
-        if path not in self._known:
-            self._known[path] = _look_at_tiles(path) if udim.TOKEN in path else _look(path)
-        return self._known[path]
+        known = self._known.get(path)
+        if known is None:
+            known = self._known[path] = _look_at_tiles(path) if udim.TOKEN in path else _look(path)
+        return known
+
+
+def _is_obj(path: str) -> bool:
+    return path.lower().endswith(".obj")
 
 
 def _look_at_tiles(path: str) -> _Found:

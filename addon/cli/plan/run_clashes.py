@@ -16,7 +16,7 @@ from ..trust.bounds import Bounds
 from ..usage import arguments
 from ..usage.garbage import unsearched
 from ..usage.options import STDOUT
-from . import blend_blocks, file_references, map_files, plans
+from . import blend_blocks, map_files, plans
 from .input_files import InputFiles
 
 
@@ -38,8 +38,6 @@ class Run:
         self.places = Places()
         self._maps: dict[str, list[str]] = {}
         """The files of the maps of the bakes whose maps are in `places`."""
-        self._references: dict[str, Sequence[str]] = {}
-        """What mesh files refer to."""
 
     def add(
         self,
@@ -95,8 +93,10 @@ class Run:
 
     def outputs(self, name: str, options: argparse.Namespace) -> list[str]:
         """The files that a bake writes. LOW and tokens stand for what is only known once its files are open."""
-        low = low_of(options) or file_names.LOW
-        found = list(self._maps.get(name) or (path for path, _ in map_files.files(options, low, frames(options))))
+        found = list(self._maps.get(name, ()))
+        low = low_of(options) or file_names.LOW if options.export or not found else ""
+        if not found:
+            found = [path for path, _ in map_files.files(options, low, frames(options))]
         if options.export:
             found.append(file_names.fill(options.export, low))
         found += filter(None, (options.save_blend, options.report if options.report != STDOUT else None))
@@ -129,20 +129,16 @@ class Run:
         opened = options.file or ([self._open_file] if self._open_file and is_scene else [])
         for path in opened:
             yield path, "the file to open", "scene"
-        parts = [
-            (options.low_file, "low"),
-            *((name, "high") for name in options.high_file),
-            (options.cage_file, "cage"),
-        ]
-        parts = [(path, role) for path, role in parts if path]
-        for path, role in parts:
-            yield path, f"the {role} mesh's file", ""
+        if options.low_file:
+            yield options.low_file, "the low mesh's file", ""
+        for path in options.high_file:
+            yield path, "the high mesh's file", ""
+        if options.cage_file:
+            yield options.cage_file, "the cage mesh's file", ""
         if options.convert:
             yield options.convert, "the map to convert", ""
-        for path in [*opened, *(path for path, _ in parts)]:
-            if path not in self._references:
-                self._references[path] = tuple(map(str, file_references.of(path, self._inputs.has_library)))
-            for other in self._references[path]:
+        for path in (*opened, options.low_file, *options.high_file, options.cage_file):
+            for other in self._inputs.references(path) if path else ():
                 yield other, f"what {os.path.basename(path)!r} refers to", ""
 
     def _read_file(self, path: str, title: str, by: Hashable = None) -> None:

@@ -16,7 +16,8 @@ from ...core.errors import WrongPlace
 from ...core.udim import TOKEN
 from . import atomic_file
 
-_TILE = re.compile(r"(?=([12][0-9]{3}))")
+_TILE = re.compile(r"(?=(1[0-9]{3}|2000))")
+"""A number that may be a tile's. Those of two tiles can share digits."""
 _UNFINISHED = re.compile(r"\.imprint\..*\.partial")
 """Names of temporary files, which Imprint may remove."""
 
@@ -40,12 +41,12 @@ class _Table:
     """The uses by the missing folders above them."""
 
     def add(self, keys: "_Keys", use: _Use) -> None:
-        for table, table_keys in ((self.exact, keys.exact), (self.tiles, keys.tiles), (self.folders, keys.folders)):
-            for key in table_keys:
-                if key in table:
-                    table[key].append(use)
-                else:
-                    table[key] = [use]
+        for key in keys.exact:
+            self.exact.setdefault(key, []).append(use)
+        for key in keys.tiles:
+            self.tiles.setdefault(key, []).append(use)
+        for key in keys.folders:
+            self.folders.setdefault(key, []).append(use)
 
     def find(self, keys: "_Keys", ignored: Hashable = None) -> _Use | None:
         """A use of the same file, except uses by `ignored`. None if there is none."""
@@ -79,6 +80,15 @@ class _Keys(NamedTuple):
     folders: tuple[Hashable, ...]
 
 
+class _Folder(NamedTuple):
+    """A folder. The key of a file in it is `key` with the file's name."""
+
+    key: Hashable
+    """What is the same for all paths of a folder that exists; else the key of the folder above with the folder's name."""
+    missing: tuple[Hashable, ...] = ()
+    """The keys of the missing folders among it and those above."""
+
+
 class Places:
     """The files that are read and written. Add those that are read first. A path may have TOKEN for the numbers of tiles."""
 
@@ -86,7 +96,7 @@ class Places:
         """advice: for two files that would be the same, the end of the message."""
         self._advice = advice
         self._reads, self._writes = _Table(), _Table()
-        self._folders: dict[str, tuple[Hashable, tuple[str, ...]]] = {}
+        self._folders: dict[str, _Folder] = {}
         self._folder_names: _FolderNames | None = None
         self._identity_of_read = identity
 
@@ -134,8 +144,7 @@ class Places:
 
     def _keys(self, given: str, *, is_written: bool = False) -> _Keys:
         """Raises WrongPlace for the names of temporary files, and for what cannot be written."""
-        path = _absolute(given)
-        parent, name = os.path.split(path)
+        path, parent, name = _split(given)
         folded = _folded(name)
         kind = _FolderNames.ANY if self._folder_names is None else self._folder_names.kind(parent, name, folded)
         if is_written and kind is not _FolderNames.NONE:
@@ -147,29 +156,29 @@ class Places:
             folded = _folded(name)
         if _UNFINISHED.match(name):
             raise WrongPlace(f"{path!r} has a name that Imprint uses for its temporary files: rename it.")
-        root, above = self._folder(parent)
-        exact = [(root, *above, folded)]
+        folder = self._folders.get(parent) or self._folder(parent)
+        found = None
         if kind is not _FolderNames.NONE and TOKEN not in path:
             try:
                 found = identity(path) if is_written else self._identity_of_read(path)
-                exact.append(found)
-            except (OSError, ValueError):  # missing, or not a valid path
-                pass
-        tiles = tuple([(root, *above, other) for other in _without_numbers(folded)])
-        folders = tuple([(root, *above[: end + 1]) for end in range(len(above))]) if above else ()
-        return _Keys(tuple(exact), tiles, folders)
+            except (OSError, ValueError):
+                found = None  # missing, or not a valid path
+        own = folder.key, folded
+        exact = (own,) if found is None else (own, found)
+        tiles = tuple([(folder.key, other) for other in _without_numbers(folded)]) if _TILE.search(folded) else ()
+        return _Keys(exact, tiles, folder.missing)
 
-    def _folder(self, path: str) -> tuple[Hashable, tuple[str, ...]]:
-        """The folder at `path`: a key of the nearest one that exists, and the names of those below it."""
+    def _folder(self, path: str) -> _Folder:
         if path not in self._folders:
             real = os.path.realpath(path)
             try:
-                found = os.stat(real)
-                self._folders[path] = (found.st_dev, found.st_ino), ()
+                found = _Folder(identity(real))
             except (OSError, ValueError):
                 parent, name = os.path.split(real)
-                root, above = self._folder(parent) if name else (real, ())
-                self._folders[path] = root, (*above, _folded(name))
+                above = self._folder(parent) if name else _Folder(real)
+                key = above.key, _folded(name)
+                found = _Folder(key, (*above.missing, key))
+            self._folders[path] = found
         return self._folders[path]
 
 
@@ -211,10 +220,14 @@ class _FolderNames:
         return kinds
 
 
-def _absolute(path: str) -> str:
-    """As Path.absolute, which removes dots and doubled slashes, but not two dots."""
+def _split(path: str) -> tuple[str, str, str]:
+    """As Path.absolute, which removes dots and doubled slashes, but not two dots; and its folder and name."""
     is_plain = os.sep == "/" and path[:1] == "/" and not ("//" in path or "/./" in path or path.endswith(("/", "/.")))
-    return path if is_plain else str(Path(path).absolute())
+    if not is_plain:
+        path = str(Path(path).absolute())
+        return path, *os.path.split(path)
+    folder, _, name = path.rpartition("/")
+    return path, folder or "/", name
 
 
 def _folded(name: str) -> str:
