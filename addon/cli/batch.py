@@ -15,6 +15,7 @@ from .. import older_blender
 from ..core import progress
 from ..core.declarations.choices import Method
 from ..core.errors import BakeError, WrongPlace
+from ..core.levels.level_report import ChainReport
 from ..core.names import file_names
 from ..core.report import Report
 from ..core.settings import Settings
@@ -75,6 +76,15 @@ class Opened:
         return Path(self.options.save_blend).absolute() if self.options.save_blend else None
 
 
+@dataclass(frozen=True)
+class _Baked:
+    """The reports of all jobs, frames or levels that were finished, and whether a signal stopped the bake. chain: of levels."""
+
+    reports: list[Report]
+    is_stopped: bool = False
+    chain: ChainReport | None = None
+
+
 def open_files(
     plan: Plan,
     stage: Stage,
@@ -108,8 +118,7 @@ def open_files(
     for job in jobs:
         job.is_exported = bool(options.export)
         job.is_measured, job.is_pictured = gates.DEVIATION in gates.needs(options.strict), is_pictured
-    lows = [file_names.ATLAS] if _share_image(options) else [job.low.name for job in jobs]
-    files.opened(plan.name, options, lows, scene_files.used(options))
+    files.opened(plan.name, options, _lows(options, jobs), scene_files.used(options))
     notes = input_checks.check_pages(options, settings, jobs)
     hints = input_checks.fit_hints(options, jobs)
     notes += input_checks.rounded_coordinates(options, jobs)
@@ -129,18 +138,21 @@ def run(opened: Opened, stage: Stage, files: run_clashes.Run, meter: Meter) -> R
     memory = _say_memory(opened, meter)
     with all_or_none():  # if a pair, a frame, the scene or the report fails, no file of the bake is written
         said: list[str] = []
-        reports, is_stopped = older_blender.with_gpu(lambda: _explained(opened, meter, said))
+        baked = older_blender.with_gpu(lambda: _explained(opened, meter, said))
+        is_stopped, chain = baked.is_stopped, baked.chain
         notes = [*stage.notes, *opened.notes, *input_checks.refused_scripts()]
         reports = [
             report.with_memory(memory).with_warnings([*notes, *(opened.hints if report.method == Method.CAST else [])])
-            for report in reports
+            for report in baked.reports
         ]
         if options.export and not is_stopped:
-            reports = side_files.export(reports, options.export, partial(files.exported, opened.name))
+            check_beside = partial(files.exported, opened.name)
+            reports = side_files.export(reports, options.export, check_beside, are_levels=chain is not None)
         reports[:1] = [report.with_startup(startup.take()) for report in reports[:1]]
         stage.changed(job.low.name for job in opened.jobs)
-        result = Result(opened.name, reports, opened.problems, are=_kind(options), is_stopped=is_stopped, said=said)
-        result.strict = options.strict
+        problems = [*opened.problems, *(chain.left_out if chain else ())]
+        result = Result(opened.name, reports, problems, are=_kind(options), is_stopped=is_stopped, said=said)
+        result.strict, result.chain = options.strict, chain
         if opened.scene is not None and not is_stopped:
             with stage.let_go():
                 side_files.save_scene(opened.scene, reports)
@@ -175,10 +187,19 @@ def _warn_early(name: str, warnings: Sequence[str], said: list[str], meter: Mete
 
 def _kind(options: argparse.Namespace) -> str:
     """What several reports of one bake are of."""
-    return "pairs" if options.pairs else "frames" if options.frames else ""
+    return "pairs" if options.pairs else "frames" if options.frames else "levels" if options.levels else ""
 
 
-def _explained(opened: Opened, meter: Meter, said: list[str]) -> tuple[list[Report], bool]:
+def _lows(options: argparse.Namespace, jobs: Sequence[Job]) -> list[str]:
+    """The names of the low objects in those of files."""
+    if options.levels:
+        from .lod import level_bake  # here, since a bake does not need it
+
+        return level_bake.names(options, jobs[0].low)
+    return [file_names.ATLAS] if _share_image(options) else [job.low.name for job in jobs]
+
+
+def _explained(opened: Opened, meter: Meter, said: list[str]) -> _Baked:
     """As `_baked`. An error that meshes which do not fit may have caused also says that."""
     try:
         return _baked(opened, meter, said)
@@ -190,11 +211,8 @@ def _explained(opened: Opened, meter: Meter, said: list[str]) -> tuple[list[Repo
         raise BakeError(" ".join([str(error), *opened.hints])) from error
 
 
-def _baked(opened: Opened, meter: Meter, said: list[str]) -> tuple[list[Report], bool]:
-    """The reports of all jobs or frames that were finished, and whether a signal stopped the bake.
-
-    Raises BakeError, or Stopped where nothing was finished.
-    """
+def _baked(opened: Opened, meter: Meter, said: list[str]) -> _Baked:
+    """Bake. Raises BakeError, or Stopped where nothing was finished."""
     options, jobs, settings = opened.options, opened.jobs, opened.settings
     share_image = _share_image(options)
 
@@ -203,24 +221,29 @@ def _baked(opened: Opened, meter: Meter, said: list[str]) -> tuple[list[Report],
         if step.warnings:
             _warn_early(opened.name if meter.place else "", step.warnings, said, meter)
         if meter.is_on:
-            job = jobs[0 if options.frames else step.finished]
+            job = jobs[0 if options.frames or options.levels else step.finished]
             meter.show("the atlas" if share_image else job.low.name, step)
 
     speed, reports = progress.Pace(bake_jobs.PROGRESS_SECONDS, has_picture=False), []
     if options.convert:
         from .converting import conversions  # here, since a bake does not need it
 
-        return [progress.finish(conversions.work(bpy.context, jobs[0], options, settings), on_step)], False
+        return _Baked([progress.finish(conversions.work(bpy.context, jobs[0], options, settings), on_step)])
+    if options.levels:
+        from .lod import level_bake  # likewise
+
+        chain = progress.finish(level_bake.work(options, jobs[0].low, settings, speed), on_step)
+        return _Baked([level.bake for level in chain.levels], chain=chain)
     if options.frames:
         work = sequence.work(bpy.context, jobs[0], settings, run_clashes.frames(options), speed, reports=reports)
     else:
         work = bake_jobs.work(bpy.context, jobs, settings, speed, share_image=share_image, reports=reports)
     try:
-        return progress.finish(work, on_step), False
+        return _Baked(progress.finish(work, on_step))
     except interruption.Stopped:
         if not reports:
             raise
-        return reports, True
+        return _Baked(reports, is_stopped=True)
 
 
 def _share_image(options: argparse.Namespace) -> bool:
@@ -244,7 +267,7 @@ def _jobs(options: argparse.Namespace, stage: Stage) -> tuple[list[Job], list[st
     if options.low_file:
         space = Space(options.origin)
         job = stage.job(options.low_file, options.high_file, options.cage_file, space, options.high_up or "")
-        if not (options.high_file or options.convert):
+        if not (options.high_file or options.convert or options.levels):
             input_checks.check_own_high(job.low, "--high-file")
         return [job], []
     if options.file:
@@ -257,6 +280,6 @@ def _jobs(options: argparse.Namespace, stage: Stage) -> tuple[list[Job], list[st
         return jobs_by_name(bpy.context, options.suffixes)
     low = object_refs.by_name(options.low)
     highs = [object_refs.by_name(name) for name in options.high] or [low]
-    if not (options.high or options.convert):
+    if not (options.high or options.convert or options.levels):
         input_checks.check_own_high(low, "--high")
     return [Job(low, highs, object_refs.by_name(options.cage) if options.cage else None)], []

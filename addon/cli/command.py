@@ -8,7 +8,7 @@ only some calls need is imported by them, since a farm starts many processes.
 import argparse
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from ..core.errors import WrongPlace, sentence
 from ..core.progress import Progress
@@ -45,7 +45,7 @@ def run(words: Sequence[str], program: str = "imprint", *, may_start_processes: 
             return _work()
         with standard_streams.ours(), events.meter(words) as meter:
             if words[:1] == [LOD]:
-                done = _make_levels(words[1:], program)
+                done = _run(words[1:], f"{program} {LOD}", meter, _read_levels, may_start_processes=may_start_processes)
             elif words[:1] == [FARM]:
                 from .farms import farm_command
 
@@ -55,7 +55,7 @@ def run(words: Sequence[str], program: str = "imprint", *, may_start_processes: 
 
                 done = report_command.run(words[1:], f"{program} {REPORT}")
             else:
-                done = _run(words, program, meter, may_start_processes=may_start_processes)
+                done = _run(words, program, meter, _read, may_start_processes=may_start_processes)
             code = interruption.code() or done
             meter.finished(code)
             return code
@@ -68,16 +68,10 @@ def _work() -> int:
     return worker.run()
 
 
-def _make_levels(words: Sequence[str], program: str) -> int:
-    load_blender()
-    from .lod import lod_command  # needs Blender
-
-    return lod_command.run(words, f"{program} {LOD}")
-
-
-def _run(words: Sequence[str], program: str, meter: Meter, *, may_start_processes: bool) -> int:
+def _run(words: Sequence[str], program: str, meter: Meter, read: Callable, *, may_start_processes: bool) -> int:
+    """Bake. read: as `_read`."""
     try:
-        options, sets = _read(words, program, meter)
+        options, sets = read(words, program, meter)
         if options.quiet:
             meter.be_quiet()
         if options.list or options.check:
@@ -130,6 +124,16 @@ def _read(words: Sequence[str], program: str, meter: Meter) -> tuple[argparse.Na
         finally:
             meter.clear()
     arguments.check(options)
+    return options, [options]
+
+
+def _read_levels(
+    words: Sequence[str], program: str, _meter: Meter
+) -> tuple[argparse.Namespace, list[argparse.Namespace]]:
+    """As `_read`, of the command lod."""
+    from .lod import lod_command
+
+    options = lod_command.read(words, program)
     return options, [options]
 
 

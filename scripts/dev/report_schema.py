@@ -21,6 +21,7 @@ sys.path.insert(0, str(ROOT))
 from addon.cli.results import run_report  # noqa: E402
 from addon.cli.results.run_report import Entry  # noqa: E402
 from addon.core.conversion.conversion_report import ConversionReport  # noqa: E402
+from addon.core.levels.level_report import Level  # noqa: E402
 from addon.core.report import Report  # noqa: E402
 
 PATH = ROOT / "docs" / "report.schema.json"
@@ -36,7 +37,32 @@ FILE = {
     },
     "required": ["path", "bytes", "sha256", "what"],
 }
+LEVEL = {
+    "type": "object",
+    "properties": {
+        "name": {"type": "string"},
+        "limit": {
+            "type": "object",
+            "properties": {"degrees": {"type": "number"}, "distance": {"type": "number"}},
+            "additionalProperties": {"type": "number"},
+        },
+        **dict.fromkeys(("triangles", "beyond"), {"type": "integer"}),
+        **dict.fromkeys(
+            ("degrees", "bare_degrees", "distance", "beyond_degrees", "beyond_distance"), {"type": "number"}
+        ),
+    },
+    "required": [each.name for each in fields(Level) if each.name != "bake"],
+}
+CHAIN = {
+    "type": "object",
+    "properties": {
+        **dict.fromkeys(("original", "collection"), {"type": "string"}),
+        **dict.fromkeys(("triangles", "measured"), {"type": "integer"}),
+        "levels": {"type": "array", "items": LEVEL},
+    },
+}
 OF_ENTRIES = {
+    "chain": CHAIN,
     "reports": {"type": "array", "items": {"anyOf": [{"$ref": "#/$defs/bake"}, {"$ref": "#/$defs/conversion"}]}},
     "inputs": {"type": "array", "items": FILE},
     "files": {"type": "array", "items": FILE},

@@ -2,15 +2,19 @@
 """Tests the command `lod`: a table, maps, a scene and a report, and no file if something fails."""
 
 import json
+import sys
 
 import bpy
 import pytest
 
 from addon.cli import command
-from tests.support import zoo
+from addon.cli.results import exit_codes
+from scripts.imprint import ROOT
+from tests.support import json_schema, reports, trees, untrusted, zoo
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
+SCHEMA = json.loads((ROOT / "docs" / "report.schema.json").read_text(encoding="utf-8"))
 CHAIN = ["lod", "hill.blend", "--low", "Hill", "--distance", "2,4", "--size", "64", "--output", "maps/{low}.png"]
 
 
@@ -33,7 +37,14 @@ def test_maps_a_scene_a_report_and_a_table(folder, capfd):
     assert files(folder) == sorted(
         ["hill.blend", "hill.glb", "levels.blend", "maps/Hill_LOD1.png", "maps/Hill_LOD2.png", "report.json"]
     )
-    report = json.loads((folder / "report.json").read_text())
+    whole = json.loads((folder / "report.json").read_text())
+    assert list(json_schema.faults(whole, SCHEMA)) == []
+    (entry,) = whole["bakes"]
+    assert (entry["name"], entry["state"], entry["are"], entry["problems"]) == ("Hill", "done", "levels", [])
+    assert [each["what"] for each in entry["files"]] == ["map", "map", "export", "scene"]
+    assert [each["what"] for each in entry["inputs"]] == ["the file to open"]
+    assert [each["low"] for each in entry["reports"]] == ["Hill_LOD1", "Hill_LOD2"]
+    report = entry["chain"]
     assert report["triangles"] == 288
     assert [level["limit"] for level in report["levels"]] == [{"distance": 0.02}, {"distance": 0.04}]
     out = capfd.readouterr().out
@@ -56,9 +67,10 @@ def test_maps_a_scene_a_report_and_a_table(folder, capfd):
         (["--high", "Hill"], "--high is not for lod"),
         (["--convert", "hill.png"], "--convert is not for lod"),
         (["--jobs", "jobs.toml"], "--jobs is not for lod"),
-        (["--json"], "--json is not for lod"),
+        (["--json"], "--json is for --list"),
         (["--workers", "2"], "--workers is not for lod"),
-        (["--max-memory", "4G"], "--max-memory is not for lod"),
+        (["--shard", "1/2"], "--shard is for many bakes"),
+        (["--strict", "deviation.p99<1deg"], "lod keeps deviation.p99 within --degrees"),
         (["--degrees", "a"], "are not degrees"),
         (["--degrees", "1,2,3"], "make no pairs"),
         (["--distance", "-1"], "cannot be a limit"),
@@ -88,9 +100,57 @@ def test_errors_leave_no_file(folder, capfd, more, text):
     assert files(folder) == ["hill.blend"]
 
 
+def entry_of(folder, code, *words, **more):
+    """The entry in the report of a call with this exit code."""
+    assert command.run([*CHAIN, "--report", "report.json", *words], **more) == code
+    return reports.bake(folder / "report.json")
+
+
+def test_a_figure_over_its_limit(folder, capfd):
+    entry = entry_of(folder, exit_codes.GATE, "--strict", "coverage<1%")
+    assert entry["state"] == "gate"
+    assert [text.partition(":")[0] for text in entry["gate"]] == ["Hill_LOD1", "Hill_LOD2"]
+    assert "imprint lod: Hill_LOD1: coverage is " in capfd.readouterr().err
+
+
+def test_a_limit_without_a_level_of_its_own_is_a_problem(folder, capfd):
+    entry = entry_of(folder, exit_codes.DONE, "--distance", "2,2.0001,4")
+    (problem,) = entry["problems"]
+    assert problem.endswith("they have one level.")
+    assert f"imprint lod: warning: {problem}" in capfd.readouterr().err
+    assert not any(problem in each["warnings"] for each in entry["reports"])
+
+
+def test_a_chain_is_left_out_if_it_is_done(folder):
+    assert [entry_of(folder, exit_codes.DONE, "--resume")["state"] for _ in range(2)] == ["done", "resumed"]
+    assert entry_of(folder, exit_codes.DONE, "--resume", "--distance", "3,4")["state"] == "done"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="Landlock and filters of system calls")
+def test_files_of_others(tmp_path, monkeypatch):
+    root = untrusted.folder(tmp_path, monkeypatch)
+    zoo.terrain("Hill", 12)
+    bpy.ops.wm.save_as_mainfile(filepath=str(root / "job/hill.blend"))
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    (root / "job/maps").mkdir()
+    before = trees.snapshot(root, root / "job/maps")
+    entry = entry_of(
+        root / "job/maps", exit_codes.DONE, "--untrusted", "--report", "maps/report.json", may_start_processes=True
+    )
+    assert entry["state"] == "done"
+    assert files(root / "job/maps") == ["Hill_LOD1.png", "Hill_LOD2.png", "report.json"]
+    assert command.run([*CHAIN, "--untrusted", "--save-blend", "../outside/s.blend"]) == exit_codes.WRONG_USAGE
+    assert trees.snapshot(root, root / "job/maps") == before
+
+
+def test_a_chain_that_takes_too_long_is_ended(folder):
+    entry = entry_of(folder, exit_codes.FAILED, "--timeout", "0.01", may_start_processes=True)
+    assert (entry["cause"], files(folder)) == ("timeout", ["hill.blend", "report.json"])
+
+
 def test_a_map_of_a_level_must_not_replace_the_scene(folder, capfd):
     (folder / "hill.blend").rename(folder / "Hill_LOD1.png")
-    assert command.run(["lod", "Hill_LOD1.png", *CHAIN[2:-1], "{low}.png"]) in {1, 2}
+    assert command.run(["lod", "Hill_LOD1.png", *CHAIN[2:-1], "{low}.png"]) == exit_codes.WRONG_USAGE
     assert files(folder) == ["Hill_LOD1.png"]
 
 

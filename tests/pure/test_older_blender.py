@@ -16,7 +16,6 @@ CALLS = {
     ("jobs/convert.py", "with_gpu"): 1,
     ("ui/modal.py", "with_gpu"): 1,
     ("jobs/lod/level_chain.py", "start_gpu"): 1,
-    ("cli/lod/lod_command.py", "with_gpu"): 1,
     ("output/nodes/normal_nodes.py", "normal_map_values"): 1,
     ("output/nodes/displacement_nodes.py", "normal_map_values"): 1,
     ("output/nodes/normal_nodes.py", "normal_map_color"): 1,

@@ -66,7 +66,7 @@ def path_of(options: argparse.Namespace, records: str | None = None) -> Path:
     names of their records. In a folder of all records, all names have it: maps of two folders may have one name.
     """
     output = os.path.abspath(options.output)
-    low = options.low or (Path(options.low_file).stem if options.low_file else "")
+    low = "" if options.levels else options.low or (Path(options.low_file).stem if options.low_file else "")
     folder, name = os.path.split(file_names.fill(output, low) if low else output)
     plain = file_names.file_name(name)
     is_long = len(os.fsencode(plain)) > LONGEST

@@ -176,7 +176,9 @@ class Run:
 
 
 def low_of(options: argparse.Namespace) -> str:
-    """The name that replaces LOW in the names of files; "" if it is only known once the files are open."""
+    """The name that replaces LOW in the names of files; "" if it is only known once the files are open, as those of levels."""
+    if options.levels and file_names.LOW in f"{options.output}{options.export}":
+        return ""
     low = options.low or (plans.stem(options.low_file) if options.low_file else "")
     return low or ("" if file_names.LOW in options.output else ATLAS)
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from ...core.errors import BakeError, NoGpu, sentence
+from ...core.levels.level_report import ChainReport
 from ...core.report import Report
 from ..done.contents import Content, Contents
 from ..plan.plans import Plan
@@ -26,7 +27,9 @@ class Result:
     cause: Cause = Cause.NONE
     seconds: float = 0.0
     are: str = ""
-    """What several reports are of: "pairs" or "frames"."""
+    """What several reports are of, as in the report."""
+    chain: ChainReport | None = None
+    """The levels that lod has made."""
     is_stopped: bool = False
     """Whether a signal stopped it. Pairs and frames that were done by then are kept."""
     said: list[str] = field(default_factory=list)
@@ -87,6 +90,7 @@ class Result:
             ],
             are=self.are,
             reports=reports,
+            chain=self.chain.to_dict() if self.chain else {},
             problems=self.problems,
         )
 

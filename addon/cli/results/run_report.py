@@ -62,9 +62,11 @@ class Entry:
     files: list[dict[str, Any]] = field(default_factory=list)
     """The files that it wrote: path, bytes, sha256, and what they are."""
     are: str = ""
-    """What several reports are of: "pairs" or "frames"."""
+    """What several reports are of: "pairs", "frames" or "levels"."""
     reports: list[dict[str, Any]] = field(default_factory=list)
     """As Report.to_dict returns them."""
+    chain: dict[str, Any] = field(default_factory=dict)
+    """The levels of detail that lod has measured, as ChainReport.to_dict returns them; empty for other bakes."""
     problems: list[str] = field(default_factory=list)
     """What is wrong with names, in sentences."""
     log: str = ""

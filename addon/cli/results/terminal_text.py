@@ -16,7 +16,9 @@ from .run_report import Entry, State
 
 def summary(result: Result) -> Iterator[str]:
     """The summary of a single bake, in lines. A sequence has one line, since its frames hardly differ."""
-    if result.are == "frames":
+    if result.chain is not None:
+        yield from (*result.chain.table(), result.chain.summary()[-1])
+    elif result.are == "frames":
         seconds = sum(report.seconds["total"] for report in result.reports)
         yield f"{len(result.reports)} frames of {result.reports[0].low!r}, {seconds:.2f} s"
     else:

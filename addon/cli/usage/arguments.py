@@ -63,6 +63,7 @@ def parser(program: str) -> argparse.ArgumentParser:
             group.add_argument("--jobs", **JOBS.arguments)
         for name, option in options.items():
             group.add_argument(f"--{name}", **option.arguments)
+    result.set_defaults(levels=None)  # the command lod has them
     return result
 
 
@@ -202,7 +203,9 @@ def _unmeasured(options: argparse.Namespace) -> Iterator[str]:
     """A mistake for each limit whose figure the report will not have."""
     for gate in options.strict:
         needs = gate.figure.needs
-        if options.convert and not gate.figure.is_of_conversions:
+        if options.levels and needs == gates.DEVIATION:
+            yield f"--strict: lod keeps {gate.name} within --degrees"
+        elif options.convert and not gate.figure.is_of_conversions:
             yield f"--strict: a conversion does not measure {gate.name}"
         elif needs == gates.DEVIATION and not options.normal:
             yield f"--strict: {gate.name} needs a normal map: leave out --no-normal"

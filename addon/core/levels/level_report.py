@@ -3,7 +3,8 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any
 
 from ..errors import BakeError
 from ..report import Report
@@ -82,11 +83,11 @@ class Level:
     beyond_distance: float = 0.0
     bake: Report | None = None
 
-    def to_dict(self) -> dict:
-        """Plain data for json.dump."""
-        values = asdict(self)
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for json.dump, without the report of the map."""
+        values = asdict(replace(self, bake=None))
+        del values["bake"]
         values["limit"] = {name: amount for name, amount in values["limit"].items() if amount < math.inf}
-        values["bake"] = self.bake.to_dict() if self.bake else None
         return values
 
 
@@ -102,9 +103,17 @@ class ChainReport:
     seconds: float
     warnings: list[str] = field(default_factory=list)
 
-    def to_dict(self) -> dict:
-        """Plain data for json.dump."""
-        return {**asdict(self), "levels": [level.to_dict() for level in self.levels]}
+    @property
+    def left_out(self) -> list[str]:
+        """The warnings that are not of a map: limits that have no level of their own."""
+        of_maps = {warning for level in self.levels for warning in level.bake.warnings}
+        return [warning for warning in self.warnings if warning not in of_maps]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for json.dump, without what the reports of the maps have."""
+        levels = [level.to_dict() for level in self.levels]
+        whole = {"original": self.original, "triangles": self.triangles, "collection": self.collection}
+        return {**whole, "levels": levels, "measured": self.measured}
 
     def table(self) -> list[str]:
         """Lines of a table: angles and distances at the 99th percentile of texels."""

@@ -57,13 +57,13 @@ def work(
             bakes = yield from _uncounted(part(baking, SEARCHED, 1.0))
         for data, _ in found:
             meshes.release(data)
+    # A level of triangles may have more faces than an original of quads.
+    swapped = [object_checks.SWAPPED.format(low=repr(each.name), highs=repr(ref.resolve().name)) for each in objects]
+    bakes = [replace(bake, warnings=[each for each in bake.warnings if each not in swapped]) for bake in bakes]
     levels = [
         replace(level, name=each.name, bake=bake) for each, (_, level), bake in zip(objects, found, bakes, strict=True)
     ]
-    # A level of triangles may have more faces than an original of quads.
-    swapped = [object_checks.SWAPPED.format(low=repr(each.name), highs=repr(ref.resolve().name)) for each in objects]
-    notes = dict.fromkeys(warning for bake in bakes for warning in bake.warnings if warning not in swapped)
-    warnings = [*left_out, *notes]
+    warnings = [*left_out, *dict.fromkeys(warning for bake in bakes for warning in bake.warnings)]
     seconds = time.perf_counter() - start
     return ChainReport(ref.resolve().name, original.triangles, collection.name, levels, search.count, seconds, warnings)
 
