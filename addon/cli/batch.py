@@ -6,7 +6,7 @@ import time
 from collections.abc import Sequence
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 
 import bpy
@@ -252,13 +252,16 @@ def _share_image(options: argparse.Namespace) -> bool:
 
 
 def start_gpu() -> None:
-    """Start the GPU, without EGL's messages, which are harmless. check_job reports a failure."""
+    """Start the GPU, if it does not run yet. check_job reports a failure."""
+    with startup.spent("gpu"), suppress(SystemError, RuntimeError):
+        _started_gpu()
+
+
+@cache
+def _started_gpu() -> None:
+    """As older_blender.start_gpu, without EGL's messages, which are harmless."""
     # Without the launcher, those lines may be all that explains a crash.
-    with (
-        startup.spent("gpu"),
-        suppress(SystemError, RuntimeError),
-        standard_streams.silence() if interruption.is_launched() else nullcontext(),
-    ):
+    with standard_streams.silence() if interruption.is_launched() else nullcontext():
         older_blender.start_gpu()
 
 

@@ -86,7 +86,7 @@ class Line:
 
 def plain(done: Done) -> Done:
     """A result whose values are those that the report will have: text, numbers, lists and tables."""
-    return replace(done, entry=Entry.from_dict(json.loads(json.dumps(done.entry.to_dict()))))
+    return replace(done, entry=Entry.from_dict(json.loads(json.dumps(vars(done.entry)))))
 
 
 MOST_BYTES = 1 << 26
