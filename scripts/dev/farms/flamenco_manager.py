@@ -25,6 +25,8 @@ task_timeout: 10m
 worker_timeout: {timeout}s
 blocklist_threshold: 3
 task_fail_after_softfail_count: 3
+variables:
+  blender: {{values: [{{platform: linux, value: blender}}, {{platform: darwin, value: blender}}]}}
 """
 WORKER_TIMEOUT = 20
 """Seconds after which the manager gives the task of a silent worker to another one."""
@@ -62,12 +64,18 @@ class Farm:
             self.kill(name)
 
     def add_worker(self, name):
-        """Start a worker."""
+        """Start a worker, and wait until it asks for tasks."""
         home = self.folder / name
         home.mkdir()
         text = f"manager_url: {self.url}/\ntask_types: [blender, ffmpeg, file-management, misc]\n"
         (home / "flamenco-worker.yaml").write_text(text)
         self._start(name, self._programs / "flamenco-worker", home, HOME=str(home), FLAMENCO_WORKER_NAME=name)
+        for _ in range(100):
+            workers = self.get("worker-mgt/workers")["workers"]
+            if any((worker["name"], worker["status"]) == (name, "awake") for worker in workers):
+                return
+            time.sleep(0.1)
+        raise SystemExit(f"the worker {name!r} does not wake up: {(self.folder / f'{name}.log').read_text()[-2000:]}")
 
     def _start(self, name, program, home, **environment):
         with (self.folder / f"{name}.log").open("w") as log:

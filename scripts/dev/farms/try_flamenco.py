@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Bakes on a real Flamenco on this machine: its manager and two workers, one of which is killed. Linux and macOS.
+"""Bakes on a real Flamenco on this machine: its manager and three workers, one of which is killed. Linux and macOS.
 
 python3 scripts/dev/farms/try_flamenco.py FOLDER [--sets 40] [--shards 8]
 
 FOLDER has the programs flamenco-manager and flamenco-worker of Flamenco 3. The manager compiles the job type; imprint.py farm
-sends the job. In the middle of a part, a worker is killed with all that it started. The other one must do its task, no map may
-be baked twice, the merged report must have all bakes, and the manager must have a preview. This takes six minutes: a manager
-looks for silent workers from its sixth minute on.
+sends two jobs. The first one has no meshes: its check must fail, also at another worker, and nothing else begin. In the middle
+of a part of the second one, a worker is killed with all that it started. Another one must do its task, no map may be baked
+twice, the merged report must have all bakes, and the manager must have a preview. This takes six minutes: a manager looks for
+silent workers from its sixth minute on.
 """
 
 import argparse
@@ -44,6 +45,19 @@ def kill_one(farm, job, jobs):
     raise SystemExit("no worker could be killed while it baked")
 
 
+def fail(farm, folder, shards):
+    """Send a job whose meshes are missing. Yields what is wrong if its check does not fail, and be tried again elsewhere."""
+    jobs = small_sets.write(folder, shards)
+    (folder / "high.obj").unlink()
+    job = farm.submit(jobs, shards)
+    status, tasks = farm.wait(job, PATIENCE), farm.tasks(job)
+    tries = len(tasks["check"].get("failed_by_workers", ()))
+    begun = [name for name, task in tasks.items() if worker_of(task)]
+    print(f"without meshes: {status}, {tries} tries, begun: {', '.join(begun)}")
+    if (status, tasks["check"]["status"], tries, begun) != ("failed", "failed", 2, ["check"]):
+        yield "the job without meshes did not fail at its check"
+
+
 def faults(farm, job, status, killed, name):
     """Yield what is wrong with the farm's side of the job."""
     tasks = farm.tasks(job)
@@ -51,7 +65,7 @@ def faults(farm, job, status, killed, name):
         yield f"the job is {status}"
         yield from (f"{each} is {task['status']}" for each, task in tasks.items() if task["status"] != "completed")
     if worker_of(tasks[name]) == killed:
-        yield f"{name} was not done by the other worker"
+        yield f"{name} was not done by another worker"
     if not farm.get(f"jobs/{job}/last-rendered"):
         yield "no preview arrived"
 
@@ -68,8 +82,9 @@ def main():
         farm = held.enter_context(flamenco_manager.Farm(options.programs.resolve(), folder / "farm"))
         kind = farm.get("jobs/type/imprint-bake")
         print(f"compiled: {kind['label']}, {len(kind['settings'])} settings")
-        for name in ("first", "second"):
+        for name in ("first", "second", "third"):
             farm.add_worker(name)
+        found = [*fail(farm, folder / "wrong", options.shards)]
         since = time.monotonic()
         job = farm.submit(jobs, options.shards)
         killed, name, before = kill_one(farm, job, jobs)
@@ -81,7 +96,7 @@ def main():
         preview = farm.get(f"jobs/{job}/last-rendered")
         print(f"preview: {preview and preview['suffixes']}")
         merged = small_sets.reports(jobs) / "report.json"
-        found = [*faults(farm, job, status, killed, name)]
+        found += [*faults(farm, job, status, killed, name)]
         found += small_sets.faults(jobs.parent, options.sets, merged, before)
         if found:
             (Path.cwd() / "out").mkdir(exist_ok=True)
