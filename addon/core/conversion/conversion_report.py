@@ -54,6 +54,11 @@ class ConversionReport:
         """The same report with the seconds before the work."""
         return replace(self, seconds={**self.seconds, **seconds})
 
+    @property
+    def picture(self) -> None:
+        """As of Report: a conversion has none."""
+        return
+
     def to_dict(self) -> dict:
         """Plain data for json.dump."""
         return asdict(self)
