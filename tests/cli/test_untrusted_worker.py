@@ -13,6 +13,8 @@ import numpy as np
 import pytest
 
 from addon.cli import outside_files
+from addon.cli.results.bake_result import Done
+from addon.cli.results.run_report import Entry, State
 from addon.cli.trust import confinement, landlock
 from addon.cli.workers import messages, worker_process
 from tests.support import untrusted, zoo
@@ -237,13 +239,63 @@ def test_a_message_of_a_worker_cannot_run_code(content):
         messages.received(here)
 
 
-def test_messages_of_a_worker_arrive():
+FILE = {"path": "/a", "bytes": 1, "sha256": "0" * 64, "what": "map"}
+
+
+@pytest.mark.parametrize("is_trusted", [True, False])
+def test_messages_of_a_worker_arrive(is_trusted):
     here, there = Pipe()
     for message in (
         messages.Ready(),
+        messages.Begun(),
         messages.Percent("a", "b", 0.5),
+        messages.Percent("a", "b", 1),
         messages.Line("x"),
         messages.FilesFound(["a"], [("b", "c")]),
+        Done(Entry(1, "a", files=[FILE], reports=[{"any": [1, None]}]), ["b"], picture=b"c"),
     ):
         there.send(message)
-        assert messages.received(here) == message
+        assert messages.received(here, is_trusted=is_trusted) == message
+
+
+def entry(**values):
+    found = Entry(1, "a", files=[FILE])
+    vars(found).update(values)
+    return found
+
+
+LIES = {
+    "a text for a number": lambda: messages.Percent("a", "b", "0.5"),
+    "a number for a text": lambda: messages.Line(7),
+    "files of one word": lambda: messages.FilesFound(["a"], [("b",)]),
+    "no list": lambda: messages.FilesFound("abc"),
+    "no entry": lambda: Done("entry"),
+    "no message": lambda: State.DONE,
+    "a number": lambda: 7,
+    "a number in the entry": lambda: Done(entry(error=7)),
+    "a state that is a text": lambda: Done(entry(state="done")),
+    "a file that is a text": lambda: Done(entry(files=["/a"])),
+    "a file without a path": lambda: Done(entry(files=[{"what": "map"}])),
+    "an entry as a report": lambda: Done(entry(reports=[{"a": entry()}])),
+    "a key that is no text": lambda: Done(entry(reports=[{(1, 2): 3}])),
+    "bytes": lambda: Done(entry(reports=[{"a": b"b"}])),
+    "a picture that is a text": lambda: Done(entry(), picture="c"),
+}
+
+
+@pytest.mark.parametrize("make", LIES.values(), ids=LIES)
+def test_a_message_of_other_types_is_none(make):
+    """Its parent would fail at it, and end all bakes."""
+    here, there = Pipe()
+    there.send(make())
+    with pytest.raises(OSError, match="no message"):
+        messages.received(here, is_trusted=False)
+
+
+def test_a_message_without_one_of_its_values_is_none():
+    here, there = Pipe()
+    lacking = entry()
+    del vars(lacking)["log"], vars(lacking)["error"]
+    there.send(Done(lacking))
+    with pytest.raises(OSError, match="no message"):
+        messages.received(here, is_trusted=False)

@@ -228,6 +228,13 @@ def changed(untrusted, key, path, **values):
     record.write_text(json.dumps(found))
 
 
+def test_levels_have_another_record_than_a_bake_of_their_mesh(folder):
+    """Their maps have other names."""
+    options = plan(folder).options
+    levels = arguments.argparse.Namespace(**{**vars(options), "levels": ("1,2", "1")})
+    assert bake_record.path_of(levels) != bake_record.path_of(options)
+
+
 def test_records_in_a_folder_are_found_there_alone(folder, untrusted):
     planned = [plan(folder, "a"), plan(folder, "b"), plan(folder, "a", output="other/{low}.png")]
     (folder / "out/other").mkdir(parents=True)

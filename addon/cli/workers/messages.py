@@ -7,9 +7,9 @@ A worker that has ended a bake sends a bake_result.Done.
 import io
 import json
 import pickle
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, is_dataclass, replace
 from multiprocessing.connection import Connection
-from typing import Any
+from typing import Any, get_args, get_origin, get_type_hints
 
 from ..done.bake_record import Draft
 from ..plan.plans import Plan
@@ -97,6 +97,13 @@ _FROM_WORKERS = {
 }
 
 
+_NO_MESSAGE = (
+    *(pickle.UnpicklingError, EOFError, LookupError, ValueError, TypeError, AttributeError),
+    *(MemoryError, RecursionError),
+)
+"""What reading other bytes, or values of other types, raises."""
+
+
 class _Reader(pickle.Unpickler):
     """Makes no objects but messages: a worker that a file has taken over must not run code in its parent."""
 
@@ -107,10 +114,44 @@ class _Reader(pickle.Unpickler):
             raise pickle.UnpicklingError(f"{module}.{name} is no message") from error
 
 
-def received(connection: Connection) -> Any:
-    """The next message of a worker. Raises EOFError if it is gone, and OSError for what is no message."""
+def received(connection: Connection, *, is_trusted: bool = True) -> Any:
+    """The next message of a worker. Raises EOFError if it is gone, and OSError for what is no message.
+
+    is_trusted: whether the values in it are taken to be of their types.
+    """
     content = connection.recv_bytes(MOST_BYTES)
     try:
-        return _Reader(io.BytesIO(content)).load()
-    except (pickle.UnpicklingError, EOFError, LookupError, ValueError, TypeError, AttributeError, MemoryError) as error:
+        message = _Reader(io.BytesIO(content)).load()
+        return message if is_trusted else _checked(message)
+    except _NO_MESSAGE as error:
         raise OSError("no message") from error
+
+
+def _checked(message: Any) -> Any:
+    """A message whose values are all of their types. Raises TypeError and what `plain` raises."""
+    kind = type(message)
+    if kind not in _FROM_WORKERS.values() or not is_dataclass(kind) or not _fits(message, kind):
+        raise TypeError(f"{kind} is no message")
+    if not isinstance(message, Done):
+        return message
+    done = plain(message)
+    for each in (*done.entry.files, *done.entry.inputs):
+        if not all(isinstance(each[name], str) for name in ("path", "what")):
+            raise TypeError("a file without a path")
+    return done
+
+
+def _fits(value: Any, hint: Any) -> bool:
+    """Whether a value is of the type of an annotation."""
+    kind, given = get_origin(hint) or hint, get_args(hint)
+    if kind is Any:
+        return True
+    if kind is float:
+        return isinstance(value, int | float)
+    if not isinstance(value, kind):
+        return False
+    if is_dataclass(kind):
+        return all(_fits(getattr(value, name), each) for name, each in get_type_hints(kind).items())
+    if kind is tuple:
+        return len(value) == len(given) and all(map(_fits, value, given))
+    return kind is not list or all(_fits(each, given[0]) for each in value)

@@ -191,7 +191,7 @@ class Supervisor:
         for connection in wait(list(by_connection), LOOK_EVERY):
             worker = by_connection[connection]
             try:
-                message = received(connection)
+                message = received(connection, is_trusted=self._confinement is None)
             except (EOFError, OSError):
                 yield from self._bury(worker)
                 continue
