@@ -191,6 +191,15 @@ def made(*, plan, is_ready, begun=0.0):
     return SimpleNamespace(plan=plan, begun=begun, process=SimpleNamespace(is_ready=is_ready))
 
 
+@pytest.mark.parametrize(("name", "expected"), [("good", 1), ("crash", 3)])
+def test_after_a_crash_there_is_a_spare_worker(folder, monkeypatch, name, expected):
+    monkeypatch.setenv("PYTHONPATH", str(SABOTAGE))
+    made_, make = [], supervisor.BusyWorker
+    monkeypatch.setattr(supervisor, "BusyWorker", lambda rights: made_.append(make(rights)) or made_[-1])
+    command.run(jobs(folder, name, "a", "b", "c"), may_start_processes=True)
+    assert len(made_) == expected
+
+
 def test_a_spare_worker_bakes_when_another_has_ended():
     watching = supervisor.Supervisor(1, supervisor.Limits())
     first, spare = (made(plan=object(), is_ready=True), made(plan=None, is_ready=True))
