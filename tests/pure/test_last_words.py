@@ -18,6 +18,11 @@ Current thread 0x00007f1c (most recent call first):
 
 Extension modules: numpy.core (total: 1)
 """
+STACK = """Current thread's C stack trace (most recent call first):
+  Binary file "/usr/lib/libpython3.14.so", at _Py_DumpStack+0x48 [0x7f70120340d7]
+  <truncated rest of calls>
+"""
+"""That of Python 3.14."""
 PLACE = ", in read, line 7 of mesh/uv.py"
 
 
@@ -31,6 +36,7 @@ PLACE = ", in read, line 7 of mesh/uv.py"
         (DUMP, PLACE),
         (f"Opening\n{DUMP}", f"{PLACE}, after it printed 'Opening'"),
         (f"{DUMP}Writing: /tmp/s.crash.txt\n", f"{PLACE}, after it printed 'Writing: /tmp/s.crash.txt'"),
+        (f"Opening\n{DUMP}{STACK}", f"{PLACE}, after it printed 'Opening'"),
         (DUMP.replace("/", "\\"), PLACE),
         ("\x1b[31mred\x07\n", ", after it printed '?[31mred?'"),
         ('  File "/a/b.py", line 3, in f\n', ""),

@@ -14,7 +14,7 @@ LONGEST = 160
 _PLACE = re.compile(r'  File "(?P<path>.*)", line (?P<line>\d+) in (?P<name>.*)')
 _CRASH = re.compile(
     r"Fatal Python error: |Windows fatal exception: |(Current thread|Thread) 0x|Stack \(most recent call first\):"
-    r"|Extension modules: |  (File \"|<|\.\.\.)"
+    r"|Current thread's C stack trace|Extension modules: |  ((Binary file|File) \"|<|\.\.\.)"
 )
 """The starts of lines that Python prints at a crash: the error, threads and their calls, the last one first."""
 
