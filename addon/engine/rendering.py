@@ -7,6 +7,7 @@ from typing import Protocol
 import gpu
 import numpy as np
 
+from ..core import texel_state
 from ..core.map_types import NORMAL
 from ..core.progress import Task, part
 from ..core.texel_state import Map
@@ -17,11 +18,11 @@ from .margins import PostProcess
 
 
 class BandMaps(Protocol):
-    """Draws all maps of a band. takes_time: whether a coarse picture is worth its time. stopped: how many texels of all bands
-    took fewer samples than the settings say."""
+    """Draws all maps of a band. takes_time: whether a coarse picture is worth its time. stopped (rows, width) bool: which
+    texels of the last band, without its halo, took fewer samples than the settings say; None if none did."""
 
     takes_time: bool
-    stopped: int
+    stopped: np.ndarray | None
 
     def of(self, band: Band) -> Task[Iterator[tuple[str, gpu.types.GPUTexture]]]:
         """The names and textures (RGBA32F) of the maps. Each texture is valid until the next one is asked for."""
@@ -31,10 +32,13 @@ class BandMaps(Protocol):
 
 
 class Renderer:
-    """Draws the maps of one bake, tile by tile: the normal map and the maps in the settings."""
+    """Draws the maps of one bake, tile by tile: the normal map and the maps in the settings.
+
+    stopped: how many texels that were written took fewer samples than the settings say, so far.
+    """
 
     def __init__(self, maps: BandMaps, run: Run):
-        self.maps = maps
+        self.maps, self.stopped = maps, 0
         self.settings, self.timings, self.pace = run.settings, run.timings, run.pace
 
     def texels(self, tile: int, post_processes: dict[str, PostProcess]) -> Task[dict[str, Map]]:
@@ -47,8 +51,10 @@ class Renderer:
                 stored = post_processes[name].draw(band, drawn)
                 stored.finish()
             with self.timings.timed("read"):
-                for slot, array in enumerate(maps[name]):
-                    stored.read(array[band.start : band.stop], slot)
+                texels, state = (array[band.start : band.stop] for array in maps[name])
+                stored.read(texels)
+                stored.read(state, 1)
+            self._count(name, state, texel_state.WRITTEN)
 
         yield from self._banded(tile, self.settings.margin, keep)
         with self.timings.timed("draw"):
@@ -72,10 +78,17 @@ class Renderer:
 
         def keep(name: str, band: Band, drawn: gpu.types.GPUTexture) -> None:
             with self.timings.timed("read"):
-                target.read(drawn, maps[name][band.start : band.stop])
+                texels = maps[name][band.start : band.stop]
+                target.read(drawn, texels)
+            self._count(name, texels[..., 3], 1.0)
 
         yield from self._banded(tile, 0, keep)
         return maps
+
+    def _count(self, name: str, known: np.ndarray, written: float) -> None:
+        """Count the texels of a band that are `written` among `known` (rows, width)."""
+        if name == NORMAL.name and self.maps.stopped is not None:
+            self.stopped += int(np.count_nonzero((known == written) & self.maps.stopped))
 
     def _banded(
         self, tile: int, margin: int | None, keep: Callable[[str, Band, gpu.types.GPUTexture], None]

@@ -202,7 +202,7 @@ class Rays:
         self.ray_cast, self.settings, self.pace = ray_cast, settings, pace
         self.surface = HighSurface(highs, ray_cast.ray_scene)
         self.to_space = world_to_space(low, settings)
-        self._near, self.drawn_meshes = NearTriangles(low), [low]
+        self.low, self._near = low, NearTriangles(low)
 
     def normals(self, band: Band, slot: int = 0) -> Iterator[tuple[gpu.types.GPUTexture, range]]:
         """As Source has it."""

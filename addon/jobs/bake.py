@@ -122,7 +122,7 @@ def _audit(job: Job, settings: Settings, ready: _Ready, tally: Tally, timings: T
     ray_cast = ready.source.ray_cast
     with timings.timed("audit"):
         findings = audit(ready.plan, tally, settings, ray_cast)
-    stopped = ready.renderer.maps.stopped / tally.written
+    stopped = ready.renderer.stopped / tally.written
     read = ready.others.results(tally.backwards)
     with timings.timed("audit"):
         picture = ready.pictures.result()

@@ -22,6 +22,11 @@ def limited_to(columns: range, rows: range) -> Iterator[None]:
         _part.reset(token)
 
 
+def of(width: int, height: int) -> tuple[range, range]:
+    """The columns and rows that are drawn of targets of this size."""
+    return _part.get() or (range(width), range(height))
+
+
 def begin(width: int, rows: range | None = None) -> bool:
     """Limit the bound framebuffer, of this width, to the part, and to these rows. Returns whether there is a limit, which
     `end` removes."""

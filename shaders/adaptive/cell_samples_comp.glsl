@@ -1,8 +1,6 @@
-// Takes further samples of the texels of a list at once, by Flatten: for each sample finds the triangle of the high mesh
-// and that of the low mesh in their cells, turns the normal of one into the tangent space of the other, and adds it. After
-// its last sample, replaces the sum of a texel by the mean.
+// Takes further samples of the texels of a list at once, by Flatten: for each sample finds the triangle of the high mesh in
+// its cell, and adds the normal there. After its last sample, replaces the sum of a texel by the mean.
 #include "lib/texture_lib.glsl"
-#include "lib/basis_lib.glsl"
 #include "lib/mean_lib.glsl"
 
 // Corners are rounded to so many steps in a texel.
@@ -57,47 +55,19 @@ void main()
     vec3 normal = vec3(0.0);
     bool is_found = false;
     // The last triangle is the one that stays when all are drawn.
-    for (int high = int(cell.y) - 1; high >= int(cell.x) && !is_found; high--) {
-      int place = high * 4;
-      vec4 one = texel_at(highs, texture_place(place));
-      vec4 two = texel_at(highs, texture_place(place + 1));
+    for (int triangle = int(cell.y) - 1; triangle >= int(cell.x) && !is_found; triangle--) {
+      int place = triangle * 4;
+      vec4 one = texel_at(triangles, texture_place(place));
+      vec4 two = texel_at(triangles, texture_place(place + 1));
       if (is_inside(one, two, offset.zw, size, from)) {
-        vec4 three = texel_at(highs, texture_place(place + 2));
-        vec4 four = texel_at(highs, texture_place(place + 3));
+        vec4 three = texel_at(triangles, texture_place(place + 2));
+        vec4 four = texel_at(triangles, texture_place(place + 3));
         normal = vec3(two.zw, three.x) + three.yzw * at.x + four.xyz * at.y;
         is_found = dot(normal, normal) > 0.0;
       }
     }
     if (is_found) {
-      normal /= sqrt(dot(normal, normal));
-      if (is_turned != 0) {
-        is_found = false;
-        vec3 components = vec3(0.0);
-        for (int low = int(cell.w) - 1; low >= int(cell.z) && !is_found; low--) {
-          int place = low * 9;
-          vec4 one = texel_at(lows, texture_place(place));
-          vec4 two = texel_at(lows, texture_place(place + 1));
-          if (is_inside(one, two, offset.zw, size, from)) {
-            vec4 three = texel_at(lows, texture_place(place + 2));
-            vec4 four = texel_at(lows, texture_place(place + 3));
-            vec4 five = texel_at(lows, texture_place(place + 4));
-            vec4 six = texel_at(lows, texture_place(place + 5));
-            vec4 seven = texel_at(lows, texture_place(place + 6));
-            vec3 low_normal = vec3(two.zw, three.x) + three.yzw * at.x + four.xyz * at.y;
-            vec3 tangent = five.xyz + vec3(five.w, six.xy) * at.x + vec3(six.zw, seven.x) * at.y;
-            vec4 eight = texel_at(lows, texture_place(place + 7));
-            vec4 nine = texel_at(lows, texture_place(place + 8));
-            vec3 bitangent = seven.yzw + eight.xyz * at.x + vec3(eight.w, nine.xy) * at.y;
-            components = basis_components(normal, basis_of(basis_flags, low_normal, vec4(tangent, four.w), bitangent));
-            float length_squared = dot(components, components);
-            is_found = length_squared > 0.0 && !isinf(length_squared);
-          }
-        }
-        normal = components / sqrt(dot(components, components));
-      }
-      if (is_found) {
-        sum += vec4(normal, 1.0);
-      }
+      sum += vec4(normal / sqrt(dot(normal, normal)), 1.0);
     }
   }
   imageStore(sums, texel, stop <= end_sample ? mean_direction(sum) : sum);

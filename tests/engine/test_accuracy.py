@@ -13,6 +13,7 @@ from addon.core.settings import Settings
 from addon.core.timings import Timings
 from addon.engine import rendering, sources
 from addon.engine.maps.family import Run
+from addon.engine.maps.normal_space import NormalSpace
 from addon.engine.maps.sampling import SampledMaps
 from addon.engine.margins import for_maps
 from addon.mesh import triangle_mesh
@@ -144,6 +145,6 @@ def folds(low):
     timings = Timings()
     source = sources.Flat(painted, [painted], settings, timings)
     run = Run(settings, timings, progress.Pace())
-    renderer = rendering.Renderer(SampledMaps(source, None, [], None, run), run)
+    renderer = rendering.Renderer(SampledMaps(source, NormalSpace(None, None, run.settings), [], None, run), run)
     texels, _ = progress.finish(renderer.texels(1001, for_maps([painted], settings)))["NORMAL"]
     return texels[..., 2] < 0.5

@@ -175,6 +175,15 @@ def test_samples_are_adaptive_where_that_is_faster(monkeypatch, method, samples,
     assert (bake_pair(bpy.context, low, [high], settings).stopped_early > 0.0) is are_adaptive
 
 
+def test_only_texels_that_are_written_count_as_stopped_early():
+    """Flatten takes samples wherever the high mesh is. Here the low one has a sixteenth of that."""
+    low, high = zoo.plane("low"), zoo.plane("high")
+    layer = low.data.uv_layers[0].uv
+    layer.foreach_set("vector", np.float32([[0.25, 0.25], [0.5, 0.25], [0.5, 0.5], [0.25, 0.5]]).ravel())
+    settings = Settings("FLATTEN", width=64, height=64, samples=64, storage="MEMORY", material=False)
+    assert bake_pair(bpy.context, low, [high], settings).stopped_early == 1.0
+
+
 @pytest.mark.parametrize("method", METHODS)
 def test_bands_and_adaptive_samples_together(method, monkeypatch):
     low, high = zoo.plane("low"), zoo.terrain("high", n=23, waves=2, height=0.02)

@@ -45,9 +45,9 @@ def counts(monkeypatch):
         seen["bytes of tables"] += len(places) * 16
         return gathered(values, places, numbers)
 
-    def counting_read(self, out, slot=0):
+    def counting_read(self, out, *place, **options):
         seen["bytes read"] += out.nbytes
-        return read(self, out, slot)
+        return read(self, out, *place, **options)
 
     monkeypatch.setattr(target, "bind", counting_bind)
     monkeypatch.setattr(mesh_upload, "_vertices", counting_vertices)
@@ -83,10 +83,12 @@ def passes(counts):
 def test_flatten_draws_once_per_sample(counts, samples):
     low, high = pair()
     bake_pair(bpy.context, low, [high], settings("FLATTEN", samples=samples, adaptive=False))
-    accumulated = {"bake/accumulate_comp.glsl": samples, "bake/average_frag.glsl": 1} if samples > 1 else {}
+    accumulated = {}
+    if samples > 1:
+        accumulated = {"bake/accumulate_comp.glsl": samples, "bake/average_frag.glsl": 1, "bake/turned_frag.glsl": 1}
     assert passes(counts) == {
         "bake/flatten_frag.glsl": samples,
-        "bake/tangent_frag.glsl": samples,
+        "bake/tangent_frag.glsl": 1,
         "margin/margin_rows_comp.glsl": 1,
         "margin/margin_columns_comp.glsl": 1,
         "margin/margin_fill_frag.glsl": 1,
@@ -99,7 +101,7 @@ def test_adaptive_samples_by_flatten_draw_two_samples_and_take_the_others_in_one
     bake_pair(bpy.context, low, [high], settings("FLATTEN", samples=64))
     found = passes(counts)
     assert found["adaptive/rounds_frag.glsl"] == found["adaptive/cell_samples_comp.glsl"] == 1
-    assert found["bake/flatten_frag.glsl"] == found["bake/tangent_frag.glsl"] == 2
+    assert found["bake/flatten_frag.glsl"] == 2 and found["bake/tangent_frag.glsl"] == 1
     assert not {"bake/accumulate_comp.glsl", "adaptive/add_active_comp.glsl"} & found.keys()
 
 
@@ -111,7 +113,15 @@ def test_cast_dispatches_once_per_sample(counts, samples):
     found = passes(counts)
     # Up to five more for the audit, on few texels: the lengths of the rays, and what lies behind their hits.
     assert samples <= found["bake/cast_comp.glsl"] <= samples + 5
-    assert found["bake/cast_lookup_frag.glsl"] == found["bake/tangent_frag.glsl"] == samples
+    assert found["bake/cast_lookup_frag.glsl"] == samples
+    assert found["bake/tangent_frag.glsl"] == 1
+
+
+@pytest.mark.parametrize("method", ["FLATTEN", "CAST"])
+def test_texels_without_a_center_draw_the_low_mesh_once_more_for_each_sample(counts, method):
+    low, high = zoo.two_islands("low", gap=0.33), zoo.two_islands("high", gap=0.33)
+    bake_pair(bpy.context, low, [high], settings(method, samples=4))
+    assert passes(counts)["bake/tangent_frag.glsl"] == 1 + 4
 
 
 def test_bytes_uploaded_and_read_back(counts):

@@ -1,14 +1,21 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""No texel is wrong: at the center of each one, a reader decodes the normal that the object-space map of the same pair has."""
+"""No texel is wrong: at the center of each one, a reader decodes the normal that the object-space map of the same pair has,
+however many samples it is the mean of."""
+
+import math
 
 import bpy
 import numpy as np
 import pytest
 
+from addon.core.declarations import bases
+from addon.core.declarations.all_settings import DECLARED
+from addon.core.map_types import NORMAL
+from addon.passes.bake import samples
 from tests.engine.test_blender_readers import PAIRS, triangulated
 from tests.support import angles, decoders, raster, zoo
 from tests.support.covering import covering
-from tests.support.maps import bake
+from tests.support.maps import bake, raw_maps
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -19,23 +26,26 @@ EXACT = 0.001
 """Degrees, in the worst texel."""
 EXACT_FOLDED = 0.2
 """Degrees, in the worst texel of a real mesh: single precision counts where low normals point behind their faces."""
-BASIS = "CYCLES"
+COUNTS = DECLARED["samples"].values
 
 
-def most_off(low, high, size, **settings):
-    """The most degrees by which a texel is off, if it is read by the last triangle over its center, or, where this is a matter
-    of rounding, by the best one. And how many texels these are: all, those of several triangles, those of rounding."""
+def most_off(low, high, size, *, basis="CYCLES", **settings):
+    """The most degrees by which a texel with a covered center is off, if it is read by the last triangle there, or, where this
+    is a matter of rounding, by the best one. And how many texels these are: all, of several triangles, and of rounding."""
     size = size, size
     normals, objects = (
-        bake(low, high, size=size, image=space, space=space, basis=BASIS, **settings).reshape(-1, 4)
+        bake(low, high, size=size, image=space, space=space, basis=basis, **settings).reshape(-1, 4)
         for space in ("TANGENT", "OBJECT")
     )
     mesh = raster.corners(low)
     over = covering(mesh.uv, size, ROUNDING)
     is_written = (normals[over.texel, 3] > 0.0) & (objects[over.texel, 3] > 0.0)
     assert not ((over.inside >= ROUNDING) & (objects[over.texel, 3] > 0.0) & ~is_written).any()
+    if settings["samples"] > 1:  # texels are written too whose center the mesh does not cover
+        single = bake(low, high, size=size, image="single", **{**settings, "samples": 1}).reshape(-1, 4)
+        is_written &= single[over.texel, 3] > 0.0
     vectors = mesh.normal, mesh.tangent, decoders.bitangents(mesh.normal, mesh.tangent)
-    shown = decoders.decoded(normals[over.texel, :3] * 2.0 - 1.0, BASIS, *map(over.between, vectors))
+    shown = decoders.decoded(normals[over.texel, :3] * 2.0 - 1.0, basis, *map(over.between, vectors))
     off = angles.degrees(raster.unit(shown), raster.unit(objects[over.texel, :3] * 2.0 - 1.0))
     texels, number = np.unique(over.texel[is_written], return_inverse=True)
     off, triangle, inside = off[is_written], over.triangle[is_written], over.inside[is_written]
@@ -65,22 +75,79 @@ def folded(size):
     return low
 
 
-@pytest.mark.parametrize("size", [64, 256])
-def test_each_texel_of_folded_uvs_has_the_normal_and_the_tangents_of_one_triangle(size):
+@pytest.mark.parametrize(
+    ("size", "count", "basis"),
+    [
+        *[(size, 1, "CYCLES") for size in (64, 256)],
+        *[(64, count, "CYCLES") for count in COUNTS if count > 1],
+        *[(64, 4, one.name) for one in bases.BASES if one.name != "CYCLES"],
+    ],
+)
+def test_each_texel_of_folded_uvs_has_the_tangents_of_one_triangle(size, count, basis):
     low, high = folded(size), zoo.terrain("high", n=64, height=0.35)
-    off, (_, several, rounded) = most_off(low, high, size, method="CAST")
+    off, (_, several, rounded) = most_off(low, high, size, basis=basis, method="CAST", samples=count)
     assert several > size * size / 8
     assert rounded > size
     assert off < EXACT
+
+
+def halves(ends, *, is_mirrored):
+    """Two halves of a roof, and of a plane that all rays from it hit. In UV space one half is on the left, up to the first of
+    `ends`, and one on the right, from the second on, mirrored or not."""
+    left, right = ends
+    columns = (0.1, left), (0.9, right) if is_mirrored else (right, 0.9)
+    uv = [[(a, 0.0), (b, 0.0), (b, 1.0), (a, 1.0)] for a, b in columns]
+    faces = [(0, 1, 4, 3), (1, 2, 5, 4)]
+    points = [(x, y, 0.0) for y in (-1, 1) for x in (-1, 0, 1)]
+    low = zoo.build("low", [(x, y, -0.5 * abs(x)) for x, y, _ in points], faces, uv, smooth=False)
+    high = zoo.build("high", [(3 * x, 3 * y, 0.1) for x, y, _ in points], faces, uv, smooth=False)
+    return triangulated(low), high
+
+
+def leaning(low, texels, is_left):
+    """Degrees between z and what tangent-space texels (N, 4) show on the left or the right half."""
+    mesh = raster.corners(low)
+    rows = np.where(is_left, 0, len(mesh.uv) - 1)  # the tangents of a half are constant
+    vectors = mesh.normal, mesh.tangent, decoders.bitangents(mesh.normal, mesh.tangent)
+    shown = decoders.decoded(texels[:, :3], "CYCLES", *(values[rows, 0] for values in vectors))
+    return angles.degrees(raster.unit(shown), np.broadcast_to((0.0, 0.0, 1.0), shown.shape))
+
+
+@pytest.mark.parametrize("method", ["FLATTEN", "CAST"])
+@pytest.mark.parametrize("is_mirrored", [False, True])
+@pytest.mark.parametrize("share", [0.1, 0.45, 0.55, 0.9])
+@pytest.mark.parametrize("count", COUNTS)
+def test_samples_on_two_sides_of_an_edge_are_read_by_the_side_of_the_center(count, share, is_mirrored, method):
+    size, column = 16, 7
+    low, high = halves([(column + share) / size] * 2, is_mirrored=is_mirrored)
+    found = raw_maps(low, high, maps=(), size=size, method=method, samples=count)[1001][NORMAL.name][size // 2, 2:14]
+    assert (found[:, 3] == 1.0).all()
+    is_left = np.arange(2, 14) + 0.5 < column + share
+    assert leaning(low, found, is_left).max() < EXACT
+
+
+@pytest.mark.parametrize("method", ["FLATTEN", "CAST"])
+@pytest.mark.parametrize("is_mirrored", [False, True])
+@pytest.mark.parametrize("shares", [(0.45, 0.7), (0.3, 0.55)])
+@pytest.mark.parametrize("count", [8, 16, 64])
+def test_a_texel_without_a_center_is_read_by_the_sample_closest_to_it(count, shares, is_mirrored, method):
+    size, column = 16, 7
+    low, high = halves([(column + share) / size for share in shares], is_mirrored=is_mirrored)
+    found = raw_maps(low, high, maps=(), size=size, method=method, samples=count)[1001][NORMAL.name][:, column]
+    covered = [(x, y) for x, y in samples.offsets(count) if not shares[0] < x + 0.5 < shares[1]]
+    x, _ = min(covered, key=lambda at: math.hypot(*at))
+    assert (found[:, 3] == 1.0).all()
+    assert leaning(low, found, np.full(size, x < 0.0)).max() < EXACT
 
 
 @pytest.mark.slow
 @pytest.mark.shared
 @pytest.mark.parametrize("method", ["AUTO", "CAST"])
 @pytest.mark.parametrize("name", PAIRS)
-def test_each_texel_of_a_real_pair_is_right(shared_assets, name, method):
+@pytest.mark.parametrize("count", [1, 4, 16, 64])
+def test_each_texel_of_a_real_pair_is_right(shared_assets, count, name, method):
     bpy.ops.wm.open_mainfile(filepath=str(shared_assets / "pairs" / f"{name}.blend"))
     low, high = triangulated(bpy.data.objects["lo"]), bpy.data.objects["hi"]
-    off, counts = most_off(low, high, 1024, method=method)
-    print(name, method, round(off, 4), counts)
+    off, counts = most_off(low, high, 1024, method=method, samples=count)
+    print(name, method, count, round(off, 4), counts)
     assert off < EXACT_FOLDED

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from addon.core.declarations.all_settings import DECLARED
+from addon.core.map_types import NORMAL
 from addon.core.settings import Settings
 from addon.jobs import bake_pair
 from addon.passes.bake import samples
@@ -130,6 +131,25 @@ def test_a_texel_is_missed_when_none_of_its_rays_hits():
     assert (many[holes] == np.float32((1, 0, 0, 0))).all()
     assert holes.sum() <= (single[..., 3] == 0.0).sum()
     assert np.abs(many[~holes] - np.float32((0.5, 0.5, 1, 1))).max() < 1e-6
+
+
+@pytest.mark.parametrize("samples", [1, 4, 16])
+def test_tangents_change_neither_hits_nor_misses(samples):
+    """A small island of many faces. Its borders lie beside the centers of texels; one of them hits nothing."""
+    low, high = zoo.plane("low", n=9), zoo.plane("high")
+    layer = low.data.uv_layers[0].uv
+    uv = np.empty((len(layer), 2), np.float32)
+    layer.foreach_get("vector", uv.ravel())
+    layer.foreach_set("vector", (uv * np.float32((0.27, 0.43)) + np.float32((0.05, 0.51))).ravel())
+    high.scale.x, high.location.x = 0.5, 0.6
+    tangent, other = (
+        maps.raw_maps(low, high, maps=(), size=33, method="CAST", samples=samples, space=space, **RAYS)[1001][
+            NORMAL.name
+        ]
+        for space in ("TANGENT", "OBJECT")
+    )
+    assert np.array_equal(tangent[..., 3], other[..., 3])
+    assert set(np.unique(tangent[..., 3])) == {-1.0, 0.0, 1.0}
 
 
 def test_bands_and_samples_together(monkeypatch):

@@ -4,6 +4,7 @@
 import bpy
 import numpy as np
 import pytest
+from mathutils import Euler
 
 from addon.core.map_types import WIDENED_ROUGHNESS
 from tests.support import layouts, zoo
@@ -54,6 +55,7 @@ def test_spaces_agree_seed_1(method):
     rng, low = np.random.default_rng(1), zoo.plane("low")
     high = zoo.sheet("high", lambda u, v: np.stack([2 * u - 1, 2 * v - 1, 0.01 * rng.normal(size=len(u))], 1), 160, 160)
     for obj in (low, high):
+        obj.data.transform(Euler((0.7, -0.5, 0.2)).to_matrix().to_4x4())
         obj.rotation_euler = 0.4, 1.2, -0.3
     first, *others = (
         raw_maps(low, high, maps=[NAME], size=SIZE, method=method, space=space, samples=16)[1001][NAME][..., 0]

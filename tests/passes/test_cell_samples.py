@@ -5,11 +5,10 @@ import numpy as np
 import pytest
 
 from addon.core import udim
-from addon.core.declarations import bases
 from addon.mesh import uv_cells
 from addon.passes import mesh_upload, target
 from addon.passes.adaptive import cell_samples
-from addon.passes.bake import flatten, samples, tangent
+from addon.passes.bake import flatten, samples
 
 pytestmark = pytest.mark.usefixtures("gpu_context")
 
@@ -29,12 +28,11 @@ def soup(seed, count, extent, scales=(1, 2)):
     return (corners / (256.0 * np.array(SIZE)[:, None, None])).astype(np.float32)
 
 
-def sorted_into(uv, side, values, signs=None):
+def sorted_into(uv, side, normals):
     cells = np.ones((-(-HEIGHT // side), -(-WIDTH // side)), bool)
     found = uv_cells.sort(uv, udim.uv_to_clip(), SIZE, cells, side)
-    planes = found.planes(values[found.triangles])
     corners = uv.transpose(2, 1, 0)[found.triangles]
-    return cell_samples.Sorted(found.starts, corners, planes, None if signs is None else signs[found.triangles])
+    return cell_samples.Sorted(found.starts, corners, found.planes(normals[found.triangles]))
 
 
 def flat(values):
@@ -42,15 +40,15 @@ def flat(values):
     return np.repeat(values[:, None].astype(np.float32), 3, axis=1)
 
 
-def taken(high, low, side, stop=64, flags=0):
+def taken(found, side, stop=64):
     """The means (height, width, 4) of the samples from the third on."""
     shape = -(-HEIGHT // side), -(-WIDTH // side)
     sums = target.Target(WIDTH, HEIGHT, ("RGBA32F",))
     target.clear(sums)
     places = np.stack(np.meshgrid(np.arange(WIDTH), np.arange(HEIGHT)), axis=-1).reshape(-1, 2)
     stops = np.broadcast_to(stop, (HEIGHT, WIDTH)).reshape(-1)
-    records = cell_samples.upload(high, low, shape)
-    steps = list(cell_samples.add(sums.texture, records, places, stops, TAKEN, side=side, basis_flags=flags))
+    records = cell_samples.upload(found, shape)
+    steps = list(cell_samples.add(sums.texture, records, places, stops, TAKEN, side=side))
     assert steps == sorted(steps) and steps[-1] == 1.0
     return read(sums)
 
@@ -61,24 +59,14 @@ def read(into):
     return result
 
 
-def drawn(uv, normals, low=None, stop=64, flags=0):
-    """The same means of samples that are drawn. low: UVs, normals and tangents."""
+def drawn(uv, normals, stop=64):
+    """The same means of samples that are drawn."""
     corners = uv.transpose(2, 1, 0).reshape(-1, 2).copy()
     batch = mesh_upload.upload_corners(uv=corners, normal=normals.reshape(-1, 3).copy())
-    basis = None
-    if low is not None:
-        uv, normals, tangents = low
-        basis = mesh_upload.upload_corners(
-            uv=uv.transpose(2, 1, 0).reshape(-1, 2).copy(),
-            normal=normals.reshape(-1, 3).copy(),
-            tangent=tangents.reshape(-1, 4).copy(),
-        )
-    one, turned, sums = (target.Target(WIDTH, HEIGHT, ("RGBA32F",)) for _ in range(3))
+    one, sums = (target.Target(WIDTH, HEIGHT, ("RGBA32F",)) for _ in range(2))
     for number, (_, to_clip) in enumerate(TAKEN[2:stop]):
         flatten.draw(one, [(batch, np.eye(3))], to_clip)
-        if basis is not None:
-            tangent.draw(turned, basis, one.texture, to_clip, basis_flags=flags)
-        samples.add(sums, (one if basis is None else turned).texture, range(HEIGHT), is_first=number == 0)
+        samples.add(sums, one.texture, range(HEIGHT), is_first=number == 0)
     samples.average(one, sums)
     return read(one)
 
@@ -90,7 +78,7 @@ def test_the_triangle_of_each_sample_is_the_one_that_is_drawn_there(seed, count,
     # Rasterizers clip triangles at the border of the map, which samples move by half a texel, and round again.
     uv = uv[..., ((uv > 0.02) & (uv < 0.98)).all(axis=(0, 1))]
     normals = flat(np.random.default_rng(seed).normal(size=(uv.shape[2], 3)))
-    found = taken(sorted_into(uv, side, normals), None, side)
+    found = taken(sorted_into(uv, side, normals), side)
     expected = drawn(uv, normals) if count else np.zeros_like(found)
     assert np.array_equal(found[..., 3], expected[..., 3])
     assert np.abs(found - expected).max() < 1e-5
@@ -100,26 +88,18 @@ def test_the_triangle_of_each_sample_is_the_one_that_is_drawn_there(seed, count,
 @pytest.mark.parametrize("seed", [7, 8])
 def test_triangles_across_the_border_of_the_map_cover_the_same_but_for_the_rounding_of_clipped_edges(seed):
     uv, normals = soup(seed, 60, 6000, (1, 64, 128)), flat(np.random.default_rng(seed).normal(size=(60, 3)))
-    found, expected = taken(sorted_into(uv, 8, normals), None, 8), drawn(uv, normals)
+    found, expected = taken(sorted_into(uv, 8, normals), 8), drawn(uv, normals)
     assert np.array_equal(found[..., 3], expected[..., 3])
     unlike = (np.abs(found - expected).max(axis=2) > 1e-5).mean()
     assert unlike < 0.01
 
 
-@pytest.mark.parametrize("flags", [one.flags for one in bases.BASES])
 @pytest.mark.parametrize("seed", [5, 6])
-def test_normals_between_corners_are_turned_as_when_they_are_drawn(seed, flags):
-    random, side = np.random.default_rng(seed), 8
-    uv, below = soup(seed, 50, 2000), soup(seed + 10, 20, 3000)
+def test_normals_between_corners_are_those_that_are_drawn(seed):
+    random = np.random.default_rng(seed)
+    uv = soup(seed, 50, 2000)
     normals = (random.normal(size=(50, 3, 3)) * 0.3 + (0, 0, 1)).astype(np.float32)
-    low_normals = (random.normal(size=(20, 3, 3)) * 0.2 + (0, 0, 1)).astype(np.float32)
-    tangents = (random.normal(size=(20, 3, 3)) * 0.2 + (1, 0, 0)).astype(np.float32)
-    signs = random.choice([-1.0, 1.0], 20).astype(np.float32)
-    bitangents = flat(signs[:, None]) * np.cross(low_normals, tangents)
-    low = sorted_into(below, side, np.concatenate([low_normals, tangents, bitangents], axis=2), signs)
-    found = taken(sorted_into(uv, side, normals), low, side, flags=flags)
-    with_signs = np.concatenate([tangents, flat(signs[:, None])], axis=2)
-    expected = drawn(uv, normals, (below, low_normals, with_signs), flags=flags)
+    found, expected = taken(sorted_into(uv, 8, normals), 8), drawn(uv, normals)
     assert np.array_equal(found[..., 3], expected[..., 3])
     assert 0.05 < expected[..., 3].mean() < 0.95
     # Slivers change quickly, and drivers interpolate them in their own precision.
@@ -129,15 +109,15 @@ def test_normals_between_corners_are_turned_as_when_they_are_drawn(seed, flags):
 def test_a_triangle_without_a_normal_leaves_the_one_below():
     uv = np.repeat(np.array([[0.0, 2.0, 0.0], [0.0, 0.0, 2.0]], np.float32)[..., None], 2, axis=2)
     normals = flat(np.array([[0.0, 0.6, 0.8], [0.0, 0.0, 0.0]]))
-    assert np.abs(taken(sorted_into(uv, 8, normals), None, 8) - (0.0, 0.6, 0.8, 1.0)).max() < 1e-6
+    assert np.abs(taken(sorted_into(uv, 8, normals), 8) - (0.0, 0.6, 0.8, 1.0)).max() < 1e-6
 
 
 def test_texels_take_as_many_samples_as_they_are_listed_with():
     uv = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], np.float32)[..., None] * 0.7
     normals = flat(np.array([[0.0, 0.0, 1.0]]))
-    found = taken(sorted_into(uv, 8, normals), None, 8, stop=5)
+    found = taken(sorted_into(uv, 8, normals), 8, stop=5)
     assert np.array_equal(found[..., 3], drawn(uv, normals, stop=5)[..., 3])
-    assert (taken(sorted_into(uv, 8, normals), None, 8, stop=2) == 0.0).all()
+    assert (taken(sorted_into(uv, 8, normals), 8, stop=2) == 0.0).all()
 
 
 @pytest.mark.parametrize("extent", [8, 24])
@@ -149,7 +129,7 @@ def test_all_samples_of_crowded_cells_are_taken_seed_9(extent):
     uv = (corners / (256.0 * np.array(SIZE)[:, None, None])).astype(np.float32)
     normals = flat(random.normal(size=(count, 3)))
     stops = np.where(np.indices((HEIGHT, WIDTH)).sum(axis=0) % 2, 40, 64)
-    found = taken(sorted_into(uv, 8, normals), None, 8, stops)
+    found = taken(sorted_into(uv, 8, normals), 8, stops)
     expected = np.where(stops[..., None] == 40, drawn(uv, normals, stop=40), drawn(uv, normals))
     assert np.array_equal(found[..., 3], expected[..., 3])
     assert np.abs(found - expected).max() < 1e-5

@@ -14,25 +14,24 @@ from ...passes.bake import samples
 from ..bands import Band
 from ..maps.family import Run
 from ..sources import Source
-from .normal_space import NormalSpace
 
 LIMITS = {2: 0.17, 4: 0.3, 8: 0.5, 16: 0.7}
 """Degrees of a second difference up to which this many samples are enough."""
 
 
 class AdaptiveNormals:
-    """The normals of a band, as a single sample has them: `first`, then `rest`, then `mean`.
+    """The normals of a band in the space of the source, as a single sample has them: `first`, then `rest`, then `mean`.
 
-    stopped: how many texels took fewer samples than the settings say, in all bands so far.
+    stopped (rows, width) bool: which texels of the last band, without its halo, took fewer samples than the settings say.
     """
 
-    def __init__(self, source: Source, space: NormalSpace, run: Run):
-        self.source, self.space = source, space
+    def __init__(self, source: Source, run: Run):
+        self.source = source
         self.settings, self.timings, self.pace = run.settings, run.timings, run.pace
         self.rounds = samples.rounds(self.settings.samples)
         taken = np.cumsum([len(offsets) for offsets in self.rounds])
         self.limits = [LIMITS[count] for count in taken[:-1].tolist()]
-        self.stopped = 0
+        self.stopped: np.ndarray | None = None
 
     @property
     def mean(self) -> gpu.types.GPUTexture:
@@ -44,16 +43,14 @@ class AdaptiveNormals:
         self._pair = []
         for slot, offset in enumerate(self.rounds[0]):
             sample = replace(band, offset=offset)
-            # Normals that are turned leave their texture to the next sample.
-            drawn = self.source.normals(sample, 0 if self.space.basis else slot)
+            drawn = self.source.normals(sample, slot)
             while True:
                 with self.timings.timed("draw"):
                     normals, rows = next(drawn, (None, None))
-                    if rows is None:
-                        break
-                    known = self.space.draw(normals, sample, rows, slot=slot) if rows else normals
-                yield known, rows, (slot + rows.stop / band.height) / 2.0
-            self._pair.append(known)
+                if rows is None:
+                    break
+                yield normals, rows, (slot + rows.stop / band.height) / 2.0
+            self._pair.append(self.source.drawn(slot).texture)
 
     def rest(self, band: Band) -> Iterator[float]:
         """Draw the other samples, and average them into `mean`. Yields the share of them that is done."""
@@ -78,7 +75,7 @@ class AdaptiveNormals:
                     if normals is None:
                         yield done / whole
                 with self.timings.timed("draw"):
-                    rounds.add(sums, self.space.draw(normals, sample, some=some), some)
+                    rounds.add(sums, normals, some)
                     drawn.finish()
                 done += 1
                 yield done / whole
@@ -90,8 +87,7 @@ class AdaptiveNormals:
         """In how many rounds each texel takes part, as rounds.draw has it."""
         drawn = target.get("adaptive samples", band.width, band.height, *rounds.FORMATS)
         needed = rounds.draw(drawn, *self._pair, offset=self.rounds[0][0], limits=self.limits)
-        own = needed[band.halo : band.height - band.halo]
-        self.stopped += int(np.count_nonzero(own < len(self.rounds)))
+        self.stopped = needed[band.halo : band.height - band.halo] < len(self.rounds)
         self._mean = drawn.textures[1]
         return drawn, needed
 
@@ -100,10 +96,8 @@ class AdaptiveNormals:
         is_empty = needed == rounds.EMPTY
         if not is_empty.any():
             return None
-        # Turned normals are only where the low mesh is.
-        meshes = self.source.drawn_meshes if self.space.basis is None else [self.space.mesh]
         to_clip, size = replace(band, offset=(0.0, 0.0)).uv_to_clip, (band.width, band.height)
-        covered = uv_blocks.covered(meshes, to_clip, size, active.COVERED)
+        covered = uv_blocks.covered([self.source.low], to_clip, size, active.COVERED)
         reached = covered.repeat(active.COVERED, axis=0).repeat(active.COVERED, axis=1)[: band.height, : band.width]
         needed[is_empty & ~reached] = 0
         return active.upload_covered(covered)

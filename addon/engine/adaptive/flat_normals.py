@@ -8,7 +8,6 @@ import numpy as np
 
 from ...mesh import uv_blocks, uv_cells
 from ...mesh.triangle_mesh import Mesh
-from ...mesh.uv_cells import CellTriangles
 from ...passes.adaptive import active, cell_samples, rounds
 from ...passes.adaptive.cell_samples import Sorted
 from ..bands import Band
@@ -32,8 +31,7 @@ class FlatNormals(AdaptiveNormals):
         rows = -(-band.height // side)
         strips = max(1, min(-(-count // STRIP), rows))
         bounds = [side * (rows * i // strips) for i in range(strips)] + [band.height]
-        lows = [self.space.mesh] if self.space.basis is not None else []
-        find = _Finder([*self.source.batches.highs, *lows], band, side, is_striped=strips > 1)
+        find = _Finder(self.source.batches.highs, band, side, is_striped=strips > 1)
         for strip, (start, stop) in enumerate(zip(bounds[:-1], bounds[1:], strict=True)):
             steps = self._strip(band, needed, slice(start, stop), find)
             while True:
@@ -55,11 +53,8 @@ class FlatNormals(AdaptiveNormals):
         if not len(places):
             return
         batches = self.source.batches
-        high, low = find.in_cells(batches.highs, cells).high(batches.matrices), None
-        has_any = np.diff(high.starts) > 0
-        if self.space.basis is not None:
-            low = find.in_cells([self.space.mesh], cells).low()
-            has_any &= np.diff(low.starts) > 0
+        triangles = find.in_cells(batches.highs, cells, batches.matrices)
+        has_any = np.diff(triangles.starts) > 0
         found = needed[places[:, 1], places[:, 0]]
         # Empty texels away from the meshes stay empty.
         kept = (found != rounds.EMPTY) | has_any.reshape(cells.shape)[places[:, 1] // side, places[:, 0] // side]
@@ -67,12 +62,11 @@ class FlatNormals(AdaptiveNormals):
         stops = taken[np.minimum(found[kept], len(self.rounds))]
         yield from cell_samples.add(
             self.mean,
-            cell_samples.upload(high, low, cells.shape),
+            cell_samples.upload(triangles, cells.shape),
             places[kept],
             stops,
             [(offset, replace(band, offset=offset).uv_to_clip) for offset in sum(self.rounds, [])],
             side=side,
-            basis_flags=self.space.flags,
         )
 
 
@@ -91,13 +85,20 @@ class _Finder:
             for mesh in meshes:
                 self._rows[id(mesh)] = uv_blocks.rows(mesh, self._uv_to_clip, self._size, self.shape, side)
 
-    def in_cells(self, meshes: Sequence[Mesh], cells: np.ndarray) -> "_Chosen":
-        """Those of `meshes` in the cells (rows, columns) bool, of which there is one at least."""
+    def in_cells(self, meshes: Sequence[Mesh], cells: np.ndarray, matrices: Sequence[np.ndarray]) -> Sorted:
+        """Those of `meshes` in the cells (rows, columns) bool, of which there is one at least, with their normals.
+
+        matrices: (3, 3), that transform the normals of each mesh.
+        """
         numbers = [self._touching(mesh, cells) for mesh in meshes]
         corners = [mesh.triangles[which] for mesh, which in zip(meshes, numbers, strict=True)]
         uv = np.concatenate([mesh.uv[own] for mesh, own in zip(meshes, corners, strict=True)])
         found = uv_cells.sort(uv.transpose(2, 1, 0), self._uv_to_clip, self._size, cells, self.side)
-        return _Chosen(meshes, corners, found, uv[found.triangles])
+        normals = [
+            mesh.normals[own] @ matrix[:3, :3].T.astype(np.float32)
+            for mesh, own, matrix in zip(meshes, corners, matrices, strict=True)
+        ]
+        return Sorted(found.starts, uv[found.triangles], found.planes(np.concatenate(normals)[found.triangles]))
 
     def _touching(self, mesh: Mesh, cells: np.ndarray) -> np.ndarray:
         """The numbers of the triangles of a mesh that may touch the cells."""
@@ -107,35 +108,6 @@ class _Finder:
         rows, (first, stop) = np.flatnonzero(cells.any(axis=1)), self._rows[id(mesh)]
         near = np.flatnonzero((first <= rows[-1]) & (stop > rows[0]))
         return near[uv_blocks.touching(mesh, *where, among=near)]
-
-
-class _Chosen:
-    """The triangles of some meshes that touch some cells, mesh after mesh.
-
-    corners: of each mesh, (T, 3) int. found: in cells. uv (N, 3, 2): of those.
-    """
-
-    def __init__(self, meshes: Sequence[Mesh], corners: list[np.ndarray], found: CellTriangles, uv: np.ndarray):
-        self.meshes, self.corners, self.sorted, self.uv = meshes, corners, found, uv
-
-    def high(self, matrices: Sequence[np.ndarray]) -> Sorted:
-        """With their normals, transformed by the (3, 3) matrix of each mesh."""
-        normals = [
-            mesh.normals[corners] @ matrix[:3, :3].T.astype(np.float32)
-            for mesh, corners, matrix in zip(self.meshes, self.corners, matrices, strict=True)
-        ]
-        found = self.sorted
-        return Sorted(found.starts, self.uv, found.planes(np.concatenate(normals)[found.triangles]))
-
-    def low(self) -> Sorted:
-        """Those of a single mesh, with tangents and bitangents."""
-        (mesh,), (corners,), found = self.meshes, self.corners, self.sorted
-        corners = corners[found.triangles]
-        tangents = mesh.tangents[corners]
-        normals = mesh.normals[corners]
-        bitangents = tangents[..., 3:] * np.cross(normals, tangents[..., :3])
-        values = np.concatenate([normals, tangents[..., :3], bitangents], axis=2)
-        return Sorted(found.starts, self.uv, found.planes(values), tangents[:, 0, 3])
 
 
 def _side(triangles: int, texels: int) -> int:

@@ -56,7 +56,7 @@ class ConvertedMap:
     """
 
     takes_time = False
-    stopped = 0
+    stopped = None
 
     def __init__(self, low: Mesh, before: StoredNormals, settings: Settings):
         tangents = np.zeros((len(low.normals), 4), np.float32) if low.tangents is None else low.tangents

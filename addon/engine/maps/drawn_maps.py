@@ -14,7 +14,7 @@ class DrawnMaps:
     """Maps by name, (height, width, 4) float32, as rendering.Renderer.raw returns them. See rendering.BandMaps."""
 
     takes_time = False
-    stopped = 0
+    stopped = None
 
     def __init__(self, maps: dict[str, np.ndarray]):
         self.maps = maps

@@ -8,11 +8,11 @@ import gpu
 from ...core.map_types import BY_NAME, Family
 from ...mesh.inputs import Meshes
 from ...passes import mesh_upload
-from ..adaptive.normal_space import NormalSpace
 from ..mips.slope_maps import SlopeMaps
 from ..sources import Source, world_to_space
 from .family import MapFamily, Run
 from .material_maps import MaterialMaps
+from .normal_space import NormalSpace
 from .own_normals import OwnNormals
 from .point_maps import PointMaps
 from .ray_maps import CurvatureMaps, OpennessMaps, ThicknessMaps
@@ -32,10 +32,11 @@ def maps_of_bake(
         with run.timings.timed("upload"):
             basis = _upload_basis(meshes, uploads or mesh_upload.UploadCache())
     with run.timings.timed("upload"):
-        families = list(_families(meshes, source, basis, run))
+        space = NormalSpace(basis, meshes.basis, run.settings)
+        families = list(_families(meshes, source, space, run))
         to_space = world_to_space(meshes.low, run.settings)
         detail = OwnNormals(meshes, source.surface, to_space, run) if meshes.has_detail else None
-    return SampledMaps(source, basis, families, detail, run, basis_mesh=meshes.basis)
+    return SampledMaps(source, space, families, detail, run)
 
 
 def _upload_basis(meshes: Meshes, uploads: mesh_upload.UploadCache) -> gpu.types.GPUBatch:
@@ -48,7 +49,7 @@ def _upload_basis(meshes: Meshes, uploads: mesh_upload.UploadCache) -> gpu.types
 def _families(
     meshes: Meshes,
     source: Source,
-    basis: gpu.types.GPUBatch | None,
+    space: NormalSpace,
     run: Run,
 ) -> Iterator[MapFamily]:
     def names(family: Family) -> list[str]:
@@ -64,12 +65,12 @@ def _families(
             run,
             others=meshes.others,
             to_space=world_to_space(meshes.low, run.settings),
-            basis=basis,
+            space=space,
         )
     if names(Family.MATERIAL):
         yield MaterialMaps(names(Family.MATERIAL), meshes, surface, run)
     if names(Family.SLOPES):
-        yield SlopeMaps(meshes, surface, run, space=NormalSpace(basis, meshes.basis, run.settings))
+        yield SlopeMaps(meshes, surface, run, space=space)
     for kind in (ThicknessMaps, CurvatureMaps):
         if names(kind.family):
             yield kind(names(kind.family), surface, run)

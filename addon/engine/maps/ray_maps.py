@@ -4,23 +4,22 @@
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from typing import ClassVar
 
 import gpu
 import numpy as np
 
-from ...core.declarations import bases
 from ...core.map_types import BY_NAME, Family, Kind
 from ...core.progress import Progress, Task
 from ...mesh.triangle_mesh import Mesh
 from ...passes import target
-from ...passes.bake import preview_picture, samples, tangent
+from ...passes.bake import preview_picture
 from ...passes.hemisphere import curvature, lattice, openness, thickness
 from ..bands import Band
 from ..high_surface import HighSurface
 from . import ray_reach
 from .family import Run, Sample
+from .normal_space import NormalSpace
 
 
 class RayMaps(ABC):
@@ -122,10 +121,10 @@ class OpennessMaps(RayMaps):
         *,
         others: Sequence[Mesh],
         to_space: np.ndarray,
-        basis: gpu.types.GPUBatch | None,
+        space: NormalSpace,
     ):
         super().__init__(names, surface, run)
-        self.to_space, self.basis = to_space, basis
+        self.to_space, self.space = to_space, space
         self.occluders = ray_reach.occluders(surface, others, run.settings, run.timings)
 
     def _cast(self, sums, hits, rays, rows, *, is_first):
@@ -140,18 +139,7 @@ class OpennessMaps(RayMaps):
 
     def _draw(self, name, band, known, rays):
         drawn = super()._draw(name, band, known, rays)
-        if self.basis is None or BY_NAME[name].kind is not Kind.NORMAL:
-            return drawn
-        into = target.get("bent", band.width, band.height, "RGBA32F")
-        flags = bases.of_name(self.run.settings.basis).flags
-        # At borders, the low mesh may cover some samples and not the center: the one closest to it counts.
-        offsets = [*samples.offsets(self.run.settings.samples), (0.0, 0.0)]
-        offsets.sort(key=lambda offset: -math.hypot(*offset))
-        for offset in dict.fromkeys(offsets):
-            uv_to_clip = replace(band, offset=offset).uv_to_clip
-            is_first = offset == offsets[0]
-            tangent.draw(into, self.basis, drawn, uv_to_clip, basis_flags=flags, clear=is_first)
-        return into.texture
+        return self.space.of_texels(drawn, band, "bent") if BY_NAME[name].kind is Kind.NORMAL else drawn
 
 
 class ThicknessMaps(RayMaps):

@@ -10,13 +10,13 @@ from ...core.map_types import WIDENED_ROUGHNESS
 from ...core.progress import Task, part
 from ...mesh.inputs import Meshes
 from ...passes import mesh_upload, target
-from ...passes.bake import gbuffer
+from ...passes.bake import gbuffer, samples
 from ...passes.surface import slope_moments
-from ..adaptive.normal_space import NormalSpace
 from ..bands import Band
 from ..high_surface import HighSurface
 from ..maps.family import Run, Sample
 from ..maps.material_maps import MaterialMaps
+from ..maps.normal_space import NormalSpace
 
 
 class SlopeMaps:
@@ -43,16 +43,21 @@ class SlopeMaps:
 
     def _add(self, sample: Sample) -> None:
         band = sample.band
-        normals = self.space.draw(sample.normals.texture, band, range(band.height))
+        is_first = sample.number == 0
+        normals = self.space.of_sample(sample.normals.texture, band)
+        if self.space.basis is not None:
+            samples.add(self._normals(band), normals, range(band.height), is_first=is_first)
         directions = None
         if self.low is not None:
             low_points = target.get("low points", band.width, band.height, "RGBA32F", "RGBA32F")
             gbuffer.draw(low_points, self.low, band.uv_to_clip)
             directions = low_points.textures[1]
-        slope_moments.add(self._sums(band), normals, directions, is_first=sample.number == 0)
+        slope_moments.add(self._sums(band), normals, directions, is_first=is_first)
 
     def finished(self, band: Band, known: gpu.types.GPUTexture) -> Iterator[tuple[str, gpu.types.GPUTexture]]:
         """As MapFamily has it."""
+        if self.space.basis is not None:
+            known = self._normals(band).texture
         into = target.get("widened roughness", band.width, band.height, "RGBA32F")
         for name, roughness in self.roughness.finished(band, known):
             with self.run.timings.timed("draw"):
@@ -61,3 +66,7 @@ class SlopeMaps:
 
     def _sums(self, band: Band) -> target.Target:
         return target.get("sums of slopes", band.width, band.height, "RGBA32F", "RGBA32F")
+
+    def _normals(self, band: Band) -> target.Target:
+        """The sums of the normals, each by the tangents at its sample: programs show the bends of the low mesh in a texel."""
+        return target.get("sums of turned normals", band.width, band.height, "RGBA32F")

@@ -16,11 +16,11 @@ from .active import BLOCK
 
 PROGRAM = Program(
     compute="adaptive/cell_samples_comp.glsl",
-    texels=tuple(("RGBA32F", "FLOAT_2D", name) for name in ("listed", "cells", "offsets", "highs", "lows")),
+    texels=tuple(("RGBA32F", "FLOAT_2D", name) for name in ("listed", "cells", "offsets", "triangles")),
     images=(("RGBA32F", "FLOAT_2D", "sums", "READ WRITE"),),
     constants=(
         ("IVEC4", "listing"),
-        *(("INT", name) for name in ("first_sample", "end_sample", "cell_side", "is_turned", "basis_flags")),
+        *(("INT", name) for name in ("first_sample", "end_sample", "cell_side")),
         ("VEC2", "uv_to_clip_scale"),
     ),
 )
@@ -30,8 +30,8 @@ TURNS = 8
 """What a sample takes beside, in such triangles."""
 LONGEST = 2**15
 """The most triangles that an invocation looks at: Mesa's llvmpipe leaves all loops of one after 65,535 turns."""
-HIGH_TEXELS, LOW_TEXELS = 4, 9
-"""Of the records of triangles in cell_samples_comp.glsl."""
+RECORD = 4
+"""The texels of a triangle in cell_samples_comp.glsl."""
 
 
 @dataclass(frozen=True)
@@ -39,51 +39,37 @@ class Sorted:
     """The triangles of one mesh, or of several, cell by cell, as mesh.uv_cells.CellTriangles has them.
 
     starts (cells + 1,): where those of each cell begin. uv (N, 3, 2) float32. planes (N, 3, 3) float32: of the normals, at the
-    center of the cell, and their slopes along x and y in texels; of the low mesh (N, 3, 9), with the tangents and the
-    bitangents of its vertices. signs (N,): of the bitangents of the low mesh.
+    center of the cell, and their slopes along x and y in texels.
     """
 
     starts: np.ndarray
     uv: np.ndarray
     planes: np.ndarray
-    signs: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
 class Records:
-    """The triangles of all cells on the GPU. cells: where those of each cell begin and end. lows: None if normals keep the
-    space of the high mesh. counts (rows, columns) int64: how many triangles of both meshes each cell has."""
+    """The triangles of all cells on the GPU. counts (rows, columns) int64: how many each cell has. cells: where those of each
+    cell begin and end. triangles: the corners of each, then the planes of its normal."""
 
     counts: np.ndarray
     cells: gpu.types.GPUTexture
-    highs: gpu.types.GPUTexture
-    lows: gpu.types.GPUTexture | None
+    triangles: gpu.types.GPUTexture
 
 
-def upload(high: Sorted, low: Sorted | None, shape: tuple[int, int]) -> Records:
-    """Upload triangles by cell. shape: rows and columns of cells. low: to turn normals into its tangent space, or None."""
-    values, counts = np.zeros((*shape, 4), np.float32), np.zeros(shape, np.int64)
-    for slot, triangles in enumerate([high] if low is None else [high, low]):
-        counts += np.diff(triangles.starts).reshape(shape)
-        values[..., 2 * slot] = triangles.starts[:-1].reshape(shape)
-        values[..., 2 * slot + 1] = triangles.starts[1:].reshape(shape)
+def upload(found: Sorted, shape: tuple[int, int]) -> Records:
+    """Upload triangles by cell. shape: rows and columns of cells."""
+    values = np.zeros((*shape, 4), np.float32)
+    values[..., 0] = found.starts[:-1].reshape(shape)
+    values[..., 1] = found.starts[1:].reshape(shape)
     buffer = gpu.types.Buffer("FLOAT", values.shape, values)
     cells = gpu.types.GPUTexture(shape[::-1], format="RGBA32F", data=buffer)
-    return Records(counts, cells, _records(high, HIGH_TEXELS), low and _records(low, LOW_TEXELS))
-
-
-def _records(triangles: Sorted, texels: int) -> gpu.types.GPUTexture:
-    """The corners of each triangle, then the planes of its normal, then those of its tangent and its bitangent."""
-    count = len(triangles.uv)
-    padded = data_texture.empty(count * texels)
-    records = padded[: count * texels].reshape(count, texels * 4)
-    records[:, :6] = triangles.uv.reshape(count, 6)
-    records[:, 6:15] = triangles.planes[..., :3].reshape(count, 9)
-    if triangles.signs is not None:
-        records[:, 15] = triangles.signs
-        records[:, 16:25] = triangles.planes[..., 3:6].reshape(count, 9)
-        records[:, 25:34] = triangles.planes[..., 6:].reshape(count, 9)
-    return data_texture.upload_padded(padded)
+    count = len(found.uv)
+    padded = data_texture.empty(count * RECORD)
+    records = padded[: count * RECORD].reshape(count, RECORD * 4)
+    records[:, :6] = found.uv.reshape(count, 6)
+    records[:, 6:15] = found.planes.reshape(count, 9)
+    return Records(np.diff(found.starts).reshape(shape), cells, data_texture.upload_padded(padded))
 
 
 def add(
@@ -94,13 +80,12 @@ def add(
     taken: Sequence[tuple[tuple[float, float], UvToClip]],
     *,
     side: int,
-    basis_flags: int,
 ) -> Iterator[float]:
     """Add samples 2 to `stops` (N,) of the texels `places` (N, 2) int to their sums, as rounds.draw wrote them, and replace
     the sums by their means. Yields the share that is done.
 
     taken: the offsets of all samples, in texels, each with the transform with which it would be drawn. side: of a cell, in
-    texels. basis_flags: as in tangent.draw.
+    texels.
     """
     if not len(places):
         return
@@ -118,12 +103,9 @@ def add(
         "listed": table,
         "cells": records.cells,
         "offsets": data_texture.upload(values),
-        "highs": records.highs,
-        "lows": records.lows or records.highs,
+        "triangles": records.triangles,
         "uv_to_clip_scale": taken[0][1][:2],
         "cell_side": side,
-        "is_turned": int(records.lows is not None),
-        "basis_flags": basis_flags,
     }
     for first, stop in zip(bounds[:-1].tolist(), bounds[1:].tolist(), strict=True):
         groups = -(-(stop - first) // BLOCK**2)
