@@ -20,6 +20,7 @@ from . import interruption, outside_files, standard_streams
 from .mesh_files import page_files
 from .mesh_files.importers import IMPORTERS, PLAIN, Space, import_file
 from .mesh_files.usd_references import UnreadReference
+from .plan import blend_blocks
 from .plan.input_files import InputFiles
 
 
@@ -141,6 +142,8 @@ def _existing(name: str) -> Path:
 
 def _open_blend(name: str) -> None:
     interruption.check()
+    if blend_blocks.object_names(Path(name)) is None:  # Blender may crash
+        raise BakeError(blend_blocks.NOT_WHOLE.format(name))
     try:
         with standard_streams.silence():
             bpy.ops.wm.open_mainfile(filepath=name, load_ui=False, use_scripts=False)

@@ -636,7 +636,7 @@ def test_clashes_of_sets_are_reported_before_the_first_bake(scenes, run):
     ("fault", "message"),
     [
         ({"file": "none.blend"}, "There is no file"),
-        ({"file": "jobs.json"}, "could not be opened"),
+        ({"file": "jobs.json"}, "is no .blend, or not a complete one"),
         ({"output": "jobs.json/m.png"}, "Not a directory"),
         ({"cage": "none"}, "There is no object called 'none'"),
     ],

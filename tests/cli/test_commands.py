@@ -130,8 +130,8 @@ def test_help(capsys):
 CANNOT = {
     "no such file": (["nothing.blend", *BAKE[1:], "--output", "m.png"], "no file"),
     "a folder for a file": (["scene", *BAKE[1:], "--output", "m.png"], "no file"),
-    "no scene file": (["scene/texture.png", *BAKE[1:], "--output", "m.png"], "could not be opened"),
-    "a broken scene file": (["broken.blend", *BAKE[1:], "--output", "m.png"], "could not be opened"),
+    "no scene file": (["scene/texture.png", *BAKE[1:], "--output", "m.png"], "is no .blend"),
+    "a broken scene file": (["broken.blend", *BAKE[1:], "--output", "m.png"], "is no .blend, or not a complete one"),
     "low object misspelled": ([*BAKE, "--low", "loo", "--output", "m.png"], "did you mean 'lo'?"),
     "high object misspelled": ([*BAKE, "--high", "hii", "--output", "m.png"], "did you mean 'hi'?"),
     "no similar name": ([*BAKE, "--low", "Suzanne", "--output", "m.png"], "it has 'hi', 'lo'."),

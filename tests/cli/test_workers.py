@@ -114,6 +114,30 @@ def test_the_error_of_a_crash_without_a_log_has_the_last_words_of_its_bake(folde
     assert reports.bakes(folder / "r.json")[1]["error"] == "Blender crashed with exit code 7."
 
 
+@pytest.mark.parametrize("more", [[], ["--log", "logs"]], ids=["no log", "log"])
+def test_a_crash_while_blender_is_silenced_has_its_place(folder, more):
+    """Most crashes are in importers and in the opening of files, whose messages are discarded."""
+    run(*jobs(folder, "mute"), *more)
+    (crashed,) = reports.bakes(folder / "r.json")
+    assert re.match(r"Blender crashed with signal 11, Segmentation fault, in string_at, line \d+ of", crashed["error"])
+
+
+def test_a_blend_that_is_cut_off_is_a_mistake_in_the_input(folder):
+    """Blender may crash at it, and the farm would try another machine."""
+    bpy.ops.wm.save_as_mainfile(filepath=str(folder / "whole.blend"), compress=False)
+    (folder / "cut.blend").write_bytes((folder / "whole.blend").read_bytes()[:5000])
+    words = jobs(folder, "a")
+    cut = {"file": "cut.blend", "low": "a", "high": "b", "output": "cut.png"}
+    table = json.loads((folder / "j.json").read_text())
+    (folder / "j.json").write_text(json.dumps({**table, "bake": [*table["bake"], cut]}))
+    run(*words)
+    assert outcome(folder) == [("set 1 (a_low)", "done", "", ""), ("set 2 (a)", "failed", "input", "")]
+    assert (
+        reports.bakes(folder / "r.json")[1]["error"]
+        == f"{str(folder / 'cut.blend')!r} is no .blend, or not a complete one."
+    )
+
+
 def test_a_bake_that_hangs_is_ended_at_the_limit(folder):
     code, _, err = run(*jobs(folder, "hang", "a"), "--timeout", "5", "--log", "logs")
     assert code == exit_codes.FAILED

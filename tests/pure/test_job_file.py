@@ -367,6 +367,10 @@ FAULTS = {
     "a misspelt table": ("[default]\nsize = 4\n" + FIRST, ": unknown key 'default', did you mean 'defaults'?"),
     "misspelt sets": ("[[bakes]]\nlow='a'", ": unknown key 'bakes', did you mean 'bake'?"),
     "a word for an option": (FIRST + "jobs = 'x.toml'", "set 1: unknown key 'jobs'"),
+    "an option of the run": (FIRST + "workers = 4", "set 1: unknown key 'workers': it works only on the command line"),
+    "a key before the sets": ("max_distance = 4\n" + FIRST, ": 'max_distance' belongs into 'defaults' or a set"),
+    "slashes of Windows": ('[[bake]]\nfile="maps\\a.blend"', "Unescaped '\\' in a string"),
+    "how slashes of Windows are written": ('[[bake]]\nfile="maps\\w.blend"', r"Write paths with /, or with \\"),
     "no choice": (FIRST + "samples = 3", "set 1: samples: invalid choice: 3"),
     "a fraction": (FIRST + "samples = 4.0", "set 1: samples: '4.0' is not a whole number"),
     "a word for a number": (FIRST + "extrusion = 'far'", "set 1: extrusion: 'far' is not a number"),
@@ -388,7 +392,7 @@ FAULTS = {
     "no format": (FIRST.replace("png", "gif"), "{1.gif} does not end in"),
     "an empty path": (FIRST.replace("1.png", ""), "set 1: output: a path is empty"),
     "no sets": ("[defaults]\nsize = 4", ": 'bake' must be a list of sets"),
-    "a set alone": ("[bake]\nlow = 'a'", ": 'bake' must be a list of sets"),
+    "a set alone": ("[bake]\nlow = 'a'", "and not empty: in TOML each starts with [[bake]]"),
     "defaults in a list": ("[[defaults]]\nsize = 4\n" + FIRST, ": 'defaults' must be a table"),
     "a report of a folder": (
         "[[bake]]\npairs='x'\noutput='{low}.png'\nreport='r.json'",
@@ -413,6 +417,39 @@ def test_a_mistake_gives_one_line_with_its_place(write, tmp_path, case):
     assert name in message
     assert "\n" not in message
     assert len(message) < 500
+
+
+def test_an_empty_list_and_false_take_back_the_defaults(write):
+    defaults = "[defaults]\nmaps = ['ao']\nstrict = ['missed<1%']\nhigh = ['b']\nmask = true\n"
+    taken_back = "maps = []\nstrict = []\nhigh = []\nmask = false\n"
+    first, second = job_file.read(write(defaults + FIRST + SET.format(n=2) + taken_back))
+    usual = arguments.parse([])
+    for name in ("maps", "strict", "high", "mask"):
+        assert getattr(first, name) != getattr(second, name) == getattr(usual, name)
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        ("--workers -1", "'-1' is less than 0"),
+        ("--workers two", "'two' is not a whole number"),
+        ("--max-memory 4", "'4' is less than Blender itself takes"),
+        ("--max-memory 63M", "'63M' is less than Blender itself takes"),
+        ("--max-memory 4 GB", "'4 GB' is not a size"),
+    ],
+)
+def test_limits_that_no_bake_can_keep_are_refused(words, expected):
+    """Fewer than no processes would do nothing for ever."""
+    option, _, value = words.partition(" ")
+    with pytest.raises(WrongUsage, match=re.escape(expected)):
+        arguments.split_jobs(["--jobs", "j.toml", option, value])
+    arguments.split_jobs(["--jobs", "j.toml", "--workers", "0"])
+    arguments.split_jobs(["--jobs", "j.toml", "--max-memory", "64M"])
+
+
+def test_a_job_file_in_the_place_of_a_scene_needs_jobs():
+    with pytest.raises(WrongUsage, match=r"^'props.TOML' is no scene: put --jobs before a job file$"):
+        arguments.check(arguments.parse(["props.TOML"]))
 
 
 def test_mistakes_in_all_sets_are_reported_together(write):

@@ -128,7 +128,7 @@ def words_of(key, value, folder):
         return None
     if isinstance(value, list) and option.is_text and not option.may_repeat:
         return None
-    parts = list(map(str, parts)) if option.is_text else [",".join(map(str, parts))]
+    parts = list(map(str, parts)) if option.is_text or not parts else [",".join(map(str, parts))]
     if option.is_path:
         parts = [str(folder / part) if part else part for part in parts]
     return parts if key == "file" else [f"--{key}={part}" for part in parts]

@@ -97,10 +97,12 @@ def test_what_is_wrong_is_said_by_list_and_check(capsys, here, case):
 
 
 def test_a_file_where_a_folder_is_needed_is_named(capsys, here):
+    """The one of each bake."""
     (here / "maps").write_text("")
-    code, _, err = listed(capsys, [SET], "--check")
-    assert (code, len(err)) == (2, 1)
-    assert "cannot be written" in err[0]
+    code, _, err = listed(capsys, [SET, {**SET, "output": "maps/b.png"}], "--check")
+    assert (code, len(err)) == (2, 2)
+    for line, name in zip(err, "ab", strict=True):
+        assert f"{str(here / 'maps' / name)}.png' cannot be written" in line
 
 
 def test_unknown_objects_of_a_blend_are_named(capsys, here):

@@ -23,7 +23,7 @@ class InputProblems:
     def __init__(self, files: InputFiles):
         self._files = files
         self._objects: dict[str, set[str] | None] = {}
-        self._folders: dict[str, str] = {}
+        self._writable: set[str] = set()
 
     def of(self, plan: Plan) -> Iterator[str]:
         """Sentences."""
@@ -48,7 +48,7 @@ class InputProblems:
             return
         names = self._names(options.file[0])
         if names is None:
-            yield f"{options.file[0]!r} is no .blend, or not a complete one."
+            yield blend_blocks.NOT_WHOLE.format(options.file[0])
         elif options.pairs:
             try:
                 found, problems = match(names, options.suffixes)
@@ -68,17 +68,15 @@ class InputProblems:
         return self._objects[path]
 
     def _of_folder(self, path: str) -> str:
-        """Why no file can be written to `path`. The first file in a folder speaks for all."""
+        """Why no file can be written to `path`. Where one can be written to a folder, others can."""
         folder = os.path.dirname(path)
-        if file_names.LOW in folder:
-            return ""
-        if folder not in self._folders:
+        if file_names.LOW not in folder and folder not in self._writable:
             try:
                 check_writable(Path(path).absolute())
-                self._folders[folder] = ""
             except BakeError as error:
-                self._folders[folder] = str(error)
-        return self._folders[folder]
+                return str(error)
+            self._writable.add(folder)
+        return ""
 
 
 def _ending(path: str) -> str:

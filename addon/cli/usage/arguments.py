@@ -106,6 +106,8 @@ def split_jobs(arguments: Sequence[str]) -> tuple[argparse.Namespace, list[str]]
 
 def check(options: argparse.Namespace) -> None:
     """Raise WrongUsage for options that are missing or contradict each other."""
+    if job_file := next((name for name in options.file if PurePath(name).suffix.lower() in JOB_FILES), None):
+        raise WrongUsage(f"{job_file!r} is no scene: put --jobs before a job file")
     _refuse([*mistakes(options), *run_options.mistakes(options, is_folder(options))])
 
 
@@ -164,6 +166,7 @@ def _wrong_subjects(options: argparse.Namespace, unread: Collection[str]) -> Ite
         yield "--frames is for one low object, --pairs for many"
 
 
+JOB_FILES = (".toml", ".json")
 _OF_BAKES = {
     "high-file": "high_file",
     "cage": "cage",

@@ -11,7 +11,7 @@ from pathlib import Path
 from . import arguments
 from .arguments import WrongUsage
 from .garbage import unsearched
-from .key_values import KeyValue, KeyValues, Unknown, check_known
+from .key_values import KEYS, KeyValue, KeyValues, Unknown, check_known
 
 DEFAULTS, SETS = "defaults", "bake"
 PROGRESS_EVERY = 100
@@ -84,7 +84,7 @@ def _plain(message: str) -> str:
 
 
 def _load(name: str, path: Path) -> dict:
-    readers = {".toml": tomllib.loads, ".json": json.loads}
+    readers = dict(zip(arguments.JOB_FILES, (tomllib.loads, json.loads), strict=True))
     if path.suffix.lower() not in readers:
         raise WrongJobs(f"{name!r} does not end in .toml or .json")
     try:
@@ -94,7 +94,8 @@ def _load(name: str, path: Path) -> dict:
     except RecursionError as error:
         raise WrongJobs(f"{name!r} is nested too deeply to be a list of sets") from error
     except ValueError as error:  # the error of all three decoders
-        raise WrongJobs(f"{name!r} is no {path.suffix[1:].upper()}: {error}") from error
+        hint = r". Write paths with /, or with \\" if "Unescaped '\\'" in str(error) else ""
+        raise WrongJobs(f"{name!r} is no {path.suffix[1:].upper()}: {error}{hint}") from error
 
 
 def _parts(name: str, table) -> tuple[dict, list[dict], list[str]]:
@@ -103,6 +104,9 @@ def _parts(name: str, table) -> tuple[dict, list[dict], list[str]]:
         raise WrongJobs(f"{name}: a table with {SETS!r}, a list of sets, is expected")
     faults = []
     for key in table:
+        if key.replace("_", "-") in KEYS:
+            faults.append(f"{name}: {key!r} belongs into {DEFAULTS!r} or a set")
+            continue
         try:
             check_known(key, key, (DEFAULTS, SETS))
         except WrongUsage as fault:
@@ -113,7 +117,9 @@ def _parts(name: str, table) -> tuple[dict, list[dict], list[str]]:
         defaults = {}
     if not isinstance(sets, list) or not sets or not all(isinstance(values, dict) for values in sets):
         if SETS in table or not faults:  # otherwise an unknown key may stand for it
-            faults.append(f"{name}: {SETS!r} must be a list of sets, and not empty")
+            faults.append(
+                f"{name}: {SETS!r} must be a list of sets, and not empty: in TOML each starts with [[{SETS}]]"
+            )
         raise WrongJobs("\n".join(faults))
     return defaults, sets, faults
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from . import arguments, option_types
+from . import arguments, option_types, run_options
 from .arguments import WrongUsage
 from .options import FILE, OPTIONS, STDOUT, CommandOption
 from .similar_words import did_you_mean
@@ -139,8 +139,11 @@ def _value(option: CommandOption, words: Sequence[str]) -> Any:
 
 def check_known(key: str, written: str, known: Sequence[str]) -> None:
     """Raise Unknown for an unknown key."""
-    if key not in known:
-        raise Unknown(f"unknown key {written!r}{did_you_mean([key], known)}")
+    if key in known:
+        return
+    if key in run_options.RUN_OPTIONS:
+        raise Unknown(f"unknown key {written!r}: it works only on the command line")
+    raise Unknown(f"unknown key {written!r}{did_you_mean([key], known)}")
 
 
 def _words_of(written: str, key: str, value) -> list[str]:
@@ -172,4 +175,4 @@ def _words(key: str, value) -> list[str]:
     is_one = not isinstance(value, list) or option.may_repeat or not option.is_text
     if option.is_flag or not fits or not is_one:
         raise Unknown(f"{key}: {option.value} is expected, not {_short(value)}")
-    return list(map(str, parts)) if option.is_text else [",".join(map(str, parts))]
+    return list(map(str, parts)) if option.is_text or not parts else [",".join(map(str, parts))]

@@ -20,6 +20,8 @@ LAST_FRAME = 1_048_574
 """The last frame that Blender knows."""
 MANY_FRAMES = 100_000
 """More frames than this are a typing error. The paths of all are compared before the first is baked."""
+LEAST_MEMORY = 1 << 26
+"""Bytes. No Blender runs in less: who asks for it has forgotten the unit."""
 
 
 def text(value: str) -> str:
@@ -143,6 +145,13 @@ def whole_number(value: str) -> int:
         raise argparse.ArgumentTypeError(f"{value!r} is not a whole number") from error
 
 
+def count(value: str) -> int:
+    found = whole_number(value)
+    if found < 0:
+        raise argparse.ArgumentTypeError(f"{value!r} is less than 0")
+    return found
+
+
 def one_of(choice: kinds.Choice) -> Callable[[str], str]:
     """Reads a word as one of the values of a choice."""
     find = _among(choice.values, {former: item.value for item in choice.items for former in item.former})
@@ -211,4 +220,6 @@ def size_of_memory(value: str) -> int:
     size = int(float(match[1]) * 1024 ** " kmgt".index(match[2] or " ")) if match else 0
     if not size:
         raise argparse.ArgumentTypeError(f"{value!r} is not a size as 4G or 800M")
+    if size < LEAST_MEMORY:
+        raise argparse.ArgumentTypeError(f"{value!r} is less than Blender itself takes: give a size as 4G or 800M")
     return size

@@ -11,6 +11,7 @@ import time
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from io import FileIO
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
@@ -65,7 +66,7 @@ def run() -> int:
     parent = _Parent()
     _end_with_parent()
     standard_streams.be_patient()
-    faulthandler.enable(all_threads=False)
+    prints = _Prints()
     with startup.spent("imprint"):
         from .. import batch, outside_files  # need Blender, which loads its modules
         from .baker import Baker
@@ -76,7 +77,7 @@ def run() -> int:
         while not interruption.code():
             assigned: Assignment = parent.receive()
             parent.send(Begun())
-            problem = _print_to(Path(assigned.log)) if assigned.log else ""
+            problem = prints.to(Path(assigned.log)) if assigned.log else ""
             call = assigned.call
             if call.folders:
                 outside_files.forbid_scripts()
@@ -94,18 +95,32 @@ def _end_with_parent() -> None:
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
-def _print_to(path: Path) -> str:
-    """Write what this process prints to a new file from now on. Returns a sentence if that fails."""
-    standard_streams.flush()
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        descriptor = os.open(path, os.O_CREAT | os.O_TRUNC | os.O_WRONLY, 0o666)
-    except OSError as error:
-        return f"Its log {str(path)!r} could not be written: {reason(error)}."
-    for number in (1, 2):
-        os.dup2(descriptor, number)
-    os.close(descriptor)
-    return ""
+class _Prints:
+    """Where this process prints. Python's place in a crash goes there, too, also while Blender's messages are discarded."""
+
+    def __init__(self):
+        self._crashes = self._tell_crashes()
+
+    def to(self, path: Path) -> str:
+        """Print to a new file from now on. Returns a sentence if that fails."""
+        standard_streams.flush()
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            descriptor = os.open(path, os.O_CREAT | os.O_TRUNC | os.O_WRONLY, 0o666)
+        except OSError as error:
+            return f"Its log {str(path)!r} could not be written: {reason(error)}."
+        for number in (1, 2):
+            os.dup2(descriptor, number)
+        os.close(descriptor)
+        former, self._crashes = self._crashes, self._tell_crashes()
+        former.close()
+        return ""
+
+    def _tell_crashes(self) -> FileIO:
+        """A second way to standard error as it is now, which Python writes to in a crash."""
+        file = FileIO(os.dup(2), "w")
+        faulthandler.enable(file, all_threads=False)
+        return file
 
 
 class _Files:

@@ -25,6 +25,14 @@ def crash():
     ctypes.string_at(0)
 
 
+def crash_in_silence():
+    """As in a block in which Blender's messages are discarded."""
+    from addon.cli import standard_streams
+
+    with standard_streams.silence():
+        crash()
+
+
 def fill_memory():
     blocks = []
     while True:
@@ -114,6 +122,7 @@ def write():
 DEEDS = {
     "steal": steal,
     "crash": crash,
+    "mute": crash_in_silence,
     "fill": fill_memory,
     "hang": hang,
     "leave": leave,
