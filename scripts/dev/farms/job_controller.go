@@ -4,10 +4,10 @@
 //
 //	job_controller MANIFEST CODES ...
 //
-// The Job has the defaults of Kubernetes, and passes the checks of its API server. CODES, as 3,3,0, are the exit codes of the pods
-// of the Job's first part, one after another, the last one again and again; "evicted" stands for a pod that was evicted. All other
-// parts end with 0. For each CODES it prints a line of words: how often the first part was started, how the Job ended, and why;
-// how many parts were done; which ones failed.
+// The Job has the defaults of Kubernetes, and passes the checks of its API server. CODES, as 3,3,0, are the exit codes of
+// the pods of the Job's first part, one after another, the last one again and again; "evicted" stands for a pod that was
+// evicted. All other parts end with 0, or with what is named after a slash, as 4/4. For each CODES it prints a line of words:
+// how often the first part was started, how the Job ended, and why; how many parts were done; which ones failed.
 package main
 
 import (
@@ -56,7 +56,7 @@ func read(path string) *batchv1.Job {
 }
 
 // run lets the controller do a Job, and prints what came of it.
-func run(job *batchv1.Job, codes []string) {
+func run(job *batchv1.Job, codes []string, others string) {
 	ctx, cancel := context.WithCancel(context.Background())
 	defer cancel()
 	client := fake.NewClientset(job)
@@ -68,7 +68,7 @@ func run(job *batchv1.Job, codes []string) {
 		pods++
 		pod := action.(clienttesting.CreateAction).GetObject().(*corev1.Pod)
 		pod.Name, pod.UID = fmt.Sprintf("%s%d", pod.GenerateName, pods), types.UID(strconv.Itoa(pods))
-		code := "0"
+		code := others
 		if pod.Annotations[batchv1.JobCompletionIndexAnnotation] == "0" {
 			code = codes[min(starts, len(codes)-1)]
 			starts++
@@ -134,7 +134,11 @@ func must(err error) {
 func main() {
 	controller.DefaultJobPodFailureBackOff = 10 * time.Millisecond // not 10 seconds before the second try
 	job := read(os.Args[1])
-	for _, codes := range os.Args[2:] {
-		run(job.DeepCopy(), strings.Split(codes, ","))
+	for _, word := range os.Args[2:] {
+		codes, others, isGiven := strings.Cut(word, "/")
+		if !isGiven {
+			others = "0"
+		}
+		run(job.DeepCopy(), strings.Split(codes, ","), others)
 	}
 }

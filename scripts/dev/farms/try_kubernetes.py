@@ -28,6 +28,7 @@ DECISIONS = {
     "2": "1 Failed PodFailurePolicy",
     "3": "4 Failed FailedIndexes 15 0",
     "4": "1 Failed FailedIndexes 15 0",
+    "4/4": "1 Failed FailedIndexes 0 0-15",
     "3,3,3,0": "4 Complete CompletionsReached 16",
     "evicted,evicted,evicted,evicted,evicted,0": "6 Complete CompletionsReached 16",
 }
