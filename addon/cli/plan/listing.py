@@ -70,11 +70,9 @@ class _Listing:
         files = [os.path.abspath(path) for path in self._run.outputs(plan.name, plan.options)]
         if plan.options.frames and len(files) > 2:
             files = [f"{len(files)} files from {files[0]} to {files[-1]}"]
-        cells = plan.number, self.costs[plan.number], plan.name or plans.subject(plan.options, plans.open_file())
-        line = "\t".join(map(str, (*cells, ", ".join(files))))
-        if line.count("\t") == len(cells) and not _CONTROL.search(line.replace("\t", "")):
-            return line
-        return "\t".join(_CONTROL.sub("?", str(cell)) for cell in (*cells, ", ".join(files)))
+        name = plan.name or plans.subject(plan.options, plans.open_file())
+        cells = str(plan.number), str(self.costs[plan.number]), name, ", ".join(files)
+        return "\t".join([cell if cell.isprintable() else _CONTROL.sub("?", cell) for cell in cells])
 
     def to_json(self) -> dict:
         """Plain data for json.dump."""

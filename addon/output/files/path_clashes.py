@@ -50,8 +50,10 @@ class _Table:
 
     def find(self, keys: "_Keys", ignored: Hashable = None) -> _Use | None:
         """A use of the same file, except uses by `ignored`. None if there is none."""
+        if not self.exact:
+            return None
         for table, table_keys in ((self.exact, keys.exact), (self.exact, keys.tiles), (self.tiles, keys.exact)):
-            for key in table_keys if table else ():
+            for key in table_keys:
                 for use in table.get(key, ()):
                     if ignored is None or use.by != ignored:
                         return use
@@ -60,7 +62,7 @@ class _Table:
     def nested(self, keys: "_Keys") -> _Use | None:
         """A use that needs a folder at the path of this file, or a file at the path of one of its folders."""
         for table, table_keys in ((self.folders, keys.exact), (self.exact, keys.folders)):
-            for key in table_keys if table else ():
+            for key in table_keys:
                 if uses := table.get(key):
                     return uses[0]
         return None
@@ -162,7 +164,7 @@ class Places:
             try:
                 found = identity(path) if is_written else self._identity_of_read(path)
             except (OSError, ValueError):
-                found = None  # missing, or not a valid path
+                found = None  # it is missing, or no valid path
         own = folder.key, folded
         exact = (own,) if found is None else (own, found)
         tiles = tuple([(folder.key, other) for other in _without_numbers(folded)]) if _TILE.search(folded) else ()
