@@ -208,6 +208,22 @@ def test_a_folder_that_was_moved_is_still_done(folder):
     assert why(plan(folder)) == ""
 
 
+def test_a_record_whose_key_was_changed_does_not_count(folder):
+    run([plan(folder)])
+    (path,) = folder.rglob("*.json")
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"key": "0" * 64}))
+    assert why(plan(folder)) == "Its record was changed."
+
+
+def test_a_file_that_is_done_is_opened_once(folder, monkeypatch):
+    run([plan(folder)])
+    asked = []
+    real = Contents.of
+    monkeypatch.setattr(Contents, "of", lambda self, path, what="": asked.append(path) or real(self, path, what))
+    assert why(plan(folder)) == ""
+    assert sorted(map(os.path.basename, asked)) == ["a_high.ply", "a_low.ply"]
+
+
 # Files that are not trusted, whose records are in a folder of the caller
 
 

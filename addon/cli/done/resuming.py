@@ -5,6 +5,7 @@ import os
 import time
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -156,8 +157,8 @@ class Resuming(Turns):
         if (old.imprint, old.blender) != (versions.imprint(), versions.blender()):
             yield f"It was baked by Imprint {old.imprint} in Blender {old.blender}."
         now = bake_key.settings(options)
-        changed = [name for name in {**old.settings, **now} if _lacks(old.settings, now, name)]
-        if changed:
+        if now != old.settings:
+            changed = [name for name in {**old.settings, **now} if _lacks(old.settings, now, name)]
             yield f"Settings have changed: {shorten_list(changed, MOST_NAMED)}."
         for file in record.files:
             is_trusted = self._bounds is None
@@ -179,7 +180,7 @@ class Resuming(Turns):
         for before, path in pairs:
             if not self._contents.of(path).is_same(before):
                 yield _has_changed(before)
-        if record.key_value != bake_key.of(options, self._contents, self._open_file).value:
+        if record.key_value != replace(old, settings=now).value:  # all else was found to be the same
             yield "Its record was changed."
 
 
