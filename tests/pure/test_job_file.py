@@ -419,6 +419,22 @@ def test_a_mistake_gives_one_line_with_its_place(write, tmp_path, case):
     assert len(message) < 500
 
 
+def test_a_key_that_json_has_twice_is_a_mistake(write):
+    """TOML has no such files. The first of both would be lost without a word."""
+    name = write('{"bake": [{"file": "a.blend", "low": "a", "output": "1.png", "low": "b"}]}', "jobs/jobs.json")
+    with pytest.raises(WrongUsage, match="^'jobs/jobs.json' is no JSON: 'low' is given twice$"):
+        job_file.read(name)
+
+
+@pytest.mark.parametrize("name", ["u.toml", "u.json"])
+def test_a_file_that_is_not_utf_8_is_named(tmp_path, monkeypatch, name):
+    """As an editor on Windows may save it."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / name).write_text(FIRST, encoding="utf-16")
+    with pytest.raises(WrongUsage, match=f"^'{name}' is not UTF-8: save it as UTF-8$"):
+        job_file.read(name)
+
+
 def test_an_empty_list_and_false_take_back_the_defaults(write):
     defaults = "[defaults]\nmaps = ['ao']\nstrict = ['missed<1%']\nhigh = ['b']\nmask = true\n"
     taken_back = "maps = []\nstrict = []\nhigh = []\nmask = false\n"

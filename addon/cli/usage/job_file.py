@@ -7,6 +7,7 @@ import re
 import tomllib
 from collections.abc import Callable, Collection, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 from . import arguments
 from .arguments import WrongUsage
@@ -84,7 +85,7 @@ def _plain(message: str) -> str:
 
 
 def _load(name: str, path: Path) -> dict:
-    readers = dict(zip(arguments.JOB_FILES, (tomllib.loads, json.loads), strict=True))
+    readers = dict(zip(arguments.JOB_FILES, (tomllib.loads, _json), strict=True))
     if path.suffix.lower() not in readers:
         raise WrongJobs(f"{name!r} does not end in .toml or .json")
     try:
@@ -93,9 +94,24 @@ def _load(name: str, path: Path) -> dict:
         raise WrongJobs(f"{name!r} cannot be read: {error.strerror}") from error
     except RecursionError as error:
         raise WrongJobs(f"{name!r} is nested too deeply to be a list of sets") from error
-    except ValueError as error:  # the error of all three decoders
+    except UnicodeDecodeError as error:
+        raise WrongJobs(f"{name!r} is not UTF-8: save it as UTF-8") from error
+    except ValueError as error:  # the error of both decoders
         hint = r". Write paths with /, or with \\" if "Unescaped '\\'" in str(error) else ""
         raise WrongJobs(f"{name!r} is no {path.suffix[1:].upper()}: {error}{hint}") from error
+
+
+def _json(text: str) -> Any:
+    """As json.loads, which keeps only the last of two values with the same key. Raises ValueError, as TOML does, for them."""
+    return json.loads(text, object_pairs_hook=_once)
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    table = dict(pairs)
+    if len(table) < len(pairs):
+        names = [key for key, _ in pairs]
+        raise ValueError(f"{next(key for key in names if names.count(key) > 1)!r} is given twice")
+    return table
 
 
 def _parts(name: str, table) -> tuple[dict, list[dict], list[str]]:
