@@ -27,7 +27,8 @@ function compileJob(job) {
     const jobs = settings.jobs;
     const reports = settings.reports || path.join(path.dirname(jobs), `${path.stem(jobs)}-reports`);
     const options = words(settings.options || "");
-    const checkTask = authorTask(settings, "check", ["--jobs"], jobs, ["--check", ...options]);
+    const done = settings.force ? "--force" : "--resume";
+    const checkTask = authorTask(settings, "check", ["--jobs"], jobs, ["--check", done, ...options]);
     job.addTask(checkTask);
 
     const mergeArgs = ["--sheet", path.join(reports, "report.html")];
@@ -36,7 +37,7 @@ function compileJob(job) {
         const report = path.join(reports, `report.${shard}.json`);
         const task = authorTask(settings, `bake-${shard}-of-${settings.shards}`, ["--jobs"], jobs, [
             "--shard", `${shard}/${settings.shards}`,
-            settings.force ? "--force" : "--resume",
+            done,
             "--report", report,
             "--log", path.join(reports, "logs"),
             ...options,

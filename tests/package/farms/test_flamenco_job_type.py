@@ -69,7 +69,7 @@ def test_flamenco_compiles_what_farm_sends(tmp_path, monkeypatch):
     jobs.write_text('[[bake]]\nlow-file = "low.obj"\nhigh-file = "high.obj"\noutput = "out/map.png"\n')
     sent = []
     monkeypatch.setattr(flamenco, "submit", lambda _url, job: sent.append(job.settings))
-    checkout, options = '"/a b/python" "/c d/imprint.py" bake', '--size 64 --output-folder "/a b"'
+    checkout, options = '"/a b/python" "/c d/imprint.py" bake', '--size 64 --output-folder "/a b" --records /records'
     words = [
         "--flamenco",
         "farm",
@@ -87,6 +87,7 @@ def test_flamenco_compiles_what_farm_sends(tmp_path, monkeypatch):
     for task in (check, bake):
         assert task[:3] == ["/a b/python", "/c d/imprint.py", "bake"]
         run, rest = arguments.split_jobs(task[3:])
-        assert (run.untrusted, run.output_folder, arguments.parse(rest).size) == (True, "/a b", (64, 64))
+        assert (run.untrusted, run.output_folder, run.records) == (True, "/a b", "/records")
+        assert (run.check, run.force, arguments.parse(rest).size) == (task is check, True, (64, 64))
     check_shard(bake[3:], 1, 1, jobs=str(jobs), reports="/out", is_forced=True, size=(64, 64))
     check_merge(merge[3:], 1, "/out")

@@ -29,7 +29,7 @@ def run_step(name, **values):
 def test_openjd_checks_then_bakes_then_merges(noted):
     program, calls = noted
     given = {"Param.Command": program, "Param.Folder": "/a folder", "Param.Jobs": "jobs.toml", "Param.Shards": "2"}
-    run_step("Check", **given, **{"Param.Options": "--size 64"})
+    run_step("Check", **given, **{"Param.Done": "--resume", "Param.Options": "--size 64 --records /records"})
     for done in ("--resume", "--force"):
         run_step("Bake", **given, **{"Task.Param.Shard": "2", "Param.Done": done, "Param.Options": "--size 64"})
     run_step("Merge", **given)
