@@ -235,6 +235,19 @@ def test_a_blend_that_unpacks_to_very_much_is_not_unpacked(root, monkeypatch, ca
     assert code == exit_codes.WRONG_USAGE and len(said) == 1
 
 
+def test_a_file_that_would_be_read_for_days_is_refused(root, capfd):
+    """It takes no place on the disk."""
+    with (root / "job/holes.obj").open("wb") as file:
+        file.truncate(1 << 43)
+    (root / "job/j.json").write_text(
+        json.dumps({"bake": [{**MESHES, "high-file": "holes.obj", "output": "out/m.png"}]})
+    )
+    words = ["--jobs", str(root / "job/j.json"), "--untrusted", "--resume", "--records", str(root / "records")]
+    assert command.run(words, may_start_processes=True) == exit_codes.WRONG_USAGE
+    (line,) = capfd.readouterr().err.splitlines()
+    assert "has more than 32 GiB, the most that --untrusted reads" in line
+
+
 def test_the_job_file_must_be_a_file_of_usual_size(root, capfd):
     with (root / "job/large.json").open("wb") as file:
         file.truncate(bounds.MOST_BYTES + 1)

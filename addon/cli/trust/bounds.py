@@ -19,6 +19,8 @@ OUTPUT = "out"
 """The folder beside a job file that its bakes write to, unless the caller names one."""
 MOST_BYTES = 1 << 26
 """Of a job file."""
+MOST_READ = 32 << 30
+"""Bytes of a file, which may have holes that take no place on the disk."""
 MOST_FILES = 1_000_000
 """Maps that a run may name: bakes times frames."""
 _PLACEHOLDER = re.compile("|".join(map(re.escape, (file_names.LOW, file_names.MATERIAL, udim.TOKEN))) + "|#+")
@@ -163,13 +165,18 @@ def _with_tiles(path: str) -> Iterator[str]:
 
 
 def _check_file(path: str, title: str) -> None:
-    """Raise WrongPlace for pipes, devices and folders: opening one may wait for ever. What is missing is left to its reader."""
+    """Raise WrongPlace for pipes, devices and folders, whose opening may wait for ever, and for a file that takes very long to
+    read. What is missing is left to its reader."""
     try:
-        mode = os.stat(path).st_mode
+        found = os.stat(path)
     except (OSError, ValueError):
         return
-    if not stat.S_ISREG(mode):
+    if not stat.S_ISREG(found.st_mode):
         raise WrongPlace(f"{_subject(title)}, {path!r}, is no file.")
+    if found.st_size > MOST_READ:
+        raise WrongPlace(
+            f"{_subject(title)}, {path!r}, has more than {MOST_READ >> 30} GiB, the most that --untrusted reads."
+        )
 
 
 def _subject(title: str) -> str:
