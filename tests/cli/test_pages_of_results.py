@@ -101,10 +101,19 @@ def test_untrusted_bakes_have_pictures(folder):
 
 
 def test_a_page_does_not_replace_what_is_read(folder, capsys):
-    before = (folder / "high1.obj").read_bytes()
-    assert run("--jobs", "j.json", "--sheet", "high1.obj") == 2
-    assert (folder / "high1.obj").read_bytes() == before
+    (folder / "high1.obj").rename(folder / "high1.html")
+    (folder / "high1.obj").symlink_to("high1.html")
+    before = (folder / "high1.html").read_bytes()
+    assert run("--jobs", "j.json", "--sheet", "high1.html") == 2
+    assert (folder / "high1.html").read_bytes() == before
     assert "The page of results would overwrite" in capsys.readouterr().err
+
+
+def test_a_page_has_the_ending_of_one(folder, capsys):
+    assert run("--jobs", "j.json", "--sheet", "s.pdf") == 2
+    assert "argument --sheet: 's.pdf' does not end in .html" in capsys.readouterr().err
+    assert run("report", "--sheet", "s.pdf", "r.json") == 2
+    assert "'s.pdf' does not end in .html" in capsys.readouterr().err
 
 
 def test_a_folder_that_cannot_be_made_is_an_error_before_the_bakes(folder, capsys):

@@ -91,6 +91,17 @@ def test_of_several_entries_the_one_that_did_it_counts(tmp_path, before, after, 
     assert merged(tmp_path, *paths)[1]["bakes"][0]["state"] == state
 
 
+def test_reports_without_the_keys_that_were_added_are_read(tmp_path):
+    path = Path(write(tmp_path / "1.json", [1, 2], 2))
+    report = json.loads(path.read_text(encoding="utf-8"))
+    for each in report["bakes"]:
+        for key in run_report.ADDED:
+            del each[key]
+    path.write_text(json.dumps(report), encoding="utf-8")
+    code, found = merged(tmp_path, path)
+    assert (code, [each["picture"] for each in found["bakes"]]) == (exit_codes.DONE, ["", ""])
+
+
 def test_a_later_call_for_the_same_report_counts_beside_what_it_left(tmp_path):
     path = write(tmp_path / "1.json", [entry(1), entry(2, State.FAILED)], 2)
     write(tmp_path / "1.json", [entry(2)], 2, is_cut_off=True)

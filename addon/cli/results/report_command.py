@@ -23,7 +23,7 @@ REPORT_OPTIONS: dict[str, CommandOption] = {
     ),
     "sheet": CommandOption(
         "Write a page for a browser, with a row for each bake, and its picture if --pictures kept it",
-        {"type": option_types.path, "metavar": "OUT.html"},
+        {"type": option_types.page, "metavar": "OUT.html"},
         "none",
     ),
 }

@@ -14,6 +14,10 @@ VERSION = 2
 """The version of the report's keys. It increases when a key is removed or changes its meaning, not for new keys."""
 
 
+ADDED = frozenset({"chain", "picture"})
+"""Keys of an entry that reports of this version may lack: they were added to it."""
+
+
 class State(StrEnum):
     """What became of a bake."""
 
@@ -76,8 +80,8 @@ class Entry:
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> "Entry":
-        """The entry of a report. Keys of a later version are left out. Raises KeyError, TypeError or ValueError."""
-        known = {each.name: values[each.name] for each in fields(cls)}
+        """The entry of a report. Keys that it does not know are left out. Raises KeyError, TypeError or ValueError."""
+        known = {each.name: values[each.name] for each in fields(cls) if each.name not in ADDED or each.name in values}
         return cls(**{**known, "state": State(known["state"]), "cause": Cause(known["cause"])})
 
     def to_dict(self) -> dict[str, Any]:

@@ -20,6 +20,8 @@ LAST_FRAME = 1_048_574
 """The last frame that Blender knows."""
 MANY_FRAMES = 100_000
 """More frames than this are a typing error. The paths of all are compared before the first is baked."""
+PAGES = ".html", ".htm"
+"""The endings of pages for a browser."""
 LEAST_MEMORY = 1 << 26
 """Bytes. No Blender runs in less: who asks for it has forgotten the unit."""
 
@@ -42,6 +44,13 @@ def path(value: str) -> str:
     # Two slashes are one to the system, and the folder of the open file to Blender. On Windows they start a server's name.
     has_more = os.name != "nt" and value.startswith("//")
     return text("/" + value.lstrip("/") if has_more else value)
+
+
+def page(value: str) -> str:
+    """The path of a page of HTML."""
+    if not value.lower().endswith(PAGES):
+        raise argparse.ArgumentTypeError(f"{value!r} does not end in {PAGES[0]}")
+    return path(value)
 
 
 def _is_number(word: str) -> bool:

@@ -63,7 +63,7 @@ RUN_OPTIONS: dict[str, CommandOption] = {
     ),
     "sheet": CommandOption(
         "Write a page for a browser, with a row and a picture for each bake",
-        {"type": option_types.path, "metavar": "OUT.html"},
+        {"type": option_types.page, "metavar": "OUT.html"},
         "none",
     ),
     "pictures": CommandOption(
