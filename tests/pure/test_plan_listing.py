@@ -188,15 +188,27 @@ def test_a_chain_stays_together_and_counts_as_one():
 
 
 def set_of(file="s.blend", saved=None, origin=None):
-    return Namespace(
-        file=[file] if file else [], low="low", low_file=None, pairs=None, save_blend=saved, origin=origin, jobs=None
-    )
+    files = {"file": [file] if file else [], "low_file": None, "pairs": None, "save_blend": saved, "jobs": None}
+    return Namespace(**files, low="low", origin=origin, name="")
 
 
 def test_a_chain_reaches_from_the_first_set_of_a_scene_to_the_last_one_that_saves_it():
     sets = [set_of(), set_of(saved="x.blend"), set_of(), set_of(saved="y.blend"), set_of(), set_of("t.blend")]
     sets += [set_of("t.blend", "z.blend"), set_of("u.blend", "w.blend"), set_of("u.blend"), set_of("")]
     assert [plan.chain for plan in plans.plans(sets)[0]] == [1, 1, 1, 1, 0, 6, 6, 0, 0, 0]
+
+
+def test_a_set_can_have_a_name(capsys, here):
+    sets = [{**SET, "name": "crate"}, {**SET, "output": "b.png"}, {**SET, "output": "c.png", "name": "a\nb\u202e"}]
+    _, out, err = listed(capsys, sets, "--list")
+    assert [line.split("\t")[2] for line in out] == ["set 1 (crate)", "set 2 (a_low)", "set 3 (a?b?)"]
+    assert err == []
+    assert [line.split("\t")[0] for line in listed(capsys, sets, "--list", "--only", "*(crate)")[1]] == ["1"]
+
+
+def test_pairs_of_a_folder_have_names_of_their_own(capsys, here):
+    folder = {"pairs": ".", "output": "{low}.png", "name": "props"}
+    assert listed(capsys, [folder, SET], "--list")[1][0].split("\t")[2] == "set 1 (a_low)"
 
 
 def test_only_comes_before_the_parts_and_numbers_stay(capsys, here):

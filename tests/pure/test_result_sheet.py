@@ -127,19 +127,19 @@ def test_a_run_that_ends_early_leaves_no_file(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def done(picture=b"", sha256="0" * 64):
-    return Done(
-        Entry(1, "set 1 (a/b)", files=[{"path": "m.png", "bytes": 1, "sha256": sha256, "what": "map"}]), picture=picture
-    )
+def done(picture=b"", sha256="0" * 64, *, number=1, of="2" * 64):
+    file, mesh = {"path": "m.png", "sha256": sha256}, {"path": "m.obj", "sha256": of}
+    return Done(Entry(number, f"set {number} (a/b)", inputs=[mesh], files=[file]), picture=picture)
 
 
 def test_a_picture_is_found_again_for_the_same_map(tmp_path):
-    first, again, other = done(b"picture"), done(), done(sha256="1" * 64)
+    first, again, other = done(b"picture"), done(number=2), done(sha256="1" * 64)
     assert picture_files.keep(str(tmp_path), first) == b"picture"
     assert picture_files.keep(str(tmp_path), again) == b"picture"
     assert picture_files.keep(str(tmp_path), other) == b""
+    assert picture_files.keep(str(tmp_path), done(of="3" * 64)) == b""  # another mesh with the same map
     (path,) = tmp_path.iterdir()
-    assert path.name.startswith("set_1_a_b_")
+    assert path.name.startswith("m_")
     assert [each.entry.picture for each in (first, again, other)] == [str(path), str(path), ""]
 
 

@@ -186,6 +186,14 @@ def test_other_settings_bake_again(folder):
     assert why(plan(folder, "a", "--size", "2048")) == ""  # the default
 
 
+def test_another_name_bakes_nothing_again(folder):
+    run([plan(folder)])
+    renamed = plan(folder, "a", "--name", "b")
+    assert why(renamed) == ""
+    entry = Done.resumed(renamed, Entry(renamed.number + 1, "a").to_dict()).entry
+    assert (entry.name, entry.number) == (renamed.name, renamed.number)
+
+
 def test_other_files_bake_again(folder):
     run([plan(folder)])
     (folder / "in" / "more.ply").write_text("more")
@@ -339,7 +347,7 @@ def key(planned):
 
 
 def test_each_setting_counts(folder):
-    """Whichever option is added later: only those that say where files are, and limits, do not count."""
+    """Whichever option is added later: only those that say where files are, names of bakes, and limits, do not count."""
     usual = plan(folder).options
     changed = {}
     for name in (name.replace("-", "_") for options in OPTIONS.values() for name in options):
@@ -352,6 +360,7 @@ def test_each_setting_counts(folder):
             "report",
             "pairs",
             "strict",
+            "name",
         ):
             continue
         other = arguments.argparse.Namespace(**{**vars(usual), dest: "other"})

@@ -83,5 +83,6 @@ def _names(options: dict[str, Any]) -> Iterator[str]:
 _WRITTEN = ("output", "export", "save_blend")
 """The options that name files to write."""
 _PATHS = {name: option for each in OPTIONS.values() for name, option in each.items() if option.is_path}
-_NOT_SETTINGS = {*_names({**_PATHS, "file": FILE, "jobs": JOBS, "strict": STRICT, **RUN_OPTIONS})}
-"""The options that say where files are, those of a run, and limits, which are compared with what a bake has measured."""
+_NOT_SETTINGS = {*_names({**_PATHS, "file": FILE, "jobs": JOBS, "strict": STRICT, **RUN_OPTIONS}), "name"}
+"""The options that say where files are, those of a run, the name of the bake, and limits, which are compared with what a bake
+has measured."""

@@ -54,7 +54,7 @@ def plans(sets: Sequence[argparse.Namespace], open_file: str = "") -> tuple[list
         problems += left
         for pair, problem in found:
             own = copy(options)
-            own.report = None  # the report is of all pairs
+            own.report, own.name = None, ""  # the report and the name are of all pairs
             own.pairs, own.low_file, own.high_file, own.cage_file = None, pair.low, pair.highs, pair.cage
             result.append(Plan(label.format(subject(own, open_file)), own, problem, len(result) + 1))
     return list(_chained(result)), problems
@@ -70,7 +70,9 @@ def _chained(planned: Sequence[Plan]) -> Iterator[Plan]:
 
 
 def subject(options: argparse.Namespace, open_file: str = "") -> str:
-    """A short name for what is baked: the low object, its file, or the scene. open_file: as in `plans`."""
+    """A short name for what is baked: its own, the low object, its file, or the scene. open_file: as in `plans`."""
+    if options.name:
+        return printable(options.name)
     if options.low or options.low_file:
         return printable(options.low or stem(options.low_file))
     place = options.pairs if arguments.is_folder(options) else (*options.file, open_file)[0]

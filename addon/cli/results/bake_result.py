@@ -124,7 +124,7 @@ class Done:
         before = Entry.from_dict(entry)
         over = gates.over(plan.options.strict, before.reports)
         state = State.GATE if over else State.RESUMED
-        return cls(replace(before, number=plan.number, state=state, gate=over, seconds=0.0, log=""))
+        return cls(replace(before, number=plan.number, name=plan.name, state=state, gate=over, seconds=0.0, log=""))
 
 
 def failure(name: str, error: BakeError | MemoryError) -> Result:

@@ -209,6 +209,11 @@ OBJECTS = {
         {"type": option_types.point, "metavar": "X,Y,Z"},
         "files stay where they are",
     ),
+    "name": CommandOption(
+        "Name of the bake in messages, reports and pages, and for --only",
+        {"type": option_types.text, "default": "", "metavar": "TEXT"},
+        "that of the low object or its file",
+    ),
     "allow-missing-pages": CommandOption(
         "Bake the maps of materials although image files of the high meshes are missing",
         {"action": "store_true"},
