@@ -13,10 +13,7 @@ import pytest
 from tests.support import bombs, untrusted, zoo
 from tests.support.untrusted import MESH, bake
 
-pytestmark = [
-    pytest.mark.skipif(sys.platform != "linux", reason="Landlock and filters of system calls"),
-    pytest.mark.slow,
-]
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="Landlock and filters of system calls")
 LIMITS = ["--max-memory", "1G", "--timeout", "60"]
 FEW = ("cut.png", "whole.exr", "deep.exr", "a.jpg", "a.hdr")
 """Pictures that are tried in each kind of file."""
@@ -101,6 +98,7 @@ def triangle_glb(picture):
     return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
 
 
+@pytest.mark.slow
 def test_in_glb_files(root, pictures):
     names = []
     for picture in FEW:
@@ -136,6 +134,7 @@ float3 outputs:rgb
 """
 
 
+@pytest.mark.slow
 def test_in_usd_files_and_their_archives(root, pictures):
     job, names = root / "job", []
     for picture in FEW:
@@ -157,6 +156,7 @@ def test_in_usd_files_and_their_archives(root, pictures):
     assert {found[f"{name}.{ending}"]["state"] for name in archives for ending in ("usda", "usdz")} == {"failed"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("is_packed", [False, True], ids=["beside", "packed"])
 def test_in_blend_files(root, pictures, is_packed):
     names = []
