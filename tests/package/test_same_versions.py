@@ -96,13 +96,15 @@ def test_processes_conversions_and_levels_of_detail_in_older_versions(version, t
     (tmp_path / "jobs.json").write_text(json.dumps({"defaults": defaults, "bake": sets}))
     jobs = ["--jobs", str(tmp_path / "jobs.json"), "--resume", "--workers", "2"]
     assert len(json.loads(bake(*jobs, "--list", "--json"))["bakes"]) == 2
-    assert "2 done, " in bake(*jobs)
+    assert "2 done, " in bake(*jobs, "--sheet", str(tmp_path / "page.html"))
+    assert (tmp_path / "page.html").read_text().count('src="data:image/png;base64,') == 2
     assert "0 done, 2 done before, " in bake(*jobs)
     one = str(tmp_path / "one.blend")
     converted = ["--convert", str(tmp_path / "one.png"), "--from-basis", "mikktspace", "--basis", "cycles"]
     bake(one, "--low", "lo", *converted, "--output", str(tmp_path / "converted.png"))
     levels = ["--distance", "2,4", "--size", "64", "--export", str(tmp_path / "levels.glb")]
-    bake("lod", one, "--low", "hi", *levels, "--output", str(tmp_path / "{low}.png"))
+    for more in ((), ("--timeout", "600")):  # here, and in a process of its own
+        bake("lod", one, "--low", "hi", *levels, "--output", str(tmp_path / "{low}.png"), *more)
     made = ("converted.png", "hi_LOD1.png", "hi_LOD2.png", "levels.glb")
     assert all((tmp_path / name).stat().st_size > 0 for name in made)
 
