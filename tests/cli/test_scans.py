@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.cli import command, memory_check
+from addon.cli import batch, command, memory_check
 from addon.cli.mesh_files import base_colors, far_coordinates, page_files, ply_texture
 from addon.cli.mesh_files.importers import PLAIN, Space, import_file
 from addon.cli.mesh_files.ply_texture import Texture
@@ -434,7 +434,7 @@ def test_the_report_has_the_memory_that_was_estimated(incomplete, run):
 def test_a_lack_of_memory_is_said_before_the_bake(incomplete, run, monkeypatch, capsys):
     monkeypatch.setattr(memory_check, "free_bytes", lambda: 10**8)
     said = []
-    monkeypatch.setattr("addon.cli.batch._baked", lambda *_: said.append(capsys.readouterr().err) or ([], False))
+    monkeypatch.setattr("addon.cli.batch._baked", lambda *_: said.append(capsys.readouterr().err) or batch._Baked([]))
     run(*PAIR)
     assert said == ["imprint: low: The bake needs about 0.5 GB of memory, and 0.1 GB are free: close other programs.\n"]
 
