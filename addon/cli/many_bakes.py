@@ -179,12 +179,12 @@ class _Found:
         if finished < wanted:
             print(f"{self._program}: stopped, {finished} of {wanted} were finished.", file=sys.stderr)
         print("\n".join([*self._lines, terminal_text.total(self._counted, wanted)]), file=self._out)
-        if self._sheet:
-            self._sheet.finish()
-            print(f"Wrote {self._sheet.path}", file=self._out)
         if self._file:
             self._file.finish()
             print(f"Wrote {self._path}", file=self._out)
         elif self._report == STDOUT:
             many = self._many
             print(report_file.as_text(run_report.document(self._entries, many.planned, many.shard, many.only)))
+        if self._sheet:
+            self._sheet.finish()
+            print(f"Wrote {self._sheet.path}", file=self._out)

@@ -13,7 +13,9 @@ from PIL import Image
 
 from addon.audit.pictures.bake_pictures import SIDE
 from addon.cli import command
+from addon.cli.results.sheets.sheet_file import SheetFile
 from addon.cli.workers.baker import MOST_PICTURES
+from addon.core.errors import BakeError
 from tests.support import reports, zoo
 
 COUNT = 3
@@ -170,3 +172,13 @@ def test_each_texture_set_has_a_picture(folder):
     (data,) = images(folder / "s.html").values()
     count = len(reports.bake(folder / "r.json")["reports"])
     assert Image.open(io.BytesIO(data)).size == (3 * SIDE, count * SIDE)
+
+
+def test_a_page_that_cannot_be_written_at_the_end_costs_no_report(folder, capsys, monkeypatch):
+    def fail(self):
+        raise BakeError("The page could not be written.")
+
+    monkeypatch.setattr(SheetFile, "finish", fail)
+    assert run("--jobs", "j.json", "--only", "set 2*", "--sheet", "s.html", "--report", "r.json") == 1
+    assert [each["state"] for each in reports.bakes(folder / "r.json")] == ["done"]
+    assert "The page could not be written." in capsys.readouterr().err

@@ -17,6 +17,7 @@ from addon.cli.results.bake_result import Done
 from addon.cli.results.run_report import Entry, State
 from addon.cli.trust import confinement, landlock
 from addon.cli.workers import messages, worker_process
+from addon.core.report import Report
 from tests.support import untrusted, zoo
 from tests.support.untrusted import MESH, bake
 
@@ -229,8 +230,17 @@ class Code:
 
 @pytest.mark.parametrize(
     "content",
-    [pickle.dumps(Code()), pickle.dumps(landlock.version), b"", b"garbage", pickle.dumps(print), b"\x80\x04N."[:2]],
-    ids=["code", "function", "nothing", "garbage", "print", "cut"],
+    [
+        pickle.dumps(Code()),
+        pickle.dumps(landlock.version),
+        b"",
+        b"garbage",
+        b"7",
+        b"[]",
+        b"[" * 100_000,
+        b'["Code", {}]',
+    ],
+    ids=["code", "function", "nothing", "garbage", "number", "empty list", "deep", "another class"],
 )
 def test_a_message_of_a_worker_cannot_run_code(content):
     here, there = Pipe()
@@ -240,62 +250,78 @@ def test_a_message_of_a_worker_cannot_run_code(content):
 
 
 FILE = {"path": "/a", "bytes": 1, "sha256": "0" * 64, "what": "map"}
+REPORT = Report("CAST", "TANGENT", (16, 16), "low", ["high"]).to_dict()
 
 
 @pytest.mark.parametrize("is_trusted", [True, False])
 def test_messages_of_a_worker_arrive(is_trusted):
     here, there = Pipe()
+    report = json.loads(json.dumps(REPORT))
     for message in (
         messages.Ready(),
         messages.Begun(),
         messages.Percent("a", "b", 0.5),
         messages.Percent("a", "b", 1),
-        messages.Line("x"),
+        messages.Line("x\udc80"),
         messages.FilesFound(["a"], [("b", "c")]),
-        Done(Entry(1, "a", files=[FILE], reports=[{"any": [1, None]}]), ["b"], picture=b"c"),
+        Done(Entry(1, "a", State.GATE, files=[FILE], reports=[report]), ["b"], picture=b"c\0d"),
     ):
-        there.send(message)
+        there.send_bytes(messages.packed(message))
         assert messages.received(here, is_trusted=is_trusted) == message
 
 
-def entry(**values):
-    found = Entry(1, "a", files=[FILE])
-    vars(found).update(values)
-    return found
+def done(*, picture=b"", **values):
+    """A result with other values in its entry."""
+    found = Done(Entry(1, "a", files=[FILE]), picture=picture)
+    vars(found.entry).update(values)
+    return messages.packed(found)
+
+
+def lacking(name):
+    text, _, picture = done().partition(b"\0")
+    kind, values = json.loads(text)
+    del values["entry"][name]
+    return json.dumps([kind, values]).encode() + b"\0" + picture
 
 
 LIES = {
-    "a text for a number": lambda: messages.Percent("a", "b", "0.5"),
-    "a number for a text": lambda: messages.Line(7),
-    "files of one word": lambda: messages.FilesFound(["a"], [("b",)]),
-    "no list": lambda: messages.FilesFound("abc"),
-    "no entry": lambda: Done("entry"),
-    "no message": lambda: State.DONE,
-    "a number": lambda: 7,
-    "a number in the entry": lambda: Done(entry(error=7)),
-    "a state that is a text": lambda: Done(entry(state="done")),
-    "a file that is a text": lambda: Done(entry(files=["/a"])),
-    "a file without a path": lambda: Done(entry(files=[{"what": "map"}])),
-    "an entry as a report": lambda: Done(entry(reports=[{"a": entry()}])),
-    "a key that is no text": lambda: Done(entry(reports=[{(1, 2): 3}])),
-    "bytes": lambda: Done(entry(reports=[{"a": b"b"}])),
-    "a picture that is a text": lambda: Done(entry(), picture="c"),
+    "a text for a number": messages.packed(messages.Percent("a", "b", "0.5")),
+    "a number for a text": messages.packed(messages.Line(7)),
+    "files of one word": messages.packed(messages.FilesFound(["a"], [("b",)])),
+    "no list": messages.packed(messages.FilesFound("abc")),
+    "no values": b'["Line", []]',
+    "values of another": b'["Line", {"subject": "a"}]',
+    "no entry": b'["Done", {"entry": "a", "warnings": [], "is_listed": true}]',
+    "a number in the entry": done(error=7),
+    "a state that is none": done(state="finished"),
+    "a file that is a text": done(files=["/a"]),
+    "a file without a path": done(files=[{"what": "map"}]),
+    "a report without figures": done(reports=[{}]),
+    "a figure that is a text": done(reports=[{**REPORT, "missed": "x"}]),
+    "a check without a share": done(reports=[{**REPORT, "checks": {"unsure": {}}}]),
+    "warnings that are none": done(reports=[{**REPORT, "warnings": [7]}]),
+    "without its log": lacking("log"),
+    "without its error": lacking("error"),
 }
 
 
-@pytest.mark.parametrize("make", LIES.values(), ids=LIES)
-def test_a_message_of_other_types_is_none(make):
+@pytest.mark.parametrize("content", LIES.values(), ids=LIES)
+def test_a_message_of_other_types_is_none(content):
     """Its parent would fail at it, and end all bakes."""
     here, there = Pipe()
-    there.send(make())
+    there.send_bytes(content)
     with pytest.raises(OSError, match="no message"):
         messages.received(here, is_trusted=False)
 
 
-def test_a_message_without_one_of_its_values_is_none():
+@pytest.mark.parametrize("content", [b"\0\0\1\0half", b""], ids=["half a message", "nothing"])
+def test_a_worker_that_stops_in_a_message_does_not_hang_its_parent(content, monkeypatch):
+    monkeypatch.setattr(worker_process, "STALLED", 1)
     here, there = Pipe()
-    lacking = entry()
-    del vars(lacking)["log"], vars(lacking)["error"]
-    there.send(Done(lacking))
-    with pytest.raises(OSError, match="no message"):
-        messages.received(here, is_trusted=False)
+    worker_process._limit(here)
+    os.write(there.fileno(), content)
+    with pytest.raises(OSError, match="unavailable"):
+        messages.received(here)
+    with pytest.raises(OSError, match="unavailable"):
+        while True:  # it reads nothing either
+            here.send("x" * 100_000)

@@ -25,7 +25,7 @@ from addon.cli.results.run_report import Entry
 from addon.cli.terminal_progress import Meter
 from addon.cli.usage import arguments, job_file
 from addon.cli.workers import supervisor, worker, worker_process
-from addon.cli.workers.messages import Answer, FilesFound, Percent, plain
+from addon.cli.workers.messages import Answer, FilesFound, Percent, packed
 from addon.core.progress import Progress
 from scripts.imprint import ROOT
 from tests.support import reports, zoo
@@ -413,8 +413,8 @@ def test_what_a_worker_sends_without_a_bake_is_ignored():
     worker_ = SimpleNamespace(process=SimpleNamespace(connection=ours), plan=None)
     watching = supervisor.Supervisor(1, supervisor.Limits())
     watching._workers.append(worker_)
-    for message in (plain(Done(Entry(1, "a"))), FilesFound()):
-        theirs.send(message)
+    for message in (Done(Entry(1, "a")), FilesFound()):
+        theirs.send_bytes(packed(message))
         assert list(watching._hear(None, None)) == []
 
 

@@ -155,3 +155,9 @@ def test_the_command_takes_the_pictures_that_a_run_kept(tmp_path):
     assert command.run(["report", "--sheet", str(tmp_path / "s.html"), str(tmp_path / "r.json")]) == 1
     (image,) = read((tmp_path / "s.html").read_text(encoding="utf-8")).images
     assert image["src"] == "data:image/png;base64," + base64.b64encode(b"picture").decode()
+
+
+def test_what_is_no_path_is_no_link():
+    entry = reports.of_three()["bakes"][0]
+    entry["files"][0]["path"] = "javascript:alert(1)"
+    assert "<td>javascript:alert(1)</td>" in result_sheet.row(entry, b"")

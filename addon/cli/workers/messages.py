@@ -1,20 +1,21 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a parent and its workers send each other, pickled, over a connection of multiprocessing.
+"""What a parent and its workers send each other over a connection of multiprocessing.
 
-A worker that has ended a bake sends a bake_result.Done.
+A worker that has ended a bake sends a bake_result.Done. Parents send pickles. Workers send JSON: a worker that a file has taken
+over must not run code in its parent, or change its classes.
 """
 
-import io
+import functools
 import json
-import pickle
-from dataclasses import dataclass, field, is_dataclass, replace
+from dataclasses import dataclass, field, is_dataclass
+from enum import StrEnum
 from multiprocessing.connection import Connection
 from typing import Any, get_args, get_origin, get_type_hints
 
 from ..done.bake_record import Draft
 from ..plan.plans import Plan
 from ..results.bake_result import Done, Wanted
-from ..results.run_report import Cause, Entry, State
+from ..results.sheets import result_sheet
 
 
 @dataclass(frozen=True)
@@ -84,74 +85,63 @@ class Line:
     line: str
 
 
-def plain(done: Done) -> Done:
-    """A result whose values are those that the report will have: text, numbers, lists and tables."""
-    return replace(done, entry=Entry.from_dict(json.loads(json.dumps(vars(done.entry)))))
-
-
 MOST_BYTES = 1 << 26
 """Of a message from a worker."""
-_FROM_WORKERS = {
-    (each.__module__, each.__qualname__): each
-    for each in (Done, Entry, State, Cause, FilesFound, Ready, Begun, Percent, Line)
-}
+_FROM_WORKERS = {each.__name__: each for each in (Done, FilesFound, Ready, Begun, Percent, Line)}
+_PICTURE = b"\0"
+"""Between the JSON of a message, which has no such byte, and the picture of a Done."""
 
 
-_NO_MESSAGE = (
-    *(pickle.UnpicklingError, EOFError, LookupError, ValueError, TypeError, AttributeError),
-    *(MemoryError, RecursionError),
-)
-"""What reading other bytes, or values of other types, raises."""
-
-
-class _Reader(pickle.Unpickler):
-    """Makes no objects but messages: a worker that a file has taken over must not run code in its parent."""
-
-    def find_class(self, module: str, name: str) -> type:
-        try:
-            return _FROM_WORKERS[module, name]
-        except KeyError as error:
-            raise pickle.UnpicklingError(f"{module}.{name} is no message") from error
+def packed(message: Any) -> bytes:
+    """A message of a worker as JSON."""
+    values = dict(vars(message))
+    picture = values.pop("picture", b"")
+    text = json.dumps([type(message).__name__, values], default=vars)
+    return text.encode() + _PICTURE + picture
 
 
 def received(connection: Connection, *, is_trusted: bool = True) -> Any:
     """The next message of a worker. Raises EOFError if it is gone, and OSError for what is no message.
 
-    is_trusted: whether the values in it are taken to be of their types.
+    is_trusted: whether the figures in reports are taken to be such.
     """
-    content = connection.recv_bytes(MOST_BYTES)
+    text, _, picture = connection.recv_bytes(MOST_BYTES).partition(_PICTURE)
     try:
-        message = _Reader(io.BytesIO(content)).load()
-        return message if is_trusted else _checked(message)
-    except _NO_MESSAGE as error:
+        name, values = json.loads(text)
+        if name == Done.__name__:
+            values["picture"] = picture
+        message = _made(values, _FROM_WORKERS[name])
+        if not is_trusted and isinstance(message, Done):
+            _check_figures(message)
+    except (LookupError, ValueError, TypeError, AttributeError, MemoryError, RecursionError) as error:
         raise OSError("no message") from error
+    return message
 
 
-def _checked(message: Any) -> Any:
-    """A message whose values are all of their types. Raises TypeError and what `plain` raises."""
-    kind = type(message)
-    if kind not in _FROM_WORKERS.values() or not is_dataclass(kind) or not _fits(message, kind):
-        raise TypeError(f"{kind} is no message")
-    if not isinstance(message, Done):
-        return message
-    done = plain(message)
+def _made(value: Any, hint: Any) -> Any:
+    """A value from JSON as the type of an annotation. Raises LookupError, TypeError or ValueError if it is of another."""
+    kind, given = get_origin(hint) or hint, get_args(hint)
+    if kind is Any:
+        return value
+    if is_dataclass(kind):
+        return kind(**{name: _made(value[name], each) for name, each in _hints(kind).items()})
+    if issubclass(kind, StrEnum):
+        return kind(value)
+    if kind is tuple:
+        return tuple(_made(each, own) for each, own in zip(value, given, strict=True))
+    if not isinstance(value, int | float if kind is float else kind):
+        raise TypeError(f"{value!r} is no {kind.__name__}")
+    return [_made(each, given[0]) for each in value] if kind is list else value
+
+
+@functools.cache
+def _hints(kind: type) -> dict[str, Any]:
+    return get_type_hints(kind)
+
+
+def _check_figures(done: Done) -> None:
+    """Raise LookupError, TypeError, ValueError or AttributeError if a result cannot be shown as those of bakes are."""
     for each in (*done.entry.files, *done.entry.inputs):
         if not all(isinstance(each[name], str) for name in ("path", "what")):
             raise TypeError("a file without a path")
-    return done
-
-
-def _fits(value: Any, hint: Any) -> bool:
-    """Whether a value is of the type of an annotation."""
-    kind, given = get_origin(hint) or hint, get_args(hint)
-    if kind is Any:
-        return True
-    if kind is float:
-        return isinstance(value, int | float)
-    if not isinstance(value, kind):
-        return False
-    if is_dataclass(kind):
-        return all(_fits(getattr(value, name), each) for name, each in get_type_hints(kind).items())
-    if kind is tuple:
-        return len(value) == len(given) and all(map(_fits, value, given))
-    return kind is not list or all(_fits(each, given[0]) for each in value)
+    result_sheet.row(done.entry.to_dict(), b"")

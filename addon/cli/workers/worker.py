@@ -23,7 +23,7 @@ from ...output.files.atomic_file import reason
 from .. import interruption, standard_streams
 from ..plan import run_clashes
 from ..plan.plans import Plan
-from .messages import Answer, Assignment, Begun, FilesFound, Line, Percent, Ready, plain
+from .messages import Answer, Assignment, Begun, FilesFound, Line, Percent, Ready, packed
 from .worker_process import CONNECTION
 
 if os.name == "nt":
@@ -50,7 +50,7 @@ class _Parent:
 
     def send(self, message: Any) -> None:
         try:
-            self._connection.send(message)
+            self._connection.send_bytes(packed(message))
         except OSError as error:
             raise _Gone from error
 
@@ -85,7 +85,7 @@ def run() -> int:
             baker = baker or Baker(_Files(parent), meter, call.wanted, needs_all=call.needs_all, folders=call.folders)
             done = baker.bake(assigned.plan, assigned.draft)
             standard_streams.flush()
-            parent.send(plain(replace(done, warnings=[*done.warnings, problem]) if problem else done))
+            parent.send(replace(done, warnings=[*done.warnings, problem]) if problem else done)
     return 0
 
 

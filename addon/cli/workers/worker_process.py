@@ -3,6 +3,8 @@
 
 import os
 import signal
+import socket
+import struct
 import subprocess
 import sys
 import tempfile
@@ -22,6 +24,8 @@ WORD = "worker"
 """The only argument of a worker."""
 CONNECTION = "IMPRINT_WORKER"
 """The environment variable with the number of the worker's end of the connection."""
+STALLED = 20
+"""Whole seconds after which a worker that has begun a message, or takes none, counts as gone."""
 SCRIPT = Path(__file__).resolve().parents[3] / "scripts" / "bake.py"
 
 
@@ -71,6 +75,7 @@ class WorkerProcess:
         """What it prints while no bake has a log of its own."""
         self._out_of_memory = process_memory.kills()
         self.connection, other = Pipe()
+        _limit(self.connection)
         try:
             self._process = self._start(other)
         finally:
@@ -150,6 +155,15 @@ class WorkerProcess:
     def last_printed(self, start: int = 0) -> str:
         """The end of what it printed to its own log after the first `start` bytes."""
         return last_words.tail(self.log.fileno(), start)
+
+
+def _limit(connection: Connection) -> None:
+    """Let reading and writing end with an OSError if the worker stops in the middle of a message."""
+    if os.name == "nt":
+        return
+    with socket.socket(fileno=os.dup(connection.fileno())) as end:
+        for option in (socket.SO_RCVTIMEO, socket.SO_SNDTIMEO):
+            end.setsockopt(socket.SOL_SOCKET, option, struct.pack("ll", STALLED, 0))
 
 
 def _words(code: int) -> str:

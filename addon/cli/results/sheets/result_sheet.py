@@ -140,6 +140,7 @@ def _number(value: float | None, form: str) -> str:
 
 
 def _link(path: str) -> str:
-    """A link to a map, which opens while it is where it was written."""
-    address = Path(path).as_uri() if Path(path).is_absolute() else path
-    return f'<a href="{html.escape(address)}">{html.escape(Path(path).name)}</a>'
+    """A link to a map, which opens while it is where it was written. Other text than an absolute path could be a script."""
+    if not Path(path).is_absolute():
+        return html.escape(path)
+    return f'<a href="{html.escape(Path(path).as_uri())}">{html.escape(Path(path).name)}</a>'
