@@ -87,3 +87,7 @@ def test_only_plain_files_are_read(tmp_path):
     assert last_words.of_file(str(secret)) == ", after it printed 'secret'"
     assert [last_words.of_file(str(tmp_path / name)) for name in ("link", "pipe", "none", "")] == [""] * 4
     assert last_words.of_file(str(tmp_path)) == ""
+
+
+def test_the_last_line_is_short():
+    assert len(last_words.last_line("a\n" + "b" * 20_000 + "\n\n")) == last_words.LONGEST

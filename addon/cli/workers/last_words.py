@@ -51,12 +51,12 @@ def clause(text: str) -> str:
     if place:
         file = "/".join(re.split(r"[/\\]", place["path"])[-2:])
         said = f", in {_short(place['name'])}, line {place['line'][:9]} of {_short(file)}"
-    return f"{said}, after it printed {_short(printed)!r}" if printed else said
+    return f"{said}, after it printed {printed!r}" if printed else said
 
 
 def last_line(text: str) -> str:
-    """The last line that is not empty; "" if there is none."""
-    return next((line.strip() for line in reversed(text.splitlines()) if line.strip()), "")
+    """The last line that is not empty, shortened; "" if there is none."""
+    return _short(next((line.strip() for line in reversed(text.splitlines()) if line.strip()), ""))
 
 
 def _short(text: str) -> str:

@@ -13,7 +13,7 @@ from ..run_report import Entry
 
 def path_of(folder: str, entry: Entry) -> Path:
     """The absolute path of a bake's picture. What the bake read and wrote is in its name: another map has another picture, and
-    a bake that has moved in the job file the same. The entry must have files."""
+    a bake that has moved in the job file the same. The entry must have files with their hashes."""
     read_and_written = "".join(str(each["sha256"]) for each in (*entry.inputs, *entry.files))
     digest = hashlib.sha256(read_and_written.encode()).hexdigest()
     name = kept_files.plain(Path(entry.files[0]["path"]).stem)
