@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Tests of bakes in processes of their own: one that crashes, hangs or takes too much memory ends alone."""
 
+import errno
 import io
 import json
 import os
@@ -16,7 +17,7 @@ from types import SimpleNamespace
 import bpy
 import pytest
 
-from addon.cli import command
+from addon.cli import command, interruption
 from addon.cli.done.turns import Turns
 from addon.cli.plan import plans, run_clashes
 from addon.cli.results import exit_codes
@@ -26,6 +27,7 @@ from addon.cli.terminal_progress import Meter
 from addon.cli.usage import arguments, job_file
 from addon.cli.workers import supervisor, worker, worker_process
 from addon.cli.workers.messages import Answer, FilesFound, Percent, packed
+from addon.core.errors import BakeError, NoGpu
 from addon.core.progress import Progress
 from scripts.imprint import ROOT
 from tests.support import reports, zoo
@@ -212,7 +214,94 @@ def test_a_spare_worker_starts_when_another_may_end(monkeypatch, *, busy_for, is
 
 def made(*, plan, is_ready, begun=0.0):
     """Stands for a worker."""
-    return SimpleNamespace(plan=plan, begun=begun, process=SimpleNamespace(is_ready=is_ready))
+    return SimpleNamespace(plan=plan, begun=begun, process=SimpleNamespace(is_ready=is_ready, close=lambda: None))
+
+
+def dying(made_):
+    """A function that stands for BusyWorker: what it starts ends before Blender starts, and is appended to `made_`."""
+
+    def make(_):
+        worker_ = made(plan=None, is_ready=False)
+        worker_.process.end = lambda: worker_process.Ending("exit code 9", "", lacked_memory=False)
+        worker_.process.last_printed, worker_.last_words = str, str
+        made_.append(worker_)
+        return worker_
+
+    return make
+
+
+def failing(made_):
+    """A function that stands for BusyWorker and cannot start one."""
+
+    def make(_):
+        made_.append(None)
+        raise OSError(errno.EAGAIN, "Resource temporarily unavailable")
+
+    return make
+
+
+@pytest.mark.parametrize("start_", [dying, failing])
+@pytest.mark.parametrize(("count", "expected"), [(1, 1), (2, 3)])
+def test_workers_that_do_not_start_end_no_run_while_another_is_well(monkeypatch, start_, count, expected):
+    """A spare one is tried once, others three times, and again once the other has ended."""
+    made_ = []
+    monkeypatch.setattr(supervisor, "BusyWorker", start_(made_))
+    watching = supervisor.Supervisor(count, supervisor.Limits())
+    watching._has_lost = True
+    well = made(plan=object(), is_ready=True)
+    watching._workers.append(well)
+
+    def fill():
+        watching._fill(9)
+        for worker_ in watching._workers[1:]:
+            assert list(watching._bury(worker_)) == []
+
+    for _ in range(9):
+        fill()
+        assert watching._workers == [well]
+    assert len(made_) == expected
+    watching._remove(well)
+    watching._workers.append(made(plan=object(), is_ready=True))
+    fill()
+    assert len(made_) > expected
+
+
+def test_without_another_worker_the_third_that_ends_unready_ends_the_run(monkeypatch):
+    """Those that ended while another was well do not count."""
+    monkeypatch.setattr(supervisor, "BusyWorker", dying([]))
+    watching = supervisor.Supervisor(2, supervisor.Limits())
+    well = made(plan=object(), is_ready=True)
+    watching._workers.append(well)
+    for _ in range(2):
+        watching._fill(9)
+        assert list(watching._bury(watching._workers[-1])) == []
+    watching._remove(well)
+    for _ in range(2):
+        watching._fill(1)
+        assert list(watching._bury(watching._workers[-1])) == []
+    watching._fill(1)
+    with pytest.raises(NoGpu, match=r"^Blender does not start here: exit code 9\.$"):
+        list(watching._bury(watching._workers[-1]))
+
+
+def test_a_worker_that_ends_unready_ends_the_run_after_others_could_not_be_started(monkeypatch):
+    made_ = []
+    first = dying(made_)(None)
+    monkeypatch.setattr(supervisor, "BusyWorker", failing(made_))
+    watching = supervisor.Supervisor(2, supervisor.Limits())
+    watching._workers.append(first)
+    watching._fill(9)
+    assert len(made_) == 1 + supervisor.MOST_STARTS
+    with pytest.raises(NoGpu):
+        list(watching._bury(first))
+
+
+def test_a_first_worker_that_cannot_be_started_leaves_nothing_behind(monkeypatch):
+    monkeypatch.setattr(supervisor, "BusyWorker", failing([]))
+    before = list(interruption._at_end)
+    with pytest.raises(BakeError, match="A process to bake in could not be started: Resource temporarily"):
+        supervisor.Supervisor(1, supervisor.Limits()).__enter__()
+    assert interruption._at_end == before
 
 
 @pytest.mark.parametrize(("name", "expected"), [("good", 1), ("crash", 3)])

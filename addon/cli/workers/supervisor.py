@@ -13,7 +13,7 @@ from ...core.progress import Progress
 from ...output.files.atomic_file import reason
 from .. import interruption
 from ..done import recording
-from ..done.turns import Resumed, ToDo, Turns
+from ..done.turns import Resumed, Turns
 from ..plan import run_clashes
 from ..plan.plans import Plan
 from ..results.bake_result import Done, Wanted
@@ -63,16 +63,17 @@ class Supervisor:
         self._has_lost = False
         """Whether a bake has ended its worker."""
         self._starts = 0
-        """How many workers have ended in a row before Blender had started."""
+        """How many starts have failed in a row, or since a worker that was well has ended."""
         self._returned: list[Assignment] = []
         """Those whose workers have ended before they began."""
         self._sent = 0
         """How many workers have ended so in a row."""
 
     def __enter__(self) -> "Supervisor":
-        self._held = ExitStack()
-        self._held.enter_context(interruption.before_end(self._end_all))
-        self._start()  # Blender starts while this process reads and checks
+        with ExitStack() as held:
+            held.enter_context(interruption.before_end(self._end_all))
+            self._start()  # Blender starts while this process reads and checks
+            self._held = held.pop_all()
         return self
 
     def __exit__(self, *_) -> None:
@@ -136,7 +137,7 @@ class Supervisor:
                     ended.append(Done.of(refusal, turn.plan.number))
                     continue
                 meter.begin(turn.plan, f"{begun}/{count} ")
-                worker.begin(self._assignment(turn, call))
+                worker.begin(Assignment(turn.plan, call, logs.path_of(self._limits.log, turn.plan), turn.draft))
             while ended:
                 yield ended.pop(0)
             try:
@@ -146,9 +147,6 @@ class Supervisor:
                 yield from ended
                 raise
         yield from ended
-
-    def _assignment(self, turn: ToDo, call: Call) -> Assignment:
-        return Assignment(turn.plan, call, logs.path_of(self._limits.log, turn.plan), turn.draft)
 
     def _give_up(self) -> Iterator[Done]:
         """End all workers, and their bakes, which did not stop."""
@@ -160,9 +158,9 @@ class Supervisor:
     def _fill(self, left: int) -> None:
         """Start workers for the bakes that are left, and a spare one if it may be needed."""
         busy = sum(1 for each in self._workers if each.plan)
-        while len(self._workers) < min(self._count, left + busy):
+        while len(self._workers) < min(self._count, left + busy) and (self._starts < MOST_STARTS or not self._workers):
             self._start()
-        if left and self._needs_spare():
+        if left and not self._starts and self._needs_spare():
             self._start()
 
     def _needs_spare(self) -> bool:
@@ -183,7 +181,9 @@ class Supervisor:
         try:
             self._workers.append(BusyWorker(self._confinement))
         except OSError as error:
-            raise BakeError(f"A process to bake in could not be started: {reason(error)}.") from error
+            self._starts += 1
+            if not self._workers:
+                raise BakeError(f"A process to bake in could not be started: {reason(error)}.") from error
 
     def _hear(self, files: run_clashes.Run, meter: Meter) -> Iterator[Done]:
         """Take the messages of all workers, waiting a moment for one."""
@@ -222,16 +222,14 @@ class Supervisor:
         has_failed = done.entry.cause == Cause.MEMORY
         if has_failed or (self._limits.memory and worker.process.memory > self._limits.memory):
             self._has_lost = True
-            self._workers.remove(worker)
-            worker.process.close()
+            self._remove(worker)
         yield done
 
     def _bury(self, worker: BusyWorker) -> Iterator[Done]:
         """A worker has ended by itself."""
-        self._workers.remove(worker)
         ending = worker.process.end()
         printed, words = worker.process.last_printed(), worker.last_words()
-        worker.process.close()
+        self._remove(worker)
         if worker.plan is None:
             if not worker.process.is_ready:
                 line = last_words.last_line(printed)
@@ -249,14 +247,15 @@ class Supervisor:
         yield self._lost(worker, error, cause, ending.signal)
 
     def _count_start(self, end: str) -> None:
-        """A worker has ended before Blender has started. Raises NoGpu if too many have."""
+        """A worker has ended before Blender has started. Raises NoGpu if too many have, and it has started in no other."""
         self._starts += 1
-        if self._starts == MOST_STARTS:
+        if self._starts >= MOST_STARTS and not any(worker.process.is_ready for worker in self._workers):
             raise NoGpu(f"Blender does not start here: {end}.")
 
     def _check_limits(self) -> Iterator[Done]:
         late = time.monotonic() - LONGEST_START
         for worker in [each for each in self._workers if not each.process.is_ready and each.started < late]:
+            worker.process.kill()
             self._remove(worker)
             self._count_start(f"it has not begun after {LONGEST_START:g} s")
         for worker in [worker for worker in self._workers if worker.plan]:
@@ -268,11 +267,13 @@ class Supervisor:
                 yield self._end(worker, text, Cause.MEMORY)
 
     def _remove(self, worker: BusyWorker) -> None:
-        worker.process.kill()
         self._workers.remove(worker)
+        if worker.process.is_ready:  # it is needed again that others start
+            self._starts = 0
         worker.process.close()
 
     def _end(self, worker: BusyWorker, error: str, cause: Cause = Cause.NONE, state: State = State.FAILED) -> Done:
+        worker.process.kill()
         self._remove(worker)
         return self._lost(worker, error, cause, state=state)
 
