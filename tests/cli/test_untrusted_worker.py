@@ -5,6 +5,7 @@ import json
 import os
 import pickle
 import sys
+from contextlib import nullcontext
 from multiprocessing.connection import Pipe
 from pathlib import Path
 
@@ -268,6 +269,16 @@ def test_messages_of_a_worker_arrive(is_trusted):
     ):
         there.send_bytes(messages.packed(message))
         assert messages.received(here, is_trusted=is_trusted) == message
+
+
+@pytest.mark.parametrize("is_trusted", [True, False])
+def test_a_message_for_untrusted_files_has_a_largest_size(is_trusted, monkeypatch):
+    """A sequence of thousands of frames has a report of each."""
+    monkeypatch.setattr(messages, "MOST_BYTES", 1000)
+    here, there = Pipe()
+    there.send_bytes(messages.packed(Done(Entry(1, "a"), ["w" * 2000])))
+    with nullcontext() if is_trusted else pytest.raises(OSError, match="message"):
+        assert messages.received(here, is_trusted=is_trusted).entry == Entry(1, "a")
 
 
 def done(*, picture=b"", **values):

@@ -86,7 +86,7 @@ class Line:
 
 
 MOST_BYTES = 1 << 26
-"""Of a message from a worker."""
+"""Of a message from a worker for untrusted files. Others may have long sequences, with a report for each frame."""
 _FROM_WORKERS = {each.__name__: each for each in (Done, FilesFound, Ready, Begun, Percent, Line)}
 _PICTURE = b"\0"
 """Between the JSON of a message, which has no such byte, and the picture of a Done."""
@@ -103,9 +103,9 @@ def packed(message: Any) -> bytes:
 def received(connection: Connection, *, is_trusted: bool = True) -> Any:
     """The next message of a worker. Raises EOFError if it is gone, and OSError for what is no message.
 
-    is_trusted: whether the figures in reports are taken to be such.
+    is_trusted: whether the message may be large, and the figures in its reports are taken to be such.
     """
-    text, _, picture = connection.recv_bytes(MOST_BYTES).partition(_PICTURE)
+    text, _, picture = connection.recv_bytes(None if is_trusted else MOST_BYTES).partition(_PICTURE)
     try:
         name, values = json.loads(text)
         if name == Done.__name__:
