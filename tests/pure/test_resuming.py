@@ -190,7 +190,7 @@ def test_another_name_bakes_nothing_again(folder):
     run([plan(folder)])
     renamed = plan(folder, "a", "--name", "b")
     assert why(renamed) == ""
-    entry = Done.resumed(renamed, Entry(renamed.number + 1, "a").to_dict()).entry
+    entry = Done.resumed(renamed, Entry(renamed.number + 1, "before").to_dict()).entry
     assert (entry.name, entry.number) == (renamed.name, renamed.number)
 
 
