@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """UDIM tiles: their numbers, their places in UV space, and their spelling in lists and paths."""
 
-from collections.abc import Iterable
+import functools
+import os
+import re
+from collections.abc import Iterable, Iterator
 
 from .errors import BakeError
 
@@ -15,6 +18,12 @@ MOST_BAKED = 100
 """The largest number of tiles of a bake without a list of tiles: a single stray UV can add hundreds."""
 TOKEN = "<UDIM>"
 """The placeholder for a tile's number in a path."""
+UV_TILE = "<UVTILE>"
+"""Blender's other placeholder for a tile in a path: its column and row, from 1."""
+_NUMBER = "1(?!000)[0-9]{3}|2000"
+_COLUMN_ROW = "u(?:10|[1-9])_v(?:100|[1-9][0-9]?)"
+_ANYWHERE = re.compile(f"(?=({_NUMBER}))")
+"""The numbers of two tiles can share digits."""
 
 UvToClip = tuple[float, float, float, float]
 """A transform from UV space to clip space: the scales along u and v, then the offsets. clip = uv * scale + offset."""
@@ -71,3 +80,76 @@ def check(tiles: Iterable[int]) -> None:
 def fill(path: str, tile: int | str) -> str:
     """`path` with the tile's number in place of TOKEN."""
     return path.replace(TOKEN, str(tile))
+
+
+def fill_all(path: str, tile: int) -> str:
+    """`path` with a tile in place of TOKEN and of UV_TILE."""
+    column, row = place(tile)
+    return fill(path, tile).replace(UV_TILE, f"u{column + 1}_v{row + 1}")
+
+
+def is_tiled(path: str) -> bool:
+    """Whether the file's name in `path` stands for the files of tiles."""
+    name = os.path.basename(path)
+    return TOKEN in name or UV_TILE in name
+
+
+def tile_of(name: str, tiled: str, *, any_case: bool = False) -> int:
+    """The tile of the file `name`, where the names of tiles are as `tiled`; 0 if it is none. any_case: letters may differ in
+    case."""
+    found = _pattern(tiled, any_case).fullmatch(name)
+    if found is None:
+        return 0
+    parts = found.groupdict()
+    tiles = {int(parts["tile"])} if parts.get("tile") else set()
+    if parts.get("place"):
+        column, row = parts["place"][1:].lower().split("_v")
+        tiles.add(number(int(column) - 1, int(row) - 1))
+    return tiles.pop() if len(tiles) == 1 else 0
+
+
+def spelled(tiled: str, name: str) -> str:
+    """`tiled` with the letter case of `name`, the file of one of its tiles."""
+    parts = re.split(f"({TOKEN}|{UV_TILE})", tiled)
+    found = re.fullmatch("(.*)".join(f"({re.escape(part)})" for part in parts[::2]), name, re.IGNORECASE)
+    return "".join(found[2 * at + 1] + token for at, token in enumerate([*parts[1::2], ""])) if found else tiled
+
+
+def files(path: str, *, any_case: bool = False) -> dict[int, str]:
+    """The files that exist for a path whose name has TOKEN or UV_TILE, by their tiles, in the order of these.
+
+    any_case: as in `tile_of`.
+    """
+    folder, tiled = os.path.split(path)
+    try:
+        names = sorted(os.listdir(folder or os.curdir))
+    except (OSError, ValueError):
+        return {}
+    found = {tile: os.path.join(folder, name) for name in names if (tile := tile_of(name, tiled, any_case=any_case))}
+    return dict(sorted(found.items()))
+
+
+def numbers_in(text: str) -> Iterator[tuple[int, int]]:
+    """Where numbers of tiles may be in a name: starts and ends."""
+    return (found.span(1) for found in _ANYWHERE.finditer(text))
+
+
+def tiled_name(stem: str) -> str:
+    """`stem`, the name of a file without its ending, with TOKEN for the number of a tile at its end; empty without one."""
+    filled, count = re.subn(f"(?<![0-9])({_NUMBER})$", TOKEN, stem)
+    return filled if count else ""
+
+
+@functools.lru_cache(maxsize=256)
+def _pattern(tiled: str, any_case: bool) -> re.Pattern:
+    parts, seen = [], set()
+    for text in re.split(f"({TOKEN}|{UV_TILE})", tiled):
+        key = {TOKEN: "tile", UV_TILE: "place"}.get(text)
+        if key is None:
+            parts.append(re.escape(text))
+        elif key in seen:
+            parts.append(f"(?P={key})")
+        else:
+            seen.add(key)
+            parts.append(f"(?P<{key}>{_NUMBER if text == TOKEN else _COLUMN_ROW})")
+    return re.compile("".join(parts), re.IGNORECASE if any_case else 0)

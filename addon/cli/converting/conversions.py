@@ -39,11 +39,11 @@ def work(
 def _loaded(path: str) -> bpy.types.Image:
     """A new image datablock of a file, or of the files of all tiles. Raises BakeError."""
     full = Path(path).absolute()
-    pattern = full.name.replace(udim.TOKEN, "[0-9]" * 4)
-    if not any(full.parent.glob(pattern)) if udim.TOKEN in full.name else not full.is_file():
+    is_tiled = udim.is_tiled(str(full))
+    if not (udim.files(str(full)) if is_tiled else full.is_file()):
         raise BakeError(f"{path!r} does not exist.")
     image = bpy.data.images.new(full.name, 1, 1)
     image.source, image.filepath = "FILE", str(full)
-    if udim.TOKEN in full.name:
+    if is_tiled:
         image.source = "TILED"  # looks for the files
     return image

@@ -3,7 +3,6 @@
 
 import hashlib
 import os
-import re
 import stat
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -16,7 +15,7 @@ from ...core import udim
 class Content:
     """The content of the file at an absolute path. size and sha256 are None if there is none that can be read.
 
-    For a path with udim.TOKEN, that of the files of all tiles together.
+    For a path that udim.is_tiled, that of the files of all tiles together.
     """
 
     path: str
@@ -47,7 +46,7 @@ class Contents:
     def of(self, path: str, what: str = "") -> Content:
         """The content of a file, which is read if needed."""
         path = os.path.abspath(path)
-        if udim.TOKEN in os.path.basename(path):
+        if udim.is_tiled(path):
             return self._of_tiles(path, what)
         try:
             with open(path, "rb", opener=_at_once) as file:
@@ -96,7 +95,7 @@ def stamp_of(path: str) -> str:
 def _found(path: str) -> list[os.stat_result]:
     """What the system says of the file at `path`, or of those of all tiles."""
     try:
-        return [os.stat(each) for each in (_tiles(path) if udim.TOKEN in os.path.basename(path) else [path])]
+        return [os.stat(each) for each in (_tiles(path) if udim.is_tiled(path) else [path])]
     except (OSError, ValueError):
         return []
 
@@ -107,9 +106,4 @@ def _stamp(found: os.stat_result) -> str:
 
 def _tiles(path: str) -> list[str]:
     """The paths of the tiles, in the order of their names."""
-    folder, name = os.path.split(path)
-    pattern = re.compile("([0-9]{4})".join(map(re.escape, name.split(udim.TOKEN))))
-    try:
-        return sorted(os.path.join(folder, each) for each in os.listdir(folder) if pattern.fullmatch(each))
-    except (OSError, ValueError):
-        return []
+    return list(udim.files(path).values())

@@ -6,10 +6,8 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from ...core.udim import TOKEN
+from ...core import udim
 
-_TILE = r"(1\d{3})"
-"""The number of a UDIM tile in the name of a file."""
 _DRIVE = re.compile("[A-Za-z]:/")
 
 
@@ -48,15 +46,13 @@ def expected(name: str, folder: Path) -> Path:
 
 def tiles(path: Path) -> list[int]:
     """The numbers of the UDIM tiles that exist for a path with <UDIM>, in order."""
-    pattern = _pattern(path.name)
-    found = (pattern.fullmatch(entry) for entry in _entries(path.parent))
-    return sorted({int(match[1]) for match in found if match and _is_file(path.parent / match[0])})
+    return [tile for tile, file in udim.files(str(path), any_case=True).items() if _is_file(Path(file))]
 
 
 def as_tiled(path: Path) -> Path | None:
     """`path` with <UDIM> for the number at the end of its name, as in scan_1001.png; None if it has no such number."""
-    stem, count = re.subn(rf"(?<!\d){_TILE}$", TOKEN, path.stem)
-    return path.with_name(stem + path.suffix) if count else None
+    stem = udim.tiled_name(path.stem)
+    return path.with_name(stem + path.suffix) if stem else None
 
 
 def _parts(name: str) -> list[str]:
@@ -80,22 +76,12 @@ def _below(folder: Path, parts: Sequence[str]) -> Path | None:
         if found is None:
             return None
         folder = found
-    if TOKEN in last:
-        numbered = next((entry for entry in _entries(folder) if _pattern(last).fullmatch(entry)), None)
-        return folder / _as_token(last, numbered) if numbered and _is_file(folder / numbered) else None
+    if udim.is_tiled(last):
+        numbered = next((entry for entry in _entries(folder) if udim.tile_of(entry, last, any_case=True)), None)
+        is_there = numbered is not None and _is_file(folder / numbered)
+        return folder / udim.spelled(last, numbered) if is_there else None
     found = _entry(folder, last)
     return found if found is not None and _is_file(found) else None
-
-
-def _pattern(name: str) -> re.Pattern:
-    """Matches the names of the tiles of a name with <UDIM>, in any letter case."""
-    return re.compile(re.escape(name).replace(re.escape(TOKEN), _TILE), re.IGNORECASE)
-
-
-def _as_token(name: str, entry: str) -> str:
-    """The name `entry` of a tile with <UDIM> for its number, which stands where it does in `name`."""
-    start, end = _pattern(name).fullmatch(entry).span(1)
-    return entry[:start] + TOKEN + entry[end:]
 
 
 def _entry(folder: Path, name: str) -> Path | None:

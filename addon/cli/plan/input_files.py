@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The files that bakes read: whether they are there, and how large they are. Each is looked at once."""
 
-import glob
 import os
 import stat
 from typing import NamedTuple
@@ -64,7 +63,7 @@ class InputFiles:
     def _look(self, path: str) -> _Found:
         known = self._known.get(path)
         if known is None:
-            known = self._known[path] = _look_at_tiles(path) if udim.TOKEN in path else _look(path)
+            known = self._known[path] = _look_at_tiles(path) if udim.is_tiled(path) else _look(path)
         return known
 
 
@@ -74,9 +73,7 @@ def _is_obj(path: str) -> bool:
 
 def _look_at_tiles(path: str) -> _Found:
     """As `_look`, of the files of all tiles."""
-    folder, name = os.path.split(path)
-    found = glob.glob(glob.escape(name).replace(udim.TOKEN, "[0-9]" * 4), root_dir=folder)
-    tiles = [_look(os.path.join(folder, each)) for each in found]
+    tiles = [_look(each) for each in udim.files(path).values()]
     if not tiles:
         return _Found(0, f"There is no file {os.path.abspath(path)!r}.")
     return _Found(sum(tile.size for tile in tiles), next((tile.problem for tile in tiles if tile.problem), ""))

@@ -2,7 +2,6 @@
 """The folders that bakes of untrusted files keep to, checked by the names of files before any of them is opened."""
 
 import argparse
-import glob
 import os
 import re
 import stat
@@ -160,8 +159,8 @@ def is_below(path: str, folder: str) -> bool:
 def _with_tiles(path: str) -> Iterator[str]:
     """The path, and those of the tiles that it stands for and that exist."""
     yield path
-    if udim.TOKEN in path:
-        yield from glob.iglob(glob.escape(path).replace(udim.TOKEN, "[0-9]" * 4))
+    if udim.is_tiled(path):
+        yield from udim.files(path).values()
 
 
 def _check_file(path: str, title: str) -> None:

@@ -16,8 +16,6 @@ from ...core.errors import WrongPlace
 from ...core.udim import TOKEN
 from . import atomic_file
 
-_TILE = re.compile(r"(?=(1[0-9]{3}|2000))")
-"""A number that may be a tile's. Those of two tiles can share digits."""
 _UNFINISHED = re.compile(r"\.imprint\..*\.partial")
 """Names of temporary files, which Imprint may remove."""
 
@@ -167,7 +165,7 @@ class Places:
                 found = None  # it is missing, or no valid path
         own = folder.key, folded
         exact = (own,) if found is None else (own, found)
-        tiles = tuple([(folder.key, other) for other in _without_numbers(folded)]) if _TILE.search(folded) else ()
+        tiles = tuple([(folder.key, other) for other in _without_numbers(folded)])
         return _Keys(exact, tiles, folder.missing)
 
     def _folder(self, path: str) -> _Folder:
@@ -241,9 +239,8 @@ def _folded(name: str) -> str:
 
 def _without_numbers(name: str) -> Iterator[str]:
     """A folded name with TOKEN instead of a tile's number, once for each such number in it."""
-    for found in _TILE.finditer(name):
-        if int(found[1]) in udim.TILES:
-            yield f"{name[: found.start(1)]}{_folded(TOKEN)}{name[found.end(1) :]}"
+    for start, end in udim.numbers_in(name):
+        yield f"{name[:start]}{_folded(TOKEN)}{name[end:]}"
 
 
 def _over(written: _Use, read: _Use) -> WrongPlace:

@@ -9,18 +9,12 @@ from bpy.types import Image
 from ...core import udim
 from ...core.file_structure.image_headers import image_size
 
-UV_TILE = "<UVTILE>"
-"""Blender's other placeholder for a tile in a path: its column and row, from 1."""
-
 
 def location(image: Image, tile: int) -> str:
     """The path of the file of an image, or of a UDIM tile if `tile` is not 0; empty for an image without one."""
     if not image.filepath:
         return ""
-    path = image.filepath
-    if tile:
-        column, row = udim.place(tile)
-        path = udim.fill(path, tile).replace(UV_TILE, f"u{column + 1}_v{row + 1}")
+    path = udim.fill_all(image.filepath, tile) if tile else image.filepath
     return bpy.path.abspath(path, library=image.library)
 
 
