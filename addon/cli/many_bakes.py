@@ -60,6 +60,7 @@ class Many:
         if not run_options.has_records(self.options):
             return Turns(self.chosen)
         of_run = {"is_forced": self.options.force, "records": self.options.records, "bounds": bounds}
+        of_run["pictures"] = self.options.pictures
         return Resuming(self.chosen, open_file=plans.open_file(), **of_run)
 
 

@@ -1,19 +1,39 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The versions of Imprint and of Blender."""
+"""The versions of Imprint and of Blender, and a hash of the code that bakes."""
 
+import hashlib
 import importlib.metadata
 import sys
 import tomllib
 from functools import cache
 from pathlib import Path
 
-MANIFEST = Path(__file__).resolve().parents[2] / "blender_manifest.toml"
+ROOT = Path(__file__).resolve().parents[2]
+MANIFEST = ROOT / "blender_manifest.toml"
+CODE = ("addon", "shaders")
+"""The folders with what decides how a map looks."""
+WINDOW = ("addon/ui/", "addon/views/", "addon/presets/")
+"""The folders below them with what only a window uses."""
 
 
 @cache
 def imprint() -> str:
     """The version of Imprint, from the manifest."""
     return tomllib.loads(MANIFEST.read_text(encoding="utf-8"))["version"]
+
+
+@cache
+def code(root: Path = ROOT) -> str:
+    """A hash of the code that bakes, which changes where the version does not, as between two commits. Ends of lines do not
+    count: git changes them on Windows."""
+    digest = hashlib.sha256()
+    for folder in CODE:
+        names = sorted((path.relative_to(root).as_posix(), path) for path in (root / folder).rglob("*.*"))
+        for name, path in names:
+            if path.suffix in {".py", ".glsl"} and not name.startswith(WINDOW):
+                content = path.read_bytes().replace(b"\r\n", b"\n")
+                digest.update(f"{name} {len(content)}\n".encode() + content)
+    return digest.hexdigest()
 
 
 def blender() -> str:

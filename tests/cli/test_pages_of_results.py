@@ -77,6 +77,23 @@ def test_a_later_run_finds_the_pictures_of_bakes_that_are_done(folder):
     assert images(folder / "again.html") == images(folder / "s.html")
 
 
+@pytest.mark.parametrize("is_gone", [True, False])
+def test_a_picture_that_a_run_kept_counts(folder, is_gone):
+    words = "--jobs", "j.json", "--only", "set 2*", "--resume", "--report", "r.json"
+    pictures = "--pictures", "pictures"
+    assert run(*words, *pictures) == 0
+    (path,) = (folder / "pictures").iterdir()
+    before = path.read_bytes()
+    path.unlink() if is_gone else path.write_bytes(b"junk")
+    assert run(*words) == 0  # which keeps no pictures
+    assert reports.bake(folder / "r.json")["state"] == "resumed"
+    assert run(*words, *pictures) == 0
+    assert reports.bake(folder / "r.json")["state"] == "done"
+    assert path.read_bytes() == before
+    assert run(*words, *pictures) == 0
+    assert reports.bake(folder / "r.json")["state"] == "resumed"
+
+
 def test_a_single_bake_has_a_page(folder):
     words = "--low-file", "low.obj", "--high-file", "high1.obj", "--output", "one.png", "--size", "32", "--limit", "9"
     assert run(*words, "--sheet", "s.html", "--report", "r.json") == 0

@@ -106,6 +106,25 @@ def test_the_entry_of_a_bake_that_is_left_out_is_that_of_the_bake(folder):
         assert {**one, "state": "resumed", "seconds": 0.0} == other
 
 
+@pytest.mark.parametrize("ending", ["_mip2.png", ".glb", ".json"])
+@pytest.mark.parametrize("is_gone", [True, False])
+def test_each_file_that_a_bake_writes_counts(folder, ending, is_gone):
+    path = folder / "out" / f"one{ending}"
+    job = {"low-file": "m0.obj", "high-file": "high.obj", "output": "out/one.png", "export": "out/one.glb"}
+    job |= {"size": 16, "limit": 9, "mip-files": True, "report": "out/one.json"}
+    (folder / "j.json").write_text(json.dumps({"bake": [job]}))
+    assert [state for _, state in bake("--resume")] == ["done"]
+    written = [each["path"] for each in reports.bake(Path("r.json"))["files"]]
+    kept = {each.name for each in (folder / "out").iterdir()} - {"one.png.imprint.json", "one.json"}
+    assert {os.path.basename(each) for each in written} == kept >= {f"one_mip{level}.png" for level in range(1, 5)}
+    assert [state for _, state in bake("--resume")] == ["resumed"]
+    before = path.read_bytes()
+    path.unlink() if is_gone else path.write_bytes(bytes(len(before)))
+    assert [state for _, state in bake("--resume")] == ["done"]
+    assert ending == ".json" or path.read_bytes() == before
+    assert [state for _, state in bake("--resume")] == ["resumed"]
+
+
 def test_a_change_of_the_high_mesh_s_texture_is_seen(folder):
     (folder / "high.mtl").write_text("newmtl skin\nmap_Kd skin.png\n")
     save_image(folder / "skin.png", 0.0)

@@ -56,7 +56,19 @@ def test_a_figure_over_its_limit_is_named_with_its_value_and_the_limit(text, sen
 
 
 @pytest.mark.parametrize(
-    "text", ["missed<0.3%", "overlap=0", "far<0.1%", "loss.max<0.1deg", "unsure<=1%", "mirrored>2", "coverage>=75%", ""]
+    "text",
+    [
+        "missed<0.3%",
+        "overlap=0",
+        "far<0.1%",
+        "loss.max<0.1deg",
+        "unsure<=1%",
+        "mirrored>2",
+        "coverage>=75%",
+        "coverage<=1",
+        "missed<100%",
+        "",
+    ],
 )
 def test_a_figure_within_its_limit_is_not_named(text):
     assert over(text) == []
@@ -87,6 +99,10 @@ def test_several_limits_and_reports():
         ("missed<1e999", "is not a limit"),
         ("missed!=1", "is not a limit"),
         ("<1", "is not a limit"),
+        ("missed<5", "'missed<5': missed is a share of texels, from 0 to 1: for percent, write missed<5%."),
+        ("coverage>50", "write coverage>50%"),
+        ("overlap<=1.01", "from 0 to 1"),
+        ("missed<101%", "missed is a share of texels, which is 100 % at most."),
     ],
 )
 def test_a_limit_that_cannot_be_read_is_an_error_before_the_bake(text, part):

@@ -140,6 +140,22 @@ def test_a_folder_that_cannot_be_written_to_is_left_to_the_bake(folder):
         assert left.next().draft is None
 
 
+def overwrite(path, text):
+    """Change a file, which keeps its size and time."""
+    before = path.stat()
+    path.write_text(text)
+    assert path.stat().st_size == before.st_size
+    os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))
+
+
+def replace_file(path, text):
+    """As `overwrite`, by another file that takes its place."""
+    other = path.with_name("other")
+    shutil.copy2(path, other)
+    overwrite(other, text)
+    os.replace(other, path)
+
+
 CHANGES = {
     "high": ("The high mesh's file has changed: 'a_high.ply'.", lambda at: (at / "in/a_high.ply").write_text("a HIGH")),
     "longer": ("The low mesh's file has changed: 'a_low.ply'.", lambda at: (at / "in/a_low.ply").write_text("longer")),
@@ -147,6 +163,14 @@ CHANGES = {
     "texture": ("A texture has changed: 'skin.png'.", lambda at: (at / "in/skin.png").write_text("SKIN")),
     "new": ("A library has changed: 'later.mtl'.", lambda at: (at / "in/later.mtl").write_text("new")),
     "map": ("'{}/out/a.png' has changed since it was baked.", lambda at: (at / "out/a.png").write_text("map of A")),
+    "time put back": (
+        "'{}/out/a.png' has changed since it was baked.",
+        lambda at: overwrite(at / "out/a.png", "map of A"),
+    ),
+    "replaced": (
+        "'{}/out/a.png' has changed since it was baked.",
+        lambda at: replace_file(at / "out/a.png", "map of A"),
+    ),
     "short": ("'{}/out/a.png' has changed since it was baked.", lambda at: (at / "out/a.png").write_text("")),
     "no map": ("'{}/out/a.png' is missing.", lambda at: (at / "out/a.png").unlink()),
     "damaged": ("Its record cannot be read.", lambda at: (at / "out/a_low.png.imprint.json").write_text("{")),
@@ -178,6 +202,26 @@ def test_another_version_bakes_again(folder, monkeypatch):
     run([plan(folder)])
     monkeypatch.setattr(versions, "blender", lambda: "5.2.4")
     assert why(plan(folder)) == f"It was baked by Imprint {versions.imprint()} in Blender 5.2.3."
+
+
+def test_other_code_of_the_same_version_bakes_again(folder, monkeypatch):
+    run([plan(folder)])
+    monkeypatch.setattr(versions, "code", lambda: "0" * 64)
+    assert why(plan(folder)) == f"It was baked by other code of Imprint {versions.imprint()}."
+    run([plan(folder)])
+    assert why(plan(folder)) == ""
+
+
+def test_the_report_of_a_bake_is_a_file_that_it_wrote(folder):
+    report = folder / "out" / "a.json"
+    with Resuming([plan(folder, "a", "--report", str(report))]) as left:
+        turn = left.next()
+        report.parent.mkdir(exist_ok=True)
+        report.write_text("{}")
+        bake(turn)
+    assert why(plan(folder, "a", "--report", str(report))) == ""
+    overwrite(report, "[]")
+    assert why(plan(folder, "a", "--report", str(report))) == f"'{report}' has changed since it was baked."
 
 
 def test_other_settings_bake_again(folder):
@@ -247,7 +291,7 @@ def changed(untrusted, key, path, **values):
     (record,) = Path(untrusted["records"]).glob("*.json")
     found = json.loads(record.read_text())
     content = Contents().of(str(path))
-    added = {"path": str(path), "bytes": content.size, "sha256": content.sha256, "modified": os.stat(path).st_mtime_ns}
+    added = {"path": str(path), "bytes": content.size, "sha256": content.sha256, "stamp": ""}
     found[key].append({**added, "what": "a texture", **values})
     record.write_text(json.dumps(found))
 

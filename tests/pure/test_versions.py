@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Tests how the version of Blender is found."""
+"""Tests how the version of Blender is found, and what changes the hash of the code."""
 
 import importlib.metadata
 import sys
@@ -33,3 +33,35 @@ def test_a_blender_that_is_loaded_later_is_asked(monkeypatch):
     assert versions.blender() == "5.2.3"
     monkeypatch.setitem(sys.modules, "bpy", SimpleNamespace(app=SimpleNamespace(version=(4, 5, 15))))
     assert versions.blender() == "4.5.15"
+
+
+def code_after(root, name="", content=b""):
+    """The hash of the code in `root`, after a change of a file."""
+    if name:
+        (root / name).parent.mkdir(parents=True, exist_ok=True)
+        (root / name).write_bytes(content)
+    versions.code.cache_clear()
+    return versions.code(root)
+
+
+def test_any_code_that_bakes_changes_the_hash_and_that_of_the_window_does_not(tmp_path):
+    before = code_after(tmp_path, "addon/jobs/bake.py", b"one\ntwo\n")
+    for name in (
+        "addon/ui/panel.py",
+        "addon/views/lit.py",
+        "addon/presets/imprint/a.py",
+        "addon/jobs/__pycache__/bake.pyc",
+    ):
+        assert code_after(tmp_path, name, b"window") == before
+    assert code_after(tmp_path, "addon/jobs/bake.py", b"one\r\ntwo\r\n") == before
+    seen = {before}
+    for name in ("addon/jobs/bake.py", "shaders/bake/cast_frag.glsl", "addon/scene/new.py", "addon/ui.py"):
+        seen.add(code_after(tmp_path, name, b"other"))
+    (tmp_path / "addon/scene/new.py").rename(tmp_path / "addon/scene/newer.py")
+    seen.add(code_after(tmp_path))
+    assert len(seen) == 6
+
+
+def test_the_hash_is_that_of_this_code():
+    versions.code.cache_clear()
+    assert versions.code() == code_after(versions.ROOT) != code_after(versions.ROOT / "docs")

@@ -30,12 +30,15 @@ class Key:
     """The version."""
     blender: str
     """The version."""
+    code: str
+    """The hash of Imprint's code."""
 
     @functools.cached_property
     def value(self) -> str:
         """The hash. Files count by their content and name: they may be in another folder, as on another machine."""
         inputs = [[each.what, os.path.basename(each.path), each.size, each.sha256] for each in self.inputs]
-        return hashlib.sha256(canonical([self.settings, inputs, self.imprint, self.blender]).encode()).hexdigest()
+        decided = [self.settings, inputs, self.imprint, self.blender, self.code]
+        return hashlib.sha256(canonical(decided).encode()).hexdigest()
 
 
 def canonical(value: Any) -> str:
@@ -46,7 +49,7 @@ def canonical(value: Any) -> str:
 def of(options: argparse.Namespace, contents: Contents, open_file: str = "") -> Key:
     """The key of a bake. This reads its files. open_file: the path of the open .blend, which a bake without files uses."""
     found = tuple(contents.of(path, what) for path, what in inputs(options, open_file))
-    return Key(settings(options), found, versions.imprint(), versions.blender())
+    return Key(settings(options), found, versions.imprint(), versions.blender(), versions.code())
 
 
 def settings(options: argparse.Namespace) -> dict[str, Any]:

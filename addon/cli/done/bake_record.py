@@ -34,6 +34,10 @@ class Draft:
     name: str
     """The name of the bake."""
     key: Key
+    report: str | None = None
+    """The path of the bake's own report."""
+    is_pictured: bool = False
+    """Whether the run keeps its picture."""
 
 
 @dataclass(frozen=True)
@@ -41,8 +45,8 @@ class Written:
     """A file that a bake wrote."""
 
     content: Content
-    modified: int
-    """When it was written, in nanoseconds of its file system's clock. A file of the same size and time has not changed."""
+    stamp: str
+    """As `_stamp` returns it. A file with the same stamp has not changed."""
 
 
 @dataclass(frozen=True)
@@ -54,6 +58,8 @@ class Record:
     found: tuple[Content, ...]
     """The files that the bake read beside those of its key."""
     files: tuple[Written, ...]
+    picture: str
+    """The hash of its picture; empty if the run kept none."""
     result: dict[str, Any]
     """The bake's entry of the report."""
 
@@ -101,29 +107,39 @@ def _identity(options: argparse.Namespace, folder: str) -> str:
 
 
 def write(
-    draft: Draft, result: dict[str, Any], found: Sequence[Content], files: Sequence[str], hashes: Contents
+    draft: Draft,
+    result: dict[str, Any],
+    found: Sequence[Content],
+    files: Sequence[str],
+    hashes: Contents,
+    *,
+    picture: bytes = b"",
 ) -> None:
     """Write the record of a bake whose files are complete.
 
     result: its entry of the report. found: the files that it read beside those of the key, as they were when it read them.
-    files: the paths of all files that it wrote. hashes: may have read them. Raises BakeError, also for a file that was changed
-    since the bake began.
+    files: the paths of all files that it wrote beside its report. hashes: may have read them. picture: that of the bake. Raises
+    BakeError, also for a file that was changed since the bake began.
     """
     own = set(map(os.path.realpath, files))
     for each in (*draft.key.inputs, *found):
-        if contents.stamp_of(each.path) != each.stamp and os.path.realpath(each.path) not in own:
+        is_touched = contents.stamp_of(each.path) != each.stamp and os.path.realpath(each.path) not in own
+        if is_touched and not hashes.of(each.path).is_same(each):
             raise BakeError(f"{each.path!r} was changed during the bake, which --resume does again.")
     folder = str(draft.path.parent)
+    paths = dict.fromkeys([*files, *([draft.report] if draft.report else [])])
     values = {
         "imprint_record": VERSION,
         "key": draft.key.value,
         "name": draft.name,
         "version": draft.key.imprint,
         "blender": draft.key.blender,
+        "code": draft.key.code,
         "settings": draft.key.settings,
         "declared": [_plain(each, folder) for each in draft.key.inputs],
         "inputs": [_plain(each, folder) for each in found],
-        "files": [_plain(hashes.of(path), folder) | {"modified": _modified(path)} for path in dict.fromkeys(files)],
+        "files": [_plain(hashes.of(path), folder) | {"stamp": _stamp(path)} for path in paths],
+        "picture": hashlib.sha256(picture).hexdigest() if draft.is_pictured and picture else "",
         "result": result,
     }
     with replacing(draft.path) as partial:
@@ -138,9 +154,9 @@ def read(path: Path) -> Record | None:
         if values["imprint_record"] != VERSION:
             return None
         declared, found = (tuple(_content(each, folder) for each in values[key]) for key in ("declared", "inputs"))
-        files = tuple(Written(_content(each, folder), each["modified"]) for each in values["files"])
-        key = Key(dict(values["settings"]), declared, values["version"], values["blender"])
-        return Record(key, values["key"], found, files, dict(values["result"]))
+        files = tuple(Written(_content(each, folder), each["stamp"]) for each in values["files"])
+        key = Key(dict(values["settings"]), declared, values["version"], values["blender"], values["code"])
+        return Record(key, values["key"], found, files, values["picture"], dict(values["result"]))
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return None
 
@@ -156,19 +172,20 @@ def _content(values: dict[str, Any], folder: str) -> Content:
 
 
 def is_unchanged(file: Written, hashes: Contents, *, is_trusted: bool = True) -> bool:
-    """Whether a file is as a bake wrote it. If its time is to be trusted, it is read only if that differs, as that of a copy
+    """Whether a file is as a bake wrote it. If its stamp is to be trusted, it is read only if that differs, as that of a copy
     does."""
-    try:
-        found = os.stat(file.content.path)
-    except (OSError, ValueError):
+    if contents.size_of(file.content.path) != file.content.size:
         return False
-    if found.st_size != file.content.size:
-        return False
-    return (is_trusted and found.st_mtime_ns == file.modified) or hashes.of(file.content.path).is_same(file.content)
+    stamp = _stamp(file.content.path) if is_trusted else ""
+    return (bool(stamp) and stamp == file.stamp) or hashes.of(file.content.path).is_same(file.content)
 
 
-def _modified(path: str) -> int:
+def _stamp(path: str) -> str:
+    """What changes whenever a file is changed or replaced, whatever times a program gives it. It is the same for all machines
+    that see the file. Empty where the system does not tell it."""
     try:
-        return os.stat(path).st_mtime_ns
-    except OSError:  # the next run will miss the file
-        return 0
+        found = os.stat(path)
+    except (OSError, ValueError):  # the next run will miss the file
+        return ""
+    # Windows has the time at which a file was made in its place.
+    return f"{found.st_ino}:{found.st_mtime_ns}:{found.st_ctime_ns}" if os.name != "nt" else ""

@@ -101,7 +101,8 @@ def _found(path: str) -> list[os.stat_result]:
 
 
 def _stamp(found: os.stat_result) -> str:
-    return f"{found.st_dev}:{found.st_ino}:{found.st_size}:{found.st_mtime_ns}"
+    # A program can set the time of a change back, but not that of the last change of anything, which Windows does not have.
+    return f"{found.st_dev}:{found.st_ino}:{found.st_size}:{found.st_mtime_ns}:{found.st_ctime_ns}"
 
 
 def _tiles(path: str) -> list[str]:

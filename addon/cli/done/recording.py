@@ -24,7 +24,8 @@ def finish(draft: Draft | None, done: Done, found: Sequence[Content], hashes: Co
     if draft is None or done.entry.state not in {State.DONE, State.GATE}:
         return done
     try:
-        bake_record.write(draft, done.entry.to_dict(), found, [each["path"] for each in done.entry.files], hashes)
+        files = [each["path"] for each in done.entry.files]
+        bake_record.write(draft, done.entry.to_dict(), found, files, hashes, picture=done.picture)
     except BakeError as error:
         return replace(done, warnings=[*done.warnings, f"The bake has no record: {error}"])
     return done

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Which bakes of a run are to do, one after the other: others are done already, or another process does them now."""
 
+import argparse
 import os
 import time
 from collections.abc import Callable, Collection, Iterator, Sequence
@@ -12,7 +13,8 @@ from typing import Any
 from ...core import versions
 from ...core.errors import shorten_list
 from ..plan.plans import Plan
-from ..results import gates
+from ..results import gates, report_file
+from ..results.sheets import picture_files
 from ..trust.bounds import Bounds
 from ..usage.options import STDOUT
 from . import bake_key, bake_record, contents
@@ -37,16 +39,17 @@ class Resuming(Turns):
         is_forced: bool = False,
         open_file: str = "",
         records: str | None = None,
+        pictures: str | None = None,
         bounds: Bounds | None = None,
         claims: Claims | None = None,
         clock: Callable[[], float] = time.monotonic,
     ):
         """Compare all bakes with their records. is_forced: all are to do. open_file: as in plans.plans. records: as in
-        bake_record.path_of. bounds: the folders of files that are not trusted.
+        bake_record.path_of. pictures: the folder of pictures. bounds: the folders of files that are not trusted.
         """
         super().__init__(())
         self._is_forced, self._open_file, self._records, self._bounds = is_forced, open_file, records, bounds
-        self._contents, self._claims = Contents(), claims or Claims()
+        self._pictures, self._contents, self._claims = pictures, Contents(), claims or Claims()
         self._clock, self._ask_at = clock, 0.0
         self._claimed: dict[int, tuple[Path, int]] = {}
         """The claims of this process, by the numbers of plans, and their chains."""
@@ -124,7 +127,9 @@ class Resuming(Turns):
         if isinstance(now, Resumed) and self._are_done.get(plan.chain, True):
             self.release(plan.number)
             return now
-        return ToDo(plan, Draft(path, plan.name, bake_key.of(plan.options, self._contents, self._open_file)), why)
+        key = bake_key.of(plan.options, self._contents, self._open_file)
+        report = report_file.path_of(plan.options.report)
+        return ToDo(plan, Draft(path, plan.name, key, report and str(report), bool(self._pictures)), why)
 
     def _record_of(self, plan: Plan) -> Path:
         return bake_record.path_of(plan.options, self._records)
@@ -156,18 +161,13 @@ class Resuming(Turns):
         options, old = plan.options, record.key
         if (old.imprint, old.blender) != (versions.imprint(), versions.blender()):
             yield f"It was baked by Imprint {old.imprint} in Blender {old.blender}."
+        if old.code != versions.code():
+            yield f"It was baked by other code of Imprint {old.imprint}."
         now = bake_key.settings(options)
         if now != old.settings:
             changed = [name for name in {**old.settings, **now} if _lacks(old.settings, now, name)]
             yield f"Settings have changed: {shorten_list(changed, MOST_NAMED)}."
-        for file in record.files:
-            is_trusted = self._bounds is None
-            is_elsewhere = not is_trusted and not self._bounds.may_write(file.content.path)
-            if is_elsewhere or not bake_record.is_unchanged(file, self._contents, is_trusted=is_trusted):
-                is_there = os.path.exists(file.content.path)
-                yield f"{file.content.path!r} {'has changed since it was baked' if is_there else 'is missing'}."
-        if options.report and options.report != STDOUT and not os.path.exists(options.report):
-            yield f"{options.report!r} is missing."
+        yield from self._changes_of_written(options, record)
         files = list(bake_key.inputs(options, self._open_file))
         if [(_name(path), what) for path, what in files] != [(_name(each.path), each.what) for each in old.inputs]:
             yield "It was baked from other files."
@@ -182,6 +182,21 @@ class Resuming(Turns):
                 yield _has_changed(before)
         if record.key_value != replace(old, settings=now).value:  # all else was found to be the same
             yield "Its record was changed."
+
+    def _changes_of_written(self, options: argparse.Namespace, record: Record) -> Iterator[str]:
+        """As `_changes`, of the files that the bake wrote."""
+        for file in record.files:
+            is_trusted = self._bounds is None
+            is_elsewhere = not is_trusted and not self._bounds.may_write(file.content.path)
+            if is_elsewhere or not bake_record.is_unchanged(file, self._contents, is_trusted=is_trusted):
+                is_there = os.path.exists(file.content.path)
+                yield f"{file.content.path!r} {'has changed since it was baked' if is_there else 'is missing'}."
+        if options.report and options.report != STDOUT and not os.path.exists(options.report):
+            yield f"{options.report!r} is missing."
+        if self._pictures and record.picture and record.result["files"]:
+            picture = picture_files.path_of(self._pictures, record.result["files"], record.result["inputs"])
+            if self._contents.of(str(picture)).sha256 != record.picture:
+                yield f"Its picture {'has changed' if picture.exists() else 'is missing'}."
 
 
 def _has_deviation(report: dict[str, Any]) -> bool:

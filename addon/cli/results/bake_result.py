@@ -49,6 +49,12 @@ class Result:
         return list(dict.fromkeys(path for report in self.reports for path in report.output))
 
     @property
+    def mips(self) -> list[str]:
+        """The files of mip levels that were written, each once, as absolute paths."""
+        names = (names for report in self.reports for names in report.mip_files.values())
+        return list(dict.fromkeys(path for each in names for path in each))
+
+    @property
     def exports(self) -> list[str]:
         """The files for engines that were written, each once, as absolute paths."""
         return list(dict.fromkeys(path for report in self.reports for path in report.export.get("files", ())))
@@ -74,6 +80,7 @@ class Result:
         over = gates.over(self.strict, reports)
         state = State.STOPPED if self.is_stopped else State.FAILED if self.error else State.GATE if over else State.DONE
         files = [(run_report.MAP, path) for path in self.maps]
+        files += [(run_report.MIP, path) for path in self.mips]
         files += [(run_report.EXPORT, path) for path in self.exports]
         files += [(run_report.SCENE, str(self.scene))] if self.scene is not None else []
         return Entry(

@@ -191,7 +191,11 @@ def _gate(text: str) -> Gate:
     if unit and unit not in allowed:
         are = f"takes {own}, or no unit" if allowed else "takes no unit"
         raise BakeError(f"{text.strip()!r}: {name} {are}, and not {match[4]!r}.")
-    return Gate(name, sign, number / 100.0 if unit == SHARE else number)
+    limit = number / 100.0 if unit == SHARE else number
+    if own == SHARE and limit > 1.0:
+        hint = "which is 100 % at most" if unit else f"from 0 to 1: for percent, write {name}{match[2]}{match[3]}%"
+        raise BakeError(f"{text.strip()!r}: {name} is a share of texels, {hint}.")
+    return Gate(name, sign, limit)
 
 
 def over(gates: Iterable[Gate], reports: Sequence[dict[str, Any]]) -> list[str]:

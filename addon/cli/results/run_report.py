@@ -99,7 +99,7 @@ class Entry:
         return [each["path"] for each in self.files if each["what"] == MAP]
 
 
-MAP, EXPORT, SCENE = "map", "export", "scene"
+MAP, MIP, EXPORT, SCENE = "map", "mip level", "export", "scene"
 """What a file is that a bake wrote."""
 
 

@@ -2,21 +2,22 @@
 """Keeps the pictures of bakes, for pages of results that are made later."""
 
 import hashlib
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from ....core.file_formats import PNG
 from ....output.files.atomic_file import replacing
 from .. import kept_files
 from ..bake_result import Done
-from ..run_report import Entry
 
 
-def path_of(folder: str, entry: Entry) -> Path:
+def path_of(folder: str, files: Sequence[dict[str, Any]], inputs: Sequence[dict[str, Any]]) -> Path:
     """The absolute path of a bake's picture. What the bake read and wrote is in its name: another map has another picture, and
-    a bake that has moved in the job file the same. The entry must have files with their hashes."""
-    read_and_written = "".join(str(each["sha256"]) for each in (*entry.inputs, *entry.files))
+    a bake that has moved in the job file the same. files, inputs: those of its entry, with their hashes; it has files."""
+    read_and_written = "".join(str(each["sha256"]) for each in (*inputs, *files))
     digest = hashlib.sha256(read_and_written.encode()).hexdigest()
-    name = kept_files.plain(Path(entry.files[0]["path"]).stem)
+    name = kept_files.plain(Path(files[0]["path"]).stem)
     return Path(folder).absolute() / f"{name}_{digest[:12]}{PNG.endings[0]}"
 
 
@@ -27,7 +28,7 @@ def keep(folder: str, done: Done) -> bytes:
     """
     if not done.entry.files:
         return b""
-    path = path_of(folder, done.entry)
+    path = path_of(folder, done.entry.files, done.entry.inputs)
     if done.picture:
         with replacing(path) as partial:
             partial.write_bytes(done.picture)
