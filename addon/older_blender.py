@@ -178,3 +178,13 @@ def switch_on_nodes(material: bpy.types.Material) -> list[str]:
     shader.inputs["Roughness"].default_value = material.roughness
     shader.inputs["Metallic"].default_value = material.metallic
     return [f'Material "{material.name}" had no nodes; it has them now, with its color, roughness and metallic value.']
+
+
+# Before 5.2: the values of a modifier's nodes are custom properties
+
+
+def modifier_input(modifier: bpy.types.NodesModifier, identifier: str) -> Any:
+    """In 5.2: `getattr(modifier.properties.inputs, identifier).value`. The value of an input of its nodes; None without one."""
+    if hasattr(modifier, "properties"):
+        return getattr(getattr(modifier.properties.inputs, identifier, None), "value", None)
+    return modifier.get(identifier)

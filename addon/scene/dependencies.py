@@ -1,0 +1,273 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The files that objects are made from: those of their modifiers, nodes, caches, fonts, textures and libraries.
+
+Blender names paths, but not what depends on them. This follows the datablocks that objects use, to the files that these name.
+"""
+
+import os
+import re
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import bpy
+
+from .. import older_blender
+from ..core.map_types import MARK, ORIGIN
+
+IMPORT_NODES = "GeometryNodeImport"
+"""The start of the names of the nodes that read files, at paths that other nodes can make."""
+_BUILT_IN = "<builtin>"
+"""The path of Blender's own font."""
+_PACKABLE = {bpy.types.Volume: "the volume", bpy.types.VectorFont: "the font", bpy.types.Sound: "the sound"}
+_NUMBER = re.compile(r"(\d+)(?!.*\d)", re.DOTALL)
+"""The number of a frame in a file's name: the last one."""
+_FOREIGN = bpy.types.Scene, bpy.types.MovieClip, bpy.types.Text
+"""Types whose files decide nothing of a mesh."""
+
+
+@dataclass(frozen=True)
+class Dependency:
+    """A file that objects are made from.
+
+    path: absolute. A name that udim.is_tiled stands for the files of all tiles, and a folder for all files in it. what: in
+    messages. is_surface: whether only materials show it. is_needed: whether the object differs without it; else it may be
+    missing. is_own_map: whether it is an image that Imprint baked.
+    """
+
+    path: str
+    what: str
+    is_surface: bool = False
+    is_needed: bool = True
+    is_own_map: bool = False
+
+
+def of(
+    objects: Iterable[bpy.types.Object], shown: Iterable[bpy.types.Object] = (), *, for_render: bool = True
+) -> list[Dependency]:
+    """The files that the meshes of `objects` are made from, and those that the materials of `shown` name, each once.
+
+    for_render: whether modifiers count that are rendered, or those that the viewport shows.
+    """
+    used = _Uses()
+    blocks = used.by(objects)
+    found = [each for block in blocks for each in _of_block(block, for_render=for_render)]
+    found += _libraries(blocks)
+    found += _others(blocks)
+    of_materials = used.by_materials(used.by(shown))
+    found += [each for block in of_materials for each in _of_block(block, is_surface=True)]
+    once: dict[str, Dependency] = {}
+    for each in found:
+        once.setdefault(each.path, each)
+    return list(once.values())
+
+
+def not_followed(objects: Iterable[bpy.types.Object]) -> list[str]:
+    """Sentences about files that `objects` are made from and whose paths are only known while they are evaluated."""
+    trees = [block for block in _Uses().by(objects) if isinstance(block, bpy.types.NodeTree)]
+    return [
+        f"The node {node.name!r} of {tree.name!r} computes the path of its file."
+        for tree in trees
+        for node in _import_nodes(tree)
+        if _paths_of(node.inputs[0]) is None
+    ]
+
+
+class _Uses:
+    """Which datablocks use which, in the open file."""
+
+    def __init__(self):
+        self._uses: dict[bpy.types.ID, list[bpy.types.ID]] = {}
+        for block, users in bpy.data.user_map().items():
+            for user in users:
+                self._uses.setdefault(user, []).append(block)
+
+    def by(self, objects: Iterable[bpy.types.Object]) -> list[bpy.types.ID]:
+        """`objects` and all datablocks that they use, also those that these use, except what materials use."""
+        return self._walk(objects, lambda block: not isinstance(block, bpy.types.Material))
+
+    def by_materials(self, blocks: Iterable[bpy.types.ID]) -> list[bpy.types.ID]:
+        """The images that the materials among `blocks` use, also in groups of nodes."""
+        materials = [block for block in blocks if isinstance(block, bpy.types.Material)]
+        inner = bpy.types.Material, bpy.types.NodeTree
+        return [
+            block
+            for block in self._walk(materials, lambda block: isinstance(block, inner))
+            if isinstance(block, bpy.types.Image)
+        ]
+
+    def _walk(self, starts: Iterable[bpy.types.ID], is_followed: Callable[[bpy.types.ID], bool]) -> list[bpy.types.ID]:
+        left, seen = list(starts)[::-1], {}
+        while left:
+            block = left.pop()
+            if block in seen or isinstance(block, _FOREIGN):
+                continue
+            seen[block] = None
+            if is_followed(block):
+                left += self._used_by(block)
+        return list(seen)
+
+    def _used_by(self, block: bpy.types.ID) -> list[bpy.types.ID]:
+        found = self._uses.get(block, [])
+        if (
+            isinstance(block, bpy.types.Object) and block.type == "EMPTY"
+        ):  # it shows an image, which is no part of a mesh
+            return [each for each in found if each != block.data]
+        return found
+
+
+def _of_block(block: bpy.types.ID, *, for_render: bool = True, is_surface: bool = False) -> Iterator[Dependency]:
+    """The files that a datablock names itself and that decide something."""
+    if isinstance(block, bpy.types.Object):
+        yield from _of_object(block, for_render=for_render)
+    elif isinstance(block, bpy.types.Image):
+        yield from _of_image(block, is_surface=is_surface)
+    elif isinstance(block, bpy.types.CacheFile):
+        title = f"the cache {block.name!r}"
+        yield from _of_path(block, block.filepath, title, is_sequence=block.is_sequence)
+        for layer in block.layers:
+            yield from _of_path(block, layer.filepath, f"a layer of {title}", is_needed=not layer.hide_layer)
+    elif (title := _PACKABLE.get(type(block))) and not block.packed_file and block.filepath != _BUILT_IN:
+        is_sequence = isinstance(block, bpy.types.Volume) and block.is_sequence
+        yield from _of_path(block, block.filepath, f"{title} {block.name!r}", is_sequence=is_sequence)
+    elif isinstance(block, bpy.types.GeometryNodeTree):
+        for node in _import_nodes(block):
+            for owner, path in _paths_of(node.inputs[0]) or ():
+                yield from _of_path(owner, path, f"the file of the node {node.name!r}")
+
+
+def _of_object(obj: bpy.types.Object, *, for_render: bool) -> Iterator[Dependency]:
+    """The files of an object's modifiers and caches."""
+    for modifier in obj.modifiers:
+        is_on = modifier.show_render if for_render else modifier.show_viewport
+        title = f"the file of the modifier {modifier.name!r} of {obj.name!r}"
+        if modifier.type == "MESH_CACHE" or (modifier.type == "MULTIRES" and modifier.is_external):
+            yield from _of_path(obj, modifier.filepath, title, is_needed=is_on)
+        elif modifier.type == "OCEAN" and modifier.is_cached:
+            yield from _of_path(obj, modifier.filepath, f"the cache of the ocean of {obj.name!r}", is_needed=is_on)
+        elif modifier.type == "FLUID" and modifier.fluid_type == "DOMAIN":
+            domain = modifier.domain_settings
+            if domain.cache_type != "REPLAY":  # that is simulated while frames change
+                title = f"the cache of the fluid of {obj.name!r}"
+                yield from _of_path(obj, domain.cache_directory, title, is_needed=is_on)
+        elif modifier.type == "NODES":
+            folders = [modifier.bake_directory, *(bake.directory for bake in modifier.bakes if bake.use_custom_path)]
+            for folder in folders:  # without them, the nodes are evaluated
+                yield from _of_path(obj, folder, f"the bakes of the nodes of {obj.name!r}", is_needed=False)
+        if modifier.type in {"CLOTH", "SOFT_BODY"}:
+            yield from _of_points(obj, modifier.point_cache, is_needed=is_on)
+    for system in obj.particle_systems:
+        yield from _of_points(obj, system.point_cache)
+
+
+def _of_points(obj: bpy.types.Object, cache: bpy.types.PointCache, *, is_needed: bool = True) -> Iterator[Dependency]:
+    """The folder of the files of a simulation's cache."""
+    title = f"the cache of a simulation of {obj.name!r}"
+    if cache.use_external:
+        yield from _of_path(obj, cache.filepath, title, is_needed=is_needed)
+    elif cache.use_disk_cache and cache.is_baked:
+        stem = os.path.splitext(os.path.basename(obj.library.filepath if obj.library else bpy.data.filepath))[0]
+        yield from _of_path(obj, f"//blendcache_{stem}", title, is_needed=is_needed)
+
+
+def _of_image(image: bpy.types.Image, *, is_surface: bool) -> Iterator[Dependency]:
+    """The files of an image; none for one that is packed, or without a file."""
+    if image.packed_file or not image.filepath or image.source not in {"FILE", "TILED", "SEQUENCE", "MOVIE"}:
+        return
+    for each in _of_path(image, image.filepath, f"the image {image.name!r}", is_sequence=image.source == "SEQUENCE"):
+        is_own = bool(image.get(ORIGIN) or image.get(MARK))
+        yield replace(each, is_surface=is_surface, is_own_map=is_own)
+
+
+def _of_path(
+    owner: bpy.types.ID, path: str, what: str, *, is_needed: bool = True, is_sequence: bool = False
+) -> Iterator[Dependency]:
+    """The files at a path that a datablock names."""
+    if not path:
+        return
+    path = absolute(path, owner)
+    frames = _frames_beside(path) if is_sequence else []
+    yield from (Dependency(frame, what, is_needed=False) for frame in frames)
+    if not frames:
+        yield Dependency(path, what, is_needed=is_needed)
+
+
+def absolute(path: str, owner: bpy.types.ID) -> str:
+    """The absolute path of a path that a datablock names."""
+    # The paths of libraries start at the open file, also those of libraries that others link.
+    library = None if isinstance(owner, bpy.types.Library) else owner.library
+    return os.path.normpath(bpy.path.abspath(path, library=library))
+
+
+def _frames_beside(path: str) -> list[str]:
+    """The files of all frames of a sequence, of which `path` is one."""
+    folder, name = os.path.split(path)
+    stem, ending = os.path.splitext(name)
+    if not _NUMBER.search(stem):
+        return []
+    before, after = _NUMBER.sub("\0", stem, count=1).split("\0")
+    pattern = re.compile(rf"{re.escape(before)}\d+{re.escape(after + ending)}")
+    try:
+        return sorted(os.path.join(folder, each) for each in os.listdir(folder) if pattern.fullmatch(each))
+    except OSError:
+        return []
+
+
+def _libraries(blocks: Iterable[bpy.types.ID]) -> Iterator[Dependency]:
+    """The libraries of the open file. Those that `blocks` come from are needed."""
+    needed = {block.library for block in blocks}
+    for library in bpy.data.libraries:
+        if library.packed_file or getattr(library, "is_archive", False):  # it has no file of its own
+            continue
+        yield Dependency(absolute(library.filepath, library), "a linked library", is_needed=library in needed)
+
+
+def _others(blocks: Sequence[bpy.types.ID]) -> list[Dependency]:
+    """Files of datablocks as Blender lists them, for what this module does not know."""
+    found, wanted = [], {block for block in blocks if not isinstance(block, bpy.types.Image)}
+
+    def visit(owner: bpy.types.ID, path: str, _about: object) -> None:
+        if owner in wanted and path and path != _BUILT_IN:
+            found.append(Dependency(absolute(path, owner), f"a file of {owner.name!r}", is_needed=False))
+
+    bpy.data.file_path_foreach(visit)
+    return found
+
+
+def _import_nodes(tree: bpy.types.NodeTree) -> Iterator[bpy.types.Node]:
+    """The nodes of a tree that read files."""
+    return (node for node in tree.nodes if node.bl_idname.startswith(IMPORT_NODES) and not node.mute)
+
+
+def _paths_of(socket: bpy.types.NodeSocket) -> list[tuple[bpy.types.ID, str]] | None:
+    """The paths that a socket of an import node can have, with the datablocks that name them; None if nodes compute them."""
+    tree, at = socket.id_data, socket
+    while at.is_linked:
+        link = at.links[0]
+        node, source = link.from_node, link.from_socket
+        if node.type == "REROUTE":
+            at = node.inputs[0]
+        elif node.bl_idname == "FunctionNodeInputString":
+            return [(tree, node.string)]
+        elif node.type == "GROUP_INPUT":
+            return _given(tree, source.identifier)
+        else:
+            return None
+    return [(tree, at.default_value)]
+
+
+def _given(tree: bpy.types.NodeTree, identifier: str) -> list[tuple[bpy.types.ID, str]] | None:
+    """The texts that the users of a group of nodes give to an input; None if nodes compute one."""
+    found: list[tuple[bpy.types.ID, str]] = []
+    for other in bpy.data.node_groups:
+        for node in other.nodes if isinstance(other, bpy.types.GeometryNodeTree) else ():
+            if node.type == "GROUP" and node.node_tree == tree:
+                socket = next((each for each in node.inputs if each.identifier == identifier), None)
+                paths = _paths_of(socket) if socket is not None else []
+                if paths is None:
+                    return None
+                found += paths
+    for obj in bpy.data.objects:
+        for modifier in obj.modifiers:
+            if modifier.type == "NODES" and modifier.node_group == tree:
+                found.append((obj, str(older_blender.modifier_input(modifier, identifier) or "")))
+    return [each for each in found if each[1]]
