@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A filter of system calls on Linux, for what Landlock does not hold: processes, sockets, and attributes of files."""
+"""A filter of system calls on Linux, for what Landlock does not hold: processes, sockets, the memory and messages that a user's
+programs share, names of files that change, and attributes of files."""
 
 import ctypes
 import os
@@ -11,6 +12,9 @@ _ARCHITECTURES = {"x86_64": (0, 0xC000003E), "aarch64": (1, 0xC00000B7)}
 """The column of the tables below, and the number that the kernel has for the processor."""
 DENIED: dict[str, tuple[int | None, int | None]] = {
     "socket": (41, 198),
+    "socketpair": (53, 199),
+    "connect": (42, 203),
+    "bind": (49, 200),
     "fork": (57, None),
     "vfork": (58, None),
     "kill": (62, 129),
@@ -24,6 +28,37 @@ DENIED: dict[str, tuple[int | None, int | None]] = {
     "process_vm_readv": (310, 270),
     "process_vm_writev": (311, 271),
     "process_madvise": (440, 440),
+    "process_mrelease": (448, 448),
+    "kcmp": (312, 272),
+    "get_robust_list": (274, 100),
+    "ioprio_set": (251, 30),
+    "migrate_pages": (256, 238),
+    "move_pages": (279, 239),
+    "shmget": (29, 194),
+    "shmat": (30, 196),
+    "shmctl": (31, 195),
+    "shmdt": (67, 197),
+    "semget": (64, 190),
+    "semop": (65, 193),
+    "semctl": (66, 191),
+    "semtimedop": (220, 192),
+    "msgget": (68, 186),
+    "msgsnd": (69, 189),
+    "msgrcv": (70, 188),
+    "msgctl": (71, 187),
+    "mq_open": (240, 180),
+    "mq_unlink": (241, 181),
+    "mq_timedsend": (242, 182),
+    "mq_timedreceive": (243, 183),
+    "mq_notify": (244, 184),
+    "mq_getsetattr": (245, 185),
+    "inotify_init": (253, None),
+    "inotify_init1": (294, 26),
+    "inotify_add_watch": (254, 27),
+    "inotify_rm_watch": (255, 28),
+    "fanotify_init": (300, 262),
+    "fanotify_mark": (301, 263),
+    "syslog": (103, 116),
     "mount": (165, 40),
     "umount2": (166, 39),
     "pivot_root": (155, 41),
@@ -91,13 +126,30 @@ IGNORED: dict[str, tuple[int | None, int | None]] = {
     "removexattrat": (466, 466),
 }
 """The calls that do nothing and succeed: copies of files set attributes, which is no reason to fail."""
+OWN: dict[str, tuple[int | None, int | None]] = {
+    "prlimit64": (302, 261),
+    "setpriority": (141, 140),
+    "sched_setparam": (142, 118),
+    "sched_setscheduler": (144, 119),
+    "sched_setattr": (314, 274),
+    "sched_setaffinity": (203, 122),
+}
+"""The calls whose first argument must be 0: the process or thread that calls. For setpriority it is the kind of its second
+argument, which must be 0, too."""
+TO_ITSELF: dict[str, tuple[int | None, int | None]] = {"tgkill": (234, 131)}
+"""The call whose first argument must be the number of this process, as where it aborts."""
+COMMANDS: dict[str, tuple[int | None, int | None]] = {"fcntl": (72, 25), "ioctl": (16, 29)}
+"""The calls whose second argument is a command."""
+_FORBIDDEN = {"fcntl": (8, 10, 15), "ioctl": (0x8901, 0x8902, 0x5412, 0x541C)}
+"""The commands that fail: they make the kernel send a signal to another process, or type into its terminal."""
 _CLONE, _CLONE3, _CLONE_THREAD = (56, 220), (435, 435), 0x10000
 _X32 = 0x40000000
 """The first number of x86_64's calls with short pointers."""
 _EPERM, _ENOSYS = 1, 38
 _ALLOW, _KILL, _FAIL = 0x7FFF0000, 0x80000000, 0x00050000
 _LOAD, _EQUAL, _AT_LEAST, _HAS_BITS, _RETURN = 0x20, 0x15, 0x35, 0x45, 0x06
-_NUMBER_AT, _PROCESSOR_AT, _FIRST_ARGUMENT_AT = 0, 4, 16
+_NUMBER_AT, _PROCESSOR_AT, _ARGUMENTS_AT = 0, 4, (16, 24)
+"""Of an argument, the lower 32 bits: the kernel takes no more for processes and commands."""
 _SET_SECCOMP, _FILTER, _SET_NO_NEW_PRIVILEGES = 22, 2, 38
 
 
@@ -122,9 +174,10 @@ def restrict() -> None:
     _control(_SET_SECCOMP, _FILTER, ctypes.byref(Program(len(code) // 8, ctypes.addressof(buffer))))
 
 
-def program() -> bytes:
-    """The filter, for the machine in the kernel that runs it."""
-    column, processor = _ARCHITECTURES[platform.machine()]
+def program(machine: str = "", process: int = 0) -> bytes:
+    """The filter, for the machine in the kernel that runs it. machine: the processor; this one if empty. process: the number of
+    the process that is filtered; this one if 0."""
+    column, processor = _ARCHITECTURES[machine or platform.machine()]
     lines = [(_LOAD, 0, 0, _PROCESSOR_AT), (_EQUAL, 1, 0, processor), (_RETURN, 0, 0, _KILL), (_LOAD, 0, 0, _NUMBER_AT)]
     if column == 0:
         lines += _if(_AT_LEAST, _X32, _FAIL | _EPERM)
@@ -132,10 +185,28 @@ def program() -> bytes:
         for numbers in table.values():
             if numbers[column] is not None:
                 lines += _if(_EQUAL, numbers[column], answer)
+    for table in (OWN, TO_ITSELF, COMMANDS):
+        for name, numbers in table.items():
+            checks = _checks(name, process or os.getpid())
+            lines += [(_EQUAL, 0, len(checks), numbers[column]), *checks]
     lines += _if(_EQUAL, _CLONE3[column], _FAIL | _ENOSYS)  # its flags cannot be seen; callers go on with clone
-    lines += [(_EQUAL, 0, 3, _CLONE[column]), (_LOAD, 0, 0, _FIRST_ARGUMENT_AT)]
+    lines += [(_EQUAL, 0, 3, _CLONE[column]), (_LOAD, 0, 0, _ARGUMENTS_AT[0])]
     lines += [(_HAS_BITS, 1, 0, _CLONE_THREAD), (_RETURN, 0, 0, _FAIL | _EPERM), (_RETURN, 0, 0, _ALLOW)]
     return b"".join(struct.pack("<HBBI", *line) for line in lines)
+
+
+def _checks(name: str, process: int) -> list[tuple[int, int, int, int]]:
+    """The end of the filter for a call that depends on its arguments."""
+    lines = []
+    if name in COMMANDS:
+        lines.append((_LOAD, 0, 0, _ARGUMENTS_AT[1]))
+        for command in _FORBIDDEN[name]:
+            lines += _if(_EQUAL, command, _FAIL | _EPERM)
+    else:
+        for place in _ARGUMENTS_AT[: 2 if name == "setpriority" else 1]:
+            lines += [(_LOAD, 0, 0, place), (_EQUAL, 1, 0, process if name in TO_ITSELF else 0)]
+            lines.append((_RETURN, 0, 0, _FAIL | _EPERM))
+    return [*lines, (_RETURN, 0, 0, _ALLOW)]
 
 
 def _if(comparison: int, value: int, answer: int) -> list[tuple[int, int, int, int]]:

@@ -85,6 +85,8 @@ def steal():
         "read passwords": Path("/etc/shadow").read_text,
         "read the disk": Path(_disk()).read_bytes,
         "leave a core": lambda: _raise_limit("RLIMIT_CORE"),
+        **{name: lambda call=call: _call(*call) for name, call in calls(parent).items()},
+        "send to sockets of this machine": lambda: socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM),
     }
     said = {}
     for name, act in tries.items():
@@ -96,6 +98,46 @@ def steal():
     os.chmod(outside / "secret.txt", 0o777)  # succeeds and does nothing
     os.utime(outside / "secret.txt", (1, 1))
     print("STEAL " + json.dumps(said), flush=True)
+
+
+def calls(victim):
+    """System calls against other processes of the user, of which `victim` is one: their numbers on x86_64 and aarch64, and
+    arguments. None leaves something where it succeeds, but at the victim."""
+    limit = (ctypes.c_ulong * 2)(1, 1)  # the process gets SIGKILL after a second
+    processors, priority = ctypes.c_ulong(1), (ctypes.c_int * 12)(48, 3)
+    ends = os.pipe()
+    owner = (ctypes.c_int * 2)(1, victim)
+    return {
+        "limit another process": ((302, 261), victim, 0, ctypes.byref(limit), None),
+        "slow another process": ((141, 140), 0, victim, 19),
+        "move another process": ((203, 122), victim, 8, ctypes.byref(processors)),
+        "schedule another process": ((144, 119), victim, 3, ctypes.byref(ctypes.c_int(0))),
+        "schedule another process by attributes": ((314, 274), victim, ctypes.byref(priority), 0),
+        "slow its files": ((251, 30), 1, victim, 3 << 13),
+        "move its memory": ((256, 238), victim, 8, ctypes.byref(ctypes.c_ulong(1)), ctypes.byref(ctypes.c_ulong(1))),
+        "compare its files": ((312, 272), victim, victim, 0, 0, 0),
+        "signal a thread of another process": ((234, 131), victim, victim, 0),
+        "have the kernel signal it": ((72, 25), ends[0], 8, victim),
+        "have the kernel signal it by another call": ((72, 25), ends[0], 15, ctypes.byref(owner)),
+        "have the kernel send any signal": ((72, 25), ends[0], 10, 9),
+        "have the kernel signal it by ioctl": ((16, 29), ends[0], 0x8901, ctypes.byref(ctypes.c_int(victim))),
+        "see all shared memory": ((31, 195), 0, 14, ctypes.byref(ctypes.create_string_buffer(512))),
+        "see all semaphores": ((66, 191), 0, 0, 19, ctypes.byref(ctypes.create_string_buffer(512))),
+        "see all queues": ((71, 187), 0, 12, ctypes.byref(ctypes.create_string_buffer(512))),
+        "open a named queue": ((240, 180), b"imprint", 0, 0, None),
+        "watch folders": ((294, 26), 0),
+        "watch all files": ((300, 262), 0, 0),
+        "read the kernel's log": ((103, 116), 3, ctypes.byref(ctypes.create_string_buffer(512)), 512),
+    }
+
+
+def _call(numbers, *arguments):
+    """Raises OSError if the system refuses a system call."""
+    call = ctypes.CDLL(None, use_errno=True).syscall
+    call.restype = ctypes.c_long
+    words = [each if not isinstance(each, int) else ctypes.c_long(each) for each in arguments]
+    if call(ctypes.c_long(numbers[os.uname().machine == "aarch64"]), *words) < 0:
+        raise OSError(ctypes.get_errno(), "refused")
 
 
 def _disk():
