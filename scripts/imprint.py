@@ -6,6 +6,15 @@ This script runs on any Python from 3.9, with only the standard library. It find
 needs, creates a virtual environment in .venv, and runs each command there.
 """
 
+import signal
+import sys
+
+if __name__ == "__main__":
+    if sys.version_info < (3, 9):  # noqa: UP036 - it says so, where a later line would only fail
+        sys.exit("imprint: Python 3.9 or later has to start this, and this is Python {}.{}".format(*sys.version_info))
+    if signal.getsignal(signal.SIGINT) == signal.default_int_handler:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C during the imports ends this without a traceback
+
 import argparse
 import contextlib
 import ctypes
@@ -16,9 +25,7 @@ import os
 import platform
 import re
 import shutil
-import signal
 import subprocess
-import sys
 import tempfile
 import threading
 import time
@@ -32,6 +39,7 @@ except ImportError:  # Windows
     import msvcrt
 
 BEGUN = time.time()
+DESCRIPTION = "Runs Imprint from a checkout. Sets up what a command needs at its first use."
 ROOT = Path(__file__).resolve().parent.parent
 SCRIPTS = ROOT / "scripts"
 REQUIREMENTS = SCRIPTS / "requirements.txt"
@@ -194,6 +202,29 @@ def environment():
             if not is_ready():
                 make_environment()
     return str(PYTHON)
+
+
+def of_another_user(error):
+    """Return a clause for an environment that another user made and this one may not use, or "" for other errors."""
+    path = Path(getattr(error, "filename", None) or os.devnull)
+    if not isinstance(error, PermissionError) or not {VENV, REQUIREMENTS}.intersection((path, *path.parents)):
+        return ""
+    path = Path(os.path.realpath(path))
+    closed = next((above for above in reversed(path.parents) if not os.access(above, os.X_OK)), path)
+    try:
+        owner = closed.owner()
+    except (KeyError, OSError, NotImplementedError):  # a user without a name, or Windows
+        owner = "another user"
+    return (
+        f"{closed} belongs to {owner}, and you may not use it, but the environment in {VENV} needs it: ask for the right "
+        "to read it, or use a checkout of your own"
+    )
+
+
+def isolate():
+    """Forget what the shell says to other Pythons: their modules do not fit the environment's, which has all it needs."""
+    for name in ("PYTHONPATH", "PYTHONHOME", "PYTHONOPTIMIZE", "PYTHONPLATLIBDIR", "PYTHONWARNINGS"):
+        os.environ.pop(name, None)
 
 
 # The GPU
@@ -499,7 +530,7 @@ def build(options):
 
 def parse(arguments):
     """Return the options. The scripts behind demo, bake, lod, farm, bench and test parse their own options, --help included."""
-    parser = argparse.ArgumentParser(prog="imprint.py", description=__doc__.split("\n\n", maxsplit=1)[0])
+    parser = argparse.ArgumentParser(prog="imprint.py", description=DESCRIPTION)
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for run, text in (
         (demo, "bake the example"),
@@ -522,11 +553,11 @@ def parse(arguments):
 
 def main(arguments):
     """Run a command and return its exit code."""
-    options = parse(arguments)
     try:
+        options = parse(arguments)
         return options.run(options)
     except (Failure, OSError) as failure:  # the user can also fix, for example, a folder without write permission
-        print_message(failure)
+        print_message(of_another_user(failure) or failure)
         return getattr(failure, "code", 1)
     except KeyboardInterrupt:
         return 130
@@ -544,6 +575,8 @@ def reserve_streams():
 
 def end_on_signals():
     """Exit cleanly on SIGTERM and SIGHUP, as on Ctrl-C: end child processes and remove temporary folders."""
+    if signal.getsignal(signal.SIGINT) == signal.SIG_DFL:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     for number in (getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)):
         if signal.getsignal(number) == signal.SIG_DFL:  # nohup makes a process ignore SIGHUP
             signal.signal(number, lambda number, _: sys.exit(128 + number))
@@ -551,5 +584,6 @@ def end_on_signals():
 
 if __name__ == "__main__":
     reserve_streams()
+    isolate()
     end_on_signals()
     sys.exit(main(sys.argv[1:]))

@@ -44,6 +44,9 @@ def run(words: Sequence[str], program: str = "imprint", *, may_start_processes: 
         if words == [worker_process.WORD] and worker_process.CONNECTION in os.environ:
             return _work()
         with standard_streams.ours(), events.meter(words) as meter:
+            if gone := _has_no_folder():
+                meter.finished(_refuse(program, gone))
+                return WRONG_USAGE
             if words[:1] == [LOD]:
                 done = _run(words[1:], f"{program} {LOD}", meter, _read_levels, may_start_processes=may_start_processes)
             elif words[:1] == [FARM]:
@@ -137,7 +140,16 @@ def _read_levels(
     return options, [options]
 
 
-def _refuse(program: str, error: Exception, hint: str = "") -> int:
+def _has_no_folder() -> str:
+    """A sentence if the folder in which this was started is gone. Paths cannot be told apart then."""
+    try:
+        os.getcwd()
+    except OSError as error:
+        return f"The folder in which this was started cannot be read: {error.strerror}. Start it in another one."
+    return ""
+
+
+def _refuse(program: str, error: Exception | str, hint: str = "") -> int:
     for line in str(error).splitlines():
         print(f"{program}: {line}{hint}", file=sys.stderr)
     return WRONG_USAGE

@@ -2,6 +2,7 @@
 """Tests the parts of scripts/imprint.py that need no real environment."""
 
 import ast
+import os
 import signal
 import subprocess
 import sys
@@ -50,12 +51,79 @@ class TestOldPythons:
     def test_syntax(self):
         ast.parse(Path(imprint.__file__).read_text(), feature_version=OLDEST)
 
+    @pytest.mark.parametrize("version", ["3.6", "3.8"])
+    def test_one_that_is_too_old_says_so(self, version):
+        ast.parse(Path(imprint.__file__).read_text(), feature_version=(3, 6))
+        found = [path for root in imprint.pyenv_roots() for path in root.glob(f"versions/{version}.*/bin/python3")]
+        if not found:
+            pytest.skip(f"no Python {version} here")
+        done = subprocess.run([found[0], imprint.__file__, "bake"], stderr=subprocess.PIPE, check=False)
+        message = f"imprint: Python 3.9 or later has to start this, and this is Python {version}\n"
+        assert (done.returncode, done.stderr.decode()) == (1, message)
+
     def test_help_runs_on_the_oldest(self):
         found = [path for root in imprint.pyenv_roots() for path in root.glob("versions/3.9.*/bin/python3.9")]
         if not found:
             pytest.skip("no Python 3.9 here; another test checks the syntax")
         shown = subprocess.run([found[0], imprint.__file__, "--help"], capture_output=True, text=True, check=True)
         assert all(command in shown.stdout for command in ("demo", "bake", "test", "build"))
+
+
+class TestOtherSettings:
+    """What a shell has for other Pythons, and signals before anything runs."""
+
+    def run(self, folder, *words, **variables):
+        environment = dict(os.environ, PYTHONPATH=str(folder), **variables)
+        command = [sys.executable, imprint.__file__, *words]
+        done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
+        return done.returncode, done.stdout, done.stderr
+
+    def test_modules_of_other_pythons_do_not_count(self, tmp_path):
+        (tmp_path / "tomllib.py").write_text(
+            "raise ImportError('of another Python')"
+        )  # which the launcher does not load
+        code, shown, error = self.run(tmp_path, "bake", "--jobs", str(tmp_path / "none.toml"), "--check")
+        assert (code, shown) == (2, "")
+        assert error.startswith("imprint: ") and error.count("\n") == 1 and "none.toml" in error
+
+    def test_python_without_docstrings(self, tmp_path):
+        code, shown, error = self.run(tmp_path, "--help", PYTHONOPTIMIZE="2")
+        assert (code, error) == (0, "")
+        assert imprint.DESCRIPTION in " ".join(shown.split())
+
+    @pytest.mark.skipif(imprint.WINDOWS, reason="signals of POSIX")
+    def test_a_signal_while_the_launcher_starts_leaves_no_traceback(self, tmp_path):
+        (tmp_path / "ctypes.py").write_text(
+            "import os, signal, time\nos.kill(os.getpid(), signal.SIGINT)\ntime.sleep(9)"
+        )
+        assert self.run(tmp_path, "--help") == (-signal.SIGINT, "", "")
+
+
+class TestEnvironmentOfAnotherUser:
+    @pytest.mark.parametrize("is_closed_above", [True, False])
+    def test_the_message_says_whose_it_is(self, bare, monkeypatch, capsys, is_closed_above):
+        finish_environment()
+        refused = str(bare if is_closed_above else imprint.PYTHON)
+        access = os.access
+        monkeypatch.setattr(imprint.os, "access", lambda path, mode: str(path) != refused and access(path, mode))
+
+        def environment():
+            raise PermissionError(13, "Permission denied", str(imprint.PYTHON))
+
+        monkeypatch.setattr(imprint, "environment", environment)
+        assert imprint.main(["build"]) == 1
+        owner = Path(refused).owner()
+        error = capsys.readouterr().err
+        assert error.startswith(f"imprint: {refused} belongs to {owner}, and you may not use it")
+        assert error.count("\n") == 1
+
+    def test_other_files_keep_their_message(self, bare, monkeypatch, capsys):
+        def environment():
+            raise PermissionError(13, "Permission denied", str(bare / "dist"))
+
+        monkeypatch.setattr(imprint, "environment", environment)
+        assert imprint.main(["build"]) == 1
+        assert capsys.readouterr().err == f"imprint: [Errno 13] Permission denied: '{bare}/dist'\n"
 
 
 class TestChoiceOfPython:

@@ -233,11 +233,7 @@ def _wrong_paths(paths: Sequence[str | bool | None]) -> Iterator[str]:
     named = [name for name in paths if isinstance(name, str) and name[:1] != is_rooted]
     if all(map(os.path.isabs, named)):
         return
-    try:
-        here = os.getcwd()
-    except OSError as error:
-        yield f"the folder that this was started in cannot be read: {error.strerror}"
-        return
+    here = os.getcwd()
     try:
         here.encode()
     except UnicodeEncodeError:
