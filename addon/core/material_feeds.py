@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TypeAlias
@@ -27,6 +28,22 @@ class Constant:
 
 
 @dataclass(frozen=True)
+class Limits:
+    """Limits of what a texture has, before scale and offset.
+
+    low, high: of the value, by channel. least, most: of red, green and blue before LUMINANCE or AVERAGE weighs them.
+    """
+
+    low: tuple[float, float, float] = (-math.inf, -math.inf, -math.inf)
+    high: tuple[float, float, float] = (math.inf, math.inf, math.inf)
+    least: float = -math.inf
+    most: float = math.inf
+
+
+NO_LIMITS = Limits()
+
+
+@dataclass(frozen=True)
 class ImageFeed:
     """A value from an image.
 
@@ -34,7 +51,8 @@ class ImageFeed:
     `extension`. uv_layer: empty for each mesh's active render layer. mapping: the first two rows of the affine matrix (2, 3)
     that takes (u, v, 1) to the image's coordinates. channel: 0 to 3 for one channel, in which case all
     three of the value are equal; None for the color; LUMINANCE or AVERAGE where a color or a vector feeds a number. is_smooth:
-    linear interpolation, rather than the closest pixel. scale, offset: of the value, after all else: value * scale + offset.
+    linear interpolation, rather than the closest pixel. limits, scale, offset: of the value, after all else and in this order:
+    value * scale + offset.
     """
 
     image: str
@@ -46,6 +64,7 @@ class ImageFeed:
     is_smooth: bool = True
     scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    limits: Limits = NO_LIMITS
 
 
 @dataclass(frozen=True)
@@ -74,6 +93,7 @@ class AttributeFeed:
     channel: int | None = None
     scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    limits: Limits = NO_LIMITS
 
 
 Feed: TypeAlias = Constant | ImageFeed | AttributeFeed

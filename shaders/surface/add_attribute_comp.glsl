@@ -1,7 +1,7 @@
 // Adds an attribute of the high meshes, interpolated at each hit on a material that it feeds, to the sums of a map.
 #include "lib/texture_lib.glsl"
 #include "lib/hit_lib.glsl"
-#include "lib/channel_lib.glsl"
+#include "lib/fed_value_lib.glsl"
 
 void main()
 {
@@ -22,6 +22,5 @@ void main()
   vec4 value = texel_at(values, texture_place(triangle * 3)) * (1.0 - weights.x - weights.y) +
                texel_at(values, texture_place(triangle * 3 + 1)) * weights.x +
                texel_at(values, texture_place(triangle * 3 + 2)) * weights.y;
-  vec3 shown = channel_of(value, channel) * scale.rgb + offset.rgb;
-  imageStore(sums, texel, imageLoad(sums, texel) + vec4(shown, 1.0));
+  imageStore(sums, texel, imageLoad(sums, texel) + vec4(fed_value_of(value), 1.0));
 }

@@ -3,7 +3,7 @@
 #include "lib/footprint_lib.glsl"
 #include "lib/served_lib.glsl"
 #include "lib/page_lib.glsl"
-#include "lib/channel_lib.glsl"
+#include "lib/fed_value_lib.glsl"
 
 void main()
 {
@@ -20,7 +20,7 @@ void main()
   is_fed = is_fed && (tile == 0 || !footprint_is_outside(place));
   if (is_fed) {
     mat2 footprint = footprint_of(texel, hit, uv, first, last, footprint_to_pixels(textureSize(page, 0))) * row_u.w;
-    vec3 value = channel_of(page_mean(place, page_axes(footprint)), channel);
-    imageStore(sums, texel, imageLoad(sums, texel) + vec4(value * scale.rgb + offset.rgb, 1.0));
+    vec3 value = fed_value_of(page_mean(place, page_axes(footprint)));
+    imageStore(sums, texel, imageLoad(sums, texel) + vec4(value, 1.0));
   }
 }

@@ -1,5 +1,6 @@
 // Turns the normals at hits as a bump map of the high mesh says, as Cycles' Bump node does. row_u.w: the width of a sample, in
-// texels; row_v.w: the strength. rise: how far the value 1 is out, in the units of the corners.
+// texels; row_v.w: the strength. rise: how far the value 1 is out, in the units of the corners. lowest, highest: limits of the
+// value.
 #include "lib/footprint_lib.glsl"
 #include "lib/served_lib.glsl"
 #include "lib/page_lib.glsl"
@@ -31,7 +32,7 @@ void main()
     for (int side = 0; side < 4; side++) {
       vec2 along = vec2(1 - side / 2, side / 2) * (side % 2 == 0 ? -1.0 : 1.0);
       vec4 color = page_mean(place + along * 0.5 * width / vec2(size), axes);
-      slope += along * channel_of(color, channel).r / width;
+      slope += along * clamp(channel_of(color, channel).r, lowest, highest) / width;
     }
     // J. Blinn, "Simulation of wrinkled surfaces" (1978), by the gradient along two edges of the triangle.
     vec3 origin = texel_at(corners, texture_place(triangle * 3)).xyz;

@@ -1,8 +1,10 @@
 // Turns the normals at hits as a tangent-space normal map of the high mesh says, as Cycles' Normal Map node does. row_u.w: the
-// width of a sample, in texels; row_v.w: the strength.
+// width of a sample, in texels; row_v.w: the strength. lowest, highest: limits of the stored values. The last row of to_space is
+// their scale, its last column their offset.
 #include "lib/footprint_lib.glsl"
 #include "lib/served_lib.glsl"
 #include "lib/page_lib.glsl"
+#include "lib/channel_lib.glsl"
 #include "lib/normal_space_lib.glsl"
 
 // A flag of page_flags: green points down the tangent space, as DirectX has it.
@@ -31,7 +33,9 @@ void main()
                   texel_at(tangents, texture_place(triangle * 3 + 1)).xyz * weights.x +
                   texel_at(tangents, texture_place(triangle * 3 + 2)).xyz * weights.y;
     mat2 footprint = footprint_of(texel, hit, uv, first, last, footprint_to_pixels(textureSize(page, 0))) * row_u.w;
-    vec3 mapped = page_mean(place, page_axes(footprint)).rgb * 2.0 - 1.0;
+    vec3 stored = clamp(channel_of(page_mean(place, page_axes(footprint)), channel), vec3(lowest), vec3(highest));
+    vec3 scale = vec3(to_space[0].w, to_space[1].w, to_space[2].w);
+    vec3 mapped = (stored * scale + to_space[3].xyz) * 2.0 - 1.0;
     mapped.y *= (page_flags & GREEN_DOWN) != 0 ? -1.0 : 1.0;
     float strength = row_v.w;
     mapped = vec3(mapped.xy * strength, mix(1.0, mapped.z, clamp(strength, 0.0, 1.0)));

@@ -6,7 +6,7 @@ import itertools
 import numpy as np
 import pytest
 
-from addon.core.material_feeds import AVERAGE, LUMINANCE, LUMINANCE_WEIGHTS, Extension, ImageFeed
+from addon.core.material_feeds import AVERAGE, LUMINANCE, LUMINANCE_WEIGHTS, Extension, ImageFeed, Limits
 from addon.passes.surface import material_table
 from tests.support.seen_surface import SeenSurface, grid, page
 
@@ -365,3 +365,16 @@ def test_a_texel_without_neighbors_shows_the_page():
     shown = seen.shown(page(np.full((512, 512), 0.25)), ImageFeed("a"))
     assert np.count_nonzero(shown[..., 3] == 1.0) == 1
     assert shown[..., 0].max() == np.float32(0.25)
+
+
+def test_limits_count_before_scale_and_offset_seed_14():
+    color = np.random.default_rng(14).uniform(-2.0, 3.0, (4, 4, 4))
+    seen = SeenSurface(grid(1, 1), (4, 4))
+    scale, offset, low, high = (2.0, -1.0, 0.5), (0.1, 0.2, 0.3), (0.0, -1.0, -np.inf), (1.0, np.inf, 0.7)
+    feed = ImageFeed("a", scale=scale, offset=offset, limits=Limits(low, high), is_smooth=False)
+    shown = seen.shown(page(color), feed)[..., :3]
+    assert np.abs(shown - (color[..., :3].clip(low, high) * scale + offset)).max() < EXACT
+    for channel, weights in ((LUMINANCE, LUMINANCE_WEIGHTS), (AVERAGE, (1 / 3, 1 / 3, 1 / 3))):
+        feed = ImageFeed("a", channel=channel, limits=Limits((0.1,) * 3, (0.8,) * 3, -1.0, 1.5), is_smooth=False)
+        number = (color[..., :3].clip(-1.0, 1.5) @ np.array(weights)).clip(0.1, 0.8)
+        assert np.abs(seen.shown(page(color), feed)[..., 0] - number).max() < EXACT

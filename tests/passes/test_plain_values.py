@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from addon.core.material_feeds import LUMINANCE, AttributeFeed
+from addon.core.material_feeds import LUMINANCE, LUMINANCE_WEIGHTS, AttributeFeed, Limits
 from addon.passes.surface import corner_tables, material_table, plain_values
 from tests.support.seen_surface import SeenSurface, grid
 
@@ -61,6 +61,23 @@ def test_attributes_have_one_to_four_channels(value, channel, expected):
     feed = AttributeFeed("a", channel, (2.0, 2.0, 2.0), (0.5, 0.0, 0.0))
     sums = shown(seen, np.broadcast_to(value, (6, len(value))), feed, material_table.upload(np.ones(2)))
     assert np.allclose(sums[..., :3], np.array(expected) * 2.0 + (0.5, 0.0, 0.0))
+
+
+def test_limits_count_at_the_hit_before_scale_and_offset_seed_2():
+    """What is interpolated is limited, and not the corners."""
+    values = np.random.default_rng(2).uniform(-2.0, 3.0, (6, 3))
+    limits = Limits((0.2, 0.0, -1.0), (0.9, 1.0, 5.0))
+    triangles = grid(1, 1)
+    seen = SeenSurface(triangles, (32, 32))
+    free, limited = (
+        shown(seen, values, AttributeFeed("a", limits=found), material_table.upload(np.ones(2)))[..., :3]
+        for found in (Limits(), limits)
+    )
+    assert free.min() < -1.0
+    assert np.array_equal(limited, free.clip(np.float32(limits.low), np.float32(limits.high)))
+    luminance = AttributeFeed("a", LUMINANCE, limits=Limits(least=0.0, most=1.0))
+    found = shown(seen, values, luminance, material_table.upload(np.ones(2)))[..., 0]
+    assert np.abs(found - free.clip(0.0, 1.0) @ np.array(LUMINANCE_WEIGHTS)).max() < EXACT
 
 
 def test_only_materials_of_the_feed_show_the_attribute():

@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Tests normal maps and bump maps of high meshes against closed forms and float64 numpy."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from addon.core.material_feeds import BumpFeed, Extension, ImageFeed, NormalMapFeed
+from addon.core.material_feeds import BumpFeed, Extension, ImageFeed, Limits, NormalMapFeed
 from addon.passes import data_texture, target
 from addon.passes.surface import corner_tables, material_table, turned_normals
 from tests.support import angles, oracle
@@ -107,6 +109,20 @@ def test_a_constant_map_tilts_a_plane_with_turned_and_mirrored_uvs(turn, is_mirr
     x, y, z = unit(np.array(normal))
     assert degrees(drawn[..., :3], x * u + y * v + z * np.array((0, 0, 1))).max() < CLOSED_FORM
     assert (drawn[..., 3] == 1.0).all()
+
+
+@pytest.mark.parametrize("channel", [None, 1])
+def test_stored_values_are_limited_and_scaled_before_they_are_a_normal(channel):
+    """As nodes between the image and the Normal Map node say; a map of two channels has a constant blue."""
+    color = np.array((1.4, 0.2, 0.0))
+    seen = SeenSurface(grid(1, 1), (8, 8))
+    image = replace(
+        IMAGE, channel=channel, scale=(0.5, 1.0, 0.0), offset=(0.25, 0.1, 1.0), limits=Limits((0.0,) * 3, (1.0,) * 3)
+    )
+    drawn = mapped(seen, page(np.broadcast_to(color, (4, 4, 3))), NormalMapFeed(image), (1, 0, 0, 1))
+    chosen = color if channel is None else color[[channel] * 3]
+    expected = (chosen.clip(0.0, 1.0) * image.scale + image.offset) * 2.0 - 1.0
+    assert degrees(drawn[..., :3], expected).max() < CLOSED_FORM
 
 
 @pytest.mark.parametrize("strength", [0.0, 0.4, 1.0, 2.5])
@@ -226,6 +242,18 @@ def test_a_sine_of_heights_has_its_closed_form_normal(pixels, size, height):
     # Where a texel has four pixels, their mean flattens the sine a little.
     flattened = 0.2 if pixels > size else SLOPE
     assert degrees(drawn[..., :3], truth).max() < flattened
+
+
+def test_limits_of_heights():
+    """A ramp of heights from 0 to 1 is flat where it is limited."""
+    seen = SeenSurface(grid(1, 1), (64, 64))
+    image = replace(IMAGE, limits=Limits((0.25,) * 3, (0.75,) * 3))
+    ramp = np.tile((np.arange(64) + 0.5) / 64, (4, 1))
+    drawn = bumped(seen, page(ramp), BumpFeed(image, distance=0.5))[..., :3]
+    slope = np.where((seen.x > 0.25) & (seen.x < 0.75), -0.5, 0.0)
+    clear = (np.abs(seen.x - 0.25) > 0.03) & (np.abs(seen.x - 0.75) > 0.03)
+    expected = np.stack([slope, np.zeros_like(slope), np.ones_like(slope)], axis=-1)
+    assert degrees(drawn[clear], expected[clear]).max() < SLOPE
 
 
 @pytest.mark.parametrize("is_mirrored", [False, True])

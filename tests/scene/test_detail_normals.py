@@ -75,6 +75,20 @@ def test_a_map_of_two_channels(material):
     assert (found.channel, found.scale, found.offset) == (None, (1.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
+def test_limits_of_heights_and_of_stored_normals(material):
+    node = texture(material, image(space="Non-Color", ends=(-2.0, 3.0)))
+    parts = add(material, "SeparateColor", {"Color": node.outputs[0]})
+    limit = add(material, "Clamp", {"Value": parts.outputs["Green"], "Min": 0.25, "Max": 0.75})
+    bump = connect(material, add(material, "Bump", {"Height": limit.outputs[0]}).outputs[0]).detail
+    assert (bump.image.limits.low[0], bump.image.limits.high[0]) == (0.25, 0.75)
+    several = add(material, "CombineColor", {"Red": limit.outputs[0], "Green": parts.outputs["Green"], "Blue": 1.0})
+    found = connect(material, normal_map(material, several.outputs[0]).outputs[0])
+    assert found.detail is None
+    assert found.notes["Normal"] == (
+        'Material "Rust": Normal: the detail is left out, because the channels of the normal map have several limits.',
+    )
+
+
 @pytest.mark.parametrize("space", ["OBJECT", "WORLD"])
 def test_other_spaces_are_named(material, space):
     node = texture(material, image(space="Non-Color"))

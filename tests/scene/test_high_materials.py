@@ -5,7 +5,7 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.core.material_feeds import LUMINANCE, AttributeFeed, Constant, Extension, ImageFeed
+from addon.core.material_feeds import LUMINANCE, AttributeFeed, Constant, Extension, ImageFeed, Limits
 from addon.scene.images.image_pages import ImagePages
 from addon.scene.materials.material_reading import read_materials
 from tests.support import feeds
@@ -295,15 +295,154 @@ def test_arithmetic_is_clamped_if_it_says_so(material, clamps):
     assert found.color[0] == pytest.approx(1.0 if clamps else 1.6)
 
 
-def test_a_clamped_texture_is_named_if_it_leaves_the_range(material):
-    parts = add(material, "SeparateColor", {"Color": texture(material).outputs[0]})
-    inputs = {"Value": parts.outputs["Red"], "Value_001": 2.0}
-    double = add(material, "Math", inputs, operation="MULTIPLY", use_clamp=True)
-    found = feed_color(material, double.outputs[0], "Roughness")
-    assert found.feeds["Roughness"].scale[0] == 2.0
-    assert found.notes["Roughness"] == ('Material "Rust": Roughness: Blender clamps its values, the map does not.',)
-    double.inputs[1].default_value = 0.5
-    assert read(material).notes == {}
+def wide_image():
+    return image("wide", seed=11, space="Non-Color", ends=(-2.0, 3.0))
+
+
+def wide_attribute(kind, domain="CORNER", seed=12):
+    """A function that gives a mesh the attribute "wide", of values from -2 to 3."""
+
+    def prepare(data):
+        attribute = data.attributes.new("wide", kind, domain)
+        width, name = {"FLOAT_VECTOR": (3, "vector"), "FLOAT_COLOR": (4, "color")}.get(kind, (1, "value"))
+        values = np.random.default_rng(seed).uniform(-2.0, 3.0, len(attribute.data) * width)
+        attribute.data.foreach_set(name, np.rint(values).astype(np.int32) if kind == "INT" else values.astype("f4"))
+
+    return prepare
+
+
+def wide_number(material, source):
+    """An output with numbers from -2 to 3, and what prepares the mesh for it."""
+    if source == "IMAGE":
+        parts = add(material, "SeparateColor", {"Color": texture(material, wide_image()).outputs[0]})
+        return parts.outputs["Green"], None
+    node = add(material, "Attribute", attribute_name="wide")
+    return next(s for s in node.outputs if s.identifier == "Fac"), wide_attribute(source)
+
+
+def limiting(material, kind, value):
+    """A node that limits the number of an output."""
+    match kind:
+        case "MINIMUM" | "MAXIMUM":
+            return add(material, "Math", {"Value": 0.4, "Value_001": value}, operation=kind).outputs[0]
+        case "USE_CLAMP":
+            inputs = {"Value": value, "Value_001": -0.7, "Value_002": 0.6}
+            return add(material, "Math", inputs, operation="MULTIPLY_ADD", use_clamp=True).outputs[0]
+        case "MAP_RANGE":
+            inputs = {"Value": value, "From Min": -0.5, "From Max": 1.5, "To Min": 0.9, "To Max": 0.2}
+            return add(material, "MapRange", inputs).outputs["Result"]
+        case "RANGE":
+            inputs = {"Value": value, "Min": 1.5, "Max": 0.3}
+            return add(material, "Clamp", inputs, clamp_type="RANGE").outputs[0]
+        case "MINMAX":
+            return add(material, "Clamp", {"Value": value, "Min": 0.8, "Max": 0.3}).outputs[0]
+        case "TWICE":
+            first = add(material, "Clamp", {"Value": value, "Min": -1.0, "Max": 2.0})
+            over = add(material, "Math", {"Value": 1.0, "Value_001": first.outputs[0]}, operation="SUBTRACT")
+            return add(material, "Clamp", {"Value": over.outputs[0], "Min": 0.1, "Max": 1.6}).outputs[0]
+        case "RAMP":
+            ramp = add(material, "ValToRGB", {"Fac": value})
+            ramp.color_ramp.elements[0].color = (0.9, 0.2, 0.1, 1.0)
+            ramp.color_ramp.elements[1].color = (0.1, 0.4, 0.8, 1.0)
+            return ramp.outputs["Color"]
+        case "MIX_FACTOR":
+            return mix_color(material, value, (0.8, 0.1, 0.2, 1.0), (0.1, 0.6, 0.9, 1.0))
+    raise ValueError(kind)
+
+
+@pytest.mark.parametrize("source", ["IMAGE", "FLOAT", "INT"])
+@pytest.mark.parametrize(
+    "kind",
+    ["MINIMUM", "MAXIMUM", "USE_CLAMP", "MAP_RANGE", "RANGE", "MINMAX", "TWICE", "RAMP", "MIX_FACTOR"],
+)
+def test_limits_of_values_outside_0_to_1(material, source, kind):
+    value, prepare = wide_number(material, source)
+    assert_like_cycles(material, limiting(material, kind, value), prepare=prepare)
+
+
+def test_limits_of_a_mixed_color(material):
+    """The result is limited, multiplied, and its luminance feeds a number."""
+    colors = (texture(material, wide_image()).outputs[0], (0.7, 0.7, 0.7, 1.0))
+    mixed = mix_color(material, 1.0, *colors, blend_type="MULTIPLY", clamp_result=True)
+    halved = mix_color(material, 1.0, mixed, (0.5, 0.5, 0.5, 1.0), blend_type="MULTIPLY")
+    assert_like_cycles(material, halved)
+    assert assert_like_cycles(material, halved, "Roughness").channel == LUMINANCE
+
+
+def test_limits_of_single_channels(material):
+    parts = add(material, "SeparateColor", {"Color": texture(material, wide_image()).outputs[0]})
+    ends = (("Red", 0.0, 1.0), ("Green", 0.2, 0.7), ("Blue", -1.0, 5.0))
+    outputs = {}
+    for name, low, high in ends:
+        limit = add(material, "Clamp", {"Value": parts.outputs[name], "Min": low, "Max": high})
+        outputs[name] = limit.outputs[0]
+    joined = add(material, "CombineColor", outputs)
+    larger = add(
+        material, "VectorMath", {"Vector": joined.outputs[0], "Vector_001": (0.1, 0.3, 0.0)}, operation="MAXIMUM"
+    )
+    assert_like_cycles(material, larger.outputs[0])
+    feed_color(material, joined.outputs[0], "Roughness")
+    (note,) = read(material).notes["Roughness"]
+    assert "weighs the channels of a texture" in note
+
+
+@pytest.mark.parametrize("extend", ["HORIZONTAL", "EXTRAPOLATED"])
+def test_a_straight_curve_of_values_outside_0_to_1(material, extend):
+    curves = add(material, "RGBCurve", {"Color": texture(material, wide_image()).outputs[0]})
+    points = curves.mapping.curves[1].points
+    points[0].location, points[1].location = (0.0, 1.0), (1.0, 0.0)
+    curves.mapping.extend = extend
+    curves.mapping.update()
+    assert_like_cycles(material, curves.outputs[0])
+
+
+def test_limits_that_bytes_cannot_reach_are_left_out(material):
+    """The feed of bytes is the one without a limit, so it can be weighed further."""
+    node = texture(material)
+    mixed = mix_color(material, 1.0, node.outputs[0], (0.9, 0.5, 0.2, 1.0), blend_type="MULTIPLY", clamp_result=True)
+    assert assert_like_cycles(material, mixed).limits == Limits()
+
+
+def test_a_factor_of_shaders_is_limited(material):
+    value, prepare = wide_number(material, "FLOAT")
+    mix = add(material, "MixShader", {0: value, 1: add(material, "BsdfTransparent").outputs[0]})
+    material.node_tree.links.new(principled(material).outputs[0], mix.inputs[2])
+    surface(material, mix.outputs[0])
+    alpha = read(material).feeds["Alpha"]
+    obj = feeds.square(material)
+    prepare(obj.data)
+    shown = feeds.evaluate(alpha, ImagePages(), obj.data, 16)
+    assert (shown.min(), shown.max()) == (0.0, 1.0)
+
+
+@pytest.mark.parametrize("is_float", [True, False])
+def test_a_value_of_colors_below_0_is_named(material, is_float):
+    """Blender computes hue and saturation of them, which do not come back."""
+    inputs = {"Vector": texture(material).outputs[0], "Vector_001": (0.5,) * 3}
+    lower = add(material, "VectorMath", inputs, operation="SUBTRACT")
+    source = texture(material, wide_image()).outputs[0] if is_float else lower.outputs[0]
+    changed = add(material, "HueSaturation", {"Color": source, "Value": 0.6})
+    found = feed_color(material, changed.outputs[0])
+    assert "Base Color" not in found.feeds
+    (note,) = found.notes["Base Color"]
+    assert note.endswith('because the node "Hue/Saturation/Value" changes colors below 0.')
+
+
+def test_a_value_of_bright_colors(material):
+    bright = wide_image()
+    pixels = np.abs(np.array(bright.pixels[:]))
+    bright.pixels[:] = pixels
+    changed = add(material, "HueSaturation", {"Color": texture(material, bright).outputs[0], "Value": 0.6})
+    assert_like_cycles(material, changed.outputs[0])
+
+
+@pytest.mark.parametrize("kind", ["Cubic", "Smart"])
+def test_an_interpolation_that_the_map_does_not_have_is_named(material, kind):
+    node = texture(material)
+    node.interpolation = kind
+    assert feed_color(material, node.outputs[0]).notes["Base Color"] == (
+        f'Material "Rust": Base Color: the {kind.lower()} interpolation of the node "Image Texture" is linear in the map.',
+    )
 
 
 def test_a_straight_ramp(material):

@@ -69,7 +69,7 @@ def test_each_socket_is_a_feed_or_a_note_seed(seed, material):
 @pytest.mark.parametrize("seed", range(100))
 def test_feeds_without_notes_are_what_cycles_shows_seed(seed, material):
     source = random.Random(seed)
-    images = images_for(source)[:2]
+    images = [*images_for(source)[:2], image("wide", (4, 3), seed=seed, space="Non-Color", ends=(-1.0, 2.0))]
     grow(material.node_tree, source, ["TexImage"], 2, images, is_sound=True)
     grow(material.node_tree, source, FOLLOWED, source.randrange(1, 6), images, is_sound=True)
     outputs = [o for node in material.node_tree.nodes for o in node.outputs if o.enabled and o.type != "SHADER"]
@@ -79,7 +79,7 @@ def test_feeds_without_notes_are_what_cycles_shows_seed(seed, material):
     if "Base Color" in found.notes:
         return
     obj = feeds.square(material, ((0.03, 0.02), (1.9, -0.3), (2.4, 1.7), (0.53, 2.02)))
-    colors = np.random.default_rng(seed).uniform(0.1, 1, (4, 4)).astype(np.float32)
+    colors = np.random.default_rng(seed).uniform(0.1, 2, (4, 4)).astype(np.float32)
     obj.data.color_attributes.new("paint", "FLOAT_COLOR", "CORNER").data.foreach_set("color", colors.ravel())
     feed = found.feeds["Base Color"]
     if getattr(feed, "name", "paint") == "missing":

@@ -37,14 +37,16 @@ def evaluate(feed, images, data, size) -> np.ndarray:
     else:
         uv = _interpolated(data, uv_by_corner(data, feed.uv_layer), size)
         values = _sampled(feed, images, uv @ np.array(feed.mapping)[:, :2].T + np.array(feed.mapping)[:, 2])
+    limits = feed.limits
     if feed.channel is None:
         chosen = values[..., :3]
     elif feed.channel in (LUMINANCE, AVERAGE):
+        values = values.clip(limits.least, limits.most)
         weights = np.array(LUMINANCE_WEIGHTS if feed.channel == LUMINANCE else (1 / 3, 1 / 3, 1 / 3))
         chosen = np.repeat(values[..., :3] @ weights[:, None], 3, axis=-1)
     else:
         chosen = np.repeat(values[..., feed.channel, None], 3, axis=-1)
-    return chosen * feed.scale + feed.offset
+    return chosen.clip(limits.low, limits.high) * feed.scale + feed.offset
 
 
 def _interpolated(data, corners, size):

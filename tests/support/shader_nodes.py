@@ -28,11 +28,12 @@ def add(material, kind, inputs=None, **properties):
     return node
 
 
-def image(name="dots", size=(7, 5), *, seed=0, space="sRGB", alpha=False):
+def image(name="dots", size=(7, 5), *, seed=0, space="sRGB", alpha=False, ends=(0.0, 1.0)):
+    """An image of random colors. ends: of its values; of floats, if they leave 0 to 1."""
     width, height = size
-    found = bpy.data.images.new(name, width, height, alpha=alpha)
+    found = bpy.data.images.new(name, width, height, alpha=alpha, float_buffer=ends != (0.0, 1.0))
     found.colorspace_settings.name = space
-    pixels = np.random.default_rng(seed).uniform(0.0, 1.0, (width * height, 4)).astype(np.float32)
+    pixels = np.random.default_rng(seed).uniform(*ends, (width * height, 4)).astype(np.float32)
     pixels[:, 3] = 0.5 + 0.5 * pixels[:, 3] if alpha else 1.0
     found.pixels.foreach_set(pixels.ravel())
     found.pack()

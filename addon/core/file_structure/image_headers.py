@@ -8,6 +8,7 @@ from . import tiff
 
 _FRAMES = set(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 """Markers of JPEG that start a frame (ITU-T T.81, table B.1)."""
+_PNG, _JPEG = b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff"
 _WIDTH, _HEIGHT = 256, 257
 """Tags of TIFF 6.0."""
 
@@ -16,9 +17,9 @@ def image_size(file: BinaryIO) -> tuple[int, int] | None:
     """Width and height of a PNG, JPEG or TIFF file; None for other formats, and for files that end too early."""
     start = file.read(8)
     try:
-        if start == b"\x89PNG\r\n\x1a\n":
+        if start == _PNG:
             return struct.unpack(">8xII", file.read(16))
-        if start[:3] == b"\xff\xd8\xff":
+        if start[:3] == _JPEG:
             return _jpeg(file)
         if start[:4] in {b"II*\0", b"MM\0*"}:
             found = tiff.directory(file)
@@ -26,6 +27,12 @@ def image_size(file: BinaryIO) -> tuple[int, int] | None:
     except (struct.error, KeyError):
         return None
     return None
+
+
+def is_of_whole_numbers(file: BinaryIO) -> bool:
+    """Whether a file is of a format that is known here to have no floats: PNG or JPEG."""
+    start = file.read(8)
+    return start == _PNG or start[:3] == _JPEG
 
 
 def _jpeg(file: BinaryIO) -> tuple[int, int] | None:

@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from ...core.material_feeds import Extension, ImageFeed
+from ...core.material_feeds import AttributeFeed, Extension, ImageFeed
 from .. import target
 from ..program import Program
 from . import served_blocks
@@ -27,6 +27,8 @@ TEXELS = (
 )
 """What all programs that look up images read, beside `PAGE`."""
 PAGE = (("FLOAT_2D", "page"),)
+LEVELS = (("VEC4", "scale"), ("VEC4", "offset"), ("VEC4", "low"), ("VEC4", "high"), ("INT", "channel"))
+"""What shaders/lib/fed_value_lib.glsl takes, from `levels`."""
 ADD_IMAGE = Program(
     compute="surface/add_image_comp.glsl",
     texels=TEXELS,
@@ -35,17 +37,17 @@ ADD_IMAGE = Program(
     constants=(
         ("VEC4", "row_u"),
         ("VEC4", "row_v"),
-        ("VEC4", "scale"),
-        ("VEC4", "offset"),
+        *LEVELS,
         ("INT", "feed"),
         ("INT", "tile"),
-        ("INT", "channel"),
         ("INT", "page_flags"),
         ("INT", "top_level"),
     ),
 )
 COLOR = 4
 """The channel of a whole color in shaders/lib/channel_lib.glsl."""
+LARGEST = 3e38
+"""About the largest number of single precision."""
 CLOSEST, EXTENSION_SHIFT = 4, 4
 """As in shaders/lib/page_lib.glsl."""
 _EXTENSIONS = (Extension.REPEAT, Extension.EXTEND, Extension.CLIP, Extension.MIRROR)
@@ -82,9 +84,7 @@ def add_image(
         hits=hits.texture,
         corners=corners,
         uvs=uvs,
-        scale=(*feed.scale, 0.0),
-        offset=(*feed.offset, 0.0),
-        channel=channel_number(feed.channel),
+        **levels(feed),
         **bindings(page, feed, tile, 1.0 / math.sqrt(samples)),
     )
 
@@ -103,6 +103,23 @@ def bindings(page: Page, feed: ImageFeed, tile: int | None, width: float, other:
         "page_flags": flags,
         "top_level": page.top,
     }
+
+
+def levels(feed: ImageFeed | AttributeFeed) -> dict:
+    """The constants LEVELS of a feed."""
+    limits = feed.limits
+    return {
+        "scale": (*feed.scale, 0.0),
+        "offset": (*feed.offset, 0.0),
+        "low": (*map(shader_number, limits.low), shader_number(limits.least)),
+        "high": (*map(shader_number, limits.high), shader_number(limits.most)),
+        "channel": channel_number(feed.channel),
+    }
+
+
+def shader_number(value: float) -> float:
+    """`value` with a large number in place of infinity, which some drivers take for anything."""
+    return min(max(value, -LARGEST), LARGEST)
 
 
 def channel_number(channel: int | None) -> int:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from ...core.material_feeds import AttributeFeed
 from .. import target
 from ..program import Program
-from .image_look_up import channel_number
+from .image_look_up import LEVELS, levels
 from .material_table import MaterialTable
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ ADD_ATTRIBUTE = Program(
         ("RGBA32F", "FLOAT_2D", "values"),
     ),
     images=(("RGBA32F", "FLOAT_2D", "sums", "READ WRITE"),),
-    constants=(("VEC4", "scale"), ("VEC4", "offset"), ("INT", "first_row"), ("INT", "feed"), ("INT", "channel")),
+    constants=(*LEVELS, ("INT", "first_row"), ("INT", "feed")),
 )
 
 
@@ -90,8 +90,6 @@ def add_attribute(
         labels=labels,
         values=values,
         materials=materials.texture,
-        scale=(*feed.scale, 0.0),
-        offset=(*feed.offset, 0.0),
         feed=number,
-        channel=channel_number(feed.channel),
+        **levels(feed),
     )

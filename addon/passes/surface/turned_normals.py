@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...core.material_feeds import LUMINANCE, BumpFeed, NormalMapFeed
+from ...core.material_feeds import LUMINANCE, BumpFeed, ImageFeed, NormalMapFeed
 from .. import shader, target
 from ..program import Program
 from . import served_blocks
-from .image_look_up import PAGE, TEXELS, bindings, channel_number
+from .image_look_up import PAGE, TEXELS, bindings, channel_number, shader_number
 from .image_page import Page
 from .material_table import MaterialTable
 from .served_blocks import Blocks
@@ -29,8 +29,11 @@ NORMAL_MAP = Program(
         ("MAT4", "to_space"),
         ("VEC4", "row_u"),
         ("VEC4", "row_v"),
+        ("FLOAT", "lowest"),
+        ("FLOAT", "highest"),
         ("INT", "feed"),
         ("INT", "tile"),
+        ("INT", "channel"),
         ("INT", "page_flags"),
         ("INT", "top_level"),
     ),
@@ -45,6 +48,8 @@ BUMP = Program(
         ("VEC4", "row_u"),
         ("VEC4", "row_v"),
         ("FLOAT", "rise"),
+        ("FLOAT", "lowest"),
+        ("FLOAT", "highest"),
         ("INT", "feed"),
         ("INT", "tile"),
         ("INT", "channel"),
@@ -79,6 +84,8 @@ def apply_normal_map(
     """
     bound = bindings(page, feed.image, tile, 1.0 / math.sqrt(samples), feed.strength)
     bound["page_flags"] |= feed.is_green_down * GREEN_DOWN
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3], matrix[3, :3] = to_space, feed.image.offset, feed.image.scale
     served_blocks.dispatch(
         NORMAL_MAP,
         (normals.width, normals.height),
@@ -90,7 +97,9 @@ def apply_normal_map(
         corners=corners,
         uvs=uvs,
         tangents=tangents,
-        to_space=shader.mat4(to_space),
+        to_space=shader.mat4(matrix),
+        channel=channel_number(feed.image.channel),
+        **_limits(feed.image),
         **bound,
     )
 
@@ -129,6 +138,15 @@ def apply_bump(
         uvs=uvs,
         to_space=shader.mat4(to_space),
         rise=feed.distance * feed.image.scale[0] / unit,
+        **_limits(feed.image),
         channel=channel_number(channel),
         **bindings(page, feed.image, tile, 1.0 / math.sqrt(samples), max(feed.strength, 0.0)),
     )
+
+
+def _limits(image: ImageFeed) -> dict:
+    """The limits that all channels have."""
+    return {
+        "lowest": shader_number(image.limits.low[0]),
+        "highest": shader_number(image.limits.high[0]),
+    }

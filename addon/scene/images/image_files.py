@@ -2,12 +2,13 @@
 """The files of images, also packed ones: where they are, and the size that their headers state."""
 
 import io
+from typing import BinaryIO
 
 import bpy
 from bpy.types import Image
 
 from ...core import udim
-from ...core.file_structure.image_headers import image_size
+from ...core.file_structure.image_headers import image_size, is_of_whole_numbers
 
 
 def location(image: Image, tile: int) -> str:
@@ -26,11 +27,23 @@ def packed_data(image: Image, tile: int) -> bytes | None:
 
 def header_size(image: Image, tile: int) -> tuple[int, int] | None:
     """Width and height by the header of the file: (0, 0) without a file, None for a header that is not known."""
-    data = packed_data(image, tile)
-    if data is not None:
-        return image_size(io.BytesIO(data))
     try:
-        with open(location(image, tile), "rb") as file:
+        with _opened(image, tile) as file:
             return image_size(file)
     except OSError:
         return 0, 0
+
+
+def has_whole_numbers(image: Image, tile: int) -> bool:
+    """Whether the file, by its header, stores shares of a largest number: no value is below 0 or above 1."""
+    try:
+        with _opened(image, tile) as file:
+            return is_of_whole_numbers(file)
+    except OSError:
+        return False
+
+
+def _opened(image: Image, tile: int) -> BinaryIO:
+    """The file, packed or not. Raises OSError if there is none."""
+    data = packed_data(image, tile)
+    return open(location(image, tile), "rb") if data is None else io.BytesIO(data)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Loads the pixels of images, one page at a time, and leaves Blender's images as they were."""
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
@@ -13,8 +13,9 @@ from bpy.types import Image
 from ...core.errors import BakeError
 from ...core.map_types import MARK, ORIGIN
 from ...core.material_feeds import ImagePixels
-from .image_files import header_size, location, packed_data
-from .page_colors import has_alpha_in_colors, prepare_page
+from .image_colors import is_converting
+from .image_files import has_whole_numbers, header_size, location, packed_data
+from .page_colors import LINEAR, SRGB, has_alpha_in_colors, prepare_page
 
 PREMULTIPLIED = ":premultiplied"
 """The end of keys of pages whose colors are multiplied with alpha."""
@@ -29,6 +30,8 @@ _UNREADABLE = {
 """Sources and types of Blender's images that are not read."""
 SINGLE = 0
 """The tile of an image without tiles."""
+UNKNOWN = -np.inf, np.inf
+"""The range of values that can be any."""
 
 
 class UnreadableError(Exception):
@@ -70,6 +73,22 @@ class ImagePages:
         is_premultiplied &= has_alpha_in_colors(image)
         key = f"{image.session_uid}{PREMULTIPLIED if is_premultiplied else ''}"
         return Page(key, existing if tiles else (), tuple(notes))
+
+    def range(self, image: Image) -> tuple[float, float]:
+        """Within which all values of an image are, as far as that is known without its pixels."""
+        space = image.colorspace_settings
+        if not space.is_data and (space.name not in {SRGB, LINEAR} or is_converting()):
+            return UNKNOWN
+        tile = image.tiles[0].number if image.source == "TILED" else SINGLE
+        is_as_stored = image.source != "GENERATED" and not image.is_dirty
+        is_loaded = image.source == "GENERATED" or image.has_data
+        is_whole = (is_as_stored and has_whole_numbers(image, tile)) or (is_loaded and not image.is_float)
+        return (0.0, 1.0) if is_whole else UNKNOWN
+
+    def measured_range(self, key: str, tiles: Collection[int] = ()) -> tuple[float, float]:
+        """The smallest and the largest value of the pixels of an image. Loads them."""
+        pages = [self.load(key, tile).values for tile in tiles or (SINGLE,)]
+        return min(float(page.min()) for page in pages), max(float(page.max()) for page in pages)
 
     def name(self, key: str) -> str:
         """The name of the image behind a key, for messages. Raises BakeError if the image is gone."""

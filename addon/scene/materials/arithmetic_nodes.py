@@ -2,30 +2,32 @@
 """Evaluates the nodes that compute with constants and at most one texture."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from bpy.types import Node
 
-from ...core.material_feeds import LUMINANCE
+from ...core.material_feeds import LUMINANCE, ImageFeed
+from ..images.image_pages import UNKNOWN
 from .node_links import Place, title
 from .node_values import NodeValues, own_value
 from .operations import BLENDING, MATH, VECTOR_MATH
 from .signals import (
+    NEGLIGIBLE,
     NotAffineError,
     Signal,
     combine,
     component,
     is_image,
     joined,
+    limited,
     number,
     scaled,
     to_number,
 )
 
-CURVE_SAMPLES = np.linspace(0.0, 1.0, 65)
-"""Where a curve or a ramp is compared with a straight line."""
-CURVE_TOLERANCE = 1e-3
-"""Largest distance of a curve from a straight line: a quarter of a level of 8 bits."""
+CURVE_SAMPLES = 65
+"""At how many places a curve or a ramp is compared with a straight line."""
 
 
 def _own(values: NodeValues, output: Place) -> Signal:
@@ -67,7 +69,7 @@ def _gamma(values: NodeValues, output: Place) -> Signal:
 
 def _bright_contrast(values: NodeValues, output: Place) -> Signal:
     bright, contrast = (values.constant(output, name) for name in ("Bright", "Contrast"))
-    return _at_least_0(scaled(values.input(output, "Color"), 1.0 + contrast, bright - contrast * 0.5))
+    return limited(scaled(values.input(output, "Color"), 1.0 + contrast, bright - contrast * 0.5), 0.0, np.inf)
 
 
 def _hue_saturation(values: NodeValues, output: Place) -> Signal:
@@ -76,15 +78,27 @@ def _hue_saturation(values: NodeValues, output: Place) -> Signal:
     )
     if factor and (hue != 0.5 or saturation != 1.0):
         raise NotAffineError("changes the hue or the saturation")
-    return scaled(values.input(output, "Color"), np.full(3, 1.0 - factor + factor * value), np.zeros(3))
+    source = values.input(output, "Color")
+    if factor and value != 1.0 and (_measured(values, source).bounds[0] < -NEGLIGIBLE).any():
+        raise NotAffineError("changes colors below 0")
+    return limited(scaled(source, np.full(3, 1.0 - factor + factor * value), np.zeros(3)), 0.0, np.inf)
+
+
+def _measured(values: NodeValues, signal: Signal) -> Signal:
+    """`signal` with the range of the values that its image has. Attributes count as colors, which are at least 0."""
+    if signal.range != UNKNOWN:
+        return signal
+    is_measured = isinstance(signal.feed, ImageFeed)
+    found = values.images.measured_range(signal.feed.image, signal.feed.tiles) if is_measured else (0.0, np.inf)
+    return replace(signal, range=found)
 
 
 def _math(values: NodeValues, output: Place) -> Signal:
     node = output.node
     parts = [values.input(output, name) for name in ("Value", "Value_001", "Value_002")]
-    found = _cut_off(node, parts) or _limited(node.operation, parts) or _product(node, parts[:2])
+    found = _cut_off(node, parts) or _limit(node.operation, parts) or _product(node, parts[:2])
     found = found or _operation(MATH, node, parts)
-    return _clamped(found) if node.use_clamp else found
+    return limited(found, 0.0, 1.0) if node.use_clamp else found
 
 
 def _vector_math(values: NodeValues, output: Place) -> Signal:
@@ -93,7 +107,7 @@ def _vector_math(values: NodeValues, output: Place) -> Signal:
         raise NotAffineError("computes a length or a product of vectors")
     second = "Scale" if node.operation == "SCALE" else "Vector_001"
     parts = [values.input(output, name) for name in ("Vector", second, "Vector_002")]
-    return _product(node, parts[:2]) or _operation(VECTOR_MATH, node, parts)
+    return _limit(node.operation, parts) or _product(node, parts[:2]) or _operation(VECTOR_MATH, node, parts)
 
 
 def _mix(values: NodeValues, output: Place) -> Signal:
@@ -110,9 +124,9 @@ def _mix(values: NodeValues, output: Place) -> Signal:
         clamps_factor, clamps = node.clamp_factor, node.clamp_result and kind == "Color"
     factor = values.input(output, names[0])
     if clamps_factor:
-        factor = _clamped(factor)
+        factor = limited(factor, 0.0, 1.0)
     found = _mixed(values, output, factor, names[1:], blending)
-    return _clamped(found) if clamps else found
+    return limited(found, 0.0, 1.0) if clamps else found
 
 
 def _mixed(values: NodeValues, output: Place, factor: Signal, names: Sequence[str], blending: str) -> Signal:
@@ -133,7 +147,7 @@ def _clamp(values: NodeValues, output: Place) -> Signal:
     low, high = (values.constant(output, name)[0] for name in ("Min", "Max"))
     if output.node.clamp_type == "RANGE" and low > high:
         low, high = high, low
-    return _clamped(values.input(output, "Value"), low, high)
+    return limited(values.input(output, "Value"), low, high)
 
 
 def _map_range(values: NodeValues, output: Place) -> Signal:
@@ -147,23 +161,27 @@ def _map_range(values: NodeValues, output: Place) -> Signal:
         raise NotAffineError("maps an empty range")
     slope = (to_high - to_low) / (from_high - from_low)
     found = scaled(values.input(output, "Value"), np.full(3, slope), np.full(3, to_low - slope * from_low))
-    return _clamped(found, min(to_low, to_high), max(to_low, to_high)) if node.clamp else found
+    return limited(found, min(to_low, to_high), max(to_low, to_high)) if node.clamp else found
 
 
 def _curves(values: NodeValues, output: Place) -> Signal:
-    node = output.node
-    node.mapping.initialize()
-    *channels, combined = node.mapping.curves
+    mapping = output.node.mapping
+    mapping.initialize()
+    *channels, combined = mapping.curves
 
     def curve(x: np.ndarray) -> np.ndarray:
-        evaluate = node.mapping.evaluate
+        evaluate = mapping.evaluate
         return np.array([evaluate(own, evaluate(combined, v)) for own, v in zip(channels, x, strict=True)])
 
-    factor, source = _clamped(values.input(output, "Fac")), values.input(output, "Color")
+    factor, source = limited(values.input(output, "Fac"), 0.0, 1.0), values.input(output, "Color")
+    places = [point.location[0] for one in mapping.curves for point in (one.points[0], one.points[-1])]
+    ends = None if mapping.extend == "EXTRAPOLATED" else (min(places), max(places))
     share = factor.constant
     if share is None:
-        return combine(*BLENDING["MIX"], [factor, source, _along(source, curve)])
-    return _along(source, lambda x: (1.0 - share) * x + share * curve(x))
+        return combine(*BLENDING["MIX"], [factor, source, _along(source, curve, ends)])
+    if ends and (share < 1.0).any() and source.constant is None and limited(source, *ends) != source:
+        raise NotAffineError("changes a texture along a curve")
+    return _along(source, lambda x: (1.0 - share) * x + share * curve(x), ends)
 
 
 def _ramp(values: NodeValues, output: Place) -> Signal:
@@ -172,7 +190,7 @@ def _ramp(values: NodeValues, output: Place) -> Signal:
     def curve(x: np.ndarray) -> np.ndarray:
         return np.ones(3) * np.array(ramp.evaluate(x[0]))[index]
 
-    return _along(values.input(output, "Fac"), curve)
+    return _along(values.input(output, "Fac"), curve, (0.0, 1.0))
 
 
 def _light_path(values: NodeValues, output: Place) -> Signal:
@@ -182,15 +200,23 @@ def _light_path(values: NodeValues, output: Place) -> Signal:
     return number(1.0 if name == "Is Camera Ray" else 0.0)  # a map shows what a camera sees
 
 
-def _along(source: Signal, curve: Callable[[np.ndarray], np.ndarray]) -> Signal:
-    """`curve` of each channel of a color from 0 to 1. Raises NotAffineError for a texture on a curve that is not straight."""
+def _along(
+    source: Signal, curve: Callable[[np.ndarray], np.ndarray], ends: tuple[float, float] | None = None
+) -> Signal:
+    """`curve` of each channel of a color. Raises NotAffineError for a texture on a curve that is not straight.
+
+    ends: where the curve goes on flat; None if it goes on as it begins and ends.
+    """
     if source.constant is not None:
         return combine(curve, set(), [source])
-    at_0, at_1 = curve(np.zeros(3)), curve(np.ones(3))
-    bends = [np.abs(curve(np.full(3, x)) - (at_0 + x * (at_1 - at_0))).max() for x in CURVE_SAMPLES]
-    if max(bends) > CURVE_TOLERANCE:
+    first, last = ends or (0.0, 1.0)
+    at_first, at_last = curve(np.full(3, first)), curve(np.full(3, last))
+    slope = (at_last - at_first) / max(last - first, NEGLIGIBLE)
+    places = np.linspace(first, last, CURVE_SAMPLES)
+    bends = [np.abs(curve(np.full(3, x)) - (at_first + (x - first) * slope)).max() for x in places]
+    if max(bends) > NEGLIGIBLE:
         raise NotAffineError("changes a texture along a curve")
-    return scaled(source, at_1 - at_0, at_0)
+    return scaled(limited(source, *ends) if ends else source, slope, at_first - first * slope)
 
 
 def _operation(table: dict, node: Node, parts: Sequence[Signal]) -> Signal:
@@ -223,30 +249,15 @@ def _cut_off(node: Node, parts: Sequence[Signal]) -> Signal | None:
     return scaled(texture, -np.ones(3), np.ones(3)) if is_falling else texture
 
 
-def _limited(operation: str, parts: Sequence[Signal]) -> Signal | None:
-    """The texture that a limit does not change, within 0 to 1; None if this is no such limit."""
+def _limit(operation: str, parts: Sequence[Signal]) -> Signal | None:
+    """The smaller or the larger one of a texture and a constant; None if this is no such limit."""
     for texture, limit in (parts[:2], parts[1::-1]):
         if texture.constant is None and limit.constant is not None:
-            low, high = texture.bounds
-            if operation == "MINIMUM" and (high <= limit.constant).all():
-                return texture
-            if operation == "MAXIMUM" and (low >= limit.constant).all():
-                return texture
+            if operation == "MINIMUM":
+                return limited(texture, -np.inf, limit.constant).noted(*limit.notes)
+            if operation == "MAXIMUM":
+                return limited(texture, limit.constant, np.inf).noted(*limit.notes)
     return None
-
-
-def _clamped(signal: Signal, low: float = 0.0, high: float = 1.0) -> Signal:
-    """`signal` limited to a range. Raises NotAffineError for a texture that leaves it."""
-    if signal.constant is not None:
-        return combine(lambda a: np.minimum(np.maximum(a, low), high), set(), [signal])
-    smallest, largest = signal.bounds
-    if (smallest < low - CURVE_TOLERANCE).any() or (largest > high + CURVE_TOLERANCE).any():
-        return signal.noted("Blender clamps its values, the map does not")
-    return signal
-
-
-def _at_least_0(signal: Signal) -> Signal:
-    return _clamped(signal, 0.0, np.inf)
 
 
 READINGS = {

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...core.material_feeds import BumpFeed, DetailFeed, ImageFeed, NormalMapFeed
+from ...core.material_feeds import NO_LIMITS, BumpFeed, DetailFeed, ImageFeed, NormalMapFeed
 from .node_links import Place, title
 from .node_values import NodeValues
 from .signals import NotAffineError, NotFollowedError, Signal
@@ -74,4 +74,8 @@ def _bump(values: NodeValues, output: Place, depth: int) -> Found:
 def _image(signal: Signal, role: str) -> ImageFeed:
     if not isinstance(signal.feed, ImageFeed):
         raise NotFollowedError(f"{role} is not an image")
+    limits = signal.feed.limits
+    shared = replace(NO_LIMITS, low=(limits.low[0],) * 3, high=(limits.high[0],) * 3)
+    if limits != shared:
+        raise NotFollowedError(f"the channels of {role} have several limits")
     return signal.feed

@@ -13,7 +13,7 @@ from . import arithmetic_nodes, texture_nodes
 from .detail_normals import read_detail
 from .node_links import Place, title
 from .node_values import NodeValues
-from .signals import NotAffineError, NotFollowedError, Signal, is_image, number, scaled
+from .signals import NotAffineError, NotFollowedError, Signal, is_image, limited, number, scaled
 from .surface_shaders import ALPHA, BASE_COLOR, EMISSION, METALLIC, ROUGHNESS, Shader, Value, find_shader
 
 GRAY, HALF_ROUGH = 0.8, 0.5
@@ -84,7 +84,7 @@ def _value(values: NodeValues, shader: Shader, socket: str, value: Value) -> Sig
         return strength if is_dark else _product(values.read(value), strength)
     signal = number(value) if isinstance(value, float) else values.read(value)
     for share in shader.opacity if socket == ALPHA else ():
-        factor = values.read(share.factor)
+        factor = limited(values.read(share.factor), 0.0, 1.0)
         signal = _product(scaled(factor, -np.ones(3), np.ones(3)) if share.is_rest else factor, signal)
     return signal
 

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Values of node sockets as feeds, and the arithmetic that feeds can express: scale and offset of one image or attribute."""
+"""Values of node sockets as feeds, and the arithmetic that feeds can express: limits, scale and offset of one image or
+attribute."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -7,11 +8,23 @@ from typing import TypeAlias
 
 import numpy as np
 
-from ...core.material_feeds import AVERAGE, LUMINANCE, LUMINANCE_WEIGHTS, AttributeFeed, Constant, Feed, ImageFeed
+from ...core.material_feeds import (
+    AVERAGE,
+    LUMINANCE,
+    LUMINANCE_WEIGHTS,
+    NO_LIMITS,
+    AttributeFeed,
+    Constant,
+    Feed,
+    ImageFeed,
+    Limits,
+)
 
 Function: TypeAlias = Callable[..., np.ndarray]
 """A function of (3,) float64 arrays, which works on each channel by itself."""
 Texture: TypeAlias = ImageFeed | AttributeFeed
+NEGLIGIBLE = 1e-3
+"""What a limit or a curve changes, at most, so that it can be left out: a quarter of a level of 8 bits."""
 
 
 class NotFollowedError(Exception):
@@ -24,10 +37,12 @@ class NotAffineError(Exception):
 
 @dataclass(frozen=True)
 class Signal:
-    """The value of a socket. notes: what `feed` leaves out, as clauses of a sentence."""
+    """The value of a socket. notes: what `feed` leaves out, as clauses of a sentence. range: within which the numbers of its
+    texture are, as far as that is known."""
 
     feed: Feed
     notes: tuple[str, ...] = ()
+    range: tuple[float, float] = (-np.inf, np.inf)
 
     @property
     def constant(self) -> np.ndarray | None:
@@ -36,11 +51,14 @@ class Signal:
 
     @property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """The smallest and the largest value, (3,) each, if images and attributes have values from 0 to 1."""
+        """The smallest and the largest value, (3,) each, as far as they are known."""
         if isinstance(self.feed, Constant):
             return self.constant, self.constant
-        ends = np.array(self.feed.offset), np.array(self.feed.offset) + self.feed.scale
-        return np.minimum(*ends), np.maximum(*ends)
+        limits, scale = self.feed.limits, np.array(self.feed.scale)
+        ends = np.clip(np.clip(self.range, limits.least, limits.most)[:, None], limits.low, limits.high)
+        # A channel without scale is constant, whatever its texture has.
+        first, last = np.multiply(ends, scale, out=np.zeros((2, 3)), where=scale != 0.0) + self.feed.offset
+        return np.minimum(first, last), np.maximum(first, last)
 
     def noted(self, *notes: str) -> "Signal":
         return replace(self, notes=_merged(self.notes, notes))
@@ -88,34 +106,60 @@ def scaled(signal: Signal, scale: np.ndarray, offset: np.ndarray) -> Signal:
     return _with_factors(signal, scales, offsets)
 
 
+def limited(signal: Signal, low: Sequence[float] | float, high: Sequence[float] | float) -> Signal:
+    """`signal` at least `low`, and then at most `high`, numbers or (3,). Limits that a texture cannot reach are left out."""
+    low, high = np.broadcast_to(low, 3), np.broadcast_to(high, 3)
+    if signal.constant is not None:
+        return color(np.minimum(np.maximum(signal.constant, low), high)).noted(*signal.notes)
+    smallest, largest = signal.bounds
+    if (smallest >= low - NEGLIGIBLE).all() and (largest <= high + NEGLIGIBLE).all():
+        return signal
+    feed, old = signal.feed, signal.feed.limits
+    scale, offset = np.array(feed.scale), np.array(feed.offset)
+    low = np.minimum(low, high)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ends = (low - offset) / scale, (high - offset) / scale
+    is_flat = scale == 0.0
+    first = np.where(is_flat, -np.inf, np.minimum(*ends))
+    last = np.where(is_flat, np.inf, np.maximum(*ends))
+    limits = replace(old, low=_numbers(np.clip(old.low, first, last)), high=_numbers(np.clip(old.high, first, last)))
+    found = replace(signal, feed=replace(feed, limits=limits))
+    return _with_factors(found, scale, np.where(is_flat, np.clip(offset, low, high), offset))
+
+
 def component(signal: Signal, index: int) -> Signal:
     """One channel of a color or a vector, as a number."""
     if signal.constant is not None:
         return number(signal.constant[index]).noted(*signal.notes)
     feed = signal.feed
-    chosen = replace(signal, feed=replace(feed, channel=index if feed.channel is None else feed.channel))
+    limits = _of_channel(feed.limits, index)
+    chosen = replace(signal, feed=replace(feed, channel=index if feed.channel is None else feed.channel, limits=limits))
     return _with_factors(chosen, np.full(3, feed.scale[index]), np.full(3, feed.offset[index]))
 
 
 def to_number(signal: Signal, channel: int) -> Signal:
     """A color or a vector as a number. channel: LUMINANCE for colors and AVERAGE for vectors.
 
-    Raises NotAffineError for an image whose channels have several scales.
+    Raises NotAffineError for an image whose channels have several scales or limits.
     """
     weights = np.array(LUMINANCE_WEIGHTS if channel == LUMINANCE else (1 / 3, 1 / 3, 1 / 3))
     if signal.constant is not None:
         return number(weights @ signal.constant).noted(*signal.notes)
     feed = signal.feed
     scale, offset = np.array(feed.scale), np.full(3, weights @ feed.offset)
-    if feed.channel is not None:  # three equal channels
-        return _with_factors(signal, np.full(3, weights @ scale), offset)
     used = np.flatnonzero(scale)
-    if len(used) == 1:
-        chosen = replace(signal, feed=replace(feed, channel=int(used[0])))
+    one = _of_channel(feed.limits, int(used[0]))
+    if feed.channel is None and len(used) == 1:
+        chosen = replace(signal, feed=replace(feed, channel=int(used[0]), limits=one))
         return _with_factors(chosen, np.full(3, weights[used[0]] * scale[used[0]]), offset)
+    if any(_of_channel(feed.limits, int(place)) != one for place in used):
+        raise NotAffineError("weighs the channels of a texture")
+    if feed.channel is not None:  # three equal channels
+        return _with_factors(replace(signal, feed=replace(feed, limits=one)), np.full(3, weights @ scale), offset)
     if np.ptp(scale) > 1e-6 * np.abs(scale).max():
         raise NotAffineError("weighs the channels of a texture")
-    return _with_factors(replace(signal, feed=replace(feed, channel=channel)), scale, offset)
+    before = Limits(least=one.low[0], most=one.high[0])
+    return _with_factors(replace(signal, feed=replace(feed, channel=channel, limits=before)), scale, offset)
 
 
 def joined(parts: Sequence[Signal]) -> Signal:
@@ -133,7 +177,10 @@ def joined(parts: Sequence[Signal]) -> Signal:
     channel = None if len(channels) > 1 or (len(places) == 1 and channels == set(places)) else channels.pop()
     scale = np.array([0.0 if part.constant is not None else part.feed.scale[0] for part in parts])
     offset = np.array([part.constant[0] if part.constant is not None else part.feed.offset[0] for part in parts])
-    return _with_factors(Signal(replace(textures[0], channel=channel), notes), scale, offset)
+    each = [NO_LIMITS if part.constant is not None else part.feed.limits for part in parts]
+    limits = replace(textures[0].limits, low=tuple(one.low[0] for one in each), high=tuple(one.high[0] for one in each))
+    found = replace(parts[places[0]], feed=replace(textures[0], channel=channel, limits=limits), notes=notes)
+    return _with_factors(found, scale, offset)
 
 
 def converted(signal: Signal, source: str, target: str) -> Signal:
@@ -156,13 +203,22 @@ def is_image(signal: Signal) -> bool:
 def _with_factors(signal: Signal, scale: np.ndarray, offset: np.ndarray) -> Signal:
     if not (np.isfinite(scale).all() and np.isfinite(offset).all()):
         raise NotAffineError("has a value that is not finite")
-    factors = {"scale": tuple(map(float, scale)), "offset": tuple(map(float, offset))}
-    return replace(signal, feed=replace(signal.feed, **factors))
+    return replace(signal, feed=replace(signal.feed, scale=_numbers(scale), offset=_numbers(offset)))
+
+
+def _of_channel(limits: Limits, index: int) -> Limits:
+    """`limits` with those of one channel for all three."""
+    return replace(limits, low=(limits.low[index],) * 3, high=(limits.high[index],) * 3)
+
+
+def _numbers(values: np.ndarray) -> tuple[float, ...]:
+    return tuple(map(float, values))
 
 
 def _without_factors(feed: Texture) -> Texture:
     """The texture itself, for comparison."""
-    return replace(feed, channel=None, scale=(1.0, 1.0, 1.0), offset=(0.0, 0.0, 0.0))
+    limits = replace(feed.limits, low=NO_LIMITS.low, high=NO_LIMITS.high)
+    return replace(feed, channel=None, scale=(1.0, 1.0, 1.0), offset=(0.0, 0.0, 0.0), limits=limits)
 
 
 def _merged(*notes: Sequence[str]) -> tuple[str, ...]:

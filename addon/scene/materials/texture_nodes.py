@@ -33,7 +33,11 @@ def _image(values: NodeValues, output: Place) -> Signal:
         channel=ALPHA if output.socket.identifier == "Alpha" else None,
         is_smooth=node.interpolation != "Closest",
     )
-    return Signal(feed, page.notes)
+    notes = page.notes
+    if node.interpolation in {"Cubic", "Smart"}:
+        kind = node.interpolation.lower()
+        notes = (*notes, f"the {kind} interpolation of the node {title(node)} is linear in the map")
+    return Signal(feed, notes, values.images.range(node.image))
 
 
 def _color_attribute(values: NodeValues, output: Place) -> Signal:
