@@ -136,7 +136,8 @@ def run(opened: Opened, stage: Stage, files: run_clashes.Run, meter: Meter) -> R
     options = opened.options
     start_gpu()
     memory = _say_memory(opened, meter)
-    with all_or_none():  # if a pair, a frame, the scene or the report fails, no file of the bake is written
+    # If a pair, a frame, the scene or the report fails, no file of the bake is written.
+    with all_or_none(has_parts=bool(options.pairs or options.frames)):
         said: list[str] = []
         baked = older_blender.with_gpu(lambda: _explained(opened, meter, said))
         is_stopped, chain = baked.is_stopped, baked.chain

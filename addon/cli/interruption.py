@@ -12,7 +12,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any
 
-from ..output.files import temporary_paths
+from ..output.files import atomic_file
 
 NAMES = ("SIGHUP", "SIGINT", "SIGTERM")
 ASK, END = "SIGUSR1", "SIGUSR2"
@@ -137,6 +137,6 @@ def _handle(number: int, _) -> None:
         try:
             for act in _at_end:
                 act()
-            temporary_paths.remove_all()
+            atomic_file.leave()
         finally:  # also if the signal interrupted this very removal
             os._exit(_asked.code)

@@ -11,6 +11,7 @@ from contextvars import ContextVar
 from pathlib import Path
 
 from ...core.errors import BakeError, WrongPlace
+from . import temporary_paths
 from .temporary_paths import TemporaryPath, check_folder
 
 _SYSTEM_MESSAGES = frozenset(map(os.strerror, errno.errorcode))
@@ -95,6 +96,7 @@ class Partial:
             replaced = _REPLACED.get()
             if replaced is not None:
                 replaced.keep(self.path)
+            _copy_rights(self.path, self.temporary)
             os.replace(self.temporary, self.path)
         _NEW_FOLDERS.difference_update(self.path.parents)
         self._temporary.remove()
@@ -141,12 +143,13 @@ class Replaced:
             is_done = True
         finally:
             if not is_done:
-                self._restore()
+                self.restore()
 
-    def _restore(self) -> None:
+    def restore(self) -> None:
         """Restore all files. Then raise BakeError if this failed for a file, with the path of its old content."""
         lost = ""
-        for path, (copy, folders) in self._before.items():
+        while self._before:
+            path, (copy, folders) = next(reversed(self._before.items()))
             try:
                 if copy is not None and path.exists() and copy.path.samefile(path):
                     copy.remove()  # it was not replaced; and os.replace does nothing between two links to one file
@@ -161,19 +164,57 @@ class Replaced:
                     lost += f"; it is in {str(copy.keep())!r}"
             _NEW_FOLDERS.update(folders)
             _remove_made(path)
-        self._before.clear()
+            del self._before[path]  # last: a signal may restore all while this is going on
         if lost:
             raise BakeError(f"{lost}.")
 
 
 _REPLACED: ContextVar[Replaced | None] = ContextVar("_REPLACED", default=None)
+_UNFINISHED: list[Replaced] = []
+"""Those of the blocks of `all_or_none` that have not ended, the innermost last."""
 
 
 @contextmanager
-def all_or_none() -> Iterator[None]:
-    """Replace all files that are committed in the block, or none if it raises."""
-    with Replaced() as replaced, replaced.restoring():
-        yield
+def all_or_none(*, has_parts: bool = False) -> Iterator[None]:
+    """Replace all files that are committed in the block, or none if it raises.
+
+    has_parts: whether those of blocks in it that have ended stay if a second signal ends the process, as after the first one.
+    """
+    with Replaced() as replaced:
+        if not has_parts:
+            _UNFINISHED.append(replaced)
+        try:
+            with replaced.restoring():
+                yield
+        finally:
+            if not has_parts:
+                _UNFINISHED.remove(replaced)
+
+
+def leave() -> None:
+    """Restore what unfinished blocks have replaced, and remove all temporary files, before the process exits at once."""
+    try:
+        while _UNFINISHED:
+            with suppress(BakeError):  # the old content stays beside the file
+                _UNFINISHED.pop().restore()
+    finally:
+        temporary_paths.remove_all()
+
+
+def _copy_rights(path: Path, other: Path) -> None:
+    """Give a file the mode and the group of the one at `path`, as far as the system allows it. Raises OSError."""
+    try:
+        found = os.stat(path)
+    except FileNotFoundError:
+        return
+    mode = found.st_mode & 0o777
+    if hasattr(os, "chown") and os.stat(other).st_gid != found.st_gid:
+        try:
+            os.chown(other, -1, found.st_gid)
+        except OSError:  # this user is not in the group: another one may do no more than all users
+            mode &= 0o707 | (mode & 0o007) << 3
+    with suppress(OSError):  # a file system without modes
+        os.chmod(other, mode)
 
 
 def _copy(path: Path) -> TemporaryPath:
