@@ -57,6 +57,7 @@ def _modules() -> tuple[ModuleType, ...]:
         panel_operators,
         presets,
         properties,
+        saving,
         weight_operators,
     )
     from .ui.converting import convert_operator, convert_panel
@@ -96,6 +97,7 @@ def _modules() -> tuple[ModuleType, ...]:
         view_panel,
         command,
         idle_memory,
+        saving,
         modal,
     )
 

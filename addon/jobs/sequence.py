@@ -116,6 +116,8 @@ def _show(job: Job, settings: Settings, frames: Sequence[int], reports: Sequence
     first, *others = (replace(report, image=image.name) for report in reports)
     done = [first.with_warnings(outputs.sign(image, [ref.name for ref in job.high_refs])), *others]
     low = job.low_ref.find()
+    if low is not None:
+        datablocks.note_maps(low, [image])
     if low is None or not settings.material:
         return done
     done[-1] = done[-1].with_warnings(outputs.hook_up(low, image, done[-1].uv_layer, settings))

@@ -15,6 +15,8 @@ from . import color_spaces
 
 OPAQUE_BITS = {24, 96}
 """Image.depth, in bits per texel, of images without alpha. Their pixels have alpha; a file written from them does not."""
+UNPACKED = "imprint_unpacked"
+"""A custom property of images whose map is only in memory: see `pack_unpacked`."""
 
 
 def get(name: str) -> bpy.types.Image | None:
@@ -49,8 +51,11 @@ def fill(name: str, texels: np.ndarray, *, is_float: bool, pack: bool, color_spa
     keep_values(image, color_space)
     image.pixels.foreach_set(texels.reshape(-1))
     image.update()
+    _keep(image)
     if pack:
         image.pack()
+    else:
+        image[UNPACKED] = True
     return image
 
 
@@ -74,7 +79,26 @@ def show(name: str, path: str, *, pack: bool = False, color_space: str = "") -> 
         _pack_tiles(image)
     for number in sorted(numbers - {tile.number for tile in image.tiles}):
         image.tiles.new(tile_number=number)
+    _keep(image)
     return image
+
+
+def pack_unpacked() -> None:
+    """Pack the images whose maps are only in memory: Blender saves no other pixels of them.
+
+    Called before a file is saved. What was painted on such an image since is packed as well.
+    """
+    for image in bpy.data.images:
+        if image.get(UNPACKED) and image.source == "GENERATED" and image.is_dirty:
+            image.pack()
+            del image[UNPACKED]
+
+
+def _keep(image: bpy.types.Image) -> None:
+    """Make Blender save the image also while nothing uses it, as most maps are until the artist connects them."""
+    image.use_fake_user = True
+    if UNPACKED in image:
+        del image[UNPACKED]
 
 
 def _pack_tiles(image: bpy.types.Image) -> None:
@@ -89,7 +113,7 @@ def tile_contents(image: bpy.types.Image) -> Iterator[tuple[int, bytes | Path]]:
     """The tiles of a tiled image: their number, and their packed bytes or their file. Empty tiles are left out."""
     packed = {part.tile_number: part.packed_file for part in image.packed_files}
     for tile in image.tiles:
-        path = Path(bpy.path.abspath(udim.fill(image.filepath, tile.number))).absolute()
+        path = Path(bpy.path.abspath(udim.fill(image.filepath, tile.number), library=image.library)).absolute()
         if tile.number in packed:
             yield tile.number, packed[tile.number].data
         elif not packed and path.is_file():
@@ -107,6 +131,22 @@ def sources() -> Iterator[tuple[str, str]]:
     for owner, title in found:
         if owner.filepath:  # relative to the file that the owner is linked from
             yield bpy.path.abspath(owner.filepath, library=owner.library), title
+
+
+def note_maps(low: bpy.types.Object, images: Iterable[bpy.types.Image]) -> None:
+    """Make the low object a user of its maps, so that they follow it into other files, also those that no material shows.
+
+    Nothing happens to an object of a library, and without the property, which only Blender's window registers.
+    """
+    maps = getattr(low, "imprint_maps", None)
+    if maps is None or not low.is_editable:
+        return
+    for number in reversed([number for number, item in enumerate(maps) if item.image is None]):
+        maps.remove(number)  # the image was deleted
+    known = {item.image for item in maps}
+    for image in dict.fromkeys(images):
+        if image not in known:
+            maps.add().image = image
 
 
 def keep_values(image: bpy.types.Image, color_space: str = "") -> None:

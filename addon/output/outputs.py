@@ -140,7 +140,7 @@ class Outputs:
         """Store all images and attributes or none. Raises BakeError.
 
         labels: the names of objects and of materials, whose numbers in the maps start at 1. lows: the low objects, as in the
-        calls of `sample_onto`.
+        calls of `sample_onto`; they become users of the images.
         """
         encodings = {}
         for name in self.settings.drawn_maps:
@@ -156,6 +156,8 @@ class Outputs:
             maps[self._packed] = {"channels": value_encoding.channels(self.settings.packing, encodings)}
         writers = [*self._writers.values(), *self._levels.values()]
         stored = dict(zip(self._writers, map_storage.commit_all(writers), strict=True))
+        for low in lows:
+            datablocks.note_maps(low, stored.values())
         first = self._writers[self._first]
         warnings = sign(stored[self._first], labels[Labeled.OBJECTS])
         if self._hides_misses:

@@ -82,7 +82,6 @@ def assert_is_data(image):
 
 def save_and_reload(tmp_path):
     """Save the scene and open it; return the map's image."""
-    bpy.data.images["low_normal"].use_fake_user = True
     path = str(tmp_path / "scene.blend")
     bpy.ops.wm.save_as_mainfile(filepath=path)
     bpy.ops.wm.open_mainfile(filepath=path)

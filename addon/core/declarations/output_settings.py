@@ -44,7 +44,7 @@ OUTPUT: dict[str, Setting] = {
         items=(
             Item(Storage.PACK, "Packed", "Inside the .blend file"),
             Item(Storage.FILE, "File", "In an image file"),
-            Item(Storage.MEMORY, "Memory", "Only in memory. Blender asks whether to save the image when it closes"),
+            Item(Storage.MEMORY, "Memory", "In memory until the .blend file is saved, which packs the map"),
         ),
         option=None,  # the command line writes files
     ),

@@ -254,6 +254,8 @@ class Session:
         is_new = datablocks.get(settings.image) is None
         image = datablocks.fill(settings.image, self.texels, is_float=settings.depth > 8, pack=False)
         datablocks.sign(image, self._high_names)
+        if is_new or not self._is_stored:
+            datablocks.note_maps(self.job.low, [image])
         if settings.material and (is_new or not self._is_stored):
             outputs.hook_up(self.job.low, image, self._meshes.uv_layer, settings)
         self._is_stored = True

@@ -11,6 +11,7 @@ from ...core.errors import BakeError
 from ...core.settings import Settings
 from ...jobs.job import Job
 from ...jobs.live import live_session
+from ...output import datablocks
 from ..callbacks import Handlers, Timer
 from ..translations.lookup import message
 from ..viewport.progress_display import display
@@ -200,6 +201,7 @@ class LiveController:
                 self._following.session.commit()
             except BakeError as error:
                 self._show_message(str(error))
+            datablocks.pack_unpacked()  # what is kept in memory, or could not be written to its files
 
     def _show_message(self, text: str) -> None:
         """Change the message, and redraw if it is different."""

@@ -165,9 +165,13 @@ TABLE = {
     (LABEL, "File"): {"de_DE": "Datei", "es": "Archivo"},
     (SENTENCE, "In an image file"): {"de_DE": "In einer Bilddatei", "es": "En un archivo de imagen"},
     (LABEL, "Memory"): {"de_DE": "Speicher", "es": "Memoria"},
-    (SENTENCE, "Only in memory. Blender asks whether to save the image when it closes"): {
-        "de_DE": "Nur im Arbeitsspeicher. Blender fragt beim Beenden, ob das Bild gespeichert werden soll",
-        "es": "Sólo en la memoria. Al cerrarse, Blender pregunta si guardar la imagen",
+    (SENTENCE, "In memory until the .blend file is saved, which packs the map"): {
+        "de_DE": "Im Arbeitsspeicher, bis die .blend-Datei gespeichert wird; dann wird die Map in sie gepackt",
+        "es": "En la memoria hasta que se guarda el archivo .blend, que empaca el mapa",
+    },
+    (SENTENCE, "Image that was baked for the object"): {
+        "de_DE": "Bild, das für das Objekt gebacken wurde",
+        "es": "Imagen capturada para el objeto",
     },
     (SENTENCE, OUTPUT["output"].tooltip): {  # it lists the formats
         "de_DE": f"Bilddatei, die geschrieben wird: {file_formats.listed('oder', 'Bit')}. Fehlende Ordner werden angelegt. "
