@@ -93,6 +93,11 @@ class MapType:
         return self.kind is Kind.VALUE and not self.is_color and not self.is_vector
 
     @property
+    def is_unbounded(self) -> bool:
+        """Whether the numbers can be of any size: lengths in scene units, and attributes. 16-bit floats may not hold them."""
+        return self.kind is Kind.VALUE and not self.socket and (self.range is not Range.UNIT or self.is_color)
+
+    @property
     def title(self) -> str:
         """The name of the map in a sentence."""
         return self.label.lower() if self.kind is Kind.STATE else f"{self.label.lower()} map"

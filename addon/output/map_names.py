@@ -63,13 +63,18 @@ def beside(settings: Settings, map_type: MapType) -> Settings:
     Its suffix takes the place of "normal" at the end of the name: rock_normal.png has rock_height.png beside it, and
     T_rock_N.png has T_rock_H.png.
 
-    Maps that are stored in the lowest depth are not dithered. Inside Blender, the colors of a material have 8 bits instead of
-    16: there, 16 bits are floats, which hold linear values, and glTF's exporter writes those as if they were sRGB.
+    Maps that are stored in the lowest depth are not dithered. In files of floats, maps whose numbers can be of any size have
+    the highest depth: 16-bit floats have steps of half a unit at 1,000, and end at 65,504. Inside Blender, the colors of a
+    material have 8 bits instead of 16: there, 16 bits are floats, which hold linear values, and glTF's exporter writes those
+    as if they were sRGB.
     """
     path = PurePath(settings.output)
     is_file = settings.storage == Storage.FILE
-    lowest = (file_formats.of(path) if is_file else file_formats.PACKED[False]).depths[0]
+    own_format = file_formats.of(path) if is_file else file_formats.PACKED[False]
+    lowest = own_format.depths[0]
     depth = settings.depth if map_type.is_deep else lowest
+    if map_type.is_unbounded and own_format.is_float:
+        depth = own_format.depths[-1]
     if map_type.is_color and map_type.socket and not is_file:
         depth = lowest if depth <= file_formats.USUAL_DEPTH else depth
     return replace(

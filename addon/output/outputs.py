@@ -19,6 +19,7 @@ from .files import planned_files
 from .files.planned_files import settings_by_map, stored_maps
 from .files.write_queue import WriteQueue
 from .vertex_attributes import VertexMaps
+from .writers import exr_writer
 
 
 @dataclass(frozen=True)
@@ -82,6 +83,8 @@ class Outputs:
         self._vertices: list[VertexMaps] = []
         self._hides_misses = False
         """Whether a file has texels without a hit, and nothing that shows which."""
+        self._cut_off: set[str] = set()
+        """The maps with values that 16-bit floats do not hold."""
         self._empty = set(settings.drawn_maps)
         """The maps of which no texel had a value so far."""
 
@@ -164,6 +167,9 @@ class Outputs:
             warnings.append(
                 "Rays of some texels hit nothing, and files without alpha do not show which: switch Miss Mask on to see them."
             )
+        if self._cut_off:
+            titles = shorten_list(BY_NAME[name].title for name in self.settings.drawn_maps if name in self._cut_off)
+            warnings.append(f"Values beyond 65,504 are cut off in 16-bit floats: set Depth to 32 for the {titles}.")
         attributes = {}
         for vertices, low in zip(self._vertices, lows, strict=False):  # without attributes, there are only low objects
             names, more = vertices.store(low)
@@ -199,6 +205,10 @@ class Outputs:
             color_spaces.to_rec709(texels)
         if BY_NAME[name].kind is not Kind.NORMAL:
             value_encoding.encode(texels, how)
+        settings = self._settings_of(name)
+        is_half = settings.is_float and settings.storage == Storage.FILE and settings.depth == exr_writer.HALF
+        if is_half and BY_NAME[name].family.shows_materials and np.abs(texels[..., :3]).max() > exr_writer.MOST_HALF:
+            self._cut_off.add(name)
         if name in self._writers:
             self._writer(name, level).add(tile, texels)
 

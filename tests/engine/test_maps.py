@@ -82,6 +82,18 @@ def test_the_report_has_the_range_to_decode_the_file(tmp_path, ending, depth):
         assert (tmp_path / f"map_{name}{ending}").is_file()
 
 
+@pytest.mark.parametrize("distance", [1_000.0, 100_000.0])
+def test_positions_far_from_the_origin_are_exact_in_files_of_floats(tmp_path, distance):
+    """16-bit floats have steps of half a unit at 1,000 units, and end at 65,504."""
+    low, high = pair()
+    for obj in (low, high):
+        obj.location.x += distance
+    _, maps = bake(low, high, maps=["POSITION"], storage="FILE", output=str(tmp_path / "map.exr"), space="WORLD")
+    expected = (texel_uv(64, 64) * 2 - 1) * SCALE + PLACE[:2] + (distance, 0.0)
+    error = np.abs(maps["position"][..., :2] - expected).max()
+    assert error <= np.spacing(np.float32(distance * 2)) + SCALE * TRIANGLES
+
+
 @pytest.mark.parametrize("height", [-0.35, 0.35], ids=["below", "above"])
 @pytest.mark.parametrize("name", ["HEIGHT", "DISPLACEMENT"])
 def test_integers_store_ranges_that_are_not_symmetric(name, height):

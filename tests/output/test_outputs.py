@@ -101,6 +101,15 @@ def test_colors_in_floats_stay_linear_3(tmp_path, depth, step):
     np.testing.assert_allclose(pixels(image)[..., :3], colors[..., :3], atol=2 * step)
 
 
+@pytest.mark.parametrize(("top", "depth"), [(70_000.0, 16), (70_000.0, 32), (60_000.0, 16)])
+def test_colors_that_16_bit_floats_do_not_hold_are_named(tmp_path, top, depth):
+    colors = values(3, top=top)
+    output = str(tmp_path / "m.exr")
+    stored = store({"EMISSION": colors}, maps=("EMISSION",), storage="FILE", output=output, depth=depth)
+    warning = "Values beyond 65,504 are cut off in 16-bit floats: set Depth to 32 for the emission map."
+    assert stored.warnings == ([warning] if (top, depth) == (70_000.0, 16) else [])
+
+
 @pytest.mark.parametrize("storage", ["PACK", "MEMORY"])
 @pytest.mark.parametrize(
     ("name", "depth", "space"),

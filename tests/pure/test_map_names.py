@@ -9,6 +9,7 @@ from addon.core.names import file_names
 from addon.core.names.file_names import LOW
 from addon.core.settings import Settings
 from addon.output import map_names
+from addon.output.files.planned_files import settings_by_map
 
 
 def beside(name, **settings):
@@ -119,6 +120,16 @@ def test_only_deep_maps_have_the_depth_of_the_settings_and_are_dithered(name, de
 def test_colors_of_materials_have_8_bits_inside_blender_unless_they_are_exact(name, storage, depth, expected):
     output = "a.png" if storage == "FILE" else ""
     assert beside(name, storage=storage, output=output, depth=depth).depth == expected
+
+
+@pytest.mark.parametrize("name", ["POSITION", "HEIGHT", "DISPLACEMENT", "DISTANCE", "ATTRIBUTE"])
+def test_numbers_of_any_size_have_32_bits_in_files_of_floats(name):
+    assert beside(name, output="a.exr", depth=16).depth == 32
+    assert beside(name, output="a.png", depth=16).depth == 16
+    assert beside("AO", output="a.exr", depth=16).depth == 16
+    pack = {"pack": "CUSTOM", "pack_red": "AO", "pack_green": "HEIGHT", "storage": "FILE", "output": "a.exr"}
+    assert settings_by_map(Settings(**pack))["PACKED"].depth == 32
+    assert settings_by_map(Settings(**pack | {"pack_green": "ZERO"}))["PACKED"].depth == 16
 
 
 def test_labels_take_the_lowest_depth_of_their_format():

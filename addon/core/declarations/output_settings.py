@@ -15,7 +15,7 @@ OUTPUT: dict[str, Setting] = {
     ),
     "depth": Choice(
         label="Depth",
-        tooltip="Bits per channel",
+        tooltip="Bits per channel. OpenEXR files of maps in scene units, and of attributes, always have 32",
         default=USUAL_DEPTH,
         items=(
             Item(8, "8", "Smallest. May show steps on smooth surfaces"),

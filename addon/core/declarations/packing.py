@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
-from ..map_types import AO, METALLIC, ROUGHNESS, WIDENED_ROUGHNESS, Kind, MapType
+from ..map_types import AO, BY_NAME, METALLIC, ROUGHNESS, WIDENED_ROUGHNESS, Kind, MapType, Range
 from .choices import Pack
 from .surface_map_settings import ONE, SMOOTHNESS, ZERO
 
@@ -54,8 +54,10 @@ class Packing:
 
     @property
     def map_type(self) -> MapType:
-        """A map type for the names of the image."""
-        return MapType("PACKED", "Packed", "", Kind.VALUE, self.suffix, self.short_suffix)
+        """A map type for the names and the depth of the image."""
+        is_unbounded = any(BY_NAME[name].is_unbounded for name in self.maps)
+        bounds = Range.SIGNED if is_unbounded else Range.UNIT
+        return MapType("PACKED", "Packed", "", Kind.VALUE, self.suffix, self.short_suffix, range=bounds)
 
     def of_widened_roughness(self) -> "Packing":
         """The same layout with the widened roughness in place of the material's."""

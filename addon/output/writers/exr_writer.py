@@ -10,7 +10,9 @@ import numpy as np
 from .content import Content, for_rows, top_first
 
 MAGIC = b"v/1\x01\x02\0\0\0"
-KINDS = {16: (1, np.dtype("<f2")), 32: (2, np.dtype("<f4"))}
+HALF = 16
+"""Bits of the floats that cannot hold all values."""
+KINDS = {HALF: (1, np.dtype("<f2")), 32: (2, np.dtype("<f4"))}
 """The number of the kind of pixels, and their type, by bits."""
 MOST_HALF = np.float32(65504.0)
 """The highest 16-bit float. Higher values become this."""
@@ -33,7 +35,7 @@ def content(texels: np.ndarray, depth: int, *, has_alpha: bool) -> Content:
         for rows in blocks:
             for plane, channel in enumerate(reversed(range(channels))):
                 values = texels[rows, :, channel]
-                planes[rows, plane] = np.clip(values, -MOST_HALF, MOST_HALF) if depth == 16 else values
+                planes[rows, plane] = np.clip(values, -MOST_HALF, MOST_HALF) if depth == HALF else values
 
     for_rows(height, lines.shape[1], work)
     header = _header(width, height, channels, number)

@@ -83,7 +83,10 @@ TABLE = {
         "es": "No se indicó ningún archivo para exportar: indicar uno.",
     },
     (LABEL, "Depth"): {"de_DE": "Tiefe", "es": "Profundidad"},
-    (SENTENCE, "Bits per channel"): {"de_DE": "Bits pro Kanal", "es": "Bits por canal"},
+    (SENTENCE, "Bits per channel. OpenEXR files of maps in scene units, and of attributes, always have 32"): {
+        "de_DE": "Bits pro Kanal. OpenEXR-Dateien von Maps in Szeneneinheiten und von Attributen haben immer 32",
+        "es": "Bits por canal. Los archivos OpenEXR de mapas en unidades de escena y de atributos siempre tienen 32",
+    },
     (SENTENCE, "Smallest. May show steps on smooth surfaces"): {
         "de_DE": "Am kleinsten. Kann auf glatten Oberflächen Stufen zeigen",
         "es": "La más pequeña. Puede mostrar escalones en superficies suaves",
