@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Measures how far the low mesh with its map deviates from the high meshes: the angles between their normals."""
 
+from collections.abc import Callable
 from typing import Protocol
 
 import gpu
 import numpy as np
 
-from ..core import texel_state, udim
+from ..core import texel_state
 from ..core.declarations.choices import Method
 from ..core.settings import Settings
 from ..core.texel_state import Map
@@ -28,10 +29,11 @@ class HighNormals(Protocol):
 
 
 class Deviations:
-    """The angles at the centers of texels, with the map as it is read by its own basis, in 8 bits if it has 8.
+    """The angles at the centers of texels, with the map as it is kept, and read by its own basis.
 
     Texels on which Flatten draws another place of the high surface are left out. is_wanted: whether anything is measured. It
-    takes about as long as one sample. pictures: receives them.
+    takes about as long as one sample. pictures: receives them. kept: what images and files keep of rows of the map
+    (rows, width, 4) float32.
     """
 
     def __init__(
@@ -41,8 +43,10 @@ class Deviations:
         settings: Settings,
         pictures: BakePictures | None = None,
         *,
+        kept: Callable[[np.ndarray], np.ndarray],
         is_wanted: bool,
     ):
+        self._kept = kept
         self._plan, self._highs, self._settings, self._pictures = plan, highs, settings, pictures
         self._low = plan.meshes.basis or plan.meshes.low
         self._counts = AngleCounts() if is_wanted else None
@@ -56,8 +60,8 @@ class Deviations:
         elsewhere = self._elsewhere(tile)
         for band in bands.bands(state.shape[1], state.shape[0], 0, tile):
             rows = slice(band.start, band.stop)
-            part = slice(band.start * len(elsewhere) // len(state), -(-band.stop * len(elsewhere) // len(state)))
-            texels_of_band = np.ascontiguousarray(texels[rows], np.float32)
+            part = np.arange(band.start, band.stop) * len(elsewhere) // len(state)
+            texels_of_band = np.ascontiguousarray(self._kept(np.ascontiguousarray(texels[rows], np.float32)))
             angles = self._angles(band.without_halo, texels_of_band, elsewhere[part])
             is_drawn = state[rows] == texel_state.WRITTEN
             is_known = is_drawn & (angles[..., 3] > 0.0)
@@ -78,9 +82,9 @@ class Deviations:
     def _elsewhere(self, tile: int) -> np.ndarray:
         """Where the high surface that is drawn is another place, as deviation.measure takes it."""
         meshes = self._plan.meshes
-        if self._plan.method != Method.FLATTEN or meshes.is_own_base or tile != udim.FIRST:
+        if self._plan.method != Method.FLATTEN or meshes.is_own_base:
             return np.zeros((1, 1), bool)
-        return uv_agreement.mismatched(meshes.low, meshes.drawn_highs)
+        return uv_agreement.mismatched(meshes.low, meshes.drawn_highs, tile)
 
     def _angles(self, band: Band, texels: np.ndarray, elsewhere: np.ndarray) -> np.ndarray:
         """What deviation.measure writes, (height, width, 4) float32."""
@@ -90,7 +94,7 @@ class Deviations:
             self._uploaded = mesh_upload.upload(low.triangles, uv=low.uv, normal=low.normals, tangent=tangents)
         data = gpu.types.Buffer("FLOAT", texels.shape, texels)
         normal_map = gpu.types.GPUTexture((band.width, band.height), format="RGBA32F", data=data)
-        read = (255 if settings.depth == 8 else 0, *normal_channels.reading(settings)[1:])
+        read = normal_channels.reading(settings)
         measured = target.get("deviation", band.width, band.height, "RGBA32F")
         deviation.measure(
             measured,

@@ -89,12 +89,12 @@ def differing(low: Mesh, highs: Sequence[Mesh], tiles: Sequence[int], offset: np
     return clauses[0] if clauses else ""
 
 
-def mismatched(low: Mesh, highs: Sequence[Mesh]) -> np.ndarray:
-    """Where the meshes do not belong together on the UV tile 0 to 1: (PROBE_SIZE, PROBE_SIZE) bool, row 0 is v = 0.
+def mismatched(low: Mesh, highs: Sequence[Mesh], tile: int = udim.FIRST) -> np.ndarray:
+    """Where the meshes do not belong together on a UDIM tile: (PROBE_SIZE, PROBE_SIZE) bool, row 0 is at its lowest v.
 
     On these texels, the high meshes' point is not CLOSE to any point of the low mesh, along its surface.
     """
-    both, between = _along(_Surface(low), low, highs, udim.uv_to_clip())
+    both, between = _along(_Surface(low), low, highs, udim.uv_to_clip(tile))
     result = np.zeros(both.shape, bool)
     result[both] = between.min(axis=0) >= CLOSE
     return result

@@ -3,6 +3,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import bpy
 import numpy as np
@@ -26,6 +27,7 @@ from ..engine.mips import mip_levels
 from ..engine.rendering import Renderer
 from ..engine.sources import Source, normal_source
 from ..mesh.inputs import Meshes
+from ..output import map_storage
 from ..output.outputs import Outputs, Stored, into_materials
 from ..scene import object_checks, reading
 from .job import Job
@@ -111,7 +113,8 @@ def _prepare(context: bpy.types.Context, job: Job, settings: Settings, pace: Pac
     low = meshes.basis or meshes.low
     pictures = BakePictures(low, tiles, settings, is_wanted=job.is_pictured)
     is_wanted = (job.is_measured or job.is_pictured) and settings.normal
-    deviations = Deviations(plan, drawn, settings, pictures, is_wanted=is_wanted)
+    kept = partial(map_storage.kept, settings=settings)
+    deviations = Deviations(plan, drawn, settings, pictures, kept=kept, is_wanted=is_wanted)
     return _Ready(meshes, [*warnings, *early], plan, source, Renderer(drawn, run), others, deviations, pictures)
 
 

@@ -47,6 +47,20 @@ def replaced(name: str, highs: Iterable[str]) -> str:
     return "" if set(before).intersection(highs) else shorten_list(map(repr, before))
 
 
+def kept(texels: np.ndarray, settings: Settings) -> np.ndarray:
+    """What an image or a file of these settings keeps of the normals in `texels` (height, width, 4) float32."""
+    if _is_dithered(settings):
+        return quantize.dithered(texels)
+    if not settings.is_float:
+        return quantize.rounded(texels, settings.depth)
+    is_half = settings.storage == Storage.FILE and settings.depth == 16
+    return texels.astype(np.float16).astype(np.float32) if is_half else texels
+
+
+def _is_dithered(settings: Settings) -> bool:
+    return settings.dither and settings.depth == 8
+
+
 class Writer:
     """Stores one map in an image datablock and in files. Before `commit`, no datablock or existing file changes.
 
@@ -100,7 +114,7 @@ class Writer:
         settings = self.settings
         self.tiles.append(tile)
         stored = texels  # Blender rounds
-        if settings.dither and settings.depth == 8:
+        if _is_dithered(settings):
             stored = quantize.dithered(texels, with_alpha=self.is_packed)
         if self._path:
             partial = self._partials[tile] = Partial(self._of_tile(tile))
