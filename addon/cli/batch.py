@@ -23,7 +23,7 @@ from ..core.timings import startup
 from ..jobs import bake_jobs, sequence
 from ..jobs.job import Job, jobs_by_name
 from ..output.files.atomic_file import all_or_none, check_writable
-from ..scene import object_refs
+from ..scene import dependencies, object_refs
 from . import input_checks, interruption, memory_check, scene_files, side_files, standard_streams
 from .done import bake_key
 from .done.contents import Content, Contents
@@ -62,6 +62,8 @@ class Opened:
     """The files that its options name. Empty if neither a report nor a record wants them."""
     found: list[Content]
     """The other files that it reads. Empty likewise."""
+    not_followed: list[str]
+    """Why other files that it reads are not known, in clauses."""
     hashes: Contents | None
     """For the files that it writes. None likewise."""
 
@@ -125,7 +127,8 @@ def open_files(
     hashes = hashes or (Contents() if options.report else None)
     declared = hashes.all_of(bake_key.inputs(options, bpy.data.filepath)) if hashes else []
     found = hashes.all_of(scene_files.read_by(options, jobs)) if hashes else []
-    return Opened(name, options, settings, jobs, problems, notes, begun, hints, declared, found, hashes)
+    not_followed = dependencies.not_followed(obj for job in jobs for obj in (job.low, *job.highs))
+    return Opened(name, options, settings, jobs, problems, notes, begun, hints, declared, found, not_followed, hashes)
 
 
 def run(opened: Opened, stage: Stage, files: run_clashes.Run, meter: Meter) -> Result:

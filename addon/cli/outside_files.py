@@ -7,10 +7,8 @@ from collections.abc import Sequence
 import bpy
 
 from ..core.errors import BakeError, shorten_list
+from ..scene import dependencies
 from .trust.bounds import is_below
-
-IMPORT_NODES = "GeometryNodeImport"
-"""The start of the names of the nodes that read files, at paths that other nodes can make."""
 
 
 def forbid_scripts() -> None:
@@ -25,12 +23,12 @@ def leave_out(folders: Sequence[str]) -> list[str]:
     """
     _check_nodes()
     for library in bpy.data.libraries:
-        if not _is_inside(bpy.path.abspath(library.filepath, library=library.parent), folders):
+        if not _is_inside(dependencies.absolute(library.filepath, library), folders):
             raise BakeError(f"The library {library.filepath!r} {_not_in(folders)}")
     left: list[str] = []
 
     def visit(owner: bpy.types.ID, path: str, _about: object) -> str | None:
-        if not path or _is_inside(bpy.path.abspath(path, library=owner.library), folders):
+        if not path or _is_inside(dependencies.absolute(path, owner), folders):
             return None
         left.append(path)
         return ""
@@ -54,7 +52,7 @@ def _not_in(folders: Sequence[str]) -> str:
 
 def _check_nodes() -> None:
     for tree in bpy.data.node_groups:
-        node = next((node for node in tree.nodes if node.bl_idname.startswith(IMPORT_NODES)), None)
+        node = next((node for node in tree.nodes if node.bl_idname.startswith(dependencies.IMPORT_NODES)), None)
         if node is not None:
             raise BakeError(
                 f"The node {node.name!r} of {tree.name!r} imports a file, which --untrusted refuses: remove it."

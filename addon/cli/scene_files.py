@@ -15,9 +15,9 @@ from ..core.file_formats import OPENED
 from ..jobs.job import Job
 from ..output import datablocks
 from ..output.files.atomic_file import reason
+from ..scene import dependencies
 from ..scene.visibility import put
 from . import interruption, outside_files, standard_streams
-from .mesh_files import page_files
 from .mesh_files.importers import IMPORTERS, PLAIN, Space, import_file
 from .mesh_files.usd_references import UnreadReference
 from .plan import blend_blocks
@@ -196,9 +196,12 @@ def read_by(options: argparse.Namespace, jobs: Sequence[Job]) -> Iterator[tuple[
     for name in [*options.file, *filter(None, (options.low_file, *options.high_file, options.cage_file))]:
         title = f"what {os.path.basename(name)!r} refers to"
         yield from ((path, title) for path in InputFiles().references(name))
-    for image in page_files.used_by(high for job in jobs for high in job.highs):
-        if image.filepath and not image.packed_file and image.source in {"FILE", "TILED", "SEQUENCE"}:
-            yield bpy.path.abspath(image.filepath, library=image.library), "a texture of the high meshes"
+    lows, highs = [job.low for job in jobs], [high for job in jobs for high in job.highs]
+    cages = [job.cage for job in jobs if job.cage]
+    for each in dependencies.of([*lows, *highs, *cages], highs):
+        # The materials of a low object that is its own high one show the maps that the bake replaces.
+        if not (each.is_own_map and set(lows) & set(highs)):
+            yield each.path, each.what
 
 
 def used(options: argparse.Namespace) -> Iterator[tuple[str, str]]:

@@ -62,10 +62,10 @@ def of(
 
 
 def not_followed(objects: Iterable[bpy.types.Object]) -> list[str]:
-    """Sentences about files that `objects` are made from and whose paths are only known while they are evaluated."""
+    """Clauses about files that `objects` are made from and whose paths are only known while they are evaluated."""
     trees = [block for block in _Uses().by(objects) if isinstance(block, bpy.types.NodeTree)]
     return [
-        f"The node {node.name!r} of {tree.name!r} computes the path of its file."
+        f"the node {node.name!r} of {tree.name!r} computes the path of its file"
         for tree in trees
         for node in _import_nodes(tree)
         if _paths_of(node.inputs[0]) is None

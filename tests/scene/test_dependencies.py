@@ -2,21 +2,33 @@
 """Tests that the files that objects are made from are found, and no others."""
 
 import bpy
+import numpy as np
 import pytest
 
 from addon.scene import dependencies
 from tests.support import dependency_kinds, zoo
 
 
+def shape(obj):
+    """The points of an evaluated object, as bytes."""
+    bpy.context.view_layer.update()
+    data = obj.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
+    points = np.empty((len(data.vertices), 3), np.float32)
+    data.vertices.foreach_get("co", points.reshape(-1))
+    return points.tobytes()
+
+
 @pytest.mark.parametrize("name", dependency_kinds.KINDS)
 def test_a_file_is_found_from_the_object_that_depends_on_it(name, tmp_path):
     obj, other = zoo.plane("rock", 8), zoo.plane("other", 8)
+    before = shape(obj)
     path = dependency_kinds.KINDS[name](obj, tmp_path)
     found = {each.path: each for each in dependencies.of([obj], [obj])}
     assert str(path) in found
     assert found[str(path)].is_needed
     assert not dependencies.of([other], [other])
     assert not dependencies.not_followed([obj])
+    assert shape(obj) != before  # the object does depend on it
 
 
 def test_images_that_only_materials_show_are_those_of_the_objects_that_are_shown(tmp_path):
@@ -40,5 +52,5 @@ def test_a_path_that_nodes_compute_is_named(tmp_path):
     joined = tree.nodes.new("GeometryNodeStringJoin")
     tree.links.new(joined.outputs[0], node.inputs[0])
     assert dependencies.not_followed([obj]) == [
-        f"The node {node.name!r} of {tree.name!r} computes the path of its file."
+        f"the node {node.name!r} of {tree.name!r} computes the path of its file"
     ]

@@ -96,32 +96,35 @@ def _moved_copy(obj):
 def _exported(obj, folder, ending, operator, **more):
     """The file of a moved copy of an object, which is removed."""
     copy, path = _moved_copy(obj), folder / f"moved{ending}"
+    bpy.context.view_layer.update()
     for each in bpy.context.view_layer.objects:
         each.select_set(each == copy)
     bpy.context.view_layer.objects.active = copy
     operator(filepath=str(path), **more)
     bpy.data.objects.remove(copy)
+    assert path.stat().st_size > 1000
     return path
 
 
-def _sequence_cache(obj, path, object_path):
+def _sequence_cache(obj, path):
     bpy.ops.cachefile.open(filepath=str(path))
     modifier = obj.modifiers.new("cache", "MESH_SEQUENCE_CACHE")
     modifier.cache_file = bpy.data.cache_files[path.name]
-    modifier.object_path = object_path
+    bpy.context.view_layer.update()  # reads the paths
+    modifier.object_path = max((each.path for each in modifier.cache_file.object_paths), key=len)
 
 
 @kind
 def alembic_cache(obj, folder):
     path = _exported(obj, folder, ".abc", bpy.ops.wm.alembic_export, selected=True, start=1, end=1)
-    _sequence_cache(obj, path, "/moved/moved")
+    _sequence_cache(obj, path)
     return path
 
 
 @kind
 def usd_cache(obj, folder):
     path = _exported(obj, folder, ".usda", bpy.ops.wm.usd_export, selected_objects_only=True)
-    _sequence_cache(obj, path, "/root/moved/moved")
+    _sequence_cache(obj, path)
     return path
 
 
@@ -289,3 +292,6 @@ def font_of_nodes(obj, folder):
     else:
         node.font = found
     return path
+
+
+OPTIONS = {}

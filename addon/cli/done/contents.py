@@ -4,8 +4,9 @@
 import hashlib
 import os
 import stat
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from ...core import udim
@@ -15,7 +16,7 @@ from ...core import udim
 class Content:
     """The content of the file at an absolute path. size and sha256 are None if there is none that can be read.
 
-    For a path that udim.is_tiled, that of the files of all tiles together.
+    For a path that udim.is_tiled, that of the files of all tiles together, and for a folder, that of all files in it.
     """
 
     path: str
@@ -46,8 +47,8 @@ class Contents:
     def of(self, path: str, what: str = "") -> Content:
         """The content of a file, which is read if needed."""
         path = os.path.abspath(path)
-        if udim.is_tiled(path):
-            return self._of_tiles(path, what)
+        if (several := files(path)) != [path]:
+            return self._of_several(path, what, several)
         try:
             with open(path, "rb", opener=_at_once) as file:
                 found = os.fstat(file.fileno())
@@ -67,11 +68,12 @@ class Contents:
             titles.setdefault(os.path.abspath(path), what)
         return [self.of(path, what) for path, what in titles.items()]
 
-    def _of_tiles(self, path: str, what: str) -> Content:
-        tiles = [self.of(tile) for tile in _tiles(path)]
-        if not tiles:
+    def _of_several(self, path: str, what: str, paths: Sequence[str]) -> Content:
+        found = [self.of(each) for each in paths]
+        if not found:
             return Content(path, what)
-        lines = [f"{tile.sha256} {os.path.basename(tile.path)}" for tile in tiles]
+        start = path if os.path.isdir(path) else os.path.dirname(path)
+        lines = [f"{each.sha256} {Path(os.path.relpath(each.path, start)).as_posix()}" for each in found]
         digest = hashlib.sha256(os.fsencode("\n".join(lines))).hexdigest()
         return Content(path, what, size_of(path), digest, stamp_of(path))
 
@@ -82,7 +84,7 @@ def _at_once(path: str, flags: int) -> int:
 
 
 def size_of(path: str) -> int | None:
-    """The size of a file, or of those of all tiles together, without reading them; None if there is none."""
+    """The size of the files that `path` stands for, without reading them; None if there is none."""
     found = _found(path)
     return sum(each.st_size for each in found) if found else None
 
@@ -92,10 +94,19 @@ def stamp_of(path: str) -> str:
     return " ".join(map(_stamp, _found(path)))
 
 
+def files(path: str) -> list[str]:
+    """The files that a path stands for: those of all tiles, all below a folder, or the one at the path."""
+    if udim.is_tiled(path):
+        return list(udim.files(path).values())
+    if not os.path.isdir(path):
+        return [path]
+    return sorted(os.path.join(folder, name) for folder, _, names in os.walk(path) for name in names)
+
+
 def _found(path: str) -> list[os.stat_result]:
-    """What the system says of the file at `path`, or of those of all tiles."""
+    """What the system says of the files that `path` stands for."""
     try:
-        return [os.stat(each) for each in (_tiles(path) if udim.is_tiled(path) else [path])]
+        return [os.stat(each) for each in files(path)]
     except (OSError, ValueError):
         return []
 
@@ -103,8 +114,3 @@ def _found(path: str) -> list[os.stat_result]:
 def _stamp(found: os.stat_result) -> str:
     # A program can set the time of a change back, but not that of the last change of anything, which Windows does not have.
     return f"{found.st_dev}:{found.st_ino}:{found.st_size}:{found.st_mtime_ns}:{found.st_ctime_ns}"
-
-
-def _tiles(path: str) -> list[str]:
-    """The paths of the tiles, in the order of their names."""
-    return list(udim.files(path).values())

@@ -16,14 +16,18 @@ from .bake_record import Draft
 from .contents import Content, Contents
 
 
-def finish(draft: Draft | None, done: Done, found: Sequence[Content], hashes: Contents) -> Done:
+def finish(
+    draft: Draft | None, done: Done, found: Sequence[Content], hashes: Contents, not_followed: Sequence[str] = ()
+) -> Done:
     """Write the record of a bake if it has one and is done. A record that cannot be written is a warning.
 
-    found, hashes: as in bake_record.write.
+    found, hashes: as in bake_record.write. not_followed: why files that the bake read are not known, in clauses.
     """
     if draft is None or done.entry.state not in {State.DONE, State.GATE}:
         return done
     try:
+        if not_followed:
+            raise BakeError(f"{not_followed[0]}, so --resume does it again.")
         files = [each["path"] for each in done.entry.files]
         bake_record.write(draft, done.entry.to_dict(), found, files, hashes, picture=done.picture)
     except BakeError as error:

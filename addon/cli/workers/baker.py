@@ -43,14 +43,14 @@ class Baker:
 
     def bake(self, plan: Plan, draft: Draft | None = None) -> Done:
         """Bake a plan. draft: of the record to write."""
-        start, found = time.perf_counter(), []
+        start, found, not_followed = time.perf_counter(), [], []
         hashes = self._contents if self._wanted.hashes or draft is not None else None
         try:
             interruption.check()
             opened = batch.open_files(
                 plan, self._stage, self._files, self._meter, hashes, is_pictured=self._wanted.pictures
             )
-            found = opened.found
+            found, not_followed = opened.found, opened.not_followed
             result = batch.run(opened, self._stage, self._files, self._meter)
         except interruption.Stopped:
             result = Result(plan.name, is_stopped=True)
@@ -59,7 +59,8 @@ class Baker:
             self._stage = Stage(self._folders)  # the failed bake may have changed the open scene
         result.seconds = time.perf_counter() - start
         self._meter.clear()
-        return recording.finish(draft, Done.of(result, plan.number, _picture(result)), found, self._contents)
+        done = Done.of(result, plan.number, _picture(result))
+        return recording.finish(draft, done, found, self._contents, not_followed)
 
 
 def _picture(result: Result) -> bytes:
