@@ -86,7 +86,8 @@ class NoGpu(Failure):
 
 def print_message(text):
     """Print a message to standard error. Standard output is for the command."""
-    line = f"imprint: {text}"
+    # Names come from files, and must not control the terminal.
+    line = "".join(each if each.isprintable() or each == "\n" else "?" for each in f"imprint: {text}")
     if "--progress json" in " ".join(sys.argv).replace("=", " "):
         line = json.dumps({"event": "message", "text": line})  # as addon/cli/results/events.py
     with contextlib.suppress(OSError):  # for example, a full disk: then there is only the exit code

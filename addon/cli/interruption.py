@@ -12,6 +12,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any
 
+from ..core.names.printable import printable
 from ..output.files import atomic_file
 
 NAMES = ("SIGHUP", "SIGINT", "SIGTERM")
@@ -94,7 +95,7 @@ def note(name: str) -> None:
     if is_launched() and descriptor.isdecimal():
         with suppress(OSError):  # a full disk; the name only matters in a crash
             os.ftruncate(int(descriptor), 0)
-            os.pwrite(int(descriptor), os.fsencode(name), 0)
+            os.pwrite(int(descriptor), os.fsencode(printable(name)), 0)
 
 
 @contextmanager

@@ -7,6 +7,7 @@ import time
 import bpy
 
 from ..core.errors import BakeError, WrongPlace
+from ..core.names.printable import printable
 from . import batch, interruption
 from .plan import plans, run_clashes
 from .plan.plans import Plan
@@ -48,9 +49,13 @@ def run(plan: Plan, files: run_clashes.Run, program: str, meter: Meter) -> int:
     if result.is_stopped:
         print(f"{program}: stopped, the {result.are} before are kept.", file=sys.stderr)
     for sentence in entry.gate:
-        print(f"{program}: {sentence}", file=sys.stderr)
-    lines = [*terminal_text.saved(result.maps), *terminal_text.summary(result)]
-    print("\n".join([*lines, terminal_text.wrote(result, opened.report)]), file=out)
+        print(printable(f"{program}: {sentence}"), file=sys.stderr)
+    lines = [
+        *terminal_text.saved(result.maps),
+        *terminal_text.summary(result),
+        terminal_text.wrote(result, opened.report),
+    ]
+    print("\n".join(map(printable, lines)), file=out)
     if options.report == STDOUT:
         print(report_file.as_text(run_report.document([entry], 1)))
     meter.ended(entry)
@@ -59,7 +64,7 @@ def run(plan: Plan, files: run_clashes.Run, program: str, meter: Meter) -> int:
 
 def _fail(result: Result, report: str | None, program: str, meter: Meter) -> int:
     """Say why a bake failed, on standard error and in its report. Returns the exit code."""
-    print(f"{program}: {result.error}", file=sys.stderr)
+    print(printable(f"{program}: {result.error}"), file=sys.stderr)
     entry = result.entry()
     meter.ended(entry)
     document = run_report.document([entry], 1)

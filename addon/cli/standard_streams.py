@@ -9,6 +9,8 @@ import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, redirect_stderr, redirect_stdout
 
+from ..core.names.printable import printable
+
 
 class _Patient(io.FileIO):
     """A stream of the system that ignores errors: a full disk or a closed pipe must not stop a bake."""
@@ -24,6 +26,16 @@ class _Patient(io.FileIO):
         except OSError as error:
             self.error = self.error or error
             return len(data)
+
+
+class _Text(io.TextIOWrapper):
+    """Text for a terminal, without characters that control it: names come from files. Lines may end, and a text may begin with
+    a return, as the line that shows progress does."""
+
+    def write(self, text: str) -> int:
+        start = "\r" if text.startswith("\r") else ""
+        super().write(start + "\n".join(map(printable, text.removeprefix(start).split("\n"))))
+        return len(text)
 
 
 def reserve() -> None:
@@ -105,7 +117,7 @@ def _is(stream, number: int) -> bool:
 
 def _text(file: _Patient) -> io.TextIOWrapper:
     """Text that never fails to be encoded, line by line."""
-    return io.TextIOWrapper(io.BufferedWriter(file), errors="backslashreplace", line_buffering=True)
+    return _Text(io.BufferedWriter(file), errors="backslashreplace", line_buffering=True)
 
 
 def flush() -> None:

@@ -5,6 +5,7 @@ import shutil
 import sys
 from typing import TextIO
 
+from ..core.names.printable import printable
 from ..core.progress import Progress
 from .plan.plans import Plan
 from .results.run_report import Entry
@@ -53,7 +54,7 @@ class Meter:
         """Print a line that is no error to standard error, in place of the progress."""
         self.clear()
         if not self.is_quiet:
-            print(line, file=sys.stderr)
+            print(printable(line), file=sys.stderr)
 
     def clear(self) -> None:
         """Erase the line, so that others can be written."""
@@ -65,7 +66,7 @@ class Meter:
     def _write(self, line: str) -> None:
         if not self.is_on:
             return
-        line = line[: shutil.get_terminal_size().columns - 1]  # a longer line would wrap
+        line = printable(line)[: shutil.get_terminal_size().columns - 1]  # a longer line would wrap
         self._stream.write("\r" + line.ljust(self._width))
         self._stream.flush()
         self._width = len(line)

@@ -1,12 +1,25 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Tests output to a pipe."""
+"""Tests output to a pipe, and to a terminal that names must not control."""
 
+import contextlib
 import os
+import re
+import subprocess
+import sys
 import threading
 
+import bpy
 import pytest
 
 from addon.cli import standard_streams
+from scripts import imprint
+from scripts.imprint import ROOT
+from tests.support import zoo
+
+try:
+    import pty
+except ImportError:  # Windows
+    pty = None
 
 
 @pytest.mark.skipif(os.name == "nt", reason="pipes of POSIX")
@@ -25,3 +38,68 @@ def test_a_pipe_that_does_not_block_gets_all_text():
     reader.join()
     os.close(source)
     assert b"".join(received).decode() == text
+
+
+HOSTILE = "a\x1b]0;title\x07\x1b]52;c;eA==\x07\x9b2J\u202e\r\b\nimprint: fake"
+PRINTS = """
+import sys
+from addon.cli import standard_streams
+from addon.cli.terminal_progress import Meter
+from addon.core.progress import Progress
+name = sys.argv[1]
+with standard_streams.ours(), Meter(sys.stderr) as meter:
+    assert meter.is_on
+    meter.show(name, Progress(f"Reading {name}", 0.5))
+    meter.report(f"imprint: warning: {name}")
+    meter.show(name, Progress("Rays", 0.6))
+    line = name.replace("\\n", "")
+    print(f"imprint: {line}", file=sys.stderr)
+    print(f"Saved: '{line}'")
+"""
+
+
+def on_terminal(program, *words, **options):
+    """All that a process writes to its terminal, and its exit code."""
+    ours, theirs = pty.openpty()
+    process = subprocess.Popen([*program, *words], stdin=theirs, stdout=theirs, stderr=theirs, **options)
+    os.close(theirs)
+    parts = []
+    with contextlib.suppress(OSError):  # the end, on Linux
+        while part := os.read(ours, 1 << 16):
+            parts.append(part)
+    os.close(ours)
+    return b"".join(parts).decode(), process.wait()
+
+
+def controls(text):
+    """The control characters of a text, without the ends of lines, and returns before the line that shows progress."""
+    return {each for each in text if not each.isprintable()} - {"\r", "\n"}
+
+
+@pytest.mark.skipif(pty is None, reason="terminals of POSIX")
+def test_a_name_cannot_control_the_terminal():
+    said, code = on_terminal([sys.executable, "-c", PRINTS], HOSTILE, cwd=ROOT)
+    assert code == 0, said
+    assert controls(said) == set()
+    assert "\b" not in said
+    assert "a?]0;title??]52;c;eA==??2J????imprint: fake" in said
+    assert not [line for line in re.split("[\r\n]+", said) if line.startswith("imprint: fake")]
+
+
+@pytest.mark.skipif(pty is None, reason="terminals of POSIX")
+@pytest.mark.usefixtures("gpu_context")
+def test_an_object_s_name_cannot_control_the_terminal(tmp_path):
+    for name in ("low", "high"):
+        zoo.plane("low").name = f"a\x1b]0;OWNED\x07\x1b]52;c;eA==\x07_{name}"
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "s.blend"))
+    words = ["s.blend", "--pairs", "--size", "16", "--untrusted", "--output", "out/{low}.png"]
+    said, code = on_terminal([sys.executable, str(ROOT / "scripts" / "bake.py")], *words, cwd=tmp_path)
+    assert code == 0, said
+    assert "]0;OWNED" in said
+    assert controls(said) == set()
+
+
+def test_the_launcher_writes_no_name_as_it_is(capsys, monkeypatch):
+    monkeypatch.setattr(sys, "argv", ["imprint.py", "bake"])
+    imprint.print_message("Blender crashed while baking a\x1b]0;OWNED\x07\x9b2J:\nMemory was low.")
+    assert capsys.readouterr().err == "imprint: Blender crashed while baking a?]0;OWNED??2J:\nMemory was low.\n"
