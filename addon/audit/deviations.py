@@ -14,7 +14,6 @@ from ..core.texel_state import Map
 from ..engine import bands, normal_channels, uv_agreement
 from ..engine.bands import Band
 from ..engine.method_choice import Plan
-from ..mesh.triangle_mesh import normal_matrix
 from ..passes import mesh_upload, target
 from ..passes.view import deviation, lit
 from .angle_counts import AngleCounts
@@ -101,8 +100,9 @@ class Deviations:
             self._uploaded,
             normal_map,
             self._highs.high_normals(band),
-            lit.shading(normal_matrix(low.to_world), read=read),
+            lit.shading(low.normal_matrix, read=read),
             elsewhere=elsewhere,
+            stretch=low.stretch,
             uv_to_clip=band.uv_to_clip,
         )
         values = np.empty((band.height, band.width, 4), np.float32)

@@ -5,11 +5,12 @@ import gpu
 import numpy as np
 
 from ..core import texel_state
-from ..core.declarations import readers
+from ..core.declarations import bases, readers
 from ..core.declarations.choices import Space
 from ..core.settings import Settings
 from ..core.texel_state import Map
 from ..engine import bands, normal_channels
+from ..mesh import stretch
 from ..mesh.triangle_mesh import Mesh
 from ..passes import mesh_upload
 from ..passes.audit import reader_angles
@@ -19,12 +20,23 @@ from .angle_counts import AngleCounts
 class OtherReaders:
     """The angles between the normals that a map means, before it is rounded, and those that programs show of it.
 
-    low: the low mesh with its tangents; None for a map in another space, which has no readers.
+    low: the low mesh with its tangents; None for a map in another space, which has no readers. warnings: names the programs
+    that cannot be measured, as they make other tangents of an unevenly scaled mesh.
     """
 
     def __init__(self, low: Mesh | None, settings: Settings):
         is_measured = low is not None and settings.space == Space.TANGENT and settings.normal
-        self.readers = [readers.BY_NAME[name] for name in settings.readers] if is_measured else []
+        wanted = [readers.BY_NAME[name] for name in settings.readers] if is_measured else []
+        own = bases.of_name(settings.basis)
+        is_uneven = bool(wanted) and stretch.is_uneven(low.to_world)
+        self.readers = [reader for reader in wanted if not is_uneven or reader.basis.has_tangents_of(own)]
+        unlike = ", ".join(reader.label for reader in wanted if reader not in self.readers)
+        self.warnings = []
+        if unlike:
+            self.warnings.append(
+                f"{unlike}: of {low.name!r}, which is scaled more along one axis than along another, other tangents are made "
+                "there than the map is for. Apply the scale (Object > Apply > Scale) and bake again."
+            )
         self.low, self.settings = low, settings
         self._counts = {reader.name: AngleCounts() for reader in self.readers}
         self._uploaded: gpu.types.GPUBatch | None = None

@@ -97,10 +97,11 @@ class Report:
     mip_files: dict[str, list[str]] = field(default_factory=dict)
     """The absolute paths of the files of mip levels that were written, from level 1 on, by the map's name."""
     export: dict[str, Any] = field(default_factory=dict)
-    """The file for an engine, as it was read back: files, triangles and basis. With a normal map also has_tangents, points (how
-    many texels were compared) and degrees: by basis, the median, percentile_95, percentile_99 and maximum of the angles between
-    the normals that a reader with this basis shows of the file and those that were baked; readers: the same of the programs
-    that the settings name. Empty without such a file."""
+    """The file for an engine, as it was read back: files, triangles, basis, and has_applied_scale: whether the scale of the
+    object, which is mirrored or uneven, is in the mesh. With a normal map also has_tangents, points (how many texels were
+    compared) and degrees: by basis, the median, percentile_95, percentile_99 and maximum of the angles between the normals that
+    a reader with this basis shows of the file and those that were baked; readers: the same of the programs that the settings
+    name. Empty without such a file."""
     memory: dict[str, int] = field(default_factory=dict)
     """Bytes that were estimated before the bake: needed of the machine, on_gpu, and free. Empty in a bake from the window, and
     where modifiers decide how large the meshes are."""
@@ -156,6 +157,8 @@ class Report:
         if not how:
             return ""
         start = f"{Path(how['files'][0]).name}: {how['triangles']:,} triangles, read back"
+        if how.get("has_applied_scale"):
+            start += f", with the scale of {self.low} applied"
         if "degrees" not in how:
             return start
         own, figures = how["basis"], how["degrees"]

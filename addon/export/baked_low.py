@@ -2,7 +2,7 @@
 """The low mesh of a finished bake, as the bake read it: its triangles, normals, UVs and tangents."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import bpy
 import numpy as np
@@ -12,6 +12,8 @@ from ..core.declarations.bases import Basis
 from ..core.declarations.choices import Space
 from ..core.errors import BakeError
 from ..core.report import Report
+from ..mesh import stretch
+from ..mesh.triangle_mesh import Mesh
 from ..scene import evaluation, mesh_reader
 
 
@@ -21,7 +23,9 @@ class BakedLow:
 
     One row per corner of each triangle, (T, 3, n) float32: positions, normals, tangents with the sign of the bitangent. uvs:
     the UVs of each layer by name, that of the maps first. slots (T,) int32: the material slot. name, materials: of the
-    object, and of the material in each slot, "" without one; staged copies borrow the names of datablocks.
+    object, and of the material in each slot, "" without one; staged copies borrow the names of datablocks. matrix (4, 4)
+    float64: from the positions to the scene. has_applied_scale: whether the scale of the object is in the positions and not in
+    the matrix, as of a mirrored or unevenly scaled one: engines differ in how they transform its tangents.
     """
 
     low: bpy.types.Object
@@ -34,6 +38,8 @@ class BakedLow:
     tangents: np.ndarray
     uvs: dict[str, np.ndarray]
     slots: np.ndarray
+    matrix: np.ndarray
+    has_applied_scale: bool
 
     @property
     def positions(self) -> np.ndarray:
@@ -81,6 +87,7 @@ def read(context: bpy.types.Context, reports: Sequence[Report]) -> BakedLow:
         layers = {layer.name: mesh_reader.uvs(data, layer.name) for layer in data.uv_layers}
         drawn = mesh_reader.triangles(data)
         mesh = mesh_reader.with_tangents(data, report.uv_layer, low.name, mesh_reader.matrix(low))
+    mesh, has_applied_scale = _with_scale(mesh, report)
     slots = mesh.labels[:, 0].astype(np.int32).clip(0, max(0, len(low.material_slots) - 1))
     order = np.argsort(slots, kind="stable")  # as files have them
     triangles = mesh.triangles[order]
@@ -98,4 +105,30 @@ def read(context: bpy.types.Context, reports: Sequence[Report]) -> BakedLow:
         mesh.tangents[triangles],
         {name: layers[name][own] for name in names},
         slots[order],
+        mesh.to_world,
+        has_applied_scale,
     )
+
+
+def _with_scale(mesh: Mesh, report: Report) -> tuple[Mesh, bool]:
+    """`mesh` with the scale of its object applied if engines would differ in showing it, and whether it was.
+
+    Raises BakeError for a normal map that fits only the mesh without it.
+    """
+    is_uneven, is_mirrored = stretch.is_uneven(mesh.to_world), np.linalg.det(mesh.to_world[:3, :3]) < 0.0
+    if not (is_uneven or is_mirrored):
+        return mesh, False
+    basis = bases.of_name(report.settings["basis"])
+    if is_uneven and basis.in_object_space and report.settings["normal"]:
+        raise BakeError(
+            f"{mesh.name!r} is scaled more along one axis than along another, and only {basis.label} can show its normal map "
+            "then: bake it for the basis of your engine, or apply the scale (Object > Apply > Scale) and bake again."
+        )
+    scale = stretch.of(mesh.to_world)
+    normals, tangents = stretch.applied(scale, mesh.normals, mesh.tangents, basis)
+    to_world = mesh.to_world.copy()
+    to_world[:3, :3] = mesh.to_world[:3, :3] @ np.linalg.inv(scale)
+    positions = (mesh.positions @ scale.T).astype(np.float32)
+    applied = replace(mesh, positions=positions, normals=normals, tangents=tangents, to_world=to_world)
+    # Mirrored triangles are seen from behind until their winding is turned.
+    return replace(applied, triangles=mesh.triangles[:, ::-1]) if is_mirrored else applied, True

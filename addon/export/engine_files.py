@@ -5,7 +5,7 @@ import os
 import tempfile
 from collections.abc import Callable, Collection, Sequence
 from contextlib import ExitStack, redirect_stdout
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from io import StringIO
 from pathlib import Path
 from types import ModuleType
@@ -38,19 +38,21 @@ WRITTEN = 0.3
 @dataclass(frozen=True)
 class Exported:
     """One low object in a written file. paths: of the file, and of those beside it. basis: the name of the basis that its
-    normal map was made for. measured: None without a normal map."""
+    normal map was made for. has_applied_scale: as BakedLow has it. measured: None without a normal map."""
 
     low: str
     paths: list[str]
     triangles: int
     basis: str
+    has_applied_scale: bool
     measured: Measured | None
     warnings: list[str]
 
     def to_dict(self) -> dict:
         """Plain data, as Report.export has it."""
         found = asdict(self.measured) if self.measured else {}
-        return {"files": self.paths, "triangles": self.triangles, "basis": self.basis, **found}
+        written = {"files": self.paths, "triangles": self.triangles, "basis": self.basis}
+        return {**written, "has_applied_scale": self.has_applied_scale, **found}
 
 
 def check(path: str) -> None:
@@ -105,7 +107,7 @@ def work(
             check_beside(str(other))
         _move(files, targets)
     paths = list(map(str, targets))
-    return [Exported(one.low, paths, one.triangles, one.basis, one.measured, one.warnings) for one in done]
+    return [replace(one, paths=paths) for one in done]
 
 
 def _format(path: Path) -> ModuleType:
@@ -191,7 +193,8 @@ def _exported(file_format: ModuleType, one: Staged, path: Path) -> Exported:
             [readers.BY_NAME[name] for name in low.reports[0].settings["readers"]],
             () if file_format.CHANNELS else one.channels(0),
         )
-    return Exported(low.name, [], len(one.faces), low.basis.name, measured, _warnings(one, measured))
+    about = low.name, [], len(one.faces), low.basis.name, low.has_applied_scale
+    return Exported(*about, measured, _warnings(one, measured))
 
 
 def _kept(load: Callable[[int], np.ndarray | None]) -> Callable[[int], np.ndarray | None]:

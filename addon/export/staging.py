@@ -8,6 +8,7 @@ from pathlib import Path
 
 import bpy
 import numpy as np
+from mathutils import Matrix
 
 from .. import older_blender
 from ..core import udim
@@ -122,7 +123,7 @@ def _object(low: BakedLow, made: list[bpy.types.ID], names: ExitStack, *, with_t
     _fill(mesh, low, order, uvs, faces[order], with_tangents=with_tangents)
     obj = bpy.data.objects.new("Imprint export", mesh)
     made.append(obj)
-    obj.matrix_world = low.low.matrix_world
+    obj.matrix_world = Matrix(low.matrix) if low.has_applied_scale else low.low.matrix_world
     _take_name(obj, low.name, bpy.data.objects, made, names)
     _take_name(mesh, low.low.data.name, bpy.data.meshes, made, names)
     for slot, tile in pages:

@@ -115,7 +115,8 @@ def _prepare(context: bpy.types.Context, job: Job, settings: Settings, pace: Pac
     is_wanted = (job.is_measured or job.is_pictured) and settings.normal
     kept = partial(map_storage.kept, settings=settings)
     deviations = Deviations(plan, drawn, settings, pictures, kept=kept, is_wanted=is_wanted)
-    return _Ready(meshes, [*warnings, *early], plan, source, Renderer(drawn, run), others, deviations, pictures)
+    warnings = [*warnings, *early, *others.warnings]
+    return _Ready(meshes, warnings, plan, source, Renderer(drawn, run), others, deviations, pictures)
 
 
 def _audit(job: Job, settings: Settings, ready: _Ready, tally: Tally, timings: Timings) -> DrawnJob:

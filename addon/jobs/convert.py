@@ -153,7 +153,9 @@ def _read(context: bpy.types.Context, conversion: Conversion, wanted: Settings, 
     settings = _sized(image, tiles, settings)
     check_outputs(low, settings)
     has_basis = Space.TANGENT in (before.from_space, settings.space)
-    reading_settings = replace(settings, space=Space.TANGENT if has_basis else Space.OBJECT)
+    # The tangents as they were read: ConvertedMap makes those of both bases.
+    space = Space.TANGENT if has_basis else Space.OBJECT
+    reading_settings = replace(settings, space=space, basis=bases.CYCLES.name)
     with (
         timings.timed("extract"),
         evaluation.prepared(context, low, [low] if is_own_base else [], None, settings.modifiers) as depsgraph,

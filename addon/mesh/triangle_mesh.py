@@ -26,7 +26,8 @@ class Mesh:
     left out for NaN or infinite values. instances: the number of instances joined; 0 for the object's own mesh.
     layers: more values by corner (C, n) float32, by their kind (UV_LAYER, ATTRIBUTE or TANGENTS) and name. normals_domain:
     "POINT" or "FACE" if the normals are those that Blender computes of vertices or faces from the positions alone, or empty.
-    face_corners: which faces the corners belong to, or None if not read.
+    face_corners: which faces the corners belong to, or None if not read. stretch (3, 3): None, or the scale of the object that
+    normals and tangents already have, see mesh.stretch.
     """
 
     name: str
@@ -44,6 +45,13 @@ class Mesh:
     layers: dict[tuple[str, str], np.ndarray] = field(default_factory=dict)
     normals_domain: str = ""
     face_corners: FaceCorners | None = None
+    stretch: np.ndarray | None = None
+
+    @property
+    def normal_matrix(self) -> np.ndarray:
+        """The (3, 3) matrix that transforms `normals` to world space, see the function of this name."""
+        matrix = normal_matrix(self.to_world)
+        return matrix if self.stretch is None else matrix @ self.stretch.T
 
     def to_world_normals(self, normals: np.ndarray) -> np.ndarray:
         """Transform `normals` (N, 3) from this mesh's space to world space; float32, not of length one.

@@ -10,6 +10,7 @@ import numpy as np
 from ..core.declarations.choices import Method, Space
 from ..core.errors import BakeError
 from ..core.settings import Settings
+from ..mesh import stretch
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import local_space_of
 from ..mesh.triangle_mesh import Mesh
@@ -137,6 +138,8 @@ def read_low(
         smooth_normals = mesh_reader.smooth_normals(data, low_mesh)
         has_basis = settings.space == Space.TANGENT and with_uv
         basis = mesh_reader.with_tangents(data, uv_layer, low.name, to_world) if has_basis else None
+        if basis is not None:
+            basis = stretch.as_read(basis, settings.basis)
         if settings.texture_sets:
             low_mesh = material_sets.with_slots(low_mesh, data, low)
         offset, straight = _painted(low if is_own_base else low.evaluated_get(depsgraph), data, low_mesh, settings)

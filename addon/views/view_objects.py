@@ -103,7 +103,7 @@ class ViewObjects:
         return ViewScene(
             local_space,
             pull,
-            (self.upload_low(low, position=_positions(low, local_space)), normal_matrix(low.to_world)),
+            (self.upload_low(low, position=_positions(low, local_space)), low.normal_matrix),
             [
                 (
                     self.session.upload(high.name, high, normal=high.normals, position=_positions(high, around)),

@@ -15,7 +15,6 @@ from ..core.settings import Settings
 from ..engine import normal_channels, uv_agreement
 from ..engine.bands import BAND_TEXELS
 from ..jobs.live.live_session import Session
-from ..mesh.triangle_mesh import normal_matrix
 from ..output import quantize
 from ..passes import mesh_upload, target
 from ..passes.view import deviation, lit
@@ -157,13 +156,14 @@ class Shading:
         size = settings.width, settings.height
         with target.using(target.TargetPool()):  # frees the intermediate targets at the end
             self._measured = target.get("deviation", *size, "RGBA32F")
-            reading = self._reading(normal_matrix(low.to_world))
+            reading = self._reading(low.normal_matrix)
             high_normals, uploaded, elsewhere = (
                 self.session.high_normals(),
                 self.objects.upload_low(low),
                 self._elsewhere(),
             )
-            deviation.measure(self._measured, uploaded, self.session.map, high_normals, reading, elsewhere=elsewhere)
+            where = {"elsewhere": elsewhere, "stretch": low.stretch}
+            deviation.measure(self._measured, uploaded, self.session.map, high_normals, reading, **where)
             values = np.empty((size[1], size[0], 4), np.float32)
             self._measured.read(values)
         texels = quantize.sample(values)

@@ -1,4 +1,5 @@
-// Transforms the object-space normal of each texel into the tangent space of the low mesh.
+// Transforms the object-space normal of each texel into the tangent space of the low mesh. to_basis: from object space to the
+// space of the mesh's normals and tangents.
 #include "lib/early_lib.glsl"
 #include "lib/basis_lib.glsl"
 
@@ -10,7 +11,8 @@ void main()
     return;
   }
   // The map must be the exact inverse of how it is read.
-  vec3 components = basis_components(object_normal.xyz, basis_of(basis_flags, v_normal, v_tangent, v_bitangent));
+  vec3 normal = mat3(to_basis) * object_normal.xyz;
+  vec3 components = basis_components(normal, basis_of(basis_flags, v_normal, v_tangent, v_bitangent));
   float length_squared = dot(components, components);
   if (!(length_squared > 0.0) || isinf(length_squared)) {
     discard;

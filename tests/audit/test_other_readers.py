@@ -132,3 +132,18 @@ def test_the_summary_has_a_line_for_each_program():
 @pytest.mark.parametrize("values", [{"space": "OBJECT"}, {"normal": False, "maps": ("AO",)}, {"readers": ()}], ids=str)
 def test_a_bake_without_a_tangent_space_map_has_no_readers(values):
     assert bake_pair(bpy.context, *pair_of(terrains()), settings(**values)).readers == {}
+
+
+def test_programs_with_other_tangents_of_an_uneven_scale_are_named_and_not_measured():
+    low, high = zoo.terrain("low", n=5, height=0.3), zoo.terrain("high", n=32, height=0.3)
+    for obj in (low, high):
+        obj.scale = (1.0, 2.0, 1.0)
+    settings = Settings("FLATTEN", "TANGENT", "NORMALIZED", width=64, height=64, readers=("three", "cycles", "babylon"))
+    report = bake_pair(bpy.context, low, [high], settings)
+    assert set(report.readers) == {"three", "babylon"}
+    (said,) = (warning for warning in report.warnings if "Apply the scale" in warning)
+    assert said.startswith("Blender Cycles: of 'low', which is scaled more along one axis")
+    low.scale = high.scale = (2.0, 2.0, 2.0)
+    report = bake_pair(bpy.context, low, [high], settings)
+    assert set(report.readers) == {"three", "cycles", "babylon"}
+    assert not [warning for warning in report.warnings if "Apply the scale" in warning]

@@ -337,3 +337,57 @@ def test_an_image_that_is_gone_is_named(tmp_path):
     with pytest.raises(BakeError, match="the normal map' was undone"):
         export(tmp_path / "out.glb", report)
     assert snapshot.difference(before, snapshot.snapshot()) == {}
+
+
+SCALES = {"mirrored": (-1.0, 1.0, 1.0), "uneven": (1.5, 0.7, 1.0), "uneven and mirrored": (1.5, -0.7, 1.0)}
+
+
+@pytest.mark.parametrize("scale", SCALES.values(), ids=SCALES)
+def test_a_scale_that_engines_read_differently_is_applied(scale, tmp_path):
+    """The file has no scale, its triangles face outwards, and its normals are those of the scene."""
+    low, high = bent_pair()
+    for obj in (low, high):
+        obj.scale, obj.rotation_euler = scale, (0.3, 0.2, 0.1)
+    truth = maps.bake(low, high, image="truth", space="OBJECT", size=(128, 128))
+    report = bake(low, high, size=128)
+    (done,) = export(tmp_path / "out.glb", report)
+    assert (
+        done.has_applied_scale and report.with_export(done.to_dict()).exported.count("the scale of bent applied") == 1
+    )
+    (part,) = glb.parts(tmp_path / "out.glb", "bent")
+    picture, *_ = glb.texels(part.normal_map, tmp_path)
+    normals, covered = glb.shown(part, picture)
+    both = angles.eroded(covered & (truth[..., 3] > 0.0), 1)
+    rotation = glb.rotation(tmp_path / "out.glb", "bent")
+    to_scene = np.linalg.inv(np.array(low.matrix_world)[:3, :3]).T
+    wanted = angles.decode(truth)[both] @ to_scene.T
+    wanted /= np.linalg.norm(wanted, axis=-1, keepdims=True)
+    assert np.percentile(angles.degrees(normals[both] @ rotation.T, wanted), 99) < EIGHT_BITS_P99
+    assert done.measured.degrees["MIKKTSPACE"]["percentile_99"] < EIGHT_BITS_P99
+    assert fronts(part) == 1.0
+
+
+def fronts(part):
+    """The share of the triangles of a file that wind around their own normals."""
+    positions, normals = (part.attributes[name][part.indices].astype(np.float64) for name in ("POSITION", "NORMAL"))
+    a, b, c = np.moveaxis(positions, 1, 0)
+    return (np.einsum("ti,ti->t", np.cross(b - a, c - a), normals.mean(axis=1)) > 0.0).mean()
+
+
+def test_an_even_scale_stays_on_the_object(tmp_path):
+    low, high = bent_pair()
+    low.scale = high.scale = (2.0, 2.0, 2.0)
+    (done,) = export(tmp_path / "out.glb", bake(low, high))
+    assert not done.has_applied_scale
+    (part,) = glb.parts(tmp_path / "out.glb", "bent")
+    assert np.ptp(part.attributes["POSITION"], axis=0).max() == pytest.approx(1.0, abs=1e-5)
+
+
+def test_a_map_that_only_cycles_can_show_is_refused(tmp_path):
+    """Cycles transforms the finished normal: with an uneven scale, no engine shows its map."""
+    low, high = bent_pair()
+    low.scale = high.scale = SCALES["uneven"]
+    report = bake(low, high, basis="CYCLES")
+    with pytest.raises(BakeError, match="'bent' is scaled more along one axis.*apply the scale"):
+        export(tmp_path / "out.glb", report)
+    assert not list(tmp_path.iterdir())

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 import bpy
 import numpy as np
+import pytest
+from mathutils import Quaternion
 
 
 @dataclass(frozen=True)
@@ -66,6 +68,15 @@ def parts(path, name):
             )
         )
     return result
+
+
+def rotation(path, name):
+    """The rotation (3, 3) of a node, in Blender's axes. The node must have no scale."""
+    tree, _ = parse(path)
+    (node,) = (node for node in tree["nodes"] if node["name"] == name)
+    assert node.get("scale", [1, 1, 1]) == pytest.approx([1, 1, 1], abs=1e-5)
+    x, y, z, w = node.get("rotation", [0, 0, 0, 1])
+    return np.array(Quaternion((w, x, -z, y)).to_matrix())
 
 
 def texels(data, tmp_path):

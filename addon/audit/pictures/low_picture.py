@@ -10,7 +10,7 @@ from ...core import udim
 from ...core.settings import Settings
 from ...engine import normal_channels
 from ...mesh.local_space import local_space_of
-from ...mesh.triangle_mesh import Mesh, normal_matrix
+from ...mesh.triangle_mesh import Mesh
 from ...passes import mesh_upload, target
 from ...passes.view import lit
 
@@ -33,7 +33,7 @@ def draw(low: Mesh, tiles: Mapping[int, np.ndarray], settings: Settings, side: i
     away = _towards_viewer(points)
     matrix, up, right = _view(points, away)
     light = np.append(away + 0.7 * up - 0.5 * right, 0.0)
-    shading = lit.shading(normal_matrix(low.to_world), light, read=normal_channels.reading(settings))
+    shading = lit.shading(low.normal_matrix, light, read=normal_channels.reading(settings))
     tangents = np.zeros((len(low.normals), 4), np.float32) if low.tangents is None else low.tangents
     attributes = {"position": points, "normal": low.normals[corners], "tangent": tangents[corners]}
     into = target.get("picture of low", FINER * side, FINER * side, "RGBA32F", "DEPTH_COMPONENT32F")

@@ -17,7 +17,10 @@ class Basis:
     name: in settings and job files. label, tooltip: in the interface. bitangent_of_vertices: whether the bitangent is made at
     the vertices and interpolated, instead of made for each pixel from the other two. normalizes_tangent, normalizes_bitangent,
     normalizes_normal: whether the vector is normalized per pixel; tangent and normal are before a bitangent is made of them.
-    engines: Blender's identifiers of the render engines that use it. former: earlier names, which job files may still have.
+    in_object_space: whether the object's matrix is applied to the finished normal, and not to normal and tangent, which gives
+    other normals where a scale differs by axis. tangents_as_normals: whether tangents are then transformed as normals are, by
+    the inverse transpose, and not as directions in the surface. engines: Blender's identifiers of the render engines that use
+    it. former: earlier names, which job files may still have.
     """
 
     name: str
@@ -27,6 +30,8 @@ class Basis:
     normalizes_tangent: bool = False
     normalizes_bitangent: bool = False
     normalizes_normal: bool = False
+    in_object_space: bool = False
+    tangents_as_normals: bool = False
     engines: tuple[str, ...] = ()
     former: tuple[str, ...] = ()
 
@@ -41,12 +46,18 @@ class Basis:
         )
         return sum(rule << bit for bit, rule in enumerate(rules))
 
+    def has_tangents_of(self, other: "Basis") -> bool:
+        """Whether both take the same normals and tangents of an unevenly scaled object."""
+        rules = "in_object_space", "tangents_as_normals"
+        return all(getattr(self, rule) == getattr(other, rule) for rule in rules)
+
 
 CYCLES = Basis(
     "CYCLES",
     "Cycles",
     "Cycles' Normal Map node, which normalizes only the interpolated normal",
     normalizes_normal=True,
+    in_object_space=True,
     engines=("CYCLES",),
     former=("BLENDER",),
 )
@@ -54,6 +65,7 @@ MIKKTSPACE = Basis(
     "MIKKTSPACE",
     "MikkTSpace",
     "The bitangent is made for each pixel: EEVEE, Material Preview, Unreal Engine, Unity URP and HDRP",
+    tangents_as_normals=True,  # as EEVEE does; files for engines have the scale applied
 )
 MIKKTSPACE_VERTEX = Basis(
     "MIKKTSPACE_VERTEX",

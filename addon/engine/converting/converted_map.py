@@ -13,7 +13,8 @@ from ...core.declarations.choices import Space
 from ...core.map_types import NORMAL
 from ...core.progress import Task
 from ...core.settings import Settings
-from ...mesh.triangle_mesh import Mesh, normal_matrix
+from ...mesh import stretch
+from ...mesh.triangle_mesh import Mesh
 from ...passes import mesh_upload, target
 from ...passes.bake import map_normals, tangent
 from ...passes.view import lit
@@ -52,16 +53,19 @@ class Fit:
 class ConvertedMap:
     """The normals of a stored map, in the space and the basis of the settings. See rendering.BandMaps.
 
-    low: with UVs and normals, and with tangents if one of the spaces is tangent. before: what the stored map means.
+    low: with UVs and normals, and with tangents as they were read if one of the spaces is tangent. before: what the stored map
+    means.
     """
 
     takes_time = False
     stopped = None
 
     def __init__(self, low: Mesh, before: StoredNormals, settings: Settings):
-        tangents = np.zeros((len(low.normals), 4), np.float32) if low.tangents is None else low.tangents
-        self._low = mesh_upload.upload(low.triangles, uv=low.uv, normal=low.normals, tangent=tangents)
-        self._shading = _shading(low, before, settings)
+        shown = stretch.as_read(low, before.from_basis) if before.from_space == Space.TANGENT else low
+        self._wanted = stretch.as_read(low, settings.basis) if settings.space == Space.TANGENT else low
+        self._before = _upload(shown)
+        self._after = self._before if self._wanted.stretch is shown.stretch else _upload(self._wanted)
+        self._shading = _shading(shown, before, settings)
         self._flags = bases.of_name(settings.basis).flags if settings.space == Space.TANGENT else None
         self.texels: np.ndarray | None = None
         """The stored map of the current tile, (height, width, 4) float32; alpha 0 for texels without a normal."""
@@ -78,13 +82,14 @@ class ConvertedMap:
 
     def _drawn(self, band: Band) -> Iterator[tuple[str, gpu.types.GPUTexture]]:
         decoded = target.get("map normals", band.width, band.height, "RGBA32F", "R16F")
-        map_normals.draw(decoded, self._low, upload_band(self.texels, band), band.uv_to_clip, self._shading)
+        map_normals.draw(decoded, self._before, upload_band(self.texels, band), band.uv_to_clip, self._shading)
         self._count(decoded, band)
         if self._flags is None:
             yield NORMAL.name, decoded.texture
             return
         into = target.get("low", band.width, band.height, "RGBA32F")
-        tangent.draw(into, self._low, decoded.texture, band.uv_to_clip, basis_flags=self._flags)
+        how = {"basis_flags": self._flags, "stretch": self._wanted.stretch}
+        tangent.draw(into, self._after, decoded.texture, band.uv_to_clip, **how)
         yield NORMAL.name, into.texture
 
     def _count(self, decoded: target.Target, band: Band) -> None:
@@ -93,15 +98,20 @@ class ConvertedMap:
         self.fit.add(lengths[band.halo : band.height - band.halo])
 
 
+def _upload(low: Mesh) -> gpu.types.GPUBatch:
+    tangents = np.zeros((len(low.normals), 4), np.float32) if low.tangents is None else low.tangents
+    return mesh_upload.upload(low.triangles, uv=low.uv, normal=low.normals, tangent=tangents)
+
+
 def _shading(low: Mesh, before: StoredNormals, settings: Settings) -> np.ndarray:
     """How map_lib.glsl decodes the stored map: into the low object's space, or into world space if the settings say that."""
     to_world = settings.space == Space.WORLD
-    of_low = normal_matrix(low.to_world) if to_world else np.eye(3)
+    of_low = low.normal_matrix if to_world else np.eye(3) if low.stretch is None else low.stretch.T
     kind = lit.OBJECT
     if before.from_space == Space.TANGENT:
         kind = lit.TANGENT + bases.of_name(before.from_basis).flags
     elif before.from_space == Space.WORLD:
         kind = lit.WORLD if to_world else lit.OBJECT
         of_low = of_low if to_world else low.to_world[:3, :3].T / np.abs(low.to_world[:3, :3]).max()
-    light = np.array([float(to_world), 0.0, 0.0, 0.0])
+    light = np.array([float(to_world or low.stretch is not None), 0.0, 0.0, 0.0])
     return lit.shading(of_low, light, read=lit.reading(kind, channels(before.channels)))

@@ -9,6 +9,7 @@ import numpy as np
 
 from ...core.declarations import bases
 from ...core.settings import Settings
+from ...core.udim import UvToClip
 from ...mesh import uv_blocks
 from ...mesh.triangle_mesh import Mesh
 from ...passes import mesh_upload, target
@@ -61,9 +62,14 @@ class NormalSpace:
         )
         for offset in self._beside:
             to_clip = replace(band, offset=offset).uv_to_clip
-            tangent.draw(into, low, normals, to_clip, basis_flags=self.flags, clear=False, stopped=stopped)
+            self._turn(into, low, normals, to_clip, clear=False, stopped=stopped)
 
     def _drawn(self, role: str, normals: gpu.types.GPUTexture, band: Band) -> target.Target:
         into = target.get(role, band.width, band.height, "RGBA32F")
-        tangent.draw(into, self.basis, normals, band.uv_to_clip, basis_flags=self.flags)
+        self._turn(into, self.basis, normals, band.uv_to_clip)
         return into
+
+    def _turn(
+        self, into: target.Target, low: gpu.types.GPUBatch, normals: gpu.types.GPUTexture, to_clip: UvToClip, **how
+    ) -> None:
+        tangent.draw(into, low, normals, to_clip, basis_flags=self.flags, stretch=self.mesh.stretch, **how)

@@ -18,8 +18,9 @@ from ...engine.bands import Band
 from ...engine.maps.family import Run
 from ...engine.maps.maps_of_bake import maps_of_bake
 from ...engine.method_choice import Plan
+from ...mesh import stretch
 from ...mesh.inputs import Meshes
-from ...mesh.triangle_mesh import Mesh, normal_matrix
+from ...mesh.triangle_mesh import Mesh
 from ...passes import mesh_upload, target
 from ...passes.view import deviation, lit
 from ...scene import mesh_reader
@@ -80,6 +81,8 @@ def measure(
     low = mesh_reader.surface(level, layer, original.name, original.to_world, with_faces=True)
     is_tangent = settings.space == Space.TANGENT
     basis = mesh_reader.with_tangents(level, layer, original.name, original.to_world) if is_tangent else None
+    if basis is not None:
+        basis = stretch.as_read(basis, settings.basis)
     meshes = Meshes(low, [original], basis, mesh_reader.smooth_normals(level, low), None, layer, False, [])
     normal_map = yield from part(_flattened(meshes, settings, pace), 0.0, FLAT)
     casting = replace(settings, method=Method.CAST)
@@ -126,11 +129,12 @@ def _compared(
 ) -> np.ndarray:
     """What deviation.measure writes, (height, width, 4) float32. basis: the level, with tangents for tangent space."""
     read = (255 if settings.depth == 8 else 0, *normal_channels.reading(settings)[1:])
-    reading = lit.shading(normal_matrix(basis.to_world), read=read)
+    reading = lit.shading(basis.normal_matrix, read=read)
     tangents = np.zeros((len(basis.normals), 4), np.float32) if basis.tangents is None else basis.tangents
     level = mesh_upload.upload(basis.triangles, uv=basis.uv, normal=basis.normals, tangent=tangents)
     measured = target.get("deviation", settings.width, settings.height, "RGBA32F")
-    deviation.measure(measured, level, normal_map, truth, reading, elsewhere=np.zeros((1, 1), bool))
+    nowhere = np.zeros((1, 1), bool)
+    deviation.measure(measured, level, normal_map, truth, reading, elsewhere=nowhere, stretch=basis.stretch)
     values = np.empty((settings.height, settings.width, 4), np.float32)
     measured.read(values)
     return values

@@ -22,7 +22,7 @@ PROGRAM = Program(
     inputs=(("VEC2", "uv"), ("VEC3", "normal"), ("VEC4", "tangent")),
     varyings=VARYINGS,
     texels=(("RGBA32F", "FLOAT_2D", "normals"),),
-    constants=(("VEC4", "uv_to_clip"), ("INT", "basis_flags")),
+    constants=(("MAT4", "to_basis"), ("VEC4", "uv_to_clip"), ("INT", "basis_flags")),
     outputs=(("VEC4", "normal_out"),),
 )
 TURNED = Program(
@@ -41,19 +41,22 @@ def draw(
     uv_to_clip: UvToClip,
     *,
     basis_flags: int,
+    stretch: np.ndarray | None = None,
     clear: bool = True,
     stopped: gpu.types.GPUTexture | None = None,
 ) -> None:
     """Clear `into` (RGBA32F) and write tangent-space unit normals, alpha 1, on texels that `low` and `normals` cover.
 
     low: batch with attributes uv, normal and tangent (w = the bitangent's sign). normals: object-space unit normals of
-    the same size. basis_flags: core.declarations.bases.Basis.flags.
+    the same size. basis_flags: core.declarations.bases.Basis.flags. stretch: as Mesh.stretch has it, of `low`.
     clear: False to keep other texels of `into`. stopped: as in target.drawing.
     """
     compiled = shader.load(PROGRAM)
     with target.drawing(into, clear=clear, stopped=stopped):
         compiled.bind()
-        target.bind(compiled, PROGRAM, normals=normals, uv_to_clip=uv_to_clip, basis_flags=basis_flags)
+        to_basis = shader.mat4(np.eye(3) if stretch is None else np.linalg.inv(stretch).T)
+        constants = {"to_basis": to_basis, "uv_to_clip": uv_to_clip, "basis_flags": basis_flags}
+        target.bind(compiled, PROGRAM, normals=normals, **constants)
         low.draw(compiled)
 
 

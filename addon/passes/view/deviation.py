@@ -10,6 +10,7 @@ from .. import blender_gpu as gpu
 from .. import shader, target
 from ..bake import tangent
 from ..program import Program
+from . import lit
 
 MEASURE = Program(
     vertex="bake/tangent_vert.glsl",
@@ -17,7 +18,11 @@ MEASURE = Program(
     inputs=(("VEC2", "uv"), ("VEC3", "normal"), ("VEC4", "tangent")),
     varyings=tangent.VARYINGS,
     samplers=(("FLOAT_2D", "normal_map"), ("FLOAT_2D", "truth"), ("FLOAT_2D", "elsewhere")),
-    constants=(("MAT4", "shading"), ("VEC4", "uv_to_clip")),
+    # Vulkan grants 128 bytes of constants, which these are.
+    constants=(
+        *(("MAT4", "shading"), ("VEC4", "uv_to_clip")),
+        *(("VEC4", "truth_x"), ("VEC4", "truth_y"), ("VEC4", "truth_z")),
+    ),
     outputs=(("VEC4", "deviation_out"),),
 )
 RAMP = Program(
@@ -47,6 +52,7 @@ def measure(
     shading: np.ndarray,
     *,
     elsewhere: np.ndarray,
+    stretch: np.ndarray | None = None,
     uv_to_clip: udim.UvToClip | None = None,
 ) -> None:
     """Clear `into` (RGBA32F) and write angles in degrees on the texels that `low` covers.
@@ -55,11 +61,15 @@ def measure(
     or -1 without a truth, or -2 where the truth belongs to another place of the surface. low: batch with attributes uv,
     normal and tangent. truth: unit normals, as sources.Source writes them. All textures have the same size. shading: from
     lit.shading. elsewhere (rows, columns) bool, at any resolution: where the truth belongs to another place.
-    uv_to_clip: as udim.uv_to_clip returns it for the textures; None for the whole of the first tile.
+    stretch: as Mesh.stretch has it, of `low`. uv_to_clip: as udim.uv_to_clip returns it for the textures; None for the whole of
+    the first tile.
     """
     values = np.ascontiguousarray(elsewhere, np.float32)
     data = gpu.types.Buffer("FLOAT", values.shape, values)
     mask = gpu.types.GPUTexture(values.shape[::-1], format="R32F", data=data)
+    of_truth = np.eye(3) if shading[3, 1] == lit.WORLD else shading[:3, :3]
+    if stretch is not None:  # then it is a tangent-space map, and `shading` is for normals that have the stretch
+        of_truth = of_truth @ np.linalg.inv(stretch).T
     compiled = shader.load(MEASURE)
     with target.drawing(into):
         compiled.bind()
@@ -69,6 +79,7 @@ def measure(
             "elsewhere": mask,
             "shading": shader.mat4(shading),
             "uv_to_clip": udim.uv_to_clip() if uv_to_clip is None else uv_to_clip,
+            **{f"truth_{axis}": (*column, 0.0) for axis, column in zip("xyz", of_truth.T, strict=True)},
         }
         target.bind(compiled, MEASURE, **bindings)
         low.draw(compiled)

@@ -9,6 +9,7 @@ from pathlib import Path
 import bmesh
 import bpy
 import numpy as np
+from mathutils import Matrix
 
 from addon.core.settings import Settings
 from addon.export import engine_files, map_pictures
@@ -24,7 +25,7 @@ TEXELS = 512
 
 def make_all(basis: str) -> list[Case]:
     """All cases, with maps for a basis."""
-    makers = (_n_gons, _second_layer, _mirrored, _two_materials, _texture_sets, _udim)
+    makers = (_n_gons, _second_layer, _mirrored, _two_materials, _texture_sets, _udim, _negative_scale, _uneven_scale)
     return [_made(maker, basis) for maker in makers]
 
 
@@ -142,6 +143,24 @@ def _texture_sets(low, high):
 def _udim(low, high):
     _lay_out([low, high], lambda x, y: (x + 1.0, (y + 1.0) / 2.0))
     return Case("Two UDIM tiles"), {"udim": True}
+
+
+def _negative_scale(low, high):
+    return _scaled("Negative scale", (-1.0, 1.0, 1.0), low, high)
+
+
+def _uneven_scale(low, high):
+    return _scaled("Uneven scale", (1.5, 0.7, 1.0), low, high)
+
+
+def _scaled(name: str, scale: tuple[float, float, float], *objects: bpy.types.Object):
+    """The objects stay where they are in the scene, and have a scale."""
+    for obj in objects:
+        obj.scale = scale
+        obj.data.transform(Matrix.Diagonal((*(1.0 / part for part in scale), 1.0)))
+        if np.prod(scale) < 0.0:
+            obj.data.flip_normals()
+    return Case(name), {}
 
 
 def _surfaces(glb: Glb, folder: Path) -> list[np.ndarray]:
