@@ -86,14 +86,27 @@ def shown(low, texels, settings):
         colors = raster.bilinear(texels[..., :3], raster.interpolate(mesh.uv, owner, weights))
         normals = raster.decode(colors, (settings.red, settings.green, settings.blue))
         if settings.space == "TANGENT":
-            vectors = mesh.normal, mesh.tangent, decoders.bitangents(mesh.normal, mesh.tangent)
+            normal, tangent = in_the_scene(mesh, settings.basis)
+            vectors = normal, tangent, decoders.bitangents(normal, tangent)
             own = (raster.interpolate(values, owner, weights) for values in vectors)
             normals = decoders.decoded(normals, settings.basis, *own)
-        if settings.space != "WORLD":
+        elif settings.space == "OBJECT":
             normals = normals @ mesh.to_world_normals.T
         return owner >= 0, brightness(raster.unit(normals), raster.interpolate(points, owner, weights), eye.light)
 
     return seen
+
+
+def in_the_scene(mesh, basis):
+    """Unit normals and tangents of the corners in the scene, as programs with a basis transform them."""
+    to_world = mesh.matrix[:3, :3]
+    of_tangents = mesh.to_world_normals if basis == "MIKKTSPACE" else to_world  # EEVEE takes them for normals
+    normals, along = (
+        raster.unit(mesh.normal @ mesh.to_world_normals.T),
+        raster.unit(mesh.tangent[..., :3] @ of_tangents.T),
+    )
+    signs = mesh.tangent[..., 3:] * np.sign(np.linalg.det(to_world))
+    return normals, np.concatenate([along, signs], axis=-1)
 
 
 def check(pixels, mask, expected):
