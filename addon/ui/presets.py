@@ -6,7 +6,7 @@ from pathlib import Path
 import bpy
 from bl_operators.presets import AddPresetBase
 from bl_ui.utils import PresetPanel
-from bpy.props import BoolProperty
+from bpy.props import BoolProperty, StringProperty
 
 from .translations.lookup import LABEL
 
@@ -20,8 +20,30 @@ class IMPRINT_PT_conventions(PresetPanel, bpy.types.Panel):
     bl_label = "Presets"
     bl_translation_context = LABEL
     preset_subdir = FOLDER
-    preset_operator = "script.execute_preset"
+    preset_operator = "imprint.use_preset"
     preset_add_operator = "imprint.convention_add"
+
+
+class IMPRINT_OT_use_preset(bpy.types.Operator):
+    """Set channels, basis, depth, alpha and the names of maps as a program needs them"""
+
+    bl_idname = "imprint.use_preset"
+    bl_label = "Use Preset"
+    bl_options = {
+        "REGISTER",
+        "UNDO",
+    }  # Blender's own operator makes no undo step: undoing the next one would undo the preset
+
+    filepath: StringProperty(
+        name="File", description="File of the preset", options={"HIDDEN", "SKIP_SAVE"}, translation_context=LABEL
+    )
+
+    def execute(self, _context: bpy.types.Context) -> set[str]:
+        try:
+            return bpy.ops.script.execute_preset(filepath=self.filepath, menu_idname=IMPRINT_PT_conventions.__name__)
+        except RuntimeError as error:  # what Blender's operator reports as an error
+            self.report({"ERROR"}, str(error).removeprefix("Error: ").strip())
+            return {"CANCELLED"}
 
 
 class IMPRINT_OT_convention_add(AddPresetBase, bpy.types.Operator):
@@ -43,7 +65,7 @@ class IMPRINT_OT_convention_add(AddPresetBase, bpy.types.Operator):
     )
 
 
-CLASSES = (IMPRINT_PT_conventions, IMPRINT_OT_convention_add)
+CLASSES = (IMPRINT_PT_conventions, IMPRINT_OT_use_preset, IMPRINT_OT_convention_add)
 _register, _unregister = bpy.utils.register_classes_factory(CLASSES)
 _PLACE = str(Path(__file__).parents[1])
 

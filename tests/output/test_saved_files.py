@@ -25,7 +25,7 @@ def states(tmp_path_factory, gpu_context, registered):
     for kind in KINDS:
         saved_scenes.build(kind, str(folder))
         saved_scenes.bake(kind)
-    saved_scenes.look()
+    saved_scenes.show_bake()
     saved = {"never": saved_scenes.state(), "first": saved_scenes.save(path["first"])}
     saved["elsewhere"] = saved_scenes.save(path["elsewhere"])
     for kind in KINDS:

@@ -155,8 +155,8 @@ def images_of(kind: str, names: Iterable[str]) -> list[str]:
     return sorted(name for name in names if name.startswith(start))
 
 
-def look() -> None:
-    """Look at a bake, as after a press of its button: in Material Preview, with the high object hidden."""
+def show_bake() -> None:
+    """Show a bake, as after a press of its button: in Material Preview, with the high object hidden."""
     bpy.context.window.scene = bpy.data.scenes["packed"]
     show_result.bake(bpy.context, results.all_of(bpy.context, bpy.data.objects["packed low"]))
 

@@ -25,6 +25,39 @@ def label(registered):
     panel.bl_label = before
 
 
+def use(path):
+    """Press an entry of the menu."""
+    category, name = bpy.types.IMPRINT_PT_conventions.preset_operator.split(".")
+    return getattr(getattr(bpy.ops, category), name)("EXEC_DEFAULT", True, filepath=str(path))
+
+
+def test_a_preset_is_an_undo_step():
+    """Undo of what comes after it does not undo the preset."""
+    bpy.data.objects.new("Lamp", None).use_fake_user = True
+    bpy.ops.ed.undo_push(message="before")
+    use(next(path for path in BUILT_IN if path.stem == "Unreal"))
+    bpy.data.objects["Lamp"].location.x = 2.0
+    bpy.ops.ed.undo_push(message="moved")
+    for undo, place, green, names in (
+        (bpy.ops.ed.undo, 0.0, "-Y", "T_{low}_N"),
+        (bpy.ops.ed.undo, 0.0, "+Y", ""),
+        (bpy.ops.ed.redo, 0.0, "-Y", "T_{low}_N"),
+        (bpy.ops.ed.redo, 2.0, "-Y", "T_{low}_N"),
+    ):
+        assert undo() == {"FINISHED"}
+        settings = bpy.context.scene.imprint
+        assert (bpy.data.objects["Lamp"].location.x, settings.green, settings.image) == (place, green, names)
+
+
+def test_a_preset_that_is_no_python_says_so(tmp_path):
+    broken = tmp_path / "broken.py"
+    broken.write_text("settings.green = ")
+    with pytest.raises(RuntimeError, match="^Error: Failed to execute the preset: SyntaxError"):
+        use(broken)
+    with pytest.raises(RuntimeError, match="^Error: Unknown file type"):
+        use(tmp_path / "preset.txt")
+
+
 def test_all_presets_are_found_by_blender():
     folders = {Path(folder) for folder in bpy.utils.preset_paths("imprint")}
     assert BUILT_IN[0].parent in folders
@@ -37,7 +70,7 @@ def test_a_preset_sets_what_its_programs_need(path):
     settings.red, settings.green, settings.blue = "-Z", "+X", "-Y"
     settings.basis = "CYCLES" if path.stem == readers.OF_SCENE else "AUTO"
     settings.image, settings.output = "of another preset", "//maps/mine.<UDIM>.tif"
-    assert bpy.ops.script.execute_preset(filepath=str(path), menu_idname="IMPRINT_PT_conventions") == {"FINISHED"}
+    assert use(path) == {"FINISHED"}
     found = settings.red, settings.green, settings.blue, settings.basis, settings.depth, settings.alpha
     names = readers.presets()[path.stem]["names"]
     # Without a name, an image has the usual one.
@@ -62,7 +95,7 @@ def test_a_preset_of_the_user_is_saved_and_removed():
     settings.red, settings.green, settings.blue, settings.basis = "+X", "+Y", "+Z", "CYCLES"
     settings.depth, settings.alpha = "8", True
     settings.image, settings.output = "", "//a.png"
-    bpy.ops.script.execute_preset(filepath=str(kept), menu_idname="IMPRINT_PT_conventions")
+    use(kept)
     assert (settings.red, settings.green, settings.blue) == ("-X", "+Z", "+Y")
     assert (settings.basis, settings.depth, settings.alpha) == ("MIKKTSPACE", "32", False)
     assert (settings.image, settings.output) == ("{low}_nrm", "//{low}_nrm.png")
@@ -94,7 +127,7 @@ def test_maps_of_the_preset_for_unreal_are_found_under_its_names(gpu_context, tm
     settings.storage, settings.output, settings.maps = "FILE", str(tmp_path / "mine.png"), {"HEIGHT", "ROUGHNESS"}
     settings.pack = "UNREAL"
     preset = next(path for path in BUILT_IN if path.stem == "Unreal")
-    bpy.ops.script.execute_preset(filepath=str(preset), menu_idname="IMPRINT_PT_conventions")
+    use(preset)
     assert bpy.ops.imprint.bake() == {"FINISHED"}
     names = {f"T_{low.name}_{ending}" for ending in ("N", "H", "R", "ORM")}
     files = {path.stem: path for path in tmp_path.iterdir()}

@@ -286,6 +286,12 @@ TABLE = {
     (SENTENCE, "The normal's Z"): {"de_DE": "Z der Normalen", "es": "Z de la normal"},
     (SENTENCE, "The normal's Z, inverted"): {"de_DE": "Z der Normalen, invertiert", "es": "Z de la normal, invertida"},
     (LABEL, "Presets"): {"de_DE": "Voreinstellungen", "es": "Preajustes"},
+    (OPERATOR, "Use Preset"): {"de_DE": "Voreinstellung verwenden", "es": "Usar preajuste"},
+    (SENTENCE, "Set channels, basis, depth, alpha and the names of maps as a program needs them"): {
+        "de_DE": "Kanäle, Basis, Tiefe, Alpha und die Namen der Maps so setzen, wie ein Programm sie braucht",
+        "es": "Define los canales, la base, la profundidad, el alfa y los nombres de los mapas como los necesita un programa",
+    },
+    (SENTENCE, "File of the preset"): {"de_DE": "Datei der Voreinstellung", "es": "Archivo del preajuste"},
     (OPERATOR, "Add Preset"): {"de_DE": "Voreinstellung hinzufügen", "es": "Adicionar preajuste"},
     (SENTENCE, "Save the channels, the basis, depth, alpha and the names of maps as a preset, or remove a preset"): {
         "de_DE": "Kanäle, Basis, Tiefe, Alpha und die Namen von Maps als Voreinstellung speichern oder eine Voreinstellung "
