@@ -17,7 +17,9 @@ class Layout:
 
     def __init__(self, drawn=None):
         self.drawn = (
-            drawn if drawn is not None else SimpleNamespace(labels=[], icons=[], buttons=[], properties=[], files=[])
+            drawn
+            if drawn is not None
+            else SimpleNamespace(labels=[], icons=[], buttons=[], properties=[], files=[], red=[])
         )
         self.enabled = True
 
@@ -57,9 +59,12 @@ class Layout:
         assert name in data.bl_rna.properties
         self.drawn.properties.append(name)
 
-    def prop_search(self, data, name, source, collection, **_):
+    def prop_search(self, data, name, source, collection, *, results_are_suggestions=False, **_):
         self.prop(data, name)
         assert collection in source.bl_rna.properties
+        value = getattr(data, name)
+        if value and value not in getattr(source, collection) and not results_are_suggestions:
+            self.drawn.red.append(name)
 
     def template_ID(self, data, name, open, **_):
         self.prop(data, name)

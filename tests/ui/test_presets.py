@@ -9,7 +9,7 @@ import pytest
 import addon
 from addon.core.declarations import readers
 from addon.core.names import file_names
-from tests.support import maps, zoo
+from tests.support import maps, panel_layout, zoo
 
 BUILT_IN = sorted((Path(addon.__file__).parent / "presets" / "imprint").glob("*.py"))
 
@@ -47,6 +47,17 @@ def test_a_preset_is_an_undo_step():
         assert undo() == {"FINISHED"}
         settings = bpy.context.scene.imprint
         assert (bpy.data.objects["Lamp"].location.x, settings.green, settings.image) == (place, green, names)
+
+
+def test_names_of_a_preset_are_not_shown_as_a_mistake():
+    """Blender draws a search field red whose value is not among the results."""
+    settings = bpy.context.scene.imprint
+    settings.low = zoo.terrain("lo", n=2)
+    use(next(path for path in BUILT_IN if path.stem == "Unreal"))
+    assert settings.image not in bpy.data.images
+    assert panel_layout.draw().red == []
+    settings.uv_layer = "missing"
+    assert panel_layout.draw().red == ["uv_layer"]
 
 
 def test_a_preset_that_is_no_python_says_so(tmp_path):

@@ -91,7 +91,8 @@ class IMPRINT_PT_output(SettingsPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         layout = split_layout(self.layout)
         settings = context.scene.imprint
-        layout.prop_search(settings, "image", bpy.data, "images")
+        # A name for a new image is not among those that exist, and a search field would be red.
+        layout.prop_search(settings, "image", bpy.data, "images", results_are_suggestions=True)
         layout.prop(settings, "depth", expand=True)
         if settings.depth == "8":
             layout.prop(settings, "dither")
