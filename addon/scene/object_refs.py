@@ -9,6 +9,9 @@ import bpy
 from ..core.errors import BakeError
 from ..core.names import unknown_name
 
+GONE = -1
+"""The uid of an object that does not exist."""
+
 
 @dataclass(frozen=True)
 class ObjectRef:

@@ -48,6 +48,19 @@ def reveal(context: bpy.types.Context, obj: bpy.types.Object, restore: ExitStack
         )
 
 
+def show(context: bpy.types.Context, obj: bpy.types.Object) -> None:
+    """Make `obj` visible for good. Raises BakeError if its collection hides it."""
+    if obj not in context.scene.collection.all_objects.values():  # it came along with an object of another file
+        context.scene.collection.objects.link(obj)
+    if obj.hide_viewport:
+        obj.hide_viewport = False
+    if obj in context.view_layer.objects.values():
+        obj.hide_set(False)
+    context.view_layer.update()
+    if not is_visible(obj):
+        raise BakeError(f"{obj.name!r} is in a hidden collection: show the collection.")
+
+
 def is_followed(context: bpy.types.Context, obj: bpy.types.Object) -> bool:
     """Whether Blender evaluates `obj` when it changes: if it is visible, or hidden only by the eye icon in the Outliner."""
     if is_visible(obj):

@@ -1,42 +1,32 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The reports of this session's bakes, for the panels: each belongs to a scene and a low object."""
+"""The reports of the last bakes, for the panels: read from the low objects, which keep them in the file."""
 
 import bpy
 
 from ..core.report import Report
+from . import object_pairs
 
 
 class BakeResults:
-    """The reports of the last bake of each low object of each scene: one for each texture set."""
+    """The reports of the last bake of each low object: one for each texture set. object_pairs stores them."""
 
-    def __init__(self):
-        self._reports: dict[tuple[int, int], list[Report]] = {}
-        """By the session_uid of the scene and of the low object, which a rename or Undo does not change."""
-
-    def remember(self, context: bpy.types.Context, reports: list[Report]) -> None:
-        """Keep the reports of a bake in the context's scene, in place of earlier ones of the same low objects."""
-        by_low: dict[tuple[int, int], list[Report]] = {}
-        for report in reports:
-            by_low.setdefault((context.scene.session_uid, report.refs[0].uid), []).append(report)
-        for key, found in by_low.items():
-            self._reports.pop(key, None)
-            self._reports[key] = found  # the last one comes last
+    def remember(self, _context: bpy.types.Context, reports: list[Report]) -> None:
+        """Keep the reports of a bake, and its pairs, in place of earlier ones of the same low objects."""
+        object_pairs.remember(reports)
 
     def forget(self) -> None:
-        """Forget all reports: a session_uid of one file means nothing in another."""
-        self._reports.clear()
+        """Clear the lines about the session's last bake: they mean nothing in another file."""
         for manager in bpy.data.window_managers:
             manager.imprint_summary = manager.imprint_warnings = ""
 
     def has_any(self, context: bpy.types.Context) -> bool:
-        """Whether anything was baked in the context's scene."""
-        return any(scene == context.scene.session_uid for scene, _ in self._reports)
+        """Whether the panel's low object, or any other one in the context's scene, was baked."""
+        return self.of(context) is not None or bool(_baked(context.scene))
 
     def all_of(self, context: bpy.types.Context, low: bpy.types.Object | None = None) -> list[Report]:
-        """The reports of the last bake onto `low` in the context's scene: one for each texture set. low: by default, the low
-        object of the panel."""
-        low = low or context.scene.imprint.low or context.active_object
-        return self._reports.get((context.scene.session_uid, low.session_uid), []) if low is not None else []
+        """The reports of the last bake onto `low`: one for each texture set. low: by default, the low object of the panel."""
+        pair = object_pairs.of(low or context.scene.imprint.low or context.active_object)
+        return pair.reports() if pair is not None else []
 
     def of(self, context: bpy.types.Context, low: bpy.types.Object | None = None) -> Report | None:
         """The first report of `all_of`, or None."""
@@ -45,11 +35,18 @@ class BakeResults:
     def named(self, context: bpy.types.Context, name: str = "") -> Report | None:
         """The report of the last bake onto the low object that has this name or had it then, or None. Without a name: onto
         the low object of the panel, or the last one in the context's scene."""
-        own = [reports[0] for (scene, _), reports in self._reports.items() if scene == context.scene.session_uid]
+        baked = _baked(context.scene)
         if not name:
-            return self.of(context) or next(reversed(own), None)
+            last = max(baked, key=lambda low: low.imprint.baked, default=None)
+            return self.of(context) or (self.of(context, last) if last is not None else None)
         low = bpy.data.objects.get(name)
-        return (self.of(context, low) if low else None) or next((report for report in own if report.low == name), None)
+        reports = (self.of(context, low) for low in baked)
+        return (self.of(context, low) if low else None) or next((one for one in reports if one.low == name), None)
+
+
+def _baked(scene: bpy.types.Scene) -> list[bpy.types.Object]:
+    """The objects of a scene with a result."""
+    return [obj for obj in scene.objects if (pair := object_pairs.of(obj)) is not None and pair.reports()]
 
 
 def distances(report: Report | None) -> dict[str, float]:

@@ -94,7 +94,7 @@ class _LastBakeOperator:
         try:
             report = results.named(context, self.low)
             if report is None:
-                raise BakeError(f"Nothing was baked onto {self.low!r} in this session.")
+                raise BakeError(f"Nothing was baked onto {self.low!r}.")
             self.report({"INFO"}, self.apply(context, report))
         except BakeError as error:
             self.report({"ERROR"}, str(error))

@@ -5,13 +5,14 @@ import bpy
 from bpy.props import CollectionProperty, IntProperty, StringProperty
 
 from ..core import progress
+from ..core.declarations.choices import Method
 from ..core.errors import BakeError
 from ..core.report import Report
 from ..core.settings import Settings
 from ..jobs import bake_jobs, sequence
 from ..jobs.job import Job, jobs_by_name
 from ..scene import object_checks, object_refs
-from . import modal
+from . import modal, object_pairs
 from .bake_results import results
 from .live.live_switch import live
 from .properties import Options
@@ -63,12 +64,16 @@ class _OnePair(_Bake, Options):
         """The objects and settings from the arguments, or from the panel where an argument is missing."""
         scene_settings = context.scene.imprint
         low, highs = scene_settings.chosen_objects(context, object_refs.by_name(self.low) if self.low else None)
-        if self.high:
-            highs = [object_refs.by_name(item.name) for item in self.high]
-        if low is None:
-            raise BakeError(object_checks.problem(context, low, highs))
-        settings = self.to_settings(fallback=scene_settings)
-        cage = object_refs.by_name(self.cage) if self.cage else scene_settings.cage_for(settings.method)
+        missing = scene_settings.missing(context, low, highs)
+        rays = scene_settings.rays_of(low, highs)
+        if self.high:  # a script that names the high objects makes another pair, with the settings of the scene
+            highs, missing, rays = [object_refs.by_name(item.name) for item in self.high], [], scene_settings
+        if low is None or missing:
+            raise BakeError(object_pairs.problem(missing) or object_checks.problem(context, low, highs))
+        settings = self.to_settings(scene_settings, rays, object_pairs.CHOSEN)
+        cage = object_refs.by_name(self.cage) if self.cage else rays.cage
+        if settings.method == Method.FLATTEN and not self.cage:
+            cage = None
         job = Job(low, highs, cage)
         job.is_exported = bool(scene_settings.export)
         return job, settings
@@ -122,13 +127,8 @@ class IMPRINT_OT_live(modal.SlicedOperator, bpy.types.Operator):
         if live.is_on:
             yield from live.finishing()
             return
-        settings = context.scene.imprint
-        low, highs = settings.chosen_objects(context)
-        if low is None:
-            raise BakeError(object_checks.problem(context, low, highs))
-        bake_settings = settings.to_settings()
-        job = Job(low, highs, settings.cage_for(bake_settings.method))
-        yield from live.starting(context, job, bake_settings, pace)
+        job, settings = context.scene.imprint.job(context)
+        yield from live.starting(context, job, settings, pace)
 
 
 class IMPRINT_OT_bake_pairs(_Bake, bpy.types.Operator):

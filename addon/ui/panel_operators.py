@@ -6,7 +6,7 @@ from bpy.props import IntProperty, StringProperty
 
 from ..core.errors import BakeError
 from ..output import map_images, materials, outputs
-from ..scene import instances
+from ..scene import instances, visibility
 from .bake_results import distances, high_objects, results
 from .callbacks import redraw
 from .translations.lookup import LABEL, tooltip
@@ -30,8 +30,9 @@ class IMPRINT_OT_freeze_distances(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         settings, found = context.scene.imprint, distances(results.of(context))
-        settings.extrusion, settings.max_distance = found["extrusion"], found["max_distance"]
-        settings.measure = False
+        rays = settings.rays_of(*settings.chosen_objects(context))
+        rays.extrusion, rays.max_distance = found["extrusion"], found["max_distance"]
+        rays.measure = False
         return {"FINISHED"}
 
 
@@ -113,6 +114,52 @@ class IMPRINT_OT_show_high(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         report = results.of(context)
         show_result.hide_high(context, report, hide=not show_result.hides_high(report))
+        return {"FINISHED"}
+
+
+class IMPRINT_OT_show_hidden(bpy.types.Operator):
+    """Show the hidden high objects in the viewport. Without others, they are selected"""
+
+    bl_idname = "imprint.show_hidden"
+    bl_label = "Show"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        low, highs = context.scene.imprint.chosen_objects(context)
+        for obj in context.scene.imprint.hidden(context, low, highs):
+            try:
+                visibility.show(context, obj)
+            except BakeError as error:
+                self.report({"ERROR"}, str(error))
+                return {"CANCELLED"}
+            if not highs:
+                obj.select_set(True)
+        return {"FINISHED"}
+
+
+class IMPRINT_OT_remove_missing(bpy.types.Operator):
+    """Remove a high object that was deleted from the slots, or from the pair of the low object"""
+
+    bl_idname = "imprint.remove_missing"
+    bl_label = "Remove"
+    bl_options = {"REGISTER", "UNDO"}
+
+    high: StringProperty(
+        name="High",
+        description="Name of the high object; empty for all that are missing",
+        options={"SKIP_SAVE"},
+        translation_context=LABEL,
+    )
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        settings = context.scene.imprint
+        low, highs = settings.chosen_objects(context)
+        pair, missing = settings.pair_of(low, highs), settings.missing(context, low, highs)
+        for name in [self.high] if self.high else missing:
+            for index in reversed([index for index, slot in enumerate(settings.highs) if slot.title == name]):
+                settings.highs.remove(index)
+            if pair is not None:
+                pair.remove(name)
         return {"FINISHED"}
 
 
@@ -200,6 +247,8 @@ CLASSES = (
     IMPRINT_OT_connect_maps,
     IMPRINT_OT_show_map,
     IMPRINT_OT_show_high,
+    IMPRINT_OT_show_hidden,
+    IMPRINT_OT_remove_missing,
     IMPRINT_OT_show_cage,
     IMPRINT_OT_use_selection,
     IMPRINT_OT_high_add,

@@ -1,39 +1,26 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The data that Blender stores for Imprint: the settings of a scene, and the results that panels show."""
 
+from collections.abc import Sequence
+from functools import lru_cache
+
 import bpy
 from bpy.props import FloatProperty, IntProperty, PointerProperty, StringProperty
 
 from ..core.declarations.choices import Method
-from ..core.names import file_names
+from ..core.errors import BakeError
+from ..core.names import file_names, name_matching
 from ..core.names.name_matching import Suffixes
-from ..scene import instances, object_checks, visibility
-from . import bake_results
+from ..core.settings import Settings
+from ..jobs.job import Job
+from ..scene import object_checks, visibility
+from . import bake_results, object_pairs
 from .bake_results import results
+from .object_pairs import ImprintHigh, ImprintPair, is_mesh
 from .settings.bake_options import Options
 from .settings.declared_properties import declared
 from .settings.map_list import MapList
 from .translations.lookup import LABEL
-
-
-def _is_mesh(_settings, obj: bpy.types.Object) -> bool:
-    return obj.type == "MESH"
-
-
-def _may_be_high(_settings, obj: bpy.types.Object) -> bool:
-    return instances.may_show(obj)
-
-
-class ImprintHigh(bpy.types.PropertyGroup):
-    """One slot for a high object."""
-
-    object: PointerProperty(
-        type=bpy.types.Object,
-        name="High",
-        description="Object with detail: a mesh, a curve, text, or an object that shows instances",
-        poll=_may_be_high,
-        translation_context=LABEL,
-    )
 
 
 def _set_size(settings: "ImprintSettings", texels: int) -> None:
@@ -59,12 +46,27 @@ def _set_names(settings: "ImprintSettings", names: str) -> None:
         settings.output = file_names.renamed(settings.output, filled)
 
 
+def _choose(name: str):
+    """A callback that gives what a script sets in the scene to the pair of the panel's low object too, as the panel does."""
+
+    def update(settings: "ImprintSettings", context: bpy.types.Context) -> None:
+        pair = object_pairs.of(settings.low or context.active_object)
+        if pair is not None and pair.is_kept:
+            setattr(pair, name, getattr(settings, name))
+
+    return update
+
+
 class ImprintSettings(bpy.types.PropertyGroup, Options, MapList):
     """Scene.imprint."""
 
-    low: declared("low", poll=_is_mesh)
+    low: declared("low", poll=is_mesh)
     highs: declared("highs", type=ImprintHigh)
-    cage: declared("cage", poll=_is_mesh)
+    cage: declared("cage", poll=is_mesh, update=_choose("cage"))
+    method: declared("method", update=_choose("method"))
+    measure: declared("measure", update=_choose("measure"))
+    extrusion: declared("extrusion", update=_choose("extrusion"))
+    max_distance: declared("max_distance", update=_choose("max_distance"))
     low_suffix: declared("low_suffix")
     high_suffix: declared("high_suffix")
     cage_suffix: declared("cage_suffix")
@@ -101,35 +103,101 @@ class ImprintSettings(bpy.types.PropertyGroup, Options, MapList):
     ) -> tuple[bpy.types.Object | None, list[bpy.types.Object]]:
         """The low object and the high ones: from the slots, else the active and the other selected objects.
 
-        Without high objects, a low object whose modifiers add detail is its own high one. Otherwise, the high objects of
-        its last bake in this session are used. They come first if they are all hidden, as they are after a bake. low:
-        overrides the slot.
+        Without high objects, those of the low object's pair are used, whether they are hidden or not. A low object without a
+        pair whose modifiers add detail is its own high one. low: overrides the slot.
         """
         low = low or self.low or context.active_object
-        highs = [slot.object for slot in self.highs if slot.object]
-        if not highs:
-            highs = [obj for obj in context.view_layer.objects.selected if obj != low]
-        return low, highs or self._remembered(context, low)
+        if any(slot.title for slot in self.highs):
+            return low, [found for slot in self.highs if (found := slot.find()) is not None]
+        pair = object_pairs.of(low)
+        if pair is None or not pair.is_kept:
+            return low, self._selected(context, low, None) or object_checks.own_highs(low)
+        return low, self._selected(context, low, pair) or pair.found()
 
-    def _remembered(self, context: bpy.types.Context, low: bpy.types.Object | None) -> list[bpy.types.Object]:
-        """The high objects to use if none are in the slots or selected."""
-        last = results.of(context, low) if low is not None else None
-        before = bake_results.high_objects(last) if last is not None else []
-        own = object_checks.own_highs(low)
-        is_hidden = before and not any(visibility.is_visible(obj) for obj in before)
-        return before if is_hidden or not own else own
+    def _selected(
+        self, context: bpy.types.Context, low: bpy.types.Object | None, pair: ImprintPair | None
+    ) -> list[bpy.types.Object]:
+        """The selected objects that can be meant as high ones.
 
-    def cage_for(self, method: str) -> bpy.types.Object | None:
-        """The cage in the slot, or None for Flatten, which needs no cage."""
-        return None if method == Method.FLATTEN else self.cage
+        While the high objects of `pair` are hidden, the low objects of other pairs are not: "select all" selects these alone.
+        """
+        cages = {self.cage, pair and pair.cage}
+        found = [obj for obj in context.view_layer.objects.selected if obj != low and obj not in cages]
+        if found and pair is not None and not any(map(visibility.is_visible, pair.found())):
+            return [obj for obj in found if (other := object_pairs.of(obj)) is None or not other.is_kept]
+        return found
+
+    def missing(
+        self, context: bpy.types.Context, low: bpy.types.Object | None, highs: Sequence[bpy.types.Object]
+    ) -> list[str]:
+        """The names of the high objects that `chosen_objects` should have found: they were deleted, or did not come along.
+
+        low, highs: what it has found."""
+        if any(slot.title for slot in self.highs):
+            return [slot.title for slot in self.highs if slot.title and slot.find() is None]
+        pair = self.pair_of(low, highs)
+        return pair.missing() if pair is not None else []
+
+    def hidden(
+        self, context: bpy.types.Context, low: bpy.types.Object | None, highs: Sequence[bpy.types.Object]
+    ) -> list[bpy.types.Object]:
+        """Those of `highs` that the view layer does not show; without any, the hidden objects that are called as the high
+        objects of `low` are."""
+        if not highs and low is not None:
+            names = _partners(low.name, tuple(context.view_layer.objects.keys()), self.suffixes())
+            highs = [context.view_layer.objects[name] for name in names]
+        return [high for high in highs if high != low and not visibility.is_visible(high)]
+
+    def pair_of(self, low: bpy.types.Object | None, highs: Sequence[bpy.types.Object]) -> ImprintPair | None:
+        """The pair of `low` if these are its high objects, else None: then the low object gets other ones."""
+        pair = object_pairs.of(low)
+        return pair if pair is not None and pair.is_kept and set(pair.found()) == set(highs) else None
+
+    def rays_of(
+        self, low: bpy.types.Object | None, highs: Sequence[bpy.types.Object]
+    ) -> "ImprintSettings | ImprintPair":
+        """What holds the method, the cage and the distances for these objects: their pair, or else the scene's settings."""
+        return self.pair_of(low, highs) or self
+
+    def settings_for(self, low: bpy.types.Object | None, highs: Sequence[bpy.types.Object]) -> Settings:
+        """The settings of a bake of these objects."""
+        return self.to_settings(own=self.rays_of(low, highs), of_own=object_pairs.CHOSEN)
+
+    def settings_of(self, job: Job) -> Settings:
+        """As `settings_for`, for the objects of a job as far as they exist."""
+        low, *highs = (ref.find() for ref in (job.low_ref, *job.high_refs))
+        return self.settings_for(low, [high for high in highs if high is not None])
+
+    def cage_of(self, low: bpy.types.Object | None, highs: Sequence[bpy.types.Object]) -> bpy.types.Object | None:
+        """The cage for these objects, or None for Flatten, which needs no cage."""
+        rays = self.rays_of(low, highs)
+        return None if rays.method == Method.FLATTEN else rays.cage
+
+    def job(self, context: bpy.types.Context) -> tuple[Job, Settings]:
+        """What the panel bakes. Raises BakeError without a low object, or if a high object is missing."""
+        low, highs = self.chosen_objects(context)
+        reason = object_pairs.problem(self.missing(context, low, highs))
+        if low is None or reason:
+            raise BakeError(reason or object_checks.problem(context, low, highs))
+        return Job(low, highs, self.cage_of(low, highs)), self.settings_for(low, highs)
 
     def suffixes(self) -> Suffixes:
         """The endings of the names of pairs."""
         return Suffixes(self.low_suffix, self.high_suffix, self.cage_suffix)
 
 
+@lru_cache(maxsize=1)
+def _partners(low: str, names: tuple[str, ...], suffixes: Suffixes) -> list[str]:
+    """The high objects of `low` by name. Cached: a redraw matches names only if one has changed."""
+    try:
+        pairs, _ = name_matching.match(names, suffixes)
+    except BakeError:  # suffixes that are the same; the panel Pairs by Name says so
+        return []
+    return next((pair.highs for pair in pairs if pair.low == low), [])
+
+
 def _found(name: str):
-    """A getter of a distance that the last bake of the current low object measured in this session; 0 if it measured none."""
+    """A getter of a distance that the last bake of the current low object measured; 0 if it measured none."""
     return lambda _: bake_results.distances(results.of(bpy.context)).get(name, 0.0)
 
 
@@ -155,7 +223,7 @@ class ImprintFound(bpy.types.PropertyGroup):
 
 
 def register() -> None:
-    bpy.utils.register_class(ImprintHigh)
+    object_pairs.register()
     bpy.utils.register_class(ImprintSettings)
     bpy.utils.register_class(ImprintFound)
     bpy.types.WindowManager.imprint_found = PointerProperty(type=ImprintFound)
@@ -181,4 +249,4 @@ def unregister() -> None:
     del bpy.types.WindowManager.imprint_found
     bpy.utils.unregister_class(ImprintFound)
     bpy.utils.unregister_class(ImprintSettings)
-    bpy.utils.unregister_class(ImprintHigh)
+    object_pairs.unregister()

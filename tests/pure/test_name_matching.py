@@ -76,6 +76,42 @@ def test_a_number_without_a_partner_is_reported():
     ]
 
 
+@pytest.mark.parametrize("order", [1, -1])
+def test_blenders_numbers_distinguish_copies_of_a_pair(order):
+    names = ["pipe_low", "pipe_high", "pipe_low.001", "pipe_high.001", "pipe_cage.001", "pipe_high_bolts.001"]
+    pairs, problems = match(names[::order], Suffixes())
+    assert problems == []
+    assert pairs == [
+        Pair("pipe", "pipe_low", ["pipe_high"]),
+        Pair("pipe.001", "pipe_low.001", ["pipe_high.001", "pipe_high_bolts.001"], "pipe_cage.001"),
+    ]
+
+
+def test_a_copy_goes_to_the_low_object_without_a_number_if_none_has_its_own():
+    pairs, problems = match(["pipe_low", "pipe_low.001", "pipe_high.001", "pipe_high.002"], Suffixes())
+    assert problems == []
+    assert [(pair.low, pair.highs) for pair in pairs] == [
+        ("pipe_low", ["pipe_high.002"]),
+        ("pipe_low.001", ["pipe_high.001"]),
+    ]
+
+
+def test_blenders_numbers_and_own_numbers_distinguish_together():
+    names = [f"a_{role}_{number}{copy}" for role in ("low", "high") for number in (1, 2) for copy in ("", ".001")]
+    pairs, problems = match(names, Suffixes())
+    assert problems == []
+    assert [(pair.low, pair.highs) for pair in pairs] == [
+        (f"a_low_{number}{copy}", [f"a_high_{number}{copy}"]) for number in (1, 2) for copy in ("", ".001")
+    ]
+    assert len({pair.name for pair in pairs}) == 4
+
+
+def test_a_copy_without_a_high_object_is_reported_by_the_name_that_is_missing():
+    pairs, problems = match(["pipe_low_2", "pipe_low_2.001", "pipe_high_2"], Suffixes())
+    assert [(pair.low, pair.highs) for pair in pairs] == [("pipe_low_2", ["pipe_high_2"])]
+    assert problems == ["'pipe_low_2.001' has no high object: none is called 'pipe_high_2.001'."]
+
+
 def test_chosen_suffixes_take_precedence():
     pairs, _ = match(["a_hi", "a_low", "a_top"], Suffixes("_hi", "_top", "_cage"))
     assert pairs == [Pair("a", "a_hi", ["a_top"])]
@@ -103,9 +139,9 @@ def test_names_with_special_characters_of_regular_expressions():
 
 def test_unmatched_names_are_reported():
     pairs, problems = match(["a_low", "b_high", "c_cage", "d_low", "D_LOW.001", "d_high"], Suffixes())
-    assert [pair.name for pair in pairs] == ["D"]
+    assert pairs == [Pair("d", "d_low", ["d_high"])]
     assert len(problems) == 4
-    for word, problem in zip(["D_LOW.001", "a_low", "b_high", "c_cage"], problems, strict=True):
+    for word, problem in zip(["a_low", "b_high", "c_cage", "D_LOW.001"], problems, strict=True):
         assert word in problem
 
 

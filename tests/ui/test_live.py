@@ -70,7 +70,7 @@ def fresh(**changes):
         "material": False,
         "modifiers": "VIEWPORT",
     }
-    bake_pair(bpy.context, low, highs, Settings(**plain | changes), settings.cage_for(settings.method))
+    bake_pair(bpy.context, low, highs, Settings(**plain | changes), settings.cage)
     return pixels(bpy.data.images["fresh"])
 
 

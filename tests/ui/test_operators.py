@@ -419,6 +419,12 @@ def not_finite(low, high):
 
 def gone_from_the_scene(low, high):
     fill_slots(low, high)
+    bpy.data.scenes.new("other").collection.objects.link(high)
+    bpy.context.scene.collection.objects.unlink(high)
+
+
+def deleted(low, high):
+    fill_slots(low, high)
     bpy.context.scene.collection.objects.unlink(high)
 
 
@@ -441,6 +447,7 @@ MISSING = {
     no_uvs: "'lo' has no UV layer",
     not_finite: "NaN",
     gone_from_the_scene: "'hi' is not in scene",
+    deleted: "'hi' was deleted",
     no_file_named: "No file is set",
     does_not_fit_the_format: "16 or 32 bits",
 }

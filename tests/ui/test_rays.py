@@ -7,6 +7,7 @@ import pytest
 
 import addon
 from addon.engine.rays import tree_cache
+from addon.ui import object_pairs
 from addon.ui.live.live_switch import live
 from addon.ui.viewport.cage_overlay import CageState, RayFigures, Subject, overlay
 from tests.support import maps, zoo
@@ -31,9 +32,11 @@ def test_measured_distances_are_shown_and_can_be_frozen(small):
     found = bpy.context.window_manager.imprint_found
     assert 0.2 < found.extrusion < 0.5
     bpy.ops.imprint.freeze_distances()
-    assert not small.measure
-    assert (small.extrusion, small.max_distance) == (found.extrusion, found.max_distance)
-    assert small.to_settings().extrusion == found.extrusion
+    pair = object_pairs.of(bpy.data.objects["lo"])
+    assert not pair.measure
+    assert (pair.extrusion, pair.max_distance) == (found.extrusion, found.max_distance)
+    assert small.settings_for(*small.chosen_objects(bpy.context)).extrusion == found.extrusion
+    assert small.measure  # the distances of other low objects are measured as before
 
 
 def test_distances_set_by_a_script_need_no_switch(small):

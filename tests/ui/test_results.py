@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Results of the bakes of a session in the window: each belongs to its scene, its low object and its file."""
+"""Results of bakes in the window: each belongs to its low object, and the file keeps it."""
 
 from types import SimpleNamespace
 
@@ -66,18 +66,17 @@ def panel_lines(report):
     return layout.labels
 
 
-# Scene, low object and file of a result
+# Low object and file of a result
 
 
-def test_a_result_belongs_to_its_scene(baked):
+def test_a_result_is_known_in_each_scene_of_its_low_object(baked):
     low, _ = baked
     assert is_known()
     bpy.context.window.scene = bpy.data.scenes.new("other")
-    bpy.context.scene.collection.objects.link(low)
-    bpy.context.scene.imprint.low = low
     assert not is_known()
     assert not bpy.ops.imprint.show_mask.poll()
-    bpy.context.window.scene = bpy.data.scenes["Scene"]
+    bpy.context.scene.collection.objects.link(low)
+    bpy.context.scene.imprint.low = low
     assert is_known()
 
 
@@ -92,18 +91,19 @@ def test_a_result_belongs_to_its_low_object(baked):
     low.name = "renamed"
     assert is_known()
     zoo.plane("lo")
-    assert results.named(bpy.context, "renamed") is results.of(bpy.context)
+    assert results.named(bpy.context, "renamed") == results.of(bpy.context)
     settings.low = bpy.data.objects["lo"]
     assert not is_known()
 
 
-def test_a_result_belongs_to_its_file(baked, tmp_path):
-    """Also if Load UI is off, and the window manager stays."""
-    path = str(tmp_path / "scene.blend")
+def test_a_file_keeps_results(baked, tmp_path):
+    """The lines about the session's last bake are cleared, also if Load UI is off, and the window manager stays."""
+    path, before = str(tmp_path / "scene.blend"), results.of(bpy.context).to_dict()
     bpy.ops.wm.save_as_mainfile(filepath=path)
     bpy.ops.wm.open_mainfile(filepath=path, load_ui=False)
     assert bpy.context.scene.imprint.low.name == "lo"
-    assert not is_known()
+    assert is_known()
+    assert results.of(bpy.context).to_dict() == before
     manager = bpy.context.window_manager
     assert (manager.imprint_summary, manager.imprint_warnings) == ("", "")
 
@@ -225,10 +225,10 @@ def test_high_objects_of_the_last_bake_are_used_if_none_are_chosen(baked):
     assert chosen() == [other]
     other.select_set(False)
     low.modifiers.new("Rounded", "SUBSURF")
-    assert chosen() == [low]
-    show_result.hide_high(bpy.context, results.of(bpy.context), hide=True)
-    assert chosen() == [high]  # otherwise, a bake that hid it could not be repeated
-    bpy.data.objects.remove(high)
+    for is_hidden in (False, True):
+        show_result.hide_high(bpy.context, results.of(bpy.context), hide=is_hidden)
+        assert chosen() == [high]  # modifiers such as Bevel belong to many a low object
+    bpy.context.scene.imprint.highs.add().object = low
     assert chosen() == [low]
 
 

@@ -72,7 +72,7 @@ def test_no_weights_in_edit_mode_or_without_rays(settings):
     bpy.ops.imprint.bake(method="FLATTEN")
     with pytest.raises(RuntimeError, match="poll"):
         bpy.ops.imprint.propose_weights()
-    bpy.ops.imprint.bake()
+    bpy.ops.imprint.bake(method="CAST")
     assert bpy.ops.imprint.propose_weights.poll()
     bpy.context.view_layer.objects.active = settings.low
     bpy.ops.object.mode_set(mode="EDIT")

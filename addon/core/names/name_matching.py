@@ -3,12 +3,13 @@
 
 import functools
 import re
+from collections import Counter
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from ..errors import BakeError
 
-_COPY_NUMBER = re.compile(r"\.\d{3,}$")
+_COPY_NUMBER = re.compile(r"\.(\d{3,})$")
 _WORDS = {"low": "low|lo|lp|low[_ -]?poly", "high": "high|hi|hp|high[_ -]?poly", "cage": "cage"}
 """Usual endings of names. A default suffix matches all endings in its row."""
 
@@ -38,6 +39,30 @@ class Pair:
     cage: str = ""
 
 
+@dataclass(frozen=True)
+class _Key:
+    """What the names of a pair share: the part before the suffix in any case, the number after it, and that of Blender."""
+
+    folded: str
+    number: int | None
+    copy: int | None
+    base: str = field(compare=False)
+
+    @property
+    def own(self) -> tuple[str, int | None]:
+        """What names have in common that differ in Blender's number alone."""
+        return self.folded, self.number
+
+    @property
+    def order(self) -> tuple[str, int, int]:
+        return self.folded, self.number or -1, self.copy or -1
+
+    def name(self, suffix: str = "", before_number: str = "_") -> str:
+        """The name of an object of the pair; without a suffix, that of the pair."""
+        number = "" if self.number is None else f"{before_number}{self.number}"
+        return f"{self.base}{suffix}{number}" + ("" if self.copy is None else f".{self.copy:03}")
+
+
 def match(names: Iterable[str], suffixes: Suffixes) -> tuple[list[Pair], list[str]]:
     """Sort `names` into pairs.
 
@@ -45,21 +70,24 @@ def match(names: Iterable[str], suffixes: Suffixes) -> tuple[list[Pair], list[st
     high objects or a cage without a low object, two low objects or cages of one pair. Names without a suffix are ignored.
 
     A number may follow a suffix, to distinguish pairs of one name. An underscore and more may follow a high suffix. Blender's
-    .001 at the end of a name is ignored.
+    .001 at the end distinguishes low objects of one name, and their high objects; where there is one low object, it is ignored.
     """
     suffixes.check()
-    pairs: dict[tuple[str, int | None], Pair] = {}
+    pairs: dict[_Key, Pair] = {}
     problems = []
     found = [(name, *_role(name, suffixes)) for name in sorted(names)]
-    # High objects of one pair may also be numbered: the number belongs to the pair only if a low object has it too.
-    numbered = {(base.casefold(), number) for _, role, base, number in found if role == "low"}
-    for name, role, base, number in found:
+    # High objects of one pair may also be numbered: a number belongs to the pair only if a low object has it too.
+    lows = {key for _, role, key in found if role == "low"}
+    shared = Counter(key.own for key in lows)
+    for name, role, full in found:
         if not role:
             continue
-        key = base.casefold(), number
-        if role == "high" and key not in numbered:
-            key = base.casefold(), None
-        pair = pairs.setdefault(key, Pair(base if key[1] is None else f"{base} {number}"))
+        key = full
+        if role == "high" and not shared[key.own]:
+            key = replace(key, number=None)
+        if shared[key.own] < 2 or key not in lows:
+            key = replace(key, copy=None)
+        pair = pairs.setdefault(key, Pair(key.name(before_number=" ")))
         if role == "high":
             pair.highs.append(name)
         elif getattr(pair, role):
@@ -67,37 +95,30 @@ def match(names: Iterable[str], suffixes: Suffixes) -> tuple[list[Pair], list[st
         else:
             setattr(pair, role, name)
     complete = []
-    for (_, number), pair in sorted(pairs.items(), key=lambda item: (item[0][0], item[0][1] or -1)):
+    for key, pair in sorted(pairs.items(), key=lambda item: item[0].order):
         if pair.low and pair.highs:
             complete.append(pair)
         elif pair.low:
-            problems.append(
-                f"{pair.low!r} has no high object: none is called {_missing(pair, number, suffixes.high)!r}."
-            )
+            problems.append(f"{pair.low!r} has no high object: none is called {key.name(suffixes.high)!r}.")
         else:
             unpaired = ", ".join(map(repr, pair.highs or [pair.cage]))
-            problems.append(f"{unpaired} has no low object: none is called {_missing(pair, number, suffixes.low)!r}.")
+            problems.append(f"{unpaired} has no low object: none is called {key.name(suffixes.low)!r}.")
     return complete, problems
 
 
-def _missing(pair: Pair, number: int | None, suffix: str) -> str:
-    if number is None:
-        return pair.name + suffix
-    return f"{pair.name.removesuffix(f' {number}')}{suffix}_{number}"
-
-
 @functools.lru_cache(maxsize=2**16)
-def _role(name: str, suffixes: Suffixes) -> tuple[str, str, int | None]:
-    """The role of an object by its name: "low", "high", "cage" or ""; the name without its suffix; and its number, or None.
+def _role(name: str, suffixes: Suffixes) -> tuple[str, _Key | None]:
+    """The role of an object by its name, "low", "high", "cage" or "", and what the names of its pair share.
 
     Cached, because a panel calls this for all objects at each redraw.
     """
-    plain = _COPY_NUMBER.sub("", name)
+    copied = _COPY_NUMBER.search(name)
+    plain, copy = (name[: copied.start()], int(copied[1])) if copied else (name, None)
     for role, pattern in _patterns(suffixes):
         found = pattern.fullmatch(plain)
         if found:
-            return role, found[1], int(found[2]) if found[2] else None
-    return "", "", None
+            return role, _Key(found[1].casefold(), int(found[2]) if found[2] else None, copy, found[1])
+    return "", None
 
 
 @functools.lru_cache(maxsize=16)

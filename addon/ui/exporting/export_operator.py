@@ -12,7 +12,7 @@ from ...core.names import file_names
 from ...core.progress import Pace, Task
 from ...export import engine_files
 from ...export.engine_files import Exported
-from .. import modal
+from .. import modal, object_pairs
 from ..bake_results import results
 from ..callbacks import redraw
 from ..translations.lookup import LABEL, message, tooltip
@@ -91,7 +91,7 @@ class IMPRINT_OT_export(modal.SlicedOperator, bpy.types.Operator):
             self.report({"WARNING"}, warning)
         exported = {**result.to_dict(), "warnings": result.warnings}
         reports = [report.with_export(exported) for report in results.all_of(context)]
-        results.remember(context, reports)
+        object_pairs.keep_reports(reports[0].refs[0].resolve(), reports)
         self.report({"INFO"}, reports[0].exported)
         redraw()
 

@@ -134,7 +134,7 @@ class LiveController:
         """Store the last maps as a bake does, in their files or packed, and stop. Raises BakeError if they cannot be stored."""
         try:
             if self._following is not None:
-                self._following.session.commit()
+                self._following.keep()
         finally:
             self.stop()
 
@@ -198,7 +198,7 @@ class LiveController:
         """Store the map, so that the saved file has it."""
         if self._following is not None:
             try:
-                self._following.session.commit()
+                self._following.keep()
             except BakeError as error:
                 self._show_message(str(error))
             datablocks.pack_unpacked()  # what is kept in memory, or could not be written to its files

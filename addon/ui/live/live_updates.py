@@ -2,6 +2,7 @@
 """Live while it is on: what happens when objects or settings change, and the map that is being drawn."""
 
 import time
+from dataclasses import asdict
 
 import bpy
 
@@ -10,6 +11,7 @@ from ...core.progress import Pace, Task, run_for
 from ...core.settings import Settings
 from ...jobs.live import live_session
 from ...scene import object_refs
+from .. import object_pairs
 from .sculpt_strokes import Strokes
 
 SLICE = 0.02
@@ -92,6 +94,12 @@ class Following:
             else:
                 self._strokes.note(obj)
 
+    def keep(self) -> None:
+        """Store the maps as a bake does, and the pair with the low object. Raises BakeError."""
+        self.session.commit()
+        job = self.session.job
+        object_pairs.remember_objects(job.low, job.highs, job.cage, asdict(self._settings), {})
+
     def note_undo(self) -> None:
         """Note that any object may have changed, or been deleted or restored."""
         self._all_changed = self._may_be_gone = True
@@ -117,7 +125,7 @@ class Following:
         """Start a new session with the same objects if the settings of the panel have changed. Raises BakeError while they
         cannot be baked. Returns whether they are back to the session's settings after that."""
         try:
-            wanted = self.panel.to_settings()
+            wanted = self.panel.settings_of(self.session.job)
         except BakeError as error:
             self._refused = None, str(error)
             raise

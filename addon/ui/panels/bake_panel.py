@@ -24,6 +24,8 @@ class IMPRINT_UL_highs(bpy.types.UIList):
 
     def draw_item(self, _context, layout, _data, item, _icon, _active_data, _active_property) -> None:
         layout.prop(item, "object", text="", emboss=True)
+        if item.called and item.find() is None:
+            layout.label(text=item.title, icon="ERROR", translate=False)
 
 
 class IMPRINT_PT_bake(SidebarPanel, bpy.types.Panel):
@@ -53,11 +55,16 @@ class IMPRINT_PT_bake(SidebarPanel, bpy.types.Panel):
         box = layout.box()
         if following or problem:
             draw_paragraphs(box, context, [following or problem], "ERROR" if problem else "INFO")
+            if problem:
+                draw_remedy(box, context, low, highs)
         else:
             draw_paragraphs(box, context, [bake_plan.plan(low, highs, settings)], "INFO")
             box.label(text=bake_plan.count(low, settings), translate=False)
             draw_paragraphs(box, context, [bake_plan.warning(low, highs)], "ERROR")
-            found = findings.of(context, low, highs, settings.to_settings(), is_exported=bool(settings.export))
+            draw_hidden(box, context, settings.hidden(context, low, highs))
+            found = findings.of(
+                context, low, highs, settings.settings_for(low, highs), is_exported=bool(settings.export)
+            )
             draw_findings(box, context, found)
         # The bar replaces the button: nothing moves under the mouse when a bake begins or ends.
         row = layout.row()
@@ -80,6 +87,29 @@ class IMPRINT_PT_bake(SidebarPanel, bpy.types.Panel):
         reports = results.all_of(context)
         if reports:
             draw_result(layout, reports)
+
+
+def draw_remedy(
+    layout: bpy.types.UILayout,
+    context: bpy.types.Context,
+    low: bpy.types.Object | None,
+    highs: Sequence[bpy.types.Object],
+) -> None:
+    """A button for a high object that is missing, else one for those that are hidden."""
+    settings = context.scene.imprint
+    missing = settings.missing(context, low, highs)
+    if missing:
+        layout.operator("imprint.remove_missing", icon="X").high = missing[0]
+    elif settings.hidden(context, low, highs):
+        layout.operator("imprint.show_hidden", icon="HIDE_OFF")
+
+
+def draw_hidden(layout: bpy.types.UILayout, context: bpy.types.Context, hidden: Sequence[bpy.types.Object]) -> None:
+    """That high objects are hidden, which a bake reads nevertheless, and a button that shows them."""
+    if hidden:
+        row = layout.row()
+        draw_paragraphs(row, context, [bake_plan.hidden(hidden)], "INFO")
+        row.operator("imprint.show_hidden", icon="HIDE_OFF")
 
 
 def draw_findings(layout: bpy.types.UILayout, context: bpy.types.Context, found: Sequence[Finding]) -> None:

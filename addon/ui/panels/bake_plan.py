@@ -2,6 +2,7 @@
 """Sentences about the Bake button: what it will do, or why it cannot."""
 
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import bpy
@@ -15,6 +16,7 @@ from ...jobs.texture_sets import by_material
 from ...output import datablocks, map_names, map_storage
 from ...output.files import planned_files
 from ...scene import object_checks, vertex_weights
+from .. import object_pairs
 from ..properties import ImprintSettings
 from ..translations.lookup import message
 
@@ -26,12 +28,16 @@ def problem(
     settings: ImprintSettings,
 ) -> str:
     """Why the button cannot bake, in a sentence; empty if no problem is visible."""
-    values = settings.to_settings()
+    values = settings.settings_for(low, highs)
     try:
         values.check()
     except BakeError as error:
         return str(error)
-    reason = object_checks.problem(context, low, highs, settings.cage_for(settings.method), settings.method)
+    missing = settings.missing(context, low, highs)
+    reason = message(object_pairs.MISSING).format(repr(missing[0])) if missing else ""
+    if not reason and low is not None and not highs and (waiting := settings.hidden(context, low, highs)):
+        reason = hidden(waiting)
+    reason = reason or object_checks.problem(context, low, highs, settings.cage_of(low, highs), values.method)
     return reason or vertex_weights.problem(low, values) or _clash(low, settings)
 
 
@@ -42,6 +48,12 @@ def _clash(low: bpy.types.Object, settings: ImprintSettings) -> str:
     except BakeError as error:
         return str(error)
     return ""
+
+
+def hidden(objects: Sequence[bpy.types.Object]) -> str:
+    """That these objects are hidden, in a sentence."""
+    text = message("{} is hidden.") if len(objects) == 1 else message("{} are hidden.")
+    return text.format(shorten_list(repr(obj.name) for obj in objects))
 
 
 def is_normal_only(settings: ImprintSettings) -> bool:
@@ -55,7 +67,7 @@ def plan(low: bpy.types.Object, highs: list[bpy.types.Object], settings: Imprint
         Method.AUTO: message("Bakes {highs} onto {low}"),
         Method.FLATTEN: message("Flattens {highs} onto {low}"),
         Method.CAST: message("Casts rays from {low} to {highs}"),
-    }[settings.method]
+    }[settings.rays_of(low, highs).method]
     space = {
         Space.TANGENT: message("tangent space"),
         Space.OBJECT: message("object space"),

@@ -25,17 +25,18 @@ class IMPRINT_PT_map(SettingsPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         layout = split_layout(self.layout)
         settings = context.scene.imprint
-        layout.prop(settings, "method")
+        low, highs = settings.chosen_objects(context)
+        rays = settings.rays_of(low, highs)
+        layout.prop(rays, "method")
         layout.prop(settings, "space")
         if settings.space == Space.TANGENT:
             layout.prop(settings, "basis")
-        low, _ = settings.chosen_objects(context)
         if low is not None and low.type == "MESH":
             layout.prop_search(settings, "uv_layer", low.data, "uv_layers", icon="GROUP_UVS")
         map_size.draw(layout, settings)
         layout.prop(settings, "samples")
         row = layout.row()
-        row.active = int(settings.samples) >= adaptive_samples.least(settings.method)
+        row.active = int(settings.samples) >= adaptive_samples.least(rays.method)
         row.prop(settings, "adaptive")
         column = layout.column(align=True)
         column.prop(settings, "margin_type")
@@ -121,27 +122,29 @@ class IMPRINT_PT_rays(SettingsPanel, bpy.types.Panel):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return context.scene.imprint.method != Method.FLATTEN
+        settings = context.scene.imprint
+        return settings.rays_of(*settings.chosen_objects(context)).method != Method.FLATTEN
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = split_layout(self.layout)
         settings = context.scene.imprint
+        low, highs = settings.chosen_objects(context)
+        rays = settings.rays_of(low, highs)
         found = context.window_manager.imprint_found
         layout.prop(settings, "hit")
-        layout.prop(settings, "cage")
-        layout.prop(settings, "measure")
+        layout.prop(rays, "cage")
+        layout.prop(rays, "measure")
         column = layout.column(align=True)
-        if settings.measure:
+        if rays.measure:
             column.enabled = False
             column.prop(found, "extrusion")
             column.prop(found, "max_distance")
             layout.operator("imprint.freeze_distances", icon="FREEZE")
         else:
-            column.prop(settings, "extrusion")
-            column.prop(settings, "max_distance")
+            column.prop(rays, "extrusion")
+            column.prop(rays, "max_distance")
         layout.operator("imprint.show_cage", icon="MESH_UVSPHERE", depress=overlay.is_on)
         layout.prop(settings, "directions")
-        low, _ = settings.chosen_objects(context)
         if low is not None and low.type == "MESH":
             for name in ("offset_group", "straight_group"):
                 layout.prop_search(settings, name, low, "vertex_groups", icon="GROUP_VERTEX")

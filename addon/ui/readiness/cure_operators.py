@@ -71,7 +71,7 @@ class IMPRINT_OT_cure(bpy.types.Operator):
             low, highs = settings.chosen_objects(context, object_refs.by_name(self.low) if self.low else None)
             if low is None or low.type != "MESH":
                 raise BakeError("No low object: select it, or fill the slot.")
-            message = cures.cure(context, low, settings.to_settings(), self.kind, is_own_base=low in highs)
+            message = cures.cure(context, low, settings.settings_for(low, highs), self.kind, is_own_base=low in highs)
         except BakeError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}

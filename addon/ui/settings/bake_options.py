@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The settings of a bake as Blender properties, for the scene and for operators, and the way back to plain data."""
 
+from collections.abc import Collection
 from dataclasses import fields
+
+import bpy
 
 from ...core import file_formats, udim
 from ...core.declarations import kinds
@@ -14,14 +17,22 @@ from .declared_properties import declared
 class Options:
     """The fields of Settings, under the same names, and the switches that make some of them None."""
 
-    def to_settings(self, fallback: "Options | None" = None) -> Settings:
-        """The settings as plain data. Those that were not set here come from `fallback`.
+    def to_settings(
+        self,
+        fallback: "Options | None" = None,
+        own: bpy.types.PropertyGroup | None = None,
+        of_own: Collection[str] = (),
+    ) -> Settings:
+        """The settings as plain data. Those that were not set here come from `fallback`, and those of the names `of_own` from
+        `own`, which a low object has for itself.
 
         A number that a script sets is used, whatever the number's switch is.
         """
 
         def owner(name: str) -> Options:
-            return self if fallback is None or self.properties.is_property_set(name) else fallback
+            if fallback is not None and self.properties.is_property_set(name):
+                return self
+            return own if own is not None and name in of_own else fallback or self
 
         def is_switched_off(name: str) -> bool:
             """Whether the switch of a number makes it None."""

@@ -19,6 +19,49 @@ TABLE = {
         "de_DE": "Objekt mit Details: ein Mesh, eine Kurve, Text oder ein Objekt, das Instanzen zeigt",
         "es": "Objeto con detalle: una malla, una curva, un texto o un objeto que muestra instancias",
     },
+    (SENTENCE, "{} was deleted: bring it back, or remove it."): {
+        "de_DE": "{} wurde gelöscht: zurückholen oder entfernen.",
+        "es": "{} se ha borrado: recuperarlo o quitarlo.",
+    },
+    (SENTENCE, "{} is hidden."): {"de_DE": "{} ist ausgeblendet.", "es": "{} está oculto."},
+    (SENTENCE, "{} are hidden."): {"de_DE": "{} sind ausgeblendet.", "es": "{} están ocultos."},
+    (OPERATOR, "Show"): {"de_DE": "Einblenden", "es": "Mostrar"},
+    (SENTENCE, "Show the hidden high objects in the viewport. Without others, they are selected"): {
+        "de_DE": "Die ausgeblendeten High-Poly-Objekte im Viewport zeigen. Ohne andere werden sie ausgewählt",
+        "es": "Muestra en la vista los objetos high poly ocultos. Si no hay otros, se seleccionan",
+    },
+    (OPERATOR, "Remove"): {"de_DE": "Entfernen", "es": "Quitar"},
+    (SENTENCE, "Remove a high object that was deleted from the slots, or from the pair of the low object"): {
+        "de_DE": "Ein gelöschtes High-Poly-Objekt aus den Einträgen oder aus dem Paar des Low-Poly-Objekts entfernen",
+        "es": "Quita un objeto high poly borrado de las entradas o del par del objeto low poly",
+    },
+    (SENTENCE, "Name of the high object; empty for all that are missing"): {
+        "de_DE": "Name des High-Poly-Objekts; leer für alle fehlenden",
+        "es": "Nombre del objeto high poly; vacío para todos los que faltan",
+    },
+    (LABEL, "Name"): {"de_DE": "Name", "es": "Nombre"},
+    (SENTENCE, "Name of the object when the file was saved, by which it is found if it was deleted and comes back"): {
+        "de_DE": "Name des Objekts beim Speichern der Datei, über den es gefunden wird, wenn es gelöscht war und zurückkommt",
+        "es": "Nombre del objeto al guardar el archivo, con el que se encuentra si se borró y vuelve",
+    },
+    (SENTENCE, "The high objects of the last bake"): {
+        "de_DE": "Die High-Poly-Objekte des letzten Backens",
+        "es": "Los objetos high poly de la última captura",
+    },
+    (LABEL, "Own Modifiers"): {"de_DE": "Eigene Modifikatoren", "es": "Modificadores propios"},
+    (SENTENCE, "Whether the last bake was of the object's own modifiers"): {
+        "de_DE": "Ob das letzte Backen die eigenen Modifikatoren des Objekts gezeigt hat",
+        "es": "Si la última captura fue de los modificadores propios del objeto",
+    },
+    (SENTENCE, "The reports of the last bake, in JSON"): {
+        "de_DE": "Die Berichte des letzten Backens, in JSON",
+        "es": "Los informes de la última captura, en JSON",
+    },
+    (LABEL, "Baked"): {"de_DE": "Gebacken", "es": "Capturado"},
+    (SENTENCE, "Time of the last bake, in UTC"): {
+        "de_DE": "Zeit des letzten Backens, in UTC",
+        "es": "Hora de la última captura, en UTC",
+    },
     (LABEL, "Active High"): {"de_DE": "Aktiver High-Poly-Eintrag", "es": "High poly activo"},
     (SENTENCE, "Index of the selected slot"): {
         "de_DE": "Index des ausgewählten Eintrags",

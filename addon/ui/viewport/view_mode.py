@@ -8,9 +8,7 @@ import bpy
 from ...core import progress
 from ...core.errors import BakeError
 from ...core.settings import Settings
-from ...jobs.job import Job
 from ...jobs.live import live_session
-from ...scene import object_checks
 from ...views import view_shading
 from ...views.mode_names import OWN, Mode
 from ..callbacks import DrawCallbacks, Timer, redraw
@@ -140,7 +138,9 @@ class ViewMode:
 
     def is_outdated(self, context: bpy.types.Context) -> bool:
         """Whether the settings have changed since the map that is shown was drawn."""
-        return self.own is not None and self.own.settings != context.scene.imprint.to_settings()
+        if self.own is None:
+            return False
+        return self.own.settings != context.scene.imprint.settings_of(self.own.session.job)
 
     def shading_for(self, context: bpy.types.Context) -> view_shading.Shading | None:
         """The shading for the viewport that Blender is drawing; None if the low object is not visible there."""
@@ -197,12 +197,7 @@ class ViewMode:
 
 def _drawn_map(context: bpy.types.Context, pace: progress.Pace) -> progress.Task[OwnMap]:
     """A map of the current objects and settings."""
-    panel = context.scene.imprint
-    low, highs = panel.chosen_objects(context)
-    if low is None:
-        raise BakeError(object_checks.problem(context, low, highs))
-    settings = panel.to_settings()
-    job = Job(low, highs, panel.cage_for(settings.method))
+    job, settings = context.scene.imprint.job(context)
     session = live_session.Session(context, job, view_shading.settings_for(settings), pace)
     yield from session.steps(context)
     return OwnMap(session, settings)

@@ -1,0 +1,300 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The pair of a low object, which the file keeps: `Object.imprint` has its high objects, its cage, the method, the distances of
+its rays, and its last result.
+
+This is the one place for it. To read the pair of a low object:
+
+    pair = object_pairs.of(low)             # None for an object that is no low object; reading low.imprint would make one
+    pair.found(), pair.missing()            # the high objects that exist, and the names of those that do not
+    pair.cage, pair.method, pair.measure, pair.extrusion, pair.max_distance
+    pair.reports()                          # the last result: a core.report.Report for each texture set
+
+A bake writes it by `remember`. Which high objects the eye hides is in Blender's view layers, which files keep too.
+
+The pointers follow an object that is renamed, and come along if the low object is copied, appended or overridden. They keep no
+deleted data in the file: saving replaces a pointer to a deleted object by its name, and an object that comes back with that
+name belongs to the pair again.
+"""
+
+import json
+from collections.abc import Sequence
+from dataclasses import fields, replace
+from datetime import UTC, datetime
+from functools import lru_cache
+
+import bpy
+from bpy.props import BoolProperty, CollectionProperty, PointerProperty, StringProperty
+
+from ..core.declarations.choices import Method
+from ..core.report import VERSION, Report
+from ..scene import instances, object_checks
+from ..scene.object_refs import GONE, ObjectRef
+from .settings.declared_properties import declared
+from .translations.lookup import LABEL
+
+CHOSEN = ("method", "measure", "extrusion", "max_distance")
+"""The settings that a pair has, and the scene for low objects that have no pair."""
+MISSING = "{} was deleted: bring it back, or remove it."
+"""A sentence about a high object. The panel translates it."""
+_OVERRIDABLE = {"LIBRARY_OVERRIDABLE"}
+
+
+def is_mesh(_owner, obj: bpy.types.Object) -> bool:
+    return obj.type == "MESH"
+
+
+def _may_be_high(_owner, obj: bpy.types.Object) -> bool:
+    return instances.may_show(obj)
+
+
+def is_deleted(obj: bpy.types.Object) -> bool:
+    """Whether the user has deleted a local object that a pointer still keeps: it is in no collection."""
+    if obj.library is not None or bpy.context.view_layer.objects.get(obj.name) == obj:
+        return False
+    return not obj.users_collection  # slower: it goes through all collections
+
+
+class ImprintHigh(bpy.types.PropertyGroup):
+    """A high object of a pair, or one slot for a high object."""
+
+    def _note(self, _context: bpy.types.Context) -> None:
+        self.called = self.object.name if self.object else ""
+
+    # Blender matches the items of library overrides by `name`, which is the index here.
+    object: PointerProperty(
+        type=bpy.types.Object,
+        name="High",
+        description="Object with detail: a mesh, a curve, text, or an object that shows instances",
+        poll=_may_be_high,
+        update=_note,
+        override=_OVERRIDABLE,
+        translation_context=LABEL,
+    )
+    called: StringProperty(
+        name="Name",
+        description="Name of the object when the file was saved, by which it is found if it was deleted and comes back",
+        override=_OVERRIDABLE,
+        translation_context=LABEL,
+    )
+
+    def find(self) -> bpy.types.Object | None:
+        """The object; if it was deleted, one that has its name now; else None."""
+        if self.object is not None and not is_deleted(self.object):
+            return self.object
+        other = bpy.data.objects.get(self.title)
+        return None if other is None or other == self.object or is_deleted(other) else other
+
+    @property
+    def title(self) -> str:
+        """The name of the object, also of one that was deleted; empty for an empty slot."""
+        return self.object.name if self.object is not None else self.called
+
+    def settle(self) -> None:
+        """Make the pointer that of `find`, so that it keeps no deleted object, and note the object's name."""
+        found, title = self.find(), self.title
+        if self.object != found:
+            self.object = found
+        if self.called != (found.name if found else title):
+            self.called = found.name if found else title
+
+
+class ImprintPair(bpy.types.PropertyGroup):
+    """Object.imprint: what Imprint keeps for a low object. See the top of this module."""
+
+    highs: CollectionProperty(
+        type=ImprintHigh,
+        name="High",
+        description="The high objects of the last bake",
+        override={"LIBRARY_OVERRIDABLE", "USE_INSERTION"},
+        translation_context=LABEL,
+    )
+    is_own: BoolProperty(
+        name="Own Modifiers",
+        description="Whether the last bake was of the object's own modifiers",
+        override=_OVERRIDABLE,
+        translation_context=LABEL,
+    )
+    cage: declared("cage", poll=is_mesh, override=_OVERRIDABLE)
+    method: declared("method", override=_OVERRIDABLE)
+    measure: declared("measure", override=_OVERRIDABLE)
+    extrusion: declared("extrusion", override=_OVERRIDABLE)
+    max_distance: declared("max_distance", override=_OVERRIDABLE)
+    result: StringProperty(
+        name="Last Bake",
+        description="The reports of the last bake, in JSON",
+        override=_OVERRIDABLE,
+        translation_context=LABEL,
+    )
+    baked: StringProperty(
+        name="Baked",
+        description="Time of the last bake, in UTC",
+        override=_OVERRIDABLE,
+        translation_context=LABEL,
+    )
+
+    @property
+    def is_kept(self) -> bool:
+        """Whether there is a pair: the object was baked, or Live followed it."""
+        return self.is_own or any(high.title for high in self.highs)
+
+    def found(self) -> list[bpy.types.Object]:
+        """The high objects that exist; for a bake of its own modifiers, the low object while these add detail."""
+        if self.is_own:
+            return object_checks.own_highs(self.id_data)
+        return [found for high in self.highs if (found := high.find()) is not None]
+
+    def missing(self) -> list[str]:
+        """The names of the high objects that were deleted, or did not come along."""
+        return [high.title for high in self.highs if high.title and high.find() is None]
+
+    def put(self, highs: Sequence[bpy.types.Object]) -> None:
+        """Make these the high objects. Items of an override cannot be removed: those that are left over are emptied."""
+        for index, obj in enumerate(highs):
+            item = self.highs[index] if index < len(self.highs) else self.highs.add()
+            if item.object != obj:
+                item.object = obj
+            item.name, item.called = str(index), obj.name
+        for item in self.highs[len(highs) :]:
+            item.object, item.called = None, ""
+        while len(self.highs) > len(highs) and self.id_data.override_library is None:
+            self.highs.remove(len(self.highs) - 1)
+
+    def remove(self, title: str) -> None:
+        """Remove the high objects of this name from the pair, whether they exist or not."""
+        left = [(high.object, high.called) for high in self.highs if high.title not in {title, ""}]
+        for item, (obj, called) in zip(self.highs, left, strict=False):
+            item.object, item.called = obj, called
+        for item in self.highs[len(left) :]:
+            item.object, item.called = None, ""
+        while len(self.highs) > len(left) and self.id_data.override_library is None:
+            self.highs.remove(len(self.highs) - 1)
+
+    def reports(self) -> list[Report]:
+        """The reports of the last bake, one for each texture set, with references to the objects as they are now."""
+        low = self.id_data
+        return [replace(report, refs=self._refs(low, report)) for report in _read(self.result)]
+
+    def _refs(self, low: bpy.types.Object, report: Report) -> list[ObjectRef]:
+        """References as a bake has them. What is missing is referred to by its name."""
+        highs = [low] if self.is_own else [high.find() or high.title for high in self.highs if high.title]
+        if len(highs) != len(report.high):  # one was removed since
+            highs = [bpy.data.objects.get(name, name) for name in report.high]
+        cages = [self.cage or report.cage] if report.cage else []
+        found = [low, *highs, *cages]
+        return [ObjectRef(GONE, one) if isinstance(one, str) else ObjectRef.of(one) for one in found]
+
+
+@lru_cache(maxsize=32)
+def _read(text: str) -> tuple[Report, ...]:
+    """Reports from JSON. Those of another version of Imprint are left out if their keys mean something else."""
+    known = {field.name for field in fields(Report)}
+    return tuple(
+        Report(**{name: value for name, value in values.items() if name in known})
+        for values in (json.loads(text) if text else ())
+        if values["version"] == VERSION
+    )
+
+
+def of(low: bpy.types.Object | None) -> ImprintPair | None:
+    """The pair of a low object, or None. Reading `low.imprint` would make an empty one."""
+    return low.imprint if low is not None and low.is_property_set("imprint") else None
+
+
+def problem(missing: Sequence[str]) -> str:
+    """Why a bake without these high objects cannot start, in a sentence; empty if none is missing."""
+    return MISSING.format(repr(missing[0])) if missing else ""
+
+
+def remember(reports: Sequence[Report]) -> None:
+    """Keep the reports of a bake, and the objects and settings that were baked, with their low objects."""
+    by_low: dict[int, list[Report]] = {}
+    for report in reports:
+        by_low.setdefault(report.refs[0].uid, []).append(report)
+    for found in by_low.values():
+        low = found[0].refs[0].find()
+        if low is None:
+            continue
+        objects = [ref.find() for ref in found[0].refs[1:]]
+        number = len(found[0].high)
+        cage = next(iter(objects[number:]), None)
+        remember_objects(low, [high for high in objects[:number] if high], cage, found[0].settings, found[0].distances)
+        keep_reports(low, found)
+
+
+def keep_reports(low: bpy.types.Object, reports: Sequence[Report]) -> None:
+    """Keep reports as the last result of a low object."""
+    low.imprint.result = json.dumps([report.to_dict() for report in reports])
+    low.imprint.baked = datetime.now(UTC).isoformat(timespec="microseconds")
+
+
+def remember_objects(
+    low: bpy.types.Object,
+    highs: Sequence[bpy.types.Object],
+    cage: bpy.types.Object | None,
+    settings: dict,
+    measured: dict[str, float],
+) -> None:
+    """Keep objects and settings with a low object. settings: as in Settings. measured: distances, where one is not set."""
+    pair = low.imprint
+    _touch_reference(low)
+    pair.is_own = list(highs) == [low]
+    pair.put([] if pair.is_own else highs)
+    pair.method = str(settings["method"])
+    if cage is not None or pair.method != Method.FLATTEN:  # Flatten uses none, and forgets none
+        pair.cage = cage
+    pair.measure = settings["extrusion"] is None and settings["max_distance"] is None
+    for name in ("extrusion", "max_distance") if not pair.measure else ():
+        found = settings[name] if settings[name] is not None else measured.get(name)
+        if found is not None:
+            setattr(pair, name, found)
+
+
+def _touch_reference(low: bpy.types.Object) -> None:
+    """Make the object of a library have a pair too, if `low` overrides it: otherwise Blender drops the pair of the override."""
+    if low.override_library is not None and low.override_library.reference is not None:
+        low.override_library.reference.imprint  # noqa: B018 - reading it makes it
+
+
+def settle() -> None:
+    """Keep no deleted object in the file: replace pointers to such objects by their names, and those names by objects that
+    have come back."""
+    for scene in bpy.data.scenes:
+        if scene.library is None:
+            for slot in scene.imprint.highs:
+                slot.settle()
+            for name in ("low", "cage"):
+                _drop(scene.imprint, name)
+    for obj in bpy.data.objects:
+        pair = of(obj)
+        if pair is not None and obj.library is None:
+            _touch_reference(obj)
+            for high in pair.highs:
+                high.settle()
+            _drop(pair, "cage")
+
+
+def _drop(owner: bpy.types.PropertyGroup, name: str) -> None:
+    obj = getattr(owner, name)
+    if obj is not None and is_deleted(obj):
+        setattr(owner, name, None)
+
+
+@bpy.app.handlers.persistent
+def _before_saving(*_) -> None:
+    settle()
+
+
+CLASSES = (ImprintHigh, ImprintPair)
+_register, _unregister = bpy.utils.register_classes_factory(CLASSES)
+
+
+def register() -> None:
+    _register()
+    bpy.types.Object.imprint = PointerProperty(type=ImprintPair, override=_OVERRIDABLE)
+    bpy.app.handlers.save_pre.append(_before_saving)
+
+
+def unregister() -> None:
+    bpy.app.handlers.save_pre.remove(_before_saving)
+    del bpy.types.Object.imprint
+    _unregister()
