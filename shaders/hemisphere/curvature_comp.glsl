@@ -2,7 +2,7 @@
 // how much of a ball around the point is inside. x has the sum of what the inner half lacks, y of what the outer half holds.
 #include "lib/block_lib.glsl"
 #include "lib/lattice_lib.glsl"
-#include "lib/surface_lib.glsl"
+#include "lib/shading_lib.glsl"
 #include "lib/reach_lib.glsl"
 
 void main()
@@ -15,7 +15,7 @@ void main()
   vec4 sum = numbers.w != 0 ? vec4(0.0) : imageLoad(sums, texel);
   uvec4 hit = texel_at(hits, texel);
   if (!hit_missed(hit)) {
-    vec3 face = surface_face_normal(hit, vec3(0.0, 0.0, 1.0));
+    vec3 face = surface_face_normal(hit, shading_normal(hit, vec3(0.0, 0.0, 1.0)));
     vec3 origin = surface_point(hit);
     int own = hit_triangle(hit);
     vec2 shift = lattice_shift(texel, cell);

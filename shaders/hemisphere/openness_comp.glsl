@@ -24,8 +24,8 @@ void main()
   vec4 sum = numbers.w != 0 ? vec4(0.0) : imageLoad(sums, texel);
   uvec4 hit = texel_at(hits, texel);
   if (!hit_missed(hit)) {
-    vec3 face = surface_face_normal(hit, vec3(0.0));
     vec3 normal = shading_normal(hit, vec3(0.0, 0.0, 1.0));
+    vec3 face = surface_face_normal(hit, normal);
     vec3 origin = surface_point(hit) * placed.w + placed.xyz;
     origin += face * (sides == REACH_BOTH ? REACH_OFFSET : 0.0);
     int own = blocking.z != 0 ? hit_triangle(hit) : -1;

@@ -15,8 +15,8 @@ void main()
   vec4 sum = numbers.w != 0 ? vec4(0.0) : imageLoad(sums, texel);
   uvec4 hit = texel_at(hits, texel);
   if (!hit_missed(hit)) {
-    vec3 face = surface_face_normal(hit, vec3(0.0));
     vec3 normal = shading_normal(hit, vec3(0.0, 0.0, 1.0));
+    vec3 face = surface_face_normal(hit, normal);
     vec3 origin = surface_point(hit);
     int own = hit_triangle(hit);
     vec2 shift = lattice_shift(texel, cell);

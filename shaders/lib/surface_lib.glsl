@@ -19,7 +19,12 @@ vec3 surface_unit(vec3 vector, vec3 otherwise)
   return length_squared > 0.0 ? vector / sqrt(length_squared) : otherwise;
 }
 
-// The normal of the triangle itself, by its winding; `otherwise` for a triangle without area.
+// The least height of a triangle whose edges have a direction across, in local space, whose radius is about 1. Below, rounding
+// of its corners decides.
+const float SURFACE_LEAST_HEIGHT = 2.5e-7;
+
+// The normal of the triangle itself, by its winding; `otherwise` for a triangle without area, such as a half of a quad at the
+// pole of a ball.
 vec3 surface_face_normal(uvec4 hit, vec3 otherwise)
 {
   int first = hit_triangle(hit) * 3;
@@ -29,5 +34,6 @@ vec3 surface_face_normal(uvec4 hit, vec3 otherwise)
   // Scaled first: the square of the area of a small triangle is 0 in single precision.
   float largest = max(dot(edge1, edge1), dot(edge2, edge2));
   float scale = largest > 0.0 ? inversesqrt(largest) : 0.0;
-  return surface_unit(cross(edge1 * scale, edge2 * scale), otherwise);
+  vec3 across = cross(edge1 * scale, edge2 * scale);
+  return length(across) > SURFACE_LEAST_HEIGHT * scale ? surface_unit(across, otherwise) : otherwise;
 }

@@ -190,6 +190,8 @@ def test_bent_normals_beside_a_wall_in_each_space(method, samples):
 
 
 RADIUS = 2.0
+POLES = [0, 1, -2, -1]
+"""The rows of a map with the triangles at the poles of a ball."""
 
 
 def ball():
@@ -206,6 +208,38 @@ def ball():
     for obj in (low, high):
         obj.scale, obj.location = (RADIUS,) * 3, (3.0, -1.0, 7.0)
     return low, high
+
+
+@pytest.mark.parametrize("place", [(0.0, 0.0, 0.0), (3.0, -1.0, 7.0)])
+@pytest.mark.parametrize("smooth", [False, True])
+def test_the_poles_of_a_ball_of_quads(place, smooth):
+    """Half of each quad at a pole has no area in space, and a place in the UVs. Flatten shows what is beside it in space."""
+    high = zoo.sphere("hi", 32, latitude=90.0)
+    for polygon in high.data.polygons:
+        polygon.use_smooth = smooth
+    if not smooth:
+        high.data.attributes.remove(high.data.attributes["custom_normal"])
+    low = zoo.sphere("lo", 32, latitude=90.0)
+    for obj in (low, high):
+        obj.scale, obj.location = (RADIUS,) * 3, place
+    length, radius = 0.5 * RADIUS, 0.4 * RADIUS
+    _, maps = bake_all_maps(
+        low,
+        high,
+        maps=["AO", "THICKNESS", "CURVATURE"],
+        size=SIZE,
+        method="FLATTEN",
+        space="OBJECT",
+        distance_unit="SCENE",
+        thickness_distance=length,
+        curvature_radius=radius,
+    )
+    curved = 0.5 + 3.0 * radius / (8.0 * RADIUS)
+    for name, truth in (("ao", 1.0), ("thickness", 1.0 - (length / RADIUS) ** 2 / 12.0), ("curvature", curved)):
+        error = np.abs(maps[name][..., 0] - truth)
+        print(name, error.mean() * 255, error.max() * 255)
+        assert error[POLES].max() < 10 / 255, name
+        assert error.mean() < 2 / 255, name
 
 
 @pytest.mark.parametrize("samples", [1, 4])

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 ADD = Program(
     compute="hemisphere/curvature_comp.glsl",
-    texels=reach.TEXELS,
+    texels=(*reach.TEXELS, *reach.NORMALS),
     images=reach.SUMS,
     constants=reach.CONSTANTS,
 )
@@ -46,7 +46,17 @@ def add(
     radius: of the ball, in local space. As reach.add has it.
     """
     reach.add(
-        ADD, sums, hits, surface, surface, lattice=lattice, rays=rays, rows=rows, is_first=is_first, farthest=radius
+        ADD,
+        sums,
+        hits,
+        surface,
+        surface,
+        lattice=lattice,
+        rays=rays,
+        rows=rows,
+        is_first=is_first,
+        surface_normals=surface.normals,
+        farthest=radius,
     )
 
 
