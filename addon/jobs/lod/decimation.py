@@ -131,16 +131,11 @@ def coarser(
         decimate.vertex_group = group.name  # weight 0 locks a vertex
         result = _evaluated(scene, obj)
         if moved_to is not None:
-            transfer = obj.modifiers.new(NAME, "DATA_TRANSFER")
-            transfer.object = _object(scene, moved_to.copy())
-            transfer.use_loop_data, transfer.data_types_loops = True, {"UV"}
-            transfer.loop_mapping = "POLYINTERP_NEAREST"
-            transfer.islands_precision = 0.0  # uv_moves takes care of islands
-            transfer.layers_uv_select_dst = "NAME"
-            transfer.vertex_group = group.name
-            moved = _evaluated(scene, obj)
-            _move(result, moved)
-            bpy.data.meshes.remove(moved)
+            with _uvs_of(_object(scene, moved_to.copy()), group.name) as nodes:
+                obj.modifiers.new(NAME, "NODES").node_group = nodes
+                moved = _evaluated(scene, obj)
+                _move(result, moved)
+                bpy.data.meshes.remove(moved)
         return result
 
 
@@ -159,6 +154,40 @@ def _move(data: bpy.types.Mesh, moved: bpy.types.Mesh) -> None:
         before, after = (mesh_reader.uvs(mesh, layer.name) for mesh in (data, moved))
         uv = uv_moves.accepted(before, after, surface.vertices, surface.triangles, source.is_kept)
         layer.uv.foreach_set("vector", uv.reshape(-1))
+
+
+@contextmanager
+def _uvs_of(target: bpy.types.Object, group: str) -> Iterator[bpy.types.NodeTree]:
+    """Geometry nodes that give each corner in a vertex group the UVs of the nearest point of `target`, in all its layers.
+
+    Blender's Data Transfer modifier does the same, but loses memory each time it transfers UVs.
+    """
+    nodes = bpy.data.node_groups.new(NAME, "GeometryNodeTree")
+    try:
+        for way in ("INPUT", "OUTPUT"):
+            nodes.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
+        kinds = "NodeGroupInput", "NodeGroupOutput", "GeometryNodeObjectInfo", "GeometryNodeInputNamedAttribute"
+        start, end, info, chosen = map(nodes.nodes.new, kinds)
+        info.inputs["Object"].default_value, chosen.inputs["Name"].default_value = target, group
+        geometry = start.outputs[0]
+        for layer in target.data.uv_layers:
+            uv, sample, store = (
+                nodes.nodes.new(f"GeometryNode{kind}")
+                for kind in ("InputNamedAttribute", "SampleNearestSurface", "StoreNamedAttribute")
+            )
+            uv.data_type = sample.data_type = "FLOAT_VECTOR"
+            store.data_type, store.domain = "FLOAT2", "CORNER"
+            uv.inputs["Name"].default_value = store.inputs["Name"].default_value = layer.name
+            nodes.links.new(info.outputs["Geometry"], sample.inputs["Mesh"])
+            nodes.links.new(uv.outputs["Attribute"], sample.inputs["Value"])
+            nodes.links.new(geometry, store.inputs["Geometry"])
+            nodes.links.new(chosen.outputs["Attribute"], store.inputs["Selection"])
+            nodes.links.new(sample.outputs["Value"], store.inputs["Value"])
+            geometry = store.outputs["Geometry"]
+        nodes.links.new(geometry, end.inputs[0])
+        yield nodes
+    finally:
+        bpy.data.node_groups.remove(nodes)
 
 
 @contextmanager
