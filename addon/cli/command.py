@@ -141,7 +141,7 @@ def _read_levels(
 
 
 def _has_no_folder() -> str:
-    """A sentence if the folder in which this was started is gone. Paths cannot be told apart then."""
+    """A sentence if the folder in which this was started is gone, where no path can be made absolute."""
     try:
         os.getcwd()
     except OSError as error:
