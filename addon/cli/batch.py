@@ -3,7 +3,7 @@
 
 import argparse
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass
 from functools import cache, partial
@@ -21,7 +21,7 @@ from ..core.report import Report
 from ..core.settings import Settings
 from ..core.timings import startup
 from ..jobs import bake_jobs, sequence
-from ..jobs.job import Job, jobs_by_name
+from ..jobs.job import Job, files_read_by, jobs_by_name
 from ..output.files.atomic_file import all_or_none, check_writable
 from ..scene import dependencies, object_refs
 from . import input_checks, interruption, memory_check, scene_files, side_files, standard_streams
@@ -120,7 +120,10 @@ def open_files(
     for job in jobs:
         job.is_exported = bool(options.export)
         job.is_measured, job.is_pictured = gates.DEVIATION in gates.needs(options.strict), is_pictured
-    files.opened(plan.name, options, _lows(options, jobs), scene_files.used(options))
+    # In a chain, a bake may read the maps of those before it.
+    read = files_read_by([*jobs, *_rival_jobs(plan)], has_maps=not plan.chain)
+    used = [*scene_files.used(options), *read]
+    files.opened(plan.name, options, _lows(options, jobs), used)
     notes = input_checks.check_pages(options, settings, jobs)
     hints = input_checks.fit_hints(options, jobs)
     notes += input_checks.rounded_coordinates(options, jobs)
@@ -267,6 +270,18 @@ def _started_gpu() -> None:
     # Without the launcher, those lines may be all that explains a crash.
     with standard_streams.silence() if interruption.is_launched() else nullcontext():
         older_blender.start_gpu()
+
+
+def _rival_jobs(plan: Plan) -> Iterator[Job]:
+    """The jobs of the plan's rivals that the open scene has."""
+    for options in plan.rivals:
+        with suppress(BakeError):  # each says itself what it lacks
+            if options.pairs:
+                yield from jobs_by_name(bpy.context, options.suffixes)[0]
+            elif options.low:
+                low = object_refs.by_name(options.low)
+                cage = object_refs.by_name(options.cage) if options.cage else None
+                yield Job(low, [object_refs.by_name(name) for name in options.high] or [low], cage)
 
 
 def _jobs(options: argparse.Namespace, stage: Stage) -> tuple[list[Job], list[str]]:

@@ -77,7 +77,7 @@ def run(many: Many, files: run_clashes.Run, meter: Meter, *, may_start_processes
         meter.report(f"{many.program}: warning: {lacks}")
     try:
         meter.planned(many.planned, len(many.chosen), many.shard)
-        with _Found(many, meter) as found, many.turns(files.bounds) as turns, ExitStack() as held:
+        with _Found(many, files, meter) as found, many.turns(files.bounds) as turns, ExitStack() as held:
             for done in turns.done:
                 found.add(Done.resumed(done.plan, done.result))
             source: Iterable[Done] = ()
@@ -116,8 +116,9 @@ def _bake_here(turns: Turns, files: run_clashes.Run, meter: Meter, wanted: Wante
 class _Found:
     """The results so far: their lines on the terminal, and their entries in the report."""
 
-    def __init__(self, many: Many, meter: Meter):
+    def __init__(self, many: Many, files: run_clashes.Run, meter: Meter):
         """Raises BakeError if the report cannot be written."""
+        self._files = files
         self._meter, self._out = meter, terminal_text.out(many.options)
         self._many, self._program, self._report = many, many.program, many.options.report
         self._width = max((len(plan.name) for plan in many.chosen), default=0)
@@ -156,6 +157,8 @@ class _Found:
         run_report.count(self._counted, entry)
         self._lines.append(terminal_text.line(entry, self._width))
         picture = self._keep(done) if self._pictures else done.picture
+        if self._files.is_harmful:
+            return
         if done.is_listed and self._sheet:
             self._sheet.add(entry, picture)
         if done.is_listed and self._file:
@@ -180,6 +183,9 @@ class _Found:
         if finished < wanted:
             print(f"{self._program}: stopped, {finished} of {wanted} were finished.", file=sys.stderr)
         print("\n".join([*self._lines, terminal_text.total(self._counted, wanted)]), file=self._out)
+        if self._files.is_harmful:
+            print(f"{self._program}: no report and no page was written over a file that a bake reads.", file=sys.stderr)
+            return
         if self._file:
             self._file.finish()
             print(f"Wrote {self._path}", file=self._out)

@@ -21,6 +21,7 @@ from ..core.report import VISIBLE, Report
 from ..output import datablocks
 from ..output.files import atomic_file
 from ..output.files.atomic_file import Partial
+from ..output.files.path_clashes import Places
 from . import baked_low, comparison, map_pictures, staging
 from .baked_low import BakedLow
 from .comparison import Baked, Measured
@@ -103,6 +104,7 @@ def work(
             done.append(_exported(file_format, one, folder / path.name))
         maps = {file for low in lows for report in low.reports for file in report.output}
         targets = _targets(files, folder, path, maps)
+        _check_read(targets)
         for other in targets[1:] if check_beside else ():
             check_beside(str(other))
         _move(files, targets)
@@ -155,6 +157,15 @@ def _targets(files: Sequence[Path], folder: Path, path: Path, maps: Collection[s
             f"The export would replace {taken!r}, a map of the bake: choose another folder for one of them."
         )
     return targets
+
+
+def _check_read(targets: Sequence[Path]) -> None:
+    """Raise WrongPlace if a file is one that the open scene reads. Images that Imprint has baked are its maps."""
+    places = Places()
+    for path, title in (*datablocks.sources(), *datablocks.pictures()):
+        places.read(path, title)
+    for target in targets:
+        places.write(str(target), "the file for an engine" if target is targets[0] else "a texture of the file")
 
 
 def _move(files: Sequence[Path], targets: Sequence[Path]) -> None:

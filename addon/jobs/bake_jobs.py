@@ -20,7 +20,7 @@ from ..output import map_names, output_clashes
 from . import texture_sets
 from .atlas import Atlas
 from .bake import bake_job, draw_raw
-from .job import Job, check_job
+from .job import Job, check_job, files_kept
 from .readiness import low_findings
 from .weights import painted_groups
 
@@ -85,10 +85,11 @@ def work(
         for job, own in zip(jobs, painted_groups.settings_by_job(jobs, settings), strict=True)
     ]
     _find_occluders(jobs, settings)
+    read = files_kept(jobs, settings)
     if share_image:
-        output_clashes.check(settings, filled[:1], [ATLAS])
+        output_clashes.check(settings, filled[:1], [ATLAS], read)
     else:
-        output_clashes.check(settings, filled, [job.title for job in jobs])
+        output_clashes.check(settings, filled, [job.title for job in jobs], read)
     for job, job_settings in zip(jobs, filled, strict=True):
         check_job(context, job, job_settings)
     if share_image:

@@ -28,14 +28,14 @@ from ..engine.mips import mip_levels
 from ..engine.rendering import Renderer
 from ..mesh import uv_layout
 from ..mesh.triangle_mesh import Mesh
-from ..output import datablocks
+from ..output import datablocks, output_clashes
 from ..output.outputs import Outputs, into_materials
 from ..scene import evaluation, object_checks, reading
 from ..scene.images import stored_values
 from ..scene.object_refs import ObjectRef
 from .converting import map_fit
 from .converting.source_map import SourceMap
-from .job import check_outputs
+from .job import Job, check_outputs, files_kept
 
 
 class Conversion:
@@ -152,6 +152,8 @@ def _read(context: bpy.types.Context, conversion: Conversion, wanted: Settings, 
         tiles = {tile: stored_values.read(image, tile) for tile in _tiles(image, settings)}
     settings = _sized(image, tiles, settings)
     check_outputs(low, settings)
+    read = [(bpy.path.abspath(image.filepath, library=image.library), "the map to convert")] if image.filepath else []
+    output_clashes.check_files([settings], [low.name], "", [*read, *files_kept([Job(low, [])], settings)])
     has_basis = Space.TANGENT in (before.from_space, settings.space)
     # The tangents as they were read: ConvertedMap makes those of both bases.
     space = Space.TANGENT if has_basis else Space.OBJECT

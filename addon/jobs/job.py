@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The objects of one bake: references to them, their match by name, and checks before any mesh is read."""
 
-from collections.abc import Sequence
+import os
+from collections.abc import Iterable, Sequence
 
 import bpy
 import gpu
 
 from .. import older_blender
-from ..core.declarations.choices import VertexDomain
+from ..core import udim
+from ..core.declarations.choices import Storage, VertexDomain
 from ..core.errors import BakeError, NoGpu
 from ..core.names.name_matching import Suffixes, match
 from ..core.settings import Settings
@@ -15,7 +17,7 @@ from ..engine.bands import bands
 from ..output import map_storage, materials, vertex_attributes
 from ..output.files.planned_files import settings_by_map
 from ..passes.program import in_software
-from ..scene import object_checks
+from ..scene import dependencies, object_checks
 from ..scene.high_layers.material_sets import MaterialSet
 from ..scene.object_refs import ObjectRef
 
@@ -156,3 +158,25 @@ def draws_in_software() -> bool:
 
 def _tallest_band(settings: Settings) -> int:
     return max(band.height for band in bands(settings.width, settings.height, settings.margin))
+
+
+def files_read_by(jobs: Sequence[Job], *, has_maps: bool = True) -> list[tuple[str, str]]:
+    """The files that the bakes of these jobs read and no map may replace: absolute paths, and titles for messages.
+
+    has_maps: whether maps of earlier bakes are among them.
+    """
+    bakes = [(job.low, job.highs, [*job.others, *filter(None, [job.cage])]) for job in jobs]
+    found = (each for each in dependencies.not_to_replace(bakes) if has_maps or not each.is_own_map)
+    return [(path, each.what) for each in found for path in _files(each.path)]
+
+
+def _files(path: str) -> Iterable[str]:
+    """The files behind the path of a dependency, which may be a folder, or have a placeholder for tiles."""
+    if os.path.isdir(path):
+        return [os.path.join(folder, name) for folder, _, names in os.walk(path) for name in names]
+    return [path] if udim.TOKEN in path or not udim.is_tiled(path) else udim.files(path).values()
+
+
+def files_kept(jobs: Sequence[Job], settings: Settings) -> list[tuple[str, str]]:
+    """As `files_read_by`, if the settings write files."""
+    return files_read_by(jobs) if settings.storage == Storage.FILE else []

@@ -18,7 +18,7 @@ from ..output.files.frame_files import filled, of_frame, output_for
 from ..output.files.planned_files import settings_by_map
 from ..scene import object_refs
 from . import bake_jobs
-from .job import Job
+from .job import Job, files_kept
 
 FRAME_IMAGE = "Imprint frame"
 """The image that shows each frame while the sequence is baked."""
@@ -50,7 +50,8 @@ def work(
     if settings.material:
         materials.check(job.low)  # the bakes of frames do not change it
     frame_settings = [of_frame(frame_base, frame) for frame in frames]
-    output_clashes.check_files(frame_settings, [low] * len(frames), "put the frame number into the name with #")
+    advice = "put the frame number into the name with #"
+    output_clashes.check_files(frame_settings, [low] * len(frames), advice, files_kept([job], settings))
     reports = [] if reports is None else reports
     try:
         for number, frame in enumerate(frames):

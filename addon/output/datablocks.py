@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 
 from ..core import udim
-from ..core.map_types import ORIGIN
+from ..core.map_types import MARK, ORIGIN
 from ..core.names.file_names import file_name
 from ..core.udim import TOKEN
 from . import color_spaces
@@ -131,6 +131,14 @@ def sources() -> Iterator[tuple[str, str]]:
     for owner, title in found:
         if owner.filepath:  # relative to the file that the owner is linked from
             yield bpy.path.abspath(owner.filepath, library=owner.library), title
+
+
+def pictures() -> Iterator[tuple[str, str]]:
+    """The files of images of the open scene that Imprint did not bake, and that are not packed, as `sources` returns them."""
+    for image in bpy.data.images:
+        is_own = image.get(ORIGIN) or image.get(MARK)
+        if image.filepath and not (is_own or image.packed_file) and image.source in {"FILE", "TILED", "SEQUENCE"}:
+            yield bpy.path.abspath(image.filepath, library=image.library), f"the image {image.name!r}"
 
 
 def note_maps(low: bpy.types.Object, images: Iterable[bpy.types.Image]) -> None:

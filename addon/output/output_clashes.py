@@ -4,7 +4,7 @@
 For files, path_clashes.Places has the rules, here and on the command line. Names of images clash also if they differ in case.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import bpy
 
@@ -16,23 +16,27 @@ from .files.path_clashes import Places
 from .files.planned_files import files, settings_by_map, title
 
 
-def check(settings: Settings, bakes: Sequence[Settings], objects: Sequence[str]) -> None:
-    """Raise BakeError if two maps would be written to one image or file, or if a map would replace a file of the scene.
+def check(
+    settings: Settings, bakes: Sequence[Settings], objects: Sequence[str], read: Iterable[tuple[str, str]]
+) -> None:
+    """Raise BakeError if two maps would be written to one image or file, or if a map would replace a file that is read.
 
     bakes: the settings of each bake, which are `settings` with names filled in. objects: the name of its low object, or of
-    another subject for messages.
+    another subject for messages. read: the files that the bakes read beside those of datablocks.sources, and what they are.
     """
     _check_images(bakes, objects, _advice(settings.image))
-    check_files(bakes, objects, _advice(settings.output))
+    check_files(bakes, objects, _advice(settings.output), read)
 
 
-def check_files(bakes: Sequence[Settings], objects: Sequence[str], advice: str) -> None:
+def check_files(
+    bakes: Sequence[Settings], objects: Sequence[str], advice: str, read: Iterable[tuple[str, str]]
+) -> None:
     """Raise WrongPlace if two files would be the same, or if a file is one that the scene uses.
 
-    bakes, objects: see `check`. advice: for two files that would be the same, the end of the message.
+    bakes, objects, read: see `check`. advice: for two files that would be the same, the end of the message.
     """
     places = Places(advice)
-    for path, source in datablocks.sources():
+    for path, source in (*datablocks.sources(), *read):
         places.read(path, source)
     for settings, low in zip(bakes, objects, strict=True):
         for path, map_title in files(settings):

@@ -61,6 +61,26 @@ def of(
     return list(once.values())
 
 
+def not_to_replace(
+    bakes: Iterable[tuple[bpy.types.Object, Sequence[bpy.types.Object], Sequence[bpy.types.Object]]],
+) -> list[Dependency]:
+    """The files that bakes read, each once: a map that takes the place of one of them would be lost, or the file.
+
+    bakes: the low object of each, its high objects, and other objects that it reads. Maps that an earlier bake has put into the
+    low object's materials may be replaced, also where the high objects show the same materials.
+    """
+    bakes, used = list(bakes), _Uses()
+    found = of([each for low, highs, others in bakes for each in (low, *highs, *others)])
+    for low, highs, _ in bakes:
+        own = {slot.material for slot in low.material_slots}
+        shown = [block for block in used.by(highs) if isinstance(block, bpy.types.Material)]
+        for is_shared in (False, True):
+            images = used.by_materials(each for each in shown if (each in own) == is_shared)
+            surfaces = (each for image in images for each in _of_block(image, is_surface=True))
+            found += [each for each in surfaces if not (is_shared and each.is_own_map)]
+    return list({each.path: each for each in reversed(found)}.values())
+
+
 def not_followed(objects: Iterable[bpy.types.Object]) -> list[str]:
     """Clauses about files that `objects` are made from and whose paths are only known while they are evaluated."""
     trees = [block for block in _Uses().by(objects) if isinstance(block, bpy.types.NodeTree)]

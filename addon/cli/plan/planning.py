@@ -4,6 +4,7 @@
 import argparse
 from collections.abc import Iterator, Sequence
 from copy import copy
+from dataclasses import replace
 from functools import partial
 
 from ..trust import bounds
@@ -56,4 +57,8 @@ def plan(
         [own.pairs for own in sets if arguments.is_folder(own)],
         options.sheet,
     )
+    options_of = {each.name: each.options for each in planned} if files.rivals else {}
+    for place, each in enumerate(planned if files.rivals else ()):
+        rivals = tuple(options_of[name] for name in files.rivals.get(each.name, ()))
+        planned[place] = replace(each, rivals=rivals)
     return planned, warnings, files, found

@@ -26,6 +26,8 @@ class Plan:
     number: int = 1
     chain: int = 0
     """The number of the first bake whose changes of the scene it needs, since it or a later one saves them; 0 for none."""
+    rivals: tuple[argparse.Namespace, ...] = ()
+    """The options of other bakes of its file, if it would replace an image that the file names: none of them may read it."""
 
 
 def open_file() -> str:

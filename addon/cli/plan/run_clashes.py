@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from pathlib import Path
 
+from ...core import udim
 from ...core.errors import WrongPlace
 from ...core.file_formats import OPENED
 from ...core.names import file_names
@@ -38,6 +39,11 @@ class Run:
         self.places = Places()
         self._maps: dict[str, list[str]] = {}
         """The files of the maps of the bakes whose maps are in `places`."""
+        self.is_harmful = False
+        """Whether the report of all, or the page of results, would overwrite a file that a bake has found once it was open."""
+        self.rivals: dict[str, list[str]] = {}
+        """The bakes of the same scene, by the name of a bake that would replace an image that the scene names. Only the open
+        scene shows whether one of them reads it."""
 
     def add(
         self,
@@ -84,12 +90,44 @@ class Run:
             if self._of_record:
                 for path, what in self._of_record(options):
                     check(name, self.places.write, path, _of(what, name), name)
+        for image, name, blend, title in self._images_to_replace(bakes):
+            over = WrongPlace(f"{title[:1].upper()}{title[1:]} would overwrite {image!r}, which {blend!r} shows.")
+            check(name, _raise, over)
         if report and report != STDOUT:
             check("", self.places.write, report, "the report of all")
             check("", self.places.write, report + LINES, "the report of all while they go on")
         if sheet:
             check("", self.places.write, sheet, "the page of results")
         return problems
+
+    def _images_to_replace(
+        self, bakes: Sequence[tuple[str, argparse.Namespace]]
+    ) -> Iterator[tuple[str, str, str, str]]:
+        """The images that a .blend names and a bake of another file would replace: the path, the first bake of the .blend, it,
+        and what would replace it. Fills `rivals`.
+
+        A bake finds the images that it reads once its file is open; by then another one can have replaced them. That is
+        possible only if a map is there already. Else no file is read here.
+        """
+        by_blend: dict[str, list[str]] = {}
+        for name, options in bakes if len(bakes) > 1 else ():
+            for path in dict.fromkeys([*options.file, options.low_file or "", *options.high_file]):
+                if path.lower().endswith(".blend"):
+                    by_blend.setdefault(os.path.realpath(path), []).append(name)
+        if not by_blend or not any(map(_is_there, self._all_written(bakes))):
+            return
+        for blend, names in by_blend.items():
+            for image in _images_of(blend):
+                for title, by in self.places.written_by(image):
+                    if by not in names:
+                        yield image, names[0], blend, title
+                    elif len(names) > 1:
+                        self.rivals[by] = [name for name in names if name != by]
+
+    def _all_written(self, bakes: Sequence[tuple[str, argparse.Namespace]]) -> Iterator[str]:
+        """The files of all bakes as far as their names are known."""
+        for name, options in bakes:
+            yield from self.outputs(name, options)
 
     def outputs(self, name: str, options: argparse.Namespace) -> list[str]:
         """The files that a bake writes. LOW and tokens stand for what is only known once its files are open."""
@@ -111,7 +149,11 @@ class Run:
         Raises WrongPlace if a file would be overwritten.
         """
         for path, what in used:
-            self._read_file(path, _of(what, name), name)
+            try:
+                self._read_file(path, _of(what, name), name)
+            except WrongPlace:
+                self.is_harmful |= any(by is None for _, by in self.places.written_by(path))
+                raise
         if name not in self._maps:
             self._write_maps(name, options, lows)
 
@@ -213,6 +255,22 @@ def _libraries(
             if path not in seen and path.endswith(".blend"):
                 seen.add(path)
                 yield from ((str(library), name) for library in blend_blocks.libraries(Path(path)))
+
+
+def _images_of(blend: str) -> list[str]:
+    """The images that a .blend and the libraries that it links name."""
+    return [
+        image for path in (Path(blend), *blend_blocks.libraries(Path(blend))) for image in blend_blocks.images(path)
+    ]
+
+
+def _is_there(path: str) -> bool:
+    """Whether a file exists, or one of its tiles."""
+    return bool(udim.files(path)) if udim.is_tiled(path) else os.path.exists(path)
+
+
+def _raise(error: Exception) -> None:
+    raise error
 
 
 def _meshes_in(folder: str) -> list[str]:

@@ -32,7 +32,7 @@ from ...passes.mesh_upload import UploadCache
 from ...scene import instances, mesh_reader, object_checks, object_modes, reading
 from .. import bake_jobs
 from ..bake import READY
-from ..job import Job, check_job
+from ..job import Job, check_job, files_kept
 from .live_maps import LiveMaps
 
 
@@ -61,7 +61,7 @@ class Session:
         self._all_settings = settings
         self.settings = replace(settings, normal=True, maps=(), pack=Pack.NONE)
         self.others = LiveMaps(settings)
-        output_clashes.check(settings, [settings], [job.low.name])
+        output_clashes.check(settings, [settings], [job.low.name], files_kept([job], settings))
         check_job(context, job, settings)
         self.pace = pace
         self.drawn = 0

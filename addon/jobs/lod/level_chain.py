@@ -22,7 +22,7 @@ from ...output.files.atomic_file import all_or_none
 from ...scene import object_checks
 from ...scene.object_refs import ObjectRef
 from .. import bake_jobs
-from ..job import Job
+from ..job import Job, files_kept
 from . import decimation
 from .level_search import LevelSearch
 
@@ -83,7 +83,7 @@ def _check(context: bpy.types.Context, obj: bpy.types.Object, count: int, settin
     if settings.udim:
         raise BakeError("Levels of detail are measured on one tile: turn UDIM Tiles off.")
     bakes = [bake_jobs.for_low(settings, name) for name in names(obj, count)]
-    output_clashes.check(settings, bakes, names(obj, count))
+    output_clashes.check(settings, bakes, names(obj, count), files_kept([Job(obj, [obj])], settings))
     for job_settings in bakes:
         for image_settings in planned_files.settings_by_map(job_settings).values():
             map_storage.check(obj.name, image_settings)

@@ -48,14 +48,15 @@ class _Table:
 
     def find(self, keys: "_Keys", ignored: Hashable = None) -> _Use | None:
         """A use of the same file, except uses by `ignored`. None if there is none."""
+        return next((use for use in self.find_all(keys) if ignored is None or use.by != ignored), None)
+
+    def find_all(self, keys: "_Keys") -> Iterator[_Use]:
+        """All uses of the same file."""
         if not self.exact:
-            return None
+            return
         for table, table_keys in ((self.exact, keys.exact), (self.exact, keys.tiles), (self.tiles, keys.exact)):
             for key in table_keys:
-                for use in table.get(key, ()):
-                    if ignored is None or use.by != ignored:
-                        return use
-        return None
+                yield from table.get(key, ())
 
     def nested(self, keys: "_Keys") -> _Use | None:
         """A use that needs a folder at the path of this file, or a file at the path of one of its folders."""
@@ -129,6 +130,11 @@ class Places:
         if nested is not None:
             raise WrongPlace(f"{path!r} and {nested.path!r} cannot both be: one is a folder for the other.")
         self._writes.add(keys, use)
+
+    def written_by(self, path: str) -> list[tuple[str, Hashable]]:
+        """The writes of a file: their titles, and by whom each is."""
+        keys = self._keys(path)
+        return [(use.title, use.by) for use in self._writes.find_all(keys)]
 
     @contextmanager
     def many(self, identity_of_read: Callable[[str], Hashable] = identity) -> Iterator[None]:
