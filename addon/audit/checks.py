@@ -51,10 +51,16 @@ def audit(plan: Plan, tally: Tally, settings: Settings, ray_cast: ray_casting.Ra
     meshes, low = plan.meshes, plan.meshes.low
     uv_checks, uv_warnings = _uv_layout(plan, settings)
     texel_checks = _texels(plan, tally, settings)
-    unsure, distances = unsure_hits.check(plan, settings, ray_cast)
+    # Where rays only fill up Flatten, UVs say which layer is meant.
+    unsure, distances = unsure_hits.check(plan, settings, None if plan.has_rays else ray_cast)
+    if plan.has_rays:
+        texels = separation.sample(
+            separation.full_probe(meshes, ray_cast), (settings.width, settings.height), plan.tiles
+        )
+        distances = separation.distances(texels, np.zeros(3))[texels[..., 3] > 0.0]
     distance_checks, distance_warnings = _distances(plan, settings, distances if ray_cast else None)
     checks = uv_checks | texel_checks | distance_checks | {"unsure": unsure} | _faces(meshes) | _normals(meshes, tally)
-    with_method = replace(settings, method=plan.method)
+    with_method = replace(settings, method=Method.CAST) if plan.casts_rays else settings
     for kind, check in checks.items():
         check["severity"] = severity.rate(kind, check, with_method)
     return Findings(
@@ -104,7 +110,7 @@ def _uv_layout(plan: Plan, settings: Settings) -> tuple[Checks, list[str]]:
         "no_area": _count(areas == 0.0, count),
     }
     counts = [(mesh, mesh.not_finite, "left out: their coordinates are NaN or infinite") for mesh in (low, *highs)]
-    if plan.method == Method.FLATTEN:
+    if not plan.casts_rays:
         for high in highs:
             no_area = np.count_nonzero(uv_layout.areas(high) == 0.0)
             counts.append((high, no_area, "have no area in UV space and cannot be drawn"))
@@ -128,7 +134,7 @@ def _texels(plan: Plan, tally: Tally, settings: Settings) -> Checks:
     missed = _share(tally.missed, tally.missed + tally.written)
     return {
         "overlap": overlap_check,
-        "uncovered": missed if plan.method == Method.CAST else _share(uncovered, covered),
+        "uncovered": missed if plan.casts_rays else _share(uncovered, covered),
         "gaps": _gaps(low, tiles, settings, overlaps=overlap_check["share"] > severity.MUCH_OVERLAP),
     }
 
@@ -188,14 +194,14 @@ def _distances(plan: Plan, settings: Settings, found: np.ndarray | None) -> tupl
 
 def _crossed_warnings(plan: Plan, checks: Checks, settings: Settings) -> Iterator[str]:
     # In object and world space, overlaps are wrong in any order.
-    if plan.method != Method.FLATTEN or settings.space != Space.TANGENT:
+    if plan.method != Method.FLATTEN or plan.has_rays or settings.space != Space.TANGENT:
         return
     low, overlap_check = plan.meshes.low, checks["overlap"]
     is_stacked = overlap_check["stacked"] > severity.MUCH_OVERLAP * overlap_check["of"]
     if is_stacked and checks["far"]["maximum"] > separation.limit(low, replace(settings, limit=None)):
         highs = [separation.thinned(high) for high in plan.meshes.drawn_highs]
         share = uv_agreement.crossed(low, highs, plan.tiles)
-        if share > severity.MUCH_OVERLAP:
+        if share > uv_agreement.CROSSED:
             yield (
                 f"Cast rays: parts of {low.name!r} share UVs, and on {share:.1%} of the texels the high normals are those of "
                 "one part, and the tangents those of another."

@@ -8,7 +8,6 @@ import gpu
 import numpy as np
 
 from ..core import texel_state
-from ..core.declarations.choices import Method
 from ..core.settings import Settings
 from ..core.texel_state import Map
 from ..engine import bands, normal_channels, uv_agreement
@@ -81,7 +80,7 @@ class Deviations:
     def _elsewhere(self, tile: int) -> np.ndarray:
         """Where the high surface that is drawn is another place, as deviation.measure takes it."""
         meshes = self._plan.meshes
-        if self._plan.method != Method.FLATTEN or meshes.is_own_base:
+        if self._plan.casts_rays or meshes.is_own_base:
             return np.zeros((1, 1), bool)
         return uv_agreement.mismatched(meshes.low, meshes.drawn_highs, tile)
 

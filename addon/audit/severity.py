@@ -36,7 +36,8 @@ Check = dict[str, float]
 
 
 def rate(kind: str, check: Check, settings: Settings) -> str:
-    """The rating of `check`, one of Report.checks: GOOD, LOOK or WRONG. settings: of the bake, with its method."""
+    """The rating of `check`, one of Report.checks: GOOD, LOOK or WRONG. settings: of the bake; their method is CAST if
+    rays were cast."""
     if not check["count"] or (kind in _TANGENT_ONLY and settings.space != Space.TANGENT):
         return GOOD
     return WRONG if kind in _HARMS and _HARMS[kind](check, settings) else LOOK
@@ -49,6 +50,8 @@ def warning(kind: str, check: Check, low: str, settings: Settings) -> str:
     sentence = _SENTENCES[kind]
     if kind == "uncovered" and settings.method == Method.CAST:
         sentence = _MISSED
+    elif kind == "uncovered" and settings.method == Method.AUTO:
+        sentence = _NOT_CAST
     elif kind == "unsure" and settings.hit != Hit.OWN:
         sentence = _OTHER_LAYER
     elif kind == "unsure" and check["backs"] > 0.5 * check["count"]:
@@ -95,6 +98,10 @@ _HARMS: dict[str, Callable[[Check, Settings], bool]] = {
 _MISSED = (
     "{share:.2%} of the rays from {low} hit nothing: those texels have alpha 0. Check the extrusion and the maximum "
     "distance."
+)
+_NOT_CAST = (
+    "{share:.2%} of the texels of {low} have no high triangle and stay empty. Auto casts rays there if high and low are two "
+    "objects in the same place."
 )
 _OTHER_LAYER = (
     "{share:.2%} of the texels of {low} show a layer of the high mesh that belongs to another part of {low}, or to none. The "

@@ -43,11 +43,13 @@ class Report:
     """Why the bake chose this method; empty if the settings name it."""
     triangles: dict[str, int] = field(default_factory=dict)
     distances: dict[str, float] = field(default_factory=dict)
-    """For Cast: extrusion and max_distance in scene units, as set or measured."""
+    """For rays: extrusion and max_distance in scene units, as set or measured."""
     measured: bool = False
     """Whether at least one of `distances` was measured."""
     blend_width: float = 0.0
     """The distance from hard edges, in scene units, within which the directions of rays blend; 0 if they do not."""
+    rays: float = 0.0
+    """Share of the low mesh's texels that Flatten left to rays; 0 if Auto did not do both in one map."""
     missed: float = 0.0
     """Share of the low mesh's texels whose rays missed."""
     coverage: float = 0.0
@@ -199,6 +201,8 @@ class Report:
             )
         if self.why:
             details.append(f"{self.method.capitalize()} was chosen: {self.why}")
+        if self.rays:
+            details.append(f"Flatten on {1.0 - self.rays:.1%} of the texels, rays on {self.rays:.1%}")
         if self.distances:
             distances = " and ".join(f"{name.replace('_', ' ')} {value:.4g}" for name, value in self.distances.items())
             details.append(f"Rays: {distances}; {self.missed:.2%} missed{self._without_own_hit()}")

@@ -13,7 +13,8 @@ from ..core.settings import Settings
 from ..mesh import triangle_mesh, uv_layout
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import gap, local_space_of
-from . import uv_agreement
+from . import separation, uv_agreement
+from .rays import low_surface, tree_cache
 
 FAR_APART = 0.5
 """Share of the low mesh's radius. Meshes whose boxes have a larger gap between them do not belong together."""
@@ -25,7 +26,7 @@ class Plan:
 
     method: FLATTEN or CAST. why: a clause; empty where the settings name the method. tiles: UDIM numbers. meshes: those
     that were read, reduced to the parts that the method can use. separation: the result of separation.sample if the choice
-    needed it, or None. warnings: sentences.
+    needed it, or None. warnings: sentences. has_rays: whether FLATTEN casts rays where the UV layouts do not agree.
     """
 
     method: str
@@ -34,6 +35,12 @@ class Plan:
     why: str = ""
     separation: np.ndarray | None = None
     warnings: tuple[str, ...] = ()
+    has_rays: bool = False
+
+    @property
+    def casts_rays(self) -> bool:
+        """Whether rays are cast, for all texels or for some."""
+        return self.method == Method.CAST or self.has_rays
 
 
 def choose_method(meshes: Meshes, tiles: Sequence[int], settings: Settings) -> Plan:
@@ -44,7 +51,7 @@ def choose_method(meshes: Meshes, tiles: Sequence[int], settings: Settings) -> P
     plan = Plan(settings.method, tuple(tiles), meshes)
     if settings.method == Method.AUTO:
         plan = _measured(plan)
-    return _flattened(plan) if plan.method == Method.FLATTEN else _within_reach(plan, settings)
+    return _within_reach(plan, settings) if plan.casts_rays else _flattened(plan)
 
 
 def tiles_to_bake(meshes: Meshes, settings: Settings) -> list[int]:
@@ -91,7 +98,14 @@ def _measured(plan: Plan) -> Plan:
         return replace(plan, method=Method.CAST, why="there is a cage")
     agreement = uv_agreement.measure(meshes.low, meshes.drawn_highs, plan.tiles)
     method = Method.FLATTEN if agreement.is_shared else Method.CAST
-    return replace(plan, method=method, why=agreement.why, separation=agreement.separation)
+    has_rays = agreement.is_shared and not agreement.is_everywhere and _can_cast(meshes, agreement.separation)
+    return replace(plan, method=method, why=agreement.why, separation=agreement.separation, has_rays=has_rays)
+
+
+def _can_cast(meshes: Meshes, texels: np.ndarray) -> bool:
+    """Whether rays from the low mesh find what Flatten draws of the high ones. texels: as Plan.separation has them."""
+    aside = np.linalg.norm(separation.offset(texels, Method.FLATTEN)) / local_space_of([meshes.low]).size
+    return aside < uv_agreement.CLOSE and tree_cache.fits(meshes.highs) and low_surface.fits(meshes.whole_low)
 
 
 def _flattened(plan: Plan) -> Plan:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Sources of normals and hits: high meshes drawn in UV space, or rays."""
+"""Sources of normals and hits: high meshes drawn in UV space, rays, or both."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -13,10 +13,11 @@ from ..core.map_types import BY_NAME, Family
 from ..core.progress import Pace, Progress, Task
 from ..core.settings import Settings
 from ..core.timings import Timings
+from ..mesh.inputs import Meshes
 from ..mesh.triangle_mesh import Mesh
 from ..passes import mesh_upload, target
 from ..passes.adaptive.active import Active
-from ..passes.bake import flat_hits
+from ..passes.bake import flat_hits, joined_hits
 from .bands import Band
 from .dense.high_batches import HighBatches
 from .dense.near_triangles import NearTriangles
@@ -30,13 +31,15 @@ class Source(Protocol):
     """Draws samples of a band: normals of the high surface, and hits, as shaders/lib/hit_lib.glsl reads them.
 
     takes_time: whether it draws normals in slices. is_within_low: whether hits are only where the low mesh is. ray_cast: the
-    rays that it casts, or None. surface: what the hits are on; None if no map needs them. method: which one it is.
+    rays that it casts, or None. share_of_rays: the share of the low mesh's texels for which they were cast. surface: what the
+    hits are on; None if no map needs them. method: which one it is.
     slot: the number of a sample whose normals and hits stay beside others.
     """
 
     takes_time: bool
     is_within_low: bool
     ray_cast: ray_casting.RayCast | None
+    share_of_rays: float
     surface: HighSurface | None
     method: Method
 
@@ -58,7 +61,7 @@ def normal_source(
 ) -> Task[Source]:
     """The source of a bake. uploads: a cache of uploaded meshes. Raises BakeError for more triangles than the GPU takes."""
     meshes = plan.meshes
-    if plan.method == Method.FLATTEN:
+    if not plan.casts_rays:
         surface = None
         if settings.maps or meshes.has_detail:
             yield Progress("Reading the surface", 0.0)
@@ -74,6 +77,8 @@ def normal_source(
             uploads=uploads,
         )
     ray_cast = yield from _ray_cast(plan, settings, timings)
+    if plan.has_rays:
+        return FlatAndRays(meshes, ray_cast, settings, pace, timings)
     return Rays(meshes.low, ray_cast, meshes.highs, settings, pace)
 
 
@@ -146,6 +151,7 @@ class Flat:
     takes_time = False
     is_within_low = False
     ray_cast = None
+    share_of_rays = 0.0
     method = Method.FLATTEN
 
     def __init__(
@@ -196,6 +202,7 @@ class Rays:
 
     takes_time = True
     is_within_low = True
+    share_of_rays = 1.0
     method = Method.CAST
 
     def __init__(self, low: Mesh, ray_cast: ray_casting.RayCast, highs: Sequence[Mesh], settings: Settings, pace: Pace):
@@ -210,14 +217,18 @@ class Rays:
         rays = target.get("rays", *size, "RGBA32F", "RGBA32F")
         self.ray_cast.draw(rays, band.uv_to_clip)
         hits, normals = self.hits(band, slot), self.drawn(slot)
+        if self.pace.has_listener:
+            target.clear(normals)  # the picture must not show an earlier map
+        left = self._left(rays, band)
         if not self.pace.has_listener:
-            self.ray_cast.trace(hits, rays, self.pace)
+            self.ray_cast.trace(hits, left, self.pace)
+            self._join(hits, rays, left, range(band.height))
             self._look_up(normals, hits, rays, range(band.height))
             yield normals.texture, range(band.height)
             return
-        target.clear(normals)  # the picture must not show an earlier map
-        for rows in self.ray_cast.traced(hits, rays, self.pace):
+        for rows in self.ray_cast.traced(hits, left, self.pace):
             if rows:
+                self._join(hits, rays, left, rows)
                 self._look_up(normals, hits, rays, rows)
             yield normals.texture, rows
 
@@ -226,12 +237,32 @@ class Rays:
         the texture."""
         size = band.width, band.height
         rays = target.get("rays", *size, "RGBA32F", "RGBA32F")
-        self.ray_cast.draw(rays, band.uv_to_clip, some, self._near.parts(band, some))
+        self._draw_some(rays, band, some)
         hits, normals = self.hits(band), target.get("high of some texels", *size, "RGBA32F")
-        for _ in self.ray_cast.traced(hits, rays, self.pace, some):
+        left = self._left(rays, band, some)
+        for _ in self.ray_cast.traced(hits, left, self.pace, some):
             yield None
+        self._join(hits, rays, left, None, some)
         self._look_up(normals, hits, rays, some=some)
         yield normals.texture
+
+    def _draw_some(self, rays: target.Target, band: Band, some: Active) -> None:
+        """Draw the rays of some texels."""
+        self.ray_cast.draw(rays, band.uv_to_clip, some, self._near.parts(band, some))
+
+    def _left(self, rays: target.Target, band: Band, some: Active | None = None) -> target.Target:
+        """Those of `rays` that have to be cast."""
+        return rays
+
+    def _join(
+        self,
+        hits: target.Target,
+        rays: target.Target,
+        left: target.Target,
+        rows: range | None,
+        some: Active | None = None,
+    ) -> None:
+        """Add the hits of rays that were not cast."""
 
     def _look_up(
         self,
@@ -250,6 +281,80 @@ class Rays:
     def hits(self, band: Band, slot: int = 0) -> target.Target:
         """As Source has it."""
         return target.get(role("hits", slot), band.width, band.height, "RGBA32UI")
+
+
+class FlatAndRays(Rays):
+    """Draws the high meshes in UV space, and casts rays from the low mesh where what is drawn is not at its own place.
+
+    Both number the triangles alike, so that all maps take the hits as they are.
+    """
+
+    def __init__(self, meshes: Meshes, ray_cast: ray_casting.RayCast, settings: Settings, pace: Pace, timings: Timings):
+        super().__init__(meshes.low, ray_cast, meshes.highs, settings, pace)
+        numbers = self.surface.numbers if meshes.is_drawn is None else self.surface.numbers[meshes.is_drawn]
+        uv = self.surface.uv
+        is_finite = np.isfinite(uv).reshape(-1, 6).all(axis=1)
+        with timings.timed("upload"):
+            self._in_uv = flat_hits.upload(uv, numbers[is_finite[numbers]])
+        self._counts: dict[tuple[int, int], np.ndarray] = {}
+
+    @property
+    def share_of_rays(self) -> float:
+        """The share of the low mesh's texels for which rays were cast, of the first sample of each."""
+        cast, covered = sum(self._counts.values(), np.zeros(2, int))
+        return cast / max(1, covered)
+
+    def _draw_some(self, rays: target.Target, band: Band, _some: Active) -> None:
+        self.ray_cast.draw(rays, band.uv_to_clip)  # texels look at those around them
+
+    def _left(self, rays: target.Target, band: Band, some: Active | None = None) -> target.Target:
+        size = band.width, band.height
+        hits = target.get("flat hits", *size, "RGBA32UI")
+        flat_hits.draw(hits, self._in_uv, band.uv_to_clip)
+        normals, points = target.get("flat normals", *size, "RGBA32F"), target.get("rays left", *size, "RGBA32F")
+        tables = self.ray_cast.ray_scene.tables
+        tracing.look_up(normals, hits, rays, tables, np.eye(3))
+        # All rows at once with `some`, which are few texels.
+        for rows in [None] if some else self.pace.slices(band.height, "rays left"):
+            joined_hits.left(
+                points,
+                rays,
+                hits,
+                normals,
+                corners=tables.corners,
+                owners=self.ray_cast.low.owners,
+                rows=rows,
+                some=some,
+            )
+            points.finish()
+        if not some:
+            self._count(points, rays, band)
+        left = target.Target.of(*size, "RGBA32F", points.texture)
+        left.textures = [points.texture, rays.textures[1]]
+        return left
+
+    def _count(self, points: target.Target, rays: target.Target, band: Band) -> None:
+        """Note the texels that have rays, and those of the low mesh, for the first sample of a band of the map."""
+        key = band.tile, band.start
+        if key in self._counts or band.size != (self.settings.width, self.settings.height):
+            return
+        found = []
+        for drawn in (points, rays):
+            texels = np.empty((band.height, band.width, 4), np.float32)
+            drawn.read(texels)
+            found.append(np.count_nonzero(texels[band.halo : band.height - band.halo, :, 3]))
+        self._counts[key] = np.array(found)
+
+    def _join(
+        self,
+        hits: target.Target,
+        rays: target.Target,
+        left: target.Target,
+        rows: range | None,
+        some: Active | None = None,
+    ) -> None:
+        flat = target.get("flat hits", hits.width, hits.height, "RGBA32UI")
+        joined_hits.join(hits, rays, left, flat, rows=rows, some=some)
 
 
 def world_to_space(low: Mesh, settings: Settings) -> np.ndarray:

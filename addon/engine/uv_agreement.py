@@ -21,6 +21,11 @@ CLOSE = 0.05
 """Share of the low mesh's radius. Points on the same texel belong together if they are closer than this, along the surface."""
 SHARE = 0.96
 """Share of the low mesh's texels that must have such a point on the high meshes."""
+EVERYWHERE = 0.995
+"""Share of the low mesh's texels that have such a point where the layouts agree everywhere: half of those without one that the
+checks warn of."""
+CROSSED = 1e-3
+"""Share of the texels with the high normals of one part of the low mesh and the tangents of another, without harm."""
 SHIFT = 0.5
 """Share of a small part's extent: how much the vectors from low to high may differ on its texels, on average. If a bolt has
 the UVs of another bolt close to it, or is rotated, they differ by more than its size."""
@@ -36,12 +41,14 @@ LARGEST_EXTENT = 2.0
 class Agreement:
     """Whether high and low meshes share their UV layout, and a clause that says why.
 
-    separation: the result of separation.sample on a large map, if they do.
+    separation: the result of separation.sample on a large map, if they do. is_everywhere: whether they share it on so many
+    texels that nothing is missing or out of place.
     """
 
     is_shared: bool
     why: str
     separation: np.ndarray | None = None
+    is_everywhere: bool = False
 
 
 def measure(low: Mesh, highs: Sequence[Mesh], tiles: Sequence[int]) -> Agreement:
@@ -68,7 +75,16 @@ def measure(low: Mesh, highs: Sequence[Mesh], tiles: Sequence[int]) -> Agreement
         return Agreement(
             False, f"the UV layouts differ: the meshes' points are close on only {share:.1%} of the texels"
         )
-    return Agreement(True, f"the UV layouts agree: the meshes' points are close on {share:.1%} of the texels", texels)
+    is_everywhere = share >= EVERYWHERE
+    if is_everywhere and share < 1.0 - CROSSED:
+        is_everywhere = crossed(low, [separation.thinned(high) for high in highs], tiles) <= CROSSED
+    agree = "agree" if is_everywhere else "agree on most texels"
+    return Agreement(
+        True,
+        f"the UV layouts {agree}: the meshes' points are close on {share:.1%} of the texels",
+        texels,
+        is_everywhere,
+    )
 
 
 def differing(low: Mesh, highs: Sequence[Mesh], tiles: Sequence[int], offset: np.ndarray) -> str:

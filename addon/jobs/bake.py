@@ -140,6 +140,7 @@ def _audit(job: Job, settings: Settings, ready: _Ready, tally: Tally, timings: T
         timings,
         ready.warnings,
         stopped,
+        ready.source.share_of_rays if ready.plan.has_rays else 0.0,
         read,
         ready.deviations.results(),
         picture,

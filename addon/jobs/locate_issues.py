@@ -10,7 +10,7 @@ import numpy as np
 from ..audit import mip_gaps
 from ..audit.checks import uv_space
 from ..core import progress
-from ..core.declarations.choices import Space
+from ..core.declarations.choices import Method, Space
 from ..core.errors import BakeError
 from ..core.map_types import NORMAL
 from ..core.report import Report
@@ -178,9 +178,11 @@ def _shared(view: _View, bands: list[Band]) -> Iterator[tuple[Band, np.ndarray, 
 
 def _separated(view: _View, kind: str, bands: list[Band]) -> Iterator[tuple[Band, np.ndarray, int]]:
     """The texels that are uncovered or far, as `_masks` has them."""
-    probe = separation.full_probe(view.meshes, view.source().ray_cast)
+    ray_cast = view.source().ray_cast
+    probe = separation.full_probe(view.meshes, ray_cast)
     texels = separation.sample(probe, view.size, view.plan.tiles)
-    offset, limit = separation.offset(texels, view.plan.method), separation.limit(view.meshes.low, view.settings)
+    method = Method.CAST if ray_cast else Method.FLATTEN
+    offset, limit = separation.offset(texels, method), separation.limit(view.meshes.low, view.settings)
     for band in bands:
         texels = probe((band.width, band.height), band.uv_to_clip)
         mask = texels[..., 3] < 0.0 if kind == "uncovered" else separation.distances(texels, offset) > limit

@@ -10,6 +10,7 @@ import numpy as np
 from ..audit import other_readers
 from ..audit.checks import Findings
 from ..core import map_types
+from ..core.declarations.choices import Method
 from ..core.errors import shorten_list
 from ..core.map_types import BY_NAME, Labeled
 from ..core.report import Report
@@ -30,7 +31,7 @@ from .job import Job
 @dataclass(frozen=True)
 class DrawnJob:
     """A bake whose maps are drawn and not yet stored. meshes: all that were read. ray_cast: None for Flatten. warnings: about
-    the objects, in sentences. stopped_early, readers, deviation, picture: as in Report."""
+    the objects, in sentences. stopped_early, rays, readers, deviation, picture: as in Report."""
 
     job: Job
     settings: Settings
@@ -41,6 +42,7 @@ class DrawnJob:
     timings: Timings
     warnings: Sequence[str] = ()
     stopped_early: float = 0.0
+    rays: float = 0.0
     readers: dict[str, dict[str, float | int]] = field(default_factory=dict)
     deviation: dict[str, float | int] = field(default_factory=dict)
     picture: np.ndarray | None = None
@@ -74,6 +76,7 @@ def report_of(drawn: DrawnJob, stored: Stored, warnings: Sequence[str] = (), mar
         distances={"extrusion": ray_cast.extrusion, "max_distance": ray_cast.max_distance} if ray_cast else {},
         measured=ray_cast is not None and ray_cast.is_measured,
         blend_width=ray_cast.blend_width if ray_cast else 0.0,
+        rays=drawn.rays,
         missed=findings.missed,
         coverage=findings.coverage,
         stopped_early=drawn.stopped_early,
@@ -155,7 +158,8 @@ def _with_meanings(drawn: DrawnJob, maps: dict[str, dict]) -> dict[str, dict]:
 
 @dataclass(frozen=True)
 class PastBake:
-    """A finished bake: its objects and settings. distances: of its rays, in scene units; empty without rays."""
+    """A finished bake: its objects and settings. method: AUTO if Flatten left texels to rays. distances: of its rays, in scene
+    units; empty without rays."""
 
     job: Job
     settings: Settings
@@ -175,4 +179,5 @@ class PastBake:
         job = Job(low, highs, *cages)
         if report.slots:
             job.texture_set = MaterialSet(report.material, tuple(report.slots))
-        return cls(job, settings, report.method, report.distances, report.tiles)
+        method = Method.AUTO if report.rays else report.method
+        return cls(job, settings, method, report.distances, report.tiles)

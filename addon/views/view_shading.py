@@ -9,7 +9,7 @@ import gpu
 import numpy as np
 
 from ..core.declarations import readers
-from ..core.declarations.choices import Method, Pack, Space, Storage
+from ..core.declarations.choices import Pack, Space, Storage
 from ..core.errors import BakeError
 from ..core.settings import Settings
 from ..engine import normal_channels, uv_agreement
@@ -179,7 +179,7 @@ class Shading:
     def _elsewhere(self) -> np.ndarray:
         """Which parts of the map, (rows, columns) bool, show another part of the high surface than the low mesh has there."""
         meshes = self.session.meshes
-        if self.session.plan.method != Method.FLATTEN or meshes.is_own_base:  # a base mesh shares the UVs
+        if self.session.plan.casts_rays or meshes.is_own_base:  # a base mesh shares the UVs
             return np.zeros((1, 1), bool)
         return uv_agreement.mismatched(meshes.low, meshes.highs)
 

@@ -136,14 +136,14 @@ def test_many_high_objects_are_probed_once_on_few_texels(monkeypatch):
 # Parts that share UVs, with high faces in another order
 
 
-def winged(name, *, is_reversed=False, aside=0.0):
+def winged(name, *, is_reversed=False, aside=0.0, size=0.1):
     """A plane with two sloping wings that share 1.3 % of the texels, the left one mirrored. is_reversed: the faces' order.
-    aside: how far the wings are moved along the plane's sides."""
+    aside: how far the wings are moved along the plane's sides. size: of the wings in UV space."""
     sections = (-1, 0, 0), (1, 0, 0), (1, 0, aside), (2, -1, aside), (-2, -1, aside), (-1, 0, aside)
     points = [(x, y + move, z) for x, z, move in sections for y in (-1, 1)]
     faces = np.array([0, 2, 3, 1]) + [[0], [4], [8]]
     plane, wing = (
-        np.array([(u, v), (u + w, v), (u + w, v + w), (u, v + w)]) for u, v, w in ((0, 0, 0.875), (0.9, 0.9, 0.1))
+        np.array([(u, v), (u + w, v), (u + w, v + w), (u, v + w)]) for u, v, w in ((0, 0, 0.875), (0.9, 0.9, size))
     )
     order = slice(None, None, -1 if is_reversed else 1)
     return zoo.build(name, points, faces[order], np.stack([plane, wing, wing[[1, 0, 3, 2]]])[order], smooth=False)
@@ -153,14 +153,28 @@ def crossed(report):
     return [warning for warning in report.warnings if warning.startswith("Cast rays: parts of 'lo' share UVs")]
 
 
-@pytest.mark.parametrize("method", ["AUTO", "FLATTEN"])
-def test_flatten_reports_high_faces_of_stacked_parts_in_another_order(method):
+def test_flatten_reports_high_faces_of_stacked_parts_in_another_order():
     low = winged("lo")
-    report = bake(low, winged("hi", is_reversed=True), method=method, width=256, height=256)
-    assert report.method == "FLATTEN"
+    report = bake(low, winged("hi", is_reversed=True), method="FLATTEN", width=256, height=256)
     (warning,) = crossed(report)
     assert f"on {100 / (0.1**-2 * 0.875**2 + 1):.1f}% of the texels" in warning
-    assert not crossed(bake(low, winged("same"), method=method, width=256, height=256))
+    assert not crossed(bake(low, winged("same"), method="FLATTEN", width=256, height=256))
+
+
+def test_auto_casts_rays_where_the_high_normals_are_those_of_another_part():
+    low, high = winged("lo"), winged("hi", is_reversed=True)
+    report = bake(low, high, width=256, height=256)
+    assert report.method == "FLATTEN"
+    assert report.rays > 0.01
+    assert not crossed(report)
+    auto, cast, flat = (bake_texels(low, high, method=method) for method in ("AUTO", "CAST", "FLATTEN"))
+    np.testing.assert_allclose(auto, cast, atol=1e-6)
+    assert np.abs(flat - cast).max() > 0.1
+
+
+def test_a_few_crossed_texels_are_enough_for_rays():
+    """0.33 % of the texels, which is less than may be uncovered."""
+    assert bake(winged("lo", size=0.05), winged("hi", size=0.05, is_reversed=True), width=256, height=256).rays > 0.001
 
 
 def test_only_tangents_of_another_part_are_reported():
@@ -184,4 +198,4 @@ def test_high_parts_that_are_close_to_no_part_are_not_crossed():
 
 def test_a_limit_of_distances_hides_no_crossed_parts():
     low, high = winged("lo"), winged("hi", is_reversed=True)
-    assert crossed(bake(low, high, limit=100.0, width=256, height=256))
+    assert crossed(bake(low, high, method="FLATTEN", limit=100.0, width=256, height=256))

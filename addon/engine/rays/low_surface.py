@@ -63,10 +63,9 @@ def build(low: Mesh, local_space: LocalSpace, *, has_clearances: bool = True) ->
 
     has_clearances: as owners.upload has it.
     """
-    most = min(rays.MOST_TRIANGLES, data_texture.limit() // owners.TEXELS)
-    if len(low.triangles) > most:
+    if not fits(low):
         raise BakeError(
-            f"{low.name!r} has {len(low.triangles):,} triangles; rays take at most {most:,} of the low mesh on this GPU."
+            f"{low.name!r} has {len(low.triangles):,} triangles; rays take at most {_most():,} of the low mesh on this GPU."
         )
     points = local_space.points(low)
     vertices = np.take(low.vertices, low.front_triangles, mode="clip")  # the winding decides where faces point
@@ -90,6 +89,15 @@ def build(low: Mesh, local_space: LocalSpace, *, has_clearances: bool = True) ->
     numbers[tree.order] = np.arange(1, len(vertices) + 1)
     starts = 1 + nearest[numbers - 1]
     return LowSurface(uploaded, numbers, starts, *upload_hard_edges(low, local_space))
+
+
+def fits(low: Mesh) -> bool:
+    """Whether rays take so many triangles of a low mesh on this GPU."""
+    return len(low.triangles) <= _most()
+
+
+def _most() -> int:
+    return min(rays.MOST_TRIANGLES, data_texture.limit() // owners.TEXELS)
 
 
 def upload_hard_edges(low: Mesh, local_space: LocalSpace) -> tuple[rays.Edges, SharpPoints | None]:

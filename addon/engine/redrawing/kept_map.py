@@ -5,7 +5,6 @@ import gpu
 import numpy as np
 
 from ...core import texel_state, udim
-from ...core.declarations.choices import Method
 from ...core.map_types import NORMAL
 from ...core.progress import Pace, Task, finish
 from ...core.settings import Settings
@@ -102,7 +101,7 @@ class KeptMap:
         is_any = self._store(values, process)
         # Where samples are adaptive, those of a texel follow from its neighbors.
         is_local = not self.settings.are_adaptive(plan.method) and not plan.meshes.has_detail
-        if is_any and is_local and plan.method == Method.FLATTEN:
+        if is_any and is_local and not plan.casts_rays:
             self._meshes, before = plan.meshes, dict(enumerate(self._drawn))
             self._drawn = [DrawnMesh(high, before.get(i)) for i, high in enumerate(plan.meshes.highs)]
         return is_any
@@ -147,7 +146,7 @@ class KeptMap:
     def _changed_parts(self, plan: Plan) -> list[Part] | None:
         """The parts of the map that differ for `plan`, whose meshes are noted; None if all may."""
         before, meshes = self._meshes, plan.meshes
-        if before is None or plan.method != Method.FLATTEN or meshes.has_detail:
+        if before is None or plan.casts_rays or meshes.has_detail:
             return None
         if meshes.low is not before.low or meshes.basis is not before.basis or len(meshes.highs) != len(self._drawn):
             return None

@@ -7,7 +7,6 @@ from dataclasses import replace
 import bpy
 
 from ...core import udim
-from ...core.declarations.choices import Method
 from ...core.map_types import BY_NAME, NORMAL, Labeled
 from ...core.progress import Pace, Task, part
 from ...core.settings import Settings
@@ -49,7 +48,7 @@ class LiveMaps:
         """Draw the maps. source, plan: of the session's last normal map; the source is None if its memory was freed. Raises
         BakeError."""
         settings, timings = replace(self.drawing, method=plan.method), Timings()
-        if source is None or plan.method == Method.FLATTEN:  # that of Flatten may have no surface, and no tree
+        if source is None or not plan.casts_rays:  # that of Flatten may have no surface, and no tree
             preparing = sources.normal_source(plan, settings, timings, pace, uploads=uploads)
             source = yield from part(preparing, 0.0, READY)
         run = Run(settings, timings, pace)

@@ -93,7 +93,10 @@ class Session:
         yield Progress(f"Reading {self.job.low.name}", 0.0)
         meshes = self._read(context, changed, replace(self.others.drawing, method=self._method))
         plan = choose_method(meshes, [udim.FIRST], settings)
-        self._method = plan.method
+        if self.plan is not None and self.plan.has_rays:
+            plan = replace(plan, method=self.plan.method, has_rays=True)  # the method stays while meshes change
+        elif not plan.has_rays:
+            self._method = plan.method
         if self._kept.redraw(plan, self._post_processes[NORMAL.name], self._uploads):
             self._finish(plan, None, None)
             return
