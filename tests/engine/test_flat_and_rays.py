@@ -189,6 +189,16 @@ def test_what_rays_miss_as_well_stays_empty_and_is_counted():
     assert "hit nothing" in warning
 
 
+def test_where_a_ray_misses_what_flatten_drew_stays():
+    """Rays are shorter than the terrain is high."""
+    low, high = pair()
+    report, texels = bake(low, high, extrusion=0.01, max_distance=0.02)
+    empty = texels[..., 3] == 0.0
+    assert empty.any()
+    assert not (empty & ~near_faces(HOLE)).any()
+    assert report.missed == pytest.approx(empty.mean())
+
+
 def test_faces_of_a_check_are_found_by_the_same_method():
     """None is uncovered, as in the map."""
     low, high = pair()
@@ -210,7 +220,7 @@ def test_live_draws_what_a_bake_draws():
     assert (before[..., 3] == 1.0).all()
     assert session.plan.has_rays
     coords = np.array([vertex.co[:] for vertex in high.data.vertices], np.float32)
-    coords[:, 2] *= -1.0
+    coords[coords[:, 0] < -0.8, 2] *= -1.0  # few faces, so that a map by Flatten alone is drawn in parts
     high.data.vertices.foreach_set("co", coords.ravel())
     high.data.update()
     after = texels(session, {high.session_uid})
