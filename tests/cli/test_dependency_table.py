@@ -38,7 +38,9 @@ def run(folder, *words):
         ["--jobs", str(folder / "j.json"), "--report", str(folder / "r.json"), "--resume", "--workers", "0", *words]
     )
     assert code in (0, 1)
-    return {each["name"].partition("(")[2][:-1]: each for each in reports.bakes(folder / "r.json")}
+    return {
+        each["name"].partition("(")[2].rstrip(")") or each["name"]: each for each in reports.bakes(folder / "r.json")
+    }
 
 
 def test_a_file_that_has_changed_is_baked_again(table):
