@@ -14,7 +14,7 @@ import bpy
 from .. import older_blender
 from ..core import progress
 from ..core.declarations.choices import Method
-from ..core.errors import BakeError, WrongPlace
+from ..core.errors import BakeError, Incomplete, WrongPlace
 from ..core.levels.level_report import ChainReport
 from ..core.names import file_names
 from ..core.report import Report
@@ -118,7 +118,7 @@ def open_files(
         if not plan.chain and stage.reopen_if_changed(high.name for job in jobs for high in job.highs):
             jobs, problems = _jobs(options, stage)  # a bake does not depend on those before it
     for job in jobs:
-        job.is_exported = bool(options.export)
+        job.is_exported, job.must_be_whole = bool(options.export), not options.allow_missing_pages
         job.is_measured, job.is_pictured = gates.DEVIATION in gates.needs(options.strict), is_pictured
     # In a chain, a bake may read the maps of those before it.
     read = files_read_by([*jobs, *_rival_jobs(plan)], has_maps=not plan.chain)
@@ -212,6 +212,8 @@ def _explained(opened: Opened, meter: Meter, said: list[str]) -> _Baked:
         return _baked(opened, meter, said)
     except WrongPlace:
         raise
+    except Incomplete as error:
+        raise BakeError(f"{error} --allow-missing-pages makes it a warning.") from error
     except BakeError as error:
         if not opened.hints:
             raise

@@ -9,12 +9,14 @@ import bpy
 import numpy as np
 
 from ..core import map_types
+from ..core.declarations.choices import Modifiers
 from ..core.errors import BakeError, shorten_list
+from ..core.file_structure.whole_files import MISSING
 from ..core.preflight import placement
 from ..core.settings import Settings
 from ..jobs.job import Job
-from ..scene import object_checks
-from .mesh_files import obj_materials, page_files
+from ..scene import complaints, dependencies, object_checks
+from .mesh_files import obj_materials
 from .usage.option_types import word_for
 
 MOST_NAMED = 8
@@ -24,8 +26,14 @@ MOST_NAMED = 8
 def check_pages(options: argparse.Namespace, settings: Settings, jobs: Sequence[Job]) -> list[str]:
     """Sentences about material libraries that are missing, if a map shows materials.
 
-    Raises BakeError for them and for images that are missing, unless the options allow it.
+    Raises BakeError for them, for other files that objects are made from, and for images, that are missing or not whole, unless
+    the options allow it.
     """
+    objects = list(dict.fromkeys(obj for job in jobs for obj in (job.low, *job.highs, job.cage) if obj))
+    lacks = complaints.of_files(objects, for_render=settings.modifiers == Modifiers.RENDER)
+    if lacks and not options.allow_missing_pages:  # else the bake says so
+        more = f" So are {len(lacks) - MOST_NAMED} more." if len(lacks) > MOST_NAMED else ""
+        raise BakeError(f"{' '.join(lacks[:MOST_NAMED])}{more} --allow-missing-pages makes it a warning.")
     maps = _of_materials(settings)
     if not maps:
         return []
@@ -33,18 +41,26 @@ def check_pages(options: argparse.Namespace, settings: Settings, jobs: Sequence[
     libraries = list(_libraries(options))
     if options.allow_missing_pages:  # the bake reports the images that each material lacks
         return [_not_found(libraries)] if libraries else []
-    missing = [*libraries, *map(repr, page_files.missing(highs))]
-    if not missing:
-        return []
-    raise BakeError(
-        f"{_not_found(missing)} Put them beside the mesh file, leave {shorten_list(map(word_for, maps))} out of the maps, or "
-        "add --allow-missing-pages."
-    )
+    lacking = dependencies.lacking(each for each in dependencies.of((), highs) if each.is_surface)
+    missing = [*libraries, *(repr(each.path) for each in lacking if each.problem == MISSING)]
+    broken = [f"{each.path!r} {each.problem}" for each in lacking if each.problem != MISSING]
+    without = f"leave {shorten_list(map(word_for, maps))} out of the maps, or add --allow-missing-pages."
+    if missing:
+        raise BakeError(f"{_not_found(missing)} Put them beside the mesh file, {without}")
+    if broken:
+        named = shorten_list(broken, MOST_NAMED)
+        raise BakeError(
+            f"{_files(broken)} of the high meshes' materials cannot be read: {named}. Restore them, {without}"
+        )
+    return []
 
 
 def _not_found(missing: Sequence[str]) -> str:
-    files = "1 file" if len(missing) == 1 else f"{len(missing)} files"
-    return f"{files} of the high meshes' materials cannot be found: {shorten_list(missing, MOST_NAMED)}."
+    return f"{_files(missing)} of the high meshes' materials cannot be found: {shorten_list(missing, MOST_NAMED)}."
+
+
+def _files(found: Sequence[str]) -> str:
+    return "1 file" if len(found) == 1 else f"{len(found)} files"
 
 
 def fit_hints(options: argparse.Namespace, jobs: Sequence[Job]) -> list[str]:

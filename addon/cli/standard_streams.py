@@ -1,15 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The standard streams of the command line: only our text on standard output, and no failure where nothing reads it."""
 
-import ctypes
 import io
 import os
 import select
 import sys
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, redirect_stderr, redirect_stdout
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
 
 from ..core.names.printable import printable
+from ..core.quiet import flush, silence
+
+__all__ = ["be_patient", "flush", "ours", "reserve", "silence"]
 
 
 class _Patient(io.FileIO):
@@ -81,33 +83,6 @@ def ours() -> Iterator[None]:
         os.close(kept)
 
 
-@contextmanager
-def silence(*numbers: int, into: int | None = None) -> Iterator[None]:
-    """Discard what the block prints, from C as well, on the streams `numbers`, or on both standard streams.
-
-    Exceptions say what matters. into: the descriptor of an open file that receives it.
-    """
-    flush()
-    kept = {number: os.dup(number) for number in numbers or (1, 2)}
-    try:
-        file = os.devnull if into is None else into
-        with (
-            open(file, "w", encoding="utf-8", closefd=into is None) as nowhere,
-            redirect_stdout(nowhere),
-            ExitStack() as more,
-        ):
-            if 2 in kept:
-                more.enter_context(redirect_stderr(nowhere))
-            for number in kept:
-                os.dup2(nowhere.fileno(), number)
-            yield
-    finally:
-        flush()
-        for number, copy in kept.items():
-            os.dup2(copy, number)
-            os.close(copy)
-
-
 def _is(stream, number: int) -> bool:
     try:
         return stream.fileno() == number
@@ -118,10 +93,3 @@ def _is(stream, number: int) -> bool:
 def _text(file: _Patient) -> io.TextIOWrapper:
     """Text that never fails to be encoded, line by line."""
     return _Text(io.BufferedWriter(file), errors="backslashreplace", line_buffering=True)
-
-
-def flush() -> None:
-    """Write what Python and C hold back."""
-    for stream in filter(None, (sys.stdout, sys.stderr)):
-        stream.flush()
-    ctypes.CDLL("ucrtbase" if os.name == "nt" else None).fflush(None)

@@ -12,6 +12,10 @@ class WrongPlace(BakeError):
     """An output path cannot be used: it would overwrite a file that is needed, or it leads to something other than a file."""
 
 
+class Incomplete(BakeError):
+    """Objects lack files, or what their modifiers need."""
+
+
 class NoGpu(BakeError):
     """Blender's gpu module does not start on this machine."""
 

@@ -95,9 +95,16 @@ def _prepare(context: bpy.types.Context, job: Job, settings: Settings, pace: Pac
     yield Progress(f"Reading {name}", 0.0)
     with timings.timed("extract"):
         meshes = reading.read(
-            context, job.low, job.highs, job.cage, settings, others=job.others, texture_set=job.texture_set
+            context,
+            job.low,
+            job.highs,
+            job.cage,
+            settings,
+            others=job.others,
+            texture_set=job.texture_set,
+            must_be_whole=job.must_be_whole,
         )
-        warnings = object_checks.warnings(job.low, job.highs)
+        warnings = [*meshes.lacks, *object_checks.warnings(job.low, job.highs)]
     early = []
     if job.is_for_others:
         with timings.timed("audit"):

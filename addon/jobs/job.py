@@ -29,14 +29,15 @@ class Job:
     and rays start on it. texture_set: the faces of the low object that are baked; None for all. is_exported: whether Imprint
     writes the low mesh for an engine afterwards. is_for_others: whether programs other than Blender read the normal map.
     is_measured: whether the report says how far the low mesh with its map deviates from the high mesh. is_pictured: whether the
-    report has a picture, and that. The attributes `low`, `highs` and `cage` raise BakeError if the object was deleted.
+    report has a picture, and that. must_be_whole: whether it is an error if objects lack files, or what their modifiers need.
+    The attributes `low`, `highs` and `cage` raise BakeError if the object was deleted.
     """
 
     def __init__(self, low: bpy.types.Object, highs: Sequence[bpy.types.Object], cage: bpy.types.Object | None = None):
         self._refer_to(low, highs, cage)
         self.other_refs: list[ObjectRef] = []
         self.texture_set: MaterialSet | None = None
-        self.is_exported = self.is_for_others = self.is_measured = self.is_pictured = False
+        self.is_exported = self.is_for_others = self.is_measured = self.is_pictured = self.must_be_whole = False
 
     def of_set(self, texture_set: MaterialSet) -> "Job":
         """The same job for one texture set."""
@@ -44,6 +45,7 @@ class Job:
         job.texture_set = texture_set
         job.is_exported, job.is_for_others = self.is_exported, self.is_for_others
         job.is_measured, job.is_pictured = self.is_measured, self.is_pictured
+        job.must_be_whole = self.must_be_whole
         return job
 
     @property

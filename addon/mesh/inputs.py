@@ -21,7 +21,7 @@ class Meshes:
     occluders. load_page: loads the pixels of an image of the materials, by its key and its UDIM tile (0 without tiles).
     whole, kept, material: for a texture set, `low` has only the triangles of one material; then the low mesh with all of them,
     the indices of those that were kept, and the material's name. shown: with is_own_base, the high mesh with the UVs that
-    modifiers moved, as the viewport shows it; None if no modifier moves UVs.
+    modifiers moved, as the viewport shows it; None if no modifier moves UVs. lacks: what the objects lack, in sentences.
 
     Painted by corner of `low`, (C,) float32, or None without a painted group. offset: factors from 0 to 2 on the extrusion.
     straight: from -1 to 1, added to the share of the mesh's own normals in the directions.
@@ -43,6 +43,7 @@ class Meshes:
     whole: Mesh | None = None
     kept: np.ndarray | None = None
     material: str = ""
+    lacks: list[str] = field(default_factory=list)
 
     @property
     def whole_low(self) -> Mesh:

@@ -8,10 +8,13 @@ import os
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import bpy
 
 from .. import older_blender
+from ..core import udim
+from ..core.file_structure import whole_files
 from ..core.map_types import MARK, ORIGIN
 
 IMPORT_NODES = "GeometryNodeImport"
@@ -31,7 +34,8 @@ class Dependency:
 
     path: absolute. A name that udim.is_tiled stands for the files of all tiles, and a folder for all files in it. what: in
     messages. is_surface: whether only materials show it. is_needed: whether the object differs without it; else it may be
-    missing. is_own_map: whether it is an image that Imprint baked.
+    missing. is_own_map: whether it is an image that Imprint baked. tiles: of an image, those that it has, empty for one without
+    tiles; None for other files.
     """
 
     path: str
@@ -39,6 +43,15 @@ class Dependency:
     is_surface: bool = False
     is_needed: bool = True
     is_own_map: bool = False
+    tiles: tuple[int, ...] | None = None
+
+
+class Lacking(NamedTuple):
+    """A file that is missing or not whole. what: as in Dependency. problem: a clause, as whole_files.problem returns it."""
+
+    path: str
+    what: str
+    problem: str
 
 
 def of(
@@ -79,6 +92,47 @@ def not_to_replace(
             surfaces = (each for image in images for each in _of_block(image, is_surface=True))
             found += [each for each in surfaces if not (is_shared and each.is_own_map)]
     return list({each.path: each for each in reversed(found)}.values())
+
+
+def lacking(found: Iterable[Dependency]) -> list[Lacking]:
+    """The files that are needed, and missing or not whole. Those in folders are not looked at."""
+    return [each for wanted in found if wanted.is_needed for each in _lacking(wanted)]
+
+
+def _lacking(wanted: Dependency) -> Iterator[Lacking]:
+    is_image = wanted.tiles is not None
+    if os.path.isdir(wanted.path) and not is_image:
+        if not any(files for _, _, files in os.walk(wanted.path)):
+            yield Lacking(wanted.path, wanted.what, whole_files.EMPTY)
+        return
+    for path in [udim.fill_all(wanted.path, tile) for tile in wanted.tiles or ()] or [wanted.path]:
+        problem = whole_files.problem(path, is_image=is_image)
+        if problem:
+            yield Lacking(path, wanted.what, problem)
+
+
+def missing_blocks(objects: Iterable[bpy.types.Object]) -> list[str]:
+    """Sentences about datablocks that `objects` use and that are not in the libraries from which they are linked."""
+    return [
+        f"{block.name!r} is linked from {block.library.filepath!r}, but is not in that file."
+        for block in _Uses().by(objects)
+        if block.is_missing and not isinstance(block, bpy.types.Material)
+        if os.path.isfile(absolute(block.library.filepath, block.library))
+    ]
+
+
+def used_by(objects: Iterable[bpy.types.Object]) -> list[bpy.types.ID]:
+    """`objects` and all datablocks that their meshes are made from."""
+    return _Uses().by(objects)
+
+
+def paths_of_modifier(modifier: bpy.types.Modifier) -> list[str]:
+    """The files that a modifier reads, also those of its nodes and its cache."""
+    owner = modifier.id_data
+    found = [each.path for each in _of_modifier(owner, modifier, is_on=True)]
+    for block in filter(None, (getattr(modifier, "node_group", None), getattr(modifier, "cache_file", None))):
+        found += [each.path for inner in _Uses().by([block]) for each in _of_block(inner)]
+    return found
 
 
 def not_followed(objects: Iterable[bpy.types.Object]) -> list[str]:
@@ -123,7 +177,7 @@ class _Uses:
                 continue
             seen[block] = None
             if is_followed(block):
-                left += self._used_by(block)
+                left += reversed(self._used_by(block))
         return list(seen)
 
     def _used_by(self, block: bpy.types.ID) -> list[bpy.types.ID]:
@@ -159,24 +213,28 @@ def _of_object(obj: bpy.types.Object, *, for_render: bool) -> Iterator[Dependenc
     """The files of an object's modifiers and caches."""
     for modifier in obj.modifiers:
         is_on = modifier.show_render if for_render else modifier.show_viewport
-        title = f"the file of the modifier {modifier.name!r} of {obj.name!r}"
-        if modifier.type == "MESH_CACHE" or (modifier.type == "MULTIRES" and modifier.is_external):
-            yield from _of_path(obj, modifier.filepath, title, is_needed=is_on)
-        elif modifier.type == "OCEAN" and modifier.is_cached:
-            yield from _of_path(obj, modifier.filepath, f"the cache of the ocean of {obj.name!r}", is_needed=is_on)
-        elif modifier.type == "FLUID" and modifier.fluid_type == "DOMAIN":
-            domain = modifier.domain_settings
-            if domain.cache_type != "REPLAY":  # that is simulated while frames change
-                title = f"the cache of the fluid of {obj.name!r}"
-                yield from _of_path(obj, domain.cache_directory, title, is_needed=is_on)
-        elif modifier.type == "NODES":
-            folders = [modifier.bake_directory, *(bake.directory for bake in modifier.bakes if bake.use_custom_path)]
-            for folder in folders:  # without them, the nodes are evaluated
-                yield from _of_path(obj, folder, f"the bakes of the nodes of {obj.name!r}", is_needed=False)
-        if modifier.type in {"CLOTH", "SOFT_BODY"}:
-            yield from _of_points(obj, modifier.point_cache, is_needed=is_on)
+        yield from _of_modifier(obj, modifier, is_on=is_on)
     for system in obj.particle_systems:
         yield from _of_points(obj, system.point_cache)
+
+
+def _of_modifier(obj: bpy.types.Object, modifier: bpy.types.Modifier, *, is_on: bool) -> Iterator[Dependency]:
+    title = f"the file of the modifier {modifier.name!r} of {obj.name!r}"
+    if modifier.type == "MESH_CACHE" or (modifier.type == "MULTIRES" and modifier.is_external):
+        yield from _of_path(obj, modifier.filepath, title, is_needed=is_on)
+    elif modifier.type == "OCEAN" and modifier.is_cached:
+        yield from _of_path(obj, modifier.filepath, f"the cache of the ocean of {obj.name!r}", is_needed=is_on)
+    elif modifier.type == "FLUID" and modifier.fluid_type == "DOMAIN":
+        domain = modifier.domain_settings
+        if domain.cache_type != "REPLAY":  # that is simulated while frames change
+            title = f"the cache of the fluid of {obj.name!r}"
+            yield from _of_path(obj, domain.cache_directory, title, is_needed=is_on)
+    elif modifier.type == "NODES":
+        folders = [modifier.bake_directory, *(bake.directory for bake in modifier.bakes if bake.use_custom_path)]
+        for folder in folders:  # without them, the nodes are evaluated
+            yield from _of_path(obj, folder, f"the bakes of the nodes of {obj.name!r}", is_needed=False)
+    elif modifier.type in {"CLOTH", "SOFT_BODY"}:
+        yield from _of_points(obj, modifier.point_cache, is_needed=is_on)
 
 
 def _of_points(obj: bpy.types.Object, cache: bpy.types.PointCache, *, is_needed: bool = True) -> Iterator[Dependency]:
@@ -195,7 +253,9 @@ def _of_image(image: bpy.types.Image, *, is_surface: bool) -> Iterator[Dependenc
         return
     for each in _of_path(image, image.filepath, f"the image {image.name!r}", is_sequence=image.source == "SEQUENCE"):
         is_own = bool(image.get(ORIGIN) or image.get(MARK))
-        yield replace(each, is_surface=is_surface, is_own_map=is_own)
+        tiles = tuple(tile.number for tile in image.tiles) if image.source == "TILED" else ()
+        is_movie = image.source == "MOVIE"
+        yield replace(each, is_surface=is_surface, is_own_map=is_own, tiles=None if is_movie else tiles)
 
 
 def _of_path(

@@ -7,14 +7,14 @@ from dataclasses import replace
 import bpy
 import numpy as np
 
-from ..core.declarations.choices import Method, Space
-from ..core.errors import BakeError
+from ..core.declarations.choices import Method, Modifiers, Space
+from ..core.errors import BakeError, Incomplete
 from ..core.settings import Settings
 from ..mesh import stretch
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import local_space_of
 from ..mesh.triangle_mesh import Mesh
-from . import evaluation, mesh_reader, vertex_weights, visibility
+from . import complaints, evaluation, mesh_reader, vertex_weights, visibility
 from .high_layers import material_sets
 from .high_layers.material_sets import MaterialSet
 from .high_reader import Reader, with_labels
@@ -36,16 +36,30 @@ def read(
     *,
     others: Sequence[bpy.types.Object] = (),
     texture_set: MaterialSet | None = None,
+    must_be_whole: bool = False,
 ) -> Meshes:
     """Evaluate and read all objects.
 
     others: the high objects of other low objects, if they are occluders. texture_set: the faces of the
-    low object to bake; None for all.
+    low object to bake; None for all. must_be_whole: whether objects may lack no files, and nothing that their modifiers need.
 
     Raises BakeError for missing faces or UV layers, and for a cage of another topology.
     """
+    objects = list(dict.fromkeys([low, *highs, *others, *([cage] if cage else [])]))
+    for_render = settings.modifiers == Modifiers.RENDER
+    lacks = complaints.of_files(objects, for_render=for_render)
+    if lacks and must_be_whole:
+        raise Incomplete(" ".join(lacks))
     with evaluation.prepared(context, low, [*highs, *others], cage, settings.modifiers) as depsgraph:
-        meshes = _read(depsgraph, low, highs, cage, settings)
+        lacks += complaints.of_modifiers(context, objects, for_render=for_render)
+        if lacks and must_be_whole:
+            raise Incomplete(" ".join(lacks))
+        try:
+            meshes = replace(_read(depsgraph, low, highs, cage, settings), lacks=lacks)
+        except BakeError as error:
+            if not lacks:
+                raise
+            raise BakeError(" ".join([str(error), *lacks])) from error
         if texture_set is not None:
             meshes = material_sets.restricted(meshes, low, texture_set)
         if not others:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from addon.cli import batch, command, memory_check
-from addon.cli.mesh_files import base_colors, far_coordinates, page_files, ply_texture
+from addon.cli.mesh_files import base_colors, far_coordinates, ply_texture
 from addon.cli.mesh_files.importers import PLAIN, Space, import_file
 from addon.cli.mesh_files.ply_texture import Texture
 from addon.cli.results import exit_codes
@@ -88,7 +88,7 @@ def test_pages_of_an_obj_are_found_by_any_spelling(folder, program, spelling):
     spelled = library if spelling == "a folder" else SPELLINGS[spelling](library)
     scans.write_obj(folder / "scan.obj", scans.strips(4), materials=materials, library=spelled)
     (obj,) = import_file(folder / "scan.obj", PLAIN)
-    assert page_files.missing([obj]) == []
+    assert scans.missing([obj]) == []
     found = dict(zip([slot.material.name for slot in obj.material_slots], pages_of(obj), strict=True))
     assert [found[key][0] for key in materials] == names
     for key, color in zip(materials, scans.COLORS, strict=True):
@@ -136,9 +136,9 @@ def test_a_material_on_several_tiles_has_a_tiled_page(folder, name):
     (image,) = bpy.data.images
     assert image.source == "TILED"
     assert [tile.number for tile in image.tiles] == [1001, 1002, 1011]
-    assert page_files.missing([obj]) == []
+    assert scans.missing([obj]) == []
     (folder / "page_1002.png").unlink()
-    assert [Path(path).name for path in page_files.missing([obj])] == ["page_1002.png"]
+    assert [Path(path).name for path in scans.missing([obj])] == ["page_1002.png"]
 
 
 def test_a_material_for_each_tile_keeps_single_pages(folder):
@@ -169,7 +169,7 @@ def test_pages_of_other_formats_are_found_beside_the_file(folder, ending):
     (folder / "old" / "A.png").rename(folder / "a.PNG")
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     (obj,) = import_file(folder / f"scan{ending}", PLAIN)
-    assert page_files.missing([obj]) == []
+    assert scans.missing([obj]) == []
     assert np.abs(np.array(pages_of(obj)[0][1]) - scans.COLORS[0]).max() < 0.01
 
 
@@ -393,7 +393,7 @@ def test_a_ply_with_uvs_by_face_shows_its_images(folder, form):
     found = np.array([entry.vector for entry in obj.data.uv_layers.active.uv])
     assert np.abs(found - uv[faces].reshape(-1, 2)).max() < 1e-6
     (folder / names[1]).unlink()
-    assert page_files.missing([obj]) == [str(folder / names[1])]
+    assert scans.missing([obj]) == [str(folder / names[1])]
 
 
 def test_a_ply_with_polygons_and_uvs_by_face_is_imported_without_them(folder):
@@ -487,7 +487,7 @@ def test_damaged_files_give_a_mesh_or_one_sentence_by_seed(folder, ending, seed)
         assert str(error).endswith(".")
         assert "\n" not in str(error)
         return
-    page_files.missing(meshes)
+    scans.missing(meshes)
     assert all(np.isfinite(np.array(obj.location)).all() for obj in meshes)
 
 

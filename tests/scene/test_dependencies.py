@@ -5,7 +5,9 @@ import bpy
 import numpy as np
 import pytest
 
-from addon.scene import dependencies
+from addon.core.errors import Incomplete
+from addon.core.settings import Settings
+from addon.scene import complaints, dependencies, reading
 from tests.support import dependency_kinds, zoo
 
 
@@ -54,3 +56,94 @@ def test_a_path_that_nodes_compute_is_named(tmp_path):
     assert dependencies.not_followed([obj]) == [
         f"the node {node.name!r} of {tree.name!r} computes the path of its file"
     ]
+
+
+def modified(kind, **values):
+    """A square with one modifier, and the object that it can use."""
+    obj, other = zoo.plane("rock", 8), zoo.plane("target", 4)
+    modifier = obj.modifiers.new("detail", kind)
+    for name, value in values.items():
+        setattr(modifier, name, other if value == "target" else value)
+    return obj, modifier
+
+
+def read(obj, **more):
+    low = zoo.plane("low", 8)
+    return reading.read(bpy.context, low, [obj], None, Settings(method="CAST"), **more)
+
+
+BROKEN = {
+    "an array that is too large": ("ARRAY", {"count": 2**31 - 1}, "amount of copies is too high"),
+    "a boolean without an object": ("BOOLEAN", {}, "It has no object"),
+    "a boolean of open meshes": ("BOOLEAN", {"object": "target", "solver": "MANIFOLD"}, "non-manifold geometry"),
+    "a surface deform without a target": ("SURFACE_DEFORM", {}, "It has no object"),
+    "a surface deform that is not bound": ("SURFACE_DEFORM", {"target": "target"}, "It is not bound"),
+    "a mesh deform that is not bound": ("MESH_DEFORM", {"object": "target"}, "It is not bound"),
+    "geometry nodes without nodes": ("NODES", {}, "It has no nodes"),
+    "a smoothing that is not bound": ("CORRECTIVE_SMOOTH", {"rest_source": "BIND"}, "Bind data required"),
+    "a Laplacian deform that is not bound": ("LAPLACIANDEFORM", {}, "It is not bound"),
+    "a transfer from nothing": ("DATA_TRANSFER", {}, "It has no object"),
+    "a shrinkwrap around nothing": ("SHRINKWRAP", {}, "It has no target"),
+    "a hook without an object": ("HOOK", {}, "It has no object"),
+    "a lattice without an object": ("LATTICE", {}, "It has no object"),
+    "a curve without an object": ("CURVE", {}, "It has no object"),
+    "an armature without an object": ("ARMATURE", {}, "It has no object"),
+    "a warp without objects": ("WARP", {}, "It has no objects"),
+    "a mesh cache without a file": ("MESH_CACHE", {}, "It has no file"),
+    "a sequence cache without a file": ("MESH_SEQUENCE_CACHE", {}, "It has no cache file"),
+    "a remesh in too small steps": ("REMESH", {"mode": "VOXEL", "voxel_size": 1e-9}, "too small to be solved"),
+}
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_a_modifier_that_blender_leaves_out_is_named_once(name, capfd):
+    kind, values, why = BROKEN[name]
+    obj, modifier = modified(kind, **values)
+    bpy.context.view_layer.update()  # as in a window, Blender has said it before
+    capfd.readouterr()
+    (sentence,) = read(obj).lacks
+    assert sentence.startswith("Blender leaves out the modifier 'detail' of 'rock'. ")
+    assert why in sentence
+    assert "WARN" not in "".join(capfd.readouterr())
+    with pytest.raises(Incomplete, match="leaves out the modifier"):
+        read(obj, must_be_whole=True)
+    modifier.show_render = modifier.show_viewport = False
+    assert not read(obj).lacks
+
+
+def test_the_operand_of_a_boolean_counts_and_objects_beside_it_do_not():
+    obj, _ = modified("BOOLEAN", object="target")
+    zoo.plane("beside", 4).modifiers.new("other", "BOOLEAN")
+    assert not read(obj).lacks
+    bpy.data.objects["target"].modifiers.new("inner", "BOOLEAN")
+    (sentence,) = read(obj).lacks
+    assert "'inner' of 'target'" in sentence
+
+
+def test_modifiers_that_work_are_not_named():
+    obj = zoo.plane("rock", 8)
+    for kind in ("SUBSURF", "SOLIDIFY", "BEVEL", "DECIMATE", "DISPLACE", "TRIANGULATE", "WEIGHTED_NORMAL", "MIRROR"):
+        obj.modifiers.new(kind, kind)
+    obj.modifiers.new("copies", "ARRAY").count = 3
+    boolean = obj.modifiers.new("cut", "BOOLEAN")
+    boolean.object = zoo.cube("target")
+    assert not read(obj, must_be_whole=True).lacks
+
+
+@pytest.mark.parametrize("name", dependency_kinds.KINDS)
+@pytest.mark.parametrize("is_cut", [False, True])
+def test_a_file_that_is_missing_or_empty_is_named_once(name, is_cut, tmp_path):
+    obj = zoo.plane("rock", 8)
+    path = dependency_kinds.KINDS[name](obj, tmp_path)
+    assert not read(obj, must_be_whole=True).lacks
+    if is_cut:
+        path.write_bytes(b"")
+    else:
+        path.unlink()
+    (sentence,) = complaints.of_files([obj], for_render=True)
+    assert repr(str(path)) in sentence
+    assert ("is empty" if is_cut else "cannot be found") in sentence
+    with pytest.raises(Incomplete):  # before Blender evaluates the object: an empty Alembic file ends it
+        read(obj, must_be_whole=True)
+    if not is_cut:
+        assert read(obj).lacks == [sentence]

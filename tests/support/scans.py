@@ -4,6 +4,8 @@
 import bpy
 import numpy as np
 
+from addon.scene import dependencies
+
 COLORS = ((0.9, 0.1, 0.2), (0.2, 0.8, 0.1), (0.1, 0.3, 0.9), (0.7, 0.6, 0.1))
 """A color, as stored, for each page."""
 
@@ -108,3 +110,8 @@ def damage(path, random):
     for place in random.integers(0, min(len(content), 600), 6):
         content[place] = random.choice(list(b"0 \n\0-x9\xff"))
     path.write_bytes(content[: random.integers(len(content) // 2, len(content))] if random.integers(2) else content)
+
+
+def missing(objects):
+    """The paths of images that materials of `objects` use and that cannot be read."""
+    return [each.path for each in dependencies.lacking(dependencies.of((), objects))]

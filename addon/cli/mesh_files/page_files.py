@@ -64,11 +64,6 @@ def as_udims(objects: Iterable[bpy.types.Object]) -> None:
                     _make_tiled(image, tiled)
 
 
-def missing(objects: Iterable[bpy.types.Object]) -> list[str]:
-    """The paths of images that materials of `objects` use and whose files do not exist, each once."""
-    return list(dict.fromkeys(path for image in used_by(objects) for path in _missing_files(image)))
-
-
 def used_by(objects: Iterable[bpy.types.Object]) -> list[bpy.types.Image]:
     """The images that materials of `objects` use, each once."""
     materials = dict.fromkeys(slot.material for obj in objects for slot in obj.material_slots)

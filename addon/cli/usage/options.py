@@ -215,7 +215,8 @@ OBJECTS = {
         "that of the low object or its file",
     ),
     "allow-missing-pages": CommandOption(
-        "Bake the maps of materials although image files of the high meshes are missing",
+        "Bake although files are missing or not whole, as images of the high meshes, caches and fonts, or although Blender "
+        "leaves out modifiers: each is a warning then",
         {"action": "store_true"},
     ),
     "pairs": CommandOption(

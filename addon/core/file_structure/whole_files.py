@@ -204,6 +204,10 @@ def _pc2(file: BinaryIO, size: int) -> bool:
     return 32 + 12 * frames * points <= size
 
 
+def _stl(file: BinaryIO, size: int) -> bool:
+    return 84 + 50 * _unpack(file, "<I", 80)[0] <= size
+
+
 def _external_detail(file: BinaryIO, size: int) -> bool:
     """The file of an external Multiresolution modifier: each layer says how long it is."""
     order = ">" if _unpack(file, "4sB", 0)[1] else "<"
@@ -267,6 +271,7 @@ _FORMATS: tuple[tuple[Callable[[bytes, str], bool], Callable[[BinaryIO, int], bo
     (_starts(b"PXR-USDC"), _crate),
     (_starts(b"Ogawa"), _ogawa),
     (_starts(b"glTF"), _says_size("<I", 8)),
+    (lambda start, ending: ending == ".stl" and start[:5] != b"solid", _stl),
     (_ends(".usdz"), lambda file, _: zipfile.is_zipfile(file)),
 )
 """How to tell a format by its first bytes and the ending of its name, and whether a file of it is whole."""

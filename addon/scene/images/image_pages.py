@@ -11,6 +11,7 @@ import numpy as np
 from bpy.types import Image
 
 from ...core.errors import BakeError
+from ...core.file_structure import whole_files
 from ...core.map_types import MARK, ORIGIN
 from ...core.material_feeds import ImagePixels
 from .image_colors import is_converting
@@ -67,6 +68,7 @@ class ImagePages:
                 raise UnreadableError(f'the image "{image.name}" is {_UNREADABLE[image.type]}')
             raise UnreadableError(_missing(image, (tiles or (SINGLE,))[0]))
         notes = [_missing(image, tile) for tile in tiles if tile not in existing]
+        notes += [note for tile in existing if (note := _cut(image, tile))]
         if image.source == "TILED" and image.is_dirty:
             notes.append(f'the image "{image.name}" has changes that are not saved, which the map does not have')
         # One key for both, where alpha has no influence on colors: then the page is loaded once.
@@ -184,6 +186,15 @@ def _image(key: str) -> Image:
     if image is None:
         raise BakeError("An image of the high meshes was removed during the bake: bake again.")
     return image
+
+
+def _cut(image: Image, tile: int) -> str:
+    """A clause if the file of an image ends too early, which Blender fills with gray; else empty."""
+    path = location(image, tile)
+    if image.source == "GENERATED" or not path or packed_data(image, tile) is not None:
+        return ""
+    problem = whole_files.problem(path, is_image=True)
+    return f'the image "{image.name}" is not whole: {path} {problem}' if problem == whole_files.CUT else ""
 
 
 def _missing(image: Image, tile: int) -> str:

@@ -1,0 +1,184 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What objects lack when Blender evaluates them: files, linked datablocks, modifiers with an error or without their object.
+
+Blender shows an error of a modifier in its panel and prints it, and names it nowhere else. So objects with modifiers of such
+kinds are evaluated while this listens.
+"""
+
+import os
+import re
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import bpy
+
+from ..core import quiet
+from . import dependencies
+from .dependencies import Lacking
+
+_SAID = re.compile(rb'^.*Object: "(.*)", Modifier: "(.*)", (.*)$', re.MULTILINE)
+"""A line that Blender prints of a modifier: 4.5 and 5.2 begin it in different ways."""
+_MOST = 1 << 20
+"""Bytes that are searched."""
+_PRINTED = {
+    *("ARRAY", "BOOLEAN", "CORRECTIVE_SMOOTH", "DATA_TRANSFER", "HOOK", "LAPLACIANDEFORM", "MESH_CACHE"),
+    *("MESH_DEFORM", "MESH_SEQUENCE_CACHE", "MESH_TO_VOLUME", "NORMAL_EDIT", "OCEAN", "REMESH", "SKIN"),
+    *("SURFACE_DEFORM", "UV_PROJECT", "VOLUME_DISPLACE", "VOLUME_TO_MESH"),
+}
+"""The types of modifiers whose errors Blender only prints. Those of nodes are in their modifier."""
+
+
+@dataclass(frozen=True)
+class Complaint:
+    """A modifier that Blender leaves out. text: why, as a clause without a full stop."""
+
+    owner: str
+    modifier: str
+    text: str
+
+    def __str__(self) -> str:
+        why = self.text[:1].upper() + self.text[1:]
+        return (
+            f"Blender leaves out the modifier {self.modifier!r} of {self.owner!r}. {why}: repair it, or switch it off."
+        )
+
+
+def of_files(objects: Sequence[bpy.types.Object], *, for_render: bool) -> list[str]:
+    """The files and linked datablocks that `objects`, and those that they use, lack, in sentences.
+
+    This evaluates nothing: a file that ends too early can crash Blender. for_render: as in dependencies.of.
+    """
+    lacking = dependencies.lacking(dependencies.of(objects, for_render=for_render))
+    files = [f"{each.path!r}, {each.what}, {each.problem}: restore it, or remove what uses it." for each in lacking]
+    return [*files, *dependencies.missing_blocks(objects)]
+
+
+def of_modifiers(context: bpy.types.Context, objects: Sequence[bpy.types.Object], *, for_render: bool) -> list[str]:
+    """The modifiers that Blender leaves out of `objects`, and of those that they use, as the viewport shows them, in sentences.
+
+    Those that lack a file are left out, which `of_files` names. for_render: as in dependencies.of.
+    """
+    return _of_modifiers(context, objects, dependencies.lacking(dependencies.of(objects, for_render=for_render)))
+
+
+def _of_modifiers(
+    context: bpy.types.Context, objects: Sequence[bpy.types.Object], lacking: Sequence[Lacking]
+) -> list[str]:
+    """The modifiers that Blender leaves out, except those that lack a file of `lacking`, which has been named."""
+    used = dependencies.used_by(objects)
+    owners = [block for block in used if isinstance(block, bpy.types.Object)]
+    shown = [(obj, modifier) for obj in owners for modifier in obj.modifiers if modifier.show_viewport]
+    paths = {each.path for each in lacking}
+    shown = [each for each in shown if not paths & set(dependencies.paths_of_modifier(each[1]))]
+    found = [Complaint(obj.name, modifier.name, text) for obj, modifier in shown if (text := _lack(modifier))]
+    found += _printed(context, shown)
+    for obj, modifier in shown:
+        for each in modifier.node_warnings if modifier.type == "NODES" else ():
+            if each.type == "ERROR":
+                found.append(Complaint(obj.name, modifier.name, each.message.rstrip(".")))
+    once = {(each.owner, each.modifier): each for each in reversed(found)}
+    return [str(each) for each in reversed(once.values())]
+
+
+def _printed(
+    context: bpy.types.Context, shown: Sequence[tuple[bpy.types.Object, bpy.types.Modifier]]
+) -> Iterator[Complaint]:
+    """What Blender prints of these modifiers while it evaluates their objects."""
+    asked = dict.fromkeys(obj for obj, modifier in shown if modifier.type in _PRINTED)
+    if not asked:
+        return
+    for obj in asked:
+        obj.update_tag(refresh={"DATA"})
+    said = _heard(context.view_layer.update)
+    names = {(obj.name, modifier.name) for obj, modifier in shown}
+    for owner, modifier, text in _SAID.findall(said):
+        key = owner.decode(errors="replace"), modifier.decode(errors="replace")
+        if key in names:
+            yield Complaint(*key, text.decode(errors="replace").strip().rstrip("."))
+
+
+def _heard(work: Callable[[], None]) -> bytes:
+    """What a call prints, in C as well. Streams receive the rest of it afterwards."""
+    try:
+        os.fstat(1), os.fstat(2)
+    except OSError:  # a window may have no streams
+        work()
+        return b""
+    with tempfile.TemporaryFile() as file:
+        with quiet.silence(into=file.fileno()):
+            work()
+        file.seek(0)
+        said = file.read(_MOST)
+    rest = b"\n".join(line for line in said.split(b"\n") if not _SAID.match(line)).strip()
+    if rest:
+        os.write(1, rest + b"\n")
+    return said
+
+
+def _lack(modifier: bpy.types.Modifier) -> str:
+    """What a modifier lacks, so that Blender skips it without a word; empty if nothing."""
+    check = _LACKS.get(modifier.type)
+    return check(modifier) if check else ""
+
+
+def _needs(name: str, text: str) -> Callable[[bpy.types.Modifier], str]:
+    return lambda modifier: "" if getattr(modifier, name) else text
+
+
+def _boolean(modifier: bpy.types.BooleanModifier) -> str:
+    if modifier.operand_type == "OBJECT":
+        return "" if modifier.object else "it has no object"
+    return "" if modifier.collection else "it has no collection"
+
+
+def _bound(target: str) -> Callable[[bpy.types.Modifier], str]:
+    return lambda modifier: (
+        "it has no object" if not getattr(modifier, target) else "" if modifier.is_bound else "it is not bound"
+    )
+
+
+def _nodes(modifier: bpy.types.NodesModifier) -> str:
+    if modifier.node_group is None:
+        return "it has no nodes"
+    outputs = [each for each in modifier.node_group.interface.items_tree if getattr(each, "in_out", "") == "OUTPUT"]
+    if not any(node.type == "GROUP_OUTPUT" for node in modifier.node_group.nodes):
+        return "its nodes have no output"
+    return "" if outputs and outputs[0].socket_type == "NodeSocketGeometry" else "the first output is no geometry"
+
+
+def _sequence_cache(modifier: bpy.types.MeshSequenceCacheModifier) -> str:
+    if modifier.cache_file is None:
+        return "it has no cache file"
+    return "" if modifier.object_path else "it names no object of its cache file"
+
+
+def _displace(modifier: bpy.types.DisplaceModifier) -> str:
+    texture = modifier.texture
+    return "its texture has no image" if texture and texture.type == "IMAGE" and texture.image is None else ""
+
+
+def _warp(modifier: bpy.types.WarpModifier) -> str:
+    return "" if modifier.object_from and modifier.object_to else "it has no objects"
+
+
+_LACKS: dict[str, Callable[[bpy.types.Modifier], str]] = {
+    "ARMATURE": _needs("object", "it has no object"),
+    "BOOLEAN": _boolean,
+    "CURVE": _needs("object", "it has no object"),
+    "DATA_TRANSFER": _needs("object", "it has no object"),
+    "DISPLACE": _displace,
+    "HOOK": _needs("object", "it has no object"),
+    "LAPLACIANDEFORM": _needs("is_bind", "it is not bound"),
+    "LATTICE": _needs("object", "it has no object"),
+    "MESH_CACHE": _needs("filepath", "it has no file"),
+    "MESH_DEFORM": _bound("object"),
+    "MESH_SEQUENCE_CACHE": _sequence_cache,
+    "NODES": _nodes,
+    "PARTICLE_INSTANCE": _needs("object", "it has no object"),
+    "SHRINKWRAP": _needs("target", "it has no target"),
+    "SURFACE_DEFORM": _bound("target"),
+    "VOLUME_TO_MESH": _needs("object", "it has no object"),
+    "WARP": _warp,
+}
+"""What each type of modifier lacks, where Blender prints nothing."""
