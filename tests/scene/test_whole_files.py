@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Tests that files which end too early are told from whole ones, by files that Blender writes."""
+"""Tests that the difference between whole files and files that end too early, with files that Blender writes."""
 
 import struct
 import zipfile
@@ -48,7 +48,7 @@ def check(path, content, shares=SHARES, **more):
     """The whole file has no problem, and each shorter one has."""
     assert problem(str(path), **more) == ""
     lengths = [*(int(share * len(content)) for share in shares)]
-    lengths += [] if path.suffix == ".tga" else [len(content) - 1]  # it ends with a footer that nobody needs
+    lengths += [] if path.suffix == ".tga" else [len(content) - 1]  # readers need no footer
     for length in lengths:
         path.write_bytes(content[:length])
         assert problem(str(path), **more) == CUT, f"{length} of {len(content)} bytes"

@@ -10,6 +10,8 @@ import zipfile
 from collections.abc import Callable, Iterator
 from typing import BinaryIO
 
+from ..file_formats import TARGA
+
 MISSING, EMPTY, CUT = "cannot be found", "is empty", "ends too early"
 """Clauses."""
 NO_IMAGE = "is no image"
@@ -262,7 +264,7 @@ _FORMATS: tuple[tuple[Callable[[bytes, str], bool], Callable[[BinaryIO, int], bo
     (_starts(b"\x76\x2f\x31\x01"), _exr),
     (lambda start, _: start[:4] == b"RIFF" and start[8:12] == b"WEBP", _says_size("<I", 4, 8)),
     (lambda start, ending: start[:2] == b"BM" and ending in (".bmp", ".dib"), _says_size("<I", 2)),
-    (lambda start, ending: ending == ".tga" and _is_tga(start), _tga),
+    (lambda start, ending: ending in TARGA.endings and _is_tga(start), _tga),
     (_starts(b"POINTCACHE2\0"), _pc2),
     (_ends(".mdd"), _mdd),
     (_starts(b"BCDF"), _external_detail),
