@@ -110,6 +110,7 @@ def _stop() -> None:
     from .ui.live.live_switch import live
     from .ui.modal import runner
     from .ui.readiness.panel_findings import findings
+    from .ui.saving import held
     from .ui.viewport.cage_overlay import overlay
     from .ui.viewport.view_mode import viewer
 
@@ -117,6 +118,7 @@ def _stop() -> None:
     live.stop()
     results.forget()
     findings.forget()
+    held.forget()
     overlay.hide()
     viewer.off()
 

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Image datablocks: their pixels, files and tiles. Existing datablocks are reused, so that their users keep them."""
 
+import itertools
 from collections.abc import Iterable, Iterator
 from pathlib import Path, PurePath
 
@@ -16,7 +17,8 @@ from . import color_spaces
 OPAQUE_BITS = {24, 96}
 """Image.depth, in bits per texel, of images without alpha. Their pixels have alpha; a file written from them does not."""
 UNPACKED = "imprint_unpacked"
-"""A custom property of images whose map is only in memory: see `pack_unpacked`."""
+"""A custom property of images whose map is only in memory: see `pack_unpacked`. Each map has another number."""
+_numbers = itertools.count(1)
 
 
 def get(name: str) -> bpy.types.Image | None:
@@ -55,8 +57,16 @@ def fill(name: str, texels: np.ndarray, *, is_float: bool, pack: bool, color_spa
     if pack:
         image.pack()
     else:
-        image[UNPACKED] = True
+        image[UNPACKED] = next(_numbers)
     return image
+
+
+def refill(image: bpy.types.Image, texels: np.ndarray, *, is_float: bool) -> None:
+    """Put back `texels`, as `fill` took them, into an image that has lost them."""
+    height, width = texels.shape[:2]
+    _regenerate(image, width, height, is_float)
+    image.pixels.foreach_set(texels.reshape(-1))
+    image.update()
 
 
 def show(name: str, path: str, *, pack: bool = False, color_space: str = "") -> bpy.types.Image:

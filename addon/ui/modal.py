@@ -14,6 +14,7 @@ from ..core.errors import BakeError, sentence
 from ..core.progress import Pace, Progress, Task
 from .callbacks import Key
 from .live.live_switch import live
+from .saving import held
 from .translations.lookup import tooltip
 from .viewport.progress_display import display
 
@@ -105,6 +106,7 @@ class SlicedOperator:
             self.report({"ERROR"}, sentence(error))
             return {"CANCELLED"}
         self.finish(context, result)
+        held.hold()
         return {"FINISHED"}
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
@@ -133,6 +135,7 @@ class SlicedOperator:
             goes_on = True
         except StopIteration as end:
             self.finish(context, end.value)
+            held.hold()
             return {"FINISHED"}
         except (BakeError, MemoryError) as error:
             self.report({"ERROR"}, sentence(error))
