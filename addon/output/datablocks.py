@@ -154,17 +154,18 @@ def pictures() -> Iterator[tuple[str, str]]:
 def note_maps(low: bpy.types.Object, images: Iterable[bpy.types.Image]) -> None:
     """Make the low object a user of its maps, so that they follow it into other files, also those that no material shows.
 
-    Nothing happens to an object of a library, and without the property, which only Blender's window registers.
+    Nothing happens to an object of a library, and without the property, which only the window's Blender registers.
     """
-    maps = getattr(low, "imprint_maps", None)
-    if maps is None or not low.is_editable:
+    if not low.is_editable or not hasattr(low, "imprint"):
         return
-    for number in reversed([number for number, item in enumerate(maps) if item.image is None]):
-        maps.remove(number)  # the image was deleted
+    maps = low.imprint.maps
     known = {item.image for item in maps}
+    free = [item for item in maps if item.image is None]  # their images were deleted
     for image in dict.fromkeys(images):
         if image not in known:
-            maps.add().image = image
+            item = free.pop() if free else maps.add()
+            # Blender matches the items of library overrides by their names.
+            item.name, item.image = item.name or str(len(maps) - 1), image
 
 
 def keep_values(image: bpy.types.Image, color_space: str = "") -> None:

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The pair of a low object, which the file keeps: `Object.imprint` has its high objects, its cage, the method, the distances of
-its rays, and its last result.
+its rays, its last result, and the images of its maps, of which it is a user.
 
 This is the one place for it. To read the pair of a low object:
 
@@ -9,7 +9,8 @@ This is the one place for it. To read the pair of a low object:
     pair.cage, pair.method, pair.measure, pair.extrusion, pair.max_distance
     pair.reports()                          # the last result: a core.report.Report for each texture set
 
-A bake writes it by `remember`. Which high objects the eye hides is in Blender's view layers, which files keep too.
+A bake writes it by `remember`, and its images by datablocks.note_maps. Which high objects the eye hides is in Blender's view
+layers, which files keep too.
 
 The pointers follow an object that is renamed, and come along if the low object is copied, appended or overridden. They keep no
 deleted data in the file: saving replaces a pointer to a deleted object by its name, and an object that comes back with that
@@ -98,6 +99,18 @@ class ImprintHigh(bpy.types.PropertyGroup):
             self.called = found.name if found else title
 
 
+class ImprintMap(bpy.types.PropertyGroup):
+    """An image that was baked for the object."""
+
+    image: PointerProperty(
+        type=bpy.types.Image,
+        name="Image",
+        description="Image that was baked for the object",
+        override=_OVERRIDABLE,
+        translation_context=LABEL,
+    )
+
+
 class ImprintPair(bpy.types.PropertyGroup):
     """Object.imprint: what Imprint keeps for a low object. See the top of this module."""
 
@@ -129,6 +142,14 @@ class ImprintPair(bpy.types.PropertyGroup):
         name="Baked",
         description="Time of the last bake, in UTC",
         override=_OVERRIDABLE,
+        translation_context=LABEL,
+    )
+
+    maps: CollectionProperty(
+        type=ImprintMap,
+        name="Maps",
+        description="The images that were baked for the object, which takes them along into other files",
+        override={"LIBRARY_OVERRIDABLE", "USE_INSERTION"},
         translation_context=LABEL,
     )
 
@@ -284,7 +305,7 @@ def _before_saving(*_) -> None:
     settle()
 
 
-CLASSES = (ImprintHigh, ImprintPair)
+CLASSES = (ImprintHigh, ImprintMap, ImprintPair)
 _register, _unregister = bpy.utils.register_classes_factory(CLASSES)
 
 

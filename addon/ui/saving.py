@@ -1,31 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What makes maps survive in files and through Undo: the low object is a user of its maps, and maps in memory are packed when
-the file is saved, and put back after Undo and Redo."""
+"""Makes maps in memory survive: they are packed when the file is saved, and put back after Undo and Redo."""
 
 import bpy
 import numpy as np
 from bpy.app.handlers import persistent
-from bpy.props import CollectionProperty, PointerProperty
 
 from ..output import datablocks
 from ..output.datablocks import UNPACKED
 from .callbacks import Handlers
 from .live.live_switch import live
-from .translations.lookup import LABEL
 
 MOST_HELD = 1 << 30
 """The most bytes of maps in memory that are held for Undo and Redo."""
-
-
-class ImprintMap(bpy.types.PropertyGroup):
-    """Object.imprint_maps: an image that was baked for the object, which takes it along into other files."""
-
-    image: PointerProperty(
-        type=bpy.types.Image,
-        name="Image",
-        description="Image that was baked for the object",
-        translation_context=LABEL,
-    )
 
 
 class HeldMaps:
@@ -36,6 +22,11 @@ class HeldMaps:
         """The pixels (height, width, 4) float32, and whether the image is one of floats, by the number of the map."""
         self._shown: dict[int, int] = {}
         """The number of the map in each image, by its session_uid."""
+
+    @property
+    def number(self) -> int:
+        """The number of maps that are held."""
+        return len(self._maps)
 
     def hold(self) -> None:
         """Hold the maps in memory that are new. The oldest ones go if there are too many."""
@@ -84,19 +75,10 @@ def after_undo(*_) -> None:
     held.put_back()
 
 
-CLASSES = (ImprintMap,)
-_register, _unregister = bpy.utils.register_classes_factory(CLASSES)
 _handlers = Handlers(("save_pre", before_saving), ("undo_post", after_undo), ("redo_post", after_undo))
-
-
-def register() -> None:
-    _register()
-    bpy.types.Object.imprint_maps = CollectionProperty(type=ImprintMap, name="Maps", translation_context=LABEL)
-    _handlers.add()
+register = _handlers.add
 
 
 def unregister() -> None:
     _handlers.remove()
     held.forget()
-    del bpy.types.Object.imprint_maps
-    _unregister()

@@ -17,6 +17,7 @@ import bpy
 import numpy as np
 
 from addon.output import datablocks
+from addon.ui import object_pairs
 from addon.ui.bake_results import results
 from addon.ui.live.live_switch import live
 from addon.ui.viewport import show_result
@@ -209,8 +210,10 @@ def about(image: bpy.types.Image, users: dict) -> dict:
 def state() -> dict:
     """What belongs to the maps of the open file: images, settings, materials, what viewports show, hidden objects."""
     users = bpy.data.user_map(subset=list(bpy.data.images))
+    pairs = {obj.name: pair for obj in bpy.data.objects if (pair := object_pairs.of(obj)) is not None}
     return {
         "images": {image.name: about(image, users) for image in bpy.data.images},
+        "pairs": {name: _pair(pair) for name, pair in pairs.items()},
         "settings": {scene.name: _settings(scene.imprint) for scene in bpy.data.scenes},
         "materials": {
             material.name: json.loads(json.dumps(snapshot._tree(material.node_tree))) for material in bpy.data.materials
@@ -229,6 +232,16 @@ def state() -> dict:
             for obj in layer.objects
             if obj.hide_get(view_layer=layer)
         ),
+    }
+
+
+def _pair(pair: object_pairs.ImprintPair) -> dict:
+    """What a low object keeps. Its reports are read, and refer to objects of the open file."""
+    return snapshot.settings(pair) | {
+        "found": [obj.name for obj in pair.found()],
+        "missing": pair.missing(),
+        "maps": sorted(item.image.name for item in pair.maps if item.image),
+        "reports": [[ref.name for ref in report.refs] for report in pair.reports()],
     }
 
 
@@ -279,10 +292,9 @@ def next_day(first: str, twice: str, again: str, appended: str, linked: str) -> 
     states["again"] = save(Path(again))
     for path, link in ((appended, False), (linked, True)):
         bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-        with bpy.data.libraries.load(first, link=link) as (_, wanted):
-            wanted.objects = [name for kind in KINDS for name in lows(kind)]
-        for obj in wanted.objects:
-            bpy.context.scene.collection.objects.link(obj)
+        bring = bpy.ops.wm.link if link else bpy.ops.wm.append
+        names = [{"name": name} for kind in KINDS for name in lows(kind)]
+        assert bring(directory=f"{first}/Object/", files=names) == {"FINISHED"}
         states["linked" if link else "appended"] = save(Path(path))
     return states
 

@@ -172,6 +172,10 @@ TABLE = {
         "de_DE": "Im Arbeitsspeicher, bis die .blend-Datei gespeichert wird; dann wird die Map in sie gepackt",
         "es": "En la memoria hasta que se guarda el archivo .blend, que empaca el mapa",
     },
+    (SENTENCE, "The images that were baked for the object, which takes them along into other files"): {
+        "de_DE": "Die Bilder, die für das Objekt gebacken wurden und die es in andere Dateien mitnimmt",
+        "es": "Las imágenes capturadas para el objeto, que las lleva consigo a otros archivos",
+    },
     (SENTENCE, "Image that was baked for the object"): {
         "de_DE": "Bild, das für das Objekt gebacken wurde",
         "es": "Imagen capturada para el objeto",
