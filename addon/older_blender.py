@@ -188,3 +188,13 @@ def modifier_input(modifier: bpy.types.NodesModifier, identifier: str) -> Any:
     if hasattr(modifier, "properties"):
         return getattr(getattr(modifier.properties.inputs, identifier, None), "value", None)
     return modifier.get(identifier)
+
+
+# Before 5.0: what add-ons register is stored with the custom properties
+
+
+def kept_properties(obj: bpy.types.Object) -> Any:
+    """In 5.2: `obj.bl_system_properties_get() or {}`. What add-ons keep with an object, also add-ons that are not enabled."""
+    if hasattr(obj, "bl_system_properties_get"):
+        return obj.bl_system_properties_get() or {}
+    return obj

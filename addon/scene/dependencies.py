@@ -182,11 +182,35 @@ class _Uses:
 
     def _used_by(self, block: bpy.types.ID) -> list[bpy.types.ID]:
         found = self._uses.get(block, [])
-        if (
-            isinstance(block, bpy.types.Object) and block.type == "EMPTY"
-        ):  # it shows an image, which is no part of a mesh
+        if not isinstance(block, bpy.types.Object):
+            return found
+        if block.type == "EMPTY":  # it shows an image, which is no part of a mesh
             return [each for each in found if each != block.data]
-        return found
+        noted = _noted_by(block)
+        return [each for each in found if each not in noted] if noted else found
+
+
+def _noted_by(obj: bpy.types.Object) -> set[bpy.types.ID]:
+    """The high objects, the cage and the maps that Imprint keeps with a low object, if its mesh is not made from them."""
+    pair = older_blender.kept_properties(obj).get("imprint")
+    if pair is None:
+        return set()
+    noted = {item.get(name) for name, items in (("object", "highs"), ("image", "maps")) for item in pair.get(items, ())}
+    noted.add(pair.get("cage"))
+    used = {obj.parent, *(value for part in (*obj.modifiers, *obj.constraints) for value in _pointers_of(part))}
+    return noted - used - {None}
+
+
+def _pointers_of(part: bpy.types.Modifier | bpy.types.Constraint) -> Iterator[bpy.types.ID]:
+    """The datablocks that the settings of a modifier or constraint name, with the inputs of its nodes."""
+    values = [getattr(part, prop.identifier) for prop in part.bl_rna.properties if prop.type == "POINTER"]
+    if isinstance(part, bpy.types.NodesModifier) and part.node_group is not None:
+        values += [
+            older_blender.modifier_input(part, item.identifier)
+            for item in part.node_group.interface.items_tree
+            if item.item_type == "SOCKET" and item.in_out == "INPUT"
+        ]
+    return (value for value in values if isinstance(value, bpy.types.ID))
 
 
 def _of_block(block: bpy.types.ID, *, for_render: bool = True, is_surface: bool = False) -> Iterator[Dependency]:

@@ -24,7 +24,8 @@ CALLS = {
     ("scene/materials/material_reading.py", "shows_nodes"): 1,
     ("output/materials.py", "switch_on_nodes"): 2,
     ("cli/mesh_files/base_colors.py", "switch_on_nodes"): 1,
-    ("scene/dependencies.py", "modifier_input"): 1,
+    ("scene/dependencies.py", "kept_properties"): 1,
+    ("scene/dependencies.py", "modifier_input"): 2,
 }
 """What to change when older versions are dropped: the docstrings of older_blender.py say into what."""
 

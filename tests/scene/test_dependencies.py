@@ -5,6 +5,7 @@ import bpy
 import numpy as np
 import pytest
 
+import addon
 from addon.core.errors import Incomplete
 from addon.core.settings import Settings
 from addon.scene import complaints, dependencies, reading
@@ -44,6 +45,30 @@ def test_images_that_only_materials_show_are_those_of_the_objects_that_are_shown
     assert (found.path, found.is_surface, found.is_own_map) == (str(path), True, False)
     node.image.pack()
     assert not dependencies.of([obj], [obj])
+
+
+@pytest.mark.usefixtures("registered")
+def test_what_imprint_keeps_with_a_low_object_is_no_part_of_its_mesh(tmp_path):
+    """Its high objects, its cage and its maps, also where the add-on is not enabled: but what a modifier uses is."""
+    low, high, cage = zoo.plane("low", 8), zoo.plane("high", 8), zoo.plane("cage", 8)
+    high_path = str(dependency_kinds.mesh_cache_mdd(high, tmp_path))
+    cage_path = str(dependency_kinds.mesh_cache_pc2(cage, tmp_path))
+    image = bpy.data.images.load(str(dependency_kinds.picture(tmp_path / "low.png")))
+    low.imprint.highs.add().object, low.imprint.cage, low.imprint.maps.add().image = high, cage, image
+    assert not dependencies.of([low])
+    assert {each.path for each in dependencies.of([low, high])} == {high_path}
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    addon.unregister()
+    try:
+        bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "scene.blend"))
+        assert not dependencies.of([bpy.data.objects["low"]])
+    finally:
+        addon.register()
+    low, cage = bpy.data.objects["low"], bpy.data.objects["cage"]
+    low.modifiers.new("wrap", "SHRINKWRAP").target = bpy.data.objects["high"]
+    assert {each.path for each in dependencies.of([low])} == {high_path}
+    low.constraints.new("COPY_LOCATION").target = cage
+    assert {each.path for each in dependencies.of([low])} == {high_path, cage_path}
 
 
 def test_a_path_that_nodes_compute_is_named(tmp_path):
