@@ -163,6 +163,8 @@ class Outputs:
             datablocks.note_maps(low, stored.values())
         first = self._writers[self._first]
         warnings = sign(stored[self._first], labels[Labeled.OBJECTS])
+        for image in stored.values():  # a bake may replace the files of maps that were baked before
+            datablocks.sign(image, dict.fromkeys(labels[Labeled.OBJECTS]))
         if self._hides_misses:
             warnings.append(
                 "Rays of some texels hit nothing, and files without alpha do not show which: switch Miss Mask on to see them."
