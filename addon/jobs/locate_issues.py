@@ -229,10 +229,10 @@ def _in_edit_mesh(context: bpy.types.Context, view: _View, found: np.ndarray, do
         if not has_modifiers:
             return mesh_elements.edges(low.data, found)
         with (
-            mesh_reader.numbered(low, domain),
+            mesh_reader.numbered(low, domain) as name,
             mesh_reader.evaluated(low, context.evaluated_depsgraph_get()) as data,
         ):
-            numbers = mesh_reader.numbers(data, domain)
+            numbers = mesh_reader.numbers(data, name, domain)
             found = found if domain == "FACE" else mesh_elements.edges(data, found)
     if numbers is None:
         raise BakeError(

@@ -14,7 +14,8 @@ from ..mesh.triangle_mesh import Mesh, finite_rows, keep_corners
 from .large_meshes import mesh_copies, steady_tangents
 
 _NUMBER = ".imprint_face"
-"""The temporary attribute that `numbered` adds; the dot hides it in Blender's lists."""
+"""The temporary attribute that `numbered` adds, with a number behind it if the mesh has one of this name; the dot hides it in
+Blender's lists."""
 
 
 @contextmanager
@@ -198,30 +199,34 @@ def material_slots(data: bpy.types.Mesh, mesh: Mesh, count: int) -> np.ndarray:
 
 
 @contextmanager
-def numbered(obj: bpy.types.Object, domain: str = "FACE") -> Iterator[None]:
+def numbered(obj: bpy.types.Object, domain: str = "FACE") -> Iterator[str]:
     """Number the faces of `obj`'s own mesh, or its edges for the domain "EDGE", in an attribute that modifiers copy.
 
-    `numbers` reads it from the evaluated mesh. The attribute is removed at the end of the block.
+    Gives the attribute's name, by which `numbers` reads it from the evaluated mesh. It is removed at the end of the block.
     """
     data = obj.data
     count = len(data.polygons if domain == "FACE" else data.edges)
-    data.attributes.new(_NUMBER, "INT", domain).data.foreach_set("value", np.arange(1, count + 1))
-    data.update_tag()
+    active = data.attributes.active_index
+    layer = data.attributes.new(_NUMBER, "INT", domain)
+    name = layer.name
     try:
-        yield
+        layer.data.foreach_set("value", np.arange(1, count + 1))
+        data.update_tag()
+        yield name
     finally:
-        data.attributes.remove(data.attributes[_NUMBER])
+        data.attributes.remove(data.attributes[name])
+        data.attributes.active_index = active
         data.update_tag()
 
 
-def numbers(data: bpy.types.Mesh, domain: str = "FACE") -> np.ndarray | None:
+def numbers(data: bpy.types.Mesh, name: str, domain: str = "FACE") -> np.ndarray | None:
     """The original face or edge of each face or edge of the evaluated mesh `data` of a `numbered` object.
 
-    (N,) int32, with -1 for none.
+    (N,) int32, with -1 for none. name: as `numbered` gives it.
 
     Returns None if modifiers have removed the attribute.
     """
-    layer = data.attributes.get(_NUMBER)
+    layer = data.attributes.get(name)
     if layer is None or layer.domain != domain:
         return None
     values = np.empty(len(layer.data), np.int32)
