@@ -24,6 +24,13 @@ TEXEL_BYTES |= {"R32F": 4, "R32I": 4, "DEPTH_COMPONENT32F": 4}
 """The memory of a texel, by format."""
 _READ_FORMAT = {"RGBA32F": ("FLOAT", 4, np.float32), "R16F": ("FLOAT", 1, np.float32), "R8": ("UBYTE", 1, np.uint8)}
 _READ_FORMAT |= {"R32F": ("FLOAT", 1, np.float32)}
+COPY = Program(
+    vertex="lib/fullscreen_vert.glsl",
+    fragment="lib/copied_frag.glsl",
+    inputs=(("VEC2", "position"),),
+    texels=(("RGBA32F", "FLOAT_2D", "source"),),
+    outputs=(("VEC4", "copied_out"),),
+)
 
 
 class Target:
@@ -50,8 +57,8 @@ class Target:
         return self.textures[0]
 
     def read(self, out: np.ndarray, slot: int = 0, start: tuple[int, int] = (0, 0)) -> None:
-        """Fill `out`, a C-contiguous array of rows x columns (x channels), from texture `slot`. start: its first column and
-        row."""
+        """Fill `out`, a C-contiguous array of rows x columns (x channels), from texture `slot`, which was drawn: for one that
+        a compute shader wrote there is `read` of this module. start: its first column and row."""
         kind, channels, dtype = _READ_FORMAT[self.formats[slot]]
         if out.dtype != dtype or not out.flags.c_contiguous:
             raise ValueError(f"reading {self.formats[slot]} takes a contiguous {dtype.__name__} array")
@@ -105,11 +112,14 @@ class Offscreen(Target):
 
 
 def read(texture: gpu.types.GPUTexture, out: np.ndarray) -> None:
-    """Fill `out`, a C-contiguous float32 array of rows x width x 4, with the first rows of `texture` (RGBA32F)."""
-    framebuffer = gpu.types.GPUFrameBuffer(color_slots=[texture])
-    with framebuffer.bind():  # reading needs a framebuffer that was bound
-        buffer = gpu.types.Buffer("FLOAT", out.shape, out)
-        framebuffer.read_color(0, 0, out.shape[1], out.shape[0], 4, 0, "FLOAT", data=buffer)
+    """Fill `out`, a C-contiguous float32 array of rows x width x 4, with the first rows of `texture` (RGBA32F).
+
+    Compute shaders may have written the texture: it is copied by drawing first, since Blender has no barrier on OpenGL between
+    them and a framebuffer that is read.
+    """
+    copied = Target(out.shape[1], out.shape[0], ("RGBA32F",))
+    fill(copied, COPY, source=texture)
+    copied.read(out)
 
 
 class TargetPool:

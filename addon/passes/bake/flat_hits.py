@@ -30,10 +30,11 @@ NO_HITS = Program(
 )
 
 CLIP = Program(
-    compute="bake/clip_hits_comp.glsl",
+    vertex="lib/fullscreen_vert.glsl",
+    fragment="bake/clip_hits_frag.glsl",
+    inputs=(("VEC2", "position"),),
     texels=(("RGBA32F", "FLOAT_2D", "normals"),),
-    images=(("RGBA32UI", "UINT_2D", "hits", "WRITE"),),
-    constants=(("INT", "first_row"),),
+    outputs=(("UVEC4", "hit_out"),),
 )
 
 
@@ -59,4 +60,5 @@ def draw(into: target.Target, meshes: gpu.types.GPUBatch, uv_to_clip: UvToClip) 
 
 def clip(hits: target.Target, normals: gpu.types.GPUTexture) -> None:
     """Remove hits (RGBA32UI) where `normals` (RGBA32F) has an alpha of 0: where the low mesh does not cover the sample."""
-    target.dispatch(CLIP, hits.width, range(hits.height), normals=normals, hits=hits.texture)
+    # Drawn, as the hits of the next sample are: OpenGL may put stores of a compute shader behind later drawing.
+    target.fill(hits, CLIP, normals=normals)

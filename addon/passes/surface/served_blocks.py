@@ -19,10 +19,11 @@ if TYPE_CHECKING:
     import gpu
 
 FIND = Program(
-    compute="surface/served_blocks_comp.glsl",
+    vertex="lib/fullscreen_vert.glsl",
+    fragment="surface/served_blocks_frag.glsl",
+    inputs=(("VEC2", "position"),),
     texels=(("RGBA32UI", "UINT_2D", "hits"), ("RGBA32F", "FLOAT_2D", "labels")),
-    images=(("RGBA32F", "FLOAT_2D", "materials", "WRITE"),),
-    constants=(("INT", "first_row"),),
+    outputs=(("VEC4", "materials_out"),),
 )
 BLOCK = 32
 """Texels. As in shaders/lib/served_lib.glsl; workgroups are 8 x 8."""
@@ -48,7 +49,7 @@ def find(hits: target.Target, labels: gpu.types.GPUTexture) -> Blocks:
     """The blocks of a map, from its `hits` (RGBA32UI). labels: as in plain_values.add_constants. Waits for the GPU."""
     rows, columns = -(-hits.height // BLOCK), -(-hits.width // BLOCK)
     shown = target.Target(columns, rows, ("RGBA32F",))
-    target.dispatch(FIND, columns, range(rows), hits=hits.texture, labels=labels, materials=shown.texture)
+    target.fill(shown, FIND, hits=hits.texture, labels=labels)  # drawn: Target.read does not wait for compute shaders
     masks = np.empty((rows, columns, 4), np.float32)
     shown.read(masks)
     return Blocks(masks.astype(np.int64))

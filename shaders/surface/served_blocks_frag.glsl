@@ -8,11 +8,8 @@ const int BITS = 24;
 
 void main()
 {
-  ivec2 block = ivec2(gl_GlobalInvocationID.xy) + ivec2(0, first_row);
+  ivec2 block = ivec2(gl_FragCoord.xy);
   ivec2 size = texel_size(hits);
-  if (any(greaterThanEqual(block * BLOCK, size))) {
-    return;
-  }
   uvec4 shown = uvec4(0u);
   ivec2 end = min((block + 1) * BLOCK, size);
   for (int y = block.y * BLOCK; y < end.y; y++) {
@@ -23,5 +20,5 @@ void main()
       shown |= word * (hit_missed(hit) ? 0u : 1u << uint(material % BITS));
     }
   }
-  imageStore(materials, block, vec4(shown));
+  materials_out = vec4(shown);
 }
