@@ -14,6 +14,7 @@ from ..core.errors import BakeError
 from ..core.names.file_names import file_name
 from ..core.udim import FIRST
 from ..output import color_spaces, datablocks, image_file, quantize
+from ..output.value_encoding import SRGB
 
 CHANNELS = ("+X", "+Y", "+Z")
 """The axes in red, green and blue that glTF and USD expect."""
@@ -148,7 +149,7 @@ class PictureFiles:
 
     def _written(self, texels: np.ndarray, name: str, color_space: str, *, has_alpha: bool) -> bpy.types.Image:
         path = self._path(name, file_formats.PNG.endings[0])
-        image_file.write(texels, path, 8, has_alpha=has_alpha)
+        image_file.write(texels, path, 8, has_alpha=has_alpha, is_color=color_space == SRGB)
         image = self._shown(path)
         image.alpha_mode = "CHANNEL_PACKED"
         color_spaces.assign(image, color_space)

@@ -23,6 +23,7 @@ from ..mesh import triangle_mesh
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import local_space_of
 from ..output.outputs import Stored
+from ..passes.surface import finite_values
 from ..scene.high_layers.material_sets import MaterialSet
 from ..scene.object_refs import ObjectRef
 from .job import Job
@@ -125,14 +126,32 @@ def material_notes(meshes: Meshes, settings: Settings) -> list[str]:
 
 
 def attribute_notes(meshes: Meshes, settings: Settings) -> list[str]:
-    """The high meshes without the attribute that the attribute map shows."""
+    """The high meshes without the attribute that the attribute map shows, and attributes with values that are no numbers."""
     lacking = [
         repr(high.name) for high in meshes.highs if (triangle_mesh.ATTRIBUTE, settings.attribute) not in high.layers
     ]
-    if not lacking or map_types.ATTRIBUTE.name not in settings.drawn_maps:
-        return []
-    wanted = f"attribute {settings.attribute!r}" if settings.attribute else "color attribute"
-    return [f"The attribute map is black where the high mesh has no {wanted}: {shorten_list(lacking)}."]
+    notes = []
+    for high in meshes.highs:
+        names: dict[int, str] = {}  # the attribute that is set to render can have been read by its name, too
+        for (kind, name), values in high.layers.items():
+            if kind == triangle_mesh.ATTRIBUTE:
+                wrong = finite_values.count_others(values)
+                names[wrong] = name or names.get(wrong, "")
+        notes += [
+            f"The {_attribute(name)} of {high.name!r} is not finite at {wrong:,} face corners: NaN counts as 0 there, "
+            f"infinity as {finite_values.LARGEST:,.0f}."
+            for wrong, name in names.items()
+            if wrong
+        ]
+    if lacking and map_types.ATTRIBUTE.name in settings.drawn_maps:
+        wanted = _attribute(settings.attribute)
+        notes.append(f"The attribute map is black where the high mesh has no {wanted}: {shorten_list(lacking)}.")
+    return notes
+
+
+def _attribute(name: str) -> str:
+    """An attribute in a sentence. name: empty for the color attribute that is set to render."""
+    return f"attribute {name!r}" if name else "color attribute"
 
 
 def slope_notes(settings: Settings) -> list[str]:

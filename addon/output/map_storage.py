@@ -19,6 +19,7 @@ from .files import atomic_file
 from .files.atomic_file import Partial, check_writable
 from .files.write_queue import WriteQueue
 from .map_names import name_for, output_for
+from .value_encoding import SRGB
 
 
 def black_and_white(where: np.ndarray) -> np.ndarray:
@@ -122,10 +123,13 @@ class Writer:
             depth = file_formats.OPEN_EXR.depths[-1] if self._folder and settings.is_float else settings.depth
             with partial.writing():
                 partial.temporary.touch()
-            has_alpha = settings.alpha or bool(self._folder)
+            has_alpha, is_color = settings.alpha or bool(self._folder), self.color_space == SRGB
             self._written.append(
                 self._queue.add(
-                    lambda: image_file.content(stored, partial.temporary, depth, has_alpha=has_alpha), partial
+                    lambda: image_file.content(
+                        stored, partial.temporary, depth, has_alpha=has_alpha, is_color=is_color
+                    ),
+                    partial,
                 )
             )
         else:

@@ -82,6 +82,45 @@ def test_the_report_has_the_range_to_decode_the_file(tmp_path, ending, depth):
         assert (tmp_path / f"map_{name}{ending}").is_file()
 
 
+@pytest.mark.parametrize(("depth", "step"), [(8, 1 / 255), (32, 0.0)])
+def test_a_displace_modifier_with_the_scale_of_the_bake_makes_the_high_surface(depth, step):
+    """The strength is in the object's units, the map in those of the scene."""
+    low, high = pair()
+    report, _ = bake(low, high, maps=["HEIGHT"], depth=depth, size=128)
+    how = report.maps["height"]
+    fine = zoo.plane("fine", n=32)
+    fine.location, fine.scale = low.location, low.scale
+    modifier = fine.modifiers.new("Displace", "DISPLACE")
+    modifier.texture = bpy.data.textures.new("height", "IMAGE")
+    modifier.texture.image = bpy.data.images[how["image"]]
+    modifier.texture.extension = "EXTEND"
+    modifier.texture_coords, modifier.mid_level, modifier.strength = "UV", how["midlevel"], how["scale"] / SCALE
+    data = fine.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
+    x, y, z = np.array([vertex.co for vertex in data.vertices]).T
+    expected = HEIGHT * np.sin(np.pi * WAVES * (x + 1)) * np.sin(np.pi * WAVES * (y + 1))
+    inner = (np.abs(x) < 0.95) & (np.abs(y) < 0.95)
+    assert np.abs(z - expected)[inner].max() < 0.02 * HEIGHT + step * how["scale"] / SCALE
+    assert np.abs(z[inner]).max() > 0.9 * HEIGHT
+
+
+def test_curvature_at_the_corner_of_a_cube_is_beyond_1_in_floats_alone():
+    low, high = zoo.cube("lo", gap=0.0), zoo.cube("hi", gap=0.0)
+    maps = ["CURVATURE", "CONVEXITY"]
+    options = {
+        "maps": maps,
+        "method": "CAST",
+        "size": 192,
+        "rays": 512,
+        "distance_unit": "SCENE",
+        "curvature_radius": 0.5,
+    }
+    _, floats = bake(low, high, **options)
+    _, steps = bake(low, high, depth=8, **options)
+    assert floats["curvature"][..., 0].max() == pytest.approx(1.25, abs=0.06)
+    assert floats["convexity"][..., 0].max() == pytest.approx(1.5, abs=0.12)
+    assert (steps["curvature"][..., 0].max(), steps["convexity"][..., 0].max()) == (1.0, 1.0)
+
+
 @pytest.mark.parametrize("distance", [1_000.0, 100_000.0])
 def test_positions_far_from_the_origin_are_exact_in_files_of_floats(tmp_path, distance):
     """16-bit floats have steps of half a unit at 1,000 units, and end at 65,504."""

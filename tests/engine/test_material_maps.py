@@ -236,6 +236,28 @@ def test_values_of_attributes_that_are_not_finite_do_not_spread(wrong):
     assert np.median(maps["attribute"][..., 0]) == 0.25
 
 
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("domain", ["POINT", "CORNER"])
+def test_nan_in_a_color_attribute_changes_its_faces_alone_and_is_named(method, domain):
+    low, high = pair(None, n=8)
+    attribute = high.data.color_attributes.new("paint", "FLOAT_COLOR", domain)
+    values = np.full((len(attribute.data), 4), 0.25, np.float32)
+    values[7] = np.nan
+    attribute.data.foreach_set("color", values.ravel())
+    options = {"maps": ["BASE_COLOR", "ATTRIBUTE"], "attribute": "paint", "size": SIZE, "method": method}
+    report, maps = bake_all_maps(low, high, **options)
+    _, inside = LOW.texels(SIZE)
+    for texels in maps.values():
+        assert (np.abs(texels[inside, :3] - 0.25).max(axis=-1) < 1 / 255).mean() > 0.92
+    named = [warning for warning in report.warnings if "finite" in warning]
+    count = len([loop for loop in high.data.loops if loop.vertex_index == 7]) if domain == "POINT" else 1
+    text = f"of 'hi' is not finite at {count} face corners: NaN counts as 0 there, infinity as 65,504."
+    assert named == [f"The attribute 'paint' {text}"]
+    attribute.data.foreach_set("color", np.full(values.size, 0.25, np.float32))
+    report, _ = bake_all_maps(low, high, **options)
+    assert not any("finite" in warning for warning in report.warnings)
+
+
 @pytest.mark.parametrize("name", ["worn", ""])
 def test_a_missing_attribute_is_named(name):
     low, high = pair(None)

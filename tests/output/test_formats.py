@@ -18,7 +18,7 @@ from addon.core.file_structure import tiff
 from addon.core.progress import Pace
 from addon.core.settings import Settings
 from addon.jobs import Job, bake_jobs, bake_pair
-from addon.output import map_storage, quantize
+from addon.output import image_file, map_storage, quantize
 from addon.output.writers.tiff_writer import EXTRA_SAMPLES, UNASSOCIATED
 from scripts.imprint import ROOT
 from tests.support import lanes, pictures, zoo
@@ -169,9 +169,9 @@ def test_files_are_not_much_larger_than_those_that_blender_writes(name, depth, t
     assert {kind: ratio for kind, ratio in ratios.items() if ratio > LARGER} == {}
 
 
-def test_a_png_declares_the_color_space_as_blender_does(tmp_path):
+def test_a_png_of_colors_declares_the_color_space_as_blender_does(tmp_path):
     texels = some_texels()
-    store(texels, storage="FILE", output=str(tmp_path / "map.png"), depth=8)
+    image_file.write(texels, tmp_path / "map.png", 8, is_color=True)
     own = by_blender(texels, tmp_path / "own.png", 8)
     ours, theirs = (
         [Image.open(path).info[key] for key in ("srgb", "gamma", "chromaticity")]

@@ -101,6 +101,13 @@ def test_colors_in_floats_stay_linear_3(tmp_path, depth, step):
     np.testing.assert_allclose(pixels(image)[..., :3], colors[..., :3], atol=2 * step)
 
 
+def test_png_files_of_colors_alone_say_that_they_are_srgb(tmp_path):
+    maps = {"BASE_COLOR": values(3), "AO": gray(5)}
+    store(maps, maps=tuple(maps), storage="FILE", output=str(tmp_path / "m.png"), depth=8)
+    declares = {path.stem: b"sRGB" in path.read_bytes()[:100] for path in tmp_path.iterdir()}
+    assert declares == {"m": False, "m_ao": False, "m_base_color": True}
+
+
 @pytest.mark.parametrize(("top", "depth"), [(70_000.0, 16), (70_000.0, 32), (60_000.0, 16)])
 def test_colors_that_16_bit_floats_do_not_hold_are_named(tmp_path, top, depth):
     colors = values(3, top=top)

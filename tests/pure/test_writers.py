@@ -135,9 +135,13 @@ def test_a_png_has_the_numbers_in_whatever_order_blocks_come_seed_7(monkeypatch)
     np.testing.assert_array_equal(png_numbers(data), stored(texels, 16, True))
 
 
-def test_a_png_declares_the_color_space_before_its_data():
-    names = [name for name, _ in png_chunks(file_of(png_writer.content(texels_of(9, 9, 1), 8, has_alpha=True)))]
-    assert names == [b"IHDR", b"sRGB", b"gAMA", b"cHRM", b"IDAT", b"IDAT", b"IDAT", b"IEND"]
+@pytest.mark.parametrize("is_color", [True, False])
+def test_a_png_of_colors_declares_their_space_before_its_data(is_color):
+    """Programs that follow the declaration would change data."""
+    made = png_writer.content(texels_of(9, 9, 1), 8, has_alpha=True, is_color=is_color)
+    declared = [b"sRGB", b"gAMA", b"cHRM"] if is_color else []
+    names = [name for name, _ in png_chunks(file_of(made))]
+    assert names == [b"IHDR", *declared, b"IDAT", b"IDAT", b"IDAT", b"IEND"]
 
 
 # Deflating

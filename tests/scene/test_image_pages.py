@@ -47,6 +47,14 @@ def page(image, tile=0, *, is_premultiplied=False) -> np.ndarray:
     return feeds.scene_linear(loaded)
 
 
+def test_colors_of_16_bits_are_multiplied_with_alpha_after_they_are_linear(tmp_path):
+    values = stored(16)
+    image = load(tmp_path / "image.png", values)
+    shown = values / 65535
+    expected = srgb_to_linear(shown[..., :3]) * shown[..., 3:]
+    assert np.abs(page(image, is_premultiplied=True)[..., :3] - expected).max() < TOLERANCE
+
+
 def in_cycles(image, *, uses_alpha) -> np.ndarray:
     """The image as Cycles bakes it, a texel for each pixel, of (size, size, 3) where it is larger than the image."""
     material = bpy.data.materials.new("M")

@@ -20,7 +20,7 @@ SPACE = b"lin_rec709_scene"
 """The color space that Blender names in its own files."""
 
 
-def content(texels: np.ndarray, depth: int, *, has_alpha: bool) -> Content:
+def content(texels: np.ndarray, depth: int, *, has_alpha: bool, is_color: bool = False) -> Content:
     """The file of `texels` (height, width, 4) float32 with row 0 at v = 0, as floats of `depth` bits."""
     texels = top_first(texels, has_alpha)
     height, width, channels = texels.shape

@@ -21,8 +21,8 @@ PAETH = 4
 SEARCHES = {8: Search(level=2, gain=0.96), 16: Search(level=1, gain=0.96)}
 """By bits. They give files that are at most a tenth larger than those of Blender's writer, on maps of all kinds."""
 COLOR_SPACE = (
-    # Blender writes the same for colors and for data. sRGB is declared with its gamma and its primaries, times 100,000,
-    # for readers that do not know it.
+    # Of colors alone: readers that follow these chunks would change data. sRGB is declared with its gamma and its primaries,
+    # times 100,000, for readers that do not know it.
     (b"sRGB", b"\3"),
     (b"gAMA", struct.pack(">I", 45455)),
     (b"cHRM", struct.pack(">8I", 31270, 32900, 64000, 33000, 30000, 60000, 15000, 6000)),
@@ -36,8 +36,9 @@ class _Piece(NamedTuple):
     checksum: int
 
 
-def content(texels: np.ndarray, depth: int, *, has_alpha: bool) -> Content:
-    """The file of `texels` (height, width, 4) float32 with row 0 at v = 0, as `depth` bits per channel."""
+def content(texels: np.ndarray, depth: int, *, has_alpha: bool, is_color: bool = False) -> Content:
+    """The file of `texels` (height, width, 4) float32 with row 0 at v = 0, as `depth` bits per channel. is_color: whether they
+    are sRGB, which the file says."""
     texels = top_first(texels, has_alpha)
     height, width, channels = texels.shape
     filtered = _filtered(texels, depth)
@@ -51,7 +52,7 @@ def content(texels: np.ndarray, depth: int, *, has_alpha: bool) -> Content:
 
     def write(file: BinaryIO, results: Iterator[_Piece]) -> None:
         file.write(SIGNATURE)
-        for name, data in ((b"IHDR", head), *COLOR_SPACE, (b"IDAT", HEADER)):
+        for name, data in ((b"IHDR", head), *(COLOR_SPACE if is_color else ()), (b"IDAT", HEADER)):
             _write_chunk(file, name, data)
         adler = 1
         for found in results:

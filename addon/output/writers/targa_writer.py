@@ -19,7 +19,7 @@ NO_ALPHA, USEFUL_ALPHA = 0, 3
 SIGNATURE = b"TRUEVISION-XFILE.\0"
 
 
-def content(texels: np.ndarray, depth: int, *, has_alpha: bool) -> Content:
+def content(texels: np.ndarray, depth: int, *, has_alpha: bool, is_color: bool = False) -> Content:
     """The file of `texels` (height, width, 4) float32 with row 0 at v = 0, as `depth` bits per channel, which are 8."""
     texels = top_first(texels, has_alpha)
     height, width, channels = texels.shape

@@ -32,7 +32,7 @@ LAYOUTS = {3: "H", 4: "I", 5: "II"}
 SHORT, LONG, RATIONAL = LAYOUTS
 
 
-def content(texels: np.ndarray, depth: int, *, has_alpha: bool) -> Content:
+def content(texels: np.ndarray, depth: int, *, has_alpha: bool, is_color: bool = False) -> Content:
     """The file of `texels` (height, width, 4) float32 with row 0 at v = 0, as `depth` bits per channel."""
     texels = top_first(texels, has_alpha)
     rows = _differences(texels, depth)
