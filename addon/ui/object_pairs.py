@@ -92,9 +92,10 @@ class ImprintHigh(bpy.types.PropertyGroup):
 
     def settle(self) -> None:
         """Make the pointer that of `find`, so that it keeps no deleted object, and note the object's name."""
-        found, title = self.find(), self.title
-        if self.object != found:
+        before, found, title = self.object, self.find(), self.title
+        if before != found:
             self.object = found
+            free(before)
         if self.called != (found.name if found else title):
             self.called = found.name if found else title
 
@@ -298,6 +299,13 @@ def _drop(owner: bpy.types.PropertyGroup, name: str) -> None:
     obj = getattr(owner, name)
     if obj is not None and is_deleted(obj):
         setattr(owner, name, None)
+        free(obj)
+
+
+def free(obj: bpy.types.Object | None) -> None:
+    """Delete an object that the user has deleted, if nothing else points to it: files would keep its mesh."""
+    if obj is not None and not obj.users and is_deleted(obj):
+        bpy.data.objects.remove(obj)
 
 
 @bpy.app.handlers.persistent

@@ -7,6 +7,7 @@ from bpy.props import IntProperty, StringProperty
 from ..core.errors import BakeError
 from ..output import map_images, materials, outputs
 from ..scene import instances, visibility
+from . import object_pairs
 from .bake_results import distances, high_objects, results
 from .callbacks import redraw
 from .translations.lookup import LABEL, tooltip
@@ -156,10 +157,12 @@ class IMPRINT_OT_remove_missing(bpy.types.Operator):
         low, highs = settings.chosen_objects(context)
         pair, missing = settings.pair_of(low, highs), settings.missing(context, low, highs)
         for name in [self.high] if self.high else missing:
+            obj = bpy.data.objects.get(name)
             for index in reversed([index for index, slot in enumerate(settings.highs) if slot.title == name]):
                 settings.highs.remove(index)
             if pair is not None:
                 pair.remove(name)
+            object_pairs.free(obj)
         return {"FINISHED"}
 
 
