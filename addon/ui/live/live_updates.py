@@ -97,8 +97,10 @@ class Following:
     def keep(self) -> None:
         """Store the maps as a bake does, and the pair with the low object. Raises BakeError."""
         self.session.commit()
-        job = self.session.job
-        object_pairs.remember_objects(job.low, job.highs, job.cage, asdict(self._settings), {})
+        found = [ref.find() for ref in self.session.job.refs]
+        if None not in found:  # a pair of which an object was deleted stays as it was
+            job = self.session.job
+            object_pairs.remember_objects(job.low, job.highs, job.cage, asdict(self._settings), {})
 
     def note_undo(self) -> None:
         """Note that any object may have changed, or been deleted or restored."""
