@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 from collections import Counter
+from pathlib import Path
 
 import bpy
 import pytest
@@ -143,11 +144,14 @@ def test_wrong_calls_are_events(folder):
 
 
 def test_the_launcher_writes_events_of_a_crash(folder):
-    (folder / "crash_low.obj").write_bytes((folder / "good_low.obj").read_bytes())
-    words = ["--low-file", "crash_low.obj", "--high-file", "good_high.obj", "--output", "a.png", "--size", "16"]
-    code, _, err = run(*words, "--progress", "json", script=LAUNCHED)
-    found = checked(err)
-    assert code == exit_codes.FAILED
+    words = ["--low-file", "good_low.obj", "--high-file", "good_high.obj", "--output", "a.png", "--size", "4096"]
+    program = [sys.executable, str(ROOT / LAUNCHED[0]), *LAUNCHED[1:], *words, "--samples", "64", "--progress", "json"]
+    process = subprocess.Popen(program, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    first = next(process.stderr)  # the bake has begun
+    (child,) = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text(encoding="utf-8").split()
+    os.kill(int(child), signal.SIGSEGV)
+    found = checked("".join([first, *process.stderr]))
+    assert process.wait() == exit_codes.FAILED
     assert "Blender crashed with signal 11" in found[-1]["text"]
 
 
