@@ -129,7 +129,8 @@ class _Found:
         self._pictures = many.options.pictures
         self._entries: list[Entry] = []
         """Those for a report on standard output."""
-        self._lines: list[str] = []
+        self._lines: list[tuple[int, str]] = []
+        """The number of each bake, and its line of the table."""
         self._counted = run_report.summary(())
         self.tally = exit_codes.Tally()
 
@@ -155,7 +156,7 @@ class _Found:
         self._meter.ended(entry)
         self.tally.add(entry)
         run_report.count(self._counted, entry)
-        self._lines.append(terminal_text.line(entry, self._width))
+        self._lines.append((entry.number, terminal_text.line(entry, self._width)))
         picture = self._keep(done) if self._pictures else done.picture
         if self._files.is_harmful:
             return
@@ -182,7 +183,8 @@ class _Found:
         wanted = len(self._many.chosen)
         if finished < wanted:
             print(f"{self._program}: stopped, {finished} of {wanted} were finished.", file=sys.stderr)
-        print("\n".join([*self._lines, terminal_text.total(self._counted, wanted)]), file=self._out)
+        lines = [line for _, line in sorted(self._lines)]
+        print("\n".join([*lines, terminal_text.total(self._counted, wanted)]), file=self._out)
         if self._files.is_harmful:
             print(f"{self._program}: no report and no page was written over a file that a bake reads.", file=sys.stderr)
             return
@@ -191,7 +193,8 @@ class _Found:
             print(f"Wrote {self._path}", file=self._out)
         elif self._report == STDOUT:
             many = self._many
-            print(report_file.as_text(run_report.document(self._entries, many.planned, many.shard, many.only)))
+            entries = sorted(self._entries, key=lambda entry: entry.number)
+            print(report_file.as_text(run_report.document(entries, many.planned, many.shard, many.only)))
         if self._sheet:
             self._sheet.finish()
             print(f"Wrote {self._sheet.path}", file=self._out)

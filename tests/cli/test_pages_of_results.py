@@ -5,6 +5,8 @@ import base64
 import io
 import json
 import re
+import tempfile
+from pathlib import Path
 
 import bpy
 import numpy as np
@@ -59,6 +61,15 @@ def test_each_bake_has_its_picture_also_from_another_process(folder):
     assert middle[0][2] == 255 and middle[0][0] == 128
     assert middle[0][0] > middle[1][0] > middle[2][0]  # the highs lean to the left
     assert not list(folder.glob("*.lines")) and sorted(path.suffix for path in folder.glob("m*")) == [".png"] * COUNT
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no device that is always full")
+def test_a_page_on_a_full_disk_fails_with_one_sentence(folder, monkeypatch, capsys):
+    monkeypatch.setattr(tempfile, "TemporaryFile", lambda **_: open("/dev/full", "w+b"))  # noqa: SIM115
+    assert run("--jobs", "j.json", "--only", "set 4*", "--report", "r.json", "--sheet", "s.html") == 1
+    last = capsys.readouterr().err.splitlines()[-1]
+    assert last == f"imprint: {str(folder / 's.html')!r} could not be written: No space left on device."
+    assert [each["number"] for each in reports.bakes(folder / "r.json")] == [4]
 
 
 def test_a_later_run_finds_the_pictures_of_bakes_that_are_done(folder):

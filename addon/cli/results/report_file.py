@@ -6,7 +6,7 @@ import os
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, TextIO
+from typing import IO, Any
 
 from ...core.errors import BakeError
 from ...output.files.atomic_file import check_writable, reason, replacing
@@ -54,14 +54,18 @@ class ReportFile:
         check_writable(path)
         self._path, self._head = path, run_report.head(planned, shard, only)
         self.lines = path.with_name(path.name + LINES)
-        self._file: TextIO | None = None
+        self._file: IO[bytes] | None = None
+        self._places: list[tuple[int, int]] = []
+        """The number of each bake, and where its line begins."""
+        self._size = 0
         self._error: OSError | None = None
         self._counted = run_report.summary(())
 
     def close(self) -> None:
         """Close the file with the lines, which stays unless `finish` came before."""
         if self._file is not None:
-            self._file.close()
+            with suppress(OSError):  # it writes what is left once more, which has failed before
+                self._file.close()
 
     def add(self, entry: Entry) -> None:
         """Append an entry, and wait until it is on the disk. A failure is reported by `finish`: the bakes go on."""
@@ -71,9 +75,10 @@ class ReportFile:
         try:
             if self._file is None:
                 self.lines.parent.mkdir(parents=True, exist_ok=True)
-                self._file = self.lines.open("w", encoding="utf-8")
-                self._file.write(json.dumps(self._head) + "\n")
-            self._file.write(json.dumps(entry.to_dict()) + "\n")
+                self._file = self.lines.open("wb")
+                self._write(self._head)
+            self._places.append((entry.number, self._size))
+            self._write(entry.to_dict())
             self._file.flush()
             if entry.state != State.RESUMED:  # its record has it
                 os.fsync(self._file.fileno())
@@ -81,7 +86,7 @@ class ReportFile:
             self._error = error
 
     def finish(self) -> None:
-        """Write the report from all entries, and remove the other file. Raises BakeError."""
+        """Write the report from all entries, in the order of their numbers, and remove the other file. Raises BakeError."""
         if self._error is not None:
             raise BakeError(f"{str(self.lines)!r} could not be written: {reason(self._error)}.") from self._error
         self.close()
@@ -89,9 +94,13 @@ class ReportFile:
             file.writelines(run_report.text(self._entries(), self._counted, self._head))
         self.lines.unlink(missing_ok=True)
 
+    def _write(self, values: dict[str, Any]) -> None:
+        self._size += self._file.write(json.dumps(values).encode() + b"\n")
+
     def _entries(self) -> Iterator[str]:
         if self._file is None:
             return
-        with self.lines.open(encoding="utf-8") as file:
-            next(file)
-            yield from (line.removesuffix("\n") for line in file)
+        with self.lines.open("rb") as file:
+            for _, start in sorted(self._places):
+                file.seek(start)
+                yield file.readline().decode().removesuffix("\n")

@@ -3,6 +3,7 @@
 
 import tempfile
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import IO, Any
 
@@ -30,7 +31,8 @@ class SheetFile:
     def close(self) -> None:
         """Forget the rows."""
         if self._rows is not None:
-            self._rows.close()
+            with suppress(OSError):  # it writes what is left once more, which has failed before
+                self._rows.close()
 
     def add(self, entry: Entry, picture: bytes) -> None:
         """Add a row. picture: a PNG file, or nothing. A failure is reported by `finish`: the bakes go on."""
