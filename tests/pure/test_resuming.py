@@ -477,6 +477,14 @@ def test_bakes_of_several_objects_have_records_of_their_own(folder):
     assert record_of(in_scene(there, ["--pairs"], "--size", "64")) == found[0]
 
 
+def test_sequences_of_one_path_have_records_of_their_own(folder):
+    found = [
+        record_of(in_scene(folder, ["--low", "a", "--frames", each], output="m_##.png")) for each in ("1-3", "4-6")
+    ]
+    assert len(set(found)) == 2
+    assert all(name.startswith("m_##.png.") and name.endswith(".imprint.json") for name in found)
+
+
 def test_a_record_with_a_long_name_can_be_written(folder):
     output = "ä" * 120 + ".png"
     run([plan(folder, output=output)])

@@ -68,8 +68,9 @@ def path_of(options: argparse.Namespace, records: str | None = None) -> Path:
     """The path of a bake's record: that of its map, with another ending. records: the folder of all records; None if each is
     beside its map.
 
-    Bakes of several low objects, whose names are not known, can have one path of maps. A hash of what they bake is in the
-    names of their records. In a folder of all records, all names have it: maps of two folders may have one name.
+    Bakes of several low objects, whose names are not known, can have one path of maps, and so can sequences of other frames.
+    A hash of what they bake is in the names of their records. In a folder of all records, all names have it: maps of two
+    folders may have one name.
     """
     output = os.path.abspath(options.output)
     low = "" if options.levels else options.low or (Path(options.low_file).stem if options.low_file else "")
@@ -79,7 +80,7 @@ def path_of(options: argparse.Namespace, records: str | None = None) -> Path:
     if is_long:
         plain = os.fsencode(plain)[:LONGEST].decode(errors="ignore")
     place = os.path.abspath(records) if records else folder
-    if records or is_long or file_names.LOW in name or file_names.MATERIAL in name:
+    if records or is_long or options.frames or file_names.LOW in name or file_names.MATERIAL in name:
         plain = f"{plain}.{_identity(options, place)}"
     return Path(place, plain + ENDING)
 
