@@ -15,18 +15,22 @@ class Layout:
 
     ICONS = set(bpy.types.UILayout.bl_rna.functions["label"].parameters["icon"].enum_items.keys())
 
-    def __init__(self, drawn=None):
+    def __init__(self, drawn=None, is_in_row=False):
         self.drawn = (
             drawn
             if drawn is not None
-            else SimpleNamespace(labels=[], icons=[], buttons=[], properties=[], files=[], red=[])
+            else SimpleNamespace(labels=[], in_rows=[], icons=[], buttons=[], properties=[], files=[], red=[])
         )
         self.enabled = True
+        self.is_in_row = is_in_row
 
     def _part(self, **_):
-        return Layout(self.drawn)
+        return Layout(self.drawn, self.is_in_row)
 
-    row = column = box = split = grid_flow = _part
+    column = box = split = grid_flow = _part
+
+    def row(self, **_):
+        return Layout(self.drawn, is_in_row=True)
 
     def panel(self, _name, **_):
         return Layout(self.drawn), Layout(self.drawn)
@@ -54,6 +58,8 @@ class Layout:
         assert icon in self.ICONS
         self.drawn.labels.append(text)
         self.drawn.icons.append(icon)
+        if self.is_in_row:
+            self.drawn.in_rows.append(text)
 
     def prop(self, data, name, **_):
         assert name in data.bl_rna.properties

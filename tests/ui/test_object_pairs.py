@@ -449,6 +449,7 @@ def test_slots_of_older_files_have_their_names_after_saving(tmp_path):
 def test_a_hidden_high_object_has_a_button_that_shows_it(crate):
     _, high = crate
     assert "'crate_high' is hidden." in draw(2000).text
+    assert "'crate_high' is hidden." not in draw(2000).in_rows  # beside a button, Blender would cut it off
     assert ("imprint.bake", True) in draw().buttons
     assert bpy.ops.imprint.show_hidden() == {"FINISHED"}
     assert high.visible_get()

@@ -107,9 +107,8 @@ def draw_remedy(
 def draw_hidden(layout: bpy.types.UILayout, context: bpy.types.Context, hidden: Sequence[bpy.types.Object]) -> None:
     """That high objects are hidden, which a bake reads nevertheless, and a button that shows them."""
     if hidden:
-        row = layout.row()
-        draw_paragraphs(row, context, [bake_plan.hidden(hidden)], "INFO")
-        row.operator("imprint.show_hidden", icon="HIDE_OFF")
+        draw_paragraphs(layout, context, [bake_plan.hidden(hidden)], "INFO")
+        layout.operator("imprint.show_hidden", icon="HIDE_OFF")
 
 
 def draw_findings(layout: bpy.types.UILayout, context: bpy.types.Context, found: Sequence[Finding]) -> None:
