@@ -5,9 +5,14 @@ import os
 
 import pytest
 
+from addon.cli.results import kept_files, run_report
+from addon.cli.results.report_file import ReportFile
+from addon.cli.results.run_report import Entry
+from addon.cli.results.sheets.sheet_file import SheetFile
 from addon.core.errors import BakeError
 from addon.output.files import atomic_file
-from addon.output.files.atomic_file import Partial, Replaced, all_or_none, check_writable, replacing
+from addon.output.files.atomic_file import Partial, Replaced, all_or_none, check_writable, make_folder, replacing
+from tests.support.deep_paths import DEEP, few_calls
 
 
 def tree(folder):
@@ -47,6 +52,26 @@ def test_new_folders_are_removed_if_all_files_in_them_fail(tmp_path, first):
     later.discard()
     earlier.discard()
     assert len(tree(tmp_path)) == 3
+
+
+def test_many_folders_are_made(tmp_path):
+    with few_calls():
+        made = make_folder(tmp_path / DEEP)
+    assert (len(made), made[-1]) == (250, tmp_path / DEEP)
+    assert make_folder(tmp_path / DEEP) == []
+    with few_calls():
+        kept_files.prepare("--log", str(tmp_path / "log" / DEEP))
+        for path in (tmp_path / "report" / DEEP / "r.json", tmp_path / "page" / DEEP / "s.html"):
+            file = ReportFile(path, 1) if path.suffix == ".json" else SheetFile(path, run_report.head(1))
+            file.add(Entry(1, "a"), *([b""] if path.suffix == ".html" else []))
+            file.finish()
+            assert path.is_file()
+
+
+def test_a_file_is_no_folder(tmp_path):
+    (tmp_path / "a").touch()
+    with pytest.raises(NotADirectoryError):
+        make_folder(tmp_path / "a")
 
 
 def test_existing_folders_are_kept(tmp_path):

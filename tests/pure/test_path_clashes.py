@@ -9,6 +9,7 @@ import pytest
 from addon.core.errors import WrongPlace
 from addon.output.files.path_clashes import Places
 from tests.support import clashes
+from tests.support.deep_paths import DEEP, few_calls
 
 
 @pytest.fixture
@@ -80,6 +81,20 @@ def test_a_file_cannot_be_the_folder_of_another(tree):
         with pytest.raises(WrongPlace, match="one is a folder"):
             places.write(second, "the report")
     places.write("new/y", "another")
+
+
+def test_paths_of_many_folders_are_compared(tree):
+    with few_calls():
+        clashes.check_same(f"{DEEP}/a.png", f"{DEEP.upper()}/a.png")
+        places = Places()
+        places.write(f"{DEEP}/a.png", "the map")
+        places.write(f"{DEEP}/b.png", "the mask")
+        with pytest.raises(WrongPlace, match="one is a folder"):
+            places.write(f"{DEEP[:101]}", "the report")
+
+
+def test_a_path_that_is_too_long_for_the_system_is_compared(tree):
+    clashes.check_same("d/" * 5_000 + "a.png", "d/" * 5_000 + "a.png")
 
 
 def test_only_permitted_outputs_replace_inputs(tree):

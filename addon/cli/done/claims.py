@@ -18,6 +18,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from ...output.files import temporary_paths
+from ...output.files.atomic_file import make_folder
 from ...output.files.temporary_paths import TemporaryPath
 
 try:
@@ -113,7 +114,7 @@ class Claims:
 
     def _create(self, path: Path) -> bool:
         """Create the file of a claim, unless there is one. Raises OSError."""
-        made = _make(path.parent)
+        made = make_folder(path.parent)[::-1]
         try:
             descriptor = os.open(path, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o666)
         except FileExistsError:
@@ -174,13 +175,6 @@ def _remove(path: Path, content: bytes) -> bool:
         return False
     finally:
         aside.remove()
-
-
-def _make(folder: Path) -> list[Path]:
-    """Make a folder and the missing ones above it. Returns those that were made, the innermost first. Raises OSError."""
-    missing = [each for each in (folder, *folder.parents) if not each.exists()]
-    folder.mkdir(parents=True, exist_ok=True)
-    return missing
 
 
 def _lock(descriptor: int) -> bool:

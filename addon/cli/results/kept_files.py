@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Folders that a run fills with a file for each bake, as of logs and pictures."""
 
-import os
 import re
 from pathlib import Path
 
 from ...core.errors import WrongPlace
-from ...output.files.atomic_file import reason
+from ...output.files.atomic_file import make_folder, reason
 from ...output.files.temporary_paths import check_folder
 
 LONGEST = 80
@@ -18,7 +17,7 @@ def prepare(option: str, folder: str | None) -> None:
     if not folder:
         return
     try:
-        os.makedirs(folder, exist_ok=True)
+        make_folder(Path(folder).absolute())
         check_folder(Path(folder))
     except OSError as error:
         raise WrongPlace(f"{option}: no files can be written to {folder!r}: {reason(error)}.") from error

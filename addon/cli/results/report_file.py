@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from ...core.errors import BakeError
-from ...output.files.atomic_file import check_writable, reason, replacing
+from ...output.files.atomic_file import check_writable, make_folder, reason, replacing
 from ..usage.options import STDOUT
 from . import run_report
 from .only import Only
@@ -74,7 +74,7 @@ class ReportFile:
             return
         try:
             if self._file is None:
-                self.lines.parent.mkdir(parents=True, exist_ok=True)
+                make_folder(self.lines.parent)
                 self._file = self.lines.open("wb")
                 self._write(self._head)
             self._places.append((entry.number, self._size))

@@ -12,6 +12,7 @@ from pathlib import Path
 from ...core import udim
 from ...core.errors import WrongPlace
 from ...core.names import file_names
+from ...output.files.atomic_file import make_folder
 from ..usage import arguments
 
 OUTPUT = "out"
@@ -78,7 +79,7 @@ class Bounds:
     def make(self) -> None:
         """Make the output folder. Raises WrongPlace."""
         try:
-            os.makedirs(self.outputs, exist_ok=True)
+            make_folder(Path(self.outputs))
         except OSError as error:
             raise WrongPlace(f"The folder {self.outputs!r} cannot be made: {error.strerror}.") from error
 

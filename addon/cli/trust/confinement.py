@@ -9,6 +9,7 @@ import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from ...output.files.atomic_file import make_folder
 from . import landlock, system_calls
 from .bounds import Bounds
 
@@ -96,7 +97,7 @@ class Confinement:
         self.bounds, self._log = bounds, log
         bounds.make()
         if log:
-            os.makedirs(log, exist_ok=True)
+            make_folder(Path(log).absolute())
         self._folder = tempfile.TemporaryDirectory(prefix="imprint-untrusted-")
 
     @property

@@ -19,7 +19,7 @@ from typing import Any
 from ...core.errors import WrongPlace
 from ...core.progress import Progress
 from ...core.timings import startup
-from ...output.files.atomic_file import reason
+from ...output.files.atomic_file import make_folder, reason
 from .. import interruption, standard_streams
 from ..plan import run_clashes
 from ..plan.plans import Plan
@@ -105,7 +105,7 @@ class _Prints:
         """Print to a new file from now on. Returns a sentence if that fails."""
         standard_streams.flush()
         try:
-            path.parent.mkdir(parents=True, exist_ok=True)
+            make_folder(path.parent)
             descriptor = os.open(path, os.O_CREAT | os.O_TRUNC | os.O_WRONLY, 0o666)
         except OSError as error:
             return f"Its log {str(path)!r} could not be written: {reason(error)}."

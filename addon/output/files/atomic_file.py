@@ -79,7 +79,7 @@ class Partial:
     def writing(self) -> Iterator[None]:
         """Make missing folders, and turn errors in the block into BakeError."""
         try:
-            _make(self.path.parent)
+            _NEW_FOLDERS.update(make_folder(self.path.parent))
             yield
         except OSError as error:
             raise BakeError(f"{str(self.path)!r} could not be written: {reason(error)}.") from error
@@ -231,12 +231,19 @@ def _copy(path: Path) -> TemporaryPath:
     return copy
 
 
-def _make(folder: Path) -> None:
-    """Make a folder and the missing folders above it."""
+def make_folder(folder: Path) -> list[Path]:
+    """Make a folder and the missing ones above it, of which there may be more than Python's own functions call themselves for.
+
+    Returns those that were made, the outermost first. Raises OSError.
+    """
+    made = []
     for missing in reversed([parent for parent in (folder, *folder.parents) if not parent.exists()]):
         with suppress(FileExistsError):  # another process was faster
             missing.mkdir()
-            _NEW_FOLDERS.add(missing)
+            made.append(missing)
+    if not folder.is_dir():
+        raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(folder))
+    return made
 
 
 def _remove_made(path: Path) -> None:

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Detects clashes of paths: a file must not be both read and written, or written twice, even if its paths differ."""
 
+import errno
 import os
 import re
 import unicodedata
@@ -82,12 +83,18 @@ class _Keys(NamedTuple):
 
 
 class _Folder(NamedTuple):
-    """A folder. The key of a file in it is `key` with the file's name."""
+    """A folder."""
 
-    key: Hashable
-    """What is the same for all paths of a folder that exists; else the key of the folder above with the folder's name."""
+    there: Hashable
+    """What is the same for all paths of the folder, or of the lowest one above it that exists."""
+    below: str = ""
+    """The folded names of the missing folders from there on, each with a slash."""
     missing: tuple[Hashable, ...] = ()
     """The keys of the missing folders among it and those above."""
+
+    def key(self, name: str) -> Hashable:
+        """The key of what has this folded name in it."""
+        return self.there, self.below + name
 
 
 class Places:
@@ -169,22 +176,29 @@ class Places:
                 found = identity(path) if is_written else self._identity_of_read(path)
             except (OSError, ValueError):
                 found = None  # it is missing, or no valid path
-        own = folder.key, folded
+        own = folder.key(folded)
         exact = (own,) if found is None else (own, found)
-        tiles = tuple([(folder.key, other) for other in _without_numbers(folded)])
+        tiles = tuple([folder.key(other) for other in _without_numbers(folded)])
         return _Keys(exact, tiles, folder.missing)
 
     def _folder(self, path: str) -> _Folder:
         if path not in self._folders:
-            real = os.path.realpath(path)
-            try:
-                found = _Folder(identity(real))
-            except (OSError, ValueError):
-                parent, name = os.path.split(real)
-                above = self._folder(parent) if name else _Folder(real)
-                key = above.key, _folded(name)
-                found = _Folder(key, (*above.missing, key))
-            self._folders[path] = found
+            missing, found = [], os.path.realpath(path)
+            while found not in self._folders:
+                try:
+                    self._folders[found] = _Folder(identity(found))
+                except (OSError, ValueError) as error:
+                    parent, name = os.path.split(found)
+                    if not name or getattr(error, "errno", None) == errno.ENAMETOOLONG:
+                        self._folders[found] = _Folder(found)
+                        break
+                    missing.append((found, _folded(name)))
+                    found = parent
+            folder = self._folders[found]
+            for found, name in reversed(missing):
+                folder = _Folder(folder.there, f"{folder.below}{name}/", (*folder.missing, folder.key(name)))
+                self._folders[found] = folder
+            self._folders[path] = folder
         return self._folders[path]
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from ....core.errors import BakeError
-from ....output.files.atomic_file import check_writable, reason, replacing
+from ....output.files.atomic_file import check_writable, make_folder, reason, replacing
 from .. import run_report
 from ..run_report import Entry
 from . import result_sheet
@@ -41,7 +41,7 @@ class SheetFile:
             return
         try:
             if self._rows is None:
-                self.path.parent.mkdir(parents=True, exist_ok=True)
+                make_folder(self.path.parent)
                 self._rows = tempfile.TemporaryFile(dir=self.path.parent)  # noqa: SIM115 (see close)
             size = self._rows.write(result_sheet.row(entry.to_dict(), picture).encode())
             self._places.append((entry.number, self._size, size))
