@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from pathlib import Path
+from typing import NamedTuple
 
 from ...core.errors import BakeError, WrongPlace
 from . import temporary_paths
@@ -107,12 +108,26 @@ class Partial:
         _remove_made(self.path)
 
 
+class _Old(NamedTuple):
+    """A file before it is replaced, and a copy of it or a link to it."""
+
+    status: os.stat_result
+    copy: TemporaryPath
+
+    def is_at(self, path: Path) -> bool:
+        """Whether the file was not replaced."""
+        try:
+            return os.path.samestat(self.status, path.stat())
+        except FileNotFoundError:
+            return False
+
+
 class Replaced:
     """Keeps the old content of the files that commits replace. Use it in a `with` block."""
 
     def __init__(self):
-        self._before: dict[Path, tuple[TemporaryPath | None, list[Path]]] = {}
-        """By the path of a file: its old content, if it existed, and the folders that were made for it."""
+        self._before: dict[Path, tuple[_Old | None, list[Path]]] = {}
+        """By the path of a file: what was there, if anything, and the folders that were made for it."""
 
     def __enter__(self) -> "Replaced":
         self._around = _REPLACED.get()
@@ -121,9 +136,9 @@ class Replaced:
 
     def __exit__(self, *_) -> None:
         _REPLACED.reset(self._token)
-        for copy, _folders in self._before.values():
-            if copy is not None:
-                copy.remove()
+        for old, _folders in self._before.values():
+            if old is not None:
+                old.copy.remove()
 
     def keep(self, path: Path) -> None:
         """Keep the content of `path`, which is about to be replaced. Raises OSError if that fails."""
@@ -131,8 +146,8 @@ class Replaced:
             self._around.keep(path)
         if path in self._before:
             return
-        copy = _copy(path) if path.exists() else None
-        self._before[path] = copy, [folder for folder in path.parents if folder in _NEW_FOLDERS]
+        old = _Old(path.stat(), _copy(path)) if path.exists() else None
+        self._before[path] = old, [folder for folder in path.parents if folder in _NEW_FOLDERS]
 
     @contextmanager
     def restoring(self) -> Iterator[None]:
@@ -149,19 +164,18 @@ class Replaced:
         """Restore all files. Then raise BakeError if this failed for a file, with the path of its old content."""
         lost = ""
         while self._before:
-            path, (copy, folders) = next(reversed(self._before.items()))
+            path, (old, folders) = next(reversed(self._before.items()))
             try:
-                if copy is not None and path.exists() and copy.path.samefile(path):
-                    copy.remove()  # it was not replaced; and os.replace does nothing between two links to one file
-                elif copy is not None:
-                    os.replace(copy.path, path)
-                    copy.remove()
-                else:
+                if old is None:
                     path.unlink(missing_ok=True)
+                else:
+                    if not old.is_at(path):  # os.replace does nothing between two links to one file
+                        os.replace(old.copy.path, path)
+                    old.copy.remove()
             except OSError as error:
                 lost = f"The old content of {str(path)!r} could not be restored: {reason(error)}"
-                if copy is not None:
-                    lost += f"; it is in {str(copy.keep())!r}"
+                if old is not None:
+                    lost += f"; it is in {str(old.copy.keep())!r}"
             _NEW_FOLDERS.update(folders)
             _remove_made(path)
             del self._before[path]  # last: a signal may restore all while this is going on
