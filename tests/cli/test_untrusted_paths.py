@@ -122,6 +122,16 @@ def test_no_file_is_written_elsewhere(root, key, place, capfd):
     assert "the only folder that --untrusted writes to" in line
 
 
+def test_no_link_of_the_output_folder_is_written_to(root, capfd):
+    """Its process could lead it to the map of another bake."""
+    (root / "job/out/other.png").write_text("precious")
+    (root / "job/out/map.png").symlink_to("other.png")
+    code, (line,) = attack(root, "output", "out/map.png", capfd=capfd)
+    assert code == exit_codes.WRONG_USAGE
+    assert "is a link, which --untrusted does not follow" in line
+    assert (root / "job/out/other.png").read_text() == "precious"
+
+
 @pytest.mark.parametrize("place", PLACES_TO_READ)
 @pytest.mark.parametrize("key", READS)
 def test_no_file_is_read_elsewhere(root, key, place, capfd):

@@ -44,6 +44,48 @@ def test_this_machine_can_take_all_rights_away():
     assert confinement.missing() == ""
 
 
+def test_a_process_that_a_file_has_taken_over_cannot_lie_of_what_it_wrote(root):
+    (root / "job/lie.obj").write_bytes((root / "job/low.obj").read_bytes())
+    entry = bake(root, [{**MESH, "low-file": "lie.obj", "output": "out/m.png"}])[1]
+    assert (entry["state"], entry["files"], entry["picture"]) == ("failed", [], "")
+    assert "'/etc/passwd', is not in" in entry["error"]
+
+
+def test_all_kinds_of_files_are_those_that_were_planned(root):
+    """Names that only the open scene gives, and files beside others, too."""
+    for name, material in (("a_low", "x/y"), ("a_high", "z")):
+        zoo.plane(name, slope=0.1).data.materials.append(bpy.data.materials.new(material))
+    saved(root, "s.blend")
+    usual = {"file": "s.blend", "low": "a_low", "high": "a_high"}
+    found = bake(
+        root,
+        [
+            {**usual, "output": "out/sets/{low}_{material}.png", "texture-sets": True, "maps": "height"},
+            {"file": "s.blend", "pairs": True, "output": "out/pairs/{low}.png"},
+            {**usual, "output": "out/tiles/m.<UDIM>.exr", "mip-files": True, "maps": "ao,position"},
+            {
+                **usual,
+                "basis": "MIKKTSPACE",
+                "output": "out/all/m_normal.png",
+                "maps": "ao,base-color",
+                "export": "out/all/{low}.usda",
+            },
+            {**usual, "output": "out/scene/m.png", "save-blend": "out/scene/s.blend"},
+            {**usual, "output": "out/frames/m_##.png", "frames": "1-3"},
+        ],
+    )
+    assert [entry["error"] for entry in found.values()] == [""] * 6
+    written = {os.path.relpath(each["path"], root / "job/out") for entry in found.values() for each in entry["files"]}
+    assert {
+        "sets/a_low_x_y.png",
+        "pairs/a_low.png",
+        "tiles/m.1001.exr",
+        "all/a_low.usda",
+        "scene/s.blend",
+        "frames/m_03.png",
+    } <= {*written}
+
+
 def saved(root, name):
     bpy.ops.wm.save_as_mainfile(filepath=str(root / "job" / name))
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)

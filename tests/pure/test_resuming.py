@@ -11,6 +11,7 @@ import subprocess
 import sys
 import time
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -20,9 +21,10 @@ from addon.cli.done.claims import Claims
 from addon.cli.done.contents import Contents
 from addon.cli.done.resuming import POLL, Resuming
 from addon.cli.done.turns import Resumed, ToDo, Turns
+from addon.cli.plan import run_clashes
 from addon.cli.plan.plans import Plan
 from addon.cli.results.bake_result import Done
-from addon.cli.results.run_report import Entry
+from addon.cli.results.run_report import Entry, State
 from addon.cli.trust.bounds import Bounds
 from addon.cli.usage import arguments
 from addon.cli.usage.options import OPTIONS
@@ -342,39 +344,97 @@ def test_a_file_that_was_replaced_with_its_time_and_size_counts(folder, untruste
     assert "has changed since it was baked" in why(plan(folder), **untrusted)
 
 
-def lie(folder, untrusted, **values):
-    """The warnings after a bake whose process says other things of its files."""
-    with Resuming([plan(folder)], **untrusted) as left:
+def said(folder, path="", **values):
+    """What a process says of a file: what is true, but for `values`."""
+    return {**Contents().of(path or str(folder / "out/a_low.png"), "map").facts(), **values}
+
+
+def lie(folder, untrusted, *, has_record=True, **values):
+    """What comes of a bake whose process says other things of its files."""
+    own = plan(folder)
+    files = run_clashes.Run(bounds=untrusted["bounds"])
+    assert files.add([(own.name, own.options)]) == []
+    with Resuming([own], **untrusted) as left:
         turn = left.next()
         (folder / "out").mkdir(exist_ok=True)
-        (folder / "out/a.png").write_text("map")
-        (folder / "outside").write_text("secret")
-        done = Done(Entry(7, "another", files=[Contents().of(str(folder / "out/a.png"), "map").facts()]))
+        for name in ("out/a_low.png", "out/other.png", "outside"):
+            (folder / name).write_text("map")
+        done = Done(Entry(7, "another", files=[Contents().of(str(folder / "out/a_low.png"), "map").facts()]))
         for name, value in values.items():
-            path = value.get("path", str(folder / "out/a.png"))
-            setattr(done.entry, name, [{**Contents().of(path, "map").facts(), **value}])
-        done = recording.finish_untrusted(turn.draft, turn.plan, done, untrusted["bounds"])
-    assert (done.entry.number, done.entry.name) == (turn.plan.number, turn.plan.name)
-    return done.warnings
+            setattr(done.entry, name, [said(folder, **value)] if isinstance(value, dict) else value)
+        unplanned = partial(files.unplanned, own.name, own.options)
+        draft = turn.draft if has_record else None
+        done = recording.finish_untrusted(draft, own, done, untrusted["bounds"], unplanned)
+    assert (done.entry.number, done.entry.name, done.entry.picture) == (own.number, own.name, "")
+    return done
 
 
+NO_REPORT = {"output": [], "export": {}, "mip_files": {}}
 LIES = {
-    "another hash": {"files": {"sha256": "0" * 64}},
     "a map elsewhere": {"files": {"path": "{}/outside"}},
-    "a map that is not there": {"files": {"path": "{}/out/none.png", "sha256": "0" * 64}},
+    "a file of the system": {"files": {"path": "/etc/passwd"}},
+    "another file of the folder": {"files": {"path": "{}/out/other.png"}},
+    "a map that is not there": {"files": {"path": "{}/out/none.png"}},
+    "another hash of the map": {"files": {"sha256": "0" * 64}},
+    "no map": {"files": []},
     "an input elsewhere": {"inputs": {"path": "{}/outside"}},
     "an input that is a device": {"inputs": {"path": "/dev/zero"}},
-    "another content of an input": {"inputs": {"path": "{}/in/b_low.ply", "sha256": "0" * 64}},
+    "a map elsewhere in its report": {"reports": [{**NO_REPORT, "output": ["/etc/passwd"]}]},
+    "a file for engines elsewhere in its report": {"reports": [{**NO_REPORT, "export": {"files": ["/etc/passwd"]}}]},
+    "a mip level elsewhere in its report": {"reports": [{**NO_REPORT, "mip_files": {"a": ["/etc/passwd"]}}]},
+    "that another call did it": {"state": State.RESUMED},
 }
 
 
+@pytest.mark.parametrize("has_record", [True, False], ids=["record", "no record"])
 @pytest.mark.parametrize("values", LIES.values(), ids=LIES)
-def test_a_process_that_lies_of_its_files_gets_no_record(folder, untrusted, values):
-    filled = {name: {key: text.format(folder) for key, text in each.items()} for name, each in values.items()}
-    (warning,) = lie(folder, untrusted, **filled)
-    assert warning.startswith("The bake has no record: ")
+def test_a_process_that_lies_of_its_files_has_failed(folder, untrusted, values, has_record):
+    values = {
+        name: {key: text.format(folder) for key, text in each.items()} if isinstance(each, dict) else each
+        for name, each in values.items()
+    }
+    entry = lie(folder, untrusted, has_record=has_record, **values).entry
+    assert entry.state == State.FAILED
+    assert (entry.files, entry.inputs, entry.reports) == ([], [], [])
+    assert entry.error.startswith("Its process gave a wrong result: ")
     assert not (folder / "records").exists()
-    assert lie(folder, untrusted) == []
+
+
+@pytest.mark.parametrize("kind", ["link", "folder", "pipe", "nothing"])
+def test_a_map_of_a_process_that_lies_is_a_file(folder, untrusted, monkeypatch, kind):
+    """It can make none of these on Linux, but elsewhere."""
+    path = folder / "out/a_low.png"
+
+    def replaced(entry):
+        path.unlink()
+        if kind == "link":
+            path.symlink_to(folder / "out/other.png")
+        elif kind == "folder":
+            path.mkdir()
+            (path / "x").write_text("map")
+        elif kind == "pipe":
+            os.mkfifo(path)
+        entry.files[:] = [Contents().of(str(path), "map").facts()]
+
+    check = recording._check_written
+    monkeypatch.setattr(recording, "_check_written", lambda entry, *given: (replaced(entry), check(entry, *given)))
+    entry = lie(folder, untrusted, picture="/etc/passwd").entry
+    assert (entry.state, entry.files) == (State.FAILED, [])
+
+
+@pytest.mark.parametrize("has_record", [True, False], ids=["record", "no record"])
+def test_an_input_that_was_changed_during_an_untrusted_bake_is_a_warning(folder, untrusted, has_record):
+    values = {"inputs": {"path": str(folder / "in/b_low.ply"), "sha256": "0" * 64}}
+    done = lie(folder, untrusted, has_record=has_record, **values)
+    assert done.entry.state == State.DONE
+    (warning,) = done.warnings
+    assert "b_low.ply' is not as it was in the bake" in warning
+    assert not (folder / "records").exists()
+
+
+def test_a_process_that_says_what_is_true_gets_a_record(folder, untrusted):
+    done = lie(folder, untrusted)
+    assert (done.entry.state, done.warnings) == (State.DONE, [])
     assert len(os.listdir(folder / "records")) == 1
 
 

@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Writes the record of a bake that has ended."""
 
-import argparse
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from ...core.errors import BakeError
 from ..plan.plans import Plan
+from ..results import bake_result, run_report
 from ..results.bake_result import Done
-from ..results.run_report import State
+from ..results.run_report import Entry, State
 from ..trust.bounds import Bounds
 from . import bake_key, bake_record
 from .bake_record import Draft
@@ -35,32 +35,51 @@ def finish(
     return done
 
 
-def finish_untrusted(draft: Draft | None, plan: Plan, done: Done, bounds: Bounds) -> Done:
-    """As `finish`, by the parent of the process that did the bake and may lie: what it says of files is compared with them."""
-    done.entry.number, done.entry.name = plan.number, plan.name
+def finish_untrusted(
+    draft: Draft | None, plan: Plan, done: Done, bounds: Bounds, unplanned: Callable[[Sequence[str]], Sequence[str]]
+) -> Done:
+    """As `finish`, by the parent of the process that did the bake and may lie: what it says of files is compared with them. A
+    bake has failed if its process names what it may not have written or read.
+
+    unplanned: returns the paths among others to which the bake may not have written, as run_clashes.Run.unplanned.
+    """
+    entry = done.entry
+    entry.number, entry.name, entry.signal, entry.log, entry.picture = plan.number, plan.name, "", "", ""
     hashes = Contents()
     try:
-        found = list(_found(plan.options, done, bounds, hashes)) if draft else []
+        _check_written(entry, bounds, unplanned, hashes)
+        for each in entry.inputs:
+            bounds.check_read(each["path"], each["what"])
     except BakeError as error:
-        return replace(done, warnings=[*done.warnings, f"The bake has no record: {error}"])
-    return finish(draft, done, found, hashes)
+        return Done.of(
+            bake_result.failure(plan.name, BakeError(f"Its process gave a wrong result: {error}")), plan.number
+        )
+    named = {os.path.abspath(path) for path, _ in bake_key.inputs(plan.options)}
+    found = [hashes.of(each["path"], each["what"]) for each in entry.inputs]
+    for said, content in zip(entry.inputs, found, strict=True):
+        if content.facts() != said:
+            why = " and the bake has no record" if draft else ""
+            return replace(done, warnings=[*done.warnings, f"{content.path!r} is not as it was in the bake{why}."])
+    return finish(draft, done, [each for each in found if each.path not in named], hashes)
 
 
-def _found(options: argparse.Namespace, done: Done, bounds: Bounds, hashes: Contents) -> Iterator[Content]:
-    """The files that a bake read beside those that its options name. Raises BakeError if one, or one that it wrote, is in
-    another folder, or not as the result says."""
-    named = {os.path.abspath(path) for path, _ in bake_key.inputs(options)}
-    for each in done.entry.files:
+def _check_written(
+    entry: Entry, bounds: Bounds, unplanned: Callable[[Sequence[str]], Sequence[str]], hashes: Contents
+) -> None:
+    """Raise BakeError unless the files that a bake is said to have written are those that it may write, and have the content
+    that is said."""
+    if entry.state == State.RESUMED:
+        raise BakeError("it was not done by an earlier call.")
+    if entry.state in {State.DONE, State.GATE} and not entry.files:
+        raise BakeError("it names no file.")
+    paths = {each["path"] for each in entry.files}
+    for each in entry.files:
         bounds.check_write(each["path"], "a file")
-        _check(each, hashes.of(each["path"], each["what"]))
-    for each in done.entry.inputs:
-        bounds.check_read(each["path"], each["what"])
+    for path in unplanned(sorted(paths)):
+        raise BakeError(f"{path!r} is no file that it was to write.")
+    if more := {path for each in entry.reports for path in run_report.paths(each)} - paths:
+        raise BakeError(f"a report names {min(more)!r}, which is not among its files.")
+    for each in entry.files:
         content = hashes.of(each["path"], each["what"])
-        _check(each, content)
-        if each["path"] not in named:
-            yield content
-
-
-def _check(said: dict, content: Content) -> None:
-    if content.facts() != said:
-        raise BakeError(f"{content.path!r} is not as it was in the bake.")
+        if not os.path.isfile(each["path"]) or content.facts() != each:
+            raise BakeError(f"{content.path!r} is not as it says.")

@@ -3,6 +3,7 @@
 
 import argparse
 import os
+import re
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from pathlib import Path
 
@@ -19,6 +20,9 @@ from ..usage.garbage import unsearched
 from ..usage.options import STDOUT
 from . import blend_blocks, map_files, plans
 from .input_files import InputFiles
+
+_UNKNOWN = re.compile(f"({'|'.join(map(re.escape, (file_names.LOW, file_names.MATERIAL, udim.TOKEN)))})")
+"""What stands for a name or number in a planned path. A group, so that splitting keeps it."""
 
 
 class Run:
@@ -39,6 +43,8 @@ class Run:
         self.places = Places()
         self._maps: dict[str, list[str]] = {}
         """The files of the maps of the bakes whose maps are in `places`."""
+        self._beside: dict[str, list[str]] = {}
+        """The files beside those for engines, by bakes."""
         self.is_harmful = False
         """Whether the report of all, or the page of results, would overwrite a file that a bake has found once it was open."""
         self.rivals: dict[str, list[str]] = {}
@@ -140,6 +146,17 @@ class Run:
         found += filter(None, (options.save_blend, options.report if options.report != STDOUT else None))
         return found
 
+    def unplanned(self, name: str, options: argparse.Namespace, paths: Iterable[str]) -> list[str]:
+        """Those of `paths` to which a bake may not have written. Links count as the files that they lead to."""
+        planned = {os.path.realpath(path) for path in (*self.outputs(name, options), *self._beside.get(name, ()))}
+        patterns = [_pattern(path) for path in planned if _UNKNOWN.search(path)]
+        real = {path: os.path.realpath(path) for path in paths}
+        return [
+            path
+            for path, own in real.items()
+            if own not in planned and not any(pattern.fullmatch(own) for pattern in patterns)
+        ]
+
     def opened(
         self, name: str, options: argparse.Namespace, lows: Sequence[str], used: Iterable[tuple[str, str]]
     ) -> None:
@@ -160,6 +177,7 @@ class Run:
     def exported(self, name: str, path: str) -> None:
         """Add a file beside the file for an engine, whose name is only known once that is made. Raises WrongPlace."""
         self._write_file(path, _of("a texture of the file for an engine", name), name)
+        self._beside.setdefault(name, []).append(path)
 
     def _read(self, name: str, options: argparse.Namespace) -> None:
         for path, what, by in self._read_by(options):
@@ -228,6 +246,12 @@ def low_of(options: argparse.Namespace) -> str:
 def frames(options: argparse.Namespace) -> range:
     """The frames of a sequence; none for a single map."""
     return range(options.frames[0], options.frames[1] + 1) if options.frames else range(0)
+
+
+def _pattern(path: str) -> re.Pattern:
+    """Matches the paths that a planned one stands for."""
+    parts = _UNKNOWN.split(path)
+    return re.compile("".join(r"[^/\\]+" if at % 2 else re.escape(part) for at, part in enumerate(parts)))
 
 
 def _of(what: str, name: str) -> str:

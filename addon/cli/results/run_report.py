@@ -103,6 +103,13 @@ MAP, MIP, EXPORT, SCENE = "map", "mip level", "export", "scene"
 """What a file is that a bake wrote."""
 
 
+def paths(report: dict[str, Any]) -> list[str]:
+    """The files that a report of an entry names as written. Raises LookupError, TypeError or AttributeError for what is no
+    report."""
+    found = [*report["output"], *report["export"].get("files", ())]
+    return found + [path for each in report["mip_files"].values() for path in each]
+
+
 def document(entries: Sequence[Entry], planned: int, shard: str = "", only: Only | None = None) -> dict[str, Any]:
     """The report. planned: how many bakes the job has. shard: the part, as K/N; empty for all. only: None for all."""
     return {**head(planned, shard, only), "bakes": [entry.to_dict() for entry in entries], "summary": summary(entries)}

@@ -43,12 +43,17 @@ class Bounds:
             _check_file(each, title)
 
     def check_write(self, path: str, title: str) -> None:
-        """Raise WrongPlace unless `path` is in the output folder, after its links. title: the file, for messages."""
+        """Raise WrongPlace unless `path` is in the output folder, after its links, and is itself none. title: the file, for
+        messages."""
         for each in _with_tiles(path):
             if not is_below(os.path.realpath(each), self.outputs):
                 raise WrongPlace(
                     f"{_subject(title)}, {path!r}, is not in {self.outputs!r}, the only folder that --untrusted writes to: "
                     "choose a path there, or name another one with --output-folder."
+                )
+            if os.path.islink(each):
+                raise WrongPlace(
+                    f"{_subject(title)}, {path!r}, is a link, which --untrusted does not follow: remove it."
                 )
 
     def may_read(self, path: str) -> bool:

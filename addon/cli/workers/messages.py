@@ -14,6 +14,7 @@ from typing import Any, get_args, get_origin, get_type_hints
 
 from ..done.bake_record import Draft
 from ..plan.plans import Plan
+from ..results import run_report
 from ..results.bake_result import Done, Wanted
 from ..results.sheets import result_sheet
 
@@ -144,4 +145,6 @@ def _check_figures(done: Done) -> None:
     for each in (*done.entry.files, *done.entry.inputs):
         if not all(isinstance(each[name], str) for name in ("path", "what")):
             raise TypeError("a file without a path")
+    if not all(isinstance(path, str) for each in done.entry.reports for path in run_report.paths(each)):
+        raise TypeError("a path that is no text")
     result_sheet.row(done.entry.to_dict(), b"")

@@ -6,6 +6,7 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
+from functools import partial
 from multiprocessing.connection import wait
 
 from ...core.errors import BakeError, NoGpu, WrongPlace
@@ -210,14 +211,16 @@ class Supervisor:
                 case FilesFound():
                     worker.process.send(Answer(_problem(files, worker.plan, message)))
                 case Done():
-                    yield from self._take(worker, message)
+                    yield from self._take(worker, message, files)
 
-    def _take(self, worker: BusyWorker, done: Done) -> Iterator[Done]:
+    def _take(self, worker: BusyWorker, done: Done, files: run_clashes.Run) -> Iterator[Done]:
         """A bake has ended. Its worker goes on unless it has grown too large."""
-        self._chains.ended(worker.plan, done)
-        done.entry.log = worker.log
         if self._confinement:
-            done = recording.finish_untrusted(worker.assigned.draft, worker.plan, done, self._confinement.bounds)
+            plan, bounds = worker.plan, self._confinement.bounds
+            unplanned = partial(files.unplanned, plan.name, plan.options)
+            done = recording.finish_untrusted(worker.assigned.draft, plan, done, bounds, unplanned)
+        done.entry.log = worker.log
+        self._chains.ended(worker.plan, done)
         worker.assigned = None
         has_failed = done.entry.cause == Cause.MEMORY
         if has_failed or (self._limits.memory and worker.process.memory > self._limits.memory):

@@ -161,7 +161,22 @@ def write():
     print("more than Python holds back " * 1000)
 
 
+def lie():
+    """Say that the bake wrote a file of the system, which is its picture as well."""
+    from addon.cli.workers import worker
+
+    true = worker.packed
+
+    def packed(message):
+        if type(message).__name__ == "Done":
+            message.entry.files[0]["path"] = message.entry.picture = "/etc/passwd"
+        return true(message)
+
+    worker.packed = packed
+
+
 DEEDS = {
+    "lie": lie,
     "steal": steal,
     "crash": crash,
     "mute": crash_in_silence,
