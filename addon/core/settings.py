@@ -89,6 +89,7 @@ class Settings:
     """None to fill the whole background."""
     margin_type: str = _field("margin_type")
     mips: int = _field("mips")
+    stacked: str = _field("stacked")
     udim: bool = _field("udim")
     tiles: tuple[int, ...] = _field("tiles")
     """Empty for all tiles that the low mesh covers."""

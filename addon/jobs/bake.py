@@ -19,7 +19,7 @@ from ..core.progress import Pace, Progress, Task, part
 from ..core.report import Report
 from ..core.settings import Settings
 from ..core.timings import Timings
-from ..engine import gpu_memory, margins
+from ..engine import gpu_memory, margins, shared_uvs
 from ..engine.maps.family import Run
 from ..engine.maps.maps_of_bake import maps_of_bake
 from ..engine.method_choice import Plan, choose_method, nothing_drawn, tiles_to_bake
@@ -78,7 +78,7 @@ def _bake(
 
 @dataclass(frozen=True)
 class _Ready:
-    """A bake that is ready to be drawn. meshes: all that were read. warnings: about the objects."""
+    """A bake that is ready to be drawn. meshes: all, as they were read. warnings: about the objects."""
 
     meshes: Meshes
     warnings: list[str]
@@ -113,11 +113,12 @@ def _prepare(context: bpy.types.Context, job: Job, settings: Settings, pace: Pac
     tiles = tiles_to_bake(meshes, settings)
     yield Progress(f"Looking at {name}", 0.5, warnings=tuple(early))
     with timings.timed("method"):
-        plan = choose_method(meshes, tiles, settings)
+        in_order = shared_uvs.ordered(meshes, tiles, settings)
+        plan = choose_method(in_order, tiles, settings)
     source = yield from part(normal_source(plan, settings, timings, pace), 0.5, 1.0)
     run = Run(settings, timings, pace)
-    drawn, others = maps_of_bake(meshes, source, run), OtherReaders(meshes.basis, settings)
-    low = meshes.basis or meshes.low
+    drawn, others = maps_of_bake(in_order, source, run), OtherReaders(in_order.basis, settings)
+    low = in_order.basis or in_order.low
     pictures = BakePictures(low, tiles, settings, is_wanted=job.is_pictured)
     is_wanted = (job.is_measured or job.is_pictured) and settings.normal
     kept = partial(map_storage.kept, settings=settings)

@@ -16,7 +16,7 @@ from ..core.map_types import NORMAL
 from ..core.report import Report
 from ..core.settings import Settings
 from ..core.timings import Timings
-from ..engine import gpu_memory, rendering, separation
+from ..engine import gpu_memory, rendering, separation, shared_uvs
 from ..engine.bands import Band
 from ..engine.maps.family import Run
 from ..engine.maps.maps_of_bake import maps_of_bake
@@ -114,6 +114,7 @@ def _view(context: bpy.types.Context, report: Report, kind: str) -> _View:
     meshes = reading.read(
         context, past.job.low, past.job.highs, past.job.cage, settings, texture_set=past.job.texture_set
     )
+    meshes = shared_uvs.ordered(meshes, past.tiles, settings)
     return _View(past.job, choose_method(meshes, past.tiles, settings), settings, past.distances)
 
 

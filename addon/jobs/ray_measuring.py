@@ -9,7 +9,7 @@ import bpy
 from ..core import progress
 from ..core.settings import Settings
 from ..core.timings import Timings
-from ..engine import gpu_memory
+from ..engine import gpu_memory, shared_uvs
 from ..engine.method_choice import choose_method, tiles_to_bake
 from ..engine.rays.ray_casting import RayCast
 from ..engine.sources import normal_source
@@ -32,5 +32,6 @@ def measure(
     check_job(context, job, settings)
     meshes = reading.read(context, low, highs, cage, settings)
     with gpu_memory.trimmed():
-        plan = choose_method(meshes, tiles_to_bake(meshes, settings), settings)
+        tiles = tiles_to_bake(meshes, settings)
+        plan = choose_method(shared_uvs.ordered(meshes, tiles, settings), tiles, settings)
         return progress.finish(normal_source(plan, settings, Timings(), progress.Pace())).ray_cast

@@ -36,6 +36,21 @@ def islands(mesh: Mesh) -> np.ndarray:
     return (np.cumsum(is_root) - 1)[roots]
 
 
+def parts(mesh: Mesh) -> np.ndarray:
+    """The number of each triangle's part, (T,) int from 0, in the order of their first triangles.
+
+    A part is a UV island, or that side of an island that is folded over along the middle of a mirrored mesh. `mesh` must have
+    faces: all triangles of a face are on the same side.
+    """
+    is_mirrored = (np.bincount(mesh.faces, uv_layout.areas(mesh)) < 0.0)[mesh.faces]
+    sides = np.zeros(len(mesh.triangles), np.int64)
+    for side in (~is_mirrored, is_mirrored):
+        found = islands(replace(mesh, triangles=mesh.triangles[side]))
+        sides[side] = found + sides.max(initial=-1) + 1
+    _, first, numbers = np.unique(sides, return_index=True, return_inverse=True)
+    return np.argsort(np.argsort(first))[numbers]
+
+
 def connected_components(groups: np.ndarray, count: int) -> np.ndarray:
     """The lowest node (count,) int in the connected component of each of `count` nodes. The nodes in a row of groups (R, n)
     int are connected."""

@@ -83,6 +83,7 @@ SAID = {
     "limit": ("--limit 0.25", 0.25),
     "depth": ("--depth 8", 8),
     "dither": ("--dither", True),
+    "stacked": ("--stacked last", "LAST"),
     "modifiers": ("--modifiers viewport", "VIEWPORT"),
     "image": ("--image Map", "Map"),
     "output": ("--output /n.exr", os.path.abspath("/n.exr")),  # on Windows, with the drive

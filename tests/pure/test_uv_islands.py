@@ -61,6 +61,17 @@ def test_islands_of_random_triangles_of_a_grid(seed):
     assert uv_islands.count_islands(low, chosen) == truth
 
 
+def test_parts_are_islands_and_the_halves_of_folded_ones_in_the_order_of_their_triangles():
+    """Two quads beside a middle line with the same UVs are one island in two parts; a copy beside them is one more."""
+    points = [(0, 0, 0), (0, 1, 0), (1, 0, 0), (1, 1, 0), (-1, 0, 0), (-1, 1, 0)]
+    uv = np.abs(points)[:, :2]
+    triangles = [(4, 0, 1), (8, 9, 7), (0, 2, 3), (4, 1, 5), (6, 8, 7), (0, 3, 1)]
+    points, uv = np.concatenate([points, np.add(points[:4], 5)]), np.concatenate([uv, uv[:4]])
+    low = mesh(points, triangles, [0, 1, 2, 0, 1, 2], uv=uv)
+    assert uv_islands.islands(low)[[0, 2, 1]].tolist() in ([0, 0, 1], [1, 1, 0])
+    assert uv_islands.parts(low).tolist() == [0, 1, 2, 0, 1, 2]
+
+
 def test_islands_end_at_seams_and_stay_apart_where_they_overlap():
     square = [(0, 0), (1, 0), (1, 1), (0, 1)]
     separate = [(2, 0), (3, 0), (3, 1), (2, 1)]

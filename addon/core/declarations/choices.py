@@ -43,6 +43,13 @@ class MarginType(StrEnum):
     ADJACENT_FACES = "ADJACENT_FACES"
 
 
+class Stacked(StrEnum):
+    """The part of a low mesh that the map is made for where several share texels."""
+
+    FIRST = "FIRST"
+    LAST = "LAST"
+
+
 class Modifiers(StrEnum):
     """Which settings of modifiers a bake uses."""
 

@@ -4,7 +4,7 @@
 from dataclasses import replace
 
 from . import adaptive_samples, bases, readers
-from .choices import MarginType, Method, Modifiers, Space
+from .choices import MarginType, Method, Modifiers, Space, Stacked
 from .kinds import Choice, Distance, Flags, Item, Option, Setting, Switch, Text, WholeNumber
 
 MIN_SIZE, MAX_SIZE = 16, 16384
@@ -147,6 +147,21 @@ MAP: dict[str, Setting] = {
         least=0,
         most=MAX_MIPS,
         option=Option(metavar="LEVELS"),
+    ),
+    "stacked": Choice(
+        label="Stacked UVs",
+        tooltip="Which part of the low mesh gets its own detail where several parts share texels. The others show the same",
+        default=Stacked.FIRST,
+        items=(
+            Item(
+                Stacked.FIRST,
+                "First Part",
+                "The part whose faces come first in the mesh, as what was modeled before the copies of Mirror and Array",
+            ),
+            Item(
+                Stacked.LAST, "Last Part", "The part whose faces come last in the mesh, as the last copy of a modifier"
+            ),
+        ),
     ),
     "modifiers": Choice(
         label="Modifiers",

@@ -15,7 +15,7 @@ from ...core.map_types import NORMAL, Labeled
 from ...core.progress import Pace, Progress, Task
 from ...core.settings import Settings
 from ...core.timings import Timings
-from ...engine import margins, rendering, sources
+from ...engine import margins, rendering, shared_uvs, sources
 from ...engine.bands import Band
 from ...engine.maps import sampling
 from ...engine.maps.family import Run
@@ -40,7 +40,8 @@ class Session:
     """Follows the objects of a job.
 
     plan: of the last map's bake. settings: of the normal map, which is drawn for the views also if it is not stored. others:
-    the other maps. drawn: how many normal maps were drawn.
+    the other maps. drawn: how many normal maps were drawn. meshes: the objects as they were last read, with the low mesh in the
+    order in which it is drawn.
     """
 
     def __init__(self, context: bpy.types.Context, job: Job, settings: Settings, pace: Pace):
@@ -66,6 +67,8 @@ class Session:
         self.pace = pace
         self.drawn = 0
         self.plan: Plan | None = None
+        self.meshes: Meshes | None = None
+        self._as_read: Meshes | None = None
         self._meshes: Meshes | None = None
         self._method = settings.method
         self._post_processes: dict[str, margins.PostProcess] = {}
@@ -135,14 +138,17 @@ class Session:
             raise BakeError(
                 f"The map will follow when {hidden.name!r} leaves Sculpt Mode, which keeps Multires detail."
             )
-        before = None if changed is None else self._meshes
+        before = None if changed is None else self._as_read
         changed = {uid for changed_uid in changed or () for uid in (changed_uid, *self._shown_by.get(changed_uid, ()))}
         self._shown_by = instances.shown_by(highs)
         meshes = reading.read_again(context, low, highs, cage, settings, before=before, changed=changed)
-        self._meshes = meshes
+        in_order = shared_uvs.ordered(meshes, [udim.FIRST], settings, before and (before, self._meshes))
+        self._as_read, self._meshes = meshes, in_order
+        is_same = in_order is meshes
+        self.meshes = meshes if is_same else replace(meshes, low=in_order.low, basis=in_order.basis)
         if not self._post_processes or before is None or meshes.low is not before.low:
-            self._post_processes = margins.for_maps([meshes.low], settings)
-        return meshes
+            self._post_processes = margins.for_maps([in_order.low], settings)
+        return in_order
 
     def _draw_coarse(self, source: Source, settings: Settings) -> Progress:
         """Draw a coarse map to show until the whole one is done."""
@@ -178,7 +184,7 @@ class Session:
 
     def is_moved(self, uid: int) -> bool:
         """Whether vertices of the object with this session_uid have moved since they were last read."""
-        meshes = self._meshes
+        meshes = self._as_read
         if meshes is None:
             return True
         known = [meshes.low, *meshes.highs, *([meshes.cage] if meshes.cage else [])]
@@ -226,11 +232,6 @@ class Session:
         if self._coarse is not None:
             return self._coarse
         return self._kept.texture
-
-    @property
-    def meshes(self) -> Meshes | None:
-        """The objects as they were last read."""
-        return self._meshes
 
     def upload(self, key: str, mesh: Mesh, **attributes: np.ndarray) -> gpu.types.GPUBatch:
         """As UploadCache.upload, in the cache of the session."""
@@ -289,7 +290,7 @@ class Session:
 
     @property
     def _high_names(self) -> list[str]:
-        return [high.name for high in self._meshes.highs]
+        return [high.name for high in self._as_read.highs]
 
 
 def _within(pool: target.TargetPool, work: Task[None]) -> Task[None]:

@@ -45,6 +45,7 @@ class IMPRINT_PT_map(SettingsPanel, bpy.types.Panel):
         row.prop(settings, "margin")
         column.prop(settings, "unlimited")
         column.prop(settings, "mips")
+        layout.prop(settings, "stacked")
         layout.prop(settings, "modifiers")
         column = layout.column(align=True)
         column.prop(settings, "limited")

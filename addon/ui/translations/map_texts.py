@@ -231,6 +231,29 @@ TABLE = {
         "nivel requiere 2 texels entre islas, 2 requieren 4, 3 requieren 8, y la mitad hasta el límite de "
         "la imagen",
     },
+    (LABEL, "Stacked UVs"): {"de_DE": "Gestapelte UVs", "es": "UV apiladas"},
+    (
+        SENTENCE,
+        "Which part of the low mesh gets its own detail where several parts share texels. The others show the same",
+    ): {
+        "de_DE": "Welcher Teil des Low-Meshs seine eigenen Details bekommt, wo sich mehrere Teile Texel teilen. Die anderen "
+        "zeigen dasselbe",
+        "es": "Qué parte de la malla low recibe su propio detalle donde varias partes comparten texels. Las demás muestran "
+        "lo mismo",
+    },
+    (LABEL, "First Part"): {"de_DE": "Erster Teil", "es": "Primera parte"},
+    (
+        SENTENCE,
+        "The part whose faces come first in the mesh, as what was modeled before the copies of Mirror and Array",
+    ): {
+        "de_DE": "Der Teil, dessen Flächen im Mesh zuerst kommen, wie das Modellierte vor den Kopien von Spiegeln und Array",
+        "es": "La parte cuyas caras están primero en la malla, como lo modelado antes de las copias de Simetría y Repetición",
+    },
+    (LABEL, "Last Part"): {"de_DE": "Letzter Teil", "es": "Última parte"},
+    (SENTENCE, "The part whose faces come last in the mesh, as the last copy of a modifier"): {
+        "de_DE": "Der Teil, dessen Flächen im Mesh zuletzt kommen, wie die letzte Kopie eines Modifikators",
+        "es": "La parte cuyas caras están al final en la malla, como la última copia de un modificador",
+    },
     (LABEL, "Modifiers"): {"de_DE": "Modifikatoren", "es": "Modificadores"},
     (SENTENCE, "Which settings of modifiers to use"): {
         "de_DE": "Welche Einstellungen der Modifikatoren verwendet werden",
