@@ -13,6 +13,7 @@ from ..core.settings import Settings
 from ..mesh import triangle_mesh, uv_layout
 from ..mesh.inputs import Meshes
 from ..mesh.local_space import gap, local_space_of
+from ..mesh.spatial.neighbors import has_area
 from . import separation, uv_agreement
 from .rays import low_surface, tree_cache
 
@@ -83,6 +84,9 @@ def nothing_drawn(plan: Plan) -> str:
         return (
             f"{low.name!r} and {_names(highs)} have no texel in common: their UV layouts differ, so cast rays instead."
         )
+    for meshes in ([low], highs):
+        if not any(has_area(mesh.positions, mesh.vertices[mesh.triangles]).any() for mesh in meshes):
+            return f"All faces of {_names(meshes)} are points or lines without an area: no ray can meet them."
     distance = gap(low, highs)
     if distance > 0.0:
         return _far_apart(plan.meshes, distance)

@@ -404,6 +404,14 @@ def test_a_mesh_that_is_one_point_gives_finite_texels_or_a_message(pair, name, s
         assert is_one_sentence(str(error))
 
 
+@pytest.mark.parametrize(("name", "place"), [("hi", 0.5), ("lo", 1.2)])
+def test_the_message_names_the_mesh_that_has_no_area(pair, name, place):
+    low, high = pair
+    fill(name, "position", place)
+    message = refusal(low, [high], method="CAST", max_distance=2.0, extrusion=0.1)
+    assert message == f"All faces of {name!r} are points or lines without an area: no ray can meet them."
+
+
 def test_nan_does_not_hide_uvs_outside_the_tile(pair):
     low, high = pair
     set_uv(high, {0: (np.nan, 0.0), 4 * 500: (1.5, 0.5)})
