@@ -187,19 +187,17 @@ def test_a_bake_that_is_not_possible_gives_one_line(scene, fails, case):
     assert words in fails(exit_codes.FAILED, *arguments)
 
 
-def test_no_partial_report(scene, fails, monkeypatch):
-    """Existing files do not change if the bake fails at its end."""
-
+def test_a_bake_that_fails_at_its_end_replaces_nothing(scene, fails, monkeypatch):
     def fail(*_, **__):
         raise BakeError("The bake went wrong.")
 
     (scene / "m.png").write_bytes(b"an old picture")
-    (scene / "r.json").write_text("an old report")
+    (scene / "s.blend").write_bytes(b"an old scene")
     monkeypatch.setattr(bake_jobs, "work", fail)
-    line = fails(exit_codes.FAILED, *BAKE, "--output", "m.png", "--report", "r.json", "--save-blend", "s.blend")
+    line = fails(exit_codes.FAILED, *BAKE, "--output", "m.png", "--save-blend", "s.blend")
     assert line == "imprint: The bake went wrong."
     assert (scene / "m.png").read_bytes() == b"an old picture"
-    assert (scene / "r.json").read_text() == "an old report"
+    assert (scene / "s.blend").read_bytes() == b"an old scene"
 
 
 LIMIT = 20_000
@@ -279,10 +277,50 @@ def test_a_single_bake_that_fails_writes_its_report(scene, capsys, earlier):
     assert json.loads(out[out.index("{") :])["bakes"][0]["error"] == report["error"]
 
 
-def test_the_report_of_a_failure_does_not_replace_other_files(scene):
-    (scene / "r.json").write_text("not JSON")
-    assert command.run([BAKE[0], "--low", "no", "--output", "m.png", "--report", "r.json"]) == exit_codes.FAILED
-    assert (scene / "r.json").read_text() == "not JSON"
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["--report", "m2.png"], "The report would overwrite 'm2.png', which is not JSON: choose another path for it."),
+        (
+            ["--report", "m2.png", "--force"],
+            "The report of all would overwrite 'm2.png', which is not JSON: choose another path for it.",
+        ),
+        (
+            ["--sheet", "m2.html"],
+            "The page of results would overwrite 'm2.html', which is not HTML: choose another path for it.",
+        ),
+        (
+            ["--report", "scene/texture.png", "--sheet", "scene/texture.html"],
+            "The report of all would overwrite 'scene/texture.png', which is not JSON: choose another path for it.",
+        ),
+        (["--report", "scene/file.blend"], None),
+    ],
+)
+def test_a_report_or_a_page_replaces_no_other_files(scene, fails, words, sentence):
+    for name in ("m2.png", "m2.html"):
+        (scene / name).write_bytes((scene / "scene" / "texture.png").read_bytes())
+    (line,) = [fails(exit_codes.WRONG_USAGE, *BAKE, "--output", "m.png", *words)]
+    assert sentence is None or line == f"imprint: {sentence}"
+    assert (scene / words[1]).read_bytes()[:4] in (b"\x89PNG", b"BLEN", b"(\xb5/\xfd")
+
+
+@pytest.mark.parametrize("start", ["", "\ufeff \n{", "[]"])
+def test_a_report_replaces_what_may_be_one(scene, start):
+    (scene / "r.json").write_text(start, encoding="utf-8")
+    (scene / "s.html").write_text("<!doctype HTML>")
+    words = ["--low", "lo", "--high", "no", "--output", "m.png", "--report", "r.json", "--sheet", "s.html"]
+    assert command.run([BAKE[0], *words]) == exit_codes.FAILED
+    assert reports.bake(scene / "r.json")["state"] == "failed"
+
+
+def test_merged_reports_and_their_page_replace_no_other_files(scene, capsys):
+    (scene / "r.json").write_text(json.dumps(reports.of_three()))
+    for option in ("--merge", "--sheet"):
+        path = scene / "a.html"
+        path.write_text("text")
+        assert command.run(["report", option, str(path), "r.json"]) == exit_codes.WRONG_USAGE
+        assert "choose another path for it" in capsys.readouterr().err
+        assert path.read_text() == "text"
 
 
 def test_a_path_that_becomes_a_folder_during_the_bake_is_a_failure(scene, capsys, monkeypatch):

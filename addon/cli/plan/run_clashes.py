@@ -13,6 +13,7 @@ from ...core.file_formats import OPENED
 from ...core.names import file_names
 from ...core.names.file_names import ATLAS
 from ...output.files.path_clashes import Places
+from ..results import own_files
 from ..results.report_file import LINES
 from ..trust.bounds import Bounds
 from ..usage import arguments
@@ -100,10 +101,10 @@ class Run:
             over = WrongPlace(f"{title[:1].upper()}{title[1:]} would overwrite {image!r}, which {blend!r} shows.")
             check(name, _raise, over)
         if report and report != STDOUT:
-            check("", self.places.write, report, "the report of all")
+            check("", self._write_over, own_files.check_report, report, "the report of all")
             check("", self.places.write, report + LINES, "the report of all while they go on")
         if sheet:
-            check("", self.places.write, sheet, "the page of results")
+            check("", self._write_over, own_files.check_page, sheet, "the page of results")
         return problems
 
     def _images_to_replace(
@@ -211,6 +212,11 @@ class Run:
             self.bounds.check_write(path, title)
         self.places.write(path, title, by, may_replace=may_replace)
 
+    def _write_over(self, check: Callable[[str, str], None], path: str, title: str) -> None:
+        """Add a file of the whole call, of which `check` says whether it may replace what is there. Raises WrongPlace."""
+        self.places.write(path, title)
+        check(path, title)
+
     def _write(self, name: str, options: argparse.Namespace) -> None:
         if self.bounds is not None:  # also those whose names are only known once the files are open
             named = (options.output, options.export, options.save_blend)  # a link before .. is followed or not
@@ -220,6 +226,7 @@ class Run:
             self._write_maps(name, options, [low])
         if options.report and options.report != STDOUT:
             self._write_file(options.report, _of("the report", name), name)
+            own_files.check_report(options.report, _of("the report", name))
         if options.save_blend:
             own = (name, "scene") if len(options.file) < 2 else None
             self._write_file(options.save_blend, _of("the scene to save", name), name, may_replace=own)

@@ -11,7 +11,7 @@ from ...core.errors import BakeError, sentence
 from ..usage import option_types
 from ..usage.arguments import Parser, WrongUsage
 from ..usage.options import STDOUT, CommandOption
-from . import only, report_file, report_merge, terminal_text
+from . import only, own_files, report_file, report_merge, terminal_text
 from .exit_codes import WRONG_USAGE
 from .sheets import picture_files, result_sheet, sheet_file
 
@@ -77,8 +77,10 @@ def _write(options: argparse.Namespace, merged: report_merge.Merged) -> None:
     if options.merge == STDOUT:
         print(report_file.as_text(merged.document))
     elif options.merge:
+        own_files.check_report(options.merge, "the report")
         report_file.write(Path(os.path.abspath(options.merge)), merged.document)
     if options.sheet:
+        own_files.check_page(options.sheet, "the page of results")
         bakes = merged.document["bakes"]
         rows = (result_sheet.row(entry, picture_files.read(entry["picture"])) for entry in bakes)
         sheet_file.write(Path(os.path.abspath(options.sheet)), merged.document, rows)
